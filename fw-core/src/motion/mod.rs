@@ -1,0 +1,1 @@
+//! Where the robot is and how it gets where it should be.

@@ -1,0 +1,173 @@
+//! SPI frames: what the Pi and the STM tell each other, and the codes they are told in.
+//!
+//! Both ends send the frame of the mode's chain at the same time, one frame per chip-select.
+//! Each strategy takes its bytes from the front and hands on the rest; the first failure stops the
+//! chain, names the strategy, and nothing of the frame takes effect.
+
+use crate::double::Double;
+
+/// Working mode: which chain both ends run. The discriminant is the mode's number in the EEPROM.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Mode {
+    /// Drives to the expected pose with both PIDs.
+    #[default]
+    Normal = 0,
+    /// Constant duty from the Pi, rotation measured.
+    TuneRotate = 1,
+    /// Constant duty from the Pi with the rotation PID holding the angle, displacement measured.
+    TuneMove = 2,
+    /// [`Mode::Normal`] with sequence, status and CRC.
+    GuardedNormal = 0x10,
+    /// [`Mode::TuneRotate`] with sequence, status and CRC.
+    GuardedTuneRotate = 0x11,
+    /// [`Mode::TuneMove`] with sequence, status and CRC.
+    GuardedTuneMove = 0x12,
+    /// One rangefinder on a servo, each reading with its bearing.
+    GuardedSweep = 0x20,
+}
+
+/// The longest frame of any mode, in bytes.
+pub const MAX_FRAME: usize = 26;
+
+/// A pose as the wire carries it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PoseCode {
+    /// Micrometres (millimetres × 1000).
+    pub x: i32,
+    /// Micrometres (millimetres × 1000).
+    pub y: i32,
+    /// Turn × 0x8000, 0 ..= 0x7FFF.
+    pub rotation: u16,
+}
+
+/// A cell's voltage as the wire carries it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellCode {
+    /// 0 ..= 7.
+    pub cell: u8,
+    /// Volts × 200, 0 ..= 0x1FFF (40.955 V and above).
+    pub voltage: u16,
+}
+
+/// A rangefinder's reading as the wire carries it: mm × 65535 / 2500, 0xFFFF = nothing valid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DistanceCode(pub u16);
+
+impl DistanceCode {
+    /// Out of range, no echo, or not yet measured.
+    pub const NONE: Self = Self(0xFFFF);
+}
+
+impl Default for DistanceCode {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+/// Frame counters of the guarded modes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sequence {
+    /// The sender's own counter, wrapping.
+    pub own: u16,
+    /// The last counter the sender accepted from the other end.
+    pub seen: u16,
+}
+
+/// What the robot is doing; the code of the status strategy and the pattern of the LEDs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum State {
+    /// Reading its configuration.
+    #[default]
+    Booting = 0,
+    /// Configured, standing, nothing asked of it.
+    Ready = 1,
+    /// On its way.
+    Moving = 2,
+    /// Stopped by the deadline or by command; needs to be resumed.
+    Stopped = 3,
+    /// Something is broken; the motors stay off.
+    Faulted = 4,
+}
+
+/// What the Pi orders beside the pose, in guarded modes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Order {
+    /// Nothing.
+    #[default]
+    None = 0,
+    /// Brake now and stay so.
+    Stop = 1,
+    /// Leave [`State::Stopped`].
+    Resume = 2,
+}
+
+/// What the Pi tells the STM. Fields that the mode's chain does not carry keep their default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Command {
+    /// Where the robot should be.
+    pub expected: PoseCode,
+    /// Whether `expected` is to be driven to from now on.
+    pub apply: bool,
+    /// Tuning modes: percent to set on the engines, −100 ..= 100.
+    pub percent: Double,
+    /// Reference voltage of a cell being tuned; voltage 0 = no tuning.
+    pub tune: CellCode,
+    /// Guarded modes.
+    pub sequence: Sequence,
+    /// Guarded modes: latched fault bits to clear.
+    pub clear_faults: u16,
+    /// Guarded modes.
+    pub order: Order,
+}
+
+/// What the STM tells the Pi. Fields that the mode's chain does not carry keep their default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Where the robot believes it is.
+    pub pose: PoseCode,
+    /// Tuning modes: rotation in degrees or displacement in millimetres.
+    pub measurement: Double,
+    /// One cell a frame, in turn.
+    pub cell: CellCode,
+    /// Front, right, left; in the sweep mode the first is the swept one.
+    pub ranges: [DistanceCode; 3],
+    /// Sweep mode: bearing of the reading, turn × 0x10000.
+    pub bearing: u16,
+    /// Guarded modes.
+    pub sequence: Sequence,
+    /// Guarded modes: latched faults, bits of [`fault`].
+    pub faults: u16,
+    /// Guarded modes.
+    pub state: State,
+}
+
+/// Bits of [`Report::faults`].
+pub mod fault {
+    /// No fresh valid frame within the stop deadline.
+    pub const LINK_LOST: u16 = 1 << 0;
+    /// The HSE crystal did not start; the clock runs from the HSI.
+    pub const CLOCK_FALLBACK: u16 = 1 << 1;
+    /// A frame was rejected or lost since the bit was cleared.
+    pub const FRAME_REJECTED: u16 = 1 << 2;
+    /// A cell is below the warning voltage.
+    pub const BATTERY_LOW: u16 = 1 << 3;
+    /// A cell is below the cut-off voltage; the motors stay off.
+    pub const BATTERY_CUTOFF: u16 = 1 << 4;
+    /// The left wheel does not follow its duty.
+    pub const LEFT_STALLED: u16 = 1 << 5;
+    /// The right wheel does not follow its duty.
+    pub const RIGHT_STALLED: u16 = 1 << 6;
+    /// An encoder jumped by more than a wheel can turn in a tick.
+    pub const ENCODER_JUMP: u16 = 1 << 7;
+    /// A left wheel turned against its duty.
+    pub const LEFT_REVERSED: u16 = 1 << 8;
+    /// A right wheel turned against its duty.
+    pub const RIGHT_REVERSED: u16 = 1 << 9;
+    /// The log queue dropped lines.
+    pub const LOG_DROPPED: u16 = 1 << 10;
+    /// The watchdog, a panic or a fault restarted the firmware.
+    pub const RESTARTED: u16 = 1 << 11;
+}

@@ -1,0 +1,1 @@
+//! The Raspberry Pi side: EEPROM, SPI link, drive and map, over embedded-hal.

@@ -1,0 +1,1 @@
+//! Log-odds occupancy grid from poses and ranges.

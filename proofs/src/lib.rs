@@ -1,0 +1,1 @@
+//! The theorems, each a property with its Kani harness and its test.

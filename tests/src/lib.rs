@@ -1,0 +1,1 @@
+//! What crosses crates: firmware in the loop, the demo, the figures.

@@ -1,0 +1,1 @@
+//! Motors, wheels, encoders, battery, room and rangefinders of the virtual robot.
