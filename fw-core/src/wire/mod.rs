@@ -65,13 +65,13 @@ impl Default for DistanceCode {
     }
 }
 
-/// Frame counters of the guarded modes.
+/// Frame counters of the guarded modes, one byte each on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sequence {
     /// The sender's own counter, wrapping.
-    pub own: u16,
+    pub own: u8,
     /// The last counter the sender accepted from the other end.
-    pub seen: u16,
+    pub seen: u8,
 }
 
 /// What the robot is doing; the code of the status strategy and the pattern of the LEDs.
