@@ -1,0 +1,336 @@
+//! A geared motor behind its half of the L298P, with the wheel on it.
+//!
+//! # The model
+//! The bridge's duty sets a speed that the wheel follows through two first-order lags:
+//! `target = curve(|duty|)`, `drive' = (target − drive)/lag`, `speed' = (drive − speed)/lag`.
+//! The curve is zero below the dead zone and straight between the speeds at 50, 75 and 100 %: the
+//! "gain · (|duty| − dead zone)" of the first board's notes, with a gain of its own for each part,
+//! because the left motor's speed rises far more than in proportion above 75 %. What the drive
+//! does not overcome of the dry friction (all of it at duty 0, nothing from the dead zone on)
+//! decelerates the wheel at `friction_deg_s2` and brings it to a full stop.
+//!
+//! # Where the figures come from
+//! Least-squares fit to steps of ±50, ±75 and ±100 % for 1.3 s to 4 s, followed by coasting to
+//! rest, logged on the first board at 100 Hz: one set of parameters per motor for all six logs.
+//! Worst residuals over the whole of a log: left 3.3 % in the final angle and 9.9° RMS, right 2.4 %
+//! and 10.8° RMS. What remains is the boards' own scatter (the same duty forward and backward
+//! differs by 5 %). The dead zones are the board's notes'; nominal supply, breakaway, brake and
+//! winding figures are choices.
+
+/// What the bridge applies to one motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorInput {
+    /// Share of the supply that the bridge applies, −1..=1; positive = forward. With 0 and no brake
+    /// the wheel coasts.
+    pub duty: f64,
+    /// Both bridge inputs alike with the enable high: the motor is shorted. Overrides `duty`.
+    pub brake: bool,
+}
+
+impl MotorInput {
+    /// The enable low: the wheel rolls freely.
+    pub const COAST: Self = Self {
+        duty: 0.0,
+        brake: false,
+    };
+    /// The motor shorted.
+    pub const BRAKE: Self = Self {
+        duty: 0.0,
+        brake: true,
+    };
+
+    /// Driven with this duty, −1..=1.
+    #[must_use]
+    pub const fn run(duty: f64) -> Self {
+        Self { duty, brake: false }
+    }
+}
+
+/// One motor's figures. Speeds are the wheel's, in degrees per second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorParams {
+    /// Duty below which friction holds the turning wheel, 0..1, at nominal supply.
+    pub dead_zone: f64,
+    /// Duty beyond the dead zone that starts a wheel at rest.
+    pub breakaway: f64,
+    /// Steady speed at 50, 75 and 100 % duty and nominal supply, °/s.
+    pub speeds_deg_s: [f64; 3],
+    /// Each of the two lags, s.
+    pub lag_s: f64,
+    /// Deceleration of the undriven wheel by dry friction, °/s².
+    pub friction_deg_s2: f64,
+    /// Lag of the shorted motor, s.
+    pub brake_lag_s: f64,
+    /// Supply at which the speeds hold, V.
+    pub nominal_v: f64,
+    /// What the L298P's two transistors in series drop, V.
+    pub bridge_drop_v: f64,
+    /// Resistance of winding and transistors, ohm.
+    pub winding_ohm: f64,
+}
+
+impl MotorParams {
+    const COMMON: Self = Self {
+        dead_zone: 0.2,
+        breakaway: 0.02,
+        speeds_deg_s: [115.0, 195.0, 300.0],
+        lag_s: 0.17,
+        friction_deg_s2: 385.0,
+        brake_lag_s: 0.04,
+        nominal_v: 7.4,
+        bridge_drop_v: 2.0,
+        winding_ohm: 3.6,
+    };
+
+    /// The first board's left motor.
+    #[must_use]
+    pub const fn first_board_left() -> Self {
+        Self {
+            dead_zone: 0.16,
+            speeds_deg_s: [98.83, 150.55, 266.23],
+            lag_s: 0.1849,
+            friction_deg_s2: 367.2,
+            ..Self::COMMON
+        }
+    }
+
+    /// The first board's right motor.
+    #[must_use]
+    pub const fn first_board_right() -> Self {
+        Self {
+            dead_zone: 0.23,
+            speeds_deg_s: [129.14, 235.90, 331.06],
+            lag_s: 0.1516,
+            friction_deg_s2: 401.9,
+            ..Self::COMMON
+        }
+    }
+
+    /// Steady speed for a duty ≥ 0 at nominal supply, °/s; the last part's slope continues above 1.
+    fn curve(&self, duty: f64) -> f64 {
+        let [half, three_quarters, full] = self.speeds_deg_s;
+        if duty <= self.dead_zone {
+            0.0
+        } else if duty <= 0.5 {
+            half * (duty - self.dead_zone) / (0.5 - self.dead_zone)
+        } else if duty <= 0.75 {
+            half + (three_quarters - half) * (duty - 0.5) * 4.0
+        } else {
+            three_quarters + (full - three_quarters) * (duty - 0.75) * 4.0
+        }
+    }
+
+    /// Share of the nominal motor voltage that a supply of `volts` leaves after the bridge's drop.
+    fn supply_share(&self, volts: f64) -> f64 {
+        ((volts - self.bridge_drop_v) / (self.nominal_v - self.bridge_drop_v)).max(0.0)
+    }
+}
+
+/// One motor's state.
+#[derive(Clone, Debug)]
+pub struct Motor {
+    params: MotorParams,
+    drive: f64,
+    speed: f64,
+    current_a: f64,
+}
+
+impl Motor {
+    /// A motor at rest.
+    #[must_use]
+    pub const fn new(params: MotorParams) -> Self {
+        Self {
+            params,
+            drive: 0.0,
+            speed: 0.0,
+            current_a: 0.0,
+        }
+    }
+
+    /// Advances by `dt` seconds (at most a few milliseconds) with the bridge fed from `volts`, and
+    /// returns how far the wheel turned forward, in degrees.
+    pub fn step(&mut self, dt: f64, input: MotorInput, volts: f64) -> f64 {
+        let p = &self.params;
+        let applied = if input.brake {
+            0.0
+        } else {
+            input.duty.clamp(-1.0, 1.0) * p.supply_share(volts)
+        };
+        let pull = applied.abs();
+        let held = self.speed == 0.0 && self.drive == 0.0 && pull < p.dead_zone + p.breakaway;
+        if held {
+            self.current_a = self.draw(input, applied);
+            return 0.0;
+        }
+        let target = p.curve(pull).copysign(applied);
+        let before = self.speed;
+        if input.brake {
+            self.drive = 0.0;
+            self.speed -= self.speed * (dt / p.brake_lag_s).min(1.0);
+        } else {
+            self.drive += (target - self.drive) * (dt / p.lag_s).min(1.0);
+            self.speed += (self.drive - self.speed) * (dt / p.lag_s).min(1.0);
+        }
+        let unovercome = (1.0 - pull / p.dead_zone).clamp(0.0, 1.0);
+        let lost = p.friction_deg_s2 * unovercome * dt;
+        if lost > 0.0 && self.speed.abs() <= lost {
+            self.speed = 0.0;
+            self.drive = 0.0;
+        } else {
+            self.speed -= lost.copysign(self.speed);
+        }
+        self.current_a = self.draw(input, applied);
+        f64::midpoint(before, self.speed) * dt
+    }
+
+    /// Current out of the battery, averaged over the PWM's period, ampere. A motor that runs faster
+    /// than it is driven returns nothing: the bridge's diodes burn it.
+    fn draw(&self, input: MotorInput, applied: f64) -> f64 {
+        if input.brake {
+            return 0.0;
+        }
+        let p = &self.params;
+        let full_v = p.nominal_v - p.bridge_drop_v;
+        // 95 % of the voltage is generated back at full speed, 5 % feeds friction.
+        let back_v = 0.95 * full_v * self.speed / p.speeds_deg_s[2];
+        let amperes = (applied * full_v - back_v) / p.winding_ohm;
+        (amperes * input.duty.clamp(-1.0, 1.0)).max(0.0)
+    }
+
+    /// Speed of the wheel, °/s, positive forward.
+    #[must_use]
+    pub fn speed_deg_s(&self) -> f64 {
+        self.speed
+    }
+
+    /// Current that the motor draws from the battery, ampere.
+    #[must_use]
+    pub fn current_a(&self) -> f64 {
+        self.current_a
+    }
+
+    /// Stops the wheel at once: it ran into something.
+    pub fn block(&mut self) {
+        self.speed = 0.0;
+        self.drive = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Final angle after `on` seconds at `duty` and coasting to rest, at nominal supply.
+    fn stepped(params: MotorParams, duty: f64, on: f64) -> f64 {
+        let mut motor = Motor::new(params);
+        let mut angle = 0.0;
+        let mut time = 0.0;
+        while time < on + 2.0 {
+            let input = if time < on {
+                MotorInput::run(duty)
+            } else {
+                MotorInput::COAST
+            };
+            angle += motor.step(0.001, input, params.nominal_v);
+            time += 0.001;
+        }
+        assert!(motor.speed_deg_s().abs() < f64::EPSILON, "still turning");
+        angle
+    }
+
+    /// Duty, seconds it was applied and final wheel angle in degrees, as measured.
+    const LEFT: [(f64, f64, f64); 6] = [
+        (0.5, 3.70, 335.0),
+        (0.75, 2.45, 350.0),
+        (1.0, 2.08, 515.0),
+        (-0.5, 4.00, -381.0),
+        (-0.75, 2.45, -329.0),
+        (-1.0, 1.27, -302.0),
+    ];
+    const RIGHT: [(f64, f64, f64); 6] = [
+        (0.5, 3.70, 466.0),
+        (0.75, 2.45, 555.0),
+        (1.0, 2.08, 654.0),
+        (-0.5, 4.00, -484.0),
+        (-0.75, 2.45, -547.0),
+        (-1.0, 1.27, -392.0),
+    ];
+
+    #[test]
+    fn final_angles_of_the_measured_steps_are_met_within_five_percent() {
+        for (params, steps) in [
+            (MotorParams::first_board_left(), LEFT),
+            (MotorParams::first_board_right(), RIGHT),
+        ] {
+            for (duty, on, measured) in steps {
+                let angle = stepped(params, duty, on);
+                assert!(
+                    (angle / measured - 1.0).abs() < 0.05,
+                    "{duty}: {angle} for {measured}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_duty_below_the_breakaway_never_starts_a_wheel() {
+        let params = MotorParams::first_board_left();
+        let mut motor = Motor::new(params);
+        for _ in 0..1000 {
+            assert!(motor.step(0.001, MotorInput::run(0.175), params.nominal_v) == 0.0);
+        }
+        assert!(motor.current_a() > 0.0);
+        for _ in 0..1000 {
+            motor.step(0.001, MotorInput::run(0.2), params.nominal_v);
+        }
+        assert!(motor.speed_deg_s() > 1.0);
+        // Once turning, what would not have started it keeps it turning.
+        for _ in 0..3000 {
+            motor.step(0.001, MotorInput::run(0.175), params.nominal_v);
+        }
+        assert!(motor.speed_deg_s() > 1.0);
+    }
+
+    #[test]
+    fn the_brake_stops_far_shorter_than_coasting() {
+        let params = MotorParams::first_board_right();
+        let way = |input| {
+            let mut motor = Motor::new(params);
+            for _ in 0..1500 {
+                motor.step(0.001, MotorInput::run(1.0), params.nominal_v);
+            }
+            (0..2000)
+                .map(|_| motor.step(0.001, input, params.nominal_v))
+                .sum::<f64>()
+        };
+        assert!(way(MotorInput::BRAKE) * 3.0 < way(MotorInput::COAST));
+    }
+
+    #[test]
+    fn speed_follows_the_voltage_left_after_the_bridge() {
+        let params = MotorParams::first_board_right();
+        let speed = |volts| {
+            let mut motor = Motor::new(params);
+            for _ in 0..3000 {
+                motor.step(0.001, MotorInput::run(1.0), volts);
+            }
+            motor.speed_deg_s()
+        };
+        assert!((speed(7.4) - 331.06).abs() < 0.1);
+        assert!(speed(8.4) > speed(7.4) && speed(6.0) < speed(7.4) && speed(1.9).abs() < 1e-9);
+    }
+
+    #[test]
+    fn reversing_passes_through_rest_and_reaches_the_opposite_speed() {
+        let params = MotorParams::first_board_left();
+        let mut motor = Motor::new(params);
+        for _ in 0..3000 {
+            motor.step(0.001, MotorInput::run(0.75), params.nominal_v);
+        }
+        let forward = motor.speed_deg_s();
+        for _ in 0..3000 {
+            motor.step(0.001, MotorInput::run(-0.75), params.nominal_v);
+        }
+        assert!((forward + motor.speed_deg_s()).abs() < 0.1);
+    }
+}
