@@ -27,8 +27,12 @@ pub struct Turns(pub u32);
 impl Turns {
     /// The shortest signed way from `other` to `self`, in 2⁻³² turns, −½ turn up to just below ½.
     #[must_use]
+    #[allow(
+        clippy::cast_possible_wrap,
+        reason = "the sign bit is half a turn back"
+    )]
     pub const fn from_nearest(self, other: Self) -> i32 {
-        self.0.wrapping_sub(other.0).cast_signed()
+        self.0.wrapping_sub(other.0) as i32
     }
 }
 
@@ -52,6 +56,7 @@ impl Duty {
 
     /// The nearest duty the bridge can be given.
     #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "within 10 000 by then")]
     pub const fn saturating(hundredths: i32) -> Self {
         if hundredths > Self::FULL as i32 {
             Self(Self::FULL)

@@ -87,6 +87,10 @@ pub struct Divider {
 /// | 0x30 | u16 | `log_period`, ms between pose lines, 0 = none |
 /// | 0x32 | u16 | zero |
 /// | 0x34 | u32 | CRC-32 (ISO-HDLC) over 0x0000 ..= 0x02FF and 0x0300 ..= 0x0333 |
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "switches of the page, each on its own"
+)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Platform {
     /// Encoder counts per wheel turn, both channels, both edges.

@@ -2,30 +2,41 @@
 //!
 //! Both ends send the frame of the mode's chain at the same time, one frame per chip-select.
 //! Each strategy takes its bytes from the front and hands on the rest; the first failure stops the
-//! chain, names the strategy, and nothing of the frame takes effect.
+//! chain, names the strategy, and nothing of the frame takes effect (document, 5.1).
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | [`chain`](fn@chain) | the one table: mode → strategies; parsing and writing a frame along it |
+//! | [`strategy`] | the four duties of a strategy, the bytes it takes from and puts into a frame |
+//! | [`link`] | both ends with their sequence numbers and counters |
+//! | [`error`] | why a frame was rejected |
+//! | [`code`] | codes of the wire ↔ physical units |
+//! | the others | one strategy each |
+//!
+//! A new strategy is a new file with the four duties; a new mode is a new line in `chain.rs`.
+
+pub mod all_data_used;
+pub mod battery;
+pub mod bearing;
+mod chain;
+pub mod code;
+pub mod crc;
+pub mod distance;
+pub mod double;
+pub mod error;
+pub mod key;
+pub mod link;
+pub mod position;
+pub mod sequence;
+pub mod status;
+pub mod strategy;
+
+pub use chain::{chain, frame_len, parse_command, parse_report, write_command, write_report, Mode};
+pub use error::{Cause, FrameError, Reason};
+pub use link::{LinkCounters, PiLink, Setup, StmLink};
+pub use strategy::Strategy;
 
 use crate::double::Double;
-
-/// Working mode: which chain both ends run. The discriminant is the mode's number in the EEPROM.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Mode {
-    /// Drives to the expected pose with both PIDs.
-    #[default]
-    Normal = 0,
-    /// Constant duty from the Pi, rotation measured.
-    TuneRotate = 1,
-    /// Constant duty from the Pi with the rotation PID holding the angle, displacement measured.
-    TuneMove = 2,
-    /// [`Mode::Normal`] with sequence, status and CRC.
-    GuardedNormal = 0x10,
-    /// [`Mode::TuneRotate`] with sequence, status and CRC.
-    GuardedTuneRotate = 0x11,
-    /// [`Mode::TuneMove`] with sequence, status and CRC.
-    GuardedTuneMove = 0x12,
-    /// One rangefinder on a servo, each reading with its bearing.
-    GuardedSweep = 0x20,
-}
 
 /// The longest frame of any mode, in bytes.
 pub const MAX_FRAME: usize = 26;

@@ -1,0 +1,60 @@
+//! Distance measure: one rangefinder's reading, big-endian (document, 5.1.4).
+//!
+//! From the Pi the two bytes are dummies: sent as 0, ignored.
+
+use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::{Command, DistanceCode, Report};
+
+/// The reading at place `WHICH` of [`Report::ranges`].
+#[derive(Debug)]
+pub struct Distance<const WHICH: usize>;
+
+/// The front rangefinder; the swept one where there is a servo.
+pub type Front = Distance<0>;
+/// The right rangefinder.
+pub type Right = Distance<1>;
+/// The left rangefinder.
+pub type Left = Distance<2>;
+
+impl<const WHICH: usize> Duties for Distance<WHICH> {
+    const NAME: &'static str = match WHICH {
+        0 => "distance front",
+        1 => "distance right",
+        _ => "distance left",
+    };
+    const BYTES: usize = 2;
+
+    #[inline]
+    fn parse_command(
+        input: &mut Input<'_>,
+        _context: &Context,
+        _command: &mut Command,
+    ) -> Result<(), Fault> {
+        let [_, _] = input.take()?;
+        Ok(())
+    }
+
+    #[inline]
+    fn write_command(output: &mut Output<'_>, _context: &Context, _command: &Command) {
+        output.put([0, 0]);
+    }
+
+    #[inline]
+    fn parse_report(
+        input: &mut Input<'_>,
+        _context: &Context,
+        report: &mut Report,
+    ) -> Result<(), Fault> {
+        let code = DistanceCode(u16::from_be_bytes(input.take()?));
+        if let Some(range) = report.ranges.get_mut(WHICH) {
+            *range = code;
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
+        let code = report.ranges.get(WHICH).copied().unwrap_or_default();
+        output.put(code.0.to_be_bytes());
+    }
+}

@@ -1,0 +1,206 @@
+//! Why a frame was rejected: the strategy's name, the byte, the reason.
+
+use crate::log::Line;
+
+/// A rejected frame: which strategy stopped the chain, at which byte, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameError {
+    /// The strategy's name.
+    pub strategy: &'static str,
+    /// Byte of the frame at which the offending field starts, from 0.
+    pub offset: usize,
+    /// What is wrong with it.
+    pub reason: Reason,
+}
+
+/// What is wrong with a field of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// The frame ends inside the strategy's bytes.
+    Short {
+        /// Bytes the strategy needs.
+        needed: usize,
+        /// Bytes that were left.
+        left: usize,
+    },
+    /// Bytes are left at the end of the chain.
+    Long {
+        /// How many.
+        left: usize,
+    },
+    /// Not the key of the other end.
+    Key {
+        /// The key configured.
+        expected: u8,
+        /// The key received.
+        found: u8,
+    },
+    /// The double is NaN or infinite.
+    NotFinite,
+    /// The percentage is below −100 or above 100.
+    PercentOutOfRange,
+    /// A battery cell that the configuration does not have.
+    Cell {
+        /// Cells configured.
+        cells: u8,
+        /// Index received, from 0.
+        found: u8,
+    },
+    /// A sequence number that is not newer than the last one accepted.
+    Stale {
+        /// The last number accepted.
+        last: u8,
+        /// The number received.
+        found: u8,
+    },
+    /// A state of the robot that does not exist.
+    UnknownState(u8),
+    /// An order that does not exist.
+    UnknownOrder(u8),
+    /// The checksum does not match the bytes before it.
+    Crc {
+        /// What those bytes give.
+        expected: u16,
+        /// What the frame says.
+        found: u16,
+    },
+}
+
+/// The kinds of [`Reason`], as they are counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// Too few bytes.
+    Short,
+    /// Too many bytes.
+    Long,
+    /// Wrong key.
+    Key,
+    /// A double that is not finite, or a percentage out of its range.
+    Double,
+    /// A cell that is not configured.
+    Cell,
+    /// A stale or repeated sequence number.
+    Stale,
+    /// An unknown state or order.
+    Status,
+    /// A wrong checksum.
+    Crc,
+}
+
+impl Cause {
+    /// Every cause, in the order of their counters.
+    pub const ALL: [Self; 8] = [
+        Self::Short,
+        Self::Long,
+        Self::Key,
+        Self::Double,
+        Self::Cell,
+        Self::Stale,
+        Self::Status,
+        Self::Crc,
+    ];
+
+    /// One lower-case word, as in the log, on the screen and in JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Short => "short",
+            Self::Long => "long",
+            Self::Key => "key",
+            Self::Double => "double",
+            Self::Cell => "cell",
+            Self::Stale => "stale",
+            Self::Status => "status",
+            Self::Crc => "crc",
+        }
+    }
+}
+
+impl Reason {
+    /// How it is counted.
+    #[must_use]
+    pub const fn cause(&self) -> Cause {
+        match self {
+            Self::Short { .. } => Cause::Short,
+            Self::Long { .. } => Cause::Long,
+            Self::Key { .. } => Cause::Key,
+            Self::NotFinite | Self::PercentOutOfRange => Cause::Double,
+            Self::Cell { .. } => Cause::Cell,
+            Self::Stale { .. } => Cause::Stale,
+            Self::UnknownState(_) | Self::UnknownOrder(_) => Cause::Status,
+            Self::Crc { .. } => Cause::Crc,
+        }
+    }
+
+    fn log(&self, line: &mut Line) {
+        match *self {
+            Self::Short { needed, left } => {
+                line.text("frame too short, needs ")
+                    .count(needed)
+                    .text(" bytes, has ")
+                    .count(left);
+            }
+            Self::Long { left } => {
+                line.text("frame too long by ").count(left);
+            }
+            Self::Key { expected, found } => {
+                line.text("key 0x")
+                    .hex(found.into(), 2)
+                    .text(", expected 0x")
+                    .hex(expected.into(), 2);
+            }
+            Self::NotFinite => {
+                line.text("not a finite number");
+            }
+            Self::PercentOutOfRange => {
+                line.text("percentage beyond -100 to 100");
+            }
+            Self::Cell { cells, found } => {
+                line.text("cell index ")
+                    .int(found.into())
+                    .text(" of ")
+                    .int(cells.into())
+                    .text(" cells");
+            }
+            Self::Stale { last, found } => {
+                line.text("stale, number ")
+                    .int(found.into())
+                    .text(" after ")
+                    .int(last.into());
+            }
+            Self::UnknownState(found) => {
+                line.text("unknown state ").int(found.into());
+            }
+            Self::UnknownOrder(found) => {
+                line.text("unknown order ").int(found.into());
+            }
+            Self::Crc { expected, found } => {
+                line.text("checksum 0x")
+                    .hex(found.into(), 4)
+                    .text(", expected 0x")
+                    .hex(expected.into(), 4);
+            }
+        }
+    }
+}
+
+impl FrameError {
+    /// The error as text: `<strategy> at byte <offset>: <reason>`.
+    pub fn log(&self, line: &mut Line) {
+        line.text(self.strategy)
+            .text(" at byte ")
+            .count(self.offset)
+            .text(": ");
+        self.reason.log(line);
+    }
+}
+
+impl core::fmt::Display for FrameError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let mut line = Line::new();
+        self.log(&mut line);
+        f.write_str(line.as_str())
+    }
+}
+
+impl core::error::Error for FrameError {}

@@ -1,0 +1,280 @@
+//! Both ends of the link: the chain with the sequence numbers and the counters of a side.
+//!
+//! All or nothing: a rejected frame changes a counter and nothing else.
+
+use super::sequence::newer;
+use super::strategy::Context;
+use super::{
+    parse_command, parse_report, write_command, write_report, Cause, Command, FrameError, Mode,
+    Report, Sequence, MAX_FRAME,
+};
+use crate::eeprom::Config;
+
+/// What both ends need to know to understand each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Setup {
+    /// Which chain.
+    pub mode: Mode,
+    /// The key the STM expects from the Pi.
+    pub key_from_pi: u8,
+    /// The key the STM sends.
+    pub key_from_stm: u8,
+    /// Battery cells, 1 ..= 8.
+    pub cells: u8,
+}
+
+impl From<&Config> for Setup {
+    fn from(config: &Config) -> Self {
+        Self {
+            mode: config.mode,
+            key_from_pi: config.key_from_pi,
+            key_from_stm: config.key_from_stm,
+            cells: config.cells,
+        }
+    }
+}
+
+/// Frames of the other end, counted. Counters stop at their largest value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LinkCounters {
+    /// Frames accepted.
+    pub accepted: u32,
+    /// Frames rejected, in the order of [`Cause::ALL`].
+    rejected: [u32; Cause::ALL.len()],
+    /// Frames that arrived but had to be dropped unread.
+    pub overrun: u32,
+    /// Frames the other end numbered that were never accepted; guarded modes only.
+    pub missed: u32,
+    /// Own frames the other end had not acknowledged when it sent its last accepted one; guarded
+    /// modes only. 1 is the least a full-duplex frame can show.
+    pub unacknowledged: u8,
+}
+
+impl LinkCounters {
+    /// Frames rejected for a cause.
+    #[must_use]
+    pub fn rejected(&self, cause: Cause) -> u32 {
+        self.rejected
+            .get(cause as usize)
+            .copied()
+            .unwrap_or_default()
+    }
+
+    /// Frames rejected for any cause.
+    #[must_use]
+    pub fn rejected_total(&self) -> u32 {
+        self.rejected
+            .iter()
+            .fold(0, |total, &count| total.saturating_add(count))
+    }
+
+    /// Every frame that arrived: accepted, rejected or dropped unread.
+    #[must_use]
+    pub fn frames(&self) -> u32 {
+        self.accepted
+            .saturating_add(self.rejected_total())
+            .saturating_add(self.overrun)
+    }
+
+    #[cold]
+    fn reject(&mut self, cause: Cause) {
+        if let Some(count) = self.rejected.get_mut(cause as usize) {
+            *count = count.saturating_add(1);
+        }
+    }
+}
+
+/// What both ends have in common.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct End {
+    mode: Mode,
+    context: Context,
+    counters: LinkCounters,
+}
+
+impl End {
+    const fn new(setup: Setup) -> Self {
+        Self {
+            mode: setup.mode,
+            context: Context {
+                key_from_pi: setup.key_from_pi,
+                key_from_stm: setup.key_from_stm,
+                cells: setup.cells,
+                own: 0,
+                last: None,
+            },
+            counters: LinkCounters {
+                accepted: 0,
+                rejected: [0; Cause::ALL.len()],
+                overrun: 0,
+                missed: 0,
+                unacknowledged: 0,
+            },
+        }
+    }
+
+    #[inline]
+    fn advance(&mut self) {
+        self.context.own = self.context.own.wrapping_add(1);
+    }
+
+    /// Takes over the numbers of a frame that passed its whole chain.
+    #[inline]
+    fn accept(&mut self, sequence: Sequence) {
+        self.counters.accepted = self.counters.accepted.saturating_add(1);
+        if !self.mode.tells_fresh() {
+            return;
+        }
+        if let Some(last) = self.context.last {
+            let between = sequence.own.wrapping_sub(last).wrapping_sub(1);
+            self.counters.missed = self.counters.missed.saturating_add(between.into());
+        }
+        self.context.last = Some(sequence.own);
+        // The other end accepted a number that this end has not reached: this end started anew.
+        // Going on from there, its next frame is fresh instead of up to 128 of them stale.
+        if newer(sequence.seen, self.context.own) {
+            self.context.own = sequence.seen;
+        }
+        self.counters.unacknowledged = self.context.own.wrapping_sub(sequence.seen);
+    }
+
+    #[cold]
+    fn reject(&mut self, error: &FrameError) {
+        self.counters.reject(error.reason.cause());
+    }
+}
+
+/// The STM's end: receives commands, sends reports.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StmLink {
+    end: End,
+}
+
+impl StmLink {
+    /// The link after a reset: nothing sent, nothing accepted.
+    #[must_use]
+    pub const fn new(setup: Setup) -> Self {
+        Self {
+            end: End::new(setup),
+        }
+    }
+
+    /// The mode whose chain it runs.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.end.mode
+    }
+
+    /// A received frame: what it says, if all of it is right.
+    ///
+    /// # Errors
+    /// The first strategy that failed, and why; counted, and nothing else changes.
+    #[inline]
+    pub fn receive(&mut self, frame: &[u8]) -> Result<Command, FrameError> {
+        self.receive_clocked(frame, frame.len())
+    }
+
+    /// A received frame of which `clocked` bytes crossed the wire while `buffer` had room for
+    /// some: the tail of a frame longer than the buffer is known by its length only.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    #[inline]
+    pub fn receive_clocked(
+        &mut self,
+        buffer: &[u8],
+        clocked: usize,
+    ) -> Result<Command, FrameError> {
+        let frame = buffer.get(..clocked).unwrap_or(buffer);
+        let beyond = clocked.saturating_sub(buffer.len());
+        match parse_command(self.end.mode, &self.end.context, frame, beyond) {
+            Ok(command) => {
+                self.end.accept(command.sequence);
+                Ok(command)
+            }
+            Err(error) => {
+                self.end.reject(&error);
+                Err(error)
+            }
+        }
+    }
+
+    /// Counts frames that arrived but had to be dropped unread.
+    pub fn overrun(&mut self, frames: u32) {
+        let counters = &mut self.end.counters;
+        counters.overrun = counters.overrun.saturating_add(frames);
+    }
+
+    /// Writes the reply to the next chip-select, with a new sequence number; returns its length.
+    /// The report's own `sequence` is not looked at.
+    #[inline]
+    pub fn send(&mut self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
+        self.end.advance();
+        self.resend(report, out)
+    }
+
+    /// Writes the reply anew with fresher data and the number it already had, as no chip-select
+    /// has taken it yet.
+    #[inline]
+    pub fn resend(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
+        write_report(self.end.mode, &self.end.context, report, out)
+    }
+
+    /// Frames received, counted.
+    #[must_use]
+    pub const fn counters(&self) -> &LinkCounters {
+        &self.end.counters
+    }
+}
+
+/// The Pi's end: sends commands, receives reports.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PiLink {
+    end: End,
+}
+
+impl PiLink {
+    /// The link at the program's start: nothing sent, nothing accepted.
+    #[must_use]
+    pub const fn new(setup: Setup) -> Self {
+        Self {
+            end: End::new(setup),
+        }
+    }
+
+    /// The mode whose chain it runs.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.end.mode
+    }
+
+    /// Writes a command, with a new sequence number; returns its length. The command's own
+    /// `sequence` is not looked at.
+    pub fn send(&mut self, command: &Command, out: &mut [u8; MAX_FRAME]) -> usize {
+        self.end.advance();
+        write_command(self.end.mode, &self.end.context, command, out)
+    }
+
+    /// A received frame: what it says, if all of it is right.
+    ///
+    /// # Errors
+    /// The first strategy that failed, and why; counted, and nothing else changes.
+    pub fn receive(&mut self, frame: &[u8]) -> Result<Report, FrameError> {
+        match parse_report(self.end.mode, &self.end.context, frame, 0) {
+            Ok(report) => {
+                self.end.accept(report.sequence);
+                Ok(report)
+            }
+            Err(error) => {
+                self.end.reject(&error);
+                Err(error)
+            }
+        }
+    }
+
+    /// Frames received, counted.
+    #[must_use]
+    pub const fn counters(&self) -> &LinkCounters {
+        &self.end.counters
+    }
+}

@@ -1,0 +1,115 @@
+//! Status: faults and what the robot does one way, faults to clear and an order the other.
+//!
+//! | byte | Pi → STM | STM → Pi |
+//! |---|---|---|
+//! | 1–2 | fault bits to clear, big-endian | latched fault bits, big-endian |
+//! | 3 | order: 0 none, 1 stop, 2 resume | state: 0 booting … 4 faulted |
+//!
+//! An order or state that does not exist is rejected; fault bits are taken as they come.
+
+use super::error::Reason;
+use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::{Command, Order, Report, State};
+
+/// Sends faults and state one way, clearing and orders the other.
+#[derive(Debug)]
+pub struct Status;
+
+/// Bits, and the last byte with the input that still stands before it.
+#[inline]
+fn parse<'a>(input: &mut Input<'a>) -> Result<(u16, u8, Input<'a>), Fault> {
+    let before = *input;
+    let [high, low, code] = input.take()?;
+    let mut at_code = before;
+    let [_, _] = at_code.take()?;
+    Ok((u16::from_be_bytes([high, low]), code, at_code))
+}
+
+#[inline]
+fn write(output: &mut Output<'_>, bits: u16, code: u8) {
+    let [high, low] = bits.to_be_bytes();
+    output.put([high, low, code]);
+}
+
+impl Duties for Status {
+    const NAME: &'static str = "status";
+    const BYTES: usize = 3;
+
+    #[inline]
+    fn parse_command(
+        input: &mut Input<'_>,
+        _context: &Context,
+        command: &mut Command,
+    ) -> Result<(), Fault> {
+        let (bits, code, at_code) = parse(input)?;
+        command.order =
+            Order::from_code(code).ok_or_else(|| at_code.fault(Reason::UnknownOrder(code)))?;
+        command.clear_faults = bits;
+        Ok(())
+    }
+
+    #[inline]
+    fn write_command(output: &mut Output<'_>, _context: &Context, command: &Command) {
+        write(output, command.clear_faults, command.order as u8);
+    }
+
+    #[inline]
+    fn parse_report(
+        input: &mut Input<'_>,
+        _context: &Context,
+        report: &mut Report,
+    ) -> Result<(), Fault> {
+        let (bits, code, at_code) = parse(input)?;
+        report.state =
+            State::from_code(code).ok_or_else(|| at_code.fault(Reason::UnknownState(code)))?;
+        report.faults = bits;
+        Ok(())
+    }
+
+    #[inline]
+    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
+        write(output, report.faults, report.state as u8);
+    }
+}
+
+impl Order {
+    /// The order of a code; nothing for a code without one.
+    #[inline]
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::None),
+            1 => Some(Self::Stop),
+            2 => Some(Self::Resume),
+            _ => None,
+        }
+    }
+}
+
+impl State {
+    /// The state of a code; nothing for a code without one.
+    #[inline]
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Booting),
+            1 => Some(Self::Ready),
+            2 => Some(Self::Moving),
+            3 => Some(Self::Stopped),
+            4 => Some(Self::Faulted),
+            _ => None,
+        }
+    }
+
+    /// One lower-case word, as in the log, on the screen and in JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Booting => "booting",
+            Self::Ready => "ready",
+            Self::Moving => "moving",
+            Self::Stopped => "stopped",
+            Self::Faulted => "faulted",
+        }
+    }
+}
