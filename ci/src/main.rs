@@ -1,2 +1,261 @@
 //! The gates, the demo and the set-up, as one program: `cargo xtask …`.
-fn main() {}
+#![forbid(unsafe_code)]
+
+mod arm;
+mod code;
+mod demand;
+mod elf;
+mod error;
+mod firmware;
+mod gates;
+mod numbers;
+mod place;
+mod robot;
+mod shell;
+
+use std::process::ExitCode;
+
+use arm::{Arm, Way};
+use error::{failed, Error, Result};
+use place::Place;
+
+const USAGE: &str = "\
+usage: cargo xtask COMMAND [OPTIONS]
+
+  setup                     find or install a way to build for the robot's processor
+  firmware [--features F]   build the ELF that is flashed, print its path and sizes
+  demo [-- ARGS]            the virtual robot drives the default room: target/demo/
+  figures [-- ARGS]         measure the ELF on the emulated core: target/figures.json
+  robot -- ARGS             host-link on the virtual board, e.g. `robot -- goto 500 0 90`
+  flash [--virtual] [--serial DEVICE] [--interface NAME]
+                            flash, verify, reset, show the first log lines
+  debug [--virtual] [--interface NAME]
+                            the debugger, on the board or on the virtual one
+  test [--quick] [--only GATE[,GATE]]
+                            every gate a change must pass, with a table
+  prove                     the theorems, by Kani
+  fuzz [TARGET] [--seconds N]
+                            fuzz one target or all
+  mutants [-- ARGS]         change fw-core in every way that a test should notice
+
+  --way installed|rustup|debian (or the variable ROBOT_WAY) forces how the firmware is built.
+  Exit codes: 0 done, 1 something failed, 2 wrong words, 3 no way to build the firmware,
+  4 a program is missing, 5 the board did not answer or does not hold the firmware.
+";
+
+/// The words after the command, taken apart.
+#[derive(Default)]
+struct Words {
+    plain: Vec<String>,
+    options: Vec<(String, String)>,
+    flags: Vec<String>,
+    /// After `--`: for another program.
+    rest: Vec<String>,
+}
+
+const WITH_VALUE: [&str; 6] = [
+    "--features",
+    "--only",
+    "--seconds",
+    "--way",
+    "--serial",
+    "--interface",
+];
+const WITHOUT: [&str; 2] = ["--virtual", "--quick"];
+
+impl Words {
+    fn parse(words: impl Iterator<Item = String>) -> Result<Self> {
+        let mut parsed = Self::default();
+        let mut words = words;
+        while let Some(word) = words.next() {
+            if word == "--" {
+                parsed.rest = words.collect();
+                break;
+            }
+            let (name, value) = match word.split_once('=') {
+                Some((name, value)) => (name.to_owned(), Some(value.to_owned())),
+                None => (word.clone(), None),
+            };
+            if WITH_VALUE.contains(&name.as_str()) {
+                let value = value.or_else(|| words.next());
+                let value = value.ok_or_else(|| Error::Usage(format!("{name} needs a value")))?;
+                parsed.options.push((name, value));
+            } else if WITHOUT.contains(&word.as_str()) {
+                parsed.flags.push(word);
+            } else if word.starts_with('-') {
+                return Err(Error::Usage(format!("unknown option {word}\n\n{USAGE}")));
+            } else {
+                parsed.plain.push(word);
+            }
+        }
+        Ok(parsed)
+    }
+
+    fn option(&self, name: &str) -> Option<&str> {
+        self.options
+            .iter()
+            .rev()
+            .find(|(found, _)| found == name)
+            .map(|(_, value)| value.as_str())
+    }
+
+    fn flag(&self, name: &str) -> bool {
+        self.flags.iter().any(|found| found == name)
+    }
+
+    /// Refuses what this command would not look at.
+    fn only(&self, plain: usize, rest: bool, options: &[&str]) -> Result<()> {
+        if self.plain.len() > plain {
+            return Err(Error::Usage(format!(
+                "unexpected word {}\n\n{USAGE}",
+                self.plain[plain]
+            )));
+        }
+        if !rest && !self.rest.is_empty() {
+            return Err(Error::Usage(format!(
+                "nothing goes after -- here\n\n{USAGE}"
+            )));
+        }
+        let given = self.options.iter().map(|(name, _)| name).chain(&self.flags);
+        for name in given {
+            if name != "--way" && !options.contains(&name.as_str()) {
+                return Err(Error::Usage(format!(
+                    "{name} does not go with this command\n\n{USAGE}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn main() -> ExitCode {
+    let mut words = std::env::args().skip(1);
+    let command = words.next().unwrap_or_default();
+    match Words::parse(words).and_then(|words| dispatch(&command, &words)) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("xtask {command}: {error}");
+            ExitCode::from(error.code())
+        }
+    }
+}
+
+fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
+    let forced = words
+        .option("--way")
+        .map(str::to_owned)
+        .or_else(|| std::env::var("ROBOT_WAY").ok());
+    let forced = forced.map(|name| Way::from_name(&name)).transpose()?;
+    match command {
+        "setup" => {
+            words.only(0, false, &[])?;
+            Arm::find(&Place::find()?, forced)?;
+        }
+        "firmware" => {
+            words.only(0, false, &["--features"])?;
+            build(
+                &Place::find()?,
+                forced,
+                words.option("--features").unwrap_or(""),
+            )?;
+        }
+        "demo" | "figures" => {
+            words.only(0, true, &[])?;
+            let place = Place::find()?;
+            let elf = build(&place, forced, "")?.path;
+            let run = if command == "demo" {
+                robot::demo
+            } else {
+                robot::figures
+            };
+            let out = run(&place, &elf, &words.rest)?;
+            println!("{command}: see {}", place.short(&out));
+        }
+        "robot" => {
+            words.only(0, true, &[])?;
+            let place = Place::find()?;
+            let elf = build(&place, forced, "")?.path;
+            let code = robot::host_link(&place, &elf, &words.rest)?;
+            return Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)));
+        }
+        "test" => {
+            words.only(0, false, &["--quick", "--only"])?;
+            let only = words
+                .option("--only")
+                .unwrap_or("")
+                .split(',')
+                .map(str::trim);
+            let only = only
+                .filter(|name| !name.is_empty())
+                .map(str::to_owned)
+                .collect();
+            let choice = gates::Choice {
+                only,
+                quick: words.flag("--quick"),
+            };
+            let good = gates::run(Place::find()?, forced, &choice)?;
+            return Ok(if good {
+                ExitCode::SUCCESS
+            } else {
+                ExitCode::FAILURE
+            });
+        }
+        "prove" => {
+            words.only(0, false, &[])?;
+            let place = Place::find()?;
+            if demand::kani_version(&place).is_none() {
+                return Err(Error::Missing(demand::NO_KANI.into()));
+            }
+            println!("{}", demand::prove(&place)?);
+        }
+        "fuzz" => {
+            words.only(1, false, &["--seconds"])?;
+            fuzz(&Place::find()?, words)?;
+        }
+        "mutants" => {
+            words.only(0, true, &[])?;
+            demand::mutants(&Place::find()?, &words.rest)?;
+        }
+        "help" | "--help" | "-h" => print!("{USAGE}"),
+        "" => return Err(Error::Usage(format!("no command\n\n{USAGE}"))),
+        other => return Err(Error::Usage(format!("unknown command {other}\n\n{USAGE}"))),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn build(place: &Place, forced: Option<Way>, features: &str) -> Result<firmware::Image> {
+    let arm = Arm::find(place, forced)?;
+    firmware::build(place, &arm, features)
+}
+
+fn fuzz(place: &Place, words: &Words) -> Result<()> {
+    let seconds = words.option("--seconds").unwrap_or("60");
+    let seconds: u32 = seconds
+        .parse()
+        .map_err(|_| Error::Usage(format!("--seconds {seconds}: not a number of seconds")))?;
+    if let Some(reason) = demand::no_fuzz(place) {
+        return Err(Error::Missing(reason));
+    }
+    let all = demand::fuzz_targets(place)?;
+    let chosen = match words.plain.first() {
+        None => all,
+        Some(name) if all.contains(name) => vec![name.clone()],
+        Some(name) => {
+            return Err(Error::Usage(format!(
+                "no fuzz target {name}; there are {}",
+                all.join(", ")
+            )))
+        }
+    };
+    let mut broken = Vec::new();
+    for target in chosen {
+        if let Err(error) = demand::fuzz_one(place, &target, seconds) {
+            broken.push(format!("{target}: {error}"));
+        }
+    }
+    if broken.is_empty() {
+        Ok(())
+    } else {
+        failed(broken.join("; "))
+    }
+}

@@ -1,0 +1,256 @@
+//! What a release ELF is made of: sizes, symbols, vectors, texts.
+
+use object::read::elf::ElfFile32;
+use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags};
+
+use crate::error::{Error, Result};
+
+/// A 32-bit ELF in memory.
+pub struct Elf<'a> {
+    bytes: &'a [u8],
+    file: ElfFile32<'a, Endianness>,
+}
+
+/// What an ELF occupies on the chip, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sizes {
+    /// Vectors, code, constants and the initial values of statics.
+    pub flash: u64,
+    /// Statics, zeroed, initialised or left as they are; not the stack.
+    pub ram: u64,
+}
+
+const FLASH: std::ops::Range<u64> = 0x0800_0000..0x0808_0000;
+const RAM: std::ops::Range<u64> = 0x2000_0000..0x2002_0000;
+const SHF_ALLOC: u64 = 2;
+
+impl<'a> Elf<'a> {
+    /// # Errors
+    /// Where these bytes are no 32-bit ELF.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self> {
+        let file = ElfFile32::parse(bytes)
+            .map_err(|error| Error::Failed(format!("the firmware is no readable ELF: {error}")))?;
+        Ok(Self { bytes, file })
+    }
+
+    /// Sums the sections that are loaded, and those that live in RAM.
+    pub fn sizes(&self) -> Sizes {
+        let mut sizes = Sizes::default();
+        for section in self.file.sections().filter(allocated) {
+            if section.file_range().is_some() {
+                sizes.flash += section.size();
+            }
+            if RAM.contains(&section.address()) {
+                sizes.ram += section.size();
+            }
+        }
+        sizes
+    }
+
+    /// The mangled names of all symbols that are defined in it.
+    pub fn symbols(&self) -> Vec<&'a str> {
+        let defined = self.file.symbols().filter(|symbol| !symbol.is_undefined());
+        let mut names: Vec<_> = defined.filter_map(|symbol| symbol.name().ok()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    /// Whether `text` stands anywhere in the file, debugging information included.
+    pub fn contains(&self, text: &str) -> bool {
+        let text = text.as_bytes();
+        !text.is_empty() && self.bytes.windows(text.len()).any(|window| window == text)
+    }
+
+    /// What is wrong with the vector table: entries that can be taken but are not handled.
+    ///
+    /// # Errors
+    /// Where there is no table at the start of the flash.
+    pub fn bad_vectors(&self) -> Result<Vec<String>> {
+        let table = self.file.sections().find(|section| {
+            allocated(section) && section.address() == FLASH.start && section.size() >= 64
+        });
+        let words = table.and_then(|table| table.data().ok());
+        let words = words.ok_or_else(|| {
+            Error::Failed("no vector table at the start of the flash (0x08000000)".into())
+        })?;
+        let words = words.chunks_exact(4);
+        let words = words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+        Ok(judge_vectors(&words.collect::<Vec<_>>()))
+    }
+}
+
+fn allocated<'a>(section: &impl ObjectSection<'a>) -> bool {
+    matches!(section.flags(), SectionFlags::Elf { sh_flags, .. } if sh_flags.0 & SHF_ALLOC != 0)
+}
+
+/// System exceptions of the Cortex-M4 and interrupts of the STM32F411 (RM0383, table 37): the last
+/// is SPI5, number 85.
+const VECTORS: usize = 16 + 86;
+
+/// Entries that the processor (`ARMv7`-M, B1.5.2) or RM0383, table 37 reserve: nothing raises them.
+fn reserved(entry: usize) -> bool {
+    const EXCEPTIONS: [usize; 5] = [7, 8, 9, 10, 13];
+    match entry.checked_sub(16) {
+        None => EXCEPTIONS.contains(&entry),
+        Some(number) => {
+            matches!(number, 19..=22 | 39 | 43..=46 | 48 | 52..=55 | 61..=66 | 74..=80 | 82 | 83)
+        }
+    }
+}
+
+fn judge_vectors(words: &[u32]) -> Vec<String> {
+    let mut wrong = Vec::new();
+    if words.len() < VECTORS {
+        wrong.push(format!(
+            "the vector table has {} entries of {VECTORS}",
+            words.len()
+        ));
+    }
+    for (entry, &word) in words.iter().take(VECTORS).enumerate() {
+        let good = match entry {
+            0 => word % 8 == 0 && (RAM.start..=RAM.end).contains(&u64::from(word)),
+            _ if word == 0 => reserved(entry),
+            _ => word % 2 == 1 && FLASH.contains(&u64::from(word)),
+        };
+        if !good {
+            wrong.push(format!("vector {entry} is {word:#010x}"));
+        }
+    }
+    wrong
+}
+
+/// A kind of code that must not be in the release ELF.
+pub struct Banned {
+    /// Why not.
+    pub what: &'static str,
+    /// Pieces of mangled names, of the old and of the new mangling.
+    pub pieces: &'static [&'static str],
+}
+
+/// Everything a proven core has no use for.
+pub const BANNED: [Banned; 4] = [
+    Banned {
+        what: "a panic path",
+        pieces: &[
+            "4core9panicking",
+            "rust_begin_unwind",
+            "_fail17h",
+            "unwrap_failed",
+            "expect_failed",
+            "slice_error_fail",
+            "10panic_impl",
+        ],
+    },
+    Banned {
+        what: "text formatting",
+        pieces: &["4core3fmt", "3fmt9Formatter", "3fmt5write"],
+    },
+    Banned {
+        what: "a software floating-point helper",
+        pieces: &[
+            "__aeabi_d",
+            "__aeabi_f2d",
+            "__aeabi_i2d",
+            "__aeabi_ui2d",
+            "__aeabi_l2d",
+            "__aeabi_ul2d",
+            "__aeabi_cd",
+            "__aeabi_f",
+            "__adddf3",
+            "__subdf3",
+            "__muldf3",
+            "__divdf3",
+            "__extendsfdf2",
+            "__truncdfsf2",
+            "__floatsidf",
+            "__floatunsidf",
+            "__floatdidf",
+            "__floatundidf",
+            "__fixdfsi",
+            "__fixdfdi",
+            "__fixunsdfsi",
+            "__fixunsdfdi",
+            "__gedf2",
+            "__ledf2",
+            "__eqdf2",
+            "__unorddf2",
+        ],
+    },
+    Banned {
+        what: "a heap",
+        pieces: &[
+            "__rust_alloc",
+            "__rust_dealloc",
+            "__rg_alloc",
+            "5alloc5",
+            "_5alloc",
+            "malloc",
+        ],
+    },
+];
+
+impl Banned {
+    /// The symbols of this kind.
+    pub fn among<'a>(&self, symbols: &[&'a str]) -> Vec<&'a str> {
+        let hit = |symbol: &&&str| self.pieces.iter().any(|piece| symbol.contains(piece));
+        symbols.iter().filter(hit).copied().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_table_is_good_and_a_hole_in_it_is_not() {
+        let mut words = vec![0x0800_0201; VECTORS];
+        words[0] = 0x2002_0000;
+        for (entry, word) in words.iter_mut().enumerate() {
+            if reserved(entry) {
+                *word = 0;
+            }
+        }
+        assert!(judge_vectors(&words).is_empty());
+        words[16 + 35] = 0;
+        words[3] = 0x0800_0200;
+        assert_eq!(
+            judge_vectors(&words).len(),
+            2,
+            "{:?}",
+            judge_vectors(&words)
+        );
+        assert_eq!(
+            judge_vectors(&words[..90]).len(),
+            3,
+            "a short table is said to be short"
+        );
+    }
+
+    #[test]
+    fn the_stack_must_start_in_ram_and_aligned() {
+        let mut words = vec![0x0800_0201; VECTORS];
+        for start in [0, 0x0800_0000, 0x2001_fffc, 0x2002_0008] {
+            words[0] = start;
+            assert_eq!(judge_vectors(&words).len(), 1, "{start:#x}");
+        }
+    }
+
+    #[test]
+    fn banned_names_are_found_in_both_manglings() {
+        let symbols = [
+            "_ZN4core9panicking9panic_fmt17h0123456789abcdefE",
+            "_RNvNtCs1234_4core9panicking5panic",
+            "_RNvNtCs1234_4core3fmt5write",
+            "__aeabi_dadd",
+            "__aeabi_memcpy",
+            "__aeabi_uldivmod",
+            "_RNvCs_6fw_pac4main",
+        ];
+        let found: Vec<_> = BANNED
+            .iter()
+            .map(|kind| kind.among(&symbols).len())
+            .collect();
+        assert_eq!(found, [2, 1, 1, 0]);
+    }
+}

@@ -1,0 +1,321 @@
+//! The gates: what a change must pass, in order, with a table at the end.
+
+mod hygiene;
+mod machine_code;
+mod proofs;
+mod source;
+mod supply;
+mod tests;
+
+use std::path::Path;
+use std::time::Instant;
+
+use crate::arm::{Arm, Way};
+use crate::error::{Error, Result};
+use crate::firmware::{self, Image};
+use crate::numbers::Budget;
+use crate::place::Place;
+
+/// How a gate ended where it did not fail.
+pub enum Verdict {
+    /// With the figure worth a column of the table.
+    Passed(String),
+    /// It could not be decided here, and why. Never counts as passed.
+    Skipped(String),
+}
+
+/// [`Verdict::Passed`], shorter.
+#[expect(clippy::unnecessary_wraps, reason = "the last word of every gate")]
+fn passed(figure: impl Into<String>) -> Result<Verdict> {
+    Ok(Verdict::Passed(figure.into()))
+}
+
+/// [`Verdict::Skipped`], shorter.
+#[expect(clippy::unnecessary_wraps, reason = "the last word of every gate")]
+fn skipped(reason: impl Into<String>) -> Result<Verdict> {
+    Ok(Verdict::Skipped(reason.into()))
+}
+
+/// One gate.
+struct Gate {
+    name: &'static str,
+    about: &'static str,
+    /// Left out by `--quick`.
+    slow: bool,
+    run: fn(&mut Context) -> Result<Verdict>,
+}
+
+const fn quick(
+    name: &'static str,
+    about: &'static str,
+    run: fn(&mut Context) -> Result<Verdict>,
+) -> Gate {
+    Gate {
+        name,
+        about,
+        slow: false,
+        run,
+    }
+}
+
+const fn slow(
+    name: &'static str,
+    about: &'static str,
+    run: fn(&mut Context) -> Result<Verdict>,
+) -> Gate {
+    Gate {
+        name,
+        about,
+        slow: true,
+        run,
+    }
+}
+
+/// Cheap and telling ones first.
+const GATES: [Gate; 17] = [
+    quick("setup", "a way to build for the robot's processor", setup),
+    quick("fmt", "the source is formatted", source::fmt),
+    quick(
+        "hygiene",
+        "unsafe only in fw-pac, licences, no toolchain file",
+        hygiene::hygiene,
+    ),
+    quick(
+        "floors",
+        "the number of proof harnesses and covers only grows",
+        proofs::floors,
+    ),
+    quick(
+        "clippy",
+        "no lint warns; no float arithmetic in fw-core",
+        source::clippy,
+    ),
+    slow("docs", "rustdoc does not warn", source::docs),
+    quick(
+        "unit",
+        "unit tests, properties exhaustive or sampled",
+        tests::unit,
+    ),
+    slow(
+        "msrv",
+        "fw-core and proofs build with the oldest compiler promised",
+        source::msrv,
+    ),
+    quick(
+        "firmware",
+        "the release ELF builds within its budget",
+        machine_code::budget,
+    ),
+    quick(
+        "elf",
+        "no panic, formatting, soft float, heap, host path, open vector",
+        machine_code::contents,
+    ),
+    slow(
+        "reproducible",
+        "the same ELF from another folder",
+        machine_code::reproducible,
+    ),
+    quick(
+        "loop",
+        "the firmware in the loop on the virtual board",
+        tests::in_the_loop,
+    ),
+    quick("demo", "the demo within its bars", tests::demo),
+    slow(
+        "figures",
+        "the measured figures within their bars",
+        tests::figures,
+    ),
+    slow("kani", "the theorems, proven", proofs::kani),
+    slow("fuzz", "every fuzz target for some seconds", proofs::fuzz),
+    slow(
+        "supply",
+        "licences, bans and sources of the dependencies",
+        supply::supply,
+    ),
+];
+
+/// What the gates share: built once, at the first that needs it.
+pub struct Context {
+    place: Place,
+    forced: Option<Way>,
+    arm: Option<Arm>,
+    image: Option<Image>,
+    panic_image: Option<Image>,
+}
+
+impl Context {
+    fn arm(&mut self) -> Result<&Arm> {
+        if self.arm.is_none() {
+            self.arm = Some(Arm::find(&self.place, self.forced)?);
+        }
+        self.arm.as_ref().ok_or_else(no_way)
+    }
+
+    fn image(&mut self) -> Result<&Image> {
+        if self.image.is_none() {
+            self.arm()?;
+            let arm = self.arm.as_ref().ok_or_else(no_way)?;
+            self.image = Some(firmware::build(&self.place, arm, "")?);
+        }
+        self.image.as_ref().ok_or_else(no_way)
+    }
+
+    /// The build that panics on purpose.
+    fn panic_image(&mut self) -> Result<&Image> {
+        if self.panic_image.is_none() {
+            self.arm()?;
+            let arm = self.arm.as_ref().ok_or_else(no_way)?;
+            self.panic_image = Some(firmware::build(&self.place, arm, "test-panic")?);
+        }
+        self.panic_image.as_ref().ok_or_else(no_way)
+    }
+
+    fn budget(&self) -> Result<Budget> {
+        Budget::parse(&self.place.read("ci/budget.toml")?)
+    }
+
+    fn read(&self, file: &Path) -> Result<String> {
+        self.place.read(&file.to_string_lossy())
+    }
+}
+
+fn no_way() -> Error {
+    Error::SetUp("no way to build the firmware".into())
+}
+
+fn setup(context: &mut Context) -> Result<Verdict> {
+    let arm = context.arm()?;
+    passed(format!("way '{}'", arm.way.name()))
+}
+
+/// Which gates to run.
+#[derive(Default)]
+pub struct Choice {
+    /// Only these, in the table's order; empty for all.
+    pub only: Vec<String>,
+    /// Without the slow ones.
+    pub quick: bool,
+}
+
+const PASSED: &str = "passed";
+const FAILED: &str = "FAILED";
+const SKIPPED: &str = "SKIPPED";
+
+struct Row {
+    name: &'static str,
+    result: &'static str,
+    figure: String,
+    seconds: f64,
+}
+
+/// Runs the chosen gates and prints the table; whether none failed.
+///
+/// # Errors
+/// [`Error::Usage`] where a chosen gate does not exist.
+pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
+    let known = |name: &String| GATES.iter().any(|gate| gate.name == name);
+    if let Some(unknown) = choice.only.iter().find(|name| !known(name)) {
+        let names: Vec<_> = GATES.iter().map(|gate| gate.name).collect();
+        let names = names.join(", ");
+        return Err(Error::Usage(format!(
+            "--only {unknown}: the gates are {names}"
+        )));
+    }
+    let mut context = Context {
+        place,
+        forced,
+        arm: None,
+        image: None,
+        panic_image: None,
+    };
+    let mut rows = Vec::new();
+    for gate in &GATES {
+        if !choice.only.is_empty() && !choice.only.iter().any(|name| name == gate.name) {
+            continue;
+        }
+        let start = Instant::now();
+        let outcome = if gate.slow && choice.quick && choice.only.is_empty() {
+            skipped("left out by --quick")
+        } else {
+            println!("\n== {}: {}", gate.name, gate.about);
+            (gate.run)(&mut context)
+        };
+        let (result, figure) = match outcome {
+            Ok(Verdict::Passed(figure)) => (PASSED, figure),
+            Ok(Verdict::Skipped(reason)) => (SKIPPED, reason),
+            Err(error) => {
+                println!("{}: FAILED: {error}", gate.name);
+                (FAILED, error.to_string())
+            }
+        };
+        rows.push(Row {
+            name: gate.name,
+            result,
+            figure,
+            seconds: start.elapsed().as_secs_f64(),
+        });
+    }
+    Ok(close(&rows))
+}
+
+/// Prints the table and, last, the line that sums it up; whether no gate failed.
+fn close(rows: &[Row]) -> bool {
+    println!("\n{:<13} {:<8} {:>7}  figure", "gate", "result", "seconds");
+    for Row {
+        name,
+        result,
+        figure,
+        seconds,
+    } in rows
+    {
+        println!(
+            "{name:<13} {result:<8} {seconds:>7.1}  {}",
+            one_line(figure)
+        );
+    }
+    let of = |result: &str| rows.iter().filter(|row| row.result == result).count();
+    if let Some(first) = rows.iter().find(|row| row.result == FAILED) {
+        println!(
+            "\n`cargo xtask test --only {}` runs that gate alone",
+            first.name
+        );
+    }
+    println!(
+        "\n{} passed, {} failed, {} skipped",
+        of(PASSED),
+        of(FAILED),
+        of(SKIPPED)
+    );
+    of(FAILED) == 0
+}
+
+fn one_line(text: &str) -> String {
+    const WIDTH: usize = 160;
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    if line.chars().count() <= WIDTH {
+        line
+    } else {
+        line.chars().take(WIDTH).chain("…".chars()).collect()
+    }
+}
+
+#[cfg(test)]
+mod unit_tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_stays_on_one_line_of_the_table() {
+        assert_eq!(one_line("a\n  b"), "a b");
+        assert_eq!(one_line(&"ä".repeat(500)).chars().count(), 161);
+    }
+
+    #[test]
+    fn no_two_gates_share_a_name() {
+        let mut names: Vec<_> = GATES.iter().map(|gate| gate.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), GATES.len());
+    }
+}

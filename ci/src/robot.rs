@@ -1,0 +1,81 @@
+//! Running the programs that drive the virtual board with the firmware's ELF.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::error::{Of, Result};
+use crate::place::Place;
+use crate::shell;
+
+/// The demo's folder below the target folder.
+pub const DEMO: &str = "demo";
+/// The figures' file below the target folder.
+pub const FIGURES: &str = "figures.json";
+
+/// A cargo command on packages that need the virtual board's crate.
+///
+/// # Errors
+/// Where cargo does not answer.
+pub fn cargo_with_board(place: &Place, words: &[&str]) -> Result<Command> {
+    let mut command = place.cargo();
+    command.args(words).args(place.ignore_rust_version()?);
+    Ok(command)
+}
+
+/// Drives the default room: `more` goes to the demo program.
+///
+/// # Errors
+/// Where it cannot be built or misses its own bars.
+pub fn demo(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
+    let out = place.target.join(DEMO);
+    std::fs::create_dir_all(&out).of(out.display())?;
+    run_bin(place, "demo", elf, &out, more)?;
+    Ok(out)
+}
+
+/// Measures the release ELF: `more` goes to the figures program.
+///
+/// # Errors
+/// Where it cannot be built or fails to measure.
+pub fn figures(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
+    let out = place.target.join(FIGURES);
+    run_bin(place, "figures", elf, &out, more)?;
+    Ok(out)
+}
+
+fn run_bin(place: &Place, bin: &str, elf: &Path, out: &Path, more: &[String]) -> Result<()> {
+    let words = ["run", "--release", "--package", "robot-tests", "--bin", bin];
+    let mut command = cargo_with_board(place, &words)?;
+    command
+        .arg("--")
+        .arg("--elf")
+        .arg(elf)
+        .arg("--out")
+        .arg(out)
+        .args(more);
+    shell::run(&mut command)
+}
+
+/// Runs the Pi's program on the virtual board: `words` are its own.
+///
+/// # Errors
+/// The program's own exit code comes back as `Ok`.
+pub fn host_link(place: &Place, elf: &Path, words: &[String]) -> Result<i32> {
+    let build = [
+        "run",
+        "--release",
+        "--quiet",
+        "--package",
+        "host-link",
+        "--features",
+        "virtual",
+    ];
+    let mut command = cargo_with_board(place, &build)?;
+    command
+        .arg("--")
+        .arg("--virtual")
+        .args(words)
+        .env("ROBOT_ELF", elf);
+    let status = command.status().of(shell::shown(&command))?;
+    Ok(status.code().unwrap_or(1))
+}
