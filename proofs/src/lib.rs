@@ -1,1 +1,46 @@
-//! The theorems, each a property with its Kani harness and its test.
+//! The theorems: each a property written once, decided by Kani, by exhaustion or by sampling.
+//!
+//! `cargo kani` in this folder (or `cargo kani -p proofs` in the root) runs every harness;
+//! `cargo test -p proofs` runs every test of the same properties; `docs/proofs.md` says what each
+//! theorem claims, how it is decided, under which bounds, and what is not proven.
+//!
+//! | module | theorems |
+//! |---|---|
+//! | [`units`] | the units' own arithmetic: what the others rest on |
+//! | [`theorem`] | how a property is declared |
+//! | [`input`] | where inputs come from |
+//! | [`search`] | the explicit-state search of the models in `tests/` |
+#![forbid(unsafe_code)]
+#![allow(
+    clippy::missing_panics_doc,
+    reason = "a property panics exactly where it does not hold"
+)]
+
+pub mod input;
+#[cfg(test)]
+mod sampled;
+pub mod search;
+pub mod theorem;
+pub mod units;
+
+use theorem::Theorem;
+
+/// The theorems of every area.
+pub const THEOREMS: &[&[Theorem]] = &[units::THEOREMS];
+
+/// Every theorem, area by area.
+pub fn theorems() -> impl Iterator<Item = &'static Theorem> {
+    THEOREMS.iter().copied().flatten()
+}
+
+/// One theorem on the inputs that `bytes` hold: the first byte chooses it, the rest are its inputs.
+/// For fuzzing. Panics where the theorem does not hold.
+pub fn run(bytes: &[u8]) {
+    let Some((choice, rest)) = bytes.split_first() else {
+        return;
+    };
+    let count = theorems().count();
+    if let Some(theorem) = theorems().nth(usize::from(*choice) % count.max(1)) {
+        let _ = (theorem.run)(&mut input::Bytes::new(rest));
+    }
+}

@@ -1,0 +1,112 @@
+//! The sampling driver: a property on drawn inputs, shrunk by proptest when one fails.
+
+use core::fmt::Debug;
+
+use proptest::strategy::{NewTree, Strategy, ValueTree};
+use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
+
+use crate::input::Biased;
+use crate::theorem::Seen;
+
+/// Bytes an input is drawn from; what lies beyond reads as zero.
+const NOISE: usize = 512;
+
+/// Runs `property` on `count` inputs. Panics with the simplest input found that breaks it, or with
+/// the case that none of them met.
+pub(crate) fn sample<T: Debug>(
+    count: u32,
+    cases: &[&str],
+    draw: impl Fn(&mut Biased<'_>) -> T,
+    property: impl Fn(T) -> Seen,
+) {
+    let config = Config {
+        cases: count,
+        max_shrink_iters: 20_000,
+        failure_persistence: None,
+        ..Config::default()
+    };
+    // The same inputs every time: a gate that fails only sometimes is no gate.
+    let random = TestRng::deterministic_rng(RngAlgorithm::XorShift);
+    let mut runner = TestRunner::new_with_rng(config, random);
+    let seen = core::cell::Cell::new(Seen::NOTHING);
+    let run = runner.run(&Noise, |noise| {
+        let met = property(draw(&mut Biased::new(&noise)));
+        seen.set(seen.get().and(met));
+        Ok::<(), TestCaseError>(())
+    });
+    match run {
+        Ok(()) => every_case_was_met(seen.get(), cases),
+        Err(TestError::Fail(reason, noise)) => {
+            panic!("{reason}\nfor {:#?}", draw(&mut Biased::new(&noise)))
+        }
+        Err(TestError::Abort(reason)) => panic!("{reason}"),
+    }
+}
+
+/// The test's own cover check: a case that nothing met means that the property said nothing of it.
+pub(crate) fn every_case_was_met(seen: Seen, cases: &[&str]) {
+    for (number, case) in (0..).zip(cases) {
+        assert!(seen.has(number), "no input met the case: {case}");
+    }
+}
+
+/// Random bytes that shrink towards zeros.
+#[derive(Debug)]
+struct Noise;
+
+impl Strategy for Noise {
+    type Tree = NoiseTree;
+    type Value = Vec<u8>;
+
+    fn new_tree(&self, runner: &mut TestRunner) -> NewTree<Self> {
+        use proptest::prelude::Rng as _;
+        let mut bytes = vec![0; NOISE];
+        runner.rng().fill_bytes(&mut bytes);
+        Ok(NoiseTree {
+            bytes,
+            at: 0,
+            before: None,
+        })
+    }
+}
+
+/// Simplifies one byte after the other: to zero, else to ever smaller halves.
+#[derive(Debug)]
+struct NoiseTree {
+    bytes: Vec<u8>,
+    at: usize,
+    before: Option<u8>,
+}
+
+impl ValueTree for NoiseTree {
+    type Value = Vec<u8>;
+
+    fn current(&self) -> Vec<u8> {
+        self.bytes.clone()
+    }
+
+    fn simplify(&mut self) -> bool {
+        while let Some(byte) = self.bytes.get_mut(self.at) {
+            if *byte != 0 {
+                self.before = Some(*byte);
+                *byte = 0;
+                return true;
+            }
+            self.at += 1;
+        }
+        false
+    }
+
+    fn complicate(&mut self) -> bool {
+        let (Some(byte), Some(before)) = (self.bytes.get_mut(self.at), self.before) else {
+            return false;
+        };
+        // Between what passed and what failed, a step nearer to what failed.
+        *byte += (before - *byte).div_ceil(2);
+        if *byte == before {
+            self.at += 1;
+            self.before = None;
+        }
+        true
+    }
+}

@@ -1,0 +1,220 @@
+//! What a theorem is and how it is declared.
+//!
+//! A property is a plain function of its inputs that panics where it does not hold and returns
+//! which of its declared cases this evaluation met ([`Seen`]). [`theorems!`](crate::theorems)
+//! turns it into
+//!
+//! - a Kani harness per `kani` line, with a `kani::cover!` per case;
+//! - a test per `exhaustive`, `stepped` or `sampled` line, which fails when a case was never met;
+//! - an entry of [`THEOREMS`](crate::THEOREMS), whose `run` a fuzz target can feed.
+//!
+//! No harness assumes anything: where a property needs a precondition it computes it, says nothing
+//! when it does not hold, and the cases show that enough is left. A precondition that an earlier
+//! stage guarantees is named under `needs` with the theorem that proves it.
+
+use crate::input::Bytes;
+
+/// The cases of a property that one evaluation, or several, met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[must_use]
+pub struct Seen(u32);
+
+impl Seen {
+    /// No case: the property's precondition does not hold.
+    pub const NOTHING: Self = Self(0);
+
+    /// Adds case `number` (its place in the declaration, below 32) if `met`.
+    pub const fn case(self, number: u32, met: bool) -> Self {
+        Self(self.0 | (met as u32) << (number & 31))
+    }
+
+    /// Whether case `number` was met.
+    #[must_use]
+    pub const fn has(self, number: u32) -> bool {
+        self.0 >> (number & 31) & 1 != 0
+    }
+
+    /// Both.
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+/// A declared theorem.
+#[derive(Clone, Copy, Debug)]
+pub struct Theorem {
+    /// `T1`, `T2`, … as in `docs/proofs.md`.
+    pub number: &'static str,
+    /// The module path of the property.
+    pub area: &'static str,
+    /// The property's function.
+    pub name: &'static str,
+    /// What each case is; every one must be reachable.
+    pub cases: &'static [&'static str],
+    /// Its Kani harnesses, as `name::harness`.
+    pub harnesses: &'static [&'static str],
+    /// Its tests: `exhaustive`, `stepped` or `sampled`.
+    pub tests: &'static [&'static str],
+    /// Theorems that establish what this one takes for granted.
+    pub needs: &'static [&'static str],
+    /// The property on inputs drawn from bytes: for fuzzing.
+    pub run: fn(&mut Bytes<'_>) -> Seen,
+}
+
+/// Declares the theorems of one area; see the [module](crate::theorem).
+///
+/// ```text
+/// theorems! {
+///     T9 missing_edge_is_no_distance(width: u32, lost: bool) {
+///         cases ["a distance", "no distance"];
+///         needs [some_other_theorem];                  // optional
+///         kani proof [unwind(2)];                      // every input arbitrary
+///         kani lost [unwind(2)] = (any(), true);       // some inputs fixed
+///         exhaustive (0..=40_000).map(|width| (width, false));
+///         sampled 100_000;
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! theorems {
+    ($($number:ident $name:ident $inputs:tt $body:tt)*) => {
+        $($crate::theorem_parts! { $name $inputs $body })*
+
+        /// The theorems of this area.
+        pub const THEOREMS: &[$crate::theorem::Theorem] =
+            &[$($crate::theorem_entry! { $number $name $inputs $body }),*];
+    };
+}
+
+/// One entry of an area's table.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! theorem_entry {
+    ($number:ident $name:ident ($($input:ident : $type:ty),* $(,)?) {
+        cases [$($case:literal),+ $(,)?];
+        $(needs [$($need:ident),+ $(,)?];)?
+        $(kani $harness:ident $attributes:tt $(= $values:expr)?;)*
+        $(exhaustive $all:expr;)?
+        $(stepped $some:expr;)?
+        $(sampled $count:expr;)?
+    }) => {
+        $crate::theorem::Theorem {
+            number: stringify!($number),
+            area: module_path!(),
+            name: stringify!($name),
+            cases: &[$($case),+],
+            harnesses: &[$(concat!(stringify!($name), "::", stringify!($harness))),*],
+            tests: &[
+                $({ let _ = || $all; "exhaustive" },)?
+                $({ let _ = || $some; "stepped" },)?
+                $({ let _: u32 = $count; "sampled" },)?
+            ],
+            needs: &[$($(stringify!($need)),+)?],
+            run: |bytes| $name($(<$type as $crate::input::Input>::draw({ let _ = stringify!($input); &mut *bytes })),*),
+        }
+    };
+}
+
+/// The harnesses and tests of one theorem.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! theorem_parts {
+    ($name:ident $inputs:tt {
+        cases $cases:tt;
+        $(needs $needs:tt;)?
+        $(kani $harness:ident $attributes:tt $(= $values:expr)?;)*
+        $(exhaustive $all:expr;)?
+        $(stepped $some:expr;)?
+        $(sampled $count:expr;)?
+    }) => {
+        #[cfg(any(kani, test))]
+        #[allow(unused_imports, reason = "an area may need none of its own names here")]
+        mod $name {
+            use super::*;
+
+            #[cfg(kani)]
+            mod harness {
+                use super::super::*;
+                use $crate::input::any;
+                $($crate::theorem_harness! { $name $inputs $cases $harness $attributes $(= $values)? })*
+            }
+
+            $(
+                #[cfg(all(test, not(kani)))]
+                #[test]
+                fn exhaustive() {
+                    $crate::theorem_loop! { $name $inputs $cases ($all) }
+                }
+            )?
+            $(
+                #[cfg(all(test, not(kani)))]
+                #[test]
+                fn stepped() {
+                    $crate::theorem_loop! { $name $inputs $cases ($some) }
+                }
+            )?
+            $(
+                #[cfg(all(test, not(kani)))]
+                #[test]
+                fn sampled() {
+                    $crate::theorem_sample! { $name $inputs $cases $count }
+                }
+            )?
+        }
+    };
+}
+
+/// One Kani harness: arbitrary inputs, then one cover per case.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! theorem_harness {
+    ($name:ident ($($input:ident : $type:ty),*) $cases:tt $harness:ident $attributes:tt) => {
+        $crate::theorem_harness! {
+            $name ($($input : $type),*) $cases $harness $attributes = ($(any::<$type>(),)*)
+        }
+    };
+    (
+        $name:ident ($($input:ident : $type:ty),*) [$($case:literal),+ $(,)?]
+        $harness:ident [$($attribute:ident($($value:tt)*)),* $(,)?] = $values:expr
+    ) => {
+        #[kani::proof]
+        $(#[kani::$attribute($($value)*)])*
+        fn $harness() {
+            let ($($input,)*): ($($type,)*) = $values;
+            let seen = $name($($input),*);
+            let mut number = 0;
+            $(
+                kani::cover!(seen.has(number), $case);
+                number += 1;
+            )+
+            let _ = number;
+        }
+    };
+}
+
+/// A test over a written-out set of inputs.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! theorem_loop {
+    ($name:ident ($($input:ident : $type:ty),*) [$($case:literal),+ $(,)?] $all:expr) => {
+        let mut seen = $crate::theorem::Seen::NOTHING;
+        for ($($input,)*) in $all {
+            seen = seen.and($name($($input),*));
+        }
+        $crate::sampled::every_case_was_met(seen, &[$($case),+]);
+    };
+}
+
+/// A test over drawn inputs, shrunk by proptest when one fails.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! theorem_sample {
+    ($name:ident ($($input:ident : $type:ty),*) [$($case:literal),+ $(,)?] $count:expr) => {
+        $crate::sampled::sample(
+            $count,
+            &[$($case),+],
+            |source| ($(<$type as $crate::input::Input>::draw({ let _ = stringify!($input); &mut *source }),)*),
+            |($($input,)*)| $name($($input),*),
+        );
+    };
+}
