@@ -2,6 +2,25 @@
 //!
 //! Pages 0x00–0x02 are the original register map; page 0x03 adds the platform's own figures. An
 //! accepted [`Config`] excludes every overflow and division by zero downstream.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | [`field`] | the one table: address, type, name, unit, accepted range of every field |
+//! | [`rule`] | what fields must hold together |
+//! | [`decode`](fn@decode), [`encode`](fn@encode), [`check`](fn@check) | along these tables |
+//! | [`error`] | which field was rejected, what it held, what is accepted |
+//! | [`crc32`](fn@crc32) | the checksum of page 0x03 |
+
+mod codec;
+mod crc32;
+pub mod error;
+pub mod field;
+pub mod rule;
+
+pub use codec::{check, decode, encode, encode_original, CRC_ADDRESS, KEY, PLATFORM_LEN};
+pub use crc32::crc32;
+pub use error::{ConfigError, Value};
+pub use field::{Accepted, Field, Kind, FIELDS};
 
 use crate::double::Double;
 use crate::wire::Mode;
@@ -170,3 +189,50 @@ impl Platform {
         log_period: 0,
     };
 }
+
+impl Divider {
+    /// A tap that no cell uses: what an EEPROM cell that was never written reads as.
+    pub const UNWRITTEN: Self = Self {
+        upper: u32::MAX,
+        lower: u32::MAX,
+    };
+}
+
+/// The first board as it ran: what a new EEPROM starts from.
+#[must_use]
+pub const fn first_board() -> Config {
+    let mut dividers = [Divider::UNWRITTEN; 8];
+    dividers[0] = Divider {
+        upper: 10_000,
+        lower: 33_000,
+    };
+    dividers[1] = Divider {
+        upper: 33_000,
+        lower: 22_000,
+    };
+    Config {
+        key_from_pi: 0x96,
+        key_from_stm: 0x5A,
+        mode: Mode::Normal,
+        forward: Gains {
+            p: Double(6.5088_f64.to_bits()),
+            i: Double(0.073_412_f64.to_bits()),
+            d: Double(106.72_f64.to_bits()),
+            anti_windup: Double(0.3_f64.to_bits()),
+        },
+        rotation: Gains {
+            p: Double(1.3686_f64.to_bits()),
+            i: Double(0.009_326_3_f64.to_bits()),
+            d: Double(50.209_f64.to_bits()),
+            anti_windup: Double(1.4_f64.to_bits()),
+        },
+        cells: 2,
+        adc_max_voltage: Double(3.3_f64.to_bits()),
+        adc_max_word: 4095,
+        dividers,
+        platform: Platform::FIRST_BOARD,
+    }
+}
+
+#[cfg(test)]
+mod tests;
