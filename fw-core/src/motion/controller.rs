@@ -1,0 +1,315 @@
+//! From the pose and the target to the motors: turn towards it, drive, turn to the final rotation,
+//! hold.
+//!
+//! - **Approach.** The rotation PID turns the nose to the target, the forward PID drives; forward
+//!   begins once the nose is within 30° and grows as it comes round, so the robot does not stop
+//!   between turning and driving. Backwards only where the target is near and facing away means
+//!   less turning: the rangefinders look ahead and to the sides.
+//! - **Close.** From 40 mm on the heading stands still: the bearing of a near point is noise. The
+//!   forward PID works on what is left along it, either way.
+//! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place.
+//! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1.6
+//!   times a tolerance starts again. A try that ends outside the tolerances widens them by a half,
+//!   up to twice, so that a target the robot cannot meet better does not make it hunt for ever.
+
+use fixed::types::I16F16;
+
+use super::odometry::Delta;
+use super::pid::Pid;
+use super::trig::{direction, sin_cos};
+use super::wheels::{Mixer, Wheels};
+use crate::eeprom::Config;
+use crate::units::{Duty, Pose, Turns};
+
+/// 1 mm, 2⁻¹⁶.
+const MM: i64 = 1 << 16;
+/// 1°, 2⁻³² turns.
+const DEGREE: i32 = 11_930_465;
+/// Bearing within which driving begins.
+const CONE: i32 = 30 * DEGREE;
+/// Distance from which on the heading stands still, 2⁻¹⁶ mm.
+const CLOSE: i64 = 40 * MM;
+/// Distance up to which the robot may back into its target, 2⁻¹⁶ mm.
+const BACK: i64 = 300 * MM;
+/// Ticks within the tolerances and at rest that make an arrival.
+const SETTLED: u8 = 5;
+/// Smallest tolerances that the encoders can tell: 1 mm and 0.2°.
+const FINEST_POSITION: i64 = MM;
+const FINEST_ROTATION: i32 = DEGREE / 5;
+/// Largest output of each PID, percent. The first board's were ±50 each because it added them; here
+/// rotation goes first and forward takes what is left of the wheels' reach.
+const FORWARD_LIMIT: I16F16 = I16F16::lit("100");
+const ROTATION_LIMIT: I16F16 = I16F16::lit("50");
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// No target: braked.
+    Idle,
+    /// To the target, nose first or `backwards`.
+    Approach { backwards: bool },
+    /// The last bit, heading kept.
+    Close { heading: Turns },
+    /// On the spot to the final rotation.
+    Final,
+    /// There: braked.
+    Hold,
+}
+
+/// Where the target lies as the robot sees it.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    /// 2⁻¹⁶ mm ahead.
+    along: i64,
+    /// 2⁻¹⁶ mm to the left.
+    across: i64,
+    /// 2⁻³² turns to the final rotation.
+    rotation: i32,
+}
+
+impl View {
+    fn new(pose: &Pose, target: &Pose) -> Self {
+        // ±2³¹ mm each, cut to ±2¹⁴ m so that the sums below fit.
+        let far = 1 << 40;
+        let x = target.x.0.to_bits().saturating_sub(pose.x.0.to_bits()) >> 16;
+        let y = target.y.0.to_bits().saturating_sub(pose.y.0.to_bits()) >> 16;
+        let (x, y) = (x.clamp(-far, far) >> 4, y.clamp(-far, far) >> 4);
+        let (sine, cosine) = sin_cos(pose.heading);
+        let (sine, cosine) = (i64::from(sine) >> 6, i64::from(cosine) >> 6);
+        Self {
+            along: (x * cosine + y * sine) >> 21,
+            across: (y * cosine - x * sine) >> 21,
+            rotation: target.heading.from_nearest(pose.heading),
+        }
+    }
+
+    fn within(&self, distance: i64) -> bool {
+        let (a, b) = (self.along.abs(), self.across.abs());
+        a <= distance && b <= distance && a * a + b * b <= distance * distance
+    }
+
+    fn bearing(&self, backwards: bool) -> i32 {
+        let nose = if backwards {
+            direction(-self.along, -self.across)
+        } else {
+            direction(self.along, self.across)
+        };
+        nose.0 as i32
+    }
+}
+
+/// The pose controller.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    forward: Pid,
+    rotation: Pid,
+    mixer: Mixer,
+    /// 2⁻¹⁶ mm.
+    position_tolerance: i64,
+    /// 2⁻³² turns.
+    rotation_tolerance: i32,
+    target: Pose,
+    phase: Phase,
+    tries: u8,
+    settled: u8,
+    /// The angle that [`Self::tune_move`] holds, while it does.
+    held: Option<Turns>,
+}
+
+impl Controller {
+    /// Braked, without a target.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        let platform = &config.platform;
+        let rotation_tolerance =
+            (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(FINEST_ROTATION);
+        let position_tolerance = (i64::from(platform.position_tolerance) << 16) / 1000;
+        Self {
+            forward: Pid::new(&config.forward, FORWARD_LIMIT),
+            rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
+            mixer: Mixer::new(platform),
+            position_tolerance: position_tolerance.max(FINEST_POSITION),
+            rotation_tolerance,
+            target: Pose::default(),
+            phase: Phase::Idle,
+            tries: 0,
+            settled: 0,
+            held: None,
+        }
+    }
+
+    /// Drive to `target` from now on. The same target again changes nothing.
+    pub fn set_target(&mut self, target: Pose) {
+        if self.phase == Phase::Idle {
+            self.forward.reset();
+            self.rotation.reset();
+        } else if target == self.target {
+            return;
+        }
+        self.target = target;
+        self.start();
+    }
+
+    /// Forget the target: brake until the next one.
+    pub fn halt(&mut self) {
+        self.phase = Phase::Idle;
+        self.held = None;
+    }
+
+    /// Whether the robot is where it should be and holds there; false without a target.
+    #[must_use]
+    pub fn arrived(&self) -> bool {
+        self.phase == Phase::Hold
+    }
+
+    /// Whether there is a target that the robot is not at yet.
+    #[must_use]
+    pub fn moving(&self) -> bool {
+        !matches!(self.phase, Phase::Idle | Phase::Hold)
+    }
+
+    fn start(&mut self) {
+        self.tries = 0;
+        self.settled = 0;
+        self.phase = Phase::Final;
+    }
+
+    /// One tick: `pose` and `delta` are the odometry's after this tick's counters.
+    #[must_use]
+    pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> Wheels {
+        self.mixer.observe(delta);
+        self.held = None;
+        if self.phase == Phase::Idle {
+            return self.mixer.brake();
+        }
+        let view = View::new(pose, &self.target);
+        let slack = 2 + i64::from(self.tries.min(2));
+        let near = self.position_tolerance * slack / 2;
+        let straight = self.rotation_tolerance.saturating_mul(slack as i32) / 2;
+        self.advance(&view, pose, delta, near, straight);
+        let (ahead, turn) = match self.phase {
+            Phase::Idle | Phase::Hold => return self.mixer.brake(),
+            Phase::Approach { backwards } => {
+                let bearing = view.bearing(backwards);
+                let open = i64::from((CONE - bearing.saturating_abs()).max(0)) >> 13;
+                let whole = i64::from(CONE >> 13);
+                (
+                    millimetres(view.along.clamp(-FAR, FAR) * open / whole),
+                    bearing,
+                )
+            }
+            Phase::Close { heading } => {
+                (millimetres(view.along), heading.from_nearest(pose.heading))
+            }
+            Phase::Final => (millimetres(view.along), view.rotation),
+        };
+        let forward = self.forward.step(ahead, delta.travel);
+        let rotation = self.rotation.step(degrees(turn), degrees(delta.turn));
+        self.mixer.mix(forward, rotation)
+    }
+
+    /// Which phase this tick is in.
+    fn advance(&mut self, view: &View, pose: &Pose, delta: &Delta, near: i64, straight: i32) {
+        let resting = delta.left.saturating_abs() <= 1 && delta.right.saturating_abs() <= 1;
+        let aligned = view.rotation.saturating_abs() <= straight;
+        match self.phase {
+            Phase::Idle => {}
+            Phase::Approach { .. } => {
+                if view.within(CLOSE) {
+                    self.phase = Phase::Close {
+                        heading: pose.heading,
+                    };
+                }
+            }
+            Phase::Close { .. } => {
+                if view.along.abs() <= near / 2 && resting {
+                    self.forward.reset();
+                    self.phase = Phase::Final;
+                }
+            }
+            Phase::Final => {
+                if !view.within(near.max(self.position_tolerance * 2)) {
+                    self.approach(view);
+                } else if aligned && resting {
+                    self.settled += 1;
+                    if self.settled >= SETTLED {
+                        self.settled = 0;
+                        if view.within(near) {
+                            self.phase = Phase::Hold;
+                            self.forward.reset();
+                            self.rotation.reset();
+                        } else {
+                            self.tries = self.tries.saturating_add(1);
+                            self.approach(view);
+                        }
+                    }
+                } else {
+                    self.settled = 0;
+                }
+            }
+            Phase::Hold => {
+                let turned = view.rotation.saturating_abs() > straight / 5 * 8;
+                if turned || !view.within(near * 8 / 5) {
+                    self.start();
+                }
+            }
+        }
+    }
+
+    /// Chooses the way to go.
+    fn approach(&mut self, view: &View) {
+        let total = |bearing: i32| {
+            i64::from(bearing).abs() + i64::from(view.rotation.wrapping_sub(bearing)).abs()
+        };
+        let backwards = view.within(BACK) && total(view.bearing(true)) < total(view.bearing(false));
+        self.phase = Phase::Approach { backwards };
+    }
+
+    /// Tuning the rotation (document, 5.2.2): `duty` on the right motor, its opposite on the left,
+    /// no PID and no compensation. Zero brakes.
+    #[must_use]
+    pub fn tune_rotate(&mut self, duty: Duty) -> Wheels {
+        self.halt();
+        if duty == Duty::ZERO {
+            return self.mixer.brake();
+        }
+        let duty = i32::from(duty.hundredths());
+        self.mixer.raw(-duty, duty)
+    }
+
+    /// Tuning the movement (document, 5.2.3): `duty` on both motors, and the rotation PID holds the
+    /// angle at which this began. Zero brakes and forgets the angle.
+    #[must_use]
+    pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> Wheels {
+        self.phase = Phase::Idle;
+        if duty == Duty::ZERO {
+            self.held = None;
+            return self.mixer.brake();
+        }
+        if self.held.is_none() {
+            self.rotation.reset();
+        }
+        let held = *self.held.get_or_insert(pose.heading);
+        let error = degrees(held.from_nearest(pose.heading));
+        let rotation = self.rotation.step(error, degrees(delta.turn));
+        let rotation = (rotation.to_bits() * 25) >> 14;
+        let duty = i32::from(duty.hundredths());
+        self.mixer.raw(duty - rotation, duty + rotation)
+    }
+
+    /// What the mixer learned of the wheels.
+    #[must_use]
+    pub const fn mixer(&self) -> &Mixer {
+        &self.mixer
+    }
+}
+
+/// Further than this is as far, 2⁻¹⁶ mm.
+const FAR: i64 = 10_000 * MM;
+
+fn millimetres(value: i64) -> I16F16 {
+    I16F16::from_bits(value.clamp(-FAR, FAR) as i32)
+}
+
+fn degrees(turns: i32) -> I16F16 {
+    I16F16::from_bits(((i64::from(turns) * 360) >> 16) as i32)
+}

@@ -1,0 +1,254 @@
+//! The battery: ADC words of the taps to voltages of the cells (document, 5.1.3 and 6.0.3).
+//!
+//! Tap n reads the sum of cells 1 to n through its divider; cell n is tap n minus tap n − 1. All
+//! factors are worked out once; a reading is one multiplication and a shift, its arithmetic error
+//! half of 2⁻¹⁶ V.
+
+use fixed::types::U16F16;
+
+use crate::eeprom::{Config, Divider};
+use crate::units::Volts;
+
+/// Most cells of a battery (document, 6.0.3).
+pub const MAX_CELLS: usize = 8;
+
+/// Time constant of the filter, 2ⁿ ticks: 80 ms keeps the PWM's ripple out.
+const FILTER: u32 = 3;
+/// Ticks below a threshold that count: half a second, longer than a motor's start.
+const PATIENCE: u8 = 50;
+/// How far above the warning a cell must be for the warning to end, 2⁻¹⁶ V: 50 mV.
+const RELIEF: u32 = 3277;
+
+/// `mantissa · 2⁻ᵉˣᵖᵒⁿᵉⁿᵗ`, the mantissa with its top bit set, or zero.
+#[derive(Clone, Copy, Debug, Default)]
+struct Factor {
+    mantissa: u32,
+    exponent: i32,
+}
+
+impl Factor {
+    const ZERO: Self = Self {
+        mantissa: 0,
+        exponent: 0,
+    };
+
+    /// `value · 2⁻ᵉˣᵖᵒⁿᵉⁿᵗ`, to 32 bits.
+    const fn new(value: u64, exponent: i32) -> Self {
+        if value == 0 {
+            return Self::ZERO;
+        }
+        let zeros = value.leading_zeros();
+        Self {
+            mantissa: ((value << zeros) >> 32) as u32,
+            exponent: exponent.wrapping_add(zeros as i32).wrapping_sub(32),
+        }
+    }
+
+    const fn times(self, value: u64) -> Self {
+        let other = Self::new(value, 0);
+        Self::new(
+            self.mantissa as u64 * other.mantissa as u64,
+            self.exponent.wrapping_add(other.exponent),
+        )
+    }
+
+    /// By zero, which no accepted configuration asks for, zero.
+    const fn over(self, value: u32) -> Self {
+        match ((self.mantissa as u64) << 32).checked_div(value as u64) {
+            Some(quotient) => Self::new(quotient, self.exponent.wrapping_add(32)),
+            None => Self::ZERO,
+        }
+    }
+
+    /// `self · word`, nearest, at most `u32::MAX`.
+    const fn scale(self, word: u32) -> u32 {
+        let product = self.mantissa as u64 * word as u64;
+        let result = match self.exponent {
+            shift @ 1..=63 => (product >> shift) + ((product >> (shift - 1)) & 1),
+            64.. => 0,
+            _ => product,
+        };
+        if result > u32::MAX as u64 {
+            u32::MAX
+        } else {
+            result as u32
+        }
+    }
+}
+
+/// One tap: where its voltage comes from and what it was last.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tap {
+    /// 2⁻¹⁶ V per unit of the word.
+    factor: Factor,
+    divider: Divider,
+    /// Filtered word, 12 fractional bits; `None` before the first.
+    word: Option<u32>,
+}
+
+impl Tap {
+    /// 2⁻¹⁶ V.
+    const fn voltage(&self) -> u32 {
+        match self.word {
+            Some(word) => self.factor.scale(word),
+            None => 0,
+        }
+    }
+}
+
+/// The battery.
+#[derive(Clone, Debug)]
+pub struct Battery {
+    taps: [Tap; MAX_CELLS],
+    cells: u8,
+    /// The cell that [`Self::walk`] shows next.
+    next: u8,
+    /// 2⁻¹⁶ V.
+    warn: u32,
+    cutoff: u32,
+    low_ticks: u8,
+    empty_ticks: u8,
+    low: bool,
+    empty: bool,
+}
+
+impl Battery {
+    /// Nothing read yet.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        let volts = config.adc_max_voltage.to_scaled(32).unwrap_or(0).max(0);
+        // Filtered words have 12 fractional bits, voltages 16, the full scale 32.
+        let unit = Factor::new(volts.unsigned_abs(), 32 - 16 + 12).over(config.adc_max_word);
+        let mut taps = [Tap::default(); MAX_CELLS];
+        for (tap, divider) in taps.iter_mut().zip(config.dividers) {
+            let sum = u64::from(divider.upper) + u64::from(divider.lower);
+            tap.divider = divider;
+            tap.factor = unit.times(sum).over(divider.lower);
+        }
+        let millivolts = |mv: u16| (u32::from(mv) << 16) / 1000;
+        Self {
+            taps,
+            cells: config.cells.clamp(1, MAX_CELLS as u8),
+            next: 0,
+            warn: millivolts(config.platform.battery_warn),
+            cutoff: millivolts(config.platform.battery_cutoff),
+            low_ticks: 0,
+            empty_ticks: 0,
+            low: false,
+            empty: false,
+        }
+    }
+
+    /// One tick's ADC words, tap 1 first. A tap without a word stays unread: a board with fewer
+    /// ADC pins than cells does not count the missing ones as empty.
+    pub fn sample(&mut self, words: &[u16]) {
+        let count = usize::from(self.cells);
+        for (tap, &word) in self.taps.iter_mut().take(count).zip(words) {
+            let word = u32::from(word) << 12;
+            tap.word = Some(match tap.word {
+                // Both below 2²⁸: no sum here can leave its type.
+                Some(old) => old + (word >> FILTER) - (old >> FILTER),
+                None => word,
+            });
+        }
+        let lowest = self.lowest();
+        let below = |limit: u32| lowest.is_some_and(|v| v < limit);
+        self.low_ticks = run(self.low_ticks, below(self.warn));
+        self.empty_ticks = run(self.empty_ticks, below(self.cutoff));
+        if self.low_ticks >= PATIENCE {
+            self.low = true;
+        } else if !below(self.warn.saturating_add(RELIEF)) {
+            self.low = false;
+        }
+        // A battery recovers when its load goes: cut off stays until the restart.
+        self.empty |= self.empty_ticks >= PATIENCE;
+    }
+
+    /// 2⁻¹⁶ V of the lowest cell that was read.
+    fn lowest(&self) -> Option<u32> {
+        let mut below = 0;
+        let mut lowest = None;
+        for tap in self.taps.iter().take(usize::from(self.cells)) {
+            if tap.word.is_some() {
+                let voltage = tap.voltage();
+                let cell = voltage.saturating_sub(below);
+                below = voltage;
+                lowest = Some(lowest.map_or(cell, |l: u32| l.min(cell)));
+            }
+        }
+        lowest
+    }
+
+    /// Voltage of tap `index`, 0 ..= 7, 0 V where nothing was read.
+    fn tap(&self, index: u8) -> u32 {
+        self.taps.get(usize::from(index)).map_or(0, Tap::voltage)
+    }
+
+    /// The number of cells, 1 ..= 8.
+    #[must_use]
+    pub const fn cells(&self) -> u8 {
+        self.cells
+    }
+
+    /// The voltage of cell `index`, 0 = the first; `None` for a cell the battery does not have. A
+    /// tap below the one before it, which only a broken divider shows, makes 0 V.
+    #[must_use]
+    pub fn cell(&self, index: u8) -> Option<Volts> {
+        if index >= self.cells {
+            return None;
+        }
+        let below = if index == 0 { 0 } else { self.tap(index - 1) };
+        let voltage = self.tap(index).saturating_sub(below);
+        Some(Volts(U16F16::from_bits(voltage)))
+    }
+
+    /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
+    pub fn walk(&mut self) -> (u8, Volts) {
+        let index = self.next;
+        self.next = if index + 1 < self.cells { index + 1 } else { 0 };
+        (index, self.cell(index).unwrap_or_default())
+    }
+
+    /// Tuning (document, 5.1.3): a source of `reference` volts stands in for cell `index`, what
+    /// upper resistor, in ohms, would have shown it exactly? `None` where there is nothing to tune:
+    /// reference 0, no such cell, or a reading of 0.
+    ///
+    /// The divider's ratio is scaled, its lower resistor kept. Tune from cell 1 upwards: each builds
+    /// on the tap below.
+    #[must_use]
+    pub fn tune(&self, index: u8, reference: Volts) -> Option<u32> {
+        let reference = reference.0.to_bits();
+        if reference == 0 || index >= self.cells {
+            return None;
+        }
+        let below = if index == 0 { 0 } else { self.tap(index - 1) };
+        let tap = self.taps.get(usize::from(index))?;
+        let Divider { upper, lower } = tap.divider;
+        let sum = Factor::new(u64::from(upper) + u64::from(lower), 0);
+        let truth = u64::from(below) + u64::from(reference);
+        let whole = sum.times(truth).over(tap.voltage());
+        let whole = whole.scale(1);
+        (tap.voltage() != 0).then(|| whole.saturating_sub(lower))
+    }
+
+    /// Whether a cell has been below the warning voltage for half a second; ends 50 mV above it.
+    #[must_use]
+    pub const fn low(&self) -> bool {
+        self.low
+    }
+
+    /// Whether a cell was below the cut-off voltage for half a second since the start.
+    #[must_use]
+    pub const fn empty(&self) -> bool {
+        self.empty
+    }
+}
+
+/// How long a condition has been true, at most 255.
+const fn run(ticks: u8, now: bool) -> u8 {
+    if now {
+        ticks.saturating_add(1)
+    } else {
+        0
+    }
+}
