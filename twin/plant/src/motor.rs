@@ -12,8 +12,8 @@
 //! # Where the figures come from
 //! Least-squares fit to steps of ±50, ±75 and ±100 % for 1.3 s to 4 s, followed by coasting to
 //! rest, logged on the first board at 100 Hz: one set of parameters per motor for all six logs.
-//! Worst residuals over the whole of a log: left 3.3 % in the final angle and 9.9° RMS, right 2.4 %
-//! and 10.8° RMS. What remains is the boards' own scatter (the same duty forward and backward
+//! Worst residuals over the whole of a log: left 3.3 % in the final angle and 10.2° RMS, right 2.4 %
+//! and 11.0° RMS. What remains is the board's own scatter (the same duty forward and backward
 //! differs by 5 %). The dead zones are the board's notes'; nominal supply, breakaway, brake and
 //! winding figures are choices.
 
