@@ -1,0 +1,248 @@
+//! The map: square cells with the logarithm of the odds that something is there.
+
+/// What a cell is taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cell {
+    /// Probability above [`Grid::OCCUPIED`].
+    Occupied,
+    /// Probability below [`Grid::FREE`].
+    Free,
+    /// Neither.
+    Unknown,
+}
+
+/// A grid of log-odds that grows where it is written to. A cell that was never written has the
+/// log-odds 0: probability one half.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    cell_mm: f64,
+    /// Number of the first column and row: cell (0, 0) has its lower left corner at the origin.
+    first: (i32, i32),
+    columns: usize,
+    rows: usize,
+    log_odds: Vec<f32>,
+}
+
+/// The grid grows by this many cells at a time.
+const GROWTH: i32 = 32;
+/// Farthest cell from the origin: 25 m at 25 mm. Readings beyond are of a robot that is lost.
+const FARTHEST: i32 = 2000;
+/// Log-odds are limited to ± this, so that a changed world can still change the map.
+const LIMIT: f32 = 6.0;
+
+impl Grid {
+    /// Probability above which a cell counts as occupied (the map server's `occupied_thresh`).
+    pub const OCCUPIED: f32 = 0.65;
+    /// Probability below which a cell counts as free (the map server's `free_thresh`).
+    pub const FREE: f32 = 0.196;
+
+    /// An empty grid of cells `cell_mm` wide.
+    #[must_use]
+    pub const fn new(cell_mm: f64) -> Self {
+        Self {
+            cell_mm,
+            first: (0, 0),
+            columns: 0,
+            rows: 0,
+            log_odds: Vec::new(),
+        }
+    }
+
+    /// Width of a cell, mm.
+    #[must_use]
+    pub const fn cell_mm(&self) -> f64 {
+        self.cell_mm
+    }
+
+    /// Columns (along x).
+    #[must_use]
+    pub const fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Rows (along y).
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The lower left corner of the whole grid, mm.
+    #[must_use]
+    pub fn origin_mm(&self) -> (f64, f64) {
+        (
+            f64::from(self.first.0) * self.cell_mm,
+            f64::from(self.first.1) * self.cell_mm,
+        )
+    }
+
+    /// Middle of the cell in this column and row, mm.
+    #[must_use]
+    #[allow(clippy::cast_precision_loss)] // at most 4000
+    pub fn middle_mm(&self, column: usize, row: usize) -> (f64, f64) {
+        let (x, y) = self.origin_mm();
+        (
+            x + (column as f64 + 0.5) * self.cell_mm,
+            y + (row as f64 + 0.5) * self.cell_mm,
+        )
+    }
+
+    /// Log-odds of the cell in this column and row; 0 outside the grid.
+    #[must_use]
+    pub fn log_odds(&self, column: usize, row: usize) -> f32 {
+        if column < self.columns && row < self.rows {
+            self.log_odds[row * self.columns + column]
+        } else {
+            0.0
+        }
+    }
+
+    /// Probability (0..1) that the cell is occupied.
+    #[must_use]
+    pub fn probability(&self, column: usize, row: usize) -> f32 {
+        1.0 - 1.0 / (1.0 + self.log_odds(column, row).exp())
+    }
+
+    /// What the cell is taken for.
+    #[must_use]
+    pub fn cell(&self, column: usize, row: usize) -> Cell {
+        let probability = self.probability(column, row);
+        if probability > Self::OCCUPIED {
+            Cell::Occupied
+        } else if probability < Self::FREE {
+            Cell::Free
+        } else {
+            Cell::Unknown
+        }
+    }
+
+    /// Column and row of every cell, row by row from the lower left.
+    pub fn cells(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| (column, row)))
+    }
+
+    /// Adds evidence to a cell that is inside the grid.
+    pub(crate) fn add(&mut self, column: usize, row: usize, log_odds: f32) {
+        if column < self.columns && row < self.rows {
+            let cell = &mut self.log_odds[row * self.columns + column];
+            *cell = (*cell + log_odds).clamp(-LIMIT, LIMIT);
+        }
+    }
+
+    /// Makes room for the rectangle (mm) and returns the columns and rows it covers. Clipped to
+    /// 2000 cells around the origin.
+    pub(crate) fn cover(
+        &mut self,
+        x: std::ops::Range<f64>,
+        y: std::ops::Range<f64>,
+    ) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        let low = (self.number(x.start), self.number(y.start));
+        let high = (self.number(x.end) + 1, self.number(y.end) + 1);
+        self.grow(low, high);
+        let part = |number: i32, first: i32| usize::try_from(number - first).unwrap_or(0);
+        (
+            part(low.0, self.first.0)..part(high.0, self.first.0),
+            part(low.1, self.first.1)..part(high.1, self.first.1),
+        )
+    }
+
+    #[allow(clippy::cast_possible_truncation)] // clamped
+    fn number(&self, mm: f64) -> i32 {
+        (mm / self.cell_mm)
+            .floor()
+            .clamp(f64::from(-FARTHEST), f64::from(FARTHEST)) as i32
+    }
+
+    fn grow(&mut self, low: (i32, i32), high: (i32, i32)) {
+        let size = |cells: usize| i32::try_from(cells).unwrap_or(i32::MAX);
+        let last = (
+            self.first.0 + size(self.columns),
+            self.first.1 + size(self.rows),
+        );
+        let empty = self.log_odds.is_empty();
+        if !empty
+            && low.0 >= self.first.0
+            && low.1 >= self.first.1
+            && high.0 <= last.0
+            && high.1 <= last.1
+        {
+            return;
+        }
+        let down = |number: i32| number.div_euclid(GROWTH) * GROWTH;
+        let up = |number: i32| (number + GROWTH - 1).div_euclid(GROWTH) * GROWTH;
+        let mut first = (down(low.0), down(low.1));
+        let mut end = (up(high.0), up(high.1));
+        if !empty {
+            first = (first.0.min(self.first.0), first.1.min(self.first.1));
+            end = (end.0.max(last.0), end.1.max(last.1));
+        }
+        let columns = usize::try_from(end.0 - first.0).unwrap_or(0);
+        let rows = usize::try_from(end.1 - first.1).unwrap_or(0);
+        let mut log_odds = vec![0.0; columns * rows];
+        let right = usize::try_from(self.first.0 - first.0).unwrap_or(0);
+        let above = usize::try_from(self.first.1 - first.1).unwrap_or(0);
+        for row in 0..self.rows {
+            let to = (row + above) * columns + right;
+            log_odds[to..to + self.columns]
+                .copy_from_slice(&self.log_odds[row * self.columns..(row + 1) * self.columns]);
+        }
+        *self = Self {
+            first,
+            columns,
+            rows,
+            log_odds,
+            ..*self
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(grid: &mut Grid, x: f64, y: f64) -> (usize, usize) {
+        let (columns, rows) = grid.cover(x..x, y..y);
+        (columns.start, rows.start)
+    }
+
+    #[test]
+    fn growing_keeps_what_was_written_where_it_was() {
+        let mut grid = Grid::new(25.0);
+        let (column, row) = at(&mut grid, 10.0, 10.0);
+        grid.add(column, row, 2.0);
+        at(&mut grid, -3000.0, -100.0);
+        at(&mut grid, 100.0, 5000.0);
+        let (column, row) = at(&mut grid, 10.0, 10.0);
+        assert!((grid.log_odds(column, row) - 2.0).abs() < 1e-6);
+        assert_eq!(
+            grid.cells()
+                .filter(|&(c, r)| grid.log_odds(c, r) != 0.0)
+                .count(),
+            1
+        );
+        let (x, y) = grid.middle_mm(column, row);
+        assert!((x - 12.5).abs() < 1e-9 && (y - 12.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lost_robot_does_not_eat_the_memory() {
+        let mut grid = Grid::new(25.0);
+        grid.cover(-1e9..f64::NAN, 0.0..f64::INFINITY);
+        assert!(grid.columns() * grid.rows() <= 4100 * 4100);
+    }
+
+    #[test]
+    fn log_odds_saturate_and_decide_the_cell() {
+        let mut grid = Grid::new(25.0);
+        let (column, row) = at(&mut grid, 0.0, 0.0);
+        assert_eq!(grid.cell(column, row), Cell::Unknown);
+        for _ in 0..100 {
+            grid.add(column, row, 1.0);
+        }
+        assert_eq!(grid.cell(column, row), Cell::Occupied);
+        assert!(grid.probability(column, row) < 0.999);
+        for _ in 0..8 {
+            grid.add(column, row, -1.0);
+        }
+        assert_eq!(grid.cell(column, row), Cell::Free);
+    }
+}

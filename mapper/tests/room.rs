@@ -1,0 +1,26 @@
+//! The mapper on the modelled robot's default tour.
+#![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)] // a drive's few numbers
+
+mod drive;
+
+use mapper::map_iou;
+use plant::Room;
+
+#[test]
+fn the_default_rooms_map_agrees_with_its_walls() {
+    let drive = drive::tour(&Room::two_rooms(), 1);
+    assert_eq!(
+        drive.world.collisions(),
+        0,
+        "{:?}",
+        drive.world.first_collision()
+    );
+    assert!(drive.world.path_mm() > 25_000.0);
+    let agreement = map_iou(drive.mapper.grid(), &drive.walls, 100.0);
+    assert!(agreement.iou > 0.9, "{agreement:?}");
+    let counters = drive.mapper.counters();
+    assert!(counters.echoes > 1000 && counters.alone > 0, "{counters:?}");
+    let last = |path: &[mapper::Pose]| path.last().copied().unwrap();
+    let (believed, truth) = (last(&drive.believed), last(&drive.truth));
+    assert!((believed.x_mm - truth.x_mm).hypot(believed.y_mm - truth.y_mm) < 5.0);
+}
