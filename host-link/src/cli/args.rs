@@ -1,0 +1,271 @@
+//! The command line.
+#![allow(clippy::doc_markdown)] // the comments are the help text
+
+use clap::{Args, Parser, Subcommand};
+use host_link::drive::Terms;
+use host_link::error::{Error, Exit};
+use host_link::pose::Place;
+use host_link::{reset, session, tour};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Configures, drives and maps with the robot, real or virtual.
+#[derive(Parser)]
+#[command(name = "host-link", version, max_term_width = 100, after_help = exit_codes())]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+    /// Print machine-readable JSON on standard output: one object, for `monitor` one a report
+    #[arg(long, global = true)]
+    pub json: bool,
+    #[command(flatten)]
+    pub robot: Robot,
+}
+
+fn exit_codes() -> String {
+    let mut text = String::from("Exit codes:\n");
+    for (exit, meaning) in Exit::ALL {
+        let _ = writeln!(text, "  {:>3}  {meaning}", exit.code());
+    }
+    text
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Read, write and compare the configuration in the EEPROM
+    Eeprom {
+        #[command(subcommand)]
+        command: Eeprom,
+    },
+    /// Repair what a killed run left (EEPROM protected, its bus with the STM), reset the STM, await STM_READY
+    Reset,
+    /// Show pose, cells, ranges and the link's counters, live
+    Monitor(Monitor),
+    /// Drive to a pose and stop there
+    Goto(Goto),
+    /// Drive from way-point to way-point
+    Tour(Tour),
+    /// Draw a map (PNG, and PGM + YAML for ROS) while driving, or from a recording
+    Map(Map),
+}
+
+#[derive(Subcommand)]
+pub enum Eeprom {
+    /// Write the commented configuration file of the first board, to start from
+    Init {
+        /// Where to; standard output without it
+        file: Option<PathBuf>,
+        /// Overwrite the file if it exists
+        #[arg(long)]
+        force: bool,
+    },
+    /// Write a configuration file to the EEPROM, verify it, reset the STM and await STM_READY
+    Write {
+        /// Configuration file (TOML)
+        file: PathBuf,
+        /// Only show what would change
+        #[arg(long)]
+        dry_run: bool,
+    },
+    /// Check the EEPROM, or a file
+    Check {
+        /// Configuration file (.toml) or image; the robot's EEPROM without it
+        file: Option<PathBuf>,
+    },
+    /// Print the EEPROM as a configuration file
+    Dump {
+        /// Image file to print instead of the robot's EEPROM
+        #[arg(long, value_name = "FILE")]
+        image: Option<PathBuf>,
+        /// Print bytes, also of an EEPROM that is rejected
+        #[arg(long)]
+        hex: bool,
+    },
+    /// Show what writing a file would change; exit code 1 if anything
+    Diff {
+        /// Configuration file (.toml) or image
+        file: PathBuf,
+        /// Image file to compare with instead of the robot's EEPROM
+        #[arg(long, value_name = "FILE")]
+        image: Option<PathBuf>,
+    },
+    /// Save the EEPROM's pages 0x00 to 0x03 as an image file
+    Backup {
+        /// Image file to write
+        file: PathBuf,
+        /// Overwrite the file if it exists
+        #[arg(long)]
+        force: bool,
+    },
+    /// Write an image file back, whatever it holds
+    Restore {
+        /// Image file of 768 (original) to 65536 bytes, of which pages 0x00 to 0x03 are written
+        file: PathBuf,
+        /// Only show what would change
+        #[arg(long)]
+        dry_run: bool,
+    },
+}
+
+#[derive(Args)]
+pub struct Monitor {
+    /// End after this many valid reports
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+}
+
+#[derive(Args)]
+pub struct Goto {
+    /// Millimetres ahead of where the robot was switched on
+    #[arg(allow_hyphen_values = true)]
+    pub x: String,
+    /// Millimetres to the left of where the robot was switched on
+    #[arg(allow_hyphen_values = true)]
+    pub y: String,
+    /// Degrees, counter-clockwise
+    #[arg(allow_hyphen_values = true, value_name = "ROT")]
+    pub rotation: String,
+    #[command(flatten)]
+    pub terms: TermsArgs,
+}
+
+impl Goto {
+    /// # Errors
+    /// [`Error::Usage`] names the argument and its range.
+    pub fn target(&self) -> Result<Place, Error> {
+        tour::place(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
+    }
+}
+
+#[derive(Args)]
+pub struct Tour {
+    /// Way-points: one `x y rotation` a line, mm and degrees, # begins a comment
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub terms: TermsArgs,
+}
+
+#[derive(Args)]
+pub struct Map {
+    /// Way-points to drive while mapping
+    #[arg(required_unless_present = "from", conflicts_with = "from")]
+    pub tour: Option<PathBuf>,
+    /// Draw from a recording instead of driving
+    #[arg(long, value_name = "FILE")]
+    pub from: Option<PathBuf>,
+    /// Record every report (CSV) while driving
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    pub record: Option<PathBuf>,
+    /// Files to write, without their endings .png, .pgm, .yaml
+    #[arg(long, value_name = "STEM", default_value = "map")]
+    pub out: PathBuf,
+    /// Size of a map cell, mm
+    #[arg(long, value_name = "MM", default_value_t = 25, value_parser = clap::value_parser!(u16).range(5..=500))]
+    pub cell: u16,
+    #[command(flatten)]
+    pub terms: TermsArgs,
+}
+
+/// When a drive counts as done.
+#[derive(Args)]
+pub struct TermsArgs {
+    /// How near a target counts as there, mm
+    #[arg(long, value_name = "MM", default_value = "5", value_parser = positive)]
+    pub tolerance_mm: f64,
+    /// How near a target's rotation counts as there, degrees
+    #[arg(long, value_name = "DEG", default_value = "1", value_parser = positive)]
+    pub tolerance_deg: f64,
+    /// Time for each target, seconds; by its distance without it
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub timeout: Option<f64>,
+}
+
+impl TermsArgs {
+    pub fn terms(&self) -> Terms {
+        Terms {
+            tolerance_mm: self.tolerance_mm,
+            tolerance_deg: self.tolerance_deg,
+            timeout_s: self.timeout,
+        }
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value <= 1e6 => Ok(value),
+        _ => Err("accepted is a number above 0 up to 1000000".into()),
+    }
+}
+
+/// Which robot, and how to reach it.
+#[derive(Args)]
+#[command(next_help_heading = "Robot")]
+pub struct Robot {
+    /// Frames per second
+    #[arg(long, global = true, value_name = "HZ", default_value_t = session::RATE_HZ, value_parser = clap::value_parser!(u32).range(1..=2000))]
+    pub rate: u32,
+    /// How long to await STM_READY, ms
+    #[arg(long, global = true, value_name = "MS", default_value_t = reset::READY_TIMEOUT_MS, value_parser = clap::value_parser!(u32).range(1..=600_000))]
+    pub ready_timeout: u32,
+    /// SPI device
+    #[arg(
+        long,
+        global = true,
+        value_name = "PATH",
+        default_value = "/dev/spidev0.0"
+    )]
+    pub spi: PathBuf,
+    /// SPI clock, Hz
+    #[arg(long, global = true, value_name = "HZ", default_value_t = 8_000_000, value_parser = clap::value_parser!(u32).range(1_000..=25_000_000))]
+    pub spi_hz: u32,
+    /// I2C device
+    #[arg(long, global = true, value_name = "PATH", default_value = "/dev/i2c-1")]
+    pub i2c: PathBuf,
+    /// GPIO chip
+    #[arg(
+        long,
+        global = true,
+        value_name = "PATH",
+        default_value = "/dev/gpiochip0"
+    )]
+    pub gpiochip: PathBuf,
+    /// Folder of the lock and of the journal of an unfinished EEPROM write
+    #[arg(long, global = true, value_name = "DIR", default_value = "/var/tmp")]
+    pub state_dir: PathBuf,
+    #[command(flatten)]
+    pub board: VirtualBoard,
+}
+
+/// The virtual board.
+#[derive(Args)]
+#[command(next_help_heading = "Virtual robot")]
+pub struct VirtualBoard {
+    /// Use the virtual board instead of this computer's buses
+    #[arg(long = "virtual", global = true)]
+    pub chosen: bool,
+    /// Firmware to run
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        default_value = "target/thumbv7em-none-eabihf/firmware/fw-pac"
+    )]
+    pub elf: PathBuf,
+    /// Room to stand in; the default room without it
+    #[arg(long, global = true, value_name = "FILE")]
+    pub room: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        default_value = "target/virtual/eeprom.bin"
+    )]
+    pub eeprom_image: PathBuf,
+    /// Write the STM's log to this file
+    #[arg(long, global = true, value_name = "FILE")]
+    pub uart_log: Option<PathBuf>,
+}

@@ -1,0 +1,81 @@
+//! The command-line program: arguments in, one report and one exit code out.
+
+mod args;
+mod drive;
+mod eeprom;
+mod map;
+mod monitor;
+mod place;
+mod report;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use host_link::error::{Error, Exit};
+use report::Output;
+use std::process::ExitCode;
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(problem) => {
+            // Help and version are no errors; clap knows where each belongs.
+            let _ = problem.print();
+            let exit = if problem.use_stderr() {
+                Exit::Usage
+            } else {
+                Exit::Ok
+            };
+            return ExitCode::from(exit.code());
+        }
+    };
+    let output = Output::new(arguments.json);
+    match run(&arguments, output) {
+        Ok(exit) => ExitCode::from(exit.code()),
+        Err(error) => {
+            output.error(&error);
+            ExitCode::from(error.exit().code())
+        }
+    }
+}
+
+fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
+    let robot = &arguments.robot;
+    match &arguments.command {
+        Command::Eeprom { command } => eeprom::run(command, robot, output),
+        Command::Reset => place::with_machine(robot, place::Reset { robot, output }),
+        Command::Monitor(monitor) => place::with_machine(
+            robot,
+            monitor::Watch {
+                monitor,
+                robot,
+                output,
+            },
+        ),
+        Command::Goto(goto) => {
+            let way = vec![goto.target()?];
+            place::with_machine(
+                robot,
+                drive::Drive {
+                    way,
+                    terms: &goto.terms,
+                    robot,
+                    output,
+                },
+            )
+        }
+        Command::Tour(tour) => {
+            let way = host_link::tour::load(&tour.file)?;
+            place::with_machine(
+                robot,
+                drive::Drive {
+                    way,
+                    terms: &tour.terms,
+                    robot,
+                    output,
+                },
+            )
+        }
+        Command::Map(map) => map::run(map, robot, output),
+    }
+}

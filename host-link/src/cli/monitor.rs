@@ -1,0 +1,103 @@
+//! `monitor`: everything the robot reports, live.
+
+use super::args::{Monitor, Robot};
+use super::place::Job;
+use super::report::Output;
+use host_link::eeprom::journal::Journal;
+use host_link::error::{Error, Exit};
+use host_link::machine::{Machine, Wires};
+use host_link::session::{Session, Wish};
+use host_link::snapshot::Snapshot;
+use std::fmt::Write;
+
+/// On a terminal the line changes this often, microseconds.
+const REFRESH_US: u64 = 100_000;
+
+/// The command.
+pub struct Watch<'a> {
+    pub monitor: &'a Monitor,
+    pub robot: &'a Robot,
+    pub output: Output,
+}
+
+impl Job for Watch<'_> {
+    type Result = Exit;
+
+    fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Exit, Error> {
+        let mut session = Session::open(machine, self.robot.rate, self.robot.ready_timeout)?;
+        let output = self.output;
+        let mut left = self.monitor.count.unwrap_or(u64::MAX);
+        let mut shown_us = 0;
+        while left > 0 {
+            if session.exchange(&Wish::default())?.is_none() {
+                continue;
+            }
+            left -= 1;
+            let snapshot = session.snapshot();
+            if output.is_live() {
+                if snapshot.time_us.saturating_sub(shown_us) >= REFRESH_US {
+                    shown_us = snapshot.time_us;
+                    output.live(&line(snapshot));
+                }
+            } else if output.is_json() || left == 0 || snapshot.time_us - shown_us >= REFRESH_US {
+                shown_us = snapshot.time_us;
+                output.result(snapshot, || line(snapshot));
+            }
+        }
+        if output.is_live() {
+            output.live("");
+            output.result(session.snapshot(), || line(session.snapshot()));
+        }
+        Ok(Exit::Ok)
+    }
+}
+
+/// One line of everything.
+pub fn line(snapshot: &Snapshot) -> String {
+    let mut line = String::new();
+    if let Some(pose) = snapshot.pose {
+        let _ = write!(
+            line,
+            "x {:8.1} mm  y {:8.1} mm  {:6.2}°  ",
+            pose.x_mm, pose.y_mm, pose.rotation_deg
+        );
+    }
+    if let Some(measurement) = snapshot.measurement {
+        let _ = write!(line, "measured {measurement:.3}  ");
+    }
+    line.push_str("cells");
+    for cell in &snapshot.cells_v {
+        let _ = match cell {
+            Some(volts) => write!(line, " {volts:.2}"),
+            None => write!(line, " –"),
+        };
+    }
+    line.push_str(" V  ");
+    if snapshot.pose.is_some() {
+        for (name, range) in ["front", "right", "left"].iter().zip(snapshot.ranges_mm) {
+            let _ = match range {
+                Some(mm) => write!(line, "{name} {mm:4.0} "),
+                None => write!(line, "{name}    – "),
+            };
+        }
+        line.push_str("mm  ");
+    }
+    if let Some(state) = snapshot.state {
+        let _ = write!(line, "{state} ");
+        if !snapshot.faults.is_empty() {
+            let _ = write!(line, "({}) ", snapshot.faults.join(", "));
+        }
+        line.push(' ');
+    }
+    let counters = &snapshot.link;
+    let _ = write!(
+        line,
+        "{} frames, {} rejected",
+        counters.frames, counters.rejected
+    );
+    for (cause, count) in &counters.causes {
+        let _ = write!(line, " {cause} {count}");
+    }
+    let _ = write!(line, ", worst gap {} ms", counters.worst_gap_us / 1000);
+    line
+}

@@ -1,0 +1,212 @@
+//! Driving to a pose, and from pose to pose. Whatever ends a drive early stops the robot.
+
+use crate::error::Error;
+use crate::machine::Wires;
+use crate::pose::Place;
+use crate::session::{has_position, Session, Wish};
+use crate::snapshot::Snapshot;
+use fw_core::wire::Report;
+use std::collections::VecDeque;
+
+/// When a drive counts as done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms {
+    /// How near the target, millimetres.
+    pub tolerance_mm: f64,
+    /// How near its rotation, degrees.
+    pub tolerance_deg: f64,
+    /// Seconds the drive may take; none: [`Terms::allowance_s`] by its length.
+    pub timeout_s: Option<f64>,
+}
+
+impl Default for Terms {
+    fn default() -> Self {
+        Self {
+            tolerance_mm: 5.0,
+            tolerance_deg: 1.0,
+            timeout_s: None,
+        }
+    }
+}
+
+/// Slowest average a drive is given time for, millimetres a second.
+const SLOWEST_MM_S: f64 = 40.0;
+
+/// Time for turning and settling on top, seconds.
+const SETTLING_S: f64 = 15.0;
+
+/// The robot is at rest when nothing moved for this long, microseconds …
+const REST_US: u64 = 250_000;
+/// … by more than this, millimetres …
+const REST_MM: f64 = 0.3;
+/// … and this, degrees.
+const REST_DEG: f64 = 0.1;
+
+impl Terms {
+    /// Seconds a drive over `mm` may take when no time-out is given.
+    #[must_use]
+    pub fn allowance_s(&self, mm: f64) -> f64 {
+        self.timeout_s.unwrap_or(SETTLING_S + mm / SLOWEST_MM_S)
+    }
+}
+
+/// A drive that ended at its target.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Arrival {
+    /// Where the robot believes it stands.
+    pub pose: Place,
+    /// Distance to the target, millimetres.
+    pub off_mm: f64,
+    /// Rotation to the target, degrees, signed.
+    pub off_deg: f64,
+    /// Seconds it took.
+    pub seconds: f64,
+}
+
+/// Drives to `target` and returns when the robot stands there within the terms and at rest.
+/// `watch` is shown every valid report.
+///
+/// # Errors
+/// Those of [`Session::exchange`]; [`Error::WrongMode`], [`Error::Fault`], [`Error::NotReached`].
+/// On each of them, and on a panic of `watch`, the robot is stopped first.
+pub fn go_to<W: Wires>(
+    session: &mut Session<'_, W>,
+    target: Place,
+    terms: &Terms,
+    mut watch: impl FnMut(&Report, &Snapshot),
+) -> Result<Arrival, Error> {
+    let mode = session.config().mode;
+    if !has_position(mode) {
+        return Err(Error::WrongMode {
+            mode: mode.name(),
+            wanted: "position to drive to",
+        });
+    }
+    session.resume()?;
+    let begun_us = session.now_us();
+    let from = session.snapshot().pose.unwrap_or_default();
+    let seconds = terms.allowance_s(from.distance_mm(target));
+    let wish = Wish {
+        go: Some(target),
+        ..Wish::default()
+    };
+    let mut rest = Rest::default();
+    let mut moving = Moving {
+        session,
+        arrived: false,
+    };
+    loop {
+        if let Some(report) = moving.session.exchange(&wish)? {
+            let snapshot = moving.session.snapshot();
+            watch(&report, snapshot);
+            moving.session.refuse(report.state, report.faults)?;
+            let pose = Place::from_code(report.pose);
+            let still = rest.settled(snapshot.time_us, pose);
+            let (off_mm, off_deg) = (pose.distance_mm(target), pose.turn_to_deg(target));
+            if still && off_mm <= terms.tolerance_mm && off_deg.abs() <= terms.tolerance_deg {
+                moving.arrived = true;
+                let seconds = seconds_since(begun_us, snapshot.time_us);
+                return Ok(Arrival {
+                    pose,
+                    off_mm,
+                    off_deg,
+                    seconds,
+                });
+            }
+        }
+        let now_us = moving.session.now_us();
+        if seconds_since(begun_us, now_us) > seconds {
+            let pose = moving.session.snapshot().pose.unwrap_or_default();
+            return Err(Error::NotReached {
+                seconds,
+                off_mm: pose.distance_mm(target),
+                off_deg: pose.turn_to_deg(target),
+            });
+        }
+    }
+}
+
+/// Drives the way-points in turn, coming to rest at each. `reached` is told the index and the
+/// arrival of each.
+///
+/// # Errors
+/// Those of [`go_to`].
+pub fn tour<W: Wires>(
+    session: &mut Session<'_, W>,
+    way: &[Place],
+    terms: &Terms,
+    mut watch: impl FnMut(&Report, &Snapshot),
+    mut reached: impl FnMut(usize, &Arrival),
+) -> Result<(), Error> {
+    for (index, &target) in way.iter().enumerate() {
+        let arrival = go_to(session, target, terms, &mut watch)?;
+        reached(index, &arrival);
+    }
+    Ok(())
+}
+
+#[allow(clippy::cast_precision_loss)] // exact below 285 years
+fn seconds_since(begun_us: u64, now_us: u64) -> f64 {
+    now_us.saturating_sub(begun_us) as f64 / 1e6
+}
+
+/// A robot on its way: dropped before it arrived, it is stopped.
+struct Moving<'s, 'm, W: Wires> {
+    session: &'s mut Session<'m, W>,
+    arrived: bool,
+}
+
+impl<W: Wires> Drop for Moving<'_, '_, W> {
+    fn drop(&mut self) {
+        if !self.arrived {
+            self.session.halt();
+        }
+    }
+}
+
+/// The poses of the last quarter of a second.
+#[derive(Default)]
+struct Rest(VecDeque<(u64, Place)>);
+
+impl Rest {
+    /// Notes a pose; whether nothing moved since [`REST_US`] ago.
+    fn settled(&mut self, now_us: u64, pose: Place) -> bool {
+        let moved = |&(_, old): &(u64, Place)| {
+            old.distance_mm(pose) > REST_MM || old.turn_to_deg(pose).abs() > REST_DEG
+        };
+        if self.0.iter().any(moved) {
+            self.0.clear();
+        }
+        self.0.push_back((now_us, pose));
+        self.0
+            .front()
+            .is_some_and(|&(since, _)| now_us.saturating_sub(since) >= REST_US)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_creeping_robot_is_not_at_rest() {
+        let mut rest = Rest::default();
+        let mut at_rest = false;
+        for frame in 0..400_u32 {
+            // 4 mm/s: below the limit from frame to frame, far above it over a quarter second.
+            let pose = Place {
+                x_mm: f64::from(frame) * 0.1,
+                ..Place::default()
+            };
+            at_rest |= rest.settled(u64::from(frame) * 25_000, pose);
+        }
+        assert!(!at_rest);
+    }
+
+    #[test]
+    fn a_standing_robot_is_at_rest_after_a_quarter_second() {
+        let mut rest = Rest::default();
+        let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Place::default()));
+        assert_eq!(settled, Some(10));
+    }
+}

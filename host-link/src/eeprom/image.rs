@@ -1,0 +1,84 @@
+//! EEPROM images in files, and the difference between two.
+
+use crate::error::Error;
+use fw_core::eeprom::{Image, IMAGE_LEN};
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+use std::ops::Range;
+use std::path::Path;
+
+/// Pages 0x00 to 0x02: what an original image has at least.
+pub const ORIGINAL_LEN: usize = 0x300;
+
+/// The largest EEPROM of the original map, bytes.
+pub const LARGEST_LEN: usize = 0x1_0000;
+
+/// Reads an image: 0x300 bytes (original, page 0x03 then counts as unwritten) to 64 KiB, of which
+/// pages 0x00 to 0x03 are taken.
+///
+/// # Errors
+/// [`Error::Unreadable`], [`Error::Content`].
+pub fn load(path: &Path) -> Result<Image, Error> {
+    let bytes = fs::read(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    if !(ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len()) {
+        let what = format!(
+            "{} bytes are no EEPROM image: accepted are {ORIGINAL_LEN} (pages 0x00 to 0x02) to {LARGEST_LEN} bytes",
+            bytes.len()
+        );
+        return Err(Error::content(path, None, what));
+    }
+    let mut image = [0xFF; IMAGE_LEN];
+    for (cell, byte) in image.iter_mut().zip(bytes) {
+        *cell = byte;
+    }
+    Ok(image)
+}
+
+/// Writes an image, whole or not at all: into a file beside it, which then takes its name.
+///
+/// # Errors
+/// [`Error::Unwritable`].
+pub fn save(path: &Path, image: &[u8]) -> Result<(), Error> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let unwritable = |cause| Error::unwritable(path, &cause);
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(unwritable)?;
+    }
+    let mut file = fs::File::create(&beside).map_err(unwritable)?;
+    file.write_all(image)
+        .and_then(|()| file.sync_all())
+        .map_err(unwritable)?;
+    fs::rename(&beside, path).map_err(unwritable)
+}
+
+/// Hexadecimal with addresses, sixteen bytes a line; lines of unwritten cells only are left out.
+#[must_use]
+pub fn hex(image: &Image) -> String {
+    let mut text = String::new();
+    for (address, row) in (0usize..).step_by(16).zip(image.chunks(16)) {
+        if row.iter().all(|&byte| byte == 0xFF) {
+            continue;
+        }
+        let bytes: Vec<String> = row.iter().map(|byte| format!("{byte:02X}")).collect();
+        let _ = writeln!(text, "{address:04X}  {}", bytes.join(" "));
+    }
+    if text.is_empty() {
+        text.push_str("blank: every cell reads 0xFF\n");
+    }
+    text
+}
+
+/// The stretches in which two images differ.
+#[must_use]
+pub fn differences(before: &Image, after: &Image) -> Vec<Range<usize>> {
+    let mut stretches: Vec<Range<usize>> = Vec::new();
+    for at in (0..IMAGE_LEN).filter(|&at| before.get(at) != after.get(at)) {
+        match stretches.last_mut() {
+            Some(last) if last.end == at => last.end = at + 1,
+            _ => stretches.push(at..at + 1),
+        }
+    }
+    stretches
+}

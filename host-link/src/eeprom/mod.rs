@@ -1,0 +1,96 @@
+//! The configuration EEPROM: taking its bus from the STM, reading, writing, and giving it all back.
+//!
+//! | file | idea |
+//! |---|---|
+//! | [`bus`] | the bus is taken, and given back on every path: the guard |
+//! | [`part`] | the chip: bursts, write cycles, read-back |
+//! | [`journal`] | what stood there before, kept on disk while a write runs |
+//! | [`image`] | images in files, and the difference between two |
+
+pub mod bus;
+pub mod image;
+pub mod journal;
+pub mod part;
+
+use crate::error::Error;
+use crate::machine::{Machine, Wires};
+use bus::Purpose;
+use fw_core::eeprom::{Image, IMAGE_LEN};
+use journal::Journal;
+
+/// Reads pages 0x00 to 0x03.
+///
+/// # Errors
+/// [`Error::Eeprom`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotRestored`].
+pub fn read<W: Wires>(machine: &mut Machine<W>) -> Result<Image, Error> {
+    bus::with(machine, Purpose::Read, |bus| {
+        let mut image = [0; IMAGE_LEN];
+        bus.read(0, &mut image)?;
+        Ok(image)
+    })
+    .map(|(image, _)| image)
+}
+
+/// What [`program`] did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Programmed {
+    /// What the EEPROM held before.
+    pub before: Image,
+    /// Bytes that differed and were written.
+    pub bytes: usize,
+    /// Bursts it took.
+    pub bursts: usize,
+    /// Milliseconds from the reset's end to `STM_READY`.
+    pub ready_ms: u32,
+}
+
+/// Writes what differs of pages 0x00 to 0x03, reads all of it back, restores protection and bus,
+/// resets the STM and awaits `STM_READY`.
+///
+/// `progress` is told the bytes done and the bytes to do after each burst.
+///
+/// # Errors
+/// [`Error::Eeprom`], [`Error::Verify`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotReady`],
+/// [`Error::NotRestored`], [`Error::Unwritable`] for the journal. Protection, bus and reset are
+/// restored before any of them is returned.
+pub fn program<W: Wires>(
+    machine: &mut Machine<W>,
+    image: &Image,
+    ready_timeout_ms: u32,
+    journal: Option<&Journal>,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Programmed, Error> {
+    let purpose = Purpose::Write { ready_timeout_ms };
+    let ((before, bytes, bursts), ready_ms) = bus::with(machine, purpose, |bus| {
+        let mut before = [0; IMAGE_LEN];
+        bus.read(0, &mut before)?;
+        let bursts = part::bursts(&before, image);
+        let bytes = bursts.iter().map(ExactSizeIterator::len).sum();
+        if !bursts.is_empty() {
+            if let Some(journal) = journal {
+                journal.begin(&before)?;
+            }
+            bus.unprotect()?;
+            let mut done = 0;
+            for burst in &bursts {
+                bus.write_burst(burst.start, image.get(burst.clone()).unwrap_or(&[]))?;
+                done += burst.len();
+                progress(done, bytes);
+            }
+            bus.protect()?;
+        }
+        let mut after = [0; IMAGE_LEN];
+        bus.read(0, &mut after)?;
+        part::verify(image, &after)?;
+        if let Some(journal) = journal {
+            journal.end()?;
+        }
+        Ok((before, bytes, bursts.len()))
+    })?;
+    Ok(Programmed {
+        before,
+        bytes,
+        bursts,
+        ready_ms: ready_ms.unwrap_or_default(),
+    })
+}

@@ -1,0 +1,170 @@
+//! The chip: AT24C512 or AT24CS64, two address bytes, write bursts of at most 32 bytes inside a
+//! 32-byte boundary, a write cycle of up to 5 ms that is over when the part acknowledges again
+//! (AT24C512C and AT24CS64 data sheets, "acknowledge polling").
+
+use crate::error::Error;
+use crate::machine::{Machine, Wires};
+use embedded_hal::delay::DelayNs;
+use embedded_hal::i2c::I2c;
+use fw_core::eeprom::{Image, IMAGE_LEN};
+use std::ops::Range;
+
+/// 7-bit I2C address.
+pub const ADDRESS: u8 = 0x50;
+
+/// The longest burst, bytes, and the boundary it must not cross.
+pub const BURST: usize = 32;
+
+/// How long a write cycle may take before the part counts as broken, microseconds (data sheets: 5 ms).
+pub const CYCLE_TIMEOUT_US: u32 = 20_000;
+
+/// Between two polls, microseconds.
+const POLL_US: u32 = 250;
+
+/// Bytes per read transaction.
+const READ: usize = 256;
+
+/// How often a transaction is tried.
+const ATTEMPTS: usize = 3;
+
+/// The bursts that turn `before` into `after`: each covers the first to the last differing byte of
+/// one 32-byte row, so none crosses a boundary.
+#[must_use]
+pub fn bursts(before: &Image, after: &Image) -> Vec<Range<usize>> {
+    (0..IMAGE_LEN)
+        .step_by(BURST)
+        .filter_map(|row| {
+            let mut differing = (row..row + BURST).filter(|&at| before.get(at) != after.get(at));
+            let first = differing.next()?;
+            let last = differing.next_back().unwrap_or(first);
+            Some(first..last + 1)
+        })
+        .collect()
+}
+
+/// # Errors
+/// [`Error::Verify`] with the first byte that is not what was written.
+pub fn verify(written: &Image, read: &Image) -> Result<(), Error> {
+    for ((address, &written), &read) in (0u16..).zip(written).zip(read) {
+        if written != read {
+            return Err(Error::Verify {
+                address,
+                written,
+                read,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Reads `out.len()` bytes from `address` on.
+pub(super) fn read<W: Wires>(
+    machine: &mut Machine<W>,
+    address: u16,
+    out: &mut [u8],
+) -> Result<(), Error> {
+    for (from, chunk) in (address..).step_by(READ).zip(out.chunks_mut(READ)) {
+        machine.interrupt.check()?;
+        retry(machine, "reading", from, |i2c| {
+            i2c.write_read(ADDRESS, &from.to_be_bytes(), chunk)
+        })?;
+    }
+    Ok(())
+}
+
+/// Writes one burst, waits for the end of its write cycle and reads it back.
+pub(super) fn write_burst<W: Wires>(
+    machine: &mut Machine<W>,
+    address: u16,
+    data: &[u8],
+) -> Result<(), Error> {
+    debug_assert!(data.len() <= BURST && usize::from(address) % BURST + data.len() <= BURST);
+    machine.interrupt.check()?;
+    let mut message = Vec::with_capacity(2 + BURST);
+    message.extend_from_slice(&address.to_be_bytes());
+    message.extend_from_slice(data);
+    // Writing the same bytes twice does no harm, so a disturbed transaction may be repeated.
+    retry(machine, "writing", address, |i2c| {
+        i2c.write(ADDRESS, &message)
+    })?;
+    await_cycle(machine, address)?;
+    let mut back = [0; BURST];
+    let back = back.get_mut(..data.len()).unwrap_or_default();
+    read(machine, address, back)?;
+    for ((address, &written), &read) in (address..).zip(data).zip(back.iter()) {
+        if written != read {
+            return Err(Error::Verify {
+                address,
+                written,
+                read,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Polls until the part acknowledges its address again. Setting the address pointer starts no write.
+fn await_cycle<W: Wires>(machine: &mut Machine<W>, address: u16) -> Result<(), Error> {
+    let mut waited = 0;
+    loop {
+        match machine.i2c.write(ADDRESS, &address.to_be_bytes()) {
+            Ok(()) => return Ok(()),
+            Err(cause) if waited >= CYCLE_TIMEOUT_US => {
+                return Err(Error::Eeprom {
+                    doing: "waiting for a write cycle's end",
+                    address,
+                    cause: format!("{cause:?}"),
+                })
+            }
+            Err(_) => machine.delay.delay_us(POLL_US),
+        }
+        waited += POLL_US;
+    }
+}
+
+/// Tries a transaction up to three times, a write cycle's time apart: the part may be busy with a
+/// cycle that somebody else began.
+fn retry<W: Wires>(
+    machine: &mut Machine<W>,
+    doing: &'static str,
+    address: u16,
+    mut act: impl FnMut(&mut W::I2c) -> Result<(), <W::I2c as embedded_hal::i2c::ErrorType>::Error>,
+) -> Result<(), Error> {
+    let mut last = String::new();
+    for _ in 0..ATTEMPTS {
+        match act(&mut machine.i2c) {
+            Ok(()) => return Ok(()),
+            Err(cause) => last = format!("{cause:?}"),
+        }
+        machine.delay.delay_ms(5);
+    }
+    Err(Error::Eeprom {
+        doing,
+        address,
+        cause: last,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bursts_cover_every_difference_and_never_cross_a_boundary() {
+        let before = [0xFF; IMAGE_LEN];
+        let mut after = before;
+        for at in [0, 31, 32, 95, 96, 97, 0x3FF] {
+            after[at] = 1;
+        }
+        let bursts = bursts(&before, &after);
+        assert_eq!(bursts, [0..32, 32..33, 95..96, 96..98, 0x3FF..0x400]);
+        assert!(bursts
+            .iter()
+            .all(|b| b.start / BURST == (b.end - 1) / BURST));
+    }
+
+    #[test]
+    fn equal_images_need_no_burst() {
+        assert!(bursts(&[7; IMAGE_LEN], &[7; IMAGE_LEN]).is_empty());
+    }
+}

@@ -1,0 +1,168 @@
+//! The Raspberry Pi's own buses: spidev, i2c-dev and the GPIO character device.
+//!
+//! GPIO numbers are BCM's, of the first board. The lines' places of rest need no program: when this
+//! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
+//! down.
+
+use crate::error::Error;
+use crate::machine::{Clock, Interrupt, Machine, Wires};
+use embedded_hal::digital::{ErrorType, OutputPin};
+use linux_embedded_hal::gpio_cdev::{Chip, Line, LineHandle, LineRequestFlags};
+use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
+use linux_embedded_hal::{CdevPin, CdevPinError, Delay, I2cdev, SpidevDevice};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// BCM number of RESET: the STM's NRST.
+pub const RESET: u32 = 0;
+/// BCM number of SELECT: the I2C switch.
+pub const SELECT: u32 = 4;
+/// BCM number of `WP_EEPROM`.
+pub const PROTECT: u32 = 17;
+/// BCM number of `STM_READY`.
+pub const READY: u32 = 22;
+
+/// Which device files to use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Devices {
+    /// `/dev/spidev0.0`.
+    pub spi: PathBuf,
+    /// SPI clock, hertz.
+    pub spi_hz: u32,
+    /// `/dev/i2c-1`.
+    pub i2c: PathBuf,
+    /// `/dev/gpiochip0`.
+    pub gpiochip: PathBuf,
+}
+
+/// The types of the Pi's handles.
+pub struct LinuxWires;
+
+impl Wires for LinuxWires {
+    type Spi = SpidevDevice;
+    type I2c = I2cdev;
+    type Reset = OpenDrain;
+    type Select = CdevPin;
+    type Protect = CdevPin;
+    type Ready = CdevPin;
+    type Delay = Delay;
+    type Clock = Monotonic;
+}
+
+/// Opens everything. SELECT and `WP_EEPROM` are at their place of rest from the first moment on.
+///
+/// # Errors
+/// [`Error::Device`] names the device and what to do.
+pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<Machine<LinuxWires>, Error> {
+    let mut chip = Chip::new(&devices.gpiochip)
+        .map_err(|cause| device(&devices.gpiochip, &cause, GPIO_ADVICE))?;
+    let mut pin = |net: &str, offset: u32, flags: LineRequestFlags, value: u8| {
+        line(&mut chip, offset)
+            .and_then(|line| line.request(flags, value, net))
+            .and_then(CdevPin::new)
+            .map_err(|cause| {
+                let name = format!("{} line {offset} ({net})", devices.gpiochip.display());
+                device(Path::new(&name), &cause, GPIO_ADVICE)
+            })
+    };
+    let protect = pin("WP_EEPROM", PROTECT, LineRequestFlags::OUTPUT, 1)?;
+    let select = pin("SELECT", SELECT, LineRequestFlags::OUTPUT, 0)?;
+    let ready = pin("STM_READY", READY, LineRequestFlags::INPUT, 0)?;
+    let reset = line(&mut chip, RESET)
+        .map_err(|cause| device(&devices.gpiochip, &cause, GPIO_ADVICE))
+        .map(OpenDrain::new)?;
+
+    let mut spi = SpidevDevice::open(&devices.spi)
+        .map_err(|cause| device(&devices.spi, &cause, SPI_ADVICE))?;
+    let options = SpidevOptions::new()
+        .bits_per_word(8)
+        .max_speed_hz(devices.spi_hz)
+        .mode(SpiModeFlags::SPI_MODE_0)
+        .build();
+    spi.0
+        .configure(&options)
+        .map_err(|cause| device(&devices.spi, &cause, SPI_ADVICE))?;
+    let i2c =
+        I2cdev::new(&devices.i2c).map_err(|cause| device(&devices.i2c, &cause, I2C_ADVICE))?;
+
+    Ok(Machine {
+        spi,
+        i2c,
+        reset,
+        select,
+        protect,
+        ready,
+        delay: Delay,
+        clock: Monotonic(Instant::now()),
+        interrupt,
+    })
+}
+
+const GPIO_ADVICE: &str =
+    "check that --gpiochip names the Pi's GPIOs, that no other program holds the line, and that \
+     you are in the group gpio";
+const SPI_ADVICE: &str =
+    "enable SPI (raspi-config, or dtparam=spi=on in config.txt) and join the group spi";
+const I2C_ADVICE: &str =
+    "enable I2C (raspi-config, or dtparam=i2c_arm=on in config.txt) and join the group i2c";
+
+fn device(name: &Path, cause: &dyn std::fmt::Display, advice: &str) -> Error {
+    Error::Device {
+        name: name.display().to_string(),
+        cause: cause.to_string(),
+        advice: advice.into(),
+    }
+}
+
+fn line(chip: &mut Chip, offset: u32) -> Result<Line, linux_embedded_hal::gpio_cdev::Error> {
+    chip.get_line(offset)
+}
+
+/// A line that is driven low or released to an input, never driven high.
+pub struct OpenDrain {
+    line: Line,
+    low: Option<LineHandle>,
+}
+
+impl OpenDrain {
+    /// Released.
+    fn new(line: Line) -> Self {
+        Self { line, low: None }
+    }
+}
+
+impl ErrorType for OpenDrain {
+    type Error = CdevPinError;
+}
+
+impl OutputPin for OpenDrain {
+    fn set_low(&mut self) -> Result<(), Self::Error> {
+        if self.low.is_none() {
+            self.low = Some(self.line.request(LineRequestFlags::OUTPUT, 0, "RESET")?);
+        }
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Self::Error> {
+        // The line must be free before it can be asked for as an input, and stays one after that.
+        self.low = None;
+        self.line.request(LineRequestFlags::INPUT, 0, "RESET")?;
+        Ok(())
+    }
+}
+
+impl Drop for OpenDrain {
+    fn drop(&mut self) {
+        // A held reset line must not outlive the program.
+        let _ = self.set_high();
+    }
+}
+
+/// The computer's monotonic clock.
+pub struct Monotonic(Instant);
+
+impl Clock for Monotonic {
+    fn micros(&mut self) -> u64 {
+        u64::try_from(self.0.elapsed().as_micros()).unwrap_or(u64::MAX)
+    }
+}

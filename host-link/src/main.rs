@@ -1,0 +1,9 @@
+//! `host-link`: configures, drives and maps with the robot, real or virtual.
+
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

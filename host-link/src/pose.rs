@@ -1,0 +1,103 @@
+//! Poses as the Pi computes with them: millimetres and degrees in f64, and the wire's codes.
+
+use fw_core::wire::PoseCode;
+use serde::Serialize;
+
+/// A pose on the Pi. The document gives the axes: x ahead, y to the left of where the robot stood
+/// when it was switched on, rotation counter-clockwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Place {
+    /// Millimetres.
+    pub x_mm: f64,
+    /// Millimetres.
+    pub y_mm: f64,
+    /// Degrees.
+    pub rotation_deg: f64,
+}
+
+/// Largest coordinate the wire carries, millimetres.
+pub const REACH_MM: f64 = 2_147_483.647;
+
+/// Codes per turn (document, 5.1.1: 15 bits).
+const TURN_CODES: f64 = 32_768.0;
+
+impl Place {
+    /// A pose from the wire.
+    #[must_use]
+    pub fn from_code(code: PoseCode) -> Self {
+        Self {
+            x_mm: f64::from(code.x) / 1000.0,
+            y_mm: f64::from(code.y) / 1000.0,
+            rotation_deg: f64::from(code.rotation) * (360.0 / TURN_CODES),
+        }
+    }
+
+    /// The nearest code: coordinates saturate at ±[`REACH_MM`], the rotation wraps, and what rounds
+    /// to a whole turn is 0.
+    #[must_use]
+    pub fn code(self) -> PoseCode {
+        #[allow(clippy::cast_possible_truncation)] // `as` saturates, which is what is wanted
+        let micrometres = |mm: f64| (mm * 1000.0).round() as i32;
+        let turn = self.rotation_deg.rem_euclid(360.0) / 360.0;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 ..= 0x8000
+        let rotation = (turn * TURN_CODES).round() as u16 & 0x7FFF;
+        PoseCode {
+            x: micrometres(self.x_mm),
+            y: micrometres(self.y_mm),
+            rotation,
+        }
+    }
+
+    /// Millimetres between the two, as the crow flies.
+    #[must_use]
+    pub fn distance_mm(self, other: Self) -> f64 {
+        (self.x_mm - other.x_mm).hypot(self.y_mm - other.y_mm)
+    }
+
+    /// Degrees from `self`'s rotation to `other`'s, the shortest way, −180 to below 180.
+    #[must_use]
+    pub fn turn_to_deg(self, other: Self) -> f64 {
+        (other.rotation_deg - self.rotation_deg + 180.0).rem_euclid(360.0) - 180.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Place {
+        Place {
+            x_mm,
+            y_mm,
+            rotation_deg,
+        }
+    }
+
+    #[test]
+    fn codes_are_nearest_saturate_and_wrap() {
+        assert_eq!(
+            at(1.0, -2.5, 90.0).code(),
+            PoseCode {
+                x: 1000,
+                y: -2500,
+                rotation: 0x2000
+            }
+        );
+        assert_eq!(
+            at(1e12, -1e12, -90.0).code(),
+            PoseCode {
+                x: i32::MAX,
+                y: i32::MIN,
+                rotation: 0x6000
+            }
+        );
+        assert_eq!(at(0.0, 0.0, 359.999).code().rotation, 0);
+        assert_eq!(at(0.0, 0.0, 720.0 + 359.99).code().rotation, 0x7FFF);
+    }
+
+    #[test]
+    fn turns_take_the_shortest_way() {
+        assert!((at(0.0, 0.0, 350.0).turn_to_deg(at(0.0, 0.0, 10.0)) - 20.0).abs() < 1e-9);
+        assert!((at(0.0, 0.0, 10.0).turn_to_deg(at(0.0, 0.0, 350.0)) + 20.0).abs() < 1e-9);
+    }
+}

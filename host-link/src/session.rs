@@ -1,0 +1,271 @@
+//! A conversation with the robot: paced frames, the walk over the battery's cells, the latest of
+//! everything, and noticing silence.
+
+use crate::error::Error;
+use crate::link::{Link, Statistics};
+use crate::machine::{Clock, Machine, Wires};
+use crate::pose::Place;
+use crate::snapshot::Snapshot;
+use crate::{eeprom, reset};
+use embedded_hal::delay::DelayNs;
+use fw_core::eeprom::Config;
+use fw_core::wire::position::Position;
+use fw_core::wire::status::Status;
+use fw_core::wire::strategy::Duties;
+use fw_core::wire::{chain, fault, CellCode, Command, Mode, Order, Report, State};
+
+/// Frames per second unless told otherwise (document, 5.2.2: 40 Hz).
+pub const RATE_HZ: u32 = 40;
+
+/// Without a valid frame for this long the link counts as failed, microseconds.
+pub const SILENCE_US: u64 = 1_000_000;
+
+/// What one frame is to say; [`Session`] adds the battery's walk and the sequence.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wish {
+    /// Where to drive, if anywhere.
+    pub go: Option<Place>,
+    /// Guarded modes.
+    pub order: Order,
+    /// Guarded modes: latched faults to clear.
+    pub clear_faults: u16,
+}
+
+/// A conversation over one [`Machine`].
+pub struct Session<'m, W: Wires> {
+    machine: &'m mut Machine<W>,
+    config: Config,
+    link: Link,
+    period_us: u64,
+    next_us: u64,
+    last_good_us: u64,
+    unanswered: u32,
+    last_wrong: Option<String>,
+    cell: u8,
+    snapshot: Snapshot,
+}
+
+/// Whether the mode carries an expected and an actual pose.
+#[must_use]
+pub fn has_position(mode: Mode) -> bool {
+    chain(mode)
+        .iter()
+        .any(|strategy| strategy.name == Position::NAME)
+}
+
+/// Whether the mode carries the robot's state, its faults, and orders.
+#[must_use]
+pub fn has_status(mode: Mode) -> bool {
+    chain(mode)
+        .iter()
+        .any(|strategy| strategy.name == Status::NAME)
+}
+
+impl<'m, W: Wires> Session<'m, W> {
+    /// Awaits `STM_READY`, reads the configuration the STM booted with from the EEPROM, and sets the
+    /// link up by it.
+    ///
+    /// # Errors
+    /// [`Error::NotReady`], those of [`eeprom::read`], [`Error::Rejected`], [`Error::Interrupted`].
+    pub fn open(
+        machine: &'m mut Machine<W>,
+        rate_hz: u32,
+        ready_timeout_ms: u32,
+    ) -> Result<Self, Error> {
+        reset::await_ready(machine, ready_timeout_ms)?;
+        let image = eeprom::read(machine)?;
+        let config = crate::settings::decode(&image)?;
+        Ok(Self::with_config(machine, config, rate_hz))
+    }
+
+    /// A session by a configuration that is known already. `rate_hz` 0 counts as 1.
+    #[must_use]
+    pub fn with_config(machine: &'m mut Machine<W>, config: Config, rate_hz: u32) -> Self {
+        let now = machine.clock.micros();
+        Self {
+            link: Link::new(&config),
+            period_us: u64::from(1_000_000 / rate_hz.max(1)),
+            next_us: now,
+            last_good_us: now,
+            unanswered: 0,
+            last_wrong: None,
+            cell: 0,
+            snapshot: Snapshot::new(&config),
+            machine,
+            config,
+        }
+    }
+
+    /// The configuration both ends work by.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The latest of everything the robot reported.
+    #[must_use]
+    pub fn snapshot(&self) -> &Snapshot {
+        &self.snapshot
+    }
+
+    /// The link's counters.
+    #[must_use]
+    pub fn statistics(&self) -> Statistics {
+        self.link.statistics()
+    }
+
+    /// Now, microseconds on the machine's clock.
+    pub fn now_us(&mut self) -> u64 {
+        self.machine.clock.micros()
+    }
+
+    /// Waits for the next slot of the frame rate and exchanges one frame. `None`: the reply was
+    /// rejected and is counted; the latest good values stay.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`], [`Error::Spi`], [`Error::Silent`] after [`SILENCE_US`] without a valid
+    /// reply.
+    pub fn exchange(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
+        self.machine.interrupt.check()?;
+        self.exchange_regardless(wish)
+    }
+
+    /// [`Self::exchange`] that Ctrl-C does not stop: for the frames that stop the robot.
+    fn exchange_regardless(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
+        self.pace();
+        let now_us = self.machine.clock.micros();
+        let command = self.command(wish);
+        match self
+            .link
+            .exchange(&mut self.machine.spi, now_us, &command)?
+        {
+            Ok(report) => {
+                self.last_good_us = now_us;
+                self.unanswered = 0;
+                self.snapshot.take(now_us, &report, self.link.statistics());
+                Ok(Some(report))
+            }
+            Err(wrong) => {
+                self.unanswered = self.unanswered.saturating_add(1);
+                self.last_wrong = Some(wrong.to_string());
+                let ms = now_us.saturating_sub(self.last_good_us) / 1000;
+                if ms * 1000 >= SILENCE_US {
+                    let last = self.last_wrong.clone().unwrap_or_default();
+                    return Err(Error::Silent {
+                        ms,
+                        frames: self.unanswered,
+                        last,
+                    });
+                }
+                Ok(None)
+            }
+        }
+    }
+
+    /// Waits for the next slot. Slots that were missed are not made up for.
+    fn pace(&mut self) {
+        let now = self.machine.clock.micros();
+        if let Ok(wait) = u32::try_from(self.next_us.saturating_sub(now)) {
+            if wait > 0 {
+                self.machine.delay.delay_us(wait);
+            }
+        }
+        self.next_us = self.next_us.max(now) + self.period_us;
+    }
+
+    fn command(&mut self, wish: &Wish) -> Command {
+        let cell = self.cell;
+        self.cell = (cell + 1) % self.config.cells.max(1);
+        Command {
+            expected: wish.go.map(Place::code).unwrap_or_default(),
+            apply: wish.go.is_some(),
+            tune: CellCode { cell, voltage: 0 },
+            clear_faults: wish.clear_faults,
+            order: wish.order,
+            ..Command::default()
+        }
+    }
+
+    /// Exchanges frames that ask for nothing until one valid report is there.
+    ///
+    /// # Errors
+    /// Those of [`Self::exchange`].
+    pub fn greet(&mut self) -> Result<Report, Error> {
+        loop {
+            if let Some(report) = self.exchange(&Wish::default())? {
+                return Ok(report);
+            }
+        }
+    }
+
+    /// In guarded modes: clears the fault of the silence before this session and resumes. In Normal
+    /// mode the first frame with the apply bit does that.
+    ///
+    /// # Errors
+    /// Those of [`Self::exchange`]; [`Error::Fault`] if the robot stays stopped or is faulted.
+    pub fn resume(&mut self) -> Result<(), Error> {
+        let report = self.greet()?;
+        if !has_status(self.config.mode) {
+            return Ok(());
+        }
+        let mut state = report.state;
+        let mut faults = report.faults;
+        for _ in 0..RESUME_FRAMES {
+            if state != State::Stopped && faults & fault::LINK_LOST == 0 {
+                break;
+            }
+            let wish = Wish {
+                order: Order::Resume,
+                clear_faults: fault::LINK_LOST,
+                go: None,
+            };
+            if let Some(report) = self.exchange(&wish)? {
+                (state, faults) = (report.state, report.faults);
+            }
+        }
+        self.refuse(state, faults)
+    }
+
+    /// In guarded modes: an error if the robot says that it will not drive.
+    ///
+    /// # Errors
+    /// [`Error::Fault`].
+    pub fn refuse(&self, state: State, faults: u16) -> Result<(), Error> {
+        if has_status(self.config.mode) && matches!(state, State::Stopped | State::Faulted) {
+            return Err(Error::Fault {
+                state: crate::snapshot::state_name(state),
+                faults: crate::snapshot::fault_names(faults).join(", "),
+            });
+        }
+        Ok(())
+    }
+
+    /// Stops the robot, whatever runs: in Normal mode it is told to be where it is, in guarded modes
+    /// to brake; then this end falls silent and the stop deadline holds the motors.
+    /// Ctrl-C does not cut this short.
+    pub fn halt(&mut self) {
+        for _ in 0..HALT_FRAMES {
+            let wish = Wish {
+                go: has_position(self.config.mode)
+                    .then_some(self.snapshot.pose)
+                    .flatten(),
+                order: if has_status(self.config.mode) {
+                    Order::Stop
+                } else {
+                    Order::None
+                },
+                clear_faults: 0,
+            };
+            if let Err(Error::Spi(_)) = self.exchange_regardless(&wish) {
+                // Nothing more can be sent: the stop deadline does it.
+                return;
+            }
+        }
+    }
+}
+
+/// Frames in which the robot must have resumed.
+const RESUME_FRAMES: usize = 40;
+
+/// Frames of the stop. At 40 Hz a quarter of a second, in which the robot comes to rest.
+const HALT_FRAMES: usize = 10;

@@ -1,0 +1,122 @@
+//! The latest of everything the robot reported, in physical units: what `monitor` shows.
+
+use crate::link::Statistics;
+use crate::pose::Place;
+use crate::session::{has_position, has_status};
+use fw_core::eeprom::Config;
+use fw_core::wire::{fault, DistanceCode, Mode, Report, State};
+use serde::Serialize;
+
+/// Full scale of a distance code, millimetres (document, 5.1.4).
+const FULL_SCALE_MM: f64 = 2500.0;
+
+/// The latest of everything. Fields the mode does not carry stay empty.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Snapshot {
+    /// Microseconds on the machine's clock, of the latest valid frame.
+    pub time_us: u64,
+    /// The mode's name.
+    pub mode: &'static str,
+    /// Where the robot believes it is.
+    pub pose: Option<Place>,
+    /// Tuning modes: rotation in degrees or displacement in millimetres.
+    pub measurement: Option<f64>,
+    /// Volts of each cell; none until its turn has come.
+    pub cells_v: Vec<Option<f64>>,
+    /// Millimetres front, right, left; none = out of range, no echo, or not measured yet.
+    pub ranges_mm: [Option<f64>; 3],
+    /// Sweep mode: bearing of the first range, degrees.
+    pub bearing_deg: Option<f64>,
+    /// Guarded modes.
+    pub state: Option<&'static str>,
+    /// Guarded modes: names of the latched faults.
+    pub faults: Vec<&'static str>,
+    /// The link's counters.
+    pub link: Statistics,
+    #[serde(skip)]
+    kind: Mode,
+}
+
+impl Snapshot {
+    /// Nothing reported yet.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            time_us: 0,
+            mode: config.mode.name(),
+            pose: None,
+            measurement: None,
+            cells_v: vec![None; config.cells.into()],
+            ranges_mm: [None; 3],
+            bearing_deg: None,
+            state: None,
+            faults: Vec::new(),
+            link: Statistics::default(),
+            kind: config.mode,
+        }
+    }
+
+    /// Takes over what one report says.
+    pub fn take(&mut self, now_us: u64, report: &Report, statistics: Statistics) {
+        self.time_us = now_us;
+        self.link = statistics;
+        if has_position(self.kind) {
+            self.pose = Some(Place::from_code(report.pose));
+            self.ranges_mm = report.ranges.map(distance_mm);
+        } else {
+            self.measurement = Some(f64::from_bits(report.measurement.0));
+        }
+        if self.kind == Mode::GuardedSweep {
+            self.bearing_deg = Some(f64::from(report.bearing) * (360.0 / 65_536.0));
+        }
+        if let Some(cell) = self.cells_v.get_mut(usize::from(report.cell.cell)) {
+            *cell = Some(f64::from(report.cell.voltage) / 200.0);
+        }
+        if has_status(self.kind) {
+            self.state = Some(state_name(report.state));
+            self.faults = fault_names(report.faults);
+        }
+    }
+}
+
+/// Millimetres, none for 0xFFFF.
+#[must_use]
+pub fn distance_mm(code: DistanceCode) -> Option<f64> {
+    (code != DistanceCode::NONE).then(|| f64::from(code.0) * (FULL_SCALE_MM / 65_535.0))
+}
+
+/// A state's word.
+#[must_use]
+pub const fn state_name(state: State) -> &'static str {
+    match state {
+        State::Booting => "booting",
+        State::Ready => "ready",
+        State::Moving => "moving",
+        State::Stopped => "stopped",
+        State::Faulted => "faulted",
+    }
+}
+
+/// The words of the latched faults.
+#[must_use]
+pub fn fault_names(faults: u16) -> Vec<&'static str> {
+    const NAMES: [(u16, &str); 12] = [
+        (fault::LINK_LOST, "link-lost"),
+        (fault::CLOCK_FALLBACK, "clock-fallback"),
+        (fault::FRAME_REJECTED, "frame-rejected"),
+        (fault::BATTERY_LOW, "battery-low"),
+        (fault::BATTERY_CUTOFF, "battery-cutoff"),
+        (fault::LEFT_STALLED, "left-stalled"),
+        (fault::RIGHT_STALLED, "right-stalled"),
+        (fault::ENCODER_JUMP, "encoder-jump"),
+        (fault::LEFT_REVERSED, "left-reversed"),
+        (fault::RIGHT_REVERSED, "right-reversed"),
+        (fault::LOG_DROPPED, "log-dropped"),
+        (fault::RESTARTED, "restarted"),
+    ];
+    NAMES
+        .iter()
+        .filter(|(bit, _)| faults & bit != 0)
+        .map(|&(_, name)| name)
+        .collect()
+}
