@@ -13,7 +13,6 @@ pub enum Error {
     SetUp(String),
     /// A program that this command needs is not installed: exit code 4.
     Missing(String),
-    #[allow(dead_code, reason = "until there is something to flash")]
     /// The board, real or virtual, did not answer or holds something else than it was given:
     /// exit code 5.
     Board(String),

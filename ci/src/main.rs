@@ -7,7 +7,10 @@ mod demand;
 mod elf;
 mod error;
 mod firmware;
+mod flash;
 mod gates;
+mod gdb;
+mod lines;
 mod numbers;
 mod place;
 mod robot;
@@ -177,6 +180,20 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             let elf = build(&place, forced, "")?.path;
             let code = robot::host_link(&place, &elf, &words.rest)?;
             return Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)));
+        }
+        "flash" | "debug" => {
+            words.only(0, false, &["--virtual", "--serial", "--interface"])?;
+            let place = Place::find()?;
+            let elf = build(&place, forced, "")?.path;
+            let serial = words.option("--serial");
+            let interface = words.option("--interface").unwrap_or("stlink");
+            let wiring = flash::Wiring { serial, interface };
+            match (command, words.flag("--virtual")) {
+                ("flash", false) => flash::flash(&elf, &wiring)?,
+                ("flash", true) => flash::flash_virtual(&place, &elf)?,
+                (_, false) => flash::debug(&elf, &wiring)?,
+                (_, true) => flash::debug_virtual(&place, &elf)?,
+            }
         }
         "test" => {
             words.only(0, false, &["--quick", "--only"])?;

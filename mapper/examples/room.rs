@@ -6,7 +6,7 @@
 mod drive;
 
 use mapper::{map_iou, picture, ros};
-use plant::Room;
+use plant::{Params, Room};
 use std::{env, error::Error, fs, path::PathBuf};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             .unwrap_or_else(|| "target/room".to_owned()),
     );
     let seed = env::args().nth(2).map_or(Ok(1), |seed| seed.parse())?;
-    let drive = drive::tour(&Room::two_rooms(), seed);
+    let drive = drive::tour(&Room::two_rooms(), Params::default(), seed);
     let grid = drive.mapper.grid();
     fs::create_dir_all(&folder)?;
     fs::write(folder.join("map.png"), picture::map(grid)?)?;

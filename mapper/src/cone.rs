@@ -36,12 +36,12 @@ impl Default for Cone {
     fn default() -> Self {
         Self {
             half_angle_rad: 15f64.to_radians(),
-            free: 0.45,
+            free: 0.8,
             occupied: 1.2,
-            arc_mm: 20.0,
+            arc_mm: 15.0,
             arc_per_mm: 0.005,
             half_weight_mm: 1200.0,
-            silent_mm: 1500.0,
+            silent_mm: 1000.0,
         }
     }
 }
@@ -84,7 +84,7 @@ impl Cone {
                 match judge(distance) {
                     Evidence::None => {}
                     Evidence::Free(share) => {
-                        let weight = (1.0 - 0.8 * off_axis * off_axis) * self.fading(distance);
+                        let weight = (1.0 - off_axis * off_axis).powi(2) * self.fading(distance);
                         grid.add(column, row, -self.free * share * narrow(weight));
                     }
                     Evidence::Arc => {

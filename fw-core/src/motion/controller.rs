@@ -5,12 +5,12 @@
 //!   begins once the nose is within 30° and grows as it comes round, so the robot does not stop
 //!   between turning and driving. Backwards only where the target is near and facing away means
 //!   less turning: the rangefinders look ahead and to the sides.
-//! - **Close.** From 40 mm on the heading stands still: the bearing of a near point is noise. The
-//!   forward PID works on what is left along it, either way.
+//! - **Close.** From 40 mm on the bearing is not followed any more, it would swing round: the robot
+//!   keeps the bearing as it was there, and drives along it, either way.
 //! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place.
 //! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1.6
 //!   times a tolerance starts again. A try that ends outside the tolerances widens them by a half,
-//!   up to twice, so that a target the robot cannot meet better does not make it hunt for ever.
+//!   once, so that a robot that cannot do better does not hunt for ever.
 
 use fixed::types::I16F16;
 
@@ -27,6 +27,13 @@ const MM: i64 = 1 << 16;
 const DEGREE: i32 = 11_930_465;
 /// Bearing within which driving begins.
 const CONE: i32 = 30 * DEGREE;
+/// The same on the last bit.
+const NARROW: i32 = 8 * DEGREE;
+/// Counts a tick below which a wheel rests, and ticks of it until the nudge begins.
+const STUCK: u8 = 3;
+/// What the nudge grows by each tick, 2⁻¹⁶ %, and its most.
+const NUDGE: i32 = (1 << 16) / 4;
+const NUDGE_LIMIT: i32 = 15 << 16;
 /// Distance from which on the heading stands still, 2⁻¹⁶ mm.
 const CLOSE: i64 = 40 * MM;
 /// Distance up to which the robot may back into its target, 2⁻¹⁶ mm.
@@ -97,11 +104,51 @@ impl View {
     }
 }
 
+/// What gets a wheel going that sticks: grows while the robot rests outside its tolerance, gone as
+/// soon as something moves.
+#[derive(Clone, Copy, Debug, Default)]
+struct Nudge {
+    resting: u8,
+    /// 2⁻¹⁶ %.
+    push: i32,
+}
+
+impl Nudge {
+    /// To be added to the output, in the error's direction.
+    fn step(&mut self, error: I16F16, wanted: bool, moved: bool) -> I16F16 {
+        if moved || !wanted {
+            *self = Self::default();
+        } else if self.resting < STUCK {
+            self.resting += 1;
+        } else {
+            self.push = (self.push + NUDGE).min(NUDGE_LIMIT);
+        }
+        I16F16::from_bits(if error < 0 { -self.push } else { self.push })
+    }
+}
+
+/// The derivative's filter: one count more or less at a crawl is not a speed. First order, 40 ms.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rate(i32);
+
+impl Rate {
+    fn step(&mut self, rate: I16F16) -> I16F16 {
+        // Cut so that the sum below fits; nothing moves 4 m or turns 10 times in a tick.
+        let rate = rate.to_bits().clamp(-(1 << 28), 1 << 28);
+        self.0 += (rate - self.0) >> 2;
+        I16F16::from_bits(self.0)
+    }
+}
+
 /// The pose controller.
 #[derive(Clone, Debug)]
 pub struct Controller {
     forward: Pid,
     rotation: Pid,
+    speed: Rate,
+    spin: Rate,
+    ahead: Nudge,
+    around: Nudge,
     mixer: Mixer,
     /// 2⁻¹⁶ mm.
     position_tolerance: i64,
@@ -126,6 +173,10 @@ impl Controller {
         Self {
             forward: Pid::new(&config.forward, FORWARD_LIMIT),
             rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
+            speed: Rate::default(),
+            spin: Rate::default(),
+            ahead: Nudge::default(),
+            around: Nudge::default(),
             mixer: Mixer::new(platform),
             position_tolerance: position_tolerance.max(FINEST_POSITION),
             rotation_tolerance,
@@ -178,11 +229,13 @@ impl Controller {
     pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> Wheels {
         self.mixer.observe(delta);
         self.held = None;
+        let speed = self.speed.step(delta.travel);
+        let spin = self.spin.step(degrees(delta.turn));
         if self.phase == Phase::Idle {
             return self.mixer.brake();
         }
         let view = View::new(pose, &self.target);
-        let slack = 2 + i64::from(self.tries.min(2));
+        let slack = 2 + i64::from(self.tries);
         let near = self.position_tolerance * slack / 2;
         let straight = self.rotation_tolerance.saturating_mul(slack as i32) / 2;
         self.advance(&view, pose, delta, near, straight);
@@ -190,20 +243,20 @@ impl Controller {
             Phase::Idle | Phase::Hold => return self.mixer.brake(),
             Phase::Approach { backwards } => {
                 let bearing = view.bearing(backwards);
-                let open = i64::from((CONE - bearing.saturating_abs()).max(0)) >> 13;
-                let whole = i64::from(CONE >> 13);
-                (
-                    millimetres(view.along.clamp(-FAR, FAR) * open / whole),
-                    bearing,
-                )
+                (through(CONE, bearing, view.along), bearing)
             }
             Phase::Close { heading } => {
-                (millimetres(view.along), heading.from_nearest(pose.heading))
+                let turn = heading.from_nearest(pose.heading);
+                (through(NARROW, turn, view.along), turn)
             }
-            Phase::Final => (millimetres(view.along), view.rotation),
+            Phase::Final => (view.along, view.rotation),
         };
-        let forward = self.forward.step(ahead, delta.travel);
-        let rotation = self.rotation.step(degrees(turn), degrees(delta.turn));
+        let moved = delta.left != 0 || delta.right != 0;
+        let off = turn.saturating_abs() > straight / 2;
+        let (ahead, turn) = (millimetres(ahead), degrees(turn));
+        let short = matches!(self.phase, Phase::Close { .. });
+        let forward = self.forward.step(ahead, speed) + self.ahead.step(ahead, short, moved);
+        let rotation = self.rotation.step(turn, spin) + self.around.step(turn, off, moved);
         self.mixer.mix(forward, rotation)
     }
 
@@ -213,22 +266,21 @@ impl Controller {
         let aligned = view.rotation.saturating_abs() <= straight;
         match self.phase {
             Phase::Idle => {}
-            Phase::Approach { .. } => {
+            Phase::Approach { backwards } => {
                 if view.within(CLOSE) {
-                    self.phase = Phase::Close {
-                        heading: pose.heading,
-                    };
+                    self.phase = Self::close(view, pose, backwards);
                 }
             }
-            Phase::Close { .. } => {
-                if view.along.abs() <= near / 2 && resting {
+            Phase::Close { heading } => {
+                let aimed = heading.from_nearest(pose.heading).saturating_abs() < NARROW;
+                if aimed && view.along.abs() <= near / 2 && resting {
                     self.forward.reset();
                     self.phase = Phase::Final;
                 }
             }
             Phase::Final => {
                 if !view.within(near.max(self.position_tolerance * 2)) {
-                    self.approach(view);
+                    self.approach(view, pose);
                 } else if aligned && resting {
                     self.settled += 1;
                     if self.settled >= SETTLED {
@@ -238,8 +290,8 @@ impl Controller {
                             self.forward.reset();
                             self.rotation.reset();
                         } else {
-                            self.tries = self.tries.saturating_add(1);
-                            self.approach(view);
+                            self.tries = 1;
+                            self.approach(view, pose);
                         }
                     }
                 } else {
@@ -256,12 +308,24 @@ impl Controller {
     }
 
     /// Chooses the way to go.
-    fn approach(&mut self, view: &View) {
+    fn approach(&mut self, view: &View, pose: &Pose) {
         let total = |bearing: i32| {
             i64::from(bearing).abs() + i64::from(view.rotation.wrapping_sub(bearing)).abs()
         };
         let backwards = view.within(BACK) && total(view.bearing(true)) < total(view.bearing(false));
-        self.phase = Phase::Approach { backwards };
+        self.phase = if view.within(CLOSE) {
+            Self::close(view, pose, backwards)
+        } else {
+            Phase::Approach { backwards }
+        };
+    }
+
+    /// The last bit: the bearing as it is now, for good.
+    fn close(view: &View, pose: &Pose, backwards: bool) -> Phase {
+        let bearing = view.bearing(backwards) as u32;
+        Phase::Close {
+            heading: Turns(pose.heading.0.wrapping_add(bearing)),
+        }
     }
 
     /// Tuning the rotation (document, 5.2.2): `duty` on the right motor, its opposite on the left,
@@ -290,7 +354,8 @@ impl Controller {
         }
         let held = *self.held.get_or_insert(pose.heading);
         let error = degrees(held.from_nearest(pose.heading));
-        let rotation = self.rotation.step(error, degrees(delta.turn));
+        let spin = self.spin.step(degrees(delta.turn));
+        let rotation = self.rotation.step(error, spin);
         let rotation = (rotation.to_bits() * 25) >> 14;
         let duty = i32::from(duty.hundredths());
         self.mixer.raw(duty - rotation, duty + rotation)
@@ -301,6 +366,12 @@ impl Controller {
     pub const fn mixer(&self) -> &Mixer {
         &self.mixer
     }
+}
+
+/// How much of `along` to drive with the nose `off` by so much: all at 0, nothing from `cone` on.
+fn through(cone: i32, off: i32, along: i64) -> i64 {
+    let open = i64::from((cone - off.saturating_abs()).max(0)) >> 13;
+    along.clamp(-FAR, FAR) * open / i64::from(cone >> 13)
 }
 
 /// Further than this is as far, 2⁻¹⁶ mm.

@@ -6,7 +6,7 @@ use crate::units::Micros;
 /// frame, however long that takes: the clock's wrap after 71.6 minutes never makes silence fresh.
 ///
 /// [`Self::expired`] must be asked at least every 35 minutes; the control tick does every 10 ms.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopDeadline {
     /// Microseconds, below 2³¹.
     allowed: u32,

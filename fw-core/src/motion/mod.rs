@@ -10,6 +10,8 @@ pub mod controller;
 pub mod deadline;
 pub mod odometry;
 pub mod pid;
+#[cfg(test)]
+mod simulation;
 pub mod trig;
 pub mod wheels;
 

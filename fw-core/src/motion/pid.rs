@@ -6,7 +6,9 @@
 //!   most: the whole excess), is taken out of the integral. It takes out only what integration put
 //!   in, down to zero: an error so large that the proportional part alone saturates would otherwise
 //!   wind the integral up the other way, and the robot would brake long before its goal.
-//! - While the output is at a limit, errors that would drive it further are not integrated.
+//! - Only what is near is integrated: errors whose proportional part is within a fifth of the limit,
+//!   and that do not drive the output further into it. On the way there the integral has nothing to
+//!   say; what it gathered would only carry the robot past its goal.
 //!
 //! No step overflows, for any factor: a factor is a 31-bit mantissa and a binary exponent, a term is
 //! one 32 × 32-bit product, shifted and cut to ±2¹⁶ %.
@@ -70,6 +72,9 @@ impl Factor {
     }
 }
 
+/// Part of the limit up to which the proportional part counts as near.
+const NEAR: i64 = 5;
+
 /// The nearest value within ±`limit`.
 const fn clamp(value: i64, limit: i64) -> i64 {
     if value > limit {
@@ -124,9 +129,8 @@ impl Pid {
     /// Forgets the integral and takes over at the output `percent`: the first [`Self::step`] with
     /// this `error` and `rate` continues it without a jump, within the limits.
     pub fn start_at(&mut self, percent: I16F16, error: I16F16, rate: I16F16) {
-        let others = self.proportional.times(error.to_bits())
-            - self.derivative.times(rate.to_bits())
-            + self.integral.times(error.to_bits());
+        let others =
+            self.proportional.times(error.to_bits()) - self.derivative.times(rate.to_bits());
         self.sum = clamp((i64::from(percent.to_bits()) << 16) - others, self.limit);
     }
 
@@ -134,9 +138,13 @@ impl Pid {
     /// grew since the last sample, same unit. Output: percent, within the limits.
     #[must_use]
     pub fn step(&mut self, error: I16F16, rate: I16F16) -> I16F16 {
-        let others =
-            self.proportional.times(error.to_bits()) - self.derivative.times(rate.to_bits());
-        let increment = self.integral.times(error.to_bits());
+        let proportional = self.proportional.times(error.to_bits());
+        let others = proportional - self.derivative.times(rate.to_bits());
+        let increment = if proportional.abs() <= self.limit / NEAR {
+            self.integral.times(error.to_bits())
+        } else {
+            0
+        };
         let sum = clamp(self.sum + increment, self.limit);
         let output = others + sum;
         let excess = output - clamp(output, self.limit);

@@ -62,15 +62,15 @@ fn steer(pose: &Pose, way: &plant::Pose) -> Option<(f64, f64)> {
     Some((along - about, along + about))
 }
 
-/// Drives the whole tour of `room` with this chance.
-pub fn tour(room: &Room, seed: u64) -> Drive {
+/// Drives the whole tour of `room` with this robot and this chance.
+pub fn tour(room: &Room, params: Params, seed: u64) -> Drive {
     let walls = room
         .visible_surfaces()
         .iter()
         .map(|s| Segment::new(s.x1, s.y1, s.x2, s.y2))
         .collect();
     let start = room.start;
-    let mut world = World::new(Params::default(), room.clone(), start, seed);
+    let mut world = World::new(params, room.clone(), start, seed);
     let mut mapper = Mapper::new(Config::default());
     let (mut believed, mut truth) = (Vec::new(), Vec::new());
     let mut wheels = (Wheel::default(), Wheel::default());

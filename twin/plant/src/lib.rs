@@ -14,7 +14,9 @@
 
 mod battery;
 mod chassis;
+mod contact;
 mod encoder;
+mod faults;
 mod motor;
 mod pose;
 mod rangefinder;
@@ -24,12 +26,14 @@ mod world;
 
 pub use battery::{Battery, BatteryParams, Divider};
 pub use chassis::Chassis;
+pub use contact::Collision;
+pub use faults::Faults;
 pub use motor::{Motor, MotorInput, MotorParams};
 pub use pose::Pose;
 pub use rangefinder::{speed_of_sound_mm_per_us, Mount, RangefinderParams};
 pub use rng::Rng;
 pub use room::Room;
-pub use world::{Collision, Faults, Params, World};
+pub use world::{Params, World};
 
 /// The front rangefinder's index, in the order of the frame.
 pub const FRONT: usize = 0;

@@ -49,7 +49,7 @@ impl MotorInput {
 /// One motor's figures. Speeds are the wheel's, in degrees per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorParams {
-    /// Duty below which friction holds the turning wheel, 0..1, at nominal supply.
+    /// Duty below which friction holds the turning wheel, 0..0.5, at nominal supply.
     pub dead_zone: f64,
     /// Duty beyond the dead zone that starts a wheel at rest.
     pub breakaway: f64,
@@ -171,7 +171,11 @@ impl Motor {
             self.drive += (target - self.drive) * (dt / p.lag_s).min(1.0);
             self.speed += (self.drive - self.speed) * (dt / p.lag_s).min(1.0);
         }
-        let unovercome = (1.0 - pull / p.dead_zone).clamp(0.0, 1.0);
+        let unovercome = if pull < p.dead_zone {
+            1.0 - pull / p.dead_zone
+        } else {
+            0.0
+        };
         let lost = p.friction_deg_s2 * unovercome * dt;
         if lost > 0.0 && self.speed.abs() <= lost {
             self.speed = 0.0;

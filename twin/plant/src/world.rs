@@ -1,6 +1,8 @@
 //! The physical world of one robot: everything that moves when time passes.
 
+use crate::contact::{Collision, Contact};
 use crate::encoder::Encoder;
+use crate::faults::Faults;
 use crate::{
     Battery, BatteryParams, Chassis, Motor, MotorInput, MotorParams, Mount, Pose,
     RangefinderParams, Rng, Room, Sides,
@@ -36,35 +38,8 @@ impl Default for Params {
     }
 }
 
-/// What is broken or going wrong right now. All false, zero and `None` by default.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Faults {
-    /// The encoder gives no edges.
-    pub dead_encoder: Sides<bool>,
-    /// Part of the wheel's travel that does not move the robot, 0..=1 (1 = spinning on the spot).
-    pub slip: Sides<f64>,
-    /// The wheel cannot turn; its motor stalls.
-    pub jammed: Sides<bool>,
-    /// The rangefinder hears nothing.
-    pub missing_echo: [bool; 3],
-    /// The rangefinder always answers with this distance, mm.
-    pub stuck_mm: [Option<f64>; 3],
-}
-
-/// The robot ran into something.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Collision {
-    /// When, seconds since the world began.
-    pub time_s: f64,
-    /// Where the robot was.
-    pub pose: Pose,
-}
-
 /// Longest stretch that is integrated in one piece, s: a hundredth of the motors' lags or less.
 const LONGEST_STEP_S: f64 = 0.001;
-
-/// A touch ends when the body is this far from everything, mm.
-const TOUCH_ENDS_MM: f64 = 5.0;
 
 /// The world: one robot in one room.
 #[derive(Clone, Debug)]
@@ -78,11 +53,7 @@ pub struct World {
     rng: Rng,
     time_s: f64,
     path_mm: f64,
-    /// Travel for which the room need not be asked again: the robot was this far from everything.
-    free_mm: f64,
-    collisions: u32,
-    first_collision: Option<Collision>,
-    touching: bool,
+    contact: Contact,
     /// What is broken; change it at any time.
     pub faults: Faults,
 }
@@ -104,10 +75,7 @@ impl World {
             rng: Rng::new(seed),
             time_s: 0.0,
             path_mm: 0.0,
-            free_mm: 0.0,
-            collisions: 0,
-            first_collision: None,
-            touching: false,
+            contact: Contact::default(),
             faults: Faults::default(),
         }
     }
@@ -149,7 +117,11 @@ impl World {
         travel.left *= 1.0 - self.faults.slip.left.clamp(0.0, 1.0);
         travel.right *= 1.0 - self.faults.slip.right.clamp(0.0, 1.0);
         let next = self.params.chassis.roll(&self.pose, travel);
-        if self.blocked(&next) {
+        let radius = self.params.chassis.radius_mm;
+        if self
+            .contact
+            .blocks(&self.room, radius, &self.pose, &next, self.time_s)
+        {
             self.motors.left.block();
             self.motors.right.block();
             return;
@@ -163,34 +135,6 @@ impl World {
         self.encoders
             .right
             .turn(counts.right, self.faults.dead_encoder.right);
-    }
-
-    /// Whether the body at `next` would go (deeper) into something; counts the touch.
-    fn blocked(&mut self, next: &Pose) -> bool {
-        let way = (next.x_mm - self.pose.x_mm).hypot(next.y_mm - self.pose.y_mm);
-        self.free_mm -= way;
-        if self.free_mm > 0.0 {
-            return false;
-        }
-        let clearance = self.room.clearance(next.x_mm, next.y_mm);
-        self.free_mm = clearance - self.params.chassis.radius_mm;
-        if self.free_mm >= 0.0 {
-            self.touching &= self.free_mm < TOUCH_ENDS_MM;
-            return false;
-        }
-        if clearance > self.room.clearance(self.pose.x_mm, self.pose.y_mm) {
-            return false; // it is backing out
-        }
-        if !self.touching {
-            self.touching = true;
-            self.collisions += 1;
-            let here = Collision {
-                time_s: self.time_s,
-                pose: self.pose,
-            };
-            self.first_collision.get_or_insert(here);
-        }
-        true
     }
 
     /// The encoders' counts (left, right), with the encoders' sign.
@@ -277,7 +221,7 @@ impl World {
     pub fn push(&mut self, ahead_mm: f64, left_mm: f64, turn_rad: f64) {
         let (x, y) = self.pose.point(ahead_mm, left_mm);
         self.pose = Pose::new(x, y, self.pose.heading_rad + turn_rad);
-        self.free_mm = 0.0;
+        self.contact.moved_by_force();
     }
 
     /// Turns a rangefinder (0 front, 1 right, 2 left) to another bearing, radians: the servo.
@@ -318,13 +262,13 @@ impl World {
     /// How often the robot ran into something (a touch that lasts counts once).
     #[must_use]
     pub fn collisions(&self) -> u32 {
-        self.collisions
+        self.contact.collisions()
     }
 
     /// The first time it did.
     #[must_use]
     pub fn first_collision(&self) -> Option<Collision> {
-        self.first_collision
+        self.contact.first()
     }
 }
 

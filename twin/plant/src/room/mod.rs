@@ -111,6 +111,35 @@ impl Room {
             .unwrap_or_default()
     }
 
+    /// The same room in the frame of its start: the start is the origin, heading along x. That is
+    /// the frame of an odometry that was reset there, and of the map it makes.
+    #[must_use]
+    pub fn seen_from_start(&self) -> Self {
+        let origin = self.start;
+        let point = |x, y| {
+            let seen = Pose::new(x, y, 0.0).seen_from(&origin);
+            (seen.x_mm, seen.y_mm)
+        };
+        let straight = self.segments.iter().map(|s| {
+            let ((x1, y1), (x2, y2)) = (point(s.x1, s.y1), point(s.x2, s.y2));
+            Segment::new(x1, y1, x2, y2)
+        });
+        let round = self.circles.iter().map(|c| {
+            let (x, y) = point(c.x, c.y);
+            Circle {
+                x,
+                y,
+                radius: c.radius,
+            }
+        });
+        Self {
+            segments: straight.collect(),
+            circles: round.collect(),
+            start: Pose::default(),
+            tour: self.tour.iter().map(|way| way.seen_from(&origin)).collect(),
+        }
+    }
+
     /// Length of the tour from the start through every way-point on straight lines, mm.
     #[must_use]
     pub fn tour_length(&self) -> f64 {
@@ -147,6 +176,22 @@ mod tests {
                 );
             }
             at = *way;
+        }
+    }
+
+    #[test]
+    fn seen_from_its_start_a_room_looks_the_same_to_the_robot() {
+        let text = "wall 0 0 900 0 900 700\ncircle 300 500 50\nstart 400 200 90\nway 400 300 180";
+        let room = Room::parse(text).unwrap();
+        let own = room.seen_from_start();
+        assert_eq!(own.start, Pose::default());
+        assert!((own.tour[0].x_mm - 100.0).abs() < 1e-9 && own.tour[0].y_mm.abs() < 1e-9);
+        for turn in 0..36 {
+            let bearing = f64::from(turn) / 6.0;
+            let there = room.cast(400.0, 200.0, room.start.heading_rad + bearing);
+            let here = own.cast(0.0, 0.0, bearing);
+            let distance = |hit: Option<Hit>| hit.map_or(-1.0, |hit| hit.distance);
+            assert!((distance(there) - distance(here)).abs() < 1e-6);
         }
     }
 

@@ -1,7 +1,7 @@
-//! The robot: one value, one method per event. Interrupts read registers, hand one event in here
-//! and write what comes back; all of it runs at one interrupt priority.
+//! What the registers hand to the robot and what the robot hands back.
 
-use crate::units::Duty;
+use crate::units::{Duty, Micros};
+use crate::wire::State;
 
 /// What a motor's bridge is told.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub enum Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
     /// TIM5 at the tick.
-    pub now: crate::units::Micros,
+    pub now: Micros,
     /// TIM2's counter.
     pub left: u32,
     /// TIM3's counter.
@@ -37,6 +37,11 @@ pub enum Rangefinder {
     Left = 2,
 }
 
+impl Rangefinder {
+    /// All of them, in the order of the frame.
+    pub const ALL: [Self; 3] = [Self::Front, Self::Right, Self::Left];
+}
+
 /// What a tick tells the registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
@@ -48,4 +53,25 @@ pub struct Outputs {
     pub trigger: Option<Rangefinder>,
     /// LEDs 1 to 4, bit 0 = LED 1 lit.
     pub leds: u8,
+}
+
+/// The LEDs of a state, bit 0 = LED 1 lit: one more for every step from booting to moving, the
+/// outer or the inner pair when the robot stands and wants somebody.
+///
+/// | state | LED 1 2 3 4 |
+/// |---|---|
+/// | booting | ● ○ ○ ○ |
+/// | ready | ● ● ○ ○ |
+/// | moving | ● ● ● ○ |
+/// | stopped | ● ○ ○ ● |
+/// | faulted | ○ ● ● ○ |
+#[must_use]
+pub const fn leds(state: State) -> u8 {
+    match state {
+        State::Booting => 0b0001,
+        State::Ready => 0b0011,
+        State::Moving => 0b0111,
+        State::Stopped => 0b1001,
+        State::Faulted => 0b0110,
+    }
 }

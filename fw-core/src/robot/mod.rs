@@ -1,0 +1,372 @@
+//! The robot: one value, one method per event. Interrupts read registers, hand one event in here
+//! and write what comes back; all of it runs at one interrupt priority, so no event interrupts another.
+//!
+//! | event | method | comes from |
+//! |---|---|---|
+//! | 100 Hz tick | [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words |
+//! | frame | [`Robot::on_frame`], then [`Robot::next_reply`] | chip-select's rising edge |
+//! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
+
+mod io;
+mod supervisor;
+mod telling;
+
+pub use io::{leds, Drive, Outputs, Rangefinder, Sample};
+pub use supervisor::{Intent, Permit, Supervisor, BLOCKING};
+
+use crate::double::Double;
+use crate::eeprom::Config;
+use crate::log::{Level, Log};
+use crate::motion::{Controller, Delta, Odometry, StopDeadline, Wheels};
+use crate::sensing::{Battery, Rangefinders};
+use crate::units::{Duty, Micros, Pose};
+use crate::wire::{
+    fault, CellCode, Command, DistanceCode, FrameError, LinkCounters, Mode, PoseCode, Report,
+    Setup, State, StmLink, MAX_FRAME,
+};
+use telling::Telling;
+
+#[cfg(test)]
+mod tests;
+
+/// What the Pi wants of the motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Want {
+    /// Nothing yet.
+    Nothing,
+    /// The controller's target.
+    Target,
+    /// Tuning: a constant duty.
+    Constant(Duty),
+}
+
+/// What a mode lets the Pi ask for and what it reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Measure {
+    /// Drive to a pose, report the pose.
+    Pose,
+    /// Constant duty, report the rotation.
+    Rotation,
+    /// Constant duty with the angle held, report the displacement.
+    Displacement,
+}
+
+impl Measure {
+    const fn of(mode: Mode) -> Self {
+        match mode {
+            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep => Self::Pose,
+            Mode::TuneRotate | Mode::GuardedTuneRotate => Self::Rotation,
+            Mode::TuneMove | Mode::GuardedTuneMove => Self::Displacement,
+        }
+    }
+}
+
+/// Everything the robot knows.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    measure: Measure,
+    link: StmLink,
+    supervisor: Supervisor,
+    odometry: Odometry,
+    delta: Delta,
+    controller: Controller,
+    battery: Battery,
+    rangefinders: Rangefinders,
+    want: Want,
+    target: PoseCode,
+    /// Millimetres along the path since reset, 2⁻¹⁶.
+    travelled: i64,
+    /// Rotation since reset, 2⁻³² turns; unlike the heading it counts whole turns.
+    turned: i64,
+    /// The cell whose turn it is in the replies.
+    cell: u8,
+    telling: Telling,
+}
+
+impl Robot {
+    /// A configured robot, standing, its pose zero: `first` is where the counters stand now.
+    #[must_use]
+    pub fn new(config: &Config, first: Sample) -> Self {
+        let platform = &config.platform;
+        Self {
+            measure: Measure::of(config.mode),
+            link: StmLink::new(Setup::from(config)),
+            supervisor: Supervisor::new(StopDeadline::new(platform.stop_deadline)),
+            odometry: Odometry::new(platform, first.left, first.right),
+            delta: Delta::default(),
+            controller: Controller::new(config),
+            battery: Battery::new(config),
+            rangefinders: Rangefinders::new(platform.rangefinders),
+            want: Want::Nothing,
+            target: PoseCode::default(),
+            travelled: 0,
+            turned: 0,
+            cell: 0,
+            telling: Telling::new(platform.log_period),
+        }
+    }
+
+    /// The 100 Hz tick: where the robot is, whether it may move, and what the motors are told.
+    pub fn on_tick(&mut self, sample: Sample, adc_words: &[u16], log: &mut Log) -> Outputs {
+        self.delta = self.odometry.step(sample.left, sample.right);
+        self.travelled = self
+            .travelled
+            .wrapping_add(self.delta.travel.to_bits().into());
+        self.turned = self.turned.wrapping_add(self.delta.turn.into());
+        let pose = self.odometry.pose();
+
+        self.battery.sample(adc_words);
+        self.raise(battery_faults(&self.battery), log);
+
+        let wanted = self.want != Want::Nothing;
+        let busy = match self.want {
+            Want::Nothing => false,
+            Want::Target => self.controller.moving(),
+            Want::Constant(duty) => duty != Duty::ZERO,
+        };
+        let wheels = match self.supervisor.on_tick(sample.now, wanted, busy) {
+            Permit::Coast => Wheels::default(),
+            Permit::Brake => {
+                self.stand();
+                Wheels::BRAKE
+            }
+            Permit::Drive => self.drive(&pose),
+        };
+        self.tell(log);
+        Outputs {
+            left: wheels.left,
+            right: wheels.right,
+            trigger: self.rangefinders.tick(sample.now),
+            leds: leds(self.supervisor.state()),
+        }
+    }
+
+    /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
+    /// the Pi asks anew.
+    fn stand(&mut self) {
+        match self.want {
+            Want::Nothing => {}
+            Want::Target => self.controller.halt(),
+            Want::Constant(_) => {
+                self.controller.halt();
+                self.want = Want::Constant(Duty::ZERO);
+            }
+        }
+    }
+
+    fn drive(&mut self, pose: &Pose) -> Wheels {
+        match (self.want, self.measure) {
+            (Want::Nothing, _) => Wheels::default(),
+            (Want::Target, _) => {
+                if !self.controller.moving() && !self.controller.arrived() {
+                    // Halted since the target was set.
+                    self.controller.set_target(self.target.to_pose());
+                }
+                self.controller.drive(pose, &self.delta)
+            }
+            (Want::Constant(duty), Measure::Displacement) => {
+                self.controller.tune_move(duty, pose, &self.delta)
+            }
+            (Want::Constant(duty), Measure::Rotation | Measure::Pose) => {
+                self.controller.tune_rotate(duty)
+            }
+        }
+    }
+
+    /// A frame ended: `clocked` bytes crossed the wire, `buffer` holds those it had room for.
+    /// Nothing of a rejected frame takes effect; the stop deadline keeps running.
+    pub fn on_frame(&mut self, buffer: &[u8], clocked: usize, now: Micros, log: &mut Log) {
+        match self.link.receive_clocked(buffer, clocked) {
+            Ok(command) => self.on_command(&command, now, log),
+            Err(error) => self.on_rejected(&error, log),
+        }
+    }
+
+    fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
+        let bare = !self.link.mode().tells_fresh();
+        let duty = percent(command.percent);
+        let resumes = match self.measure {
+            Measure::Pose => command.apply,
+            Measure::Rotation | Measure::Displacement => duty == Duty::ZERO,
+        };
+        self.supervisor.on_fresh(
+            now,
+            Intent {
+                resumes: bare && resumes,
+                order: command.order,
+                clear: command.clear_faults,
+            },
+        );
+        match self.measure {
+            Measure::Pose => {
+                if command.apply {
+                    self.set_target(command.expected, log);
+                }
+            }
+            Measure::Rotation | Measure::Displacement => {
+                if !self.supervisor.halted() {
+                    self.want = Want::Constant(duty);
+                }
+            }
+        }
+        if command.tune.voltage != 0 {
+            self.tune_cell(command.tune, log);
+        }
+    }
+
+    fn set_target(&mut self, expected: PoseCode, log: &mut Log) {
+        if self.want == Want::Target && expected == self.target {
+            return;
+        }
+        self.want = Want::Target;
+        self.target = expected;
+        self.controller.set_target(expected.to_pose());
+        log.line(Level::Info, |line| {
+            telling::pose(line.text("target "), &expected);
+        });
+    }
+
+    fn tune_cell(&mut self, tune: CellCode, log: &mut Log) {
+        let Some(upper) = self.battery.tune(tune.cell, tune.to_volts()) else {
+            return;
+        };
+        log.line(Level::Info, |line| {
+            line.text("tuned tap ")
+                .int(i64::from(tune.cell) + 1)
+                .text(": upper resistor ")
+                .int(upper.into())
+                .text(" ohm");
+        });
+    }
+
+    fn on_rejected(&mut self, error: &FrameError, log: &mut Log) {
+        self.supervisor.raise(fault::FRAME_REJECTED);
+        self.telling.rejected(error, log);
+    }
+
+    /// Frames that ended before the robot came to read the one before them.
+    pub fn on_lost_frames(&mut self, frames: u32, log: &mut Log) {
+        self.link.overrun(frames);
+        self.supervisor.raise(fault::FRAME_REJECTED);
+        log.line(Level::Warn, |line| {
+            line.int(frames.into())
+                .text(" frames came too fast and were lost");
+        });
+    }
+
+    /// An echo of the rangefinder triggered last: both edges on the robot's clock.
+    pub fn on_echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
+        self.rangefinders.echo(which, rise, fall);
+    }
+
+    /// Latches faults that the registers found.
+    pub fn raise(&mut self, faults: u16, log: &mut Log) {
+        let new = faults & !self.supervisor.faults();
+        self.supervisor.raise(faults);
+        telling::faults(new, log);
+    }
+
+    /// Writes the reply to the next frame, with a new sequence number and the next cell; returns
+    /// its length. Once per received frame.
+    pub fn next_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
+        (self.cell, _) = self.battery.walk();
+        let report = self.report();
+        self.link.send(&report, out)
+    }
+
+    /// Writes the same reply again with the newest data; returns its length. After a tick.
+    pub fn refresh_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
+        let report = self.report();
+        self.link.resend(&report, out)
+    }
+
+    fn report(&self) -> Report {
+        Report {
+            pose: PoseCode::from_pose(&self.odometry.pose()),
+            measurement: self.measurement(),
+            cell: CellCode::from_volts(self.cell, self.battery.cell(self.cell).unwrap_or_default()),
+            ranges: Rangefinder::ALL
+                .map(|which| DistanceCode::from_distance(self.rangefinders.distance(which))),
+            faults: self.supervisor.faults(),
+            state: self.supervisor.state(),
+            ..Report::default()
+        }
+    }
+
+    /// [`Self::measurement`] in thousandths, for the log.
+    fn thousandths(&self) -> i64 {
+        match self.measure {
+            Measure::Pose => 0,
+            Measure::Rotation => (self.turned >> 8).saturating_mul(360_000) >> 24,
+            Measure::Displacement => self.travelled.saturating_mul(1000) >> 16,
+        }
+    }
+
+    /// Rotation in degrees or displacement in millimetres since reset.
+    fn measurement(&self) -> Double {
+        match self.measure {
+            Measure::Pose => Double::default(),
+            Measure::Rotation => Double::from_scaled(self.turned.saturating_mul(360), 32),
+            Measure::Displacement => Double::from_scaled(self.travelled, 16),
+        }
+    }
+
+    /// What the robot is doing.
+    #[must_use]
+    pub const fn state(&self) -> State {
+        self.supervisor.state()
+    }
+
+    /// Latched faults, bits of [`fault`].
+    #[must_use]
+    pub const fn faults(&self) -> u16 {
+        self.supervisor.faults()
+    }
+
+    /// Where the robot believes it is.
+    #[must_use]
+    pub const fn pose(&self) -> Pose {
+        self.odometry.pose()
+    }
+
+    /// The link's counters.
+    #[must_use]
+    pub const fn counters(&self) -> &LinkCounters {
+        self.link.counters()
+    }
+
+    fn tell(&mut self, log: &mut Log) {
+        self.telling
+            .state(self.supervisor.state(), self.supervisor.faults(), log);
+        if let Want::Constant(duty) = self.want {
+            telling::tuning(duty, self.thousandths(), log);
+        }
+        if self.telling.pose_is_due() {
+            telling::pose_line(&PoseCode::from_pose(&self.odometry.pose()), log);
+        }
+    }
+}
+
+/// The Pi's percent as a duty: the wire accepts nothing beyond ±100.
+fn percent(percent: Double) -> Duty {
+    // 2⁻³² %, and hundredths of a percent, to the nearest.
+    let bits = percent
+        .to_scaled(32)
+        .unwrap_or(0)
+        .clamp(-PERCENT_100, PERCENT_100);
+    let hundredths = (bits * 100 + (1 << 31)) >> 32;
+    Duty::saturating(i32::try_from(hundredths).unwrap_or(0))
+}
+
+/// 100 %, 2⁻³².
+const PERCENT_100: i64 = 100 << 32;
+
+const fn battery_faults(battery: &Battery) -> u16 {
+    let low = if battery.low() { fault::BATTERY_LOW } else { 0 };
+    let empty = if battery.empty() {
+        fault::BATTERY_CUTOFF
+    } else {
+        0
+    };
+    low | empty
+}

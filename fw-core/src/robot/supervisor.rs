@@ -1,0 +1,292 @@
+//! Whether the robot may move: state, latched faults, stop deadline.
+//!
+//! A pure state machine of three inputs (a fresh command, a tick, a fault raised) and one answer: the
+//! [`Permit`] of the tick. Everything that can move a wheel asks it; nothing else decides.
+
+use crate::motion::StopDeadline;
+use crate::units::Micros;
+use crate::wire::{fault, Order, State};
+
+/// Faults that keep the motors off until they are cleared, by the Pi in guarded modes, else by reset.
+pub const BLOCKING: u16 = fault::BATTERY_CUTOFF
+    | fault::LEFT_STALLED
+    | fault::RIGHT_STALLED
+    | fault::ENCODER_JUMP
+    | fault::LEFT_REVERSED
+    | fault::RIGHT_REVERSED;
+
+/// What a fresh valid frame asks of the supervisor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Intent {
+    /// The frame alone may end a stop: apply in Normal, 0 % in the bare tuning modes. The guarded
+    /// modes leave it false and send [`Order::Resume`].
+    pub resumes: bool,
+    /// Guarded modes.
+    pub order: Order,
+    /// Guarded modes: faults to clear.
+    pub clear: u16,
+}
+
+/// What a tick may do with the motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Permit {
+    /// Nothing is asked of them.
+    Coast,
+    /// They must stand.
+    Brake,
+    /// The controller's duties may be applied.
+    Drive,
+}
+
+/// State, latched faults and stop deadline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Supervisor {
+    deadline: StopDeadline,
+    /// A fresh frame has arrived since the reset: from then on silence means something.
+    linked: bool,
+    state: State,
+    faults: u16,
+    /// Stopped, by the deadline, by order or by a fault; only an explicit word ends it.
+    halted: bool,
+}
+
+impl Supervisor {
+    /// Ready, nothing latched; the deadline runs from the first fresh frame on.
+    #[must_use]
+    pub const fn new(deadline: StopDeadline) -> Self {
+        Self {
+            deadline,
+            linked: false,
+            state: State::Ready,
+            faults: 0,
+            halted: false,
+        }
+    }
+
+    /// What the robot is doing.
+    #[must_use]
+    pub const fn state(&self) -> State {
+        self.state
+    }
+
+    /// Whether the motors must stand until an explicit word ends it.
+    #[must_use]
+    pub const fn halted(&self) -> bool {
+        self.halted
+    }
+
+    /// Latched faults, bits of [`fault`].
+    #[must_use]
+    pub const fn faults(&self) -> u16 {
+        self.faults
+    }
+
+    /// Latches faults. A blocking one takes effect at once: the next permit is [`Permit::Brake`].
+    pub const fn raise(&mut self, faults: u16) {
+        self.faults |= faults;
+        if self.faults & BLOCKING != 0 {
+            self.state = State::Faulted;
+        }
+    }
+
+    /// A fresh valid frame arrived: the only thing that feeds the deadline.
+    pub fn on_fresh(&mut self, now: Micros, intent: Intent) {
+        // A frame that arrives after the deadline but before the tick that would notice does not
+        // undo the stop: the silence was too long, and leaving it takes an explicit word.
+        self.check_deadline(now);
+        self.deadline.fresh(now);
+        self.linked = true;
+        self.faults &= !intent.clear;
+        match intent.order {
+            Order::Stop => self.halted = true,
+            Order::Resume => self.halted = false,
+            Order::None => {
+                if intent.resumes {
+                    if self.halted {
+                        self.faults &= !fault::LINK_LOST;
+                    }
+                    self.halted = false;
+                }
+            }
+        }
+    }
+
+    /// One tick: whether the motors may run, given that something is `wanted` of them and that they
+    /// are `busy` with it.
+    pub fn on_tick(&mut self, now: Micros, wanted: bool, busy: bool) -> Permit {
+        self.check_deadline(now);
+        if self.faults & BLOCKING != 0 {
+            // Whatever was under way is over: clearing the fault must not move the robot.
+            self.halted = true;
+            self.state = State::Faulted;
+            return Permit::Brake;
+        }
+        if self.halted {
+            self.state = State::Stopped;
+            return Permit::Brake;
+        }
+        self.state = if wanted && busy {
+            State::Moving
+        } else {
+            State::Ready
+        };
+        if wanted {
+            Permit::Drive
+        } else {
+            Permit::Coast
+        }
+    }
+
+    fn check_deadline(&mut self, now: Micros) {
+        if self.linked && self.deadline.expired(now) && !self.halted {
+            self.halted = true;
+            self.faults |= fault::LINK_LOST;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DEADLINE_US: u32 = 250_000;
+    const APPLY: Intent = Intent {
+        resumes: true,
+        order: Order::None,
+        clear: 0,
+    };
+
+    fn supervisor() -> Supervisor {
+        Supervisor::new(StopDeadline::new(250))
+    }
+
+    #[test]
+    fn before_the_first_frame_it_waits_ready_and_coasts() {
+        let mut s = supervisor();
+        for second in 0..10_000_u32 {
+            let now = Micros(second.wrapping_mul(1_000_000));
+            assert_eq!(s.on_tick(now, false, false), Permit::Coast);
+        }
+        assert_eq!((s.state(), s.faults()), (State::Ready, 0));
+    }
+
+    #[test]
+    fn silence_brakes_at_the_deadline_from_every_phase_of_the_clock() {
+        for start in [
+            0,
+            1,
+            u32::MAX,
+            u32::MAX - DEADLINE_US / 2,
+            1 << 31,
+            (1 << 31) - 1,
+        ] {
+            let mut s = supervisor();
+            s.on_fresh(Micros(start), APPLY);
+            let at = |after: u32| Micros(start.wrapping_add(after));
+            assert_eq!(s.on_tick(at(DEADLINE_US - 1), true, true), Permit::Drive);
+            assert_eq!(s.state(), State::Moving);
+            assert_eq!(s.on_tick(at(DEADLINE_US), true, true), Permit::Brake);
+            assert_eq!((s.state(), s.faults()), (State::Stopped, fault::LINK_LOST));
+            // It stays so however long the silence lasts, the clock's wraps included.
+            for tick in 1..1_000_u32 {
+                let later = at(DEADLINE_US).after(tick.wrapping_mul(17_000_000));
+                assert_eq!(s.on_tick(later, true, true), Permit::Brake);
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_just_after_the_deadline_and_before_the_tick_does_not_undo_the_stop() {
+        let mut s = supervisor();
+        s.on_fresh(Micros(0), APPLY);
+        assert_eq!(s.on_tick(Micros(10), true, true), Permit::Drive);
+        s.on_fresh(Micros(DEADLINE_US + 1), Intent::default());
+        assert_eq!(
+            s.on_tick(Micros(DEADLINE_US + 2), true, true),
+            Permit::Brake
+        );
+    }
+
+    #[test]
+    fn only_a_word_that_resumes_ends_a_stop() {
+        let stopped = || {
+            let mut s = supervisor();
+            s.on_fresh(Micros(0), APPLY);
+            assert_eq!(s.on_tick(Micros(DEADLINE_US), true, true), Permit::Brake);
+            s
+        };
+        let now = Micros(DEADLINE_US + 5);
+        let mut s = stopped();
+        s.on_fresh(now, Intent::default());
+        assert_eq!(s.on_tick(now, true, true), Permit::Brake);
+        s.on_fresh(now, APPLY);
+        assert_eq!(s.on_tick(now, true, true), Permit::Drive);
+        assert_eq!(
+            s.faults(),
+            0,
+            "in Normal the resume is also what clears the latch"
+        );
+
+        let mut s = stopped();
+        s.on_fresh(
+            now,
+            Intent {
+                order: Order::Resume,
+                ..Intent::default()
+            },
+        );
+        assert_eq!(s.on_tick(now, true, true), Permit::Drive);
+        assert_eq!(
+            s.faults(),
+            fault::LINK_LOST,
+            "guarded: latched until cleared"
+        );
+    }
+
+    #[test]
+    fn an_order_to_stop_wins_over_apply_in_the_same_frame() {
+        let mut s = supervisor();
+        s.on_fresh(
+            Micros(0),
+            Intent {
+                order: Order::Stop,
+                ..APPLY
+            },
+        );
+        assert_eq!(s.on_tick(Micros(1), true, true), Permit::Brake);
+        assert_eq!(s.state(), State::Stopped);
+    }
+
+    #[test]
+    fn every_blocking_fault_brakes_and_clearing_it_alone_does_not_move_the_robot() {
+        for bit in 0..16 {
+            let fault = 1 << bit;
+            let mut s = supervisor();
+            s.on_fresh(Micros(0), APPLY);
+            s.raise(fault);
+            if fault & BLOCKING == 0 {
+                assert_eq!(s.on_tick(Micros(1), true, true), Permit::Drive);
+                continue;
+            }
+            assert_eq!(s.state(), State::Faulted);
+            assert_eq!(s.on_tick(Micros(1), true, true), Permit::Brake);
+            s.on_fresh(Micros(2), APPLY);
+            assert_eq!(
+                s.on_tick(Micros(3), true, true),
+                Permit::Brake,
+                "apply is no cure"
+            );
+            s.on_fresh(
+                Micros(4),
+                Intent {
+                    clear: fault,
+                    ..Intent::default()
+                },
+            );
+            assert_eq!(s.on_tick(Micros(5), true, true), Permit::Brake);
+            assert_eq!(s.state(), State::Stopped);
+            s.on_fresh(Micros(6), APPLY);
+            assert_eq!(s.on_tick(Micros(7), true, true), Permit::Drive);
+        }
+    }
+}
