@@ -1,0 +1,159 @@
+//! `rigless`'s I2C controller with two things it leaves out.
+//!
+//! - The last byte of a DMA reception. With `LAST` set (RM0383 section 18.3.8, 18.6.2 bit 12) the
+//!   hardware answers the byte that ends the stream's count with a NACK. The part reads the count
+//!   off the stream and says so through [`I2cMaster::next_is_last`].
+//! - A bus somebody holds low. `BUSY` stands (section 18.6.7 bit 1: set on detection of `SDA` or
+//!   `SCL` low) and a requested start waits for it, until the line is released.
+
+use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::soc::stm32f427::generated::i2c3::{cr1, cr2, sr1, sr2, Register};
+use rigless::soc::stm32f427::peripherals::i2c::I2c;
+use rigless::soc::RegisterSpec;
+use rigless::time::{EventId, VirtualNanos};
+
+/// An I2C controller.
+#[derive(Debug)]
+pub struct I2cMaster {
+    /// `rigless`'s model, which does everything else.
+    pub inner: I2c,
+    last: bool,
+    held_low: bool,
+}
+
+impl I2cMaster {
+    /// The controller of an interface whose bus runs at `clock_hz`.
+    #[must_use]
+    pub fn with_clock(clock_hz: u64) -> Self {
+        Self {
+            inner: I2c::with_clock(clock_hz),
+            last: false,
+            held_low: false,
+        }
+    }
+
+    /// Whether the controller receives by DMA with `LAST` set, and has a byte to hand over: then
+    /// what the stream has left decides how the next one is answered.
+    #[must_use]
+    pub fn receives_to_the_last(registers: &RegisterFile) -> bool {
+        let control = registers.get(Register::Cr2);
+        cr2::LAST.is_set(control) && cr2::DMAEN.is_set(control)
+    }
+
+    /// Whether a received byte waits in `DR`.
+    #[must_use]
+    pub fn has_byte(registers: &RegisterFile) -> bool {
+        sr1::RXNE.is_set(registers.get(Register::Sr1))
+    }
+
+    /// The byte that ends next is the last of the stream, and is not acknowledged.
+    pub fn next_is_last(&mut self, last: bool) {
+        self.last = last;
+    }
+
+    /// Somebody holds `SDA` or `SCL` low, or no longer does.
+    pub fn hold_low(&mut self, held: bool, registers: &mut RegisterFile) {
+        if self.held_low != held {
+            self.held_low = held;
+            self.show_busy(registers);
+            if !held {
+                let status = registers.get(Register::Sr2);
+                if !sr2::MSL.is_set(status) {
+                    registers.set(Register::Sr2, sr2::BUSY.set(status, 0));
+                }
+            }
+        }
+    }
+
+    fn show_busy(&self, registers: &mut RegisterFile) {
+        if self.held_low && cr1::PE.is_set(registers.get(Register::Cr1)) {
+            let status = registers.get(Register::Sr2);
+            registers.set(Register::Sr2, sr2::BUSY.set(status, 1));
+        }
+    }
+}
+
+impl Device for I2cMaster {
+    type Register = Register;
+
+    fn layout(&self) -> &'static [RegisterSpec] {
+        Device::layout(&self.inner)
+    }
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        self.show_busy(registers);
+        self.inner.read(register, registers, context)
+    }
+
+    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        self.inner.peek(register, registers, now)
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.show_busy(registers);
+        self.inner.write(register, value, registers, context);
+        self.show_busy(registers);
+    }
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let control = registers.get(Register::Cr1);
+        if self.last && cr1::ACK.is_set(control) {
+            // The hardware's NACK leaves the software's ACK bit alone.
+            registers.set(Register::Cr1, cr1::ACK.set(control, 0));
+            self.inner.on_event(event, registers, context);
+            let after = registers.get(Register::Cr1);
+            registers.set(Register::Cr1, cr1::ACK.set(after, 1));
+        } else {
+            self.inner.on_event(event, registers, context);
+        }
+    }
+
+    fn on_request(
+        &mut self,
+        request: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.inner.on_request(request, registers, context);
+    }
+
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.inner.on_clock(hz, registers, context);
+    }
+
+    fn on_access(
+        &mut self,
+        token: u64,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.inner.on_access(token, value, registers, context);
+    }
+
+    fn reset(&mut self) {
+        self.last = false;
+        self.inner.reset();
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.last = false;
+        self.inner.reset_line(registers, context);
+    }
+}
