@@ -208,7 +208,15 @@ mod tests {
     fn lines_share_their_vectors() {
         let mut part = part();
         write(&mut part, IMR, 0xFFFF);
-        for (line, number) in [(0, 6), (1, 7), (4, 10), (5, 23), (9, 23), (10, 40), (15, 40)] {
+        for (line, number) in [
+            (0, 6),
+            (1, 7),
+            (4, 10),
+            (5, 23),
+            (9, 23),
+            (10, 40),
+            (15, 40),
+        ] {
             write(&mut part, SWIER, 1 << line);
             assert_eq!(lines(&mut part), [(number, Level::High)], "line {line}");
             write(&mut part, PR, 1 << line);

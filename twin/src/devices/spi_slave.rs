@@ -30,6 +30,10 @@ const GLOBAL: usize = 0;
 
 /// The serial interface as its master sees it.
 #[derive(Debug, Default)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flip-flop of the block"
+)]
 pub struct SpiSlave {
     /// The chip select's level at the pin, `None` while no pin is routed here.
     nss: Option<Level>,
@@ -335,7 +339,11 @@ mod tests {
         assert_eq!(clock(&mut part, 0, 1), 1);
         assert_eq!(read(&mut part, SR), TXE | BSY);
         write(&mut part, DR, 0xFF);
-        assert_eq!(clock(&mut part, 0, 7), 0, "the word on the wire is the first one");
+        assert_eq!(
+            clock(&mut part, 0, 7),
+            0,
+            "the word on the wire is the first one"
+        );
         read(&mut part, DR);
         assert_eq!(clock(&mut part, 0, 8), 0xFF);
     }
@@ -348,7 +356,11 @@ mod tests {
         assert_eq!(read(&mut part, SR) & OVR, OVR);
         assert_eq!(read(&mut part, SR) & OVR, OVR, "SR alone does not clear it");
         assert_eq!(read(&mut part, DR), 1);
-        assert_eq!(read(&mut part, SR) & OVR, OVR, "the read that clears it shows it");
+        assert_eq!(
+            read(&mut part, SR) & OVR,
+            OVR,
+            "the read that clears it shows it"
+        );
         assert_eq!(read(&mut part, SR) & OVR, 0);
     }
 

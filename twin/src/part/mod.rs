@@ -311,6 +311,9 @@ impl Stm32f411 {
     }
 
     /// Puts `level` on the input of a channel (1 to 4) of TIM2 to TIM5 (0 to 3).
+    ///
+    /// # Panics
+    /// When there is no such channel or timer.
     pub fn drive_timer(&mut self, now: VirtualNanos, nth: usize, channel: u8, level: Level) {
         let channel = Channel::new(channel).expect("a timer has four channels");
         let (registers, mut context) = self.bus.drive(now, self.slots.tim[nth]);
@@ -319,6 +322,9 @@ impl Stm32f411 {
 
     /// The pulse a channel (1 to 4) of TIM2 to TIM5 (0 to 3) puts out, and its level for an output
     /// that repeats none.
+    ///
+    /// # Panics
+    /// When there is no such channel or timer.
     #[must_use]
     pub fn pulse(&self, nth: usize, channel: u8) -> (Option<Pulse>, Option<Level>) {
         let channel = Channel::new(channel).expect("a timer has four channels");
@@ -364,6 +370,18 @@ impl Stm32f411 {
             divider
         };
         self.rcc.pclk2(clocks).checked_div(sixteenths).unwrap_or(0)
+    }
+
+    /// `rigless` lets an oscillator without a crystal become ready at no frequency. The silicon's
+    /// never does (RM0383 section 6.2.1: the flag says whether it is stable).
+    fn keep_a_missing_crystal_still(&mut self) {
+        if self.rcc.crystals().0 == 0 {
+            let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
+            let control = registers.get(g::rcc::Register::Cr);
+            if g::rcc::cr::HSERDY.is_set(control) {
+                registers.set(g::rcc::Register::Cr, g::rcc::cr::HSERDY.set(control, 0));
+            }
+        }
     }
 
     /// Tells I2C1 whether the byte on its wires is the last one its DMA stream takes.
@@ -447,6 +465,7 @@ impl Mcu for Stm32f411 {
     /// Only the serial ports look outside.
     fn poll(&mut self, now: VirtualNanos) {
         self.watch_the_last_byte();
+        self.keep_a_missing_crystal_still();
         let (registers, mut context) = self.bus.drive(now, self.slots.usart1);
         rigless::device::Device::poll(&mut self.usart[0], registers, &mut context);
     }

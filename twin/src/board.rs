@@ -1,0 +1,374 @@
+//! The handle on a virtual robot: boot it, let time pass, look at it, break it.
+
+use std::sync::Arc;
+
+use plant::{Params, Pose, Room, World};
+use rigless::device::{Level, ResetCause};
+use rigless::image::Image;
+
+use crate::emulation::{Debugger, Emulation, Ended, Scene};
+use crate::machine::{Robot, VirtualBoard};
+use crate::parts::bridge;
+use crate::parts::eeprom::Eeprom;
+use crate::parts::i2c_bus::{I2cBus, SharedBus, Side};
+use crate::parts::spi_master::Step;
+use crate::parts::uart::LogByte;
+use crate::report::Unmodelled;
+use crate::surroundings::{OutputChange, Surroundings};
+use crate::wiring;
+
+/// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
+/// the default room.
+#[derive(Debug)]
+pub struct Options {
+    /// What all chance of the run is drawn from.
+    pub seed: u64,
+    /// The room.
+    pub room: Room,
+    /// Where the robot stands in it; the room's own start when `None`.
+    pub start: Option<Pose>,
+    /// Motors, battery, chassis and rangefinders.
+    pub params: Params,
+    /// The EEPROM's first bytes, erased past their end; `None`: no EEPROM is fitted.
+    pub eeprom: Option<Vec<u8>>,
+    /// Whether the 8 MHz crystal works.
+    pub crystal: bool,
+    /// A debugger's port.
+    pub debugger: Option<Debugger>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            room: Room::two_rooms(),
+            start: None,
+            params: Params::default(),
+            eeprom: Some(Vec::new()),
+            crystal: true,
+            debugger: None,
+        }
+    }
+}
+
+/// What is true of the robot, whatever the firmware believes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// Nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// Where it is, in the room's frame: millimetres and radians.
+    pub pose: Pose,
+    /// The wheels' speeds (left, right), °/s, positive forward.
+    pub wheel_deg_s: (f64, f64),
+    /// What the bridge applies to the motors (left, right), −1..=1; 0 with the brake on.
+    pub duty: (f64, f64),
+    /// The battery's taps against ground, volts.
+    pub battery_v: [f64; 2],
+    /// Length of the path so far, millimetres.
+    pub path_mm: f64,
+    /// How often it ran into something.
+    pub collisions: u32,
+}
+
+/// A restart of the microcontroller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reset {
+    /// Nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// Why.
+    pub cause: ResetBy,
+}
+
+/// Why the microcontroller restarted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResetBy {
+    /// The RESET line.
+    Pin,
+    /// The firmware's own request, or a lock-up of the core.
+    Core,
+    /// The independent watchdog.
+    Watchdog,
+    /// Anything else.
+    Other,
+}
+
+/// A virtual robot. Clones are handles on the same one.
+///
+/// Virtual time stands still except inside the methods that say they let it pass. A method panics
+/// when the emulation has ended, with the reason: a model failed or a debugger killed the run. The
+/// embedded-hal implementations answer with an error instead.
+#[derive(Clone, Debug)]
+pub struct Board {
+    emulation: Arc<Emulation>,
+}
+
+impl Board {
+    /// The board with the ELF file `elf` in its flash, powered and standing before the first
+    /// instruction; nothing at all in its flash where `elf` is empty.
+    ///
+    /// # Errors
+    /// A file that is no ELF of this part, or does not fit it.
+    pub fn new(elf: &[u8], options: Options) -> Result<Self, Ended> {
+        let images = if elf.is_empty() {
+            Vec::new()
+        } else {
+            let image = Image::new(std::path::Path::new("firmware"), elf.to_vec(), None)
+                .map_err(|error| Ended(error.to_string()))?;
+            vec![image]
+        };
+        let start = options.start.unwrap_or(options.room.start);
+        let world = World::new(options.params, options.room, start, options.seed);
+        let bus = I2cBus::new(options.eeprom.as_deref().map(Eeprom::holding));
+        let around = Surroundings::new(world, SharedBus::new(bus));
+        let board =
+            VirtualBoard::new(around, options.crystal).map_err(|error| Ended(error.to_string()))?;
+        let emulation = Emulation::start(board, images, options.debugger)?;
+        Ok(Self {
+            emulation: Arc::new(emulation),
+        })
+    }
+
+    /// Does `work` where the run stands.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn try_with<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Scene<'_>) -> T + Send + 'static,
+    ) -> Result<T, Ended> {
+        self.emulation.with(work)
+    }
+
+    fn with<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Scene<'_>) -> T + Send + 'static,
+    ) -> T {
+        self.try_with(work)
+            .unwrap_or_else(|ended| panic!("{ended}"))
+    }
+
+    fn robot<T: Send + 'static>(&self, work: impl FnOnce(&mut Robot) -> T + Send + 'static) -> T {
+        self.with(|scene| work(&mut scene.session.board_mut().robot))
+    }
+
+    /// The emulation itself, for measurements.
+    #[must_use]
+    pub fn emulation(&self) -> &Emulation {
+        &self.emulation
+    }
+
+    /// Lets virtual time pass, nanoseconds.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn try_run_ns(&self, ns: u64) -> Result<(), Ended> {
+        if ns == 0 {
+            return Ok(());
+        }
+        let now = self.try_with(|scene| scene.now)?;
+        self.emulation.run_until(now + ns)
+    }
+
+    /// Lets virtual time pass, microseconds.
+    ///
+    /// # Panics
+    /// When the emulation has ended.
+    pub fn run_us(&self, us: u64) {
+        self.try_run_ns(us * 1000)
+            .unwrap_or_else(|ended| panic!("{ended}"));
+    }
+
+    /// Lets virtual time pass in pieces of `step_us` until `done`; answers whether it was within
+    /// `limit_us`.
+    ///
+    /// # Panics
+    /// When the emulation has ended.
+    pub fn run_until(
+        &self,
+        limit_us: u64,
+        step_us: u64,
+        mut done: impl FnMut(&Self) -> bool,
+    ) -> bool {
+        let ends = self.now_us() + limit_us;
+        loop {
+            if done(self) {
+                return true;
+            }
+            if self.now_us() >= ends {
+                return false;
+            }
+            self.run_us(step_us);
+        }
+    }
+
+    /// Virtual time since power-on, nanoseconds.
+    #[must_use]
+    pub fn now_ns(&self) -> u64 {
+        self.with(|scene| scene.now)
+    }
+
+    /// Virtual time since power-on, microseconds.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.now_ns() / 1000
+    }
+
+    /// Instructions the core has retired since power-on.
+    #[must_use]
+    pub fn instructions(&self) -> u64 {
+        self.with(|scene| scene.instructions)
+    }
+
+    /// What is true right now.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        self.with(|scene| {
+            let Robot { chip, around } = &scene.session.board_mut().robot;
+            let duty = |pins| bridge::input(chip, pins).duty;
+            Truth {
+                at_ns: scene.now,
+                pose: around.world.pose(),
+                wheel_deg_s: around.world.wheel_speeds_deg_s(),
+                duty: (duty(wiring::LEFT_BRIDGE), duty(wiring::RIGHT_BRIDGE)),
+                battery_v: around.world.battery_taps(),
+                path_mm: around.world.path_mm(),
+                collisions: around.world.collisions(),
+            }
+        })
+    }
+
+    /// Looks at the physical world or changes it: its faults, a push, a servo.
+    pub fn world<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut World) -> T + Send + 'static,
+    ) -> T {
+        self.robot(|robot| work(&mut robot.around.world))
+    }
+
+    /// The log's bytes so far.
+    #[must_use]
+    pub fn uart(&self) -> Vec<u8> {
+        self.log().into_iter().map(|word| word.byte).collect()
+    }
+
+    /// The log's bytes so far with their times.
+    #[must_use]
+    pub fn log(&self) -> Vec<LogByte> {
+        self.robot(|robot| robot.around.log.clone())
+    }
+
+    /// Every change of READY and of the LEDs so far.
+    #[must_use]
+    pub fn outputs(&self) -> Vec<OutputChange> {
+        self.robot(|robot| robot.around.outputs.clone())
+    }
+
+    /// Whether READY is high.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.robot(|robot| robot.is_ready())
+    }
+
+    /// Which LEDs are lit, bit 0 = LED 1.
+    #[must_use]
+    pub fn leds(&self) -> u8 {
+        self.robot(|robot| {
+            (0..)
+                .zip(wiring::LEDS)
+                .filter(|&(_, pin)| robot.chip.output(pin) == Some(Level::Low))
+                .fold(0, |lit, (nth, _)| lit | 1 << nth)
+        })
+    }
+
+    /// Everything the firmware touched that no model covers, and everything it did that a model
+    /// objects to.
+    #[must_use]
+    pub fn unmodelled(&self) -> Unmodelled {
+        self.with(|scene| Unmodelled::of(scene.session))
+    }
+
+    /// Every restart so far.
+    #[must_use]
+    pub fn resets(&self) -> Vec<Reset> {
+        self.with(|scene| {
+            scene
+                .session
+                .resets()
+                .iter()
+                .map(|reset| Reset {
+                    at_ns: reset.at.0,
+                    cause: match reset.cause {
+                        ResetCause::Pin => ResetBy::Pin,
+                        ResetCause::Core => ResetBy::Core,
+                        ResetCause::Model("IWDG") => ResetBy::Watchdog,
+                        _ => ResetBy::Other,
+                    },
+                })
+                .collect()
+        })
+    }
+
+    /// Pulls the RESET line low (the microcontroller stays in reset) or lets it go (it boots).
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn hold_reset(&self, low: bool) -> Result<(), Ended> {
+        self.try_with(move |scene| {
+            if low {
+                let at = rigless::time::VirtualNanos(scene.now);
+                scene
+                    .session
+                    .reset_by_pin(at, scene.instructions, scene.host);
+            }
+            scene.host.hold(low);
+        })
+    }
+
+    /// Throws the I2C switch: the EEPROM to the Pi, or back to the STM.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn give_eeprom_to_pi(&self, pi: bool) -> Result<(), Ended> {
+        self.try_with(move |scene| {
+            let now = rigless::time::VirtualNanos(scene.now);
+            let Robot { chip, around } = &mut scene.session.board_mut().robot;
+            let side = if pi { Side::Pi } else { Side::Stm };
+            around.i2c.lock().give_to(side);
+            around.show_bus(chip, now);
+        })
+    }
+
+    /// Works on the EEPROM's bus: its contents, its write protection, a part that holds it.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn i2c_bus<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut I2cBus, u64) -> T + Send + 'static,
+    ) -> Result<T, Ended> {
+        self.try_with(|scene| {
+            let now = scene.now;
+            let at = rigless::time::VirtualNanos(now);
+            let Robot { chip, around } = &mut scene.session.board_mut().robot;
+            let answer = work(&mut around.i2c.lock(), now);
+            around.show_bus(chip, at);
+            answer
+        })
+    }
+
+    /// Plays `steps` on the Pi's SPI wires and lets virtual time pass until they end. Answers with
+    /// the bit on MISO at every clock.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn spi_raw(&self, steps: Vec<Step>) -> Result<Vec<bool>, Ended> {
+        let ends = self.try_with(move |scene| {
+            let now = scene.now;
+            let robot = &mut scene.session.board_mut().robot;
+            robot.around.spi.play(now, steps)
+        })?;
+        // One nanosecond on, so the last step has been carried out.
+        self.emulation.run_until(ends + 1)?;
+        self.try_with(|scene| scene.session.board_mut().robot.around.spi.take_miso())
+    }
+}

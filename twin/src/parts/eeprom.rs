@@ -1,0 +1,234 @@
+//! The AT24CS64 on the I2C bus: 8 KiB behind two address bytes (datasheet 8870).
+//!
+//! A write fills the 32-byte page it starts in, wrapping inside it; the stop starts the write
+//! cycle, during which the part does not acknowledge its address. With the write-protect pin high
+//! it acknowledges the address and its two address bytes, refuses the data and writes nothing. A
+//! read goes on through the array and wraps at its end. Not modelled: the serial number behind
+//! address 0x58.
+
+/// Bytes of the array.
+pub const SIZE: usize = 8192;
+/// Bytes of a page.
+pub const PAGE: usize = 32;
+/// The address on the bus.
+pub const ADDRESS: u8 = 0x50;
+/// The longest write cycle, nanoseconds (datasheet table 5-4, tWR).
+pub const WRITE_CYCLE_NS: u64 = 5_000_000;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Idle,
+    /// Bytes of the word address still to come, and the first of them.
+    Address(u8),
+    Data,
+    Reading,
+}
+
+/// The part.
+#[derive(Clone, Debug)]
+pub struct Eeprom {
+    bytes: Vec<u8>,
+    pointer: usize,
+    phase: Phase,
+    high: u8,
+    /// The page as it will be written, and which of its bytes are new.
+    latch: Vec<(usize, u8)>,
+    busy_until: u64,
+    write_protected: bool,
+    writes: u64,
+}
+
+impl Eeprom {
+    /// A part holding `bytes`, erased (0xFF) past their end.
+    #[must_use]
+    pub fn holding(bytes: &[u8]) -> Self {
+        let mut array = vec![0xFF; SIZE];
+        for (byte, &held) in array.iter_mut().zip(bytes) {
+            *byte = held;
+        }
+        Self {
+            bytes: array,
+            pointer: 0,
+            phase: Phase::Idle,
+            high: 0,
+            latch: Vec::new(),
+            busy_until: 0,
+            write_protected: true,
+            writes: 0,
+        }
+    }
+
+    /// What it holds.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// What it holds, to be changed from outside the bus.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        &mut self.bytes
+    }
+
+    /// Write cycles so far.
+    #[must_use]
+    pub fn writes(&self) -> u64 {
+        self.writes
+    }
+
+    /// The write-protect pin.
+    pub fn protect(&mut self, protected: bool) {
+        self.write_protected = protected;
+    }
+
+    /// Whether a read is under way, in which a lost clock leaves the part driving the data line.
+    #[must_use]
+    pub fn is_reading(&self) -> bool {
+        self.phase == Phase::Reading
+    }
+
+    /// A start with `address` at `now`. The answer is the acknowledge.
+    pub fn start(&mut self, now: u64, address: u8, read: bool) -> bool {
+        if address != ADDRESS || now < self.busy_until {
+            self.phase = Phase::Idle;
+            return false;
+        }
+        // A repeated start drops what was not yet ended by a stop.
+        self.latch.clear();
+        self.phase = if read {
+            Phase::Reading
+        } else {
+            Phase::Address(2)
+        };
+        true
+    }
+
+    /// A byte from the controller. The answer is the acknowledge.
+    pub fn write(&mut self, byte: u8) -> bool {
+        match self.phase {
+            Phase::Address(2) => {
+                self.high = byte;
+                self.phase = Phase::Address(1);
+                true
+            }
+            Phase::Address(_) => {
+                self.pointer = usize::from(u16::from_be_bytes([self.high, byte])) % SIZE;
+                self.phase = Phase::Data;
+                true
+            }
+            Phase::Data if self.write_protected => false,
+            Phase::Data => {
+                self.latch.push((self.pointer, byte));
+                let page = self.pointer / PAGE * PAGE;
+                self.pointer = page + (self.pointer + 1) % PAGE;
+                true
+            }
+            Phase::Idle | Phase::Reading => false,
+        }
+    }
+
+    /// A byte to the controller.
+    pub fn read(&mut self) -> u8 {
+        let byte = self.bytes[self.pointer];
+        self.pointer = (self.pointer + 1) % SIZE;
+        byte
+    }
+
+    /// A stop at `now`.
+    pub fn stop(&mut self, now: u64) {
+        if !self.latch.is_empty() {
+            for (at, byte) in self.latch.drain(..) {
+                self.bytes[at] = byte;
+            }
+            self.busy_until = now + WRITE_CYCLE_NS;
+            self.writes += 1;
+        }
+        self.phase = Phase::Idle;
+    }
+
+    /// The bus was taken away in the middle: nothing latched is written.
+    pub fn abandon(&mut self) {
+        self.latch.clear();
+        self.phase = Phase::Idle;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blank() -> Eeprom {
+        let mut eeprom = Eeprom::holding(&[]);
+        eeprom.protect(false);
+        eeprom
+    }
+
+    fn send(eeprom: &mut Eeprom, now: u64, bytes: &[u8]) -> Vec<bool> {
+        assert!(eeprom.start(now, ADDRESS, false));
+        let acknowledged = bytes.iter().map(|&byte| eeprom.write(byte)).collect();
+        eeprom.stop(now);
+        acknowledged
+    }
+
+    fn receive(eeprom: &mut Eeprom, now: u64, at: u16, count: usize) -> Vec<u8> {
+        assert!(eeprom.start(now, ADDRESS, false));
+        for byte in at.to_be_bytes() {
+            assert!(eeprom.write(byte));
+        }
+        assert!(eeprom.start(now, ADDRESS, true));
+        let bytes = (0..count).map(|_| eeprom.read()).collect();
+        eeprom.stop(now);
+        bytes
+    }
+
+    #[test]
+    fn a_write_wraps_inside_its_page() {
+        let mut eeprom = blank();
+        send(&mut eeprom, 0, &[0x00, 0x3E, 1, 2, 3, 4]);
+        let later = WRITE_CYCLE_NS;
+        assert_eq!(receive(&mut eeprom, later, 0x3E, 2), [1, 2]);
+        assert_eq!(receive(&mut eeprom, later, 0x20, 3), [3, 4, 0xFF]);
+        assert_eq!(receive(&mut eeprom, later, 0x40, 1), [0xFF]);
+    }
+
+    #[test]
+    fn a_write_cycle_takes_its_time_without_an_acknowledge() {
+        let mut eeprom = blank();
+        send(&mut eeprom, 1000, &[0, 0, 7]);
+        assert!(!eeprom.start(1000 + WRITE_CYCLE_NS - 1, ADDRESS, false));
+        assert!(eeprom.start(1000 + WRITE_CYCLE_NS, ADDRESS, false));
+        assert!(!eeprom.start(1000 + WRITE_CYCLE_NS, 0x68, false));
+    }
+
+    #[test]
+    fn a_read_goes_on_through_the_array_and_wraps_at_its_end() {
+        let mut eeprom =
+            Eeprom::holding(&(0..SIZE).map(|n| n.to_le_bytes()[0]).collect::<Vec<_>>());
+        assert_eq!(receive(&mut eeprom, 0, 0x1FFE, 4), [0xFE, 0xFF, 0, 1]);
+        assert!(eeprom.start(0, ADDRESS, true));
+        assert_eq!(
+            eeprom.read(),
+            2,
+            "the pointer stays where the last read ended"
+        );
+    }
+
+    #[test]
+    fn a_protected_part_takes_the_address_and_refuses_the_data() {
+        let mut eeprom = Eeprom::holding(&[9]);
+        assert_eq!(send(&mut eeprom, 0, &[0, 0, 7]), [true, true, false]);
+        assert_eq!(receive(&mut eeprom, 0, 0, 1), [9]);
+        assert_eq!(eeprom.writes(), 0);
+    }
+
+    #[test]
+    fn a_write_without_its_stop_is_lost() {
+        let mut eeprom = blank();
+        eeprom.start(0, ADDRESS, false);
+        for byte in [0, 0, 7] {
+            eeprom.write(byte);
+        }
+        eeprom.start(0, ADDRESS, true);
+        eeprom.stop(0);
+        assert_eq!(receive(&mut eeprom, 0, 0, 1), [0xFF]);
+    }
+}

@@ -1,0 +1,9 @@
+//! The parts of the board around the microcontroller, each a model of its own.
+
+pub mod bridge;
+pub mod eeprom;
+pub mod encoder;
+pub mod i2c_bus;
+pub mod rangefinder;
+pub mod spi_master;
+pub mod uart;

@@ -1,0 +1,53 @@
+//! The receiver on the log's wire: 115200 baud, 8N1.
+
+use rigless::chip::uart::Peer;
+use rigless::chip::Timeline;
+use rigless::snapshot::Store;
+use rigless::time::VirtualNanos;
+
+/// The rate the receiver is set to.
+pub const BAUD: u64 = 115_200;
+
+/// A byte of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LogByte {
+    /// When its stop bit ended, nanoseconds of virtual time.
+    pub at: u64,
+    /// The byte as it arrived.
+    pub byte: u8,
+}
+
+/// The wire's far end as the port hands words to it.
+#[derive(Debug, Default)]
+pub struct Wire {
+    words: Vec<LogByte>,
+}
+
+impl Wire {
+    /// What arrived since the last call.
+    pub fn take(&mut self) -> Vec<LogByte> {
+        std::mem::take(&mut self.words)
+    }
+}
+
+impl Store for Wire {}
+
+impl Peer for Wire {
+    fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
+        self.words.push(LogByte {
+            at: context.now().0,
+            byte: word.to_le_bytes()[0],
+        });
+    }
+
+    fn transmit(&mut self, _now: VirtualNanos) -> Option<u16> {
+        None
+    }
+}
+
+/// Whether a receiver at [`BAUD`] still reads a sender at `baud`: within 3 %, half a bit in ten
+/// with what the receiver's own clock may be off.
+#[must_use]
+pub fn readable(baud: u64) -> bool {
+    baud.abs_diff(BAUD) * 100 <= BAUD * 3
+}

@@ -1,0 +1,309 @@
+//! Everything around the microcontroller, moved along in virtual time: the world the robot stands
+//! in, the parts of the board, and the Pi's end of the wires.
+//!
+//! [`Surroundings::step`] runs at every stop of the emulator. It carries out what is due, in the
+//! order in which the board would show it, and asks for the next stop; nothing polls.
+
+use plant::World;
+use rigless::device::Level;
+use rigless::soc::stm32f427::peripherals::adc::Channel;
+use rigless::time::VirtualNanos;
+
+use crate::part::{Pin, Role, Stm32f411};
+use crate::parts::bridge;
+use crate::parts::encoder::Encoder;
+use crate::parts::i2c_bus::{SharedBus, Side};
+use crate::parts::rangefinder::Rangefinder;
+use crate::parts::spi_master::{Action, SpiMaster};
+use crate::parts::uart::{self, LogByte, Wire};
+use crate::wiring;
+
+/// The world is integrated in pieces of this length; encoder edges are placed inside them.
+pub const TICK_NS: u64 = 1_000_000;
+const TICK_S: f64 = 0.001;
+
+/// The alternate functions that connect the SPI, the log and the I2C to their pins.
+const SPI_FUNCTION: Role = Role::Function(5);
+const LOG_FUNCTION: Role = Role::Function(7);
+
+/// A change of one of the board's outputs, for who follows them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputChange {
+    /// Nanoseconds of virtual time.
+    pub at: u64,
+    /// The pin.
+    pub pin: Pin,
+    /// Its level.
+    pub level: bool,
+}
+
+/// The surroundings.
+#[derive(Debug)]
+pub struct Surroundings {
+    /// The physical world.
+    pub world: World,
+    /// The EEPROM's bus.
+    pub i2c: SharedBus,
+    /// The Pi's SPI controller.
+    pub spi: SpiMaster,
+    /// The log as it arrived.
+    pub log: Vec<LogByte>,
+    /// Changes of READY and of the LEDs.
+    pub outputs: Vec<OutputChange>,
+    encoders: [Encoder; 2],
+    counts: [i64; 2],
+    /// The levels each timer was last told: a pin that is not its yet tells it nothing.
+    told: [[Level; 2]; 2],
+    rangers: [Rangefinder; 3],
+    nss: Level,
+    next_tick: u64,
+}
+
+/// The encoders' pins in the order of the plant: left, right.
+const ENCODERS: [wiring::EncoderPins; 2] = [wiring::LEFT_ENCODER, wiring::RIGHT_ENCODER];
+
+impl Surroundings {
+    /// The surroundings of a board that stands in `world`.
+    #[must_use]
+    pub fn new(world: World, i2c: SharedBus) -> Self {
+        let (left, right) = world.wheel_counts();
+        Self {
+            world,
+            i2c,
+            spi: SpiMaster::default(),
+            log: Vec::new(),
+            outputs: Vec::new(),
+            encoders: Default::default(),
+            counts: [left, right],
+            told: [[Level::Low; 2]; 2],
+            rangers: Default::default(),
+            nss: Level::High,
+            next_tick: 0,
+        }
+    }
+
+    /// Connects the board to a part fresh out of reset.
+    pub fn connect(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        for pin in wiring::RANGERS.map(|ranger| ranger.trigger) {
+            chip.outside.watch(pin);
+        }
+        for pin in [wiring::SCL, wiring::READY].into_iter().chain(wiring::LEDS) {
+            chip.outside.watch(pin);
+        }
+        chip.drive_pin(now, wiring::NSS, Some(self.nss));
+        chip.drive_pin(now, wiring::SCL, Some(Level::High));
+        for ranger in wiring::RANGERS {
+            chip.drive_pin(now, ranger.echo, Some(Level::Low));
+        }
+        for (nth, pins) in ENCODERS.into_iter().enumerate() {
+            let levels = Encoder::levels(self.counts[nth]);
+            for (pin, level) in pins.pins.into_iter().zip(levels) {
+                chip.drive_pin(now, pin, Some(level));
+            }
+            self.told[nth] = [Level::Low; 2];
+            self.tell(chip, now, nth, levels);
+        }
+        self.show_bus(chip, now);
+        self.show_battery(chip);
+        chip.wake_at(now, now);
+    }
+
+    /// The I2C switch and a held data line as the STM sees them.
+    pub fn show_bus(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let bus = self.i2c.lock();
+        let pi = bus.owner() == Side::Pi;
+        let stuck = bus.is_stuck(Side::Stm);
+        drop(bus);
+        chip.drive_pin(now, wiring::SELECT, Some(Level::from(pi)));
+        chip.drive_pin(now, wiring::SDA, Some(Level::from(!stuck)));
+        chip.hold_i2c1_low(stuck);
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a tap is a few volts"
+    )]
+    fn show_battery(&self, chip: &mut Stm32f411) {
+        for (channel, volts) in (0..).zip(self.world.adc_pin_voltages()) {
+            let channel = Channel::new(channel).expect("two of sixteen channels");
+            chip.adc
+                .set_input(channel, (volts * 1000.0).round().max(0.0) as u32);
+        }
+    }
+
+    /// Carries out everything due by `now` and asks for the next stop.
+    pub fn step(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        self.hear(chip, now);
+        self.play(chip, now);
+        self.turn(chip, now);
+        self.echo(chip, now);
+        self.receive(chip);
+        while self.next_tick <= now.0 {
+            self.tick(chip);
+        }
+        if let Some(next) = self.next(chip) {
+            chip.wake_at(now, VirtualNanos(next.max(now.0 + 1)));
+        }
+    }
+
+    fn next(&self, chip: &Stm32f411) -> Option<u64> {
+        let rangers = self.rangers.iter().filter_map(Rangefinder::next);
+        let encoders = self.encoders.iter().filter_map(Encoder::next);
+        rangers
+            .chain(encoders)
+            .chain(self.spi.next(Self::clocks_ahead(chip)))
+            .chain([self.next_tick])
+            .min()
+    }
+
+    /// What the firmware did to its pins.
+    fn hear(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        for change in chip.take_pin_changes() {
+            let high = change.level == Level::High;
+            if let Some(nth) = wiring::RANGERS
+                .iter()
+                .position(|ranger| ranger.trigger == change.pin)
+            {
+                if self.rangers[nth].trigger(change.at.0, high) {
+                    let echo = self.world.echo_us(nth);
+                    self.rangers[nth].measure(change.at.0, echo);
+                }
+            } else if change.pin == wiring::SCL {
+                if high && chip.role(wiring::SCL) == Role::Output {
+                    self.i2c.lock().pulse(Side::Stm);
+                    self.show_bus(chip, now);
+                }
+            } else {
+                self.outputs.push(OutputChange {
+                    at: change.at.0,
+                    pin: change.pin,
+                    level: high,
+                });
+            }
+        }
+    }
+
+    /// The Pi's SPI.
+    fn play(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        while let Some(action) = self.next_action(chip, now) {
+            match action {
+                Action::Select(selected) => {
+                    self.nss = Level::from(!selected);
+                    chip.drive_pin(now, wiring::NSS, Some(self.nss));
+                    self.route_nss(chip, now);
+                }
+                Action::Clock(bit) => {
+                    let connected =
+                        [wiring::SCK, wiring::MOSI].map(|pin| chip.role(pin) == SPI_FUNCTION);
+                    let driven = chip.role(wiring::MISO) == SPI_FUNCTION;
+                    self.route_nss(chip, now);
+                    let answer = if connected[0] {
+                        chip.drive_spi(now, |spi, registers, context| {
+                            spi.clock(bit && connected[1], registers, context)
+                        })
+                    } else {
+                        None
+                    };
+                    // The Pi's input has a pull-down: a line nobody drives is low.
+                    self.spi.answer(answer.unwrap_or(false) && driven);
+                }
+            }
+        }
+    }
+
+    /// How many of the master's clocks may pass before the slave does something that could be seen.
+    fn clocks_ahead(chip: &Stm32f411) -> usize {
+        let registers = chip.spi_registers();
+        if chip.spi.listens(registers) {
+            chip.spi.clocks_to_act(registers) as usize - 1
+        } else {
+            0
+        }
+    }
+
+    /// The next action due by `now`, once the clock the slave acts at is.
+    fn next_action(&mut self, chip: &Stm32f411, now: VirtualNanos) -> Option<Action> {
+        if self.spi.next(Self::clocks_ahead(chip))? > now.0 {
+            return None;
+        }
+        self.spi.take(now.0)
+    }
+
+    fn route_nss(&self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let routed = chip.role(wiring::NSS) == SPI_FUNCTION;
+        let level = routed.then_some(self.nss);
+        chip.drive_spi(now, |spi, registers, context| {
+            spi.select(level, registers, context);
+        });
+    }
+
+    /// The wheels' edges.
+    fn turn(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        for (nth, pins) in ENCODERS.into_iter().enumerate() {
+            while let Some(edge) = self.encoders[nth].take(now.0) {
+                let before = Encoder::levels(self.counts[nth]);
+                let after = Encoder::levels(edge.count);
+                self.counts[nth] = edge.count;
+                for channel in 0..2 {
+                    if before[channel] != after[channel] {
+                        chip.drive_pin(now, pins.pins[channel], Some(after[channel]));
+                    }
+                }
+                if pins
+                    .pins
+                    .iter()
+                    .all(|&pin| chip.role(pin) == Role::Function(pins.function))
+                {
+                    self.tell(chip, now, nth, after);
+                }
+            }
+        }
+    }
+
+    fn tell(&mut self, chip: &mut Stm32f411, now: VirtualNanos, nth: usize, levels: [Level; 2]) {
+        for (channel, told) in (1..).zip(0..2) {
+            if self.told[nth][told] != levels[told] {
+                self.told[nth][told] = levels[told];
+                chip.drive_timer(now, ENCODERS[nth].timer, channel, levels[told]);
+            }
+        }
+    }
+
+    fn echo(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        for (ranger, pins) in self.rangers.iter_mut().zip(wiring::RANGERS) {
+            while let Some(high) = ranger.take(now.0) {
+                chip.drive_pin(now, pins.echo, Some(Level::from(high)));
+            }
+        }
+    }
+
+    fn receive(&mut self, chip: &mut Stm32f411) {
+        let arrived = chip.usart[0]
+            .chip_mut::<Wire>()
+            .map(Wire::take)
+            .unwrap_or_default();
+        if arrived.is_empty() || chip.role(wiring::TX) != LOG_FUNCTION {
+            return;
+        }
+        let readable = uart::readable(chip.usart1_baud());
+        self.log.extend(arrived.into_iter().map(|word| LogByte {
+            byte: if readable { word.byte } else { 0xFF },
+            ..word
+        }));
+    }
+
+    /// Integrates the world over the next millisecond with what the bridge applies now.
+    fn tick(&mut self, chip: &mut Stm32f411) {
+        let start = self.next_tick;
+        self.next_tick += TICK_NS;
+        let left = bridge::input(chip, wiring::LEFT_BRIDGE);
+        let right = bridge::input(chip, wiring::RIGHT_BRIDGE);
+        let before = self.world.wheel_phase();
+        self.world.step(TICK_S, left, right);
+        let after = self.world.wheel_phase();
+        self.encoders[0].plan(start, TICK_NS, before.0, after.0);
+        self.encoders[1].plan(start, TICK_NS, before.1, after.1);
+        self.show_battery(chip);
+    }
+}
