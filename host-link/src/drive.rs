@@ -185,28 +185,4 @@ impl Rest {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_creeping_robot_is_not_at_rest() {
-        let mut rest = Rest::default();
-        let mut at_rest = false;
-        for frame in 0..400_u32 {
-            // 4 mm/s: below the limit from frame to frame, far above it over a quarter second.
-            let pose = Place {
-                x_mm: f64::from(frame) * 0.1,
-                ..Place::default()
-            };
-            at_rest |= rest.settled(u64::from(frame) * 25_000, pose);
-        }
-        assert!(!at_rest);
-    }
-
-    #[test]
-    fn a_standing_robot_is_at_rest_after_a_quarter_second() {
-        let mut rest = Rest::default();
-        let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Place::default()));
-        assert_eq!(settled, Some(10));
-    }
-}
+mod tests;

@@ -28,6 +28,8 @@
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod doubles;
 pub mod drive;
 pub mod eeprom;
 pub mod error;

@@ -140,7 +140,6 @@ impl<'m, W: Wires> Bus<'m, W> {
     }
 
     fn restore(&mut self) -> Result<Option<u32>, Error> {
-        self.given_back = true;
         let machine = &mut *self.machine;
         let protect = persist(|| machine.protect.set_high());
         let select = persist(|| machine.select.set_low());
@@ -149,6 +148,8 @@ impl<'m, W: Wires> Bus<'m, W> {
         } else {
             Ok(())
         };
+        // Not before: a panic on the way here makes the drop try once more.
+        self.given_back = true;
         let steps = [
             ("setting the write protection", protect),
             ("returning the EEPROM's bus to the STM", select),

@@ -94,3 +94,6 @@ pub fn program<W: Wires>(
         ready_ms: ready_ms.unwrap_or_default(),
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,300 @@
+//! In-memory doubles of the wires, to make every single call fail in turn. How the real board
+//! behaves is tested on the virtual one.
+
+use crate::machine::{Clock, Interrupt, Machine, Wires};
+use embedded_hal::delay::DelayNs;
+use embedded_hal::digital::{self, InputPin, OutputPin};
+use embedded_hal::i2c::{self, I2c, Operation};
+use embedded_hal::spi::{self, SpiDevice};
+use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::wire::{Command, PoseCode, Report, Setup, StmLink, MAX_FRAME};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+/// What happens at a chosen call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mishap {
+    /// This call fails, the next works again.
+    FailOnce(usize),
+    /// From this call on nothing answers on I2C and SPI; the lines still work.
+    BusesDie(usize),
+    /// From this call on nothing works at all.
+    AllDies(usize),
+    /// The call panics.
+    Panic(usize),
+    /// Ctrl-C during this call.
+    Interrupt(usize),
+}
+
+/// The board, as far as its wires show it.
+pub struct Board {
+    pub mishap: Option<Mishap>,
+    pub calls: usize,
+    pub protected: bool,
+    pub selected: bool,
+    pub in_reset: bool,
+    pub resets: usize,
+    pub memory: Image,
+    pub commands: Vec<Command>,
+    pub report: Report,
+    link: Option<StmLink>,
+    now_us: u64,
+    low_since_us: u64,
+    busy_until_us: u64,
+    pointer: usize,
+    interrupt: Interrupt,
+}
+
+/// The error of every double.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Broken;
+
+impl digital::Error for Broken {
+    fn kind(&self) -> digital::ErrorKind {
+        digital::ErrorKind::Other
+    }
+}
+
+impl i2c::Error for Broken {
+    fn kind(&self) -> i2c::ErrorKind {
+        i2c::ErrorKind::NoAcknowledge(i2c::NoAcknowledgeSource::Unknown)
+    }
+}
+
+impl spi::Error for Broken {
+    fn kind(&self) -> spi::ErrorKind {
+        spi::ErrorKind::Other
+    }
+}
+
+type Shared = Rc<RefCell<Board>>;
+
+impl Board {
+    fn call(&mut self, bus: bool) -> Result<(), Broken> {
+        let call = self.calls;
+        self.calls += 1;
+        match self.mishap {
+            Some(Mishap::FailOnce(at)) if call == at => Err(Broken),
+            Some(Mishap::BusesDie(at)) if call >= at && bus => Err(Broken),
+            Some(Mishap::AllDies(at)) if call >= at => Err(Broken),
+            Some(Mishap::Panic(at)) if call == at => panic!("a double was told to"),
+            Some(Mishap::Interrupt(at)) if call == at => {
+                self.interrupt.raise();
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn ready(&self) -> bool {
+        !self.in_reset && !self.selected && fw_core::eeprom::decode(&self.memory).is_ok()
+    }
+
+    /// One I2C write to the EEPROM.
+    fn write(&mut self, bytes: &[u8]) -> Result<(), Broken> {
+        if !self.selected || self.now_us < self.busy_until_us {
+            return Err(Broken);
+        }
+        let [high, low, data @ ..] = bytes else {
+            return Err(Broken);
+        };
+        self.pointer = usize::from(u16::from_be_bytes([*high, *low]));
+        if data.is_empty() {
+            return Ok(());
+        }
+        assert!(
+            data.len() <= 32 && self.pointer % 32 + data.len() <= 32,
+            "burst crosses a row"
+        );
+        if !self.protected {
+            self.memory[self.pointer..self.pointer + data.len()].copy_from_slice(data);
+        }
+        self.busy_until_us = self.now_us + 3_000;
+        Ok(())
+    }
+
+    fn read(&mut self, out: &mut [u8]) -> Result<(), Broken> {
+        if !self.selected || self.now_us < self.busy_until_us {
+            return Err(Broken);
+        }
+        for byte in out {
+            *byte = self.memory[self.pointer % IMAGE_LEN];
+            self.pointer += 1;
+        }
+        Ok(())
+    }
+
+    /// One frame; every frame the robot has gone half the way to where it should be.
+    fn frame(&mut self, back: &mut [u8], out: &[u8]) {
+        let Some(link) = &mut self.link else { return };
+        let mut reply = [0; MAX_FRAME];
+        let len = link.send(&self.report, &mut reply);
+        back.copy_from_slice(&reply[..len]);
+        let command = link.receive(out).expect("the Pi sends good frames");
+        if command.apply {
+            let half = |from: i32, to: i32| from + (to - from) / 2;
+            let (from, to) = (self.report.pose, command.expected);
+            self.report.pose = PoseCode {
+                x: half(from.x, to.x),
+                y: half(from.y, to.y),
+                rotation: to.rotation,
+            };
+        }
+        self.commands.push(command);
+    }
+}
+
+/// A handle of one wire.
+pub struct Wire<const WHICH: usize>(Shared);
+
+const RESET: usize = 0;
+const SELECT: usize = 1;
+const PROTECT: usize = 2;
+const READY: usize = 3;
+const BUS: usize = 4;
+
+impl<const WHICH: usize> digital::ErrorType for Wire<WHICH> {
+    type Error = Broken;
+}
+
+impl<const WHICH: usize> Wire<WHICH> {
+    fn set(&mut self, high: bool) -> Result<(), Broken> {
+        let mut board = self.0.borrow_mut();
+        board.call(false)?;
+        match WHICH {
+            RESET if high && board.in_reset => {
+                board.in_reset = false;
+                if board.now_us - board.low_since_us >= 100_000 {
+                    board.resets += 1;
+                }
+            }
+            RESET if !high => {
+                board.in_reset = true;
+                board.low_since_us = board.now_us;
+            }
+            SELECT => board.selected = high,
+            PROTECT => board.protected = high,
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl<const WHICH: usize> OutputPin for Wire<WHICH> {
+    fn set_low(&mut self) -> Result<(), Broken> {
+        self.set(false)
+    }
+
+    fn set_high(&mut self) -> Result<(), Broken> {
+        self.set(true)
+    }
+}
+
+impl InputPin for Wire<READY> {
+    fn is_high(&mut self) -> Result<bool, Broken> {
+        let mut board = self.0.borrow_mut();
+        board.call(false)?;
+        Ok(board.ready())
+    }
+
+    fn is_low(&mut self) -> Result<bool, Broken> {
+        self.is_high().map(|high| !high)
+    }
+}
+
+impl i2c::ErrorType for Wire<BUS> {
+    type Error = Broken;
+}
+
+impl I2c for Wire<BUS> {
+    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), Broken> {
+        let mut board = self.0.borrow_mut();
+        board.call(true)?;
+        assert_eq!(address, 0x50);
+        for part in parts {
+            match part {
+                Operation::Write(bytes) => board.write(bytes)?,
+                Operation::Read(out) => board.read(out)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl spi::ErrorType for Wire<BUS> {
+    type Error = Broken;
+}
+
+impl SpiDevice for Wire<BUS> {
+    fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), Broken> {
+        let mut board = self.0.borrow_mut();
+        board.call(true)?;
+        for part in parts {
+            if let spi::Operation::Transfer(back, out) = part {
+                board.frame(back, out);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl DelayNs for Wire<BUS> {
+    fn delay_ns(&mut self, ns: u32) {
+        self.0.borrow_mut().now_us += u64::from(ns / 1000);
+    }
+}
+
+impl Clock for Wire<BUS> {
+    fn micros(&mut self) -> u64 {
+        self.0.borrow().now_us
+    }
+}
+
+/// The doubles.
+pub struct Doubles;
+
+impl Wires for Doubles {
+    type Spi = Wire<BUS>;
+    type I2c = Wire<BUS>;
+    type Reset = Wire<RESET>;
+    type Select = Wire<SELECT>;
+    type Protect = Wire<PROTECT>;
+    type Ready = Wire<READY>;
+    type Delay = Wire<BUS>;
+    type Clock = Wire<BUS>;
+}
+
+/// A board whose EEPROM holds `memory`, and the machine that reaches it.
+pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubles>) {
+    let interrupt = Interrupt::new();
+    let link = fw_core::eeprom::decode(memory).ok();
+    let board = Rc::new(RefCell::new(Board {
+        mishap,
+        calls: 0,
+        protected: true,
+        selected: false,
+        in_reset: false,
+        resets: 0,
+        memory: *memory,
+        commands: Vec::new(),
+        report: Report::default(),
+        link: link.map(|config| StmLink::new(Setup::from(&config))),
+        now_us: 0,
+        low_since_us: 0,
+        busy_until_us: 0,
+        pointer: 0,
+        interrupt: interrupt.clone(),
+    }));
+    let machine = Machine {
+        spi: Wire(board.clone()),
+        i2c: Wire(board.clone()),
+        reset: Wire(board.clone()),
+        select: Wire(board.clone()),
+        protect: Wire(board.clone()),
+        ready: Wire(board.clone()),
+        delay: Wire(board.clone()),
+        clock: Wire(board.clone()),
+        interrupt,
+    };
+    (board, machine)
+}
