@@ -1,0 +1,210 @@
+//! I2C1, master, 400 kHz: one blocking read by DMA, with a time-out on every step, and what frees a
+//! bus that a slave holds.
+
+use crate::board::{SCL, SDA};
+use crate::clock::APB1_MHZ;
+use crate::dma::{control, Stream};
+use crate::gpio::{Driver, Pull};
+use crate::time;
+use stm32f4::stm32f411 as pac;
+
+type Dma = Stream<1, 0>;
+
+/// Why a read failed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Error {
+    /// Somebody holds SDA or SCL low.
+    Busy,
+    /// Nobody acknowledged the device's address, or a byte of the register's.
+    NoAcknowledge,
+    /// A step took longer than it can, or the interface saw a misplaced edge.
+    Stuck,
+}
+
+/// One step of a transfer is at most two bytes, 45 µs at 400 kHz; a slave may stretch it.
+const STEP: u32 = 1_000;
+
+/// Between two looks at the DMA, microseconds.
+const POLL: u32 = 100;
+
+fn registers() -> &'static pac::i2c1::RegisterBlock {
+    // SAFETY: the registers are at this address for as long as the part is powered; only boot, which
+    // runs alone, uses the bus.
+    unsafe { &*pac::I2C1::ptr() }
+}
+
+/// Resets the interface and sets it up: fast mode, tlow/thigh 2.
+pub fn start() {
+    let i2c = registers();
+    SCL.alternate(4, Driver::OpenDrain, Pull::None);
+    SDA.alternate(4, Driver::OpenDrain, Pull::None);
+    i2c.cr1().write(|w| w.swrst().set_bit());
+    i2c.cr1().reset();
+    // SAFETY: 50 MHz is within 2 ..= 50 (RM0383, 18.6.2).
+    i2c.cr2().write(|w| unsafe { w.freq().bits(APB1_MHZ) });
+    // 3 × 42 periods of 20 ns: 397 kHz.
+    // SAFETY: at least 1 in fast mode (RM0383, 18.6.8).
+    i2c.ccr().write(|w| unsafe {
+        w.f_s().set_bit();
+        w.ccr().bits(42)
+    });
+    // 300 ns of rise time, in periods, plus one.
+    i2c.trise().write(|w| w.trise().set(16));
+    i2c.cr1().write(|w| w.pe().set_bit());
+}
+
+/// Fills `into` from `register` (two address bytes) of the device at `device` (7 bits). `idle` is
+/// called all along the DMA's part.
+///
+/// # Errors
+/// See [`Error`]; the bus has been given a STOP where the interface still could.
+pub fn read(
+    device: u8,
+    register: u16,
+    into: &'static mut [u8],
+    idle: impl FnMut(),
+) -> Result<(), Error> {
+    let result = transfer(device, register, into, idle);
+    let i2c = registers();
+    Dma::stop();
+    i2c.cr1().modify(|_, w| w.stop().set_bit());
+    // SAFETY: the set-up value; DMA off.
+    i2c.cr2().write(|w| unsafe { w.freq().bits(APB1_MHZ) });
+    if !time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear()) {
+        return result.and(Err(Error::Stuck));
+    }
+    result
+}
+
+fn transfer(
+    device: u8,
+    register: u16,
+    into: &'static mut [u8],
+    mut idle: impl FnMut(),
+) -> Result<(), Error> {
+    let i2c = registers();
+    if !time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear()) {
+        return Err(Error::Busy);
+    }
+    let [high, low] = register.to_be_bytes();
+    address(device << 1)?;
+    for byte in [high, low] {
+        step(|sr| sr.tx_e().bit_is_set())?;
+        i2c.dr().write(|w| w.dr().set(byte));
+    }
+    step(|sr| sr.btf().bit_is_set())?;
+
+    let count = u16::try_from(into.len()).map_err(|_| Error::Stuck)?;
+    // SAFETY: the buffer is static and exclusively ours; nobody looks at it before `read` has
+    // stopped the stream.
+    unsafe {
+        Dma::start(
+            i2c.dr().as_ptr() as u32,
+            into.as_mut_ptr() as u32,
+            count,
+            control::channel(1) | control::READ | control::VERY_HIGH,
+        );
+    }
+    // LAST: the interface refuses the acknowledge of the DMA's last byte by itself.
+    i2c.cr2().modify(|_, w| {
+        w.dmaen().set_bit();
+        w.last().set_bit()
+    });
+    address(device << 1 | 1)?;
+    // 22.5 µs a byte, and as much again for stretching.
+    let limit = u32::from(count) * 45 + STEP;
+    let mut outcome = Ok(());
+    let ended = time::wait(limit, || {
+        idle();
+        time::doze(POLL);
+        let sr = i2c.sr1().read();
+        if Dma::failed() || sr.berr().bit_is_set() || sr.arlo().bit_is_set() {
+            outcome = Err(Error::Stuck);
+        }
+        Dma::complete() || outcome.is_err()
+    });
+    outcome.and(if ended { Ok(()) } else { Err(Error::Stuck) })
+}
+
+/// START and the address byte, up to its acknowledge.
+fn address(byte: u8) -> Result<(), Error> {
+    let i2c = registers();
+    i2c.cr1().modify(|_, w| {
+        w.ack().set_bit();
+        w.start().set_bit()
+    });
+    step(|sr| sr.sb().bit_is_set())?;
+    i2c.dr().write(|w| w.dr().set(byte));
+    step(|sr| sr.addr().bit_is_set())?;
+    // SR1 has been read with ADDR set; reading SR2 clears it.
+    let _ = i2c.sr2().read();
+    Ok(())
+}
+
+/// Waits for a flag, watching for what may come instead.
+fn step(reached: impl Fn(&pac::i2c1::sr1::R) -> bool) -> Result<(), Error> {
+    let i2c = registers();
+    let mut outcome = Err(Error::Stuck);
+    time::wait(STEP, || {
+        let sr = i2c.sr1().read();
+        if sr.af().bit_is_set() {
+            outcome = Err(Error::NoAcknowledge);
+        } else if sr.berr().bit_is_set() || sr.arlo().bit_is_set() {
+            outcome = Err(Error::Stuck);
+        } else if reached(&sr) {
+            outcome = Ok(());
+        } else {
+            return false;
+        }
+        true
+    });
+    if outcome == Err(Error::NoAcknowledge) {
+        i2c.sr1().modify(|_, w| w.af().clear_bit());
+    }
+    outcome
+}
+
+/// Frees a bus on which a slave was interrupted in mid-byte: clocks it until it lets SDA go, nine
+/// times at most, then a STOP (UM10204, 3.1.16), then starts the interface anew.
+pub fn recover() {
+    registers().cr1().reset();
+    SCL.high();
+    SDA.high();
+    SCL.output(Driver::OpenDrain);
+    SDA.output(Driver::OpenDrain);
+    half_period();
+    for _ in 0..9 {
+        if SDA.is_high() {
+            break;
+        }
+        SCL.low();
+        half_period();
+        SCL.high();
+        half_period();
+    }
+    SCL.low();
+    half_period();
+    SDA.low();
+    half_period();
+    SCL.high();
+    half_period();
+    SDA.high();
+    half_period();
+    start();
+}
+
+/// 5 µs: 100 kHz.
+fn half_period() {
+    time::wait(5, || false);
+}
+
+impl Error {
+    /// For the log.
+    pub const fn reason(self) -> &'static str {
+        match self {
+            Self::Busy => "I2C held low",
+            Self::NoAcknowledge => "EEPROM 0x50 does not answer",
+            Self::Stuck => "I2C transfer got stuck",
+        }
+    }
+}

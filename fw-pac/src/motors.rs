@@ -1,0 +1,141 @@
+//! The L298P: TIM4 chops the enables at 20 kHz, four pins set the directions.
+//!
+//! | drive | enable | inputs |
+//! |---|---|---|
+//! | coast | 0 | both low |
+//! | brake | 100 % | both low: both ends of the motor to ground |
+//! | forward | duty | IN2 high, IN1 low |
+//! | backward | duty | IN1 high, IN2 low |
+//!
+//! Whenever a motor's inputs change, its enable goes low first and stays so for
+//! [`DEAD_TIME_CYCLES`], longer than the bridge needs to turn off, so upper and lower transistors of
+//! a leg never conduct together. The compare registers are not preloaded: a new duty, and a zero
+//! above all, takes effect at once and not at the next period.
+
+use crate::board::{LEFT_EN, LEFT_IN1, LEFT_IN2, RIGHT_EN, RIGHT_IN1, RIGHT_IN2};
+use crate::clock::APB1_TIMER_HZ;
+use crate::gpio::{Driver, Pin, Pull};
+use fw_core::robot::Drive;
+use fw_core::units::Duty;
+use stm32f4::stm32f411 as pac;
+
+/// The enables' chopping frequency, hertz: inaudible, and within the L298's 40 kHz.
+const PWM_HZ: u32 = 20_000;
+/// Timer counts of one period.
+const PERIOD: u32 = APB1_TIMER_HZ / PWM_HZ;
+/// 2 µs: the L298's slowest turn-off is 1.5 µs (source current turn-off delay, datasheet table).
+const DEAD_TIME_CYCLES: u32 = 200;
+
+/// What the pins of one motor say.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Inputs {
+    in1: bool,
+    in2: bool,
+}
+
+/// Both bridges, and what their inputs were last told.
+pub struct Motors {
+    left: Inputs,
+    right: Inputs,
+}
+
+impl Motors {
+    /// Starts the PWM with both motors coasting.
+    pub fn start() -> Self {
+        let timer = registers();
+        timer.ccmr2_output().write(|w| {
+            w.oc3m().pwm_mode1();
+            w.oc4m().pwm_mode1()
+        });
+        timer.psc().write(|w| w.psc().set(0));
+        timer.arr().write(|w| w.arr().set((PERIOD - 1) as u16));
+        timer.ccr3().write(|w| w.ccr().set(0));
+        timer.ccr4().write(|w| w.ccr().set(0));
+        timer.ccer().write(|w| {
+            w.cc3e().set_bit();
+            w.cc4e().set_bit()
+        });
+        timer.cr1().write(|w| w.cen().set_bit());
+        for pin in [RIGHT_EN, LEFT_EN] {
+            pin.alternate(2, Driver::PushPull, Pull::None);
+        }
+        let low = Inputs {
+            in1: false,
+            in2: false,
+        };
+        Self {
+            left: low,
+            right: low,
+        }
+    }
+
+    /// Drives both motors.
+    pub fn set(&mut self, left: Drive, right: Drive) {
+        let timer = registers();
+        let (left_inputs, left_duty) = decode(left);
+        let (right_inputs, right_duty) = decode(right);
+        let turn_left = left_inputs != self.left;
+        let turn_right = right_inputs != self.right;
+        if turn_left || turn_right {
+            if turn_right {
+                timer.ccr3().write(|w| w.ccr().set(0));
+            }
+            if turn_left {
+                timer.ccr4().write(|w| w.ccr().set(0));
+            }
+            cortex_m::asm::delay(DEAD_TIME_CYCLES);
+            if turn_right {
+                apply(right_inputs, RIGHT_IN1, RIGHT_IN2);
+                self.right = right_inputs;
+            }
+            if turn_left {
+                apply(left_inputs, LEFT_IN1, LEFT_IN2);
+                self.left = left_inputs;
+            }
+        }
+        timer.ccr3().write(|w| w.ccr().set(right_duty));
+        timer.ccr4().write(|w| w.ccr().set(left_duty));
+    }
+}
+
+fn registers() -> &'static pac::tim4::RegisterBlock {
+    // SAFETY: the registers are at this address for as long as the part is powered; `Motors` is
+    // their one user until the safe state takes them over for good.
+    unsafe { &*pac::TIM4::ptr() }
+}
+
+/// Inputs and compare value: 0 never rises, `PERIOD` (one above the reload) never falls.
+fn decode(drive: Drive) -> (Inputs, u16) {
+    let hundredths = match drive {
+        Drive::Coast => 0,
+        Drive::Brake => Duty::FULL,
+        Drive::Run(duty) => duty.hundredths(),
+    };
+    let magnitude = u32::from(hundredths.unsigned_abs()).min(Duty::FULL as u32);
+    let running = matches!(drive, Drive::Run(_));
+    let inputs = Inputs {
+        in1: running && hundredths < 0,
+        in2: running && hundredths > 0,
+    };
+    (inputs, (magnitude * PERIOD / Duty::FULL as u32) as u16)
+}
+
+fn apply(inputs: Inputs, in1: Pin, in2: Pin) {
+    // The one that falls first, so both are never high on the way.
+    if inputs.in1 {
+        in2.low();
+        in1.high();
+    } else {
+        in1.low();
+        in2.set(inputs.in2);
+    }
+}
+
+/// The motors' pins as the reset should have left them: enables and inputs low, driven. The first
+/// thing boot does and the first thing every failure does; needs no more than the ports' clocks.
+pub fn force_off() {
+    for pin in [RIGHT_EN, LEFT_EN, RIGHT_IN1, RIGHT_IN2, LEFT_IN1, LEFT_IN2] {
+        pin.low();
+        pin.output(Driver::PushPull);
+    }
+}

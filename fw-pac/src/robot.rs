@@ -1,0 +1,153 @@
+//! The robot's priority: slots in, core, registers out.
+//!
+//! `PendSV` and the log's DMA interrupt share priority 2, so neither preempts the other; what runs
+//! above them uses slots and never touches what is here, and thread level hands it over once, before
+//! the interrupts are enabled. That is the whole locking there is.
+
+use crate::motors::Motors;
+use crate::uart::Uart;
+use crate::{adc, leds, rangefinders, spi, time, watchdog};
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use core::sync::atomic::{compiler_fence, Ordering};
+use cortex_m::interrupt::free;
+use cortex_m_rt::exception;
+use fw_core::log::Log;
+use fw_core::robot::{Robot, Sample};
+use fw_core::wire::MAX_FRAME;
+
+/// What the robot's priority owns beside the log.
+pub struct Body {
+    /// Every decision.
+    pub robot: Robot,
+    /// Both bridges.
+    pub motors: Motors,
+    /// The log's transmitter.
+    pub uart: Uart,
+}
+
+/// A value that one priority owns.
+struct Owned<T>(UnsafeCell<T>);
+
+// SAFETY: one priority at a time touches the inside: boot alone before the interrupts are enabled,
+// priority 2 alone afterwards.
+unsafe impl<T> Sync for Owned<T> {}
+
+static LOG: Owned<Log> = Owned(UnsafeCell::new(Log::new()));
+static BODY: Owned<MaybeUninit<Body>> = Owned(UnsafeCell::new(MaybeUninit::uninit()));
+
+/// The log, for boot.
+///
+/// # Safety
+/// Once, before the interrupts are enabled, and not to be used after [`install`].
+pub unsafe fn boot_log() -> &'static mut Log {
+    // SAFETY: the caller's promise.
+    unsafe { &mut *LOG.0.get() }
+}
+
+/// Hands the body over to the robot's priority.
+///
+/// # Safety
+/// Once, before priority 2's interrupts are enabled; they must not be enabled without it.
+pub unsafe fn install(body: Body) {
+    // SAFETY: the caller's promise.
+    unsafe { (*BODY.0.get()).write(body) };
+    compiler_fence(Ordering::SeqCst);
+}
+
+/// What happened.
+enum Event {
+    Frame(spi::Frame),
+    Tick(Sample),
+}
+
+/// The older of a frame and a tick: the core's clock never runs backwards. Both times are looked at
+/// in one masked stretch, and whoever latches one stores it in another, so none can slip in between
+/// with an earlier time.
+fn next() -> Option<Event> {
+    let (frame, tick) = free(|token| (spi::ended(token), time::latched(token)));
+    let frame_first = match (frame, tick) {
+        (None, None) => return None,
+        (Some(_), None) => true,
+        (None, Some(_)) => false,
+        (Some(frame), Some(tick)) => tick.since(frame) < u32::MAX / 2,
+    };
+    if frame_first {
+        spi::take().map(Event::Frame)
+    } else {
+        time::take().map(Event::Tick)
+    }
+}
+
+#[exception]
+fn PendSV() {
+    // SAFETY: priority 2, like the only other user; `install` came before the interrupts.
+    let (body, log) = unsafe { ((*BODY.0.get()).assume_init_mut(), &mut *LOG.0.get()) };
+    if let Some(echo) = rangefinders::take() {
+        body.robot.on_echo(echo.which, echo.rise, echo.fall);
+    }
+    while let Some(event) = next() {
+        match event {
+            Event::Frame(frame) => body.on_frame(&frame, log),
+            Event::Tick(sample) => body.on_tick(sample, log),
+        }
+    }
+    // SAFETY: the log is static.
+    unsafe { body.uart.service(log) };
+}
+
+/// The log's transfer has ended; at the robot's priority.
+pub fn log_sent() {
+    // SAFETY: priority 2, like the only other user; `install` came before the interrupts. The log
+    // is static.
+    unsafe {
+        let body = (*BODY.0.get()).assume_init_mut();
+        body.uart.service(&mut *LOG.0.get());
+    }
+}
+
+impl Body {
+    /// A frame ended: parsed, then answered. Its own symbol, for whoever counts its instructions.
+    #[inline(never)]
+    #[export_name = "robot_frame"]
+    fn on_frame(&mut self, frame: &spi::Frame, log: &mut Log) {
+        let lost = spi::take_lost();
+        if lost > 0 {
+            self.robot.on_lost_frames(lost, log);
+        }
+        let bytes = frame.bytes.get(..frame.received).unwrap_or(&frame.bytes);
+        self.robot.on_frame(bytes, frame.received, frame.at, log);
+        let mut reply = [0; MAX_FRAME];
+        let len = self.robot.next_reply(&mut reply);
+        spi::offer(&reply, len);
+    }
+
+    /// The 100 Hz tick. Its own symbol, for whoever counts its instructions.
+    #[inline(never)]
+    #[export_name = "robot_tick"]
+    fn on_tick(&mut self, sample: Sample, log: &mut Log) {
+        let words = adc::words();
+        let taps = words.as_ref().map_or(&[][..], |words| &words[..]);
+        let outputs = self.robot.on_tick(sample, taps, log);
+        self.motors.set(outputs.left, outputs.right);
+        leds::show(outputs.leds);
+        if let Some(which) = outputs.trigger {
+            rangefinders::trigger(which);
+        }
+        let mut reply = [0; MAX_FRAME];
+        let len = self.robot.refresh_reply(&mut reply);
+        spi::offer(&reply, len);
+        watchdog::ticked();
+        panic_on_purpose();
+    }
+}
+
+/// Test build: two seconds of ticks after READY.
+fn panic_on_purpose() {
+    #[cfg(feature = "test-panic")]
+    {
+        use core::sync::atomic::AtomicU32;
+        static TICKS: AtomicU32 = AtomicU32::new(0);
+        assert!(TICKS.fetch_add(1, Ordering::Relaxed) < 200, "on purpose");
+    }
+}
