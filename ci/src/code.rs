@@ -116,23 +116,6 @@ pub fn lines_with(bare: &str, word: &str) -> Vec<usize> {
         .collect()
 }
 
-/// The text between the braces of the first `{` and its `}`.
-pub fn body(bare: &str) -> &str {
-    let Some(start) = bare.find('{') else {
-        return "";
-    };
-    let mut depth = 0_u32;
-    for (at, letter) in bare[start..].char_indices() {
-        match letter {
-            '{' => depth += 1,
-            '}' if depth == 1 => return &bare[start + 1..start + at],
-            '}' => depth -= 1,
-            _ => {}
-        }
-    }
-    &bare[start + 1..]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -151,15 +134,6 @@ fn a<'x>(s: &'x str) { // unsafe
         assert_eq!(lines_with(&bare, "unsafe"), [5], "{bare}");
         assert_eq!(bare.lines().count(), source.lines().count());
         assert!(bare.contains("for_r"));
-    }
-
-    #[test]
-    fn a_body_ends_at_its_own_brace() {
-        assert_eq!(
-            body("fn f() { if x { 1 } else { 2 } } fn g() {}").trim(),
-            "if x { 1 } else { 2 }"
-        );
-        assert_eq!(body("fn f();"), "");
     }
 
     #[test]

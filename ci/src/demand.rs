@@ -87,7 +87,8 @@ pub fn fuzz_targets(place: &Place) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Fuzzes one target from its committed corpus; what it finds stays in `target/fuzz`.
+/// Fuzzes one target from its committed corpus; what it learns stays in
+/// `target/fuzz/corpus`, what breaks the target in `fuzz/artifacts`.
 ///
 /// # Errors
 /// Where the fuzzer found an input that breaks the target.
@@ -95,7 +96,8 @@ pub fn fuzz_one(place: &Place, target: &str, seconds: u32) -> Result<()> {
     let found = place.target.join("fuzz/corpus").join(target);
     std::fs::create_dir_all(&found).of(found.display())?;
     let mut fuzz = Command::new("rustup");
-    fuzz.args(["run", "nightly", "cargo", "fuzz", "run", target]);
+    fuzz.args(["run", "nightly", "cargo", "fuzz", "run", "--target-dir"]);
+    fuzz.arg(place.target.join("fuzz")).arg(target);
     // New inputs go to the first folder; the committed seeds are only read.
     fuzz.arg(&found)
         .arg(place.root.join("fuzz/corpus").join(target))

@@ -12,6 +12,10 @@ pub trait Source {
     fn bits64(&mut self) -> u64;
     /// The next `N` bytes.
     fn bytes<const N: usize>(&mut self) -> [u8; N];
+    /// The next binary64.
+    fn double(&mut self) -> u64 {
+        self.bits64()
+    }
 }
 
 /// A type that can be drawn; every value of the type must be possible.
@@ -135,6 +139,19 @@ impl Source for Biased<'_> {
     fn bytes<const N: usize>(&mut self) -> [u8; N] {
         self.0.bytes()
     }
+    /// Often a special number or one whose size means something to the robot; uniform bits are nearly
+    /// all far too large or far too small.
+    fn double(&mut self) -> u64 {
+        let exponent = match self.0.bits8() {
+            0..=15 => 0,
+            16..=23 => 1,
+            24..=31 => 0x7FE,
+            32..=47 => 0x7FF,
+            48..=79 => self.0.bits64(),
+            _ => (1023 - 80) + u64::from(self.0.bits8() % 160),
+        };
+        self.shaped(52) | (exponent & 0x7FF) << 52 | u64::from(self.0.bits8() & 1) << 63
+    }
 }
 
 macro_rules! integers {
@@ -193,7 +210,10 @@ macro_rules! structures {
 
 use fw_core::double::Double;
 use fw_core::units::{Micros, Turns};
-use fw_core::wire::{CellCode, Command, DistanceCode, Order, PoseCode, Report, Sequence, State};
+use fw_core::wire::strategy::Context;
+use fw_core::wire::{
+    CellCode, Command, DistanceCode, Mode, Order, PoseCode, Report, Sequence, Setup, State,
+};
 
 macro_rules! wrappers {
     ($($name:path),*) => {$(
@@ -205,13 +225,35 @@ macro_rules! wrappers {
     )*};
 }
 
-wrappers!(Double, Micros, Turns, DistanceCode);
+impl Input for Double {
+    fn draw(source: &mut impl Source) -> Self {
+        Self(source.double())
+    }
+}
+
+wrappers!(Micros, Turns, DistanceCode);
 
 structures! {
     PoseCode { x, y, rotation }
     CellCode { cell, voltage }
     Sequence { own, seen }
     Command { expected, apply, percent, tune, sequence, clear_faults, order }
+    Context { key_from_pi, key_from_stm, cells, own, last }
+    Setup { mode, key_from_pi, key_from_stm, cells }
+}
+
+impl Input for Mode {
+    fn draw(source: &mut impl Source) -> Self {
+        match source.bits8() % 7 {
+            0 => Self::Normal,
+            1 => Self::TuneRotate,
+            2 => Self::TuneMove,
+            3 => Self::GuardedNormal,
+            4 => Self::GuardedTuneRotate,
+            5 => Self::GuardedTuneMove,
+            _ => Self::GuardedSweep,
+        }
+    }
 }
 
 impl Input for Report {

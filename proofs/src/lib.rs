@@ -7,6 +7,8 @@
 //! | module | theorems |
 //! |---|---|
 //! | [`units`] | the units' own arithmetic: what the others rest on |
+//! | [`wire`] | T1, T2: frames, links, codes |
+//! | [`double`] | T4: binary64 to fixed point and back |
 //! | [`theorem`] | how a property is declared |
 //! | [`input`] | where inputs come from |
 //! | [`search`] | the explicit-state search of the models in `tests/` |
@@ -16,17 +18,26 @@
     reason = "a property panics exactly where it does not hold"
 )]
 
+pub mod double;
 pub mod input;
 #[cfg(test)]
 mod sampled;
 pub mod search;
 pub mod theorem;
 pub mod units;
+pub mod wire;
 
 use theorem::Theorem;
 
 /// The theorems of every area.
-pub const THEOREMS: &[&[Theorem]] = &[units::THEOREMS];
+pub const THEOREMS: &[&[Theorem]] = &[
+    units::THEOREMS,
+    wire::parsing::THEOREMS,
+    wire::checksum::THEOREMS,
+    wire::link::THEOREMS,
+    wire::codes::THEOREMS,
+    double::THEOREMS,
+];
 
 /// Every theorem, area by area.
 pub fn theorems() -> impl Iterator<Item = &'static Theorem> {

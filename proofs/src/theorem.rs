@@ -105,8 +105,8 @@ macro_rules! theorem_entry {
             cases: &[$($case),+],
             harnesses: &[$(concat!(stringify!($name), "::", stringify!($harness))),*],
             tests: &[
-                $({ let _ = || $all; "exhaustive" },)?
-                $({ let _ = || $some; "stepped" },)?
+                $({ let _ = stringify!($all); "exhaustive" },)?
+                $({ let _ = stringify!($some); "stepped" },)?
                 $({ let _: u32 = $count; "sampled" },)?
             ],
             needs: &[$($(stringify!($need)),+)?],

@@ -81,11 +81,6 @@ const GATES: [Gate; 17] = [
         hygiene::hygiene,
     ),
     quick(
-        "floors",
-        "the number of proof harnesses and covers only grows",
-        proofs::floors,
-    ),
-    quick(
         "clippy",
         "no lint warns; no float arithmetic in fw-core",
         source::clippy,
@@ -95,6 +90,11 @@ const GATES: [Gate; 17] = [
         "unit",
         "unit tests, properties exhaustive or sampled",
         tests::unit,
+    ),
+    quick(
+        "floors",
+        "the number of theorems and harnesses only grows",
+        proofs::floors,
     ),
     slow(
         "msrv",

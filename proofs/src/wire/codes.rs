@@ -1,0 +1,255 @@
+//! T2: codes of the wire to units and back: the nearest code, saturating, monotone.
+
+use fixed::types::{I32F32, U16F16};
+use fw_core::units::{Millimetres, Pose, Turns, Volts};
+use fw_core::wire::code::{bearing, bearing_code};
+use fw_core::wire::{CellCode, DistanceCode, PoseCode};
+
+use crate::theorem::Seen;
+
+fn pose_of(x: i64, y: i64, heading: u32) -> Pose {
+    Pose {
+        x: Millimetres(I32F32::from_bits(x)),
+        y: Millimetres(I32F32::from_bits(y)),
+        heading: Turns(heading),
+    }
+}
+
+/// A length's code is back to itself after the way to millimetres. x takes the code and y its
+/// complement, so that half of the codes try all of them.
+pub fn length_code_round_trips(code: i32) -> Seen {
+    let there = PoseCode {
+        x: code,
+        y: !code,
+        rotation: 0,
+    };
+    let pose = there.to_pose();
+    assert!(PoseCode::from_pose(&pose) == there);
+    Seen::NOTHING
+        .case(0, code == 1_000_000)
+        .case(1, code == i32::MAX)
+}
+
+/// A length's code is the nearest micrometre, or the end of the range where that lies beyond.
+pub fn length_code_is_nearest(bits: i64) -> Seen {
+    let code = PoseCode::from_pose(&pose_of(bits, 0, 0)).x;
+    // In 2⁻³² µm: the length is bits · 1000 of them, the code 2³² · code.
+    let length = i128::from(bits) * 1000;
+    let missing = length - (i128::from(code) << 32);
+    let half = 1 << 31;
+    match code {
+        i32::MAX => assert!(missing >= -half),
+        i32::MIN => assert!(missing <= half),
+        _ => assert!(-half <= missing && missing <= half),
+    }
+    Seen::NOTHING
+        .case(0, code == i32::MAX && missing > half)
+        .case(1, code == i32::MIN && missing < -half)
+        .case(2, missing == half || missing == -half)
+}
+
+/// A length's code never falls when the length grows.
+pub fn length_code_is_monotone(one: i64, other: i64) -> Seen {
+    if one > other {
+        return Seen::NOTHING;
+    }
+    let (low, high) = (
+        PoseCode::from_pose(&pose_of(one, 0, 0)).x,
+        PoseCode::from_pose(&pose_of(other, 0, 0)).x,
+    );
+    assert!(low <= high);
+    Seen::NOTHING.case(0, low == high).case(1, low < high)
+}
+
+/// A heading's code is the nearest of 32 768, and a code is back to itself.
+pub fn rotation_code_is_nearest(heading: u32) -> Seen {
+    let code = PoseCode::from_pose(&pose_of(0, 0, heading)).rotation;
+    assert!(code <= 0x7FFF);
+    let there = PoseCode {
+        x: 0,
+        y: 0,
+        rotation: code,
+    };
+    let back = there.to_pose().heading;
+    assert!(Turns(heading).from_nearest(back).unsigned_abs() <= 1 << 16);
+    assert!(PoseCode::from_pose(&pose_of(0, 0, back.0)).rotation == code);
+    Seen::NOTHING
+        .case(0, code == 0 && heading > 1 << 31)
+        .case(1, back.0 == heading)
+}
+
+/// A bearing's code is the nearest of 65 536, and a code is back to itself.
+pub fn bearing_code_is_nearest(heading: u32) -> Seen {
+    let code = bearing_code(Turns(heading));
+    let back = bearing(code);
+    assert!(Turns(heading).from_nearest(back).unsigned_abs() <= 1 << 15);
+    assert!(bearing_code(back) == code);
+    Seen::NOTHING
+        .case(0, code == 0 && heading > 1 << 31)
+        .case(1, back.0 == heading)
+}
+
+/// A voltage's code is back to itself after the way to volts.
+pub fn voltage_code_round_trips(cell: u8, voltage: u16) -> Seen {
+    if cell > 7 || voltage > CellCode::MAX_VOLTAGE {
+        return Seen::NOTHING;
+    }
+    let there = CellCode { cell, voltage };
+    assert!(CellCode::from_volts(cell, there.to_volts()) == there);
+    Seen::NOTHING
+        .case(0, voltage == 0)
+        .case(1, voltage == CellCode::MAX_VOLTAGE)
+}
+
+/// A voltage's code is the nearest 5 mV, or 40.955 V above that; the cell is the cell.
+pub fn voltage_code_is_nearest(cell: u8, bits: u32) -> Seen {
+    let code = CellCode::from_volts(cell, Volts(U16F16::from_bits(bits)));
+    assert!(code.cell == cell & 7 && code.voltage <= CellCode::MAX_VOLTAGE);
+    // In 2⁻¹⁶ of 5 mV.
+    let missing = i64::from(bits) * 200 - (i64::from(code.voltage) << 16);
+    assert!(missing >= -(1 << 15));
+    let saturated = code.voltage == CellCode::MAX_VOLTAGE;
+    assert!(saturated || missing <= 1 << 15);
+    Seen::NOTHING
+        .case(0, saturated && missing > 1 << 15)
+        .case(1, missing < 0)
+        .case(2, code.voltage == 0)
+}
+
+/// A voltage's code never falls when the voltage grows.
+pub fn voltage_code_is_monotone(one: u32, other: u32) -> Seen {
+    if one > other {
+        return Seen::NOTHING;
+    }
+    let low = CellCode::from_volts(0, Volts(U16F16::from_bits(one)));
+    let high = CellCode::from_volts(0, Volts(U16F16::from_bits(other)));
+    assert!(low.voltage <= high.voltage);
+    Seen::NOTHING
+        .case(0, low == high)
+        .case(1, low.voltage < high.voltage)
+}
+
+/// The lowest distance, in 2⁻³² mm, whose nearest code is `code` or above: (code − ½)·2500/65535 mm,
+/// rounded up; a tie goes up.
+fn threshold(code: u16) -> i64 {
+    let numerator = ((2 * i128::from(code) - 1) * 2500) << 32;
+    let bits = numerator.div_euclid(2 * 65_535) + i128::from(numerator.rem_euclid(2 * 65_535) > 0);
+    i64::try_from(bits.max(0)).unwrap_or(i64::MAX)
+}
+
+fn distance_code(bits: i64) -> DistanceCode {
+    DistanceCode::from_distance(Some(Millimetres(I32F32::from_bits(bits))))
+}
+
+/// A distance's code is back to itself after the way to millimetres, and the distances that have it
+/// begin and end exactly half way to its neighbours.
+pub fn distance_code_is_nearest(code: u16) -> Seen {
+    let first = threshold(code);
+    // 0xFFFF begins half way from 0xFFFE, and is "nothing valid" from there on.
+    assert!(distance_code(first).0 == code);
+    if code > 0 {
+        assert!(distance_code(first - 1).0 == code - 1);
+    }
+    match DistanceCode(code).to_distance() {
+        Some(Millimetres(distance)) => {
+            assert!(distance_code(distance.to_bits()).0 == code);
+        }
+        None => assert!(code == 0xFFFF),
+    }
+    Seen::NOTHING
+        .case(0, code == 0)
+        .case(1, code == 0xFFFF)
+        .case(2, code == 0xFFFE)
+}
+
+/// A distance's code is 0xFFFF for every distance that is not at least 0 and well below 2500 mm, and
+/// for none; it never falls when the distance grows inside.
+pub fn distance_code_is_total(one: i64, other: i64) -> Seen {
+    assert!(DistanceCode::from_distance(None) == DistanceCode::NONE);
+    let (low, high) = (distance_code(one), distance_code(other));
+    let end = 2500 << 32;
+    if one < 0 || one >= end {
+        assert!(low == DistanceCode::NONE);
+    }
+    if 0 <= one && one <= other {
+        assert!(low.0 <= high.0);
+    }
+    Seen::NOTHING
+        .case(0, one < 0)
+        .case(1, one >= end)
+        .case(2, 0 <= one && one < other && other < end)
+}
+
+/// Kani's share of [`distance_code_is_total`]: no input panics or overflows, and what is out of range
+/// is nothing.
+pub fn distance_out_of_range_is_nothing(bits: i64) -> Seen {
+    let end = 2500 << 32;
+    let inside = 0 <= bits && bits < end;
+    let code = distance_code(bits);
+    assert!(inside || code == DistanceCode::NONE);
+    Seen::NOTHING
+        .case(0, bits < 0)
+        .case(1, bits >= end)
+        .case(2, inside && code != DistanceCode::NONE)
+}
+
+crate::theorems! {
+    T2 length_code_round_trips(code: i32) {
+        cases ["1 m", "the end of the range"];
+        exhaustive (0..=i32::MAX).map(|code| (code,));
+    }
+    T2 length_code_is_nearest(bits: i64) {
+        cases ["beyond the top", "beyond the bottom", "a tie"];
+        kani proof [unwind(1)];
+        sampled 1_000_000;
+    }
+    T2 length_code_is_monotone(one: i64, other: i64) {
+        cases ["equal codes", "a higher code"];
+        kani proof [unwind(1)];
+        sampled 300_000;
+    }
+    T2 rotation_code_is_nearest(heading: u32) {
+        cases ["just below a turn is 0", "exact"];
+        kani proof [unwind(1)];
+        exhaustive (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
+            [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
+        });
+    }
+    T2 bearing_code_is_nearest(heading: u32) {
+        cases ["just below a turn is 0", "exact"];
+        kani proof [unwind(1)];
+        exhaustive (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
+            [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
+        });
+    }
+    T2 voltage_code_round_trips(cell: u8, voltage: u16) {
+        cases ["no voltage", "the highest voltage"];
+        kani proof [unwind(1)];
+        exhaustive (0..=8).flat_map(|cell| (0..=0x2000).map(move |voltage| (cell, voltage)));
+    }
+    T2 voltage_code_is_nearest(cell: u8, bits: u32) {
+        cases ["beyond the top", "rounded up", "nothing"];
+        kani proof [unwind(1)];
+        stepped (0..=u32::MAX).step_by(61).map(|bits| (3, bits));
+        sampled 300_000;
+    }
+    T2 voltage_code_is_monotone(one: u32, other: u32) {
+        cases ["equal codes", "a higher code"];
+        kani proof [unwind(1)];
+        sampled 300_000;
+    }
+    T2 distance_code_is_nearest(code: u16) {
+        cases ["0 mm", "nothing valid", "the farthest"];
+        needs [distance_code_is_total];
+        exhaustive (0..=u16::MAX).map(|code| (code,));
+    }
+    T2 distance_code_is_total(one: i64, other: i64) {
+        cases ["negative", "too far", "two distances in range"];
+        sampled 1_000_000;
+    }
+    T2 distance_out_of_range_is_nothing(bits: i64) {
+        cases ["negative", "too far", "in range"];
+        kani proof [unwind(1)];
+        sampled 300_000;
+    }
+}

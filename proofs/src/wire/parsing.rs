@@ -1,0 +1,189 @@
+//! T1: parsing is total, and takes exactly the frames of the byte tables.
+
+use fw_core::wire::strategy::Context;
+use fw_core::wire::{parse_command, parse_report, FrameError, Mode, Reason};
+
+use super::table::{
+    command_is_right, command_says, is_fresh, report_is_right, report_says, table, word, Frame,
+};
+use crate::theorem::Seen;
+
+/// In a mode without guard the STM takes a frame of the Pi exactly when the table allows it, and
+/// understands by it what the table says.
+pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
+    let table = table(mode);
+    if table.guarded {
+        return Seen::NOTHING;
+    }
+    let right = command_is_right(mode, &context, &frame);
+    let parsed = parse_command(mode, &context, &frame[..table.len], 0);
+    if let Ok(command) = &parsed {
+        assert!(command_says(mode, &frame, command));
+    }
+    assert!(parsed.is_ok() == right);
+    Seen::NOTHING
+        .case(0, right)
+        .case(1, frame[0] != context.key_from_pi)
+        .case(2, frame[table.battery] >> 5 >= context.cells)
+}
+
+/// In a mode without guard the Pi takes a frame of the STM exactly when the table allows it, and
+/// understands by it what the table says.
+pub fn report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
+    let table = table(mode);
+    if table.guarded {
+        return Seen::NOTHING;
+    }
+    let right = report_is_right(mode, &context, &frame);
+    let parsed = parse_report(mode, &context, &frame[..table.len], 0);
+    if let Ok(report) = &parsed {
+        assert!(report_says(mode, &frame, report));
+    }
+    assert!(parsed.is_ok() == right);
+    Seen::NOTHING
+        .case(0, right)
+        .case(1, frame[0] != context.key_from_stm)
+        .case(2, frame[table.battery] >> 5 >= context.cells)
+}
+
+/// What must hold of a guarded frame whatever end parses it: all is right, or it is rejected, by its
+/// checksum alone if all else is right.
+fn guarded_verdict<T>(parsed: &Result<T, FrameError>, right: bool, frame: &Frame, mode: Mode) {
+    match parsed {
+        Ok(_) => assert!(right),
+        Err(error) => match error.reason {
+            Reason::Crc { expected, found } => {
+                let at = table(mode).len - 2;
+                assert!(right && found != expected);
+                assert!(found == word(frame, at) && error.offset == at);
+            }
+            _ => assert!(!right),
+        },
+    }
+}
+
+/// In a guarded mode the STM takes no frame of the Pi that the table does not allow, rejects none
+/// that it allows but for its checksum, and understands by it what the table says.
+pub fn guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
+    let table = table(mode);
+    if !table.guarded {
+        return Seen::NOTHING;
+    }
+    let right = command_is_right(mode, &context, &frame);
+    let parsed = parse_command(mode, &context, &frame[..table.len], 0);
+    guarded_verdict(&parsed, right, &frame, mode);
+    if let Ok(command) = &parsed {
+        assert!(command_says(mode, &frame, command));
+    }
+    Seen::NOTHING
+        .case(0, right)
+        .case(1, frame[0] != context.key_from_pi)
+        .case(2, !is_fresh(context.last, frame[1]))
+        .case(3, frame[5] > 2)
+}
+
+/// In a guarded mode the Pi takes no frame of the STM that the table does not allow, rejects none
+/// that it allows but for its checksum, and understands by it what the table says.
+pub fn guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
+    let table = table(mode);
+    if !table.guarded {
+        return Seen::NOTHING;
+    }
+    let right = report_is_right(mode, &context, &frame);
+    let parsed = parse_report(mode, &context, &frame[..table.len], 0);
+    guarded_verdict(&parsed, right, &frame, mode);
+    if let Ok(report) = &parsed {
+        assert!(report_says(mode, &frame, report));
+    }
+    Seen::NOTHING
+        .case(0, right)
+        .case(1, frame[0] != context.key_from_stm)
+        .case(2, !is_fresh(context.last, frame[1]))
+        .case(3, frame[5] > 4)
+}
+
+/// Room for frames longer than any mode's.
+pub const LONGER: usize = 28;
+
+/// A frame that is not exactly as long as its mode's is rejected at both ends: short, long within
+/// the buffer, or long beyond it.
+pub fn odd_length_is_rejected(
+    mode: Mode,
+    context: Context,
+    frame: [u8; LONGER],
+    len: u8,
+    beyond: u16,
+) -> Seen {
+    let len = usize::from(len);
+    let whole = table(mode).len;
+    let beyond = usize::from(beyond);
+    if len > LONGER || (len == whole && beyond == 0) {
+        return Seen::NOTHING;
+    }
+    assert!(parse_command(mode, &context, &frame[..len], beyond).is_err());
+    assert!(parse_report(mode, &context, &frame[..len], beyond).is_err());
+    Seen::NOTHING
+        .case(0, len < whole)
+        .case(1, len > whole)
+        .case(2, len == whole)
+}
+
+/// Every mode with its length, frames of zeros, and every length.
+#[cfg(test)]
+fn lengths() -> impl Iterator<Item = (Mode, Context, [u8; LONGER], u8, u16)> {
+    let context = Context {
+        key_from_pi: 0,
+        key_from_stm: 0,
+        cells: 1,
+        own: 0,
+        last: None,
+    };
+    Mode::ALL.iter().flat_map(move |&mode| {
+        (0..=28).flat_map(move |len| {
+            [0, 1, u16::MAX].map(move |beyond| (mode, context, [0; LONGER], len, beyond))
+        })
+    })
+}
+
+crate::theorems! {
+    T1 command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+        cases ["taken", "wrong key", "a cell that is not configured"];
+        kani normal [unwind(12)] = (Mode::Normal, any(), any());
+        kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any());
+        kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any());
+        sampled 200_000;
+    }
+    T1 report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+        cases ["taken", "wrong key", "a cell that is not configured"];
+        kani normal [unwind(12)] = (Mode::Normal, any(), any());
+        kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any());
+        kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any());
+        sampled 200_000;
+    }
+    T1 guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such order"];
+        kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
+        kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
+        kani tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any());
+        kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any());
+        sampled 200_000;
+    }
+    T1 guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such state"];
+        kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
+        kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
+        kani tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any());
+        kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any());
+        sampled 200_000;
+    }
+    T1 odd_length_is_rejected(
+        mode: Mode, context: Context, frame: [u8; LONGER], len: u8, beyond: u16
+    ) {
+        cases ["short", "long in the buffer", "long beyond it"];
+        kani normal [unwind(12)] = (Mode::Normal, any(), any(), any(), any());
+        kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any(), any(), any());
+        kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any(), any(), any());
+        exhaustive lengths();
+        sampled 200_000;
+    }
+}
