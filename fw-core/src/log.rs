@@ -73,6 +73,7 @@ impl Line {
         core::str::from_utf8(self.as_bytes()).unwrap_or_default()
     }
 
+    #[inline(never)]
     fn byte(&mut self, byte: u8) {
         if self.len < Self::ROOM {
             if let Some(slot) = self.bytes.get_mut(self.len) {
@@ -92,6 +93,7 @@ impl Line {
     }
 
     /// A text; what is not printable ASCII becomes `?`.
+    #[inline(never)]
     pub fn text(&mut self, text: &str) -> &mut Self {
         for &byte in text.as_bytes() {
             self.byte(if matches!(byte, b' '..=b'~') {
@@ -104,6 +106,7 @@ impl Line {
     }
 
     /// A decimal number of at least `digits` digits (at most 20), zeros in front.
+    #[inline(never)]
     fn digits(&mut self, mut value: u64, digits: usize) {
         let mut buffer = [b'0'; 20];
         let mut used = 0_usize;
@@ -141,6 +144,7 @@ impl Line {
 
     /// `value` / 10^`decimals`, with that many decimals (at most 9): `decimal(-1234, 3)` is
     /// `-1.234`. What micrometres need to be read as millimetres.
+    #[inline(never)]
     pub fn decimal(&mut self, value: i64, decimals: u8) -> &mut Self {
         if value < 0 {
             self.byte(b'-');
@@ -162,6 +166,7 @@ impl Line {
     }
 
     /// A fixed-point number rounded to `decimals` decimals (at most 9), half away from zero.
+    #[inline(never)]
     pub fn fixed(&mut self, value: I32F32, decimals: u8) -> &mut Self {
         let (unit, decimals) = power_of_ten(decimals);
         let unit = u64::from(unit.get());
@@ -185,6 +190,7 @@ impl Line {
     }
 
     /// A hexadecimal number of exactly `digits` digits (at most 8): the lowest ones.
+    #[inline(never)]
     pub fn hex(&mut self, value: u32, digits: u8) -> &mut Self {
         for place in (0..u32::from(digits.min(8))).rev() {
             let nibble = (value >> place.wrapping_mul(4) & 0xF) as u8;
@@ -302,6 +308,7 @@ impl<const N: usize> Log<N> {
         number
     }
 
+    #[inline(never)]
     fn report_dropped(&mut self) {
         if self.unreported == 0 {
             return;
@@ -317,6 +324,7 @@ impl<const N: usize> Log<N> {
     }
 
     /// Appends all of `bytes`, or nothing where they do not fit.
+    #[inline(never)]
     fn push(&mut self, bytes: &[u8]) -> bool {
         if bytes.len() > N.saturating_sub(self.len) {
             return false;
@@ -335,3 +343,6 @@ impl<const N: usize> Log<N> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests;

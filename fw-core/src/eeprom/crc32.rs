@@ -35,3 +35,39 @@ pub fn crc32(bytes: &[u8]) -> u32 {
         .iter()
         .fold(!0, |crc, &byte| step(step(crc ^ u32::from(byte))))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::crc32;
+    use proptest::prelude::*;
+
+    fn bit_by_bit(bytes: &[u8]) -> u32 {
+        let mut crc = !0_u32;
+        for byte in bytes {
+            crc ^= u32::from(*byte);
+            for _ in 0..8 {
+                let carry = crc & 1 == 1;
+                crc >>= 1;
+                if carry {
+                    crc ^= 0xEDB8_8320;
+                }
+            }
+        }
+        !crc
+    }
+
+    #[test]
+    fn the_catalogues_check_value_comes_out() {
+        assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+        assert_eq!(crc32(b""), 0);
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_the_definition_for_any_bytes(
+            bytes in prop::collection::vec(any::<u8>(), 0..=100)
+        ) {
+            prop_assert_eq!(crc32(&bytes), bit_by_bit(&bytes));
+        }
+    }
+}

@@ -16,7 +16,7 @@ pub struct Crc;
 /// With y = x⁻¹, x¹⁶ / P = 1 / (1 + a), a = y⁴ + y¹¹ + y¹⁶, and over the 32 bits of a word
 /// 1 / (1 + a) = (1 + a)(1 + a²)(1 + a⁴): a quotient is six shifted exclusive-ors, and a remainder
 /// its low 16 bits times x¹² + x⁵ + 1. Eleven instructions a word on a Cortex-M4.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
     let words = bytes.chunks_exact(4);
@@ -35,7 +35,7 @@ pub fn crc16(bytes: &[u8]) -> u16 {
 }
 
 /// The remainder of `word` · x¹⁶ divided by P, in the low 16 bits; the rest is of no meaning.
-#[inline]
+#[inline(always)]
 const fn fold(word: u32) -> u32 {
     let quotient = word ^ word >> 16;
     let quotient = quotient ^ quotient >> 8 ^ quotient >> 22;
@@ -43,7 +43,7 @@ const fn fold(word: u32) -> u32 {
     quotient ^ quotient << 5 ^ quotient << 12
 }
 
-#[inline]
+#[inline(always)]
 fn parse(input: &mut Input<'_>) -> Result<(), Fault> {
     let before = *input;
     let found = u16::from_be_bytes(input.take()?);
@@ -55,7 +55,7 @@ fn parse(input: &mut Input<'_>) -> Result<(), Fault> {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn write(output: &mut Output<'_>) {
     output.put(crc16(output.written()).to_be_bytes());
 }
@@ -64,7 +64,7 @@ impl Duties for Crc {
     const NAME: &'static str = "crc";
     const BYTES: usize = 2;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         input: &mut Input<'_>,
         _context: &Context,
@@ -73,12 +73,12 @@ impl Duties for Crc {
         parse(input)
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(output: &mut Output<'_>, _context: &Context, _command: &Command) {
         write(output);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         input: &mut Input<'_>,
         _context: &Context,
@@ -87,8 +87,62 @@ impl Duties for Crc {
         parse(input)
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(output: &mut Output<'_>, _context: &Context, _report: &Report) {
         write(output);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::crc16;
+    use proptest::prelude::*;
+
+    /// The definition: one bit after the other.
+    fn bit_by_bit(bytes: &[u8]) -> u16 {
+        let mut crc = 0xFFFF_u16;
+        for byte in bytes {
+            crc ^= u16::from(*byte) << 8;
+            for _ in 0..8 {
+                let carry = crc & 0x8000 != 0;
+                crc <<= 1;
+                if carry {
+                    crc ^= 0x1021;
+                }
+            }
+        }
+        crc
+    }
+
+    #[test]
+    fn the_catalogues_check_value_comes_out() {
+        assert_eq!(crc16(b"123456789"), 0x29B1);
+        assert_eq!(crc16(b""), 0xFFFF);
+    }
+
+    #[test]
+    fn it_is_the_definition_for_every_single_byte_at_every_place() {
+        // Linear over exclusive-or: single bits at every place and the zeros decide every message.
+        for len in 0..=40 {
+            let mut message = [0; 40];
+            let message = &mut message[..len];
+            assert_eq!(crc16(message), bit_by_bit(message));
+            for place in 0..len {
+                for byte in 1..=255 {
+                    message[place] = byte;
+                    assert_eq!(crc16(message), bit_by_bit(message));
+                }
+                message[place] = 0;
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_the_definition_for_any_bytes(
+            bytes in prop::collection::vec(any::<u8>(), 0..=64)
+        ) {
+            prop_assert_eq!(crc16(&bytes), bit_by_bit(&bytes));
+        }
     }
 }

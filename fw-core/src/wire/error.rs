@@ -132,6 +132,7 @@ impl Reason {
         }
     }
 
+    #[inline(never)]
     fn log(&self, line: &mut Line) {
         match *self {
             Self::Short { needed, left } => {
@@ -186,6 +187,7 @@ impl Reason {
 
 impl FrameError {
     /// The error as text: `<strategy> at byte <offset>: <reason>`.
+    #[inline(never)]
     pub fn log(&self, line: &mut Line) {
         line.text(self.strategy)
             .text(" at byte ")

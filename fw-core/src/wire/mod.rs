@@ -182,3 +182,6 @@ pub mod fault {
     /// The watchdog, a panic or a fault restarted the firmware.
     pub const RESTARTED: u16 = 1 << 11;
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,174 @@
+//! Sequence numbers and counters of both ends.
+
+use super::{setup, Mode, GUARDED};
+use crate::wire::sequence::newer;
+use crate::wire::{Cause, Command, FrameError, PiLink, Reason, Report, StmLink, MAX_FRAME};
+
+struct Wire {
+    pi: PiLink,
+    stm: StmLink,
+    reply: [u8; MAX_FRAME],
+    len: usize,
+}
+
+impl Wire {
+    fn new(mode: Mode) -> Self {
+        let mut wire = Self {
+            pi: PiLink::new(setup(mode)),
+            stm: StmLink::new(setup(mode)),
+            reply: [0; MAX_FRAME],
+            len: 0,
+        };
+        wire.len = wire.stm.send(&Report::default(), &mut wire.reply);
+        wire
+    }
+
+    /// One chip-select: both frames cross, then the STM prepares the next reply.
+    fn exchange(&mut self) -> (Result<Command, FrameError>, Result<Report, FrameError>) {
+        let mut frame = [0; MAX_FRAME];
+        let len = self.pi.send(&Command::default(), &mut frame);
+        let report = self.pi.receive(&self.reply[..self.len]);
+        let command = self.stm.receive(&frame[..len]);
+        self.len = self.stm.send(&Report::default(), &mut self.reply);
+        (command, report)
+    }
+
+    fn both_accept(&mut self) -> bool {
+        let (command, report) = self.exchange();
+        command.is_ok() && report.is_ok()
+    }
+}
+
+#[test]
+fn newer_is_one_to_127_steps_ahead_for_every_pair() {
+    for a in 0..=255_u8 {
+        for b in 0..=255_u8 {
+            let ahead = (i32::from(a) - i32::from(b)).rem_euclid(256);
+            assert_eq!(newer(a, b), (1..128).contains(&ahead));
+        }
+    }
+}
+
+#[test]
+fn a_thousand_exchanges_wrap_the_counters_and_all_are_accepted() {
+    for &mode in Mode::ALL {
+        let mut wire = Wire::new(mode);
+        for n in 0..1000_u32 {
+            let (command, report) = wire.exchange();
+            let (command, report) = (command.unwrap(), report.unwrap());
+            if mode.tells_fresh() {
+                assert_eq!(u32::from(command.sequence.own), (n + 1) % 256);
+                // The Pi learns in this frame what the STM accepted in the one before.
+                assert_eq!(u32::from(report.sequence.seen), n % 256);
+                assert_eq!(wire.pi.counters().unacknowledged, 1);
+            }
+        }
+        assert_eq!(wire.stm.counters().accepted, 1000);
+        assert_eq!(wire.pi.counters().accepted, 1000);
+        assert_eq!(wire.stm.counters().missed, 0);
+        assert_eq!(wire.pi.counters().missed, 0);
+        assert_eq!(wire.stm.counters().frames(), 1000);
+    }
+}
+
+#[test]
+fn a_repeated_frame_is_stale_in_guarded_modes_only() {
+    for &mode in Mode::ALL {
+        let mut wire = Wire::new(mode);
+        let mut frame = [0; MAX_FRAME];
+        let len = wire.pi.send(&Command::default(), &mut frame);
+        wire.stm.receive(&frame[..len]).unwrap();
+        let again = wire.stm.receive(&frame[..len]);
+        if mode.tells_fresh() {
+            let reason = Reason::Stale { last: 1, found: 1 };
+            assert_eq!(again.unwrap_err().reason, reason);
+            assert_eq!(wire.stm.counters().rejected(Cause::Stale), 1);
+        } else {
+            again.unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_reply_sent_anew_keeps_its_number_and_a_new_one_gets_the_next() {
+    for mode in GUARDED {
+        let mut stm = StmLink::new(setup(mode));
+        let (mut first, mut fresher, mut next) = ([0; 26], [0; 26], [0; 26]);
+        let len = stm.send(&Report::default(), &mut first);
+        let report = Report {
+            faults: 5,
+            ..Report::default()
+        };
+        assert_eq!(stm.resend(&report, &mut fresher), len);
+        stm.send(&report, &mut next);
+        assert_eq!((first[1], fresher[1], next[1]), (1, 1, 2));
+        let mut pi = PiLink::new(setup(mode));
+        assert_eq!(pi.receive(&fresher[..len]).unwrap().faults, 5);
+        assert!(pi.receive(&first[..len]).is_err());
+        assert!(pi.receive(&next[..len]).is_ok());
+    }
+}
+
+#[test]
+fn lost_frames_are_missed_and_the_next_good_one_is_accepted() {
+    for mode in GUARDED {
+        for lost in 1..=126_u8 {
+            let mut wire = Wire::new(mode);
+            assert!(wire.both_accept());
+            let mut frame = [0; MAX_FRAME];
+            for _ in 0..lost {
+                wire.pi.send(&Command::default(), &mut frame);
+            }
+            assert!(wire.both_accept());
+            assert_eq!(wire.stm.counters().missed, u32::from(lost));
+        }
+    }
+}
+
+#[test]
+fn whatever_an_end_restarted_at_the_link_runs_again_within_two_frames() {
+    for mode in GUARDED {
+        for before in 0..600 {
+            let mut wire = Wire::new(mode);
+            for _ in 0..before {
+                let _ = wire.exchange();
+            }
+            let mut restarted_pi = Wire {
+                pi: PiLink::new(setup(mode)),
+                stm: wire.stm.clone(),
+                ..wire
+            };
+            let _ = restarted_pi.exchange();
+            let _ = restarted_pi.exchange();
+            assert!(restarted_pi.both_accept(), "{mode:?} {before}");
+
+            let mut restarted_stm = Wire {
+                pi: wire.pi.clone(),
+                ..Wire::new(mode)
+            };
+            let _ = restarted_stm.exchange();
+            let _ = restarted_stm.exchange();
+            assert!(restarted_stm.both_accept(), "{mode:?} {before}");
+        }
+    }
+}
+
+#[test]
+fn frames_dropped_unread_are_counted() {
+    let mut stm = StmLink::new(setup(Mode::Normal));
+    stm.overrun(3);
+    stm.overrun(u32::MAX);
+    assert_eq!(stm.counters().overrun, u32::MAX);
+    assert_eq!(stm.counters().frames(), u32::MAX);
+}
+
+#[test]
+fn every_cause_has_its_own_counter_and_name() {
+    for (place, cause) in Cause::ALL.into_iter().enumerate() {
+        assert_eq!(cause as usize, place);
+        let same_name = Cause::ALL
+            .iter()
+            .filter(|other| other.name() == cause.name());
+        assert_eq!(same_name.count(), 1);
+    }
+}
