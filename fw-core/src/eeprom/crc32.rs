@@ -14,7 +14,10 @@ const NIBBLES: [u32; 16] = {
             crc = crc >> 1 ^ if crc & 1 == 1 { POLYNOMIAL } else { 0 };
             bit += 1;
         }
-        table[nibble as usize] = crc;
+        #[allow(clippy::indexing_slicing, reason = "evaluated by the compiler")]
+        {
+            table[nibble as usize] = crc;
+        }
         nibble += 1;
     }
     table

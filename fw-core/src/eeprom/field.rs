@@ -223,7 +223,7 @@ macro_rules! fixed_field {
 
 /// Every field, by address, but for the EEPROM key at 0x0000 and the checksum at 0x0334.
 #[rustfmt::skip]
-pub const FIELDS: &[Field] = &[
+pub static FIELDS: &[Field] = &[
     // Page 0x00 (document, 6.0.1). Any byte can be a key.
     whole_field!(0x000A, "key_from_pi", "", U8 u8, ANY, 0, key_from_pi),
     whole_field!(0x000B, "key_from_stm", "", U8 u8, ANY, 0, key_from_stm),

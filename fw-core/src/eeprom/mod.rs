@@ -11,6 +11,17 @@
 //! | [`error`] | which field was rejected, what it held, what is accepted |
 //! | [`crc32`](fn@crc32) | the checksum of page 0x03 |
 
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::indexing_slicing,
+        clippy::panic,
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::float_arithmetic
+    )
+)]
+
 mod codec;
 mod crc32;
 pub mod error;
@@ -235,4 +246,10 @@ pub const fn first_board() -> Config {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "values are drawn from within their ranges"
+)]
 mod tests;

@@ -25,7 +25,7 @@ fn within_ratio(config: &Config, tap: u8) -> bool {
 
 /// Every rule, in the order in which they are checked.
 #[rustfmt::skip]
-pub const RULES: &[Rule] = &[
+pub static RULES: &[Rule] = &[
     Rule { address: 0x0210, expected: RATIO, holds: |config| within_ratio(config, 0) },
     Rule { address: 0x0218, expected: RATIO, holds: |config| within_ratio(config, 1) },
     Rule { address: 0x0220, expected: RATIO, holds: |config| within_ratio(config, 2) },

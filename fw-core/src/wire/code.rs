@@ -273,7 +273,8 @@ mod tests {
         for code in 0..=0xFFFE {
             let distance = DistanceCode(code).to_distance().unwrap();
             assert_eq!(DistanceCode::from_distance(Some(distance)).0, code);
-            let error = i128::from(distance.0.to_bits()) * 65_535 - (i128::from(code) * 2500 << 32);
+            let error =
+                i128::from(distance.0.to_bits()) * 65_535 - ((i128::from(code) * 2500) << 32);
             assert!(error.abs() <= 32_768);
             assert!(distance > last);
             last = distance;

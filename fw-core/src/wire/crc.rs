@@ -3,6 +3,11 @@
 //! Initial value 0xFFFF, polynomial 0x1021, not reflected, no final inversion. Up to 26 bytes it
 //! detects every error of up to 3 bits and every burst of up to 16.
 
+#![allow(
+    clippy::inline_always,
+    reason = "where the frame's length is known, four words fold into straight code"
+)]
+
 use super::error::Reason;
 use super::strategy::{Context, Duties, Fault, Input, Output};
 use super::{Command, Report};

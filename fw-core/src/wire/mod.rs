@@ -15,6 +15,17 @@
 //!
 //! A new strategy is a new file with the four duties; a new mode is a new line in `chain.rs`.
 
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::indexing_slicing,
+        clippy::panic,
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::float_arithmetic
+    )
+)]
+
 pub mod all_data_used;
 pub mod battery;
 pub mod bearing;

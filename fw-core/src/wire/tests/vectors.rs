@@ -242,5 +242,5 @@ fn the_modes_have_the_documents_numbers_chains_and_lengths() {
 }
 
 fn guarded(chain: &str) -> std::string::String {
-    chain.replacen("|", "|sequence|status|", 1) + "|crc"
+    chain.replacen('|', "|sequence|status|", 1) + "|crc"
 }
