@@ -45,3 +45,72 @@ impl StopDeadline {
         self.expired
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Silence from `start` on, asked every `every` µs: never fresh again once run out.
+    fn silence(start: u32, every: u32, asks: u32) {
+        let mut deadline = StopDeadline::new(250);
+        deadline.fresh(Micros(start));
+        let mut expired = false;
+        for k in 0..asks {
+            let now = Micros(start).after(k.wrapping_mul(every));
+            let is = deadline.expired(now);
+            assert!(is || !expired, "silence became fresh at {k}");
+            if u64::from(k) * u64::from(every) >= 250_000 {
+                assert!(is, "not run out at {k}");
+            } else {
+                assert!(!is, "ran out early at {k}");
+            }
+            expired = is;
+        }
+    }
+
+    #[test]
+    fn it_runs_out_after_its_time_and_stays_so_for_hours_across_the_clocks_wrap() {
+        for start in [
+            0,
+            1,
+            u32::MAX,
+            u32::MAX - 100_000,
+            1 << 31,
+            (1 << 31) - 125_000,
+        ] {
+            silence(start, 10_000, 1_500_000);
+        }
+        silence(7, 30 * 60 * 1_000_000, 100);
+    }
+
+    #[test]
+    fn nothing_moves_before_the_first_frame() {
+        for now in [0, 1, 250_000, u32::MAX, 1 << 31] {
+            assert!(StopDeadline::new(250).expired(Micros(now)));
+        }
+    }
+
+    #[test]
+    fn fresh_frames_keep_it_alive_and_one_revives_it() {
+        let mut deadline = StopDeadline::new(100);
+        let mut now = Micros(u32::MAX - 1_000_000);
+        for _ in 0..1000 {
+            deadline.fresh(now);
+            now = now.after(99_999);
+            assert!(!deadline.expired(now));
+        }
+        now = now.after(1);
+        assert!(deadline.expired(now));
+        deadline.fresh(now);
+        assert!(!deadline.expired(now));
+    }
+
+    #[test]
+    fn a_tick_whose_clock_was_read_before_the_frames_does_not_stop_the_robot() {
+        for at in [0u32, 3, 1 << 31, u32::MAX] {
+            let mut deadline = StopDeadline::new(20);
+            deadline.fresh(Micros(at));
+            assert!(!deadline.expired(Micros(at.wrapping_sub(50))));
+        }
+    }
+}

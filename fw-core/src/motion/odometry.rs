@@ -241,3 +241,6 @@ const fn shortening(turn: i32) -> i32 {
     let factor = 1_766_234_505 - high(square, factor);
     high(square, factor)
 }
+
+#[cfg(test)]
+mod tests;

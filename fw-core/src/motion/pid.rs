@@ -26,7 +26,7 @@ const TERM_LIMIT: i64 = 1 << 48;
 struct Factor {
     /// 31 bits; never `i32::MIN`.
     mantissa: i32,
-    /// −31 ..= 63; a smaller factor is 0, a larger one the largest.
+    /// −31 ..= 63: a factor below 1.2e-10 is 0, one of 2⁶² or more the largest.
     exponent: i32,
 }
 
@@ -173,3 +173,6 @@ impl Pid {
         I16F16::from_bits((self.sum >> 16) as i32)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -157,3 +157,129 @@ impl Rangefinders {
 const fn pace(speed: u64) -> u64 {
     (speed << 32) / 2_000_000
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use std::vec::Vec;
+    use Rangefinder::{Front, Left, Right};
+
+    const TICK: u32 = 10_000;
+
+    fn triggers(count: u8, ticks: u32) -> Vec<(u32, Rangefinder)> {
+        let mut rangefinders = Rangefinders::new(count);
+        (0..ticks)
+            .filter_map(|k| Some((k, rangefinders.tick(Micros(k * TICK))?)))
+            .collect()
+    }
+
+    /// One that has just been triggered at `at`.
+    fn triggered(at: Micros) -> Rangefinders {
+        let mut rangefinders = Rangefinders::new(1);
+        assert_eq!(rangefinders.tick(at), Some(Front));
+        rangefinders
+    }
+
+    fn measured(width: u32) -> Echo {
+        let mut rangefinders = triggered(Micros(0));
+        rangefinders.echo(Front, Micros(500), Micros(500).after(width));
+        rangefinders.reading(Front)
+    }
+
+    #[test]
+    fn they_are_triggered_one_at_a_time_and_each_every_60_ms() {
+        for count in 1..=3u8 {
+            let all = triggers(count, 600);
+            for which in [Front, Right, Left].into_iter().take(usize::from(count)) {
+                let own: Vec<u32> = all.iter().filter(|t| t.1 == which).map(|t| t.0).collect();
+                assert!(own.len() == 100, "{count} {which:?} {}", own.len());
+                assert!(own.windows(2).all(|w| w[1] - w[0] == 6));
+            }
+            let apart = u32::from(6 / count);
+            assert!(all.windows(2).all(|w| w[1].0 - w[0].0 == apart));
+        }
+        assert!(triggers(0, 600).is_empty());
+    }
+
+    #[test]
+    fn every_width_is_a_distance_within_a_thousandth_of_a_millimetre_or_says_why_not() {
+        let mut last = I32F32::ZERO;
+        for width in 0..70_000u32 {
+            let truth = f64::from(width) * 0.1715;
+            match measured(width) {
+                Echo::At(Millimetres(d)) => {
+                    assert!(width >= SHORTEST && truth <= 2500.0, "{width}");
+                    assert!((d.to_num::<f64>() - truth).abs() < 1e-3, "{width} {d}");
+                    assert!(d > last, "monotone");
+                    last = d;
+                }
+                Echo::OutOfRange => assert!(truth > 2499.999, "{width}"),
+                Echo::Missing => assert!(width < SHORTEST, "{width}"),
+                Echo::None => panic!("{width}"),
+            }
+        }
+    }
+
+    #[test]
+    fn warm_air_carries_sound_faster() {
+        let mut rangefinders = triggered(Micros(0));
+        rangefinders.set_temperature(I16F16::from_num(30));
+        rangefinders.echo(Front, Micros(500), Micros(10_500));
+        let distance = rangefinders.distance(Front).unwrap().0.to_num::<f64>();
+        assert!((distance - 1747.4).abs() < 0.01, "{distance}");
+    }
+
+    #[test]
+    fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
+        let mut rangefinders = Rangefinders::new(3);
+        assert_eq!(rangefinders.reading(Right), Echo::None);
+        for k in 0..60u32 {
+            let now = Micros(k * TICK);
+            let answers = k >= 30;
+            if let Some(which) = rangefinders.tick(now) {
+                if which != Right || answers {
+                    rangefinders.echo(which, now.after(600), now.after(6_600));
+                }
+            }
+            if (9..30).contains(&k) {
+                assert_eq!(rangefinders.reading(Right), Echo::Missing);
+                assert_eq!(rangefinders.distance(Right), None);
+            }
+            if k > 36 {
+                assert!(rangefinders.distance(Right).is_some());
+            }
+        }
+    }
+
+    #[test]
+    fn an_edge_of_another_trigger_never_becomes_a_distance() {
+        let at = Micros(u32::MAX - 2_000);
+        for (rise, fall) in [
+            // Both before the trigger; the rise before it; the fall before the rise; far too late.
+            (at.0.wrapping_sub(9_000), at.0.wrapping_sub(3_000)),
+            (at.0.wrapping_sub(1), at.0.wrapping_add(5_000)),
+            (at.0.wrapping_add(700), at.0.wrapping_add(699)),
+            (at.0.wrapping_add(8_001), at.0.wrapping_add(10_000)),
+        ] {
+            let mut rangefinders = triggered(at);
+            rangefinders.echo(Front, Micros(rise), Micros(fall));
+            assert_eq!(rangefinders.reading(Front), Echo::None, "{rise} {fall}");
+            // The right one still counts, across the clock's wrap.
+            rangefinders.echo(Front, at.after(500), at.after(6_500));
+            assert!(rangefinders.distance(Front).is_some());
+        }
+    }
+
+    #[test]
+    fn one_trigger_gives_one_reading_and_none_gives_none() {
+        let mut rangefinders = triggered(Micros(0));
+        rangefinders.echo(Front, Micros(500), Micros(1_500));
+        let first = rangefinders.reading(Front);
+        rangefinders.echo(Front, Micros(2_000), Micros(4_000));
+        assert_eq!(rangefinders.reading(Front), first);
+        rangefinders.echo(Left, Micros(500), Micros(1_500));
+        assert_eq!(rangefinders.reading(Left), Echo::None);
+    }
+}
