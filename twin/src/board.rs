@@ -8,6 +8,7 @@ use rigless::image::Image;
 
 use crate::emulation::{Debugger, Emulation, Ended, Scene};
 use crate::machine::{Robot, VirtualBoard};
+use crate::measure::{Event, Function, NoFunction};
 use crate::parts::bridge;
 use crate::parts::eeprom::Eeprom;
 use crate::parts::i2c_bus::{I2cBus, SharedBus, Side};
@@ -100,6 +101,7 @@ pub enum ResetBy {
 #[derive(Clone, Debug)]
 pub struct Board {
     emulation: Arc<Emulation>,
+    elf: Arc<[u8]>,
 }
 
 impl Board {
@@ -125,6 +127,7 @@ impl Board {
         let emulation = Emulation::start(board, images, options.debugger)?;
         Ok(Self {
             emulation: Arc::new(emulation),
+            elf: elf.into(),
         })
     }
 
@@ -149,12 +152,6 @@ impl Board {
 
     fn robot<T: Send + 'static>(&self, work: impl FnOnce(&mut Robot) -> T + Send + 'static) -> T {
         self.with(|scene| work(&mut scene.session.board_mut().robot))
-    }
-
-    /// The emulation itself, for measurements.
-    #[must_use]
-    pub fn emulation(&self) -> &Emulation {
-        &self.emulation
     }
 
     /// Lets virtual time pass, nanoseconds.
@@ -370,5 +367,41 @@ impl Board {
         // One nanosecond on, so the last step has been carried out.
         self.emulation.run_until(ends + 1)?;
         self.try_with(|scene| scene.session.board_mut().robot.around.spi.take_miso())
+    }
+
+    /// Follows every run through the function `name` from now on: [`crate::measure`].
+    ///
+    /// # Errors
+    /// When the firmware has no such function.
+    ///
+    /// # Panics
+    /// When the emulation has ended.
+    pub fn trace(&self, name: &str) -> Result<Function, NoFunction> {
+        let function = Function::find(&self.elf, name)?;
+        for address in function.watched() {
+            self.emulation
+                .watch(address, true)
+                .unwrap_or_else(|ended| panic!("{ended}"));
+        }
+        Ok(function)
+    }
+
+    /// Follows every write of the firmware to the register at `address` from now on.
+    pub fn follow_writes(&self, address: u64) {
+        self.with(move |scene| scene.followed.registers.push(address));
+    }
+
+    /// Follows the chip select from now on.
+    pub fn follow_select(&self) {
+        self.with(|scene| {
+            scene.session.board_mut().robot.around.selects.clear();
+            scene.followed.select = true;
+        });
+    }
+
+    /// Takes what was followed since the last call, in the order it happened.
+    #[must_use]
+    pub fn take_events(&self) -> Vec<Event> {
+        self.with(|scene| std::mem::take(&mut scene.followed.events))
     }
 }

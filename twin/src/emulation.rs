@@ -9,13 +9,13 @@ use std::sync::mpsc::{channel, Receiver, Sender};
 use std::sync::{Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use rigless::emulator::{self, Driver, Host, Settled, Start, Stop, Watch};
+use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop, Watch};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
 use crate::machine::VirtualBoard;
-use crate::measure::Hit;
+use crate::measure::{Event, What};
 
 /// The board at a stop, for a piece of work.
 pub struct Scene<'a> {
@@ -27,8 +27,19 @@ pub struct Scene<'a> {
     pub now: u64,
     /// Instructions retired so far.
     pub instructions: u64,
-    /// Arrivals at watched instructions.
-    pub hits: &'a mut Vec<Hit>,
+    /// What was followed.
+    pub followed: &'a mut Followed,
+}
+
+/// What a measurement follows, and what it saw.
+#[derive(Debug, Default)]
+pub struct Followed {
+    /// Registers whose writes are recorded.
+    pub registers: Vec<u64>,
+    /// Whether the chip select's edges are.
+    pub select: bool,
+    /// What happened.
+    pub events: Vec<Event>,
 }
 
 type Work = Box<dyn FnOnce(&mut Scene<'_>) + Send>;
@@ -53,22 +64,49 @@ impl std::error::Error for Ended {}
 struct Conductor {
     orders: Receiver<Order>,
     reached: Sender<()>,
-    hits: Vec<Hit>,
+    followed: Followed,
 }
 
 impl Driver<VirtualBoard> for Conductor {
     fn on_settled(
         &mut self,
-        _session: &mut Session<VirtualBoard>,
+        session: &mut Session<VirtualBoard>,
         _host: &mut dyn Host,
         settled: Settled,
     ) {
-        if let Settled::Hit(hit) = settled {
-            self.hits.push(Hit {
-                address: hit.address,
-                at: hit.at.0,
+        let followed = &mut self.followed;
+        match settled {
+            Settled::Access { access, value }
+                if access.kind == AccessKind::Write
+                    && followed.registers.contains(&access.address) =>
+            {
+                followed.events.push(Event {
+                    what: What::Wrote {
+                        address: access.address,
+                        value,
+                    },
+                    at_ns: access.virtual_time.0,
+                    instructions: access.instruction_count,
+                });
+            }
+            Settled::Hit(hit) => followed.events.push(Event {
+                what: What::Arrived {
+                    address: hit.address,
+                },
+                at_ns: hit.at.0,
                 instructions: hit.instruction_count,
-            });
+            }),
+            Settled::Stop(stop) if followed.select => {
+                let selects = session.board_mut().robot.around.selects.drain(..);
+                followed
+                    .events
+                    .extend(selects.map(|(at_ns, selected)| Event {
+                        what: What::Select(selected),
+                        at_ns,
+                        instructions: stop.instruction_count,
+                    }));
+            }
+            _ => {}
         }
     }
 
@@ -86,7 +124,7 @@ impl Driver<VirtualBoard> for Conductor {
                     host,
                     now: stop.at.0,
                     instructions: stop.instruction_count,
-                    hits: &mut self.hits,
+                    followed: &mut self.followed,
                 }),
                 Order::RunUntil(until) if until > stop.at.0 => return Some(VirtualNanos(until)),
                 Order::RunUntil(_) => self.reached.send(()).ok()?,
@@ -147,7 +185,7 @@ impl Emulation {
                 let conductor = Conductor {
                     orders: received,
                     reached,
-                    hits: Vec::new(),
+                    followed: Followed::default(),
                 };
                 emulator::run(session, &start, conductor)
                     .map(drop)
@@ -203,7 +241,7 @@ impl Emulation {
         })
     }
 
-    /// Watches an instruction; its arrivals are kept in [`Scene::hits`].
+    /// Watches an instruction, or no longer does; its arrivals are kept in [`Scene::followed`].
     ///
     /// # Errors
     /// When the emulation has ended.

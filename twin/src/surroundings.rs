@@ -4,6 +4,8 @@
 //! [`Surroundings::step`] runs at every stop of the emulator. It carries out what is due, in the
 //! order in which the board would show it, and asks for the next stop; nothing polls.
 
+use std::collections::VecDeque;
+
 use plant::World;
 use rigless::device::Level;
 use rigless::soc::stm32f427::peripherals::adc::Channel;
@@ -21,6 +23,9 @@ use crate::wiring;
 /// The world is integrated in pieces of this length; encoder edges are placed inside them.
 pub const TICK_NS: u64 = 1_000_000;
 const TICK_S: f64 = 0.001;
+
+/// Edges of the chip select kept for who measures them, when nobody does.
+const SELECTS_KEPT: usize = 16;
 
 /// The alternate functions that connect the SPI, the log and the I2C to their pins.
 const SPI_FUNCTION: Role = Role::Function(5);
@@ -50,6 +55,8 @@ pub struct Surroundings {
     pub log: Vec<LogByte>,
     /// Changes of READY and of the LEDs.
     pub outputs: Vec<OutputChange>,
+    /// The chip select's edges since somebody last took them: when, and whether it selects.
+    pub selects: VecDeque<(u64, bool)>,
     encoders: [Encoder; 2],
     counts: [i64; 2],
     /// The levels each timer was last told: a pin that is not its yet tells it nothing.
@@ -73,6 +80,7 @@ impl Surroundings {
             spi: SpiMaster::default(),
             log: Vec::new(),
             outputs: Vec::new(),
+            selects: VecDeque::new(),
             encoders: Default::default(),
             counts: [left, right],
             told: [[Level::Low; 2]; 2],
@@ -190,6 +198,10 @@ impl Surroundings {
             match action {
                 Action::Select(selected) => {
                     self.nss = Level::from(!selected);
+                    if self.selects.len() == SELECTS_KEPT {
+                        self.selects.pop_front();
+                    }
+                    self.selects.push_back((now.0, selected));
                     chip.drive_pin(now, wiring::NSS, Some(self.nss));
                     self.route_nss(chip, now);
                 }

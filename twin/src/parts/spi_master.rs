@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(ends, 1000 + 100 + 1000);
         assert_eq!(master.take(1000), Some(Action::Select(true)));
         assert_eq!(master.take(1161), None);
-        assert_eq!(master.next(0), Some(1100));
+        assert_eq!(master.next(0), Some(1162));
         assert_eq!(master.take(1162), Some(Action::Clock(true)));
         assert_eq!(master.next(6), Some(1100 + 937));
         for _ in 0..7 {

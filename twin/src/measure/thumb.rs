@@ -1,0 +1,105 @@
+//! As much of the Thumb-2 encoding as it takes to find where a function ends (ARM DDI 0403E.b,
+//! chapter A5).
+
+/// What an instruction does to the flow of its function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// Goes on, calls, or jumps in a way that depends on a condition.
+    On,
+    /// Leaves through a register or the stack.
+    Return,
+    /// Always jumps to this address.
+    Jump(u64),
+}
+
+/// Halfwords of the instruction that begins with `first`, A5.1.
+#[must_use]
+pub const fn halfwords(first: u16) -> u64 {
+    match first >> 11 {
+        0b11101..=0b11111 => 2,
+        _ => 1,
+    }
+}
+
+/// What the instruction of these halfwords at `address` does; `second` counts for wide ones alone.
+#[must_use]
+pub fn flow(address: u64, first: u16, second: u16) -> Flow {
+    if halfwords(first) == 1 {
+        return match first {
+            // BX Rm, A7.7.20.
+            _ if first & 0xFF87 == 0x4700 => Flow::Return,
+            // POP with the PC, A7.7.99.
+            _ if first & 0xFF00 == 0xBD00 => Flow::Return,
+            // MOV PC, Rm, A7.7.77.
+            _ if first & 0xFF87 == 0x4687 => Flow::Return,
+            // B T2, A7.7.12: eleven bits, halved.
+            _ if first & 0xF800 == 0xE000 => {
+                Flow::Jump(relative(address, i64::from(first & 0x7FF) << 1, 12))
+            }
+            _ => Flow::On,
+        };
+    }
+    match (first, second) {
+        // LDMIA SP!, {…, PC}, A7.7.41, and LDMDB.
+        _ if first & 0xFE50 == 0xE810 && second & 0x8000 != 0 => Flow::Return,
+        // LDR PC, […], A7.7.43.
+        _ if first & 0xFF70 == 0xF850 && second & 0xF000 == 0xF000 => Flow::Return,
+        // B.W T4, A7.7.12.
+        _ if first & 0xF800 == 0xF000 && second & 0xD000 == 0x9000 => {
+            let sign = u32::from(first >> 10 & 1);
+            let i1 = u32::from(second >> 13 & 1) ^ sign ^ 1;
+            let i2 = u32::from(second >> 11 & 1) ^ sign ^ 1;
+            let offset = sign << 24
+                | i1 << 23
+                | i2 << 22
+                | u32::from(first & 0x3FF) << 12
+                | u32::from(second & 0x7FF) << 1;
+            Flow::Jump(relative(address, i64::from(offset), 25))
+        }
+        _ => Flow::On,
+    }
+}
+
+/// Where a jump at `address` by a signed offset of `bits` bits goes: the PC reads 4 ahead.
+fn relative(address: u64, offset: i64, bits: u32) -> u64 {
+    let shift = i64::BITS - bits;
+    (address + 4).wrapping_add_signed(offset << shift >> shift)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn returns_are_known_in_every_form_compilers_use() {
+        for (first, second) in [
+            (0x4770, 0),
+            (0x4718, 0),
+            (0xBD80, 0),
+            (0xBDF0, 0),
+            (0xE8BD, 0x8FF0),
+            (0xF85D, 0xFB04),
+        ] {
+            assert_eq!(flow(0, first, second), Flow::Return, "{first:04x}");
+        }
+        for (first, second) in [
+            (0x4780, 0),
+            (0xBC80, 0),
+            (0xE8BD, 0x4FF0),
+            (0xF7FF, 0xFFFE),
+            (0xD0FE, 0),
+            (0xF85D, 0x0B04),
+        ] {
+            assert_eq!(flow(0, first, second), Flow::On, "{first:04x}");
+        }
+    }
+
+    #[test]
+    fn jumps_go_where_the_assembler_says() {
+        assert_eq!(flow(0x100, 0xE7FE, 0), Flow::Jump(0x100));
+        assert_eq!(flow(0x100, 0xE002, 0), Flow::Jump(0x108));
+        // b.w to itself, and 0x1000 ahead.
+        assert_eq!(flow(0x100, 0xF7FF, 0xBFFE), Flow::Jump(0x100));
+        assert_eq!(flow(0x100, 0xF001, 0xB800), Flow::Jump(0x1104));
+    }
+}
