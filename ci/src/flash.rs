@@ -141,8 +141,8 @@ struct VirtualBoard {
 }
 
 impl VirtualBoard {
-    /// Starts it; `elf` is what its flash holds at first, which the debugger then overwrites.
-    fn start(place: &Place, elf: &Path) -> Result<Self> {
+    /// Starts it with nothing in its flash: what runs then came through the debugger.
+    fn start(place: &Place) -> Result<Self> {
         let words = [
             "build",
             "--release",
@@ -153,7 +153,7 @@ impl VirtualBoard {
         ];
         shell::run(&mut cargo_with_board(place, &words)?)?;
         let mut board = Command::new(place.target.join("release/virtual-board"));
-        board.arg("--elf").arg(elf).args(["--gdb", "127.0.0.1:0"]);
+        board.args(["--gdb", "127.0.0.1:0"]);
         println!("  $ {} &", shell::shown(&board));
         let child = board.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
         let mut child = Ended(child.of("virtual-board")?);
@@ -179,7 +179,7 @@ impl VirtualBoard {
 /// As [`flash`].
 pub fn flash_virtual(place: &Place, elf: &Path) -> Result<()> {
     let gdb = gdb::find()?;
-    let board = VirtualBoard::start(place, elf)?;
+    let board = VirtualBoard::start(place)?;
     gdb::load(gdb, elf, &board.address)?;
     spoke(board.log.show(FIRST_LINES, PATIENCE, is_log))?;
     drop(board.child);
@@ -192,6 +192,6 @@ pub fn flash_virtual(place: &Place, elf: &Path) -> Result<()> {
 /// As [`flash`].
 pub fn debug_virtual(place: &Place, elf: &Path) -> Result<()> {
     let gdb = gdb::find()?;
-    let board = VirtualBoard::start(place, elf)?;
+    let board = VirtualBoard::start(place)?;
     gdb::open(gdb, elf, &board.address)
 }

@@ -56,26 +56,28 @@ fn run_bin(place: &Place, bin: &str, elf: &Path, out: &Path, more: &[String]) ->
     shell::run(&mut command)
 }
 
-/// Runs the Pi's program on the virtual board: `words` are its own.
+/// Runs the Pi's program on the virtual board: `words` are its own, files in them are seen from
+/// where the user stands.
 ///
 /// # Errors
-/// The program's own exit code comes back as `Ok`.
+/// Where it cannot be built or started; the program's own exit code comes back as `Ok`.
 pub fn host_link(place: &Place, elf: &Path, words: &[String]) -> Result<i32> {
     let build = [
-        "run",
+        "build",
         "--release",
-        "--quiet",
         "--package",
         "host-link",
         "--features",
         "virtual",
     ];
-    let mut command = cargo_with_board(place, &build)?;
-    command
-        .arg("--")
-        .arg("--virtual")
-        .args(words)
-        .env("ROBOT_ELF", elf);
-    let status = command.status().of(shell::shown(&command))?;
+    shell::run(cargo_with_board(place, &build)?.arg("--quiet"))?;
+    let mut program = Command::new(place.target.join("release/host-link"));
+    program.args(words).arg("--virtual").arg("--elf").arg(elf);
+    if !words.iter().any(|word| word.starts_with("--eeprom-image")) {
+        program
+            .arg("--eeprom-image")
+            .arg(place.target.join("virtual/eeprom.bin"));
+    }
+    let status = program.status().of(shell::shown(&program))?;
     Ok(status.code().unwrap_or(1))
 }
