@@ -1,0 +1,143 @@
+//! The virtual board: the firmware's ELF on the emulated STM32, behind the same handles as the real
+//! buses. Its EEPROM lives in a file from run to run; the robot starts anew each time.
+
+use crate::eeprom::image;
+use crate::error::Error;
+use crate::machine::{Clock, Interrupt, Machine, Wires};
+use plant::Room;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use twin::hal::{Delay, I2c, Pin, Spi, SpiTiming};
+use twin::Board;
+
+/// Which virtual board.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The firmware.
+    pub elf: PathBuf,
+    /// A room file; the default room without it.
+    pub room: Option<PathBuf>,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// SPI clock, hertz.
+    pub spi_hz: u32,
+    /// The EEPROM's content from run to run; a blank part if the file does not exist.
+    pub eeprom_image: PathBuf,
+    /// Where to write the STM's log, if anywhere.
+    pub uart_log: Option<PathBuf>,
+}
+
+/// The types of the virtual board's handles.
+pub struct VirtualWires;
+
+impl Wires for VirtualWires {
+    type Spi = Spi;
+    type I2c = I2c;
+    type Reset = Pin;
+    type Select = Pin;
+    type Protect = Pin;
+    type Ready = Pin;
+    type Delay = Delay;
+    type Clock = VirtualClock;
+}
+
+/// Virtual time.
+pub struct VirtualClock(Board);
+
+impl Clock for VirtualClock {
+    fn micros(&mut self) -> u64 {
+        self.0.now_us()
+    }
+}
+
+/// A virtual board and the machine that reaches it.
+pub struct Opened {
+    /// The handles.
+    pub machine: Machine<VirtualWires>,
+    /// The board itself: the truth, faults, the log.
+    pub board: Board,
+    eeprom_image: PathBuf,
+    uart_log: Option<PathBuf>,
+}
+
+/// The handles of a board that stands already, for tests and the demo.
+#[must_use]
+pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<VirtualWires> {
+    Machine {
+        spi: board.spi_with(SpiTiming { hz: spi_hz.into(), ..SpiTiming::default() }),
+        i2c: board.i2c(),
+        reset: board.pin_reset(),
+        select: board.pin_select(),
+        protect: board.pin_wp(),
+        ready: board.pin_ready(),
+        delay: board.delay(),
+        clock: VirtualClock(board.clone()),
+        interrupt,
+    }
+}
+
+/// Builds the board, boots the firmware on it and gives the handles.
+///
+/// # Errors
+/// [`Error::Unreadable`] and [`Error::Content`] for the files, [`Error::Device`] if the firmware does
+/// not fit the board.
+pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
+    let elf = fs::read(&options.elf).map_err(|cause| match cause.kind() {
+        ErrorKind::NotFound => Error::Device {
+            name: format!("the firmware {}", options.elf.display()),
+            cause: "there is no such file".into(),
+            advice: "build it with `cargo xtask firmware`, or name one with --elf".into(),
+        },
+        _ => Error::unreadable(&options.elf, &cause),
+    })?;
+    let room = options.room.as_deref().map_or_else(|| Ok(Room::two_rooms()), load_room)?;
+    let eeprom = match fs::read(&options.eeprom_image) {
+        Ok(bytes) => bytes,
+        Err(cause) if cause.kind() == ErrorKind::NotFound => Vec::new(),
+        Err(cause) => return Err(Error::unreadable(&options.eeprom_image, &cause)),
+    };
+    let built = twin::Options {
+        seed: options.seed,
+        room,
+        eeprom: Some(eeprom),
+        ..twin::Options::default()
+    };
+    let board = Board::new(&elf, built).map_err(|cause| Error::Device {
+        name: format!("the virtual board with {}", options.elf.display()),
+        cause: cause.to_string(),
+        advice: "build the firmware with `cargo xtask firmware`".into(),
+    })?;
+    Ok(Opened {
+        machine: machine(&board, options.spi_hz, interrupt),
+        board,
+        eeprom_image: options.eeprom_image.clone(),
+        uart_log: options.uart_log.clone(),
+    })
+}
+
+fn load_room(path: &Path) -> Result<Room, Error> {
+    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    Room::parse(&text).map_err(|error| Error::content(path, error.line, error.problem.to_string()))
+}
+
+impl Opened {
+    /// Keeps the EEPROM's content and the log.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`]; [`Error::Device`] if the emulation has ended.
+    pub fn close(self) -> Result<(), Error> {
+        if let Some(path) = &self.uart_log {
+            image::save(path, &self.board.uart())?;
+        }
+        let bytes = self
+            .board
+            .i2c_bus(|bus, _| bus.eeprom.as_ref().map(|part| part.bytes().to_vec()))
+            .map_err(|cause| Error::Device {
+                name: "the virtual board".into(),
+                cause: cause.to_string(),
+                advice: "read its report above".into(),
+            })?;
+        image::save(&self.eeprom_image, &bytes.unwrap_or_default())
+    }
+}
