@@ -44,3 +44,5 @@ pub mod settings;
 pub mod snapshot;
 pub mod survey;
 pub mod tour;
+#[cfg(feature = "virtual")]
+pub mod virtual_board;

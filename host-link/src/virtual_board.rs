@@ -65,7 +65,10 @@ pub struct Opened {
 #[must_use]
 pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<VirtualWires> {
     Machine {
-        spi: board.spi_with(SpiTiming { hz: spi_hz.into(), ..SpiTiming::default() }),
+        spi: board.spi_with(SpiTiming {
+            hz: spi_hz.into(),
+            ..SpiTiming::default()
+        }),
         i2c: board.i2c(),
         reset: board.pin_reset(),
         select: board.pin_select(),
@@ -91,7 +94,10 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
         },
         _ => Error::unreadable(&options.elf, &cause),
     })?;
-    let room = options.room.as_deref().map_or_else(|| Ok(Room::two_rooms()), load_room)?;
+    let room = options
+        .room
+        .as_deref()
+        .map_or_else(|| Ok(Room::two_rooms()), load_room)?;
     let eeprom = match fs::read(&options.eeprom_image) {
         Ok(bytes) => bytes,
         Err(cause) if cause.kind() == ErrorKind::NotFound => Vec::new(),
@@ -118,10 +124,27 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
 
 fn load_room(path: &Path) -> Result<Room, Error> {
     let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
-    Room::parse(&text).map_err(|error| Error::content(path, error.line, error.problem.to_string()))
+    Room::parse(&text).map_err(|error| Error::content(path, None, error.to_string()))
 }
 
+/// Lines of the log shown when the STM refuses to start.
+const LAST_LINES: usize = 4;
+
 impl Opened {
+    /// The last lines of the STM's log, each marked as such.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        let log = self.board.uart();
+        let log = String::from_utf8_lossy(&log);
+        let lines: Vec<&str> = log.lines().collect();
+        let from = lines.len().saturating_sub(LAST_LINES);
+        lines
+            .iter()
+            .skip(from)
+            .map(|line| format!("STM log: {line}\n"))
+            .collect()
+    }
+
     /// Keeps the EEPROM's content and the log.
     ///
     /// # Errors

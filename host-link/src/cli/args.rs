@@ -248,7 +248,8 @@ pub struct VirtualBoard {
         long,
         global = true,
         value_name = "FILE",
-        default_value = "target/thumbv7em-none-eabihf/firmware/fw-pac"
+        env = "ROBOT_ELF",
+        default_value = "target/elf/fw-pac.elf"
     )]
     pub elf: PathBuf,
     /// Room to stand in; the default room without it

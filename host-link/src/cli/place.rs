@@ -135,12 +135,13 @@ fn on_virtual_board<J: Job>(
         uart_log: board.uart_log.clone(),
     };
     let mut opened = open(&options, interrupt)?;
-    let outcome = work(
-        &mut opened.machine,
-        &Journal::new(beside(&board.eeprom_image, ".before")),
-        job,
-    );
-    opened.close().and(outcome)
+    let journal = Journal::new(beside(&board.eeprom_image, ".before"));
+    let outcome = work(&mut opened.machine, &journal, job);
+    if let Err(Error::NotReady { .. }) = outcome {
+        eprint!("{}", opened.last_words());
+    }
+    let closed = opened.close();
+    outcome.and_then(|done| closed.map(|()| done))
 }
 
 #[cfg(not(feature = "virtual"))]
