@@ -84,7 +84,7 @@ impl Motor {
     /// Duty for an output within the reach.
     fn duty(&mut self, output: i32) -> i32 {
         let effective = ((i64::from(output) * i64::from(self.share)) >> 16) as i32;
-        self.effective = effective.clamp(-self.room, self.room);
+        self.effective = effective.min(self.room).max(-self.room);
         let softness = effective.abs().min(SOFT);
         let lift = ((i64::from(self.dead_zone) * i64::from(softness)) >> 16) as i32;
         self.effective + if effective < 0 { -lift } else { lift }
@@ -164,9 +164,9 @@ impl Mixer {
     /// Forward and counter-clockwise rotation, percent.
     #[must_use]
     pub fn mix(&mut self, forward: I16F16, rotation: I16F16) -> Wheels {
-        let rotation = rotation.to_bits().clamp(-self.reach, self.reach);
+        let rotation = rotation.to_bits().min(self.reach).max(-self.reach);
         let room = self.reach - rotation.abs();
-        let forward = forward.to_bits().clamp(-room, room);
+        let forward = forward.to_bits().min(room).max(-room);
         let left = self.left.duty(forward - rotation);
         let right = self.right.duty(forward + rotation);
         self.wheels(hundredths(left), hundredths(right))
@@ -178,8 +178,8 @@ impl Mixer {
     pub fn raw(&mut self, left: i32, right: i32) -> Wheels {
         self.stand();
         self.wheels(
-            left.clamp(-self.limit_left, self.limit_left),
-            right.clamp(-self.limit_right, self.limit_right),
+            left.min(self.limit_left).max(-self.limit_left),
+            right.min(self.limit_right).max(-self.limit_right),
         )
     }
 
