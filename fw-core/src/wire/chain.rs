@@ -20,7 +20,7 @@ use super::position::Position;
 use super::sequence::Sequence;
 use super::status::Status;
 use super::strategy::{Context, Duties, Fault, Input, Output, Strategy};
-use super::{Command, FrameError, Report, MAX_FRAME};
+use super::{Command, FrameError, Reason, Report, MAX_FRAME};
 
 macro_rules! modes {
     ($(
@@ -87,6 +87,13 @@ macro_rules! modes {
             $(assert!(frame_len(Mode::$mode) <= MAX_FRAME, "raise MAX_FRAME");)*
         };
 
+        /// Names and bytes of a mode's strategies.
+        const fn layout(mode: Mode) -> &'static [(&'static str, usize)] {
+            match mode {
+                $(Mode::$mode => &[$((<$strategy as Duties>::NAME, <$strategy as Duties>::BYTES)),*],)*
+            }
+        }
+
         /// On the STM: what a frame of the Pi says. `beyond` is the number of bytes that were
         /// clocked after those of `frame`.
         ///
@@ -99,17 +106,28 @@ macro_rules! modes {
             frame: &[u8],
             beyond: usize,
         ) -> Result<Command, FrameError> {
-            match mode {
-                $(Mode::$mode => match <&[u8; frame_len(Mode::$mode)]>::try_from(frame) {
-                    Ok(whole) if beyond == 0 => {
+            let odd;
+            let (frame, verdict) = if frame.len() == frame_len(mode) && beyond == 0 {
+                (frame, None)
+            } else {
+                odd = Odd::new(layout(mode), frame, beyond);
+                (&odd.bytes[..], Some(&odd.verdict))
+            };
+            let parsed = match mode {
+                $(Mode::$mode => match frame.first_chunk::<{ frame_len(Mode::$mode) }>() {
+                    Some(whole) => (|| {
                         let mut input = Input::new(whole, 0);
                         let mut command = Command::default();
                         $(<$strategy>::parse_command(&mut input, context, &mut command)
                             .map_err(|fault| name(<$strategy>::NAME, fault))?;)*
                         Ok(command)
-                    }
-                    _ => odd_command(mode, context, frame, beyond),
+                    })(),
+                    None => Err(NO_FRAME),
                 },)*
+            };
+            match verdict {
+                None => parsed,
+                Some(&verdict) => Err(first_of(parsed.err(), verdict)),
             }
         }
 
@@ -125,17 +143,28 @@ macro_rules! modes {
             frame: &[u8],
             beyond: usize,
         ) -> Result<Report, FrameError> {
-            match mode {
-                $(Mode::$mode => match <&[u8; frame_len(Mode::$mode)]>::try_from(frame) {
-                    Ok(whole) if beyond == 0 => {
+            let odd;
+            let (frame, verdict) = if frame.len() == frame_len(mode) && beyond == 0 {
+                (frame, None)
+            } else {
+                odd = Odd::new(layout(mode), frame, beyond);
+                (&odd.bytes[..], Some(&odd.verdict))
+            };
+            let parsed = match mode {
+                $(Mode::$mode => match frame.first_chunk::<{ frame_len(Mode::$mode) }>() {
+                    Some(whole) => (|| {
                         let mut input = Input::new(whole, 0);
                         let mut report = Report::default();
                         $(<$strategy>::parse_report(&mut input, context, &mut report)
                             .map_err(|fault| name(<$strategy>::NAME, fault))?;)*
                         Ok(report)
-                    }
-                    _ => odd_report(mode, context, frame, beyond),
+                    })(),
+                    None => Err(NO_FRAME),
                 },)*
+            };
+            match verdict {
+                None => parsed,
+                Some(&verdict) => Err(first_of(parsed.err(), verdict)),
             }
         }
 
@@ -217,38 +246,63 @@ fn name(strategy: &'static str, fault: Fault) -> FrameError {
     }
 }
 
-/// A frame that is too short or too long, along the chain as a value: some strategy rejects it.
-#[cold]
-#[inline(never)]
-fn odd_command(
-    mode: Mode,
-    context: &Context,
-    frame: &[u8],
-    beyond: usize,
-) -> Result<Command, FrameError> {
-    let mut input = Input::new(frame, beyond);
-    let mut command = Command::default();
-    for strategy in chain(mode) {
-        (strategy.parse_command)(&mut input, context, &mut command)
-            .map_err(|fault| name(strategy.name, fault))?;
-    }
-    Ok(command)
+/// What no mode's length lets happen: a frame of no bytes at all.
+const NO_FRAME: FrameError = FrameError {
+    strategy: Key::NAME,
+    offset: 0,
+    reason: Reason::Short {
+        needed: Key::BYTES,
+        left: 0,
+    },
+};
+
+/// A frame that is too short or too long, made to fit: cut, or filled up with zeros. Whatever its
+/// bytes say, some strategy rejects it; `verdict` is the one that finds its length wrong, and an
+/// earlier one may find something else first.
+struct Odd {
+    bytes: [u8; MAX_FRAME],
+    verdict: FrameError,
 }
 
-/// A frame that is too short or too long, along the chain as a value: some strategy rejects it.
-#[cold]
-#[inline(never)]
-fn odd_report(
-    mode: Mode,
-    context: &Context,
-    frame: &[u8],
-    beyond: usize,
-) -> Result<Report, FrameError> {
-    let mut input = Input::new(frame, beyond);
-    let mut report = Report::default();
-    for strategy in chain(mode) {
-        (strategy.parse_report)(&mut input, context, &mut report)
-            .map_err(|fault| name(strategy.name, fault))?;
+impl Odd {
+    #[cold]
+    #[inline(never)]
+    fn new(layout: &[(&'static str, usize)], frame: &[u8], beyond: usize) -> Self {
+        let mut bytes = [0; MAX_FRAME];
+        for (slot, &byte) in bytes.iter_mut().zip(frame) {
+            *slot = byte;
+        }
+        let mut verdict = NO_FRAME;
+        for &(strategy, needed) in layout {
+            let offset = verdict.offset;
+            let left = frame.len().saturating_sub(offset);
+            if left < needed {
+                let reason = Reason::Short { needed, left };
+                verdict = FrameError {
+                    strategy,
+                    offset,
+                    reason,
+                };
+                return Self { bytes, verdict };
+            }
+            // The last strategy is the one that finds bytes left.
+            verdict = FrameError {
+                strategy,
+                offset: offset.saturating_add(needed),
+                reason: Reason::Long {
+                    left: left.saturating_sub(needed).saturating_add(beyond),
+                },
+            };
+        }
+        Self { bytes, verdict }
     }
-    Ok(report)
+}
+
+/// The error that stands first in the frame.
+#[cold]
+fn first_of(found: Option<FrameError>, verdict: FrameError) -> FrameError {
+    match found {
+        Some(found) if found.offset < verdict.offset => found,
+        _ => verdict,
+    }
 }

@@ -22,11 +22,13 @@ const APPLY: u16 = 0x8000;
 /// The pose, and bit 7 of byte 9.
 #[inline]
 fn parse(input: &mut Input<'_>) -> Result<(PoseCode, bool), Fault> {
-    let [x0, x1, x2, x3, y0, y1, y2, y3, r0, r1] = input.take()?;
-    let rotation = u16::from_be_bytes([r0, r1]);
+    let mut part = input.part::<10>()?;
+    let x = i32::from_be_bytes(part.take()?);
+    let y = i32::from_be_bytes(part.take()?);
+    let rotation = u16::from_be_bytes(part.take()?);
     let pose = PoseCode {
-        x: i32::from_be_bytes([x0, x1, x2, x3]),
-        y: i32::from_be_bytes([y0, y1, y2, y3]),
+        x,
+        y,
         rotation: rotation & !APPLY,
     };
     Ok((pose, rotation & APPLY != 0))
@@ -34,11 +36,10 @@ fn parse(input: &mut Input<'_>) -> Result<(PoseCode, bool), Fault> {
 
 #[inline]
 fn write(output: &mut Output<'_>, pose: &PoseCode, apply: bool) {
-    let [x0, x1, x2, x3] = pose.x.to_be_bytes();
-    let [y0, y1, y2, y3] = pose.y.to_be_bytes();
     let apply = if apply { APPLY } else { 0 };
-    let [r0, r1] = (pose.rotation & !APPLY | apply).to_be_bytes();
-    output.put([x0, x1, x2, x3, y0, y1, y2, y3, r0, r1]);
+    output.put(pose.x.to_be_bytes());
+    output.put(pose.y.to_be_bytes());
+    output.put((pose.rotation & !APPLY | apply).to_be_bytes());
 }
 
 impl Duties for Position {

@@ -15,20 +15,18 @@ use super::{Command, Order, Report, State};
 #[derive(Debug)]
 pub struct Status;
 
-/// Bits, and the last byte with the input that still stands before it.
+/// Bits, and the input that stands before the last byte.
 #[inline]
-fn parse<'a>(input: &mut Input<'a>) -> Result<(u16, u8, Input<'a>), Fault> {
-    let before = *input;
-    let [high, low, code] = input.take()?;
-    let mut at_code = before;
-    let [_, _] = at_code.take()?;
-    Ok((u16::from_be_bytes([high, low]), code, at_code))
+fn parse<'a>(input: &mut Input<'a>) -> Result<(u16, Input<'a>), Fault> {
+    let mut part = input.part::<3>()?;
+    let bits = u16::from_be_bytes(part.take()?);
+    Ok((bits, part))
 }
 
 #[inline]
 fn write(output: &mut Output<'_>, bits: u16, code: u8) {
-    let [high, low] = bits.to_be_bytes();
-    output.put([high, low, code]);
+    output.put(bits.to_be_bytes());
+    output.put([code]);
 }
 
 impl Duties for Status {
@@ -41,9 +39,10 @@ impl Duties for Status {
         _context: &Context,
         command: &mut Command,
     ) -> Result<(), Fault> {
-        let (bits, code, at_code) = parse(input)?;
+        let (bits, part) = parse(input)?;
+        let [code] = part.peek()?;
         command.order =
-            Order::from_code(code).ok_or_else(|| at_code.fault(Reason::UnknownOrder(code)))?;
+            Order::from_code(code).ok_or_else(|| part.fault(Reason::UnknownOrder(code)))?;
         command.clear_faults = bits;
         Ok(())
     }
@@ -59,9 +58,10 @@ impl Duties for Status {
         _context: &Context,
         report: &mut Report,
     ) -> Result<(), Fault> {
-        let (bits, code, at_code) = parse(input)?;
+        let (bits, part) = parse(input)?;
+        let [code] = part.peek()?;
         report.state =
-            State::from_code(code).ok_or_else(|| at_code.fault(Reason::UnknownState(code)))?;
+            State::from_code(code).ok_or_else(|| part.fault(Reason::UnknownState(code)))?;
         report.faults = bits;
         Ok(())
     }

@@ -136,23 +136,45 @@ impl<'a> Input<'a> {
         self.frame.get(..self.at).unwrap_or_default()
     }
 
-    /// Takes the next `N` bytes.
+    /// The next `N` bytes, without taking them.
     ///
     /// # Errors
-    /// [`Reason::Short`]: the frame ends before; nothing is taken.
+    /// [`Reason::Short`]: the frame ends before.
     #[inline]
-    pub fn take<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+    pub fn peek<const N: usize>(&self) -> Result<[u8; N], Fault> {
         let rest = self.frame.get(self.at..).unwrap_or_default();
-        match rest.first_chunk::<N>() {
-            Some(bytes) => {
-                self.at = self.at.wrapping_add(N);
-                Ok(*bytes)
-            }
+        match rest.first_chunk() {
+            Some(bytes) => Ok(*bytes),
             None => Err(self.fault(Reason::Short {
                 needed: N,
                 left: rest.len(),
             })),
         }
+    }
+
+    /// Takes the next `N` bytes.
+    ///
+    /// # Errors
+    /// As [`Self::peek`]; then nothing is taken.
+    #[inline]
+    pub fn take<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+        let bytes = self.peek()?;
+        self.at = self.at.wrapping_add(N);
+        Ok(bytes)
+    }
+
+    /// Takes the next `N` bytes as an input of their own, which keeps count of its offset in the
+    /// frame: for fields that are worth naming one by one.
+    ///
+    /// # Errors
+    /// As [`Self::take`].
+    #[inline]
+    pub fn part<const N: usize>(&mut self) -> Result<Self, Fault> {
+        let mut part = *self;
+        self.take::<N>()?;
+        part.frame = part.frame.get(..self.at).unwrap_or_default();
+        part.beyond = 0;
+        Ok(part)
     }
 
     /// A fault of the field about to be taken.
