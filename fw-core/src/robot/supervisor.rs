@@ -81,11 +81,13 @@ impl Supervisor {
         self.faults
     }
 
-    /// Latches faults. A blocking one takes effect at once: the next permit is [`Permit::Brake`].
+    /// Latches faults. A blocking one takes effect at once: the next permit is [`Permit::Brake`], even
+    /// if the Pi clears the fault before that; leaving the stop takes a word.
     pub const fn raise(&mut self, faults: u16) {
         self.faults |= faults;
         if self.faults & BLOCKING != 0 {
             self.state = State::Faulted;
+            self.halted = true;
         }
     }
 
