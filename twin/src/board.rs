@@ -1,12 +1,14 @@
 //! The handle on a virtual robot: boot it, let time pass, look at it, break it.
 
-use std::sync::Arc;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
 
 use plant::{Params, Pose, Room, World};
 use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
 
 use crate::emulation::{Debugger, Emulation, Ended, Scene};
+use crate::faults::Disturbance;
 use crate::machine::{Robot, VirtualBoard};
 use crate::measure::{Event, Function, NoFunction};
 use crate::parts::bridge;
@@ -101,6 +103,8 @@ pub enum ResetBy {
 #[derive(Clone, Debug)]
 pub struct Board {
     emulation: Arc<Emulation>,
+    /// What is to happen to the Pi's next transfers.
+    pub(crate) disturbances: Arc<Mutex<VecDeque<Disturbance>>>,
     elf: Arc<[u8]>,
 }
 
@@ -127,6 +131,7 @@ impl Board {
         let emulation = Emulation::start(board, images, options.debugger)?;
         Ok(Self {
             emulation: Arc::new(emulation),
+            disturbances: Arc::default(),
             elf: elf.into(),
         })
     }
@@ -159,11 +164,7 @@ impl Board {
     /// # Errors
     /// When the emulation has ended.
     pub fn try_run_ns(&self, ns: u64) -> Result<(), Ended> {
-        if ns == 0 {
-            return Ok(());
-        }
-        let now = self.try_with(|scene| scene.now)?;
-        self.emulation.run_until(now + ns)
+        self.emulation.run_for(ns)
     }
 
     /// Lets virtual time pass, microseconds.
@@ -199,9 +200,14 @@ impl Board {
     }
 
     /// Virtual time since power-on, nanoseconds.
+    ///
+    /// # Panics
+    /// When the emulation has ended.
     #[must_use]
     pub fn now_ns(&self) -> u64 {
-        self.with(|scene| scene.now)
+        self.emulation
+            .now()
+            .unwrap_or_else(|ended| panic!("{ended}"))
     }
 
     /// Virtual time since power-on, microseconds.

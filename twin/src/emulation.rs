@@ -63,7 +63,8 @@ impl std::error::Error for Ended {}
 
 struct Conductor {
     orders: Receiver<Order>,
-    reached: Sender<()>,
+    /// Where the run stands at each stop it was asked for.
+    reached: Sender<u64>,
     followed: Followed,
 }
 
@@ -116,7 +117,7 @@ impl Driver<VirtualBoard> for Conductor {
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
-        self.reached.send(()).ok()?;
+        self.reached.send(stop.at.0).ok()?;
         loop {
             match self.orders.recv().ok()? {
                 Order::Do(work) => work(&mut Scene {
@@ -127,7 +128,7 @@ impl Driver<VirtualBoard> for Conductor {
                     followed: &mut self.followed,
                 }),
                 Order::RunUntil(until) if until > stop.at.0 => return Some(VirtualNanos(until)),
-                Order::RunUntil(_) => self.reached.send(()).ok()?,
+                Order::RunUntil(_) => self.reached.send(stop.at.0).ok()?,
             }
         }
     }
@@ -135,7 +136,8 @@ impl Driver<VirtualBoard> for Conductor {
 
 struct Line {
     orders: Option<Sender<Order>>,
-    reached: Receiver<()>,
+    reached: Receiver<u64>,
+    now: u64,
     thread: Option<JoinHandle<Result<(), String>>>,
     ended: Option<Ended>,
 }
@@ -196,6 +198,7 @@ impl Emulation {
             line: Mutex::new(Line {
                 orders: Some(orders),
                 reached: reports,
+                now: 0,
                 thread: Some(thread),
                 ended: None,
             }),
@@ -241,6 +244,25 @@ impl Emulation {
         })
     }
 
+    /// Runs for `ns` nanoseconds of virtual time.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn run_for(&self, ns: u64) -> Result<(), Ended> {
+        self.with_line(|line| {
+            line.order(Order::RunUntil(line.now + ns))?;
+            line.wait()
+        })
+    }
+
+    /// Where the run stands, nanoseconds of virtual time.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn now(&self) -> Result<u64, Ended> {
+        self.with_line(|line| Ok(line.now))
+    }
+
     /// Watches an instruction, or no longer does; its arrivals are kept in [`Scene::followed`].
     ///
     /// # Errors
@@ -271,7 +293,13 @@ impl Line {
     }
 
     fn wait(&mut self) -> Result<(), Ended> {
-        self.reached.recv().map_err(|_| self.end())
+        match self.reached.recv() {
+            Ok(now) => {
+                self.now = now;
+                Ok(())
+            }
+            Err(_) => Err(self.end()),
+        }
     }
 
     /// The thread is gone: why.

@@ -3,6 +3,7 @@
 pub mod board;
 pub mod devices;
 pub mod emulation;
+pub mod faults;
 pub mod hal;
 pub mod machine;
 pub mod measure;
@@ -14,5 +15,6 @@ pub mod wiring;
 
 pub use board::{Board, Options, Reset, ResetBy, Truth};
 pub use emulation::{Debugger, Ended};
+pub use faults::{Disturbance, Faults};
 pub use parts::spi_master::Step;
 pub use plant;

@@ -83,6 +83,17 @@ impl Spi {
     }
 }
 
+/// The clocks an operation takes.
+fn bits(operation: &Operation<'_, u8>) -> usize {
+    8 * match operation {
+        Operation::Read(into) => into.len(),
+        Operation::Write(bytes) => bytes.len(),
+        Operation::Transfer(read, write) => read.len().max(write.len()),
+        Operation::TransferInPlace(bytes) => bytes.len(),
+        Operation::DelayNs(_) => 0,
+    }
+}
+
 impl ErrorType for Spi {
     type Error = SpiError;
 }
@@ -96,7 +107,18 @@ impl SpiDevice for Spi {
             Step::Select(false),
             Step::Wait(self.timing.after_ns),
         ]);
-        let mut answer = pack(&self.board.spi_raw(steps)?).into_iter();
+        let disturbance = self.board.next_disturbance();
+        if let Some(disturbance) = disturbance {
+            disturbance.on_the_way_out(&mut steps);
+        }
+        let clocks: usize = operations.iter().map(|operation| bits(operation)).sum();
+        let mut miso = self.board.spi_raw(steps)?;
+        if let Some(disturbance) = disturbance {
+            disturbance.on_the_way_back(&mut miso);
+        }
+        // A line nobody clocks any more reads low.
+        miso.resize(clocks, false);
+        let mut answer = pack(&miso).into_iter();
         for operation in operations {
             match operation {
                 Operation::Read(into) | Operation::TransferInPlace(into) => {

@@ -357,6 +357,12 @@ impl Stm32f411 {
         self.i2c[0].hold_low(held, registers);
     }
 
+    /// The crystal stops while it runs.
+    pub fn fail_crystal(&mut self, now: VirtualNanos) {
+        let (registers, mut context) = self.bus.drive(now, self.slots.rcc);
+        self.rcc.fail_hse(registers, &mut context);
+    }
+
     /// The bit rate USART1 is set to, RM0383 section 19.3.4, or zero while it is off.
     #[must_use]
     pub fn usart1_baud(&self) -> u64 {
