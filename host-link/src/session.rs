@@ -245,16 +245,19 @@ impl<'m, W: Wires> Session<'m, W> {
     /// Ctrl-C does not cut this short.
     pub fn halt(&mut self) {
         for _ in 0..HALT_FRAMES {
-            let wish = Wish {
-                go: has_position(self.config.mode)
+            let wish = if has_status(self.config.mode) {
+                Wish {
+                    order: Order::Stop,
+                    ..Wish::default()
+                }
+            } else {
+                let here = has_position(self.config.mode)
                     .then_some(self.snapshot.pose)
-                    .flatten(),
-                order: if has_status(self.config.mode) {
-                    Order::Stop
-                } else {
-                    Order::None
-                },
-                clear_faults: 0,
+                    .flatten();
+                Wish {
+                    go: here,
+                    ..Wish::default()
+                }
             };
             if let Err(Error::Spi(_)) = self.exchange_regardless(&wish) {
                 // Nothing more can be sent: the stop deadline does it.

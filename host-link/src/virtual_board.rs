@@ -5,6 +5,7 @@ use crate::eeprom::image;
 use crate::error::Error;
 use crate::machine::{Clock, Interrupt, Machine, Wires};
 use plant::Room;
+use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -138,11 +139,11 @@ impl Opened {
         let log = String::from_utf8_lossy(&log);
         let lines: Vec<&str> = log.lines().collect();
         let from = lines.len().saturating_sub(LAST_LINES);
-        lines
-            .iter()
-            .skip(from)
-            .map(|line| format!("STM log: {line}\n"))
-            .collect()
+        let mut words = String::new();
+        for line in lines.iter().skip(from) {
+            let _ = writeln!(words, "STM log: {line}");
+        }
+        words
     }
 
     /// Keeps the EEPROM's content and the log.

@@ -4,7 +4,7 @@ use super::args::{Eeprom, Robot};
 use super::place::{self, Job};
 use super::report::Output;
 use fw_core::eeprom::{first_board, Image};
-use host_link::eeprom::{self, image, journal::Journal, part};
+use host_link::eeprom::{self, image, journal::Journal, part, Step};
 use host_link::error::{Error, Exit};
 use host_link::machine::{Machine, Wires};
 use host_link::settings::{changes, render, Change, Settings};
@@ -255,8 +255,8 @@ impl Job for Put<'_> {
 
     fn run<W: Wires>(self, machine: &mut Machine<W>, journal: &Journal) -> Result<Exit, Error> {
         let output = self.output;
-        let difference = Difference::between(&eeprom::read(machine)?, self.wanted);
         if self.dry_run {
+            let difference = Difference::between(&eeprom::read(machine)?, self.wanted);
             let done = Outcome {
                 difference,
                 written: false,
@@ -265,13 +265,23 @@ impl Job for Put<'_> {
             output.result(&done, || done.difference.told());
             return Ok(Exit::Ok);
         }
-        output.remark(&difference.told());
         let timeout = self.robot.ready_timeout;
-        let outcome = eeprom::program(machine, self.wanted, timeout, Some(journal), |bytes, of| {
-            output.live(&format!("{bytes} of {of} bytes"));
-        });
+        let outcome =
+            eeprom::program(
+                machine,
+                self.wanted,
+                timeout,
+                Some(journal),
+                |step| match step {
+                    Step::Before(before) => {
+                        output.remark(&Difference::between(before, self.wanted).told());
+                    }
+                    Step::Written { done, of } => output.live(&format!("{done} of {of} bytes")),
+                },
+            );
         output.live("");
         let programmed = outcome?;
+        let difference = Difference::between(&programmed.before, self.wanted);
         let done = Outcome {
             difference,
             written: true,

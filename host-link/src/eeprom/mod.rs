@@ -44,10 +44,24 @@ pub struct Programmed {
     pub ready_ms: u32,
 }
 
+/// What [`program`] is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step<'a> {
+    /// What the EEPROM holds before anything changes.
+    Before(&'a Image),
+    /// A burst is written and read back.
+    Written {
+        /// Bytes written so far.
+        done: usize,
+        /// Bytes to write.
+        of: usize,
+    },
+}
+
 /// Writes what differs of pages 0x00 to 0x03, reads all of it back, restores protection and bus,
 /// resets the STM and awaits `STM_READY`.
 ///
-/// `progress` is told the bytes done and the bytes to do after each burst.
+/// `watch` is told what the EEPROM holds before anything changes, and how far the writing is.
 ///
 /// # Errors
 /// [`Error::Eeprom`], [`Error::Verify`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotReady`],
@@ -58,12 +72,13 @@ pub fn program<W: Wires>(
     image: &Image,
     ready_timeout_ms: u32,
     journal: Option<&Journal>,
-    mut progress: impl FnMut(usize, usize),
+    mut watch: impl FnMut(Step<'_>),
 ) -> Result<Programmed, Error> {
     let purpose = Purpose::Write { ready_timeout_ms };
     let ((before, bytes, bursts), ready_ms) = bus::with(machine, purpose, |bus| {
         let mut before = [0; IMAGE_LEN];
         bus.read(0, &mut before)?;
+        watch(Step::Before(&before));
         let bursts = part::bursts(&before, image);
         let bytes = bursts.iter().map(ExactSizeIterator::len).sum();
         if !bursts.is_empty() {
@@ -75,7 +90,7 @@ pub fn program<W: Wires>(
             for burst in &bursts {
                 bus.write_burst(burst.start, image.get(burst.clone()).unwrap_or(&[]))?;
                 done += burst.len();
-                progress(done, bytes);
+                watch(Step::Written { done, of: bytes });
             }
             bus.protect()?;
         }

@@ -21,7 +21,7 @@ fn wanted() -> Image {
 fn write(
     machine: &mut crate::machine::Machine<crate::doubles::Doubles>,
 ) -> Result<Programmed, Error> {
-    program(machine, &wanted(), 100, None, |_, _| {})
+    program(machine, &wanted(), 100, None, |_| {})
 }
 
 fn calls_of_a_good_write() -> usize {
@@ -176,14 +176,14 @@ fn a_journal_stands_while_a_write_runs_and_stays_if_it_is_cut_short() {
     let folder = std::env::temp_dir().join(format!("host-link-journal-{}", std::process::id()));
     let journal = Journal::new(folder.join("before"));
     let (_, mut whole) = machine(&BLANK, None);
-    program(&mut whole, &wanted(), 100, Some(&journal), |_, _| {
-        assert!(journal.unfinished());
+    program(&mut whole, &wanted(), 100, Some(&journal), |step| {
+        assert_eq!(journal.unfinished(), matches!(step, Step::Written { .. }));
     })
     .unwrap();
     assert!(!journal.unfinished());
 
     let (_, mut cut) = machine(&BLANK, Some(Mishap::BusesDie(30)));
-    program(&mut cut, &wanted(), 100, Some(&journal), |_, _| {}).unwrap_err();
+    program(&mut cut, &wanted(), 100, Some(&journal), |_| {}).unwrap_err();
     assert!(journal.unfinished());
     assert!(image::load(journal.path()).unwrap() == BLANK);
     std::fs::remove_dir_all(folder).unwrap();
