@@ -14,19 +14,19 @@
 //! |---|---|
 //! | K, half of 2⁻⁶⁴ turns a count | 0.003 |
 //! | travel of a count, half of 2⁻⁴⁰ mm | 0.007 |
-//! | sine and versine | ≤ 0.4 |
+//! | sine and versine | ≤ 0.35 |
 //! | sums, a unit of 2⁻⁴⁰ mm each | 0.002 |
 
 use fixed::types::{I16F16, I32F32};
 
-use super::trig::Reduced;
+use super::trig::{high, nearest, Reduced};
 use crate::eeprom::Platform;
 use crate::units::{Millimetres, Pose, Turns};
 
 /// What the wheels did in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Delta {
-    /// Counts the left wheel rolled, forward positive.
+    /// Counts the left wheel rolled, forward positive, −32 768 ..= 32 768.
     pub left: i32,
     /// Counts the right wheel rolled, forward positive, −32 768 ..= 32 768.
     pub right: i32,
@@ -90,27 +90,25 @@ const MAX_DIAMETER: u32 = 5_000_000;
 pub struct Odometry {
     left: Wheel,
     right: Wheel,
-    left_counter: u32,
+    left_counter: u16,
     right_counter: u16,
     /// 2⁻⁶⁴ turns.
     heading: u64,
-    /// 2⁻⁴⁰ mm: ±8.3 km, four times what the wire can say.
+    /// 2⁻⁴⁰ mm, within ±[`FARTHEST`].
     x: i64,
     y: i64,
 }
 
-/// `a·b / 2³²`, floor; exact for every `a` and `b` whose result fits.
+/// `a·b / 2³²`, floor; `a` below 2⁶³.
 #[inline]
-const fn scale(a: i64, b: i32) -> i64 {
-    let upper = (a >> 32) * b as i64;
-    let lower = ((a & 0xFFFF_FFFF) * b as i64) >> 32;
-    upper.wrapping_add(lower)
+const fn scale(a: u64, b: u32) -> u64 {
+    (a >> 32) * b as u64 + (((a & 0xFFFF_FFFF) * b as u64) >> 32)
 }
 
-/// High word of a signed product, floor.
+/// `a` or, where `sign` is −1, `−a`.
 #[inline]
-const fn high(a: i32, b: i32) -> i32 {
-    ((a as i64 * b as i64) >> 32) as i32
+const fn signed(a: u64, sign: i64) -> i64 {
+    (a as i64 ^ sign) - sign
 }
 
 impl Odometry {
@@ -128,7 +126,7 @@ impl Odometry {
                 platform.encoder_right_reversed,
                 platform,
             ),
-            left_counter: left,
+            left_counter: left as u16,
             right_counter: right,
             heading: 0,
             x: 0,
@@ -136,55 +134,40 @@ impl Odometry {
         }
     }
 
-    /// One tick's counters. Both wrap; between two ticks the right wheel may turn by ±32 767 counts
-    /// and the robot by a sixteenth of a turn for the stated accuracy. Any other input is as safe,
-    /// only less accurate.
+    /// One tick's counters, both of which wrap. Of the left one the lower half counts: between two
+    /// ticks a wheel may turn by ±32 767 counts, eight turns, and, for the stated accuracy, the
+    /// robot by a sixteenth of a turn. Any other input is as safe, only less accurate.
     #[inline]
     pub fn step(&mut self, left: u32, right: u16) -> Delta {
-        let n_left = left.wrapping_sub(self.left_counter) as i32;
+        let n_left = i32::from((left as u16).wrapping_sub(self.left_counter) as i16);
         let n_right = i32::from(right.wrapping_sub(self.right_counter) as i16);
-        self.left_counter = left;
+        self.left_counter = left as u16;
         self.right_counter = right;
-        let n_left = n_left.wrapping_mul(self.left.sign);
-        let n_right = n_right.wrapping_mul(self.right.sign);
+        let n_left = n_left * self.left.sign;
+        let n_right = n_right * self.right.sign;
 
         let turn = times(self.right.turn, n_right).wrapping_sub(times(self.left.turn, n_left));
         let middle = self.heading.wrapping_add((turn as i64 >> 1) as u64);
         self.heading = self.heading.wrapping_add(turn);
         let turn = (turn >> 32) as i32;
 
-        // |S̄| < 2⁶², 2⁻⁴⁰ mm.
-        let path = self.right.half * i64::from(n_right)
-            + self.left.half * i64::from(n_left.clamp(-0x8000, 0x8000));
-        let chord = path - (scale(path, shortening(turn)) >> 4);
+        // 2⁻⁴⁰ mm, below 2⁶¹: each half below 2⁴⁵, each count at most 2¹⁵.
+        let path = self.left.half * i64::from(n_left) + self.right.half * i64::from(n_right);
+        let direction = Direction::new(middle, turn);
+        let length = path.unsigned_abs();
+        let along = length - scale(length, direction.versine);
+        let across = scale(length, direction.sine);
 
-        // Nearest upper word, and what it leaves, signed.
-        let phase = (middle.wrapping_add(1 << 31) >> 32) as u32;
-        let rest = middle as u32 as i32;
-        let Reduced {
-            quarter,
-            sine,
-            versine,
-        } = Reduced::of(Turns(phase));
-        let along = chord - scale(chord, versine);
-        let across = scale(chord << 1, sine);
-        // The rest in radians is rest·2π/2⁶⁴; 2π has 28 fractional bits, a position's upper word 8.
-        let rest = i64::from(high(rest, 1_686_629_713));
-        let dx = along - (((across >> 32) * rest) >> 28);
-        let dy = across + (((along >> 32) * rest) >> 28);
-
-        let (dx, dy) = if quarter & 1 == 0 {
-            (dx, dy)
+        // Quarter turns: (a, b), (−b, a), (−a, −b), (b, −a).
+        let ahead = (path >> 63) ^ -i64::from(direction.quarter >> 1);
+        let beside = ahead ^ i64::from(direction.sign);
+        let (dx, dy) = if direction.quarter & 1 == 0 {
+            (signed(along, ahead), signed(across, beside))
         } else {
-            (-dy, dx)
+            (signed(across, !beside), signed(along, ahead))
         };
-        let (dx, dy) = if quarter & 2 == 0 {
-            (dx, dy)
-        } else {
-            (-dx, -dy)
-        };
-        self.x = self.x.saturating_add(dx);
-        self.y = self.y.saturating_add(dy);
+        self.x = within(self.x + dx);
+        self.y = within(self.y + dy);
 
         Delta {
             left: n_left,
@@ -205,41 +188,97 @@ impl Odometry {
     }
 }
 
+/// Where the chord points, and how much shorter than its arc it is: a vector of that length in the
+/// frame of the nearest quarter turn.
+struct Direction {
+    /// Quarter turns, 0 ..= 3.
+    quarter: u32,
+    /// −1 where the sine is negative, else 0.
+    sign: i32,
+    /// Magnitude of the vector's part across the quarter, Q32.
+    sine: u32,
+    /// What its part along the quarter lacks to 1, Q32.
+    versine: u32,
+}
+
+impl Direction {
+    /// Of a chord in direction `middle`, 2⁻⁶⁴ turns, over an arc of `turn`, 2⁻³² turns.
+    #[inline]
+    fn new(middle: u64, turn: i32) -> Self {
+        let Reduced {
+            quarter,
+            sign,
+            sine,
+            versine,
+        } = Reduced::of(Turns((middle >> 32) as u32));
+        // The chord is shorter than its arc.
+        let short = shortening(turn);
+        let sine = sine - nearest(sine, short);
+        let versine = versine + short - nearest(versine, short);
+        // What the lower word of the direction adds, at most 6.3 units of 2⁻³² rad: to first order.
+        // 2π has 29 fractional bits here.
+        let rest = high(middle as u32, 3_373_259_426);
+        let to_sine = (high(!versine, rest) + (1 << 28)) >> 29;
+        let to_versine = (high(sine, rest) + (1 << 28)) >> 29;
+        // The direction is rounded down, so the rest leads away from zero or, below it, towards it:
+        // there the sine is at least as large as what is taken away.
+        let apply =
+            |value: u32, by: u32| value.wrapping_add((by ^ sign as u32).wrapping_sub(sign as u32));
+        Self {
+            quarter,
+            sign,
+            sine: apply(sine, to_sine),
+            versine: apply(versine, to_versine),
+        }
+    }
+}
+
 /// `factor·n`, modulo 2⁶⁴.
 #[inline]
 const fn times(factor: u64, n: i32) -> u64 {
     factor.wrapping_mul(n as i64 as u64)
 }
 
-/// The nearest word.
-const fn narrow(value: i64) -> i32 {
-    if value > i32::MAX as i64 {
-        i32::MAX
-    } else if value < i32::MIN as i64 {
-        i32::MIN
+/// The position's range: ±4.19 km, twice what the wire can say. A step is shorter than half of it,
+/// so no sum overflows.
+const FARTHEST: i64 = (1 << 62) - 1;
+
+/// The nearest position there is.
+#[inline]
+const fn within(position: i64) -> i64 {
+    // Beyond the range the two upper bits differ: one test, rarely true.
+    if (position ^ (position << 1)) >> 63 == 0 {
+        position
+    } else if position < 0 {
+        -FARTHEST - 1
     } else {
-        value as i32
+        FARTHEST
     }
 }
 
-/// What the chord lacks of its arc: ψ²/24 − ψ⁴/1920 + ψ⁶/322560, Q36, for `turn` in 2⁻³² turns;
-/// error ≤ 4e-11 up to a sixteenth of a turn, beyond which it stays.
+/// The nearest word.
 #[inline]
-const fn shortening(turn: i32) -> i32 {
-    const LIMIT: i32 = (1 << 28) - 1;
-    let turn = if turn > LIMIT {
-        LIMIT
-    } else if turn < -LIMIT {
-        -LIMIT
+const fn narrow(value: i64) -> i32 {
+    if (value + (1 << 31)) as u64 >> 32 == 0 {
+        value as i32
+    } else if value < 0 {
+        i32::MIN
     } else {
-        turn
-    };
-    // Turns squared, Q38, at most 2³⁰.
-    let square = high(turn << 3, turn << 3);
+        i32::MAX
+    }
+}
+
+/// What a chord lacks of its arc, relative: ψ²/24 − ψ⁴/1920 + ψ⁶/322560, Q32, for `turn` in 2⁻³²
+/// turns; error ≤ 1.4e-10 up to a sixteenth of a turn. Beyond that it is only bounded.
+#[inline]
+const fn shortening(turn: i32) -> u32 {
+    // Turns squared, Q38 up to a sixteenth.
+    let size = turn.unsigned_abs() << 3;
+    let square = high(size, size);
     // (2π)⁶/322560 Q18, (2π)⁴/1920 Q24, (2π)²/24 Q30.
     let factor = 13_618_778 - high(square, 50_004);
     let factor = 1_766_234_505 - high(square, factor);
-    high(square, factor)
+    (high(square, factor) + 8) >> 4
 }
 
 #[cfg(test)]

@@ -10,65 +10,34 @@
 //!   and that do not drive the output further into it. On the way there the integral has nothing to
 //!   say; what it gathered would only carry the robot past its goal.
 //!
-//! No step overflows, for any factor: a factor is a 31-bit mantissa and a binary exponent, a term is
-//! one 32 × 32-bit product, shifted and cut to ±2¹⁶ %.
+//! No step overflows, for any input and any factor that the configuration accepts: factors are below
+//! 2¹⁴ with 32 fractional bits, so a term is below 2³⁰ percent and, with its 32 fractional bits,
+//! below 2⁶¹.
 
 use fixed::types::I16F16;
 
 use crate::double::Double;
 use crate::eeprom::Gains;
 
-/// Largest magnitude of a term, 2⁻³² %.
-const TERM_LIMIT: i64 = 1 << 48;
+/// Largest factor that fits; the EEPROM's are at most 10 000.
+const LARGEST: i64 = (1 << 14 << 32) - 1;
 
-/// A factor of the document: `mantissa · 2⁻ᵉˣᵖᵒⁿᵉⁿᵗ`.
+/// A factor of the document, 32 fractional bits, within ±[`LARGEST`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Factor {
-    /// 31 bits; never `i32::MIN`.
-    mantissa: i32,
-    /// −31 ..= 63: a factor below 1.2e-10 is 0, one of 2⁶² or more the largest.
-    exponent: i32,
-}
+struct Factor(i64);
 
 impl Factor {
-    /// The leading 31 bits of a finite double; 0 for what is not finite, which no accepted
-    /// configuration holds.
-    const fn new(value: Double) -> Self {
-        let biased = ((value.0 >> 52) & 0x7FF) as i32;
-        if biased == 0 || biased == 0x7FF {
-            return Self {
-                mantissa: 0,
-                exponent: 0,
-            };
-        }
-        let mantissa = (((value.0 & ((1 << 52) - 1)) | (1 << 52)) >> 22) as i32;
-        let exponent = 1023 + 30 - biased;
-        let (mantissa, exponent) = if exponent > 63 {
-            (0, 0)
-        } else if exponent < -31 {
-            (i32::MAX, -31)
-        } else {
-            (mantissa, exponent)
-        };
-        let mantissa = if value.0 >> 63 == 1 {
-            -mantissa
-        } else {
-            mantissa
-        };
-        Self { mantissa, exponent }
+    /// The nearest; 0 for what is no number or beyond 2³¹, which no accepted configuration holds.
+    fn new(value: Double) -> Self {
+        Self(value.to_scaled(32).unwrap_or(0).clamp(-LARGEST, LARGEST))
     }
 
-    /// `self · value`, 2⁻³² where `value` is in 2⁻¹⁶, floor, cut to ±2¹⁶.
+    /// `self · value`, floor, 2⁻³² where `value` is in 2⁻¹⁶; below 2⁶¹.
+    #[inline]
     const fn times(self, value: i32) -> i64 {
-        let product = self.mantissa as i64 * value as i64;
-        let shift = self.exponent - 16;
-        if shift >= 0 {
-            clamp(product >> shift, TERM_LIMIT)
-        } else {
-            // At most 47 places: cut first, and what is left cannot lose its top.
-            let bound = TERM_LIMIT >> -shift;
-            clamp(product, bound) << -shift
-        }
+        let upper = (self.0 >> 32) * value as i64;
+        let lower = (self.0 & 0xFFFF_FFFF) * value as i64;
+        (upper << 16) + (lower >> 16)
     }
 }
 
@@ -96,6 +65,8 @@ pub struct Pid {
     unwind: i64,
     /// 2⁻³² %.
     limit: i64,
+    /// Proportional parts up to this are integrated, 2⁻³² %.
+    near: i64,
     /// The integral part of the output, 2⁻³² %, within ±`limit`.
     sum: i64,
 }
@@ -104,20 +75,24 @@ impl Pid {
     /// With an output within ±`limit` percent, 0 ..= 100.
     #[must_use]
     pub fn new(gains: &Gains, limit: I16F16) -> Self {
-        let unwind = Factor::new(gains.anti_windup).times(1 << 16) >> 16;
-        Self {
+        let unwind = Factor::new(gains.anti_windup).0 >> 16;
+        let mut pid = Self {
             proportional: Factor::new(gains.p),
             integral: Factor::new(gains.i),
             derivative: Factor::new(gains.d),
             unwind: unwind.clamp(0, 1 << 16),
-            limit: i64::from(limit.to_bits().clamp(0, 100 << 16)) << 16,
+            limit: 0,
+            near: 0,
             sum: 0,
-        }
+        };
+        pid.set_limit(limit);
+        pid
     }
 
     /// Changes the output's limit, percent, 0 ..= 100.
     pub fn set_limit(&mut self, limit: I16F16) {
         self.limit = i64::from(limit.to_bits().clamp(0, 100 << 16)) << 16;
+        self.near = self.limit / NEAR;
         self.sum = clamp(self.sum, self.limit);
     }
 
@@ -140,7 +115,7 @@ impl Pid {
     pub fn step(&mut self, error: I16F16, rate: I16F16) -> I16F16 {
         let proportional = self.proportional.times(error.to_bits());
         let others = proportional - self.derivative.times(rate.to_bits());
-        let increment = if proportional.abs() <= self.limit / NEAR {
+        let increment = if proportional.abs() <= self.near {
             self.integral.times(error.to_bits())
         } else {
             0
@@ -157,7 +132,7 @@ impl Pid {
             } else {
                 sum
             };
-            let back = (clamp(excess, TERM_LIMIT) >> 16) * self.unwind;
+            let back = (excess >> 16) * self.unwind;
             if excess > 0 {
                 (kept - back).max(kept.min(0))
             } else {

