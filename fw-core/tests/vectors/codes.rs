@@ -1,0 +1,158 @@
+//! Physical values ↔ codes, and the checksums.
+
+use crate::json::{bytes, file, int, list, text, Value};
+use fixed::types::{I32F32, U0F32, U16F16};
+use fw_core::eeprom::crc32;
+use fw_core::units::{Millimetres, Pose, Turns, Volts};
+use fw_core::wire::{code, crc::crc16, CellCode, DistanceCode, PoseCode};
+
+fn millimetres(text: &str) -> Millimetres {
+    Millimetres(I32F32::from_str(text).expect("millimetres"))
+}
+
+fn turns(text: &str) -> Turns {
+    Turns(U0F32::from_str(text).expect("turns").to_bits())
+}
+
+fn volts(text: &str) -> Volts {
+    Volts(U16F16::from_str(text).expect("volts"))
+}
+
+fn distance(value: &Value) -> Option<Millimetres> {
+    value["mm"].as_str().map(millimetres)
+}
+
+fn each(kind: &str, mut encode: impl FnMut(&Value), mut decode: impl FnMut(&Value)) {
+    let codes = &file("codes")[kind];
+    list(&codes["encode"]).iter().for_each(&mut encode);
+    list(&codes["decode"]).iter().for_each(&mut decode);
+}
+
+#[test]
+fn lengths_round_to_the_nearest_micrometre_and_saturate() {
+    let along_x = |mm| {
+        PoseCode::from_pose(&Pose {
+            x: mm,
+            ..Pose::default()
+        })
+        .x
+    };
+    let along_y = |mm| {
+        PoseCode::from_pose(&Pose {
+            y: mm,
+            ..Pose::default()
+        })
+        .y
+    };
+    each(
+        "lengths",
+        |vector| {
+            let mm = millimetres(text(vector, "mm"));
+            assert_eq!(along_x(mm), int::<i32>(vector, "code"), "{vector}");
+            assert_eq!(along_y(mm), int::<i32>(vector, "code"), "{vector}");
+        },
+        |vector| {
+            let code = int(vector, "code");
+            let pose = PoseCode {
+                x: code,
+                y: code,
+                rotation: 0,
+            }
+            .to_pose();
+            let mm = millimetres(text(vector, "mm"));
+            assert_eq!((pose.x, pose.y), (mm, mm), "{vector}");
+        },
+    );
+}
+
+#[test]
+fn rotations_round_to_15_bits_and_a_whole_turn_is_none() {
+    each(
+        "rotations",
+        |vector| {
+            let heading = turns(text(vector, "turn"));
+            let code = PoseCode::from_pose(&Pose {
+                heading,
+                ..Pose::default()
+            });
+            assert_eq!(code.rotation, int::<u16>(vector, "code"), "{vector}");
+        },
+        |vector| {
+            let code = PoseCode {
+                rotation: int(vector, "code"),
+                ..PoseCode::default()
+            };
+            assert_eq!(
+                code.to_pose().heading,
+                turns(text(vector, "turn")),
+                "{vector}"
+            );
+        },
+    );
+}
+
+#[test]
+fn voltages_round_to_13_bits_and_saturate() {
+    each(
+        "voltages",
+        |vector| {
+            let code = CellCode::from_volts(3, volts(text(vector, "V")));
+            assert_eq!(
+                code,
+                CellCode {
+                    cell: 3,
+                    voltage: int(vector, "code")
+                },
+                "{vector}"
+            );
+        },
+        |vector| {
+            let code = CellCode {
+                cell: 3,
+                voltage: int(vector, "code"),
+            };
+            assert_eq!(code.to_volts(), volts(text(vector, "V")), "{vector}");
+        },
+    );
+}
+
+#[test]
+fn distances_round_to_16_bits_and_the_last_code_means_none() {
+    each(
+        "distances",
+        |vector| {
+            let code = DistanceCode::from_distance(distance(vector));
+            assert_eq!(code.0, int::<u16>(vector, "code"), "{vector}");
+        },
+        |vector| {
+            let code = DistanceCode(int(vector, "code"));
+            assert_eq!(code.to_distance(), distance(vector), "{vector}");
+        },
+    );
+}
+
+#[test]
+fn bearings_round_to_16_bits_and_wrap() {
+    each(
+        "bearings",
+        |vector| {
+            let code = code::bearing_code(turns(text(vector, "turn")));
+            assert_eq!(code, int::<u16>(vector, "code"), "{vector}");
+        },
+        |vector| {
+            let bearing = code::bearing(int(vector, "code"));
+            assert_eq!(bearing, turns(text(vector, "turn")), "{vector}");
+        },
+    );
+}
+
+#[test]
+fn checksums_are_those_of_the_catalogue() {
+    let codes = file("codes");
+    for vector in list(&codes["crc16"]) {
+        assert_eq!(crc16(&bytes(vector)), int::<u16>(vector, "crc"), "{vector}");
+    }
+    for vector in list(&codes["crc32"]) {
+        assert_eq!(crc32(&bytes(vector)), int::<u32>(vector, "crc"), "{vector}");
+    }
+}

@@ -1,0 +1,184 @@
+//! Whole frames of every mode through both ends of the link: accepted and rejected ones.
+
+use crate::json::{
+    bytes, command, essence, file, int, is_command, is_written, list, maybe, mode, rejection,
+    report, setup, Value,
+};
+use fw_core::wire::{
+    frame_len, Command, LinkCounters, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
+};
+
+/// Both ends, brought to where a vector needs them.
+struct Pair {
+    pi: PiLink,
+    stm: StmLink,
+}
+
+impl Pair {
+    /// The sender's next number is `own`, and it has accepted `seen`; 0 where it has accepted
+    /// nothing.
+    fn sending(setup: Setup, command: bool, own: u8, seen: u8) -> Self {
+        let mut pair = Self {
+            pi: PiLink::new(setup),
+            stm: StmLink::new(setup),
+        };
+        if seen != 0 {
+            let frame = frame_numbered(setup, !command, seen);
+            if command {
+                pair.pi.receive(&frame).expect("accepted");
+            } else {
+                pair.stm.receive(&frame).expect("accepted");
+            }
+        }
+        for _ in 1..number(own) {
+            pair.send(command, &Command::default(), &Report::default());
+        }
+        pair
+    }
+
+    /// The receiver has accepted `last`, or nothing.
+    fn receiving(setup: Setup, command: bool, last: Option<u8>) -> Self {
+        let mut pair = Self {
+            pi: PiLink::new(setup),
+            stm: StmLink::new(setup),
+        };
+        if let Some(last) = last.filter(|_| setup.mode.tells_fresh()) {
+            let frame = frame_numbered(setup, command, last);
+            if command {
+                pair.stm.receive(&frame).expect("accepted");
+            } else {
+                pair.pi.receive(&frame).expect("accepted");
+            }
+        }
+        pair
+    }
+
+    fn send(&mut self, is_command: bool, command: &Command, report: &Report) -> Vec<u8> {
+        let mut frame = [0xEE; MAX_FRAME];
+        let len = if is_command {
+            self.pi.send(command, &mut frame)
+        } else {
+            self.stm.send(report, &mut frame)
+        };
+        frame[..len].to_vec()
+    }
+
+    fn counters(&self, command: bool) -> LinkCounters {
+        *if command {
+            self.stm.counters()
+        } else {
+            self.pi.counters()
+        }
+    }
+}
+
+/// How many sends lead to a number: it starts at 1 and wraps.
+fn number(own: u8) -> u16 {
+    if own == 0 {
+        256
+    } else {
+        own.into()
+    }
+}
+
+/// A frame at rest with this number of its sender.
+fn frame_numbered(setup: Setup, command: bool, own: u8) -> Vec<u8> {
+    Pair::sending(setup, command, own, 0).send(command, &Command::default(), &Report::default())
+}
+
+#[test]
+fn each_is_written_to_exactly_these_bytes() {
+    for vector in list(&file("frames"))
+        .iter()
+        .filter(|vector| is_written(vector))
+    {
+        let (values, is_command) = (&vector["values"], is_command(vector));
+        let own = maybe(values, "own").unwrap_or(1);
+        let seen = maybe(values, "seen").unwrap_or(0);
+        let mut ends = Pair::sending(setup(vector), is_command, own, seen);
+        let frame = if is_command {
+            ends.send(true, &command(values), &Report::default())
+        } else {
+            ends.send(false, &Command::default(), &report(values))
+        };
+        assert_eq!(frame, bytes(vector), "{vector}");
+        assert_eq!(frame.len(), frame_len(mode(vector)), "{vector}");
+    }
+}
+
+#[test]
+fn each_is_read_to_exactly_these_values() {
+    for vector in list(&file("frames")) {
+        let is_command = is_command(vector);
+        let mut ends = Pair::receiving(setup(vector), is_command, maybe(vector, "last"));
+        let before = ends.counters(is_command).accepted;
+        if is_command {
+            let found = ends.stm.receive(&bytes(vector));
+            assert_eq!(found, Ok(command(&vector["values"])), "{vector}");
+        } else {
+            let found = ends.pi.receive(&bytes(vector));
+            assert_eq!(found, Ok(report(&vector["values"])), "{vector}");
+        }
+        let counters = ends.counters(is_command);
+        assert_eq!(counters.accepted, before + 1, "{vector}");
+        assert_eq!(counters.rejected_total(), 0, "{vector}");
+    }
+}
+
+#[test]
+fn each_rejected_one_names_strategy_offset_and_cause_and_changes_one_counter() {
+    for vector in list(&file("rejected")) {
+        let (setup, is_command) = (setup(vector), is_command(vector));
+        let last = maybe(vector, "last");
+        let mut ends = Pair::receiving(setup, is_command, last);
+        let before = ends.counters(is_command);
+        let expected = rejection(&vector["rejected"]);
+        let frame = bytes(vector);
+        let clocked = maybe(vector, "clocked").unwrap_or(frame.len());
+        let error = if is_command {
+            ends.stm.receive_clocked(&frame, clocked).unwrap_err()
+        } else {
+            assert_eq!(clocked, frame.len());
+            ends.pi.receive(&frame).unwrap_err()
+        };
+        assert_eq!(essence(&error), expected, "{vector}: {error}");
+
+        let after = ends.counters(is_command);
+        assert_eq!(after.rejected(expected.2), 1, "{vector}");
+        assert_eq!(after.rejected_total(), 1, "{vector}");
+        assert_eq!(after.frames(), before.frames() + 1, "{vector}");
+        // Nothing else has changed: the frame that would have been next still is.
+        let next = last.unwrap_or(0_u8).wrapping_add(1);
+        let good = frame_numbered(setup, is_command, next);
+        let accepted = if is_command {
+            ends.stm.receive(&good).is_ok()
+        } else {
+            ends.pi.receive(&good).is_ok()
+        };
+        assert!(accepted, "{vector}");
+        assert_eq!(ends.counters(is_command).missed, 0, "{vector}");
+    }
+}
+
+fn covers(vectors: &Value, mode: Mode, command: bool, wanted: impl Fn(&Value) -> bool) -> bool {
+    list(vectors).iter().any(|vector| {
+        int::<u8>(vector, "mode") == mode.code() && is_command(vector) == command && wanted(vector)
+    })
+}
+
+#[test]
+fn every_mode_has_vectors_in_both_directions_and_is_rejected_at_every_wrong_length() {
+    let (frames, rejected) = (file("frames"), file("rejected"));
+    for &mode in Mode::ALL {
+        for command in [true, false] {
+            assert!(covers(&frames, mode, command, |_| true));
+            for wrong in (0..frame_len(mode) + 4).filter(|&len| len != frame_len(mode)) {
+                let len = |vector: &Value| bytes(vector).len() == wrong;
+                assert!(
+                    covers(&rejected, mode, command, len),
+                    "{mode:?} of {wrong} bytes"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Both ends step by step: sequence numbers over lost, repeated and torn frames and restarts.
+
+use crate::json::{
+    bytes, command, essence, file, int, list, rejection, report, setup, text, Value,
+};
+use fw_core::wire::{
+    Cause, Command, LinkCounters, PiLink, Report, Sequence, Setup, StmLink, MAX_FRAME,
+};
+
+struct Session {
+    setup: Setup,
+    pi: PiLink,
+    stm: StmLink,
+}
+
+impl Session {
+    fn new(setup: Setup) -> Self {
+        Self {
+            setup,
+            pi: PiLink::new(setup),
+            stm: StmLink::new(setup),
+        }
+    }
+
+    fn step(&mut self, step: &Value) {
+        let is_pi = step["end"] == "pi";
+        let values = &step["values"];
+        let mut out = [0xEE; MAX_FRAME];
+        match text(step, "do") {
+            "start" if is_pi => self.pi = PiLink::new(self.setup),
+            "start" => self.stm = StmLink::new(self.setup),
+            "send" if is_pi => {
+                let len = self.pi.send(&command(values), &mut out);
+                assert_eq!(out[..len], bytes(step));
+            }
+            "send" => {
+                let len = self.stm.send(&report(values), &mut out);
+                assert_eq!(out[..len], bytes(step));
+            }
+            "resend" => {
+                assert!(!is_pi, "only the STM writes a reply anew");
+                let len = self.stm.resend(&report(values), &mut out);
+                assert_eq!(out[..len], bytes(step));
+            }
+            "receive" => self.receive(step, is_pi),
+            "exchange" => self.exchange(int(step, "times"), step["to_stm"] == true),
+            "counters" => {
+                let counters = if is_pi {
+                    self.pi.counters()
+                } else {
+                    self.stm.counters()
+                };
+                check(counters, &step["counters"]);
+            }
+            other => panic!("step {other}"),
+        }
+    }
+
+    fn receive(&mut self, step: &Value, is_pi: bool) {
+        let frame = bytes(step);
+        let refused = match (is_pi, step["values"].is_null()) {
+            (true, false) => {
+                assert_eq!(self.pi.receive(&frame), Ok(report(&step["values"])));
+                return;
+            }
+            (false, false) => {
+                assert_eq!(self.stm.receive(&frame), Ok(command(&step["values"])));
+                return;
+            }
+            (true, true) => self.pi.receive(&frame).unwrap_err(),
+            (false, true) => self.stm.receive(&frame).unwrap_err(),
+        };
+        assert_eq!(essence(&refused), rejection(&step["rejected"]));
+    }
+
+    /// Chip-selects at rest; the reply was written before the command arrives.
+    fn exchange(&mut self, times: u16, to_stm: bool) {
+        for _ in 0..times {
+            let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+            let len = self.pi.send(&Command::default(), &mut there);
+            let ready = Report {
+                state: fw_core::wire::State::Ready,
+                ..Report::default()
+            };
+            assert_eq!(self.stm.send(&ready, &mut back), len);
+            if to_stm {
+                let command = self.stm.receive(&there[..len]).expect("accepted");
+                assert_eq!(
+                    Command {
+                        sequence: Sequence::default(),
+                        ..command
+                    },
+                    Command::default()
+                );
+            }
+            self.pi.receive(&back[..len]).expect("accepted");
+        }
+    }
+}
+
+fn check(counters: &LinkCounters, expected: &Value) {
+    assert_eq!(counters.accepted, int::<u32>(expected, "accepted"));
+    assert_eq!(counters.missed, int::<u32>(expected, "missed"));
+    for cause in Cause::ALL {
+        let count = expected["rejected"][cause.name()].as_u64().unwrap_or(0);
+        assert_eq!(
+            u64::from(counters.rejected(cause)),
+            count,
+            "{}",
+            cause.name()
+        );
+    }
+}
+
+#[test]
+fn every_session_goes_as_written() {
+    for session in list(&file("sessions")) {
+        let name = text(session, "name");
+        let mut ends = Session::new(setup(session));
+        for (number, step) in list(&session["steps"]).iter().enumerate() {
+            let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ends.step(step)));
+            assert!(
+                run.is_ok(),
+                "{name}, mode {}, step {number}: {step}",
+                session["mode"]
+            );
+        }
+    }
+}
