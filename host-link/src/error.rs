@@ -345,4 +345,15 @@ mod tests {
             .windows(2)
             .all(|pair| pair[0].0.code() < pair[1].0.code()));
     }
+
+    #[test]
+    fn the_manual_lists_every_exit_code() {
+        let manual = include_str!("../../docs/host-link.md");
+        for (exit, _) in Exit::ALL {
+            assert!(
+                manual.contains(&format!("\n| {} | ", exit.code())),
+                "{exit:?}"
+            );
+        }
+    }
 }
