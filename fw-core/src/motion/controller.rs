@@ -12,14 +12,18 @@
 //!   times a tolerance starts again. A try that ends outside the tolerances widens them by a half,
 //!   once, so that a robot that cannot do better does not hunt for ever.
 
+mod nudge;
+mod view;
+
 use fixed::types::I16F16;
 
 use super::odometry::Delta;
 use super::pid::Pid;
-use super::trig::{direction, sin_cos};
 use super::wheels::{Mixer, Wheels};
 use crate::eeprom::Config;
 use crate::units::{Duty, Pose, Turns};
+use nudge::{Nudge, Rate};
+use view::View;
 
 /// 1 mm, 2⁻¹⁶.
 const MM: i64 = 1 << 16;
@@ -29,11 +33,6 @@ const DEGREE: i32 = 11_930_465;
 const CONE: i32 = 30 * DEGREE;
 /// The same on the last bit.
 const NARROW: i32 = 8 * DEGREE;
-/// Counts a tick below which a wheel rests, and ticks of it until the nudge begins.
-const STUCK: u8 = 3;
-/// What the nudge grows by each tick, 2⁻¹⁶ %, and its most.
-const NUDGE: i32 = (1 << 16) / 4;
-const NUDGE_LIMIT: i32 = 15 << 16;
 /// Distance from which on the heading stands still, 2⁻¹⁶ mm.
 const CLOSE: i64 = 40 * MM;
 /// Distance up to which the robot may back into its target, 2⁻¹⁶ mm.
@@ -60,84 +59,6 @@ enum Phase {
     Final,
     /// There: braked.
     Hold,
-}
-
-/// Where the target lies as the robot sees it.
-#[derive(Clone, Copy, Debug)]
-struct View {
-    /// 2⁻¹⁶ mm ahead.
-    along: i64,
-    /// 2⁻¹⁶ mm to the left.
-    across: i64,
-    /// 2⁻³² turns to the final rotation.
-    rotation: i32,
-}
-
-impl View {
-    fn new(pose: &Pose, target: &Pose) -> Self {
-        // ±2³¹ mm each, cut to ±2¹⁴ m so that the sums below fit.
-        let far = 1 << 40;
-        let x = target.x.0.to_bits().saturating_sub(pose.x.0.to_bits()) >> 16;
-        let y = target.y.0.to_bits().saturating_sub(pose.y.0.to_bits()) >> 16;
-        let (x, y) = (x.clamp(-far, far) >> 4, y.clamp(-far, far) >> 4);
-        let (sine, cosine) = sin_cos(pose.heading);
-        let (sine, cosine) = (i64::from(sine) >> 6, i64::from(cosine) >> 6);
-        Self {
-            along: (x * cosine + y * sine) >> 21,
-            across: (y * cosine - x * sine) >> 21,
-            rotation: target.heading.from_nearest(pose.heading),
-        }
-    }
-
-    fn within(&self, distance: i64) -> bool {
-        let (a, b) = (self.along.abs(), self.across.abs());
-        a <= distance && b <= distance && a * a + b * b <= distance * distance
-    }
-
-    fn bearing(&self, backwards: bool) -> i32 {
-        let nose = if backwards {
-            direction(-self.along, -self.across)
-        } else {
-            direction(self.along, self.across)
-        };
-        nose.0 as i32
-    }
-}
-
-/// What gets a wheel going that sticks: grows while the robot rests outside its tolerance, gone as
-/// soon as something moves.
-#[derive(Clone, Copy, Debug, Default)]
-struct Nudge {
-    resting: u8,
-    /// 2⁻¹⁶ %.
-    push: i32,
-}
-
-impl Nudge {
-    /// To be added to the output, in the error's direction.
-    fn step(&mut self, error: I16F16, wanted: bool, moved: bool) -> I16F16 {
-        if moved || !wanted {
-            *self = Self::default();
-        } else if self.resting < STUCK {
-            self.resting += 1;
-        } else {
-            self.push = (self.push + NUDGE).min(NUDGE_LIMIT);
-        }
-        I16F16::from_bits(if error < 0 { -self.push } else { self.push })
-    }
-}
-
-/// The derivative's filter: one count more or less at a crawl is not a speed. First order, 40 ms.
-#[derive(Clone, Copy, Debug, Default)]
-struct Rate(i32);
-
-impl Rate {
-    fn step(&mut self, rate: I16F16) -> I16F16 {
-        // Cut so that the sum below fits; nothing moves 4 m or turns 10 times in a tick.
-        let rate = rate.to_bits().clamp(-(1 << 28), 1 << 28);
-        self.0 += (rate - self.0) >> 2;
-        I16F16::from_bits(self.0)
-    }
 }
 
 /// The pose controller.
@@ -204,6 +125,7 @@ impl Controller {
     pub fn halt(&mut self) {
         self.phase = Phase::Idle;
         self.held = None;
+        self.mixer.stand();
     }
 
     /// Whether the robot is where it should be and holds there; false without a target.

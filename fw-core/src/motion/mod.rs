@@ -10,6 +10,7 @@ pub mod controller;
 pub mod deadline;
 pub mod odometry;
 pub mod pid;
+pub mod plausibility;
 #[cfg(test)]
 mod simulation;
 pub mod trig;
@@ -18,4 +19,5 @@ pub mod wheels;
 pub use controller::Controller;
 pub use deadline::StopDeadline;
 pub use odometry::{Delta, Odometry};
+pub use plausibility::Plausibility;
 pub use wheels::Wheels;

@@ -190,7 +190,8 @@ impl Mixer {
         Wheels::BRAKE
     }
 
-    fn stand(&mut self) {
+    /// The motors are not driven: what they do now says nothing about them.
+    pub(super) fn stand(&mut self) {
         self.left.effective = 0;
         self.right.effective = 0;
     }

@@ -1,0 +1,151 @@
+//! Do the wheels do what they are told? A wheel that does not turn is blocked or its encoder is dead;
+//! one that turns the other way is wired backwards; one that jumps has a broken encoder. Any of
+//! them makes the pose worthless and the controller dangerous: it would push ever harder.
+//!
+//! | fault | seen when | after |
+//! |---|---|---|
+//! | stalled | driven by 20 % beyond its dead zone, it turns less than 1/128 turn in half a second | 0.6 to 0.9 s |
+//! | reversed | likewise, but it turns more than that the other way | 0.6 to 0.9 s |
+//! | jump | it turns by more than a tenth of a turn in a tick: 10 turns a second | at once |
+//!
+//! What the wheel is driven by is taken through two first-order lags, as the motor does, so that a
+//! start or a reversal is given its time. Nothing is judged while braked or coasting.
+
+use super::odometry::Delta;
+use super::wheels::Wheels;
+use crate::eeprom::Platform;
+use crate::robot::Drive;
+use crate::wire::fault;
+
+/// Duty beyond the dead zone from which on a wheel must turn, hundredths of a percent, 8 fractional
+/// bits.
+const MUST_TURN: i32 = 2000 << 8;
+/// Each lag, 2ⁿ ticks: 160 ms.
+const LAG: u32 = 4;
+/// Ticks over which a wheel is judged.
+const WINDOW: u8 = 50;
+
+/// One wheel.
+#[derive(Clone, Copy, Debug)]
+struct Watch {
+    reversed: bool,
+    /// Hundredths of a percent.
+    dead_zone: i32,
+    /// Behind each lag, like [`MUST_TURN`].
+    lagged: [i32; 2],
+    ticks: u8,
+    /// Counts in the direction of the duty since the window began.
+    counts: i32,
+}
+
+/// What a wheel is suspected of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Stalled,
+    Reversed,
+}
+
+impl Watch {
+    const fn new(dead_zone: u16, reversed: bool) -> Self {
+        Self {
+            reversed,
+            dead_zone: dead_zone as i32,
+            lagged: [0; 2],
+            ticks: 0,
+            counts: 0,
+        }
+    }
+
+    fn step(&mut self, told: Drive, counts: i32, least: i32) -> Option<Verdict> {
+        let Drive::Run(duty) = told else {
+            *self = Self {
+                lagged: [0; 2],
+                ticks: 0,
+                counts: 0,
+                ..*self
+            };
+            return None;
+        };
+        let duty = i32::from(duty.hundredths());
+        let duty = if self.reversed { -duty } else { duty };
+        let beyond = (duty.abs() - self.dead_zone).max(0) << 8;
+        let beyond = if duty < 0 { -beyond } else { beyond };
+        self.lagged[0] += (beyond - self.lagged[0]) >> LAG;
+        self.lagged[1] += (self.lagged[0] - self.lagged[1]) >> LAG;
+        // The weaker of what it is told and what that has come to, where both agree.
+        let (told, came) = (beyond, self.lagged[1]);
+        let driven = if told > 0 {
+            told.min(came)
+        } else {
+            -told.max(came)
+        };
+        if driven < MUST_TURN {
+            self.ticks = 0;
+            self.counts = 0;
+            return None;
+        }
+        // At most 2¹⁵ counts a tick.
+        self.counts += if told > 0 { counts } else { -counts };
+        self.ticks += 1;
+        if self.ticks < WINDOW {
+            return None;
+        }
+        let turned = self.counts;
+        self.ticks = 0;
+        self.counts = 0;
+        if turned <= -least {
+            Some(Verdict::Reversed)
+        } else if turned < least {
+            Some(Verdict::Stalled)
+        } else {
+            None
+        }
+    }
+}
+
+/// Both wheels.
+#[derive(Clone, Debug)]
+pub struct Plausibility {
+    left: Watch,
+    right: Watch,
+    /// Counts that make a turning wheel.
+    least: i32,
+    /// Most counts a tick.
+    most: i32,
+}
+
+impl Plausibility {
+    /// Nothing seen yet.
+    #[must_use]
+    pub fn new(platform: &Platform) -> Self {
+        let turn = i32::from(platform.counts_per_turn);
+        Self {
+            left: Watch::new(platform.dead_zone_left, platform.motor_left_reversed),
+            right: Watch::new(platform.dead_zone_right, platform.motor_right_reversed),
+            least: (turn / 128).max(2),
+            most: (turn / 10).max(10),
+        }
+    }
+
+    /// Every tick: what the bridges were told since the last one, and what the wheels did. Bits of
+    /// [`fault`], 0 if all is well.
+    #[must_use]
+    pub fn step(&mut self, told: &Wheels, delta: &Delta) -> u16 {
+        let left = self.left.step(told.left, delta.left, self.least);
+        let right = self.right.step(told.right, delta.right, self.least);
+        let mut faults = match left {
+            None => 0,
+            Some(Verdict::Stalled) => fault::LEFT_STALLED,
+            Some(Verdict::Reversed) => fault::LEFT_REVERSED,
+        };
+        faults |= match right {
+            None => 0,
+            Some(Verdict::Stalled) => fault::RIGHT_STALLED,
+            Some(Verdict::Reversed) => fault::RIGHT_REVERSED,
+        };
+        if delta.left.abs() > self.most || delta.right.abs() > self.most {
+            faults |= fault::ENCODER_JUMP;
+        }
+        faults
+    }
+}
