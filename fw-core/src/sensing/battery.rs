@@ -66,7 +66,9 @@ impl Factor {
         let result = match self.exponent {
             shift @ 1..=63 => (product >> shift) + ((product >> (shift - 1)) & 1),
             64.. => 0,
-            _ => product,
+            0 => product,
+            // The mantissa's top bit is set: whatever is not zero is too large.
+            _ => product.saturating_mul(1 << 33),
         };
         if result > u32::MAX as u64 {
             u32::MAX
