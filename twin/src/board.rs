@@ -95,6 +95,18 @@ pub enum ResetBy {
     Other,
 }
 
+/// Where the part's flash begins.
+const FLASH: u64 = 0x0800_0000;
+
+/// A vector table and, behind it, `wfi` and a jump back to it: for a board whose firmware does not
+/// matter, or is to be loaded by a debugger. The emulator boots no empty flash.
+const SLEEPER: [u8; 12] = [
+    0x00, 0x00, 0x02, 0x20, // stack at the end of the RAM
+    0x09, 0x00, 0x00, 0x08, // reset: the next word, Thumb
+    0x30, 0xBF, // wfi
+    0xFD, 0xE7, // b wfi
+];
+
 /// A virtual robot. Clones are handles on the same one.
 ///
 /// Virtual time stands still except inside the methods that say they let it pass. A method panics
@@ -110,25 +122,25 @@ pub struct Board {
 
 impl Board {
     /// The board with the ELF file `elf` in its flash, powered and standing before the first
-    /// instruction; nothing at all in its flash where `elf` is empty.
+    /// instruction. An empty `elf` stands for a program that only sleeps.
     ///
     /// # Errors
     /// A file that is no ELF of this part, or does not fit it.
     pub fn new(elf: &[u8], options: Options) -> Result<Self, Ended> {
-        let images = if elf.is_empty() {
-            Vec::new()
+        let (bytes, at) = if elf.is_empty() {
+            (SLEEPER.to_vec(), Some(FLASH))
         } else {
-            let image = Image::new(std::path::Path::new("firmware"), elf.to_vec(), None)
-                .map_err(|error| Ended(error.to_string()))?;
-            vec![image]
+            (elf.to_vec(), None)
         };
+        let image = Image::new(std::path::Path::new("firmware"), bytes, at)
+            .map_err(|error| Ended(error.to_string()))?;
         let start = options.start.unwrap_or(options.room.start);
         let world = World::new(options.params, options.room, start, options.seed);
         let bus = I2cBus::new(options.eeprom.as_deref().map(Eeprom::holding));
         let around = Surroundings::new(world, SharedBus::new(bus));
         let board =
             VirtualBoard::new(around, options.crystal).map_err(|error| Ended(error.to_string()))?;
-        let emulation = Emulation::start(board, images, options.debugger)?;
+        let emulation = Emulation::start(board, vec![image], options.debugger)?;
         Ok(Self {
             emulation: Arc::new(emulation),
             disturbances: Arc::default(),
@@ -251,7 +263,16 @@ impl Board {
     /// The log's bytes so far.
     #[must_use]
     pub fn uart(&self) -> Vec<u8> {
-        self.log().into_iter().map(|word| word.byte).collect()
+        self.uart_from(0)
+    }
+
+    /// The log's bytes from byte `from` on.
+    #[must_use]
+    pub fn uart_from(&self, from: usize) -> Vec<u8> {
+        self.robot(move |robot| {
+            let new = robot.around.log.get(from..).unwrap_or_default();
+            new.iter().map(|word| word.byte).collect()
+        })
     }
 
     /// The log's bytes so far with their times.
@@ -317,7 +338,10 @@ impl Board {
     /// When the emulation has ended.
     pub fn hold_reset(&self, low: bool) -> Result<(), Ended> {
         self.try_with(move |scene| {
-            if low {
+            let around = &mut scene.session.board_mut().robot.around;
+            let fell = low && !around.reset_low;
+            around.reset_low = low;
+            if fell {
                 let at = rigless::time::VirtualNanos(scene.now);
                 scene
                     .session

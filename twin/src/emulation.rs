@@ -5,8 +5,9 @@
 //! decided by virtual time, so how the two threads interleave changes nothing.
 
 use std::net::TcpListener;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, Receiver, Sender};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop, Watch};
@@ -138,6 +139,8 @@ struct Line {
     orders: Option<Sender<Order>>,
     reached: Receiver<u64>,
     now: u64,
+    /// Ends the run wherever it is, in a debugger's hands too.
+    stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Result<(), String>>>,
     ended: Option<Ended>,
 }
@@ -176,6 +179,8 @@ impl Emulation {
             .map_err(|error| Ended(error.to_string()))?;
         let (orders, received) = channel();
         let (reached, reports) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
         let thread = std::thread::Builder::new()
             .name("virtual board".into())
             .spawn(move || {
@@ -184,6 +189,7 @@ impl Emulation {
                     start.debugger = Some(&debugger.listener);
                     start.wait_for_debugger = debugger.wait;
                 }
+                start.interrupt = Some(&stopped);
                 let conductor = Conductor {
                     orders: received,
                     reached,
@@ -199,6 +205,7 @@ impl Emulation {
                 orders: Some(orders),
                 reached: reports,
                 now: 0,
+                stop,
                 thread: Some(thread),
                 ended: None,
             }),
@@ -324,6 +331,7 @@ impl Drop for Emulation {
     fn drop(&mut self) {
         let line = self.line.get_mut().unwrap_or_else(PoisonError::into_inner);
         line.orders = None;
+        line.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = line.thread.take() {
             // What the thread had to say, its callers were told.
             let _ = thread.join();

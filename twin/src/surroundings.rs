@@ -53,6 +53,8 @@ pub struct Surroundings {
     pub spi: SpiMaster,
     /// The log as it arrived.
     pub log: Vec<LogByte>,
+    /// Whether the Pi holds the RESET line low.
+    pub reset_low: bool,
     /// Changes of READY and of the LEDs.
     pub outputs: Vec<OutputChange>,
     /// The chip select's edges since somebody last took them: when, and whether it selects.
@@ -79,6 +81,7 @@ impl Surroundings {
             i2c,
             spi: SpiMaster::default(),
             log: Vec::new(),
+            reset_low: false,
             outputs: Vec::new(),
             selects: VecDeque::new(),
             encoders: Default::default(),

@@ -84,12 +84,12 @@ fn run() -> Result<(), String> {
             println!("{ended}");
             return Ok(());
         }
-        let log = board.uart();
+        let log = board.uart_from(shown);
         std::io::stdout()
-            .write_all(&log[shown..])
+            .write_all(&log)
             .and_then(|()| std::io::stdout().flush())
             .map_err(|error| error.to_string())?;
-        shown = log.len();
+        shown += log.len();
         due += STEP;
         match due.checked_duration_since(Instant::now()) {
             Some(early) => std::thread::sleep(early),

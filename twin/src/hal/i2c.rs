@@ -134,3 +134,51 @@ impl I2cTrait for I2c {
         outcome
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parts::eeprom::{ADDRESS, WRITE_CYCLE_NS};
+    use crate::Options;
+    use embedded_hal::digital::OutputPin;
+
+    /// A board whose microcontroller is out of the way.
+    fn board() -> Board {
+        let board = Board::new(&[], Options::default()).unwrap();
+        board.hold_reset(true).unwrap();
+        board
+    }
+
+    #[test]
+    fn the_pi_reads_and_writes_while_the_switch_is_its() {
+        let board = board();
+        let mut i2c = board.i2c();
+        assert_eq!(i2c.write(ADDRESS, &[]), Err(I2cError::NoAddress));
+        board.pin_select().set_high().unwrap();
+        assert_eq!(i2c.write(ADDRESS, &[0, 4, 7]), Err(I2cError::NoData));
+        board.pin_wp().set_low().unwrap();
+        i2c.write(ADDRESS, &[0, 4, 7, 8]).unwrap();
+        assert_eq!(i2c.write(ADDRESS, &[]), Err(I2cError::NoAddress), "busy");
+        board.try_run_ns(WRITE_CYCLE_NS).unwrap();
+        let mut bytes = [0; 3];
+        i2c.write_read(ADDRESS, &[0, 4], &mut bytes).unwrap();
+        assert_eq!(bytes, [7, 8, 0xFF]);
+    }
+
+    #[test]
+    fn a_byte_takes_nine_bits_of_virtual_time() {
+        let board = board();
+        board.pin_select().set_high().unwrap();
+        let before = board.now_ns();
+        board.i2c().write(ADDRESS, &[0, 0]).unwrap();
+        assert_eq!(board.now_ns() - before, 3 * BYTE_NS + 2 * BIT_NS);
+    }
+
+    #[test]
+    fn a_held_bus_is_an_error_of_its_own() {
+        let board = board();
+        board.pin_select().set_high().unwrap();
+        board.faults().hold_i2c().unwrap();
+        assert_eq!(board.i2c().write(ADDRESS, &[0, 0]), Err(I2cError::Held));
+    }
+}

@@ -4,6 +4,8 @@ use embedded_hal::digital::{Error, ErrorKind, ErrorType, InputPin, OutputPin};
 
 use crate::board::Board;
 use crate::emulation::Ended;
+use crate::parts::eeprom::Eeprom;
+use crate::parts::i2c_bus::Side;
 
 /// Which line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,26 +25,16 @@ pub enum Line {
 pub struct Pin {
     board: Board,
     line: Line,
-    driven: bool,
 }
 
 impl Pin {
     pub(super) fn new(board: Board, line: Line) -> Self {
-        Self {
-            board,
-            line,
-            driven: !matches!(line, Line::Select | Line::Ready),
-        }
+        Self { board, line }
     }
 
-    fn drive(&mut self, high: bool) -> Result<(), PinError> {
+    fn drive(&self, high: bool) -> Result<(), PinError> {
         match self.line {
-            Line::Reset => {
-                // Only the edges count: a line that stays low resets once.
-                if self.driven != high {
-                    self.board.hold_reset(!high)?;
-                }
-            }
+            Line::Reset => self.board.hold_reset(!high)?,
             Line::Select => self.board.give_eeprom_to_pi(high)?,
             Line::WriteProtect => self.board.i2c_bus(move |bus, _| {
                 if let Some(eeprom) = &mut bus.eeprom {
@@ -51,8 +43,21 @@ impl Pin {
             })?,
             Line::Ready => return Err(PinError::IsAnInput),
         }
-        self.driven = high;
         Ok(())
+    }
+
+    fn level(&self) -> Result<bool, Ended> {
+        let line = self.line;
+        self.board.try_with(move |scene| {
+            let robot = &scene.session.board().robot;
+            let bus = robot.around.i2c.lock();
+            match line {
+                Line::Reset => !robot.around.reset_low,
+                Line::Select => bus.owner() == Side::Pi,
+                Line::WriteProtect => bus.eeprom.as_ref().is_none_or(Eeprom::is_protected),
+                Line::Ready => robot.is_ready(),
+            }
+        })
     }
 }
 
@@ -104,15 +109,43 @@ impl OutputPin for Pin {
 
 impl InputPin for Pin {
     fn is_high(&mut self) -> Result<bool, PinError> {
-        match self.line {
-            Line::Ready => Ok(self
-                .board
-                .try_with(|scene| scene.session.board().robot.is_ready())?),
-            _ => Ok(self.driven),
-        }
+        Ok(self.level()?)
     }
 
     fn is_low(&mut self) -> Result<bool, PinError> {
         self.is_high().map(|high| !high)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+
+    #[test]
+    fn the_lines_rest_where_the_board_pulls_them() {
+        let board = Board::new(&[], Options::default()).unwrap();
+        assert!(board.pin_reset().is_high().unwrap());
+        assert!(board.pin_select().is_low().unwrap());
+        assert!(board.pin_wp().is_high().unwrap());
+        assert!(board.pin_ready().is_low().unwrap());
+        assert_eq!(board.pin_ready().set_high(), Err(PinError::IsAnInput));
+    }
+
+    #[test]
+    fn a_reset_line_held_low_stops_the_core_once_and_two_handles_are_one_line() {
+        let board = Board::new(&[], Options::default()).unwrap();
+        board.pin_reset().set_low().unwrap();
+        board.pin_reset().set_low().unwrap();
+        let before = board.instructions();
+        board.run_us(1000);
+        assert_eq!(board.instructions(), before);
+        assert!(board.pin_reset().is_low().unwrap());
+        board.pin_reset().set_high().unwrap();
+        let pins = board
+            .resets()
+            .into_iter()
+            .filter(|reset| reset.cause == crate::ResetBy::Pin);
+        assert_eq!(pins.count(), 1);
     }
 }

@@ -141,3 +141,22 @@ impl SpiDevice for Spi {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+
+    #[test]
+    fn a_transfer_takes_its_time_and_nobody_answers_a_silent_wire() {
+        let board = Board::new(&[], Options::default()).unwrap();
+        board.hold_reset(true).unwrap();
+        let before = board.now_ns();
+        let mut bytes = [0xA5; 19];
+        board.spi().transfer_in_place(&mut bytes).unwrap();
+        assert_eq!(bytes, [0; 19]);
+        let took = board.now_ns() - before;
+        let wires = 1_000 + 19 * 1_000 + 1_000 + 20_000;
+        assert!((wires..wires + 20).contains(&took), "{took}");
+    }
+}

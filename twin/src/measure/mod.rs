@@ -95,6 +95,27 @@ pub fn spans(function: &Function, events: &[Event]) -> Vec<Span> {
     spans
 }
 
+/// The same runs without the instructions of the runs in `inner` that lie inside them: what a
+/// function takes itself when the handlers that pre-empt it are traced as well.
+#[must_use]
+pub fn without(spans: &[Span], inner: &[Span]) -> Vec<Span> {
+    spans
+        .iter()
+        .map(|span| {
+            let ends = span.entered + span.instructions;
+            let inside: u64 = inner
+                .iter()
+                .filter(|other| span.entered < other.entered && other.entered < ends)
+                .map(|other| other.instructions)
+                .sum();
+            Span {
+                instructions: span.instructions.saturating_sub(inside),
+                ..*span
+            }
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -126,6 +147,19 @@ mod tests {
         assert_eq!(spans.len(), 1);
         assert_eq!(spans[0].instructions, 10);
         assert_eq!((spans[0].entered_ns, spans[0].left_ns), (100, 190));
+    }
+
+    #[test]
+    fn what_pre_empts_a_function_can_be_taken_out() {
+        let span = |entered, instructions| Span {
+            entered_ns: 0,
+            left_ns: 0,
+            entered,
+            instructions,
+        };
+        let outer = [span(100, 50), span(200, 10)];
+        let rest = without(&outer, &[span(120, 20), span(300, 5)]);
+        assert_eq!((rest[0].instructions, rest[1].instructions), (30, 10));
     }
 
     #[test]

@@ -80,6 +80,12 @@ impl Eeprom {
         self.write_protected = protected;
     }
 
+    /// The write-protect pin's level.
+    #[must_use]
+    pub fn is_protected(&self) -> bool {
+        self.write_protected
+    }
+
     /// Whether a read is under way, in which a lost clock leaves the part driving the data line.
     #[must_use]
     pub fn is_reading(&self) -> bool {
