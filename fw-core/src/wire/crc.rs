@@ -19,10 +19,14 @@ pub struct Crc;
 /// CRC-16/IBM-3740 of `bytes`, without a table, several words at a time.
 ///
 /// A word ahead of the rest is the same as a few words nearer the end, modulo a power of the
-/// polynomial P = x¹⁶ + x¹² + x⁵ + 1, whose powers of two have four terms as well: [`carry_128`] by
-/// P⁸, [`carry_64`] by P⁴. The last two words go one after the other through [`remainder`].
+/// polynomial P = x¹⁶ + x¹² + x⁵ + 1, whose powers of two have four terms as well: `carry_128` by
+/// P⁸, `carry_64` by P⁴. The last two words go one after the other through `remainder`.
 #[inline(always)]
 #[must_use]
+#[allow(
+    clippy::many_single_char_names,
+    reason = "the words of a block, in order"
+)]
 pub fn crc16(bytes: &[u8]) -> u16 {
     let mut crc = 0xFFFF_u32;
     let mut rest = bytes;
