@@ -274,7 +274,6 @@ impl<const N: usize> Log<N> {
 
     /// Queues one line, or drops it where there is no room; never waits.
     pub fn line(&mut self, level: Level, write: impl FnOnce(&mut Line)) {
-        self.report_dropped();
         let mut line = Line::header(level, self.take_number());
         write(&mut line);
         line.newline();

@@ -326,7 +326,12 @@ fn fields_must_fit_together() {
         );
         let field = rejected(&|config| config.dividers[tap] = divider(9901));
         assert_eq!(field, Some(std::format!("dividers.{name}.upper").as_str()));
-        // Nothing where there is no cell.
+        // Nothing where there is no cell, whatever stands there.
+        let unused = rejected(&|config| {
+            config.cells = 1;
+            config.dividers[tap] = divider(20_000);
+        });
+        assert_eq!(unused.is_none(), tap >= 1);
         for cells in 1..=8 {
             let field = rejected(&|config| {
                 config.cells = cells;
@@ -398,6 +403,15 @@ fn a_page_three_that_is_not_wholly_blank_must_be_right() {
         let mut image = original_by_hand();
         image[at] = 0xFE;
         assert_eq!(rejection(&image).page(), 3);
+    }
+}
+
+#[test]
+fn another_layout_is_named_before_its_checksum_is_looked_for() {
+    for (at, name) in [(0x300, "layout_version"), (0x301, "layout_length")] {
+        let mut image = image_of(&first_board());
+        image[at] ^= 0x04;
+        assert_eq!(rejection(&image).field, name);
     }
 }
 

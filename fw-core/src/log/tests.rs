@@ -153,6 +153,27 @@ fn dropped_lines_are_counted_and_said_as_soon_as_there_is_room() {
 }
 
 #[test]
+fn a_line_that_just_fits_is_taken() {
+    let mut log = Log::<18>::new();
+    log.line(Level::Info, |_| ());
+    log.line(Level::Info, |_| ());
+    assert_eq!((log.pending().len(), log.dropped()), (18, 0));
+}
+
+#[test]
+fn more_than_is_pending_cannot_be_sent() {
+    let mut log = Log::<21>::new();
+    log.line(Level::Info, |_| ());
+    log.line(Level::Info, |_| ());
+    log.sent(9);
+    log.line(Level::Info, |_| ());
+    // The third line goes on at the buffer's beginning: only its first half is pending.
+    assert_eq!(log.pending(), b"I00001: \nI00");
+    log.sent(usize::MAX);
+    assert_eq!(transmitted(&mut log), "002: \n");
+}
+
+#[test]
 fn a_log_without_room_drops_everything() {
     let mut log = Log::<0>::new();
     log.line(Level::Error, |line| _ = line.text("nobody hears"));
@@ -217,6 +238,8 @@ proptest! {
                 prop_assert_eq!(reported, missing);
             } else {
                 prop_assert_eq!(&head[..1], "I");
+                // Nothing overtakes the report of what was dropped before it.
+                prop_assert_eq!(reported, missing);
                 prop_assert!("abcdefghij".repeat(4).starts_with(body));
             }
         }

@@ -108,6 +108,40 @@ fn a_buffer_longer_than_the_frame_is_cut_to_what_was_clocked() {
 }
 
 #[test]
+fn bytes_clocked_beyond_the_buffer_are_left() {
+    let mut input = Input::new(&[1, 2], 3);
+    assert_eq!(input.left(), 5);
+    assert_eq!(input.take(), Ok([1_u8]));
+    assert_eq!(
+        (input.left(), input.offset(), input.taken()),
+        (4, 1, &[1_u8][..])
+    );
+    // A part of it is as long as asked for, and keeps count from the frame's beginning.
+    let mut input = Input::new(&[1, 2, 3, 4], 5);
+    let mut part = input.part::<3>().unwrap();
+    assert_eq!((part.left(), input.offset()), (3, 3));
+    assert_eq!(part.take(), Ok([1_u8, 2, 3]));
+    assert_eq!(part.take::<1>().unwrap_err().offset, 3);
+    assert_eq!(input.part::<2>().unwrap_err().offset, 3);
+}
+
+#[test]
+fn codes_too_large_for_their_bits_do_not_spill_into_others() {
+    let mut command = Command {
+        tune: CellCode {
+            cell: 0xFA,
+            voltage: 0xFFFF,
+        },
+        ..Command::default()
+    };
+    command.expected.rotation = 0xFFFF;
+    let frame = command_frame(Mode::Normal, &command);
+    assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
+    let cell = CellCode::from_volts(0xFA, crate::units::Volts::default());
+    assert_eq!(cell.cell, 2);
+}
+
+#[test]
 fn every_wrong_key_is_rejected_before_anything_else() {
     for &mode in Mode::ALL {
         for found in 0..=255 {
