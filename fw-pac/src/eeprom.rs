@@ -35,6 +35,7 @@ pub unsafe fn read(log: &mut Log, mut idle: impl FnMut(&mut Log)) -> Result<&'st
     SELECT.input(Pull::Down);
     i2c::start();
     let mut announced = false;
+    let mut recovered = false;
     let mut attempts = 0;
     loop {
         if SELECT.is_high() {
@@ -65,9 +66,12 @@ pub unsafe fn read(log: &mut Log, mut idle: impl FnMut(&mut Log)) -> Result<&'st
             return Err(error);
         }
         if error != Error::NoAcknowledge {
-            log.line(Level::Warn, |line| {
-                line.text("I2C stuck, clocking the slave out");
-            });
+            if !recovered {
+                recovered = true;
+                log.line(Level::Warn, |line| {
+                    line.text("I2C stuck, clocking the slave out");
+                });
+            }
             i2c::recover();
         }
         idle(log);

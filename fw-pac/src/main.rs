@@ -54,7 +54,7 @@ use crate::uart::Uart;
 use clock::Source;
 use fw_core::log::{Level, Log};
 use fw_core::robot::Robot;
-use fw_core::wire::{fault, State, MAX_FRAME};
+use fw_core::wire::{fault, State};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -123,9 +123,11 @@ fn main() -> ! {
     rangefinders::start();
     let motors = Motors::start();
     leds::show(fw_core::robot::leds(robot.state()));
-    let mut reply = [0; MAX_FRAME];
-    let len = robot.next_reply(&mut reply);
-    spi::start(&reply, len);
+    // SAFETY: boot's one call; the interrupts are disabled.
+    unsafe {
+        spi::start(|reply| robot.next_reply(reply));
+        spi::prepare(1, |reply| robot.following_reply(reply));
+    }
     log.line(Level::Info, |line| {
         line.text("configured, mode ").text(config.mode.name());
     });
@@ -141,6 +143,7 @@ fn main() -> ! {
     unsafe {
         robot::install(robot::Body {
             robot,
+            reply: 0,
             motors,
             uart,
         });

@@ -23,6 +23,12 @@ use stm32f4::stm32f411 as pac;
 const PWM_HZ: u32 = 20_000;
 /// Timer counts of one period.
 const PERIOD: u32 = APB1_TIMER_HZ / PWM_HZ;
+/// Hundredths of a percent for each timer count.
+const STEP: u32 = Duty::FULL as u32 / PERIOD;
+const _: () = assert!(
+    STEP * PERIOD == Duty::FULL as u32,
+    "full duty is exactly the period"
+);
 /// 2 µs: the L298's slowest turn-off is 1.5 µs (source current turn-off delay, datasheet table).
 const DEAD_TIME_CYCLES: u32 = 200;
 
@@ -117,7 +123,7 @@ fn decode(drive: Drive) -> (Inputs, u16) {
         in1: running && hundredths < 0,
         in2: running && hundredths > 0,
     };
-    (inputs, (magnitude * PERIOD / Duty::FULL as u32) as u16)
+    (inputs, (magnitude / STEP) as u16)
 }
 
 fn apply(inputs: Inputs, in1: Pin, in2: Pin) {

@@ -14,12 +14,13 @@ use cortex_m::interrupt::free;
 use cortex_m_rt::exception;
 use fw_core::log::Log;
 use fw_core::robot::{Robot, Sample};
-use fw_core::wire::MAX_FRAME;
 
 /// What the robot's priority owns beside the log.
 pub struct Body {
     /// Every decision.
     pub robot: Robot,
+    /// The number of the reply it would write now, see [`spi`].
+    pub reply: u32,
     /// Both bridges.
     pub motors: Motors,
     /// The log's transmitter.
@@ -57,26 +58,25 @@ pub unsafe fn install(body: Body) {
 
 /// What happened.
 enum Event {
-    Frame(spi::Frame),
+    Frame(spi::Claim),
     Tick(Sample),
 }
 
-/// The older of a frame and a tick: the core's clock never runs backwards. Both times are looked at
-/// in one masked stretch, and whoever latches one stores it in another, so none can slip in between
-/// with an earlier time.
+/// The older of a frame and a tick: the core's clock never runs backwards. Both are looked at and
+/// one is claimed in one masked stretch, and whoever latches one stores it in another, so none can
+/// slip in between with an earlier time.
 fn next() -> Option<Event> {
-    let (frame, tick) = free(|token| (spi::ended(token), time::latched(token)));
-    let frame_first = match (frame, tick) {
-        (None, None) => return None,
-        (Some(_), None) => true,
-        (None, Some(_)) => false,
-        (Some(frame), Some(tick)) => tick.since(frame) < u32::MAX / 2,
-    };
-    if frame_first {
-        spi::take().map(Event::Frame)
-    } else {
-        time::take().map(Event::Tick)
-    }
+    free(|token| {
+        let tick_first = match (spi::ended(token), time::latched(token)) {
+            (Some(frame), Some(tick)) => tick.since(frame) > u32::MAX / 2,
+            (frame, _) => frame.is_none(),
+        };
+        if tick_first {
+            time::claim(token).map(Event::Tick)
+        } else {
+            spi::claim(token).map(Event::Frame)
+        }
+    })
 }
 
 #[exception]
@@ -88,7 +88,7 @@ fn PendSV() {
     }
     while let Some(event) = next() {
         match event {
-            Event::Frame(frame) => body.on_frame(&frame, log),
+            Event::Frame(frame) => body.on_frame(frame, log),
             Event::Tick(sample) => body.on_tick(sample, log),
         }
     }
@@ -110,16 +110,36 @@ impl Body {
     /// A frame ended: parsed, then answered. Its own symbol, for whoever counts its instructions.
     #[inline(never)]
     #[export_name = "robot_frame"]
-    fn on_frame(&mut self, frame: &spi::Frame, log: &mut Log) {
+    fn on_frame(&mut self, frame: spi::Claim, log: &mut Log) {
+        let due = spi::due();
+        while self.reply != due {
+            self.reply = self.reply.wrapping_add(1);
+            self.robot.reply_gone();
+        }
+        if spi::spent() {
+            self.answer();
+        }
+        // The standby comes first: from here on the robot may be late once more.
+        // SAFETY: the robot's priority.
+        unsafe {
+            spi::prepare(due.wrapping_add(1), |reply| {
+                self.robot.following_reply(reply)
+            });
+        }
+        spi::read(frame, |bytes, received, at| {
+            self.robot.on_frame(bytes, received, at, log);
+        });
         let lost = spi::take_lost();
         if lost > 0 {
             self.robot.on_lost_frames(lost, log);
         }
-        let bytes = frame.bytes.get(..frame.received).unwrap_or(&frame.bytes);
-        self.robot.on_frame(bytes, frame.received, frame.at, log);
-        let mut reply = [0; MAX_FRAME];
-        let len = self.robot.next_reply(&mut reply);
-        spi::offer(&reply, len);
+        self.answer();
+    }
+
+    /// The reply that is due, from what is known now.
+    fn answer(&mut self) {
+        // SAFETY: the robot's priority.
+        unsafe { spi::answer(self.reply, |reply| self.robot.refresh_reply(reply)) };
     }
 
     /// The 100 Hz tick. Its own symbol, for whoever counts its instructions.
@@ -134,9 +154,7 @@ impl Body {
         if let Some(which) = outputs.trigger {
             rangefinders::trigger(which);
         }
-        let mut reply = [0; MAX_FRAME];
-        let len = self.robot.refresh_reply(&mut reply);
-        spi::offer(&reply, len);
+        self.answer();
         watchdog::ticked();
         panic_on_purpose();
     }

@@ -4,37 +4,48 @@
 //!
 //! Both directions run by DMA while the chip-select is low; nothing of a frame needs the processor.
 //! The chip-select's rise ([`frame_end`], the highest priority there is) stops both streams, reads
-//! how many bytes came, resets the peripheral, swaps the buffers and starts both streams again. The
-//! reset costs a few cycles and makes every frame begin at bit 0 of byte 0: partial bits of a torn
-//! frame, an overrun, a byte the transmitter held ready, all of it is gone. From the edge to the
-//! last store of `arm` pass some 2 µs; the next frame may begin after 20.
+//! how many bytes came, resets the peripheral, changes the buffers and starts both streams again.
+//! The reset costs a few cycles and makes every frame begin at bit 0 of byte 0: partial bits of a
+//! torn frame, an overrun, a byte the transmitter held ready, all of it is gone. From the edge to
+//! the last store of [`arm`] pass some 2 µs; the next frame may begin after 20.
 //!
 //! # Receiving
 //!
-//! Two buffers, longer than the longest frame so that a long frame is seen to be long. One is
-//! armed, the other holds the frame that ended last until the robot's priority copies it out, in one
-//! masked stretch ([`take`]). A frame that ends before its predecessor was copied out replaces it,
-//! and [`take_lost`] counts the predecessor: the newer one says what the Pi wants now.
+//! Three buffers, longer than the longest frame so that a long frame is seen to be long. At any
+//! time at most one is *taken* (the robot reads it in place), at most one has *ended* (its frame
+//! awaits the robot) and one is *receiving* (the DMA has it). These are never the same one, and
+//! three are enough: a frame that ends while another still awaits the robot replaces that one, and
+//! [`take_lost`] counts it. The newer one says what the Pi wants now.
 //!
 //! # Sending
 //!
-//! Three buffers, always whole, of which exactly one is *armed* (the DMA may read it), at most one
-//! is *standby*, and at least one is free. A buffer is written only while it is neither armed nor
-//! standby, and names itself standby or armed by one store within a masked stretch.
+//! Four buffers, of which exactly one is *armed* (the DMA may read it), at most one is *standby*,
+//! and the others are free. A reply is built in a free one, at leisure; it becomes armed or standby
+//! by one store within a masked stretch, so both are always whole.
 //!
-//! - The chip-select's rise arms the standby, if there is one; else the armed one once more.
-//! - The robot builds a reply and [`offer`]s it. With the chip-select high it replaces the armed one
-//!   there and then; with it low, a frame is under way and the reply becomes the standby, armed by
-//!   the rise that ends that frame.
+//! Replies are numbered (as the robot numbers them on the wire, where the mode does). Number n is
+//! armed and n + 1 stands by. The chip-select's rise ends the frame that carried n and arms n + 1 at
+//! once, with the data it was built from. Then the robot, when it comes to it, [`prepare`]s n + 2,
+//! reads the frame, and [`answer`]s with n + 1 built anew. A tick answers too, with the newest data.
+//! A reply that comes too late, because a chip-select rose meanwhile and another number is armed by
+//! now, is dropped.
 //!
-//! Replacing the armed reply is safe without knowing when the Pi will pull the chip-select: the
-//! stream is stopped, and its count tells how many bytes the transmitter has already taken out of
-//! the armed buffer (one: the byte it holds ready; more if a frame has just begun). Only if those
-//! bytes are the same in the new reply does the stream go on in the new one, after them; otherwise
-//! it goes on in the old one where it was. Either way the Pi reads one whole reply. All replies of a
-//! configuration begin with the same key, so the comparison fails only if the chip-select fell in
-//! the last fraction of a microsecond. The pause itself is some 40 cycles, less than half of a byte
-//! at 8 MHz, and the transmitter holds a byte ready meanwhile.
+//! So the Pi reads data of the last tick at the latest if it leaves the robot time, and an older but
+//! whole and not repeated reply if its next frame comes while the robot is busy with a tick. Only
+//! where two frames end before the robot comes to either does the next one find no standby and
+//! carry its predecessor's reply once more; the armed reply is then *spent*, and the first thing the
+//! robot does is to replace it.
+//!
+//! # Replacing the armed reply
+//!
+//! It is safe without knowing when the Pi will pull the chip-select. The stream is stopped, and its
+//! count tells how many bytes the transmitter has already taken out of the armed buffer: one, the
+//! byte it holds ready, or more if a frame has just begun. Only if those bytes are the same in the
+//! new reply does the stream go on in the new one, behind them; otherwise it goes on in the old one
+//! where it was. Either way the Pi reads one whole reply. All replies of a configuration begin with
+//! the same key, so they differ only if the chip-select fell within the last fraction of a
+//! microsecond. The pause is some 60 cycles, half a byte at 8 MHz, and the transmitter holds a byte
+//! ready meanwhile; with the chip-select low on entry there is no attempt at all.
 
 use crate::board::{MISO, MOSI, SCK, SS};
 use crate::dma::{control, Stream};
@@ -52,20 +63,14 @@ type Transmit = Stream<2, 3>;
 
 /// Room of a receive buffer, bytes: more than twice the longest frame.
 const ROOM: usize = 64;
-/// Transmit buffers; the fourth keeps the index a mask.
+/// Receive buffers.
+const FRAMES: usize = 3;
+/// Transmit buffers; a power of two keeps the index a mask.
 const REPLIES: usize = 4;
+/// Room of a transmit buffer: the longest frame, in whole words.
+const REPLY_ROOM: usize = MAX_FRAME.next_multiple_of(4);
 
-/// A frame as it came in.
-pub struct Frame {
-    /// Its first bytes, as many as came.
-    pub bytes: [u8; MAX_FRAME],
-    /// How many bytes were clocked; may exceed `bytes`.
-    pub received: usize,
-    /// When the chip-select rose.
-    pub at: Micros,
-}
-
-/// A frame that ended and awaits the robot.
+/// A frame that ended.
 #[derive(Clone, Copy)]
 struct Ended {
     buffer: usize,
@@ -78,54 +83,72 @@ struct Ended {
 struct Reply {
     buffer: usize,
     len: usize,
+    number: u32,
 }
 
 /// Who owns which buffer.
 #[derive(Clone, Copy)]
 struct State {
-    /// The receive buffer under the DMA, 0 or 1.
     receiving: usize,
     ended: Option<Ended>,
+    taken: Option<usize>,
     lost: u32,
     armed: Reply,
+    /// The armed reply has gone out with a frame already.
+    spent: bool,
     standby: Option<Reply>,
 }
 
 static STATE: Mutex<Cell<State>> = Mutex::new(Cell::new(State {
     receiving: 0,
     ended: None,
+    taken: None,
     lost: 0,
-    armed: Reply { buffer: 0, len: 0 },
+    armed: Reply {
+        buffer: 0,
+        len: 0,
+        number: 0,
+    },
+    spent: false,
     standby: None,
 }));
 
+#[repr(align(4))]
 struct Buffers {
-    frames: UnsafeCell<[[u8; ROOM]; 2]>,
-    replies: UnsafeCell<[[u8; MAX_FRAME]; REPLIES]>,
+    frames: UnsafeCell<[[u8; ROOM]; FRAMES]>,
+    replies: UnsafeCell<[[u8; REPLY_ROOM]; REPLIES]>,
 }
 
-// SAFETY: `State` says which buffer the DMA has; the program touches the others only, and only
-// masked, so no two contexts ever touch one at a time.
+// SAFETY: `State` says who has which buffer: the DMA (receiving, armed, standby), the robot's
+// priority (taken, and whichever reply is free), nobody else; no two ever have the same.
 unsafe impl Sync for Buffers {}
 
 static BUFFERS: Buffers = Buffers {
-    frames: UnsafeCell::new([[0; ROOM]; 2]),
-    replies: UnsafeCell::new([[0; MAX_FRAME]; REPLIES]),
+    frames: UnsafeCell::new([[0; ROOM]; FRAMES]),
+    replies: UnsafeCell::new([[0; REPLY_ROOM]; REPLIES]),
 };
 
 impl Buffers {
-    fn frame(&self, index: usize) -> *mut u8 {
-        // SAFETY: the mask keeps the offset within the two frames.
-        unsafe { self.frames.get().cast::<u8>().add((index & 1) * ROOM) }
+    #[inline]
+    fn frame(&self, index: usize) -> *mut [u8; ROOM] {
+        // SAFETY: the offset stays within the frames.
+        unsafe {
+            self.frames
+                .get()
+                .cast::<[u8; ROOM]>()
+                .add(index.min(FRAMES - 1))
+        }
     }
 
+    #[inline]
     fn reply(&self, index: usize) -> *mut u8 {
-        // SAFETY: the mask keeps the offset within the four replies.
+        // SAFETY: the mask keeps the offset within the replies.
         unsafe {
             self.replies
                 .get()
-                .cast::<u8>()
-                .add((index & (REPLIES - 1)) * MAX_FRAME)
+                .cast::<[u8; REPLY_ROOM]>()
+                .add(index & (REPLIES - 1))
+                .cast()
         }
     }
 }
@@ -136,101 +159,162 @@ fn registers() -> &'static pac::spi1::RegisterBlock {
     unsafe { &*pac::SPI1::ptr() }
 }
 
-/// Hands the pins to SPI1 and arms the first reply.
-pub fn start(reply: &[u8; MAX_FRAME], len: usize) {
+/// Hands the pins to SPI1 and arms the first reply, number 0.
+///
+/// # Safety
+/// Once, by boot, before the interrupts are enabled.
+pub unsafe fn start(build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
     SS.alternate(5, Driver::PushPull, Pull::Up);
     SCK.alternate(5, Driver::PushPull, Pull::None);
     MOSI.alternate(5, Driver::PushPull, Pull::None);
     MISO.alternate(5, Driver::PushPull, Pull::None);
     MISO.fast();
+    // SAFETY: nobody else is there yet (the caller's promise).
+    let armed = unsafe { write(0, build) };
     free(|token| {
         let cell = STATE.borrow(token);
         let mut state = cell.get();
-        // SAFETY: masked, and nothing is armed yet.
-        state.armed = unsafe { store(0, reply, len) };
+        state.armed = armed;
         cell.set(state);
         arm(&state);
     });
 }
 
-/// The frame that ended last, if the robot has not had it yet.
-pub fn take() -> Option<Frame> {
-    free(|token| {
-        let cell = STATE.borrow(token);
-        let mut state = cell.get();
-        let ended = state.ended.take()?;
-        cell.set(state);
-        let mut bytes = [0; MAX_FRAME];
-        // SAFETY: masked; the buffer is not the receiving one, so the DMA does not have it. Frames
-        // are longer than MAX_FRAME's bytes.
-        unsafe {
-            BUFFERS
-                .frame(ended.buffer)
-                .copy_to_nonoverlapping(bytes.as_mut_ptr(), MAX_FRAME);
-        }
-        Some(Frame {
-            bytes,
-            received: ended.received,
-            at: ended.at,
-        })
-    })
-}
+/// A frame the robot has claimed and not read yet.
+#[must_use]
+pub struct Claim(Ended);
 
-/// When the frame that [`take`] would give ended.
+/// When the frame that [`claim`] would give ended.
+#[inline]
 pub fn ended(token: &CriticalSection) -> Option<Micros> {
     STATE.borrow(token).get().ended.map(|ended| ended.at)
 }
 
-/// Frames replaced before the robot had them, since the last call.
-pub fn take_lost() -> u32 {
-    free(|token| {
-        let cell = STATE.borrow(token);
-        let mut state = cell.get();
-        let lost = core::mem::take(&mut state.lost);
-        if lost != 0 {
-            cell.set(state);
-        }
-        lost
-    })
+/// The frame that ended last, for [`read`]; claim none before the one before has been read.
+#[inline]
+pub fn claim(token: &CriticalSection) -> Option<Claim> {
+    let cell = STATE.borrow(token);
+    let mut state = cell.get();
+    let ended = state.ended.take()?;
+    state.taken = Some(ended.buffer);
+    cell.set(state);
+    Some(Claim(ended))
 }
 
-/// Makes `reply` what the Pi reads next, or, if a frame is under way, after that one.
-pub fn offer(reply: &[u8; MAX_FRAME], len: usize) {
-    free(|token| {
-        let cell = STATE.borrow(token);
-        let mut state = cell.get();
-        let standby = state.standby.map(|standby| standby.buffer);
-        let used = |index: &usize| *index != state.armed.buffer && Some(*index) != standby;
-        // One armed and one standby of four leave two.
-        let Some(buffer) = (0..REPLIES).find(used) else {
+/// Hands a claimed frame to `work`, with the number of bytes clocked, which may exceed the frame's
+/// room, and the instant the chip-select rose.
+#[inline]
+#[allow(
+    clippy::needless_pass_by_value,
+    reason = "a claim is good for one reading"
+)]
+pub fn read<R>(claim: Claim, work: impl FnOnce(&[u8], usize, Micros) -> R) -> R {
+    let Claim(ended) = claim;
+    // SAFETY: claimed, so the DMA does not get it until it is given back below.
+    let frame = unsafe { &*BUFFERS.frame(ended.buffer) };
+    let result = work(
+        frame.get(..ended.received).unwrap_or(frame),
+        ended.received,
+        ended.at,
+    );
+    update(|state| state.taken = None);
+    result
+}
+
+/// Frames replaced before the robot had them, since the last call.
+pub fn take_lost() -> u32 {
+    update(|state| core::mem::take(&mut state.lost))
+}
+
+/// The number of the reply that goes out next if the robot is in time: the armed one's, or the
+/// following one's where the armed one is spent.
+pub fn due() -> u32 {
+    update(|state| state.armed.number.wrapping_add(u32::from(state.spent)))
+}
+
+/// Whether the armed reply has gone out already, so that a frame now would carry it once more.
+pub fn spent() -> bool {
+    update(|state| state.spent)
+}
+
+/// Builds reply `number` anew and arms it in place of the one armed. It is dropped where another
+/// number's turn has come, and where a frame is under way, which carries the old one already; unless
+/// that is a spent one, then it stands by.
+///
+/// # Safety
+/// At the robot's priority alone.
+#[inline]
+pub unsafe fn answer(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
+    // SAFETY: the caller's promise.
+    let reply = unsafe { write(number, build) };
+    update(|state| {
+        if state.armed.number.wrapping_add(u32::from(state.spent)) != number {
             return;
-        };
-        // SAFETY: masked; the buffer is neither armed nor standby.
-        let fresh = unsafe { store(buffer, reply, len) };
-        if SS.is_high() && redirect(state.armed, fresh) {
-            state.armed = fresh;
-            state.standby = None;
-        } else {
-            state.standby = Some(fresh);
         }
-        cell.set(state);
+        if SS.is_high() {
+            if redirect(state.armed, reply) {
+                state.armed = reply;
+                state.spent = false;
+            }
+        } else if state.spent {
+            state.standby = Some(reply);
+        }
     });
 }
 
-/// Copies a reply into its buffer.
+/// Builds the reply after the one that is due, to be armed by the chip-select's next rise. It is
+/// dropped where another number's turn has come.
 ///
 /// # Safety
-/// The buffer must be neither armed nor standby, and interrupts masked.
-unsafe fn store(buffer: usize, reply: &[u8; MAX_FRAME], len: usize) -> Reply {
-    // SAFETY: within the buffer by type; nobody else touches it (the caller's promise).
-    unsafe {
-        reply
-            .as_ptr()
-            .copy_to_nonoverlapping(BUFFERS.reply(buffer), MAX_FRAME);
-    }
+/// At the robot's priority alone.
+#[inline]
+pub unsafe fn prepare(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
+    // SAFETY: the caller's promise.
+    let reply = unsafe { write(number, build) };
+    update(|state| {
+        if state.armed.number.wrapping_add(1) == number {
+            state.standby = Some(reply);
+        }
+    });
+}
+
+/// Masked, so that nobody sees half a change.
+#[inline]
+fn update<R>(change: impl FnOnce(&mut State) -> R) -> R {
+    free(|token| {
+        let cell = STATE.borrow(token);
+        let mut state = cell.get();
+        let result = change(&mut state);
+        cell.set(state);
+        result
+    })
+}
+
+/// Builds a reply in a free buffer. What is free stays so: from above the robot's priority a
+/// standby may become the armed one, which frees another, and nothing else happens.
+///
+/// # Safety
+/// At the robot's priority (or by boot) alone: one reply is under construction at a time.
+#[inline]
+unsafe fn write(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) -> Reply {
+    let buffer = update(|state| {
+        let standby = state
+            .standby
+            .map_or(state.armed.buffer, |reply| reply.buffer);
+        // One of 1, 2 and 3 beyond the armed one is not the standby.
+        let beside = (state.armed.buffer + 1) & (REPLIES - 1);
+        if beside == standby {
+            (beside + 1) & (REPLIES - 1)
+        } else {
+            beside
+        }
+    });
+    // SAFETY: free, and ours alone (the caller's promise); a reply's room is a frame's at least.
+    let len = build(unsafe { &mut *BUFFERS.reply(buffer).cast() });
     Reply {
         buffer,
         len: len.min(MAX_FRAME),
+        number,
     }
 }
 
@@ -239,7 +323,7 @@ unsafe fn store(buffer: usize, reply: &[u8; MAX_FRAME], len: usize) -> Reply {
 fn redirect(armed: Reply, fresh: Reply) -> bool {
     Transmit::stop();
     let sent = armed.len.saturating_sub(usize::from(Transmit::remaining()));
-    // SAFETY: masked and the stream is stopped, so nobody writes either buffer.
+    // SAFETY: masked and the stream is stopped, so nobody writes either buffer; within their room.
     let same = unsafe {
         let (old, new) = (BUFFERS.reply(armed.buffer), BUFFERS.reply(fresh.buffer));
         (0..sent.min(MAX_FRAME)).all(|at| old.add(at).read() == new.add(at).read())
@@ -301,23 +385,30 @@ fn frame_end(at: Micros) {
     Receive::stop();
     Transmit::stop();
     let received = ROOM.saturating_sub(usize::from(Receive::remaining()));
-    free(|token| {
-        let cell = STATE.borrow(token);
-        let mut state = cell.get();
-        if let Some(standby) = state.standby.take() {
-            state.armed = standby;
+    update(|state| {
+        match state.standby.take() {
+            Some(standby) => {
+                state.armed = standby;
+                state.spent = false;
+            }
+            None => state.spent = true,
         }
         if state.ended.is_some() {
             state.lost = state.lost.saturating_add(1);
         }
+        let buffer = state.receiving;
         state.ended = Some(Ended {
-            buffer: state.receiving,
+            buffer,
             received,
             at,
         });
-        state.receiving ^= 1;
-        cell.set(state);
-        arm(&state);
+        state.receiving = match state.taken {
+            // The three are 0, 1 and 2.
+            Some(taken) => (FRAMES - buffer).wrapping_sub(taken),
+            None if buffer == FRAMES - 1 => 0,
+            None => buffer + 1,
+        };
+        arm(state);
     });
 }
 

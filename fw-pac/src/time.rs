@@ -9,7 +9,7 @@
 use crate::clock::APB1_TIMER_HZ;
 use crate::{adc, encoders, exti, rangefinders};
 use core::cell::Cell;
-use cortex_m::interrupt::{free, Mutex};
+use cortex_m::interrupt::{free, CriticalSection, Mutex};
 use cortex_m::peripheral::NVIC;
 use fw_core::robot::Sample;
 use fw_core::units::Micros;
@@ -122,14 +122,16 @@ pub fn pulse(begin: impl FnOnce()) {
     });
 }
 
-/// The sample latched last and not yet taken; peek with [`latched`] first to keep events in order.
-pub fn take() -> Option<Sample> {
-    free(|token| LATCHED.borrow(token).take())
+/// When the sample that [`claim`] would give was latched.
+#[inline]
+pub fn latched(token: &CriticalSection) -> Option<Micros> {
+    LATCHED.borrow(token).get().map(|sample| sample.now)
 }
 
-/// When the sample that [`take`] would give was latched.
-pub fn latched(token: &cortex_m::interrupt::CriticalSection) -> Option<Micros> {
-    LATCHED.borrow(token).get().map(|sample| sample.now)
+/// The sample latched last and not yet claimed.
+#[inline]
+pub fn claim(token: &CriticalSection) -> Option<Sample> {
+    LATCHED.borrow(token).take()
 }
 
 /// Every flag is cleared by a 0 and left by a 1 (RM0383, 13.4.5).

@@ -59,6 +59,12 @@ impl Uart {
         let pending = log.pending();
         let count = pending.len().min(usize::from(u16::MAX));
         if count > 0 {
+            // TC must tell of this transfer's end, not of the one before (RM0383, 19.3.13); a 1
+            // leaves the other flags alone.
+            // SAFETY: a 1 never sets a flag.
+            registers()
+                .sr()
+                .write(|w| unsafe { w.bits(u16::MAX) }.tc().clear_bit());
             // SAFETY: the bytes lie in the log, which stays where it is (the caller's promise) and
             // keeps pending bytes unchanged until `sent` retires them.
             unsafe {

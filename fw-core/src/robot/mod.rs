@@ -262,29 +262,44 @@ impl Robot {
     /// Latches faults that the registers found.
     pub fn raise(&mut self, faults: u16, log: &mut Log) {
         let new = faults & !self.supervisor.faults();
-        self.supervisor.raise(faults);
-        telling::faults(new, log);
+        if new != 0 {
+            self.supervisor.raise(faults);
+            telling::faults(new, log);
+        }
+    }
+
+    /// The reply has gone out with a frame: the next one has a new sequence number and the next
+    /// cell. Once per frame, before [`Self::refresh_reply`] writes that one.
+    pub fn reply_gone(&mut self) {
+        (self.cell, _) = self.battery.walk();
+        self.link.advance();
     }
 
     /// Writes the reply to the next frame, with a new sequence number and the next cell; returns
     /// its length. Once per received frame.
     pub fn next_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
-        (self.cell, _) = self.battery.walk();
-        let report = self.report();
-        self.link.send(&report, out)
+        self.reply_gone();
+        self.refresh_reply(out)
     }
 
     /// Writes the same reply again with the newest data; returns its length. After a tick.
     pub fn refresh_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
-        let report = self.report();
+        let report = self.report(self.cell);
         self.link.resend(&report, out)
     }
 
-    fn report(&self) -> Report {
+    /// Writes the reply after that one, in advance, for a frame that ends while the robot is busy:
+    /// what [`Self::next_reply`] would write if nothing happened until then. Returns its length.
+    pub fn following_reply(&self, out: &mut [u8; MAX_FRAME]) -> usize {
+        let report = self.report(self.battery.upcoming());
+        self.link.anticipate(&report, out)
+    }
+
+    fn report(&self, cell: u8) -> Report {
         Report {
             pose: PoseCode::from_pose(&self.odometry.pose()),
             measurement: self.measurement(),
-            cell: CellCode::from_volts(self.cell, self.battery.cell(self.cell).unwrap_or_default()),
+            cell: CellCode::from_volts(cell, self.battery.cell(cell).unwrap_or_default()),
             ranges: Rangefinder::ALL
                 .map(|which| DistanceCode::from_distance(self.rangefinders.distance(which))),
             faults: self.supervisor.faults(),

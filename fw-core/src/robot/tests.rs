@@ -168,6 +168,19 @@ fn replies_carry_the_pose_and_walk_the_cells() {
 }
 
 #[test]
+fn the_following_reply_is_the_next_one_in_advance() {
+    for mode in Mode::ALL {
+        let mut bench = Bench::new(*mode);
+        let (mut ahead, mut next) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        for _ in 0..3 {
+            let len = bench.robot.following_reply(&mut ahead);
+            assert_eq!(bench.robot.next_reply(&mut next), len);
+            assert_eq!(ahead, next);
+        }
+    }
+}
+
+#[test]
 fn a_refreshed_reply_keeps_its_number_and_its_cell() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     let (mut first, mut second) = ([0; MAX_FRAME], [0; MAX_FRAME]);

@@ -204,6 +204,12 @@ impl Battery {
         Some(Volts(U16F16::from_bits(voltage)))
     }
 
+    /// The cell that [`Self::walk`] shows next.
+    #[must_use]
+    pub const fn upcoming(&self) -> u8 {
+        self.next
+    }
+
     /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
     pub fn walk(&mut self) -> (u8, Volts) {
         let index = self.next;

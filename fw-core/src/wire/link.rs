@@ -209,15 +209,34 @@ impl StmLink {
     /// The report's own `sequence` is not looked at.
     #[inline]
     pub fn send(&mut self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.end.advance();
+        self.advance();
         self.resend(report, out)
+    }
+
+    /// Takes the next sequence number: the reply that has the present one went out.
+    #[inline]
+    pub fn advance(&mut self) {
+        self.end.advance();
     }
 
     /// Writes the reply anew with fresher data and the number it already had, as no chip-select
     /// has taken it yet.
     #[inline]
     pub fn resend(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
-        write_report(self.end.mode, &self.end.context, report, out)
+        self.write(0, report, out)
+    }
+
+    /// Writes the reply after the one of [`Self::send`], in advance: with the number that the next
+    /// `send` will give it.
+    #[inline]
+    pub fn anticipate(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
+        self.write(1, report, out)
+    }
+
+    fn write(&self, ahead: u8, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
+        let mut context = self.end.context;
+        context.own = context.own.wrapping_add(ahead);
+        write_report(self.end.mode, &context, report, out)
     }
 
     /// Frames received, counted.
