@@ -20,6 +20,10 @@ pub const RATE_HZ: u32 = 40;
 /// Without a valid frame for this long the link counts as failed, microseconds.
 pub const SILENCE_US: u64 = 1_000_000;
 
+/// When not one of the first frames is understood, the two ends do not speak the same chain with the
+/// same keys: no need to wait for [`SILENCE_US`].
+pub const STRANGER_FRAMES: u32 = 10;
+
 /// What one frame is to say; [`Session`] adds the battery's walk and the sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wish {
@@ -124,7 +128,7 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// [`Error::Interrupted`], [`Error::Spi`], [`Error::Silent`] after [`SILENCE_US`] without a valid
-    /// reply.
+    /// reply, or when none of the first [`STRANGER_FRAMES`] was valid.
     pub fn exchange(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
         self.machine.interrupt.check()?;
         self.exchange_regardless(wish)
@@ -148,14 +152,13 @@ impl<'m, W: Wires> Session<'m, W> {
             Err(wrong) => {
                 self.unanswered = self.unanswered.saturating_add(1);
                 self.last_wrong = Some(wrong.to_string());
-                let ms = now_us.saturating_sub(self.last_good_us) / 1000;
-                if ms * 1000 >= SILENCE_US {
+                let silent_us = now_us.saturating_sub(self.last_good_us);
+                let strangers =
+                    self.snapshot.link.accepted == 0 && self.unanswered >= STRANGER_FRAMES;
+                if silent_us >= SILENCE_US || strangers {
                     let last = self.last_wrong.clone().unwrap_or_default();
-                    return Err(Error::Silent {
-                        ms,
-                        frames: self.unanswered,
-                        last,
-                    });
+                    let (ms, frames) = (silent_us / 1000, self.unanswered);
+                    return Err(Error::Silent { ms, frames, last });
                 }
                 Ok(None)
             }

@@ -89,6 +89,12 @@ pub enum Eeprom {
         #[arg(long, value_name = "FILE")]
         image: Option<PathBuf>,
     },
+    /// Give an original EEPROM its page 0x03, with the first board's figures that apply anyway
+    Migrate {
+        /// Only show what would change
+        #[arg(long)]
+        dry_run: bool,
+    },
     /// Save the EEPROM's pages 0x00 to 0x03 as an image file
     Backup {
         /// Image file to write

@@ -23,6 +23,20 @@ pub fn run(command: &Eeprom, robot: &Robot, output: Output) -> Result<Exit, Erro
             let wanted = image::load(file)?;
             put(&wanted, *dry_run, robot, output)
         }
+        Eeprom::Migrate { dry_run } => {
+            let present = get(None, robot)?;
+            let Settings { config, .. } = Settings::from_image(&present)?;
+            put(
+                &Settings {
+                    config,
+                    platform_page: true,
+                }
+                .image(),
+                *dry_run,
+                robot,
+                output,
+            )
+        }
         Eeprom::Check { file } => {
             let image = get(file.as_deref(), robot)?;
             check(&image, output)

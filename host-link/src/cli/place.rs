@@ -9,6 +9,7 @@ use host_link::reset;
 use serde::Serialize;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Something to do with a machine, whichever it is.
 pub trait Job {
@@ -25,18 +26,28 @@ pub trait Job {
 
 /// Opens the chosen machine, holds its lock, repairs what a killed run left, and runs the job.
 pub fn with_machine<J: Job>(robot: &Robot, job: J) -> Result<J::Result, Error> {
-    let interrupt = Interrupt::new();
+    let interrupt = interrupt()?;
+    if robot.board.chosen {
+        on_virtual_board(robot, interrupt, job)
+    } else {
+        on_this_computer(robot, interrupt, job)
+    }
+}
+
+/// The flag that Ctrl-C raises; its handler can be installed only once.
+fn interrupt() -> Result<Interrupt, Error> {
+    static INTERRUPT: OnceLock<Interrupt> = OnceLock::new();
+    if let Some(installed) = INTERRUPT.get() {
+        return Ok(installed.clone());
+    }
+    let interrupt = INTERRUPT.get_or_init(Interrupt::new).clone();
     let raised = interrupt.clone();
     ctrlc::set_handler(move || raised.raise()).map_err(|cause| Error::Device {
         name: "the handler of Ctrl-C".into(),
         cause: cause.to_string(),
         advice: "start the program in another way".into(),
     })?;
-    if robot.board.chosen {
-        on_virtual_board(robot, interrupt, job)
-    } else {
-        on_this_computer(robot, interrupt, job)
-    }
+    Ok(interrupt)
 }
 
 /// Runs the job on an opened machine whose lock is held.
