@@ -189,6 +189,37 @@ impl<const N: usize> Input for [u8; N] {
     }
 }
 
+impl<const N: usize> Input for [u16; N] {
+    fn draw(source: &mut impl Source) -> Self {
+        let mut all = [0; N];
+        for one in &mut all {
+            *one = source.bits16();
+        }
+        all
+    }
+}
+
+impl<A: Input + Copy + Default, B: Input + Copy + Default, const N: usize> Input for [(A, B); N] {
+    fn draw(source: &mut impl Source) -> Self {
+        let mut all = [Default::default(); N];
+        for one in &mut all {
+            *one = Input::draw(source);
+        }
+        all
+    }
+}
+
+impl Input for () {
+    fn draw(_: &mut impl Source) -> Self {}
+}
+
+impl<A: Input, B: Input> Input for (A, B) {
+    fn draw(source: &mut impl Source) -> Self {
+        let first = A::draw(source);
+        (first, B::draw(source))
+    }
+}
+
 impl<T: Input> Input for Option<T> {
     fn draw(source: &mut impl Source) -> Self {
         let some = bool::draw(source);

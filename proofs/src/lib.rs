@@ -9,6 +9,10 @@
 //! | [`units`] | the units' own arithmetic: what the others rest on |
 //! | [`wire`] | T1, T2: frames, links, codes |
 //! | [`double`] | T4: binary64 to fixed point and back |
+//! | [`eeprom`] | T3, T5: the image and what an accepted configuration promises |
+//! | [`motion`] | T6 to T8: heading, position, regulators, stop deadline |
+//! | [`sensing`] | T9, T10: rangefinders and battery |
+//! | [`log`] | T13: the log's queue |
 //! | [`theorem`] | how a property is declared |
 //! | [`input`] | where inputs come from |
 //! | [`search`] | the explicit-state search of the models in `tests/` |
@@ -17,12 +21,20 @@
     clippy::missing_panics_doc,
     reason = "a property panics exactly where it does not hold"
 )]
+#![allow(
+    clippy::needless_pass_by_value,
+    reason = "a property owns its inputs: whoever drew them is done with them"
+)]
 
 pub mod double;
+pub mod eeprom;
 pub mod input;
+pub mod log;
+pub mod motion;
 #[cfg(test)]
 mod sampled;
 pub mod search;
+pub mod sensing;
 pub mod theorem;
 pub mod units;
 pub mod wire;
@@ -37,6 +49,16 @@ pub const THEOREMS: &[&[Theorem]] = &[
     wire::link::THEOREMS,
     wire::codes::THEOREMS,
     double::THEOREMS,
+    eeprom::image::THEOREMS,
+    eeprom::checksum::THEOREMS,
+    eeprom::contract::THEOREMS,
+    motion::trig::THEOREMS,
+    motion::odometry::THEOREMS,
+    motion::pid::THEOREMS,
+    motion::deadline::THEOREMS,
+    sensing::rangefinder::THEOREMS,
+    sensing::battery::THEOREMS,
+    log::THEOREMS,
 ];
 
 /// Every theorem, area by area.

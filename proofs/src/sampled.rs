@@ -9,7 +9,7 @@ use crate::input::Biased;
 use crate::theorem::Seen;
 
 /// Bytes an input is drawn from; what lies beyond reads as zero.
-const NOISE: usize = 512;
+const NOISE: usize = 1024;
 
 /// Runs `property` on `count` inputs. Panics with the simplest input found that breaks it, or with
 /// the case that none of them met.
@@ -29,11 +29,14 @@ pub(crate) fn sample<T: Debug>(
     let random = TestRng::deterministic_rng(RngAlgorithm::XorShift);
     let mut runner = TestRunner::new_with_rng(config, random);
     let seen = core::cell::Cell::new(Seen::NOTHING);
+    quiet();
+    SHRINKING.set(true);
     let run = runner.run(&Noise, |noise| {
         let met = property(draw(&mut Biased::new(&noise)));
         seen.set(seen.get().and(met));
         Ok::<(), TestCaseError>(())
     });
+    SHRINKING.set(false);
     match run {
         Ok(()) => every_case_was_met(seen.get(), cases),
         Err(TestError::Fail(reason, noise)) => {
@@ -41,6 +44,23 @@ pub(crate) fn sample<T: Debug>(
         }
         Err(TestError::Abort(reason)) => panic!("{reason}"),
     }
+}
+
+thread_local! {
+    static SHRINKING: core::cell::Cell<bool> = const { core::cell::Cell::new(false) };
+}
+
+/// Shrinking makes a property fail many times over; only the last failure is worth a word.
+fn quiet() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        let loud = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !SHRINKING.get() {
+                loud(panic);
+            }
+        }));
+    });
 }
 
 /// The test's own cover check: a case that nothing met means that the property said nothing of it.

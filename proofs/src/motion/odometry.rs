@@ -1,0 +1,167 @@
+//! T6: heading and position from the encoders.
+
+use fw_core::eeprom::Platform;
+use fw_core::motion::Odometry;
+use fw_core::units::Turns;
+
+use crate::eeprom::accepted::AcceptedConfig;
+use crate::theorem::Seen;
+
+/// Samples that follow each other: what the counters grew by, both encoders.
+pub type Path = [u8; 48];
+
+/// The counters after each sample of a path; `scale` stretches it.
+fn samples(path: &Path, scale: u8) -> impl Iterator<Item = (i32, i32)> + '_ {
+    path.chunks_exact(2).map(move |pair| {
+        let grown = |byte: u8| (i32::from(byte) - 128) << (scale % 8);
+        (grown(pair[0]), grown(pair[1]))
+    })
+}
+
+/// The heading depends on where the counters are, not on how they came there: tick by tick along any
+/// path, the counters wrapping, or in two ticks there, it is the same to the last bit.
+pub fn heading_never_drifts(
+    config: AcceptedConfig,
+    left: u32,
+    right: u16,
+    path: Path,
+    scale: u8,
+) -> Seen {
+    let platform = &config.0.platform;
+    let mut slow = Odometry::new(platform, left, right);
+    let mut quick = Odometry::new(platform, left, right);
+    let (mut l, mut r) = (left, right);
+    let (mut net_left, mut net_right) = (0_i32, 0_i32);
+    for (grown_left, grown_right) in samples(&path, scale) {
+        l = l.wrapping_add_signed(grown_left);
+        #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
+        {
+            r = r.wrapping_add_signed(grown_right as i16);
+        }
+        net_left += grown_left;
+        net_right += grown_right;
+        let _ = slow.step(l, r);
+    }
+    // What a 16-bit counter can show of one step.
+    if net_right.abs() > 32_767 {
+        return Seen::NOTHING;
+    }
+    let _ = quick.step(l, r);
+    assert!(slow.pose().heading == quick.pose().heading);
+    Seen::NOTHING
+        .case(0, net_left != 0 && net_right != 0)
+        .case(1, l < left && net_left > 0)
+        .case(2, r < right && net_right > 0)
+}
+
+/// Rolling back the way it came, tick by tick, the robot's heading is what it was, to the last bit;
+/// and counters that stand never move the pose.
+pub fn heading_returns(
+    config: AcceptedConfig,
+    left: u32,
+    right: u16,
+    path: Path,
+    scale: u8,
+) -> Seen {
+    let mut odometry = Odometry::new(&config.0.platform, left, right);
+    let (mut l, mut r) = (left, right);
+    #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
+    let step = |r: u16, grown: i32| r.wrapping_add_signed(grown as i16);
+    for (grown_left, grown_right) in samples(&path, scale) {
+        (l, r) = (l.wrapping_add_signed(grown_left), step(r, grown_right));
+        let _ = odometry.step(l, r);
+    }
+    let away = odometry.pose();
+    assert!(odometry.step(l, r).turn == 0 && odometry.pose() == away);
+    for (grown_left, grown_right) in samples(&path, scale) {
+        (l, r) = (l.wrapping_add_signed(-grown_left), step(r, -grown_right));
+        let _ = odometry.step(l, r);
+    }
+    assert!((l, r) == (left, right));
+    assert!(odometry.pose().heading == Turns(0));
+    Seen::NOTHING
+        .case(0, away.heading != Turns(0))
+        .case(1, away.heading == Turns(0))
+}
+
+/// One tick's way, for any two counts a wheel can make in it, against the document's exact arc in
+/// binary64 (4.3 to 4.7): within a millionth of a millimetre, the heading within 2⁻³² turns.
+pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) -> Seen {
+    use core::f64::consts::{PI, TAU};
+    let platform = Platform {
+        encoder_left_reversed: false,
+        encoder_right_reversed: false,
+        ..config.0.platform
+    };
+    let mut odometry = Odometry::new(&platform, 0, 0);
+    // Any heading: the right wheel rolls, the left one stands.
+    let _ = odometry.step(0, heading);
+    let before = odometry.pose();
+    let delta = odometry.step(
+        0_u32.wrapping_add_signed(left.into()),
+        heading.wrapping_add_signed(right),
+    );
+    let after = odometry.pose();
+    let counts = f64::from(platform.counts_per_turn);
+    let way = |micrometres: u32, count: i16| {
+        f64::from(micrometres) / 1000.0 * PI * f64::from(count) / counts
+    };
+    let s_right = way(platform.wheel_diameter_right, right);
+    let s_left = way(platform.wheel_diameter_left, left);
+    let psi = (s_right - s_left) / (f64::from(platform.track) / 1000.0);
+    // A sixteenth of a turn in a tick is six turns a second.
+    if psi.abs() > TAU / 16.0 {
+        return Seen::NOTHING.case(0, true);
+    }
+    assert!((f64::from(delta.turn) / 4_294_967_296.0 * TAU - psi).abs() < 4e-9);
+    let mean = f64::midpoint(s_right, s_left);
+    let chord = if psi == 0.0 {
+        mean
+    } else {
+        mean * (psi / 2.0).sin() / (psi / 2.0)
+    };
+    let beta = f64::from(before.heading.0) / 4_294_967_296.0 * TAU;
+    let (sine, cosine) = (beta + psi / 2.0).sin_cos();
+    let dx = (after.x.0 - before.x.0).to_num::<f64>();
+    let dy = (after.y.0 - before.y.0).to_num::<f64>();
+    // Half of 2⁻³² turns of the heading that the pose shows, and what sine and cosine may be off.
+    let bound = 1e-6 + mean.abs() * 2e-9;
+    assert!((dx - chord * cosine).abs() <= bound && (dy - chord * sine).abs() <= bound);
+    Seen::NOTHING
+        .case(1, psi == 0.0 && mean != 0.0)
+        .case(2, psi.abs() > 0.3)
+}
+
+/// Any counters at any time, on any accepted platform, and nothing overflows.
+pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 3]) -> Seen {
+    let mut odometry = Odometry::new(&config.0.platform, 0, 0);
+    for (left, right) in counters {
+        let delta = odometry.step(left, right);
+        assert!(delta.right.abs() <= 32_768);
+    }
+    let pose = odometry.pose();
+    Seen::NOTHING
+        .case(0, pose.x.0 > 10_000)
+        .case(1, pose.x.0 < -10_000)
+}
+
+crate::theorems! {
+    T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
+        cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
+        sampled 30_000;
+    }
+    T6 heading_returns(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
+        cases ["it had turned", "it had not"];
+        sampled 30_000;
+    }
+    T6 step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) {
+        cases ["turns faster than anything does", "straight on", "a sharp turn"];
+        needs [accepted_configuration_is_bounded];
+        sampled 100_000;
+    }
+    T5 any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 3]) {
+        cases ["far ahead", "far behind"];
+        needs [accepted_configuration_is_bounded];
+        sampled 100_000;
+    }
+}

@@ -1,0 +1,226 @@
+//! T10: the battery's voltages are total, right and monotone, and its cells all get their turn.
+
+use fixed::types::U16F16;
+use fw_core::eeprom::{first_board, Config};
+use fw_core::sensing::Battery;
+use fw_core::units::Volts;
+
+use crate::eeprom::accepted::AcceptedConfig;
+use crate::theorem::Seen;
+
+/// The ADC's words, one a tap.
+pub type Words = [u16; 8];
+
+fn volts(volts: Volts) -> f64 {
+    volts.0.to_num()
+}
+
+/// Any words on any accepted configuration: every cell it has shows a voltage, no other does, and
+/// together they are the highest tap.
+pub fn every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) -> Seen {
+    let AcceptedConfig(config) = config;
+    let mut battery = Battery::new(&config);
+    assert!(battery.cells() == config.cells);
+    for (words, ()) in words {
+        battery.sample(&words);
+    }
+    let mut sum = 0_u64;
+    for index in 0..=u8::MAX {
+        let cell = battery.cell(index);
+        assert!(cell.is_some() == (index < config.cells));
+        sum += cell.map_or(0, |volts| u64::from(volts.0.to_bits()));
+    }
+    // At most 100 times 10 V at the pin, for a word that is at most the largest.
+    Seen::NOTHING
+        .case(0, sum == 0)
+        .case(1, sum > 0 && config.cells == 8)
+}
+
+/// The first cell's voltage is the document's: word · full scale / largest word · (upper + lower) /
+/// lower (6.0.3), to a part in 10⁸ and a last place of 15 µV.
+pub fn voltage_is_the_dividers(config: AcceptedConfig, word: u16) -> Seen {
+    let AcceptedConfig(config) = config;
+    let mut battery = Battery::new(&config);
+    battery.sample(&[word]);
+    let found = battery.cell(0).map_or(0.0, volts);
+    let divider = config.dividers[0];
+    let exact = f64::from(word) * f64::from_bits(config.adc_max_voltage.0)
+        / f64::from(config.adc_max_word)
+        * (f64::from(divider.upper) + f64::from(divider.lower))
+        / f64::from(divider.lower);
+    let largest = volts(Volts(U16F16::MAX));
+    if exact >= largest {
+        assert!(found >= largest * (1.0 - 1e-8));
+    } else {
+        assert!((found - exact).abs() <= 1e-8 * exact + 1.6e-5);
+    }
+    Seen::NOTHING
+        .case(0, exact >= largest)
+        .case(1, exact > 0.0 && exact < largest)
+}
+
+/// A higher word never shows a lower voltage: every word of the first board and the next.
+pub fn voltage_is_monotone(word: u16) -> Seen {
+    let cell = |word: u16| {
+        let mut battery = Battery::new(&first_board());
+        battery.sample(&[word, u16::MAX]);
+        battery.cell(0).unwrap_or_default()
+    };
+    let (one, next) = (cell(word), cell(word.saturating_add(1)));
+    assert!(one <= next);
+    Seen::NOTHING.case(0, one < next).case(1, one == next)
+}
+
+/// A constant word reads as itself however long the filter runs, and a step of the word moves the
+/// voltage towards it and never beyond.
+pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
+    let config = first_board();
+    let cell = |word: u16| {
+        let mut battery = Battery::new(&config);
+        battery.sample(&[word]);
+        battery.cell(0).unwrap_or_default()
+    };
+    let mut battery = Battery::new(&config);
+    for _ in 0..3 {
+        battery.sample(&[before]);
+    }
+    assert!(battery.cell(0) == Some(cell(before)));
+    let (low, high) = (cell(before.min(after)), cell(before.max(after)));
+    for _ in 0..samples {
+        battery.sample(&[after]);
+        let now = battery.cell(0).unwrap_or_default();
+        assert!(low <= now && now <= high);
+    }
+    Seen::NOTHING
+        .case(0, before < after && samples > 0)
+        .case(1, before > after && samples > 0)
+}
+
+/// The cells take turns: 0 to the last and again, none skipped, for every number of cells.
+pub fn walk_covers_every_cell(cells: u8) -> Seen {
+    let config = Config {
+        cells,
+        ..first_board()
+    };
+    let mut battery = Battery::new(&config);
+    let real = cells.clamp(1, 8);
+    for _ in 0..3 {
+        for expected in 0..real {
+            let (index, voltage) = battery.walk();
+            assert!(index == expected && voltage == Volts::default());
+        }
+    }
+    Seen::NOTHING
+        .case(0, cells == 0)
+        .case(1, cells == 8)
+        .case(2, cells > 8)
+}
+
+/// With the resistor that tuning finds, the same word shows the reference, within a part in a thousand
+/// and what an ohm and a last place are worth (document, 5.1.3).
+pub fn tuned_divider_shows_the_reference(
+    config: AcceptedConfig,
+    word: u16,
+    reference: u32,
+) -> Seen {
+    let AcceptedConfig(mut config) = config;
+    let mut battery = Battery::new(&config);
+    battery.sample(&[word]);
+    let reference = Volts(U16F16::from_bits(reference));
+    let shown = battery.cell(0).map_or(0.0, volts);
+    let Some(upper) = battery.tune(0, reference) else {
+        assert!(reference == Volts::default() || shown == 0.0);
+        return Seen::NOTHING.case(0, true);
+    };
+    config.dividers[0].upper = upper;
+    let lower = config.dividers[0].lower;
+    let mut tuned = Battery::new(&config);
+    tuned.sample(&[word]);
+    let now = tuned.cell(0).map_or(0.0, volts);
+    let reference = volts(reference);
+    // A coarse or a saturated reading cannot be tuned, nor a divider below 0 ohm.
+    let ohm = reference / (f64::from(upper) + f64::from(lower));
+    if shown > 0.5 && shown < 65_535.0 && upper > 0 && upper < u32::MAX - lower {
+        assert!((now - reference).abs() <= reference / 1000.0 + ohm + 1e-4);
+    }
+    Seen::NOTHING.case(1, shown > 0.5 && upper > 0)
+}
+
+/// A cell below the cut-off for half a second switches off for good, a shorter sag does not; 0 means no
+/// supervision.
+pub fn cutoff_takes_half_a_second(ticks: u8, supervised: bool) -> Seen {
+    let mut config = first_board();
+    if !supervised {
+        config.platform.battery_cutoff = 0;
+        config.platform.battery_warn = 0;
+    }
+    let mut battery = Battery::new(&config);
+    // 2 V and 3.9 V a cell on the first board's taps.
+    let (empty, full) = ([1_905_u16, 1_986], [3_714_u16, 3_872]);
+    for _ in 0..ticks {
+        battery.sample(&empty);
+    }
+    let (low, off) = (battery.low(), battery.empty());
+    assert!(off == (supervised && ticks >= 50) && low == off);
+    for _ in 0..255 {
+        battery.sample(&full);
+    }
+    // The filter keeps a sag some ticks longer than it is.
+    assert!(!battery.low() && (battery.empty() == off || (35..50).contains(&ticks)));
+    Seen::NOTHING.case(0, off).case(1, !off && supervised)
+}
+
+/// Kani's share: no two samples on the first board's taps overflow, and each cell shows at most what
+/// its taps can.
+pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
+    let mut battery = Battery::new(&first_board());
+    battery.sample(&first);
+    battery.sample(&second);
+    let (one, two) = (battery.cell(0), battery.cell(1));
+    assert!(one.is_some() && two.is_some() && battery.cell(2).is_none());
+    // 16 times the largest word of 12 bits.
+    let highest = Volts(U16F16::from_bits(140 << 16));
+    assert!(one.unwrap_or_default() <= highest && two.unwrap_or_default() <= highest);
+    Seen::NOTHING
+        .case(0, one > two)
+        .case(1, two == Some(Volts::default()))
+}
+
+crate::theorems! {
+    T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
+        cases ["nothing", "eight cells"];
+        needs [accepted_configuration_is_bounded];
+        sampled 50_000;
+    }
+    T10 voltage_is_the_dividers(config: AcceptedConfig, word: u16) {
+        cases ["beyond what a voltage can say", "a voltage"];
+        needs [accepted_configuration_is_bounded];
+        sampled 200_000;
+    }
+    T10 voltage_is_monotone(word: u16) {
+        cases ["a higher voltage", "the same voltage"];
+        exhaustive (0..=u16::MAX).map(|word| (word,));
+    }
+    T10 filter_never_overshoots(before: u16, after: u16, samples: u8) {
+        cases ["rising", "falling"];
+        sampled 50_000;
+    }
+    T10 walk_covers_every_cell(cells: u8) {
+        cases ["none", "eight", "too many"];
+        exhaustive (0..=u8::MAX).map(|cells| (cells,));
+    }
+    T10 tuned_divider_shows_the_reference(config: AcceptedConfig, word: u16, reference: u32) {
+        cases ["nothing to tune", "tuned"];
+        needs [accepted_configuration_is_bounded];
+        sampled 100_000;
+    }
+    T10 cutoff_takes_half_a_second(ticks: u8, supervised: bool) {
+        cases ["cut off", "not yet"];
+        exhaustive (0..=u8::MAX).flat_map(|ticks| [(ticks, false), (ticks, true)]);
+    }
+    T10 first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) {
+        cases ["the first cell is higher", "the second tap is not above the first"];
+        kani proof [unwind(10)];
+        sampled 100_000;
+    }
+}
