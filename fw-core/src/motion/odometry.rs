@@ -68,6 +68,8 @@ fn fraction(n: u64, d: u64) -> u64 {
 }
 
 impl Wheel {
+    // At start-up only: once in flash is enough.
+    #[inline(never)]
     fn new(diameter: u32, reversed: bool, platform: &Platform) -> Self {
         let counts = u64::from(platform.counts_per_turn.max(1));
         let track = u64::from(platform.track.max(1));

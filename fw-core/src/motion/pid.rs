@@ -28,6 +28,8 @@ struct Factor(i64);
 
 impl Factor {
     /// The nearest; 0 for what is no number or beyond 2³¹, which no accepted configuration holds.
+    // At start-up only: once in flash is enough.
+    #[inline(never)]
     fn new(value: Double) -> Self {
         Self(value.to_scaled(32).unwrap_or(0).clamp(-LARGEST, LARGEST))
     }

@@ -33,6 +33,8 @@ impl Factor {
     };
 
     /// `value · 2⁻ᵉˣᵖᵒⁿᵉⁿᵗ`, to 32 bits.
+    // At start-up only: once in flash is enough.
+    #[inline(never)]
     const fn new(value: u64, exponent: i32) -> Self {
         if value == 0 {
             return Self::ZERO;
@@ -44,6 +46,8 @@ impl Factor {
         }
     }
 
+    // At start-up only: once in flash is enough.
+    #[inline(never)]
     const fn times(self, value: u64) -> Self {
         let other = Self::new(value, 0);
         Self::new(
@@ -53,6 +57,8 @@ impl Factor {
     }
 
     /// By zero, which no accepted configuration asks for, zero.
+    // At start-up only: once in flash is enough.
+    #[inline(never)]
     const fn over(self, value: u32) -> Self {
         match ((self.mantissa as u64) << 32).checked_div(value as u64) {
             Some(quotient) => Self::new(quotient, self.exponent.wrapping_add(32)),

@@ -13,7 +13,6 @@ mod watching;
 mod ways;
 
 use std::f64::consts::{PI, TAU};
-use std::println;
 
 use plant::{MotorInput, MotorParams, Params, Room, Sides, World};
 
@@ -148,19 +147,6 @@ impl Robot {
             let (px, py) = (now.x_mm - x, now.y_mm - y);
             trip.overshoot = trip.overshoot.max(px * ux + py * uy);
             trip.beside = trip.beside.max((px * uy - py * ux).abs());
-            if std::env::var_os("TRACE").is_some() {
-                let (l, r) = self.world.wheel_speeds_deg_s();
-                println!(
-                    "{:.2} {:?} x {:.1} y {:.1} h {:.2} speeds {l:.0} {r:.0} {:?} shares {:?}",
-                    self.world.time_s() - start,
-                    self.controller,
-                    now.x_mm,
-                    now.y_mm,
-                    now.heading_rad.to_degrees(),
-                    self.wheels,
-                    self.controller.mixer().shares()
-                );
-            }
             if self.controller.arrived() {
                 held += 1;
                 trip.seconds.get_or_insert(self.world.time_s() - start);

@@ -49,3 +49,41 @@ fn the_default_rooms_tour_takes_less_than_five_minutes() {
     println!("{:.1} s", robot.world.time_s());
     assert!(robot.world.time_s() < 300.0);
 }
+
+#[test]
+fn a_metre_with_any_rotation_takes_at_most_twelve_seconds() {
+    // Six of them at the weaker wheel's full speed: 186 mm/s is what the motors have.
+    for bearing in [0.0f64, 90.0, 180.0] {
+        for rotation in [0.0, 90.0, 180.0, -90.0] {
+            let mut robot = Robot::new(&first_board(), Params::default());
+            let (s, c) = bearing.to_radians().sin_cos();
+            let trip = robot.go(1000.0 * c, 1000.0 * s, rotation, 60.0);
+            println!("{bearing} {rotation}: {trip:.2?}");
+            assert!(trip.seconds.is_some_and(|s| s <= 12.0), "{trip:?}");
+        }
+    }
+}
+
+#[test]
+fn straight_on_the_unequal_wheels_agree_within_five_percent_after_a_second() {
+    let mut robot = Robot::new(&first_board(), Params::default());
+    robot.controller.set_target(pose(3000.0, 0.0, 0.0));
+    settle(&mut robot, 100);
+    for _ in 0..1000 {
+        robot.drive();
+        let (left, right) = robot.world.wheel_speeds_deg_s();
+        assert!((left / right - 1.0).abs() < 0.05, "{left} {right}");
+        assert!(robot.world.pose().y_mm.abs() < 10.0);
+    }
+}
+
+#[test]
+fn other_gains_do_as_well() {
+    let double = |v: f64| crate::double::Double(v.to_bits());
+    let mut config = first_board();
+    (config.rotation.p, config.rotation.i) = (double(4.0), double(0.02));
+    config.rotation.d = double(80.0);
+    (config.forward.p, config.forward.i) = (double(4.0), double(0.02));
+    config.forward.d = double(90.0);
+    assert_all_good(&all_ways(&config, &Params::default()));
+}
