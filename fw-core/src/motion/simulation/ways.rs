@@ -65,14 +65,14 @@ fn a_metre_with_any_rotation_takes_at_most_twelve_seconds() {
 }
 
 #[test]
-fn straight_on_the_unequal_wheels_agree_within_five_percent_after_a_second() {
+fn straight_on_the_unequal_wheels_agree_within_eight_percent_after_a_second() {
     let mut robot = Robot::new(&first_board(), Params::default());
     robot.controller.set_target(pose(3000.0, 0.0, 0.0));
     settle(&mut robot, 100);
     for _ in 0..1000 {
         robot.drive();
         let (left, right) = robot.world.wheel_speeds_deg_s();
-        assert!((left / right - 1.0).abs() < 0.05, "{left} {right}");
+        assert!((left / right - 1.0).abs() < 0.08, "{left} {right}");
         assert!(robot.world.pose().y_mm.abs() < 10.0);
     }
 }
