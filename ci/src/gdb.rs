@@ -33,10 +33,16 @@ pub fn find() -> Result<&'static str> {
 
 fn speaks_arm(name: &str) -> bool {
     let mut gdb = Command::new(name);
-    gdb.args(["-nx", "-batch", "-ex", "set architecture armv7e-m"]);
-    // An unknown architecture is no error to GDB's exit code.
-    shell::installed(name)
-        && shell::ask(&mut gdb).is_some_and(|said| said.contains("assumed to be armv7e-m"))
+    gdb.args([
+        "-nx",
+        "-batch",
+        "-ex",
+        "set architecture arm",
+        "-ex",
+        "show architecture",
+    ]);
+    // An unknown architecture is no error to GDB's exit code, and its wording changes.
+    shell::installed(name) && shell::ask(&mut gdb).is_some_and(|said| said.contains("\"arm\""))
 }
 
 /// Loads `elf` through the debug server at `address`, compares every section, resets the core and
