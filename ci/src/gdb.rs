@@ -78,8 +78,15 @@ fn judge(ended_well: bool, text: &str) -> Result<()> {
         .lines()
         .filter(|line| line.starts_with("Section "))
         .count();
-    let differ = text.lines().find(|line| line.contains("MIS-MATCHED"));
-    let wrong = if let Some(line) = differ {
+    let said = |word: &str| text.lines().find(|line| line.contains(word));
+    let lost = [
+        "Connection ",
+        "Remote connection closed",
+        "Remote communication error",
+    ];
+    let wrong = if let Some(line) = lost.into_iter().find_map(said) {
+        Some(line.to_owned())
+    } else if let Some(line) = said("MIS-MATCHED") {
         Some(line.to_owned())
     } else if !ended_well {
         Some("GDB ended with an error".into())

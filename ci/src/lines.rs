@@ -47,10 +47,11 @@ impl Lines {
             .map_err(|error| Error::Board(error.to_string()))
     }
 
-    /// Shows the first lines for which `wanted` holds: at most `most` within `limit`; how many there
-    /// were.
+    /// Shows the first lines for which `wanted` holds: at most `most`, the first within `limit`, the
+    /// others until there is a pause; how many there were.
     pub fn show(&self, most: usize, limit: Duration, wanted: impl Fn(&str) -> bool) -> usize {
-        let end = Instant::now() + limit;
+        const PAUSE: Duration = Duration::from_secs(2);
+        let mut end = Instant::now() + limit;
         let mut shown = 0;
         while shown < most {
             let left = end.saturating_duration_since(Instant::now());
@@ -60,6 +61,7 @@ impl Lines {
             if wanted(&line) {
                 println!("  {line}");
                 shown += 1;
+                end = Instant::now() + PAUSE;
             }
         }
         shown
