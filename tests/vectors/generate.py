@@ -492,6 +492,17 @@ def frames():
                         add("state " + state, mode, direction, {**BUSY, "state": state}, last=0x41)
                     for bit, fault in enumerate(FAULTS):
                         add("fault " + fault, mode, direction, {**BUSY, "faults": 1 << bit}, last=0x41)
+    # The examples of docs/interfaces.md.
+    pose = {"x": -1234, "y": 500_000, "rotation": 0x2000, "apply": True}
+    two = {**SETUP, "cells": 2}
+    add("example: drive there", 0x00, COMMAND, {**QUIET, **pose}, setup=two)
+    add("example: there, and what it sees", 0x00, REPORT,
+        {**QUIET, **pose, "cell": 1, "voltage": voltage_code(F("3.7")), "distance front": distance_code(F(1000)),
+         "distance left": distance_code(F(250))}, setup=two)
+    add("example: half duty", 0x01, COMMAND, {**QUIET, "double": double_bits(50.0), "cell": 1}, setup=two)
+    add("example: stopped", 0x11, REPORT,
+        {**QUIET, "own": 5, "seen": 4, "faults": 1 << FAULTS.index("FRAME_REJECTED"), "state": "stopped",
+         "double": double_bits(90.0), "voltage": voltage_code(F("3.7"))}, last=4, setup=two)
     # What an original end may send and ours never does.
     data = bytearray(write_frame(0, COMMAND, SETUP, BUSY))
     data[13:19] = b"\xDE\xAD\xBE\xEF\x12\x34"

@@ -1,0 +1,185 @@
+//! Modes, strategies, faults, states, orders, causes, examples.
+
+use crate::table::{rows, Row};
+use fw_core::robot::{leds, BLOCKING};
+use fw_core::wire::{
+    chain, fault, frame_len, Cause, Mode, Order, PiLink, Setup, State, StmLink, Strategy,
+};
+use serde_json::Value;
+
+fn strategies() -> Vec<&'static Strategy> {
+    let mut all: Vec<&Strategy> = Vec::new();
+    for strategy in Mode::ALL.iter().flat_map(|&mode| chain(mode)) {
+        if all.iter().all(|known| known.name != strategy.name) {
+            all.push(strategy);
+        }
+    }
+    all
+}
+
+fn vectors(name: &str) -> Vec<Value> {
+    let path = format!(
+        "{}/../tests/vectors/{name}.json",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+#[test]
+fn the_modes_have_these_numbers_names_chains_and_lengths() {
+    let rows = rows(&["mode", "name", "chain", "bytes"]);
+    assert_eq!(rows.len(), Mode::ALL.len());
+    for (row, &mode) in rows.iter().zip(Mode::ALL) {
+        assert_eq!(row.number("mode"), u64::from(mode.code()));
+        assert_eq!(row.get("name"), mode.name());
+        let names: Vec<_> = chain(mode).iter().map(|strategy| strategy.name).collect();
+        assert_eq!(row.get("chain"), names.join(", "), "{mode:?}");
+        assert_eq!(row.number("bytes"), frame_len(mode) as u64, "{mode:?}");
+    }
+}
+
+#[test]
+fn the_strategies_have_these_names_and_lengths() {
+    let rows = rows(&["strategy", "bytes", "Pi → STM", "STM → Pi"]);
+    let strategies = strategies();
+    assert_eq!(rows.len(), strategies.len());
+    for row in rows {
+        let name = row.get("strategy");
+        let strategy = strategies.iter().find(|strategy| strategy.name == name);
+        let strategy = strategy.unwrap_or_else(|| panic!("no strategy {name}"));
+        assert_eq!(row.number("bytes"), strategy.bytes as u64, "{name}");
+    }
+}
+
+/// The constants of `wire::fault` by their names, from the source: a new one cannot be missed.
+fn faults_in_source() -> Vec<(String, u16)> {
+    let source = include_str!("../../src/wire/mod.rs");
+    let (_, module) = source.split_once("pub mod fault {").expect("the module");
+    let (module, _) = module.split_once("\n}").expect("its end");
+    let constants = module.lines().filter_map(|line| {
+        let (name, bit) = line
+            .trim()
+            .strip_prefix("pub const ")?
+            .split_once(": u16 = 1 << ")?;
+        let bit: u16 = bit.strip_suffix(';')?.parse().ok()?;
+        Some((name.to_owned(), bit))
+    });
+    let constants: Vec<_> = constants.collect();
+    assert_eq!(constants.len(), module.matches("pub const ").count());
+    constants
+}
+
+#[test]
+fn the_fault_bits_are_these_and_these_of_them_keep_the_motors_off() {
+    let rows = rows(&["bit", "fault", "meaning", "motors"]);
+    let listed: Vec<_> = rows
+        .iter()
+        .map(|row| {
+            (
+                row.get("fault").to_owned(),
+                u16::try_from(row.number("bit")).unwrap(),
+            )
+        })
+        .collect();
+    assert_eq!(listed, faults_in_source());
+    // The source's text is the code's value.
+    assert_eq!((fault::LINK_LOST, fault::RESTARTED), (1 << 0, 1 << 11));
+    let off = |row: &Row| match row.get("motors") {
+        "off" => 1 << row.number("bit"),
+        "" => 0,
+        other => panic!("{other}"),
+    };
+    let blocking: u64 = rows.iter().map(off).sum();
+    assert_eq!(blocking, u64::from(BLOCKING));
+}
+
+#[test]
+fn the_states_have_these_codes_names_and_leds() {
+    let rows = rows(&["code", "state", "meaning", "LED 1 2 3 4"]);
+    let states: Vec<_> = (0..=u8::MAX).filter_map(State::from_code).collect();
+    assert_eq!(rows.len(), states.len());
+    for (row, state) in rows.iter().zip(states) {
+        assert_eq!(row.number("code"), state as u64);
+        assert_eq!(row.get("state"), state.name());
+        let lit = (0..4).map(|led| {
+            if leds(state) >> led & 1 == 1 {
+                "●"
+            } else {
+                "○"
+            }
+        });
+        assert_eq!(row.get("LED 1 2 3 4"), lit.collect::<Vec<_>>().join(" "));
+    }
+}
+
+#[test]
+fn the_orders_have_these_codes_and_names() {
+    let rows = rows(&["code", "order", "meaning"]);
+    let orders: Vec<_> = (0..=u8::MAX).filter_map(Order::from_code).collect();
+    assert_eq!(rows.len(), orders.len());
+    for (row, order) in rows.iter().zip(orders) {
+        assert_eq!(row.number("code"), order as u64);
+        assert_eq!(row.get("order"), format!("{order:?}").to_lowercase());
+    }
+}
+
+/// Every strategy that the table gives a cause rejects some vector for it, and no vector is rejected
+/// by a pair that the table does not have. That the code rejects them so is the vectors' own test.
+#[test]
+fn the_causes_are_these_and_come_from_these_strategies() {
+    let rows = rows(&["cause", "strategies", "when"]);
+    let names: Vec<_> = rows.iter().map(|row| row.get("cause")).collect();
+    assert_eq!(names, Cause::ALL.map(Cause::name));
+    let mut listed: Vec<_> = rows
+        .iter()
+        .flat_map(|row| {
+            row.get("strategies")
+                .split(", ")
+                .map(|name| (row.get("cause"), name))
+        })
+        .collect();
+    let vectors = vectors("rejected");
+    let mut seen: Vec<_> = vectors
+        .iter()
+        .map(|vector| {
+            let rejected = &vector["rejected"];
+            (
+                rejected["cause"].as_str().unwrap(),
+                rejected["strategy"].as_str().unwrap(),
+            )
+        })
+        .collect();
+    listed.sort_unstable();
+    seen.sort_unstable();
+    seen.dedup();
+    assert_eq!(listed, seen);
+}
+
+#[test]
+fn the_examples_are_frames_that_are_understood() {
+    for row in rows(&["mode", "from", "says", "frame"]) {
+        let frame: Vec<u8> = row
+            .get("frame")
+            .split(' ')
+            .map(|byte| u8::from_str_radix(byte, 16).expect("a byte"))
+            .collect();
+        let setup = Setup {
+            mode: Mode::from_code(u8::try_from(row.number("mode")).unwrap()).expect("a mode"),
+            key_from_pi: 0x96,
+            key_from_stm: 0x5A,
+            cells: 2,
+        };
+        match row.get("from") {
+            "Pi" => drop(StmLink::new(setup).receive(&frame).expect("accepted")),
+            "STM" => drop(PiLink::new(setup).receive(&frame).expect("accepted")),
+            other => panic!("{other}"),
+        }
+        // What it says is checked where the vectors are.
+        let text: String = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+        let known = |vector: &Value| {
+            vector["bytes"] == text.as_str() && vector["mode"] == setup.mode.code()
+        };
+        assert!(vectors("frames").iter().any(known), "{text} is no vector");
+    }
+}
