@@ -17,7 +17,7 @@ pub use supervisor::{Intent, Permit, Supervisor, BLOCKING};
 use crate::double::Double;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
-use crate::motion::{Controller, Delta, Odometry, StopDeadline, Wheels};
+use crate::motion::{Controller, Delta, Odometry, Plausibility, StopDeadline, Wheels};
 use crate::sensing::{Battery, Rangefinders};
 use crate::units::{Duty, Micros, Pose};
 use crate::wire::{
@@ -70,6 +70,9 @@ pub struct Robot {
     odometry: Odometry,
     delta: Delta,
     controller: Controller,
+    plausibility: Plausibility,
+    /// What the motors have been told since the last tick.
+    told: Wheels,
     battery: Battery,
     rangefinders: Rangefinders,
     want: Want,
@@ -95,6 +98,8 @@ impl Robot {
             odometry: Odometry::new(platform, first.left, first.right),
             delta: Delta::default(),
             controller: Controller::new(config),
+            plausibility: Plausibility::new(platform),
+            told: Wheels::default(),
             battery: Battery::new(config),
             rangefinders: Rangefinders::new(platform.rangefinders),
             want: Want::Nothing,
@@ -114,6 +119,8 @@ impl Robot {
             .wrapping_add(self.delta.travel.to_bits().into());
         self.turned = self.turned.wrapping_add(self.delta.turn.into());
         let pose = self.odometry.pose();
+        let implausible = self.plausibility.step(&self.told, &self.delta);
+        self.raise(implausible, log);
 
         self.battery.sample(adc_words);
         self.raise(battery_faults(&self.battery), log);
@@ -132,6 +139,7 @@ impl Robot {
             }
             Permit::Drive => self.drive(&pose),
         };
+        self.told = wheels;
         self.tell(log);
         Outputs {
             left: wheels.left,

@@ -266,3 +266,21 @@ fn an_empty_battery_stops_the_robot_for_good() {
     assert_eq!((last, bench.robot.state()), (Drive::Brake, State::Faulted));
     assert!(bench.log().contains("battery empty"));
 }
+
+#[test]
+fn wheels_that_do_not_turn_stop_the_robot_within_a_second_and_name_the_fault() {
+    let mut bench = Bench::new(Mode::Normal);
+    let mut ticks = 0;
+    while bench.robot.state() != State::Faulted {
+        assert!(ticks < 100, "it pushes on");
+        if ticks % 3 == 0 {
+            bench.frame(&go(1000));
+        }
+        bench.tick();
+        ticks += 1;
+    }
+    let outputs = bench.tick();
+    assert_eq!((outputs.left, outputs.right), (Drive::Brake, Drive::Brake));
+    let stalled = fault::LEFT_STALLED | fault::RIGHT_STALLED;
+    assert_eq!(bench.robot.supervisor.faults() & stalled, stalled);
+}
