@@ -240,10 +240,11 @@ impl Board {
         self.with(|scene| {
             let Robot { chip, around } = &scene.session.board_mut().robot;
             let duty = |pins| bridge::input(chip, pins).duty;
+            let (pose, wheel_deg_s) = around.at(scene.now);
             Truth {
                 at_ns: scene.now,
-                pose: around.world.pose(),
-                wheel_deg_s: around.world.wheel_speeds_deg_s(),
+                pose,
+                wheel_deg_s,
                 duty: (duty(wiring::LEFT_BRIDGE), duty(wiring::RIGHT_BRIDGE)),
                 battery_v: around.world.battery_taps(),
                 path_mm: around.world.path_mm(),

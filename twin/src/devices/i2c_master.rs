@@ -51,16 +51,28 @@ impl I2cMaster {
         self.last = last;
     }
 
-    /// Somebody holds `SDA` or `SCL` low, or no longer does.
-    pub fn hold_low(&mut self, held: bool, registers: &mut RegisterFile) {
-        if self.held_low != held {
-            self.held_low = held;
-            self.show_busy(registers);
-            if !held {
-                let status = registers.get(Register::Sr2);
-                if !sr2::MSL.is_set(status) {
-                    registers.set(Register::Sr2, sr2::BUSY.set(status, 0));
-                }
+    /// Somebody holds `SDA` or `SCL` low, or no longer does: then a start that waited is made.
+    pub fn hold_low(
+        &mut self,
+        held: bool,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if self.held_low == held {
+            return;
+        }
+        self.held_low = held;
+        self.show_busy(registers);
+        let status = registers.get(Register::Sr2);
+        if held || sr2::MSL.is_set(status) {
+            return;
+        }
+        registers.set(Register::Sr2, sr2::BUSY.set(status, 0));
+        let waiting = registers.get(Register::Cr1);
+        if cr1::START.is_set(waiting) {
+            for control in [cr1::START.set(waiting, 0), waiting] {
+                registers.set(Register::Cr1, control);
+                self.inner.write(Register::Cr1, control, registers, context);
             }
         }
     }
@@ -155,5 +167,80 @@ impl Device for I2cMaster {
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.last = false;
         self.inner.reset_line(registers, context);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::part::tests::Bench;
+    use rigless::soc::stm32f427::peripherals::i2c::Pattern;
+
+    const RCC: u64 = 0x4002_3800;
+    const I2C1: u64 = 0x4000_5400;
+    const CR1: u64 = I2C1;
+    const CR2: u64 = I2C1 + 4;
+    const DR: u64 = I2C1 + 0x10;
+    const SR1: u64 = I2C1 + 0x14;
+    const SR2: u64 = I2C1 + 0x18;
+    const CCR: u64 = I2C1 + 0x1C;
+    const PE: u64 = 1;
+    const START: u64 = 1 << 8;
+    const STOP: u64 = 1 << 9;
+    const ACK: u64 = 1 << 10;
+    const DMAEN: u64 = 1 << 11;
+    const LAST: u64 = 1 << 12;
+    const SB: u64 = 1;
+    const BUSY: u64 = 1 << 1;
+    const STREAM: u64 = 0x4002_6010;
+
+    fn bench() -> Bench {
+        let mut bench = Bench::new();
+        bench.part.i2c[0]
+            .inner
+            .attach(Pattern::answering(0x50, [1, 2, 3, 4]));
+        bench.write(RCC + 0x30, 1 << 21);
+        bench.write(RCC + 0x40, 1 << 21);
+        bench.write(CR2, 16);
+        bench.write(CCR, 0x50);
+        bench.write(CR1, PE | ACK);
+        bench
+    }
+
+    #[test]
+    fn the_last_byte_of_a_dma_reception_is_not_acknowledged_and_nothing_follows_it() {
+        let mut bench = bench();
+        for (offset, value) in [
+            (4, 3),
+            (8, DR),
+            (12, Bench::RAM),
+            (0, 1 << 25 | 1 << 10 | 1),
+        ] {
+            bench.write(STREAM + offset, value);
+        }
+        bench.write(CR2, 16 | DMAEN | LAST);
+        bench.write(CR1, PE | ACK | START);
+        assert_ne!(bench.read(SR1) & SB, 0);
+        bench.write(DR, 0x50 << 1 | 1);
+        bench.run(100_000);
+        bench.read(SR1);
+        bench.read(SR2);
+        bench.run(1_000_000);
+        assert_eq!(bench.ram[..4], [1, 2, 3, 0]);
+        let chip: &mut Pattern = bench.part.i2c[0].inner.chip_mut(0).unwrap();
+        assert_eq!(chip.lasts(), [false, false, true]);
+        assert_ne!(bench.read(CR1) & ACK, 0, "the program's own bit stays");
+        bench.write(CR1, PE | ACK | STOP);
+        assert_eq!(bench.read(SR2) & BUSY, 0);
+    }
+
+    #[test]
+    fn a_start_waits_while_somebody_holds_the_bus() {
+        let mut bench = bench();
+        bench.hold_i2c1_low(true);
+        assert_ne!(bench.read(SR2) & BUSY, 0);
+        bench.write(CR1, PE | ACK | START);
+        assert_eq!(bench.read(SR1) & SB, 0);
+        bench.hold_i2c1_low(false);
+        assert_ne!(bench.read(SR1) & SB, 0);
     }
 }
