@@ -26,7 +26,7 @@ use crate::units::{Millimetres, Pose, Turns};
 /// What the wheels did in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Delta {
-    /// Counts the left wheel rolled, forward positive, −32 768 ..= 32 768.
+    /// Counts the left wheel rolled, forward positive.
     pub left: i32,
     /// Counts the right wheel rolled, forward positive, −32 768 ..= 32 768.
     pub right: i32,
@@ -92,7 +92,7 @@ const MAX_DIAMETER: u32 = 5_000_000;
 pub struct Odometry {
     left: Wheel,
     right: Wheel,
-    left_counter: u16,
+    left_counter: u32,
     right_counter: u16,
     /// 2⁻⁶⁴ turns.
     heading: u64,
@@ -128,7 +128,7 @@ impl Odometry {
                 platform.encoder_right_reversed,
                 platform,
             ),
-            left_counter: left as u16,
+            left_counter: left,
             right_counter: right,
             heading: 0,
             x: 0,
@@ -136,16 +136,17 @@ impl Odometry {
         }
     }
 
-    /// One tick's counters, both of which wrap. Of the left one the lower half counts: between two
-    /// ticks a wheel may turn by ±32 767 counts, eight turns, and, for the stated accuracy, the
-    /// robot by a sixteenth of a turn. Any other input is as safe, only less accurate.
+    /// One tick's counters, both of which wrap. Between two ticks a wheel may turn by ±32 767 counts,
+    /// eight turns, and, for the position's stated accuracy, the robot by a sixteenth of a turn. Any
+    /// other input is as safe, only less accurate; the heading follows the left counter's whole
+    /// range.
     #[inline]
     pub fn step(&mut self, left: u32, right: u16) -> Delta {
-        let n_left = i32::from((left as u16).wrapping_sub(self.left_counter) as i16);
+        let n_left = left.wrapping_sub(self.left_counter) as i32;
         let n_right = i32::from(right.wrapping_sub(self.right_counter) as i16);
-        self.left_counter = left as u16;
+        self.left_counter = left;
         self.right_counter = right;
-        let n_left = n_left * self.left.sign;
+        let n_left = n_left.wrapping_mul(self.left.sign);
         let n_right = n_right * self.right.sign;
 
         let turn = times(self.right.turn, n_right).wrapping_sub(times(self.left.turn, n_left));
@@ -154,7 +155,8 @@ impl Odometry {
         let turn = (turn >> 32) as i32;
 
         // 2⁻⁴⁰ mm, below 2⁶¹: each half below 2⁴⁵, each count at most 2¹⁵.
-        let path = self.left.half * i64::from(n_left) + self.right.half * i64::from(n_right);
+        let path = self.left.half * i64::from(n_left.clamp(-0x8000, 0x8000))
+            + self.right.half * i64::from(n_right);
         let direction = Direction::new(middle, turn);
         let length = path.unsigned_abs();
         let along = length - scale(length, direction.versine);

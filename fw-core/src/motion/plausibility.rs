@@ -84,7 +84,8 @@ impl Watch {
             self.counts = 0;
             return None;
         }
-        // At most 2¹⁵ counts a tick.
+        // A jump is another fault; here it only must not overflow.
+        let counts = counts.clamp(-0x8000, 0x8000);
         self.counts += if told > 0 { counts } else { -counts };
         self.ticks += 1;
         if self.ticks < WINDOW {
@@ -143,7 +144,7 @@ impl Plausibility {
             Some(Verdict::Stalled) => fault::RIGHT_STALLED,
             Some(Verdict::Reversed) => fault::RIGHT_REVERSED,
         };
-        if delta.left.abs() > self.most || delta.right.abs() > self.most {
+        if delta.left.saturating_abs() > self.most || delta.right.saturating_abs() > self.most {
             faults |= fault::ENCODER_JUMP;
         }
         faults
