@@ -68,7 +68,7 @@ fn main() -> ! {
     leds::start();
     leds::show(fw_core::robot::leds(State::Booting));
     let Some(source) = clock::start() else {
-        safe::halt(b"E: no clock, motors off\n");
+        safe::halt(b"\nE: no clock, motors off\n");
     };
     watchdog::feed();
     time::start();

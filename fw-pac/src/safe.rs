@@ -36,7 +36,7 @@ pub fn halt(why: &[u8]) -> ! {
 
 #[panic_handler]
 fn panic(_: &PanicInfo) -> ! {
-    halt(b"E: panic, motors off\n")
+    halt(b"\nE: panic, motors off\n")
 }
 
 #[exception]
@@ -46,12 +46,12 @@ unsafe fn NonMaskableInt() -> ! {
     unsafe { &*pac::RCC::ptr() }
         .cir()
         .modify(|_, w| w.cssc().set_bit());
-    halt(b"E: crystal died, motors off\n")
+    halt(b"\nE: crystal died, motors off\n")
 }
 
 #[exception]
 unsafe fn DefaultHandler(_: i16) -> ! {
-    halt(b"E: unexpected interrupt, motors off\n")
+    halt(b"\nE: unexpected interrupt, motors off\n")
 }
 
 // A stack overflow leaves nothing to push on, and a push within HardFault is lockup. So the handler
@@ -71,5 +71,5 @@ core::arch::global_asm!(
 );
 
 extern "C" fn hard_fault() -> ! {
-    halt(b"E: HardFault, motors off\n")
+    halt(b"\nE: HardFault, motors off\n")
 }
