@@ -273,9 +273,22 @@ impl<const N: usize> Log<N> {
     }
 
     /// Queues one line, or drops it where there is no room; never waits.
+    ///
+    /// What all lines share stays out of line: it would be repeated at every place that says one.
+    #[inline]
     pub fn line(&mut self, level: Level, write: impl FnOnce(&mut Line)) {
-        let mut line = Line::header(level, self.take_number());
+        let mut line = self.begin(level);
         write(&mut line);
+        self.end(&mut line);
+    }
+
+    #[inline(never)]
+    fn begin(&mut self, level: Level) -> Line {
+        Line::header(level, self.take_number())
+    }
+
+    #[inline(never)]
+    fn end(&mut self, line: &mut Line) {
         line.newline();
         // Behind a report that found no room, order matters more than a short line that would fit.
         if self.unreported != 0 || !self.push(line.as_bytes()) {
