@@ -57,6 +57,8 @@ pub fn start() -> Option<Source> {
     }
     rcc.cr()
         .modify(|_, w| w.hseon().clear_bit().pllon().clear_bit());
+    // The PLL takes no new factors before it has stopped.
+    poll(POLLS, || rcc.cr().read().pllrdy().bit_is_clear());
     if lock(rcc, Source::Internal) {
         switch(rcc, flash)?;
         return Some(Source::Internal);

@@ -14,7 +14,7 @@
 //! | [`rangefinders`], [`adc`], [`leds`] | what it senses and shows |
 //! | [`exti`] | edges, and everybody's priority |
 //! | [`robot`] | events into the core, outputs to the registers |
-//! | [`safe`] | where everything that must not happen ends |
+//! | [`safe`], [`trial`] | where everything that must not happen ends |
 #![no_std]
 #![no_main]
 #![allow(
@@ -45,6 +45,7 @@ mod robot;
 mod safe;
 mod spi;
 mod time;
+mod trial;
 mod uart;
 mod watchdog;
 
