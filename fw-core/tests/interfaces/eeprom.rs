@@ -62,7 +62,7 @@ fn the_fields_stand_where_the_tables_say_with_these_ranges_and_values() {
     let (key, rest) = rows.split_first().expect("the key");
     let (crc, rows) = rest.split_last().expect("the checksum");
 
-    let hex: String = KEY.iter().map(|byte| format!("{byte:02X}")).collect();
+    let hex = KEY.map(|byte| format!("{byte:02X}")).concat();
     assert_eq!((key.number("address"), key.get("type")), (0, "u8 × 10"));
     assert_eq!(
         (key.get("accepted"), key.get("first board")),
