@@ -1,4 +1,4 @@
-//! The tables of `docs/interfaces.md`.
+//! The tables of a Markdown document.
 
 const DOCUMENT: &str = include_str!("../../../docs/interfaces.md");
 
@@ -40,11 +40,16 @@ fn cells(line: &'static str) -> Vec<&'static str> {
     inner.split('|').map(str::trim).collect()
 }
 
-/// The rows of all tables with these columns, in the order of the document.
+/// The rows of all tables of `docs/interfaces.md` with these columns, in its order.
 pub fn rows(columns: &[&str]) -> Vec<Row> {
+    rows_of(DOCUMENT, columns)
+}
+
+/// The rows of all tables of a document with these columns, in its order.
+pub fn rows_of(document: &'static str, columns: &[&str]) -> Vec<Row> {
     let mut found = Vec::new();
     let mut head: Option<Vec<&str>> = None;
-    for line in DOCUMENT.lines() {
+    for line in document.lines() {
         if !line.starts_with('|') {
             head = None;
             continue;

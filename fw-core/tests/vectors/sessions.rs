@@ -34,6 +34,9 @@ impl Session {
                 assert_eq!(out[..len], bytes(step));
             }
             "send" => {
+                // Written in advance, it is the same.
+                let len = self.stm.anticipate(&report(values), &mut out);
+                assert_eq!(out[..len], bytes(step));
                 let len = self.stm.send(&report(values), &mut out);
                 assert_eq!(out[..len], bytes(step));
             }
