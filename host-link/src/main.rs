@@ -1,4 +1,5 @@
 //! `host-link`: configures, drives and maps with the robot, real or virtual.
+#![forbid(unsafe_code)]
 
 mod cli;
 

@@ -8,6 +8,7 @@
 //!
 //! Millimetres and radians throughout; x and y are those of the frame the poses are in, headings
 //! and bearings counter-clockwise.
+#![forbid(unsafe_code)]
 
 pub mod agreement;
 mod canvas;

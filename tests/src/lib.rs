@@ -1,1 +1,2 @@
 //! What crosses crates: firmware in the loop, the demo, the figures.
+#![forbid(unsafe_code)]

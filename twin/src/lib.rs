@@ -48,6 +48,7 @@
 //!   answers from its registers alone, and every access is reported by [`Board::unmodelled`].
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
 //! - The MPU6050: nobody answers at its address.
+#![forbid(unsafe_code)]
 
 pub mod board;
 pub mod devices;

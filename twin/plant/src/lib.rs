@@ -11,6 +11,7 @@
 //!   frame x is ahead and y to the left.
 //! - A positive duty drives the wheel forward. The encoders of the first board count *down* going
 //!   forward ([`Chassis::encoder_sign`]).
+#![forbid(unsafe_code)]
 
 mod battery;
 mod chassis;

@@ -5,6 +5,7 @@
 //!
 //! With `--gdb` the core waits for the debugger before its first instruction (unless `--run` says
 //! otherwise); port 0 takes any free one. The address it listens on is printed first.
+#![forbid(unsafe_code)]
 
 use std::io::Write;
 use std::net::TcpListener;
