@@ -123,7 +123,7 @@ mod tests {
 
     fn write(part: &mut Stm32f411, address: u64, value: u64) {
         part.write(NOW, address, Width::W32, value).unwrap();
-        crate::part::tests::settle(part);
+        crate::part::bench::settle(part);
     }
 
     fn read(part: &mut Stm32f411, address: u64) -> u64 {
@@ -148,7 +148,7 @@ mod tests {
 
     fn drive(part: &mut Stm32f411, pin: u8, level: Level) {
         part.drive_pin(NOW, crate::part::pin('A', pin), Some(level));
-        crate::part::tests::settle(part);
+        crate::part::bench::settle(part);
     }
 
     #[test]

@@ -172,7 +172,7 @@ impl Device for I2cMaster {
 
 #[cfg(test)]
 mod tests {
-    use crate::part::tests::Bench;
+    use crate::part::bench::Bench;
     use rigless::soc::stm32f427::peripherals::i2c::Pattern;
 
     const RCC: u64 = 0x4002_3800;

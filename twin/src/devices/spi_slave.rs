@@ -265,7 +265,7 @@ impl Device for SpiSlave {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::part::tests::settle;
+    use crate::part::bench::settle;
     use crate::part::Stm32f411;
     use rigless::mcu::Operate;
     use rigless::soc::Width;

@@ -1,23 +1,28 @@
 //! The STM32F411RE: `rigless`'s models of the blocks it shares with the STM32F427, our own for what
 //! `rigless` has none, on the bus of [`map`].
 
+#[cfg(test)]
+pub(crate) mod bench;
+mod doors;
 pub mod map;
+mod pins;
+
+pub use pins::{pin, Pin, Role};
 
 use rigless::cpu::armv7m::Dwt;
-use rigless::device::{DeviceContext, ErasedDevice, Level, RegisterFile, ResetCause};
-use rigless::edge::Pulse;
+use rigless::device::{ErasedDevice, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
 use rigless::soc::stm32f427::peripherals::dbg::Dbg;
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::flash::Flash;
-use rigless::soc::stm32f427::peripherals::gpio::{self, Gpio};
+use rigless::soc::stm32f427::peripherals::gpio::Gpio;
 use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
 use rigless::soc::stm32f427::peripherals::pwr::Pwr;
 use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
 use rigless::soc::stm32f427::peripherals::rtc::Rtc;
-use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, General, Tim};
+use rigless::soc::stm32f427::peripherals::tim::{Advanced, Counter, General, Tim};
 use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
@@ -28,53 +33,6 @@ use crate::devices::outside::{Outside, PinChange};
 use crate::devices::spi_slave::SpiSlave;
 use crate::devices::syscfg::Syscfg;
 use map::PORTS;
-
-/// A pin of the part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Pin {
-    /// Its port's place in [`map::PORTS`].
-    pub port: usize,
-    /// 0 to 15.
-    pub number: u8,
-}
-
-/// The pin `P<port><number>`.
-///
-/// # Panics
-/// When the part has no such port or pin; the names are constants of this crate.
-#[must_use]
-pub const fn pin(port: char, number: u8) -> Pin {
-    let port = match port {
-        'A' => 0,
-        'B' => 1,
-        'C' => 2,
-        'D' => 3,
-        'E' => 4,
-        'H' => 5,
-        _ => panic!("ports A to E and H"),
-    };
-    assert!(number < 16, "a port has sixteen pins");
-    Pin { port, number }
-}
-
-impl Pin {
-    fn gpio(self) -> gpio::Pin {
-        gpio::Pin::new(self.number).expect("checked when the pin was named")
-    }
-}
-
-/// What a pin is configured to be, RM0383 section 8.4.1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// A digital input.
-    Input,
-    /// A digital output.
-    Output,
-    /// The alternate function with this number.
-    Function(u8),
-    /// Analog.
-    Analog,
-}
 
 /// What runs on every bus until a firmware touches the clock tree, RM0383 section 6.2.2.
 const RESET_HZ: u64 = rcc::HSI_HZ;
@@ -267,117 +225,6 @@ impl Stm32f411 {
         self.outside.take_changes()
     }
 
-    /// Puts `level` on a pin from outside, or lets it float.
-    pub fn drive_pin(&mut self, now: VirtualNanos, pin: Pin, level: Option<Level>) {
-        let (registers, mut context) = self.bus.drive(now, self.slots.gpio[pin.port]);
-        self.gpio[pin.port].drive(pin.gpio(), level, registers, &mut context);
-    }
-
-    /// The level on the wire of a pin.
-    #[must_use]
-    pub fn pin_level(&self, pin: Pin) -> Level {
-        self.gpio[pin.port].level(pin.gpio(), self.port(pin))
-    }
-
-    /// What the pin is configured to be.
-    #[must_use]
-    pub fn role(&self, pin: Pin) -> Role {
-        let registers = self.port(pin);
-        match registers.get(g::gpioa::Register::Moder) >> (pin.number * 2) & 3 {
-            0 => Role::Input,
-            1 => Role::Output,
-            2 => Role::Function(Gpio::function(pin.gpio(), registers).unwrap_or_default()),
-            _ => Role::Analog,
-        }
-    }
-
-    /// The level the firmware drives on a pin, `None` where it drives none.
-    #[must_use]
-    pub fn output(&self, pin: Pin) -> Option<Level> {
-        let registers = self.port(pin);
-        let bit = |register| registers.get(register) >> pin.number & 1 != 0;
-        match self.role(pin) {
-            Role::Output => {
-                let high = bit(g::gpioa::Register::Odr);
-                let open_drain = bit(g::gpioa::Register::Otyper);
-                (!(high && open_drain)).then_some(Level::from(high))
-            }
-            _ => None,
-        }
-    }
-
-    fn port(&self, pin: Pin) -> &RegisterFile {
-        self.bus.slots()[self.slots.gpio[pin.port]].registers()
-    }
-
-    /// Puts `level` on the input of a channel (1 to 4) of TIM2 to TIM5 (0 to 3).
-    ///
-    /// # Panics
-    /// When there is no such channel or timer.
-    pub fn drive_timer(&mut self, now: VirtualNanos, nth: usize, channel: u8, level: Level) {
-        let channel = Channel::new(channel).expect("a timer has four channels");
-        let (registers, mut context) = self.bus.drive(now, self.slots.tim[nth]);
-        self.tim[nth].drive_input(channel, level, registers, &mut context);
-    }
-
-    /// The pulse a channel (1 to 4) of TIM2 to TIM5 (0 to 3) puts out, and its level for an output
-    /// that repeats none.
-    ///
-    /// # Panics
-    /// When there is no such channel or timer.
-    #[must_use]
-    pub fn pulse(&self, nth: usize, channel: u8) -> (Option<Pulse>, Option<Level>) {
-        let channel = Channel::new(channel).expect("a timer has four channels");
-        let registers = self.bus.slots()[self.slots.tim[nth]].registers();
-        (
-            self.tim[nth].pulse(channel, registers),
-            self.tim[nth].output(channel, registers),
-        )
-    }
-
-    /// Hands the SPI slave an input the bus does not carry.
-    pub fn drive_spi<T>(
-        &mut self,
-        now: VirtualNanos,
-        input: impl FnOnce(&mut SpiSlave, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
-    ) -> T {
-        let (registers, mut context) = self.bus.drive(now, self.slots.spi);
-        input(&mut self.spi, registers, &mut context)
-    }
-
-    /// The SPI slave's registers.
-    #[must_use]
-    pub fn spi_registers(&self) -> &RegisterFile {
-        self.bus.slots()[self.slots.spi].registers()
-    }
-
-    /// Somebody on I2C1's wires holds one low, or lets go.
-    pub fn hold_i2c1_low(&mut self, now: VirtualNanos, held: bool) {
-        let (registers, mut context) = self.bus.drive(now, self.slots.i2c1);
-        self.i2c[0].hold_low(held, registers, &mut context);
-    }
-
-    /// The crystal stops while it runs.
-    pub fn fail_crystal(&mut self, now: VirtualNanos) {
-        let (registers, mut context) = self.bus.drive(now, self.slots.rcc);
-        self.rcc.fail_hse(registers, &mut context);
-    }
-
-    /// The bit rate USART1 is set to, RM0383 section 19.3.4, or zero while it is off.
-    #[must_use]
-    pub fn usart1_baud(&self) -> u64 {
-        let registers = self.bus.slots()[self.slots.usart1].registers();
-        let clocks = self.bus.slots()[self.slots.rcc].registers();
-        let divider = registers.get(g::usart6::Register::Brr) & 0xFFFF;
-        let over8 = registers.get(g::usart6::Register::Cr1) >> 15 & 1 != 0;
-        let sixteenths = if over8 {
-            (divider >> 3) * 16 / 2 + (divider & 7)
-        } else {
-            divider
-        };
-        self.rcc.pclk2(clocks).checked_div(sixteenths).unwrap_or(0)
-    }
-
     /// `rigless` lets an oscillator without a crystal become ready at no frequency. The silicon's
     /// never does (RM0383 section 6.2.1: the flag says whether it is stable).
     fn keep_a_missing_crystal_still(&mut self) {
@@ -505,89 +352,9 @@ impl Mcu for Stm32f411 {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use rigless::emulator::{Error, Memory};
     use rigless::soc::Width;
-
-    /// A part on the bench: driven register by register, with a little memory for its DMA.
-    pub(crate) struct Bench {
-        pub(crate) part: Stm32f411,
-        pub(crate) ram: [u8; 64],
-        now: VirtualNanos,
-    }
-
-    struct Ram<'a>(&'a mut [u8; 64]);
-
-    impl Memory for Ram<'_> {
-        fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
-            let byte = usize::try_from(address - Bench::RAM).ok();
-            byte.and_then(|byte| self.0.get(byte))
-                .filter(|_| width == Width::W8)
-                .map(|&byte| u64::from(byte))
-                .ok_or(Error::Memory { address, width })
-        }
-
-        fn write(&mut self, address: u64, width: Width, value: u64) -> Result<(), Error> {
-            let byte = usize::try_from(address - Bench::RAM).ok();
-            let byte = byte.and_then(|byte| self.0.get_mut(byte));
-            let byte = byte.filter(|_| width == Width::W8);
-            *byte.ok_or(Error::Memory { address, width })? = value.to_le_bytes()[0];
-            Ok(())
-        }
-    }
-
-    impl Bench {
-        /// Where its memory is.
-        pub(crate) const RAM: u64 = 0x2000_0000;
-
-        pub(crate) fn new() -> Self {
-            Self {
-                part: Stm32f411::new().unwrap(),
-                ram: [0; 64],
-                now: VirtualNanos(0),
-            }
-        }
-
-        fn settle(&mut self) {
-            self.part.settle(&mut Ram(&mut self.ram)).unwrap();
-        }
-
-        pub(crate) fn write(&mut self, address: u64, value: u64) {
-            self.part
-                .write(self.now, address, Width::W32, value)
-                .unwrap();
-            self.settle();
-        }
-
-        pub(crate) fn read(&mut self, address: u64) -> u64 {
-            let value = self.part.read(self.now, address, Width::W32).unwrap();
-            self.settle();
-            value
-        }
-
-        pub(crate) fn hold_i2c1_low(&mut self, held: bool) {
-            self.part.hold_i2c1_low(self.now, held);
-            self.settle();
-        }
-
-        /// Lets virtual time pass as the emulator does: from event to event.
-        pub(crate) fn run(&mut self, ns: u64) {
-            let ends = VirtualNanos(self.now.0 + ns);
-            while let Some(at) = self.part.next_event().filter(|&at| at <= ends) {
-                self.now = at;
-                self.part.advance_to(at);
-                self.part.poll(at);
-                self.settle();
-            }
-            self.now = ends;
-        }
-    }
-
-    /// Lets the part reach its next steady state.
-    pub(crate) fn settle(part: &mut Stm32f411) {
-        part.settle(&mut Ram(&mut [0; 64])).unwrap();
-    }
 
     #[test]
     fn the_part_has_the_memories_of_its_name() {
