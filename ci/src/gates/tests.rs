@@ -1,5 +1,7 @@
 //! Gates that run tests: beside the code, and with the firmware in the loop.
 
+use std::process::Command;
+
 use super::{passed, Context, Verdict};
 use crate::error::{failed, Result};
 use crate::numbers::Report;
@@ -7,8 +9,7 @@ use crate::robot::{self, cargo_with_board};
 use crate::shell;
 
 pub fn unit(context: &mut Context) -> Result<Verdict> {
-    let text = shell::tee(context.place.cargo().arg("test"))?;
-    counted(&text)
+    run(context.place.cargo().args(["test", "--no-fail-fast"]))
 }
 
 pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
@@ -24,7 +25,7 @@ pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
     ];
     let mut command = cargo_with_board(&context.place, &packages)?;
     command.env("ROBOT_ELF", elf).env("ROBOT_ELF_PANIC", panic);
-    counted(&shell::tee(&mut command)?)
+    run(&mut command)
 }
 
 pub fn demo(context: &mut Context) -> Result<Verdict> {
@@ -73,6 +74,22 @@ pub fn figures(context: &mut Context) -> Result<Verdict> {
     ))
 }
 
+fn run(tests: &mut Command) -> Result<Verdict> {
+    let (status, text) = shell::tee_any_end(tests)?;
+    let broken: Vec<_> = failures(&text).collect();
+    match (status.success(), broken.is_empty()) {
+        (true, true) => counted(&text),
+        (_, false) => failed(format!("{} failed: {}", broken.len(), broken.join(", "))),
+        (false, true) => failed(format!("`{}` ended with {status}", shell::shown(tests))),
+    }
+}
+
+/// The names of the tests that failed, in the order they ran.
+fn failures(text: &str) -> impl Iterator<Item = &str> {
+    let lines = text.lines().filter_map(|line| line.strip_prefix("test "));
+    lines.filter_map(|line| line.strip_suffix(" ... FAILED"))
+}
+
 /// Passed with the number of tests; a run without a test has tested nothing.
 fn counted(text: &str) -> Result<Verdict> {
     let (tests, ignored) = count(text);
@@ -114,5 +131,11 @@ test result: ok. 3 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
 ";
         assert_eq!(count(text), (15, 1));
         assert!(counted("").is_err());
+    }
+
+    #[test]
+    fn the_tests_that_failed_are_named() {
+        let text = "test a::b ... ok\ntest a::c ... FAILED\nFAILED\n";
+        assert_eq!(failures(text).collect::<Vec<_>>(), ["a::c"]);
     }
 }
