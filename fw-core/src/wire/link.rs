@@ -128,13 +128,14 @@ impl End {
         if let Some(last) = self.context.last {
             let between = sequence.own.wrapping_sub(last).wrapping_sub(1);
             self.counters.missed = self.counters.missed.saturating_add(between.into());
+            // The other end accepted a number that this end has not reached: this end started anew.
+            // Going on from there, its next frame is fresh instead of up to 128 of them stale. Not
+            // from the first frame: it may say 0 only because the other end has heard nothing yet.
+            if newer(sequence.seen, self.context.own) {
+                self.context.own = sequence.seen;
+            }
         }
         self.context.last = Some(sequence.own);
-        // The other end accepted a number that this end has not reached: this end started anew.
-        // Going on from there, its next frame is fresh instead of up to 128 of them stale.
-        if newer(sequence.seen, self.context.own) {
-            self.context.own = sequence.seen;
-        }
         self.counters.unacknowledged = self.context.own.wrapping_sub(sequence.seen);
     }
 
