@@ -13,6 +13,7 @@
 //! | [`motion`] | T6 to T8: heading, position, regulators, stop deadline |
 //! | [`sensing`] | T9, T10: rangefinders and battery |
 //! | [`log`] | T13: the log's queue |
+//! | [`robot`] | T5, T8: the whole robot under any order of events |
 //! | [`theorem`] | how a property is declared |
 //! | [`input`] | where inputs come from |
 //! | [`search`] | the explicit-state search of the models in `tests/` |
@@ -31,6 +32,7 @@ pub mod eeprom;
 pub mod input;
 pub mod log;
 pub mod motion;
+pub mod robot;
 #[cfg(test)]
 mod sampled;
 pub mod search;
@@ -59,6 +61,7 @@ pub const THEOREMS: &[&[Theorem]] = &[
     sensing::rangefinder::THEOREMS,
     sensing::battery::THEOREMS,
     log::THEOREMS,
+    robot::THEOREMS,
 ];
 
 /// Every theorem, area by area.
