@@ -962,8 +962,8 @@ def eeprom():
                     field(name, number, original=original)
             continue
         biggest = (1 << 8 * struct.calcsize(kind)) - 1
-        outside = {low - 1, high + 1, biggest, 0} - set(range(low, high + 1)) - {-1, biggest + 1}
-        for value in sorted(outside):
+        candidates = sorted({low - 1, high + 1, biggest, 0})
+        for value in (v for v in candidates if 0 <= v <= biggest and not low <= v <= high):
             field(name, value, everywhere)
             if address < 0x0300:
                 field(name, value, everywhere, original=True)

@@ -72,13 +72,18 @@ const fn slow(
 }
 
 /// Cheap and telling ones first.
-const GATES: [Gate; 17] = [
+const GATES: [Gate; 18] = [
     quick("setup", "a way to build for the robot's processor", setup),
     quick("fmt", "the source is formatted", source::fmt),
     quick(
         "hygiene",
         "unsafe only in fw-pac, licences, no toolchain file",
         hygiene::hygiene,
+    ),
+    quick(
+        "vectors",
+        "the test vectors are what their generator calculates",
+        source::vectors,
     ),
     quick(
         "clippy",

@@ -44,6 +44,17 @@ pub fn fmt(context: &mut Context) -> Result<Verdict> {
     passed("")
 }
 
+/// What the core is checked against must not be edited by hand.
+pub fn vectors(context: &mut Context) -> Result<Verdict> {
+    if shell::ask(Command::new("python3").arg("--version")).is_none() {
+        return skipped("python3 is not installed");
+    }
+    let mut check = Command::new("python3");
+    check.current_dir(&context.place.root);
+    shell::run(check.args(["tests/vectors/generate.py", "--check"]))?;
+    passed("")
+}
+
 pub fn clippy(context: &mut Context) -> Result<Verdict> {
     if !component(context, "clippy", "clippy") {
         return skipped("clippy is not installed (`rustup component add clippy`)");
