@@ -20,7 +20,7 @@ use crate::measure::{Event, What};
 
 /// The board at a stop, for a piece of work.
 pub struct Scene<'a> {
-    /// The emulator's session, with the board and its reports.
+    /// The run, with the board and what the emulator reports.
     pub session: &'a mut Session<VirtualBoard>,
     /// The core.
     pub host: &'a mut dyn Host,
