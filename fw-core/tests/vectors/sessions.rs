@@ -46,7 +46,11 @@ impl Session {
                 assert_eq!(out[..len], bytes(step));
             }
             "receive" => self.receive(step, is_pi),
-            "exchange" => self.exchange(int(step, "times"), step["to_stm"] == true),
+            "exchange" => self.exchange(
+                int(step, "times"),
+                step["to_stm"] == true,
+                step["to_pi"] == true,
+            ),
             "counters" => {
                 let counters = if is_pi {
                     self.pi.counters()
@@ -77,7 +81,7 @@ impl Session {
     }
 
     /// Chip-selects at rest; the reply was written before the command arrives.
-    fn exchange(&mut self, times: u16, to_stm: bool) {
+    fn exchange(&mut self, times: u16, to_stm: bool, to_pi: bool) {
         for _ in 0..times {
             let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
             let len = self.pi.send(&Command::default(), &mut there);
@@ -96,7 +100,9 @@ impl Session {
                     Command::default()
                 );
             }
-            self.pi.receive(&back[..len]).expect("accepted");
+            if to_pi {
+                self.pi.receive(&back[..len]).expect("accepted");
+            }
         }
     }
 }
