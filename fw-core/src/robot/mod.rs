@@ -83,6 +83,8 @@ pub struct Robot {
     turned: i64,
     /// The cell whose turn it is in the replies.
     cell: u8,
+    /// See [`Self::sense`].
+    sensed: Report,
     telling: Telling,
 }
 
@@ -107,6 +109,7 @@ impl Robot {
             travelled: 0,
             turned: 0,
             cell: 0,
+            sensed: Report::default(),
             telling: Telling::new(platform.log_period),
         }
     }
@@ -141,12 +144,25 @@ impl Robot {
         };
         self.told = wheels;
         self.tell(log);
+        let trigger = self.rangefinders.tick(sample.now);
+        self.sense();
         Outputs {
             left: wheels.left,
             right: wheels.right,
-            trigger: self.rangefinders.tick(sample.now),
+            trigger,
             leds: leds(self.supervisor.state()),
         }
+    }
+
+    /// What a tick or an echo changed, in the wire's codes: a frame's replies only copy it.
+    fn sense(&mut self) {
+        self.sensed = Report {
+            pose: PoseCode::from_pose(&self.odometry.pose()),
+            measurement: self.measurement(),
+            ranges: Rangefinder::ALL
+                .map(|which| DistanceCode::from_distance(self.rangefinders.distance(which))),
+            ..Report::default()
+        };
     }
 
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
@@ -265,6 +281,7 @@ impl Robot {
     /// An echo of the rangefinder triggered last: both edges on the robot's clock.
     pub fn on_echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
         self.rangefinders.echo(which, rise, fall);
+        self.sense();
     }
 
     /// Latches faults that the registers found.
@@ -305,14 +322,10 @@ impl Robot {
 
     fn report(&self, cell: u8) -> Report {
         Report {
-            pose: PoseCode::from_pose(&self.odometry.pose()),
-            measurement: self.measurement(),
             cell: CellCode::from_volts(cell, self.battery.cell(cell).unwrap_or_default()),
-            ranges: Rangefinder::ALL
-                .map(|which| DistanceCode::from_distance(self.rangefinders.distance(which))),
             faults: self.supervisor.faults(),
             state: self.supervisor.state(),
-            ..Report::default()
+            ..self.sensed
         }
     }
 
