@@ -111,12 +111,12 @@ impl Body {
     #[inline(never)]
     #[export_name = "robot_frame"]
     fn on_frame(&mut self, frame: spi::Claim, log: &mut Log) {
-        let due = spi::due();
+        let (due, spent) = spi::due();
         while self.reply != due {
             self.reply = self.reply.wrapping_add(1);
             self.robot.reply_gone();
         }
-        if spi::spent() {
+        if spent {
             self.answer();
         }
         // The standby comes first: from here on the robot may be late once more.

@@ -51,7 +51,7 @@ use crate::board::{MISO, MOSI, SCK, SS};
 use crate::dma::{control, Stream};
 use crate::gpio::{Driver, Pull};
 use crate::{exti, time};
-use core::cell::{Cell, UnsafeCell};
+use core::cell::UnsafeCell;
 use cortex_m::interrupt::{free, CriticalSection, Mutex};
 use fw_core::units::Micros;
 use fw_core::wire::MAX_FRAME;
@@ -99,7 +99,15 @@ struct State {
     standby: Option<Reply>,
 }
 
-static STATE: Mutex<Cell<State>> = Mutex::new(Cell::new(State {
+impl State {
+    /// The number of the reply that should go out next.
+    #[inline]
+    fn turn(&self) -> u32 {
+        self.armed.number.wrapping_add(u32::from(self.spent))
+    }
+}
+
+static STATE: Mutex<UnsafeCell<State>> = Mutex::new(UnsafeCell::new(State {
     receiving: 0,
     ended: None,
     taken: None,
@@ -171,12 +179,9 @@ pub unsafe fn start(build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
     MISO.fast();
     // SAFETY: nobody else is there yet (the caller's promise).
     let armed = unsafe { write(0, build) };
-    free(|token| {
-        let cell = STATE.borrow(token);
-        let mut state = cell.get();
+    update(|state| {
         state.armed = armed;
-        cell.set(state);
-        arm(&state);
+        arm(state);
     });
 }
 
@@ -187,17 +192,15 @@ pub struct Claim(Ended);
 /// When the frame that [`claim`] would give ended.
 #[inline]
 pub fn ended(token: &CriticalSection) -> Option<Micros> {
-    STATE.borrow(token).get().ended.map(|ended| ended.at)
+    state(token).ended.map(|ended| ended.at)
 }
 
 /// The frame that ended last, for [`read`]; claim none before the one before has been read.
 #[inline]
 pub fn claim(token: &CriticalSection) -> Option<Claim> {
-    let cell = STATE.borrow(token);
-    let mut state = cell.get();
+    let state = state(token);
     let ended = state.ended.take()?;
     state.taken = Some(ended.buffer);
-    cell.set(state);
     Some(Claim(ended))
 }
 
@@ -227,14 +230,9 @@ pub fn take_lost() -> u32 {
 }
 
 /// The number of the reply that goes out next if the robot is in time: the armed one's, or the
-/// following one's where the armed one is spent.
-pub fn due() -> u32 {
-    update(|state| state.armed.number.wrapping_add(u32::from(state.spent)))
-}
-
-/// Whether the armed reply has gone out already, so that a frame now would carry it once more.
-pub fn spent() -> bool {
-    update(|state| state.spent)
+/// following one's where the armed one is spent; and whether it is.
+pub fn due() -> (u32, bool) {
+    update(|state| (state.turn(), state.spent))
 }
 
 /// Builds reply `number` anew and arms it in place of the one armed. It is dropped where another
@@ -248,7 +246,7 @@ pub unsafe fn answer(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> us
     // SAFETY: the caller's promise.
     let reply = unsafe { write(number, build) };
     update(|state| {
-        if state.armed.number.wrapping_add(u32::from(state.spent)) != number {
+        if state.turn() != number {
             return;
         }
         if SS.is_high() {
@@ -281,13 +279,18 @@ pub unsafe fn prepare(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> u
 /// Masked, so that nobody sees half a change.
 #[inline]
 fn update<R>(change: impl FnOnce(&mut State) -> R) -> R {
-    free(|token| {
-        let cell = STATE.borrow(token);
-        let mut state = cell.get();
-        let result = change(&mut state);
-        cell.set(state);
-        result
-    })
+    free(|token| change(state(token)))
+}
+
+/// Who owns which buffer, while masked.
+#[inline]
+#[allow(
+    clippy::mut_from_ref,
+    reason = "the token stands for the one masked stretch"
+)]
+fn state(token: &CriticalSection) -> &mut State {
+    // SAFETY: masked, so there is one user; none of them calls another while it holds this.
+    unsafe { &mut *STATE.borrow(token).get() }
 }
 
 /// Builds a reply in a free buffer. What is free stays so: from above the robot's priority a
