@@ -1,2 +1,10 @@
 //! What crosses crates: firmware in the loop, the demo, the figures.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`rig`] | the release ELF on the virtual board, and its wires byte by byte |
+//! | [`document`] | EEPROM images and frames written by hand from the document's tables |
 #![forbid(unsafe_code)]
+
+pub mod document;
+pub mod rig;

@@ -1,0 +1,279 @@
+//! The whole robot, end to end, without hardware: boots the release ELF on the virtual board with a
+//! blank EEPROM, configures it as a user would, drives the default room's tour at 40 frames a second
+//! and leaves the map, the trajectory and a page of figures.
+//!
+//! `demo --elf PATH [--out DIRECTORY] [--seed N]`; exit code 1 where a bar is missed, 2 on a wrong
+//! argument.
+
+mod report;
+mod trail;
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use std::{env, fs};
+
+use host_link::drive::{self, Terms};
+use host_link::eeprom;
+use host_link::link::Statistics;
+use host_link::machine::{Interrupt, Machine};
+use host_link::pose::Place;
+use host_link::session::{Session, RATE_HZ};
+use host_link::settings::Settings;
+use host_link::survey::{mapper_config, Look, Survey};
+use host_link::virtual_board::{self, VirtualWires};
+use mapper::{map_iou, picture, Agreement, Segment};
+use report::Report;
+use trail::Trail;
+use twin::plant::Room;
+use twin::{Board, Options};
+
+/// The configuration that the demo writes, as a user would.
+const CONFIGURATION: &str = "host-link/config/first-board.toml";
+/// A blank EEPROM must keep READY low for this long to count as refused, microseconds.
+const PATIENCE_US: u64 = 1_000_000;
+/// How long READY may take after the configuration is written, milliseconds.
+const READY_MS: u32 = 1_000;
+/// The Pi's SPI clock, hertz.
+const SPI_HZ: u32 = 8_000_000;
+/// Cells of the map, millimetres.
+const CELL_MM: f64 = 25.0;
+/// How near an occupied cell and a wall must be to agree, millimetres.
+const TOLERANCE_MM: f64 = 100.0;
+
+struct Arguments {
+    elf: PathBuf,
+    out: PathBuf,
+    seed: u64,
+}
+
+fn main() {
+    let arguments = match arguments() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            eprintln!("demo: {error}. Usage: demo --elf PATH [--out DIRECTORY] [--seed N]");
+            std::process::exit(2);
+        }
+    };
+    match run(&arguments) {
+        Ok(report) if report.missed_bars.is_empty() => {}
+        Ok(report) => {
+            for missed in report.missed_bars {
+                eprintln!("demo: missed: {missed}");
+            }
+            std::process::exit(1);
+        }
+        Err(error) => {
+            eprintln!("demo: {error}");
+            std::process::exit(1);
+        }
+    }
+}
+
+fn arguments() -> Result<Arguments, String> {
+    let (mut elf, mut out, mut seed) = (None, PathBuf::from("target/demo"), 1);
+    let mut words = env::args().skip(1);
+    while let Some(word) = words.next() {
+        let value = words.next().ok_or(format!("{word} needs a value"))?;
+        match word.as_str() {
+            "--elf" => elf = Some(PathBuf::from(value)),
+            "--out" => out = PathBuf::from(value),
+            "--seed" => {
+                seed = value
+                    .parse()
+                    .map_err(|_| format!("--seed {value}: accepted is a whole number"))?;
+            }
+            _ => return Err(format!("unknown argument {word}")),
+        }
+    }
+    Ok(Arguments {
+        elf: elf.ok_or("--elf is missing")?,
+        out,
+        seed,
+    })
+}
+
+fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
+    let wall = Instant::now();
+    let elf = fs::read(&arguments.elf).map_err(|e| format!("{}: {e}", arguments.elf.display()))?;
+    fs::create_dir_all(&arguments.out)?;
+    let room = Room::two_rooms();
+
+    println!("1/5  boot with a blank EEPROM");
+    let board = boot_blank(&elf, arguments.seed, &room)?;
+    println!("2/5  write {CONFIGURATION} to the EEPROM");
+    let mut machine = virtual_board::machine(&board, SPI_HZ, Interrupt::new());
+    let reset_to_ready_ms = configure(&mut machine)?;
+    println!(
+        "3/5  drive {:.1} m through {} way-points",
+        room.tour_length() / 1000.0,
+        room.tour.len()
+    );
+    let drive = drive_tour(&mut machine, &board, &room)?;
+    println!("4/5  draw the map");
+    let agreement = draw(&drive, &board, &room, &arguments.out)?;
+
+    println!("5/5  report");
+    let unmodelled = board.unmodelled();
+    let truth = board.truth();
+    let mut report = Report {
+        seed: arguments.seed,
+        virtual_seconds: seconds(board.now_us()),
+        wall_seconds: wall.elapsed().as_secs_f64(),
+        realtime_factor: drive.virtual_seconds / drive.wall_seconds,
+        driving_virtual_seconds: drive.virtual_seconds,
+        path_m: truth.path_mm / 1000.0,
+        way_points: room.tour.len(),
+        frames_sent: drive.link.frames,
+        frames_accepted: drive.link.accepted,
+        frames_rejected: drive.link.rejected,
+        reset_to_ready_ms,
+        position_error_mm_max: drive.trail.worst_mm,
+        heading_error_deg_max: drive.trail.worst_deg,
+        position_error_mm_end: drive.trail.last_mm,
+        heading_error_deg_end: drive.trail.last_deg,
+        map_iou: agreement.iou,
+        map_precision: agreement.precision,
+        map_recall: agreement.recall,
+        collisions: truth.collisions,
+        instructions: board.instructions(),
+        unmodelled_registers: unmodelled.len(),
+        unmodelled: unmodelled.lines,
+        missed_bars: Vec::new(),
+    };
+    report.missed_bars = report.missed();
+    let json = serde_json::to_string_pretty(&report)? + "\n";
+    fs::write(arguments.out.join("report.json"), json)?;
+    let page = report.page();
+    fs::write(arguments.out.join("report.md"), &page)?;
+    println!("\n{page}\nLeft in {}", arguments.out.display());
+    Ok(report)
+}
+
+/// A blank EEPROM must keep the robot from starting, and the log must say so.
+fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<Board, Box<dyn Error>> {
+    let board = Board::new(
+        elf,
+        Options {
+            seed,
+            room: room.clone(),
+            ..Options::default()
+        },
+    )?;
+    if board.run_until(PATIENCE_US, 10_000, Board::is_ready) {
+        return Err("READY rose without a configuration".into());
+    }
+    let log = String::from_utf8_lossy(&board.uart()).into_owned();
+    let refusal = log
+        .lines()
+        .find(|line| line.starts_with('E'))
+        .ok_or("READY stays low and the log does not say why")?;
+    println!("     READY stays low: {refusal}");
+    Ok(board)
+}
+
+/// Writes the first board's configuration as `host-link eeprom write` does; milliseconds to READY.
+fn configure(machine: &mut Machine<VirtualWires>) -> Result<u32, Box<dyn Error>> {
+    let settings = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("..")
+        .join(CONFIGURATION);
+    let image = Settings::load(&settings)?.image();
+    let programmed = eeprom::program(machine, &image, READY_MS, None, |_| {})?;
+    println!(
+        "     {} bytes in {} bursts, READY after {} ms",
+        programmed.bytes, programmed.bursts, programmed.ready_ms
+    );
+    Ok(programmed.ready_ms)
+}
+
+/// What a drive leaves.
+struct Drive {
+    survey: Survey,
+    trail: Trail,
+    link: Statistics,
+    virtual_seconds: f64,
+    wall_seconds: f64,
+}
+
+fn drive_tour(
+    machine: &mut Machine<VirtualWires>,
+    board: &Board,
+    room: &Room,
+) -> Result<Drive, Box<dyn Error>> {
+    let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
+    let mut survey = Survey::new(mapper_config(session.config(), CELL_MM));
+    let mut trail = Trail::new(board, room);
+    let way: Vec<Place> = room.tour.iter().map(|pose| place(*pose)).collect();
+    let begun_us = board.now_us();
+    let begun = Instant::now();
+    drive::tour(
+        &mut session,
+        &way,
+        &Terms::default(),
+        |_, snapshot| {
+            if let Some(look) = Look::of(snapshot) {
+                trail.note(board, look.pose);
+                survey.take(&look);
+            }
+        },
+        |index, arrival| {
+            println!(
+                "     {:2}/{}  ({:6.0}, {:6.0}) mm, {:4.0}°  off by {:.1} mm, {:.2}°  after {:.1} s",
+                index + 1,
+                way.len(),
+                arrival.pose.x_mm,
+                arrival.pose.y_mm,
+                arrival.pose.rotation_deg,
+                arrival.off_mm,
+                arrival.off_deg,
+                arrival.seconds
+            );
+        },
+    )?;
+    Ok(Drive {
+        link: session.statistics(),
+        survey,
+        trail,
+        virtual_seconds: seconds(board.now_us() - begun_us),
+        wall_seconds: begun.elapsed().as_secs_f64(),
+    })
+}
+
+/// Leaves the map, the trajectory and the log; how well the map agrees with the true walls.
+fn draw(
+    drive: &Drive,
+    board: &Board,
+    room: &Room,
+    out: &Path,
+) -> Result<Agreement, Box<dyn Error>> {
+    // The robot's frame: where it stood at its reset.
+    let walls = segments(&room.seen_from_start());
+    let grid = drive.survey.mapper().grid();
+    drive.survey.save_map(&out.join("map"))?;
+    fs::write(out.join("map.png"), picture::map(grid)?)?;
+    let trajectory =
+        picture::trajectory(grid, &drive.trail.believed, &drive.trail.true_path, &walls)?;
+    fs::write(out.join("trajectory.png"), trajectory)?;
+    fs::write(out.join("uart.log"), board.uart())?;
+    Ok(map_iou(grid, &walls, TOLERANCE_MM))
+}
+
+fn place(pose: twin::plant::Pose) -> Place {
+    Place {
+        x_mm: pose.x_mm,
+        y_mm: pose.y_mm,
+        rotation_deg: pose.heading_rad.to_degrees(),
+    }
+}
+
+fn segments(room: &Room) -> Vec<Segment> {
+    room.visible_surfaces()
+        .iter()
+        .map(|s| Segment::new(s.x1, s.y1, s.x2, s.y2))
+        .collect()
+}
+
+#[allow(clippy::cast_precision_loss)] // exact below 285 years
+fn seconds(us: u64) -> f64 {
+    us as f64 / 1e6
+}

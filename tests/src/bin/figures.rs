@@ -1,0 +1,377 @@
+//! The figures of the release ELF, measured on the emulated core: `target/figures.json` and a table.
+//!
+//! `figures --elf PATH [--out FILE]`; exit code 1 where a bar is missed, 2 on a wrong argument. How each
+//! figure is measured is in docs/figures.md.
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::{env, fs};
+
+use object::{Object, ObjectSection, ObjectSegment, SectionKind};
+use robot_tests::document::{crc16, image_in_mode, normal_frame, NormalReply, KEY_PI, KEY_STM};
+use robot_tests::rig::{Rig, READY_US};
+use serde::Serialize;
+use twin::measure::{spans, without, Event, What};
+use twin::{Options, Step};
+
+/// TIM5's compare 1 (RM0383, table 1 and 13.4.21): written by every tick.
+const TIM5_CCR1: u64 = 0x4000_0C34;
+/// The tick's period, nanoseconds.
+const TICK_NS: u64 = 10_000_000;
+/// From the chip-select's fall to the first clock, and from the last to its rise, nanoseconds.
+const SETUP_NS: u64 = 1_000;
+/// Bytes of a Normal frame.
+const NORMAL: u64 = 19;
+/// Shortest pause between two frames, nanoseconds.
+const GAP_NS: u64 = 20_000;
+/// Rates tried for the sustained one, frames a second.
+const RATES: [u64; 7] = [2_000, 5_000, 8_000, 10_000, 12_000, 16_000, 20_000];
+
+#[derive(Clone, Copy, Serialize)]
+struct Spread {
+    min: u64,
+    mean: f64,
+    max: u64,
+    samples: usize,
+}
+
+impl Spread {
+    fn of(values: &[u64]) -> Option<Self> {
+        #[allow(clippy::cast_precision_loss)] // counts far below 2⁵²
+        let mean = values.iter().sum::<u64>() as f64 / values.len() as f64;
+        Some(Self {
+            min: *values.iter().min()?,
+            mean,
+            max: *values.iter().max()?,
+            samples: values.len(),
+        })
+    }
+}
+
+#[derive(Serialize)]
+struct Figures {
+    flash_bytes: u64,
+    static_ram_bytes: u64,
+    boot_to_ready_us: u64,
+    tick_instructions: Spread,
+    frame_instructions: Spread,
+    guarded_frame_instructions: Spread,
+    tick_jitter_us: f64,
+    frames_per_s_sustained: u64,
+    frames_per_s_wire_limit: u64,
+    frames_per_s_sustained_12_mhz: u64,
+}
+
+fn main() {
+    let (mut elf, mut out) = (None, PathBuf::from("target/figures.json"));
+    let mut words = env::args().skip(1);
+    while let Some(word) = words.next() {
+        match (word.as_str(), words.next()) {
+            ("--elf", Some(value)) => elf = Some(PathBuf::from(value)),
+            ("--out", Some(value)) => out = PathBuf::from(value),
+            _ => {
+                eprintln!("figures: {word}. Usage: figures --elf PATH [--out FILE]");
+                std::process::exit(2);
+            }
+        }
+    }
+    let Some(elf) = elf else {
+        eprintln!("figures: --elf is missing. Usage: figures --elf PATH [--out FILE]");
+        std::process::exit(2);
+    };
+    match run(&elf, &out) {
+        Ok(true) => {}
+        Ok(false) => std::process::exit(1),
+        Err(error) => {
+            eprintln!("figures: {error}");
+            std::process::exit(1);
+        }
+    }
+}
+
+fn run(path: &PathBuf, out: &PathBuf) -> Result<bool, Box<dyn Error>> {
+    let elf = fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let (flash_bytes, static_ram_bytes) = sizes(&elf)?;
+    let bench = Bench { elf };
+    let (tick_instructions, frame_instructions) = bench.driving()?;
+    let figures = Figures {
+        flash_bytes,
+        static_ram_bytes,
+        boot_to_ready_us: bench.boot_to_ready_us()?,
+        tick_instructions,
+        frame_instructions,
+        guarded_frame_instructions: bench.guarded_frames()?,
+        tick_jitter_us: bench.jitter_us()?,
+        frames_per_s_sustained: bench.sustained(8_000_000)?,
+        frames_per_s_wire_limit: 1_000_000_000 / (2 * SETUP_NS + NORMAL * 1_000 + GAP_NS),
+        frames_per_s_sustained_12_mhz: bench.sustained(12_000_000)?,
+    };
+    if let Some(folder) = out.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    fs::write(out, serde_json::to_string_pretty(&figures)? + "\n")?;
+    Ok(figures.print())
+}
+
+impl Figures {
+    /// The table; whether every bar is kept.
+    #[allow(clippy::cast_precision_loss)] // counts far below 2⁵²
+    fn print(&self) -> bool {
+        let mut kept = true;
+        let mut row = |name: &str, value: String, bar: Option<(bool, &str)>| {
+            let bar = bar.map_or(String::new(), |(good, text)| {
+                kept &= good;
+                format!("{text}{}", if good { "" } else { "  MISSED" })
+            });
+            println!("{name:32} {value:>34}   {bar}");
+        };
+        let spread =
+            |s: &Spread| format!("{} / {:.0} / {} (n {})", s.min, s.mean, s.max, s.samples);
+        row(
+            "flash_bytes",
+            self.flash_bytes.to_string(),
+            Some((self.flash_bytes <= 32 * 1024, "≤ 32768")),
+        );
+        row(
+            "static_ram_bytes",
+            self.static_ram_bytes.to_string(),
+            Some((self.static_ram_bytes <= 8 * 1024, "≤ 8192")),
+        );
+        row(
+            "boot_to_ready_us",
+            self.boot_to_ready_us.to_string(),
+            Some((self.boot_to_ready_us <= 50_000, "≤ 50000")),
+        );
+        row(
+            "tick_instructions",
+            spread(&self.tick_instructions),
+            Some((self.tick_instructions.max <= 3_000, "max ≤ 3000")),
+        );
+        row(
+            "frame_instructions",
+            spread(&self.frame_instructions),
+            Some((self.frame_instructions.max <= 1_000, "max ≤ 1000")),
+        );
+        row(
+            "guarded_frame_instructions",
+            spread(&self.guarded_frame_instructions),
+            None,
+        );
+        row(
+            "tick_jitter_us",
+            format!("{:.2}", self.tick_jitter_us),
+            None,
+        );
+        row(
+            "frames_per_s_sustained",
+            self.frames_per_s_sustained.to_string(),
+            Some((self.frames_per_s_sustained >= 2_000, "≥ 2000 at 8 MHz")),
+        );
+        row(
+            "  of the wire's",
+            self.frames_per_s_wire_limit.to_string(),
+            None,
+        );
+        row(
+            "frames_per_s_sustained_12_mhz",
+            self.frames_per_s_sustained_12_mhz.to_string(),
+            None,
+        );
+        kept
+    }
+}
+
+/// What is flashed, and what is reserved in RAM but for the stack.
+fn sizes(elf: &[u8]) -> Result<(u64, u64), Box<dyn Error>> {
+    let file = object::File::parse(elf)?;
+    let flash = file.segments().map(|segment| segment.file_range().1).sum();
+    let ram = file
+        .sections()
+        .filter(|section| (0x2000_0000..0x4000_0000).contains(&section.address()))
+        .filter(|section| {
+            matches!(
+                section.kind(),
+                SectionKind::Data | SectionKind::UninitializedData
+            )
+        })
+        .map(|section| section.size())
+        .sum();
+    Ok((flash, ram))
+}
+
+struct Bench {
+    elf: Vec<u8>,
+}
+
+impl Bench {
+    fn rig(&self, mode: u8) -> Result<Rig, Box<dyn Error>> {
+        let rig = Rig::with_elf(
+            &self.elf,
+            Options {
+                eeprom: Some(image_in_mode(mode)),
+                ..Options::default()
+            },
+        );
+        if !rig.await_ready() {
+            return Err(format!("no READY within {READY_US} µs: {}", rig.log()).into());
+        }
+        Ok(rig)
+    }
+
+    fn boot_to_ready_us(&self) -> Result<u64, Box<dyn Error>> {
+        let rig = self.rig(0)?;
+        let ready = rig
+            .board
+            .outputs()
+            .into_iter()
+            .find(|change| change.pin == twin::wiring::READY && change.level)
+            .ok_or("READY never rose")?;
+        Ok(ready.at.div_ceil(1000))
+    }
+
+    /// Ticks and Normal frames while driving to a pose at 40 frames a second.
+    fn driving(&self) -> Result<(Spread, Spread), Box<dyn Error>> {
+        let rig = self.rig(0)?;
+        let handler = rig.board.trace("TIM5")?;
+        let tick = rig.board.trace("robot_tick")?;
+        let frame = rig.board.trace("robot_frame")?;
+        let edge = rig.board.trace("EXTI4")?;
+        rig.board.follow_select();
+        let _ = rig.keep_sending(&normal_frame(700_000, 400_000, 0x2000, true), 20_000_000);
+        let events = rig.board.take_events();
+        let (edges, latches) = (spans(&edge, &events), spans(&handler, &events));
+        // The latch that belongs to a tick is the longest the handler takes.
+        let latch = latches
+            .iter()
+            .map(|span| span.instructions)
+            .max()
+            .unwrap_or(0);
+        let preempting: Vec<_> = edges.iter().chain(&latches).copied().collect();
+        let ticks: Vec<u64> = without(&spans(&tick, &events), &preempting)
+            .iter()
+            .map(|span| span.instructions + latch)
+            .collect();
+        let frames = to_reply(&events, &spans(&frame, &events));
+        Ok((
+            Spread::of(&ticks).ok_or("no tick was seen")?,
+            Spread::of(&frames).ok_or("no frame was seen")?,
+        ))
+    }
+
+    fn guarded_frames(&self) -> Result<Spread, Box<dyn Error>> {
+        let rig = self.rig(0x10)?;
+        let frame = rig.board.trace("robot_frame")?;
+        rig.board.follow_select();
+        let inner = normal_frame(200_000, 0, 0, true);
+        for own in 1..=200_u8 {
+            let mut bytes = [0; 26];
+            bytes[..2].copy_from_slice(&[KEY_PI, own]);
+            bytes[6..24].copy_from_slice(&inner[1..]);
+            let crc = crc16(&bytes[..24]);
+            bytes[24..].copy_from_slice(&crc.to_be_bytes());
+            let _ = rig.frame(&bytes);
+            rig.board.run_us(25_000);
+        }
+        if rig.log().contains("rejected") {
+            return Err(format!("a guarded frame was rejected: {}", rig.log()).into());
+        }
+        let events = rig.board.take_events();
+        Ok(Spread::of(&to_reply(&events, &spans(&frame, &events))).ok_or("no frame was seen")?)
+    }
+
+    /// How far the latching of the tick strays from its 10 ms under back-to-back frames: the worst
+    /// distance of two ticks from the period.
+    fn jitter_us(&self) -> Result<f64, Box<dyn Error>> {
+        let rig = self.rig(0)?;
+        rig.board.follow_writes(TIM5_CCR1);
+        let period = 2 * SETUP_NS + NORMAL * 1_000 + GAP_NS;
+        let frame = normal_frame(500_000, 0, 0, true);
+        for _ in 0..20 {
+            rig.board
+                .spi_raw(burst(&frame, 8_000_000, period, 50_000_000 / period))?;
+        }
+        let at: Vec<u64> = rig
+            .board
+            .take_events()
+            .iter()
+            .filter(|event| matches!(event.what, What::Wrote { .. }))
+            .map(|event| event.at_ns)
+            .collect();
+        let worst = at
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs_diff(TICK_NS))
+            .max()
+            .ok_or("no tick was seen")?;
+        #[allow(clippy::cast_precision_loss)] // nanoseconds far below 2⁵²
+        Ok(worst as f64 / 1000.0)
+    }
+
+    /// The highest of [`RATES`] at which a virtual second passes without a frame lost, rejected,
+    /// repeated or torn, driving meanwhile.
+    fn sustained(&self, hz: u64) -> Result<u64, Box<dyn Error>> {
+        let mut best = 0;
+        for rate in RATES {
+            let period = 1_000_000_000 / rate;
+            if period < 2 * SETUP_NS + NORMAL * 8_000_000_000 / hz + GAP_NS {
+                break;
+            }
+            let rig = self.rig(0)?;
+            if !lossless(&rig, hz, period, rate)? {
+                break;
+            }
+            best = rate;
+        }
+        Ok(best)
+    }
+}
+
+/// A virtual second of frames; whether every one was taken and answered anew.
+fn lossless(rig: &Rig, hz: u64, period: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
+    let frame = normal_frame(500_000, 0, 0, true);
+    let mut last = None;
+    for _ in 0..10 {
+        let bits = rig.board.spi_raw(burst(&frame, hz, period, rate / 10))?;
+        for bytes in twin::parts::spi_master::pack(&bits).chunks(frame.len()) {
+            let reply = NormalReply::of(bytes);
+            // The cells take turns: the same one again is an old reply.
+            let fresh = last.replace(reply.cell) != Some(reply.cell);
+            if reply.key != KEY_STM || reply.not_used || reply.cell > 1 || !fresh {
+                return Ok(false);
+            }
+        }
+    }
+    rig.board.run_us(50_000);
+    let log = rig.log();
+    Ok(!log.contains("rejected") && !log.contains("lost") && !rig.motors_off())
+}
+
+/// Frames at a fixed period.
+fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<Step> {
+    let bits = Step::bytes(frame, hz);
+    let rest = period.saturating_sub(2 * SETUP_NS + bits.duration());
+    (0..count)
+        .flat_map(|_| {
+            [
+                Step::Select(true),
+                Step::Wait(SETUP_NS),
+                bits.clone(),
+                Step::Wait(SETUP_NS),
+                Step::Select(false),
+                Step::Wait(rest),
+            ]
+        })
+        .collect()
+}
+
+/// From every chip-select's rise to the return of the handling that followed it, instructions.
+fn to_reply(events: &[Event], handled: &[twin::measure::Span]) -> Vec<u64> {
+    handled
+        .iter()
+        .filter_map(|span| {
+            let rise = events.iter().rfind(|event| {
+                event.what == What::Select(false) && event.at_ns <= span.entered_ns
+            })?;
+            Some(span.entered + span.instructions - rise.instructions)
+        })
+        .collect()
+}

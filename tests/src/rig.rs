@@ -1,0 +1,130 @@
+//! The release ELF on the virtual board, and its wires byte by byte.
+
+use std::path::PathBuf;
+
+use embedded_hal::spi::SpiDevice;
+use twin::{Board, Options};
+
+/// Environment variable with the path of the release ELF; `cargo xtask` sets it.
+pub const ELF: &str = "ROBOT_ELF";
+/// Environment variable with the path of the ELF that panics on purpose.
+pub const ELF_PANIC: &str = "ROBOT_ELF_PANIC";
+
+/// READY may take this long, microseconds: a reset, the log's first lines and 1 KiB of EEPROM.
+pub const READY_US: u64 = 200_000;
+
+/// The ELF that the variable names, or the one of `cargo xtask firmware`.
+///
+/// # Panics
+/// Where there is none: the firmware has to be built first.
+#[must_use]
+pub fn elf(variable: &str) -> Vec<u8> {
+    let path = std::env::var_os(variable).map_or_else(
+        || {
+            PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+                .join("../target/thumbv7em-none-eabihf/firmware/fw-pac")
+        },
+        PathBuf::from,
+    );
+    std::fs::read(&path).unwrap_or_else(|error| {
+        panic!(
+            "{}: {error}. Build the firmware first (`cargo xtask firmware`) or name it in {variable}",
+            path.display()
+        )
+    })
+}
+
+/// A robot under test.
+pub struct Rig {
+    /// The board it is.
+    pub board: Board,
+}
+
+impl Rig {
+    /// A robot with the release ELF.
+    ///
+    /// # Panics
+    /// Where the board cannot be made.
+    #[must_use]
+    pub fn new(options: Options) -> Self {
+        Self::with_elf(&elf(ELF), options)
+    }
+
+    /// A robot with an ELF of its own.
+    ///
+    /// # Panics
+    /// Where the board cannot be made.
+    #[must_use]
+    pub fn with_elf(elf: &[u8], options: Options) -> Self {
+        let board = Board::new(elf, options).expect("a board");
+        Self { board }
+    }
+
+    /// A robot with this EEPROM, booted until READY or for as long as that may take.
+    #[must_use]
+    pub fn booted(eeprom: Option<Vec<u8>>) -> Self {
+        let rig = Self::new(Options {
+            eeprom,
+            ..Options::default()
+        });
+        rig.await_ready();
+        rig
+    }
+
+    /// Lets time pass until READY, at most [`READY_US`]; whether it came.
+    pub fn await_ready(&self) -> bool {
+        self.board.run_until(READY_US, 100, Board::is_ready)
+    }
+
+    /// The log so far.
+    ///
+    /// # Panics
+    /// Where it is not ASCII.
+    #[must_use]
+    pub fn log(&self) -> String {
+        let bytes = self.board.uart();
+        assert!(bytes.is_ascii(), "the log is ASCII");
+        String::from_utf8(bytes).expect("ASCII is UTF-8")
+    }
+
+    /// One chip-select at 8 MHz: what the STM sent meanwhile.
+    ///
+    /// # Panics
+    /// Where the emulation has ended.
+    #[must_use]
+    pub fn frame(&self, bytes: &[u8]) -> Vec<u8> {
+        let mut back = vec![0; bytes.len()];
+        self.board
+            .spi()
+            .transfer(&mut back, bytes)
+            .expect("the emulation runs");
+        back
+    }
+
+    /// The same frame at 40 Hz for `us`, the last reply.
+    #[must_use]
+    pub fn keep_sending(&self, bytes: &[u8], us: u64) -> Vec<u8> {
+        let ends = self.board.now_us() + us;
+        let mut back = self.frame(bytes);
+        while self.board.now_us() < ends {
+            self.board.run_us(25_000 - 60);
+            back = self.frame(bytes);
+        }
+        back
+    }
+
+    /// Whether both motors get nothing.
+    #[must_use]
+    pub fn motors_off(&self) -> bool {
+        self.board.truth().duty == (0.0, 0.0)
+    }
+
+    /// Fails where the firmware touched something that no model covers.
+    ///
+    /// # Panics
+    /// With the list.
+    pub fn assert_modelled(&self) {
+        let unmodelled = self.board.unmodelled();
+        assert!(unmodelled.is_empty(), "{unmodelled}");
+    }
+}

@@ -1,0 +1,113 @@
+//! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
+
+use robot_tests::document::{normal_frame, original_image, NormalReply};
+use robot_tests::rig::{elf, Rig, ELF_PANIC};
+use twin::{Options, ResetBy};
+
+fn driving() -> Rig {
+    let rig = Rig::booted(Some(original_image()));
+    let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
+    assert!(!rig.motors_off(), "{}", rig.log());
+    rig
+}
+
+#[test]
+fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
+    let rig = driving();
+    let silent_since = rig.board.now_us();
+    assert!(rig.board.run_until(400_000, 500, |_| rig.motors_off()));
+    let after = rig.board.now_us() - silent_since;
+    assert!((230_000..=261_000).contains(&after), "{after} µs");
+    rig.board.run_us(1_000_000);
+    assert!(rig.motors_off());
+    let speed = rig.board.truth().wheel_deg_s;
+    assert!(speed.0.abs() < 0.1 && speed.1.abs() < 0.1, "{speed:?}");
+    assert!(rig.log().contains("stop"), "{}", rig.log());
+    let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 300_000);
+    assert!(
+        !rig.motors_off(),
+        "a fresh frame with the apply bit is the way out"
+    );
+}
+
+#[test]
+fn garbage_on_the_wire_is_silence() {
+    let rig = driving();
+    let since = rig.board.now_us();
+    while rig.board.now_us() - since < 300_000 {
+        let _ = rig.frame(&[0xA5; 19]);
+        rig.board.run_us(5_000);
+    }
+    assert!(rig.motors_off());
+}
+
+#[test]
+fn a_panic_ends_with_the_motors_off_and_the_watchdog_restarts_the_robot_standing() {
+    let rig = Rig::with_elf(
+        &elf(ELF_PANIC),
+        Options {
+            eeprom: Some(original_image()),
+            ..Options::default()
+        },
+    );
+    assert!(rig.await_ready(), "{}", rig.log());
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let ready = rig.board.now_us();
+    let _ = rig.keep_sending(&go, 1_500_000);
+    assert!(
+        !rig.motors_off(),
+        "it drives until the panic: {}",
+        rig.log()
+    );
+    // The host goes on as if nothing had happened.
+    while rig.board.is_ready() {
+        let _ = rig.frame(&go);
+        rig.board.run_us(2_000);
+        assert!(rig.board.now_us() - ready < 2_100_000, "no panic");
+    }
+    assert!(rig.motors_off(), "READY is low and the motors run");
+    assert!(rig.log().contains("panic"), "{}", rig.log());
+    assert!(rig
+        .board
+        .run_until(300_000, 1_000, |board| !board.resets().is_empty()));
+    assert_eq!(rig.board.resets()[0].cause, ResetBy::Watchdog);
+    assert!(rig.await_ready(), "{}", rig.log());
+    assert!(rig.motors_off(), "after the restart it stands");
+    rig.board.run_us(100_000);
+    assert!(rig.log().contains("watchdog"), "{}", rig.log());
+}
+
+#[test]
+fn an_empty_battery_stops_it_and_it_stays_stopped() {
+    let mut options = Options {
+        eeprom: Some(original_image()),
+        ..Options::default()
+    };
+    options.params.battery.charge = [0.0; 2];
+    let rig = Rig::new(options);
+    rig.await_ready();
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let _ = rig.keep_sending(&go, 2_000_000);
+    let taps = rig.board.truth().battery_v;
+    assert!(
+        taps[0] < 3.0,
+        "the model's empty battery is not empty: {taps:?}"
+    );
+    assert!(rig.motors_off());
+    assert!(rig.log().contains("battery"), "{}", rig.log());
+    let reply = NormalReply::of(&rig.frame(&go));
+    assert!(reply.voltage > 0);
+}
+
+#[test]
+fn reset_from_the_pi_while_driving_stops_it_at_once() {
+    let rig = driving();
+    rig.board.hold_reset(true).expect("the emulation runs");
+    assert!(rig.motors_off());
+    rig.board.run_us(100_000);
+    assert!(!rig.board.is_ready());
+    rig.board.hold_reset(false).expect("the emulation runs");
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig.board.run_us(100_000);
+    assert!(rig.motors_off());
+}
