@@ -12,6 +12,7 @@
 //! | [`spi`] | SPI1: frames |
 //! | [`encoders`], [`motors`] | TIM2, TIM3; TIM4 and the bridges |
 //! | [`rangefinders`], [`adc`], [`leds`] | what it senses and shows |
+//! | [`memory`] | what the compiler calls to copy and to fill |
 //! | [`exti`] | edges, and everybody's priority |
 //! | [`robot`] | events into the core, outputs to the registers |
 //! | [`safe`], [`trial`] | where everything that must not happen ends |
@@ -38,6 +39,7 @@ mod exti;
 mod gpio;
 mod i2c;
 mod leds;
+mod memory;
 mod motors;
 mod rangefinders;
 mod reset;
