@@ -4,6 +4,7 @@
 use std::collections::HashSet;
 use std::fmt::Debug;
 use std::hash::Hash;
+use std::rc::Rc;
 
 /// A system whose every behaviour is to be visited.
 pub trait Model {
@@ -58,7 +59,7 @@ impl<M: Model> std::fmt::Display for Counterexample<M> {
 /// A state that was reached: the event that first led to it with the state that was before, and how
 /// many events it took.
 struct Reached<M: Model> {
-    state: M::State,
+    state: Rc<M::State>,
     by: Option<(usize, M::Event)>,
     depth: usize,
 }
@@ -73,7 +74,7 @@ struct Reached<M: Model> {
 pub fn search<M: Model>(model: &M, limit: usize) -> Result<Visited, Counterexample<M>> {
     let mut known = HashSet::new();
     let mut reached: Vec<Reached<M>> = Vec::new();
-    for state in model.starts() {
+    for state in model.starts().into_iter().map(Rc::new) {
         if known.insert(state.clone()) {
             reached.push(Reached {
                 state,
@@ -89,20 +90,23 @@ pub fn search<M: Model>(model: &M, limit: usize) -> Result<Visited, Counterexamp
         for event in model.events(&state) {
             steps += 1;
             match model.step(&state, &event) {
-                Ok(next) if known.insert(next.clone()) => {
-                    reached.push(Reached {
-                        state: next,
-                        by: Some((at, event)),
-                        depth: depth + 1,
-                    });
-                    assert!(reached.len() <= limit, "more than {limit} states");
+                Ok(next) => {
+                    let state = Rc::new(next);
+                    if known.insert(Rc::clone(&state)) {
+                        reached.push(Reached {
+                            state,
+                            by: Some((at, event)),
+                            depth: depth + 1,
+                        });
+                        assert!(reached.len() <= limit, "more than {limit} states");
+                    }
                 }
-                Ok(_) => {}
                 Err(broken) => {
-                    let mut events = vec![(state, event)];
+                    let mut events = vec![(state.as_ref().clone(), event)];
                     let mut back = at;
                     while let Some((before, event)) = &reached[back].by {
-                        events.push((reached[*before].state.clone(), event.clone()));
+                        let state = reached[*before].state.as_ref().clone();
+                        events.push((state, event.clone()));
                         back = *before;
                     }
                     events.reverse();

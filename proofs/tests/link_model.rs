@@ -1,0 +1,233 @@
+//! T8, every order of events: the core's own link and supervisor under a Pi that sends or not, and a
+//! wire that delivers, loses, repeats, overtakes and corrupts.
+//!
+//! The state is the code's own: what the search visits is what runs on the robot.
+
+use std::collections::hash_map::DefaultHasher;
+use std::fmt;
+use std::hash::{Hash, Hasher};
+
+use fw_core::motion::StopDeadline;
+use fw_core::robot::{Intent, Permit, Supervisor};
+use fw_core::units::Micros;
+use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FRAME};
+use proofs::search::{search, Model};
+
+const MODE: Mode = Mode::GuardedTuneRotate;
+const LEN: usize = 18;
+/// Frames the Pi sends at most.
+const FRAMES: usize = 4;
+/// Half the deadline passes with a tick; ticks at most.
+const DEADLINE_MS: u16 = 100;
+const TICK_US: u32 = 50_000;
+const TICKS: u8 = 6;
+/// The clock wraps within the run.
+const START: Micros = Micros(u32::MAX - 2 * TICK_US);
+
+#[derive(Clone)]
+struct State {
+    pi: PiLink,
+    stm: StmLink,
+    supervisor: Supervisor,
+    /// Every frame the Pi ever sent: the wire may hand any of them on, at any time.
+    sent: Vec<[u8; MAX_FRAME]>,
+    ticks: u8,
+    /// What should be known: the newest frame that arrived whole, and when.
+    newest: Option<usize>,
+    heard: Option<Micros>,
+}
+
+impl State {
+    fn now(&self) -> Micros {
+        START.after(u32::from(self.ticks) * TICK_US)
+    }
+
+    /// What the future depends on: all but the counters of what happened.
+    fn essence(
+        &self,
+    ) -> (
+        Vec<u8>,
+        Supervisor,
+        usize,
+        u8,
+        Option<usize>,
+        Option<Micros>,
+    ) {
+        let mut reply = [0; MAX_FRAME];
+        let len = self.stm.clone().resend(&Report::default(), &mut reply);
+        (
+            reply[..len].to_vec(),
+            self.supervisor,
+            self.sent.len(),
+            self.ticks,
+            self.newest,
+            self.heard,
+        )
+    }
+}
+
+impl PartialEq for State {
+    fn eq(&self, other: &Self) -> bool {
+        self.essence() == other.essence() && self.sent == other.sent
+    }
+}
+
+impl Eq for State {}
+
+impl Hash for State {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let mut inner = DefaultHasher::new();
+        format!("{:?}", self.essence()).hash(&mut inner);
+        state.write_u64(inner.finish());
+        self.sent.hash(state);
+    }
+}
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "tick {}, {} sent, newest heard {:?} at {:?}, {:?}",
+            self.ticks,
+            self.sent.len(),
+            self.newest,
+            self.heard,
+            self.supervisor
+        )
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    /// The Pi sends; the frame is on the wire from now on.
+    Send(Order),
+    /// The wire hands on a frame, any that was ever sent.
+    Deliver(usize),
+    /// The same with a wrong bit.
+    Corrupt(usize),
+    /// Half a deadline passes, and the tick comes.
+    Tick,
+}
+
+/// The link, as it is or broken on purpose.
+struct Link {
+    /// A frame that is not fresh feeds the deadline all the same.
+    trusting: bool,
+}
+
+impl Model for Link {
+    type State = State;
+    type Event = Event;
+
+    fn starts(&self) -> Vec<State> {
+        let setup = Setup {
+            mode: MODE,
+            key_from_pi: 0x96,
+            key_from_stm: 0x5A,
+            cells: 2,
+        };
+        // The Pi's numbers wrap within the run.
+        let mut pi = PiLink::new(setup);
+        for _ in 0..254 {
+            let _ = pi.send(&Command::default(), &mut [0; MAX_FRAME]);
+        }
+        vec![State {
+            pi,
+            stm: StmLink::new(setup),
+            supervisor: Supervisor::new(StopDeadline::new(DEADLINE_MS)),
+            sent: Vec::new(),
+            ticks: 0,
+            newest: None,
+            heard: None,
+        }]
+    }
+
+    fn events(&self, state: &State) -> Vec<Event> {
+        let mut events = Vec::new();
+        if state.sent.len() < FRAMES {
+            events.push(Event::Send(Order::Resume));
+            events.push(Event::Send(Order::None));
+        }
+        for frame in 0..state.sent.len() {
+            events.push(Event::Deliver(frame));
+            events.push(Event::Corrupt(frame));
+        }
+        if state.ticks < TICKS {
+            events.push(Event::Tick);
+        }
+        events
+    }
+
+    fn step(&self, state: &State, event: &Event) -> Result<State, String> {
+        let mut next = state.clone();
+        match *event {
+            Event::Send(order) => {
+                let command = Command {
+                    order,
+                    ..Command::default()
+                };
+                let mut frame = [0; MAX_FRAME];
+                assert_eq!(next.pi.send(&command, &mut frame), LEN);
+                next.sent.push(frame);
+            }
+            Event::Corrupt(which) => {
+                let mut frame = next.sent[which];
+                frame[5 + which] ^= 0x10;
+                if next.stm.receive(&frame[..LEN]).is_ok() {
+                    return Err("a corrupted frame was taken".into());
+                }
+            }
+            Event::Deliver(which) => {
+                let fresh = next.newest.is_none_or(|newest| which > newest);
+                let received = next.stm.receive(&next.sent[which][..LEN]);
+                if received.is_ok() != fresh {
+                    return Err("a frame was taken exactly when it was not fresh".into());
+                }
+                let now = next.now();
+                if fresh {
+                    next.newest = Some(which);
+                    next.heard = Some(now);
+                }
+                let intent = |command: Command| Intent {
+                    resumes: false,
+                    order: command.order,
+                    clear: command.clear_faults,
+                };
+                if let Ok(command) = received {
+                    next.supervisor.on_fresh(now, intent(command));
+                } else if self.trusting {
+                    next.supervisor.on_fresh(now, Intent::default());
+                }
+            }
+            Event::Tick => {
+                next.ticks += 1;
+                let now = next.now();
+                let permit = next.supervisor.on_tick(now, true, true);
+                let allowed = u32::from(DEADLINE_MS) * 1000;
+                let silent = next.heard.is_some_and(|heard| now.since(heard) >= allowed);
+                if silent && permit != Permit::Brake {
+                    return Err("the motors run although the link has been silent".into());
+                }
+            }
+        }
+        Ok(next)
+    }
+}
+
+#[test]
+fn no_order_of_events_lets_the_motors_run_in_silence() {
+    let visited = search(&Link { trusting: false }, 2_000_000).unwrap_or_else(|e| panic!("{e}"));
+    println!("{visited:?}");
+    assert!(visited.states > 1_000 && visited.depth > 8);
+}
+
+#[test]
+fn a_link_that_trusts_stale_frames_is_found_out() {
+    let found = search(&Link { trusting: true }, 2_000_000).expect_err("stale frames fed it");
+    println!("{found}");
+    assert!(found.broken.contains("silent"));
+    assert!(found
+        .events
+        .iter()
+        .any(|(_, event)| matches!(event, Event::Deliver(_))));
+}
