@@ -1,7 +1,7 @@
 //! What a theorem is and how it is declared.
 //!
 //! A property is a plain function of its inputs that panics where it does not hold and returns
-//! which of its declared cases this evaluation met ([`Seen`]). [`theorems!`](crate::theorems)
+//! which of its declared cases this evaluation met ([`Seen`]). [`theorems!`](crate::theorems!)
 //! turns it into
 //!
 //! - a Kani harness per `kani` line, with a `kani::cover!` per case;
