@@ -1,6 +1,6 @@
 //! The independent watchdog (RM0383, 15): the last thing that still works when nothing else does.
 //!
-//! It runs from its own oscillator and is fed only by [`crate::main`]'s loop, and only when the
+//! It runs from its own oscillator and is fed only by `main`'s loop, and only when the
 //! robot's tick has completed since the last feeding: a dead tick, a handler that never returns, and
 //! a main loop that never runs all end in a reset, and a reset is motors off.
 
