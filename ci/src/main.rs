@@ -27,9 +27,9 @@ usage: cargo xtask COMMAND [OPTIONS]
 
   setup                     find or install a way to build for the robot's processor
   firmware [--features F]   build the ELF that is flashed, print its path and sizes
-  demo [-- ARGS]            the virtual robot drives the default room: target/demo/
-  figures [-- ARGS]         measure the ELF on the emulated core: target/figures.json
-  robot -- ARGS             host-link on the virtual board, e.g. `robot -- goto 500 0 90`
+  demo [ARGS]               the virtual robot drives the default room: target/demo/
+  figures [ARGS]            measure the ELF on the emulated core: target/figures.json
+  robot ARGS                host-link on the virtual board, e.g. `robot goto 500 0 90`
   flash [--virtual] [--serial DEVICE] [--interface NAME]
                             flash, verify, reset, show the first log lines
   debug [--virtual] [--interface NAME]
@@ -39,7 +39,7 @@ usage: cargo xtask COMMAND [OPTIONS]
   prove                     the theorems, by Kani
   fuzz [TARGET] [--seconds N]
                             fuzz one target or all
-  mutants [-- ARGS]         change fw-core in every way that a test should notice
+  mutants [ARGS]            change fw-core in every way that a test should notice
 
   --way installed|rustup|debian (or the variable ROBOT_WAY) forces how the firmware is built.
   Exit codes: 0 done, 1 something failed, 2 wrong words, 3 no way to build the firmware,
@@ -52,7 +52,7 @@ struct Words {
     plain: Vec<String>,
     options: Vec<(String, String)>,
     flags: Vec<String>,
-    /// After `--`: for another program.
+    /// For another program.
     rest: Vec<String>,
 }
 
@@ -66,14 +66,22 @@ const WITH_VALUE: [&str; 6] = [
 ];
 const WITHOUT: [&str; 2] = ["--virtual", "--quick"];
 
+/// Commands whose words are another program's, but for `--way`.
+const HANDED_ON: [&str; 4] = ["demo", "figures", "robot", "mutants"];
+
 impl Words {
-    fn parse(words: impl Iterator<Item = String>) -> Result<Self> {
+    fn parse(command: &str, words: impl Iterator<Item = String>) -> Result<Self> {
         let mut parsed = Self::default();
         let mut words = words;
+        let ours = !HANDED_ON.contains(&command);
         while let Some(word) = words.next() {
             if word == "--" {
-                parsed.rest = words.collect();
+                parsed.rest.extend(words);
                 break;
+            }
+            if !ours && word != "--way" && !word.starts_with("--way=") {
+                parsed.rest.push(word);
+                continue;
             }
             let (name, value) = match word.split_once('=') {
                 Some((name, value)) => (name.to_owned(), Some(value.to_owned())),
@@ -134,7 +142,7 @@ impl Words {
 fn main() -> ExitCode {
     let mut words = std::env::args().skip(1);
     let command = words.next().unwrap_or_default();
-    match Words::parse(words).and_then(|words| dispatch(&command, &words)) {
+    match Words::parse(&command, words).and_then(|words| dispatch(&command, &words)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("xtask {command}: {error}");

@@ -9,6 +9,8 @@ use crate::shell;
 
 /// The demo's folder below the target folder.
 pub const DEMO: &str = "demo";
+/// The demo's figures in its folder.
+pub const REPORT: &str = "report.json";
 /// The figures' file below the target folder.
 pub const FIGURES: &str = "figures.json";
 
@@ -29,6 +31,7 @@ pub fn cargo_with_board(place: &Place, words: &[&str]) -> Result<Command> {
 pub fn demo(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
     let out = place.target.join(DEMO);
     std::fs::create_dir_all(&out).of(out.display())?;
+    forget(&out.join(REPORT))?;
     run_bin(place, "demo", elf, &out, more)?;
     Ok(out)
 }
@@ -39,8 +42,17 @@ pub fn demo(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
 /// Where it cannot be built or fails to measure.
 pub fn figures(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
     let out = place.target.join(FIGURES);
+    forget(&out)?;
     run_bin(place, "figures", elf, &out, more)?;
     Ok(out)
+}
+
+/// The figures of an earlier run must not pass for this one's.
+fn forget(file: &Path) -> Result<()> {
+    if file.is_file() {
+        std::fs::remove_file(file).of(file.display())?;
+    }
+    Ok(())
 }
 
 fn run_bin(place: &Place, bin: &str, elf: &Path, out: &Path, more: &[String]) -> Result<()> {
