@@ -1,13 +1,16 @@
 //! In-memory doubles of the wires, to make every single call fail in turn. How the real board
 //! behaves is tested on the virtual one.
 
+use crate::error::Error;
 use crate::machine::{Clock, Interrupt, Machine, Wires};
+use crate::uart::Source;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
+use fw_core::double::Double;
 use fw_core::eeprom::{Image, IMAGE_LEN};
-use fw_core::wire::{Command, PoseCode, Report, Setup, StmLink, MAX_FRAME};
+use fw_core::wire::{Command, Mode, PoseCode, Report, Setup, StmLink, MAX_FRAME};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -27,6 +30,7 @@ pub enum Mishap {
 }
 
 /// The board, as far as its wires show it.
+#[allow(clippy::struct_excessive_bools)] // so many lines
 pub struct Board {
     pub mishap: Option<Mishap>,
     pub calls: usize,
@@ -37,6 +41,13 @@ pub struct Board {
     pub memory: Image,
     pub commands: Vec<Command>,
     pub report: Report,
+    /// What the UART said and nobody read yet.
+    pub said: Vec<u8>,
+    /// Whether the log's wire is there.
+    pub speaks: bool,
+    /// Replies are garbled from this frame on.
+    pub deaf_from: usize,
+    drive: DriveDouble,
     link: Option<StmLink>,
     now_us: u64,
     low_since_us: u64,
@@ -68,6 +79,40 @@ impl spi::Error for Broken {
 }
 
 type Shared = Rc<RefCell<Board>>;
+
+/// A drive behind two lags: 2 per second and percent beyond 20 %, lags of 0.15 s.
+#[derive(Default)]
+struct DriveDouble {
+    percent: f64,
+    lagged: [f64; 2],
+    position: f64,
+    ticks: u64,
+    lines: u32,
+}
+
+impl DriveDouble {
+    /// One tick of 10 ms, and its line of the log.
+    fn tick(&mut self) -> String {
+        let line = format!(
+            "I{:05}: T {:.2} {:.3}\n",
+            self.lines % 100_000,
+            self.percent,
+            self.position
+        );
+        self.lines += 1;
+        let beyond = (self.percent.abs() - 20.0).max(0.0).copysign(self.percent);
+        if self.percent == 0.0 {
+            // It brakes.
+            self.lagged = [0.0; 2];
+        }
+        for _ in 0..100 {
+            self.lagged[0] += (2.0 * beyond - self.lagged[0]) * 1e-4 / 0.15;
+            self.lagged[1] += (self.lagged[0] - self.lagged[1]) * 1e-4 / 0.15;
+            self.position += self.lagged[1] * 1e-4;
+        }
+        line
+    }
+}
 
 impl Board {
     fn call(&mut self, bus: bool) -> Result<(), Broken> {
@@ -140,7 +185,37 @@ impl Board {
                 rotation: to.rotation,
             };
         }
+        self.drive.percent = f64::from_bits(command.percent.0);
+        self.report.measurement = Double(self.drive.position.to_bits());
+        if command.tune.voltage != 0 && self.speaks {
+            let tuned = format!(
+                "I{:05}: tuned tap {}: upper resistor 33120 ohm\n",
+                self.drive.lines % 100_000,
+                command.tune.cell + 1
+            );
+            self.said.extend(tuned.as_bytes());
+            self.drive.lines += 1;
+        }
+        if self.commands.len() >= self.deaf_from {
+            back.fill(0xFF);
+        }
         self.commands.push(command);
+    }
+
+    /// Time passes: what the drive does in a tuning mode, and says.
+    fn pass(&mut self, us: u64) {
+        self.now_us += us;
+        let tunes = fw_core::eeprom::decode(&self.memory)
+            .is_ok_and(|config| matches!(config.mode, Mode::TuneRotate | Mode::TuneMove));
+        while self.drive.ticks * 10_000 < self.now_us {
+            self.drive.ticks += 1;
+            if tunes && !self.in_reset && !self.selected {
+                let line = self.drive.tick();
+                if self.speaks {
+                    self.said.extend(line.as_bytes());
+                }
+            }
+        }
     }
 }
 
@@ -164,6 +239,13 @@ impl<const WHICH: usize> Wire<WHICH> {
         match WHICH {
             RESET if high && board.in_reset => {
                 board.in_reset = false;
+                board.link = fw_core::eeprom::decode(&board.memory)
+                    .ok()
+                    .map(|config| StmLink::new(Setup::from(&config)));
+                board.drive = DriveDouble {
+                    ticks: board.drive.ticks,
+                    ..DriveDouble::default()
+                };
                 if board.now_us - board.low_since_us >= 100_000 {
                     board.resets += 1;
                 }
@@ -240,13 +322,19 @@ impl SpiDevice for Wire<BUS> {
 
 impl DelayNs for Wire<BUS> {
     fn delay_ns(&mut self, ns: u32) {
-        self.0.borrow_mut().now_us += u64::from(ns / 1000);
+        self.0.borrow_mut().pass(u64::from(ns / 1000));
     }
 }
 
 impl Clock for Wire<BUS> {
     fn micros(&mut self) -> u64 {
         self.0.borrow().now_us
+    }
+}
+
+impl Source for Wire<BUS> {
+    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
+        Ok(std::mem::take(&mut self.0.borrow_mut().said))
     }
 }
 
@@ -278,6 +366,10 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         memory: *memory,
         commands: Vec::new(),
         report: Report::default(),
+        said: Vec::new(),
+        speaks: true,
+        deaf_from: usize::MAX,
+        drive: DriveDouble::default(),
         link: link.map(|config| StmLink::new(Setup::from(&config))),
         now_us: 0,
         low_since_us: 0,
@@ -294,6 +386,7 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         ready: Wire(board.clone()),
         delay: Wire(board.clone()),
         clock: Wire(board.clone()),
+        uart: Box::new(Wire::<BUS>(board.clone())),
         interrupt,
     };
     (board, machine)

@@ -33,13 +33,15 @@ pub enum Exit {
     Output = 11,
     /// Another host-link holds the robot.
     Busy = 12,
+    /// Tuning gave nothing to go by.
+    Tuning = 13,
     /// Interrupted by Ctrl-C, SIGTERM or SIGHUP.
     Interrupted = 130,
 }
 
 impl Exit {
     /// Every code with its meaning, in order, for the help text and the documentation.
-    pub const ALL: [(Self, &'static str); 14] = [
+    pub const ALL: [(Self, &'static str); 15] = [
         (Self::Ok, "done"),
         (Self::Differs, "`eeprom diff` found differences"),
         (Self::Usage, "wrong command line"),
@@ -59,6 +61,10 @@ impl Exit {
         (Self::Device, "a device could not be opened or failed"),
         (Self::Output, "an output file could not be written"),
         (Self::Busy, "another host-link holds the robot"),
+        (
+            Self::Tuning,
+            "tuning gave nothing to go by; nothing was changed",
+        ),
         (Self::Interrupted, "interrupted (Ctrl-C, SIGTERM, SIGHUP)"),
     ];
 
@@ -192,6 +198,8 @@ pub enum Error {
         /// The lock file.
         path: PathBuf,
     },
+    /// The steps or the log gave nothing to tune by.
+    Tuning(String),
     /// Ctrl-C, SIGTERM or SIGHUP.
     Interrupted,
 }
@@ -212,6 +220,7 @@ impl Error {
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
             Self::Unwritable { .. } => Exit::Output,
             Self::Busy { .. } => Exit::Busy,
+            Self::Tuning(_) => Exit::Tuning,
             Self::Interrupted => Exit::Interrupted,
         }
     }
@@ -324,6 +333,10 @@ impl fmt::Display for Error {
                 f,
                 "another host-link holds the robot (lock {}); wait for it or end it",
                 path.display()
+            ),
+            Self::Tuning(what) => write!(
+                f,
+                "tuning gave nothing to go by: {what}; gains and dividers are as they were"
             ),
             Self::Interrupted => write!(
                 f,

@@ -24,6 +24,8 @@
 //! | [`tour`] | way-point files |
 //! | [`pose`] | millimetres and degrees ↔ the wire |
 //! | [`snapshot`] | what `monitor` shows |
+//! | [`uart`] | the STM's log, as bytes |
+//! | [`tune`] | steps, model, gains, dividers |
 //! | [`survey`] | mapping while driving; recordings |
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
@@ -44,5 +46,7 @@ pub mod settings;
 pub mod snapshot;
 pub mod survey;
 pub mod tour;
+pub mod tune;
+pub mod uart;
 #[cfg(feature = "virtual")]
 pub mod virtual_board;

@@ -6,6 +6,7 @@
 
 use crate::error::Error;
 use crate::machine::{Clock, Interrupt, Machine, Wires};
+use crate::uart::Tty;
 use embedded_hal::digital::{ErrorType, OutputPin};
 use linux_embedded_hal::gpio_cdev::{Chip, Line, LineHandle, LineRequestFlags};
 use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
@@ -33,6 +34,8 @@ pub struct Devices {
     pub i2c: PathBuf,
     /// `/dev/gpiochip0`.
     pub gpiochip: PathBuf,
+    /// `/dev/serial0`: opened when the log is first asked for.
+    pub uart: PathBuf,
 }
 
 /// The types of the Pi's handles.
@@ -94,6 +97,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<Machine<LinuxWire
         ready,
         delay: Delay,
         clock: Monotonic(Instant::now()),
+        uart: Box::new(Tty::new(&devices.uart)),
         interrupt,
     })
 }

@@ -2,6 +2,7 @@
 //! buses, the virtual board and the doubles of the tests.
 
 use crate::error::Error;
+use crate::uart::Source;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal::i2c::I2c;
@@ -55,6 +56,8 @@ pub struct Machine<W: Wires> {
     pub delay: W::Delay,
     /// Time.
     pub clock: W::Clock,
+    /// The STM's log.
+    pub uart: Box<dyn Source>,
     /// Raised by Ctrl-C: every wait and every loop looks at it.
     pub interrupt: Interrupt,
 }

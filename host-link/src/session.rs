@@ -8,6 +8,7 @@ use crate::pose::Place;
 use crate::snapshot::Snapshot;
 use crate::{eeprom, reset};
 use embedded_hal::delay::DelayNs;
+use fw_core::double::Double;
 use fw_core::eeprom::Config;
 use fw_core::wire::position::Position;
 use fw_core::wire::status::Status;
@@ -33,6 +34,10 @@ pub struct Wish {
     pub order: Order,
     /// Guarded modes: latched faults to clear.
     pub clear_faults: u16,
+    /// Tuning modes: duty, percent, −100 to 100.
+    pub percent: f64,
+    /// A cell and the reference voltage it is tuned to; then it takes the place of the walk.
+    pub tune: Option<CellCode>,
 }
 
 /// A conversation over one [`Machine`].
@@ -156,13 +161,29 @@ impl<'m, W: Wires> Session<'m, W> {
                 let strangers =
                     self.snapshot.link.accepted == 0 && self.unanswered >= STRANGER_FRAMES;
                 if silent_us >= SILENCE_US || strangers {
-                    let last = self.last_wrong.clone().unwrap_or_default();
-                    let (ms, frames) = (silent_us / 1000, self.unanswered);
-                    return Err(Error::Silent { ms, frames, last });
+                    return Err(self.silence());
                 }
                 Ok(None)
             }
         }
+    }
+
+    /// The error of a link on which nothing valid arrives.
+    pub fn silence(&mut self) -> Error {
+        let silent_us = self.now_us().saturating_sub(self.last_good_us);
+        Error::Silent {
+            ms: silent_us / 1000,
+            frames: self.unanswered,
+            last: self.last_wrong.clone().unwrap_or_default(),
+        }
+    }
+
+    /// What the STM's log said since it was last asked for.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn log(&mut self) -> Result<Vec<u8>, Error> {
+        self.machine.uart.fresh()
     }
 
     /// Waits for the next slot. Slots that were missed are not made up for.
@@ -182,7 +203,8 @@ impl<'m, W: Wires> Session<'m, W> {
         Command {
             expected: wish.go.map(Place::code).unwrap_or_default(),
             apply: wish.go.is_some(),
-            tune: CellCode { cell, voltage: 0 },
+            percent: Double(wish.percent.to_bits()),
+            tune: wish.tune.unwrap_or(CellCode { cell, voltage: 0 }),
             clear_faults: wish.clear_faults,
             order: wish.order,
             ..Command::default()
@@ -220,7 +242,7 @@ impl<'m, W: Wires> Session<'m, W> {
             let wish = Wish {
                 order: Order::Resume,
                 clear_faults: fault::LINK_LOST,
-                go: None,
+                ..Wish::default()
             };
             if let Some(report) = self.exchange(&wish)? {
                 (state, faults) = (report.state, report.faults);

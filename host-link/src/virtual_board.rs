@@ -4,6 +4,7 @@
 use crate::eeprom::image;
 use crate::error::Error;
 use crate::machine::{Clock, Interrupt, Machine, Wires};
+use crate::uart::Source;
 use plant::Room;
 use std::fmt::Write;
 use std::fs;
@@ -52,6 +53,20 @@ impl Clock for VirtualClock {
     }
 }
 
+/// The virtual board's UART.
+struct VirtualUart {
+    board: Board,
+    read: usize,
+}
+
+impl Source for VirtualUart {
+    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
+        let fresh = self.board.uart_from(self.read);
+        self.read += fresh.len();
+        Ok(fresh)
+    }
+}
+
 /// A virtual board and the machine that reaches it.
 pub struct Opened {
     /// The handles.
@@ -77,6 +92,10 @@ pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<Virt
         ready: board.pin_ready(),
         delay: board.delay(),
         clock: VirtualClock(board.clone()),
+        uart: Box::new(VirtualUart {
+            board: board.clone(),
+            read: 0,
+        }),
         interrupt,
     }
 }

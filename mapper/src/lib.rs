@@ -3,8 +3,8 @@
 //! [`Mapper`] takes what the robot reports, frame by frame: where it believes to be and what its
 //! rangefinders say. It drops repeats and lone wild readings ([`Config`]'s filter figures), and
 //! enters the rest into a [`Grid`] by a model of the sensors' cone. The grid is written as the
-//! PGM and YAML pair that ROS map servers read ([`ros`]), and drawn ([`picture`]); [`agreement`]
-//! compares it with walls that are known.
+//! PGM and YAML pair that ROS map servers read ([`ros`]), and drawn ([`picture`]; [`chart`] draws
+//! curves over time with the same pen); [`agreement`] compares it with walls that are known.
 //!
 //! Millimetres and radians throughout; x and y are those of the frame the poses are in, headings
 //! and bearings counter-clockwise.
@@ -12,6 +12,7 @@
 
 pub mod agreement;
 mod canvas;
+pub mod chart;
 mod cone;
 mod filter;
 mod geometry;

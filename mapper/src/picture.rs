@@ -21,7 +21,7 @@ const STRIP: usize = 64;
 
 /// A picture could not be encoded; the text is the encoder's.
 #[derive(Debug)]
-pub struct PictureError(png::EncodingError);
+pub struct PictureError(pub(crate) png::EncodingError);
 
 impl std::fmt::Display for PictureError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

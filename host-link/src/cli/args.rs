@@ -5,6 +5,8 @@ use clap::{Args, Parser, Subcommand};
 use host_link::drive::Terms;
 use host_link::error::{Error, Exit};
 use host_link::pose::Place;
+use host_link::tune::step::Plan;
+use host_link::tune::{gains, Axis};
 use host_link::{reset, session, tour};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -47,6 +49,96 @@ pub enum Command {
     Tour(Tour),
     /// Draw a map (PNG, and PGM + YAML for ROS) while driving, or from a recording
     Map(Map),
+    /// Measure the drive or a battery tap, and tune gains or divider by it
+    Tune {
+        #[command(subcommand)]
+        command: Tune,
+    },
+}
+
+#[derive(Subcommand)]
+pub enum Tune {
+    /// Make steps on the spot, fit a model, propose gains of the rotation PID
+    Rotate(StepArgs),
+    /// Make steps forward and backward, fit a model, propose gains of the forward PID
+    Move(StepArgs),
+    /// With a known voltage in place of a cell: correct its tap's upper resistor
+    Battery {
+        /// The cell, 1 = nearest to ground; tune from 1 upwards
+        cell: u8,
+        /// Volts in its place
+        volts: f64,
+        #[command(flatten)]
+        consent: Consent,
+    },
+    /// Bring back what the EEPROM held before the latest tuning was written
+    Rollback,
+}
+
+/// Whether the EEPROM may be written.
+#[derive(Args)]
+pub struct Consent {
+    /// Write without asking
+    #[arg(long)]
+    pub yes: bool,
+    /// Measure and show, write nothing
+    #[arg(long, conflicts_with = "yes")]
+    pub dry_run: bool,
+}
+
+#[derive(Args)]
+pub struct StepArgs {
+    /// Duties, percent; each goes one way and then the other
+    #[arg(
+        long,
+        value_name = "PERCENT,…",
+        value_delimiter = ',',
+        default_value = "50,75,100"
+    )]
+    pub levels: Vec<f64>,
+    /// Seconds of each step
+    #[arg(long, value_name = "S", default_value = "1.2")]
+    pub hold: f64,
+    /// Seconds at rest between steps
+    #[arg(long, value_name = "S", default_value = "0.8")]
+    pub rest: f64,
+    /// A step ends when it went this far, degrees or mm; 360 degrees or 300 mm without it
+    #[arg(long, value_name = "WAY")]
+    pub travel: Option<f64>,
+    /// Damping of the loop to propose gains for: 0.5 brisk, 1 without overshoot
+    #[arg(long, value_name = "ZETA", default_value_t = gains::DAMPING, value_parser = damping)]
+    pub damping: f64,
+    /// Files to write, without their endings .csv and .png; tune-rotate or tune-move without it
+    #[arg(long, value_name = "STEM")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub consent: Consent,
+}
+
+impl StepArgs {
+    pub fn plan(&self, axis: Axis) -> Plan {
+        Plan {
+            levels: self.levels.clone(),
+            hold_s: self.hold,
+            rest_s: self.rest,
+            travel: self.travel.unwrap_or(axis.travel()),
+        }
+    }
+
+    pub fn stem(&self, axis: Axis) -> PathBuf {
+        let name = match axis {
+            Axis::Rotate => "tune-rotate",
+            Axis::Move => "tune-move",
+        };
+        self.out.clone().unwrap_or_else(|| name.into())
+    }
+}
+
+fn damping(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.3..=3.0).contains(&value) => Ok(value),
+        _ => Err("accepted is 0.3 to 3".into()),
+    }
 }
 
 #[derive(Subcommand)]
@@ -235,6 +327,14 @@ pub struct Robot {
         default_value = "/dev/gpiochip0"
     )]
     pub gpiochip: PathBuf,
+    /// Serial device with the STM's log, 115200 baud, set by stty; only `tune` listens
+    #[arg(
+        long,
+        global = true,
+        value_name = "PATH",
+        default_value = "/dev/serial0"
+    )]
+    pub uart: PathBuf,
     /// Folder of the lock and of the journal of an unfinished EEPROM write
     #[arg(long, global = true, value_name = "DIR", default_value = "/var/tmp")]
     pub state_dir: PathBuf,

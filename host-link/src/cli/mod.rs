@@ -7,6 +7,7 @@ mod map;
 mod monitor;
 mod place;
 mod report;
+mod tune;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -76,6 +77,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
                 },
             )
         }
+        Command::Tune { command } => tune::run(command, robot, output),
         Command::Map(map) => map::run(map, robot, output),
     }
 }

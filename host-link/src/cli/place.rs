@@ -88,11 +88,19 @@ fn lock(path: &Path) -> Result<File, Error> {
 }
 
 /// `path` with something added to its name.
-#[cfg_attr(not(feature = "virtual"), allow(dead_code))]
 fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(ending);
     name.into()
+}
+
+/// Where something about this robot is kept from run to run.
+pub fn kept(robot: &Robot, name: &str) -> PathBuf {
+    if robot.board.chosen {
+        beside(&robot.board.eeprom_image, &format!(".{name}"))
+    } else {
+        robot.state_dir.join(format!("host-link-{name}"))
+    }
 }
 
 #[cfg(feature = "linux")]
@@ -108,6 +116,7 @@ fn on_this_computer<J: Job>(
         spi_hz: robot.spi_hz,
         i2c: robot.i2c.clone(),
         gpiochip: robot.gpiochip.clone(),
+        uart: robot.uart.clone(),
     };
     let mut machine = open(&devices, interrupt)?;
     work(

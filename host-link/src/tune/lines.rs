@@ -1,0 +1,247 @@
+//! The STM's log: `I00012: T 50.00 123.456`, taken apart line by line. A UART loses and garbles
+//! bytes, so any bytes are accepted and only whole lines of exactly the known form count.
+
+/// The longest line kept; the STM's are shorter.
+const LONGEST: usize = 256;
+
+/// A line that could be read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Line {
+    /// A sample of a tuning mode.
+    Sample {
+        /// The line's number, 0 to 99999.
+        number: u32,
+        /// Duty, percent.
+        percent: f64,
+        /// Degrees or millimetres.
+        value: f64,
+    },
+    /// `tuned tap N: upper resistor R ohm`.
+    Tuned {
+        /// The line's number.
+        number: u32,
+        /// The tap, 1 to 8.
+        tap: u8,
+        /// The resistor proposed, ohm.
+        ohm: u32,
+    },
+    /// Any other line of the log.
+    Other {
+        /// The line's number.
+        number: u32,
+    },
+}
+
+impl Line {
+    /// The line's number, which every line of the log takes: 0 to 99999 and again.
+    #[must_use]
+    pub const fn number(&self) -> u32 {
+        match self {
+            Self::Sample { number, .. } | Self::Tuned { number, .. } | Self::Other { number } => {
+                *number
+            }
+        }
+    }
+}
+
+/// Bytes → lines.
+#[derive(Clone, Debug, Default)]
+pub struct Lines {
+    partial: Vec<u8>,
+    garbled: u64,
+}
+
+impl Lines {
+    /// Takes bytes as they come, in pieces of any size; returns the lines they complete.
+    pub fn feed(&mut self, bytes: &[u8]) -> Vec<Line> {
+        let mut lines = Vec::new();
+        for &byte in bytes {
+            if byte == b'\n' {
+                match parse(&self.partial) {
+                    Some(line) => lines.push(line),
+                    None => self.garbled += 1,
+                }
+                self.partial.clear();
+            } else if self.partial.len() <= LONGEST {
+                // One byte more than the longest marks the line as too long.
+                self.partial.push(byte);
+            }
+        }
+        lines
+    }
+
+    /// Lines that were none of the log's.
+    #[must_use]
+    pub const fn garbled(&self) -> u64 {
+        self.garbled
+    }
+}
+
+/// One line without its end.
+fn parse(line: &[u8]) -> Option<Line> {
+    if line.len() > LONGEST {
+        return None;
+    }
+    let text = std::str::from_utf8(line).ok()?;
+    let text = text.strip_suffix('\r').unwrap_or(text);
+    let (head, body) = text.split_once(": ")?;
+    let digits = head.strip_prefix(['I', 'W', 'E'])?;
+    if digits.len() != 5 {
+        return None;
+    }
+    let number = whole(digits)?;
+    if let Some(sample) = body.strip_prefix("T ") {
+        let (percent, value) = sample.split_once(' ')?;
+        let percent = decimal(percent, 2).filter(|percent| percent.abs() <= 100.0)?;
+        let value = decimal(value, 3)?;
+        return Some(Line::Sample {
+            number,
+            percent,
+            value,
+        });
+    }
+    if let Some(tuned) = body.strip_prefix("tuned tap ") {
+        let (tap, ohm) = tuned
+            .strip_suffix(" ohm")?
+            .split_once(": upper resistor ")?;
+        let tap = whole(tap).and_then(|tap| u8::try_from(tap).ok())?;
+        let ohm = whole(ohm)?;
+        return (1..=8)
+            .contains(&tap)
+            .then_some(Line::Tuned { number, tap, ohm });
+    }
+    Some(Line::Other { number })
+}
+
+/// Digits only.
+fn whole(text: &str) -> Option<u32> {
+    let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    digits.then(|| text.parse().ok()).flatten()
+}
+
+/// A decimal number with exactly so many places: a torn one has fewer, two run together have more.
+fn decimal(text: &str, places: usize) -> Option<f64> {
+    let digits = text.strip_prefix('-').unwrap_or(text);
+    let (before, after) = digits.split_once('.')?;
+    let plain = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+    let good = (1..=12).contains(&before.len()) && after.len() == places;
+    (good && plain(before) && plain(after))
+        .then(|| text.parse().ok())
+        .flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOG: &[u8] = b"I00007: ready\nI00008: T -50.00 -0.034\r\nI00009: T 0.00 123456.789\n\
+        I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n";
+
+    fn lines() -> Vec<Line> {
+        let sample = |number, percent, value| Line::Sample {
+            number,
+            percent,
+            value,
+        };
+        vec![
+            Line::Other { number: 7 },
+            sample(8, -50.0, -0.034),
+            sample(9, 0.0, 123_456.789),
+            Line::Tuned {
+                number: 10,
+                tap: 2,
+                ohm: 33_120,
+            },
+            Line::Other { number: 11 },
+        ]
+    }
+
+    #[test]
+    fn the_log_reads_the_same_in_pieces_of_any_size() {
+        for size in 1..LOG.len() {
+            let mut parser = Lines::default();
+            let read: Vec<Line> = LOG
+                .chunks(size)
+                .flat_map(|part| parser.feed(part))
+                .collect();
+            assert_eq!(read, lines());
+            assert_eq!(parser.garbled(), 0);
+        }
+    }
+
+    #[test]
+    fn bytes_lost_anywhere_never_make_another_sample() {
+        // A number may lose a digit unseen before its point; everything else must be noticed.
+        let line = b"I00008: T -50.00 -0.034\n";
+        for from in 0..line.len() - 1 {
+            for to in from + 1..line.len() {
+                let torn = [&line[..from], &line[to..]].concat();
+                for read in Lines::default().feed(&torn) {
+                    if let Line::Sample {
+                        number,
+                        percent,
+                        value,
+                    } = read
+                    {
+                        let digit = [
+                            (-5.0, -0.034),
+                            (0.0, -0.034),
+                            (50.0, -0.034),
+                            (-50.0, 0.034),
+                            (5.0, -0.034),
+                            (-0.0, -0.034),
+                        ];
+                        assert!(number == 8 && digit.contains(&(percent, value)), "{read:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn two_lines_run_together_are_no_sample() {
+        let mut parser = Lines::default();
+        assert_eq!(
+            parser.feed(b"I00001: T 50.00 1.2I00002: T 50.00 3.400\n"),
+            []
+        );
+        assert_eq!(
+            parser.feed(b"I00001: T 50.00 1.200I00002: T 50.00 3.400\n"),
+            []
+        );
+        assert_eq!(parser.garbled(), 2);
+    }
+
+    #[test]
+    fn any_bytes_are_survived_and_the_next_line_is_read() {
+        let mut state = 1_u32;
+        let mut parser = Lines::default();
+        for _ in 0..2000 {
+            let noise: Vec<u8> = (0..300)
+                .map(|_| {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    // Half noise, half the alphabet of the log.
+                    let byte = state.to_be_bytes()[0];
+                    if byte & 1 == 0 {
+                        byte
+                    } else {
+                        LOG[usize::from(byte) % LOG.len()]
+                    }
+                })
+                .collect();
+            parser.feed(&noise);
+            parser.feed(b"\n");
+            assert_eq!(parser.feed(LOG), lines());
+        }
+    }
+
+    #[test]
+    fn an_endless_line_takes_no_memory() {
+        let mut parser = Lines::default();
+        for _ in 0..1000 {
+            parser.feed(&[b'I'; 1000]);
+        }
+        assert!(parser.partial.len() <= LONGEST + 1);
+        assert_eq!(parser.feed(b"\nI00001: x\n"), [Line::Other { number: 1 }]);
+    }
+}

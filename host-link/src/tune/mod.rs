@@ -1,0 +1,76 @@
+//! Tuning (document, 5.2.2 and 5.2.3): a measured step, a model of the drive, gains for its PID, and
+//! the battery's dividers.
+//!
+//! | file | idea |
+//! |---|---|
+//! | [`lines`] | the STM's log, line by line, whatever arrives |
+//! | [`record`] | its 100 Hz samples on one time base |
+//! | [`step`] | the steps, bounded, and stopped whatever happens |
+//! | [`mode`] | the EEPROM's mode changed for the steps, and restored whatever happens |
+//! | [`fit`] | gain, dead zone and two equal lags from the samples |
+//! | [`gains`] | a PID for that model, and what it will do |
+//! | [`files`] | samples as CSV, and everything as a picture |
+//! | [`battery`] | the upper resistor that the STM proposes |
+
+pub mod battery;
+pub mod files;
+pub mod fit;
+pub mod gains;
+pub mod lines;
+pub mod mode;
+pub mod record;
+pub mod step;
+
+#[cfg(test)]
+mod tests;
+
+use fw_core::eeprom::{Config, Gains};
+use fw_core::wire::Mode;
+use serde::Serialize;
+
+/// What is tuned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Rotation on the spot, degrees.
+    Rotate,
+    /// Forward and backward, the angle held; millimetres.
+    Move,
+}
+
+impl Axis {
+    /// The mode that measures it.
+    #[must_use]
+    pub const fn mode(self) -> Mode {
+        match self {
+            Self::Rotate => Mode::TuneRotate,
+            Self::Move => Mode::TuneMove,
+        }
+    }
+
+    /// Its unit.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Rotate => "deg",
+            Self::Move => "mm",
+        }
+    }
+
+    /// How far one step may go unless told otherwise, in its unit.
+    #[must_use]
+    pub const fn travel(self) -> f64 {
+        match self {
+            Self::Rotate => 360.0,
+            Self::Move => 300.0,
+        }
+    }
+
+    /// Its gains in a configuration.
+    pub fn gains(self, config: &mut Config) -> &mut Gains {
+        match self {
+            Self::Rotate => &mut config.rotation,
+            Self::Move => &mut config.forward,
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The EEPROM's mode changed for a measurement, and restored on every path: success, error, Ctrl-C
+//! and panic. If the process is killed, a note on disk lets the next one restore it.
+
+use crate::eeprom::{self, journal::Journal};
+use crate::error::Error;
+use crate::machine::{Interrupt, Machine, Wires};
+use crate::settings::{self, Settings};
+use fw_core::eeprom::{Config, Image};
+use fw_core::wire::Mode;
+
+/// An image with another configuration in it; what the configuration does not define stays.
+///
+/// # Errors
+/// [`Error::Rejected`] for an image that is none.
+pub fn with_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Image, Error> {
+    let Settings {
+        mut config,
+        platform_page,
+    } = Settings::from_image(image)?;
+    change(&mut config);
+    let mut changed = *image;
+    if platform_page {
+        fw_core::eeprom::encode(&config, &mut changed);
+    } else {
+        fw_core::eeprom::encode_original(&config, &mut changed);
+    }
+    settings::decode(&changed)?;
+    Ok(changed)
+}
+
+/// The borrowed mode: dropped, the EEPROM holds `original` again and the STM has been reset.
+struct Borrowed<'m, W: Wires> {
+    machine: &'m mut Machine<W>,
+    original: &'m Image,
+    note: Option<&'m Journal>,
+    ready_timeout_ms: u32,
+    restored: bool,
+}
+
+/// Puts the STM into `mode`, runs `work`, and brings the EEPROM back to `original`. Ctrl-C cuts
+/// `work` short, not the way back. `note` keeps the original on disk meanwhile.
+///
+/// # Errors
+/// Those of [`eeprom::program`] and of `work`; [`Error::NotRestored`] if the way back fails (it
+/// carries the error of `work`, if any).
+pub fn with<W: Wires, T>(
+    machine: &mut Machine<W>,
+    original: &Image,
+    mode: Mode,
+    note: Option<&Journal>,
+    ready_timeout_ms: u32,
+    work: impl FnOnce(&mut Machine<W>, Config) -> Result<T, Error>,
+) -> Result<T, Error> {
+    let image = with_config(original, |config| config.mode = mode)?;
+    let config = settings::decode(&image)?;
+    if let Some(note) = note {
+        note.begin(original)?;
+    }
+    let mut borrowed = Borrowed {
+        machine,
+        original,
+        note,
+        ready_timeout_ms,
+        restored: false,
+    };
+    let outcome = eeprom::program(borrowed.machine, &image, ready_timeout_ms, None, |_| {})
+        .and_then(|_| work(borrowed.machine, config));
+    match (outcome, borrowed.restore()) {
+        (outcome, Ok(())) => outcome,
+        (outcome, Err(error)) => Err(Error::NotRestored {
+            step: "bringing the EEPROM's mode back (`host-link tune rollback` tries again)",
+            cause: error.to_string(),
+            first: outcome.err().map(Box::new),
+        }),
+    }
+}
+
+impl<W: Wires> Borrowed<'_, W> {
+    fn restore(&mut self) -> Result<(), Error> {
+        // A Ctrl-C that ended the work must not end this too.
+        let interrupt = std::mem::replace(&mut self.machine.interrupt, Interrupt::new());
+        let timeout = self.ready_timeout_ms;
+        let first = eeprom::program(self.machine, self.original, timeout, None, |_| {});
+        let outcome = match first {
+            Err(_) => eeprom::program(self.machine, self.original, timeout, None, |_| {}),
+            done => done,
+        };
+        self.machine.interrupt = interrupt;
+        self.restored = true;
+        outcome?;
+        self.note.map_or(Ok(()), Journal::end)
+    }
+}
+
+impl<W: Wires> Drop for Borrowed<'_, W> {
+    fn drop(&mut self) {
+        if !self.restored {
+            // Only on the way out of a panic, which is what will be reported.
+            let _ = self.restore();
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Where the STM's log comes from: a serial device that is configured already, or the virtual
+//! board's UART.
+
+use crate::error::Error;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{channel, Receiver};
+use std::thread;
+use std::time::Duration;
+
+/// The STM's log.
+pub trait Source {
+    /// The bytes that came since the last call; never waits.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    fn fresh(&mut self) -> Result<Vec<u8>, Error>;
+}
+
+/// A serial device, 115200 baud, raw, as `stty` left it. It is opened when it is first read: what
+/// was said before is not kept.
+pub struct Tty {
+    path: PathBuf,
+    received: Option<Receiver<Result<Vec<u8>, String>>>,
+}
+
+impl Tty {
+    /// The device's file.
+    #[must_use]
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            received: None,
+        }
+    }
+}
+
+impl Source for Tty {
+    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
+        let path = &self.path;
+        let received = self.received.get_or_insert_with(|| listen(path));
+        let mut fresh = Vec::new();
+        for bytes in received.try_iter() {
+            fresh.extend(bytes.map_err(|cause| Error::Device {
+                name: path.display().to_string(),
+                cause,
+                advice: format!(
+                    "name the Pi's serial port with --uart, join the group dialout, and run \
+                     `stty -F {} 115200 raw -echo`",
+                    path.display()
+                ),
+            })?);
+        }
+        Ok(fresh)
+    }
+}
+
+/// A serial device that has nothing to say is looked at again after this.
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// Reads in a thread of its own, because reading a serial device waits. The thread ends with the
+/// receiver or with the program.
+fn listen(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
+    let (sender, receiver) = channel();
+    let path = path.to_owned();
+    thread::spawn(move || {
+        let mut file = match File::open(&path) {
+            Ok(file) => file,
+            Err(cause) => {
+                let _ = sender.send(Err(cause.to_string()));
+                return;
+            }
+        };
+        let mut buffer = [0; 4096];
+        loop {
+            let read = match file.read(&mut buffer) {
+                Ok(0) => {
+                    thread::sleep(PAUSE);
+                    Ok(Vec::new())
+                }
+                Ok(len) => Ok(buffer.get(..len).unwrap_or_default().to_vec()),
+                Err(cause) => Err(cause.to_string()),
+            };
+            let failed = read.is_err();
+            if sender.send(read).is_err() || failed {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listen_for(mut tty: Tty) -> Result<Vec<u8>, Error> {
+        for _ in 0..500 {
+            let fresh = tty.fresh()?;
+            if !fresh.is_empty() {
+                return Ok(fresh);
+            }
+            thread::sleep(PAUSE);
+        }
+        Ok(Vec::new())
+    }
+
+    #[test]
+    fn what_a_device_says_arrives() {
+        let path = std::env::temp_dir().join(format!("host-link-tty-{}", std::process::id()));
+        std::fs::write(&path, b"I00000: boot\n").unwrap();
+        assert_eq!(listen_for(Tty::new(&path)).unwrap(), b"I00000: boot\n");
+        std::fs::remove_file(path).unwrap();
+    }
+
+    #[test]
+    fn a_device_that_is_not_there_is_an_error() {
+        let outcome = listen_for(Tty::new("/nowhere/at/all"));
+        assert!(matches!(outcome, Err(Error::Device { .. })), "{outcome:?}");
+    }
+}
