@@ -89,15 +89,15 @@ crate::theorems! {
         cases [
             "infinite", "not a number", "out of range", "exact", "below the last place", "rounded"
         ];
-        kani q16 [unwind(1)] = (any(), 16);
-        kani q32 [unwind(1)] = (any(), 32);
-        kani any_scale [unwind(1)] = (any(), any());
+        kani q16 [unwind(4)] = (any(), 16);
+        kani q32 [unwind(4)] = (any(), 32);
+        kani any_scale [unwind(4)] = (any(), any());
         sampled 2_000_000;
     }
     T4 encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) {
         cases ["exact", "exact though long", "rounded", "rounded out of range"];
-        kani q32 [unwind(1)] = (any(), 32);
-        kani any_scale [unwind(1)] = (any(), any());
+        kani q32 [unwind(4)] = (any(), 32);
+        kani any_scale [unwind(4)] = (any(), any());
         sampled 1_000_000;
     }
 }

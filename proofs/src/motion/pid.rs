@@ -143,17 +143,17 @@ crate::theorems! {
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
     ) {
         cases ["at the upper limit", "at the lower limit", "between"];
-        kani first_board_forward [unwind(1)] =
+        kani first_board_forward [unwind(4)] =
             (first_board().forward, 100 << 16, any(), any(), any());
-        kani first_board_rotation [unwind(1)] =
+        kani first_board_rotation [unwind(4)] =
             (first_board().rotation, 50 << 16, any(), any(), any());
-        kani factors_of_every_size [unwind(1)] =
+        kani factors_of_every_size [unwind(4)] =
             (coarse_gains(), 50 << 16, any(), i32::from(any::<i16>()), i32::from(any::<i16>()));
         sampled 500_000;
     }
     T7 limit_change_cuts_the_integral(gains: Gains, before: i32, integral: i32, after: i32) {
         cases ["cut", "kept"];
-        kani forward [unwind(1)] = (first_board().forward, any(), any(), any());
+        kani forward [unwind(4)] = (first_board().forward, any(), any(), any());
         sampled 100_000;
     }
     T7 saturation_ends_at_once(gains: Gains, limit: i32, integral: i32, error: i32) {

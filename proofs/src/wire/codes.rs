@@ -30,22 +30,24 @@ pub fn length_code_round_trips(code: i32) -> Seen {
         .case(1, code == i32::MAX)
 }
 
-/// A length's code is the nearest micrometre, or the end of the range where that lies beyond.
+/// A length's code is the nearest micrometre, of two the upper, or the end of the range where that lies
+/// beyond. That it is monotone follows.
 pub fn length_code_is_nearest(bits: i64) -> Seen {
     let code = PoseCode::from_pose(&pose_of(bits, 0, 0)).x;
     // In 2⁻³² µm: the length is bits · 1000 of them, the code 2³² · code.
-    let length = i128::from(bits) * 1000;
+    let (whole, part) = (bits >> 32, bits & 0xFFFF_FFFF);
+    let length = (i128::from(whole * 1000) << 32) + i128::from(part * 1000);
     let missing = length - (i128::from(code) << 32);
     let half = 1 << 31;
     match code {
         i32::MAX => assert!(missing >= -half),
-        i32::MIN => assert!(missing <= half),
-        _ => assert!(-half <= missing && missing <= half),
+        i32::MIN => assert!(missing < half),
+        _ => assert!(-half <= missing && missing < half),
     }
     Seen::NOTHING
         .case(0, code == i32::MAX && missing > half)
         .case(1, code == i32::MIN && missing < -half)
-        .case(2, missing == half || missing == -half)
+        .case(2, missing == -half)
 }
 
 /// A length's code never falls when the length grows.
@@ -200,42 +202,42 @@ crate::theorems! {
     }
     T2 length_code_is_nearest(bits: i64) {
         cases ["beyond the top", "beyond the bottom", "a tie"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         sampled 1_000_000;
     }
     T2 length_code_is_monotone(one: i64, other: i64) {
         cases ["equal codes", "a higher code"];
-        kani proof [unwind(1)];
+        needs [length_code_is_nearest];
         sampled 300_000;
     }
     T2 rotation_code_is_nearest(heading: u32) {
         cases ["just below a turn is 0", "exact"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         exhaustive (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
             [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
         });
     }
     T2 bearing_code_is_nearest(heading: u32) {
         cases ["just below a turn is 0", "exact"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         exhaustive (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
             [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
         });
     }
     T2 voltage_code_round_trips(cell: u8, voltage: u16) {
         cases ["no voltage", "the highest voltage"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         exhaustive (0..=8).flat_map(|cell| (0..=0x2000).map(move |voltage| (cell, voltage)));
     }
     T2 voltage_code_is_nearest(cell: u8, bits: u32) {
         cases ["beyond the top", "rounded up", "nothing"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         stepped (0..=u32::MAX).step_by(61).map(|bits| (3, bits));
         sampled 300_000;
     }
     T2 voltage_code_is_monotone(one: u32, other: u32) {
         cases ["equal codes", "a higher code"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         sampled 300_000;
     }
     T2 distance_code_is_nearest(code: u16) {
@@ -249,7 +251,7 @@ crate::theorems! {
     }
     T2 distance_out_of_range_is_nothing(bits: i64) {
         cases ["negative", "too far", "in range"];
-        kani proof [unwind(1)];
+        kani proof [unwind(4)];
         sampled 300_000;
     }
 }
