@@ -27,6 +27,12 @@ pub trait Job {
 /// Opens the chosen machine, holds its lock, repairs what a killed run left, and runs the job.
 pub fn with_machine<J: Job>(robot: &Robot, job: J) -> Result<J::Result, Error> {
     let interrupt = interrupt()?;
+    if kept(robot, TUNE_MODE).exists() {
+        eprintln!(
+            "host-link: an earlier `tune` did not finish; its mode may still be in the EEPROM. The next \
+             `host-link tune` restores what was there (`tune rollback` does nothing else)."
+        );
+    }
     if robot.board.chosen {
         on_virtual_board(robot, interrupt, job)
     } else {
@@ -93,6 +99,9 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
     name.push(ending);
     name.into()
 }
+
+/// What the EEPROM held before a measurement changed its mode.
+pub const TUNE_MODE: &str = "tune-mode.before";
 
 /// Where something about this robot is kept from run to run.
 pub fn kept(robot: &Robot, name: &str) -> PathBuf {

@@ -64,20 +64,14 @@ struct Kept {
 impl Kept {
     fn of(robot: &Robot) -> Self {
         Self {
-            mode: Journal::new(place::kept(robot, "tune-mode.before")),
+            mode: Journal::new(place::kept(robot, place::TUNE_MODE)),
             before: place::kept(robot, "tune.before"),
         }
     }
 
     /// Restores what a killed measurement left.
     fn repair<W: Wires>(&self, machine: &mut Machine<W>, timeout: u32) -> Result<bool, Error> {
-        if !self.mode.unfinished() {
-            return Ok(false);
-        }
-        let original = image::load(self.mode.path())?;
-        eeprom::program(machine, &original, timeout, None, |_| {})?;
-        self.mode.end()?;
-        Ok(true)
+        mode::repair(machine, &self.mode, timeout)
     }
 }
 
@@ -94,12 +88,7 @@ fn apply<W: Wires>(
         &Settings::from_image(before)?,
         &Settings::from_image(wanted)?,
     );
-    for change in &changes {
-        output.remark(&format!(
-            "0x{:04X} {}: {} -> {}",
-            change.address, change.key, change.before, change.after
-        ));
-    }
+    tell(&changes, output);
     if changes.is_empty() || consent.dry_run || !(consent.yes || confirmed(output)) {
         return Ok((changes, false));
     }
@@ -107,6 +96,16 @@ fn apply<W: Wires>(
     image::save(&kept.before, before)?;
     eeprom::program(machine, wanted, timeout, Some(journal), |_| {})?;
     Ok((changes, true))
+}
+
+/// Before and after.
+fn tell(changes: &[Change], output: Output) {
+    for change in changes {
+        output.remark(&format!(
+            "0x{:04X} {}: {} -> {}",
+            change.address, change.key, change.before, change.after
+        ));
+    }
 }
 
 /// Asks on the terminal; without one nobody can agree.
@@ -368,6 +367,13 @@ impl Job for Rollback<'_> {
         let rolled_back = !repaired_mode && before.exists();
         if rolled_back {
             let image = image::load(before)?;
+            let present = eeprom::read(machine)?;
+            if let Ok(present) = Settings::from_image(&present) {
+                tell(
+                    &changes(&present, &Settings::from_image(&image)?),
+                    self.output,
+                );
+            }
             eeprom::program(machine, &image, timeout, Some(journal), |_| {})?;
             std::fs::remove_file(before).map_err(|cause| Error::unwritable(before, &cause))?;
         } else if !repaired_mode {

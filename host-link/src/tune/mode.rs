@@ -1,7 +1,8 @@
 //! The EEPROM's mode changed for a measurement, and restored on every path: success, error, Ctrl-C
 //! and panic. If the process is killed, a note on disk lets the next one restore it.
 
-use crate::eeprom::{self, journal::Journal};
+use super::Axis;
+use crate::eeprom::{self, image, journal::Journal};
 use crate::error::Error;
 use crate::machine::{Interrupt, Machine, Wires};
 use crate::settings::{self, Settings};
@@ -26,6 +27,35 @@ pub fn with_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Im
     }
     settings::decode(&changed)?;
     Ok(changed)
+}
+
+/// Restores the EEPROM that a killed measurement left, by its `note`. An EEPROM that was written
+/// since, by anything else, stays as it is. Returns whether it was restored; without a note nothing
+/// is done.
+///
+/// # Errors
+/// Those of [`eeprom::read`] and [`eeprom::program`], and of the note's file.
+pub fn repair<W: Wires>(
+    machine: &mut Machine<W>,
+    note: &Journal,
+    ready_timeout_ms: u32,
+) -> Result<bool, Error> {
+    if !note.unfinished() {
+        return Ok(false);
+    }
+    let original = image::load(note.path())?;
+    let present = eeprom::read(machine)?;
+    // What does not decode was left half-written.
+    let left = settings::decode(&present).is_err()
+        || [Axis::Rotate, Axis::Move].into_iter().any(|axis| {
+            with_config(&original, |config| config.mode = axis.mode())
+                .is_ok_and(|borrowed| borrowed == present)
+        });
+    if left {
+        eeprom::program(machine, &original, ready_timeout_ms, None, |_| {})?;
+    }
+    note.end()?;
+    Ok(left)
 }
 
 /// The borrowed mode: dropped, the EEPROM holds `original` again and the STM has been reset.

@@ -129,6 +129,25 @@ fn buses_that_die_leave_an_error_that_says_so() {
 }
 
 #[test]
+fn a_killed_tuning_is_repaired_but_what_was_written_since_stays() {
+    let path = std::env::temp_dir().join(format!("host-link-note-{}", std::process::id()));
+    let note = crate::eeprom::journal::Journal::new(&path);
+    let borrowed = mode::with_config(&original(), |config| config.mode = Mode::TuneMove).unwrap();
+    let newer = mode::with_config(&original(), |config| config.mode = Mode::GuardedNormal).unwrap();
+    let mut half_written = original();
+    half_written[0x0C] = 0x77;
+    for (present, repaired) in [(borrowed, true), (half_written, true), (newer, false)] {
+        note.begin(&original()).unwrap();
+        let (board, mut machine) = machine(&present, None);
+        assert_eq!(mode::repair(&mut machine, &note, 100), Ok(repaired));
+        let expected = if repaired { original() } else { present };
+        assert!(board.borrow().memory == expected);
+        assert!(!note.unfinished());
+        assert_eq!(mode::repair(&mut machine, &note, 100), Ok(false));
+    }
+}
+
+#[test]
 fn a_link_lost_during_a_step_ends_it_within_a_fifth_of_a_second() {
     let (board, mut machine) = machine(&original(), None);
     board.borrow_mut().deaf_from = 20;
