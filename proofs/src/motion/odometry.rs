@@ -114,7 +114,7 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
         return Seen::NOTHING.case(0, true);
     }
     assert!((f64::from(delta.turn) / 4_294_967_296.0 * TAU - psi).abs() < 4e-9);
-    let mean = f64::midpoint(s_right, s_left);
+    let mean = s_right / 2.0 + s_left / 2.0;
     let chord = if psi == 0.0 {
         mean
     } else {

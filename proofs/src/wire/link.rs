@@ -295,7 +295,7 @@ crate::theorems! {
         kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any(), any());
         kani tune_rotate [unwind(12)] = (any_setup(Mode::TuneRotate), any(), any(), any());
         kani guarded_tune_rotate [unwind(12)] =
-            (any_setup(Mode::GuardedTuneRotate), any(), any(), any());
+            (any_setup(Mode::GuardedTuneRotate), any(), any(), 18);
         sampled 300_000;
     }
     T8 ends_find_each_other(
