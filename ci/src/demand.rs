@@ -87,25 +87,40 @@ pub fn fuzz_targets(place: &Place) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Fuzzes one target from its committed corpus; what it learns stays in
-/// `target/fuzz/corpus`, what breaks the target in `fuzz/artifacts`.
+/// How long to fuzz one target.
+#[derive(Clone, Copy, Debug)]
+pub enum Effort {
+    /// The same inputs every time, from the committed corpus alone: for a gate, which must not fail
+    /// by chance on a change that did nothing.
+    Inputs(u32),
+    /// Ever new inputs for so many seconds, building on what earlier runs learned.
+    Seconds(u32),
+}
+
+/// Fuzzes one target from its committed corpus; what it learns stays in `target/fuzz/corpus`, what
+/// breaks the target in `fuzz/artifacts`.
 ///
 /// # Errors
 /// Where the fuzzer found an input that breaks the target.
-pub fn fuzz_one(place: &Place, target: &str, seconds: u32) -> Result<()> {
-    let found = place.target.join("fuzz/corpus").join(target);
-    std::fs::create_dir_all(&found).of(found.display())?;
+pub fn fuzz_one(place: &Place, target: &str, effort: Effort) -> Result<()> {
+    let (folder, limits) = match effort {
+        Effort::Inputs(count) => ("smoke", vec!["-seed=1".into(), format!("-runs={count}")]),
+        Effort::Seconds(seconds) => ("corpus", vec![format!("-max_total_time={seconds}")]),
+    };
+    // New inputs go to the first folder; the committed seeds are only read.
+    let learned = place.target.join("fuzz").join(folder).join(target);
+    if matches!(effort, Effort::Inputs(_)) && learned.exists() {
+        std::fs::remove_dir_all(&learned).of(learned.display())?;
+    }
+    std::fs::create_dir_all(&learned).of(learned.display())?;
     let mut fuzz = Command::new("rustup");
     fuzz.args(["run", "nightly", "cargo", "fuzz", "run", "--target-dir"]);
-    fuzz.arg(place.target.join("fuzz")).arg(target);
-    // New inputs go to the first folder; the committed seeds are only read.
-    fuzz.arg(&found)
-        .arg(place.root.join("fuzz/corpus").join(target))
-        .arg("--");
-    fuzz.args([
-        format!("-max_total_time={seconds}"),
-        "-print_final_stats=0".into(),
-    ]);
+    fuzz.arg(place.target.join("fuzz"))
+        .arg(target)
+        .arg(&learned);
+    fuzz.arg(place.root.join("fuzz/corpus").join(target))
+        .arg("--")
+        .args(limits);
     fuzz.current_dir(&place.root);
     fuzz.env_remove("CARGO")
         .env_remove("RUSTC")

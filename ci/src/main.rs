@@ -19,6 +19,7 @@ mod shell;
 use std::process::ExitCode;
 
 use arm::{Arm, Way};
+use demand::Effort;
 use error::{failed, Error, Result};
 use place::Place;
 
@@ -274,7 +275,7 @@ fn fuzz(place: &Place, words: &Words) -> Result<()> {
     };
     let mut broken = Vec::new();
     for target in chosen {
-        if let Err(error) = demand::fuzz_one(place, &target, seconds) {
+        if let Err(error) = demand::fuzz_one(place, &target, Effort::Seconds(seconds)) {
             broken.push(format!("{target}: {error}"));
         }
     }

@@ -133,7 +133,11 @@ const GATES: [Gate; 18] = [
         tests::figures,
     ),
     slow("kani", "the theorems, proven", proofs::kani),
-    slow("fuzz", "every fuzz target for some seconds", proofs::fuzz),
+    slow(
+        "fuzz",
+        "every fuzz target on its corpus and some thousand inputs",
+        proofs::fuzz,
+    ),
     slow(
         "supply",
         "licences, bans and sources of the dependencies",

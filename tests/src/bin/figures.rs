@@ -2,6 +2,7 @@
 //!
 //! `figures --elf PATH [--out FILE]`; exit code 1 where a bar is missed, 2 on a wrong argument. How each
 //! figure is measured is in docs/figures.md.
+#![forbid(unsafe_code)]
 
 use std::error::Error;
 use std::path::PathBuf;

@@ -4,6 +4,7 @@
 //!
 //! `demo --elf PATH [--out DIRECTORY] [--seed N]`; exit code 1 where a bar is missed, 2 on a wrong
 //! argument.
+#![forbid(unsafe_code)]
 
 mod report;
 mod trail;
