@@ -1,0 +1,108 @@
+//! Tuning end to end: the Pi's steps and fit against the virtual motors, whose figures are known.
+
+use host_link::eeprom;
+use host_link::machine::Interrupt;
+use host_link::session::Session;
+use host_link::tune::{battery, fit, mode, step, Axis};
+use host_link::virtual_board::machine;
+use plant::MotorParams;
+use robot_tests::document::original_image;
+use robot_tests::rig::Rig;
+use twin::plant::Room;
+use twin::Options;
+
+fn rig() -> Rig {
+    let rig = Rig::new(Options {
+        eeprom: Some(original_image()),
+        room: Room::default(),
+        ..Options::default()
+    });
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig
+}
+
+/// Millimetres of travel per degree of a wheel.
+const MM_PER_DEG: f64 = 80.0 * std::f64::consts::PI / 360.0;
+
+/// Mean of both wheels' speeds between 50 and 100 % duty, °/s per %.
+fn slope() -> f64 {
+    let speeds = [
+        MotorParams::first_board_left(),
+        MotorParams::first_board_right(),
+    ]
+    .map(|motor| (motor.speeds_deg_s[2] - motor.speeds_deg_s[0]) / 50.0);
+    f64::midpoint(speeds[0], speeds[1])
+}
+
+fn tuned(axis: Axis) -> fit::Model {
+    let rig = rig();
+    let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
+    let original = eeprom::read(&mut machine).expect("the EEPROM");
+    let plan = step::Plan {
+        levels: vec![50.0, 75.0, 100.0],
+        hold_s: 1.2,
+        rest_s: 0.8,
+        travel: axis.travel(),
+    };
+    let recorder = mode::with(
+        &mut machine,
+        &original,
+        axis.mode(),
+        None,
+        1000,
+        |machine, config| {
+            let mut session = Session::with_config(machine, config, 40);
+            step::run(&mut session, &plan, |_| {})
+        },
+    )
+    .expect("the steps");
+    assert!(eeprom::read(&mut machine).expect("the EEPROM") == original);
+    assert_eq!(recorder.lost(), 0);
+    assert!(rig.motors_off());
+    rig.assert_modelled();
+    fit::fit(&fit::steps(recorder.samples())).expect("a model")
+}
+
+#[test]
+fn tuning_finds_the_virtual_motors_gain_and_lag() {
+    let lag = f64::midpoint(
+        MotorParams::first_board_left().lag_s,
+        MotorParams::first_board_right().lag_s,
+    );
+    // Both wheels turn the robot: 125 mm of track.
+    let turning = slope() * MM_PER_DEG * 2.0 / 125.0 * 180.0 / std::f64::consts::PI;
+    for (axis, expected) in [(Axis::Rotate, turning), (Axis::Move, slope() * MM_PER_DEG)] {
+        let model = tuned(axis);
+        // The supply is not the nominal one, and the curve bends at 75 %.
+        let ratio = model.gain / expected;
+        assert!((0.9..1.25).contains(&ratio), "{axis:?}: {ratio} {model:?}");
+        assert!((model.lag_s / lag - 1.0).abs() < 0.1, "{axis:?}: {model:?}");
+        assert!(
+            (12.0..24.0).contains(&model.dead_zone),
+            "{axis:?}: {model:?}"
+        );
+    }
+}
+
+#[test]
+fn tuning_the_battery_proposes_the_resistor_that_shows_the_reference() {
+    let rig = rig();
+    let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
+    let mut session = Session::open(&mut machine, 40, 1000).expect("a session");
+    for _ in 0..40 {
+        session
+            .exchange(&host_link::session::Wish::default())
+            .expect("a frame");
+    }
+    let shown = session.snapshot().cells_v[0].expect("cell 1");
+    let divider = session.config().dividers[0];
+    let reference = shown * 0.9;
+    let ohm = battery::ask(&mut session, 1, reference).expect("a proposal");
+    let whole = f64::from(divider.upper) + f64::from(divider.lower);
+    let expected = whole * 0.9 - f64::from(divider.lower);
+    // The ADC's noise and the wire's 5 mV.
+    assert!(
+        (f64::from(ohm) - expected).abs() < 150.0,
+        "{ohm}, {expected}"
+    );
+}
