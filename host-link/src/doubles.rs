@@ -9,7 +9,7 @@ use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
 use fw_core::double::Double;
-use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::eeprom::{first_board, Image, IMAGE_LEN};
 use fw_core::wire::{Command, Mode, PoseCode, Report, Setup, StmLink, MAX_FRAME};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -172,6 +172,7 @@ impl Board {
     /// One frame; every frame the robot has gone half the way to where it should be.
     fn frame(&mut self, back: &mut [u8], out: &[u8]) {
         let Some(link) = &mut self.link else { return };
+        self.report.cell.cell = (self.report.cell.cell + 1) % first_board().cells;
         let mut reply = [0; MAX_FRAME];
         let len = link.send(&self.report, &mut reply);
         back.copy_from_slice(&reply[..len]);

@@ -161,6 +161,15 @@ pub enum Error {
         /// What was wrong with the last one.
         last: String,
     },
+    /// Frames go out and come back, but the STM runs another chain or has other keys.
+    Stranger {
+        /// The mode this end runs.
+        mode: &'static str,
+        /// Frames it took to find out.
+        frames: u64,
+        /// What shows it.
+        why: String,
+    },
     /// The robot did not come to rest at the target in time.
     NotReached {
         /// Seconds it was given.
@@ -214,7 +223,7 @@ impl Error {
             Self::Eeprom { .. } | Self::Verify { .. } | Self::NotRestored { .. } => Exit::Eeprom,
             Self::Rejected { .. } | Self::WrongMode { .. } => Exit::Rejected,
             Self::NotReady { .. } => Exit::NotReady,
-            Self::Spi(_) | Self::Silent { .. } => Exit::Link,
+            Self::Spi(_) | Self::Silent { .. } | Self::Stranger { .. } => Exit::Link,
             Self::NotReached { .. } => Exit::NotReached,
             Self::Fault { .. } => Exit::Fault,
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
@@ -314,6 +323,12 @@ impl fmt::Display for Error {
                 "no valid frame from the STM for {ms} ms ({frames} sent; the last reply: {last}); check that \
                  STM_READY is high and that keys and mode in the EEPROM are those the STM booted with \
                  (`host-link reset` makes it read them again)"
+            ),
+            Self::Stranger { mode, frames, why } => write!(
+                f,
+                "the STM does not answer in mode {mode} ({frames} frames, {why}): it runs another mode or has \
+                 other keys than the EEPROM holds now, or a wire of the SPI is off; run `host-link reset`, \
+                 which makes it read the EEPROM again"
             ),
             Self::NotReached { seconds, off_mm, off_deg } => write!(
                 f,

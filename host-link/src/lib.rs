@@ -18,6 +18,7 @@
 //! | [`reset`] | RESET and `STM_READY` |
 //! | [`eeprom`] | the EEPROM and its bus, taken and always given back |
 //! | [`settings`] | the configuration file |
+//! | [`mode`] | another mode on both ends |
 //! | [`link`] | one frame out, one frame back, counted |
 //! | [`session`] | paced frames, the latest of everything, silence noticed |
 //! | [`drive`] | to a pose, along a tour; stopped whatever happens |
@@ -30,6 +31,7 @@
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
+mod acquaintance;
 #[cfg(test)]
 mod doubles;
 pub mod drive;
@@ -39,6 +41,7 @@ pub mod link;
 #[cfg(feature = "linux")]
 pub mod linux;
 pub mod machine;
+pub mod mode;
 pub mod pose;
 pub mod reset;
 pub mod session;

@@ -1,6 +1,7 @@
 //! A conversation with the robot: paced frames, the walk over the battery's cells, the latest of
 //! everything, and noticing silence.
 
+use crate::acquaintance::Acquaintance;
 use crate::error::Error;
 use crate::link::{Link, Statistics};
 use crate::machine::{Clock, Machine, Wires};
@@ -52,6 +53,7 @@ pub struct Session<'m, W: Wires> {
     last_wrong: Option<String>,
     cell: u8,
     snapshot: Snapshot,
+    acquaintance: Acquaintance,
 }
 
 /// Whether the mode carries an expected and an actual pose.
@@ -100,6 +102,7 @@ impl<'m, W: Wires> Session<'m, W> {
             last_wrong: None,
             cell: 0,
             snapshot: Snapshot::new(&config),
+            acquaintance: Acquaintance::new(&config),
             machine,
             config,
         }
@@ -133,7 +136,8 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// [`Error::Interrupted`], [`Error::Spi`], [`Error::Silent`] after [`SILENCE_US`] without a valid
-    /// reply, or when none of the first [`STRANGER_FRAMES`] was valid.
+    /// reply, [`Error::Stranger`] when none of the first [`STRANGER_FRAMES`] was valid or they show
+    /// that the STM runs another mode.
     pub fn exchange(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
         self.machine.interrupt.check()?;
         self.exchange_regardless(wish)
@@ -152,19 +156,32 @@ impl<'m, W: Wires> Session<'m, W> {
                 self.last_good_us = now_us;
                 self.unanswered = 0;
                 self.snapshot.take(now_us, &report, self.link.statistics());
+                if let Err(why) = self.acquaintance.take(&report) {
+                    return Err(self.stranger(why));
+                }
                 Ok(Some(report))
             }
             Err(wrong) => {
                 self.unanswered = self.unanswered.saturating_add(1);
                 self.last_wrong = Some(wrong.to_string());
                 let silent_us = now_us.saturating_sub(self.last_good_us);
-                let strangers =
-                    self.snapshot.link.accepted == 0 && self.unanswered >= STRANGER_FRAMES;
-                if silent_us >= SILENCE_US || strangers {
+                if self.snapshot.link.accepted == 0 && self.unanswered >= STRANGER_FRAMES {
+                    let last = self.last_wrong.clone().unwrap_or_default();
+                    return Err(self.stranger(format!("the last reply: {last}")));
+                }
+                if silent_us >= SILENCE_US {
                     return Err(self.silence());
                 }
                 Ok(None)
             }
+        }
+    }
+
+    fn stranger(&self, why: String) -> Error {
+        Error::Stranger {
+            mode: self.config.mode.name(),
+            frames: self.statistics().frames,
+            why,
         }
     }
 
@@ -221,6 +238,17 @@ impl<'m, W: Wires> Session<'m, W> {
                 return Ok(report);
             }
         }
+    }
+
+    /// Exchanges frames that ask for nothing until both ends are known to speak the same mode.
+    ///
+    /// # Errors
+    /// Those of [`Self::exchange`].
+    pub fn acquaint(&mut self) -> Result<(), Error> {
+        while !self.acquaintance.made() {
+            self.exchange(&Wish::default())?;
+        }
+        Ok(())
     }
 
     /// In guarded modes: clears the fault of the silence before this session and resumes. In Normal

@@ -2,12 +2,13 @@
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
 use clap::{Args, Parser, Subcommand};
+use fw_core::wire::Mode;
 use host_link::drive::Terms;
 use host_link::error::{Error, Exit};
 use host_link::pose::Place;
 use host_link::tune::step::Plan;
 use host_link::tune::{gains, Axis};
-use host_link::{reset, session, tour};
+use host_link::{mode, reset, session, tour};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -41,6 +42,12 @@ pub enum Command {
     },
     /// Repair what a killed run left (EEPROM protected, its bus with the STM), reset the STM, await STM_READY
     Reset,
+    /// Change the mode: rewrite it in the EEPROM, reset the STM, and carry on in it on both ends
+    Mode {
+        /// Name, e.g. "Guarded Normal" or guarded-normal, or number, e.g. 0x10
+        #[arg(value_parser = mode::parse)]
+        mode: Mode,
+    },
     /// Show pose, cells, ranges and the link's counters, live
     Monitor(Monitor),
     /// Drive to a pose and stop there

@@ -4,6 +4,7 @@ mod args;
 mod drive;
 mod eeprom;
 mod map;
+mod mode;
 mod monitor;
 mod place;
 mod report;
@@ -45,6 +46,14 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
     match &arguments.command {
         Command::Eeprom { command } => eeprom::run(command, robot, output),
         Command::Reset => place::with_machine(robot, place::Reset { robot, output }),
+        Command::Mode { mode } => place::with_machine(
+            robot,
+            mode::Change {
+                mode: *mode,
+                robot,
+                output,
+            },
+        ),
         Command::Monitor(monitor) => place::with_machine(
             robot,
             monitor::Watch {

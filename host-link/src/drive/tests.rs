@@ -117,7 +117,7 @@ fn a_robot_with_other_keys_is_found_out_within_ten_frames() {
     board.borrow_mut().memory = other.image();
     let error = drive(&mut machine).unwrap_err();
     assert!(
-        matches!(&error, Error::Silent { frames: 10, last, .. } if last.contains("key")),
+        matches!(&error, Error::Stranger { frames: 10, why, .. } if why.contains("key")),
         "{error:?}"
     );
 }

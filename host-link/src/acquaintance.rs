@@ -1,0 +1,155 @@
+//! Whether the other end runs the same mode. In guarded modes every reply proves it by its
+//! checksum. The document's modes have nothing of the kind, and a longer frame's beginning can pass
+//! for a shorter one; but then the cell of the battery strategy does not walk, and what passes for
+//! a position leaps with the other end's frame counter.
+//!
+//! Not to be told apart on the wire are `TuneRotatePID` and `TuneMovePID`, bare or guarded: their
+//! frames are the same. With a single cell nothing walks, and only the leaps are left.
+
+use crate::session::STRANGER_FRAMES;
+use fw_core::eeprom::Config;
+use fw_core::wire::Report;
+
+/// A robot does not go this far between two frames, micrometres.
+const LEAP_UM: u64 = 10_000_000;
+
+/// A reset puts the robot back to zero in one leap; so many in a row are none.
+const LEAPS: u32 = 4;
+
+/// What the replies so far say of the other end.
+#[derive(Clone, Debug)]
+pub(crate) struct Acquaintance {
+    guarded: bool,
+    cells: u8,
+    first: Option<u8>,
+    walks: bool,
+    replies: u32,
+    x_um: i32,
+    leaps: u32,
+}
+
+impl Acquaintance {
+    pub(crate) fn new(config: &Config) -> Self {
+        Self {
+            guarded: config.mode.tells_fresh(),
+            cells: config.cells,
+            first: None,
+            walks: false,
+            replies: 0,
+            x_um: 0,
+            leaps: 0,
+        }
+    }
+
+    /// Whether enough was heard to trust that both ends run the same mode.
+    pub(crate) fn made(&self) -> bool {
+        self.replies >= if self.guarded { 1 } else { STRANGER_FRAMES }
+    }
+
+    /// Looks at a reply that passed the chain.
+    ///
+    /// # Errors
+    /// What shows that the other end runs another mode.
+    pub(crate) fn take(&mut self, report: &Report) -> Result<(), String> {
+        self.replies = self.replies.saturating_add(1);
+        if self.guarded {
+            return Ok(());
+        }
+        let cell = report.cell.cell;
+        self.walks |= *self.first.get_or_insert(cell) != cell;
+        if self.cells > 1 && !self.walks && self.replies >= STRANGER_FRAMES {
+            return Err(format!("all of cell {} of {}", cell + 1, self.cells));
+        }
+        let way = i64::from(report.pose.x) - i64::from(self.x_um);
+        self.x_um = report.pose.x;
+        if way.unsigned_abs() < LEAP_UM {
+            self.leaps = 0;
+        } else {
+            self.leaps += 1;
+        }
+        if self.leaps >= LEAPS {
+            return Err(format!(
+                "positions {} m apart from frame to frame",
+                way / 1_000_000
+            ));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fw_core::eeprom::first_board;
+    use fw_core::wire::{
+        chain, frame_len, CellCode, Command, Mode, PiLink, Setup, StmLink, MAX_FRAME,
+    };
+
+    /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi found out.
+    fn found_out(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {
+        let config = |mode| {
+            let mut config = first_board();
+            config.mode = mode;
+            config.cells = cells;
+            config
+        };
+        let mut pi = PiLink::new(Setup::from(&config(pi_mode)));
+        let mut stm = StmLink::new(Setup::from(&config(stm_mode)));
+        let mut acquaintance = Acquaintance::new(&config(pi_mode));
+        let mut accepted = 0;
+        for frame in 0..STRANGER_FRAMES {
+            let report = Report {
+                cell: CellCode {
+                    cell: u8::try_from(frame).unwrap() % cells,
+                    voltage: 800,
+                },
+                ..Report::default()
+            };
+            let mut out = [0; MAX_FRAME];
+            let _ = pi.send(&Command::default(), &mut out);
+            let sent = stm.send(&report, &mut out);
+            // What is clocked after the reply's end repeats its last byte.
+            let last = out[sent - 1];
+            out[sent..].fill(last);
+            let Ok(report) = pi.receive(&out[..frame_len(pi_mode)]) else {
+                continue;
+            };
+            accepted += 1;
+            if acquaintance.take(&report).is_err() {
+                return true;
+            }
+        }
+        accepted == 0
+    }
+
+    #[test]
+    fn every_other_chain_is_found_out_within_ten_frames() {
+        for &pi in Mode::ALL {
+            for &stm in Mode::ALL {
+                let same = chain(pi)
+                    .iter()
+                    .map(|strategy| strategy.name)
+                    .eq(chain(stm).iter().map(|strategy| strategy.name));
+                assert_eq!(found_out(pi, stm, 2), !same, "{} {}", pi.name(), stm.name());
+            }
+        }
+    }
+
+    #[test]
+    fn with_one_cell_a_guarded_robot_is_found_out_by_its_leaps() {
+        assert!(found_out(Mode::Normal, Mode::GuardedNormal, 1));
+        assert!(!found_out(Mode::Normal, Mode::Normal, 1));
+    }
+
+    #[test]
+    fn a_robot_that_starts_anew_far_out_is_no_stranger() {
+        let mut acquaintance = Acquaintance::new(&first_board());
+        for frame in 0..40_u8 {
+            let mut report = Report::default();
+            report.cell.cell = frame % 2;
+            report.pose.x = if frame < 20 { 1_500_000_000 } else { 0 };
+            assert_eq!(acquaintance.take(&report), Ok(()));
+        }
+        assert!(acquaintance.made());
+    }
+}
