@@ -1,12 +1,13 @@
 //! Whether the other end runs the same mode. In guarded modes every reply proves it by its
-//! checksum. The document's modes have nothing of the kind, and a longer frame's beginning can pass
-//! for a shorter one; but then the cell of the battery strategy does not walk, and what passes for
-//! a position leaps with the other end's frame counter.
+//! checksum. The document's modes have nothing of the kind. There a longer frame's beginning can pass
+//! for a shorter one, but the cell of the battery strategy does not walk, and what passes for a
+//! position leaps with the other end's frame counter; and a shorter frame can pass for a longer
+//! one, but its last byte repeats to the end.
 //!
 //! Not to be told apart on the wire are `TuneRotatePID` and `TuneMovePID`, bare or guarded: their
-//! frames are the same. With a single cell nothing walks, and only the leaps are left.
+//! frames are the same. With a single cell nothing walks, and a bare tuning mode has nothing else.
 
-use crate::session::STRANGER_FRAMES;
+use crate::session::{has_position, STRANGER_FRAMES};
 use fw_core::eeprom::Config;
 use fw_core::wire::Report;
 
@@ -20,24 +21,28 @@ const LEAPS: u32 = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct Acquaintance {
     guarded: bool,
+    position: bool,
     cells: u8,
     first: Option<u8>,
     walks: bool,
     replies: u32,
     x_um: i32,
     leaps: u32,
+    repeats: u32,
 }
 
 impl Acquaintance {
     pub(crate) fn new(config: &Config) -> Self {
         Self {
             guarded: config.mode.tells_fresh(),
+            position: has_position(config.mode),
             cells: config.cells,
             first: None,
             walks: false,
             replies: 0,
             x_um: 0,
             leaps: 0,
+            repeats: 0,
         }
     }
 
@@ -60,6 +65,10 @@ impl Acquaintance {
         if self.cells > 1 && !self.walks && self.replies >= STRANGER_FRAMES {
             return Err(format!("all of cell {} of {}", cell + 1, self.cells));
         }
+        self.repeats += u32::from(self.position && repeats(report));
+        if self.replies == STRANGER_FRAMES && self.repeats == self.replies {
+            return Err("battery and distances are all one byte repeated".into());
+        }
         let way = i64::from(report.pose.x) - i64::from(self.x_um);
         self.x_um = report.pose.x;
         if way.unsigned_abs() < LEAP_UM {
@@ -75,6 +84,12 @@ impl Acquaintance {
         }
         Ok(())
     }
+}
+
+/// Whether battery and distances are the same two bytes: nobody has four such readings.
+fn repeats(report: &Report) -> bool {
+    let battery = u16::from(report.cell.cell) << 13 | report.cell.voltage;
+    report.ranges.iter().all(|range| range.0 == battery)
 }
 
 #[cfg(test)]
@@ -98,11 +113,11 @@ mod tests {
         let mut acquaintance = Acquaintance::new(&config(pi_mode));
         let mut accepted = 0;
         for frame in 0..STRANGER_FRAMES {
+            let cell = u8::try_from(frame).unwrap() % cells;
+            // 0x0320 and 0x031F: repeated, their last bytes pass for one cell and the other.
+            let voltage = 800 - u16::from(cell);
             let report = Report {
-                cell: CellCode {
-                    cell: u8::try_from(frame).unwrap() % cells,
-                    voltage: 800,
-                },
+                cell: CellCode { cell, voltage },
                 ..Report::default()
             };
             let mut out = [0; MAX_FRAME];
@@ -136,8 +151,9 @@ mod tests {
     }
 
     #[test]
-    fn with_one_cell_a_guarded_robot_is_found_out_by_its_leaps() {
+    fn with_one_cell_others_are_found_out_in_normal_mode() {
         assert!(found_out(Mode::Normal, Mode::GuardedNormal, 1));
+        assert!(found_out(Mode::Normal, Mode::TuneMove, 1));
         assert!(!found_out(Mode::Normal, Mode::Normal, 1));
     }
 

@@ -4,7 +4,8 @@ use crate::eeprom::{self, journal::Journal, Programmed, Step};
 use crate::error::Error;
 use crate::machine::{Machine, Wires};
 use crate::session::Session;
-use crate::settings::Settings;
+use crate::settings;
+use crate::tune::mode::with_config;
 use fw_core::wire::Mode;
 
 /// A mode by its name, upper or lower case, with or without its spaces, or by its number, decimal
@@ -58,9 +59,9 @@ pub fn change<'m, W: Wires>(
     journal: Option<&Journal>,
     watch: impl FnMut(Step<'_>),
 ) -> Result<Changed<'m, W>, Error> {
-    let mut settings = Settings::from_image(&eeprom::read(machine)?)?;
-    let before = std::mem::replace(&mut settings.config.mode, mode);
-    let image = settings.image();
+    let present = eeprom::read(machine)?;
+    let before = settings::decode(&present)?.mode;
+    let image = with_config(&present, |config| config.mode = mode)?;
     let programmed = eeprom::program(machine, &image, ready_timeout_ms, journal, watch)?;
     let mut session = Session::open(machine, rate_hz, ready_timeout_ms)?;
     session.acquaint()?;

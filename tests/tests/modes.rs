@@ -1,0 +1,82 @@
+//! Both ends and their modes: the host's code on the Pi's wires, the ELF behind them.
+
+use fw_core::eeprom::{first_board, Config};
+use fw_core::wire::{chain, Mode, Strategy};
+use host_link::error::Error;
+use host_link::machine::Interrupt;
+use host_link::mode;
+use host_link::session::{Session, Wish, RATE_HZ, STRANGER_FRAMES};
+use host_link::settings::Settings;
+use host_link::virtual_board;
+use robot_tests::rig::Rig;
+
+const SPI_HZ: u32 = 8_000_000;
+const READY_MS: u32 = 1_000;
+
+/// The first board's figures and a servo, which the sweep asks for.
+fn config(mode: Mode) -> Config {
+    let mut config = first_board();
+    config.mode = mode;
+    config.platform.servo = true;
+    config
+}
+
+fn booted(mode: Mode) -> Rig {
+    let settings = Settings {
+        config: config(mode),
+        platform_page: true,
+    };
+    let rig = Rig::booted(Some(settings.image().to_vec()));
+    assert!(rig.board.is_ready(), "{}", rig.log());
+    rig.board.run_us(100_000);
+    rig
+}
+
+fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
+    chain(mode).iter().map(|&Strategy { name, .. }| *name)
+}
+
+#[test]
+fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
+    for &stm in Mode::ALL {
+        let rig = booted(stm);
+        for &pi in Mode::ALL {
+            let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+            let mut session = Session::with_config(&mut machine, config(pi), RATE_HZ);
+            let met = session.acquaint();
+            let pair = format!("Pi {}, STM {}", pi.name(), stm.name());
+            if names(pi).eq(names(stm)) {
+                assert_eq!(met, Ok(()), "{pair}");
+                continue;
+            }
+            let Err(Error::Stranger { mode, frames, .. }) = &met else {
+                panic!("{pair}: {met:?}");
+            };
+            assert!(*frames <= u64::from(STRANGER_FRAMES), "{pair}: {met:?}");
+            assert_eq!(*mode, pi.name());
+        }
+        assert!(rig.log().contains("frame rejected"), "{}", rig.log());
+        assert!(rig.board.truth().path_mm < 0.01, "STM {}", stm.name());
+    }
+}
+
+#[test]
+fn the_mode_is_changed_on_both_ends_without_leaving_the_program() {
+    let rig = booted(Mode::Normal);
+    let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+    let mut before = Mode::Normal;
+    for &mode in Mode::ALL.iter().rev().chain([&Mode::GuardedNormal]) {
+        let mut changed = mode::change(&mut machine, mode, RATE_HZ, READY_MS, None, |_| {})
+            .unwrap_or_else(|error| panic!("{}: {error}", mode.name()));
+        assert_eq!(changed.before, before);
+        assert!(changed.programmed.bytes > 0);
+        assert_eq!(changed.session.config().mode, mode);
+        let report = changed.session.exchange(&Wish::default());
+        assert!(matches!(report, Ok(Some(_))), "{}: {report:?}", mode.name());
+        let log = rig.log();
+        let told = format!("configured, mode {}", mode.name());
+        assert!(log.contains(&told), "{told}: {log}");
+        before = mode;
+    }
+    rig.assert_modelled();
+}
