@@ -52,7 +52,10 @@ impl Exit {
         (Self::Eeprom, "the EEPROM or its bus failed"),
         (Self::Rejected, "the configuration was rejected"),
         (Self::NotReady, "STM_READY did not rise in time"),
-        (Self::Link, "no valid frame over the SPI link"),
+        (
+            Self::Link,
+            "no valid frame over the SPI link, or the STM runs another mode",
+        ),
         (Self::NotReached, "the target was not reached in time"),
         (
             Self::Fault,
