@@ -7,7 +7,7 @@ use host_link::drive::Terms;
 use host_link::error::{Error, Exit};
 use host_link::pose::Place;
 use host_link::tune::step::Plan;
-use host_link::tune::{gains, Axis};
+use host_link::tune::Axis;
 use host_link::{mode, reset, session, tour};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -112,9 +112,9 @@ pub struct StepArgs {
     /// A step ends when it went this far, degrees or mm; 360 degrees or 300 mm without it
     #[arg(long, value_name = "WAY")]
     pub travel: Option<f64>,
-    /// Damping of the loop to propose gains for: 0.5 brisk, 1 without overshoot
-    #[arg(long, value_name = "ZETA", default_value_t = gains::DAMPING, value_parser = damping)]
-    pub damping: f64,
+    /// Damping of the loop to propose gains for, 1 = no overshoot; 0.8 to rotate, 0.5 to move without it
+    #[arg(long, value_name = "ZETA", value_parser = damping)]
+    pub damping: Option<f64>,
     /// Files to write, without their endings .csv and .png; tune-rotate or tune-move without it
     #[arg(long, value_name = "STEM")]
     pub out: Option<PathBuf>,

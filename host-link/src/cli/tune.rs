@@ -209,7 +209,11 @@ impl Job for Steps<'_> {
             Error::Tuning(format!("{what} (see {})", csv.display()))
         })?;
         let present = *axis.gains(&mut config);
-        let proposed = gains::propose(&model, arguments.damping, &present);
+        let proposed = gains::propose(
+            &model,
+            arguments.damping.unwrap_or(axis.damping()),
+            &present,
+        );
         let before = gains::predict(axis, &model, &present);
         let after = gains::predict(axis, &model, &proposed);
         let picture = files::save_picture(

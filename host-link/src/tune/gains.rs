@@ -4,7 +4,7 @@
 //! Seen from the duty beyond the dead zone, which the firmware compensates, the drive is
 //! `gain / (s · (τs + 1)²)`. A derivative of `D = P · τ` (per second) cancels one of its lags. What
 //! is left is a loop of second order, `τs² + s + gain · P`, whose damping ζ is chosen:
-//! `P = 1 / (4 ζ² τ gain)`; for ζ = 1/√2 this is the magnitude optimum. ζ = 0.8 overshoots by 1.5 %.
+//! `P = 1 / (4 ζ² τ gain)`; for ζ = 1/√2 this is the magnitude optimum, ζ = 0.8 overshoots by 1.5 %.
 //! The integral is slow beside that, `I = P · 10 ms / 10 τ`: it only removes what is left at the
 //! end. Per sample of 10 ms, as the EEPROM has it, `D` is a hundred times as large as per second.
 //! The anti wind-up factor stays as it is.
@@ -17,9 +17,6 @@ use fw_core::double::Double;
 use fw_core::eeprom::Gains;
 use fw_core::motion::pid::Pid;
 use serde::Serialize;
-
-/// The damping unless told otherwise.
-pub const DAMPING: f64 = 0.8;
 
 /// The integral's time constant, in lags.
 const INTEGRAL_LAGS: f64 = 10.0;
@@ -58,6 +55,16 @@ pub struct Response {
 }
 
 impl Axis {
+    /// The damping unless told otherwise. Forward may be brisker: most of a way is driven at the
+    /// limit, which keeps the overshoot small, and the last millimetres need force against friction.
+    #[must_use]
+    pub const fn damping(self) -> f64 {
+        match self {
+            Self::Rotate => 0.8,
+            Self::Move => 0.5,
+        }
+    }
+
     /// The set-point of a prediction, the tolerance that counts as settled, and the largest output
     /// that the firmware gives the loop, percent.
     const fn trial(self) -> (f64, f64, f64) {

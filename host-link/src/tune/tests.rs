@@ -327,7 +327,7 @@ fn proposed_gains_settle_with_the_overshoot_of_their_damping() {
                 steps: 6,
             };
             let present = first_board().rotation;
-            let proposed = gains::propose(&model, gains::DAMPING, &present);
+            let proposed = gains::propose(&model, axis.damping(), &present);
             assert_eq!(proposed.anti_windup, present.anti_windup);
             let response = gains::predict(axis, &model, &proposed);
             assert!(response.overshoot < 0.04 * response.target, "{response:?}");
