@@ -16,13 +16,23 @@ use proofs::search::{search, Model};
 const MODE: Mode = Mode::GuardedTuneRotate;
 const LEN: usize = 18;
 /// Frames the Pi sends at most.
-const FRAMES: usize = 4;
+const FRAMES: usize = 5;
 /// Half the deadline passes with a tick; ticks at most.
 const DEADLINE_MS: u16 = 100;
 const TICK_US: u32 = 50_000;
 const TICKS: u8 = 6;
 /// The clock wraps within the run.
 const START: Micros = Micros(u32::MAX - 2 * TICK_US);
+
+/// What the future depends on: all but the counters of what happened.
+type Essence = (
+    Vec<u8>,
+    Supervisor,
+    usize,
+    u8,
+    (Option<usize>, Option<(usize, usize)>),
+    Option<Micros>,
+);
 
 #[derive(Clone)]
 struct State {
@@ -35,6 +45,9 @@ struct State {
     /// What should be known: the newest frame that arrived whole, and when.
     newest: Option<usize>,
     heard: Option<Micros>,
+    /// The last of the old frames handed on one after the other, in the order they were sent, and
+    /// how many they are.
+    row: Option<(usize, usize)>,
 }
 
 impl State {
@@ -42,17 +55,7 @@ impl State {
         START.after(u32::from(self.ticks) * TICK_US)
     }
 
-    /// What the future depends on: all but the counters of what happened.
-    fn essence(
-        &self,
-    ) -> (
-        Vec<u8>,
-        Supervisor,
-        usize,
-        u8,
-        Option<usize>,
-        Option<Micros>,
-    ) {
+    fn essence(&self) -> Essence {
         let mut reply = [0; MAX_FRAME];
         let len = self.stm.clone().resend(&Report::default(), &mut reply);
         (
@@ -60,7 +63,7 @@ impl State {
             self.supervisor,
             self.sent.len(),
             self.ticks,
-            self.newest,
+            (self.newest, self.row),
             self.heard,
         )
     }
@@ -139,6 +142,7 @@ impl Model for Link {
             ticks: 0,
             newest: None,
             heard: None,
+            row: None,
         }]
     }
 
@@ -178,13 +182,22 @@ impl Model for Link {
                 }
             }
             Event::Deliver(which) => {
-                let fresh = next.newest.is_none_or(|newest| which > newest);
+                next.row = match (next.newest, next.row) {
+                    (None, _) => None,
+                    (Some(newest), _) if which >= newest => None,
+                    (_, Some((last, row))) if which == last + 1 => Some((which, row + 1)),
+                    _ => Some((which, 1)),
+                };
+                // Four old frames in a row that count upwards are another beginning, not repeats.
+                let anew = next.row.is_some_and(|(_, row)| row == 4);
+                let fresh = anew || next.newest.is_none_or(|newest| which > newest);
                 let received = next.stm.receive(&next.sent[which][..LEN]);
                 if received.is_ok() != fresh {
                     return Err("a frame was taken exactly when it was not fresh".into());
                 }
                 let now = next.now();
                 if fresh {
+                    next.row = None;
                     next.newest = Some(which);
                     next.heard = Some(now);
                 }

@@ -1,12 +1,13 @@
 //! Both ends of the link: the chain with the sequence numbers and the counters of a side.
 //!
-//! All or nothing: a rejected frame changes a counter and nothing else.
+//! All or nothing: a rejected frame changes a counter and nothing else; one that is stale and right
+//! in everything else also stands in the row that may begin anew.
 
-use super::sequence::newer;
+use super::sequence::Row;
 use super::strategy::Context;
 use super::{
     parse_command, parse_report, write_command, write_report, Cause, Command, FrameError, Mode,
-    Report, Sequence, MAX_FRAME,
+    Reason, Report, Sequence, MAX_FRAME,
 };
 use crate::eeprom::Config;
 
@@ -89,6 +90,7 @@ impl LinkCounters {
 struct End {
     mode: Mode,
     context: Context,
+    stale: Row,
     counters: LinkCounters,
 }
 
@@ -103,6 +105,7 @@ impl End {
                 own: 0,
                 last: None,
             },
+            stale: Row::NONE,
             counters: LinkCounters {
                 accepted: 0,
                 rejected: [0; Cause::ALL.len()],
@@ -128,20 +131,36 @@ impl End {
         if let Some(last) = self.context.last {
             let between = sequence.own.wrapping_sub(last).wrapping_sub(1);
             self.counters.missed = self.counters.missed.saturating_add(between.into());
-            // The other end accepted a number that this end has not reached: this end started anew.
-            // Going on from there, its next frame is fresh instead of up to 128 of them stale. Not
-            // from the first frame: it may say 0 only because the other end has heard nothing yet.
-            if newer(sequence.seen, self.context.own) {
-                self.context.own = sequence.seen;
-            }
         }
         self.context.last = Some(sequence.own);
+        self.stale = Row::NONE;
         self.counters.unacknowledged = self.context.own.wrapping_sub(sequence.seen);
     }
 
-    #[cold]
-    fn reject(&mut self, error: &FrameError) {
+    /// A rejected frame, which `read` reads with another context: what it says if with it the other
+    /// end begins anew. Its numbers then count like those of a first frame.
+    fn reject<T>(
+        &mut self,
+        error: FrameError,
+        read: impl FnOnce(&Context) -> Result<T, FrameError>,
+        sequence: impl FnOnce(&T) -> Sequence,
+    ) -> Result<T, FrameError> {
+        if let Reason::Stale { last, .. } = error.reason {
+            let first = Context {
+                last: None,
+                ..self.context
+            };
+            if let Ok(read) = read(&first) {
+                let sequence = sequence(&read);
+                if self.stale.begins_anew(last, sequence.own) {
+                    self.context = first;
+                    self.accept(sequence);
+                    return Ok(read);
+                }
+            }
+        }
         self.counters.reject(error.reason.cause());
+        Err(error)
     }
 }
 
@@ -169,7 +188,7 @@ impl StmLink {
     /// A received frame: what it says, if all of it is right.
     ///
     /// # Errors
-    /// The first strategy that failed, and why; counted, and nothing else changes.
+    /// The first strategy that failed, and why; counted, and of what it says nothing is taken.
     #[inline]
     pub fn receive(&mut self, frame: &[u8]) -> Result<Command, FrameError> {
         self.receive_clocked(frame, frame.len())
@@ -193,11 +212,21 @@ impl StmLink {
                 self.end.accept(command.sequence);
                 Ok(command)
             }
-            Err(error) => {
-                self.end.reject(&error);
-                Err(error)
-            }
+            Err(error) => self.reject(error, frame, beyond),
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn reject(
+        &mut self,
+        error: FrameError,
+        frame: &[u8],
+        beyond: usize,
+    ) -> Result<Command, FrameError> {
+        let mode = self.end.mode;
+        let read = |context: &_| parse_command(mode, context, frame, beyond);
+        self.end.reject(error, read, |command| command.sequence)
     }
 
     /// Counts frames that arrived but had to be dropped unread.
@@ -278,18 +307,22 @@ impl PiLink {
     /// A received frame: what it says, if all of it is right.
     ///
     /// # Errors
-    /// The first strategy that failed, and why; counted, and nothing else changes.
+    /// The first strategy that failed, and why; counted, and of what it says nothing is taken.
     pub fn receive(&mut self, frame: &[u8]) -> Result<Report, FrameError> {
         match parse_report(self.end.mode, &self.end.context, frame, 0) {
             Ok(report) => {
                 self.end.accept(report.sequence);
                 Ok(report)
             }
-            Err(error) => {
-                self.end.reject(&error);
-                Err(error)
-            }
+            Err(error) => self.reject(error, frame),
         }
+    }
+
+    #[cold]
+    fn reject(&mut self, error: FrameError, frame: &[u8]) -> Result<Report, FrameError> {
+        let mode = self.end.mode;
+        let read = |context: &_| parse_report(mode, context, frame, 0);
+        self.end.reject(error, read, |report| report.sequence)
     }
 
     /// Frames received, counted.

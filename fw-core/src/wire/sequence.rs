@@ -6,7 +6,8 @@
 //! | 2 | last counter accepted from the other end; 0 before the first |
 //!
 //! A frame is fresh when its counter is 1 to 127 steps ahead of the last one accepted, wrapping;
-//! the first frame after a reset always is. A repeated or older frame is rejected.
+//! the first frame after a reset always is. A repeated or older frame is rejected; four of them in
+//! a row that count upwards are no repeats, but an end that begins anew or was cut off for long.
 
 use super::error::Reason;
 use super::strategy::{Context, Duties, Fault, Input, Output};
@@ -21,6 +22,35 @@ pub struct Sequence;
 #[must_use]
 pub const fn newer(a: u8, b: u8) -> bool {
     matches!(a.wrapping_sub(b), 1..=0x7F)
+}
+
+/// Stale frames of a row that begin anew.
+const ROW: u8 = 4;
+
+/// The stale frames in a row that were right in everything else, each numbered one above the one
+/// before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Row {
+    own: u8,
+    frames: u8,
+}
+
+impl Row {
+    /// No stale frame since the last accepted one.
+    pub(super) const NONE: Self = Self { own: 0, frames: 0 };
+
+    /// Adds a stale frame; whether with it the other end begins anew. The number `last` accepted
+    /// breaks the row: what ends there is a repeat, or else goes on to what is fresh.
+    pub(super) fn begins_anew(&mut self, last: u8, own: u8) -> bool {
+        let follows = self.frames > 0 && own == self.own.wrapping_add(1);
+        self.frames = match (own == last, follows) {
+            (true, _) => 0,
+            (false, true) => self.frames.saturating_add(1),
+            (false, false) => 1,
+        };
+        self.own = own;
+        self.frames >= ROW
+    }
 }
 
 #[inline]

@@ -1,8 +1,11 @@
 //! T1 and T2: what one end sends the other understands, and a rejected frame changes nothing.
 
-use fw_core::wire::{CellCode, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME};
+use fw_core::wire::strategy::Context;
+use fw_core::wire::{
+    write_command, write_report, CellCode, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
+};
 
-use super::table::{table, word, Frame};
+use super::table::{is_fresh, table, word, Frame};
 use crate::theorem::Seen;
 
 /// Whether both cells of a configuration and of a frame can exist.
@@ -176,8 +179,93 @@ pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> S
     Seen::NOTHING.case(0, between == 0).case(1, between == 127)
 }
 
+/// The setup of the theorems on numbers alone.
+const fn plain(mode: Mode) -> Setup {
+    Setup {
+        mode,
+        key_from_pi: 0x96,
+        key_from_stm: 0x5A,
+        cells: 2,
+    }
+}
+
+/// A quiet frame of each end with this number.
+fn numbered(setup: Setup, own: u8) -> ([u8; MAX_FRAME], [u8; MAX_FRAME]) {
+    let context = Context {
+        key_from_pi: setup.key_from_pi,
+        key_from_stm: setup.key_from_stm,
+        cells: setup.cells,
+        own,
+        last: None,
+    };
+    let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+    let _ = write_command(setup.mode, &context, &Command::default(), &mut there);
+    let _ = write_report(setup.mode, &context, &Report::default(), &mut back);
+    (there, back)
+}
+
+/// Frames of up to three old numbers, in turn as often as one likes, never count: not the same one
+/// again and again, not two in turn, not three. So none of them feeds the stop deadline.
+pub fn old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) -> Seen {
+    let stale = |number| !is_fresh(Some(heard), number);
+    if !table(mode).guarded || !old.into_iter().all(stale) {
+        return Seen::NOTHING;
+    }
+    let len = table(mode).len;
+    let setup = plain(mode);
+    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
+    let (there, back) = numbered(setup, heard);
+    assert!(stm.receive(&there[..len]).is_ok());
+    assert!(pi.receive(&back[..len]).is_ok());
+    let old = old.map(|number| (number, numbered(setup, number)));
+    for _ in 0..4 {
+        for (_, (there, back)) in &old {
+            assert!(stm.receive(&there[..len]).is_err());
+            assert!(pi.receive(&back[..len]).is_err());
+        }
+    }
+    assert!(stm.counters().accepted == 1 && pi.counters().accepted == 1);
+    let [(first, _), (second, _), (third, _)] = old;
+    let upwards = |number: u8, next: u8| next == number.wrapping_add(1);
+    Seen::NOTHING
+        .case(0, first == second && second == third)
+        .case(1, upwards(first, second) && first == third)
+        .case(2, upwards(first, second) && upwards(second, third))
+}
+
+/// A frame with a wrong bit helps nobody to begin anew: of four old frames that count upwards, one
+/// of them disturbed, none is taken.
+pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8, bit: u8) -> Seen {
+    let first = heard.wrapping_sub(behind);
+    let stale = |place| !is_fresh(Some(heard), first.wrapping_add(place));
+    if !table(mode).guarded || which >= 4 || !(0..4).all(stale) {
+        return Seen::NOTHING;
+    }
+    let len = table(mode).len;
+    if usize::from(bit) >= 8 * len {
+        return Seen::NOTHING;
+    }
+    let setup = plain(mode);
+    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
+    let (there, back) = numbered(setup, heard);
+    assert!(stm.receive(&there[..len]).is_ok());
+    assert!(pi.receive(&back[..len]).is_ok());
+    for place in 0..4 {
+        let (mut there, mut back) = numbered(setup, first.wrapping_add(place));
+        if place == which {
+            there[usize::from(bit / 8)] ^= 1 << (bit % 8);
+            back[usize::from(bit / 8)] ^= 1 << (bit % 8);
+        }
+        assert!(stm.receive(&there[..len]).is_err());
+        assert!(pi.receive(&back[..len]).is_err());
+    }
+    Seen::NOTHING
+        .case(0, usize::from(bit) >= 8 * (len - 2))
+        .case(1, bit / 8 == 1)
+}
+
 /// However the two ends stand to each other (one restarted, both, or any number of frames lost), after
-/// four undisturbed exchanges each takes the other's frames.
+/// five undisturbed exchanges each takes the other's frames.
 pub fn ends_find_each_other(
     mode: Mode,
     pi_sent: u8,
@@ -188,35 +276,25 @@ pub fn ends_find_each_other(
     if !table(mode).guarded {
         return Seen::NOTHING;
     }
-    let setup = Setup {
-        mode,
-        key_from_pi: 0x96,
-        key_from_stm: 0x5A,
-        cells: 2,
-    };
+    let setup = plain(mode);
     let (command, report) = (Command::default(), Report::default());
     let mut frame = [0; MAX_FRAME];
     let len = table(mode).len;
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    // 0 = heard nothing yet: the other end of this one was another.
-    let mut stranger = PiLink::new(setup);
-    for _ in 0..stm_heard {
-        let _ = stranger.send(&command, &mut frame);
-    }
-    assert!(stm_heard == 0 || stm.receive(&frame[..len]).is_ok());
-    let mut stranger = StmLink::new(setup);
-    for _ in 0..pi_heard {
-        let _ = stranger.send(&report, &mut frame);
-    }
-    assert!(pi_heard == 0 || pi.receive(&frame[..len]).is_ok());
+    // 0 = heard nothing yet.
+    let (there, _) = numbered(setup, stm_heard);
+    assert!(stm_heard == 0 || stm.receive(&there[..len]).is_ok());
+    let (_, back) = numbered(setup, pi_heard);
+    assert!(pi_heard == 0 || pi.receive(&back[..len]).is_ok());
     for _ in 0..pi_sent {
         let _ = pi.send(&command, &mut frame);
     }
     for _ in 0..stm_sent {
-        let _ = stm.send(&report, &mut frame);
+        stm.advance();
     }
     let mut taken = (false, false);
     let mut at_once = false;
+    let mut late = false;
     for exchange in 0..EXCHANGES {
         let mut reply = [0; MAX_FRAME];
         let _ = stm.send(&report, &mut reply);
@@ -224,26 +302,70 @@ pub fn ends_find_each_other(
         taken.0 = stm.receive(&frame[..len]).is_ok();
         taken.1 = pi.receive(&reply[..len]).is_ok();
         at_once |= exchange == 0 && taken == (true, true);
+        late |= exchange == 2 && taken == (false, false);
     }
     assert!(taken == (true, true));
-    Seen::NOTHING.case(0, at_once).case(1, !at_once)
+    Seen::NOTHING.case(0, at_once).case(1, late)
 }
 
 /// Undisturbed exchanges after which the ends understand each other.
-pub const EXCHANGES: u32 = 4;
+pub const EXCHANGES: u32 = 5;
 
-/// Every number of one end against every number that the other heard last.
+/// Every number of one end against every number that the other heard last, in both directions, while
+/// the way back is at rest, has carried nothing yet, wraps, was cut off for long, or comes to the last
+/// number heard within the row. What an end accepts depends on nothing that it sends, so no more
+/// combinations matter.
 #[cfg(test)]
 fn encounters() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
-    let edges = [0, 1, 128, 255];
+    let ways_back = [
+        (7, 7),
+        (0, 0),
+        (255, 0),
+        (0, 255),
+        (93, 218),
+        (45, 81),
+        (10, 14),
+    ];
+    let mode = Mode::GuardedTuneRotate;
     (0..=255).flat_map(move |sent| {
         (0..=255).flat_map(move |heard| {
-            edges.into_iter().flat_map(move |other| {
+            ways_back.into_iter().flat_map(move |(other, other_heard)| {
                 [
-                    (Mode::GuardedTuneRotate, sent, heard, other, 0),
-                    (Mode::GuardedTuneRotate, sent, heard, other, other),
-                    (Mode::GuardedTuneRotate, other, 0, sent, heard),
+                    (mode, sent, heard, other, other_heard),
+                    (mode, other, other_heard, sent, heard),
                 ]
+            })
+        })
+    })
+}
+
+/// Every old number after every number heard, with every neighbour as the second and the third.
+#[cfg(test)]
+fn old_frames() -> impl Iterator<Item = (Mode, u8, [u8; 3])> {
+    let near = [0, 1, 2, 255];
+    (0..=255_u8).flat_map(move |heard| {
+        (0..=128_u8).flat_map(move |behind| {
+            near.into_iter().flat_map(move |second| {
+                near.into_iter().map(move |third| {
+                    let old = heard.wrapping_sub(behind);
+                    let old = [old, old.wrapping_add(second), old.wrapping_add(third)];
+                    (Mode::GuardedTuneRotate, heard, old)
+                })
+            })
+        })
+    })
+}
+
+/// Every bit of every frame of a row, at both ends of what is old.
+#[cfg(test)]
+fn disturbed_rows() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
+    let guarded = |mode: &Mode| table(*mode).guarded;
+    Mode::ALL.iter().copied().filter(guarded).flat_map(|mode| {
+        [0, 1, 200].into_iter().flat_map(move |heard| {
+            [4, 64, 128].into_iter().flat_map(move |behind| {
+                (0..4).flat_map(move |which| {
+                    (0..=255).map(move |bit| (mode, heard, behind, which, bit))
+                })
             })
         })
     })
@@ -251,17 +373,9 @@ fn encounters() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
 
 #[cfg(test)]
 fn repeats() -> impl Iterator<Item = (Setup, Command, u8)> {
-    Mode::ALL.iter().flat_map(|&mode| {
-        (0..128).map(move |between| {
-            let setup = Setup {
-                mode,
-                key_from_pi: 0x96,
-                key_from_stm: 0x5A,
-                cells: 2,
-            };
-            (setup, Command::default(), between)
-        })
-    })
+    Mode::ALL
+        .iter()
+        .flat_map(|&mode| (0..128).map(move |between| (plain(mode), Command::default(), between)))
 }
 
 /// A setup with one mode, everything else arbitrary.
@@ -301,8 +415,16 @@ crate::theorems! {
     T8 ends_find_each_other(
         mode: Mode, pi_sent: u8, stm_heard: u8, stm_sent: u8, pi_heard: u8
     ) {
-        cases ["at once", "after some frames"];
+        cases ["at once", "after three stale frames each"];
         exhaustive encounters();
+    }
+    T8 old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) {
+        cases ["the same again and again", "two in turn", "three that count upwards"];
+        exhaustive old_frames();
+    }
+    T8 disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8, bit: u8) {
+        cases ["in the checksum", "in the number"];
+        exhaustive disturbed_rows();
     }
     T8 repeated_frame_is_stale(setup: Setup, command: Command, between: u8) {
         cases ["at once", "as late as the numbers allow"];

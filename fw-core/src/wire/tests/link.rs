@@ -3,6 +3,7 @@
 use super::{setup, Mode, GUARDED};
 use crate::wire::sequence::newer;
 use crate::wire::{Cause, Command, FrameError, PiLink, Reason, Report, StmLink, MAX_FRAME};
+use std::vec::Vec;
 
 struct Wire {
     pi: PiLink,
@@ -126,7 +127,7 @@ fn lost_frames_are_missed_and_the_next_good_one_is_accepted() {
 }
 
 #[test]
-fn whatever_an_end_restarted_at_the_link_runs_again_within_two_frames() {
+fn whatever_an_end_restarted_at_the_link_runs_again_within_five_frames() {
     for mode in GUARDED {
         for before in 0..600 {
             let mut wire = Wire::new(mode);
@@ -138,18 +139,76 @@ fn whatever_an_end_restarted_at_the_link_runs_again_within_two_frames() {
                 stm: wire.stm.clone(),
                 ..wire
             };
-            let _ = restarted_pi.exchange();
-            let _ = restarted_pi.exchange();
+            for _ in 0..4 {
+                let _ = restarted_pi.exchange();
+            }
             assert!(restarted_pi.both_accept(), "{mode:?} {before}");
 
             let mut restarted_stm = Wire {
                 pi: wire.pi.clone(),
                 ..Wire::new(mode)
             };
-            let _ = restarted_stm.exchange();
-            let _ = restarted_stm.exchange();
+            for _ in 0..4 {
+                let _ = restarted_stm.exchange();
+            }
             assert!(restarted_stm.both_accept(), "{mode:?} {before}");
         }
+    }
+}
+
+/// What the STM, which has accepted number `last`, makes of frames of these numbers.
+fn made_of(mode: Mode, last: u8, numbers: &[u8]) -> Vec<bool> {
+    let mut stm = StmLink::new(setup(mode));
+    let mut frames = std::vec![[0; MAX_FRAME]; 256];
+    let mut pi = PiLink::new(setup(mode));
+    let mut len = 0;
+    for number in 1..=256_usize {
+        len = pi.send(&Command::default(), &mut frames[number % 256]);
+    }
+    let mut receive = |number: u8| stm.receive(&frames[usize::from(number)][..len]).is_ok();
+    assert!(receive(last));
+    numbers.iter().map(|&number| receive(number)).collect()
+}
+
+#[test]
+fn four_stale_frames_in_a_row_that_count_upwards_begin_anew() {
+    for mode in GUARDED {
+        let taken = made_of(mode, 100, &[254, 255, 0, 1, 2, 1]);
+        assert_eq!(taken, [false, false, false, true, true, false]);
+        // A gap, a number twice, a fresh frame and the last number each break the row.
+        for row in [
+            [1, 2, 3, 5, 6, 7],
+            [1, 2, 3, 3, 4, 5],
+            [98, 99, 100, 97, 98, 99],
+            [97, 98, 99, 100, 99, 100],
+            [99, 100, 99, 100, 99, 100],
+        ] {
+            assert_eq!(made_of(mode, 100, &row), [false; 6], "{row:?}");
+        }
+        let taken = made_of(mode, 100, &[1, 2, 3, 101, 4, 5, 6, 7]);
+        let expected = [false, false, false, true, false, false, false, true];
+        assert_eq!(taken, expected);
+    }
+}
+
+#[test]
+fn a_frame_with_a_wrong_checksum_stands_in_no_row() {
+    for mode in GUARDED {
+        let mut stm = StmLink::new(setup(mode));
+        let mut pi = PiLink::new(setup(mode));
+        let mut frame = [0; MAX_FRAME];
+        for _ in 0..100 {
+            let len = pi.send(&Command::default(), &mut frame);
+            stm.receive(&frame[..len]).unwrap();
+        }
+        let mut pi = PiLink::new(setup(mode));
+        for number in 1..=50 {
+            let len = pi.send(&Command::default(), &mut frame);
+            frame[len - 1] ^= u8::from(number % 4 == 0);
+            assert!(stm.receive(&frame[..len]).is_err(), "{number}");
+        }
+        assert_eq!(stm.counters().accepted, 100);
+        assert_eq!(stm.counters().rejected(Cause::Stale), 50);
     }
 }
 
