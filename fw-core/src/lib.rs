@@ -18,6 +18,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod divide;
 pub mod double;
 pub mod eeprom;
 pub mod log;

@@ -18,7 +18,8 @@
     reason = "digits are cut to their width on purpose"
 )]
 
-use core::num::{NonZeroU32, NonZeroU64};
+use crate::divide::div_rem;
+use core::num::NonZeroU32;
 use fixed::types::I32F32;
 
 /// How much a line matters.
@@ -129,8 +130,8 @@ impl Line {
                 value = (small / 10).into();
                 small % 10
             } else {
-                let digit = value % 10;
-                value /= 10;
+                let (rest, digit) = div_rem(value, 10);
+                value = rest;
                 digit as u32
             };
             *slot = b'0'.wrapping_add(digit as u8);
@@ -164,8 +165,7 @@ impl Line {
         let (whole, part) = if let Ok(small) = u32::try_from(magnitude) {
             (u64::from(small / unit), u64::from(small % unit))
         } else {
-            let unit = NonZeroU64::from(unit);
-            (magnitude / unit, magnitude % unit)
+            div_rem(magnitude, unit.get().into())
         };
         self.digits(whole, 1);
         if decimals > 0 {

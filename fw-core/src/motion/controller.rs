@@ -8,7 +8,7 @@
 //! - **Close.** From 40 mm on the bearing is not followed any more, it would swing round: the robot
 //!   keeps the bearing as it was there, and drives along it, either way.
 //! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place.
-//! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1.6
+//! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1⅝
 //!   times a tolerance starts again. A try that ends outside the tolerances widens them by a half,
 //!   once, so that a robot that cannot do better does not hunt for ever.
 
@@ -90,7 +90,7 @@ impl Controller {
         let platform = &config.platform;
         let rotation_tolerance =
             (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(FINEST_ROTATION);
-        let position_tolerance = (i64::from(platform.position_tolerance) << 16) / 1000;
+        let position_tolerance = i64::from((u32::from(platform.position_tolerance) << 16) / 1000);
         Self {
             forward: Pid::new(&config.forward, FORWARD_LIMIT),
             rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
@@ -158,7 +158,7 @@ impl Controller {
         }
         let view = View::new(pose, &self.target);
         let slack = 2 + i64::from(self.tries);
-        let near = self.position_tolerance * slack / 2;
+        let near = (self.position_tolerance * slack) >> 1;
         let straight = self.rotation_tolerance.saturating_mul(slack as i32) / 2;
         self.advance(&view, pose, delta, near, straight);
         let (ahead, turn) = match self.phase {
@@ -195,7 +195,7 @@ impl Controller {
             }
             Phase::Close { heading } => {
                 let aimed = heading.from_nearest(pose.heading).saturating_abs() < NARROW;
-                if aimed && view.along.abs() <= near / 2 && resting {
+                if aimed && view.along.abs() <= near >> 1 && resting {
                     self.forward.reset();
                     self.phase = Phase::Final;
                 }
@@ -222,7 +222,7 @@ impl Controller {
             }
             Phase::Hold => {
                 let turned = view.rotation.saturating_abs() > straight / 5 * 8;
-                if turned || !view.within(near * 8 / 5) {
+                if turned || !view.within(near + (near >> 1) + (near >> 3)) {
                     self.start();
                 }
             }
@@ -292,8 +292,10 @@ impl Controller {
 
 /// How much of `along` to drive with the nose `off` by so much: all at 0, nothing from `cone` on.
 fn through(cone: i32, off: i32, along: i64) -> i64 {
-    let open = i64::from((cone - off.saturating_abs()).max(0)) >> 13;
-    along.clamp(-FAR, FAR) * open / i64::from(cone >> 13)
+    // Both below 2¹⁶, so the quotient of one 32-bit division is the share in Q16.
+    let open = ((cone - off.saturating_abs()).max(0) >> 13) as u32;
+    let whole = (cone >> 13).max(1) as u32;
+    (along.clamp(-FAR, FAR) * i64::from((open << 16) / whole)) >> 16
 }
 
 /// Further than this is as far, 2⁻¹⁶ mm.

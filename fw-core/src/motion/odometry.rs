@@ -20,6 +20,7 @@
 use fixed::types::{I16F16, I32F32};
 
 use super::trig::{high, nearest, Reduced};
+use crate::divide::div_rem;
 use crate::eeprom::Platform;
 use crate::units::{Millimetres, Pose, Turns};
 
@@ -52,7 +53,7 @@ const PI: u64 = 3_454_217_652_358;
 
 /// `n / d` of a whole, as 2⁻⁶⁴ of it, nearest, modulo the whole. `d` below 2⁶².
 fn fraction(n: u64, d: u64) -> u64 {
-    let mut rest = n % d;
+    let (_, mut rest) = div_rem(n, d);
     let mut quotient = 0u64;
     let mut bit = 0;
     while bit < 64 {
@@ -75,7 +76,7 @@ impl Wheel {
         let track = u64::from(platform.track.max(1));
         let diameter = u64::from(diameter.min(MAX_DIAMETER));
         let divisor = 2000 * counts;
-        let half = (diameter * PI + divisor / 2) / divisor;
+        let (half, _) = div_rem(diameter * PI + divisor / 2, divisor);
         Self {
             sign: if reversed { -1 } else { 1 },
             turn: fraction(diameter, 2 * counts * track),

@@ -44,7 +44,7 @@ impl Factor {
 }
 
 /// Part of the limit up to which the proportional part counts as near.
-const NEAR: i64 = 5;
+const NEAR: i32 = 5;
 
 /// The nearest value within ±`limit`.
 const fn clamp(value: i64, limit: i64) -> i64 {
@@ -94,7 +94,7 @@ impl Pid {
     /// Changes the output's limit, percent, 0 ..= 100.
     pub fn set_limit(&mut self, limit: I16F16) {
         self.limit = i64::from(limit.to_bits().clamp(0, 100 << 16)) << 16;
-        self.near = self.limit / NEAR;
+        self.near = i64::from(limit.to_bits().clamp(0, 100 << 16) / NEAR) << 16;
         self.sum = clamp(self.sum, self.limit);
     }
 

@@ -10,6 +10,7 @@
 use fixed::types::I16F16;
 
 use super::odometry::Delta;
+use crate::divide::ratio;
 use crate::eeprom::Platform;
 use crate::robot::Drive;
 use crate::units::Duty;
@@ -77,8 +78,10 @@ impl Motor {
 
     /// The largest output this wheel can follow, 2⁻¹⁶ %.
     fn reach(&self) -> i32 {
-        // At most 100 % · 4.
-        ((i64::from(self.room) << 16) / i64::from(self.share.max(1 << 14))) as i32
+        // At most 100 % · 4. The room is below 2²³ and not negative, so nine more bits fit a 32-bit
+        // division; the seven left out are 0.002 %.
+        let share = self.share.max(1 << 14) as u32;
+        ((((self.room as u32) << 9) / share) << 7) as i32
     }
 
     /// Duty for an output within the reach.
@@ -145,17 +148,20 @@ impl Mixer {
         self.left.learn(delta.left);
         self.right.learn(delta.right);
         self.excited = self.excited.wrapping_add(1);
-        // The shares change slowly: a 64-bit division every sixteenth tick is enough.
+        // The shares change slowly: every sixteenth tick is enough.
         if self.excited % 16 == 0 {
             self.balance();
         }
     }
 
     fn balance(&mut self) {
-        let gain = |motor: &Motor| (motor.response << 16) / motor.excitation.max(1);
+        let gain = |motor: &Motor| {
+            let (response, excitation) = (motor.response.max(0), motor.excitation.max(1));
+            ratio(response.unsigned_abs(), excitation.unsigned_abs()).max(1)
+        };
         let (left, right) = (gain(&self.left), gain(&self.right));
-        let (left, right) = (left.clamp(1, 1 << 30), right.clamp(1, 1 << 30));
-        let share = |own: i64, other: i64| ((other << 16) / own).clamp(1 << 14, 1 << 16) as i32;
+        let share =
+            |own: u32, other: u32| ratio(other.into(), own.into()).min(1 << 16).max(1 << 14) as i32;
         self.left.share = share(left, right);
         self.right.share = share(right, left);
         self.reach = self.left.reach().min(self.right.reach()).min(100 * PERCENT);

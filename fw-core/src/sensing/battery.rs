@@ -6,6 +6,7 @@
 
 use fixed::types::U16F16;
 
+use crate::divide::div_rem;
 use crate::eeprom::{Config, Divider};
 use crate::units::Volts;
 
@@ -60,10 +61,11 @@ impl Factor {
     // At start-up only: once in flash is enough.
     #[inline(never)]
     const fn over(self, value: u32) -> Self {
-        match ((self.mantissa as u64) << 32).checked_div(value as u64) {
-            Some(quotient) => Self::new(quotient, self.exponent.wrapping_add(32)),
-            None => Self::ZERO,
+        if value == 0 {
+            return Self::ZERO;
         }
+        let (quotient, _) = div_rem((self.mantissa as u64) << 32, value as u64);
+        Self::new(quotient, self.exponent.wrapping_add(32))
     }
 
     /// `self · word`, nearest, at most `u32::MAX`.
