@@ -103,20 +103,18 @@ pub struct Field {
     pub accepted: &'static Accepted,
     /// The battery tap it belongs to, from 1: with fewer cells it may hold anything. 0 = none.
     pub tap: u8,
-    get: fn(&Config) -> u64,
-    set: fn(&mut Config, u64),
 }
 
 impl Field {
     /// Its bits in a configuration.
     #[must_use]
     pub fn get(&self, config: &Config) -> u64 {
-        (self.get)(config)
+        get(self.address, config)
     }
 
     /// Stores its bits in a configuration; bits that no field can hold change nothing.
     pub fn set(&self, config: &mut Config, raw: u64) {
-        (self.set)(config, raw);
+        set(self.address, config, raw);
     }
 
     /// Its value, as an error shows it.
@@ -160,85 +158,134 @@ const RESISTOR: u32 = 10_000_000;
 /// Hundredths of a percent; a limit of 0 would be a robot that cannot move.
 const LIMIT: Accepted = whole(1, 10_000);
 
+/// One kind of field: its row in the table, how its bits are read from a [`Config`], how they are
+/// stored there.
 macro_rules! whole_field {
-    ($address:literal, $name:literal, $unit:literal, $kind:ident $type:ident, $accepted:expr,
+    (row $address:literal, $name:literal, $unit:literal, $kind:ident $type:ident, $accepted:expr,
      $tap:literal, $($path:tt)+) => {
-        Field {
-            address: $address,
-            name: $name,
-            unit: $unit,
-            kind: Kind::$kind,
-            accepted: &$accepted,
-            tap: $tap,
-            get: |config| u64::from(config.$($path)+),
-            set: |config, raw| config.$($path)+ = raw as $type,
-        }
+        row($address, $name, $unit, Kind::$kind, &$accepted, $tap)
+    };
+    (get $config:ident, $name:literal, $unit:literal, $kind:ident $type:ident, $accepted:expr,
+     $tap:literal, $($path:tt)+) => {
+        u64::from($config.$($path)+)
+    };
+    (set $config:ident, $raw:ident, $name:literal, $unit:literal, $kind:ident $type:ident,
+     $accepted:expr, $tap:literal, $($path:tt)+) => {
+        $config.$($path)+ = $raw as $type
     };
 }
 
 macro_rules! double_field {
-    ($address:literal, $name:literal, $unit:literal, $accepted:expr, $($path:tt)+) => {
-        Field {
-            address: $address,
-            name: $name,
-            unit: $unit,
-            kind: Kind::Double,
-            accepted: &$accepted,
-            tap: 0,
-            get: |config| config.$($path)+.0,
-            set: |config, raw| config.$($path)+ = Double(raw),
-        }
+    (row $address:literal, $name:literal, $unit:literal, $accepted:expr, $($path:tt)+) => {
+        row($address, $name, $unit, Kind::Double, &$accepted, 0)
+    };
+    (get $config:ident, $name:literal, $unit:literal, $accepted:expr, $($path:tt)+) => {
+        $config.$($path)+.0
+    };
+    (set $config:ident, $raw:ident, $name:literal, $unit:literal, $accepted:expr,
+     $($path:tt)+) => {
+        $config.$($path)+ = Double($raw)
     };
 }
 
 macro_rules! switch_field {
-    ($address:literal, $name:literal, $accepted:expr, $($path:tt)+) => {
-        Field {
-            address: $address,
-            name: $name,
-            unit: "",
-            kind: Kind::U8,
-            accepted: &$accepted,
-            tap: 0,
-            get: |config| u64::from(config.$($path)+),
-            set: |config, raw| config.$($path)+ = raw == 1,
-        }
+    (row $address:literal, $name:literal, $accepted:expr, $($path:tt)+) => {
+        row($address, $name, "", Kind::U8, &$accepted, 0)
+    };
+    (get $config:ident, $name:literal, $accepted:expr, $($path:tt)+) => {
+        u64::from($config.$($path)+)
+    };
+    (set $config:ident, $raw:ident, $name:literal, $accepted:expr, $($path:tt)+) => {
+        $config.$($path)+ = $raw == 1
     };
 }
 
 macro_rules! fixed_field {
-    ($address:literal, $name:literal, $kind:ident, $value:literal) => {
-        Field {
-            address: $address,
-            name: $name,
-            unit: "",
-            kind: Kind::$kind,
-            accepted: &whole($value, $value),
-            tap: 0,
-            get: |_| $value,
-            set: |_, _| {},
+    (row $address:literal, $name:literal, $kind:ident, $value:literal) => {
+        row($address, $name, "", Kind::$kind, &whole($value, $value), 0)
+    };
+    (get $config:ident, $name:literal, $kind:ident, $value:literal) => {
+        $value
+    };
+    (set $config:ident, $raw:ident, $name:literal, $kind:ident, $value:literal) => {
+        ()
+    };
+}
+
+macro_rules! mode_field {
+    (row $address:literal, $name:literal) => {
+        row($address, $name, "", Kind::U8, &Accepted::Mode, 0)
+    };
+    (get $config:ident, $name:literal) => {
+        $config.mode.code().into()
+    };
+    (set $config:ident, $raw:ident, $name:literal) => {
+        if let Some(mode) = Mode::from_code($raw as u8) {
+            $config.mode = mode;
         }
     };
 }
 
-/// Every field, by address, but for the EEPROM key at 0x0000 and the checksum at 0x0334.
+/// One bit for each sign, from bit 0.
+macro_rules! signs_field {
+    (row $address:literal, $name:literal, $($sign:ident $bit:literal),+) => {
+        row($address, $name, "", Kind::U8, &whole(0, 0x0F), 0)
+    };
+    (get $config:ident, $name:literal, $($sign:ident $bit:literal),+) => {
+        0 $(| u64::from($config.platform.$sign) << $bit)+
+    };
+    (set $config:ident, $raw:ident, $name:literal, $($sign:ident $bit:literal),+) => {{
+        $($config.platform.$sign = $raw >> $bit & 1 != 0;)+
+    }};
+}
+
+/// The table and the two ways between its bits and a [`Config`]. These are one function each and not
+/// a pair of pointers a row: half the flash, and no indirect call.
+macro_rules! fields {
+    ($($(#[$attribute:meta])* $kind:ident!($address:literal, $($rest:tt)*)),* $(,)?) => {
+        /// Every field, by address, but for the EEPROM key at 0x0000 and the checksum at 0x0334.
+        pub static FIELDS: &[Field] = &[$($kind!(row $address, $($rest)*)),*];
+
+        fn get(address: u16, config: &Config) -> u64 {
+            match address {
+                $($address => $kind!(get config, $($rest)*),)*
+                _ => 0,
+            }
+        }
+
+        fn set(address: u16, config: &mut Config, raw: u64) {
+            match address {
+                $($address => $kind!(set config, raw, $($rest)*),)*
+                _ => {}
+            }
+        }
+    };
+}
+
+const fn row(
+    address: u16,
+    name: &'static str,
+    unit: &'static str,
+    kind: Kind,
+    accepted: &'static Accepted,
+    tap: u8,
+) -> Field {
+    Field {
+        address,
+        name,
+        unit,
+        kind,
+        accepted,
+        tap,
+    }
+}
+
 #[rustfmt::skip]
-pub static FIELDS: &[Field] = &[
+fields![
     // Page 0x00 (document, 6.0.1). Any byte can be a key.
     whole_field!(0x000A, "key_from_pi", "", U8 u8, ANY, 0, key_from_pi),
     whole_field!(0x000B, "key_from_stm", "", U8 u8, ANY, 0, key_from_stm),
-    Field {
-        address: 0x000C,
-        name: "mode",
-        unit: "",
-        kind: Kind::U8,
-        accepted: &Accepted::Mode,
-        tap: 0,
-        get: |config| config.mode.code().into(),
-        set: |config, raw| if let Some(mode) = Mode::from_code(raw as u8) {
-            config.mode = mode;
-        },
-    },
+    mode_field!(0x000C, "mode"),
 
     // Page 0x01 (document, 6.0.2).
     double_field!(0x0100, "forward.p", "%/mm", FACTOR, forward.p),
@@ -285,24 +332,8 @@ pub static FIELDS: &[Field] = &[
     whole_field!(0x0308, "wheel_diameter_right", "um", U32 u32, DIAMETER, 0, platform.wheel_diameter_right),
     // Not narrower than two motors' shafts, not wider than a door is high.
     whole_field!(0x030C, "track", "um", U32 u32, whole(20_000, 2_000_000), 0, platform.track),
-    Field {
-        address: 0x0310,
-        name: "signs",
-        unit: "",
-        kind: Kind::U8,
-        accepted: &whole(0, 0x0F),
-        tap: 0,
-        get: |config| u64::from(config.platform.encoder_left_reversed)
-            | u64::from(config.platform.encoder_right_reversed) << 1
-            | u64::from(config.platform.motor_left_reversed) << 2
-            | u64::from(config.platform.motor_right_reversed) << 3,
-        set: |config, raw| {
-            config.platform.encoder_left_reversed = raw & 1 != 0;
-            config.platform.encoder_right_reversed = raw & 2 != 0;
-            config.platform.motor_left_reversed = raw & 4 != 0;
-            config.platform.motor_right_reversed = raw & 8 != 0;
-        },
-    },
+    signs_field!(0x0310, "signs", encoder_left_reversed 0, encoder_right_reversed 1,
+        motor_left_reversed 2, motor_right_reversed 3),
     whole_field!(0x0311, "rangefinders", "", U8 u8, whole(0, 3), 0, platform.rangefinders),
     whole_field!(0x0312, "bearings.front", "turn/65536", U16 u16, ANY, 0, platform.bearings[0]),
     whole_field!(0x0314, "bearings.right", "turn/65536", U16 u16, ANY, 0, platform.bearings[1]),

@@ -12,11 +12,13 @@ use object::{Object, ObjectSection, ObjectSegment, SectionKind};
 use robot_tests::document::{crc16, image_in_mode, normal_frame, NormalReply, KEY_PI, KEY_STM};
 use robot_tests::rig::{Rig, READY_US};
 use serde::Serialize;
-use twin::measure::{spans, without, Event, What};
+use twin::measure::{spans, without, Event, Span, What};
 use twin::{Options, Step};
 
 /// TIM5's compare 1 (RM0383, table 1 and 13.4.21): written by every tick.
 const TIM5_CCR1: u64 = 0x4000_0C34;
+/// The control register of the stream that feeds SPI1 (RM0383, 9.5.5): bit 0 enables it.
+const DMA2_S3CR: u64 = 0x4002_6458;
 /// The tick's period, nanoseconds.
 const TICK_NS: u64 = 10_000_000;
 /// From the chip-select's fall to the first clock, and from the last to its rise, nanoseconds.
@@ -238,6 +240,7 @@ impl Bench {
         let frame = rig.board.trace("robot_frame")?;
         let edge = rig.board.trace("EXTI4")?;
         rig.board.follow_select();
+        rig.board.follow_writes(DMA2_S3CR);
         let _ = rig.keep_sending(&normal_frame(700_000, 400_000, 0x2000, true), 20_000_000);
         let events = rig.board.take_events();
         let (edges, latches) = (spans(&edge, &events), spans(&handler, &events));
@@ -263,6 +266,7 @@ impl Bench {
         let rig = self.rig(0x10)?;
         let frame = rig.board.trace("robot_frame")?;
         rig.board.follow_select();
+        rig.board.follow_writes(DMA2_S3CR);
         let inner = normal_frame(200_000, 0, 0, true);
         for own in 1..=200_u8 {
             let mut bytes = [0; 26];
@@ -364,15 +368,21 @@ fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<Step> {
         .collect()
 }
 
-/// From every chip-select's rise to the return of the handling that followed it, instructions.
-fn to_reply(events: &[Event], handled: &[twin::measure::Span]) -> Vec<u64> {
+/// From every chip-select's rise until the transmitting stream holds the reply to that frame: the
+/// last time the handling of the frame enables the stream. Instructions.
+fn to_reply(events: &[Event], handled: &[Span]) -> Vec<u64> {
     handled
         .iter()
         .filter_map(|span| {
-            let rise = events.iter().rfind(|event| {
-                event.what == What::Select(false) && event.at_ns <= span.entered_ns
+            let left = span.entered + span.instructions;
+            let rise = events
+                .iter()
+                .rfind(|event| event.what == What::Select(false) && event.at_ns <= span.entered_ns)?;
+            let armed = events.iter().rfind(|event| {
+                event.instructions < left
+                    && matches!(event.what, What::Wrote { address: DMA2_S3CR, value } if value & 1 == 1)
             })?;
-            Some(span.entered + span.instructions - rise.instructions)
+            (armed.instructions > span.entered).then(|| armed.instructions - rise.instructions)
         })
         .collect()
 }
