@@ -1,8 +1,8 @@
 //! The table: which strategies make up the frame of which mode (document, 5.2; ours from 0x10 on).
 //!
-//! One line of [`modes`] is the mode's number, name and chain. Everything else follows from it: the
-//! chain as a value, and for each mode a straight piece of code without a loop, a call or a check
-//! of a length already known.
+//! One line of [`modes`] is the mode's number, name and chain; one word in [`strategies`] is a strategy.
+//! Everything else follows from them: the chain as a value for whoever wants to look at it, and as
+//! steps that a loop takes without a call through a pointer, each strategy's code in it once.
 
 #![allow(
     clippy::trivially_copy_pass_by_ref,
@@ -20,12 +20,12 @@ use super::position::Position;
 use super::sequence::Sequence;
 use super::status::Status;
 use super::strategy::{Context, Duties, Fault, Input, Output, Strategy};
-use super::{Command, FrameError, Reason, Report, MAX_FRAME};
+use super::{Command, FrameError, Report, MAX_FRAME};
 
 macro_rules! modes {
     ($(
         $(#[$attribute:meta])*
-        $mode:ident = $code:literal, $name:literal: [$($strategy:ty),* $(,)?];
+        $mode:ident = $code:literal, $name:literal: [$($strategy:ident),* $(,)?];
     )*) => {
         /// Working mode: which chain both ends run. The discriminant is the mode's number in the
         /// EEPROM.
@@ -87,119 +87,11 @@ macro_rules! modes {
             $(assert!(frame_len(Mode::$mode) <= MAX_FRAME, "raise MAX_FRAME");)*
         };
 
-        /// Names and bytes of a mode's strategies.
-        const fn layout(mode: Mode) -> &'static [(&'static str, usize)] {
+        /// A mode's chain as steps of the loops below.
+        const fn parts(mode: Mode) -> &'static [Part] {
             match mode {
-                $(Mode::$mode => &[$((<$strategy as Duties>::NAME, <$strategy as Duties>::BYTES)),*],)*
+                $(Mode::$mode => &[$(Part::$strategy),*],)*
             }
-        }
-
-        /// On the STM: what a frame of the Pi says. `beyond` is the number of bytes that were
-        /// clocked after those of `frame`.
-        ///
-        /// # Errors
-        /// The first strategy that failed, and why.
-        #[inline]
-        pub fn parse_command(
-            mode: Mode,
-            context: &Context,
-            frame: &[u8],
-            beyond: usize,
-        ) -> Result<Command, FrameError> {
-            let odd;
-            let (frame, verdict) = if frame.len() == frame_len(mode) && beyond == 0 {
-                (frame, None)
-            } else {
-                odd = Odd::new(layout(mode), frame, beyond);
-                (&odd.bytes[..], Some(&odd.verdict))
-            };
-            let parsed = match mode {
-                $(Mode::$mode => match frame.first_chunk::<{ frame_len(Mode::$mode) }>() {
-                    Some(whole) => (|| {
-                        let mut input = Input::new(whole, 0);
-                        let mut command = Command::default();
-                        $(<$strategy>::parse_command(&mut input, context, &mut command)
-                            .map_err(|fault| name(<$strategy>::NAME, fault))?;)*
-                        Ok(command)
-                    })(),
-                    None => Err(NO_FRAME),
-                },)*
-            };
-            match verdict {
-                None => parsed,
-                Some(&verdict) => Err(first_of(parsed.err(), verdict)),
-            }
-        }
-
-        /// On the Pi: what a frame of the STM says. `beyond` is the number of bytes that were
-        /// clocked after those of `frame`.
-        ///
-        /// # Errors
-        /// The first strategy that failed, and why.
-        #[inline]
-        pub fn parse_report(
-            mode: Mode,
-            context: &Context,
-            frame: &[u8],
-            beyond: usize,
-        ) -> Result<Report, FrameError> {
-            let odd;
-            let (frame, verdict) = if frame.len() == frame_len(mode) && beyond == 0 {
-                (frame, None)
-            } else {
-                odd = Odd::new(layout(mode), frame, beyond);
-                (&odd.bytes[..], Some(&odd.verdict))
-            };
-            let parsed = match mode {
-                $(Mode::$mode => match frame.first_chunk::<{ frame_len(Mode::$mode) }>() {
-                    Some(whole) => (|| {
-                        let mut input = Input::new(whole, 0);
-                        let mut report = Report::default();
-                        $(<$strategy>::parse_report(&mut input, context, &mut report)
-                            .map_err(|fault| name(<$strategy>::NAME, fault))?;)*
-                        Ok(report)
-                    })(),
-                    None => Err(NO_FRAME),
-                },)*
-            };
-            match verdict {
-                None => parsed,
-                Some(&verdict) => Err(first_of(parsed.err(), verdict)),
-            }
-        }
-
-        /// On the Pi: a command as a frame; returns the frame's length.
-        #[inline]
-        pub fn write_command(
-            mode: Mode,
-            context: &Context,
-            command: &Command,
-            frame: &mut [u8; MAX_FRAME],
-        ) -> usize {
-            let mut output = Output::new(frame);
-            match mode {
-                $(Mode::$mode => {
-                    $(<$strategy>::write_command(&mut output, context, command);)*
-                })*
-            }
-            frame_len(mode)
-        }
-
-        /// On the STM: a report as a frame; returns the frame's length.
-        #[inline]
-        pub fn write_report(
-            mode: Mode,
-            context: &Context,
-            report: &Report,
-            frame: &mut [u8; MAX_FRAME],
-        ) -> usize {
-            let mut output = Output::new(frame);
-            match mode {
-                $(Mode::$mode => {
-                    $(<$strategy>::write_report(&mut output, context, report);)*
-                })*
-            }
-            frame_len(mode)
         }
     };
 }
@@ -237,72 +129,105 @@ impl Mode {
     }
 }
 
+macro_rules! strategies {
+    ($($strategy:ident),* $(,)?) => {
+        /// A strategy as a step of a chain.
+        #[derive(Clone, Copy)]
+        enum Part {
+            $($strategy,)*
+        }
+
+        /// On the STM: what a frame of the Pi says. `beyond` is the number of bytes that were
+        /// clocked after those of `frame`.
+        ///
+        /// # Errors
+        /// The first strategy that failed, and why.
+        #[inline]
+        pub fn parse_command(
+            mode: Mode,
+            context: &Context,
+            frame: &[u8],
+            beyond: usize,
+        ) -> Result<Command, FrameError> {
+            let mut input = Input::new(frame, beyond);
+            let mut command = Command::default();
+            for part in parts(mode) {
+                match part {
+                    $(Part::$strategy => $strategy::parse_command(&mut input, context, &mut command)
+                        .map_err(|fault| name($strategy::NAME, fault))?,)*
+                }
+            }
+            Ok(command)
+        }
+
+        /// On the Pi: what a frame of the STM says. `beyond` is the number of bytes that were
+        /// clocked after those of `frame`.
+        ///
+        /// # Errors
+        /// The first strategy that failed, and why.
+        #[inline]
+        pub fn parse_report(
+            mode: Mode,
+            context: &Context,
+            frame: &[u8],
+            beyond: usize,
+        ) -> Result<Report, FrameError> {
+            let mut input = Input::new(frame, beyond);
+            let mut report = Report::default();
+            for part in parts(mode) {
+                match part {
+                    $(Part::$strategy => $strategy::parse_report(&mut input, context, &mut report)
+                        .map_err(|fault| name($strategy::NAME, fault))?,)*
+                }
+            }
+            Ok(report)
+        }
+
+        /// On the Pi: a command as a frame; returns the frame's length.
+        #[inline]
+        pub fn write_command(
+            mode: Mode,
+            context: &Context,
+            command: &Command,
+            frame: &mut [u8; MAX_FRAME],
+        ) -> usize {
+            let mut output = Output::new(frame);
+            for part in parts(mode) {
+                match part {
+                    $(Part::$strategy => $strategy::write_command(&mut output, context, command),)*
+                }
+            }
+            frame_len(mode)
+        }
+
+        /// On the STM: a report as a frame; returns the frame's length.
+        #[inline]
+        pub fn write_report(
+            mode: Mode,
+            context: &Context,
+            report: &Report,
+            frame: &mut [u8; MAX_FRAME],
+        ) -> usize {
+            let mut output = Output::new(frame);
+            for part in parts(mode) {
+                match part {
+                    $(Part::$strategy => $strategy::write_report(&mut output, context, report),)*
+                }
+            }
+            frame_len(mode)
+        }
+    };
+}
+
+strategies! {
+    Key, Sequence, Status, Position, Double, Battery, Front, Right, Left, Bearing, Crc, AllDataUsed
+}
+
 #[cold]
 fn name(strategy: &'static str, fault: Fault) -> FrameError {
     FrameError {
         strategy,
         offset: fault.offset,
         reason: fault.reason,
-    }
-}
-
-/// What no mode's length lets happen: a frame of no bytes at all.
-const NO_FRAME: FrameError = FrameError {
-    strategy: Key::NAME,
-    offset: 0,
-    reason: Reason::Short {
-        needed: Key::BYTES,
-        left: 0,
-    },
-};
-
-/// A frame that is too short or too long, made to fit: cut, or filled up with zeros. Whatever its
-/// bytes say, some strategy rejects it; `verdict` is the one that finds its length wrong, and an
-/// earlier one may find something else first.
-struct Odd {
-    bytes: [u8; MAX_FRAME],
-    verdict: FrameError,
-}
-
-impl Odd {
-    #[cold]
-    #[inline(never)]
-    fn new(layout: &[(&'static str, usize)], frame: &[u8], beyond: usize) -> Self {
-        let mut bytes = [0; MAX_FRAME];
-        for (slot, &byte) in bytes.iter_mut().zip(frame) {
-            *slot = byte;
-        }
-        let mut verdict = NO_FRAME;
-        for &(strategy, needed) in layout {
-            let offset = verdict.offset;
-            let left = frame.len().saturating_sub(offset);
-            if left < needed {
-                let reason = Reason::Short { needed, left };
-                verdict = FrameError {
-                    strategy,
-                    offset,
-                    reason,
-                };
-                return Self { bytes, verdict };
-            }
-            // The last strategy is the one that finds bytes left.
-            verdict = FrameError {
-                strategy,
-                offset: offset.saturating_add(needed),
-                reason: Reason::Long {
-                    left: left.saturating_sub(needed).saturating_add(beyond),
-                },
-            };
-        }
-        Self { bytes, verdict }
-    }
-}
-
-/// The error that stands first in the frame.
-#[cold]
-fn first_of(found: Option<FrameError>, verdict: FrameError) -> FrameError {
-    match found {
-        Some(found) if found.offset < verdict.offset => found,
-        _ => verdict,
     }
 }
