@@ -110,7 +110,7 @@ fn main() -> ! {
     };
     if usize::from(config.cells) > board::TAPS {
         log.line(Level::Warn, |line| {
-            line.text("more cells configured than this board has taps");
+            line.text("more cells than this board has taps");
         });
     }
 

@@ -24,7 +24,11 @@ const PLATFORM: u16 = 0x0300;
 /// must hold together.
 pub fn decode(image: &Image) -> Result<Config, ConfigError> {
     let key: [u8; 10] = array(image, 0);
-    if key != KEY {
+    if !key
+        .iter()
+        .zip(&KEY)
+        .all(|(found, expected)| found == expected)
+    {
         return Err(ConfigError {
             address: 0,
             field: "EEPROM key",
@@ -137,8 +141,10 @@ fn rejected(field: &Field, raw: u64, expected: Accepted) -> ConfigError {
 
 /// Whether page 0x03 was never written.
 fn is_blank(image: &Image) -> bool {
-    let blank = [0xFF; PLATFORM_LEN];
-    array::<PLATFORM_LEN>(image, PLATFORM) == blank
+    // Byte by byte, here and for the key: comparing whole arrays would link a routine of its own.
+    array::<PLATFORM_LEN>(image, PLATFORM)
+        .iter()
+        .all(|&byte| byte == 0xFF)
 }
 
 /// CRC-32 over everything before the checksum: pages 0x00 to 0x02 and the page's own fields.

@@ -114,7 +114,15 @@ impl Field {
 
     /// Stores its bits in a configuration; bits that no field can hold change nothing.
     pub fn set(&self, config: &mut Config, raw: u64) {
-        set(self.address, config, raw);
+        match config
+            .dividers
+            .get_mut(usize::from(self.tap).wrapping_sub(1))
+        {
+            // The upper resistor's word and the lower one's take turns.
+            Some(divider) if self.address & 4 == 0 => divider.upper = raw as u32,
+            Some(divider) => divider.lower = raw as u32,
+            None => set(self.address, config, raw),
+        }
     }
 
     /// Its value, as an error shows it.
@@ -172,6 +180,20 @@ macro_rules! whole_field {
     (set $config:ident, $raw:ident, $name:literal, $unit:literal, $kind:ident $type:ident,
      $accepted:expr, $tap:literal, $($path:tt)+) => {
         $config.$($path)+ = $raw as $type
+    };
+}
+
+/// Sixteen rows of the same: what a divider's tap and `upper` or `lower` say is enough to store it,
+/// so [`Field::set`] does without an arm for each.
+macro_rules! divider_field {
+    (row $address:literal, $name:literal, $accepted:expr, $tap:literal, $end:ident) => {
+        row($address, $name, "ohm", Kind::U32, &$accepted, $tap)
+    };
+    (get $config:ident, $name:literal, $accepted:expr, $tap:literal, $end:ident) => {
+        u64::from($config.dividers[$tap - 1].$end)
+    };
+    (set $config:ident, $raw:ident, $name:literal, $accepted:expr, $tap:literal, $end:ident) => {
+        ()
     };
 }
 
@@ -306,22 +328,22 @@ fields![
     }, adc_max_voltage),
     // Up to 16 bits.
     whole_field!(0x020C, "adc_max_word", "", U32 u32, whole(1, 65_535), 0, adc_max_word),
-    whole_field!(0x0210, "dividers.1.upper", "ohm", U32 u32, whole(0, RESISTOR), 1, dividers[0].upper),
-    whole_field!(0x0214, "dividers.1.lower", "ohm", U32 u32, whole(1, RESISTOR), 1, dividers[0].lower),
-    whole_field!(0x0218, "dividers.2.upper", "ohm", U32 u32, whole(0, RESISTOR), 2, dividers[1].upper),
-    whole_field!(0x021C, "dividers.2.lower", "ohm", U32 u32, whole(1, RESISTOR), 2, dividers[1].lower),
-    whole_field!(0x0220, "dividers.3.upper", "ohm", U32 u32, whole(0, RESISTOR), 3, dividers[2].upper),
-    whole_field!(0x0224, "dividers.3.lower", "ohm", U32 u32, whole(1, RESISTOR), 3, dividers[2].lower),
-    whole_field!(0x0228, "dividers.4.upper", "ohm", U32 u32, whole(0, RESISTOR), 4, dividers[3].upper),
-    whole_field!(0x022C, "dividers.4.lower", "ohm", U32 u32, whole(1, RESISTOR), 4, dividers[3].lower),
-    whole_field!(0x0230, "dividers.5.upper", "ohm", U32 u32, whole(0, RESISTOR), 5, dividers[4].upper),
-    whole_field!(0x0234, "dividers.5.lower", "ohm", U32 u32, whole(1, RESISTOR), 5, dividers[4].lower),
-    whole_field!(0x0238, "dividers.6.upper", "ohm", U32 u32, whole(0, RESISTOR), 6, dividers[5].upper),
-    whole_field!(0x023C, "dividers.6.lower", "ohm", U32 u32, whole(1, RESISTOR), 6, dividers[5].lower),
-    whole_field!(0x0240, "dividers.7.upper", "ohm", U32 u32, whole(0, RESISTOR), 7, dividers[6].upper),
-    whole_field!(0x0244, "dividers.7.lower", "ohm", U32 u32, whole(1, RESISTOR), 7, dividers[6].lower),
-    whole_field!(0x0248, "dividers.8.upper", "ohm", U32 u32, whole(0, RESISTOR), 8, dividers[7].upper),
-    whole_field!(0x024C, "dividers.8.lower", "ohm", U32 u32, whole(1, RESISTOR), 8, dividers[7].lower),
+    divider_field!(0x0210, "dividers.1.upper", whole(0, RESISTOR), 1, upper),
+    divider_field!(0x0214, "dividers.1.lower", whole(1, RESISTOR), 1, lower),
+    divider_field!(0x0218, "dividers.2.upper", whole(0, RESISTOR), 2, upper),
+    divider_field!(0x021C, "dividers.2.lower", whole(1, RESISTOR), 2, lower),
+    divider_field!(0x0220, "dividers.3.upper", whole(0, RESISTOR), 3, upper),
+    divider_field!(0x0224, "dividers.3.lower", whole(1, RESISTOR), 3, lower),
+    divider_field!(0x0228, "dividers.4.upper", whole(0, RESISTOR), 4, upper),
+    divider_field!(0x022C, "dividers.4.lower", whole(1, RESISTOR), 4, lower),
+    divider_field!(0x0230, "dividers.5.upper", whole(0, RESISTOR), 5, upper),
+    divider_field!(0x0234, "dividers.5.lower", whole(1, RESISTOR), 5, lower),
+    divider_field!(0x0238, "dividers.6.upper", whole(0, RESISTOR), 6, upper),
+    divider_field!(0x023C, "dividers.6.lower", whole(1, RESISTOR), 6, lower),
+    divider_field!(0x0240, "dividers.7.upper", whole(0, RESISTOR), 7, upper),
+    divider_field!(0x0244, "dividers.7.lower", whole(1, RESISTOR), 7, lower),
+    divider_field!(0x0248, "dividers.8.upper", whole(0, RESISTOR), 8, upper),
+    divider_field!(0x024C, "dividers.8.lower", whole(1, RESISTOR), 8, lower),
 
     // Page 0x03, ours.
     fixed_field!(0x0300, "layout_version", U8, 1),

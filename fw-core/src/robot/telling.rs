@@ -42,12 +42,11 @@ impl Telling {
                 State::Booting => (Level::Info, "booting"),
                 State::Ready => (Level::Info, "ready"),
                 State::Moving => (Level::Info, "moving"),
-                State::Stopped if faults & fault::LINK_LOST != 0 => (
-                    Level::Warn,
-                    "stopped: no fresh frame within the stop deadline",
-                ),
+                State::Stopped if faults & fault::LINK_LOST != 0 => {
+                    (Level::Warn, "stopped: no fresh frame in time")
+                }
                 State::Stopped => (Level::Warn, "stopped"),
-                State::Faulted => (Level::Error, "faulted: the motors stay off"),
+                State::Faulted => (Level::Error, "faulted: motors off"),
             };
             log.line(level, |line| {
                 line.text(text);
@@ -131,38 +130,34 @@ const FAULTS: [(u16, Level, &str); 9] = [
     (
         fault::CLOCK_FALLBACK,
         Level::Warn,
-        "the crystal did not start: running from the internal oscillator",
+        "no crystal: running from the internal oscillator",
     ),
     (fault::BATTERY_LOW, Level::Warn, "battery low: charge it"),
     (
         fault::BATTERY_CUTOFF,
         Level::Error,
-        "battery empty: the motors stay off until it is charged and the robot restarted",
+        "battery empty: motors off until charged and restarted",
     ),
     (
         fault::LEFT_STALLED,
         Level::Error,
-        "the left wheel does not follow its duty",
+        "left wheel does not follow its duty",
     ),
     (
         fault::RIGHT_STALLED,
         Level::Error,
-        "the right wheel does not follow its duty",
+        "right wheel does not follow its duty",
     ),
     (fault::ENCODER_JUMP, Level::Error, "an encoder jumped"),
     (
         fault::LEFT_REVERSED,
         Level::Error,
-        "the left wheel turns against its duty",
+        "left wheel turns against its duty",
     ),
     (
         fault::RIGHT_REVERSED,
         Level::Error,
-        "the right wheel turns against its duty",
+        "right wheel turns against its duty",
     ),
-    (
-        fault::RESTARTED,
-        Level::Warn,
-        "restarted by the watchdog or after a failure",
-    ),
+    (fault::RESTARTED, Level::Warn, "restarted after a failure"),
 ];
