@@ -119,13 +119,6 @@ impl Body {
         if spent {
             self.answer();
         }
-        // The standby comes first: from here on the robot may be late once more.
-        // SAFETY: the robot's priority.
-        unsafe {
-            spi::prepare(due.wrapping_add(1), |reply| {
-                self.robot.following_reply(reply)
-            });
-        }
         spi::read(frame, |bytes, received, at| {
             self.robot.on_frame(bytes, received, at, log);
         });
@@ -134,6 +127,13 @@ impl Body {
             self.robot.on_lost_frames(lost, log);
         }
         self.answer();
+        // And the one after it, for a frame that ends while the robot is busy.
+        // SAFETY: the robot's priority.
+        unsafe {
+            spi::prepare(due.wrapping_add(1), |reply| {
+                self.robot.following_reply(reply)
+            });
+        }
     }
 
     /// The reply that is due, from what is known now.

@@ -1,8 +1,9 @@
 //! The table: which strategies make up the frame of which mode (document, 5.2; ours from 0x10 on).
 //!
 //! One line of [`modes`] is the mode's number, name and chain; one word in [`strategies`] is a strategy.
-//! Everything else follows from them: the chain as a value for whoever wants to look at it, and as
-//! steps that a loop takes without a call through a pointer, each strategy's code in it once.
+//! Everything else follows from them: the chain as a value for whoever wants to look at it; reading,
+//! as a loop that has each strategy's code once and no call through a pointer; writing, which is
+//! shorter, as a straight piece of code for each mode.
 
 #![allow(
     clippy::trivially_copy_pass_by_ref,
@@ -93,6 +94,40 @@ macro_rules! modes {
                 $(Mode::$mode => &[$(Part::$strategy),*],)*
             }
         }
+
+        /// On the Pi: a command as a frame; returns the frame's length.
+        #[inline]
+        pub fn write_command(
+            mode: Mode,
+            context: &Context,
+            command: &Command,
+            frame: &mut [u8; MAX_FRAME],
+        ) -> usize {
+            let mut output = Output::new(frame);
+            match mode {
+                $(Mode::$mode => {
+                    $($strategy::write_command(&mut output, context, command);)*
+                })*
+            }
+            frame_len(mode)
+        }
+
+        /// On the STM: a report as a frame; returns the frame's length.
+        #[inline]
+        pub fn write_report(
+            mode: Mode,
+            context: &Context,
+            report: &Report,
+            frame: &mut [u8; MAX_FRAME],
+        ) -> usize {
+            let mut output = Output::new(frame);
+            match mode {
+                $(Mode::$mode => {
+                    $($strategy::write_report(&mut output, context, report);)*
+                })*
+            }
+            frame_len(mode)
+        }
     };
 }
 
@@ -181,40 +216,6 @@ macro_rules! strategies {
                 }
             }
             Ok(report)
-        }
-
-        /// On the Pi: a command as a frame; returns the frame's length.
-        #[inline]
-        pub fn write_command(
-            mode: Mode,
-            context: &Context,
-            command: &Command,
-            frame: &mut [u8; MAX_FRAME],
-        ) -> usize {
-            let mut output = Output::new(frame);
-            for part in parts(mode) {
-                match part {
-                    $(Part::$strategy => $strategy::write_command(&mut output, context, command),)*
-                }
-            }
-            frame_len(mode)
-        }
-
-        /// On the STM: a report as a frame; returns the frame's length.
-        #[inline]
-        pub fn write_report(
-            mode: Mode,
-            context: &Context,
-            report: &Report,
-            frame: &mut [u8; MAX_FRAME],
-        ) -> usize {
-            let mut output = Output::new(frame);
-            for part in parts(mode) {
-                match part {
-                    $(Part::$strategy => $strategy::write_report(&mut output, context, report),)*
-                }
-            }
-            frame_len(mode)
         }
     };
 }
