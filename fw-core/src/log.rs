@@ -106,13 +106,21 @@ impl Line {
     /// A text; what is not printable ASCII becomes `?`.
     #[inline(never)]
     pub fn text(&mut self, text: &str) -> &mut Self {
-        for &byte in text.as_bytes() {
-            self.byte(if matches!(byte, b' '..=b'~') {
+        let room = self.bytes.get_mut(self.len..Self::ROOM).unwrap_or_default();
+        for (slot, &byte) in room.iter_mut().zip(text.as_bytes()) {
+            *slot = if matches!(byte, b' '..=b'~') {
                 byte
             } else {
                 b'?'
-            });
+            };
         }
+        let fits = text.len().min(room.len());
+        if fits < text.len() {
+            if let Some(last) = self.bytes.get_mut(Self::ROOM - 1) {
+                *last = b'~';
+            }
+        }
+        self.len = self.len.wrapping_add(fits);
         self
     }
 
@@ -358,11 +366,20 @@ impl<const N: usize> Log<N> {
             end = end.wrapping_sub(N);
         }
         let (front, back) = self.bytes.split_at_mut_checked(end).unwrap_or_default();
-        for (slot, &byte) in back.iter_mut().chain(front).zip(bytes) {
-            *slot = byte;
-        }
+        let (first, rest) = bytes
+            .split_at_checked(back.len().min(bytes.len()))
+            .unwrap_or_default();
+        copy(back, first);
+        copy(front, rest);
         self.len = self.len.wrapping_add(bytes.len());
         true
+    }
+}
+
+/// As many bytes as both have.
+fn copy(to: &mut [u8], from: &[u8]) {
+    for (slot, &byte) in to.iter_mut().zip(from) {
+        *slot = byte;
     }
 }
 
