@@ -10,6 +10,9 @@ pub const ELF: &str = "ROBOT_ELF";
 /// Environment variable with the path of the ELF that panics on purpose.
 pub const ELF_PANIC: &str = "ROBOT_ELF_PANIC";
 
+/// TIM5's compare 1 (RM0383, table 1 and 13.4.21), which every tick writes.
+pub const TIM5_CCR1: u64 = 0x4000_0C34;
+
 /// READY may take this long, microseconds: a reset, the log's first lines and 1 KiB of EEPROM.
 pub const READY_US: u64 = 200_000;
 

@@ -131,6 +131,8 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
         reset_to_ready_ms,
         position_error_mm_max: drive.trail.worst_mm,
         heading_error_deg_max: drive.trail.worst_deg,
+        position_error_mm_max_with_latency: drive.trail.late_mm,
+        heading_error_deg_max_with_latency: drive.trail.late_deg,
         position_error_mm_end: drive.trail.last_mm,
         heading_error_deg_end: drive.trail.last_deg,
         map_iou: agreement.iou,
