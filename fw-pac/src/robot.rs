@@ -111,7 +111,7 @@ impl Body {
     #[inline(never)]
     #[export_name = "robot_frame"]
     fn on_frame(&mut self, frame: spi::Claim, log: &mut Log) {
-        let (due, spent) = spi::due();
+        let (due, spent, lost) = spi::due();
         while self.reply != due {
             self.reply = self.reply.wrapping_add(1);
             self.robot.reply_gone();
@@ -122,7 +122,6 @@ impl Body {
         spi::read(frame, |bytes, received, at| {
             self.robot.on_frame(bytes, received, at, log);
         });
-        let lost = spi::take_lost();
         if lost > 0 {
             self.robot.on_lost_frames(lost, log);
         }

@@ -15,7 +15,7 @@
 //! time at most one is *taken* (the robot reads it in place), at most one has *ended* (its frame
 //! awaits the robot) and one is *receiving* (the DMA has it). These are never the same one, and
 //! three are enough: a frame that ends while another still awaits the robot replaces that one, and
-//! [`take_lost`] counts it. The newer one says what the Pi wants now.
+//! [`due`] counts it. The newer one says what the Pi wants now.
 //!
 //! # Sending
 //!
@@ -224,15 +224,11 @@ pub fn read<R>(claim: Claim, work: impl FnOnce(&[u8], usize, Micros) -> R) -> R 
     result
 }
 
-/// Frames replaced before the robot had them, since the last call.
-pub fn take_lost() -> u32 {
-    update(|state| core::mem::take(&mut state.lost))
-}
-
 /// The number of the reply that goes out next if the robot is in time: the armed one's, or the
-/// following one's where the armed one is spent; and whether it is.
-pub fn due() -> (u32, bool) {
-    update(|state| (state.turn(), state.spent))
+/// following one's where the armed one is spent; whether it is; and how many frames were replaced
+/// before the robot had them, since the last call.
+pub fn due() -> (u32, bool, u32) {
+    update(|state| (state.turn(), state.spent, core::mem::take(&mut state.lost)))
 }
 
 /// Builds reply `number` anew and arms it in place of the one armed. It is dropped where another

@@ -161,7 +161,7 @@ impl Mixer {
         };
         let (left, right) = (gain(&self.left), gain(&self.right));
         let share =
-            |own: u32, other: u32| ratio(other.into(), own.into()).min(1 << 16).max(1 << 14) as i32;
+            |own: u32, other: u32| ratio(other.into(), own.into()).clamp(1 << 14, 1 << 16) as i32;
         self.left.share = share(left, right);
         self.right.share = share(right, left);
         self.reach = self.left.reach().min(self.right.reach()).min(100 * PERCENT);

@@ -207,12 +207,16 @@ impl Robot {
     }
 
     fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
-        let bare = !self.link.mode().tells_fresh();
-        let duty = percent(command.percent);
+        // Only the tuning modes carry a percentage; the others do not pay for decoding one.
+        let duty = match self.measure {
+            Measure::Pose => Duty::ZERO,
+            Measure::Rotation | Measure::Displacement => percent(command.percent),
+        };
         let resumes = match self.measure {
             Measure::Pose => command.apply,
             Measure::Rotation | Measure::Displacement => duty == Duty::ZERO,
         };
+        let bare = !self.link.mode().tells_fresh();
         self.supervisor.on_fresh(
             now,
             Intent {

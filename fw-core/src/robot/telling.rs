@@ -136,28 +136,12 @@ const FAULTS: [(u16, Level, &str); 9] = [
     (
         fault::BATTERY_CUTOFF,
         Level::Error,
-        "battery empty: motors off until charged and restarted",
+        "battery empty: motors off",
     ),
-    (
-        fault::LEFT_STALLED,
-        Level::Error,
-        "left wheel does not follow its duty",
-    ),
-    (
-        fault::RIGHT_STALLED,
-        Level::Error,
-        "right wheel does not follow its duty",
-    ),
+    (fault::LEFT_STALLED, Level::Error, "left wheel stalled"),
+    (fault::RIGHT_STALLED, Level::Error, "right wheel stalled"),
     (fault::ENCODER_JUMP, Level::Error, "an encoder jumped"),
-    (
-        fault::LEFT_REVERSED,
-        Level::Error,
-        "left wheel turns against its duty",
-    ),
-    (
-        fault::RIGHT_REVERSED,
-        Level::Error,
-        "right wheel turns against its duty",
-    ),
+    (fault::LEFT_REVERSED, Level::Error, "left wheel reversed"),
+    (fault::RIGHT_REVERSED, Level::Error, "right wheel reversed"),
     (fault::RESTARTED, Level::Warn, "restarted after a failure"),
 ];

@@ -252,17 +252,19 @@ impl Bench {
             .map(|span| span.instructions)
             .max()
             .unwrap_or(0);
-        let preempting: Vec<Span> = echoes
+        let timed: Vec<Span> = echoes
             .iter()
             .flat_map(|echo| spans(echo, &events))
-            .chain(edges)
             .chain(latches)
             .collect();
+        let preempting: Vec<Span> = timed.iter().copied().chain(edges).collect();
         let ticks: Vec<u64> = without(&spans(&tick, &events), &preempting)
             .iter()
             .map(|span| span.instructions + latch)
             .collect();
-        let frames = to_reply(&events, &spans(&frame, &events));
+        // The chip-select's own handler belongs to the frame.
+        let waited: Vec<Span> = spans(&tick, &events).into_iter().chain(timed).collect();
+        let frames = to_reply(&events, &spans(&frame, &events), &waited);
         Ok((
             Spread::of(&ticks).ok_or("no tick was seen")?,
             Spread::of(&frames).ok_or("no frame was seen")?,
@@ -272,6 +274,7 @@ impl Bench {
     fn guarded_frames(&self) -> Result<Spread, Box<dyn Error>> {
         let rig = self.rig(0x10)?;
         let frame = rig.board.trace("robot_frame")?;
+        let tick = rig.board.trace("robot_tick")?;
         rig.board.follow_select();
         rig.board.follow_writes(DMA2_S3CR);
         let inner = normal_frame(200_000, 0, 0, true);
@@ -288,7 +291,8 @@ impl Bench {
             return Err(format!("a guarded frame was rejected: {}", rig.log()).into());
         }
         let events = rig.board.take_events();
-        Ok(Spread::of(&to_reply(&events, &spans(&frame, &events))).ok_or("no frame was seen")?)
+        let frames = to_reply(&events, &spans(&frame, &events), &spans(&tick, &events));
+        Ok(Spread::of(&frames).ok_or("no frame was seen")?)
     }
 
     /// How far the latching of the tick strays from its 10 ms under back-to-back frames: the worst
@@ -376,20 +380,32 @@ fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<Step> {
 }
 
 /// From every chip-select's rise until the transmitting stream holds the reply to that frame: the
-/// last time the handling of the frame enables the stream. Instructions.
-fn to_reply(events: &[Event], handled: &[Span]) -> Vec<u64> {
+/// last time the handling of the frame enables the stream. Instructions, without those of `others`
+/// (a tick the frame had to wait for, echoes timed meanwhile).
+fn to_reply(events: &[Event], handled: &[Span], others: &[Span]) -> Vec<u64> {
     handled
         .iter()
         .filter_map(|span| {
             let left = span.entered + span.instructions;
             let rise = events
                 .iter()
-                .rfind(|event| event.what == What::Select(false) && event.at_ns <= span.entered_ns)?;
-            let armed = events.iter().rfind(|event| {
-                event.instructions < left
-                    && matches!(event.what, What::Wrote { address: DMA2_S3CR, value } if value & 1 == 1)
-            })?;
-            (armed.instructions > span.entered).then(|| armed.instructions - rise.instructions)
+                .rfind(|event| event.what == What::Select(false) && event.at_ns <= span.entered_ns)?
+                .instructions;
+            let armed = events
+                .iter()
+                .rfind(|event| {
+                    event.instructions < left
+                        && matches!(event.what, What::Wrote { address: DMA2_S3CR, value } if value & 1 == 1)
+                })?
+                .instructions;
+            let elsewhere: u64 = others
+                .iter()
+                .map(|other| {
+                    let ends = (other.entered + other.instructions).min(armed);
+                    ends.saturating_sub(other.entered.max(rise))
+                })
+                .sum();
+            (armed > span.entered).then(|| (armed - rise).saturating_sub(elsewhere))
         })
         .collect()
 }
