@@ -3,7 +3,10 @@
 //! Initial value 0xFFFF, polynomial 0x1021, not reflected, no final inversion. Up to 26 bytes it
 //! detects every error of up to 3 bits and every burst of up to 16.
 
-#![allow(clippy::inline_always, reason = "a block's words stay in registers")]
+#![allow(
+    clippy::inline_always,
+    reason = "one shifted exclusive-or after the other, not a call"
+)]
 
 use super::error::Reason;
 use super::strategy::{Context, Duties, Fault, Input, Output};
@@ -13,32 +16,13 @@ use super::{Command, Report};
 #[derive(Debug)]
 pub struct Crc;
 
-/// CRC-16/IBM-3740 of `bytes`, without a table, several words at a time.
-///
-/// A word ahead of the rest is the same as a few words nearer the end, modulo a power of the
-/// polynomial P = x¹⁶ + x¹² + x⁵ + 1, whose powers of two have four terms as well: `carry_128` by
-/// P⁸, `carry_64` by P⁴. The last two words go one after the other through `remainder`.
+/// CRC-16/IBM-3740 of `bytes`, without a table, a word at a time.
 // Once in flash: both directions call it, and a call is nothing beside what it does.
 #[inline(never)]
 #[must_use]
-#[allow(
-    clippy::many_single_char_names,
-    reason = "the words of a block, in order"
-)]
 pub fn crc16(bytes: &[u8]) -> u16 {
     let mut crc = 0xFFFF_u32;
     let mut rest = bytes;
-    while let Some((block, after)) = rest.split_first_chunk::<24>() {
-        let [a, b, c, d, e, f] = words::<24, 6>(block);
-        let [b, c, d, e] = carry_128(a ^ crc << 16, [b, c, d, e]);
-        crc = four_words(carry_128(b, [c, d, e, f]));
-        rest = after;
-    }
-    while let Some((block, after)) = rest.split_first_chunk::<16>() {
-        let [a, b, c, d] = words::<16, 4>(block);
-        crc = four_words([a ^ crc << 16, b, c, d]);
-        rest = after;
-    }
     while let Some((word, after)) = rest.split_first_chunk() {
         crc = remainder(u32::from_be_bytes(*word) ^ crc << 16);
         rest = after;
@@ -48,40 +32,6 @@ pub fn crc16(bytes: &[u8]) -> u16 {
         crc = remainder((crc >> 8 ^ u32::from(byte)) & 0xFF) ^ crc << 8;
     }
     (crc & 0xFFFF) as u16
-}
-
-/// The big-endian words of a block.
-#[inline(always)]
-fn words<const BYTES: usize, const WORDS: usize>(block: &[u8; BYTES]) -> [u32; WORDS] {
-    let mut words = [0; WORDS];
-    for (word, bytes) in words.iter_mut().zip(block.chunks_exact(4)) {
-        if let Some(bytes) = bytes.first_chunk() {
-            *word = u32::from_be_bytes(*bytes);
-        }
-    }
-    words
-}
-
-/// `ahead` · x¹²⁸ + `rest`, modulo P⁸ = x¹²⁸ + x⁹⁶ + x⁴⁰ + 1: 128 bits.
-#[inline(always)]
-const fn carry_128(ahead: u32, [a, b, c, d]: [u32; 4]) -> [u32; 4] {
-    [a ^ ahead, b ^ ahead >> 24, c ^ ahead << 8, d ^ ahead]
-}
-
-/// `ahead` · x⁶⁴ + `rest`, modulo P⁴ = x⁶⁴ + x⁴⁸ + x²⁰ + 1: 64 bits.
-#[inline(always)]
-const fn carry_64(ahead: u32, [a, b]: [u32; 2]) -> [u32; 2] {
-    // What x⁴⁸ lifts beyond x⁶⁴ comes round once more.
-    let ahead = ahead ^ ahead >> 16;
-    [a ^ ahead << 16 ^ ahead >> 12, b ^ ahead << 20 ^ ahead]
-}
-
-/// The remainder of four words · x¹⁶, in the low 16 bits; the rest is of no meaning.
-#[inline(always)]
-const fn four_words([a, b, c, d]: [u32; 4]) -> u32 {
-    let [b, c] = carry_64(a, [b, c]);
-    let [c, d] = carry_64(b, [c, d]);
-    remainder(remainder(c) << 16 ^ d)
 }
 
 /// The remainder of `word` · x¹⁶ divided by P, in the low 16 bits; the rest is of no meaning.
