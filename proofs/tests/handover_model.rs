@@ -30,10 +30,12 @@ struct Reply {
 enum Purpose {
     /// `answer` because the armed reply is spent.
     Replace,
-    /// `prepare`.
-    Prepare,
-    /// `answer` at the end of a frame or in a tick.
+    /// `answer` once the frame is read.
     Answer,
+    /// `prepare`, after that.
+    Prepare,
+    /// `answer` in a tick.
+    Tick,
 }
 
 /// Where the robot is in its work.
@@ -168,9 +170,9 @@ impl State {
     /// Goes on after a reply.
     fn after(&mut self, purpose: Purpose) {
         self.robot = match purpose {
-            Purpose::Replace => Robot::Choosing(Purpose::Prepare),
-            Purpose::Prepare => Robot::Reading { read: 0, frame: 0 },
-            Purpose::Answer => Robot::Idle,
+            Purpose::Replace => Robot::Reading { read: 0, frame: 0 },
+            Purpose::Answer => Robot::Choosing(Purpose::Prepare),
+            Purpose::Prepare | Purpose::Tick => Robot::Idle,
         };
     }
 
@@ -246,11 +248,11 @@ impl HandOver {
                 next.robot = Robot::Asking;
             }
             Robot::Asking => {
-                next.robot = Robot::Choosing(if next.spent {
-                    Purpose::Replace
+                next.robot = if next.spent {
+                    Robot::Choosing(Purpose::Replace)
                 } else {
-                    Purpose::Prepare
-                });
+                    Robot::Reading { read: 0, frame: 0 }
+                };
             }
             Robot::Choosing(purpose) => {
                 let standby = next.standby.map_or(next.armed.buffer, |reply| reply.buffer);
@@ -428,7 +430,7 @@ impl Model for HandOver {
             }
             Event::Tick => {
                 next.ticks += 1;
-                next.robot = Robot::Choosing(Purpose::Answer);
+                next.robot = Robot::Choosing(Purpose::Tick);
             }
             Event::Go => self.go(&mut next)?,
         }
