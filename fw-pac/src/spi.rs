@@ -25,16 +25,17 @@
 //!
 //! Replies are numbered (as the robot numbers them on the wire, where the mode does). Number n is
 //! armed and n + 1 stands by. The chip-select's rise ends the frame that carried n and arms n + 1 at
-//! once, with the data it was built from. Then the robot, when it comes to it, [`prepare`]s n + 2,
-//! reads the frame, and [`answer`]s with n + 1 built anew. A tick answers too, with the newest data.
+//! once, with the data it was built from. Then the robot, when it comes to it, reads the frame,
+//! [`answer`]s with n + 1 built anew, and [`prepare`]s n + 2: the reply to the frame is what the Pi
+//! waits for, so it comes first. A tick answers too, with the newest data.
 //! A reply that comes too late, because a chip-select rose meanwhile and another number is armed by
 //! now, is dropped.
 //!
 //! So the Pi reads data of the last tick at the latest if it leaves the robot time, and an older but
 //! whole and not repeated reply if its next frame comes while the robot is busy with a tick. Only
-//! where two frames end before the robot comes to either does the next one find no standby and
-//! carry its predecessor's reply once more; the armed reply is then *spent*, and the first thing the
-//! robot does is to replace it.
+//! where a second frame ends before the robot is through with the first is there no standby, and the
+//! next frame carries its predecessor's reply once more; the armed reply is then *spent*, and the
+//! first thing the robot does is to replace it.
 //!
 //! # Replacing the armed reply
 //!

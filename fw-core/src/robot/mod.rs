@@ -4,7 +4,7 @@
 //! | event | method | comes from |
 //! |---|---|---|
 //! | 100 Hz tick | [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words |
-//! | frame | [`Robot::on_frame`], then [`Robot::next_reply`] | chip-select's rising edge |
+//! | frame | [`Robot::reply_gone`], [`Robot::on_frame`], then [`Robot::refresh_reply`] and [`Robot::following_reply`] | chip-select's rising edge |
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 
 mod io;
