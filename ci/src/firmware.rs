@@ -8,6 +8,58 @@ use crate::error::{failed, Of, Result};
 use crate::place::Place;
 use crate::shell;
 
+/// Which of the two firmwares.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Edition {
+    /// Every optional part, fast where it counts.
+    #[default]
+    Full,
+    /// No optional part, small throughout, for 32 KiB of flash.
+    Minimal,
+}
+
+impl Edition {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Full, Self::Minimal];
+
+    /// The ELF's name without its extension.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Full => "fw-pac",
+            Self::Minimal => "fw-pac-minimal",
+        }
+    }
+
+    /// Its section in `ci/budget.toml`.
+    pub const fn budget(self) -> &'static str {
+        match self {
+            Self::Full => "firmware.at_most",
+            Self::Minimal => "minimal_firmware.at_most",
+        }
+    }
+
+    const fn profile(self) -> &'static str {
+        match self {
+            Self::Full => "firmware",
+            Self::Minimal => "firmware-minimal",
+        }
+    }
+
+    /// What the compiler is told beside the profile: the core it runs on, and for the minimal one
+    /// to inline only where that makes the code smaller.
+    const fn flags(self) -> &'static [&'static str] {
+        match self {
+            Self::Full => &["-C", "target-cpu=cortex-m4"],
+            Self::Minimal => &[
+                "-C",
+                "target-cpu=cortex-m4",
+                "-C",
+                "llvm-args=-inline-threshold=5",
+            ],
+        }
+    }
+}
+
 /// A built ELF, kept apart from builds with other features.
 pub struct Image {
     /// The file.
@@ -16,13 +68,14 @@ pub struct Image {
     pub sizes: crate::elf::Sizes,
 }
 
-/// Builds the firmware of this workspace with `features` (comma-separated, `""` for what is flashed).
+/// Builds the firmware of this workspace with `features` beside those of its edition (comma-separated,
+/// `""` for what is flashed).
 ///
 /// # Errors
 /// Where cargo fails or the ELF cannot be read.
-pub fn build(place: &Place, arm: &Arm, features: &str) -> Result<Image> {
-    let built = build_in(place, arm, &place.root, &arm.target_dir, features)?;
-    let mut name = String::from("fw-pac");
+pub fn build(place: &Place, arm: &Arm, edition: Edition, features: &str) -> Result<Image> {
+    let built = build_in(place, arm, &place.root, &arm.target_dir, edition, features)?;
+    let mut name = String::from(edition.name());
     for feature in features.split(',').filter(|feature| !feature.is_empty()) {
         name.push('-');
         name.push_str(feature);
@@ -50,6 +103,7 @@ pub fn build_in(
     arm: &Arm,
     root: &Path,
     target_dir: &Path,
+    edition: Edition,
     features: &str,
 ) -> Result<PathBuf> {
     let mut words = vec![
@@ -58,15 +112,21 @@ pub fn build_in(
         "--package",
         "fw-pac",
         "--profile",
-        "firmware",
+        edition.profile(),
     ];
     let target_word = target_dir.to_string_lossy();
     words.extend(["--target-dir", &target_word]);
+    if edition == Edition::Minimal {
+        words.push("--no-default-features");
+    }
     if !features.is_empty() {
         words.extend(["--features", features]);
     }
-    shell::run(&mut arm.cargo(place, root, &words, &flags(arm, root)))?;
-    let elf = target_dir.join(crate::arm::TARGET).join("firmware/fw-pac");
+    shell::run(&mut arm.cargo(place, root, &words, &flags(arm, root, edition)))?;
+    let elf = target_dir
+        .join(crate::arm::TARGET)
+        .join(edition.profile())
+        .join("fw-pac");
     if elf.is_file() {
         Ok(elf)
     } else {
@@ -74,18 +134,9 @@ pub fn build_in(
     }
 }
 
-/// For the flash budget: the core it runs on, and inlining only where it makes the code smaller. Both
-/// cost a tick next to nothing; `cargo xtask figures` shows what.
-const SMALL: [&str; 4] = [
-    "-C",
-    "target-cpu=cortex-m4",
-    "-C",
-    "llvm-args=-inline-threshold=5",
-];
-
-/// The compiler's flags: small code, and every path of this machine under a name that is the same on
-/// all.
-fn flags(arm: &Arm, root: &Path) -> Vec<String> {
+/// The compiler's flags: the edition's own, and every path of this machine under a name that is the
+/// same on all.
+fn flags(arm: &Arm, root: &Path, edition: Edition) -> Vec<String> {
     let mut names: Vec<(PathBuf, String)> = vec![(cargo_home(), "/cargo".into())];
     // Each registry's folder carries a hash of its address: give it a name without.
     let registries = std::fs::read_dir(cargo_home().join("registry/src"));
@@ -103,11 +154,8 @@ fn flags(arm: &Arm, root: &Path) -> Vec<String> {
     let renamed = names
         .iter()
         .map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display()));
-    SMALL
-        .map(str::to_owned)
-        .into_iter()
-        .chain(renamed)
-        .collect()
+    let own = edition.flags().iter().map(|&flag| flag.to_owned());
+    own.chain(renamed).collect()
 }
 
 /// Where cargo keeps its registry.

@@ -21,19 +21,21 @@ use std::process::ExitCode;
 use arm::{Arm, Way};
 use demand::Effort;
 use error::{failed, Error, Result};
+use firmware::Edition;
 use place::Place;
 
 const USAGE: &str = "\
 usage: cargo xtask COMMAND [OPTIONS]
 
   setup                     find or install a way to build for the robot's processor
-  firmware [--features F]   build the ELF that is flashed, print its path and sizes
+  firmware [--minimal] [--features F]
+                            build the ELF that is flashed, print its path and sizes
   demo [ARGS]               the virtual robot drives the default room: target/demo/
   figures [ARGS]            measure the ELF on the emulated core: target/figures.json
   robot ARGS                host-link on the virtual board, e.g. `robot goto 500 0 90`
-  flash [--virtual] [--serial DEVICE] [--interface NAME]
+  flash [--minimal] [--virtual] [--serial DEVICE] [--interface NAME]
                             flash, verify, reset, show the first log lines
-  debug [--virtual] [--interface NAME]
+  debug [--minimal] [--virtual] [--interface NAME]
                             the debugger, on the board or on the virtual one
   test [--quick] [--only GATE[,GATE]]
                             every gate a change must pass, with a table
@@ -42,6 +44,7 @@ usage: cargo xtask COMMAND [OPTIONS]
                             fuzz one target or all
   mutants [ARGS]            change fw-core in every way that a test should notice
 
+  --minimal takes the firmware without its optional parts (sweep, gyro), at most 32 KiB.
   --way installed|rustup|debian (or the variable ROBOT_WAY) forces how the firmware is built.
   Exit codes: 0 done, 1 something failed, 2 wrong words, 3 no way to build the firmware,
   4 a program is missing, 5 the board did not answer or does not hold the firmware.
@@ -65,7 +68,7 @@ const WITH_VALUE: [&str; 6] = [
     "--serial",
     "--interface",
 ];
-const WITHOUT: [&str; 2] = ["--virtual", "--quick"];
+const WITHOUT: [&str; 3] = ["--virtual", "--quick", "--minimal"];
 
 /// Commands whose words are another program's, but for `--way`.
 const HANDED_ON: [&str; 4] = ["demo", "figures", "robot", "mutants"];
@@ -113,6 +116,14 @@ impl Words {
 
     fn flag(&self, name: &str) -> bool {
         self.flags.iter().any(|found| found == name)
+    }
+
+    fn edition(&self) -> Edition {
+        if self.flag("--minimal") {
+            Edition::Minimal
+        } else {
+            Edition::Full
+        }
     }
 
     /// Refuses what this command would not look at.
@@ -164,17 +175,18 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             Arm::find(&Place::find()?, forced)?;
         }
         "firmware" => {
-            words.only(0, false, &["--features"])?;
+            words.only(0, false, &["--features", "--minimal"])?;
             build(
                 &Place::find()?,
                 forced,
+                words.edition(),
                 words.option("--features").unwrap_or(""),
             )?;
         }
         "demo" | "figures" => {
             words.only(0, true, &[])?;
             let place = Place::find()?;
-            let elf = build(&place, forced, "")?.path;
+            let elf = build(&place, forced, Edition::Full, "")?.path;
             let run = if command == "demo" {
                 robot::demo
             } else {
@@ -186,14 +198,15 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
         "robot" => {
             words.only(0, true, &[])?;
             let place = Place::find()?;
-            let elf = build(&place, forced, "")?.path;
+            let elf = build(&place, forced, Edition::Full, "")?.path;
             let code = robot::host_link(&place, &elf, &words.rest)?;
             return Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)));
         }
         "flash" | "debug" => {
-            words.only(0, false, &["--virtual", "--serial", "--interface"])?;
+            let options = ["--minimal", "--virtual", "--serial", "--interface"];
+            words.only(0, false, &options)?;
             let place = Place::find()?;
-            let elf = build(&place, forced, "")?.path;
+            let elf = build(&place, forced, words.edition(), "")?.path;
             let serial = words.option("--serial");
             let interface = words.option("--interface").unwrap_or("stlink");
             let wiring = flash::Wiring { serial, interface };
@@ -249,9 +262,14 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn build(place: &Place, forced: Option<Way>, features: &str) -> Result<firmware::Image> {
+fn build(
+    place: &Place,
+    forced: Option<Way>,
+    edition: Edition,
+    features: &str,
+) -> Result<firmware::Image> {
     let arm = Arm::find(place, forced)?;
-    firmware::build(place, &arm, features)
+    firmware::build(place, &arm, edition, features)
 }
 
 fn fuzz(place: &Place, words: &Words) -> Result<()> {

@@ -55,9 +55,16 @@ use crate::gpio::Driver;
 use crate::motors::Motors;
 use crate::uart::Uart;
 use clock::Source;
+use fw_core::eeprom::{Capabilities, ConfigError};
 use fw_core::log::{Level, Log};
 use fw_core::robot::Robot;
 use fw_core::wire::{fault, State};
+
+/// The optional parts of this build.
+const CAPABILITIES: Capabilities = Capabilities {
+    sweep: cfg!(feature = "sweep"),
+    gyro: cfg!(feature = "gyro"),
+};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -100,14 +107,11 @@ fn main() -> ! {
     };
     let config = match fw_core::eeprom::decode(image) {
         Ok(config) => config,
-        Err(error) => {
-            log.line(Level::Error, |line| {
-                line.text("configuration rejected: ");
-                error.log(line);
-            });
-            stand_by(log, idle);
-        }
+        Err(error) => refuse(&error, log, idle),
     };
+    if let Err(error) = CAPABILITIES.meet(&config) {
+        refuse(&error, log, idle);
+    }
     if usize::from(config.cells) > board::TAPS {
         log.line(Level::Warn, |line| {
             line.text("more cells than this board has taps");
@@ -167,6 +171,15 @@ fn main() -> ! {
 
 /// How long boot sleeps between two looks, microseconds: the watchdog waits 68 ms at least.
 const DOZE: u32 = 5_000;
+
+/// This configuration is not for this robot.
+fn refuse(error: &ConfigError, log: &mut Log, idle: impl FnMut(&mut Log)) -> ! {
+    log.line(Level::Error, |line| {
+        line.text("configuration rejected: ");
+        error.log(line);
+    });
+    stand_by(log, idle)
+}
 
 /// READY stays low and the motors off; the log goes out. Only a reset leaves, as the Pi does after
 /// writing the EEPROM.

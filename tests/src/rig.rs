@@ -9,6 +9,8 @@ use twin::{Board, Options};
 pub const ELF: &str = "ROBOT_ELF";
 /// Environment variable with the path of the ELF that panics on purpose.
 pub const ELF_PANIC: &str = "ROBOT_ELF_PANIC";
+/// Environment variable with the path of the ELF without its optional parts.
+pub const ELF_MINIMAL: &str = "ROBOT_ELF_MINIMAL";
 
 /// TIM5's compare 1 (RM0383, table 1 and 13.4.21), which every tick writes.
 pub const TIM5_CCR1: u64 = 0x4000_0C34;
@@ -16,7 +18,8 @@ pub const TIM5_CCR1: u64 = 0x4000_0C34;
 /// READY may take this long, microseconds: a reset, the log's first lines and 1 KiB of EEPROM.
 pub const READY_US: u64 = 200_000;
 
-/// The ELF that the variable names, or the one of `cargo xtask firmware`.
+/// The ELF that the variable names, or the one that `cargo xtask firmware` leaves on a machine whose own
+/// compiler has the target.
 ///
 /// # Panics
 /// Where there is none: the firmware has to be built first.
@@ -24,8 +27,14 @@ pub const READY_US: u64 = 200_000;
 pub fn elf(variable: &str) -> Vec<u8> {
     let path = std::env::var_os(variable).map_or_else(
         || {
+            let name = match variable {
+                ELF_PANIC => "fw-pac-test-panic.elf",
+                ELF_MINIMAL => "fw-pac-minimal.elf",
+                _ => "fw-pac.elf",
+            };
             PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-                .join("../target/thumbv7em-none-eabihf/firmware/fw-pac")
+                .join("../target/elf")
+                .join(name)
         },
         PathBuf::from,
     );

@@ -3,19 +3,37 @@
 use std::path::Path;
 
 use super::{passed, Context, Verdict};
-use crate::elf::{Elf, BANNED};
+use crate::elf::{Elf, Sizes, BANNED};
 use crate::error::{failed, Error, Of, Result};
+use crate::firmware::Edition;
+use crate::numbers::Budget;
 use crate::{firmware, shell};
 
 pub fn budget(context: &mut Context) -> Result<Verdict> {
-    let sizes = context.image()?.sizes;
-    let budget = context.budget()?;
+    let mut told = Vec::new();
     let mut over = Vec::new();
-    for (key, bar) in budget.section("firmware.at_most") {
+    for edition in Edition::ALL {
+        let sizes = context.edition(edition)?.sizes;
+        hold(edition, sizes, &context.budget()?, &mut over)?;
+        told.push(format!("{} + {}", sizes.flash, sizes.ram));
+    }
+    if over.is_empty() {
+        passed(format!(
+            "flash + static RAM {} bytes, minimal {}",
+            told[0], told[1]
+        ))
+    } else {
+        failed(over.join("; "))
+    }
+}
+
+/// The figures of an edition against its bars.
+fn hold(edition: Edition, sizes: Sizes, budget: &Budget, over: &mut Vec<String>) -> Result<()> {
+    for (key, bar) in budget.section(edition.budget()) {
         let size = match key {
             "flash_bytes" => sizes.flash,
             "static_ram_bytes" => sizes.ram,
-            _ => return failed(format!("ci/budget.toml: firmware has no figure {key}")),
+            _ => return failed(format!("ci/budget.toml: a firmware has no figure {key}")),
         };
         #[expect(
             clippy::cast_precision_loss,
@@ -23,43 +41,46 @@ pub fn budget(context: &mut Context) -> Result<Verdict> {
         )]
         let size = size as f64;
         if size > bar {
-            over.push(format!("{key} is {size}, the budget is {bar}"));
+            over.push(format!(
+                "{key} of {} is {size}, the budget is {bar}",
+                edition.name()
+            ));
         }
     }
-    if over.is_empty() {
-        passed(format!(
-            "flash {}, static RAM {} bytes",
-            sizes.flash, sizes.ram
-        ))
-    } else {
-        failed(over.join("; "))
-    }
+    Ok(())
 }
 
 pub fn contents(context: &mut Context) -> Result<Verdict> {
-    let path = context.image()?.path.clone();
-    let bytes = std::fs::read(&path).of(path.display())?;
-    let elf = Elf::parse(&bytes)?;
-    let symbols = elf.symbols();
-    if symbols.is_empty() {
-        return failed("the ELF has no symbols to judge");
-    }
-    let mut wrong = elf.bad_vectors()?;
-    for kind in &BANNED {
-        for symbol in kind.among(&symbols) {
-            wrong.push(format!("{}: {symbol}", kind.what));
+    let mut wrong = Vec::new();
+    let mut judged = Vec::new();
+    for edition in Edition::ALL {
+        let path = context.edition(edition)?.path.clone();
+        let bytes = std::fs::read(&path).of(path.display())?;
+        let elf = Elf::parse(&bytes)?;
+        let symbols = elf.symbols();
+        if symbols.is_empty() {
+            return failed(format!("{} has no symbols to judge", edition.name()));
         }
-    }
-    for path in host_paths(context) {
-        if elf.contains(&path) {
-            wrong.push(format!("a path of this machine: {path}"));
+        let mut found = elf.bad_vectors()?;
+        for kind in &BANNED {
+            for symbol in kind.among(&symbols) {
+                found.push(format!("{}: {symbol}", kind.what));
+            }
         }
+        for path in host_paths(context) {
+            if elf.contains(&path) {
+                found.push(format!("a path of this machine: {path}"));
+            }
+        }
+        let named = |finding| format!("{}: {finding}", edition.name());
+        wrong.extend(found.into_iter().map(named));
+        judged.push(symbols.len().to_string());
     }
     for line in &wrong {
         println!("  {line}");
     }
     match wrong.first() {
-        None => passed(format!("{} symbols judged", symbols.len())),
+        None => passed(format!("{} symbols judged", judged.join(" + "))),
         Some(first) => failed(format!("{} finding(s), the first: {first}", wrong.len())),
     }
 }
@@ -100,7 +121,14 @@ pub fn reproducible(context: &mut Context) -> Result<Verdict> {
     let arm = arm
         .as_ref()
         .ok_or_else(|| Error::SetUp("no way to build".into()))?;
-    let second = firmware::build_in(place, arm, &elsewhere, &elsewhere.join("target"), "")?;
+    let second = firmware::build_in(
+        place,
+        arm,
+        &elsewhere,
+        &elsewhere.join("target"),
+        Edition::Full,
+        "",
+    )?;
     let bytes = |path: &Path| std::fs::read(path).of(path.display());
     let (one, other) = (bytes(&first)?, bytes(&second)?);
     if one == other {

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use crate::arm::{Arm, Way};
 use crate::error::{Error, Result};
-use crate::firmware::{self, Image};
+use crate::firmware::{self, Edition, Image};
 use crate::numbers::Budget;
 use crate::place::Place;
 
@@ -108,7 +108,7 @@ const GATES: [Gate; 18] = [
     ),
     quick(
         "firmware",
-        "the release ELF builds within its budget",
+        "both release ELFs build within their budgets",
         machine_code::budget,
     ),
     quick(
@@ -151,6 +151,7 @@ pub struct Context {
     forced: Option<Way>,
     arm: Option<Arm>,
     image: Option<Image>,
+    minimal_image: Option<Image>,
     panic_image: Option<Image>,
 }
 
@@ -166,9 +167,28 @@ impl Context {
         if self.image.is_none() {
             self.arm()?;
             let arm = self.arm.as_ref().ok_or_else(no_way)?;
-            self.image = Some(firmware::build(&self.place, arm, "")?);
+            self.image = Some(firmware::build(&self.place, arm, Edition::Full, "")?);
         }
         self.image.as_ref().ok_or_else(no_way)
+    }
+
+    /// The build without the optional parts.
+    fn minimal_image(&mut self) -> Result<&Image> {
+        if self.minimal_image.is_none() {
+            self.arm()?;
+            let arm = self.arm.as_ref().ok_or_else(no_way)?;
+            let image = firmware::build(&self.place, arm, Edition::Minimal, "")?;
+            self.minimal_image = Some(image);
+        }
+        self.minimal_image.as_ref().ok_or_else(no_way)
+    }
+
+    /// What would be flashed as this edition.
+    fn edition(&mut self, edition: Edition) -> Result<&Image> {
+        match edition {
+            Edition::Full => self.image(),
+            Edition::Minimal => self.minimal_image(),
+        }
     }
 
     /// The build that panics on purpose.
@@ -176,7 +196,8 @@ impl Context {
         if self.panic_image.is_none() {
             self.arm()?;
             let arm = self.arm.as_ref().ok_or_else(no_way)?;
-            self.panic_image = Some(firmware::build(&self.place, arm, "test-panic")?);
+            let image = firmware::build(&self.place, arm, Edition::Full, "test-panic")?;
+            self.panic_image = Some(image);
         }
         self.panic_image.as_ref().ok_or_else(no_way)
     }
@@ -237,6 +258,7 @@ pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
         forced,
         arm: None,
         image: None,
+        minimal_image: None,
         panic_image: None,
     };
     let mut rows = Vec::new();

@@ -15,6 +15,7 @@ pub fn unit(context: &mut Context) -> Result<Verdict> {
 
 pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
     let panic = context.panic_image()?.path.clone();
+    let minimal = context.minimal_image()?.path.clone();
     let elf = context.image()?.path.clone();
     let packages = [
         "test",
@@ -25,7 +26,10 @@ pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
         "robot-tests",
     ];
     let mut command = cargo_with_board(&context.place, &packages)?;
-    command.env("ROBOT_ELF", elf).env("ROBOT_ELF_PANIC", panic);
+    command
+        .env("ROBOT_ELF", elf)
+        .env("ROBOT_ELF_MINIMAL", minimal)
+        .env("ROBOT_ELF_PANIC", panic);
     run(&mut command)
 }
 

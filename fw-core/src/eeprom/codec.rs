@@ -121,12 +121,27 @@ fn rules(config: &Config) -> Result<(), ConfigError> {
         if (rule.holds)(config) {
             continue;
         }
-        if let Some(field) = Field::at(rule.address) {
-            let raw = field.get(config);
-            return Err(rejected(field, raw, Accepted::Rule(rule.expected)));
-        }
+        broken(config, rule.address, rule.expected)?;
     }
     Ok(())
+}
+
+/// The field at `address` is not what the configuration or the firmware takes; `Ok` where none is
+/// there.
+#[cold]
+#[inline(never)]
+pub(super) fn broken(
+    config: &Config,
+    address: u16,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    match Field::at(address) {
+        Some(field) => {
+            let raw = field.get(config);
+            Err(rejected(field, raw, Accepted::Rule(expected)))
+        }
+        None => Ok(()),
+    }
 }
 
 fn rejected(field: &Field, raw: u64, expected: Accepted) -> ConfigError {

@@ -131,7 +131,7 @@ impl Figures {
         row(
             "flash_bytes",
             self.flash_bytes.to_string(),
-            Some((self.flash_bytes <= 32 * 1024, "≤ 32768")),
+            Some((self.flash_bytes <= 48 * 1024, "≤ 49152")),
         );
         row(
             "static_ram_bytes",
