@@ -15,12 +15,13 @@ mod numbers;
 mod place;
 mod robot;
 mod shell;
+mod stack;
 
 use std::process::ExitCode;
 
 use arm::{Arm, Way};
 use demand::Effort;
-use error::{failed, Error, Result};
+use error::{failed, Error, Of, Result};
 use firmware::Edition;
 use place::Place;
 
@@ -30,6 +31,8 @@ usage: cargo xtask COMMAND [OPTIONS]
   setup                     find or install a way to build for the robot's processor
   firmware [--minimal] [--features F]
                             build the ELF that is flashed, print its path and sizes
+  stack [--minimal] [--features F]
+                            the worst its stack can come to, with the calls that lead there
   demo [ARGS]               the virtual robot drives the default room: target/demo/
   figures [ARGS]            measure the ELF on the emulated core: target/figures.json
   robot ARGS                host-link on the virtual board, e.g. `robot goto 500 0 90`
@@ -183,6 +186,10 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
                 words.option("--features").unwrap_or(""),
             )?;
         }
+        "stack" => {
+            words.only(0, false, &["--features", "--minimal"])?;
+            print_stack(&Place::find()?, forced, words)?;
+        }
         "demo" | "figures" => {
             words.only(0, true, &[])?;
             let place = Place::find()?;
@@ -270,6 +277,14 @@ fn build(
 ) -> Result<firmware::Image> {
     let arm = Arm::find(place, forced)?;
     firmware::build(place, &arm, edition, features)
+}
+
+fn print_stack(place: &Place, forced: Option<Way>, words: &Words) -> Result<()> {
+    let features = words.option("--features").unwrap_or("");
+    let elf = build(place, forced, words.edition(), features)?.path;
+    let bytes = std::fs::read(&elf).of(elf.display())?;
+    stack::print(&stack::worst_case(&bytes)?);
+    Ok(())
 }
 
 fn fuzz(place: &Place, words: &Words) -> Result<()> {

@@ -48,15 +48,12 @@ pub fn start(nvic: &mut NVIC, scb: &mut SCB) {
     // SAFETY: nothing relies on priorities for exclusion before this point, and every handler's
     // state is in place when `main` calls it.
     unsafe {
+        // One by one and not in a loop: `cargo xtask stack` reads the levels from these stores.
         nvic.set_priority(Interrupt::EXTI4, 0 << 4);
-        for handler in [
-            Interrupt::TIM5,
-            Interrupt::EXTI0,
-            Interrupt::EXTI9_5,
-            Interrupt::EXTI15_10,
-        ] {
-            nvic.set_priority(handler, 1 << 4);
-        }
+        nvic.set_priority(Interrupt::TIM5, 1 << 4);
+        nvic.set_priority(Interrupt::EXTI0, 1 << 4);
+        nvic.set_priority(Interrupt::EXTI9_5, 1 << 4);
+        nvic.set_priority(Interrupt::EXTI15_10, 1 << 4);
         nvic.set_priority(Interrupt::DMA2_STREAM7, 2 << 4);
         scb.set_priority(SystemHandler::PendSV, 2 << 4);
         for handler in [

@@ -4,7 +4,9 @@
 //! |---|---|
 //! | [`rig`] | the release ELF on the virtual board, and its wires byte by byte |
 //! | [`document`] | EEPROM images and frames written by hand from the document's tables |
+//! | [`stack`] | how much of its stack the firmware has used |
 #![forbid(unsafe_code)]
 
 pub mod document;
 pub mod rig;
+pub mod stack;

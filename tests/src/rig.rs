@@ -12,6 +12,9 @@ pub const ELF_PANIC: &str = "ROBOT_ELF_PANIC";
 /// Environment variable with the path of the ELF without its optional parts.
 pub const ELF_MINIMAL: &str = "ROBOT_ELF_MINIMAL";
 
+/// Environment variable with the path of the ELF that overflows its stack on purpose.
+pub const ELF_OVERFLOW: &str = "ROBOT_ELF_OVERFLOW";
+
 /// TIM5's compare 1 (RM0383, table 1 and 13.4.21), which every tick writes.
 pub const TIM5_CCR1: u64 = 0x4000_0C34;
 

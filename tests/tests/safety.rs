@@ -1,7 +1,8 @@
 //! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
 
 use robot_tests::document::{normal_frame, original_image, NormalReply};
-use robot_tests::rig::{elf, Rig, ELF_PANIC};
+use robot_tests::rig::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
+use robot_tests::stack::Stack;
 use twin::{Options, ResetBy};
 
 fn driving() -> Rig {
@@ -43,30 +44,45 @@ fn garbage_on_the_wire_is_silence() {
 
 #[test]
 fn a_panic_ends_with_the_motors_off_and_the_watchdog_restarts_the_robot_standing() {
-    let rig = Rig::with_elf(
-        &elf(ELF_PANIC),
-        Options {
-            eeprom: Some(original_image()),
-            ..Options::default()
-        },
-    );
+    let rig = with_original_image(&elf(ELF_PANIC));
+    ends_standing(&rig, "panic");
+}
+
+#[test]
+fn an_overflow_of_the_stack_is_a_fault_and_ends_with_the_motors_off() {
+    let elf = elf(ELF_OVERFLOW);
+    let rig = with_original_image(&elf);
+    let stack = Stack::paint(&elf, &rig.board).expect("a stack to paint");
+    ends_standing(&rig, "HardFault");
+    // It was the stack's end that stopped it: less than one more frame was left.
+    let left = stack.bytes() - stack.used(&rig.board).expect("the emulation runs");
+    assert!(left < 512, "{left} bytes of the stack are left");
+}
+
+fn with_original_image(elf: &[u8]) -> Rig {
+    let options = Options {
+        eeprom: Some(original_image()),
+        ..Options::default()
+    };
+    Rig::with_elf(elf, options)
+}
+
+/// Two seconds after READY the firmware fails on purpose while it drives: the motors go off, the log
+/// says `why`, and the watchdog restarts a robot that stands.
+fn ends_standing(rig: &Rig, why: &str) {
     assert!(rig.await_ready(), "{}", rig.log());
     let go = normal_frame(3_000_000, 0, 0, true);
     let ready = rig.board.now_us();
     let _ = rig.keep_sending(&go, 1_500_000);
-    assert!(
-        !rig.motors_off(),
-        "it drives until the panic: {}",
-        rig.log()
-    );
+    assert!(!rig.motors_off(), "it drives until it fails: {}", rig.log());
     // The host goes on as if nothing had happened.
     while rig.board.is_ready() {
         let _ = rig.frame(&go);
         rig.board.run_us(2_000);
-        assert!(rig.board.now_us() - ready < 2_100_000, "no panic");
+        assert!(rig.board.now_us() - ready < 2_100_000, "nothing failed");
     }
     assert!(rig.motors_off(), "READY is low and the motors run");
-    assert!(rig.log().contains("panic"), "{}", rig.log());
+    assert!(rig.log().contains(why), "{}", rig.log());
     assert!(rig
         .board
         .run_until(300_000, 1_000, |board| !board.resets().is_empty()));

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use plant::{Params, Pose, Room, World};
 use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
+use rigless::soc::Width;
 
 use crate::emulation::{Debugger, Emulation, Ended, Scene};
 use crate::faults::Disturbance;
@@ -428,6 +429,37 @@ impl Board {
             scene.session.board_mut().robot.around.selects.clear();
             scene.followed.select = true;
         });
+    }
+
+    /// Fills RAM with a byte: paint, to see later what the firmware wrote over.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    ///
+    /// # Panics
+    /// Where that is no RAM.
+    pub fn paint(&self, range: std::ops::Range<u64>, byte: u8) -> Result<(), Ended> {
+        self.try_with(move |scene| {
+            for address in range {
+                scene
+                    .host
+                    .write(address, Width::W8, byte.into())
+                    .unwrap_or_else(|error| panic!("{address:#x}: {error}"));
+            }
+        })
+    }
+
+    /// How many bytes from the start of a painted range still hold the paint.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn painted(&self, range: std::ops::Range<u64>, byte: u8) -> Result<u64, Ended> {
+        self.try_with(move |scene| {
+            let mut left = range.clone();
+            let first =
+                left.find(|&address| scene.host.read(address, Width::W8).ok() != Some(byte.into()));
+            first.unwrap_or(range.end) - range.start
+        })
     }
 
     /// Takes what was followed since the last call, in the order it happened.

@@ -4,6 +4,7 @@ mod hygiene;
 mod machine_code;
 mod proofs;
 mod source;
+mod stack;
 mod supply;
 mod tests;
 
@@ -72,7 +73,7 @@ const fn slow(
 }
 
 /// Cheap and telling ones first.
-const GATES: [Gate; 18] = [
+const GATES: [Gate; 19] = [
     quick("setup", "a way to build for the robot's processor", setup),
     quick("fmt", "the source is formatted", source::fmt),
     quick(
@@ -116,6 +117,11 @@ const GATES: [Gate; 18] = [
         "no panic, formatting, soft float, heap, host path, open vector",
         machine_code::contents,
     ),
+    quick(
+        "stack",
+        "the worst the stack can come to fits, computed from the ELF",
+        stack::stack,
+    ),
     slow(
         "reproducible",
         "the same ELF from another folder",
@@ -152,7 +158,6 @@ pub struct Context {
     arm: Option<Arm>,
     image: Option<Image>,
     minimal_image: Option<Image>,
-    panic_image: Option<Image>,
 }
 
 impl Context {
@@ -191,15 +196,11 @@ impl Context {
         }
     }
 
-    /// The build that panics on purpose.
-    fn panic_image(&mut self) -> Result<&Image> {
-        if self.panic_image.is_none() {
-            self.arm()?;
-            let arm = self.arm.as_ref().ok_or_else(no_way)?;
-            let image = firmware::build(&self.place, arm, Edition::Full, "test-panic")?;
-            self.panic_image = Some(image);
-        }
-        self.panic_image.as_ref().ok_or_else(no_way)
+    /// A build that fails on purpose.
+    fn failing_image(&mut self, feature: &str) -> Result<Image> {
+        self.arm()?;
+        let arm = self.arm.as_ref().ok_or_else(no_way)?;
+        firmware::build(&self.place, arm, Edition::Full, feature)
     }
 
     fn budget(&self) -> Result<Budget> {
@@ -259,7 +260,6 @@ pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
         arm: None,
         image: None,
         minimal_image: None,
-        panic_image: None,
     };
     let mut rows = Vec::new();
     for gate in &GATES {

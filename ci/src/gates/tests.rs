@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::{passed, Context, Verdict};
+use super::{passed, stack, Context, Verdict};
 use crate::error::{failed, Result};
 use crate::numbers::Report;
 use crate::robot::{self, cargo_with_board};
@@ -14,7 +14,8 @@ pub fn unit(context: &mut Context) -> Result<Verdict> {
 }
 
 pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
-    let panic = context.panic_image()?.path.clone();
+    let panic = context.failing_image("test-panic")?.path;
+    let overflow = context.failing_image("test-overflow")?.path;
     let minimal = context.minimal_image()?.path.clone();
     let elf = context.image()?.path.clone();
     let packages = [
@@ -29,7 +30,8 @@ pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
     command
         .env("ROBOT_ELF", elf)
         .env("ROBOT_ELF_MINIMAL", minimal)
-        .env("ROBOT_ELF_PANIC", panic);
+        .env("ROBOT_ELF_PANIC", panic)
+        .env("ROBOT_ELF_OVERFLOW", overflow);
     run(&mut command)
 }
 
@@ -53,6 +55,7 @@ pub fn demo(context: &mut Context) -> Result<Verdict> {
         return failed(format!("the demo left no {}", missing.join(", ")));
     }
     let (bars, report) = held(context, robot::DEMO, &out.join(robot::REPORT), ran)?;
+    stack::holds(context, &report)?;
     let figure = |key| report.figure(key).unwrap_or(f64::NAN);
     passed(format!(
         "{bars} bars; position {:.1} mm, heading {:.2}°, map {:.2}, {:.1} × real time",
@@ -68,9 +71,10 @@ pub fn figures(context: &mut Context) -> Result<Verdict> {
     let out = context.place.target.join(robot::FIGURES);
     let ran = robot::figures(&context.place, &elf, &[]);
     let (bars, report) = held(context, "figures", &out, ran)?;
+    let (used, worst) = stack::holds(context, &report)?;
     let figure = |key| report.figure(key).unwrap_or(f64::NAN);
     passed(format!(
-        "{bars} bars; tick {:.0}, frame {:.0} instructions at most, {:.0} frames/s, ready in {:.1} ms",
+        "{bars} bars; tick {:.0}, frame {:.0} instructions at most, {:.0} frames/s, ready in {:.1} ms, stack {used:.0} of {worst}",
         figure("tick_instructions.max"),
         figure("frame_instructions.max"),
         figure("frames_per_s_sustained"),

@@ -4,6 +4,7 @@
 //! figure is measured is in docs/figures.md.
 #![forbid(unsafe_code)]
 
+use std::cell::Cell;
 use std::error::Error;
 use std::path::PathBuf;
 use std::{env, fs};
@@ -11,6 +12,7 @@ use std::{env, fs};
 use object::{Object, ObjectSection, ObjectSegment, SectionKind};
 use robot_tests::document::{crc16, image_in_mode, normal_frame, NormalReply, KEY_PI, KEY_STM};
 use robot_tests::rig::{Rig, READY_US, TIM5_CCR1};
+use robot_tests::stack::Stack;
 use serde::Serialize;
 use twin::measure::{spans, without, Event, Span, What};
 use twin::{Options, Step};
@@ -61,6 +63,7 @@ struct Figures {
     frames_per_s_sustained: u64,
     frames_per_s_wire_limit: u64,
     frames_per_s_sustained_12_mhz: u64,
+    stack_used_bytes: u64,
 }
 
 fn main() {
@@ -93,7 +96,10 @@ fn main() {
 fn run(path: &PathBuf, out: &PathBuf) -> Result<bool, Box<dyn Error>> {
     let elf = fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let (flash_bytes, static_ram_bytes) = sizes(&elf)?;
-    let bench = Bench { elf };
+    let bench = Bench {
+        elf,
+        stack_used: Cell::new(0),
+    };
     let (tick_instructions, frame_instructions) = bench.driving()?;
     let figures = Figures {
         flash_bytes,
@@ -106,6 +112,7 @@ fn run(path: &PathBuf, out: &PathBuf) -> Result<bool, Box<dyn Error>> {
         frames_per_s_sustained: bench.sustained(8_000_000)?,
         frames_per_s_wire_limit: 1_000_000_000 / (2 * SETUP_NS + NORMAL * 1_000 + GAP_NS),
         frames_per_s_sustained_12_mhz: bench.sustained(12_000_000)?,
+        stack_used_bytes: bench.stack_used.get(),
     };
     if let Some(folder) = out.parent() {
         fs::create_dir_all(folder)?;
@@ -178,6 +185,7 @@ impl Figures {
             self.frames_per_s_sustained_12_mhz.to_string(),
             None,
         );
+        row("stack_used_bytes", self.stack_used_bytes.to_string(), None);
         kept
     }
 }
@@ -202,10 +210,35 @@ fn sizes(elf: &[u8]) -> Result<(u64, u64), Box<dyn Error>> {
 
 struct Bench {
     elf: Vec<u8>,
+    /// The most of the stack that any of the runs has used, bytes.
+    stack_used: Cell<u64>,
+}
+
+/// A board on the bench; its stack is looked at when it has run.
+struct Run<'a> {
+    rig: Rig,
+    stack: Stack,
+    used: &'a Cell<u64>,
+}
+
+impl std::ops::Deref for Run<'_> {
+    type Target = Rig;
+
+    fn deref(&self) -> &Rig {
+        &self.rig
+    }
+}
+
+impl Drop for Run<'_> {
+    fn drop(&mut self) {
+        // A run that has ended before its time has failed elsewhere.
+        let used = self.stack.used(&self.rig.board).unwrap_or_default();
+        self.used.set(self.used.get().max(used));
+    }
 }
 
 impl Bench {
-    fn rig(&self, mode: u8) -> Result<Rig, Box<dyn Error>> {
+    fn rig(&self, mode: u8) -> Result<Run<'_>, Box<dyn Error>> {
         let rig = Rig::with_elf(
             &self.elf,
             Options {
@@ -213,10 +246,15 @@ impl Bench {
                 ..Options::default()
             },
         );
+        let stack = Stack::paint(&self.elf, &rig.board)?;
         if !rig.await_ready() {
             return Err(format!("no READY within {READY_US} µs: {}", rig.log()).into());
         }
-        Ok(rig)
+        Ok(Run {
+            rig,
+            stack,
+            used: &self.stack_used,
+        })
     }
 
     fn boot_to_ready_us(&self) -> Result<u64, Box<dyn Error>> {

@@ -25,6 +25,7 @@ use host_link::survey::{mapper_config, Look, Survey};
 use host_link::virtual_board::{self, VirtualWires};
 use mapper::{map_iou, picture, Agreement, Segment};
 use report::Report;
+use robot_tests::stack::Stack;
 use trail::Trail;
 use twin::plant::Room;
 use twin::{Board, Options};
@@ -101,7 +102,7 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
     let room = Room::two_rooms();
 
     println!("1/5  boot with a blank EEPROM");
-    let board = boot_blank(&elf, arguments.seed, &room)?;
+    let (board, stack) = boot_blank(&elf, arguments.seed, &room)?;
     println!("2/5  write {CONFIGURATION} to the EEPROM");
     let mut machine = virtual_board::machine(&board, SPI_HZ, Interrupt::new());
     let reset_to_ready_ms = configure(&mut machine)?;
@@ -140,6 +141,7 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
         map_recall: agreement.recall,
         collisions: truth.collisions,
         instructions: board.instructions(),
+        stack_used_bytes: stack.used(&board)?,
         unmodelled_registers: unmodelled.len(),
         unmodelled: unmodelled.lines,
         missed_bars: Vec::new(),
@@ -154,7 +156,7 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
 }
 
 /// A blank EEPROM must keep the robot from starting, and the log must say so.
-fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<Board, Box<dyn Error>> {
+fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<(Board, Stack), Box<dyn Error>> {
     let board = Board::new(
         elf,
         Options {
@@ -163,6 +165,7 @@ fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<Board, Box<dyn Error
             ..Options::default()
         },
     )?;
+    let stack = Stack::paint(elf, &board)?;
     if board.run_until(PATIENCE_US, 10_000, Board::is_ready) {
         return Err("READY rose without a configuration".into());
     }
@@ -172,7 +175,7 @@ fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<Board, Box<dyn Error
         .find(|line| line.starts_with('E'))
         .ok_or("READY stays low and the log does not say why")?;
     println!("     READY stays low: {refusal}");
-    Ok(board)
+    Ok((board, stack))
 }
 
 /// Writes the first board's configuration as `host-link eeprom write` does; milliseconds to READY.

@@ -46,6 +46,7 @@ pub struct Report {
     pub map_recall: f64,
     pub collisions: u32,
     pub instructions: u64,
+    pub stack_used_bytes: u64,
     pub unmodelled_registers: usize,
     pub unmodelled: Vec<String>,
     pub missed_bars: Vec<String>,
