@@ -6,20 +6,24 @@
 //!
 //! Position: a tick moves the axle's centre along an arc. Its chord is `ΔS = S̄·(1 − ψ²/24 +
 //! ψ⁴/1920 − ψ⁶/322560)` (the document's 2R·sin ψ/2 without its division and without its second
-//! case for ψ = 0), in direction β + ψ/2. The direction's sine and versine come from its upper 32
-//! bits; what the lower ones add, below 1e-9 rad, is added to first order, since on a long straight
-//! line even that would show.
+//! case for ψ = 0), in direction β + ψ/2, of which the upper 34 bits count, rounded.
 //!
 //! | contribution, 1 km straight on | µm |
 //! |---|---|
 //! | K, half of 2⁻⁶⁴ turns a count | 0.003 |
-//! | travel of a count, half of 2⁻⁴⁰ mm | 0.007 |
-//! | sine and versine | ≤ 0.35 |
-//! | sums, a unit of 2⁻⁴⁰ mm each | 0.002 |
+//! | travel of a count, half of 2⁻⁴² mm | 0.002 |
+//! | direction, half of 2⁻³⁴ turns | ≤ 0.18 |
+//! | sine and cosine | ≤ 0.5 together |
+//! | sums, two units of 2⁻⁴⁰ mm each | 0.001 |
+//!
+//! The worst of many headings is 0.35 µm. Numbers of 64 bits are kept, or split, as two *signed*
+//! words: then each of their products with a word is one instruction of the Cortex-M4 (SMULL, SMLAL,
+//! MLA), and so is each step of a polynomial (SMMLAR). A step takes some 140 instructions;
+//! `cargo xtask figures` counts them.
 
 use fixed::types::{I16F16, I32F32};
 
-use super::trig::{high, nearest, Reduced};
+use super::trig::{nearest, plus, upper, Reduced};
 use crate::divide::div_rem;
 use crate::eeprom::Platform;
 use crate::units::{Millimetres, Pose, Turns};
@@ -31,10 +35,40 @@ pub struct Delta {
     pub left: i32,
     /// Counts the right wheel rolled, forward positive, −32 768 ..= 32 768.
     pub right: i32,
-    /// Millimetres the axle's centre moved along its path, saturating.
+    /// Millimetres the axle's centre moved along its path; what lies beyond the range becomes its end,
+    /// to 0.001 mm.
     pub travel: I16F16,
     /// How far the robot turned, 2⁻³² turns, counter-clockwise positive.
     pub turn: i32,
+}
+
+/// A factor of counts, `high·2³² + low`.
+#[derive(Clone, Copy, Debug)]
+struct PerCount {
+    low: i32,
+    high: i32,
+}
+
+impl PerCount {
+    const fn new(value: i64) -> Self {
+        let (low, high) = split(value);
+        Self { low, high }
+    }
+
+    /// `onto + self·n`, modulo 2⁶⁴: two multiplications.
+    #[inline]
+    const fn times(self, n: i32, onto: i64) -> i64 {
+        let onto = onto.wrapping_add(self.low as i64 * n as i64);
+        onto.wrapping_add((self.high.wrapping_mul(n) as i64) << 32)
+    }
+}
+
+/// The signed words (low, high) of `high·2³² + low`.
+#[inline]
+const fn split(value: i64) -> (i32, i32) {
+    let low = value as i32;
+    let high = ((value >> 32) as i32).wrapping_add((low as u32 >> 31) as i32);
+    (low, high)
 }
 
 /// One wheel's factors.
@@ -42,14 +76,14 @@ pub struct Delta {
 struct Wheel {
     /// −1 where the encoder counts down when the wheel rolls forward.
     sign: i32,
-    /// Turn of the robot per count of this wheel alone, 2⁻⁶⁴ turns.
-    turn: u64,
-    /// Half the wheel's travel per count, 2⁻⁴⁰ mm, at most 2⁴⁵.
-    half: i64,
+    /// What a count of this wheel alone turns the robot by, counter-clockwise, 2⁻⁶⁴ turns.
+    turn: PerCount,
+    /// Half the wheel's travel per count, 2⁻⁴² mm, at most 2⁴⁶.
+    half: PerCount,
 }
 
-/// π, 40 fractional bits.
-const PI: u64 = 3_454_217_652_358;
+/// π, 42 fractional bits.
+const PI: u64 = 13_816_870_609_430;
 
 /// `n / d` of a whole, as 2⁻⁶⁴ of it, nearest, modulo the whole. `d` below 2⁶².
 fn fraction(n: u64, d: u64) -> u64 {
@@ -69,24 +103,27 @@ fn fraction(n: u64, d: u64) -> u64 {
 }
 
 impl Wheel {
+    /// `right`: which side the wheel is on; rolling forward, the right one turns the robot
+    /// counter-clockwise.
     // At start-up only: once in flash is enough.
     #[inline(never)]
-    fn new(diameter: u32, reversed: bool, platform: &Platform) -> Self {
+    fn new(diameter: u32, reversed: bool, right: bool, platform: &Platform) -> Self {
         let counts = u64::from(platform.counts_per_turn.max(1));
         let track = u64::from(platform.track.max(1));
         let diameter = u64::from(diameter.min(MAX_DIAMETER));
         let divisor = 2000 * counts;
         let (half, _) = div_rem(diameter * PI + divisor / 2, divisor);
+        let turn = fraction(diameter, 2 * counts * track) as i64;
         Self {
             sign: if reversed { -1 } else { 1 },
-            turn: fraction(diameter, 2 * counts * track),
-            half: half.min(1 << 45) as i64,
+            turn: PerCount::new(if right { turn } else { turn.wrapping_neg() }),
+            half: PerCount::new(half.min(1 << 46) as i64),
         }
     }
 }
 
 /// Larger wheels are taken as this, micrometres; a validated configuration has none.
-const MAX_DIAMETER: u32 = 5_000_000;
+const MAX_DIAMETER: u32 = 1_250_000;
 
 /// Where the robot is. Arithmetic error of the position ≤ 1 µm per km of path; the heading is exact.
 #[derive(Clone, Debug)]
@@ -95,23 +132,11 @@ pub struct Odometry {
     right: Wheel,
     left_counter: u32,
     right_counter: u16,
-    /// 2⁻⁶⁴ turns.
-    heading: u64,
+    /// 2⁻⁶⁴ turns, [`NEAREST`] ahead.
+    heading: i64,
     /// 2⁻⁴⁰ mm, within ±[`FARTHEST`].
     x: i64,
     y: i64,
-}
-
-/// `a·b / 2³²`, floor; `a` below 2⁶³.
-#[inline]
-const fn scale(a: u64, b: u32) -> u64 {
-    (a >> 32) * b as u64 + (((a & 0xFFFF_FFFF) * b as u64) >> 32)
-}
-
-/// `a` or, where `sign` is −1, `−a`.
-#[inline]
-const fn signed(a: u64, sign: i64) -> i64 {
-    (a as i64 ^ sign) - sign
 }
 
 impl Odometry {
@@ -122,16 +147,18 @@ impl Odometry {
             left: Wheel::new(
                 platform.wheel_diameter_left,
                 platform.encoder_left_reversed,
+                false,
                 platform,
             ),
             right: Wheel::new(
                 platform.wheel_diameter_right,
                 platform.encoder_right_reversed,
+                true,
                 platform,
             ),
             left_counter: left,
             right_counter: right,
-            heading: 0,
+            heading: NEAREST,
             x: 0,
             y: 0,
         }
@@ -141,7 +168,8 @@ impl Odometry {
     /// eight turns, and, for the position's stated accuracy, the robot by a sixteenth of a turn. Any
     /// other input is as safe, only less accurate; the heading follows the left counter's whole
     /// range.
-    #[inline]
+    // A function of its own in every build: its instructions are counted there.
+    #[inline(never)]
     pub fn step(&mut self, left: u32, right: u16) -> Delta {
         let n_left = left.wrapping_sub(self.left_counter) as i32;
         let n_right = i32::from(right.wrapping_sub(self.right_counter) as i16);
@@ -150,34 +178,41 @@ impl Odometry {
         let n_left = n_left.wrapping_mul(self.left.sign);
         let n_right = n_right * self.right.sign;
 
-        let turn = times(self.right.turn, n_right).wrapping_sub(times(self.left.turn, n_left));
-        let middle = self.heading.wrapping_add((turn as i64 >> 1) as u64);
+        let turn = self
+            .left
+            .turn
+            .times(n_left, self.right.turn.times(n_right, 0));
+        let middle = self.heading.wrapping_add(turn >> 1);
         self.heading = self.heading.wrapping_add(turn);
         let turn = (turn >> 32) as i32;
 
-        // 2⁻⁴⁰ mm, below 2⁶¹: each half below 2⁴⁵, each count at most 2¹⁵.
-        let path = self.left.half * i64::from(n_left.clamp(-0x8000, 0x8000))
-            + self.right.half * i64::from(n_right);
-        let direction = Direction::new(middle, turn);
-        let length = path.unsigned_abs();
-        let along = length - scale(length, direction.versine);
-        let across = scale(length, direction.sine);
-
-        // Quarter turns: (a, b), (−b, a), (−a, −b), (b, −a).
-        let ahead = (path >> 63) ^ -i64::from(direction.quarter >> 1);
-        let beside = ahead ^ i64::from(direction.sign);
-        let (dx, dy) = if direction.quarter & 1 == 0 {
-            (signed(along, ahead), signed(across, beside))
-        } else {
-            (signed(across, !beside), signed(along, ahead))
+        // 2⁻⁴² mm, within ±2⁶² for counts within ±2¹⁵; what more of them make is of no use but safe.
+        let path = self
+            .left
+            .half
+            .times(n_left, self.right.half.times(n_right, 0));
+        let way = Reduced::of(middle as u64);
+        let short = shortening(turn);
+        let (low, high) = split(path);
+        // In the frame of the quarter: ahead, and to the right.
+        let along = part(low, high, way.cosine, short);
+        let aside = part(low, high, way.minus_sine, short);
+        let (x, y) = match way.quarter {
+            0 => (self.x + along, self.y - aside),
+            1 => (self.x + aside, self.y + along),
+            2 => (self.x - along, self.y + aside),
+            _ => (self.x - aside, self.y - along),
         };
-        self.x = within(self.x + dx);
-        self.y = within(self.y + dy);
+        (self.x, self.y) = if beyond(x) | beyond(y) {
+            (within(x), within(y))
+        } else {
+            (x, y)
+        };
 
         Delta {
             left: n_left,
             right: n_right,
-            travel: I16F16::from_bits(narrow(path >> 24)),
+            travel: I16F16::from_bits(narrow(path)),
             turn,
         }
     }
@@ -188,71 +223,42 @@ impl Odometry {
         Pose {
             x: Millimetres(I32F32::from_bits((self.x >> 8) + ((self.x >> 7) & 1))),
             y: Millimetres(I32F32::from_bits((self.y >> 8) + ((self.y >> 7) & 1))),
-            heading: Turns((self.heading.wrapping_add(1 << 31) >> 32) as u32),
+            heading: Turns((self.heading.wrapping_add((1 << 31) - NEAREST) >> 32) as u32),
         }
     }
 }
 
-/// Where the chord points, and how much shorter than its arc it is: a vector of that length in the
-/// frame of the nearest quarter turn.
-struct Direction {
-    /// Quarter turns, 0 ..= 3.
-    quarter: u32,
-    /// −1 where the sine is negative, else 0.
-    sign: i32,
-    /// Magnitude of the vector's part across the quarter, Q32.
-    sine: u32,
-    /// What its part along the quarter lacks to 1, Q32.
-    versine: u32,
-}
+/// What is added to the heading before its upper 34 bits are taken for a direction: half of the
+/// last one's unit.
+const NEAREST: i64 = 1 << 29;
 
-impl Direction {
-    /// Of a chord in direction `middle`, 2⁻⁶⁴ turns, over an arc of `turn`, 2⁻³² turns.
-    #[inline]
-    fn new(middle: u64, turn: i32) -> Self {
-        let Reduced {
-            quarter,
-            sign,
-            sine,
-            versine,
-        } = Reduced::of(Turns((middle >> 32) as u32));
-        // The chord is shorter than its arc.
-        let short = shortening(turn);
-        let sine = sine - nearest(sine, short);
-        let versine = versine + short - nearest(versine, short);
-        // What the lower word of the direction adds, at most 6.3 units of 2⁻³² rad: to first order.
-        // 2π has 29 fractional bits here.
-        let rest = high(middle as u32, 3_373_259_426);
-        let to_sine = (high(!versine, rest) + (1 << 28)) >> 29;
-        let to_versine = (high(sine, rest) + (1 << 28)) >> 29;
-        // The direction is rounded down, so the rest leads away from zero or, below it, towards it:
-        // there the sine is at least as large as what is taken away.
-        let apply =
-            |value: u32, by: u32| value.wrapping_add((by ^ sign as u32).wrapping_sub(sign as u32));
-        Self {
-            quarter,
-            sign,
-            sine: apply(sine, to_sine),
-            versine: apply(versine, to_versine),
-        }
-    }
-}
-
-/// `factor·n`, modulo 2⁶⁴.
+/// The part of a path, 2⁻⁴² mm in signed words, along an axis, 2⁻⁴⁰ mm, floor: times `cosine`, Q62,
+/// and shorter by its part `short`, Q32; below 2⁶¹.
 #[inline]
-const fn times(factor: u64, n: i32) -> u64 {
-    factor.wrapping_mul(n as i64 as u64)
+const fn part(low: i32, high: i32, cosine: i64, short: i32) -> i64 {
+    let (fine, coarse) = split(cosine);
+    let coarse = plus(coarse, coarse, short);
+    // Each below 2³⁰.
+    let rest = upper(low, coarse).wrapping_add(upper(high, fine));
+    rest as i64 + high as i64 * coarse as i64
 }
 
 /// The position's range: ±4.19 km, twice what the wire can say. A step is shorter than half of it,
 /// so no sum overflows.
 const FARTHEST: i64 = (1 << 62) - 1;
 
-/// The nearest position there is.
+/// Whether a position is out of range.
 #[inline]
+const fn beyond(position: i64) -> bool {
+    // Its two upper bits differ.
+    let high = (position >> 32) as i32;
+    (high ^ (high << 1)) < 0
+}
+
+/// The nearest position there is.
+#[cold]
 const fn within(position: i64) -> i64 {
-    // Beyond the range the two upper bits differ: one test, rarely true.
-    if (position ^ (position << 1)) >> 63 == 0 {
+    if !beyond(position) {
         position
     } else if position < 0 {
         -FARTHEST - 1
@@ -261,29 +267,24 @@ const fn within(position: i64) -> i64 {
     }
 }
 
-/// The nearest word.
+/// A path of 2⁻⁴² mm in 2⁻¹⁶ mm; one beyond the range of a word becomes its end, to 64 units.
 #[inline]
-const fn narrow(value: i64) -> i32 {
-    if (value + (1 << 31)) as u64 >> 32 == 0 {
-        value as i32
-    } else if value < 0 {
-        i32::MIN
-    } else {
-        i32::MAX
-    }
+fn narrow(path: i64) -> i32 {
+    const END: i32 = 1 << 25;
+    ((path >> 32) as i32).clamp(-END, END - 1) << 6 | (path as u32 >> 26) as i32
 }
 
-/// What a chord lacks of its arc, relative: ψ²/24 − ψ⁴/1920 + ψ⁶/322560, Q32, for `turn` in 2⁻³²
-/// turns; error ≤ 1.4e-10 up to a sixteenth of a turn. Beyond that it is only bounded.
+/// Minus what a chord lacks of its arc, relative: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in
+/// 2⁻³² turns; error ≤ 1.7e-10 up to a sixteenth of a turn. Beyond that it is only bounded, by 6 %.
 #[inline]
-const fn shortening(turn: i32) -> u32 {
-    // Turns squared, Q38 up to a sixteenth.
-    let size = turn.unsigned_abs() << 3;
-    let square = high(size, size);
-    // (2π)⁶/322560 Q18, (2π)⁴/1920 Q24, (2π)²/24 Q30.
-    let factor = 13_618_778 - high(square, 50_004);
-    let factor = 1_766_234_505 - high(square, factor);
-    (high(square, factor) + 8) >> 4
+const fn shortening(turn: i32) -> i32 {
+    // Minus turns squared, Q35. Negative factors all along: a compiler that can tell a factor to be
+    // positive takes it for unsigned, and has no single instruction for a mixed product.
+    let square = upper(turn << 2, (turn << 1).wrapping_neg());
+    // (2π)⁶/322560 Q23, (2π)⁴/1920 Q26, (2π)²/24 Q29.
+    let factor = plus(-54_475_112, square, -1_605_633);
+    let factor = plus(-883_117_253, square, factor);
+    -nearest(square, factor)
 }
 
 #[cfg(test)]

@@ -3,90 +3,97 @@
 //!
 //! A phase is reduced to the eighth of a turn on either side of the nearest quarter, where one
 //! polynomial gives the sine and one gives `1 − cos`. Both are minimax polynomials (Remez) in the
-//! square of the reduced phase, evaluated by Horner's rule on the high words of unsigned
-//! 32 × 32-bit products, which the Cortex-M4 multiplies in one cycle each.
+//! square of the reduced phase, evaluated by Horner's rule on the rounded high words of signed
+//! 32 × 32-bit products: a step is one instruction (SMMLAR) of the Cortex-M4.
 //!
-//! | function | absolute error over all 2³² phases | source of the bound |
+//! | function | absolute error over all phases | source of the bound |
 //! |---|---|---|
-//! | [`sin_cos`] | ≤ 5.2e-10 | every phase of the reduced range tried; the test below samples |
-//! | `Reduced`'s sine | ≤ 3.7e-10 | likewise |
-//! | `Reduced`'s versine | ≤ 2.8e-10 | likewise |
+//! | [`sin_cos`] | ≤ 5.8e-10 | every phase of the reduced range tried; the test below samples |
+//! | `Reduced`'s sine | ≤ 3.4e-10 | likewise, all 2³² |
+//! | `Reduced`'s cosine | ≤ 3.6e-10 | likewise, all 2³² |
 //! | [`direction`] | ≤ 8e-6 turns | test below |
 
 use crate::units::Turns;
 
 /// High word of a product, floor.
 #[inline]
-pub(crate) const fn high(a: u32, b: u32) -> u32 {
+const fn high(a: u32, b: u32) -> u32 {
     ((a as u64 * b as u64) >> 32) as u32
 }
 
-/// High word of a product, nearest.
+/// High word of a signed product, floor: one instruction, SMMUL.
 #[inline]
-pub(crate) const fn nearest(a: u32, b: u32) -> u32 {
-    ((a as u64 * b as u64 + (1 << 31)) >> 32) as u32
+pub(crate) const fn upper(a: i32, b: i32) -> i32 {
+    ((a as i64 * b as i64) >> 32) as i32
 }
 
-/// A phase as the nearest quarter turn and what is left, at most an eighth of a turn either way.
+/// High word of a signed product, nearest: SMMULR.
+#[inline]
+pub(crate) const fn nearest(a: i32, b: i32) -> i32 {
+    ((a as i64 * b as i64 + (1 << 31)) >> 32) as i32
+}
+
+/// `c` and the high word of a signed product, nearest: SMMLAR.
+#[inline]
+pub(crate) const fn plus(c: i32, a: i32, b: i32) -> i32 {
+    c.wrapping_add(nearest(a, b))
+}
+
+/// A phase as the nearest quarter turn and sine and cosine of what is left, at most an eighth of a
+/// turn either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Reduced {
     /// Quarter turns, 0 ..= 3.
     pub quarter: u32,
-    /// −1 where what is left is negative, else 0.
-    pub sign: i32,
-    /// Magnitude of the sine of what is left, Q32, up to 0.7072.
-    pub sine: u32,
-    /// One minus its cosine, Q32, up to 0.293.
-    pub versine: u32,
+    /// Minus the sine of what is left, Q62, within ±0.7072.
+    pub minus_sine: i64,
+    /// Its cosine, Q62, 0.7071 ..= 1.
+    pub cosine: i64,
 }
 
 impl Reduced {
-    /// Total: every phase has one.
+    /// Of `phase` in 2⁻⁶⁴ turns, of which the upper 34 bits count. Total: every phase has one.
     #[inline]
-    pub const fn of(phase: Turns) -> Self {
-        let quarter = phase.0.wrapping_add(1 << 29) >> 30;
-        let rest = phase.0.wrapping_sub(quarter << 30) as i32;
-        let sign = rest >> 31;
-        // In eighths of a turn, Q32; the eighth itself becomes the number below it.
-        let size = rest.unsigned_abs();
-        let u = (size << 3).wrapping_sub(size >> 29);
-        let w = high(u, u);
-        // sin(π/4·u) = u·p(u²). Each product is shifted to its neighbour's fractional bits, which
-        // the processor does while it subtracts: Q53, Q46, Q40, Q35, Q32.
-        let p = 2_573_484_738 - (high(w, 2_779_292_431) >> 7);
-        let p = 2_738_215_488 - (high(w, p) >> 6);
-        let p = 2_774_394_660 - (high(w, p) >> 5);
-        let p = 3_373_259_426 - (high(w, p) >> 3);
-        // 1 − cos(π/4·u) = u²·q(u²): Q50, Q43, Q37, Q33.
-        let q = 2_867_016_223 - (high(w, 3_975_929_417) >> 7);
-        let q = 2_179_002_214 - (high(w, q) >> 6);
-        let q = 2_649_351_743 - (high(w, q) >> 4);
+    pub const fn of(phase: u64) -> Self {
+        let quarter = ((phase >> 32) as u32).wrapping_add(1 << 29) >> 30;
+        // Eighths of a turn, Q31: the whole quarters are shifted out, and the sign bit is right.
+        let u = ((phase << 2) >> 32) as i32;
+        // Minus u² in Q30, so that 1 fits. Every product of it has two fractional bits less than its
+        // other factor, and the coefficients are written so that no step needs a shift. They are
+        // negative, too: a compiler that can tell a factor to be positive takes it for unsigned, and
+        // has no single instruction for a mixed product.
+        let w = -nearest(u, u);
+        // sin(π/4·u) = u·p(u²): Q39, Q37, Q35, Q33, Q31.
+        let p = plus(-5_026_545, w, -169_985);
+        let p = plus(-85_569_276, w, p);
+        let p = plus(-693_598_668, w, p);
+        let p = plus(-1_686_629_713, w, p);
+        // 1 − cos(π/4·u) = u²·q(u²): Q38, Q36, Q34, Q32.
+        let q = plus(-22_398_599, w, -970_753);
+        let q = plus(-272_375_283, w, q);
+        let q = plus(-1_324_675_872, w, q);
         Self {
             quarter,
-            sign,
-            sine: nearest(u, p),
-            versine: (high(w, q) + 1) >> 1,
+            minus_sine: u as i64 * p as i64,
+            cosine: (1 << 62) - w as i64 * q as i64,
         }
     }
 }
 
-/// Sine and cosine of `phase`, Q31 (one is `i32::MAX`), absolute error ≤ 5.2e-10.
+/// Sine and cosine of `phase`, Q31 (one is `i32::MAX`), absolute error ≤ 5.8e-10.
 #[must_use]
 #[inline]
 pub const fn sin_cos(phase: Turns) -> (i32, i32) {
-    let reduced = Reduced::of(phase);
-    let sine = ((reduced.sine >> 1) as i32 ^ reduced.sign) - reduced.sign;
+    let reduced = Reduced::of((phase.0 as u64) << 32);
+    let minus_sine = ((reduced.minus_sine + (1 << 30)) >> 31) as i32;
     // 1 itself does not fit: the largest cosine is 1 − 2⁻³¹.
-    let cosine = ((u32::MAX - reduced.versine.saturating_sub(1)) >> 1) as i32;
-    let (sine, cosine) = if reduced.quarter & 1 == 0 {
-        (sine, cosine)
-    } else {
-        (cosine, -sine)
-    };
-    if reduced.quarter & 2 == 0 {
-        (sine, cosine)
-    } else {
-        (-sine, -cosine)
+    let cosine = (reduced.cosine + (1 << 30)) >> 31;
+    let cosine = (cosine - (cosine >> 31)) as i32;
+    match reduced.quarter {
+        0 => (-minus_sine, cosine),
+        1 => (cosine, minus_sine),
+        2 => (minus_sine, -cosine),
+        _ => (-cosine, -minus_sine),
     }
 }
 
@@ -155,24 +162,24 @@ mod tests {
             let (s, c) = angle.sin_cos();
             worst[0] = worst[0].max((f64::from(sine) / 2_147_483_648.0 - s).abs());
             worst[1] = worst[1].max((f64::from(cosine) / 2_147_483_648.0 - c).abs());
-            let r = Reduced::of(Turns(phase));
-            let rest = angle - f64::from(r.quarter) * TAU / 4.0;
-            let sine = f64::from(r.sine) / 4_294_967_296.0 * f64::from(1 + 2 * r.sign);
-            worst[2] = worst[2].max((sine - rest.sin()).abs());
-            // 1 − cos without its cancellation.
-            let half = (rest / 2.0).sin();
-            let versine = f64::from(r.versine) / 4_294_967_296.0;
-            worst[3] = worst[3].max((versine - 2.0 * half * half).abs());
+            // The upper 34 bits count: the two beyond a phase's own in turn.
+            let further = phase & 3;
+            let r = Reduced::of(u64::from(phase) << 32 | u64::from(further) << 30);
+            let rest = angle - f64::from(r.quarter) * TAU / 4.0
+                + f64::from(further) / 17_179_869_184.0 * TAU;
+            let (s, c) = rest.sin_cos();
+            worst[2] = worst[2].max((r.minus_sine as f64 / 2f64.powi(62) + s).abs());
+            worst[3] = worst[3].max((r.cosine as f64 / 2f64.powi(62) - c).abs());
         }
         std::println!(
-            "sin {:e} cos {:e} reduced sine {:e} versine {:e}",
+            "sin {:e} cos {:e} reduced sine {:e} cosine {:e}",
             worst[0],
             worst[1],
             worst[2],
             worst[3]
         );
-        assert!(worst[0] <= 5.2e-10 && worst[1] <= 5.2e-10);
-        assert!(worst[2] <= 3.7e-10 && worst[3] <= 2.8e-10);
+        assert!(worst[0] <= 5.8e-10 && worst[1] <= 5.8e-10);
+        assert!(worst[2] <= 3.4e-10 && worst[3] <= 3.6e-10);
     }
 
     #[test]
