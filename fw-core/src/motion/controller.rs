@@ -3,14 +3,19 @@
 //!
 //! - **Approach.** The rotation PID turns the nose to the target, the forward PID drives; forward
 //!   begins once the nose is within 30° and grows as it comes round, so the robot does not stop
-//!   between turning and driving. Backwards only where the target is near and facing away means
-//!   less turning: the rangefinders look ahead and to the sides.
+//!   between turning and driving. Backwards where that means less turning, but not farther than
+//!   1.5 m: the rangefinders look ahead and to the sides.
 //! - **Close.** From 40 mm on the bearing is not followed any more, it would swing round: the robot
 //!   keeps the bearing as it was there, and drives along it, either way.
-//! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place.
+//! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place. Both
+//!   motors brake as soon as the robot would come to rest within both tolerances.
 //! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1⅝
 //!   times a tolerance starts again. A try that ends outside the tolerances widens them by a half,
 //!   once, so that a robot that cannot do better does not hunt for ever.
+//!
+//! From 40 mm on the rotation PID's derivative counts from a planned turn, not from rest: what it
+//! opposes is turning faster or slower than planned. Gains that are heavily damped, as the first
+//! board's are, would else creep through the last 20° for two seconds.
 
 mod nudge;
 mod view;
@@ -22,7 +27,7 @@ use super::pid::Pid;
 use super::wheels::{Mixer, Wheels};
 use crate::eeprom::Config;
 use crate::units::{Duty, Pose, Turns};
-use nudge::{Nudge, Rate};
+use nudge::{Nudge, Plan, Rate};
 use view::View;
 
 /// 1 mm, 2⁻¹⁶.
@@ -36,7 +41,11 @@ const NARROW: i32 = 8 * DEGREE;
 /// Distance from which on the heading stands still, 2⁻¹⁶ mm.
 const CLOSE: i64 = 40 * MM;
 /// Distance up to which the robot may back into its target, 2⁻¹⁶ mm.
-const BACK: i64 = 300 * MM;
+const BACK: i64 = 1500 * MM;
+/// What counts as slow, millimetres a tick.
+const SLOW: I16F16 = I16F16::lit("0.2");
+/// Ticks of the present speed that a braked wheel still rolls; the shorted motors' lag is 40 ms.
+const BRAKING: i32 = 4;
 /// Ticks within the tolerances and at rest that make an arrival.
 const SETTLED: u8 = 5;
 /// Smallest tolerances that the encoders can tell: 1 mm and 0.2°.
@@ -68,6 +77,7 @@ pub struct Controller {
     rotation: Pid,
     speed: Rate,
     spin: Rate,
+    turning: Plan,
     ahead: Nudge,
     around: Nudge,
     mixer: Mixer,
@@ -96,6 +106,7 @@ impl Controller {
             rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
             speed: Rate::default(),
             spin: Rate::default(),
+            turning: Plan::default(),
             ahead: Nudge::default(),
             around: Nudge::default(),
             mixer: Mixer::new(platform),
@@ -143,6 +154,7 @@ impl Controller {
     fn start(&mut self) {
         self.tries = 0;
         self.settled = 0;
+        self.turning = Plan::default();
         self.phase = Phase::Final;
     }
 
@@ -161,6 +173,9 @@ impl Controller {
         let near = (self.position_tolerance * slack) >> 1;
         let straight = self.rotation_tolerance.saturating_mul(slack as i32) / 2;
         self.advance(&view, pose, delta, near, straight);
+        if self.phase == Phase::Final && view.stops(delta, near, straight / 4 * 3) {
+            return self.mixer.brake();
+        }
         let (ahead, turn) = match self.phase {
             Phase::Idle | Phase::Hold => return self.mixer.brake(),
             Phase::Approach { backwards } => {
@@ -178,7 +193,10 @@ impl Controller {
         let (ahead, turn) = (millimetres(ahead), degrees(turn));
         let short = matches!(self.phase, Phase::Close { .. });
         let forward = self.forward.step(ahead, speed) + self.ahead.step(ahead, short, moved);
-        let rotation = self.rotation.step(turn, spin) + self.around.step(turn, off, moved);
+        let far = matches!(self.phase, Phase::Approach { .. });
+        let planned = self.turning.step(if far { I16F16::ZERO } else { turn });
+        let rotation =
+            self.rotation.step(turn, spin - planned) + self.around.step(turn, off, moved);
         self.mixer.mix(forward, rotation)
     }
 
@@ -195,7 +213,9 @@ impl Controller {
             }
             Phase::Close { heading } => {
                 let aimed = heading.from_nearest(pose.heading).saturating_abs() < NARROW;
-                if aimed && view.along.abs() <= near >> 1 && resting {
+                let slow = delta.travel.saturating_abs() <= SLOW;
+                let there = view.left_ahead(delta).abs().max(view.along.abs() >> 1) <= near >> 1;
+                if aimed && slow && there {
                     self.forward.reset();
                     self.phase = Phase::Final;
                 }

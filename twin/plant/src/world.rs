@@ -56,6 +56,9 @@ pub struct World {
     contact: Contact,
     /// What is broken; change it at any time.
     pub faults: Faults,
+    /// A hand that rolls the wheels at these speeds, °/s, on top of what the motors do; the encoders
+    /// see it. Zero: no hand.
+    pub hand_deg_s: Sides<f64>,
 }
 
 impl World {
@@ -77,6 +80,7 @@ impl World {
             path_mm: 0.0,
             contact: Contact::default(),
             faults: Faults::default(),
+            hand_deg_s: Sides::default(),
         }
     }
 
@@ -110,6 +114,8 @@ impl World {
             self.motors.right.block();
             turned.right = 0.0;
         }
+        turned.left += self.hand_deg_s.left * dt;
+        turned.right += self.hand_deg_s.right * dt;
         if turned.left == 0.0 && turned.right == 0.0 {
             return;
         }
@@ -372,6 +378,26 @@ mod tests {
         world.push(10.0, -5.0, 0.1);
         assert_eq!(world.pose(), Pose::new(10.0, -5.0, 0.1));
         assert_eq!(world.wheel_counts(), counts);
+    }
+
+    #[test]
+    fn a_hand_rolls_robot_and_encoders_alike() {
+        let mut world = world(Room::default());
+        world.hand_deg_s = Sides::new(-90.0, -90.0);
+        for _ in 0..500 {
+            world.step(0.001, MotorInput::BRAKE, MotorInput::BRAKE);
+        }
+        let (left, right) = world.wheel_counts();
+        assert!(
+            (479..=480).contains(&left) && left == right,
+            "{left} {right}"
+        );
+        let rolled = 45.0 * 80.0 * std::f64::consts::PI / 360.0;
+        assert!(
+            (world.pose().x_mm + rolled).abs() < 1e-6,
+            "{:?}",
+            world.pose()
+        );
     }
 
     #[test]

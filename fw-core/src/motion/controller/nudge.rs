@@ -43,3 +43,20 @@ impl Rate {
         I16F16::from_bits(self.0)
     }
 }
+
+/// Planned turn: each tick a thirtieth of the angle left, 2° a tick (200°/s) at most, reached at
+/// 1000°/s². It begins at rest, so a new target never kicks the derivative.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Plan(i32);
+
+impl Plan {
+    /// Degrees of this tick, `left` to go.
+    pub fn step(&mut self, left: I16F16) -> I16F16 {
+        let wanted = (left.to_bits() / 30).clamp(-(2 << 16), 2 << 16);
+        self.0 += (wanted - self.0).clamp(-SLEW, SLEW);
+        I16F16::from_bits(self.0)
+    }
+}
+
+/// 0.1° a tick and tick, 2⁻¹⁶°.
+const SLEW: i32 = (1 << 16) / 10;

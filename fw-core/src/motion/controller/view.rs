@@ -1,5 +1,7 @@
 //! The target in the robot's own frame.
 
+use super::BRAKING;
+use crate::motion::odometry::Delta;
 use crate::motion::trig::{direction, sin_cos};
 use crate::units::Pose;
 
@@ -35,6 +37,22 @@ impl View {
     pub fn within(&self, distance: i64) -> bool {
         let (a, b) = (self.along.abs(), self.across.abs());
         a <= distance && b <= distance && a * a + b * b <= distance * distance
+    }
+
+    /// What would be left ahead if both motors braked now, 2⁻¹⁶ mm.
+    pub fn left_ahead(&self, delta: &Delta) -> i64 {
+        self.along - i64::from(delta.travel.to_bits()) * i64::from(BRAKING)
+    }
+
+    /// Whether the robot, braked now, would come to rest within `near`, 2⁻¹⁶ mm, and `straight`,
+    /// 2⁻³² turns, of the target.
+    pub fn stops(&self, delta: &Delta, near: i64, straight: i32) -> bool {
+        let left = self
+            .rotation
+            .saturating_sub(delta.turn.saturating_mul(BRAKING));
+        self.within(near)
+            && self.left_ahead(delta).abs() <= near
+            && left.saturating_abs() <= straight
     }
 
     /// What the nose, or the tail, must turn by to point there, 2⁻³² turns.
