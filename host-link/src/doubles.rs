@@ -388,6 +388,7 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         delay: Wire(board.clone()),
         clock: Wire(board.clone()),
         uart: Box::new(Wire::<BUS>(board.clone())),
+        tape: None,
         interrupt,
     };
     (board, machine)

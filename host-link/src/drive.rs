@@ -75,6 +75,24 @@ pub fn go_to<W: Wires>(
     terms: &Terms,
     mut watch: impl FnMut(&Report, &Snapshot),
 ) -> Result<Arrival, Error> {
+    follow(session, target, terms, |session, report| {
+        if let Some(report) = report {
+            watch(report, session.snapshot());
+        }
+        Ok(())
+    })
+}
+
+/// [`go_to`] whose `watch` is told of frames without a valid reply too, and may end the drive.
+///
+/// # Errors
+/// Those of [`go_to`] and of `watch`; the robot is stopped first.
+pub fn follow<'m, W: Wires>(
+    session: &mut Session<'m, W>,
+    target: Place,
+    terms: &Terms,
+    mut watch: impl FnMut(&mut Session<'m, W>, Option<&Report>) -> Result<(), Error>,
+) -> Result<Arrival, Error> {
     let mode = session.config().mode;
     if !has_position(mode) {
         return Err(Error::WrongMode {
@@ -96,10 +114,11 @@ pub fn go_to<W: Wires>(
         arrived: false,
     };
     loop {
-        if let Some(report) = moving.session.exchange(&wish)? {
-            let snapshot = moving.session.snapshot();
-            watch(&report, snapshot);
+        let report = moving.session.exchange(&wish)?;
+        watch(moving.session, report.as_ref())?;
+        if let Some(report) = report {
             moving.session.refuse(report.state, report.faults)?;
+            let snapshot = moving.session.snapshot();
             let pose = Place::from_code(report.pose);
             let still = rest.settled(snapshot.time_us, pose);
             let (off_mm, off_deg) = (pose.distance_mm(target), pose.turn_to_deg(target));

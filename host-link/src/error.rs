@@ -33,7 +33,7 @@ pub enum Exit {
     Output = 11,
     /// Another host-link holds the robot.
     Busy = 12,
-    /// Tuning gave nothing to go by.
+    /// Tuning or calibration gave nothing to go by.
     Tuning = 13,
     /// Interrupted by Ctrl-C, SIGTERM or SIGHUP.
     Interrupted = 130,
@@ -66,7 +66,7 @@ impl Exit {
         (Self::Busy, "another host-link holds the robot"),
         (
             Self::Tuning,
-            "tuning gave nothing to go by; nothing was changed",
+            "tuning or calibration gave nothing to go by; nothing was changed",
         ),
         (Self::Interrupted, "interrupted (Ctrl-C, SIGTERM, SIGHUP)"),
     ];
@@ -212,6 +212,8 @@ pub enum Error {
     },
     /// The steps or the log gave nothing to tune by.
     Tuning(String),
+    /// A run or its measurement gave nothing to calibrate by.
+    Calibration(String),
     /// Ctrl-C, SIGTERM or SIGHUP.
     Interrupted,
 }
@@ -232,7 +234,7 @@ impl Error {
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
             Self::Unwritable { .. } => Exit::Output,
             Self::Busy { .. } => Exit::Busy,
-            Self::Tuning(_) => Exit::Tuning,
+            Self::Tuning(_) | Self::Calibration(_) => Exit::Tuning,
             Self::Interrupted => Exit::Interrupted,
         }
     }
@@ -355,6 +357,10 @@ impl fmt::Display for Error {
             Self::Tuning(what) => write!(
                 f,
                 "tuning gave nothing to go by: {what}; gains and dividers are as they were"
+            ),
+            Self::Calibration(what) => write!(
+                f,
+                "the calibration came to nothing: {what}; diameters and track are as they were"
             ),
             Self::Interrupted => write!(
                 f,

@@ -27,11 +27,13 @@
 //! | [`snapshot`] | what `monitor` shows |
 //! | [`uart`] | the STM's log, as bytes |
 //! | [`tune`] | steps, model, gains, dividers |
+//! | [`calibrate`] | wheel diameters and track from measured runs |
 //! | [`survey`] | mapping while driving; recordings |
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
 mod acquaintance;
+pub mod calibrate;
 #[cfg(test)]
 mod doubles;
 pub mod drive;

@@ -98,6 +98,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<Machine<LinuxWire
         delay: Delay,
         clock: Monotonic(Instant::now()),
         uart: Box::new(Tty::new(&devices.uart)),
+        tape: None,
         interrupt,
     })
 }

@@ -1,6 +1,7 @@
 //! The wires between the Pi and the board, as embedded-hal handles: the same code drives the real
 //! buses, the virtual board and the doubles of the tests.
 
+use crate::calibrate::tape::Tape;
 use crate::error::Error;
 use crate::uart::Source;
 use embedded_hal::delay::DelayNs;
@@ -58,6 +59,8 @@ pub struct Machine<W: Wires> {
     pub clock: W::Clock,
     /// The STM's log.
     pub uart: Box<dyn Source>,
+    /// Who measures on the floor, where nobody need be asked.
+    pub tape: Option<Box<dyn Tape>>,
     /// Raised by Ctrl-C: every wait and every loop looks at it.
     pub interrupt: Interrupt,
 }

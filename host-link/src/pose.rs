@@ -48,6 +48,17 @@ impl Place {
         }
     }
 
+    /// This pose, given as seen from `origin`, in the frame that `origin` is in.
+    #[must_use]
+    pub fn placed_at(self, origin: Self) -> Self {
+        let (sine, cosine) = origin.rotation_deg.to_radians().sin_cos();
+        Self {
+            x_mm: origin.x_mm + self.x_mm * cosine - self.y_mm * sine,
+            y_mm: origin.y_mm + self.x_mm * sine + self.y_mm * cosine,
+            rotation_deg: origin.rotation_deg + self.rotation_deg,
+        }
+    }
+
     /// Millimetres between the two, as the crow flies.
     #[must_use]
     pub fn distance_mm(self, other: Self) -> f64 {

@@ -1,11 +1,13 @@
 //! The virtual board: the firmware's ELF on the emulated STM32, behind the same handles as the real
 //! buses. Its EEPROM lives in a file from run to run; the robot starts anew each time.
 
+use crate::calibrate::path::Spot;
+use crate::calibrate::tape::Tape;
 use crate::eeprom::image;
 use crate::error::Error;
 use crate::machine::{Clock, Interrupt, Machine, Wires};
 use crate::uart::Source;
-use plant::Room;
+use plant::{Chassis, Pose, Rng, Room};
 use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
@@ -14,12 +16,14 @@ use twin::hal::{Delay, I2c, Pin, Spi, SpiTiming};
 use twin::Board;
 
 /// Which virtual board.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// The firmware.
     pub elf: PathBuf,
     /// A room file; the default room without it.
     pub room: Option<PathBuf>,
+    /// The true wheels and the true track, whatever the EEPROM says of them.
+    pub chassis: Chassis,
     /// Seed of everything random.
     pub seed: u64,
     /// SPI clock, hertz.
@@ -67,6 +71,42 @@ impl Source for VirtualUart {
     }
 }
 
+/// A person with a tape beside the virtual robot.
+struct Person {
+    board: Board,
+    marks: Pose,
+    chance: Rng,
+}
+
+impl Person {
+    fn new(board: &Board) -> Self {
+        Self {
+            board: board.clone(),
+            marks: board.truth().pose,
+            chance: Rng::new(1),
+        }
+    }
+}
+
+impl Tape for Person {
+    fn put_back(&mut self) {
+        let marks = self.marks;
+        self.board.world(move |world| {
+            let back = marks.seen_from(&world.pose());
+            world.push(back.x_mm, back.y_mm, back.heading_rad);
+        });
+    }
+
+    fn measure(&mut self, deviation_mm: f64) -> Spot {
+        let true_end = self.board.truth().pose.seen_from(&self.marks);
+        let mut read = |mm: f64| mm + deviation_mm * self.chance.normal();
+        Spot {
+            ahead_mm: read(true_end.x_mm),
+            left_mm: read(true_end.y_mm),
+        }
+    }
+}
+
 /// A virtual board and the machine that reaches it.
 pub struct Opened {
     /// The handles.
@@ -96,6 +136,7 @@ pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<Virt
             board: board.clone(),
             read: 0,
         }),
+        tape: Some(Box::new(Person::new(board))),
         interrupt,
     }
 }
@@ -127,6 +168,10 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
         seed: options.seed,
         room,
         eeprom: Some(eeprom),
+        params: plant::Params {
+            chassis: options.chassis,
+            ..plant::Params::default()
+        },
         ..twin::Options::default()
     };
     let board = Board::new(&elf, built).map_err(|cause| Error::Device {

@@ -241,7 +241,7 @@ fn it_holds_its_pose_against_pushes() {
         let trip = go(&rig, &goal);
         println!("pushed {mm:.1} mm, {degrees:.1}°: back after {trip:.2?}");
         assert!(mm > 5.0 || degrees > 1.0, "no push");
-        assert!(trip.settled_s < 8.0 && trip.off_mm <= 5.0 && trip.off_deg <= 1.0);
+        assert!(trip.settled_s < 12.0 && trip.off_mm <= 5.0 && trip.off_deg <= 1.0);
     }
     assert!(!rig.log().contains("fault"), "{}", rig.log());
 }

@@ -3,6 +3,7 @@
 
 use clap::{Args, Parser, Subcommand};
 use fw_core::wire::Mode;
+use host_link::calibrate::distance::Measured;
 use host_link::drive::Terms;
 use host_link::error::{Error, Exit};
 use host_link::pose::Place;
@@ -61,6 +62,102 @@ pub enum Command {
         #[command(subcommand)]
         command: Tune,
     },
+    /// Drive, have the end measured on the floor, and correct wheel diameters and track by it
+    Calibrate {
+        #[command(subcommand)]
+        command: Calibrate,
+    },
+}
+
+#[derive(Subcommand)]
+pub enum Calibrate {
+    /// Drive straight ahead: the scale of diameters and track
+    Distance(DistanceArgs),
+    /// Drive squares both ways (UMBmark): the wheels' ratio and the track; calibrate the distance first
+    Umbmark(UmbmarkArgs),
+    /// Bring back what the EEPROM held before the latest calibration or tuning was written
+    Rollback,
+}
+
+#[derive(Args)]
+pub struct DistanceArgs {
+    /// How far to drive, mm; the longer, the less a millimetre of the tape matters
+    #[arg(long, value_name = "MM", default_value = "1000")]
+    pub length: f64,
+    /// Do not drive: this was measured after the latest `calibrate distance`, mm from start to end, and mm
+    /// to the left of the line the robot faced (minus: to the right)
+    #[arg(long, value_name = "MM[,LEFT]", allow_hyphen_values = true, value_parser = measured)]
+    pub measured: Option<Measured>,
+    #[command(flatten)]
+    pub measuring: Measuring,
+}
+
+#[derive(Args)]
+pub struct UmbmarkArgs {
+    /// The square's side, mm
+    #[arg(long, value_name = "MM", default_value = "1000")]
+    pub side: f64,
+    /// Squares each way
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=10))]
+    pub runs: u8,
+    #[command(flatten)]
+    pub measuring: Measuring,
+}
+
+/// How a calibration measures, and what it may do without asking.
+#[derive(Args)]
+pub struct Measuring {
+    /// Who measures: you, or on the virtual robot somebody simulated
+    #[arg(long, value_name = "WHO", value_enum, default_value = "tape")]
+    pub measure_with: MeasureWith,
+    /// Standard deviation of the simulated readings, mm
+    #[arg(long, value_name = "MM", default_value = "0", value_parser = deviation)]
+    pub noise: f64,
+    /// Drive and write without asking
+    #[arg(long)]
+    pub yes: bool,
+    /// Measure and show, write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Do not drive once more after writing to see how good it became
+    #[arg(long)]
+    pub no_verify: bool,
+}
+
+/// Who measures.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum MeasureWith {
+    /// You, with a tape: the program asks
+    Tape,
+    /// Somebody simulated, who sees where the virtual robot stands
+    Truth,
+}
+
+fn deviation(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=100.0).contains(&value) => Ok(value),
+        _ => Err("accepted is 0 to 100".into()),
+    }
+}
+
+/// One or two numbers, separated by a comma or a blank.
+pub fn measured(text: &str) -> Result<Measured, String> {
+    let numbers: Result<Vec<f64>, _> = text
+        .split([',', ' '])
+        .filter(|word| !word.is_empty())
+        .map(str::parse)
+        .collect();
+    match numbers.as_deref() {
+        Ok(&[ahead_mm]) if ahead_mm.is_finite() => Ok(Measured {
+            ahead_mm,
+            left_mm: None,
+        }),
+        Ok(&[ahead_mm, left]) if ahead_mm.is_finite() && left.is_finite() => Ok(Measured {
+            ahead_mm,
+            left_mm: Some(left),
+        }),
+        _ => Err("accepted are millimetres ahead, and to the left: 1003.5 or 1003.5,-12".into()),
+    }
 }
 
 #[derive(Subcommand)]
@@ -379,6 +476,15 @@ pub struct VirtualBoard {
         default_value = "target/virtual/eeprom.bin"
     )]
     pub eeprom_image: PathBuf,
+    /// True diameter of the virtual left wheel, mm, whatever the EEPROM says
+    #[arg(long, global = true, value_name = "MM", default_value = "80", value_parser = positive)]
+    pub true_diameter_left: f64,
+    /// True diameter of the virtual right wheel, mm
+    #[arg(long, global = true, value_name = "MM", default_value = "80", value_parser = positive)]
+    pub true_diameter_right: f64,
+    /// True track of the virtual robot, mm
+    #[arg(long, global = true, value_name = "MM", default_value = "125", value_parser = positive)]
+    pub true_track: f64,
     /// Write the STM's log to this file
     #[arg(long, global = true, value_name = "FILE")]
     pub uart_log: Option<PathBuf>,

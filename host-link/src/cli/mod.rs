@@ -1,6 +1,8 @@
 //! The command-line program: arguments in, one report and one exit code out.
 
 mod args;
+mod ask;
+mod calibrate;
 mod drive;
 mod eeprom;
 mod map;
@@ -87,6 +89,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
             )
         }
         Command::Tune { command } => tune::run(command, robot, output),
+        Command::Calibrate { command } => calibrate::run(command, robot, output),
         Command::Map(map) => map::run(map, robot, output),
     }
 }

@@ -158,6 +158,14 @@ fn on_virtual_board<J: Job>(
     let options = Options {
         elf: board.elf.clone(),
         room: board.room.clone(),
+        chassis: plant::Chassis {
+            wheel_diameter_mm: plant::Sides::new(
+                board.true_diameter_left,
+                board.true_diameter_right,
+            ),
+            track_mm: board.true_track,
+            ..plant::Chassis::default()
+        },
         seed: board.seed,
         spi_hz: robot.spi_hz,
         eeprom_image: board.eeprom_image.clone(),

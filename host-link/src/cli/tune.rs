@@ -1,6 +1,7 @@
 //! `tune …`.
 
 use super::args::{Consent, Robot, StepArgs, Tune};
+use super::ask;
 use super::place::{self, Job};
 use super::report::Output;
 use fw_core::eeprom::{Gains, Image};
@@ -11,7 +12,6 @@ use host_link::session::Session;
 use host_link::settings::{changes, Change, Settings};
 use host_link::tune::{battery, files, fit, gains, mode, step, Axis};
 use serde::Serialize;
-use std::io::{self, BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
 
 /// Runs one of the commands.
@@ -54,15 +54,15 @@ pub fn run(command: &Tune, robot: &Robot, output: Output) -> Result<Exit, Error>
 }
 
 /// What is kept on disk.
-struct Kept {
+pub(super) struct Kept {
     /// The EEPROM before its mode was changed for a measurement; exists only meanwhile.
     mode: Journal,
-    /// The EEPROM before the latest tuning was written.
+    /// The EEPROM before the latest tuning or calibration was written.
     before: PathBuf,
 }
 
 impl Kept {
-    fn of(robot: &Robot) -> Self {
+    pub fn of(robot: &Robot) -> Self {
         Self {
             mode: Journal::new(place::kept(robot, place::TUNE_MODE)),
             before: place::kept(robot, "tune.before"),
@@ -70,16 +70,16 @@ impl Kept {
     }
 
     /// Restores what a killed measurement left.
-    fn repair<W: Wires>(&self, machine: &mut Machine<W>, timeout: u32) -> Result<bool, Error> {
+    pub fn repair<W: Wires>(&self, machine: &mut Machine<W>, timeout: u32) -> Result<bool, Error> {
         mode::repair(machine, &self.mode, timeout)
     }
 }
 
 /// Shows what would change, asks, and writes it. Returns the changes and whether they were written.
-fn apply<W: Wires>(
+pub(super) fn apply<W: Wires>(
     machine: &mut Machine<W>,
     (before, wanted): (&Image, &Image),
-    consent: &Consent,
+    (yes, dry_run): (bool, bool),
     (kept, journal): (&Kept, &Journal),
     timeout: u32,
     output: Output,
@@ -89,7 +89,11 @@ fn apply<W: Wires>(
         &Settings::from_image(wanted)?,
     );
     tell(&changes, output);
-    if changes.is_empty() || consent.dry_run || !(consent.yes || confirmed(output)) {
+    let question = "Write this to the EEPROM?";
+    if changes.is_empty()
+        || dry_run
+        || !(yes || ask::whether(question, &machine.interrupt, output)?)
+    {
         return Ok((changes, false));
     }
     machine.interrupt.check()?;
@@ -108,23 +112,11 @@ fn tell(changes: &[Change], output: Output) {
     }
 }
 
-/// Asks on the terminal; without one nobody can agree.
-fn confirmed(output: Output) -> bool {
-    if !io::stdin().is_terminal() {
-        output.remark("not written: standard input is no terminal; give --yes to agree beforehand");
-        return false;
-    }
-    output.remark("Write this to the EEPROM? [y/N]");
-    let mut answer = String::new();
-    let read = io::stdin().lock().read_line(&mut answer);
-    read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes")
-}
-
 /// How it ended, for people.
-fn ending(changes: &[Change], written: bool) -> &'static str {
+pub(super) fn ending(changes: &[Change], written: bool) -> &'static str {
     match (changes.is_empty(), written) {
         (true, _) => "nothing to change",
-        (false, true) => "written; `host-link tune rollback` brings the old ones back",
+        (false, true) => "written; `host-link tune rollback` brings back the old ones",
         (false, false) => "not written",
     }
 }
@@ -227,7 +219,7 @@ impl Job for Steps<'_> {
         let (changes, written) = apply(
             machine,
             (&original, &wanted),
-            &arguments.consent,
+            (arguments.consent.yes, arguments.consent.dry_run),
             (self.kept, journal),
             timeout,
             output,
@@ -327,7 +319,7 @@ impl Job for Tap<'_> {
         let (changes, written) = apply(
             machine,
             (&original, &wanted),
-            self.consent,
+            (self.consent.yes, self.consent.dry_run),
             (self.kept, journal),
             timeout,
             self.output,
@@ -350,10 +342,11 @@ impl Job for Tap<'_> {
     }
 }
 
-struct Rollback<'a> {
-    kept: &'a Kept,
-    robot: &'a Robot,
-    output: Output,
+/// Both `rollback` commands: tuning and calibration share one memory, of the latest.
+pub(super) struct Rollback<'a> {
+    pub kept: &'a Kept,
+    pub robot: &'a Robot,
+    pub output: Output,
 }
 
 impl Job for Rollback<'_> {
@@ -381,7 +374,10 @@ impl Job for Rollback<'_> {
             eeprom::program(machine, &image, timeout, Some(journal), |_| {})?;
             std::fs::remove_file(before).map_err(|cause| Error::unwritable(before, &cause))?;
         } else if !repaired_mode {
-            let what = format!("no tuning to roll back: there is no {}", before.display());
+            let what = format!(
+                "no tuning or calibration to roll back: there is no {}",
+                before.display()
+            );
             return Err(Error::Usage(what));
         }
         let done = Done {
@@ -392,7 +388,7 @@ impl Job for Rollback<'_> {
             if repaired_mode {
                 "the EEPROM's mode that a killed tuning left is restored".into()
             } else {
-                "the EEPROM is as it was before the latest tuning".into()
+                "the EEPROM is as it was before the latest tuning or calibration".into()
             }
         });
         Ok(Exit::Ok)

@@ -1,0 +1,70 @@
+//! Wheel diameters and track.
+
+use fw_core::eeprom::Config;
+use serde::{Deserialize, Serialize};
+
+/// The figures that odometry needs, millimetres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Geometry {
+    /// Diameter of the left wheel.
+    pub left_mm: f64,
+    /// Diameter of the right wheel.
+    pub right_mm: f64,
+    /// Distance between the wheels' contact points.
+    pub track_mm: f64,
+}
+
+impl Geometry {
+    /// Those of a configuration.
+    #[must_use]
+    pub fn of(config: &Config) -> Self {
+        let mm = |micrometres: u32| f64::from(micrometres) / 1000.0;
+        Self {
+            left_mm: mm(config.platform.wheel_diameter_left),
+            right_mm: mm(config.platform.wheel_diameter_right),
+            track_mm: mm(config.platform.track),
+        }
+    }
+
+    /// Writes them into a configuration, to the nearest micrometre.
+    pub fn put(&self, config: &mut Config) {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // saturates; decode checks
+        let micrometres = |mm: f64| (mm * 1000.0).round() as u32;
+        config.platform.wheel_diameter_left = micrometres(self.left_mm);
+        config.platform.wheel_diameter_right = micrometres(self.right_mm);
+        config.platform.track = micrometres(self.track_mm);
+    }
+
+    /// All three larger by `factor`: distances change, rotations do not.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            left_mm: self.left_mm * factor,
+            right_mm: self.right_mm * factor,
+            track_mm: self.track_mm * factor,
+        }
+    }
+
+    /// The right wheel larger against the left by `factor`, their mean as it is.
+    #[must_use]
+    pub fn with_ratio(&self, factor: f64) -> Self {
+        let sum = self.left_mm + self.right_mm;
+        let ratio = self.right_mm / self.left_mm * factor;
+        let left_mm = sum / (1.0 + ratio);
+        Self {
+            left_mm,
+            right_mm: sum - left_mm,
+            ..*self
+        }
+    }
+
+    /// The track longer by `factor`.
+    #[must_use]
+    pub fn with_track(&self, factor: f64) -> Self {
+        Self {
+            track_mm: self.track_mm * factor,
+            ..*self
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! `UMBmark` (J. Borenstein, L. Feng: Measurement and Correction of Systematic Odometry Errors in Mobile
+//! Robots, IEEE Transactions on Robotics and Automation 12, 1996): squares clockwise and
+//! counter-clockwise, and from the two clouds of ends the errors of the track and of the wheels' ratio.
+//! One way round alone cannot tell them apart, they may even cancel.
+//!
+//! The paper's two formulas hold for small angles. They are reported as the first-order estimate; what
+//! is written comes from [`fit`](super::fit): the track and the ratio with which the very paths that the
+//! wheels rolled end where they were measured.
+
+use super::fit::least;
+use super::geometry::Geometry;
+use super::path::{Path, Spot};
+use serde::Serialize;
+use std::f64::consts::FRAC_PI_2;
+
+/// Largest change of the wheels' ratio accepted.
+pub const ACCEPTED_RATIO: f64 = 0.12;
+/// Largest change of the track accepted. The scale of `distance` changes it too.
+pub const ACCEPTED_TRACK: f64 = 0.15;
+/// Part of a side that the ends may be off their explanation, root mean square.
+pub const ACCEPTED_RESIDUAL: f64 = 0.03;
+
+/// One square.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Which way round.
+    pub clockwise: bool,
+    /// What the wheels rolled.
+    pub path: Path,
+    /// Where it ended.
+    pub measured: Spot,
+}
+
+impl Run {
+    /// How far from where the robot believes it to be.
+    #[must_use]
+    pub fn error(&self) -> Spot {
+        self.measured.minus(self.path.end())
+    }
+}
+
+/// The ends of one way round.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cloud {
+    /// Runs.
+    pub runs: usize,
+    /// Mean of their errors: the centre of gravity.
+    pub centre: Spot,
+    /// Its distance from no error, millimetres.
+    pub offset_mm: f64,
+    /// Standard deviation of the ends about their centre, millimetres; 0 for a single run.
+    pub deviation_mm: f64,
+}
+
+/// How good the odometry is, by `UMBmark`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Score {
+    /// Clockwise.
+    pub clockwise: Cloud,
+    /// Counter-clockwise.
+    pub counter_clockwise: Cloud,
+    /// The paper's measure: the larger offset of the two, millimetres.
+    pub worst_mm: f64,
+}
+
+/// What follows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The ends as they were.
+    pub score: Score,
+    /// The paper's figures, first order: true over configured track, true over configured ratio.
+    pub first_order: [f64; 2],
+    /// True over configured track, and its standard deviation.
+    pub track: f64,
+    /// Standard deviation of it.
+    pub track_deviation: f64,
+    /// True over configured ratio of the right wheel to the left.
+    pub ratio: f64,
+    /// Standard deviation of it.
+    pub ratio_deviation: f64,
+    /// What is left unexplained, millimetres, root mean square.
+    pub residual_mm: f64,
+    /// The figures that follow; the wheels' mean is as it was.
+    pub figures: Geometry,
+}
+
+/// The clouds of both ways round.
+///
+/// # Errors
+/// A sentence if one way round is missing.
+pub fn score(runs: &[Run]) -> Result<Score, String> {
+    let cloud = |clockwise: bool| {
+        let ends: Vec<Spot> = runs
+            .iter()
+            .filter(|run| run.clockwise == clockwise)
+            .map(Run::error)
+            .collect();
+        Cloud::of(&ends).ok_or_else(|| {
+            let way = if clockwise {
+                "clockwise"
+            } else {
+                "counter-clockwise"
+            };
+            format!("no run {way}: both ways round are needed")
+        })
+    };
+    let (clockwise, counter_clockwise) = (cloud(true)?, cloud(false)?);
+    Ok(Score {
+        clockwise,
+        counter_clockwise,
+        worst_mm: clockwise.offset_mm.max(counter_clockwise.offset_mm),
+    })
+}
+
+impl Cloud {
+    fn of(ends: &[Spot]) -> Option<Self> {
+        if ends.is_empty() {
+            return None;
+        }
+        #[allow(clippy::cast_precision_loss)] // a handful
+        let count = ends.len() as f64;
+        let mean = |of: fn(&Spot) -> f64| ends.iter().map(of).sum::<f64>() / count;
+        let centre = Spot {
+            ahead_mm: mean(|end| end.ahead_mm),
+            left_mm: mean(|end| end.left_mm),
+        };
+        let squares: f64 = ends
+            .iter()
+            .map(|end| end.minus(centre).distance_mm().powi(2))
+            .sum();
+        Some(Self {
+            runs: ends.len(),
+            centre,
+            offset_mm: centre.distance_mm(),
+            deviation_mm: (squares / (count - 1.0).max(1.0)).sqrt(),
+        })
+    }
+}
+
+/// Borenstein and Feng's formulas, for corners that turn by α too much and sides that bend to the left
+/// by β: clockwise the end is off by 2L(α − β) ahead, counter-clockwise by 2L(α + β). Track and ratio,
+/// true over configured.
+fn first_order(score: &Score, side_mm: f64, track_mm: f64) -> [f64; 2] {
+    let (cw, ccw) = (
+        score.clockwise.centre.ahead_mm,
+        score.counter_clockwise.centre.ahead_mm,
+    );
+    let alpha = (ccw + cw) / (4.0 * side_mm);
+    let beta = (ccw - cw) / (4.0 * side_mm);
+    // Radius of the bend is L/2 / sin(β/2), and the wheels roll R ± b/2.
+    let bend = track_mm * (beta / 2.0).sin() / side_mm;
+    [FRAC_PI_2 / (FRAC_PI_2 + alpha), (1.0 + bend) / (1.0 - bend)]
+}
+
+/// The track and the ratio that explain all ends best.
+///
+/// # Errors
+/// A sentence: what was measured, what is accepted.
+pub fn solve(runs: &[Run], side_mm: f64) -> Result<Estimate, String> {
+    let score = score(runs)?;
+    let present = *runs.first().ok_or("no run")?.path.believed();
+    for run in runs {
+        let off = run.error().distance_mm();
+        if off.is_nan() || off > 2.0 * side_mm {
+            return Err(format!(
+                "an end was measured {:.0} mm ahead and {:.0} mm to the left, {off:.0} mm from where the robot \
+                 believes it is; accepted is at most twice the side of {side_mm:.0} mm",
+                run.measured.ahead_mm, run.measured.left_mm
+            ));
+        }
+    }
+    let fitted = least(
+        |[track, ratio]| {
+            let figures = present.with_track(track).with_ratio(ratio);
+            runs.iter()
+                .flat_map(|run| {
+                    let off = run.path.end_with(&figures).minus(run.measured);
+                    [off.ahead_mm, off.left_mm]
+                })
+                .collect()
+        },
+        [ACCEPTED_TRACK, ACCEPTED_RATIO],
+    );
+    let [track, ratio] = fitted.factors;
+    for (what, factor, accepted) in [
+        ("track", track, ACCEPTED_TRACK),
+        ("wheels' ratio", ratio, ACCEPTED_RATIO),
+    ] {
+        if (factor - 1.0).abs() > accepted {
+            return Err(format!(
+                "the ends make the {what} {:+.1} % different; accepted is {:.0} % either way. They were \
+                 {:.0} mm (clockwise) and {:.0} mm off: measure again, and see that no wheel slips",
+                (factor - 1.0) * 100.0,
+                accepted * 100.0,
+                score.clockwise.offset_mm,
+                score.counter_clockwise.offset_mm
+            ));
+        }
+    }
+    let accepted = ACCEPTED_RESIDUAL * side_mm;
+    if fitted.residual > accepted {
+        return Err(format!(
+            "no track and no diameters explain the ends: {:.0} mm remain (root mean square), accepted are \
+             {accepted:.0} mm. Calibrate the distance first, see that no wheel slips, and measure along the \
+             directions of the start",
+            fitted.residual
+        ));
+    }
+    Ok(Estimate {
+        score,
+        first_order: first_order(&score, side_mm, present.track_mm),
+        track,
+        track_deviation: fitted.deviations[0],
+        ratio,
+        ratio_deviation: fitted.deviations[1],
+        residual_mm: fitted.residual,
+        figures: present.with_track(track).with_ratio(ratio),
+    })
+}

@@ -1,0 +1,144 @@
+//! Calibration end to end: the release ELF drives a robot whose true wheels and track are not those of its
+//! EEPROM; somebody who sees only where it stands measures.
+
+use fw_core::eeprom::encode;
+use host_link::calibrate::distance::{self, Measured};
+use host_link::calibrate::geometry::Geometry;
+use host_link::calibrate::path::Path;
+use host_link::calibrate::run::{run, square, straight};
+use host_link::calibrate::umbmark::{self, Run, Score};
+use host_link::drive::Terms;
+use host_link::eeprom;
+use host_link::machine::{Interrupt, Machine};
+use host_link::pose::Place;
+use host_link::session::Session;
+use host_link::settings::decode;
+use host_link::virtual_board::{machine, VirtualWires};
+use robot_tests::document::original_image;
+use robot_tests::rig::Rig;
+use twin::plant::{Chassis, Params, Room, Sides};
+use twin::Options;
+
+const SIDE_MM: f64 = 1000.0;
+
+fn rig(truth: &Geometry) -> Rig {
+    let rig = Rig::new(Options {
+        // The first board's figures apply: 80 mm, 80 mm, 125 mm.
+        eeprom: Some(original_image()),
+        room: Room::default(),
+        params: Params {
+            chassis: Chassis {
+                wheel_diameter_mm: Sides::new(truth.left_mm, truth.right_mm),
+                track_mm: truth.track_mm,
+                ..Chassis::default()
+            },
+            ..Params::default()
+        },
+        ..Options::default()
+    });
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig
+}
+
+fn drive(machine: &mut Machine<VirtualWires>, way: &[Place]) -> Path {
+    machine.tape.as_mut().expect("a virtual robot").put_back();
+    let mut session = Session::open(machine, 40, 1000).expect("a session");
+    run(&mut session, way, &Terms::default(), |_| {}).expect("a run")
+}
+
+fn write(machine: &mut Machine<VirtualWires>, figures: &Geometry) {
+    let mut image = eeprom::read(machine).expect("the EEPROM");
+    let mut config = decode(&image).expect("a configuration");
+    figures.put(&mut config);
+    encode(&config, &mut image);
+    eeprom::program(machine, &image, 1000, None, |_| {}).expect("written");
+}
+
+fn squares(machine: &mut Machine<VirtualWires>, runs: usize, deviation_mm: f64) -> Vec<Run> {
+    (0..2 * runs)
+        .map(|nth| {
+            let clockwise = nth % 2 == 0;
+            let path = drive(machine, &square(SIDE_MM, clockwise));
+            let tape = machine.tape.as_mut().expect("a virtual robot");
+            let measured = tape.measure(deviation_mm);
+            Run {
+                clockwise,
+                path,
+                measured,
+            }
+        })
+        .collect()
+}
+
+/// Distance, then `UMBmark`; what the EEPROM holds in the end and how squares end then.
+fn calibrated(truth: &Geometry, length_mm: f64, deviation_mm: f64) -> (Geometry, Score, Score) {
+    let rig = rig(truth);
+    let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
+    let path = drive(&mut machine, &straight(length_mm));
+    let end = machine.tape.as_mut().expect("a tape").measure(deviation_mm);
+    let measured = Measured {
+        ahead_mm: end.ahead_mm,
+        left_mm: Some(end.left_mm),
+    };
+    let scaled = distance::solve(&path, &measured).expect("a scale");
+    write(&mut machine, &scaled.figures);
+
+    let runs = if deviation_mm > 0.0 { 3 } else { 1 };
+    let ends = squares(&mut machine, runs, deviation_mm);
+    let estimate = umbmark::solve(&ends, SIDE_MM).expect("an estimate");
+    write(&mut machine, &estimate.figures);
+
+    let after = squares(&mut machine, 1, 0.0);
+    let image = eeprom::read(&mut machine).expect("the EEPROM");
+    let found = Geometry::of(&decode(&image).expect("a configuration"));
+    rig.assert_modelled();
+    assert_eq!(rig.board.truth().collisions, 0);
+    (
+        found,
+        estimate.score,
+        umbmark::score(&after).expect("both ways"),
+    )
+}
+
+fn assert_recovered(
+    [left, right, track]: [f64; 3],
+    length_mm: f64,
+    deviation_mm: f64,
+    percent: f64,
+) {
+    let truth = Geometry {
+        left_mm: 80.0 * (1.0 + left / 100.0),
+        right_mm: 80.0 * (1.0 + right / 100.0),
+        track_mm: 125.0 * (1.0 + track / 100.0),
+    };
+    let (found, before, after) = calibrated(&truth, length_mm, deviation_mm);
+    println!("{left} {right} {track}: {found:?} for {truth:?}, {before:?}, {after:?}");
+    for (found, truth) in [
+        (found.left_mm, truth.left_mm),
+        (found.right_mm, truth.right_mm),
+        (found.track_mm, truth.track_mm),
+    ] {
+        let off = (found / truth - 1.0).abs() * 100.0;
+        assert!(off < percent, "{found} for {truth}: {off} %");
+    }
+    assert!(
+        after.worst_mm < 1.0 + 20.0 * deviation_mm && after.worst_mm < before.worst_mm / 5.0,
+        "{before:?} {after:?}"
+    );
+}
+
+#[test]
+fn unequal_wheels_and_a_short_track_are_recovered_within_a_tenth_of_a_percent() {
+    assert_recovered([5.0, -5.0, -5.0], 1000.0, 0.0, 0.1);
+}
+
+#[test]
+fn large_wheels_on_a_long_track_are_recovered_within_a_tenth_of_a_percent() {
+    assert_recovered([5.0, 4.0, 5.0], 1000.0, 0.0, 0.1);
+}
+
+#[test]
+fn a_tape_read_to_a_millimetre_over_two_metres_costs_no_more_than_it_is_off() {
+    // Three standard deviations of a reading over the length.
+    assert_recovered([-5.0, 3.0, 4.0], 2000.0, 1.0, 0.15);
+}
