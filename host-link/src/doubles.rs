@@ -53,7 +53,7 @@ pub struct Board {
     low_since_us: u64,
     busy_until_us: u64,
     pointer: usize,
-    interrupt: Interrupt,
+    pub interrupt: Interrupt,
 }
 
 /// The error of every double.
@@ -78,7 +78,8 @@ impl spi::Error for Broken {
     }
 }
 
-type Shared = Rc<RefCell<Board>>;
+/// A board that outlives the processes on it.
+pub type Shared = Rc<RefCell<Board>>;
 
 /// A drive behind two lags: 2 per second and percent beyond 20 %, lags of 0.15 s.
 #[derive(Default)]
@@ -376,9 +377,16 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         low_since_us: 0,
         busy_until_us: 0,
         pointer: 0,
-        interrupt: interrupt.clone(),
+        interrupt,
     }));
-    let machine = Machine {
+    let machine = again(&board);
+    (board, machine)
+}
+
+/// Another process on the same board.
+pub fn again(board: &Shared) -> Machine<Doubles> {
+    let interrupt = board.borrow().interrupt.clone();
+    Machine {
         spi: Wire(board.clone()),
         i2c: Wire(board.clone()),
         reset: Wire(board.clone()),
@@ -390,6 +398,5 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         uart: Box::new(Wire::<BUS>(board.clone())),
         tape: None,
         interrupt,
-    };
-    (board, machine)
+    }
 }

@@ -20,12 +20,15 @@
 //! | [`settings`] | the configuration file |
 //! | [`mode`] | another mode on both ends |
 //! | [`link`] | one frame out, one frame back, counted |
+//! | [`statistics`] | what each end counts |
 //! | [`session`] | paced frames, the latest of everything, silence noticed |
 //! | [`drive`] | to a pose, along a tour; stopped whatever happens |
 //! | [`tour`] | way-point files |
 //! | [`pose`] | millimetres and degrees ↔ the wire |
 //! | [`snapshot`] | what `monitor` shows |
 //! | [`uart`] | the STM's log, as bytes |
+//! | [`log`] | and line by line, whatever arrives |
+//! | [`hints`] | what counters and faults mean, in sentences |
 //! | [`tune`] | steps, model, gains, dividers |
 //! | [`calibrate`] | wheel diameters and track from measured runs |
 //! | [`survey`] | mapping while driving; recordings |
@@ -39,9 +42,11 @@ mod doubles;
 pub mod drive;
 pub mod eeprom;
 pub mod error;
+pub mod hints;
 pub mod link;
 #[cfg(feature = "linux")]
 pub mod linux;
+pub mod log;
 pub mod machine;
 pub mod mode;
 pub mod pose;
@@ -49,6 +54,7 @@ pub mod reset;
 pub mod session;
 pub mod settings;
 pub mod snapshot;
+pub mod statistics;
 pub mod survey;
 pub mod tour;
 pub mod tune;

@@ -1,31 +1,11 @@
-//! One frame per chip-select: what goes out, what comes back, and the statistics of both.
+//! One frame per chip-select: what goes out, what comes back, and the statistics of this end.
 
 use crate::error::Error;
+use crate::machine::Clock;
+use crate::statistics::{Causes, Statistics};
 use embedded_hal::spi::SpiDevice;
 use fw_core::eeprom::Config;
-use fw_core::wire::{Cause, Command, FrameError, Mode, PiLink, Report, Setup, MAX_FRAME};
-use serde::Serialize;
-use std::collections::BTreeMap;
-
-/// How many frames went, how many were good, and what was wrong with the others.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Statistics {
-    /// Frames exchanged.
-    pub frames: u64,
-    /// Replies that passed the whole chain.
-    pub accepted: u32,
-    /// Replies rejected.
-    pub rejected: u32,
-    /// Replies rejected, by cause; causes that never occurred are left out.
-    pub causes: BTreeMap<&'static str, u32>,
-    /// The longest time between two accepted replies, microseconds.
-    pub worst_gap_us: u64,
-    /// Replies the STM numbered that never arrived whole. Guarded modes only.
-    pub missed: u32,
-    /// Round trip: frames sent that the STM had not confirmed in its latest reply; 1 is the least.
-    /// Guarded modes only.
-    pub round_trip_frames: Option<u8>,
-}
+use fw_core::wire::{Command, FrameError, Mode, PiLink, Report, Setup, MAX_FRAME};
 
 /// The Pi's end of the link.
 pub struct Link {
@@ -34,6 +14,8 @@ pub struct Link {
     frames: u64,
     last_good_us: Option<u64>,
     worst_gap_us: u64,
+    worst_transfer_us: u64,
+    round_trip: RoundTrip,
 }
 
 impl Link {
@@ -46,18 +28,20 @@ impl Link {
             frames: 0,
             last_good_us: None,
             worst_gap_us: 0,
+            worst_transfer_us: 0,
+            round_trip: RoundTrip::default(),
         }
     }
 
     /// Sends `command` and returns the STM's frame of the same transfer: `Err` inside says what was
-    /// wrong with it. `now_us` dates it for the statistics.
+    /// wrong with it.
     ///
     /// # Errors
     /// [`Error::Spi`]: the bus itself failed; nothing is known about the frame.
     pub fn exchange<S: SpiDevice>(
         &mut self,
         spi: &mut S,
-        now_us: u64,
+        clock: &mut impl Clock,
         command: &Command,
     ) -> Result<Result<Report, FrameError>, Error> {
         let mut out = [0; MAX_FRAME];
@@ -68,13 +52,21 @@ impl Link {
                 "a chain of {len} bytes exceeds the longest frame"
             )));
         };
+        let begun_us = clock.micros();
+        self.round_trip.sent(begun_us);
         spi.transfer(back, out)
             .map_err(|cause| Error::Spi(format!("{cause:?}")))?;
+        let ended_us = clock.micros();
+        let transfer_us = ended_us.saturating_sub(begun_us);
+        self.worst_transfer_us = self.worst_transfer_us.max(transfer_us);
         self.frames += 1;
         let reply = self.end.receive(back);
-        if reply.is_ok() {
-            if let Some(last) = self.last_good_us.replace(now_us) {
-                self.worst_gap_us = self.worst_gap_us.max(now_us.saturating_sub(last));
+        if let Ok(report) = &reply {
+            if let Some(last) = self.last_good_us.replace(begun_us) {
+                self.worst_gap_us = self.worst_gap_us.max(begun_us.saturating_sub(last));
+            }
+            if self.mode.tells_fresh() {
+                self.round_trip.seen(report.sequence.seen, ended_us);
             }
         }
         Ok(reply)
@@ -84,18 +76,96 @@ impl Link {
     #[must_use]
     pub fn statistics(&self) -> Statistics {
         let counters = self.end.counters();
+        let numbered = self.mode.tells_fresh();
         Statistics {
             frames: self.frames,
             accepted: counters.accepted,
             rejected: counters.rejected_total(),
-            causes: Cause::ALL
-                .into_iter()
-                .map(|cause| (cause.name(), counters.rejected(cause)))
-                .filter(|&(_, count)| count > 0)
-                .collect(),
+            causes: Causes::from(counters),
             worst_gap_us: self.worst_gap_us,
-            missed: counters.missed,
-            round_trip_frames: self.mode.tells_fresh().then_some(counters.unacknowledged),
+            worst_transfer_us: self.worst_transfer_us,
+            missed: numbered.then_some(counters.missed),
+            round_trip_frames: numbered.then_some(counters.unacknowledged),
+            round_trip_us: self.round_trip.latest_us,
+            worst_round_trip_us: self.round_trip.worst_us,
+        }
+    }
+}
+
+/// How long the STM takes to confirm a frame: each is timed by its number, the first time that a
+/// reply says it was the last one accepted.
+struct RoundTrip {
+    /// Numbers given out, as [`PiLink`] does: 1 for the first frame.
+    number: u8,
+    sent_us: [Option<u64>; 256],
+    last_seen: Option<u8>,
+    latest_us: Option<u64>,
+    worst_us: Option<u64>,
+}
+
+impl Default for RoundTrip {
+    fn default() -> Self {
+        Self {
+            number: 0,
+            sent_us: [None; 256],
+            last_seen: None,
+            latest_us: None,
+            worst_us: None,
+        }
+    }
+}
+
+impl RoundTrip {
+    fn sent(&mut self, at_us: u64) {
+        self.number = self.number.wrapping_add(1);
+        if let Some(slot) = self.sent_us.get_mut(usize::from(self.number)) {
+            *slot = Some(at_us);
+        }
+    }
+
+    fn seen(&mut self, number: u8, now_us: u64) {
+        let before = self.last_seen.replace(number);
+        // What the first reply has seen may be of an earlier session.
+        if before.is_none() || before == Some(number) {
+            return;
+        }
+        let sent = self.sent_us.get(usize::from(number)).copied().flatten();
+        if let Some(sent_us) = sent {
+            let took = now_us.saturating_sub(sent_us);
+            self.latest_us = Some(took);
+            self.worst_us = self.worst_us.max(Some(took));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_round_trip_is_from_the_frame_to_the_reply_that_confirms_it_first() {
+        let mut trip = RoundTrip::default();
+        let mut at = 0;
+        let mut frame = |trip: &mut RoundTrip, seen| {
+            at += 25_000;
+            trip.sent(at);
+            trip.seen(seen, at + 60);
+            trip.latest_us
+        };
+        // 77 is of another session, and not of this one's 77th frame.
+        assert_eq!(frame(&mut trip, 77), None);
+        assert_eq!(frame(&mut trip, 77), None);
+        assert_eq!(frame(&mut trip, 2), Some(25_060));
+        // Confirmed again and again: nothing new was accepted.
+        assert_eq!(frame(&mut trip, 2), Some(25_060));
+        assert_eq!(frame(&mut trip, 3), Some(50_060));
+        assert_eq!(frame(&mut trip, 5), Some(25_060));
+        assert_eq!(trip.worst_us, Some(50_060));
+        for number in 6..=1000_u64 {
+            assert_eq!(
+                frame(&mut trip, u8::try_from(number & 0xFF).unwrap()),
+                Some(25_060)
+            );
         }
     }
 }

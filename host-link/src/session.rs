@@ -3,10 +3,12 @@
 
 use crate::acquaintance::Acquaintance;
 use crate::error::Error;
-use crate::link::{Link, Statistics};
+use crate::link::Link;
+use crate::log::{Line, Lines};
 use crate::machine::{Clock, Machine, Wires};
 use crate::pose::Place;
 use crate::snapshot::Snapshot;
+use crate::statistics::Statistics;
 use crate::{eeprom, reset};
 use embedded_hal::delay::DelayNs;
 use fw_core::double::Double;
@@ -54,6 +56,8 @@ pub struct Session<'m, W: Wires> {
     cell: u8,
     snapshot: Snapshot,
     acquaintance: Acquaintance,
+    lines: Lines,
+    deaf: Option<String>,
 }
 
 /// Whether the mode carries an expected and an actual pose.
@@ -103,6 +107,8 @@ impl<'m, W: Wires> Session<'m, W> {
             cell: 0,
             snapshot: Snapshot::new(&config),
             acquaintance: Acquaintance::new(&config),
+            lines: Lines::default(),
+            deaf: None,
             machine,
             config,
         }
@@ -150,7 +156,7 @@ impl<'m, W: Wires> Session<'m, W> {
         let command = self.command(wish);
         match self
             .link
-            .exchange(&mut self.machine.spi, now_us, &command)?
+            .exchange(&mut self.machine.spi, &mut self.machine.clock, &command)?
         {
             Ok(report) => {
                 self.last_good_us = now_us;
@@ -201,6 +207,30 @@ impl<'m, W: Wires> Session<'m, W> {
     /// [`Error::Device`].
     pub fn log(&mut self) -> Result<Vec<u8>, Error> {
         self.machine.uart.fresh()
+    }
+
+    /// Listens to the STM's log for its end of the link: [`Snapshot::stm`]. Where the log cannot be
+    /// read, nothing is heard: [`Self::deaf`] says why.
+    pub fn hear(&mut self) {
+        if self.deaf.is_some() {
+            return;
+        }
+        match self.machine.uart.fresh() {
+            Ok(bytes) => {
+                for line in self.lines.feed(&bytes) {
+                    if let Line::Link { link, .. } = line {
+                        self.snapshot.stm = Some(link);
+                    }
+                }
+            }
+            Err(why) => self.deaf = Some(why.to_string()),
+        }
+    }
+
+    /// Why the STM's log cannot be heard, if so.
+    #[must_use]
+    pub fn deaf(&self) -> Option<&str> {
+        self.deaf.as_deref()
     }
 
     /// Waits for the next slot. Slots that were missed are not made up for.

@@ -1,8 +1,8 @@
 //! The latest of everything the robot reported, in physical units: what `monitor` shows.
 
-use crate::link::Statistics;
 use crate::pose::Place;
 use crate::session::{has_position, has_status};
+use crate::statistics::{Statistics, StmStatistics};
 use fw_core::eeprom::Config;
 use fw_core::wire::{fault, DistanceCode, Mode, Report, State};
 use serde::Serialize;
@@ -31,8 +31,10 @@ pub struct Snapshot {
     pub state: Option<&'static str>,
     /// Guarded modes: names of the latched faults.
     pub faults: Vec<&'static str>,
-    /// The link's counters.
+    /// The link's counters at this end.
     pub link: Statistics,
+    /// Those of the STM's end; none where its log is not heard.
+    pub stm: Option<StmStatistics>,
     #[serde(skip)]
     kind: Mode,
 }
@@ -52,6 +54,7 @@ impl Snapshot {
             state: None,
             faults: Vec::new(),
             link: Statistics::default(),
+            stm: None,
             kind: config.mode,
         }
     }

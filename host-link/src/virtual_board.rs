@@ -7,12 +7,13 @@ use crate::eeprom::image;
 use crate::error::Error;
 use crate::machine::{Clock, Interrupt, Machine, Wires};
 use crate::uart::Source;
+use embedded_hal::i2c::{self, ErrorType, Operation};
 use plant::{Chassis, Pose, Rng, Room};
 use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use twin::hal::{Delay, I2c, Pin, Spi, SpiTiming};
+use twin::hal::{Delay, I2c, I2cError, Pin, Spi, SpiTiming};
 use twin::Board;
 
 /// Which virtual board.
@@ -39,7 +40,7 @@ pub struct VirtualWires;
 
 impl Wires for VirtualWires {
     type Spi = Spi;
-    type I2c = I2c;
+    type I2c = KeptI2c;
     type Reset = Pin;
     type Select = Pin;
     type Protect = Pin;
@@ -107,6 +108,39 @@ impl Tape for Person {
     }
 }
 
+/// The EEPROM's bus. Where the EEPROM lives in a file, each write cycle is in it at once, as it is in
+/// a real part whatever becomes of the Pi.
+pub struct KeptI2c {
+    i2c: I2c,
+    board: Board,
+    file: Option<PathBuf>,
+    writes: u64,
+}
+
+impl ErrorType for KeptI2c {
+    type Error = I2cError;
+}
+
+impl i2c::I2c for KeptI2c {
+    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), I2cError> {
+        self.i2c.transaction(address, parts)?;
+        let Some(file) = &self.file else {
+            return Ok(());
+        };
+        let known = self.writes;
+        let fresh = self.board.i2c_bus(move |bus, _| {
+            let part = bus.eeprom.as_ref().filter(|part| part.writes() > known)?;
+            Some((part.writes(), part.bytes().to_vec()))
+        })?;
+        if let Some((writes, bytes)) = fresh {
+            // The close at the run's end says if the file cannot be written.
+            let _ = image::save(file, &bytes);
+            self.writes = writes;
+        }
+        Ok(())
+    }
+}
+
 /// A virtual board and the machine that reaches it.
 pub struct Opened {
     /// The handles.
@@ -125,7 +159,12 @@ pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<Virt
             hz: spi_hz.into(),
             ..SpiTiming::default()
         }),
-        i2c: board.i2c(),
+        i2c: KeptI2c {
+            i2c: board.i2c(),
+            board: board.clone(),
+            file: None,
+            writes: 0,
+        },
         reset: board.pin_reset(),
         select: board.pin_select(),
         protect: board.pin_wp(),
@@ -179,8 +218,10 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
         cause: cause.to_string(),
         advice: "build the firmware with `cargo xtask firmware`".into(),
     })?;
+    let mut machine = machine(&board, options.spi_hz, interrupt);
+    machine.i2c.file = Some(options.eeprom_image.clone());
     Ok(Opened {
-        machine: machine(&board, options.spi_hz, interrupt),
+        machine,
         board,
         eeprom_image: options.eeprom_image.clone(),
         uart_log: options.uart_log.clone(),

@@ -8,6 +8,7 @@
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 
 mod io;
+mod link_line;
 mod supervisor;
 mod telling;
 
@@ -24,6 +25,7 @@ use crate::wire::{
     fault, CellCode, Command, DistanceCode, FrameError, LinkCounters, Mode, PoseCode, Report,
     Setup, State, StmLink, MAX_FRAME,
 };
+use link_line::LinkLine;
 use telling::Telling;
 
 #[cfg(test)]
@@ -86,6 +88,7 @@ pub struct Robot {
     /// See [`Self::sense`].
     sensed: Report,
     telling: Telling,
+    link_line: LinkLine,
 }
 
 impl Robot {
@@ -111,6 +114,7 @@ impl Robot {
             cell: 0,
             sensed: Report::default(),
             telling: Telling::new(platform.log_period),
+            link_line: LinkLine::default(),
         }
     }
 
@@ -143,7 +147,7 @@ impl Robot {
             Permit::Drive => self.drive(&pose),
         };
         self.told = wheels;
-        self.tell(log);
+        self.tell(sample.now, log);
         let trigger = self.rangefinders.tick(sample.now);
         self.sense();
         Outputs {
@@ -207,6 +211,7 @@ impl Robot {
     }
 
     fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
+        self.link_line.frame(now);
         // Only the tuning modes carry a percentage; the others do not pay for decoding one.
         let duty = match self.measure {
             Measure::Pose => Duty::ZERO,
@@ -375,15 +380,20 @@ impl Robot {
         self.link.counters()
     }
 
-    fn tell(&mut self, log: &mut Log) {
-        self.telling
+    fn tell(&mut self, now: Micros, log: &mut Log) {
+        let mut busy = self
+            .telling
             .state(self.supervisor.state(), self.supervisor.faults(), log);
         if let Want::Constant(duty) = self.want {
             telling::tuning(duty, self.thousandths(), log);
         }
         if self.telling.pose_is_due() {
             telling::pose_line(&PoseCode::from_pose(&self.odometry.pose()), log);
+            busy = true;
         }
+        let numbered = self.link.mode().tells_fresh();
+        self.link_line
+            .tick(now, busy, numbered, self.link.counters(), log);
     }
 }
 

@@ -35,8 +35,10 @@ impl Telling {
     }
 
     /// Once a tick: a line for every change of state, and the rejected frames kept back so far.
-    pub(super) fn state(&mut self, state: State, faults: u16, log: &mut Log) {
-        if state != self.state {
+    /// Whether there was one.
+    pub(super) fn state(&mut self, state: State, faults: u16, log: &mut Log) -> bool {
+        let changed = state != self.state;
+        if changed {
             self.state = state;
             let (level, text) = match state {
                 State::Booting => (Level::Info, "booting"),
@@ -60,7 +62,9 @@ impl Telling {
             });
             self.untold = 0;
             self.quiet = QUIET_TICKS;
+            return true;
         }
+        changed
     }
 
     /// A rejected frame: told at once, or counted while the last telling is less than a second ago.

@@ -46,8 +46,9 @@ pub struct LinkCounters {
     pub overrun: u32,
     /// Frames the other end numbered that were never accepted; guarded modes only.
     pub missed: u32,
-    /// Own frames the other end had not acknowledged when it sent its last accepted one; guarded
-    /// modes only. 1 is the least a full-duplex frame can show.
+    /// Own frames numbered that the other end had not acknowledged when it sent its last accepted
+    /// one; guarded modes only. 1 is the least a full-duplex frame can show, 2 at the STM, which has
+    /// numbered its next reply by then.
     pub unacknowledged: u8,
 }
 
@@ -78,7 +79,7 @@ impl LinkCounters {
     }
 
     #[cold]
-    fn reject(&mut self, cause: Cause) {
+    pub(crate) fn reject(&mut self, cause: Cause) {
         if let Some(count) = self.rejected.get_mut(cause as usize) {
             *count = count.saturating_add(1);
         }

@@ -49,6 +49,8 @@ pub enum Command {
         #[arg(value_parser = mode::parse)]
         mode: Mode,
     },
+    /// Exchange some frames and show what is known: state, faults, battery, both ends of the link; nothing moves
+    Status(Status),
     /// Show pose, cells, ranges and the link's counters, live
     Monitor(Monitor),
     /// Drive to a pose and stop there
@@ -310,6 +312,13 @@ pub enum Eeprom {
 }
 
 #[derive(Args)]
+pub struct Status {
+    /// For how long; the STM's log tells of its end once a second
+    #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = clap::value_parser!(u32).range(1..=600_000))]
+    pub ms: u32,
+}
+
+#[derive(Args)]
 pub struct Monitor {
     /// End after this many valid reports
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -431,7 +440,7 @@ pub struct Robot {
         default_value = "/dev/gpiochip0"
     )]
     pub gpiochip: PathBuf,
-    /// Serial device with the STM's log, 115200 baud, set by stty; only `tune` listens
+    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` listen
     #[arg(
         long,
         global = true,

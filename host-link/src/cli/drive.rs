@@ -6,10 +6,10 @@ use super::report::Output;
 use host_link::drive;
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
-use host_link::link::Statistics;
 use host_link::machine::{Machine, Wires};
 use host_link::pose::Place;
 use host_link::session::Session;
+use host_link::statistics::Statistics;
 use serde::Serialize;
 
 /// The commands.

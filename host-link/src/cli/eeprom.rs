@@ -9,6 +9,7 @@ use host_link::error::{Error, Exit};
 use host_link::machine::{Machine, Wires};
 use host_link::settings::{changes, render, Change, Settings};
 use serde::Serialize;
+use std::fmt::Write;
 use std::path::Path;
 
 /// Runs one of the commands.
@@ -118,7 +119,7 @@ fn init(file: Option<&Path>, force: bool, output: Output) -> Result<Exit, Error>
         platform_page: true,
     });
     let Some(file) = file else {
-        output.result(&text, || text.clone());
+        output.result(&Text { toml: &text }, || text.clone());
         return Ok(Exit::Ok);
     };
     spare(file, force)?;
@@ -163,14 +164,44 @@ fn check(image: &Image, output: Output) -> Result<Exit, Error> {
     Ok(Exit::Ok)
 }
 
+/// A configuration file's text.
+#[derive(Serialize)]
+struct Text<'a> {
+    toml: &'a str,
+}
+
 fn dump(image: &Image, hex: bool, output: Output) -> Result<Exit, Error> {
-    if hex {
-        let text = image::hex(image);
-        output.result(&text, || text.clone());
-    } else {
-        let text = render(&Settings::from_image(image)?);
-        output.result(&text, || text.clone());
+    #[derive(Serialize)]
+    struct Bytes {
+        bytes: usize,
+        hex: String,
     }
+    #[derive(Serialize)]
+    struct Dumped<'a> {
+        platform_page: bool,
+        settings: serde_json::Value,
+        #[serde(flatten)]
+        text: Text<'a>,
+    }
+    if hex {
+        let bytes = Bytes {
+            bytes: image.len(),
+            hex: image.iter().fold(String::new(), |mut hex, byte| {
+                let _ = write!(hex, "{byte:02X}");
+                hex
+            }),
+        };
+        output.result(&bytes, || image::hex(image));
+        return Ok(Exit::Ok);
+    }
+    let settings = Settings::from_image(image)?;
+    let text = render(&settings);
+    let dumped = Dumped {
+        platform_page: settings.platform_page,
+        settings: settings.json(),
+        text: Text { toml: &text },
+    };
+    output.result(&dumped, || text.clone());
     Ok(Exit::Ok)
 }
 

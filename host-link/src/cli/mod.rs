@@ -10,6 +10,7 @@ mod mode;
 mod monitor;
 mod place;
 mod report;
+mod status;
 mod tune;
 
 use args::{Arguments, Command};
@@ -30,6 +31,10 @@ pub fn main() -> ExitCode {
             } else {
                 Exit::Ok
             };
+            if exit == Exit::Usage && std::env::args_os().any(|word| word == "--json") {
+                let what = problem.kind().to_string();
+                Output::new(true).failure(&Error::Usage(what));
+            }
             return ExitCode::from(exit.code());
         }
     };
@@ -60,6 +65,14 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
             robot,
             monitor::Watch {
                 monitor,
+                robot,
+                output,
+            },
+        ),
+        Command::Status(status) => place::with_machine(
+            robot,
+            status::Look {
+                status,
                 robot,
                 output,
             },

@@ -8,6 +8,7 @@ use host_link::error::{Error, Exit};
 use host_link::machine::{Machine, Wires};
 use host_link::session::{Session, Wish};
 use host_link::snapshot::Snapshot;
+use host_link::statistics::{Causes, Statistics, StmStatistics};
 use std::fmt::Write;
 
 /// On a terminal the line changes this often, microseconds.
@@ -29,7 +30,9 @@ impl Job for Watch<'_> {
         let mut left = self.monitor.count.unwrap_or(u64::MAX);
         let mut shown_us = 0;
         while left > 0 {
-            if session.exchange(&Wish::default())?.is_none() {
+            let report = session.exchange(&Wish::default())?;
+            session.hear();
+            if report.is_none() {
                 continue;
             }
             left -= 1;
@@ -54,6 +57,16 @@ impl Job for Watch<'_> {
 
 /// One line of everything.
 pub fn line(snapshot: &Snapshot) -> String {
+    let mut line = robot(snapshot);
+    let _ = write!(line, "  {}", pi(&snapshot.link));
+    if let Some(counters) = &snapshot.stm {
+        let _ = write!(line, "; STM {}", stm(counters));
+    }
+    line
+}
+
+/// What the robot reports of itself.
+pub fn robot(snapshot: &Snapshot) -> String {
     let mut line = String::new();
     if let Some(pose) = snapshot.pose {
         let _ = write!(
@@ -87,17 +100,57 @@ pub fn line(snapshot: &Snapshot) -> String {
         if !snapshot.faults.is_empty() {
             let _ = write!(line, "({}) ", snapshot.faults.join(", "));
         }
-        line.push(' ');
     }
-    let counters = &snapshot.link;
-    let _ = write!(
-        line,
-        "{} frames, {} rejected",
-        counters.frames, counters.rejected
-    );
-    for (cause, count) in &counters.causes {
-        let _ = write!(line, " {cause} {count}");
-    }
-    let _ = write!(line, ", worst gap {} ms", counters.worst_gap_us / 1000);
+    line.truncate(line.trim_end().len());
     line
+}
+
+/// The Pi's end of the link.
+pub fn pi(link: &Statistics) -> String {
+    let mut text = frames(link.frames, link.rejected, &link.causes);
+    if let Some(missed) = link.missed {
+        let _ = write!(text, ", {missed} missed");
+    }
+    if let (Some(latest), Some(worst)) = (link.round_trip_us, link.worst_round_trip_us) {
+        let _ = write!(
+            text,
+            ", round trip {} ms, worst {}",
+            tenths(latest),
+            tenths(worst)
+        );
+    }
+    let _ = write!(text, ", worst gap {} ms", tenths(link.worst_gap_us));
+    text
+}
+
+/// The STM's end of the link.
+pub fn stm(link: &StmStatistics) -> String {
+    let mut text = frames(link.frames.into(), link.rejected, &link.causes);
+    let _ = write!(text, ", {} lost", link.lost);
+    if let Some(missed) = link.missed {
+        let _ = write!(text, ", {missed} missed");
+    }
+    if let Some(frames) = link.round_trip_frames {
+        let _ = write!(text, ", round trip {frames} frames");
+    }
+    let _ = write!(
+        text,
+        ", gap {} ms, worst {}",
+        tenths(link.recent_gap_us.into()),
+        tenths(link.worst_gap_us.into())
+    );
+    text
+}
+
+fn frames(frames: u64, rejected: u32, causes: &Causes) -> String {
+    let mut text = format!("{frames} frames, {rejected} rejected");
+    for (cause, count) in causes.occurred() {
+        let _ = write!(text, " {} {count}", cause.name());
+    }
+    text
+}
+
+/// Milliseconds to one decimal.
+fn tenths(us: u64) -> String {
+    format!("{}.{}", us / 1000, us % 1000 / 100)
 }

@@ -3,11 +3,13 @@
 use super::args::Robot;
 use super::report::Output;
 use host_link::eeprom::journal::Journal;
+use host_link::eeprom::repair::{self, Repaired};
 use host_link::error::{Error, Exit};
 use host_link::machine::{Interrupt, Machine, Wires};
 use host_link::reset;
 use serde::Serialize;
 use std::fs::{self, File, TryLockError};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -61,35 +63,70 @@ fn interrupt() -> Result<Interrupt, Error> {
 fn work<W: Wires, J: Job>(
     machine: &mut Machine<W>,
     journal: &Journal,
+    lock: &mut Lock,
+    ready_timeout: u32,
     job: J,
 ) -> Result<J::Result, Error> {
-    if journal.unfinished() {
-        eprintln!(
-            "host-link: an earlier EEPROM write did not finish. Protection and bus are restored now; what \
-             the EEPROM held before is in {} (`host-link eeprom restore` brings it back).",
-            journal.path().display()
-        );
+    if lock.killed {
+        eprintln!("host-link: the last run was killed; protection and bus are brought back");
     }
-    machine.rest()?;
+    let repaired = repair::repair(machine, journal, lock.killed, ready_timeout)?;
+    lock.killed = false;
+    match repaired {
+        Repaired::Nothing => {}
+        Repaired::Reset { due: true } => {
+            eprintln!("host-link: the EEPROM had been written; the STM has been reset to read it");
+        }
+        Repaired::Reset { due: false } => {
+            eprintln!("host-link: the STM was not ready and has been reset");
+        }
+        Repaired::Undone { bytes } => eprintln!(
+            "host-link: an earlier EEPROM write did not finish and is undone: {bytes} bytes are what they were \
+             before it, and the STM has been reset"
+        ),
+    }
     job.run(machine, journal)
 }
 
-/// One host-link at a time talks to a robot. The lock goes when the file is closed, also by a kill.
+/// One host-link at a time talks to a robot. The lock goes when the file is closed, also by a kill;
+/// what stands in the file goes with an orderly end only.
 #[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
-fn lock(path: &Path) -> Result<File, Error> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(|cause| Error::unwritable(folder, &cause))?;
+struct Lock {
+    file: File,
+    /// The last holder did not end in an orderly way, and that has not been repaired yet.
+    killed: bool,
+}
+
+#[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
+impl Lock {
+    fn take(path: &Path) -> Result<Self, Error> {
+        let unwritable = |cause| Error::unwritable(path, &cause);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(|cause| Error::unwritable(folder, &cause))?;
+        }
+        let mut file = File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(path)
+            .map_err(unwritable)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(Error::Busy { path: path.into() }),
+            Err(TryLockError::Error(cause)) => return Err(unwritable(cause)),
+        }
+        let killed = file.metadata().map_err(unwritable)?.len() > 0;
+        file.write_all(b"held\n").map_err(unwritable)?;
+        Ok(Self { file, killed })
     }
-    let file = File::options()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(path)
-        .map_err(|cause| Error::unwritable(path, &cause))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(Error::Busy { path: path.into() }),
-        Err(TryLockError::Error(cause)) => Err(Error::unwritable(path, &cause)),
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        if !self.killed {
+            // If that fails, the next run repairs what needs none.
+            let _ = self.file.set_len(0);
+        }
     }
 }
 
@@ -119,7 +156,7 @@ fn on_this_computer<J: Job>(
     job: J,
 ) -> Result<J::Result, Error> {
     use host_link::linux::{open, Devices};
-    let _lock = lock(&robot.state_dir.join("host-link.lock"))?;
+    let mut lock = Lock::take(&robot.state_dir.join("host-link.lock"))?;
     let devices = Devices {
         spi: robot.spi.clone(),
         spi_hz: robot.spi_hz,
@@ -131,6 +168,8 @@ fn on_this_computer<J: Job>(
     work(
         &mut machine,
         &Journal::new(robot.state_dir.join("host-link-eeprom.before")),
+        &mut lock,
+        robot.ready_timeout,
         job,
     )
 }
@@ -154,7 +193,7 @@ fn on_virtual_board<J: Job>(
 ) -> Result<J::Result, Error> {
     use host_link::virtual_board::{open, Options};
     let board = &robot.board;
-    let _lock = lock(&beside(&board.eeprom_image, ".lock"))?;
+    let mut lock = Lock::take(&beside(&board.eeprom_image, ".lock"))?;
     let options = Options {
         elf: board.elf.clone(),
         room: board.room.clone(),
@@ -173,7 +212,13 @@ fn on_virtual_board<J: Job>(
     };
     let mut opened = open(&options, interrupt)?;
     let journal = Journal::new(beside(&board.eeprom_image, ".before"));
-    let outcome = work(&mut opened.machine, &journal, job);
+    let outcome = work(
+        &mut opened.machine,
+        &journal,
+        &mut lock,
+        robot.ready_timeout,
+        job,
+    );
     if let Err(Error::NotReady { .. }) = outcome {
         eprint!("{}", opened.last_words());
     }

@@ -68,12 +68,17 @@ impl Output {
     /// The error that ends the program.
     pub fn error(self, error: &Error) {
         self.remark(&format!("host-link: {error}"));
+        self.failure(error);
+    }
+
+    /// Its JSON, where that is wanted.
+    pub fn failure(self, error: &Error) {
+        #[derive(Serialize)]
+        struct Failure {
+            error: String,
+            exit: u8,
+        }
         if self.json {
-            #[derive(Serialize)]
-            struct Failure {
-                error: String,
-                exit: u8,
-            }
             let failure = Failure {
                 error: error.to_string(),
                 exit: error.exit().code(),

@@ -1,5 +1,5 @@
 //! What stood in the EEPROM before a write, kept on disk while the write runs: if the process is
-//! killed half-way, the next one finds it, repairs the lines and can bring the old content back.
+//! killed half-way, the next one finds it and brings the old content back.
 
 use super::image;
 use crate::error::Error;
@@ -36,17 +36,44 @@ impl Journal {
         image::save(&self.0, before)
     }
 
-    /// Forgets the note: the write is complete and read back.
+    /// The write is complete and read back: what stood there before is no longer wanted, but the STM
+    /// has yet to be reset.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn written(&self) -> Result<(), Error> {
+        if !self.0.exists() {
+            return Ok(());
+        }
+        fs::rename(&self.0, self.reset_note()).map_err(|cause| Error::unwritable(&self.0, &cause))
+    }
+
+    /// Forgets everything: the STM has been reset after a complete write.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn end(&self) -> Result<(), Error> {
-        match fs::remove_file(&self.0) {
-            Err(cause) if cause.kind() != ErrorKind::NotFound => {
-                Err(Error::unwritable(&self.0, &cause))
+        for path in [&self.0, &self.reset_note()] {
+            match fs::remove_file(path) {
+                Err(cause) if cause.kind() != ErrorKind::NotFound => {
+                    return Err(Error::unwritable(path, &cause));
+                }
+                _ => {}
             }
-            _ => Ok(()),
         }
+        Ok(())
+    }
+
+    fn reset_note(&self) -> PathBuf {
+        let mut name = self.0.as_os_str().to_owned();
+        name.push(".written");
+        name.into()
+    }
+
+    /// Whether a write was complete, but the STM perhaps not reset after it.
+    #[must_use]
+    pub fn reset_due(&self) -> bool {
+        self.reset_note().exists()
     }
 
     /// Whether a write was cut short since the last one that ended.

@@ -5,12 +5,14 @@
 //! | [`bus`] | the bus is taken, and given back on every path: the guard |
 //! | [`part`] | the chip: bursts, write cycles, read-back |
 //! | [`journal`] | what stood there before, kept on disk while a write runs |
+//! | [`repair`] | what a killed run left, found and repaired |
 //! | [`image`] | images in files, and the difference between two |
 
 pub mod bus;
 pub mod image;
 pub mod journal;
 pub mod part;
+pub mod repair;
 
 use crate::error::Error;
 use crate::machine::{Machine, Wires};
@@ -75,7 +77,7 @@ pub fn program<W: Wires>(
     mut watch: impl FnMut(Step<'_>),
 ) -> Result<Programmed, Error> {
     let purpose = Purpose::Write { ready_timeout_ms };
-    let ((before, bytes, bursts), ready_ms) = bus::with(machine, purpose, |bus| {
+    let outcome = bus::with(machine, purpose, |bus| {
         let mut before = [0; IMAGE_LEN];
         bus.read(0, &mut before)?;
         watch(Step::Before(&before));
@@ -98,10 +100,15 @@ pub fn program<W: Wires>(
         bus.read(0, &mut after)?;
         part::verify(image, &after)?;
         if let Some(journal) = journal {
-            journal.end()?;
+            journal.written()?;
         }
         Ok((before, bytes, bursts.len()))
-    })?;
+    });
+    if let (Ok(_) | Err(Error::NotReady { .. }), Some(journal)) = (&outcome, journal) {
+        // Written, and the STM has been reset.
+        journal.end()?;
+    }
+    let ((before, bytes, bursts), ready_ms) = outcome?;
     Ok(Programmed {
         before,
         bytes,

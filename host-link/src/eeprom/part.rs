@@ -2,11 +2,12 @@
 //! 32-byte boundary, a write cycle of up to 5 ms that is over when the part acknowledges again
 //! (AT24C512C and AT24CS64 data sheets, "acknowledge polling").
 
+use super::image::differences;
 use crate::error::Error;
 use crate::machine::{Machine, Wires};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::I2c;
-use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::eeprom::Image;
 use std::ops::Range;
 
 /// 7-bit I2C address.
@@ -27,19 +28,20 @@ const READ: usize = 256;
 /// How often a transaction is tried.
 const ATTEMPTS: usize = 3;
 
-/// The bursts that turn `before` into `after`: each covers the first to the last differing byte of
-/// one 32-byte row, so none crosses a boundary.
+/// The bursts that turn `before` into `after`: every stretch of differing bytes, cut at the 32-byte
+/// boundaries.
 #[must_use]
 pub fn bursts(before: &Image, after: &Image) -> Vec<Range<usize>> {
-    (0..IMAGE_LEN)
-        .step_by(BURST)
-        .filter_map(|row| {
-            let mut differing = (row..row + BURST).filter(|&at| before.get(at) != after.get(at));
-            let first = differing.next()?;
-            let last = differing.next_back().unwrap_or(first);
-            Some(first..last + 1)
-        })
-        .collect()
+    let mut bursts = Vec::new();
+    for stretch in differences(before, after) {
+        let mut from = stretch.start;
+        while from < stretch.end {
+            let to = stretch.end.min((from / BURST + 1) * BURST);
+            bursts.push(from..to);
+            from = to;
+        }
+    }
+    bursts
 }
 
 /// # Errors
@@ -148,6 +150,7 @@ fn retry<W: Wires>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fw_core::eeprom::IMAGE_LEN;
 
     #[test]
     fn bursts_cover_every_difference_and_never_cross_a_boundary() {
@@ -157,7 +160,8 @@ mod tests {
             after[at] = 1;
         }
         let bursts = bursts(&before, &after);
-        assert_eq!(bursts, [0..32, 32..33, 95..96, 96..98, 0x3FF..0x400]);
+        let expected = [0..1, 31..32, 32..33, 95..96, 96..98, 0x3FF..0x400];
+        assert_eq!(bursts, expected);
         assert!(bursts
             .iter()
             .all(|b| b.start / BURST == (b.end - 1) / BURST));

@@ -1,8 +1,9 @@
 //! Every single call fails in turn: the EEPROM must end protected, its bus with the STM, and the STM
 //! reset after a write.
 
+use super::repair::{repair, Repaired};
 use super::*;
-use crate::doubles::{machine, Board, Mishap};
+use crate::doubles::{again, machine, Board, Mishap};
 use crate::error::Error;
 use crate::settings::Settings;
 use fw_core::eeprom::{first_board, IMAGE_LEN};
@@ -186,5 +187,43 @@ fn a_journal_stands_while_a_write_runs_and_stays_if_it_is_cut_short() {
     program(&mut cut, &wanted(), 100, Some(&journal), |_| {}).unwrap_err();
     assert!(journal.unfinished());
     assert!(image::load(journal.path()).unwrap() == BLANK);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn what_any_failure_left_is_whole_after_the_next_start() {
+    let folder = std::env::temp_dir().join(format!("host-link-repair-{}", std::process::id()));
+    let journal = Journal::new(folder.join("before"));
+    let mut undone = 0;
+    for at in 0..calls_of_a_good_write() {
+        for mishap in [
+            Mishap::BusesDie(at),
+            Mishap::AllDies(at),
+            Mishap::Interrupt(at),
+        ] {
+            let (board, mut first) = machine(&BLANK, Some(mishap));
+            let outcome = program(&mut first, &wanted(), 100, Some(&journal), |_| {});
+            {
+                let mut board = board.borrow_mut();
+                board.mishap = None;
+                board.interrupt = crate::machine::Interrupt::new();
+            }
+            let repaired = repair(&mut again(&board), &journal, true, 100).unwrap();
+            let board = board.borrow();
+            assert_at_rest(&board, mishap);
+            let whole = if repaired == (Repaired::Reset { due: true }) || outcome.is_ok() {
+                wanted()
+            } else {
+                BLANK
+            };
+            assert!(
+                board.memory == whole,
+                "{mishap:?}: {outcome:?}, {repaired:?}"
+            );
+            assert!(!journal.unfinished() && !journal.reset_due());
+            undone += usize::from(matches!(repaired, Repaired::Undone { bytes } if bytes > 0));
+        }
+    }
+    assert!(undone > 50, "{undone}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -59,6 +59,13 @@ impl Settings {
         image
     }
 
+    /// As JSON: the sections and keys of the file.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        // What was rendered is read back: one table of the fields for both.
+        toml::from_str(&render(self)).unwrap_or_default()
+    }
+
     /// What an image says.
     ///
     /// # Errors

@@ -130,6 +130,15 @@ mod tests {
     }
 
     #[test]
+    fn the_json_has_the_files_sections_and_numbers() {
+        let json = first().json();
+        assert_eq!(json["link"]["mode"], "Normal");
+        assert_eq!(json["pid"]["forward"]["p"], 6.5088);
+        assert_eq!(json["battery"]["tap_2"]["upper_ohm"], 33_000);
+        assert_eq!(json["platform"]["gyro"], false);
+    }
+
+    #[test]
     fn an_original_configuration_leaves_page_3_unwritten() {
         let original = Settings {
             platform_page: false,

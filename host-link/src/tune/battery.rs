@@ -1,8 +1,8 @@
 //! Tuning a battery tap (document, 5.1.3): a reference voltage stands in for the cell, the STM
 //! computes the upper resistor that would have shown it exactly, and says so in its log.
 
-use super::lines::{Line, Lines};
 use crate::error::Error;
+use crate::log::{Line, Lines};
 use crate::machine::Wires;
 use crate::session::{Session, Wish};
 use fw_core::wire::CellCode;

@@ -3,8 +3,7 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`lines`] | the STM's log, line by line, whatever arrives |
-//! | [`record`] | its 100 Hz samples on one time base |
+//! | [`record`] | the log's 100 Hz samples on one time base |
 //! | [`step`] | the steps, bounded, and stopped whatever happens |
 //! | [`mode`] | the EEPROM's mode changed for the steps, and restored whatever happens |
 //! | [`fit`] | gain, dead zone and two equal lags from the samples |
@@ -16,7 +15,6 @@ pub mod battery;
 pub mod files;
 pub mod fit;
 pub mod gains;
-pub mod lines;
 pub mod mode;
 pub mod record;
 pub mod step;

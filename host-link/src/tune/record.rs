@@ -1,7 +1,7 @@
 //! The log's samples on one time base. The STM says one line a tick; its line numbers tell how many
 //! were lost on the way.
 
-use super::lines::{Line, Lines};
+use crate::log::{Line, Lines};
 
 /// Seconds from one sample to the next.
 pub const TICK_S: f64 = 0.01;

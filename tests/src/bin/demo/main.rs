@@ -16,11 +16,11 @@ use std::{env, fs};
 
 use host_link::drive::{self, Terms};
 use host_link::eeprom;
-use host_link::link::Statistics;
 use host_link::machine::{Interrupt, Machine};
 use host_link::pose::Place;
 use host_link::session::{Session, RATE_HZ};
 use host_link::settings::Settings;
+use host_link::statistics::Statistics;
 use host_link::survey::{mapper_config, Look, Survey};
 use host_link::virtual_board::{self, VirtualWires};
 use mapper::{map_iou, picture, Agreement, Segment};

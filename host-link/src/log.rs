@@ -1,6 +1,9 @@
 //! The STM's log: `I00012: T 50.00 123.456`, taken apart line by line. A UART loses and garbles
 //! bytes, so any bytes are accepted and only whole lines of exactly the known form count.
 
+use crate::statistics::{Causes, StmStatistics};
+use fw_core::wire::Cause;
+
 /// The longest line kept; the STM's are shorter.
 const LONGEST: usize = 256;
 
@@ -25,6 +28,14 @@ pub enum Line {
         /// The resistor proposed, ohm.
         ohm: u32,
     },
+    /// The STM's end of the link, once a second while frames come:
+    /// `L <frames> <accepted> <lost> <missed> <gap> <worst> <behind>[ <cause> <count>]…`.
+    Link {
+        /// The line's number.
+        number: u32,
+        /// What it says.
+        link: StmStatistics,
+    },
     /// Any other line of the log.
     Other {
         /// The line's number.
@@ -37,9 +48,10 @@ impl Line {
     #[must_use]
     pub const fn number(&self) -> u32 {
         match self {
-            Self::Sample { number, .. } | Self::Tuned { number, .. } | Self::Other { number } => {
-                *number
-            }
+            Self::Sample { number, .. }
+            | Self::Tuned { number, .. }
+            | Self::Link { number, .. }
+            | Self::Other { number } => *number,
         }
     }
 }
@@ -110,7 +122,55 @@ fn parse(line: &[u8]) -> Option<Line> {
             .contains(&tap)
             .then_some(Line::Tuned { number, tap, ohm });
     }
+    if let Some(text) = body.strip_prefix("L ") {
+        return Some(Line::Link {
+            number,
+            link: link(text)?,
+        });
+    }
     Some(Line::Other { number })
+}
+
+/// The numbers of a link's line. The frames must be the sum of what became of them: a lost digit
+/// shows.
+fn link(text: &str) -> Option<StmStatistics> {
+    let mut words = text.split(' ');
+    let mut next = || words.next();
+    let [frames, accepted, lost] = [whole(next()?)?, whole(next()?)?, whole(next()?)?];
+    let missed = known(next()?).ok()?;
+    let [recent_gap_us, worst_gap_us] = [whole(next()?)?, whole(next()?)?];
+    let behind = known(next()?).ok()?;
+    let round_trip_frames = behind.map(u8::try_from).transpose().ok()?;
+    let mut causes = Causes::default();
+    let mut left = Cause::ALL.into_iter();
+    while let Some(name) = words.next() {
+        let cause = left.find(|cause| cause.name() == name)?;
+        causes.set(cause, whole(words.next()?).filter(|&count| count > 0)?);
+    }
+    let rejected = causes.total();
+    let sum = accepted.saturating_add(rejected).saturating_add(lost);
+    let good = frames == sum
+        && recent_gap_us <= worst_gap_us
+        && missed.is_some() == round_trip_frames.is_some();
+    good.then_some(StmStatistics {
+        frames,
+        accepted,
+        rejected,
+        causes,
+        lost,
+        missed,
+        recent_gap_us,
+        worst_gap_us,
+        round_trip_frames,
+    })
+}
+
+/// A number, or `-` where the mode does not know it; neither is an error.
+fn known(text: &str) -> Result<Option<u32>, ()> {
+    match whole(text) {
+        None if text != "-" => Err(()),
+        number => Ok(number),
+    }
 }
 
 /// Digits only.
@@ -135,7 +195,8 @@ mod tests {
     use super::*;
 
     const LOG: &[u8] = b"I00007: ready\nI00008: T -50.00 -0.034\r\nI00009: T 0.00 123456.789\n\
-        I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n";
+        I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n\
+        I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n";
 
     fn lines() -> Vec<Line> {
         let sample = |number, percent, value| Line::Sample {
@@ -153,7 +214,68 @@ mod tests {
                 ohm: 33_120,
             },
             Line::Other { number: 11 },
+            Line::Link {
+                number: 12,
+                link: disturbed(),
+            },
+            Line::Link {
+                number: 13,
+                link: StmStatistics {
+                    frames: 40,
+                    accepted: 40,
+                    recent_gap_us: 25_013,
+                    worst_gap_us: 25_013,
+                    ..StmStatistics::default()
+                },
+            },
         ]
+    }
+
+    fn disturbed() -> StmStatistics {
+        let mut causes = Causes::default();
+        causes.set(Cause::Stale, 1);
+        causes.set(Cause::Crc, 3);
+        StmStatistics {
+            frames: 45,
+            accepted: 40,
+            rejected: 4,
+            causes,
+            lost: 1,
+            missed: Some(2),
+            recent_gap_us: 25_013,
+            worst_gap_us: 3_600_000,
+            round_trip_frames: Some(1),
+        }
+    }
+
+    #[test]
+    fn a_link_line_that_lost_bytes_never_miscounts_a_frame() {
+        let line = b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n";
+        let counts = |link: StmStatistics| (link.frames, link.accepted, link.lost, link.causes);
+        for from in 0..line.len() - 1 {
+            for to in from + 1..line.len() {
+                let torn = [&line[..from], &line[to..]].concat();
+                for read in Lines::default().feed(&torn) {
+                    if let Line::Link { link, .. } = read {
+                        assert_eq!(counts(link), counts(disturbed()), "{from}..{to}");
+                    }
+                }
+            }
+        }
+        for wrong in [
+            "L 45 40 1 2 3600001 3600000 1 stale 1 crc 3",
+            "L 45 40 1 - 25013 3600000 1 stale 1 crc 3",
+            "L 45 40 1 2 25013 3600000 256 stale 1 crc 3",
+            "L 45 40 1 2 25013 3600000 1 crc 3 stale 1",
+            "L 45 40 1 2 25013 3600000 1 stale 1 stale 1 crc 2",
+            "L 41 40 1 2 25013 3600000 1 crc 0",
+            "L 42 40 1 2 25013 3600000 1 noise 1",
+        ] {
+            let line = format!("I00012: {wrong}\n");
+            let mut lines = Lines::default();
+            assert_eq!(lines.feed(line.as_bytes()), [], "{wrong}");
+            assert_eq!(lines.garbled(), 1);
+        }
     }
 
     #[test]

@@ -1,0 +1,211 @@
+//! The STM's end of the link in its log: one line a second while frames come.
+//!
+//! `L <frames> <accepted> <lost> <missed> <gap> <worst> <behind>[ <cause> <count>]…`: counted since
+//! the reset, gaps in microseconds. Frames are the sum of accepted, lost and every count, so that a
+//! reader notices a digit that the wire took.
+
+use crate::log::{Level, Line, Log};
+use crate::units::Micros;
+use crate::wire::{Cause, LinkCounters};
+
+/// Whether the line is built in.
+const TOLD: bool = cfg!(any(test, feature = "link-line"));
+/// Ticks from one line to the next.
+const PERIOD: u8 = 100;
+
+/// The longest time between two accepted frames, microseconds; `u32::MAX` for half an hour and more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Gap {
+    last: Option<Micros>,
+    /// Since the last line.
+    recent: u32,
+    /// Before that.
+    worst: u32,
+}
+
+impl Gap {
+    #[inline]
+    fn frame(&mut self, at: Micros) {
+        if let Some(last) = self.last.replace(at) {
+            let gap = at.since(last);
+            if gap > self.recent {
+                self.recent = gap;
+            }
+        }
+    }
+
+    /// Without a frame, once in a while: before the clock's wrap makes a long silence look short.
+    fn silence(&mut self, now: Micros) {
+        // Not beyond: there lies a frame from just after `now`.
+        let long = 1 << 31..3 << 30;
+        if self
+            .last
+            .is_some_and(|last| long.contains(&now.since(last)))
+        {
+            self.last = None;
+            self.recent = u32::MAX;
+        }
+    }
+}
+
+/// What is told of the link, and when next.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LinkLine {
+    gap: Gap,
+    /// Ticks until the next line may come.
+    quiet: u8,
+    /// Frames that the last line told of.
+    told: u32,
+}
+
+impl LinkLine {
+    /// A frame was accepted.
+    #[inline]
+    pub(super) fn frame(&mut self, at: Micros) {
+        if TOLD {
+            self.gap.frame(at);
+        }
+    }
+
+    /// Once a tick, and `busy` in one that has said something else: a line where one is due and
+    /// frames have come since the last. Whether the mode's frames are `numbered` decides if missed
+    /// frames and the round trip are known.
+    pub(super) fn tick(
+        &mut self,
+        now: Micros,
+        busy: bool,
+        numbered: bool,
+        counters: &LinkCounters,
+        log: &mut Log,
+    ) {
+        if TOLD {
+            self.quiet = self.quiet.saturating_sub(1);
+            if self.quiet == 0 && !busy {
+                self.due(now, numbered, counters, log);
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn due(&mut self, now: Micros, numbered: bool, counters: &LinkCounters, log: &mut Log) {
+        self.quiet = PERIOD;
+        let frames = counters.frames();
+        if frames == self.told {
+            self.gap.silence(now);
+            return;
+        }
+        self.told = frames;
+        let recent = core::mem::take(&mut self.gap.recent);
+        self.gap.worst = self.gap.worst.max(recent);
+        log.line(Level::Info, |line| {
+            line.text("L");
+            for number in [frames, counters.accepted, counters.overrun] {
+                word(line, number);
+            }
+            known(line, numbered, counters.missed);
+            word(line, recent);
+            word(line, self.gap.worst);
+            known(line, numbered, counters.unacknowledged.into());
+            for cause in Cause::ALL {
+                let rejected = counters.rejected(cause);
+                if rejected != 0 {
+                    word(line.text(" ").text(cause.name()), rejected);
+                }
+            }
+        });
+    }
+}
+
+fn word(line: &mut Line, number: u32) {
+    line.text(" ").count(number as usize);
+}
+
+fn known(line: &mut Line, is: bool, number: u32) {
+    if is {
+        word(line, number);
+    } else {
+        line.text(" -");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::String;
+
+    fn said(log: &mut Log) -> String {
+        let text = String::from_utf8(log.pending().to_vec()).unwrap();
+        log.sent(text.len());
+        text
+    }
+
+    fn counted(accepted: u32) -> LinkCounters {
+        let mut counters = LinkCounters::default();
+        counters.accepted = accepted;
+        counters.missed = 2;
+        counters.overrun = 1;
+        counters.unacknowledged = 1;
+        counters
+    }
+
+    #[test]
+    fn one_line_a_second_tells_both_gaps_and_none_without_frames() {
+        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        let mut frames = 0;
+        for tick in 0..600_u32 {
+            let now = Micros(tick * 10_000).after(u32::MAX - 2_000_000);
+            if tick < 150 || tick == 450 {
+                line.frame(now);
+                frames += 1;
+            }
+            line.tick(now, false, true, &counted(frames), &mut log);
+        }
+        assert_eq!(
+            said(&mut log),
+            "I00000: L 2 1 1 2 0 0 1\nI00001: L 102 101 1 2 10000 10000 1\n\
+             I00002: L 151 150 1 2 10000 10000 1\nI00003: L 152 151 1 2 3010000 3010000 1\n"
+        );
+    }
+
+    #[test]
+    fn a_busy_tick_puts_the_line_off_and_bare_modes_know_no_numbers() {
+        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        line.tick(Micros(0), true, false, &counted(5), &mut log);
+        assert_eq!(said(&mut log), "");
+        line.tick(Micros(10_000), false, false, &counted(5), &mut log);
+        assert_eq!(said(&mut log), "I00000: L 6 5 1 - 0 0 -\n");
+    }
+
+    #[test]
+    fn a_silence_longer_than_the_clock_is_no_short_gap() {
+        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        line.frame(Micros(7));
+        line.tick(Micros(7), false, true, &counted(1), &mut log);
+        let hours = 3 * 3600_u64;
+        for second in 0..hours {
+            let now = Micros(u32::try_from((second * 1_000_000) & 0xFFFF_FFFF).unwrap());
+            line.gap.silence(now);
+        }
+        line.frame(Micros(20_000));
+        for _ in 0..2 * PERIOD {
+            line.tick(Micros(30_000), false, true, &counted(2), &mut log);
+        }
+        assert!(said(&mut log).ends_with("L 3 2 1 2 4294967295 4294967295 1\n"));
+    }
+
+    #[test]
+    fn every_cause_fits_into_a_line_beside_the_largest_numbers() {
+        let mut counters = counted(u32::MAX);
+        counters.overrun = u32::MAX;
+        counters.missed = u32::MAX;
+        counters.unacknowledged = u8::MAX;
+        for cause in Cause::ALL {
+            counters.reject(cause);
+        }
+        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        line.gap.recent = u32::MAX;
+        line.tick(Micros(0), false, true, &counters, &mut log);
+        let text = said(&mut log);
+        assert!(text.ends_with(" status 1 crc 1\n"), "{text}");
+    }
+}

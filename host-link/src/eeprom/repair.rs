@@ -1,0 +1,62 @@
+//! What a killed run left behind, found and repaired at the next start: the lines brought to rest,
+//! a write that was cut short undone, an STM that lost its EEPROM while booting reset.
+
+use super::journal::Journal;
+use super::{image, program};
+use crate::error::Error;
+use crate::machine::{persist, Machine, Wires};
+use crate::reset;
+use embedded_hal::digital::InputPin;
+
+/// What was repaired besides the lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repaired {
+    /// Nothing was to be repaired.
+    Nothing,
+    /// The STM was reset.
+    Reset {
+        /// A write had been completed just before; otherwise the STM was not ready.
+        due: bool,
+    },
+    /// A write was cut short: what stood there before is written back, and the STM reset.
+    Undone {
+        /// Bytes that had been changed already.
+        bytes: usize,
+    },
+}
+
+/// Brings the lines to rest. If `journal` shows that a write was cut short, writes back what stood
+/// there before. If the journal shows that a reset was due, or the last run was `killed` and the STM
+/// is not ready, resets it: it may have been reading its configuration when the bus was taken.
+///
+/// # Errors
+/// [`Error::Pin`]; with a journal, those of [`image::load`] and [`program`], but for
+/// [`Error::NotReady`]: what stood there before need not be acceptable.
+pub fn repair<W: Wires>(
+    machine: &mut Machine<W>,
+    journal: &Journal,
+    killed: bool,
+    ready_timeout_ms: u32,
+) -> Result<Repaired, Error> {
+    machine.rest()?;
+    if journal.unfinished() {
+        let before = image::load(journal.path())?;
+        let mut bytes = 0;
+        let outcome = program(machine, &before, ready_timeout_ms, Some(journal), |step| {
+            if let super::Step::Written { of, .. } = step {
+                bytes = of;
+            }
+        });
+        return match outcome {
+            Ok(_) | Err(Error::NotReady { .. }) => Ok(Repaired::Undone { bytes }),
+            Err(error) => Err(error),
+        };
+    }
+    let due = journal.reset_due();
+    if due || killed && !persist(|| machine.ready.is_high()).unwrap_or(false) {
+        reset::pulse(machine)?;
+        journal.end()?;
+        return Ok(Repaired::Reset { due });
+    }
+    Ok(Repaired::Nothing)
+}

@@ -1,0 +1,116 @@
+//! What each end counts of the frames it receives.
+
+use fw_core::wire::{Cause, LinkCounters};
+use serde::{Serialize, Serializer};
+
+/// Rejected frames by cause. As JSON an object of those that occurred.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Causes([u32; Cause::ALL.len()]);
+
+impl Causes {
+    /// Rejected for `cause`.
+    #[must_use]
+    pub fn get(&self, cause: Cause) -> u32 {
+        self.0.get(cause as usize).copied().unwrap_or_default()
+    }
+
+    /// Notes how many were rejected for `cause`.
+    pub fn set(&mut self, cause: Cause, count: u32) {
+        if let Some(slot) = self.0.get_mut(cause as usize) {
+            *slot = count;
+        }
+    }
+
+    /// Those that occurred, in the order of [`Cause::ALL`].
+    pub fn occurred(&self) -> impl Iterator<Item = (Cause, u32)> + '_ {
+        Cause::ALL
+            .into_iter()
+            .zip(self.0)
+            .filter(|&(_, count)| count > 0)
+    }
+
+    /// Rejected for any cause.
+    #[must_use]
+    pub fn total(&self) -> u32 {
+        self.0.iter().copied().fold(0, u32::saturating_add)
+    }
+}
+
+impl From<&LinkCounters> for Causes {
+    fn from(counters: &LinkCounters) -> Self {
+        Self(Cause::ALL.map(|cause| counters.rejected(cause)))
+    }
+}
+
+impl Serialize for Causes {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.occurred().map(|(cause, count)| (cause.name(), count)))
+    }
+}
+
+/// The Pi's end: replies of the STM since the session began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Statistics {
+    /// Frames exchanged.
+    pub frames: u64,
+    /// Replies that passed the whole chain.
+    pub accepted: u32,
+    /// Replies rejected.
+    pub rejected: u32,
+    /// Replies rejected, by cause.
+    pub causes: Causes,
+    /// The longest time between two accepted replies, microseconds.
+    pub worst_gap_us: u64,
+    /// The longest transfer of one frame, from the system call to its return, microseconds.
+    pub worst_transfer_us: u64,
+    /// Replies the STM numbered that never arrived whole. Guarded modes only: the document's frames
+    /// have no number.
+    pub missed: Option<u32>,
+    /// Frames sent that the STM had not confirmed in its latest reply; 1 is the least. Guarded modes
+    /// only: nothing in the document's frames tells which frame a reply answers.
+    pub round_trip_frames: Option<u8>,
+    /// From the begin of the transfer of a frame to the end of the one whose reply confirms it,
+    /// microseconds: the latest. Guarded modes only.
+    pub round_trip_us: Option<u64>,
+    /// The longest of them.
+    pub worst_round_trip_us: Option<u64>,
+}
+
+/// The STM's end, as its log tells it: frames of the Pi since the STM's reset, whoever sent them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct StmStatistics {
+    /// Frames that arrived.
+    pub frames: u32,
+    /// Frames that passed the whole chain.
+    pub accepted: u32,
+    /// Frames rejected.
+    pub rejected: u32,
+    /// Frames rejected, by cause.
+    pub causes: Causes,
+    /// Frames that came too fast and were dropped unread.
+    pub lost: u32,
+    /// Frames the Pi numbered that were never accepted. Guarded modes only.
+    pub missed: Option<u32>,
+    /// The longest time between two accepted frames since the line of the log before, microseconds.
+    pub recent_gap_us: u32,
+    /// The longest since the reset; 4294967295 for half an hour and more.
+    pub worst_gap_us: u32,
+    /// Replies that the Pi's latest frame had not confirmed; 2 is the least, for the one to come is
+    /// numbered already. Guarded modes only.
+    pub round_trip_frames: Option<u8>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_an_object_of_those_that_occurred() {
+        let mut causes = Causes::default();
+        causes.set(Cause::Crc, 3);
+        causes.set(Cause::Short, u32::MAX);
+        let json = serde_json::to_string(&causes).unwrap();
+        assert_eq!(json, r#"{"short":4294967295,"crc":3}"#);
+        assert_eq!(causes.total(), u32::MAX);
+    }
+}

@@ -1,0 +1,113 @@
+//! What both ends count of the link, against what was put on the wires: the host's code on one end,
+//! the ELF on the other, its log between them.
+
+use fw_core::eeprom::first_board;
+use fw_core::wire::{frame_len, Cause, Mode};
+use host_link::machine::Interrupt;
+use host_link::session::{Session, Wish, RATE_HZ};
+use host_link::settings::Settings;
+use host_link::virtual_board;
+use robot_tests::rig::Rig;
+
+const SPI_HZ: u32 = 8_000_000;
+/// Frames in two seconds and a half: with them come a line of the log that tells of the pause, and
+/// one that does not.
+const FRAMES: u32 = RATE_HZ * 5 / 2;
+
+fn booted(mode: Mode) -> (Rig, fw_core::eeprom::Config) {
+    let mut config = first_board();
+    config.mode = mode;
+    config.platform.servo = true;
+    let settings = Settings {
+        config: config.clone(),
+        platform_page: true,
+    };
+    let rig = Rig::booted(Some(settings.image().to_vec()));
+    assert!(rig.board.is_ready(), "{}", rig.log());
+    rig.board.run_us(100_000);
+    (rig, config)
+}
+
+#[test]
+fn both_ends_count_what_was_on_the_wires_in_every_mode() {
+    for &mode in Mode::ALL {
+        let (rig, config) = booted(mode);
+        let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+        let mut session = Session::with_config(&mut machine, config.clone(), RATE_HZ);
+        let exchange = |session: &mut Session<_>, frames| {
+            for _ in 0..frames {
+                session.exchange(&Wish::default()).expect(mode.name());
+                session.hear();
+            }
+        };
+        exchange(&mut session, 10);
+        let mut wrong = vec![0; frame_len(mode)];
+        wrong[0] = !config.key_from_pi;
+        for _ in 0..3 {
+            let _ = rig.frame(&wrong);
+            rig.board.run_us(100);
+        }
+        for len in [1, frame_len(mode) - 1, frame_len(mode) + 2] {
+            let mut bytes = vec![0; len];
+            bytes[0] = config.key_from_pi;
+            let _ = rig.frame(&bytes);
+            rig.board.run_us(100);
+        }
+        // A pause that the stop deadline allows.
+        rig.board.run_us(100_000);
+        exchange(&mut session, FRAMES);
+        rig.board.run_us(20_000);
+        session.hear();
+
+        let told = rig.log();
+        let name = mode.name();
+        let stm = session.snapshot().stm.expect(name);
+        let guarded = mode.tells_fresh();
+        assert_eq!(stm.causes.get(Cause::Key), 3, "{name}: {told}");
+        let others = [Cause::Short, Cause::Long, Cause::Stale].map(|cause| stm.causes.get(cause));
+        // A number of 0 is none that comes next, and is looked at before the frame's end.
+        let expected = if guarded { [1, 0, 2] } else { [2, 1, 0] };
+        assert_eq!(others, expected, "{name}: {told}");
+        assert_eq!((stm.rejected, stm.lost), (6, 0), "{name}: {told}");
+        assert_eq!(stm.frames, stm.accepted + 6);
+        let pi = session.statistics();
+        assert_eq!(pi.frames, u64::from(10 + FRAMES));
+        assert_eq!((pi.accepted, pi.rejected), (10 + FRAMES, 0));
+        // The line is of some frames ago, and none but the wrong ones were rejected.
+        assert!(stm.accepted <= pi.accepted && stm.accepted > pi.accepted - RATE_HZ);
+        // The wrong frames took replies with them, which the Pi did not get.
+        assert_eq!(pi.missed, guarded.then_some(6), "{name}");
+        assert_eq!(stm.missed, guarded.then_some(0), "{name}: {told}");
+        // 25 ms from frame to frame, and the pause.
+        for (gap, end) in [
+            (u64::from(stm.worst_gap_us), "STM"),
+            (pi.worst_gap_us, "Pi"),
+        ] {
+            assert!((100_000..130_000).contains(&gap), "{name}, {end}: {gap}");
+        }
+        assert!(stm.recent_gap_us.abs_diff(25_000) < 20, "{name}: {told}");
+        // A frame is confirmed with the next one; the STM has numbered its next reply by then.
+        assert_eq!(pi.round_trip_frames, guarded.then_some(1), "{name}");
+        assert_eq!(stm.round_trip_frames, guarded.then_some(2), "{name}");
+        let trip = pi.round_trip_us.map(|us| us.abs_diff(25_000) < 100);
+        assert_eq!(trip, guarded.then_some(true), "{name}: {pi:?}");
+    }
+}
+
+#[test]
+fn a_silent_link_leaves_the_log_alone() {
+    let (rig, config) = booted(Mode::GuardedNormal);
+    let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+    let mut session = Session::with_config(&mut machine, config, RATE_HZ);
+    session.acquaint().expect("a good link");
+    rig.board.run_us(5_000_000);
+    let lines = |log: &str| log.lines().filter(|line| line.contains(": L ")).count();
+    assert_eq!(lines(&rig.log()), 1, "{}", rig.log());
+    rig.board.run_us(5_000_000);
+    assert_eq!(lines(&rig.log()), 1, "{}", rig.log());
+    session.exchange(&Wish::default()).expect("a good link");
+    rig.board.run_us(1_100_000);
+    session.hear();
+    let stm = session.snapshot().stm.expect("a line");
+    assert!(stm.worst_gap_us > 10_000_000, "{}", rig.log());
+}
