@@ -1,9 +1,6 @@
-//! What runs on demand and by night: Kani, the fuzzer, mutants.
+//! What runs on demand and by night: Kani, mutants.
 
-use std::path::Path;
-use std::process::Command;
-
-use crate::error::{failed, Error, Of, Result};
+use crate::error::{failed, Error, Result};
 use crate::place::Place;
 use crate::shell;
 
@@ -58,74 +55,6 @@ fn unsatisfied(line: &str) -> bool {
     numbers
         .split_once(" of ")
         .is_none_or(|(some, all)| some != all)
-}
-
-/// Why the fuzz targets cannot be run here, or `None`.
-pub fn no_fuzz(place: &Place) -> Option<String> {
-    let rustup = || Command::new("rustup");
-    if !shell::installed("rustup")
-        || shell::ask(rustup().args(["run", "nightly", "rustc", "--version"])).is_none()
-    {
-        return Some("no nightly Rust (`rustup toolchain install nightly`)".into());
-    }
-    if shell::ask(place.cargo().args(["fuzz", "--version"])).is_none() {
-        return Some("cargo-fuzz is not installed (`cargo install --locked cargo-fuzz`)".into());
-    }
-    None
-}
-
-/// The names of the fuzz targets.
-///
-/// # Errors
-/// Where their folder cannot be read.
-pub fn fuzz_targets(place: &Place) -> Result<Vec<String>> {
-    let folder = place.root.join("fuzz/fuzz_targets");
-    let files = std::fs::read_dir(&folder).of(folder.display())?.flatten();
-    let stem = |path: &Path| Some(path.file_stem()?.to_string_lossy().into_owned());
-    let mut names: Vec<_> = files.filter_map(|file| stem(&file.path())).collect();
-    names.sort();
-    Ok(names)
-}
-
-/// How long to fuzz one target.
-#[derive(Clone, Copy, Debug)]
-pub enum Effort {
-    /// The same inputs every time, from the committed corpus alone: for a gate, which must not fail
-    /// by chance on a change that did nothing.
-    Inputs(u32),
-    /// Ever new inputs for so many seconds, building on what earlier runs learned.
-    Seconds(u32),
-}
-
-/// Fuzzes one target from its committed corpus; what it learns stays in `target/fuzz/corpus`, what
-/// breaks the target in `fuzz/artifacts`.
-///
-/// # Errors
-/// Where the fuzzer found an input that breaks the target.
-pub fn fuzz_one(place: &Place, target: &str, effort: Effort) -> Result<()> {
-    let (folder, limits) = match effort {
-        Effort::Inputs(count) => ("smoke", vec!["-seed=1".into(), format!("-runs={count}")]),
-        Effort::Seconds(seconds) => ("corpus", vec![format!("-max_total_time={seconds}")]),
-    };
-    // New inputs go to the first folder; the committed seeds are only read.
-    let learned = place.target.join("fuzz").join(folder).join(target);
-    if matches!(effort, Effort::Inputs(_)) && learned.exists() {
-        std::fs::remove_dir_all(&learned).of(learned.display())?;
-    }
-    std::fs::create_dir_all(&learned).of(learned.display())?;
-    let mut fuzz = Command::new("rustup");
-    fuzz.args(["run", "nightly", "cargo", "fuzz", "run", "--target-dir"]);
-    fuzz.arg(place.target.join("fuzz"))
-        .arg(target)
-        .arg(&learned);
-    fuzz.arg(place.root.join("fuzz/corpus").join(target))
-        .arg("--")
-        .args(limits);
-    fuzz.current_dir(&place.root);
-    fuzz.env_remove("CARGO")
-        .env_remove("RUSTC")
-        .env_remove("RUSTUP_TOOLCHAIN");
-    shell::run(&mut fuzz)
 }
 
 /// Changes fw-core in every way cargo-mutants knows and lists the changes that no test notices.

@@ -8,6 +8,7 @@ mod elf;
 mod error;
 mod firmware;
 mod flash;
+mod fuzz;
 mod gates;
 mod gdb;
 mod lines;
@@ -20,9 +21,9 @@ mod stack;
 use std::process::ExitCode;
 
 use arm::{Arm, Way};
-use demand::Effort;
 use error::{failed, Error, Of, Result};
 use firmware::Edition;
+use fuzz::{Effort, Fuzzer};
 use place::Place;
 
 const USAGE: &str = "\
@@ -292,10 +293,8 @@ fn fuzz(place: &Place, words: &Words) -> Result<()> {
     let seconds: u32 = seconds
         .parse()
         .map_err(|_| Error::Usage(format!("--seconds {seconds}: not a number of seconds")))?;
-    if let Some(reason) = demand::no_fuzz(place) {
-        return Err(Error::Missing(reason));
-    }
-    let all = demand::fuzz_targets(place)?;
+    let fuzzer = Fuzzer::find(place)?;
+    let all = fuzzer.targets()?;
     let chosen = match words.plain.first() {
         None => all,
         Some(name) if all.contains(name) => vec![name.clone()],
@@ -306,10 +305,12 @@ fn fuzz(place: &Place, words: &Words) -> Result<()> {
             )))
         }
     };
+    fuzzer.build()?;
     let mut broken = Vec::new();
-    for target in chosen {
-        if let Err(error) = demand::fuzz_one(place, &target, Effort::Seconds(seconds)) {
-            broken.push(format!("{target}: {error}"));
+    for (target, ran) in fuzzer.run_all(&chosen, Effort::Seconds(seconds)) {
+        match ran {
+            Ok(figures) => println!("{target}: {figures}"),
+            Err(error) => broken.push(error.to_string()),
         }
     }
     if broken.is_empty() {

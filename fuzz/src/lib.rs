@@ -35,6 +35,11 @@ impl<'a> Bytes<'a> {
         taken
     }
 
+    /// All that is left.
+    pub fn rest(&mut self) -> &'a [u8] {
+        self.some(self.0.len())
+    }
+
     /// The next up to `count` bytes.
     pub fn some(&mut self, count: usize) -> &'a [u8] {
         let (front, rest) = self.0.split_at(count.min(self.0.len()));

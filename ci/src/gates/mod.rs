@@ -141,7 +141,7 @@ const GATES: [Gate; 19] = [
     slow("kani", "the theorems, proven", proofs::kani),
     slow(
         "fuzz",
-        "every fuzz target on its corpus and some thousand inputs",
+        "every fuzz target on a million inputs or for a minute",
         proofs::fuzz,
     ),
     slow(

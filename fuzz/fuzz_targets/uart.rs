@@ -1,0 +1,52 @@
+//! The Pi's reading of the STM's log, as a UART delivers it: any bytes, in pieces of any size. The
+//! pieces make no difference, every line is counted once, and no number is beyond what the STM says.
+#![no_main]
+
+use host_link::log::{Line, Lines};
+use host_link::tune::record::Recorder;
+use libfuzzer_sys::fuzz_target;
+use robot_fuzz::Bytes;
+
+fuzz_target!(|data: &[u8]| {
+    let mut bytes = Bytes::new(data);
+    let size = usize::from(bytes.byte()) + 1;
+    let log = bytes.rest();
+    let mut whole = Lines::default();
+    let lines = whole.feed(log);
+    let mut parts = Lines::default();
+    let pieced: Vec<Line> = log.chunks(size).flat_map(|part| parts.feed(part)).collect();
+    assert!(lines == pieced, "pieces of {size} bytes read otherwise");
+    assert_eq!(whole.garbled(), parts.garbled());
+    let ends = log.iter().filter(|&&byte| byte == b'\n').count();
+    assert_eq!(
+        lines.len() + usize::try_from(whole.garbled()).unwrap(),
+        ends
+    );
+
+    let mut samples = 0;
+    for line in &lines {
+        assert!(line.number() < 100_000);
+        match *line {
+            Line::Sample { percent, value, .. } => {
+                samples += 1;
+                assert!(percent.abs() <= 100.0 && value.is_finite());
+            }
+            Line::Tuned { tap, .. } => assert!((1..=8).contains(&tap)),
+            Line::Link { link, .. } => {
+                let sum = link
+                    .accepted
+                    .saturating_add(link.rejected)
+                    .saturating_add(link.lost);
+                assert_eq!(link.frames, sum);
+                assert_eq!(link.rejected, link.causes.total());
+                assert!(link.recent_gap_us <= link.worst_gap_us);
+            }
+            Line::Other { .. } => {}
+        }
+    }
+    let mut recorder = Recorder::default();
+    recorder.feed(log);
+    let recorded = recorder.samples();
+    assert_eq!(recorded.len(), samples);
+    assert!(recorded.windows(2).all(|pair| pair[0].tick <= pair[1].tick));
+});
