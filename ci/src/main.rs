@@ -11,6 +11,7 @@ mod flash;
 mod fuzz;
 mod gates;
 mod gdb;
+mod kani;
 mod lines;
 mod numbers;
 mod place;
@@ -250,10 +251,10 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
         "prove" => {
             words.only(0, false, &[])?;
             let place = Place::find()?;
-            if demand::kani_version(&place).is_none() {
-                return Err(Error::Missing(demand::NO_KANI.into()));
+            if kani::version(&place).is_none() {
+                return Err(Error::Missing(kani::MISSING.into()));
             }
-            println!("{}", demand::prove(&place)?);
+            println!("{}", kani::prove(&place)?);
         }
         "fuzz" => {
             words.only(1, false, &["--seconds"])?;

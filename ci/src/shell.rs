@@ -56,17 +56,8 @@ pub fn run(command: &mut Command) -> Result<()> {
     ended(command, status)
 }
 
-/// Runs with the output shown and also handed back; both of the command's outputs, for the verdict
-/// is often in the one and the figure in the other.
-///
-/// # Errors
-/// As [`run`]; the output of a run that failed is lost to the caller, but was shown.
-pub fn tee(command: &mut Command) -> Result<String> {
-    let (status, text) = tee_any_end(command)?;
-    ended(command, status).map(|()| text)
-}
-
-/// As [`tee`], for callers that read the output of a run that failed.
+/// Runs with the output shown and also handed back, however the program ended; both of the command's
+/// outputs, for the verdict is often in the one and the figure in the other.
 ///
 /// # Errors
 /// Where the program cannot be started.

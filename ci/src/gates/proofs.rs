@@ -1,9 +1,9 @@
 //! Gates on the proofs: how many there are, Kani, the fuzz targets.
 
 use super::{passed, skipped, Context, Verdict};
-use crate::demand;
 use crate::error::{failed, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
+use crate::kani;
 use crate::shell;
 
 /// The theorems' table against its floors: a proof that went missing fails here.
@@ -103,9 +103,9 @@ impl Counts {
 }
 
 pub fn kani(context: &mut Context) -> Result<Verdict> {
-    match demand::kani_version(&context.place) {
-        None => skipped(demand::NO_KANI),
-        Some(version) => passed(format!("{version}: {}", demand::prove(&context.place)?)),
+    match kani::version(&context.place) {
+        None => skipped(kani::MISSING),
+        Some(version) => passed(format!("{version}: {}", kani::prove(&context.place)?)),
     }
 }
 

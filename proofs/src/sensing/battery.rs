@@ -220,7 +220,7 @@ crate::theorems! {
     }
     T10 first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) {
         cases ["the first cell is higher", "the second tap is not above the first"];
-        kani proof [unwind(10)];
+        kani proof [unwind(66)];
         sampled 100_000;
     }
 }
