@@ -1,11 +1,18 @@
-//! Battery taps: ADC1 scans IN0 and IN1 shortly before each tick, DMA2 stream 4 takes the words.
+//! Battery taps: ADC1 scans IN0 and IN1 shortly before each tick, DMA2 stream 4 takes the words. The
+//! chip's temperature sensor and voltage reference, IN18 and IN17, follow every scan as its injected
+//! group: they have registers of their own, no DMA, and nothing to disturb the taps with.
 //!
-//! The sampling time is the longest, 480 cycles of 25 MHz = 19 µs a tap: the taps' dividers are
-//! 7.7 kΩ and 13 kΩ at their outputs, and DS10314 equation 1 would let 50 kΩ settle in it.
+//! The sampling time is the longest, 480 cycles of 25 MHz = 19 µs a channel: the taps' dividers are
+//! 7.7 kΩ and 13 kΩ at their outputs, and DS10314 equation 1 would let 50 kΩ settle in it; the sensor
+//! and the reference want 10 µs.
 
 use crate::board::{CELL_1, CELL_2, TAPS};
 use crate::dma::{control, Stream};
 use core::cell::UnsafeCell;
+#[cfg(feature = "acoustics")]
+use core::sync::atomic::{AtomicU8, Ordering};
+#[cfg(feature = "acoustics")]
+use fw_core::sensing::Calibration;
 use stm32f4::stm32f411 as pac;
 
 type Dma = Stream<2, 4>;
@@ -24,16 +31,43 @@ fn registers() -> &'static pac::adc1::RegisterBlock {
     unsafe { &*pac::ADC1::ptr() }
 }
 
+/// Ticks from one temperature to the next: about a second, as slow as air is.
+#[cfg(feature = "acoustics")]
+const TEMPERATURE_TICKS: u8 = 100;
+
+/// Ticks to the next temperature, the robot's priority's own; none to the first.
+#[cfg(feature = "acoustics")]
+static WAIT: AtomicU8 = AtomicU8::new(0);
+
+/// What the factory measured of this part's sensor and reference (DS10314, temperature sensor and
+/// internal reference voltage calibration values).
+#[cfg(feature = "acoustics")]
+pub fn calibration() -> Calibration {
+    let word = |address: usize| {
+        // SAFETY: aligned half-words of the system memory, which is always readable.
+        unsafe { (address as *const u16).read_volatile() }
+    };
+    Calibration {
+        reference: word(0x1FFF_7A2A),
+        cold: word(0x1FFF_7A2C),
+        hot: word(0x1FFF_7A2E),
+    }
+}
+
 /// Powers the converter; its 3 µs of stabilisation are long over at the first tick.
 pub fn start() {
     CELL_1.analog();
     CELL_2.analog();
     // SAFETY: boot runs alone; the common block belongs to the one converter there is.
-    unsafe { &*pac::ADC_COMMON::ptr() }
-        .ccr()
-        .write(|w| w.adcpre().div4());
+    unsafe { &*pac::ADC_COMMON::ptr() }.ccr().write(|w| {
+        w.adcpre().div4();
+        w.tsvrefe().bit(cfg!(feature = "acoustics"))
+    });
     let adc = registers();
-    adc.cr1().write(|w| w.scan().set_bit());
+    adc.cr1().write(|w| {
+        w.scan().set_bit();
+        w.jauto().bit(cfg!(feature = "acoustics"))
+    });
     adc.smpr2().write(|w| {
         w.smp0().cycles480();
         w.smp1().cycles480()
@@ -44,10 +78,24 @@ pub fn start() {
         w.sq1().bits(0);
         w.sq2().bits(1)
     });
+    #[cfg(feature = "acoustics")]
+    {
+        adc.smpr1().write(|w| {
+            w.smp17().cycles480();
+            w.smp18().cycles480()
+        });
+        // The last `jl` + 1 of the four places, in order.
+        // SAFETY: channels 17 and 18 exist.
+        adc.jsqr().write(|w| unsafe {
+            w.jl().bits(1);
+            w.jsq3().bits(18);
+            w.jsq4().bits(17)
+        });
+    }
     adc.cr2().write(|w| w.adon().set_bit());
 }
 
-/// Starts one scan; 40 µs. Every scan sets the stream up anew, so an overrun or a lost request
+/// Starts one scan; 40 µs, and 40 more for the chip's own channels. Every scan sets the stream up anew, so an overrun or a lost request
 /// costs one scan and never swaps the taps.
 #[inline]
 pub fn begin() {
@@ -80,4 +128,24 @@ pub fn begin() {
 pub fn words() -> Option<[u16; TAPS]> {
     // SAFETY: the stream has completed, so nobody writes the words until the next `begin`.
     Dma::complete().then(|| unsafe { WORDS.0.get().read_volatile() })
+}
+
+/// The words of the chip's temperature sensor and of its reference, once a second; for every tick.
+#[cfg(feature = "acoustics")]
+pub fn temperature() -> Option<(u16, u16)> {
+    let wait = WAIT.load(Ordering::Relaxed);
+    if wait > 0 {
+        WAIT.store(wait - 1, Ordering::Relaxed);
+        return None;
+    }
+    let adc = registers();
+    // Set once both are done; `begin` clears it.
+    if adc.sr().read().jeoc().bit_is_clear() {
+        return None;
+    }
+    WAIT.store(TEMPERATURE_TICKS - 1, Ordering::Relaxed);
+    Some((
+        adc.jdr1().read().jdata().bits(),
+        adc.jdr2().read().jdata().bits(),
+    ))
 }

@@ -67,6 +67,10 @@ pub const ECHO_LEFT: Pin = Pin::new(Port::C, 12);
 /// Left rangefinder's trigger.
 pub const TRIGGER_LEFT: Pin = Pin::new(Port::C, 11);
 
+/// The swept rangefinder's servo, TIM1 CH1.
+#[cfg(feature = "sweep")]
+pub const SERVO: Pin = Pin::new(Port::A, 8);
+
 /// `STM_READY`: high once configured; the board pulls it down.
 pub const READY: Pin = Pin::new(Port::B, 1);
 /// I2C1 SCL.

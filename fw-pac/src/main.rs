@@ -12,6 +12,7 @@
 //! | [`spi`] | SPI1: frames |
 //! | [`encoders`], [`motors`] | TIM2, TIM3; TIM4 and the bridges |
 //! | [`rangefinders`], [`adc`], [`leds`] | what it senses and shows |
+//! | `servo` | TIM1: where the swept rangefinder looks |
 //! | [`memory`] | what the compiler calls to copy and to fill |
 //! | [`exti`] | edges, and everybody's priority |
 //! | [`robot`] | events into the core, outputs to the registers |
@@ -45,6 +46,8 @@ mod rangefinders;
 mod reset;
 mod robot;
 mod safe;
+#[cfg(feature = "sweep")]
+mod servo;
 mod spi;
 mod time;
 mod trial;
@@ -72,6 +75,8 @@ fn main() -> ! {
     cortex_m::interrupt::disable();
     clock::enable_peripherals();
     motors::force_off();
+    #[cfg(feature = "sweep")]
+    servo::force_off();
     board::READY.low();
     board::READY.output(Driver::PushPull);
     watchdog::start();
@@ -126,8 +131,14 @@ fn main() -> ! {
     if restart.is_fault() {
         robot.raise(fault::RESTARTED, log);
     }
+    #[cfg(feature = "acoustics")]
+    robot.calibrate(adc::calibration());
     adc::start();
     rangefinders::start();
+    #[cfg(feature = "sweep")]
+    if config.platform.servo {
+        servo::start();
+    }
     let motors = Motors::start();
     leds::show(fw_core::robot::leds(robot.state()));
     // SAFETY: boot's one call; the interrupts are disabled.

@@ -1,7 +1,7 @@
 //! Three US-015: a trigger pulse out, the echo's two edges timed by EXTI and TIM5.
 //!
-//! Only the sensor triggered last is listened to; an edge of another one is noise or a stray echo
-//! and is ignored. An echo shorter than the interrupt's latency has no rising edge left to see and
+//! A sensor is listened to from its trigger to the end of its echo, which for want of an object comes
+//! after the next sensor's trigger; any other edge is noise and is ignored. An echo shorter than the interrupt's latency has no rising edge left to see and
 //! is ignored too: 2 µs are 0.3 mm.
 
 use crate::board::{ECHO_FRONT, ECHO_LEFT, ECHO_RIGHT, TRIGGER_FRONT, TRIGGER_LEFT, TRIGGER_RIGHT};
@@ -24,20 +24,25 @@ pub struct Echo {
     pub fall: Micros,
 }
 
-/// Where the sensor under way is.
+/// Where a sensor is.
 #[derive(Clone, Copy)]
 enum Progress {
-    /// None triggered, or its echo is over.
+    /// Not triggered, or its echo has been taken.
     Idle,
     /// Triggered, no edge yet.
-    Triggered(Rangefinder),
+    Triggered,
     /// The echo's pin went up.
-    Rising(Rangefinder, Micros),
+    Rising(Micros),
+    /// And down, at the second; the robot has not taken it yet.
+    Heard(Micros, Micros),
 }
 
-static PROGRESS: Mutex<Cell<Progress>> = Mutex::new(Cell::new(Progress::Idle));
-/// The echo heard last, until the robot takes it. Sensors take turns, so there is never a second.
-static HEARD: Mutex<Cell<Option<Echo>>> = Mutex::new(Cell::new(None));
+/// In the order of [`Rangefinder`].
+static PROGRESS: Mutex<[Cell<Progress>; 3]> = Mutex::new([
+    Cell::new(Progress::Idle),
+    Cell::new(Progress::Idle),
+    Cell::new(Progress::Idle),
+]);
 
 /// Triggers low, echoes held low where no sensor is plugged in.
 pub fn start() {
@@ -50,9 +55,9 @@ pub fn start() {
     }
 }
 
-/// Sends one sensor's pulse and listens to it from now on.
+/// Sends one sensor's pulse and listens to it until its echo is over or it is triggered anew.
 pub fn trigger(which: Rangefinder) {
-    free(|token| PROGRESS.borrow(token).set(Progress::Triggered(which)));
+    free(|token| PROGRESS.borrow(token)[which as usize].set(Progress::Triggered));
     let (trigger, _) = pins(which);
     time::pulse(|| trigger.high());
 }
@@ -65,9 +70,18 @@ pub fn end_trigger() {
     TRIGGER_LEFT.low();
 }
 
-/// The echo heard since the last call.
+/// An echo heard and not yet taken.
 pub fn take() -> Option<Echo> {
-    free(|token| HEARD.borrow(token).take())
+    free(|token| {
+        let all = PROGRESS.borrow(token);
+        Rangefinder::ALL.into_iter().find_map(|which| {
+            let Progress::Heard(rise, fall) = all[which as usize].get() else {
+                return None;
+            };
+            all[which as usize].set(Progress::Idle);
+            Some(Echo { which, rise, fall })
+        })
+    })
 }
 
 const fn pins(which: Rangefinder) -> (Pin, Pin) {
@@ -84,18 +98,11 @@ fn edge(which: Rangefinder, at: Micros) {
     let (_, echo) = pins(which);
     let high = echo.is_high();
     free(|token| {
-        let progress = PROGRESS.borrow(token);
+        let progress = &PROGRESS.borrow(token)[which as usize];
         match progress.get() {
-            Progress::Triggered(expected) if expected == which && high => {
-                progress.set(Progress::Rising(which, at));
-            }
-            Progress::Rising(expected, rise) if expected == which && !high => {
-                progress.set(Progress::Idle);
-                HEARD.borrow(token).set(Some(Echo {
-                    which,
-                    rise,
-                    fall: at,
-                }));
+            Progress::Triggered if high => progress.set(Progress::Rising(at)),
+            Progress::Rising(rise) if !high => {
+                progress.set(Progress::Heard(rise, at));
                 exti::wake_robot();
             }
             _ => {}

@@ -83,7 +83,7 @@ fn next() -> Option<Event> {
 fn PendSV() {
     // SAFETY: priority 2, like the only other user; `install` came before the interrupts.
     let (body, log) = unsafe { ((*BODY.0.get()).assume_init_mut(), &mut *LOG.0.get()) };
-    if let Some(echo) = rangefinders::take() {
+    while let Some(echo) = rangefinders::take() {
         body.robot.on_echo(echo.which, echo.rise, echo.fall);
     }
     while let Some(event) = next() {
@@ -150,8 +150,16 @@ impl Body {
         let outputs = self.robot.on_tick(sample, taps, log);
         self.motors.set(outputs.left, outputs.right);
         leds::show(outputs.leds);
+        #[cfg(feature = "sweep")]
+        if let Some(width) = outputs.servo {
+            crate::servo::pulse(width);
+        }
         if let Some(which) = outputs.trigger {
             rangefinders::trigger(which);
+        }
+        #[cfg(feature = "acoustics")]
+        if let Some((sensor, reference)) = adc::temperature() {
+            self.robot.on_temperature(sensor, reference, log);
         }
         self.answer();
         watchdog::ticked();

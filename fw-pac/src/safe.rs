@@ -1,7 +1,7 @@
 //! The safe state: where a panic, a fault, a dying crystal and every unexpected interrupt end.
 //!
-//! In this order: interrupts off, motors off by plain GPIO (which works whatever became of the
-//! timer), READY low, the LEDs' fault pattern, one line on the UART, then nothing more: the
+//! In this order: interrupts off, motors and servo off by plain GPIO (which works whatever became of
+//! the timers), READY low, the LEDs' fault pattern, one line on the UART, then nothing more: the
 //! watchdog, no longer fed, resets the part within 188 ms. Waiting for it rather than resetting at
 //! once leaves the line time to get out and proves at every such end that the watchdog lives; should
 //! it not, the part resets itself after about a second. Either reset leaves the motors off, and the
@@ -26,6 +26,8 @@ pub fn halt(why: &[u8]) -> ! {
     // Boot may not have come to it yet.
     clock::enable_peripherals();
     motors::force_off();
+    #[cfg(feature = "sweep")]
+    crate::servo::force_off();
     READY.low();
     READY.output(Driver::PushPull);
     leds::show(robot::leds(State::Faulted));

@@ -25,7 +25,8 @@ pub struct Snapshot {
     pub cells_v: Vec<Option<f64>>,
     /// Millimetres front, right, left; none = out of range, no echo, or not measured yet.
     pub ranges_mm: [Option<f64>; 3],
-    /// Sweep mode: bearing of the first range, degrees.
+    /// Sweep mode: the bearing at which the first range was measured, degrees counter-clockwise from
+    /// straight ahead, −180 to 180.
     pub bearing_deg: Option<f64>,
     /// Guarded modes.
     pub state: Option<&'static str>,
@@ -70,7 +71,8 @@ impl Snapshot {
             self.measurement = Some(f64::from_bits(report.measurement.0));
         }
         if self.kind == Mode::GuardedSweep {
-            self.bearing_deg = Some(f64::from(report.bearing) * (360.0 / 65_536.0));
+            let turn = f64::from(report.bearing.cast_signed()) / 65_536.0;
+            self.bearing_deg = Some(turn * 360.0);
         }
         if let Some(cell) = self.cells_v.get_mut(usize::from(report.cell.cell)) {
             *cell = Some(f64::from(report.cell.voltage) / 200.0);

@@ -27,6 +27,8 @@ pub struct Options {
     pub chassis: Chassis,
     /// Seed of everything random.
     pub seed: u64,
+    /// How warm the air is, °C.
+    pub air_c: i16,
     /// SPI clock, hertz.
     pub spi_hz: u32,
     /// The EEPROM's content from run to run; a blank part if the file does not exist.
@@ -203,7 +205,7 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
         Err(cause) if cause.kind() == ErrorKind::NotFound => Vec::new(),
         Err(cause) => return Err(Error::unreadable(&options.eeprom_image, &cause)),
     };
-    let built = twin::Options {
+    let mut built = twin::Options {
         seed: options.seed,
         room,
         eeprom: Some(eeprom),
@@ -213,6 +215,7 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
         },
         ..twin::Options::default()
     };
+    built.params.rangefinder.temperature_c = options.air_c.into();
     let board = Board::new(&elf, built).map_err(|cause| Error::Device {
         name: format!("the virtual board with {}", options.elf.display()),
         cause: cause.to_string(),

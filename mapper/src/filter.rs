@@ -59,12 +59,20 @@ impl Filter {
         }
     }
 
-    /// Takes the latest value of the rangefinder.
+    /// Takes the latest value of the rangefinder, which may be the last measurement again.
     pub(crate) fn take(&mut self, reading: Reading) -> Verdict {
+        if self.waiting.is_some_and(|last| is_repeat(&last, &reading)) {
+            return Verdict::Ignored;
+        }
+        self.take_new(reading)
+    }
+
+    /// Takes a value that is known to be of a measurement of its own.
+    pub(crate) fn take_new(&mut self, reading: Reading) -> Verdict {
         let believable = reading
             .range_mm
             .is_none_or(|range| range >= self.gate.limits_mm.0 && range <= self.gate.limits_mm.1);
-        if !believable || self.waiting.is_some_and(|last| is_repeat(&last, &reading)) {
+        if !believable {
             return Verdict::Ignored;
         }
         let Some(last) = self.waiting.replace(reading) else {

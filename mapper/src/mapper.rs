@@ -49,6 +49,8 @@ pub struct Counters {
 pub struct Mapper {
     config: Config,
     filters: Vec<Filter>,
+    /// Bearing and range of the last swept reading.
+    swept: Option<(f64, Option<f64>)>,
     grid: Grid,
     counters: Counters,
 }
@@ -63,6 +65,7 @@ impl Mapper {
         };
         Self {
             filters: vec![Filter::new(gate); config.mounts.len()],
+            swept: None,
             grid: Grid::new(config.cell_mm),
             config,
             counters: Counters::default(),
@@ -86,7 +89,8 @@ impl Mapper {
     }
 
     /// Takes one reading of a swept rangefinder that looked along `bearing_rad` when it measured;
-    /// otherwise like [`Mapper::observe`].
+    /// otherwise like [`Mapper::observe`]. A repeat of the last bearing with the last range is the same
+    /// measurement: no two in turn share a bearing.
     pub fn observe_swept(
         &mut self,
         pose: &Pose,
@@ -99,10 +103,16 @@ impl Mapper {
                 bearing_rad,
                 ..*mount
             };
-            let verdict = self.filters[sensor].take(Reading {
-                sensor: mount.on(pose),
-                range_mm,
-            });
+            let again =
+                self.swept.replace((bearing_rad, range_mm)) == Some((bearing_rad, range_mm));
+            let verdict = if again {
+                Verdict::Ignored
+            } else {
+                self.filters[sensor].take_new(Reading {
+                    sensor: mount.on(pose),
+                    range_mm,
+                })
+            };
             self.settle(verdict);
         }
     }

@@ -59,6 +59,8 @@ pub const THEOREMS: &[&[Theorem]] = &[
     motion::pid::THEOREMS,
     motion::deadline::THEOREMS,
     sensing::rangefinder::THEOREMS,
+    sensing::sweep::THEOREMS,
+    sensing::thermometer::THEOREMS,
     sensing::battery::THEOREMS,
     log::THEOREMS,
     robot::THEOREMS,

@@ -169,6 +169,14 @@ impl Rig {
             assert!(braked && state == State::Faulted);
         }
         assert!(state != State::Stopped || braked);
+        if let Some(width) = outputs.servo {
+            assert!((1000..=2000).contains(&width) && platform.servo);
+            assert!(state != State::Faulted);
+            // Like the motors: not before a frame was taken, not after the silence.
+            assert!(self
+                .fresh
+                .is_some_and(|fresh| self.now.since(fresh) < allowed));
+        }
     }
 }
 

@@ -845,7 +845,7 @@ FIELDS = [
     (0x0304, U32, "wheel_diameter_left", 10_000, 1_000_000, 80_000),
     (0x0308, U32, "wheel_diameter_right", 10_000, 1_000_000, 80_000),
     (0x030C, U32, "track", 20_000, 2_000_000, 125_000),
-    (0x0310, U8, "signs", 0, 15, 3),
+    (0x0310, U8, "signs", 0, 31, 3),
     (0x0311, U8, "rangefinders", 0, 3, 3),
     (0x0312, U16, "bearings.front", 0, 0xFFFF, 0x0000),
     (0x0314, U16, "bearings.right", 0, 0xFFFF, 0xC000),
@@ -863,7 +863,7 @@ FIELDS = [
     (0x032C, U16, "position_tolerance", 200, 65_535, 3000),
     (0x032E, U16, "rotation_tolerance", 8, 0x2000, 91),
     (0x0330, U16, "log_period", 0, 60_000, 0),
-    (0x0332, U16, "reserved", 0, 0, 0),
+    (0x0332, U16, "servo_travel", 0, 0x8000, 0),
 ]
 BY_NAME = {name: (address, kind, low, high) for address, kind, name, low, high, _ in FIELDS}
 FIRST_BOARD = {name: value for _, _, name, _, _, value in FIELDS}
@@ -932,11 +932,11 @@ def eeprom():
         **{"dividers.%d.upper" % n: 1_000_001 * n for n in range(1, 9)},
         **{"dividers.%d.lower" % n: 100_002 * n for n in range(1, 9)},
         "counts_per_turn": 0x1234, "wheel_diameter_left": 81_234, "wheel_diameter_right": 79_876,
-        "track": 234_567, "signs": 0x0C, "rangefinders": 1, "bearings.front": 0x0102,
+        "track": 234_567, "signs": 0x1C, "rangefinders": 1, "bearings.front": 0x0102,
         "bearings.right": 0xC304, "bearings.left": 0x4506, "servo": 1, "stop_deadline": 777,
         "dead_zone_left": 1111, "dead_zone_right": 2222, "limit_left": 8888, "limit_right": 9999,
         "log_baud": 1_000_000, "battery_warn": 3555, "battery_cutoff": 3111,
-        "position_tolerance": 4321, "rotation_tolerance": 1234, "log_period": 500,
+        "position_tolerance": 4321, "rotation_tolerance": 1234, "log_period": 500, "servo_travel": 0x5678,
     }
     accept("every field distinct, eight cells, sweep", distinct)
     low = {name: low for _, _, name, low, _, _ in FIELDS}

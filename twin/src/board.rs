@@ -18,7 +18,7 @@ use crate::parts::i2c_bus::{I2cBus, SharedBus, Side};
 use crate::parts::spi_master::Step;
 use crate::parts::uart::LogByte;
 use crate::report::Unmodelled;
-use crate::surroundings::{OutputChange, Surroundings};
+use crate::surroundings::{OutputChange, Ping, Surroundings};
 use crate::wiring;
 
 /// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
@@ -37,6 +37,8 @@ pub struct Options {
     pub eeprom: Option<Vec<u8>>,
     /// Whether the 8 MHz crystal works.
     pub crystal: bool,
+    /// The factory's words: voltage reference, temperature sensor at 30 and at 110 °C.
+    pub factory_words: [u16; 3],
     /// A debugger's port.
     pub debugger: Option<Debugger>,
 }
@@ -50,6 +52,7 @@ impl Default for Options {
             params: Params::default(),
             eeprom: Some(Vec::new()),
             crystal: true,
+            factory_words: FACTORY_WORDS,
             debugger: None,
         }
     }
@@ -96,6 +99,13 @@ pub enum ResetBy {
     Other,
 }
 
+/// The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the converter's
+/// model answers (STM32F411xC/xE data sheet, temperature sensor and internal reference characteristics).
+const FACTORY_WORDS: [u16; 3] = [1501, 959, 1207];
+
+/// Where the factory left them: 0x1FFF7A2A, 0x1FFF7A2C, 0x1FFF7A2E.
+const FACTORY_WORDS_AT: u64 = 0x1FFF_7A2A;
+
 /// Where the part's flash begins.
 const FLASH: u64 = 0x0800_0000;
 
@@ -141,7 +151,14 @@ impl Board {
         let around = Surroundings::new(world, SharedBus::new(bus));
         let board =
             VirtualBoard::new(around, options.crystal).map_err(|error| Ended(error.to_string()))?;
-        let emulation = Emulation::start(board, vec![image], options.debugger)?;
+        let words = options.factory_words.map(u16::to_le_bytes).concat();
+        let factory = Image::new(
+            std::path::Path::new("factory"),
+            words,
+            Some(FACTORY_WORDS_AT),
+        )
+        .map_err(|error| Ended(error.to_string()))?;
+        let emulation = Emulation::start(board, vec![image, factory], options.debugger)?;
         Ok(Self {
             emulation: Arc::new(emulation),
             disturbances: Arc::default(),
@@ -287,6 +304,12 @@ impl Board {
     #[must_use]
     pub fn outputs(&self) -> Vec<OutputChange> {
         self.robot(|robot| robot.around.outputs.clone())
+    }
+
+    /// Every burst of a rangefinder so far.
+    #[must_use]
+    pub fn pings(&self) -> Vec<Ping> {
+        self.robot(|robot| robot.around.pings.clone())
     }
 
     /// Whether READY is high.

@@ -32,12 +32,13 @@
 //!
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
-//! with its temperature sensor, TIM1 to TIM5, IWDG, NVIC, `SysTick`, DWT. By this crate: EXTI, the
+//! with its temperature sensor and voltage reference, TIM1 to TIM5, IWDG, NVIC, `SysTick`, DWT. By this crate: EXTI, the
 //! multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception by DMA, a bus held
 //! low, a crystal that does not start. On the board: the EEPROM with its write cycle, page wrap
 //! and write protection, the I2C switch, the RESET line, quadrature edges at the instants the
 //! wheels pass them, the bridge, battery taps behind their dividers, three rangefinders with
-//! trigger and echo times, the log's wire at its bit rate.
+//! trigger and echo times that hear each other's echoes, the servo under the front one, the log's wire at
+//! its bit rate.
 //!
 //! # What is not
 //! - The core retires one instruction per 10 ns of virtual time whatever the clock tree says, and

@@ -11,6 +11,8 @@ pub const SCK: Pin = pin('A', 5);
 pub const MISO: Pin = pin('A', 6);
 /// SPI1's input.
 pub const MOSI: Pin = pin('A', 7);
+/// TIM1 channel 1: the servo of the swept rangefinder.
+pub const SERVO: Pin = pin('A', 8);
 /// USART1's output: the log.
 pub const TX: Pin = pin('A', 9);
 /// High once the firmware is configured; pulled down on the board.

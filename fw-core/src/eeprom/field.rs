@@ -251,7 +251,7 @@ macro_rules! mode_field {
 /// One bit for each sign, from bit 0.
 macro_rules! signs_field {
     (row $address:literal, $name:literal, $($sign:ident $bit:literal),+) => {
-        row($address, $name, "", Kind::U8, &whole(0, 0x0F), 0)
+        row($address, $name, "", Kind::U8, &whole(0, 0x1F), 0)
     };
     (get $config:ident, $name:literal, $($sign:ident $bit:literal),+) => {
         0 $(| u64::from($config.platform.$sign) << $bit)+
@@ -355,7 +355,7 @@ fields![
     // Not narrower than two motors' shafts, not wider than a door is high.
     whole_field!(0x030C, "track", "um", U32 u32, whole(20_000, 2_000_000), 0, platform.track),
     signs_field!(0x0310, "signs", encoder_left_reversed 0, encoder_right_reversed 1,
-        motor_left_reversed 2, motor_right_reversed 3),
+        motor_left_reversed 2, motor_right_reversed 3, servo_reversed 4),
     whole_field!(0x0311, "rangefinders", "", U8 u8, whole(0, 3), 0, platform.rangefinders),
     whole_field!(0x0312, "bearings.front", "turn/65536", U16 u16, ANY, 0, platform.bearings[0]),
     whole_field!(0x0314, "bearings.right", "turn/65536", U16 u16, ANY, 0, platform.bearings[1]),
@@ -378,5 +378,6 @@ fields![
     whole_field!(0x032C, "position_tolerance", "um", U16 u16, whole(200, 65_535), 0, platform.position_tolerance),
     whole_field!(0x032E, "rotation_tolerance", "turn/65536", U16 u16, whole(8, 0x2000), 0, platform.rotation_tolerance),
     whole_field!(0x0330, "log_period", "ms", U16 u16, whole(0, 60_000), 0, platform.log_period),
-    fixed_field!(0x0332, "reserved", U16, 0),
+    // A sensor that looks further back than sideways sees the robot.
+    whole_field!(0x0332, "servo_travel", "turn/65536", U16 u16, whole(0, 0x8000), 0, platform.servo_travel),
 ];

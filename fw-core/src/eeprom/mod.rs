@@ -102,7 +102,7 @@ pub struct Divider {
 /// | 0x04 | u32 | `wheel_diameter_left`, µm |
 /// | 0x08 | u32 | `wheel_diameter_right`, µm |
 /// | 0x0C | u32 | `track`, µm |
-/// | 0x10 | u8 | signs: bit 0 left encoder, 1 right encoder, 2 left motor, 3 right motor reversed |
+/// | 0x10 | u8 | signs: bit 0 left encoder, 1 right encoder, 2 left motor, 3 right motor, 4 servo reversed |
 /// | 0x11 | u8 | `rangefinders`, 0 ..= 3 |
 /// | 0x12 | 3 × u16 | `bearings` front, right, left, turn × 0x10000 |
 /// | 0x18 | u8 | `servo`, 0 or 1 |
@@ -118,7 +118,7 @@ pub struct Divider {
 /// | 0x2C | u16 | `position_tolerance`, µm |
 /// | 0x2E | u16 | `rotation_tolerance`, turn × 0x10000 |
 /// | 0x30 | u16 | `log_period`, ms between pose lines, 0 = none |
-/// | 0x32 | u16 | zero |
+/// | 0x32 | u16 | `servo_travel`, turn × 0x10000, 0 = half a turn |
 /// | 0x34 | u32 | CRC-32 (ISO-HDLC) over 0x0000 ..= 0x02FF and 0x0300 ..= 0x0333 |
 #[allow(
     clippy::struct_excessive_bools,
@@ -142,6 +142,8 @@ pub struct Platform {
     pub motor_left_reversed: bool,
     /// A positive right duty must be wired backwards.
     pub motor_right_reversed: bool,
+    /// A longer pulse turns the servo clockwise.
+    pub servo_reversed: bool,
     /// Rangefinders fitted, in the order front, right, left.
     pub rangefinders: u8,
     /// Front, right, left: turn × 0x10000, counter-clockwise from straight ahead.
@@ -172,6 +174,8 @@ pub struct Platform {
     pub rotation_tolerance: u16,
     /// Milliseconds between pose lines in the log, 0 = none.
     pub log_period: u16,
+    /// How far the servo turns from a pulse of 1.0 ms to one of 2.0 ms, turn × 0x10000; 0 = half a turn.
+    pub servo_travel: u16,
 }
 
 impl Platform {
@@ -186,6 +190,7 @@ impl Platform {
         encoder_right_reversed: true,
         motor_left_reversed: false,
         motor_right_reversed: false,
+        servo_reversed: false,
         rangefinders: 3,
         bearings: [0, 0xC000, 0x4000],
         servo: false,
@@ -201,6 +206,7 @@ impl Platform {
         position_tolerance: 3000,
         rotation_tolerance: 91,
         log_period: 0,
+        servo_travel: 0,
     };
 }
 

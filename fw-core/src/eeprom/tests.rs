@@ -87,10 +87,10 @@ fn page_three_stands_where_its_table_says() {
     let mut image = original_by_hand();
     put(&mut image, 0x0300, "01 38 D0 07");
     put(&mut image, 0x0304, "10 98 02 00 C0 D4 01 00 F0 49 02 00");
-    put(&mut image, 0x0310, "06 02 01 00 02 C0 03 40 01 00");
+    put(&mut image, 0x0310, "16 02 01 00 02 C0 03 40 01 00");
     put(&mut image, 0x031A, "2C 01 E8 03 D0 07 28 23 10 27");
     put(&mut image, 0x0324, "00 C2 01 00 AC 0D E4 0C");
-    put(&mut image, 0x032C, "E8 03 B6 00 64 00 00 00");
+    put(&mut image, 0x032C, "E8 03 B6 00 64 00 34 52");
     seal(&mut image);
     let config = Config {
         platform: Platform {
@@ -102,6 +102,7 @@ fn page_three_stands_where_its_table_says() {
             encoder_right_reversed: true,
             motor_left_reversed: true,
             motor_right_reversed: false,
+            servo_reversed: true,
             rangefinders: 2,
             bearings: [0x0001, 0xC002, 0x4003],
             servo: true,
@@ -117,6 +118,7 @@ fn page_three_stands_where_its_table_says() {
             position_tolerance: 1000,
             rotation_tolerance: 182,
             log_period: 100,
+            servo_travel: 0x5234,
         },
         ..by_hand()
     };

@@ -40,6 +40,16 @@ pub enum Rangefinder {
 impl Rangefinder {
     /// All of them, in the order of the frame.
     pub const ALL: [Self; 3] = [Self::Front, Self::Right, Self::Left];
+
+    /// Its word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Right => "right",
+            Self::Left => "left",
+        }
+    }
 }
 
 /// What a tick tells the registers.
@@ -51,6 +61,9 @@ pub struct Outputs {
     pub right: Drive,
     /// The rangefinder to trigger now, if it is one's turn.
     pub trigger: Option<Rangefinder>,
+    /// The one pulse to send the servo now, microseconds high, if it is time for one. A servo that is
+    /// sent none has no force.
+    pub servo: Option<u16>,
     /// LEDs 1 to 4, bit 0 = LED 1 lit.
     pub leds: u8,
 }

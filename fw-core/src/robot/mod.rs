@@ -6,6 +6,7 @@
 //! | 100 Hz tick | [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words |
 //! | frame | [`Robot::reply_gone`], [`Robot::on_frame`], then [`Robot::refresh_reply`] and [`Robot::following_reply`] | chip-select's rising edge |
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
+//! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
 mod io;
 mod link_line;
@@ -19,7 +20,9 @@ use crate::double::Double;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
 use crate::motion::{Controller, Delta, Odometry, Plausibility, StopDeadline, Wheels};
-use crate::sensing::{Battery, Rangefinders};
+use crate::sensing::{Battery, Rangefinders, Sweep, Tally};
+#[cfg(feature = "acoustics")]
+use crate::sensing::{Calibration, Thermometer};
 use crate::units::{Duty, Micros, Pose};
 use crate::wire::{
     fault, CellCode, Command, DistanceCode, FrameError, LinkCounters, Mode, PoseCode, Report,
@@ -77,6 +80,9 @@ pub struct Robot {
     told: Wheels,
     battery: Battery,
     rangefinders: Rangefinders,
+    sweep: Sweep,
+    #[cfg(feature = "acoustics")]
+    thermometer: Thermometer,
     want: Want,
     target: PoseCode,
     /// Millimetres along the path since reset, 2⁻¹⁶.
@@ -96,6 +102,7 @@ impl Robot {
     #[must_use]
     pub fn new(config: &Config, first: Sample) -> Self {
         let platform = &config.platform;
+        let sweeps = config.mode == Mode::GuardedSweep;
         Self {
             measure: Measure::of(config.mode),
             link: StmLink::new(Setup::from(config)),
@@ -106,7 +113,15 @@ impl Robot {
             plausibility: Plausibility::new(platform),
             told: Wheels::default(),
             battery: Battery::new(config),
-            rangefinders: Rangefinders::new(platform.rangefinders),
+            // The sweep is of one, which then need not wait for the others.
+            rangefinders: Rangefinders::new(if cfg!(feature = "sweep") && sweeps {
+                1
+            } else {
+                platform.rangefinders
+            }),
+            sweep: Sweep::new(platform, sweeps),
+            #[cfg(feature = "acoustics")]
+            thermometer: Thermometer::new(Calibration::UNWRITTEN),
             want: Want::Nothing,
             target: PoseCode::default(),
             travelled: 0,
@@ -148,14 +163,32 @@ impl Robot {
         };
         self.told = wheels;
         self.tell(sample.now, log);
-        let trigger = self.rangefinders.tick(sample.now);
+        let (servo, trigger) = self.look(sample.now);
+        #[cfg(feature = "acoustics")]
+        self.telling.rangefinders(&self.rangefinders, log);
         self.sense();
         Outputs {
             left: wheels.left,
             right: wheels.right,
             trigger,
+            servo,
             leds: leds(self.supervisor.state()),
         }
+    }
+
+    /// The servo's pulse and the rangefinder to trigger. Nobody talks to the robot, or a fault has
+    /// stopped it: the servo rests.
+    fn look(&mut self, now: Micros) -> (Option<u16>, Option<Rangefinder>) {
+        let live = self.supervisor.attended(now) && self.supervisor.state() != State::Faulted;
+        let servo = self.sweep.tick(live);
+        if self.sweep.is_off() {
+            self.rangefinders.forget();
+        }
+        let trigger = self.rangefinders.tick(now, self.sweep.aim());
+        if trigger == Some(Rangefinder::Front) {
+            self.sweep.triggered();
+        }
+        (servo, trigger)
     }
 
     /// What a tick or an echo changed, in the wire's codes: a frame's replies only copy it.
@@ -165,6 +198,11 @@ impl Robot {
             measurement: self.measurement(),
             ranges: Rangefinder::ALL
                 .map(|which| DistanceCode::from_distance(self.rangefinders.distance(which))),
+            bearing: if cfg!(feature = "sweep") {
+                self.rangefinders.reading(Rangefinder::Front).bearing
+            } else {
+                0
+            },
             ..Report::default()
         };
     }
@@ -293,6 +331,21 @@ impl Robot {
         self.sense();
     }
 
+    /// The factory's words for the temperature sensor; without them sound is taken at 343 m/s.
+    #[cfg(feature = "acoustics")]
+    pub fn calibrate(&mut self, calibration: Calibration) {
+        self.thermometer = Thermometer::new(calibration);
+    }
+
+    /// The words of the chip's temperature sensor and of its voltage reference, once a second or so:
+    /// how fast sound travels from now on.
+    #[cfg(feature = "acoustics")]
+    pub fn on_temperature(&mut self, sensor: u16, reference: u16, log: &mut Log) {
+        let air = self.thermometer.read(sensor, reference);
+        self.rangefinders.set_temperature(air);
+        self.telling.temperature(air, log);
+    }
+
     /// Latches faults that the registers found.
     pub fn raise(&mut self, faults: u16, log: &mut Log) {
         let new = faults & !self.supervisor.faults();
@@ -372,6 +425,12 @@ impl Robot {
     #[must_use]
     pub const fn pose(&self) -> Pose {
         self.odometry.pose()
+    }
+
+    /// How a rangefinder's triggers ended so far.
+    #[must_use]
+    pub fn tally(&self, which: Rangefinder) -> Tally {
+        self.rangefinders.tally(which)
     }
 
     /// The link's counters.

@@ -91,6 +91,13 @@ impl Supervisor {
         }
     }
 
+    /// Whether somebody talks to the robot: a fresh frame has come, and the deadline since the last one
+    /// has not passed by `now`.
+    #[must_use]
+    pub fn attended(&mut self, now: Micros) -> bool {
+        !self.deadline.expired(now)
+    }
+
     /// A fresh valid frame arrived: the only thing that feeds the deadline.
     pub fn on_fresh(&mut self, now: Micros, intent: Intent) {
         // A frame that arrives after the deadline but before the tick that would notice does not

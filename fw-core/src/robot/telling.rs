@@ -1,6 +1,10 @@
 //! What the robot says in its log, and how often.
 
 use crate::log::{Level, Line, Log};
+#[cfg(feature = "acoustics")]
+use crate::robot::Rangefinder;
+#[cfg(feature = "acoustics")]
+use crate::sensing::{Rangefinders, Tally};
 use crate::units::Duty;
 use crate::wire::{fault, FrameError, PoseCode, State};
 
@@ -8,6 +12,10 @@ use crate::wire::{fault, FrameError, PoseCode, State};
 const QUIET_TICKS: u16 = 100;
 /// Milliseconds of a tick.
 const TICK_MS: u16 = 10;
+
+/// Triggers in a row without an answer before a line says so.
+#[cfg(feature = "acoustics")]
+const SILENT: u8 = 3;
 
 /// What has been told, and when the next telling is due.
 #[derive(Clone, Debug)]
@@ -20,6 +28,12 @@ pub(super) struct Telling {
     /// Ticks from one pose line to the next, 0 = none.
     period: u16,
     until_pose: u16,
+    /// Which rangefinders do not answer, as told.
+    #[cfg(feature = "acoustics")]
+    silent: [bool; 3],
+    /// Whether the temperature was known at the last telling, if there was one.
+    #[cfg(feature = "acoustics")]
+    warm: Option<bool>,
 }
 
 impl Telling {
@@ -31,7 +45,45 @@ impl Telling {
             quiet: 0,
             period: period.div_ceil(TICK_MS),
             until_pose: 0,
+            #[cfg(feature = "acoustics")]
+            silent: [false; 3],
+            #[cfg(feature = "acoustics")]
+            warm: None,
         }
+    }
+
+    /// Once a tick: a line when a rangefinder does not answer three triggers in a row, and when it
+    /// answers again. One that answers without an object in range is no matter for a line.
+    #[cfg(feature = "acoustics")]
+    pub(super) fn rangefinders(&mut self, all: &Rangefinders, log: &mut Log) {
+        for (which, told) in Rangefinder::ALL.into_iter().zip(&mut self.silent) {
+            let tally = all.tally(which);
+            let silent = tally.row >= SILENT;
+            // From three in a row to an answer.
+            if silent == *told || (*told && tally.row > 0) {
+                continue;
+            }
+            *told = silent;
+            rangefinder(which, &tally, log);
+        }
+    }
+
+    /// The first temperature, and every change between knowing one and not.
+    #[cfg(feature = "acoustics")]
+    pub(super) fn temperature(&mut self, air: Option<fixed::types::I16F16>, log: &mut Log) {
+        if self.warm.replace(air.is_some()) == Some(air.is_some()) {
+            return;
+        }
+        log.line(Level::Info, |line| match air {
+            Some(air) => {
+                line.text("air at ")
+                    .int(air.round().to_num())
+                    .text(" deg C");
+            }
+            None => {
+                line.text("no temperature: sound taken at 343 m/s");
+            }
+        });
     }
 
     /// Once a tick: a line for every change of state, and the rejected frames kept back so far.
@@ -102,6 +154,27 @@ pub(super) fn faults(new: u16, log: &mut Log) {
             });
         }
     }
+}
+
+/// A rangefinder that fell silent or answers again, and how its triggers ended so far.
+#[cfg(feature = "acoustics")]
+#[cold]
+#[inline(never)]
+fn rangefinder(which: Rangefinder, tally: &Tally, log: &mut Log) {
+    log.line(Level::Warn, |line| {
+        line.text(which.name())
+            .text(if tally.row > 0 {
+                " rangefinder silent"
+            } else {
+                " rangefinder answers"
+            })
+            .text(": heard ")
+            .int(tally.heard.into())
+            .text(", out of range ")
+            .int(tally.out_of_range.into())
+            .text(", missing ")
+            .int(tally.missing.into());
+    });
 }
 
 /// A sample of a tuning mode: duty in percent, measured degrees or millimetres in thousandths.

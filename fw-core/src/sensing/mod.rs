@@ -1,4 +1,5 @@
-//! What the robot senses beside its wheels: the battery's cells and the distance to what is around.
+//! What the robot senses beside its wheels: the battery's cells, the distance to what is around and
+//! where it looks for that, and how warm the air is that carries the sound.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -8,6 +9,13 @@
 
 pub mod battery;
 pub mod rangefinder;
+#[cfg_attr(not(feature = "sweep"), path = "no_sweep.rs")]
+pub mod sweep;
+#[cfg(feature = "acoustics")]
+pub mod thermometer;
 
 pub use battery::Battery;
-pub use rangefinder::{Echo, Rangefinders};
+pub use rangefinder::{Echo, Rangefinders, Reading, Tally};
+pub use sweep::Sweep;
+#[cfg(feature = "acoustics")]
+pub use thermometer::{Calibration, Thermometer};

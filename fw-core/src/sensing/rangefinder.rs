@@ -5,11 +5,23 @@
 //! |---|---|---|
 //! | 1 | 60 ms | 60 ms |
 //! | 2 | 30 ms | 60 ms |
-//! | 3 | 20 ms | 60 ms |
+//! | 3 | 20 ms, 30 ms where nothing answered | 60 to 90 ms |
 //!
-//! An echo from 2.5 m is over 16 ms after its trigger: it ends within the slot.
+//! 60 ms is the part's own limit. What is within range, 2.5 m, has answered 20 ms after the trigger at
+//! any temperature; a sensor hears up to 4 m, and an echo from there, 26 ms late at −40 °C, must not
+//! meet the next sensor listening. So where nothing answered in 20 ms the next one waits until 30.
+//!
+//! What a sensor says of the line of its echo, and what it means:
+//!
+//! | the line | reading | on the wire |
+//! |---|---|---|
+//! | rises, falls within the time of 2500 mm | [`Echo::At`] | its code |
+//! | up for longer than that, 38 ms where nothing echoes | [`Echo::Late`], then [`Echo::OutOfRange`] | 0xFFFF |
+//! | never rises, never falls, or falls at once | [`Echo::Late`], then [`Echo::Missing`] | 0xFFFF |
 
-use fixed::types::{I16F16, I32F32};
+#[cfg(feature = "acoustics")]
+use fixed::types::I16F16;
+use fixed::types::I32F32;
 
 use crate::robot::Rangefinder;
 use crate::units::{Micros, Millimetres};
@@ -18,10 +30,17 @@ use crate::units::{Micros, Millimetres};
 const FARTHEST: i64 = 2500 << 32;
 /// Shortest echo that an object makes, microseconds: 20 mm, the sensor's blind distance.
 const SHORTEST: u32 = 117;
-/// Longest time from the trigger to the echo's rise, microseconds; the sensor takes below 1 ms.
-const LATEST_RISE: u32 = 8_000;
+/// Longest time from the trigger to the echo's rise, microseconds; the sensor takes below 1 ms. With
+/// the 16.3 ms of 2500 mm at −40 °C it is within the slot.
+const LATEST_RISE: u32 = 3_000;
 /// Ticks from one trigger of a sensor to its next.
 const CYCLE: u8 = 6;
+/// Ticks until everything within range has answered a trigger: 20 ms.
+pub const LISTEN: u8 = 2;
+/// Ticks until no echo of a trigger can be heard any more: 8 m of way, 26 ms at −40 °C.
+const QUIET: u8 = 3;
+/// Speed of sound until a temperature is known, mm/s: as at 19 °C.
+const ASSUMED: u64 = 343_000;
 
 /// What a rangefinder says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,17 +50,72 @@ pub enum Echo {
     None,
     /// An object, 20 ..= 2500 mm away.
     At(Millimetres),
+    /// Nothing within range has answered the last trigger; whether for want of an object or of a
+    /// sensor shows when its line falls, or does not until the next trigger.
+    Late,
     /// An echo longer than 2500 mm's: nothing within range.
     OutOfRange,
     /// The last trigger got no answer, or an impossible one: broken or not connected.
     Missing,
 }
 
+/// A reading and where the sensor pointed when it was triggered: never apart, so that no reading can
+/// come to a later bearing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reading {
+    /// What it says.
+    pub echo: Echo,
+    /// Turn × 0x10000, counter-clockwise from straight ahead.
+    pub bearing: u16,
+}
+
+/// How a sensor's triggers ended since the start; each count stays at its largest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// With a distance.
+    pub heard: u32,
+    /// With nothing within range.
+    pub out_of_range: u32,
+    /// Without an answer.
+    pub missing: u32,
+    /// Without an answer in a row, the last one among them; at most 255.
+    pub row: u8,
+}
+
+impl Tally {
+    fn count(&mut self, echo: Echo) {
+        let count = match echo {
+            Echo::At(_) => &mut self.heard,
+            Echo::OutOfRange => &mut self.out_of_range,
+            Echo::Missing => &mut self.missing,
+            // No end yet.
+            Echo::None | Echo::Late => return,
+        };
+        *count = count.saturating_add(1);
+        self.row = match echo {
+            Echo::Missing => self.row.saturating_add(1),
+            _ => 0,
+        };
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Sensor {
-    /// When it was triggered, until its echo arrives.
-    awaited: Option<Micros>,
-    echo: Echo,
+    /// When it was triggered and where it pointed, until its echo arrives.
+    awaited: Option<(Micros, u16)>,
+    reading: Reading,
+    tally: Tally,
+}
+
+impl Sensor {
+    /// What became of a trigger at `bearing`.
+    fn settle(&mut self, echo: Echo, bearing: u16) {
+        // Where nobody tells of it nobody counts.
+        if cfg!(feature = "acoustics") {
+            self.tally.count(echo);
+        }
+        self.reading = Reading { echo, bearing };
+    }
 }
 
 /// All rangefinders of the robot.
@@ -49,9 +123,10 @@ struct Sensor {
 pub struct Rangefinders {
     sensors: [Sensor; 3],
     count: u8,
-    /// Ticks to the next trigger.
-    wait: u8,
-    next: u8,
+    /// Ticks since the last trigger, at most 255.
+    since: u8,
+    /// The one triggered last.
+    current: u8,
     /// Millimetres of distance per microsecond of echo, 32 fractional bits.
     pace: u64,
 }
@@ -62,42 +137,65 @@ impl Rangefinders {
     pub const fn new(count: u8) -> Self {
         const NEVER: Sensor = Sensor {
             awaited: None,
-            echo: Echo::None,
+            reading: Reading {
+                echo: Echo::None,
+                bearing: 0,
+            },
+            tally: Tally {
+                heard: 0,
+                out_of_range: 0,
+                missing: 0,
+                row: 0,
+            },
         };
         Self {
             sensors: [NEVER; 3],
             count: if count > 3 { 3 } else { count },
-            wait: 0,
-            next: 0,
-            pace: pace(343_000),
+            since: u8::MAX,
+            // The one before the front one's first turn.
+            current: u8::MAX,
+            pace: pace(ASSUMED),
         }
     }
 
-    /// Sound travels at 331.3 + 0.606·T m/s; `celsius` counts from −40 to 85.
-    pub fn set_temperature(&mut self, celsius: I16F16) {
-        let celsius = i64::from(celsius.to_bits()).clamp(-40 << 16, 85 << 16);
-        let speed = 331_300 + ((celsius * 606) >> 16);
-        self.pace = pace(speed.unsigned_abs());
+    /// Sound travels at 331.3 + 0.606·T m/s; `celsius` counts from −40 to 85. Without one it is assumed
+    /// to travel at 343 m/s.
+    #[cfg(feature = "acoustics")]
+    pub fn set_temperature(&mut self, celsius: Option<I16F16>) {
+        self.pace = pace(celsius.map_or(ASSUMED, speed));
     }
 
-    /// Every 10 ms: which one to trigger now. A sensor that has not answered its last trigger by
-    /// the next is [`Echo::Missing`].
-    pub fn tick(&mut self, now: Micros) -> Option<Rangefinder> {
-        if self.wait > 1 {
-            self.wait -= 1;
-            return None;
-        }
-        self.wait = match self.count {
+    /// Every 10 ms: which one to trigger now, the front one pointing to `aim` (turn × 0x10000), and
+    /// none while that is not known. A sensor that has not answered its last trigger by the next is
+    /// [`Echo::Missing`].
+    pub fn tick(&mut self, now: Micros, aim: Option<u16>) -> Option<Rangefinder> {
+        self.since = self.since.saturating_add(1);
+        let slot = match self.count {
             0 => return None,
             count => CYCLE / count,
         };
-        let which = self.next;
-        self.next = if which + 1 < self.count { which + 1 } else { 0 };
-        let sensor = self.sensors.get_mut(usize::from(which))?;
-        if sensor.awaited.is_some() {
-            sensor.echo = Echo::Missing;
+        let mut silent = false;
+        if let Some(sensor) = self.sensors.get_mut(usize::from(self.current)) {
+            if let Some((_, bearing)) = sensor.awaited {
+                silent = true;
+                if self.since == LISTEN {
+                    sensor.settle(Echo::Late, bearing);
+                }
+            }
         }
-        sensor.awaited = Some(now);
+        if self.since < if silent { slot.max(QUIET) } else { slot } {
+            return None;
+        }
+        let aim = aim?;
+        let which = self.current.wrapping_add(1);
+        let which = if which < self.count { which } else { 0 };
+        let sensor = self.sensors.get_mut(usize::from(which))?;
+        if let Some((_, bearing)) = sensor.awaited {
+            sensor.settle(Echo::Missing, bearing);
+        }
+        sensor.awaited = Some((now, aim));
+        self.since = 0;
+        self.current = which;
         Some(match which {
             0 => Rangefinder::Front,
             1 => Rangefinder::Right,
@@ -108,11 +206,15 @@ impl Rangefinders {
     /// An echo's two edges. One that no trigger asked for, or whose edges cannot belong to the last
     /// trigger, is ignored: a missing edge never becomes a distance.
     pub fn echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
-        let pace = self.pace;
+        let pace = if cfg!(feature = "acoustics") {
+            self.pace
+        } else {
+            pace(ASSUMED)
+        };
         let Some(sensor) = self.sensors.get_mut(which as usize) else {
             return;
         };
-        let Some(trigger) = sensor.awaited else {
+        let Some((trigger, bearing)) = sensor.awaited else {
             return;
         };
         // Edges before the trigger wrap to far beyond these bounds.
@@ -122,164 +224,65 @@ impl Rangefinders {
             return;
         }
         sensor.awaited = None;
-        if width < SHORTEST {
-            sensor.echo = Echo::Missing;
-            return;
-        }
         let distance = (u64::from(width) * pace) as i64;
-        sensor.echo = if distance > FARTHEST {
+        let echo = if width < SHORTEST {
+            Echo::Missing
+        } else if distance > FARTHEST {
             Echo::OutOfRange
         } else {
             Echo::At(Millimetres(I32F32::from_bits(distance)))
         };
+        sensor.settle(echo, bearing);
     }
 
-    /// The last reading. It is at most one cycle old: what is not renewed becomes
-    /// [`Echo::Missing`].
+    /// Nobody knows where they point: what they said and what is still on its way means nothing.
+    pub fn forget(&mut self) {
+        for sensor in &mut self.sensors {
+            sensor.awaited = None;
+            sensor.reading.echo = Echo::None;
+        }
+    }
+
+    /// The last reading with its bearing, which is the front one's own and the robot's else. It is at
+    /// most one cycle old: what is not renewed becomes [`Echo::Late`] and then [`Echo::Missing`].
     #[must_use]
-    pub fn reading(&self, which: Rangefinder) -> Echo {
+    pub fn reading(&self, which: Rangefinder) -> Reading {
         self.sensors
             .get(which as usize)
-            .map_or(Echo::None, |sensor| sensor.echo)
+            .map_or_else(Reading::default, |sensor| sensor.reading)
     }
 
     /// The distance, where there is one.
     #[must_use]
     pub fn distance(&self, which: Rangefinder) -> Option<Millimetres> {
-        match self.reading(which) {
+        match self.reading(which).echo {
             Echo::At(distance) => Some(distance),
-            Echo::None | Echo::OutOfRange | Echo::Missing => None,
+            Echo::None | Echo::Late | Echo::OutOfRange | Echo::Missing => None,
         }
+    }
+
+    /// How its triggers ended so far.
+    #[must_use]
+    pub fn tally(&self, which: Rangefinder) -> Tally {
+        self.sensors
+            .get(which as usize)
+            .map_or_else(Tally::default, |sensor| sensor.tally)
     }
 }
 
-/// Half the way that sound of `speed` mm/s goes in a microsecond, mm, 32 fractional bits.
+/// Speed of sound in air, mm/s; 307 to 383 m/s from −40 to 85 °C.
+#[cfg(feature = "acoustics")]
+fn speed(celsius: I16F16) -> u64 {
+    let celsius = i64::from(celsius.to_bits()).clamp(-40 << 16, 85 << 16);
+    (331_300 + ((celsius * 606) >> 16)).unsigned_abs()
+}
+
+/// Half the way that sound of `speed` mm/s, below 400 m/s, goes in a microsecond, mm, 32 fractional
+/// bits.
 const fn pace(speed: u64) -> u64 {
-    (speed << 32) / 2_000_000
+    // 2⁵³ / 2 000 000, for 2³² / 2 000 000 without a 64-bit division.
+    (speed * 4_503_599_627) >> 21
 }
 
 #[cfg(test)]
-mod tests {
-    extern crate std;
-
-    use super::*;
-    use std::vec::Vec;
-    use Rangefinder::{Front, Left, Right};
-
-    const TICK: u32 = 10_000;
-
-    fn triggers(count: u8, ticks: u32) -> Vec<(u32, Rangefinder)> {
-        let mut rangefinders = Rangefinders::new(count);
-        (0..ticks)
-            .filter_map(|k| Some((k, rangefinders.tick(Micros(k * TICK))?)))
-            .collect()
-    }
-
-    /// One that has just been triggered at `at`.
-    fn triggered(at: Micros) -> Rangefinders {
-        let mut rangefinders = Rangefinders::new(1);
-        assert_eq!(rangefinders.tick(at), Some(Front));
-        rangefinders
-    }
-
-    fn measured(width: u32) -> Echo {
-        let mut rangefinders = triggered(Micros(0));
-        rangefinders.echo(Front, Micros(500), Micros(500).after(width));
-        rangefinders.reading(Front)
-    }
-
-    #[test]
-    fn they_are_triggered_one_at_a_time_and_each_every_60_ms() {
-        for count in 1..=3u8 {
-            let all = triggers(count, 600);
-            for which in [Front, Right, Left].into_iter().take(usize::from(count)) {
-                let own: Vec<u32> = all.iter().filter(|t| t.1 == which).map(|t| t.0).collect();
-                assert!(own.len() == 100, "{count} {which:?} {}", own.len());
-                assert!(own.windows(2).all(|w| w[1] - w[0] == 6));
-            }
-            let apart = u32::from(6 / count);
-            assert!(all.windows(2).all(|w| w[1].0 - w[0].0 == apart));
-        }
-        assert!(triggers(0, 600).is_empty());
-    }
-
-    #[test]
-    fn every_width_is_a_distance_within_a_thousandth_of_a_millimetre_or_says_why_not() {
-        let mut last = I32F32::ZERO;
-        for width in 0..70_000u32 {
-            let truth = f64::from(width) * 0.1715;
-            match measured(width) {
-                Echo::At(Millimetres(d)) => {
-                    assert!(width >= SHORTEST && truth <= 2500.0, "{width}");
-                    assert!((d.to_num::<f64>() - truth).abs() < 1e-3, "{width} {d}");
-                    assert!(d > last, "monotone");
-                    last = d;
-                }
-                Echo::OutOfRange => assert!(truth > 2499.999, "{width}"),
-                Echo::Missing => assert!(width < SHORTEST, "{width}"),
-                Echo::None => panic!("{width}"),
-            }
-        }
-    }
-
-    #[test]
-    fn warm_air_carries_sound_faster() {
-        let mut rangefinders = triggered(Micros(0));
-        rangefinders.set_temperature(I16F16::from_num(30));
-        rangefinders.echo(Front, Micros(500), Micros(10_500));
-        let distance = rangefinders.distance(Front).unwrap().0.to_num::<f64>();
-        assert!((distance - 1747.4).abs() < 0.01, "{distance}");
-    }
-
-    #[test]
-    fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
-        let mut rangefinders = Rangefinders::new(3);
-        assert_eq!(rangefinders.reading(Right), Echo::None);
-        for k in 0..60u32 {
-            let now = Micros(k * TICK);
-            let answers = k >= 30;
-            if let Some(which) = rangefinders.tick(now) {
-                if which != Right || answers {
-                    rangefinders.echo(which, now.after(600), now.after(6_600));
-                }
-            }
-            if (9..30).contains(&k) {
-                assert_eq!(rangefinders.reading(Right), Echo::Missing);
-                assert_eq!(rangefinders.distance(Right), None);
-            }
-            if k > 36 {
-                assert!(rangefinders.distance(Right).is_some());
-            }
-        }
-    }
-
-    #[test]
-    fn an_edge_of_another_trigger_never_becomes_a_distance() {
-        let at = Micros(u32::MAX - 2_000);
-        for (rise, fall) in [
-            // Both before the trigger; the rise before it; the fall before the rise; far too late.
-            (at.0.wrapping_sub(9_000), at.0.wrapping_sub(3_000)),
-            (at.0.wrapping_sub(1), at.0.wrapping_add(5_000)),
-            (at.0.wrapping_add(700), at.0.wrapping_add(699)),
-            (at.0.wrapping_add(8_001), at.0.wrapping_add(10_000)),
-        ] {
-            let mut rangefinders = triggered(at);
-            rangefinders.echo(Front, Micros(rise), Micros(fall));
-            assert_eq!(rangefinders.reading(Front), Echo::None, "{rise} {fall}");
-            // The right one still counts, across the clock's wrap.
-            rangefinders.echo(Front, at.after(500), at.after(6_500));
-            assert!(rangefinders.distance(Front).is_some());
-        }
-    }
-
-    #[test]
-    fn one_trigger_gives_one_reading_and_none_gives_none() {
-        let mut rangefinders = triggered(Micros(0));
-        rangefinders.echo(Front, Micros(500), Micros(1_500));
-        let first = rangefinders.reading(Front);
-        rangefinders.echo(Front, Micros(2_000), Micros(4_000));
-        assert_eq!(rangefinders.reading(Front), first);
-        rangefinders.echo(Left, Micros(500), Micros(1_500));
-        assert_eq!(rangefinders.reading(Left), Echo::None);
-    }
-}
+mod tests;

@@ -477,6 +477,15 @@ pub struct VirtualBoard {
     /// Seed of everything random
     #[arg(long, global = true, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// How warm the air is
+    #[arg(
+        long,
+        global = true,
+        value_name = "CELSIUS",
+        default_value_t = 20,
+        allow_negative_numbers = true
+    )]
+    pub air: i16,
     /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
     #[arg(
         long,

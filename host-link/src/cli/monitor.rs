@@ -86,7 +86,12 @@ pub fn robot(snapshot: &Snapshot) -> String {
         };
     }
     line.push_str(" V  ");
-    if snapshot.pose.is_some() {
+    if let Some(bearing) = snapshot.bearing_deg {
+        let _ = match snapshot.ranges_mm[0] {
+            Some(mm) => write!(line, "at {bearing:5.1}° {mm:4.0} mm  "),
+            None => write!(line, "at {bearing:5.1}°    – mm  "),
+        };
+    } else if snapshot.pose.is_some() {
         for (name, range) in ["front", "right", "left"].iter().zip(snapshot.ranges_mm) {
             let _ = match range {
                 Some(mm) => write!(line, "{name} {mm:4.0} "),

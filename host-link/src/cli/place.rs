@@ -206,6 +206,7 @@ fn on_virtual_board<J: Job>(
             ..plant::Chassis::default()
         },
         seed: board.seed,
+        air_c: board.air,
         spi_hz: robot.spi_hz,
         eeprom_image: board.eeprom_image.clone(),
         uart_log: board.uart_log.clone(),

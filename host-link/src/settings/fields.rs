@@ -220,7 +220,7 @@ static TAPS: [[Field; 2]; 8] = [
     tap!(8, 7),
 ];
 
-static PAGE_3: [Field; 25] = [
+static PAGE_3: [Field; 27] = [
     field(
         "platform.counts_per_turn",
         0x0302,
@@ -298,6 +298,18 @@ static PAGE_3: [Field; 25] = [
         0x0318,
         "a servo swings the front rangefinder",
         Access::Flag(|c| &mut c.platform.servo),
+    ),
+    field(
+        "platform.servo_reversed",
+        0x0310,
+        "a longer pulse turns it clockwise",
+        Access::Flag(|c| &mut c.platform.servo_reversed),
+    ),
+    field(
+        "platform.servo_travel_deg",
+        0x0332,
+        "degrees between pulses of 1.0 and 2.0 ms, 0 to 180; 0 stands for 180",
+        Access::Word(65_536.0 / 360.0, |c| &mut c.platform.servo_travel),
     ),
     field(
         "platform.gyro",

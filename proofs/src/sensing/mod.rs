@@ -3,7 +3,11 @@
 //! | module | theorems |
 //! |---|---|
 //! | [`rangefinder`] | T9: echoes to distances |
+//! | [`sweep`] | T9: the servo and the bearing of a reading |
+//! | [`thermometer`] | T5, T9: the chip's temperature |
 //! | [`battery`] | T10: ADC words to cells |
 
 pub mod battery;
 pub mod rangefinder;
+pub mod sweep;
+pub mod thermometer;

@@ -25,10 +25,13 @@ impl Input for Rangefinder {
     }
 }
 
+/// Where the front sensor points in the properties that are not about that.
+const AHEAD: Option<u16> = Some(0);
+
 /// The front sensor, triggered at `trigger` and nothing heard yet.
 fn triggered(trigger: Micros) -> Rangefinders {
     let mut all = Rangefinders::new(3);
-    assert!(all.tick(trigger) == Some(Rangefinder::Front));
+    assert!(all.tick(trigger, AHEAD) == Some(Rangefinder::Front));
     all
 }
 
@@ -38,8 +41,8 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let mut all = triggered(trigger);
     let rise = trigger.after(delay);
     all.echo(Rangefinder::Front, rise, rise.after(width));
-    let reading = all.reading(Rangefinder::Front);
-    let believable = delay <= 8_000 && width <= 1 << 20;
+    let reading = all.reading(Rangefinder::Front).echo;
+    let believable = delay <= 3_000 && width <= 1 << 20;
     let way = i64::from(width.min(1 << 20)) * PACE;
     match reading {
         Echo::At(distance) => {
@@ -51,6 +54,7 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
         Echo::OutOfRange => assert!(believable && way + i64::from(width) > FARTHEST),
         Echo::Missing => assert!(believable && width < 117),
         Echo::None => assert!(!believable),
+        Echo::Late => panic!("no time has passed"),
     }
     let far = matches!(reading, Echo::OutOfRange);
     let at = matches!(reading, Echo::At(_));
@@ -123,27 +127,43 @@ pub fn missing_edge_is_no_distance(
     }
     let mut now = trigger;
     let mut front_again = false;
-    for _ in 0..6 {
-        now = now.after(10_000);
-        front_again |= all.tick(now) == Some(Rangefinder::Front);
+    for _ in 0..9 {
+        if !front_again {
+            now = now.after(10_000);
+            front_again = all.tick(now, AHEAD) == Some(Rangefinder::Front);
+        }
     }
     assert!(front_again);
-    let front = all.reading(Rangefinder::Front);
+    let front = all.reading(Rangefinder::Front).echo;
     assert!(answered || front == Echo::Missing);
     assert!(!answered || matches!(front, Echo::At(_)));
     Seen::NOTHING.case(0, awaited).case(1, answered)
 }
 
-/// The sensors take turns, and each waits 60 ms from one trigger to its next.
-pub fn sensors_take_turns(count: u8) -> Seen {
+/// The sensors take turns, one at a time: the next is triggered when the one before has answered and 20 ms
+/// have passed, or 30 ms, after which no echo of its trigger is left; each waits at least 60 ms from one
+/// trigger to its next, and no longer where all answer. Whatever answers and whenever it may not.
+pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
     let mut all = Rangefinders::new(count);
     let fitted = count.min(3);
     let mut last = [None::<u32>; 3];
+    let mut before = None::<(u32, bool)>;
     let mut expected = 0;
     for tick in 0..36 {
-        let Some(which) = all.tick(Micros(tick * 10_000)) else {
+        let now = Micros(tick * 10_000);
+        let aim = (allowed >> tick & 1 != 0).then_some(7);
+        let Some(which) = all.tick(now, aim) else {
             continue;
         };
+        assert!(aim.is_some());
+        if let Some((since, answered)) = before {
+            assert!(tick - since >= if answered { 2 } else { 3 });
+        }
+        let answered = answers >> tick & 1 != 0;
+        before = Some((tick, answered));
+        if answered {
+            all.echo(which, now.after(500), now.after(10_500));
+        }
         let which = which as usize;
         assert!(which == expected && which < usize::from(fitted));
         expected = if which + 1 == usize::from(fitted) {
@@ -152,21 +172,72 @@ pub fn sensors_take_turns(count: u8) -> Seen {
             which + 1
         };
         if let Some(before) = last[which] {
-            assert!(tick - before == 6);
+            let apart = tick - before;
+            assert!(apart >= 6);
+            assert!(apart == 6 || answers != u64::MAX || allowed != u64::MAX);
         }
         last[which] = Some(tick);
     }
     for (which, last) in last.into_iter().enumerate() {
-        assert!(last.is_some() == (which < usize::from(fitted)));
+        assert!(last.is_none() || which < usize::from(fitted));
     }
-    Seen::NOTHING.case(0, fitted == 0).case(1, fitted == 3)
+    let always = allowed == u64::MAX;
+    assert!(!always || last.iter().flatten().count() == usize::from(fitted));
+    Seen::NOTHING
+        .case(0, fitted == 0)
+        .case(1, fitted == 3 && always && answers == u64::MAX)
+        .case(2, fitted == 3 && answers == 0)
+        .case(3, before.is_some() && !always)
+}
+
+/// A reading belongs to the bearing of its own trigger: whatever the servo's aim does afterwards, whichever
+/// triggers are answered, and however late, the bearing beside a distance is where the sensor pointed when
+/// that burst left. The echo's width says which trigger it was.
+pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) -> Seen {
+    let mut all = Rangefinders::new(1);
+    let mut pings = 0_usize;
+    let (mut awaited, mut right) = (None, 0);
+    let mut bearings = [0_u16; 24];
+    for (tick, aim) in (0_u32..).zip(aims) {
+        let now = Micros(tick * 10_000);
+        // Every sixteenth bearing stands for a servo on its way.
+        let aim = (aim & 0xF != 0).then_some(aim);
+        if all.tick(now, aim).is_some() {
+            if let Some(slot) = bearings.get_mut(pings) {
+                *slot = aim.unwrap_or_default();
+            }
+            awaited = (answers >> tick & 1 != 0).then_some((pings, now));
+            pings += 1;
+        }
+        if let Some((ping, at)) = awaited {
+            // In its own tick, or in one of the next.
+            if delays >> (2 * tick) & 3 == 0 {
+                let width = 1_000 + 100 * u32::try_from(ping).unwrap_or(0);
+                all.echo(Rangefinder::Front, at.after(500), at.after(500 + width));
+                awaited = None;
+            }
+        }
+        let reading = all.reading(Rangefinder::Front);
+        if let Echo::At(distance) = reading.echo {
+            let ping = (distance.0.to_bits() / PACE - 999) / 100;
+            let of = usize::try_from(ping)
+                .ok()
+                .and_then(|ping| bearings.get(ping));
+            assert!(of == Some(&reading.bearing));
+            right += 1;
+        }
+    }
+    Seen::NOTHING
+        .case(0, right > 0)
+        .case(1, right > 0 && pings > 2)
+        .case(2, right == 0 && pings > 2)
 }
 
 /// No temperature, whatever the sensor that measured it says, makes a distance beyond the range or an
 /// overflow.
 pub fn any_temperature_is_safe(celsius: i32, width: u32) -> Seen {
     let mut all = triggered(Micros(0));
-    all.set_temperature(I16F16::from_bits(celsius));
+    all.set_temperature(Some(I16F16::from_bits(celsius)));
     all.echo(Rangefinder::Front, Micros(0), Micros(width));
     let distance = all.distance(Rangefinder::Front);
     if let Some(distance) = distance {
@@ -197,12 +268,23 @@ crate::theorems! {
         which: Rangefinder, trigger: Micros, rise: Micros, fall: Micros, answered: bool
     ) {
         cases ["nothing was heard", "it had answered"];
-        kani proof [unwind(8)];
+        kani proof [unwind(11)];
         sampled 300_000;
     }
-    T9 sensors_take_turns(count: u8) {
-        cases ["none fitted", "three fitted"];
-        exhaustive (0..=u8::MAX).map(|count| (count,));
+    T9 sensors_take_turns(count: u8, answers: u64, allowed: u64) {
+        cases ["none fitted", "three that answer", "three that do not", "a servo on its way"];
+        stepped (0..=u8::MAX).flat_map(|count| {
+            (0..100_u64).flat_map(move |n| {
+                let some = n.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+                let others = some.rotate_left(23);
+                [(0, u64::MAX), (u64::MAX, u64::MAX), (some, u64::MAX), (u64::MAX, some), (some, others)]
+                    .map(|(answers, allowed)| (count, answers, allowed))
+            })
+        });
+    }
+    T9 reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) {
+        cases ["a distance", "after several triggers", "none was answered"];
+        sampled 200_000;
     }
     T5 any_temperature_is_safe(celsius: i32, width: u32) {
         cases ["a distance", "colder than anything"];

@@ -11,8 +11,10 @@ pub struct Faults {
     pub slip: Sides<f64>,
     /// The wheel cannot turn; its motor stalls.
     pub jammed: Sides<bool>,
-    /// The rangefinder hears nothing.
+    /// The rangefinder hears nothing: its line stays up as long as it does without an object.
     pub missing_echo: [bool; 3],
+    /// The rangefinder's plug is out: its line never rises.
+    pub unplugged: [bool; 3],
     /// The rangefinder always answers with this distance, mm.
     pub stuck_mm: [Option<f64>; 3],
 }

@@ -23,6 +23,7 @@ mod pose;
 mod rangefinder;
 mod rng;
 pub mod room;
+mod servo;
 mod world;
 
 pub use battery::{Battery, BatteryParams, Divider};
@@ -34,6 +35,7 @@ pub use pose::Pose;
 pub use rangefinder::{speed_of_sound_mm_per_us, Mount, RangefinderParams};
 pub use rng::Rng;
 pub use room::Room;
+pub use servo::{Servo, ServoParams};
 pub use world::{Params, World};
 
 /// The front rangefinder's index, in the order of the frame.

@@ -5,7 +5,7 @@ use crate::encoder::Encoder;
 use crate::faults::Faults;
 use crate::{
     Battery, BatteryParams, Chassis, Motor, MotorInput, MotorParams, Mount, Pose,
-    RangefinderParams, Rng, Room, Sides,
+    RangefinderParams, Rng, Room, Servo, ServoParams, Sides,
 };
 
 /// The figures of a robot. The default is the first board.
@@ -19,8 +19,12 @@ pub struct Params {
     pub chassis: Chassis,
     /// Where the rangefinders sit: front, right, left.
     pub mounts: [Mount; 3],
-    /// Their beam and errors.
+    /// Their beam and errors, and the air.
     pub rangefinder: RangefinderParams,
+    /// The servo that turns the front one, if it is sent any pulses.
+    pub servo: ServoParams,
+    /// How much warmer the microcontroller is than the air, K.
+    pub chip_over_air_k: f64,
 }
 
 impl Default for Params {
@@ -34,6 +38,9 @@ impl Default for Params {
             chassis: Chassis::default(),
             mounts: Mount::first_board(),
             rangefinder: RangefinderParams::default(),
+            servo: ServoParams::default(),
+            // 50 mW through the package's 51 K/W.
+            chip_over_air_k: 2.5,
         }
     }
 }
@@ -50,6 +57,7 @@ pub struct World {
     motors: Sides<Motor>,
     encoders: Sides<Encoder>,
     battery: Battery,
+    servo: Servo,
     rng: Rng,
     time_s: f64,
     path_mm: f64,
@@ -72,6 +80,7 @@ impl World {
             ),
             encoders: Sides::default(),
             battery: Battery::new(params.battery),
+            servo: Servo::new(params.servo),
             params,
             room,
             pose,
@@ -106,6 +115,7 @@ impl World {
             self.motors.left.current_a() + self.motors.right.current_a(),
         );
         self.time_s += dt;
+        self.servo.step(dt);
         if self.faults.jammed.left {
             self.motors.left.block();
             turned.left = 0.0;
@@ -230,12 +240,58 @@ impl World {
         self.contact.moved_by_force();
     }
 
-    /// Turns a rangefinder (0 front, 1 right, 2 left) to another bearing, radians: the servo.
+    /// Mounts a rangefinder (0 front, 1 right, 2 left) at another bearing, radians.
     ///
     /// # Panics
     /// If there is no such sensor.
     pub fn set_bearing(&mut self, sensor: usize, bearing_rad: f64) {
         self.params.mounts[sensor].bearing_rad = bearing_rad;
+    }
+
+    /// The servo of the front rangefinder.
+    #[must_use]
+    pub const fn servo(&self) -> &Servo {
+        &self.servo
+    }
+
+    /// The servo, to send it a pulse or to turn it by hand.
+    pub const fn servo_mut(&mut self) -> &mut Servo {
+        &mut self.servo
+    }
+
+    /// Where a rangefinder (0 front, 1 right, 2 left) sits and looks right now, its servo considered.
+    ///
+    /// # Panics
+    /// If there is no such sensor.
+    #[must_use]
+    pub fn mount(&self, sensor: usize) -> Mount {
+        let mut mount = self.params.mounts[sensor];
+        if sensor == crate::FRONT {
+            mount.bearing_rad += self.servo.angle_rad();
+        }
+        mount
+    }
+
+    /// What a rangefinder (0 front, 1 right, 2 left) would say right now if it had no errors, mm;
+    /// `None` without an echo.
+    ///
+    /// # Panics
+    /// If there is no such sensor.
+    #[must_use]
+    pub fn true_range_mm(&self, sensor: usize) -> Option<f64> {
+        let at = self.mount(sensor).pose(&self.pose);
+        self.params.rangefinder.nearest_return(&self.room, &at)
+    }
+
+    /// Makes the air as warm as this, °C.
+    pub const fn set_air(&mut self, temperature_c: f64) {
+        self.params.rangefinder.temperature_c = temperature_c;
+    }
+
+    /// The microcontroller's own temperature, °C.
+    #[must_use]
+    pub fn chip_temperature_c(&self) -> f64 {
+        self.params.rangefinder.temperature_c + self.params.chip_over_air_k
     }
 
     /// One measurement of a rangefinder (0 front, 1 right, 2 left), mm; `None` without an echo.
@@ -244,7 +300,7 @@ impl World {
     /// # Panics
     /// If there is no such sensor.
     pub fn range_mm(&mut self, sensor: usize) -> Option<f64> {
-        let at = self.params.mounts[sensor].pose(&self.pose);
+        let at = self.mount(sensor).pose(&self.pose);
         let measured = self
             .params
             .rangefinder

@@ -35,6 +35,18 @@ impl Stm32f411 {
         )
     }
 
+    /// The level TIM1 puts out on a channel (1 to 4); `None` while it drives none, as until its outputs'
+    /// own switch is on (RM0383 section 12.4.18, MOE).
+    ///
+    /// # Panics
+    /// When there is no such channel.
+    #[must_use]
+    pub fn tim1_output(&self, channel: u8) -> Option<Level> {
+        let channel = Channel::new(channel).expect("a timer has four channels");
+        let registers = self.bus.slots()[self.slots.tim1].registers();
+        self.tim1.output(channel, registers)
+    }
+
     /// Hands the SPI slave an input the bus does not carry.
     pub fn drive_spi<T>(
         &mut self,

@@ -111,6 +111,7 @@ pub struct Stm32f411 {
 struct Slots {
     gpio: [usize; PORTS.len()],
     tim: [usize; map::TIMERS.len()],
+    tim1: usize,
     i2c1: usize,
     usart1: usize,
     dma1: usize,
@@ -136,6 +137,7 @@ impl Stm32f411 {
         let mut slots = Slots {
             gpio: [0; PORTS.len()],
             tim: [0; map::TIMERS.len()],
+            tim1: wire("TIM1", Field::Tim1)?,
             i2c1: 0,
             usart1: wire("USART1", Field::Usart(0))?,
             dma1: wire("DMA1", Field::Dma(0))?,
@@ -162,7 +164,6 @@ impl Stm32f411 {
             ("FLASH", Field::Flash),
             ("ADC1", Field::Adc),
             ("C_ADC", Field::AdcCommon),
-            ("TIM1", Field::Tim1),
             ("DMA2", Field::Dma(1)),
             ("RTC", Field::Rtc),
             ("DBG", Field::Dbg),

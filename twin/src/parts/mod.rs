@@ -5,5 +5,6 @@ pub mod eeprom;
 pub mod encoder;
 pub mod i2c_bus;
 pub mod rangefinder;
+pub mod servo;
 pub mod spi_master;
 pub mod uart;

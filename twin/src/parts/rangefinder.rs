@@ -31,8 +31,9 @@ impl Rangefinder {
         long_enough && self.fall.is_none()
     }
 
-    /// A burst leaves at `now`; its echo takes `echo_us` microseconds, or never returns.
-    pub fn measure(&mut self, now: u64, echo_us: Option<f64>) {
+    /// A burst leaves at `now`; its echo takes `echo_us` microseconds, or never returns. Answers when it
+    /// comes back.
+    pub fn measure(&mut self, now: u64, echo_us: Option<f64>) -> Option<u64> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -42,6 +43,15 @@ impl Rangefinder {
         let rise = now + BURST_NS;
         self.rise = Some(rise);
         self.fall = Some(rise + width);
+        echo_us.and(self.fall)
+    }
+
+    /// Sound arrives at `at`: a sensor that listens then cannot tell whose it is.
+    pub fn hear(&mut self, at: u64, now: u64) {
+        let listens = self.rise.unwrap_or(now) <= at;
+        if let Some(fall) = self.fall.filter(|&fall| listens && at < fall) {
+            self.fall = Some(at.min(fall));
+        }
     }
 
     /// When the echo line changes next.
@@ -79,6 +89,22 @@ mod tests {
         assert_eq!(ranger.take(260_000), Some(true));
         assert_eq!(ranger.next(), Some(1_260_000));
         assert_eq!(ranger.take(1_260_000), Some(false));
+        assert_eq!(ranger.next(), None);
+    }
+
+    #[test]
+    fn anybodys_sound_ends_an_echo_that_is_still_awaited() {
+        let mut ranger = Rangefinder::default();
+        assert_eq!(ranger.measure(0, None), None);
+        ranger.hear(100_000, 0);
+        assert_eq!(ranger.fall, Some(38_250_000), "before it listens");
+        ranger.hear(9_000_000, 0);
+        assert_eq!(ranger.fall, Some(9_000_000));
+        ranger.hear(12_000_000, 0);
+        assert_eq!(ranger.fall, Some(9_000_000), "after its end");
+        assert_eq!(ranger.take(9_000_000), Some(true));
+        assert_eq!(ranger.take(9_000_000), Some(false));
+        ranger.hear(10_000_000, 9_500_000);
         assert_eq!(ranger.next(), None);
     }
 

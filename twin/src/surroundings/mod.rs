@@ -16,6 +16,7 @@ use crate::parts::bridge;
 use crate::parts::encoder::Encoder;
 use crate::parts::i2c_bus::{SharedBus, Side};
 use crate::parts::rangefinder::Rangefinder;
+use crate::parts::servo::ServoLine;
 use crate::parts::spi_master::{Action, SpiMaster};
 use crate::parts::uart::{self, LogByte, Wire};
 use crate::wiring;
@@ -31,6 +32,8 @@ const SELECTS_KEPT: usize = 16;
 /// The alternate functions that connect the SPI, the log and the I2C to their pins.
 const SPI_FUNCTION: Role = Role::Function(5);
 const LOG_FUNCTION: Role = Role::Function(7);
+/// And TIM1 to the servo.
+const SERVO_FUNCTION: Role = Role::Function(1);
 
 /// A change of one of the board's outputs, for who follows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +44,21 @@ pub struct OutputChange {
     pub pin: Pin,
     /// Its level.
     pub level: bool,
+}
+
+/// A burst of a rangefinder, and what it met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ping {
+    /// Nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// 0 front, 1 right, 2 left.
+    pub sensor: usize,
+    /// Where it looked, radians counter-clockwise from the robot's own heading.
+    pub bearing_rad: f64,
+    /// Where the robot stood, in the room's frame.
+    pub robot: Pose,
+    /// The range that a sensor without errors would have said, millimetres.
+    pub range_mm: Option<f64>,
 }
 
 /// The surroundings.
@@ -65,6 +83,11 @@ pub struct Surroundings {
     /// The levels each timer was last told: a pin that is not its yet tells it nothing.
     told: [[Level; 2]; 2],
     rangers: [Rangefinder; 3],
+    /// Every burst so far.
+    pub pings: Vec<Ping>,
+    /// When echoes under way come back, and whose they are.
+    sounds: Vec<(u64, usize)>,
+    servo: ServoLine,
     nss: Level,
     next_tick: u64,
     /// The world when the piece in hand began, for what lies between.
@@ -108,6 +131,9 @@ impl Surroundings {
             counts: [left, right],
             told: [[Level::Low; 2]; 2],
             rangers: Default::default(),
+            pings: Vec::new(),
+            sounds: Vec::new(),
+            servo: ServoLine::default(),
             nss: Level::High,
             next_tick: 0,
         }
@@ -135,7 +161,7 @@ impl Surroundings {
             self.tell(chip, now, nth, levels);
         }
         self.show_bus(chip, now);
-        self.show_battery(chip);
+        self.show_analog(chip);
         chip.wake_at(now, now);
     }
 
@@ -153,9 +179,11 @@ impl Surroundings {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a tap is a few volts"
+        reason = "a tap is a few volts, and a chip is no star"
     )]
-    fn show_battery(&self, chip: &mut Stm32f411) {
+    fn show_analog(&self, chip: &mut Stm32f411) {
+        let centi_celsius = (self.world.chip_temperature_c() * 100.0).round() as i32;
+        chip.adc.set_temperature(centi_celsius);
         for (channel, volts) in (0..).zip(self.world.adc_pin_voltages()) {
             let channel = Channel::new(channel).expect("two of sixteen channels");
             chip.adc
@@ -165,6 +193,7 @@ impl Surroundings {
 
     /// Carries out everything due by `now` and asks for the next stop.
     pub fn step(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        self.steer(chip, now);
         self.hear(chip, now);
         self.play(chip, now);
         self.turn(chip, now);
@@ -217,9 +246,9 @@ impl Surroundings {
                 .iter()
                 .position(|ranger| ranger.trigger == change.pin)
             {
-                if self.rangers[nth].trigger(change.at.0, high) {
-                    let echo = self.world.echo_us(nth);
-                    self.rangers[nth].measure(change.at.0, echo);
+                let unplugged = self.world.faults.unplugged[nth];
+                if self.rangers[nth].trigger(change.at.0, high) && !unplugged {
+                    self.ping(nth, change.at.0);
                 }
             } else if change.pin == wiring::SCL {
                 if high && chip.role(wiring::SCL) == Role::Output {
@@ -233,6 +262,47 @@ impl Surroundings {
                     level: high,
                 });
             }
+        }
+    }
+
+    /// A burst leaves. Its echo reaches all the sensors: which of them hears it is a matter of who
+    /// listens when it comes, whatever they look at. That is worse than rooms are, on purpose.
+    fn ping(&mut self, nth: usize, at: u64) {
+        self.pings.push(Ping {
+            at_ns: at,
+            sensor: nth,
+            bearing_rad: self.world.mount(nth).bearing_rad,
+            robot: self.at(at).0,
+            range_mm: self.world.true_range_mm(nth),
+        });
+        let echo = self.world.echo_us(nth);
+        let back = self.rangers[nth].measure(at, echo);
+        self.sounds.retain(|&(back, _)| back >= at);
+        for &(back, of) in &self.sounds {
+            if of != nth {
+                self.rangers[nth].hear(back, at);
+            }
+        }
+        if let Some(back) = back {
+            for (other, ranger) in self.rangers.iter_mut().enumerate() {
+                if other != nth {
+                    ranger.hear(back, at);
+                }
+            }
+            self.sounds.push((back, nth));
+        }
+    }
+
+    /// The servo's line: TIM1's output where the pin is its, else what the port drives.
+    fn steer(&mut self, chip: &Stm32f411, now: VirtualNanos) {
+        let level = match chip.role(wiring::SERVO) {
+            SERVO_FUNCTION => chip.tim1_output(1),
+            _ => chip.output(wiring::SERVO),
+        };
+        // The board's pull-down holds a line that nobody drives.
+        let high = level == Some(Level::High);
+        if let Some(width_us) = self.servo.level(now.0, high) {
+            self.world.servo_mut().pulse(width_us);
         }
     }
 
@@ -361,7 +431,7 @@ impl Surroundings {
         let after = self.world.wheel_phase();
         self.encoders[0].plan(start, TICK_NS, before.0, after.0);
         self.encoders[1].plan(start, TICK_NS, before.1, after.1);
-        self.show_battery(chip);
+        self.show_analog(chip);
     }
 }
 

@@ -152,3 +152,31 @@ fn a_transfer_crosses_the_wires_once_the_pins_are_the_spis() {
     assert_eq!(transfer(&mut bench), [0xA5]);
     assert_eq!(bench.read(0x4001_300C), 0x3C);
 }
+
+#[test]
+fn a_pulse_of_the_advanced_timer_turns_the_servo_once_its_outputs_are_switched_on() {
+    const TIM1: u64 = 0x4001_0000;
+    let mut bench = Bench::new();
+    bench.write(0x4002_3844, 1 << 0 | 1 << 12 | 1 << 14);
+    bench.write(GPIOA + AFRH, 1);
+    bench.write(GPIOA + MODER, 2 << 16);
+    // 16 MHz by 16; PWM mode 2 from 1 on, up to the end of the count.
+    for (register, value) in [(0x28, 15), (0x34, 1), (0x18, 7 << 4), (0x20, 1), (0x14, 1)] {
+        bench.write(TIM1 + register, value);
+    }
+    let pulses = |bench: &mut Bench, width: u64| {
+        for _ in 0..40 {
+            bench.write(TIM1 + 0x2C, width);
+            bench.write(TIM1, 1 << 3 | 1);
+            bench.run(20_000_000);
+        }
+        let servo = *bench.board.robot.around.world.servo();
+        servo.angle_rad().to_degrees()
+    };
+    assert!(pulses(&mut bench, 2000).abs() < 1e-9, "the outputs are off");
+    bench.write(TIM1 + 0x44, 1 << 15);
+    assert!((pulses(&mut bench, 2000) - 90.0).abs() < 0.5);
+    assert!((pulses(&mut bench, 1250) + 45.0).abs() < 0.5);
+    let bearing = bench.board.robot.around.world.mount(0).bearing_rad;
+    assert!((bearing.to_degrees() + 45.0).abs() < 0.5);
+}

@@ -1,0 +1,104 @@
+//! T5 and T9: the chip's thermometer, whatever its words and the factory's are.
+
+use fw_core::sensing::{Calibration, Thermometer};
+
+use crate::input::{Input, Source};
+use crate::theorem::Seen;
+
+/// As the data sheet has the part typically.
+const TYPICAL: Calibration = Calibration {
+    reference: 1501,
+    cold: 959,
+    hot: 1207,
+};
+
+/// Any word, more often one near those of a working part.
+fn word(source: &mut impl Source, typical: u16) -> u16 {
+    let (anything, word) = (source.bits8() & 3 == 0, source.bits16());
+    if anything {
+        word
+    } else {
+        typical - 256 + (word & 0x1FF)
+    }
+}
+
+impl Input for Calibration {
+    fn draw(source: &mut impl Source) -> Self {
+        Self {
+            reference: word(source, TYPICAL.reference),
+            cold: word(source, TYPICAL.cold),
+            hot: word(source, TYPICAL.hot),
+        }
+    }
+}
+
+/// The words of one reading.
+#[derive(Clone, Copy, Debug)]
+pub struct Words {
+    /// The sensor.
+    pub sensor: u16,
+    /// The voltage reference.
+    pub reference: u16,
+}
+
+impl Input for Words {
+    fn draw(source: &mut impl Source) -> Self {
+        Self {
+            sensor: word(source, TYPICAL.cold),
+            reference: word(source, TYPICAL.reference),
+        }
+    }
+}
+
+/// Any words of the factory and of two readings in turn: no overflow and no division by zero, and what is
+/// taken for a temperature lies between −42.5 and 102.5 °C of the air (−40 to 105 of the chip).
+pub fn temperature_is_total(calibration: Calibration, first: Words, second: Words) -> Seen {
+    let mut thermometer = Thermometer::new(calibration);
+    let mut read = [None; 2];
+    for (read, words) in read.iter_mut().zip([first, second]) {
+        *read = thermometer.read(words.sensor, words.reference);
+        if let Some(celsius) = *read {
+            assert!(calibration.is_plausible());
+            assert!(celsius >= -43 && celsius <= 103);
+        }
+    }
+    Seen::NOTHING
+        .case(0, read[1].is_some())
+        .case(1, calibration.is_plausible() && read[0].is_none())
+        .case(2, !calibration.is_plausible())
+}
+
+/// A warmer chip never reads colder, at any supply.
+pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
+    let read = |sensor| Thermometer::new(TYPICAL).read(sensor, reference);
+    let (one, two) = (read(sensor), read(sensor.saturating_add(1)));
+    if let (Some(one), Some(two)) = (one, two) {
+        assert!(one <= two);
+    }
+    Seen::NOTHING
+        .case(0, one.is_some() && two.is_some())
+        .case(1, one.is_some() != two.is_some())
+}
+
+crate::theorems! {
+    T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
+        cases ["a temperature", "a reading out of range", "a factory's words out of range"];
+        kani proof [unwind(3)];
+        stepped (700..=1300_u16).step_by(60).flat_map(|cold| (150..=350).step_by(50).flat_map(move |span| {
+            (0..=4096_u16).step_by(16).flat_map(move |sensor| [1270, 1501, 1800].map(|reference| {
+                let calibration = Calibration { reference: 1600, cold, hot: cold + span };
+                let opposite = Words { sensor: 4095 - sensor.min(4095), reference: 1501 };
+                (calibration, Words { sensor, reference }, opposite)
+            }))
+        })).chain([(
+            Calibration::UNWRITTEN,
+            Words { sensor: 959, reference: 1501 },
+            Words { sensor: 959, reference: 1501 },
+        )]);
+        sampled 100_000;
+    }
+    T9 temperature_is_monotone(sensor: u16, reference: u16) {
+        cases ["two temperatures", "the end of the range"];
+        exhaustive (1260..=1810_u16).flat_map(|reference| (0..4096_u16).map(move |sensor| (sensor, reference)));
+    }
+}

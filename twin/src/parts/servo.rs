@@ -1,0 +1,42 @@
+//! The wire to the servo of the swept rangefinder: how long its pulses are, by their edges.
+
+/// The line, and when it rose.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ServoLine {
+    rose: Option<u64>,
+}
+
+impl ServoLine {
+    /// The line is at this level at `now`, nanoseconds; the width of the pulse that this ends,
+    /// microseconds.
+    pub fn level(&mut self, now: u64, high: bool) -> Option<f64> {
+        match (self.rose, high) {
+            (None, true) => {
+                self.rose = Some(now);
+                None
+            }
+            (Some(rose), false) => {
+                self.rose = None;
+                #[expect(clippy::cast_precision_loss, reason = "a pulse is milliseconds")]
+                let width_us = (now - rose) as f64 / 1000.0;
+                Some(width_us)
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pulse_is_as_long_as_the_line_is_high() {
+        let mut line = ServoLine::default();
+        assert_eq!(line.level(5, false), None);
+        assert_eq!(line.level(1_000, true), None);
+        assert_eq!(line.level(900_000, true), None);
+        assert_eq!(line.level(1_501_000, false), Some(1500.0));
+        assert_eq!(line.level(1_600_000, false), None);
+    }
+}
