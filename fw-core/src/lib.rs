@@ -8,7 +8,7 @@
 //! | [`wire`] | SPI frames: one file per strategy, the chains, the modes, both ends |
 //! | [`eeprom`] | the register map: image → [`eeprom::Config`] and back |
 //! | [`motion`] | heading and position, PID, pose controller, stop deadline |
-//! | [`sensing`] | battery and rangefinders |
+//! | [`sensing`] | battery, rangefinders, gyroscope |
 //! | [`robot`] | one value, one method per event |
 //! | [`log`] | the UART log's lines and their queue |
 //! | [`units`] | the physical units at every public boundary |

@@ -2,7 +2,7 @@
 //!
 //! | stream | channel | carries | interrupt |
 //! |---|---|---|---|
-//! | DMA1 S0 | 1 | I2C1 RX: EEPROM → image | polled at boot |
+//! | DMA1 S0 | 1 | I2C1 RX: EEPROM → image; later the gyroscope's rate | polled at boot; complete, at the robot's priority |
 //! | DMA2 S0 | 3 | SPI1 RX: frame from the Pi | none, the chip-select's rise ends it |
 //! | DMA2 S3 | 3 | SPI1 TX: frame to the Pi | none |
 //! | DMA2 S4 | 0 | ADC1: battery taps | none, read at the tick |

@@ -5,7 +5,7 @@
 //! | −2, −1 | NMI, HardFault, and any interrupt nobody expects | [`crate::safe`], for good |
 //! | 0 | EXTI4 | the frame's end: swaps the SPI's buffers |
 //! | 1 | TIM5, EXTI0, EXTI9_5, EXTI15_10 | latch the tick, time the echoes |
-//! | 2 | PendSV, DMA2_STREAM7 | the robot: frames, echoes, ticks, log |
+//! | 2 | PendSV, DMA2_STREAM7, I2C1_EV, I2C1_ER, DMA1_STREAM0 | the robot: frames, echoes, ticks, log, gyroscope |
 //! | thread | `main` | feeds the watchdog, sleeps |
 
 use cortex_m::peripheral::scb::SystemHandler;
@@ -64,6 +64,17 @@ pub fn start(nvic: &mut NVIC, scb: &mut SCB) {
             Interrupt::EXTI15_10,
             Interrupt::DMA2_STREAM7,
         ] {
+            NVIC::unmask(handler);
+        }
+        #[cfg(feature = "gyro")]
+        for handler in [
+            Interrupt::I2C1_EV,
+            Interrupt::I2C1_ER,
+            Interrupt::DMA1_STREAM0,
+        ] {
+            nvic.set_priority(handler, 2 << 4);
+            // What boot's read left pending.
+            NVIC::unpend(handler);
             NVIC::unmask(handler);
         }
     }

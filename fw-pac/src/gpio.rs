@@ -58,8 +58,9 @@ impl Pin {
             Port::C => pac::GPIOC::ptr(),
         };
         // SAFETY: the port's registers are at this address for as long as the part is powered.
-        // Running code writes BSRR and reads IDR alone, both single accesses; the
-        // read-modify-write of the others happens at boot and in the final safe state only.
+        // Running code writes BSRR and reads IDR, both single accesses; the read-modify-write of the
+        // others happens at boot, at the robot's priority (the two I2C pins, when a bus that is held
+        // is clocked out), and in the final safe state.
         unsafe { &*address }
     }
 

@@ -1,5 +1,5 @@
-//! I2C1, master, 400 kHz: one blocking read by DMA, with a time-out on every step, and what frees a
-//! bus that a slave holds.
+//! I2C1, master, 400 kHz, at boot: one blocking read by DMA, with a time-out on every step, and what
+//! frees a bus that a slave holds. After boot the interface is the gyroscope's.
 
 use crate::board::{SCL, SDA};
 use crate::clock::APB1_MHZ;
@@ -27,9 +27,10 @@ const STEP: u32 = 1_000;
 /// Between two looks at the DMA, microseconds.
 const POLL: u32 = 100;
 
-fn registers() -> &'static pac::i2c1::RegisterBlock {
-    // SAFETY: the registers are at this address for as long as the part is powered; only boot, which
-    // runs alone, uses the bus.
+/// The interface.
+pub fn registers() -> &'static pac::i2c1::RegisterBlock {
+    // SAFETY: the registers are at this address for as long as the part is powered; boot, which runs
+    // alone, uses them and after it the gyroscope's driver at the robot's priority.
     unsafe { &*pac::I2C1::ptr() }
 }
 

@@ -9,6 +9,7 @@
 //! | [`uart`] | USART1: the log |
 //! | [`time`] | TIM5: microseconds, tick |
 //! | [`i2c`], [`eeprom`] | I2C1: the configuration |
+//! | `gyro` | I2C1 after boot: the MPU6050 |
 //! | [`spi`] | SPI1: frames |
 //! | [`encoders`], [`motors`] | TIM2, TIM3; TIM4 and the bridges |
 //! | [`rangefinders`], [`adc`], [`leds`] | what it senses and shows |
@@ -38,6 +39,8 @@ mod eeprom;
 mod encoders;
 mod exti;
 mod gpio;
+#[cfg(feature = "gyro")]
+mod gyro;
 mod i2c;
 mod leds;
 mod memory;

@@ -4,6 +4,8 @@
 //! above them uses slots and never touches what is here, and thread level hands it over once, before
 //! the interrupts are enabled. That is the whole locking there is.
 
+#[cfg(feature = "gyro")]
+use crate::gyro;
 use crate::motors::Motors;
 use crate::uart::Uart;
 use crate::{adc, leds, rangefinders, spi, time, trial, watchdog};
@@ -147,6 +149,12 @@ impl Body {
     fn on_tick(&mut self, sample: Sample, log: &mut Log) {
         let words = adc::words();
         let taps = words.as_ref().map_or(&[][..], |words| &words[..]);
+        #[cfg(feature = "gyro")]
+        // SAFETY: the robot's priority.
+        unsafe {
+            let order = self.robot.on_gyro(gyro::take(), log);
+            gyro::begin(order);
+        }
         let outputs = self.robot.on_tick(sample, taps, log);
         self.motors.set(outputs.left, outputs.right);
         leds::show(outputs.leds);

@@ -105,7 +105,7 @@ pub const fn state_name(state: State) -> &'static str {
 /// The words of the latched faults.
 #[must_use]
 pub fn fault_names(faults: u16) -> Vec<&'static str> {
-    const NAMES: [(u16, &str); 12] = [
+    const NAMES: [(u16, &str); 14] = [
         (fault::LINK_LOST, "link-lost"),
         (fault::CLOCK_FALLBACK, "clock-fallback"),
         (fault::FRAME_REJECTED, "frame-rejected"),
@@ -118,6 +118,8 @@ pub fn fault_names(faults: u16) -> Vec<&'static str> {
         (fault::RIGHT_REVERSED, "right-reversed"),
         (fault::LOG_DROPPED, "log-dropped"),
         (fault::RESTARTED, "restarted"),
+        (fault::SLIP, "slip"),
+        (fault::GYRO_LOST, "gyro-lost"),
     ];
     NAMES
         .iter()

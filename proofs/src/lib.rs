@@ -11,7 +11,7 @@
 //! | [`double`] | T4: binary64 to fixed point and back |
 //! | [`eeprom`] | T3, T5: the image and what an accepted configuration promises |
 //! | [`motion`] | T6 to T8: heading, position, regulators, stop deadline |
-//! | [`sensing`] | T9, T10: rangefinders and battery |
+//! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders and battery |
 //! | [`log`] | T13: the log's queue |
 //! | [`robot`] | T5, T8: the whole robot under any order of events |
 //! | [`theorem`] | how a property is declared |
@@ -62,6 +62,7 @@ pub const THEOREMS: &[&[Theorem]] = &[
     sensing::sweep::THEOREMS,
     sensing::thermometer::THEOREMS,
     sensing::battery::THEOREMS,
+    sensing::gyro::THEOREMS,
     log::THEOREMS,
     robot::THEOREMS,
 ];

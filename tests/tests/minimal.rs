@@ -68,7 +68,8 @@ fn a_torn_frame_costs_that_frame_alone_and_silence_stops_it() {
 #[test]
 fn a_configuration_that_asks_for_more_is_refused_in_words() {
     type Asks = (&'static str, fn(&mut Config));
-    let asks: [Asks; 2] = [
+    let asks: [Asks; 3] = [
+        ("gyro is 1", |config| config.platform.gyro = true),
         ("servo is 1", |config| config.platform.servo = true),
         ("mode is 32", |config| {
             config.mode = Mode::GuardedSweep;

@@ -96,7 +96,7 @@ def crc16(data):
 FAULTS = [
     "LINK_LOST", "CLOCK_FALLBACK", "FRAME_REJECTED", "BATTERY_LOW", "BATTERY_CUTOFF",
     "LEFT_STALLED", "RIGHT_STALLED", "ENCODER_JUMP", "LEFT_REVERSED", "RIGHT_REVERSED",
-    "LOG_DROPPED", "RESTARTED",
+    "LOG_DROPPED", "RESTARTED", "SLIP", "GYRO_LOST",
 ]
 STATES = ["booting", "ready", "moving", "stopped", "faulted"]
 ORDERS = ["none", "stop", "resume"]
@@ -851,7 +851,7 @@ FIELDS = [
     (0x0314, U16, "bearings.right", 0, 0xFFFF, 0xC000),
     (0x0316, U16, "bearings.left", 0, 0xFFFF, 0x4000),
     (0x0318, U8, "servo", 0, 1, 0),
-    (0x0319, U8, "gyro", 0, 0, 0),
+    (0x0319, U8, "gyro", 0, 1, 0),
     (0x031A, U16, "stop_deadline", 20, 2000, 250),
     (0x031C, U16, "dead_zone_left", 0, 9999, 1600),
     (0x031E, U16, "dead_zone_right", 0, 9999, 2300),

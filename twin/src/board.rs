@@ -15,6 +15,7 @@ use crate::measure::{Event, Function, NoFunction};
 use crate::parts::bridge;
 use crate::parts::eeprom::Eeprom;
 use crate::parts::i2c_bus::{I2cBus, SharedBus, Side};
+use crate::parts::mpu6050::{Mpu6050, Mpu6050Params};
 use crate::parts::spi_master::Step;
 use crate::parts::uart::LogByte;
 use crate::report::Unmodelled;
@@ -35,6 +36,8 @@ pub struct Options {
     pub params: Params,
     /// The EEPROM's first bytes, erased past their end; `None`: no EEPROM is fitted.
     pub eeprom: Option<Vec<u8>>,
+    /// The MPU6050's errors; `None`: none is fitted.
+    pub mpu: Option<Mpu6050Params>,
     /// Whether the 8 MHz crystal works.
     pub crystal: bool,
     /// The factory's words: voltage reference, temperature sensor at 30 and at 110 °C.
@@ -51,6 +54,7 @@ impl Default for Options {
             start: None,
             params: Params::default(),
             eeprom: Some(Vec::new()),
+            mpu: Some(Mpu6050Params::default()),
             crystal: true,
             factory_words: FACTORY_WORDS,
             debugger: None,
@@ -147,7 +151,8 @@ impl Board {
             .map_err(|error| Ended(error.to_string()))?;
         let start = options.start.unwrap_or(options.room.start);
         let world = World::new(options.params, options.room, start, options.seed);
-        let bus = I2cBus::new(options.eeprom.as_deref().map(Eeprom::holding));
+        let mpu = options.mpu.map(|errors| Mpu6050::new(errors, options.seed));
+        let bus = I2cBus::new(options.eeprom.as_deref().map(Eeprom::holding)).with_mpu(mpu);
         let around = Surroundings::new(world, SharedBus::new(bus));
         let board =
             VirtualBoard::new(around, options.crystal).map_err(|error| Ended(error.to_string()))?;

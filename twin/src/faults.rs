@@ -8,6 +8,7 @@ use crate::board::Board;
 use crate::emulation::Ended;
 use crate::machine::Robot;
 use crate::parts::i2c_bus::CLEARING_PULSES;
+use crate::parts::mpu6050::Mpu6050;
 use crate::parts::spi_master::Step;
 
 /// What happens to one transfer of the Pi.
@@ -116,7 +117,7 @@ impl Faults {
     }
 
     /// Changes what is broken in the physical world: a dead encoder, a missing or stuck echo,
-    /// slip, a jammed wheel.
+    /// slip, a jammed wheel, a hand that turns the robot.
     pub fn world(&self, change: impl FnOnce(&mut WorldFaults) + Send + 'static) {
         self.board.world(|world| change(&mut world.faults));
     }
@@ -135,6 +136,30 @@ impl Faults {
     /// When the emulation has ended.
     pub fn short_i2c(&self) -> Result<(), Ended> {
         self.board.i2c_bus(|bus, _| bus.stick(u32::MAX))
+    }
+
+    /// Changes the MPU6050, if one is fitted: what is wrong with it, its zero, its supply.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn mpu(&self, change: impl FnOnce(&mut Mpu6050) + Send + 'static) -> Result<(), Ended> {
+        self.board.i2c_bus(|bus, _| {
+            if let Some(mpu) = &mut bus.mpu {
+                change(mpu);
+            }
+        })
+    }
+
+    /// The MPU6050 holds the data line low until it has heard so many clock pulses; `None`: it lets
+    /// go.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn hold_mpu(&self, pulses: Option<u32>) -> Result<(), Ended> {
+        self.board.i2c_bus(move |bus, _| match pulses {
+            Some(pulses) => bus.stick_mpu(pulses),
+            None => bus.release_mpu(),
+        })
     }
 
     /// The crystal stops. Seen only by a firmware that has the clock security system on, RM0383

@@ -35,7 +35,7 @@
 //! with its temperature sensor and voltage reference, TIM1 to TIM5, IWDG, NVIC, `SysTick`, DWT. By this crate: EXTI, the
 //! multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception by DMA, a bus held
 //! low, a crystal that does not start. On the board: the EEPROM with its write cycle, page wrap
-//! and write protection, the I2C switch, the RESET line, quadrature edges at the instants the
+//! and write protection, the I2C switch, the MPU6050's gyroscope about the vertical, the RESET line, quadrature edges at the instants the
 //! wheels pass them, the bridge, battery taps behind their dividers, three rangefinders with
 //! trigger and echo times that hear each other's echoes, the servo under the front one, the log's wire at
 //! its bit rate.
@@ -48,7 +48,7 @@
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9 to TIM11, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and every access is reported by [`Board::unmodelled`].
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
-//! - The MPU6050: nobody answers at its address.
+//! - The MPU6050's accelerometers, other axes, temperature and FIFO ([`parts::mpu6050`]).
 #![forbid(unsafe_code)]
 
 pub mod board;
@@ -67,5 +67,6 @@ pub mod wiring;
 pub use board::{Board, Options, Reset, ResetBy, Truth};
 pub use emulation::{Debugger, Ended};
 pub use faults::{Disturbance, Faults};
+pub use parts::mpu6050::{Mpu6050Fault, Mpu6050Params};
 pub use parts::spi_master::Step;
 pub use plant;

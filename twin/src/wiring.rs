@@ -23,7 +23,7 @@ pub const SCL: Pin = pin('B', 6);
 pub const SDA: Pin = pin('B', 7);
 /// Senses the I2C switch: high = the Pi has the EEPROM.
 pub const SELECT: Pin = pin('B', 12);
-/// The motion sensor's interrupt; nothing drives it.
+/// The motion sensor's interrupt.
 pub const MPU_IRQ: Pin = pin('B', 13);
 /// LEDs 1 to 4, lit when low.
 pub const LEDS: [Pin; 4] = [pin('A', 12), pin('A', 11), pin('C', 4), pin('B', 14)];

@@ -361,8 +361,7 @@ fields![
     whole_field!(0x0314, "bearings.right", "turn/65536", U16 u16, ANY, 0, platform.bearings[1]),
     whole_field!(0x0316, "bearings.left", "turn/65536", U16 u16, ANY, 0, platform.bearings[2]),
     switch_field!(0x0318, "servo", SWITCH, platform.servo),
-    // Nothing reads the MPU6050 yet; saying that it takes part would be untrue.
-    switch_field!(0x0319, "gyro", whole(0, 0), platform.gyro),
+    switch_field!(0x0319, "gyro", SWITCH, platform.gyro),
     // Two ticks at least; at the robot's 1 m/s, 2 s without a host are too far already.
     whole_field!(0x031A, "stop_deadline", "ms", U16 u16, whole(20, 2_000), 0, platform.stop_deadline),
     whole_field!(0x031C, "dead_zone_left", "0.01 %", U16 u16, whole(0, 9_999), 0, platform.dead_zone_left),

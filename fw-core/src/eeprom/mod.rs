@@ -150,7 +150,7 @@ pub struct Platform {
     pub bearings: [u16; 3],
     /// A servo swings the front rangefinder.
     pub servo: bool,
-    /// The MPU6050 takes part in the heading.
+    /// The MPU6050 guards the heading against wheels that slip.
     pub gyro: bool,
     /// Milliseconds without a fresh valid frame until the motors brake.
     pub stop_deadline: u16,

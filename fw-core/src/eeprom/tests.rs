@@ -87,7 +87,7 @@ fn page_three_stands_where_its_table_says() {
     let mut image = original_by_hand();
     put(&mut image, 0x0300, "01 38 D0 07");
     put(&mut image, 0x0304, "10 98 02 00 C0 D4 01 00 F0 49 02 00");
-    put(&mut image, 0x0310, "16 02 01 00 02 C0 03 40 01 00");
+    put(&mut image, 0x0310, "16 02 01 00 02 C0 03 40 01 01");
     put(&mut image, 0x031A, "2C 01 E8 03 D0 07 28 23 10 27");
     put(&mut image, 0x0324, "00 C2 01 00 AC 0D E4 0C");
     put(&mut image, 0x032C, "E8 03 B6 00 64 00 34 52");
@@ -106,7 +106,7 @@ fn page_three_stands_where_its_table_says() {
             rangefinders: 2,
             bearings: [0x0001, 0xC002, 0x4003],
             servo: true,
-            gyro: false,
+            gyro: true,
             stop_deadline: 300,
             dead_zone_left: 1000,
             dead_zone_right: 2000,

@@ -21,6 +21,9 @@
 //! MLA), and so is each step of a polynomial (SMMLAR). A step takes some 140 instructions;
 //! `cargo xtask figures` counts them.
 
+#[cfg(feature = "gyro")]
+mod slip;
+
 use fixed::types::{I16F16, I32F32};
 
 use super::trig::{nearest, plus, upper, Reduced};
@@ -132,6 +135,9 @@ pub struct Odometry {
     right: Wheel,
     left_counter: u32,
     right_counter: u16,
+    /// Half the difference of the wheels' ways in a turn on the spot: π·track, 2⁻⁴⁰ mm.
+    #[cfg(feature = "gyro")]
+    turning: u64,
     /// 2⁻⁶⁴ turns, [`NEAREST`] ahead.
     heading: i64,
     /// 2⁻⁴⁰ mm, within ±[`FARTHEST`].
@@ -158,6 +164,8 @@ impl Odometry {
             ),
             left_counter: left,
             right_counter: right,
+            #[cfg(feature = "gyro")]
+            turning: (PI >> 2) / 1000 * u64::from(platform.track),
             heading: NEAREST,
             x: 0,
             y: 0,

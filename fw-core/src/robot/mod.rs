@@ -3,11 +3,13 @@
 //!
 //! | event | method | comes from |
 //! |---|---|---|
-//! | 100 Hz tick | [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words |
+//! | 100 Hz tick | [`Robot::on_gyro`], then [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words; I2C1 |
 //! | frame | [`Robot::reply_gone`], [`Robot::on_frame`], then [`Robot::refresh_reply`] and [`Robot::following_reply`] | chip-select's rising edge |
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 //! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
+#[cfg(feature = "gyro")]
+mod guard;
 mod io;
 mod link_line;
 mod supervisor;
@@ -28,6 +30,8 @@ use crate::wire::{
     fault, CellCode, Command, DistanceCode, FrameError, LinkCounters, Mode, PoseCode, Report,
     Setup, State, StmLink, MAX_FRAME,
 };
+#[cfg(feature = "gyro")]
+use guard::Guard;
 use link_line::LinkLine;
 use telling::Telling;
 
@@ -74,6 +78,11 @@ pub struct Robot {
     supervisor: Supervisor,
     odometry: Odometry,
     delta: Delta,
+    /// The configuration wants a gyroscope, and the mode can use one.
+    #[cfg(feature = "gyro")]
+    guarded: bool,
+    #[cfg(feature = "gyro")]
+    guard: Guard,
     controller: Controller,
     plausibility: Plausibility,
     /// What the motors have been told since the last tick.
@@ -109,6 +118,10 @@ impl Robot {
             supervisor: Supervisor::new(StopDeadline::new(platform.stop_deadline)),
             odometry: Odometry::new(platform, first.left, first.right),
             delta: Delta::default(),
+            #[cfg(feature = "gyro")]
+            guarded: platform.gyro && matches!(Measure::of(config.mode), Measure::Pose),
+            #[cfg(feature = "gyro")]
+            guard: Guard::new(),
             controller: Controller::new(config),
             plausibility: Plausibility::new(platform),
             told: Wheels::default(),
@@ -136,6 +149,8 @@ impl Robot {
     /// The 100 Hz tick: where the robot is, whether it may move, and what the motors are told.
     pub fn on_tick(&mut self, sample: Sample, adc_words: &[u16], log: &mut Log) -> Outputs {
         self.delta = self.odometry.step(sample.left, sample.right);
+        #[cfg(feature = "gyro")]
+        self.guard.add_to(&mut self.delta);
         self.travelled = self
             .travelled
             .wrapping_add(self.delta.travel.to_bits().into());

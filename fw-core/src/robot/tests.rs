@@ -1,22 +1,27 @@
 //! The robot from outside: frames in, duties and replies out.
 
 use super::*;
-use crate::eeprom::first_board;
+use crate::eeprom::{first_board, Platform};
 use crate::wire::PiLink;
 
 const TICK_US: u32 = 10_000;
 
-struct Bench {
-    robot: Robot,
+pub(super) struct Bench {
+    pub(super) robot: Robot,
     pi: PiLink,
-    log: Log,
-    sample: Sample,
+    pub(super) log: Log,
+    pub(super) sample: Sample,
 }
 
 impl Bench {
     fn new(mode: Mode) -> Self {
+        Self::with(mode, |_| {})
+    }
+
+    pub(super) fn with(mode: Mode, change: impl FnOnce(&mut Platform)) -> Self {
         let mut config = first_board();
         config.mode = mode;
+        change(&mut config.platform);
         let sample = Sample {
             now: Micros(u32::MAX - 5 * TICK_US),
             left: 7,
@@ -30,13 +35,13 @@ impl Bench {
         }
     }
 
-    fn tick(&mut self) -> Outputs {
+    pub(super) fn tick(&mut self) -> Outputs {
         self.sample.now = self.sample.now.after(TICK_US);
         self.robot
             .on_tick(self.sample, &[3428, 3574], &mut self.log)
     }
 
-    fn frame(&mut self, command: &Command) -> Report {
+    pub(super) fn frame(&mut self, command: &Command) -> Report {
         let mut reply = [0; MAX_FRAME];
         let len = self.robot.next_reply(&mut reply);
         let mut frame = [0; MAX_FRAME];
@@ -46,7 +51,7 @@ impl Bench {
         self.pi.receive(&reply[..len]).expect("a valid reply")
     }
 
-    fn log(&self) -> &str {
+    pub(super) fn log(&self) -> &str {
         core::str::from_utf8(self.log.pending()).expect("ASCII")
     }
 }

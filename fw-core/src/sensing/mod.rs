@@ -1,5 +1,6 @@
 //! What the robot senses beside its wheels: the battery's cells, the distance to what is around and
-//! where it looks for that, and how warm the air is that carries the sound.
+//! where it looks for that, how warm the air is that carries the sound, and whether it turns as its
+//! wheels say.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -8,6 +9,8 @@
 )]
 
 pub mod battery;
+pub mod gyro;
+pub mod mpu6050;
 pub mod rangefinder;
 #[cfg_attr(not(feature = "sweep"), path = "no_sweep.rs")]
 pub mod sweep;
@@ -15,6 +18,8 @@ pub mod sweep;
 pub mod thermometer;
 
 pub use battery::Battery;
+pub use gyro::Gyro;
+pub use mpu6050::Mpu6050;
 pub use rangefinder::{Echo, Rangefinders, Reading, Tally};
 pub use sweep::Sweep;
 #[cfg(feature = "acoustics")]

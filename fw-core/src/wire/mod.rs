@@ -192,6 +192,10 @@ pub mod fault {
     pub const LOG_DROPPED: u16 = 1 << 10;
     /// The watchdog, a panic or a fault restarted the firmware.
     pub const RESTARTED: u16 = 1 << 11;
+    /// A wheel slipped, or the robot was turned by force: the heading followed the gyroscope.
+    pub const SLIP: u16 = 1 << 12;
+    /// The configuration wants a gyroscope and there is none to rely on: encoders alone.
+    pub const GYRO_LOST: u16 = 1 << 13;
 }
 
 #[cfg(test)]

@@ -314,7 +314,7 @@ static PAGE_3: [Field; 27] = [
     field(
         "platform.gyro",
         0x0319,
-        "the MPU6050 takes part in the heading",
+        "the MPU6050 guards the heading against slip",
         Access::Flag(|c| &mut c.platform.gyro),
     ),
     field(

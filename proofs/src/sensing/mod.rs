@@ -1,4 +1,4 @@
-//! T9 and T10: what the robot senses beside its wheels.
+//! T5, T6, T9 and T10: what the robot senses beside its wheels.
 //!
 //! | module | theorems |
 //! |---|---|
@@ -6,8 +6,10 @@
 //! | [`sweep`] | T9: the servo and the bearing of a reading |
 //! | [`thermometer`] | T5, T9: the chip's temperature |
 //! | [`battery`] | T10: ADC words to cells |
+//! | [`gyro`] | T5, T6: the gyroscope and what it may add to the heading |
 
 pub mod battery;
+pub mod gyro;
 pub mod rangefinder;
 pub mod sweep;
 pub mod thermometer;

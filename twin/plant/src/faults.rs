@@ -9,6 +9,8 @@ pub struct Faults {
     pub dead_encoder: Sides<bool>,
     /// Part of the wheel's travel that does not move the robot, 0..=1 (1 = spinning on the spot).
     pub slip: Sides<f64>,
+    /// A hand turns the robot on the spot at this rate, °/s, counter-clockwise; its wheels slide.
+    pub twist_deg_s: f64,
     /// The wheel cannot turn; its motor stalls.
     pub jammed: Sides<bool>,
     /// The rangefinder hears nothing: its line stays up as long as it does without an object.

@@ -126,6 +126,10 @@ impl World {
         }
         turned.left += self.hand_deg_s.left * dt;
         turned.right += self.hand_deg_s.right * dt;
+        if self.faults.twist_deg_s != 0.0 {
+            self.pose.heading_rad += self.faults.twist_deg_s.to_radians() * dt;
+            self.contact.moved_by_force();
+        }
         if turned.left == 0.0 && turned.right == 0.0 {
             return;
         }
@@ -454,6 +458,15 @@ mod tests {
             "{:?}",
             world.pose()
         );
+    }
+
+    #[test]
+    fn a_hand_turns_the_robot_and_the_encoders_see_nothing() {
+        let mut world = world(Room::default());
+        world.faults.twist_deg_s = 90.0;
+        drive(&mut world, 500, 0.0, 0.0);
+        assert!((world.pose().heading_rad.to_degrees() - 45.0).abs() < 1e-6);
+        assert_eq!(world.wheel_counts(), (0, 0));
     }
 
     #[test]

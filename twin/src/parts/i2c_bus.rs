@@ -1,5 +1,5 @@
-//! The EEPROM's bus behind its switch: `SELECT` gives it to the Pi (high) or to the STM (low). The
-//! side without it hears no acknowledge.
+//! The STM's I2C bus: the MPU6050 on it, and the EEPROM behind its switch, which `SELECT` gives to the
+//! Pi (high) or to the STM (low). The side without it hears no acknowledge of the EEPROM's.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -8,6 +8,7 @@ use rigless::chip::Timeline;
 use rigless::snapshot::Store;
 
 use super::eeprom::Eeprom;
+use super::mpu6050::Mpu6050;
 
 /// Who addresses the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,9 +24,15 @@ pub enum Side {
 pub struct I2cBus {
     /// The EEPROM, unless none is fitted.
     pub eeprom: Option<Eeprom>,
+    /// The MPU6050, unless none is fitted: on the STM's side whatever the switch says.
+    pub mpu: Option<Mpu6050>,
     owner: Side,
     /// Clock pulses until a part that lost its place lets `SDA` go.
     stuck: Option<u32>,
+    /// The same of the MPU6050.
+    mpu_stuck: Option<u32>,
+    /// Whether the STM's transaction is with the MPU6050.
+    with_mpu: bool,
 }
 
 /// Clock pulses that free a part in any state: eight bits and the acknowledge (NXP UM10204, 3.1.16).
@@ -37,9 +44,18 @@ impl I2cBus {
     pub fn new(eeprom: Option<Eeprom>) -> Self {
         Self {
             eeprom,
+            mpu: None,
             owner: Side::Stm,
             stuck: None,
+            mpu_stuck: None,
+            with_mpu: false,
         }
+    }
+
+    /// The same with an MPU6050.
+    #[must_use]
+    pub fn with_mpu(self, mpu: Option<Mpu6050>) -> Self {
+        Self { mpu, ..self }
     }
 
     /// Whose the bus is.
@@ -63,19 +79,35 @@ impl I2cBus {
         self.stuck = Some(pulses);
     }
 
+    /// The MPU6050 holds `SDA` low until it has heard this many clock pulses.
+    pub fn stick_mpu(&mut self, pulses: u32) {
+        self.mpu_stuck = Some(pulses);
+    }
+
+    /// It lets go by itself.
+    pub fn release_mpu(&mut self) {
+        self.mpu_stuck = None;
+    }
+
     /// Whether `SDA` is held low on `side`'s wires.
     #[must_use]
     pub fn is_stuck(&self, side: Side) -> bool {
-        self.stuck.is_some() && self.owner == side
+        let by_mpu = self.mpu_stuck.is_some() && side == Side::Stm;
+        by_mpu || self.stuck.is_some() && self.owner == side
     }
 
     /// `side` raised the clock line by hand.
     pub fn pulse(&mut self, side: Side) {
-        if self.owner == side {
-            self.stuck = self
-                .stuck
+        let less = |stuck: Option<u32>| {
+            stuck
                 .and_then(|left| left.checked_sub(1))
-                .filter(|&left| left > 0);
+                .filter(|&left| left > 0)
+        };
+        if self.owner == side {
+            self.stuck = less(self.stuck);
+        }
+        if side == Side::Stm {
+            self.mpu_stuck = less(self.mpu_stuck);
         }
     }
 
@@ -89,10 +121,23 @@ impl I2cBus {
                 eeprom.abandon();
             }
         }
+        if let Some(mpu) = self.mpu.as_mut().filter(|mpu| mpu.is_reading()) {
+            mpu.stop();
+            self.mpu_stuck = Some(CLEARING_PULSES);
+        }
+        self.with_mpu = false;
+    }
+
+    fn mpu(&mut self, side: Side) -> Option<&mut Mpu6050> {
+        if side == Side::Stm && self.with_mpu && !self.is_stuck(side) {
+            self.mpu.as_mut()
+        } else {
+            None
+        }
     }
 
     fn reachable(&mut self, side: Side) -> Option<&mut Eeprom> {
-        if self.owner == side && self.stuck.is_none() {
+        if self.owner == side && !self.is_stuck(side) {
             self.eeprom.as_mut()
         } else {
             None
@@ -101,23 +146,39 @@ impl I2cBus {
 
     /// A start; the answer is the acknowledge.
     pub fn start(&mut self, side: Side, now: u64, address: u8, read: bool) -> bool {
-        self.reachable(side)
-            .is_some_and(|eeprom| eeprom.start(now, address, read))
+        let eeprom = self
+            .reachable(side)
+            .is_some_and(|eeprom| eeprom.start(now, address, read));
+        if side == Side::Stm {
+            self.with_mpu = true;
+            self.with_mpu = self.mpu(side).is_some_and(|mpu| mpu.start(address, read));
+        }
+        eeprom || side == Side::Stm && self.with_mpu
     }
 
     /// A byte out; the answer is the acknowledge.
     pub fn write(&mut self, side: Side, byte: u8) -> bool {
+        if let Some(mpu) = self.mpu(side) {
+            return mpu.write(byte);
+        }
         self.reachable(side)
             .is_some_and(|eeprom| eeprom.write(byte))
     }
 
     /// A byte in; a line nobody drives reads all ones.
     pub fn read(&mut self, side: Side) -> u8 {
+        if let Some(mpu) = self.mpu(side) {
+            return mpu.read();
+        }
         self.reachable(side).map_or(0xFF, Eeprom::read)
     }
 
     /// A stop.
     pub fn stop(&mut self, side: Side, now: u64) {
+        if let Some(mpu) = self.mpu(side) {
+            mpu.stop();
+            self.with_mpu = false;
+        }
         if let Some(eeprom) = self.reachable(side) {
             eeprom.stop(now);
         }
@@ -193,6 +254,43 @@ mod tests {
         }
         assert!(!bus.is_stuck(Side::Stm));
         assert!(bus.start(Side::Stm, 0, ADDRESS, false));
+    }
+
+    fn both() -> I2cBus {
+        let mpu = Mpu6050::new(crate::parts::mpu6050::Mpu6050Params::default(), 1);
+        I2cBus::new(Some(Eeprom::holding(&[7]))).with_mpu(Some(mpu))
+    }
+
+    #[test]
+    fn the_motion_sensor_is_the_stms_whoever_has_the_eeprom() {
+        let mut bus = both();
+        for side in [Side::Stm, Side::Pi] {
+            bus.give_to(side);
+            assert!(bus.start(Side::Stm, 0, 0x68, false));
+            assert!(bus.write(Side::Stm, 0x75));
+            assert!(bus.start(Side::Stm, 0, 0x68, true));
+            assert_eq!(bus.read(Side::Stm), 0x68);
+            bus.stop(Side::Stm, 0);
+            assert!(!bus.start(Side::Pi, 0, 0x68, false));
+        }
+        bus.give_to(Side::Stm);
+        assert!(bus.start(Side::Stm, 0, ADDRESS, true));
+        assert_eq!(bus.read(Side::Stm), 7);
+    }
+
+    #[test]
+    fn a_motion_sensor_that_holds_the_line_holds_the_stms_alone() {
+        let mut bus = both();
+        bus.give_to(Side::Pi);
+        bus.stick_mpu(2);
+        assert!(bus.is_stuck(Side::Stm) && !bus.is_stuck(Side::Pi));
+        assert!(!bus.start(Side::Stm, 0, 0x68, false));
+        assert!(bus.start(Side::Pi, 0, ADDRESS, false));
+        bus.pulse(Side::Stm);
+        bus.pulse(Side::Stm);
+        assert!(bus.start(Side::Stm, 0, 0x68, true));
+        bus.stm_reset();
+        assert!(bus.is_stuck(Side::Stm), "it was being read");
     }
 
     #[test]

@@ -15,6 +15,7 @@ use crate::part::{Pin, Role, Stm32f411};
 use crate::parts::bridge;
 use crate::parts::encoder::Encoder;
 use crate::parts::i2c_bus::{SharedBus, Side};
+use crate::parts::mpu6050::Mpu6050;
 use crate::parts::rangefinder::Rangefinder;
 use crate::parts::servo::ServoLine;
 use crate::parts::spi_master::{Action, SpiMaster};
@@ -89,6 +90,7 @@ pub struct Surroundings {
     sounds: Vec<(u64, usize)>,
     servo: ServoLine,
     nss: Level,
+    irq: bool,
     next_tick: u64,
     /// The world when the piece in hand began, for what lies between.
     before: Moment,
@@ -135,6 +137,7 @@ impl Surroundings {
             sounds: Vec::new(),
             servo: ServoLine::default(),
             nss: Level::High,
+            irq: false,
             next_tick: 0,
         }
     }
@@ -149,6 +152,7 @@ impl Surroundings {
         }
         chip.drive_pin(now, wiring::NSS, Some(self.nss));
         chip.drive_pin(now, wiring::SCL, Some(Level::High));
+        chip.drive_pin(now, wiring::MPU_IRQ, Some(Level::from(self.irq)));
         for ranger in wiring::RANGERS {
             chip.drive_pin(now, ranger.echo, Some(Level::Low));
         }
@@ -202,6 +206,7 @@ impl Surroundings {
         while self.next_tick <= now.0 {
             self.tick(chip);
         }
+        self.interrupt(chip, now);
         if let Some(next) = self.next(chip) {
             chip.wake_at(now, VirtualNanos(next.max(now.0 + 1)));
         }
@@ -213,6 +218,7 @@ impl Surroundings {
         rangers
             .chain(encoders)
             .chain(self.spi.next(Self::clocks_ahead(chip)))
+            .chain(self.i2c.lock().mpu.as_ref().and_then(Mpu6050::next))
             .chain([self.next_tick])
             .min()
     }
@@ -419,12 +425,32 @@ impl Surroundings {
         }));
     }
 
+    /// The motion sensor's interrupt pin.
+    fn interrupt(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let mut bus = self.i2c.lock();
+        let high = bus.mpu.as_mut().is_some_and(|mpu| mpu.interrupt(now.0));
+        drop(bus);
+        if high != self.irq {
+            self.irq = high;
+            chip.drive_pin(now, wiring::MPU_IRQ, Some(Level::from(high)));
+        }
+    }
+
+    /// The motion sensor feels the piece of the world's way that ends now.
+    fn feel(&mut self, now: u64) {
+        let turned = self.world.pose().heading_rad - self.before.pose.heading_rad;
+        if let Some(mpu) = &mut self.i2c.lock().mpu {
+            mpu.millisecond(now, turned.to_degrees() / TICK_S);
+        }
+    }
+
     /// Integrates the world over the next millisecond with what the bridge applies now.
     fn tick(&mut self, chip: &mut Stm32f411) {
         let start = self.next_tick;
         self.next_tick += TICK_NS;
         let left = bridge::input(chip, wiring::LEFT_BRIDGE);
         let right = bridge::input(chip, wiring::RIGHT_BRIDGE);
+        self.feel(start);
         let before = self.world.wheel_phase();
         self.before = Moment::of(&self.world);
         self.world.step(TICK_S, left, right);

@@ -180,3 +180,39 @@ fn a_pulse_of_the_advanced_timer_turns_the_servo_once_its_outputs_are_switched_o
     let bearing = bench.board.robot.around.world.mount(0).bearing_rad;
     assert!((bearing.to_degrees() + 45.0).abs() < 0.5);
 }
+
+#[test]
+fn the_motion_sensor_feels_the_robot_turn_and_pulls_its_pin() {
+    use crate::parts::i2c_bus::Side;
+    use crate::parts::mpu6050::{Mpu6050, Mpu6050Params, ADDRESS};
+    let mut bench = Bench::new();
+    let mut mpu = Mpu6050::new(
+        Mpu6050Params {
+            zero_deg_s: 0.0,
+            scale: 1.0,
+            noise_deg_s: 0.0,
+        },
+        1,
+    );
+    for bytes in [[0x6B, 0], [0x1B, 8], [0x38, 1]] {
+        assert!(mpu.start(ADDRESS, false) && bytes.map(|byte| mpu.write(byte)) == [true; 2]);
+    }
+    let around = &mut bench.board.robot.around;
+    around.i2c.lock().mpu = Some(mpu);
+    around.world.faults.twist_deg_s = -90.0;
+    bench.run(100_000_000);
+    let mut bus = bench.board.robot.around.i2c.lock();
+    assert!(bus.start(Side::Stm, 0, ADDRESS, false) && bus.write(Side::Stm, 0x47));
+    assert!(bus.start(Side::Stm, 0, ADDRESS, true));
+    let word = i16::from_be_bytes([bus.read(Side::Stm), bus.read(Side::Stm)]);
+    drop(bus);
+    assert!((f64::from(word) + 90.0 * 65.5).abs() < 3.0, "{word}");
+    // GPIOB's IDR, bit 13: up for 50 µs of every millisecond.
+    let level = |bench: &mut Bench| bench.read(GPIOB + 0x10) >> 13 & 1;
+    let mut high = 0;
+    for _ in 0..200 {
+        bench.run(10_000);
+        high += level(&mut bench);
+    }
+    assert!((8..=12).contains(&high), "{high} of 200 looks");
+}

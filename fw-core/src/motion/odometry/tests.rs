@@ -13,6 +13,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 use std::println;
 
 use super::*;
+use crate::sensing::gyro::Correction;
 
 /// A number as the unevaluated sum of two binary64: 106 bits (Dekker; Knuth).
 #[derive(Clone, Copy, Debug, Default)]
@@ -394,4 +395,80 @@ fn every_platform_that_the_configuration_accepts_and_any_counters_are_safe() {
             }
         }
     }
+}
+
+/// The encoders of the first board count down going forward.
+fn rolled(odometry: &mut Odometry, at: &mut (u32, u16), left: i32, right: i32) -> Delta {
+    at.0 = at.0.wrapping_add_signed(-left);
+    at.1 = at.1.wrapping_add_signed(-right as i16);
+    odometry.step(at.0, at.1)
+}
+
+#[test]
+fn a_wheel_that_spins_on_the_spot_leaves_the_robot_where_the_other_one_took_it() {
+    // One count turns the first board by this much.
+    let count = f64::from(80_000) / (2.0 * 3840.0 * 125_000.0);
+    let turn = |counts: f64| {
+        #[allow(clippy::cast_possible_truncation)]
+        let turn = (counts * count * 4_294_967_296.0).round() as i32;
+        turn
+    };
+    for (left, right) in [(20, 0), (0, 20), (-20, 0), (0, -20), (20, 10), (-5, -20)] {
+        // The truth: one of the wheels does not move the robot.
+        for left_spins in [true, false] {
+            let mut believed = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
+            let mut truth = believed.clone();
+            let (mut a, mut b) = ((0, 0), (0, 0));
+            let (real_left, real_right) = if left_spins { (0, right) } else { (left, 0) };
+            for _ in 0..50 {
+                let delta = rolled(&mut believed, &mut a, left, right);
+                let apart = if left_spins { left } else { -right };
+                let tick = turn(f64::from(apart));
+                believed.slipped(
+                    Correction {
+                        heading: tick,
+                        tick,
+                    },
+                    &delta,
+                );
+                let _ = rolled(&mut truth, &mut b, real_left, real_right);
+            }
+            let (is, was) = (believed.pose(), truth.pose());
+            let off = is.heading.from_nearest(was.heading);
+            assert!(off.abs() < 100, "{left} {right}: heading {off}");
+            for (is, was) in [(is.x.0, was.x.0), (is.y.0, was.y.0)] {
+                let mm: f64 = (is - was).to_num();
+                // What is taken back points along the tick's end, not its middle: 0.3° in 65 mm.
+                assert!(mm.abs() < 0.4, "{left} {right} {left_spins}: {mm:.3} mm");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_robot_that_is_held_keeps_its_heading_and_one_that_is_turned_takes_it() {
+    let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
+    let mut at = (0, 0);
+    for _ in 0..100 {
+        let delta = rolled(&mut odometry, &mut at, -10, 10);
+        let tick = -delta.turn;
+        odometry.slipped(
+            Correction {
+                heading: tick,
+                tick,
+            },
+            &delta,
+        );
+    }
+    assert!(odometry.pose().heading.from_nearest(Turns(0)).abs() < 200);
+    let delta = rolled(&mut odometry, &mut at, 0, 0);
+    let quarter = Correction {
+        heading: 1 << 30,
+        tick: 1 << 26,
+    };
+    let before = odometry.pose();
+    odometry.slipped(quarter, &delta);
+    let after = odometry.pose();
+    assert_eq!(after.heading.from_nearest(before.heading), 1 << 30);
+    assert_eq!((after.x, after.y), (before.x, before.y), "no wheel rolled");
 }

@@ -1,0 +1,160 @@
+//! The robot with and without its gyroscope, beside each other.
+
+use super::super::tests::Bench;
+use super::*;
+use crate::wire::{Command, Mode, State};
+
+extern crate std;
+
+/// A robot whose wheels are turned by hand, and a part that answers.
+struct Turned {
+    bench: Bench,
+    outcome: Outcome,
+    noise: u8,
+    absent: bool,
+    settings: [u8; 2],
+}
+
+impl Turned {
+    fn new(mode: Mode) -> Self {
+        Self {
+            bench: Bench::with(mode, |platform| platform.gyro = true),
+            outcome: Outcome::Done,
+            noise: 0,
+            absent: false,
+            settings: [0; 2],
+        }
+    }
+
+    /// A tick in which the robot turns at `rate` (least significant bits) and its wheels say `counts`
+    /// forward each way. The order that came of it.
+    fn tick(&mut self, rate: i16, left: i32, right: i16) -> Order {
+        let order = self.bench.robot.on_gyro(self.outcome, &mut self.bench.log);
+        // Both encoders of the first board count down going forward.
+        self.bench.sample.left = self.bench.sample.left.wrapping_add_signed(-left);
+        self.bench.sample.right = self.bench.sample.right.wrapping_add_signed(-right);
+        let _ = self.bench.tick();
+        let sent = self.bench.log.pending().len();
+        std::print!("{}", self.bench.log());
+        self.bench.log.sent(sent);
+        self.noise = (self.noise + 3) % 7;
+        self.outcome = match order {
+            Order::Rest | Order::Hold { .. } | Order::Attach => Outcome::Done,
+            _ if self.absent => Outcome::NoAcknowledge,
+            Order::Write {
+                register: 0x1A,
+                value,
+            } => {
+                self.settings[0] = value;
+                Outcome::Done
+            }
+            Order::Write {
+                register: 0x1B,
+                value,
+            } => {
+                self.settings[1] = value;
+                Outcome::Done
+            }
+            Order::Write { .. } => Outcome::Done,
+            Order::Read { register: 0x75, .. } => Outcome::Bytes([0x68, 0]),
+            Order::Read { register: 0x1A, .. } => Outcome::Bytes(self.settings),
+            Order::Read { .. } => Outcome::Bytes((rate + 77 + i16::from(self.noise)).to_be_bytes()),
+        };
+        order
+    }
+
+    fn ticks(&mut self, ticks: u32, rate: i16, left: i32, right: i16) {
+        for _ in 0..ticks {
+            self.tick(rate, left, right);
+        }
+    }
+
+    fn heading_deg(&self) -> f64 {
+        f64::from(self.bench.robot.pose().heading.0.cast_signed()) / 4_294_967_296.0 * 360.0
+    }
+}
+
+/// 40 counts a tick each way turn the first board by 2.4° a tick, which is too fast; 10 by 0.6°.
+const SPIN: i16 = 3_931;
+
+#[test]
+fn a_slip_is_a_fault_that_keeps_nothing_off_and_the_heading_survives_it() {
+    let mut robot = Turned::new(Mode::GuardedNormal);
+    robot.ticks(200, 0, 0, 0);
+    robot.ticks(50, SPIN, -10, 10);
+    robot.ticks(10, 0, 0, 0);
+    let before = robot.heading_deg();
+    assert!((before - 30.0).abs() < 0.1, "{before}");
+    assert_eq!(
+        robot.bench.robot.faults() & (fault::SLIP | fault::GYRO_LOST),
+        0
+    );
+    // Straight on by the wheels, and the robot turns by 60°.
+    robot.ticks(100, SPIN, 20, 20);
+    robot.ticks(30, 0, 20, 20);
+    let turned = robot.heading_deg() - before;
+    assert!((turned - 60.0).abs() < 0.5, "{turned}");
+    let faults = robot.bench.robot.faults();
+    assert_eq!(faults & (fault::SLIP | fault::GYRO_LOST), fault::SLIP);
+    assert_ne!(robot.bench.robot.state(), State::Faulted);
+}
+
+#[test]
+fn without_a_slip_the_pose_is_the_encoders_to_the_last_bit() {
+    let mut with = Turned::new(Mode::GuardedNormal);
+    let mut without = Bench::with(Mode::GuardedNormal, |_| {});
+    let ways = [
+        (0, 0, 0),
+        (SPIN, -10, 10),
+        (0, 30, 30),
+        (-SPIN / 2, 15, 5),
+        (0, 0, 0),
+    ];
+    for tick in 0..2_000_usize {
+        let (rate, left, right) = ways[tick / 200 % ways.len()];
+        // Up to 5 % off.
+        with.tick(rate + rate / 20, left, right);
+        without.sample.left = without.sample.left.wrapping_add_signed(-left);
+        without.sample.right = without.sample.right.wrapping_add_signed(-right);
+        let _ = without.tick();
+        assert_eq!(with.bench.robot.pose(), without.robot.pose());
+    }
+    assert_eq!(with.bench.robot.faults(), without.robot.faults());
+}
+
+#[test]
+fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
+    let mut robot = Turned::new(Mode::GuardedNormal);
+    robot.absent = true;
+    robot.ticks(100, 0, 0, 0);
+    assert_ne!(robot.bench.robot.faults() & fault::GYRO_LOST, 0);
+    let clear = Command {
+        clear_faults: u16::MAX,
+        ..Command::default()
+    };
+    robot.bench.frame(&clear);
+    robot.tick(0, 0, 0);
+    assert_ne!(
+        robot.bench.robot.faults() & fault::GYRO_LOST,
+        0,
+        "still lost"
+    );
+    robot.absent = false;
+    robot.ticks(1_500, 0, 0, 0);
+    robot.ticks(50, SPIN, -10, 10);
+    robot.bench.frame(&clear);
+    robot.tick(0, 0, 0);
+    assert_eq!(robot.bench.robot.faults() & fault::GYRO_LOST, 0);
+}
+
+#[test]
+fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() {
+    let mut tuning = Turned::new(Mode::GuardedTuneRotate);
+    let mut plain = Turned::new(Mode::GuardedNormal);
+    plain.bench = Bench::with(Mode::GuardedNormal, |_| {});
+    for _ in 0..500 {
+        assert_eq!(tuning.tick(0, 0, 0), Order::Rest);
+        assert_eq!(plain.tick(0, 0, 0), Order::Rest);
+    }
+    assert_eq!(plain.bench.robot.faults(), 0);
+}

@@ -1,0 +1,219 @@
+//! A part played by hand: registers that remember, and everything that can go wrong.
+
+extern crate std;
+
+use super::*;
+use std::vec::Vec;
+
+/// The part as far as the conversation sees it.
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "what can be wrong, each on its own"
+)]
+struct Part {
+    registers: [u8; 128],
+    absent: bool,
+    held: bool,
+    /// Clock pulses until it lets go.
+    pulses: u8,
+    noise: u8,
+    frozen: bool,
+    clock: bool,
+}
+
+impl Part {
+    fn new() -> Self {
+        let mut part = Self {
+            registers: [0; 128],
+            absent: false,
+            held: false,
+            pulses: 0,
+            noise: 0,
+            frozen: false,
+            clock: true,
+        };
+        part.reset();
+        part
+    }
+
+    fn reset(&mut self) {
+        self.registers = [0; 128];
+        self.registers[usize::from(PWR_MGMT_1)] = 0x40;
+        self.registers[usize::from(WHO_AM_I)] = IDENTITY;
+    }
+
+    fn carry_out(&mut self, order: Order) -> Outcome {
+        match order {
+            Order::Rest | Order::Attach => Outcome::Done,
+            Order::Hold { clock, .. } => {
+                if clock && !self.clock && self.pulses > 0 {
+                    self.pulses -= 1;
+                    self.held = self.pulses > 0;
+                }
+                self.clock = clock;
+                Outcome::Done
+            }
+            _ if self.held => Outcome::Stuck,
+            _ if self.absent => Outcome::NoAcknowledge,
+            Order::Write { register, value } => {
+                if register == PWR_MGMT_1 && value & 0x80 != 0 {
+                    self.reset();
+                } else {
+                    self.registers[usize::from(register)] = value;
+                }
+                Outcome::Done
+            }
+            Order::Read { register, count } => {
+                if !self.frozen {
+                    self.noise = (self.noise + 3) % 7;
+                }
+                if self.registers[usize::from(PWR_MGMT_1)] & 0x40 == 0 {
+                    self.registers[usize::from(GYRO_ZOUT) + 1] = self.noise;
+                }
+                let at = usize::from(register);
+                Outcome::Bytes(match count {
+                    1 => [self.registers[at], 0],
+                    _ => [self.registers[at], self.registers[at + 1]],
+                })
+            }
+        }
+    }
+}
+
+/// So many ticks of conversation: what was learned, by tick, and what was ordered.
+fn talk(
+    mpu: &mut Mpu6050,
+    part: &mut Part,
+    outcome: &mut Outcome,
+    ticks: u32,
+) -> (Vec<(u32, News)>, Vec<Order>) {
+    let mut news = Vec::new();
+    let mut orders = Vec::new();
+    for tick in 0..ticks {
+        let (order, heard) = mpu.step(*outcome);
+        *outcome = part.carry_out(order);
+        if heard != News::Nothing {
+            news.push((tick, heard));
+        }
+        orders.push(order);
+    }
+    (news, orders)
+}
+
+fn rates(news: &[(u32, News)]) -> usize {
+    news.iter()
+        .filter(|(_, news)| matches!(news, News::Rate(_)))
+        .count()
+}
+
+fn losses(news: &[(u32, News)]) -> Vec<Trouble> {
+    news.iter()
+        .filter_map(|(_, news)| match news {
+            News::Lost(trouble) => Some(*trouble),
+            _ => None,
+        })
+        .collect()
+}
+
+#[test]
+fn a_part_that_answers_is_set_up_and_read_every_tick_from_then_on() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 200);
+    let first = news.first().expect("it streams").0;
+    assert!(first < 50, "half a second is enough: {first}");
+    assert_eq!(rates(&news), 200 - first as usize);
+    assert!(orders[..9].iter().all(|order| *order == Order::Rest));
+    assert_eq!(part.registers[usize::from(PWR_MGMT_1)], 3, "awake");
+    assert_eq!(part.registers[usize::from(CONFIG)], LOW_PASS);
+    assert_eq!(part.registers[usize::from(GYRO_CONFIG)], FULL_SCALE);
+}
+
+#[test]
+fn an_absent_part_is_told_once_asked_ever_more_rarely_and_found_when_it_comes() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    part.absent = true;
+    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 6_000);
+    assert_eq!(losses(&news), [Trouble::Absent]);
+    let asked = orders.iter().filter(|order| **order != Order::Rest).count();
+    assert!((8..=12).contains(&asked), "{asked} tries in a minute");
+    part.absent = false;
+    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 1_000);
+    assert!(rates(&news) > 100);
+    part.absent = true;
+    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 1_000);
+    assert_eq!(losses(&news), [Trouble::Absent], "lost anew, told anew");
+}
+
+#[test]
+fn a_missed_read_or_three_lose_nothing() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    let _ = talk(&mut mpu, &mut part, &mut outcome, 100);
+    part.absent = true;
+    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 3);
+    assert!(losses(&news).is_empty());
+    part.absent = false;
+    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 10);
+    assert_eq!(rates(&news), 9);
+}
+
+#[test]
+fn a_stranger_is_left_alone() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    part.registers[usize::from(WHO_AM_I)] = 0x70;
+    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 1_000);
+    assert_eq!(losses(&news), [Trouble::Stranger]);
+    assert_eq!(rates(&news), 0);
+    let writes = |order: &&Order| matches!(order, Order::Write { .. });
+    assert_eq!(orders.iter().filter(writes).count(), 0);
+}
+
+#[test]
+fn a_part_that_stands_still_is_reset_and_one_that_fell_asleep_wakes() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    let _ = talk(&mut mpu, &mut part, &mut outcome, 100);
+    part.frozen = true;
+    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 400);
+    assert_eq!(losses(&news), [Trouble::Frozen]);
+    let reset = Order::Write {
+        register: PWR_MGMT_1,
+        value: 0x80,
+    };
+    assert!(orders.contains(&reset));
+    part.frozen = false;
+    let _ = talk(&mut mpu, &mut part, &mut outcome, 1_000);
+    // Its supply failed for a moment.
+    part.reset();
+    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 400);
+    assert_eq!(losses(&news), [Trouble::Frozen]);
+    assert!(matches!(news.last(), Some((399, News::Rate(_)))));
+}
+
+#[test]
+fn a_held_bus_is_clocked_out_edge_by_edge_and_ends_with_a_stop() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    let _ = talk(&mut mpu, &mut part, &mut outcome, 100);
+    (part.held, part.pulses) = (true, 9);
+    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 300);
+    assert_eq!(losses(&news), [Trouble::BusHeld]);
+    let lines: Vec<_> = orders
+        .iter()
+        .filter_map(|order| match order {
+            Order::Hold { clock, data } => Some((*clock, *data)),
+            _ => None,
+        })
+        .collect();
+    let pulse = [(false, true), (true, true)];
+    let mut expected: Vec<_> = core::iter::repeat_n(pulse, 9).flatten().collect();
+    expected.extend([(false, false), (true, false), (true, true)]);
+    assert_eq!(lines, expected);
+    assert!(orders.contains(&Order::Attach));
+    assert!(matches!(news.last(), Some((299, News::Rate(_)))));
+}
+
+#[test]
+fn a_bus_held_for_good_is_told_once() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    part.held = true;
+    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 10_000);
+    assert_eq!(losses(&news), [Trouble::BusHeld]);
+}

@@ -1,0 +1,332 @@
+//! T5 and T6: the gyroscope's conversation and what it may add to the heading.
+
+use fw_core::eeprom::{first_board, Config};
+use fw_core::log::Log;
+use fw_core::motion::{Delta, Odometry};
+use fw_core::robot::{Robot, Sample};
+use fw_core::sensing::gyro::{hundredths, Correction, Event, Gyro, BIAS_MOST};
+use fw_core::sensing::mpu6050::{Mpu6050, News, Order, Outcome};
+use fw_core::wire::{fault, Mode};
+
+use crate::eeprom::accepted::AcceptedConfig;
+use crate::input::{Input, Source};
+use crate::theorem::Seen;
+
+impl Input for Outcome {
+    fn draw(source: &mut impl Source) -> Self {
+        match source.bits8() % 8 {
+            0 => Self::Done,
+            1 => Self::NoAcknowledge,
+            2 => Self::Stuck,
+            // Who it is, its settings, and a rate are the two bytes that matter.
+            3 => Self::Bytes([0x68, source.bits8()]),
+            4 => Self::Bytes([3, 8]),
+            _ => Self::Bytes(source.bits16().to_be_bytes()),
+        }
+    }
+}
+
+/// Some of them, one after the other.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<T, const N: usize>([T; N]);
+
+impl<T: Input, const N: usize> Input for Row<T, N> {
+    fn draw(source: &mut impl Source) -> Self {
+        Self(core::array::from_fn(|_| T::draw(source)))
+    }
+}
+
+/// A tick as the watcher sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Tick {
+    reading: Option<i16>,
+    turn: i32,
+    left: i32,
+    right: i16,
+}
+
+impl Input for Tick {
+    fn draw(source: &mut impl Source) -> Self {
+        let shape = source.bits8();
+        #[allow(
+            clippy::cast_possible_wrap,
+            reason = "every pattern is a number of either sign"
+        )]
+        let (turn, left, right, raw) = (
+            source.bits32() as i32,
+            source.bits32() as i32,
+            source.bits16() as i16,
+            source.bits16() as i16,
+        );
+        let still = shape & 1 == 0;
+        Self {
+            reading: (shape & 0x30 != 0).then_some(raw),
+            turn: if still { 0 } else { turn },
+            left: if still { 0 } else { left },
+            right: if still { 0 } else { right },
+        }
+    }
+}
+
+fn step(gyro: &mut Gyro, tick: Tick) -> (Correction, Option<Event>) {
+    let delta = Delta {
+        left: tick.left,
+        right: tick.right.into(),
+        turn: tick.turn,
+        ..Delta::default()
+    };
+    gyro.step(tick.reading, &delta, tick.turn)
+}
+
+fn bounded(gyro: &Gyro) {
+    if let Some(bias) = gyro.bias() {
+        assert!(bias.abs() <= BIAS_MOST << 8);
+        assert!(hundredths(bias).abs() <= 4_000);
+    }
+}
+
+/// No readings, turns or counts overflow anything; the bias keeps its bounds, and there is never a
+/// correction before there is one.
+pub fn any_readings_are_safe(ticks: Row<Tick, 3>) -> Seen {
+    let mut gyro = Gyro::new();
+    let mut seen = Seen::NOTHING;
+    for tick in ticks.0 {
+        let (correction, event) = step(&mut gyro, tick);
+        assert!(gyro.bias().is_none() && correction == Correction::default() && event.is_none());
+        bounded(&gyro);
+        seen = seen
+            .case(0, tick.reading.is_none())
+            .case(1, tick.reading == Some(i16::MIN))
+            .case(2, tick.turn == i32::MIN);
+    }
+    seen
+}
+
+/// From a watcher that has rested, with a bias of any size, and, where `believed`, has agreed with the
+/// wheels: whatever follows, nothing overflows, the bias keeps its bounds, nothing is added by one that
+/// is not believed, and what ends a slip is what was added during it.
+pub fn any_readings_after_a_rest_are_safe(
+    bias: i16,
+    believed: bool,
+    repeat: u8,
+    ticks: Row<Tick, 8>,
+) -> Seen {
+    let mut gyro = Gyro::new();
+    let rest = Tick {
+        reading: Some(bias),
+        turn: 0,
+        left: 0,
+        right: 0,
+    };
+    for _ in 0..84 {
+        let _ = step(&mut gyro, rest);
+    }
+    let known = i32::from(bias).abs() <= BIAS_MOST;
+    assert!(gyro.bias().is_some() == known);
+    if believed && known {
+        // 1° a tick by both: 6550 least significant bits are 100 °/s.
+        let turn = Tick {
+            reading: Some(bias + 6550),
+            turn: 11_930_465,
+            left: -10,
+            right: 10,
+        };
+        let events = (0..11).filter_map(|_| step(&mut gyro, turn).1).count();
+        assert!(events == 1);
+    }
+    let believed = believed && known;
+    let mut added = 0_i64;
+    let mut seen = Seen::NOTHING
+        .case(0, !known)
+        .case(1, bias.saturating_abs() > 2_500 && believed);
+    let mut trusted = believed;
+    for tick in ticks.0 {
+        for _ in 0..=repeat % 64 {
+            let was_slipping = gyro.is_slipping();
+            let (correction, event) = step(&mut gyro, tick);
+            bounded(&gyro);
+            assert!(trusted || correction == Correction::default());
+            if was_slipping || gyro.is_slipping() {
+                seen = seen.case(2, true);
+            } else {
+                assert!(correction == Correction::default());
+            }
+            added = added.wrapping_add(correction.heading.into());
+            match event {
+                Some(Event::Gripping(total)) => {
+                    // Modulo a turn, as headings are.
+                    #[allow(clippy::cast_possible_truncation, reason = "modulo a turn")]
+                    let same = total as i32 == added as i32;
+                    assert!(same);
+                    seen = seen.case(3, true);
+                    added = 0;
+                }
+                Some(Event::GaveUp) => {
+                    trusted = false;
+                    added = 0;
+                    seen = seen.case(4, true);
+                }
+                Some(Event::Believed) => trusted = true,
+                _ => {}
+            }
+        }
+    }
+    seen
+}
+
+/// What a part that is as it should be answers.
+fn good(order: Order) -> Outcome {
+    match order {
+        Order::Read { register: 0x75, .. } => Outcome::Bytes([0x68, 0]),
+        Order::Read { register: 0x1A, .. } => Outcome::Bytes([3, 8]),
+        Order::Read { .. } => Outcome::Bytes([0, 1]),
+        _ => Outcome::Done,
+    }
+}
+
+/// However far a good part has come, whatever the bus answers from then on: every tick has an order, a
+/// write goes to a register of the set-up and to no other, and a rate is told only when two bytes were
+/// read.
+pub fn conversation_is_total(good_ticks: u8, outcomes: Row<Outcome, 16>, repeat: u8) -> Seen {
+    let mut mpu = Mpu6050::new();
+    let mut seen = Seen::NOTHING;
+    let mut order = Order::Rest;
+    for _ in 0..good_ticks % 64 {
+        (order, _) = mpu.step(good(order));
+    }
+    for outcome in outcomes.0 {
+        for _ in 0..=repeat % 32 {
+            let (order, news) = mpu.step(outcome);
+            match order {
+                Order::Write { register, .. } => {
+                    assert!(matches!(register, 0x19..=0x1B | 0x6B));
+                    seen = seen.case(0, true);
+                }
+                Order::Read { register, count } => {
+                    assert!(matches!((register, count), (0x75, 1) | (0x1A | 0x47, 2)));
+                }
+                Order::Hold { .. } => seen = seen.case(1, true),
+                Order::Rest | Order::Attach => {}
+            }
+            match news {
+                News::Rate(raw) => {
+                    assert!(outcome == Outcome::Bytes(raw.to_be_bytes()));
+                    seen = seen.case(2, true);
+                }
+                News::Lost(_) => seen = seen.case(3, true),
+                News::Nothing => {}
+            }
+        }
+    }
+    seen
+}
+
+/// Two robots of the same configuration and the same counters, one without `gyro`, the other with a
+/// part that never answers, or not as one: their poses are the same to the last bit, always. And the
+/// one without it never asks for the bus.
+pub fn without_a_rate_the_encoders_tell(
+    config: AcceptedConfig,
+    outcome: Outcome,
+    steps: [(u8, u8); 24],
+) -> Seen {
+    if matches!(outcome, Outcome::Bytes(_)) {
+        return Seen::NOTHING.case(0, true);
+    }
+    let mut plain: Config = config.0;
+    plain.platform.gyro = false;
+    plain.mode = Mode::GuardedNormal;
+    let mut fitted = plain.clone();
+    fitted.platform.gyro = true;
+    let mut sample = Sample::default();
+    let mut log = Log::new();
+    let mut alone = Robot::new(&plain, sample);
+    let mut with = Robot::new(&fitted, sample);
+    for (left, right) in steps {
+        for _ in 0..4 {
+            sample.now = sample.now.after(10_000);
+            sample.left = sample.left.wrapping_add_signed(i32::from(left) - 128);
+            sample.right = sample.right.wrapping_add_signed(i16::from(right) - 128);
+            assert!(alone.on_gyro(outcome, &mut log) == Order::Rest);
+            let _ = with.on_gyro(outcome, &mut log);
+            let (a, b) = (
+                alone.on_tick(sample, &[], &mut log),
+                with.on_tick(sample, &[], &mut log),
+            );
+            assert!(a == b && alone.pose() == with.pose());
+            assert!(with.faults() & fault::SLIP == 0 && alone.faults() & fault::GYRO_LOST == 0);
+        }
+    }
+    Seen::NOTHING
+        .case(1, with.faults() & fault::GYRO_LOST != 0)
+        .case(2, with.pose() != first_pose())
+}
+
+fn first_pose() -> fw_core::units::Pose {
+    Robot::new(&first_board(), Sample::default()).pose()
+}
+
+/// Any correction of any tick's counts, anywhere, overflows nothing, adds itself to the heading to the
+/// last bit, and moves the robot by no more than the wheels rolled.
+pub fn any_correction_is_safe(
+    config: AcceptedConfig,
+    before: (u32, u16),
+    counters: (u32, u16),
+    heading: u32,
+    tick: u32,
+) -> Seen {
+    let mut odometry = Odometry::new(&config.0.platform, 0, 0);
+    let _ = odometry.step(before.0, before.1);
+    let delta = odometry.step(counters.0, counters.1);
+    let was = odometry.pose();
+    #[allow(
+        clippy::cast_possible_wrap,
+        reason = "every pattern is a turn of either sign"
+    )]
+    let correction = Correction {
+        heading: heading as i32,
+        tick: tick as i32,
+    };
+    odometry.slipped(correction, &delta);
+    let is = odometry.pose();
+    assert!(is.heading.0 == was.heading.0.wrapping_add(heading));
+    let moved = is.x != was.x || is.y != was.y;
+    assert!(!moved || delta.left != 0 || delta.right != 0);
+    Seen::NOTHING
+        .case(0, moved)
+        .case(1, !moved && correction.tick != 0)
+}
+
+crate::theorems! {
+    T5 any_readings_are_safe(ticks: Row<Tick, 3>) {
+        cases ["nothing read", "the end of the range", "half a turn in a tick"];
+        kani proof [unwind(33)];
+        sampled 100_000;
+    }
+    T5 any_readings_after_a_rest_are_safe(
+        bias: i16, believed: bool, repeat: u8, ticks: Row<Tick, 8>
+    ) {
+        cases [
+            "no part is that far off", "a large bias", "a slip", "a slip that ended",
+            "a slip too long"
+        ];
+        sampled 100_000;
+    }
+    T5 conversation_is_total(good_ticks: u8, outcomes: Row<Outcome, 16>, repeat: u8) {
+        cases ["set up", "the bus was freed", "a rate", "lost"];
+        sampled 100_000;
+    }
+    T6 without_a_rate_the_encoders_tell(
+        config: AcceptedConfig, outcome: Outcome, steps: [(u8, u8); 24]
+    ) {
+        cases ["it answered", "and its absence is a fault", "the robot moved"];
+        needs [accepted_configuration_is_bounded];
+        sampled 20_000;
+    }
+    T5 any_correction_is_safe(
+        config: AcceptedConfig, before: (u32, u16), counters: (u32, u16), heading: u32, tick: u32
+    ) {
+        cases ["a wheel slipped", "no wheel can have"];
+        needs [accepted_configuration_is_bounded];
+        sampled 100_000;
+    }
+}

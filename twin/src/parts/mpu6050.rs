@@ -1,0 +1,432 @@
+//! The MPU6050 on the STM's own side of the I2C switch: its gyroscope about the vertical (Product
+//! Specification PS-MPU-6000A 3.4, Register Map RM-MPU-6000A 4.2).
+//!
+//! | register or section | behaviour |
+//! |---|---|
+//! | `WHO_AM_I` | 0x68 |
+//! | `PWR_MGMT_1` | asleep at power-up (0x40): the data registers keep their values; `DEVICE_RESET` puts every register back |
+//! | `SMPLRT_DIV`, `CONFIG` | a sample every (1 + divider) ms with the low-pass on, eighths of a ms without; the low-pass is two equal lags of the table's delay together |
+//! | `GYRO_CONFIG` | full scale 250, 500, 1000 or 2000 °/s; what is beyond saturates |
+//! | `GYRO_ZOUT` | rate · scale + zero + noise; the other data registers read 0 |
+//! | `INT_ENABLE`, `INT_STATUS`, `INT_PIN_CFG` | data ready: a pulse of 50 µs, or held until the status (or, so set, anything) is read; active low if so set |
+//! | address pointer | set by the first byte written, advances with every byte either way |
+//!
+//! Not modelled: accelerometers, the x and y axes, temperature, FIFO, the auxiliary bus, self-test, the
+//! standby bits, and the start-up times.
+
+use plant::Rng;
+
+/// The address on the bus with AD0 low.
+pub const ADDRESS: u8 = 0x68;
+
+const SMPLRT_DIV: usize = 0x19;
+const CONFIG: usize = 0x1A;
+const GYRO_CONFIG: usize = 0x1B;
+const INT_PIN_CFG: usize = 0x37;
+const INT_ENABLE: usize = 0x38;
+const INT_STATUS: usize = 0x3A;
+const GYRO_ZOUT: usize = 0x47;
+const PWR_MGMT_1: usize = 0x6B;
+const WHO_AM_I: usize = 0x75;
+const REGISTERS: usize = 128;
+
+/// `DEVICE_RESET` and `SLEEP`.
+const RESET: u8 = 0x80;
+const SLEEP: u8 = 0x40;
+/// `INT_PIN_CFG`: active low, held, cleared by any read.
+const INT_LOW: u8 = 0x80;
+const INT_HELD: u8 = 0x20;
+const INT_ANY_READ: u8 = 0x10;
+const DATA_READY: u8 = 1;
+
+/// Data ready's pulse, nanoseconds.
+const PULSE_NS: u64 = 50_000;
+/// Delay of the gyroscope's low-pass by `DLPF_CFG`, milliseconds (RM, 4.3).
+const DELAY_MS: [f64; 8] = [0.98, 1.9, 2.8, 4.8, 8.3, 13.4, 18.6, 0.17];
+
+/// The errors of one part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mpu6050Params {
+    /// What it reads at rest, °/s (PS, 6.1: ±20).
+    pub zero_deg_s: f64,
+    /// What it reads of a rate, relative: 1 is right (PS, 6.1: ±3 %).
+    pub scale: f64,
+    /// Deviation of its noise, °/s rms (PS, 6.1: 0.05).
+    pub noise_deg_s: f64,
+}
+
+impl Default for Mpu6050Params {
+    /// A part well within its data sheet, and not a good one.
+    fn default() -> Self {
+        Self {
+            zero_deg_s: -3.7,
+            scale: 1.02,
+            noise_deg_s: 0.05,
+        }
+    }
+}
+
+/// What is wrong with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mpu6050Fault {
+    /// Nothing.
+    #[default]
+    None,
+    /// It acknowledges nothing.
+    Silent,
+    /// It acknowledges its address and so many bytes, and no more.
+    RefusesAfter(u32),
+    /// Its data do not change any more.
+    Frozen,
+    /// It says that it is something else.
+    Stranger(u8),
+}
+
+/// The part.
+#[derive(Clone, Debug)]
+pub struct Mpu6050 {
+    params: Mpu6050Params,
+    /// What is wrong; change it at any time.
+    pub fault: Mpu6050Fault,
+    registers: [u8; REGISTERS],
+    pointer: usize,
+    /// The next byte written is the register's address.
+    addressing: bool,
+    reading: bool,
+    /// Bytes it acknowledged since the start.
+    taken: u32,
+    lags: [f64; 2],
+    /// Milliseconds since the last sample.
+    since: f64,
+    rng: Rng,
+    pin: bool,
+    falls: Option<u64>,
+    reads: u64,
+}
+
+impl Mpu6050 {
+    /// A part just powered, with its own chance.
+    #[must_use]
+    pub fn new(params: Mpu6050Params, seed: u64) -> Self {
+        let mut part = Self {
+            params,
+            fault: Mpu6050Fault::None,
+            registers: [0; REGISTERS],
+            pointer: 0,
+            addressing: false,
+            reading: false,
+            taken: 0,
+            lags: [0.0; 2],
+            since: 0.0,
+            rng: Rng::new(seed),
+            pin: false,
+            falls: None,
+            reads: 0,
+        };
+        part.reset();
+        part
+    }
+
+    fn reset(&mut self) {
+        self.registers = [0; REGISTERS];
+        self.registers[PWR_MGMT_1] = SLEEP;
+        self.registers[WHO_AM_I] = ADDRESS;
+        (self.pin, self.falls) = (false, None);
+    }
+
+    /// Its supply was gone for a moment.
+    pub fn power_cycle(&mut self) {
+        self.reset();
+        self.reading = false;
+    }
+
+    /// Its errors, to be changed at any time: a zero that drifts.
+    pub fn params_mut(&mut self) -> &mut Mpu6050Params {
+        &mut self.params
+    }
+
+    /// What register `address` holds.
+    #[must_use]
+    pub fn register(&self, address: u8) -> u8 {
+        self.registers[usize::from(address) % REGISTERS]
+    }
+
+    /// How often its rate has been read.
+    #[must_use]
+    pub fn reads(&self) -> u64 {
+        self.reads
+    }
+
+    /// Whether a read is under way, in which a lost clock leaves the part driving the data line.
+    #[must_use]
+    pub fn is_reading(&self) -> bool {
+        self.reading
+    }
+
+    /// A millisecond in which it turned by `rate_deg_s` about the vertical, counter-clockwise
+    /// positive, ending at `now`.
+    pub fn millisecond(&mut self, now: u64, rate_deg_s: f64) {
+        let low_pass = usize::from(self.registers[CONFIG] & 7);
+        // Two lags in a row, each of half the delay, in steps of a millisecond.
+        let share = 1.0 - (-2.0 / DELAY_MS[low_pass]).exp();
+        self.lags[0] += share * (rate_deg_s - self.lags[0]);
+        self.lags[1] += share * (self.lags[0] - self.lags[1]);
+        if self.registers[PWR_MGMT_1] & SLEEP != 0 {
+            return;
+        }
+        let base = if matches!(low_pass, 0 | 7) {
+            0.125
+        } else {
+            1.0
+        };
+        self.since += 1.0;
+        let period = base * (1.0 + f64::from(self.registers[SMPLRT_DIV]));
+        if self.since + 1e-9 < period {
+            return;
+        }
+        self.since = 0.0;
+        self.sample(now);
+    }
+
+    fn sample(&mut self, now: u64) {
+        if self.fault != Mpu6050Fault::Frozen {
+            let scale = f64::from(1 << (self.registers[GYRO_CONFIG] >> 3 & 3));
+            let noise = self.params.noise_deg_s * self.rng.normal();
+            let rate = self.lags[1] * self.params.scale + self.params.zero_deg_s + noise;
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "it saturates, as the part does"
+            )]
+            let word = (rate * 131.0 / scale).round() as i16;
+            self.registers[GYRO_ZOUT..GYRO_ZOUT + 2].copy_from_slice(&word.to_be_bytes());
+        }
+        self.registers[INT_STATUS] |= DATA_READY;
+        if self.registers[INT_ENABLE] & DATA_READY != 0 {
+            self.pin = true;
+            let held = self.registers[INT_PIN_CFG] & INT_HELD != 0;
+            self.falls = (!held).then_some(now + PULSE_NS);
+        }
+    }
+
+    /// The interrupt pin's level at `now`.
+    pub fn interrupt(&mut self, now: u64) -> bool {
+        if self.falls.is_some_and(|at| at <= now) {
+            (self.pin, self.falls) = (false, None);
+        }
+        self.pin != (self.registers[INT_PIN_CFG] & INT_LOW != 0)
+    }
+
+    /// When the pin changes by itself.
+    #[must_use]
+    pub fn next(&self) -> Option<u64> {
+        self.falls
+    }
+
+    /// A start with `address`. The answer is the acknowledge.
+    pub fn start(&mut self, address: u8, read: bool) -> bool {
+        self.reading = false;
+        if address != ADDRESS || self.fault == Mpu6050Fault::Silent {
+            return false;
+        }
+        self.reading = read;
+        self.addressing = !read;
+        self.taken = 0;
+        true
+    }
+
+    /// A byte from the controller. The answer is the acknowledge.
+    pub fn write(&mut self, byte: u8) -> bool {
+        if let Mpu6050Fault::RefusesAfter(bytes) = self.fault {
+            if self.taken >= bytes {
+                return false;
+            }
+        }
+        self.taken += 1;
+        if self.addressing {
+            self.addressing = false;
+            self.pointer = usize::from(byte) % REGISTERS;
+            return true;
+        }
+        match self.pointer {
+            PWR_MGMT_1 if byte & RESET != 0 => self.reset(),
+            // Read only: interrupt status, data, identity.
+            INT_STATUS..=0x60 | WHO_AM_I => {}
+            register => self.registers[register] = byte,
+        }
+        self.pointer = (self.pointer + 1) % REGISTERS;
+        true
+    }
+
+    /// A byte to the controller.
+    pub fn read(&mut self) -> u8 {
+        let register = self.pointer;
+        self.pointer = (self.pointer + 1) % REGISTERS;
+        let byte = match (register, self.fault) {
+            (WHO_AM_I, Mpu6050Fault::Stranger(identity)) => identity,
+            _ => self.registers[register],
+        };
+        if register == GYRO_ZOUT {
+            self.reads += 1;
+        }
+        if register == INT_STATUS || self.registers[INT_PIN_CFG] & INT_ANY_READ != 0 {
+            self.registers[INT_STATUS] = 0;
+            if self.falls.is_none() {
+                self.pin = false;
+            }
+        }
+        byte
+    }
+
+    /// A stop.
+    pub fn stop(&mut self) {
+        self.reading = false;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part() -> Mpu6050 {
+        Mpu6050::new(Mpu6050Params::default(), 1)
+    }
+
+    fn set(part: &mut Mpu6050, register: usize, value: u8) {
+        assert!(part.start(ADDRESS, false));
+        assert!(part.write(u8::try_from(register).unwrap()) && part.write(value));
+        part.stop();
+    }
+
+    fn get(part: &mut Mpu6050, register: usize, count: usize) -> Vec<u8> {
+        assert!(part.start(ADDRESS, false));
+        assert!(part.write(u8::try_from(register).unwrap()));
+        assert!(part.start(ADDRESS, true));
+        let bytes = (0..count).map(|_| part.read()).collect();
+        part.stop();
+        bytes
+    }
+
+    fn rate(part: &mut Mpu6050) -> i16 {
+        let bytes = get(part, GYRO_ZOUT, 2);
+        i16::from_be_bytes([bytes[0], bytes[1]])
+    }
+
+    /// Awake at ±500 °/s, 42 Hz, a sample a millisecond.
+    fn awake() -> Mpu6050 {
+        let mut part = part();
+        set(&mut part, PWR_MGMT_1, 3);
+        set(&mut part, CONFIG, 3);
+        set(&mut part, GYRO_CONFIG, 8);
+        part
+    }
+
+    #[test]
+    fn it_powers_up_asleep_and_says_who_it_is() {
+        let mut part = part();
+        assert_eq!(get(&mut part, WHO_AM_I, 1), [0x68]);
+        assert_eq!(get(&mut part, PWR_MGMT_1, 1), [0x40]);
+        for ms in 0..100 {
+            part.millisecond(ms * 1_000_000, 100.0);
+        }
+        assert_eq!(rate(&mut part), 0);
+        set(&mut part, WHO_AM_I, 1);
+        assert_eq!(get(&mut part, WHO_AM_I, 1), [0x68]);
+        assert!(!part.start(0x69, false));
+    }
+
+    #[test]
+    fn awake_it_reads_its_rate_with_its_errors_delay_and_end_of_range() {
+        let mut part = awake();
+        part.params_mut().noise_deg_s = 0.0;
+        let mut risen = None;
+        for ms in 0..100 {
+            part.millisecond(ms * 1_000_000, 100.0);
+            if risen.is_none() && f64::from(rate(&mut part)) > (51.0 - 3.7) * 65.5 {
+                risen = Some(ms + 1);
+            }
+        }
+        let expected = (102.0 - 3.7) * 65.5;
+        assert!((f64::from(rate(&mut part)) - expected).abs() < 2.0);
+        assert!(matches!(risen, Some(4..=6)), "half of it: {risen:?} ms");
+        for ms in 100..200 {
+            part.millisecond(ms * 1_000_000, -700.0);
+        }
+        assert_eq!(rate(&mut part), i16::MIN);
+        set(&mut part, GYRO_CONFIG, 0x10);
+        part.millisecond(200_000_000, -700.0);
+        assert!((f64::from(rate(&mut part)) + 717.7 * 32.75).abs() < 40.0);
+    }
+
+    #[test]
+    fn its_noise_is_the_seeds_and_as_large_as_said() {
+        let draw = |seed| {
+            let mut part = Mpu6050::new(Mpu6050Params::default(), seed);
+            set(&mut part, PWR_MGMT_1, 0);
+            let words: Vec<i16> = (0..2000)
+                .map(|ms| {
+                    part.millisecond(ms * 1_000_000, 0.0);
+                    rate(&mut part)
+                })
+                .collect();
+            words
+        };
+        assert_eq!(draw(3), draw(3));
+        let words = draw(4);
+        assert_ne!(words, draw(3));
+        let mean = words.iter().map(|&w| f64::from(w)).sum::<f64>() / 2000.0;
+        let square = words.iter().map(|&w| (f64::from(w) - mean).powi(2));
+        let deviation = (square.sum::<f64>() / 2000.0).sqrt() / 131.0;
+        assert!((mean / 131.0 + 3.7).abs() < 0.01 && (deviation - 0.05).abs() < 0.005);
+    }
+
+    #[test]
+    fn a_divided_rate_samples_so_much_more_rarely() {
+        let mut part = awake();
+        set(&mut part, SMPLRT_DIV, 9);
+        let mut words = Vec::new();
+        for ms in 0..1000 {
+            part.millisecond(ms * 1_000_000, 0.0);
+            words.push(rate(&mut part));
+        }
+        words.dedup();
+        assert!((85..=101).contains(&words.len()), "{}", words.len());
+    }
+
+    #[test]
+    fn its_pin_pulses_or_is_held_until_the_status_is_read() {
+        let mut part = awake();
+        part.millisecond(0, 0.0);
+        assert!(!part.interrupt(0), "not enabled");
+        set(&mut part, INT_ENABLE, 1);
+        part.millisecond(1_000_000, 0.0);
+        assert!(part.interrupt(1_000_000) && part.interrupt(1_049_999));
+        assert_eq!(part.next(), Some(1_050_000));
+        assert!(!part.interrupt(1_050_000));
+        set(&mut part, INT_PIN_CFG, INT_HELD | INT_LOW);
+        part.millisecond(2_000_000, 0.0);
+        assert!(!part.interrupt(2_900_000), "active low");
+        let _ = rate(&mut part);
+        assert!(!part.interrupt(2_900_000), "not what clears it");
+        assert_eq!(get(&mut part, INT_STATUS, 1), [1]);
+        assert!(part.interrupt(2_900_000));
+    }
+
+    #[test]
+    fn what_is_broken_behaves_as_broken() {
+        let mut part = awake();
+        part.fault = Mpu6050Fault::RefusesAfter(1);
+        assert!(part.start(ADDRESS, false) && part.write(0x1A) && !part.write(3));
+        part.fault = Mpu6050Fault::Stranger(0x70);
+        assert_eq!(get(&mut part, WHO_AM_I, 1), [0x70]);
+        part.fault = Mpu6050Fault::Frozen;
+        part.millisecond(0, 10.0);
+        let stands = rate(&mut part);
+        part.millisecond(1_000_000, 50.0);
+        assert_eq!(rate(&mut part), stands);
+        part.fault = Mpu6050Fault::Silent;
+        assert!(!part.start(ADDRESS, false));
+        part.fault = Mpu6050Fault::None;
+        part.power_cycle();
+        assert_eq!(get(&mut part, GYRO_CONFIG, 1), [0]);
+    }
+}
