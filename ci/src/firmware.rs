@@ -54,7 +54,7 @@ impl Edition {
                 "-C",
                 "target-cpu=cortex-m4",
                 "-C",
-                "llvm-args=-inline-threshold=5",
+                "llvm-args=-inline-threshold=0",
             ],
         }
     }

@@ -192,16 +192,19 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             words.only(0, false, &["--features", "--minimal"])?;
             print_stack(&Place::find()?, forced, words)?;
         }
-        "demo" | "figures" => {
+        "demo" => {
             words.only(0, true, &[])?;
             let place = Place::find()?;
             let elf = build(&place, forced, Edition::Full, "")?.path;
-            let run = if command == "demo" {
-                robot::demo
-            } else {
-                robot::figures
-            };
-            let out = run(&place, &elf, &words.rest)?;
+            let out = robot::demo(&place, &elf, &words.rest)?;
+            println!("{command}: see {}", place.short(&out));
+        }
+        "figures" => {
+            words.only(0, true, &[])?;
+            let place = Place::find()?;
+            let hand = build(&place, forced, Edition::Full, robot::HAND)?.path;
+            let elf = build(&place, forced, Edition::Full, "")?.path;
+            let out = robot::figures(&place, &elf, &hand, &words.rest)?;
             println!("{command}: see {}", place.short(&out));
         }
         "robot" => {

@@ -11,6 +11,8 @@ use crate::shell;
 pub const DEMO: &str = "demo";
 /// The demo's figures in its folder.
 pub const REPORT: &str = "report.json";
+/// The feature of the build that the figures compare with.
+pub const HAND: &str = "test-hand";
 /// The figures' file below the target folder.
 pub const FIGURES: &str = "figures.json";
 
@@ -36,14 +38,17 @@ pub fn demo(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
     Ok(out)
 }
 
-/// Measures the release ELF: `more` goes to the figures program.
+/// Measures the release ELF, and `hand`, the same with the frame by hand in it: `more` goes to the
+/// figures program.
 ///
 /// # Errors
 /// Where it cannot be built or fails to measure.
-pub fn figures(place: &Place, elf: &Path, more: &[String]) -> Result<PathBuf> {
+pub fn figures(place: &Place, elf: &Path, hand: &Path, more: &[String]) -> Result<PathBuf> {
     let out = place.target.join(FIGURES);
     forget(&out)?;
-    run_bin(place, "figures", elf, &out, more)?;
+    let mut words = vec!["--hand".to_owned(), hand.to_string_lossy().into_owned()];
+    words.extend_from_slice(more);
+    run_bin(place, "figures", elf, &out, &words)?;
     Ok(out)
 }
 

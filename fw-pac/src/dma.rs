@@ -73,13 +73,36 @@ impl<const CONTROLLER: u8, const STREAM: usize> Stream<CONTROLLER, STREAM> {
     /// touch it) until the stream has been stopped or has completed.
     #[inline]
     pub unsafe fn start(peripheral: u32, memory: u32, count: u16, settings: u32) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            Self::connect(peripheral);
+            Self::restart(memory, count, settings);
+        }
+    }
+
+    /// Names the peripheral's end, for every [`Self::restart`] from now on; with the stream stopped.
+    ///
+    /// # Safety
+    /// `peripheral` must be the address of a data register.
+    #[inline]
+    pub unsafe fn connect(peripheral: u32) {
+        let stream = Self::controller().st(STREAM);
+        // SAFETY: the caller's promise.
+        stream.par().write(|w| unsafe { w.bits(peripheral) });
+    }
+
+    /// [`Self::start`] at the peripheral connected last.
+    ///
+    /// # Safety
+    /// As [`Self::start`]; the stream must have been connected.
+    #[inline]
+    pub unsafe fn restart(memory: u32, count: u16, settings: u32) {
         let controller = Self::controller();
         let stream = controller.st(STREAM);
         Self::clear();
-        // SAFETY: `settings` is composed of `control`'s fields alone and the addresses are the
+        // SAFETY: `settings` is composed of `control`'s fields alone and the address is the
         // caller's promise.
         unsafe {
-            stream.par().write(|w| w.bits(peripheral));
             stream.m0ar().write(|w| w.bits(memory));
             stream.ndtr().write(|w| w.bits(u32::from(count)));
             // Every store to the buffer is in memory before the stream may read it.

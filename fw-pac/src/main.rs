@@ -41,6 +41,8 @@ mod exti;
 mod gpio;
 #[cfg(feature = "gyro")]
 mod gyro;
+#[cfg(feature = "test-hand")]
+mod hand;
 mod i2c;
 mod leds;
 mod memory;
@@ -145,10 +147,7 @@ fn main() -> ! {
     let motors = Motors::start();
     leds::show(fw_core::robot::leds(robot.state()));
     // SAFETY: boot's one call; the interrupts are disabled.
-    unsafe {
-        spi::start(|reply| robot.next_reply(reply));
-        spi::prepare(1, |reply| robot.following_reply(reply));
-    }
+    unsafe { spi::start(|reply| robot.next_reply(reply)) };
     log.line(Level::Info, |line| {
         line.text("configured, mode ").text(config.mode.name());
     });

@@ -1,14 +1,14 @@
 //! Three US-015: a trigger pulse out, the echo's two edges timed by EXTI and TIM5.
 //!
 //! A sensor is listened to from its trigger to the end of its echo, which for want of an object comes
-//! after the next sensor's trigger; any other edge is noise and is ignored. An echo shorter than the interrupt's latency has no rising edge left to see and
-//! is ignored too: 2 µs are 0.3 mm.
+//! after the next sensor's trigger; any other edge is noise and is ignored. An echo shorter than the
+//! interrupt's latency has no rising edge left to see and is ignored too: 2 µs are 0.3 mm.
 
 use crate::board::{ECHO_FRONT, ECHO_LEFT, ECHO_RIGHT, TRIGGER_FRONT, TRIGGER_LEFT, TRIGGER_RIGHT};
 use crate::gpio::{Driver, Pin, Pull};
 use crate::{exti, time};
 use core::cell::Cell;
-use cortex_m::interrupt::{free, Mutex};
+use cortex_m::interrupt::{free, CriticalSection, Mutex};
 use fw_core::robot::Rangefinder;
 use fw_core::units::Micros;
 use stm32f4::stm32f411::interrupt;
@@ -44,6 +44,9 @@ static PROGRESS: Mutex<[Cell<Progress>; 3]> = Mutex::new([
     Cell::new(Progress::Idle),
 ]);
 
+/// How many of them are [`Progress::Heard`]: whoever asks with every frame need not look at all three.
+static HEARD: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
+
 /// Triggers low, echoes held low where no sensor is plugged in.
 pub fn start() {
     for pin in [TRIGGER_FRONT, TRIGGER_RIGHT, TRIGGER_LEFT] {
@@ -57,7 +60,13 @@ pub fn start() {
 
 /// Sends one sensor's pulse and listens to it until its echo is over or it is triggered anew.
 pub fn trigger(which: Rangefinder) {
-    free(|token| PROGRESS.borrow(token)[which as usize].set(Progress::Triggered));
+    free(|token| {
+        let before = PROGRESS.borrow(token)[which as usize].replace(Progress::Triggered);
+        if matches!(before, Progress::Heard(..)) {
+            let heard = HEARD.borrow(token);
+            heard.set(heard.get() - 1);
+        }
+    });
     let (trigger, _) = pins(which);
     time::pulse(|| trigger.high());
 }
@@ -71,16 +80,20 @@ pub fn end_trigger() {
 }
 
 /// An echo heard and not yet taken.
-pub fn take() -> Option<Echo> {
-    free(|token| {
-        let all = PROGRESS.borrow(token);
-        Rangefinder::ALL.into_iter().find_map(|which| {
-            let Progress::Heard(rise, fall) = all[which as usize].get() else {
-                return None;
-            };
-            all[which as usize].set(Progress::Idle);
-            Some(Echo { which, rise, fall })
-        })
+#[inline]
+pub fn take(token: &CriticalSection) -> Option<Echo> {
+    let heard = HEARD.borrow(token);
+    if heard.get() == 0 {
+        return None;
+    }
+    let all = PROGRESS.borrow(token);
+    Rangefinder::ALL.into_iter().find_map(|which| {
+        let Progress::Heard(rise, fall) = all[which as usize].get() else {
+            return None;
+        };
+        all[which as usize].set(Progress::Idle);
+        heard.set(heard.get() - 1);
+        Some(Echo { which, rise, fall })
     })
 }
 
@@ -103,6 +116,8 @@ fn edge(which: Rangefinder, at: Micros) {
             Progress::Triggered if high => progress.set(Progress::Rising(at)),
             Progress::Rising(rise) if !high => {
                 progress.set(Progress::Heard(rise, at));
+                let heard = HEARD.borrow(token);
+                heard.set(heard.get() + 1);
                 exti::wake_robot();
             }
             _ => {}

@@ -7,6 +7,7 @@
 #[cfg(feature = "gyro")]
 use crate::gyro;
 use crate::motors::Motors;
+use crate::rangefinders::Echo;
 use crate::uart::Uart;
 use crate::{adc, leds, rangefinders, spi, time, trial, watchdog};
 use core::cell::UnsafeCell;
@@ -60,15 +61,20 @@ pub unsafe fn install(body: Body) {
 
 /// What happened.
 enum Event {
+    Echo(Echo),
     Frame(spi::Claim),
     Tick(Sample),
 }
 
-/// The older of a frame and a tick: the core's clock never runs backwards. Both are looked at and
-/// one is claimed in one masked stretch, and whoever latches one stores it in another, so none can
-/// slip in between with an earlier time.
+/// An echo, or else the older of a frame and a tick: the core's clock never runs backwards. Both are
+/// looked at and one is claimed in one masked stretch, and whoever latches one stores it in another,
+/// so none can slip in between with an earlier time.
+#[inline]
 fn next() -> Option<Event> {
     free(|token| {
+        if let Some(echo) = rangefinders::take(token) {
+            return Some(Event::Echo(echo));
+        }
         let tick_first = match (spi::ended(token), time::latched(token)) {
             (Some(frame), Some(tick)) => tick.since(frame) > u32::MAX / 2,
             (frame, _) => frame.is_none(),
@@ -85,11 +91,9 @@ fn next() -> Option<Event> {
 fn PendSV() {
     // SAFETY: priority 2, like the only other user; `install` came before the interrupts.
     let (body, log) = unsafe { ((*BODY.0.get()).assume_init_mut(), &mut *LOG.0.get()) };
-    while let Some(echo) = rangefinders::take() {
-        body.robot.on_echo(echo.which, echo.rise, echo.fall);
-    }
     while let Some(event) = next() {
         match event {
+            Event::Echo(echo) => body.on_echo(&echo),
             Event::Frame(frame) => body.on_frame(frame, log),
             Event::Tick(sample) => body.on_tick(sample, log),
         }
@@ -109,44 +113,73 @@ pub fn log_sent() {
 }
 
 impl Body {
-    /// A frame ended: parsed, then answered. Its own symbol, for whoever counts its instructions.
     #[inline(never)]
-    #[export_name = "robot_frame"]
-    fn on_frame(&mut self, frame: spi::Claim, log: &mut Log) {
-        let (due, spent, lost) = spi::due();
-        while self.reply != due {
-            self.reply = self.reply.wrapping_add(1);
-            self.robot.reply_gone();
-        }
-        if spent {
-            self.answer();
-        }
-        spi::read(frame, |bytes, received, at| {
-            self.robot.on_frame(bytes, received, at, log);
-        });
+    fn on_echo(&mut self, echo: &Echo) {
+        self.robot.on_echo(echo.which, echo.rise, echo.fall);
+    }
+
+    /// A frame ended: parsed, then answered.
+    #[inline]
+    fn on_frame(&mut self, mut frame: spi::Claim, log: &mut Log) {
+        self.exchange(&mut frame, log);
+        let lost = frame.lost;
+        frame.answer();
         if lost > 0 {
             self.robot.on_lost_frames(lost, log);
         }
-        self.answer();
-        // And the one after it, for a frame that ends while the robot is busy.
-        // SAFETY: the robot's priority.
-        unsafe {
-            spi::prepare(due.wrapping_add(1), |reply| {
-                self.robot.following_reply(reply)
-            });
+    }
+
+    /// What a frame says and what is answered to it, without a register. Its own symbol, for whoever
+    /// counts its instructions.
+    #[inline(never)]
+    #[export_name = "robot_frame"]
+    fn exchange(&mut self, frame: &mut spi::Claim, log: &mut Log) {
+        self.catch_up(frame.reply.due);
+        let (clocked, at) = (frame.clocked(), frame.at());
+        let (bytes, reply) = frame.both();
+        self.robot.on_frame(bytes, clocked, at, log);
+        self.robot.refresh_reply(reply);
+    }
+
+    /// The replies before the one that is due have gone out.
+    #[inline]
+    fn catch_up(&mut self, due: u32) {
+        while self.reply != due {
+            self.reply = self.reply.wrapping_add(1);
+            self.robot.reply_gone();
         }
     }
 
     /// The reply that is due, from what is known now.
     fn answer(&mut self) {
-        // SAFETY: the robot's priority.
-        unsafe { spi::answer(self.reply, |reply| self.robot.refresh_reply(reply)) };
+        // SAFETY: the robot's priority, without a claim.
+        let mut vacancy = unsafe { spi::vacancy() };
+        self.catch_up(vacancy.due);
+        self.robot.refresh_reply(vacancy.buffer());
+        spi::offer(self.reply, vacancy);
+    }
+
+    /// For a frame that ends while the robot is busy: the reply after the one that is due; or that
+    /// one, where a frame has ended that the robot has not come to.
+    fn stand_by(&mut self) {
+        // SAFETY: the robot's priority, without a claim.
+        let mut vacancy = unsafe { spi::vacancy() };
+        self.catch_up(vacancy.due);
+        let number = if vacancy.spent {
+            self.robot.refresh_reply(vacancy.buffer());
+            self.reply
+        } else {
+            self.robot.following_reply(vacancy.buffer());
+            self.reply.wrapping_add(1)
+        };
+        spi::offer(number, vacancy);
     }
 
     /// The 100 Hz tick. Its own symbol, for whoever counts its instructions.
     #[inline(never)]
     #[export_name = "robot_tick"]
     fn on_tick(&mut self, sample: Sample, log: &mut Log) {
+        self.stand_by();
         let words = adc::words();
         let taps = words.as_ref().map_or(&[][..], |words| &words[..]);
         #[cfg(feature = "gyro")]
@@ -172,5 +205,7 @@ impl Body {
         self.answer();
         watchdog::ticked();
         trial::tick();
+        #[cfg(feature = "test-hand")]
+        crate::hand::tick();
     }
 }

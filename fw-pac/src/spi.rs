@@ -23,19 +23,21 @@
 //! and the others are free. A reply is built in a free one, at leisure; it becomes armed or standby
 //! by one store within a masked stretch, so both are always whole.
 //!
-//! Replies are numbered (as the robot numbers them on the wire, where the mode does). Number n is
-//! armed and n + 1 stands by. The chip-select's rise ends the frame that carried n and arms n + 1 at
-//! once, with the data it was built from. Then the robot, when it comes to it, reads the frame,
-//! [`answer`]s with n + 1 built anew, and [`prepare`]s n + 2: the reply to the frame is what the Pi
-//! waits for, so it comes first. A tick answers too, with the newest data.
-//! A reply that comes too late, because a chip-select rose meanwhile and another number is armed by
+//! Replies are numbered (as the robot numbers them on the wire, where the mode does). The
+//! chip-select's rise ends the frame that carried n, the armed one: it is *spent*, and n + 1 is due.
+//! The robot reads the frame and [`offer`]s n + 1, which is armed in place of n some microseconds
+//! later: one reply is built for a frame, and it knows that frame.
+//!
+//! Only a tick keeps the robot from a frame for longer than the 20 µs until the next one may begin.
+//! Before its work it therefore offers n + 1 in advance while n is armed and not spent: that one
+//! stands by. If a frame ends during the tick, n + 1 is armed at once, with the data it was built
+//! from. After its work the tick offers the reply that is due anew, with the newest data.
+//! A reply that comes too late, because a chip-select rose meanwhile and another number is due by
 //! now, is dropped.
 //!
-//! So the Pi reads data of the last tick at the latest if it leaves the robot time, and an older but
-//! whole and not repeated reply if its next frame comes while the robot is busy with a tick. Only
-//! where a second frame ends before the robot is through with the first is there no standby, and the
-//! next frame carries its predecessor's reply once more; the armed reply is then *spent*, and the
-//! first thing the robot does is to replace it.
+//! So the Pi reads data of the last tick, or of the one before it if its frames came before and
+//! during a tick. Only where a second frame ends before the robot is through with the first is there
+//! no standby, and the next frame carries its predecessor's reply once more.
 //!
 //! # Replacing the armed reply
 //!
@@ -68,8 +70,8 @@ const ROOM: usize = 64;
 const FRAMES: usize = 3;
 /// Transmit buffers; a power of two keeps the index a mask.
 const REPLIES: usize = 4;
-/// Room of a transmit buffer: the longest frame, in whole words.
-const REPLY_ROOM: usize = MAX_FRAME.next_multiple_of(4);
+/// Room of a transmit buffer: the longest frame, and a power of two for the index, too.
+const REPLY_ROOM: usize = MAX_FRAME.next_power_of_two();
 
 /// A frame that ended.
 #[derive(Clone, Copy)]
@@ -83,7 +85,6 @@ struct Ended {
 #[derive(Clone, Copy)]
 struct Reply {
     buffer: usize,
-    len: usize,
     number: u32,
 }
 
@@ -94,6 +95,8 @@ struct State {
     ended: Option<Ended>,
     taken: Option<usize>,
     lost: u32,
+    /// Bytes of every reply.
+    len: usize,
     armed: Reply,
     /// The armed reply has gone out with a frame already.
     spent: bool,
@@ -103,8 +106,53 @@ struct State {
 impl State {
     /// The number of the reply that should go out next.
     #[inline]
-    fn turn(&self) -> u32 {
+    fn due(&self) -> u32 {
         self.armed.number.wrapping_add(u32::from(self.spent))
+    }
+
+    /// A buffer that is neither armed nor standby. It stays so: from above the robot's priority a
+    /// standby may become the armed one, which frees another, and nothing else happens.
+    #[inline]
+    fn vacant(&self) -> usize {
+        let standby = self.standby.map_or(self.armed.buffer, |reply| reply.buffer);
+        // One of 1 and 2 beyond the armed one is not the standby.
+        let beside = (self.armed.buffer + 1) & (REPLIES - 1);
+        if beside == standby {
+            (beside + 1) & (REPLIES - 1)
+        } else {
+            beside
+        }
+    }
+
+    #[inline]
+    fn vacancy(&self) -> Vacancy {
+        Vacancy {
+            buffer: self.vacant(),
+            due: self.due(),
+            spent: self.spent,
+        }
+    }
+}
+
+/// A free buffer for a reply, and which reply is due.
+///
+/// There is one at a time: it is taken at the robot's priority and given back by [`offer`].
+#[must_use]
+pub struct Vacancy {
+    buffer: usize,
+    /// The number of the reply that goes out next if the robot is in time.
+    pub due: u32,
+    /// The armed reply has gone out already: nothing but the due one is of use.
+    pub spent: bool,
+}
+
+impl Vacancy {
+    /// The buffer.
+    #[inline]
+    pub fn buffer(&mut self) -> &mut [u8; MAX_FRAME] {
+        // SAFETY: free, and whoever has the vacancy has it alone; a reply's room is a frame's at
+        // least.
+        unsafe { &mut *BUFFERS.reply(self.buffer).cast() }
     }
 }
 
@@ -113,9 +161,9 @@ static STATE: Mutex<UnsafeCell<State>> = Mutex::new(UnsafeCell::new(State {
     ended: None,
     taken: None,
     lost: 0,
+    len: 0,
     armed: Reply {
         buffer: 0,
-        len: 0,
         number: 0,
     },
     spent: false,
@@ -179,16 +227,28 @@ pub unsafe fn start(build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
     MISO.alternate(5, Driver::PushPull, Pull::None);
     MISO.fast();
     // SAFETY: nobody else is there yet (the caller's promise).
-    let armed = unsafe { write(0, build) };
+    let len = build(unsafe { &mut *BUFFERS.reply(0).cast() });
+    let data = registers().dr().as_ptr() as u32;
+    // SAFETY: SPI1's data register, for good.
+    unsafe {
+        Receive::connect(data);
+        Transmit::connect(data);
+    }
     update(|state| {
-        state.armed = armed;
+        state.len = len.min(MAX_FRAME);
         arm(state);
     });
 }
 
-/// A frame the robot has claimed and not read yet.
+/// A frame the robot has claimed: it reads it, builds the answer in `reply` and [`Claim::answer`]s.
 #[must_use]
-pub struct Claim(Ended);
+pub struct Claim {
+    ended: Ended,
+    /// Frames that were replaced before the robot had them, since the last claim.
+    pub lost: u32,
+    /// For the answer.
+    pub reply: Vacancy,
+}
 
 /// When the frame that [`claim`] would give ended.
 #[inline]
@@ -196,81 +256,89 @@ pub fn ended(token: &CriticalSection) -> Option<Micros> {
     state(token).ended.map(|ended| ended.at)
 }
 
-/// The frame that ended last, for [`read`]; claim none before the one before has been read.
+/// The frame that ended last; claim none before the one before has been answered.
 #[inline]
 pub fn claim(token: &CriticalSection) -> Option<Claim> {
     let state = state(token);
     let ended = state.ended.take()?;
     state.taken = Some(ended.buffer);
-    Some(Claim(ended))
+    Some(Claim {
+        ended,
+        lost: core::mem::take(&mut state.lost),
+        reply: state.vacancy(),
+    })
 }
 
-/// Hands a claimed frame to `work`, with the number of bytes clocked, which may exceed the frame's
-/// room, and the instant the chip-select rose.
+impl Claim {
+    /// The frame's bytes, and the room for its answer.
+    #[inline]
+    pub fn both(&mut self) -> (&[u8], &mut [u8; MAX_FRAME]) {
+        // SAFETY: claimed, so the DMA does not get it until `answer` gives it back.
+        let frame = unsafe { &*BUFFERS.frame(self.ended.buffer) };
+        let bytes = frame.get(..self.ended.received).unwrap_or(frame);
+        (bytes, self.reply.buffer())
+    }
+
+    /// The number of bytes clocked, which may exceed the frame's room.
+    #[inline]
+    pub fn clocked(&self) -> usize {
+        self.ended.received
+    }
+
+    /// The instant the chip-select rose.
+    #[inline]
+    pub fn at(&self) -> Micros {
+        self.ended.at
+    }
+
+    /// Gives the frame back and offers the reply, which must be the one that was due.
+    #[inline]
+    pub fn answer(self) {
+        update(|state| {
+            state.taken = None;
+            give(state, self.reply.due, self.reply.buffer);
+        });
+    }
+}
+
+/// Room for a reply that is not the answer to a frame.
+///
+/// # Safety
+/// At the robot's priority alone, while it has no other and no claim.
+#[inline]
+pub unsafe fn vacancy() -> Vacancy {
+    update(|state| state.vacancy())
+}
+
+/// Offers reply `number`, built in the vacancy.
 #[inline]
 #[allow(
     clippy::needless_pass_by_value,
-    reason = "a claim is good for one reading"
+    reason = "a vacancy is good for one reply"
 )]
-pub fn read<R>(claim: Claim, work: impl FnOnce(&[u8], usize, Micros) -> R) -> R {
-    let Claim(ended) = claim;
-    // SAFETY: claimed, so the DMA does not get it until it is given back below.
-    let frame = unsafe { &*BUFFERS.frame(ended.buffer) };
-    let result = work(
-        frame.get(..ended.received).unwrap_or(frame),
-        ended.received,
-        ended.at,
-    );
-    update(|state| state.taken = None);
-    result
+pub fn offer(number: u32, vacancy: Vacancy) {
+    update(|state| give(state, number, vacancy.buffer));
 }
 
-/// The number of the reply that goes out next if the robot is in time: the armed one's, or the
-/// following one's where the armed one is spent; whether it is; and how many frames were replaced
-/// before the robot had them, since the last call.
-pub fn due() -> (u32, bool, u32) {
-    update(|state| (state.turn(), state.spent, core::mem::take(&mut state.lost)))
-}
-
-/// Builds reply `number` anew and arms it in place of the one armed. It is dropped where another
-/// number's turn has come, and where a frame is under way, which carries the old one already; unless
-/// that is a spent one, then it stands by.
-///
-/// # Safety
-/// At the robot's priority alone.
+/// A whole reply: armed if it is due and no frame is under way; standing by if it is the one to
+/// follow a reply that is armed and not spent, or due while a frame carries a spent one. Dropped
+/// where its turn is over or a frame under way carries an older build of it.
 #[inline]
-pub unsafe fn answer(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
-    // SAFETY: the caller's promise.
-    let reply = unsafe { write(number, build) };
-    update(|state| {
-        if state.turn() != number {
+fn give(state: &mut State, number: u32, buffer: usize) {
+    let reply = Reply { buffer, number };
+    if number == state.due() {
+        if SS.is_high() && redirect(state.armed.buffer, buffer, state.len) {
+            state.armed = reply;
+            state.spent = false;
             return;
         }
-        if SS.is_high() {
-            if redirect(state.armed, reply) {
-                state.armed = reply;
-                state.spent = false;
-            }
-        } else if state.spent {
-            state.standby = Some(reply);
+        if !state.spent {
+            return;
         }
-    });
-}
-
-/// Builds the reply after the one that is due, to be armed by the chip-select's next rise. It is
-/// dropped where another number's turn has come.
-///
-/// # Safety
-/// At the robot's priority alone.
-#[inline]
-pub unsafe fn prepare(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) {
-    // SAFETY: the caller's promise.
-    let reply = unsafe { write(number, build) };
-    update(|state| {
-        if state.armed.number.wrapping_add(1) == number {
-            state.standby = Some(reply);
-        }
-    });
+    } else if state.spent || number != state.armed.number.wrapping_add(1) {
+        return;
+    }
+    state.standby = Some(reply);
 }
 
 /// Masked, so that nobody sees half a change.
@@ -290,87 +358,55 @@ fn state(token: &CriticalSection) -> &mut State {
     unsafe { &mut *STATE.borrow(token).get() }
 }
 
-/// Builds a reply in a free buffer. What is free stays so: from above the robot's priority a
-/// standby may become the armed one, which frees another, and nothing else happens.
-///
-/// # Safety
-/// At the robot's priority (or by boot) alone: one reply is under construction at a time.
+/// Lets the transmitting stream go on in the fresh buffer if nothing it has sent of the armed one says
+/// otherwise; masked. Whether it did.
 #[inline]
-unsafe fn write(number: u32, build: impl FnOnce(&mut [u8; MAX_FRAME]) -> usize) -> Reply {
-    let buffer = update(|state| {
-        let standby = state
-            .standby
-            .map_or(state.armed.buffer, |reply| reply.buffer);
-        // One of 1, 2 and 3 beyond the armed one is not the standby.
-        let beside = (state.armed.buffer + 1) & (REPLIES - 1);
-        if beside == standby {
-            (beside + 1) & (REPLIES - 1)
-        } else {
-            beside
-        }
-    });
-    // SAFETY: free, and ours alone (the caller's promise); a reply's room is a frame's at least.
-    let len = build(unsafe { &mut *BUFFERS.reply(buffer).cast() });
-    Reply {
-        buffer,
-        len: len.min(MAX_FRAME),
-        number,
-    }
-}
-
-/// Lets the transmitting stream go on in `fresh` if nothing it has sent so far says otherwise;
-/// masked. Whether it did.
-fn redirect(armed: Reply, fresh: Reply) -> bool {
+fn redirect(armed: usize, fresh: usize, len: usize) -> bool {
     Transmit::stop();
-    let sent = armed.len.saturating_sub(usize::from(Transmit::remaining()));
+    let left = usize::from(Transmit::remaining()).min(len);
+    let sent = len - left;
+    let (old, new) = (BUFFERS.reply(armed), BUFFERS.reply(fresh));
     // SAFETY: masked and the stream is stopped, so nobody writes either buffer; within their room.
-    let same = unsafe {
-        let (old, new) = (BUFFERS.reply(armed.buffer), BUFFERS.reply(fresh.buffer));
-        (0..sent.min(MAX_FRAME)).all(|at| old.add(at).read() == new.add(at).read())
-    };
-    transmit(if same { fresh } else { armed }, sent);
+    let same = unsafe { (0..sent).all(|at| old.add(at).read() == new.add(at).read()) };
+    if left > 0 {
+        let from = if same { new } else { old };
+        // SAFETY: `sent` + `left` is the reply's length, within its static buffer, which stays
+        // unwritten while it is the armed one; the stream was this one's before.
+        unsafe { Transmit::restart(from.add(sent) as u32, left as u16, SENDING) };
+    }
     same
 }
 
-/// Starts the transmitting stream at byte `from` of a reply.
-#[inline]
-fn transmit(reply: Reply, from: usize) {
-    let Some(count) = reply.len.checked_sub(from).filter(|count| *count > 0) else {
-        return;
-    };
-    // SAFETY: `from` + `count` is the reply's length, within its static buffer, which stays
-    // unwritten while it is the armed one.
-    unsafe {
-        Transmit::start(
-            registers().dr().as_ptr() as u32,
-            BUFFERS.reply(reply.buffer).add(from) as u32,
-            count as u16,
-            control::channel(3) | control::WRITE | control::VERY_HIGH,
-        );
-    }
-}
+/// The settings of the receiving stream.
+const RECEIVING: u32 = control::channel(3) | control::READ | control::VERY_HIGH;
+/// The settings of the transmitting stream.
+const SENDING: u32 = control::channel(3) | control::WRITE | control::VERY_HIGH;
 
 /// Resets the peripheral and arms both directions, in the order of RM0383, 20.3.9; masked or at the
 /// highest priority, with both streams stopped.
 #[inline]
 fn arm(state: &State) {
-    // SAFETY: after boot nobody but this function writes RCC, and it never interrupts itself.
+    // SAFETY: after boot nobody but this function writes RCC, it never interrupts itself, and no other
+    // peripheral of this bus is ever in reset.
     let rcc = unsafe { &*pac::RCC::ptr() };
-    rcc.apb2rstr().modify(|_, w| w.spi1rst().set_bit());
-    rcc.apb2rstr().modify(|_, w| w.spi1rst().clear_bit());
+    rcc.apb2rstr().write(|w| w.spi1rst().set_bit());
+    rcc.apb2rstr().reset();
     let spi = registers();
     spi.cr2().write(|w| w.rxdmaen().set_bit());
     // SAFETY: the receiving buffer is static, ROOM long, and nobody else's until the stream is
-    // stopped by `frame_end`.
+    // stopped by `frame_end`; the armed reply stays unwritten while it is that.
     unsafe {
-        Receive::start(
-            spi.dr().as_ptr() as u32,
+        Receive::restart(
             BUFFERS.frame(state.receiving) as u32,
             ROOM as u16,
-            control::channel(3) | control::READ | control::VERY_HIGH,
+            RECEIVING,
+        );
+        Transmit::restart(
+            BUFFERS.reply(state.armed.buffer) as u32,
+            state.len as u16,
+            SENDING,
         );
     }
-    transmit(state.armed, 0);
     spi.cr2().write(|w| {
         w.rxdmaen().set_bit();
         w.txdmaen().set_bit()
@@ -381,41 +417,42 @@ fn arm(state: &State) {
 
 /// The chip-select rose.
 #[inline]
-fn frame_end(at: Micros) {
+fn frame_end(at: Micros, alone: &CriticalSection) {
     Receive::stop();
     Transmit::stop();
     let received = ROOM.saturating_sub(usize::from(Receive::remaining()));
-    update(|state| {
-        match state.standby.take() {
-            Some(standby) => {
-                state.armed = standby;
-                state.spent = false;
-            }
-            None => state.spent = true,
+    let state = state(alone);
+    match state.standby.take() {
+        Some(standby) => {
+            state.armed = standby;
+            state.spent = false;
         }
-        if state.ended.is_some() {
-            state.lost = state.lost.saturating_add(1);
-        }
-        let buffer = state.receiving;
-        state.ended = Some(Ended {
-            buffer,
-            received,
-            at,
-        });
-        state.receiving = match state.taken {
-            // The three are 0, 1 and 2.
-            Some(taken) => (FRAMES - buffer).wrapping_sub(taken),
-            None if buffer == FRAMES - 1 => 0,
-            None => buffer + 1,
-        };
-        arm(state);
+        None => state.spent = true,
+    }
+    if state.ended.is_some() {
+        state.lost = state.lost.saturating_add(1);
+    }
+    let buffer = state.receiving;
+    state.ended = Some(Ended {
+        buffer,
+        received,
+        at,
     });
+    state.receiving = match state.taken {
+        // The three are 0, 1 and 2.
+        Some(taken) => (FRAMES - buffer).wrapping_sub(taken),
+        None if buffer == FRAMES - 1 => 0,
+        None => buffer + 1,
+    };
+    arm(state);
 }
 
 #[interrupt]
 fn EXTI4() {
     let at = time::now();
     exti::clear(4);
-    frame_end(at);
+    // SAFETY: nothing interrupts this priority but what ends in the safe state for good: it is as
+    // good as masked.
+    frame_end(at, unsafe { &CriticalSection::new() });
     exti::wake_robot();
 }

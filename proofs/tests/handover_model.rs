@@ -13,7 +13,7 @@ use proofs::search::{search, Model};
 const LEN: usize = 3;
 /// Frames and ticks at most: enough for every buffer to change its role and come back.
 const FRAMES: u8 = 4;
-const TICKS: u8 = 1;
+const TICKS: u8 = 2;
 /// Receive and transmit buffers.
 const RECEIVE: usize = 3;
 const TRANSMIT: usize = 4;
@@ -28,13 +28,11 @@ struct Reply {
 /// What a reply under construction is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Purpose {
-    /// `answer` because the armed reply is spent.
-    Replace,
-    /// `answer` once the frame is read.
+    /// `Claim::answer`: the frame is read, and given back with the reply.
     Answer,
-    /// `prepare`, after that.
-    Prepare,
-    /// `answer` in a tick.
+    /// `stand_by`, before a tick's work.
+    StandBy,
+    /// `answer`, after it.
     Tick,
 }
 
@@ -42,11 +40,7 @@ enum Purpose {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Robot {
     Idle,
-    /// A frame is claimed.
-    Claimed,
-    /// It knows which reply is due and asks whether the armed one is spent.
-    Asking,
-    /// About to choose a free buffer.
+    /// About to choose a free buffer, and to learn which reply is due.
     Choosing(Purpose),
     /// Building a reply: so many bytes are there.
     Building {
@@ -58,10 +52,12 @@ enum Robot {
     Stopping(Purpose, Reply),
     /// Masked: the stream stands; so many bytes had left the armed buffer.
     Comparing(Purpose, Reply, usize),
-    /// Reading the claimed frame in place: so many bytes, all of them of this frame so far.
+    /// Reading the claimed frame in place: so many bytes, all of them of this frame so far. The
+    /// reply has its buffer and number since the claim.
     Reading {
         read: usize,
         frame: u8,
+        reply: Reply,
     },
 }
 
@@ -69,8 +65,6 @@ enum Robot {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 struct State {
     robot: Robot,
-    /// The reply that the robot last found due.
-    due: u8,
     /// Every byte of the receive buffers is the number of the frame it came with.
     frames: [[u8; LEN]; RECEIVE],
     receiving: usize,
@@ -170,15 +164,25 @@ impl State {
     /// Goes on after a reply.
     fn after(&mut self, purpose: Purpose) {
         self.robot = match purpose {
-            Purpose::Replace => Robot::Reading { read: 0, frame: 0 },
-            Purpose::Answer => Robot::Choosing(Purpose::Prepare),
-            Purpose::Prepare | Purpose::Tick => Robot::Idle,
+            Purpose::StandBy => Robot::Choosing(Purpose::Tick),
+            Purpose::Answer | Purpose::Tick => Robot::Idle,
         };
     }
 
-    /// The number whose turn it is.
-    fn turn(&self) -> u8 {
+    /// The number of the reply that is due.
+    fn due(&self) -> u8 {
         self.armed.number + u8::from(self.spent)
+    }
+
+    /// Begins a reply in `reply`'s buffer.
+    fn build(&mut self, purpose: Purpose, reply: Reply) {
+        // More than there are buffers: no two at a time have the same.
+        self.built = self.built % 6 + 1;
+        self.robot = Robot::Building {
+            purpose,
+            reply,
+            built: 0,
+        };
     }
 }
 
@@ -221,55 +225,51 @@ impl HandOver {
         Ok(())
     }
 
-    /// The masked end of `answer` and `prepare`.
-    fn commit(self, next: &mut State, purpose: Purpose, reply: Reply) {
-        if purpose == Purpose::Prepare {
-            if next.armed.number + 1 == reply.number || self == Self::NoNumber {
-                next.standby = Some(reply);
-            }
-            next.after(purpose);
-        } else if next.turn() != reply.number && self != Self::NoNumber {
-            next.after(purpose);
-        } else if next.low {
-            if next.spent {
-                next.standby = Some(reply);
-            }
-            next.after(purpose);
+    /// `State::vacancy`: a buffer that is free, and the number of the reply that is due.
+    fn vacancy(self, next: &State) -> Reply {
+        let standby = next.standby.map_or(next.armed.buffer, |reply| reply.buffer);
+        let beside = (next.armed.buffer + 1) % TRANSMIT;
+        let buffer = if beside == standby && self != Self::ForgetStandby {
+            (beside + 1) % TRANSMIT
         } else {
-            next.robot = Robot::Stopping(purpose, reply);
+            beside
+        };
+        Reply {
+            buffer,
+            number: next.due(),
         }
+    }
+
+    /// `give`, up to where it stops the stream; masked.
+    fn give(self, next: &mut State, purpose: Purpose, reply: Reply) {
+        if purpose == Purpose::Answer {
+            next.taken = None;
+        }
+        let due = reply.number == next.due();
+        if (due || self == Self::NoNumber) && !next.low {
+            next.robot = Robot::Stopping(purpose, reply);
+            return;
+        }
+        let stands = if due {
+            next.spent
+        } else {
+            !next.spent && reply.number == next.armed.number + 1
+        };
+        if stands {
+            next.standby = Some(reply);
+        }
+        next.after(purpose);
     }
 
     fn go(self, next: &mut State) -> Result<(), String> {
         match next.robot {
             Robot::Idle => {}
-            Robot::Claimed => {
-                next.due = next.turn();
-                next.robot = Robot::Asking;
-            }
-            Robot::Asking => {
-                next.robot = if next.spent {
-                    Robot::Choosing(Purpose::Replace)
-                } else {
-                    Robot::Reading { read: 0, frame: 0 }
-                };
-            }
             Robot::Choosing(purpose) => {
-                let standby = next.standby.map_or(next.armed.buffer, |reply| reply.buffer);
-                let beside = (next.armed.buffer + 1) % TRANSMIT;
-                let buffer = if beside == standby && self != Self::ForgetStandby {
-                    (beside + 1) % TRANSMIT
-                } else {
-                    beside
-                };
-                let number = next.due + u8::from(purpose == Purpose::Prepare);
-                // More than there are buffers: no two at a time have the same.
-                next.built = next.built % 6 + 1;
-                next.robot = Robot::Building {
-                    purpose,
-                    reply: Reply { buffer, number },
-                    built: 0,
-                };
+                let mut reply = self.vacancy(next);
+                if purpose == Purpose::StandBy && !next.spent {
+                    reply.number += 1;
+                }
+                next.build(purpose, reply);
             }
             Robot::Building {
                 purpose,
@@ -277,7 +277,7 @@ impl HandOver {
                 built,
             } => {
                 if built == LEN {
-                    self.commit(next, purpose, reply);
+                    self.give(next, purpose, reply);
                     return Ok(());
                 }
                 let standby = next.standby.map(|reply| reply.buffer);
@@ -300,17 +300,18 @@ impl HandOver {
                 if old == &next.replies[reply.buffer][..sent] || self == Self::NoCompare {
                     next.armed = reply;
                     next.spent = false;
+                } else if next.spent {
+                    next.standby = Some(reply);
                 }
                 next.standing = false;
                 next.after(purpose);
             }
-            Robot::Reading { read, frame } => {
+            Robot::Reading { read, frame, reply } => {
                 let Some((buffer, len)) = next.taken else {
                     return Err("nothing is claimed".into());
                 };
                 if read == len {
-                    next.taken = None;
-                    next.robot = Robot::Choosing(Purpose::Answer);
+                    next.build(Purpose::Answer, reply);
                     return Ok(());
                 }
                 let byte = next.frames[buffer][read];
@@ -320,6 +321,7 @@ impl HandOver {
                 next.robot = Robot::Reading {
                     read: read + 1,
                     frame: byte,
+                    reply,
                 };
             }
         }
@@ -334,7 +336,6 @@ impl Model for HandOver {
     fn starts(&self) -> Vec<State> {
         vec![State {
             robot: Robot::Idle,
-            due: 0,
             frames: [[0; LEN]; RECEIVE],
             receiving: 0,
             received: 0,
@@ -426,11 +427,15 @@ impl Model for HandOver {
             Event::Claim => {
                 next.taken = next.ended.take();
                 next.claimed += 1;
-                next.robot = Robot::Claimed;
+                next.robot = Robot::Reading {
+                    read: 0,
+                    frame: 0,
+                    reply: self.vacancy(&next),
+                };
             }
             Event::Tick => {
                 next.ticks += 1;
-                next.robot = Robot::Choosing(Purpose::Tick);
+                next.robot = Robot::Choosing(Purpose::StandBy);
             }
             Event::Go => self.go(&mut next)?,
         }

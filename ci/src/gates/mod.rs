@@ -196,8 +196,8 @@ impl Context {
         }
     }
 
-    /// A build that fails on purpose.
-    fn failing_image(&mut self, feature: &str) -> Result<Image> {
+    /// A build with a `test-…` feature.
+    fn built_with(&mut self, feature: &str) -> Result<Image> {
         self.arm()?;
         let arm = self.arm.as_ref().ok_or_else(no_way)?;
         firmware::build(&self.place, arm, Edition::Full, feature)

@@ -14,8 +14,8 @@ pub fn unit(context: &mut Context) -> Result<Verdict> {
 }
 
 pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
-    let panic = context.failing_image("test-panic")?.path;
-    let overflow = context.failing_image("test-overflow")?.path;
+    let panic = context.built_with("test-panic")?.path;
+    let overflow = context.built_with("test-overflow")?.path;
     let minimal = context.minimal_image()?.path.clone();
     let elf = context.image()?.path.clone();
     let packages = [
@@ -69,7 +69,8 @@ pub fn demo(context: &mut Context) -> Result<Verdict> {
 pub fn figures(context: &mut Context) -> Result<Verdict> {
     let elf = context.image()?.path.clone();
     let out = context.place.target.join(robot::FIGURES);
-    let ran = robot::figures(&context.place, &elf, &[]);
+    let hand = context.built_with(robot::HAND)?.path;
+    let ran = robot::figures(&context.place, &elf, &hand, &[]);
     let (bars, report) = held(context, "figures", &out, ran)?;
     let (used, worst) = stack::holds(context, &report)?;
     let figure = |key| report.figure(key).unwrap_or(f64::NAN);

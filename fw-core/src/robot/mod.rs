@@ -4,7 +4,7 @@
 //! | event | method | comes from |
 //! |---|---|---|
 //! | 100 Hz tick | [`Robot::on_gyro`], then [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words; I2C1 |
-//! | frame | [`Robot::reply_gone`], [`Robot::on_frame`], then [`Robot::refresh_reply`] and [`Robot::following_reply`] | chip-select's rising edge |
+//! | frame | [`Robot::reply_gone`], [`Robot::on_frame`], then [`Robot::refresh_reply`] | chip-select's rising edge |
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 //! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
@@ -22,6 +22,7 @@ use crate::double::Double;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
 use crate::motion::{Controller, Delta, Odometry, Plausibility, StopDeadline, Wheels};
+use crate::sensing::battery::MAX_CELLS;
 use crate::sensing::{Battery, Rangefinders, Sweep, Tally};
 #[cfg(feature = "acoustics")]
 use crate::sensing::{Calibration, Thermometer};
@@ -100,8 +101,11 @@ pub struct Robot {
     turned: i64,
     /// The cell whose turn it is in the replies.
     cell: u8,
-    /// See [`Self::sense`].
-    sensed: Report,
+    /// What a reply says: what the robot senses is in it already, see [`Self::sense`], the rest
+    /// comes with each reply.
+    said: Report,
+    /// The cells' voltages in the wire's code.
+    voltages: [u16; MAX_CELLS],
     telling: Telling,
     link_line: LinkLine,
 }
@@ -140,7 +144,8 @@ impl Robot {
             travelled: 0,
             turned: 0,
             cell: 0,
-            sensed: Report::default(),
+            said: Report::default(),
+            voltages: [0; MAX_CELLS],
             telling: Telling::new(platform.log_period),
             link_line: LinkLine::default(),
         }
@@ -206,20 +211,27 @@ impl Robot {
         (servo, trigger)
     }
 
-    /// What a tick or an echo changed, in the wire's codes: a frame's replies only copy it.
+    /// What a tick changed, in the wire's codes: a frame's reply only copies it.
     fn sense(&mut self) {
-        self.sensed = Report {
-            pose: PoseCode::from_pose(&self.odometry.pose()),
-            measurement: self.measurement(),
-            ranges: Rangefinder::ALL
-                .map(|which| DistanceCode::from_distance(self.rangefinders.distance(which))),
-            bearing: if cfg!(feature = "sweep") {
-                self.rangefinders.reading(Rangefinder::Front).bearing
-            } else {
-                0
-            },
-            ..Report::default()
-        };
+        self.said.pose = PoseCode::from_pose(&self.odometry.pose());
+        self.said.measurement = self.measurement();
+        for which in Rangefinder::ALL {
+            self.sense_range(which);
+        }
+        for (cell, code) in (0..self.battery.cells()).zip(&mut self.voltages) {
+            let volts = self.battery.cell(cell).unwrap_or_default();
+            *code = CellCode::from_volts(cell, volts).voltage;
+        }
+    }
+
+    /// A distance, and with the front one's the bearing that it was taken at.
+    fn sense_range(&mut self, which: Rangefinder) {
+        if cfg!(feature = "sweep") && which == Rangefinder::Front {
+            self.said.bearing = self.rangefinders.reading(which).bearing;
+        }
+        if let Some(range) = self.said.ranges.get_mut(which as usize) {
+            *range = DistanceCode::from_distance(self.rangefinders.distance(which));
+        }
     }
 
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
@@ -256,13 +268,28 @@ impl Robot {
 
     /// A frame ended: `clocked` bytes crossed the wire, `buffer` holds those it had room for.
     /// Nothing of a rejected frame takes effect; the stop deadline keeps running.
+    #[inline]
     pub fn on_frame(&mut self, buffer: &[u8], clocked: usize, now: Micros, log: &mut Log) {
+        if cfg!(feature = "straight") {
+            if let Some(command) = self.link.receive_whole(buffer, clocked) {
+                self.on_command(&command, now, log);
+                return;
+            }
+        }
+        self.on_doubtful_frame(buffer, clocked, now, log);
+    }
+
+    /// With the small parser, which can also say what is wrong.
+    #[cold]
+    #[inline(never)]
+    fn on_doubtful_frame(&mut self, buffer: &[u8], clocked: usize, now: Micros, log: &mut Log) {
         match self.link.receive_clocked(buffer, clocked) {
             Ok(command) => self.on_command(&command, now, log),
-            Err(error) => self.on_rejected(&error, log),
+            Err(error) => self.on_rejected(error),
         }
     }
 
+    #[inline]
     fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
         self.link_line.frame(now);
         // Only the tuning modes carry a percentage; the others do not pay for decoding one.
@@ -285,8 +312,10 @@ impl Robot {
         );
         match self.measure {
             Measure::Pose => {
-                if command.apply {
-                    self.set_target(command.expected, log);
+                let known = self.want == Want::Target && command.expected == self.target;
+                if command.apply && !known {
+                    let PoseCode { x, y, rotation } = command.expected;
+                    self.set_target(x, y, rotation);
                 }
             }
             Measure::Rotation | Measure::Displacement => {
@@ -296,23 +325,25 @@ impl Robot {
             }
         }
         if command.tune.voltage != 0 {
-            self.tune_cell(command.tune, log);
+            self.tune_cell(command.tune.cell, command.tune.voltage, log);
         }
     }
 
-    fn set_target(&mut self, expected: PoseCode, log: &mut Log) {
-        if self.want == Want::Target && expected == self.target {
-            return;
-        }
+    // Field by field, here and below: a reference would keep the whole command in memory.
+    #[cold]
+    #[inline(never)]
+    fn set_target(&mut self, x: i32, y: i32, rotation: u16) {
+        let expected = PoseCode { x, y, rotation };
         self.want = Want::Target;
         self.target = expected;
         self.controller.set_target(expected.to_pose());
-        log.line(Level::Info, |line| {
-            telling::pose(line.text("target "), &expected);
-        });
+        self.telling.target(expected);
     }
 
-    fn tune_cell(&mut self, tune: CellCode, log: &mut Log) {
+    #[cold]
+    #[inline(never)]
+    fn tune_cell(&mut self, cell: u8, voltage: u16, log: &mut Log) {
+        let tune = CellCode { cell, voltage };
         let Some(upper) = self.battery.tune(tune.cell, tune.to_volts()) else {
             return;
         };
@@ -325,9 +356,10 @@ impl Robot {
         });
     }
 
-    fn on_rejected(&mut self, error: &FrameError, log: &mut Log) {
+    #[cold]
+    fn on_rejected(&mut self, error: FrameError) {
         self.supervisor.raise(fault::FRAME_REJECTED);
-        self.telling.rejected(error, log);
+        self.telling.rejected(error);
     }
 
     /// Frames that ended before the robot came to read the one before them.
@@ -343,7 +375,7 @@ impl Robot {
     /// An echo of the rangefinder triggered last: both edges on the robot's clock.
     pub fn on_echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
         self.rangefinders.echo(which, rise, fall);
-        self.sense();
+        self.sense_range(which);
     }
 
     /// The factory's words for the temperature sensor; without them sound is taken at 343 m/s.
@@ -372,6 +404,7 @@ impl Robot {
 
     /// The reply has gone out with a frame: the next one has a new sequence number and the next
     /// cell. Once per frame, before [`Self::refresh_reply`] writes that one.
+    #[inline]
     pub fn reply_gone(&mut self) {
         (self.cell, _) = self.battery.walk();
         self.link.advance();
@@ -385,25 +418,29 @@ impl Robot {
     }
 
     /// Writes the same reply again with the newest data; returns its length. After a tick.
+    #[inline]
     pub fn refresh_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
-        let report = self.report(self.cell);
-        self.link.resend(&report, out)
+        self.report(self.cell);
+        self.link.resend(&self.said, out)
     }
 
     /// Writes the reply after that one, in advance, for a frame that ends while the robot is busy:
     /// what [`Self::next_reply`] would write if nothing happened until then. Returns its length.
-    pub fn following_reply(&self, out: &mut [u8; MAX_FRAME]) -> usize {
-        let report = self.report(self.battery.upcoming());
-        self.link.anticipate(&report, out)
+    pub fn following_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
+        self.report(self.battery.upcoming());
+        self.link.anticipate(&self.said, out)
     }
 
-    fn report(&self, cell: u8) -> Report {
-        Report {
-            cell: CellCode::from_volts(cell, self.battery.cell(cell).unwrap_or_default()),
-            faults: self.supervisor.faults(),
-            state: self.supervisor.state(),
-            ..self.sensed
-        }
+    /// What only the moment of a reply decides.
+    #[inline]
+    fn report(&mut self, cell: u8) {
+        let voltage = self.voltages.get(usize::from(cell)).copied();
+        self.said.cell = CellCode {
+            cell,
+            voltage: voltage.unwrap_or_default(),
+        };
+        self.said.faults = self.supervisor.faults();
+        self.said.state = self.supervisor.state();
     }
 
     /// [`Self::measurement`] in thousandths, for the log.
@@ -472,6 +509,7 @@ impl Robot {
 }
 
 /// The Pi's percent as a duty: the wire accepts nothing beyond ±100.
+#[inline(never)]
 fn percent(percent: Double) -> Duty {
     // 2⁻³² %, and hundredths of a percent, to the nearest.
     let bits = percent

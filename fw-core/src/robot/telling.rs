@@ -18,9 +18,15 @@ const TICK_MS: u16 = 10;
 const SILENT: u8 = 3;
 
 /// What has been told, and when the next telling is due.
+///
+/// A frame's answer must be there before the next frame: what a frame has to tell waits for the tick.
 #[derive(Clone, Debug)]
 pub(super) struct Telling {
     state: State,
+    /// The target that no line has told of yet.
+    target: Option<PoseCode>,
+    /// The rejected frame that the next tick tells of.
+    rejected: Option<FrameError>,
     /// Rejected frames that no line has told of yet.
     untold: u32,
     /// Ticks until a line about rejected frames may come again.
@@ -41,6 +47,8 @@ impl Telling {
     pub(super) const fn new(period: u16) -> Self {
         Self {
             state: State::Booting,
+            target: None,
+            rejected: None,
             untold: 0,
             quiet: 0,
             period: period.div_ceil(TICK_MS),
@@ -86,11 +94,11 @@ impl Telling {
         });
     }
 
-    /// Once a tick: a line for every change of state, and the rejected frames kept back so far.
-    /// Whether there was one.
+    /// Once a tick: a line for a change of state, for the rejected frames kept back so far, or for a
+    /// new target; one at a time, a line is the longest thing that a tick does. Whether there was one.
     pub(super) fn state(&mut self, state: State, faults: u16, log: &mut Log) -> bool {
-        let changed = state != self.state;
-        if changed {
+        self.quiet = self.quiet.saturating_sub(1);
+        if state != self.state {
             self.state = state;
             let (level, text) = match state {
                 State::Booting => (Level::Info, "booting"),
@@ -105,30 +113,39 @@ impl Telling {
             log.line(level, |line| {
                 line.text(text);
             });
-        }
-        self.quiet = self.quiet.saturating_sub(1);
-        if self.quiet == 0 && self.untold != 0 {
+        } else if let Some(error) = self.rejected.take() {
+            self.quiet = QUIET_TICKS;
+            log.line(Level::Warn, |line| {
+                error.log(line.text("frame rejected: "));
+            });
+        } else if self.quiet == 0 && self.untold != 0 {
             let count = self.untold;
             log.line(Level::Warn, |line| {
                 line.int(count.into()).text(" more frames rejected");
             });
             self.untold = 0;
             self.quiet = QUIET_TICKS;
-            return true;
+        } else if let Some(target) = self.target.take() {
+            log.line(Level::Info, |line| pose(line.text("target "), &target));
+        } else {
+            return false;
         }
-        changed
+        true
     }
 
-    /// A rejected frame: told at once, or counted while the last telling is less than a second ago.
-    pub(super) fn rejected(&mut self, error: &FrameError, log: &mut Log) {
-        if self.quiet != 0 {
+    /// A rejected frame: told in the next tick, or counted while the last telling is less than a
+    /// second ago.
+    pub(super) fn rejected(&mut self, error: FrameError) {
+        if self.quiet != 0 || self.rejected.is_some() {
             self.untold = self.untold.saturating_add(1);
-            return;
+        } else {
+            self.rejected = Some(error);
         }
-        self.quiet = QUIET_TICKS;
-        log.line(Level::Warn, |line| {
-            error.log(line.text("frame rejected: "));
-        });
+    }
+
+    /// A new target: told in the next tick, the last of several.
+    pub(super) fn target(&mut self, target: PoseCode) {
+        self.target = Some(target);
     }
 
     /// Once a tick: whether a pose line is due.

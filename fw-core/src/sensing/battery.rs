@@ -203,6 +203,7 @@ impl Battery {
     /// The voltage of cell `index`, 0 = the first; `None` for a cell the battery does not have. A
     /// tap below the one before it, which only a broken divider shows, makes 0 V.
     #[must_use]
+    #[inline]
     pub fn cell(&self, index: u8) -> Option<Volts> {
         if index >= self.cells {
             return None;
@@ -219,6 +220,7 @@ impl Battery {
     }
 
     /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
+    #[inline]
     pub fn walk(&mut self) -> (u8, Volts) {
         let index = self.next;
         self.next = if index + 1 < self.cells { index + 1 } else { 0 };

@@ -6,8 +6,8 @@
 use super::sequence::Row;
 use super::strategy::Context;
 use super::{
-    parse_command, parse_report, write_command, write_report, Cause, Command, FrameError, Mode,
-    Reason, Report, Sequence, MAX_FRAME,
+    parse_command, parse_report, parse_whole, write_command, write_report, Cause, Command,
+    FrameError, Mode, Reason, Report, Sequence, MAX_FRAME,
 };
 use crate::eeprom::Config;
 
@@ -215,6 +215,18 @@ impl StmLink {
             }
             Err(error) => self.reject(error, frame, beyond),
         }
+    }
+
+    /// The same for a frame that is right, by [`parse_whole`]; nothing, and nothing counted, for any
+    /// other: then ask [`Self::receive_clocked`].
+    #[inline]
+    pub fn receive_whole(&mut self, buffer: &[u8], clocked: usize) -> Option<Command> {
+        if clocked != buffer.len() {
+            return None;
+        }
+        let command = parse_whole(self.end.mode, &self.end.context, buffer)?;
+        self.end.accept(command.sequence);
+        Some(command)
     }
 
     #[cold]

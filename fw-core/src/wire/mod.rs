@@ -42,7 +42,9 @@ pub mod sequence;
 pub mod status;
 pub mod strategy;
 
-pub use chain::{chain, frame_len, parse_command, parse_report, write_command, write_report, Mode};
+pub use chain::{
+    chain, frame_len, parse_command, parse_report, parse_whole, write_command, write_report, Mode,
+};
 pub use error::{Cause, FrameError, Reason};
 pub use link::{LinkCounters, PiLink, Setup, StmLink};
 pub use strategy::Strategy;

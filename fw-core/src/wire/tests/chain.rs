@@ -3,10 +3,10 @@
 use super::{setup, Mode, CONTEXT, GUARDED};
 use crate::double::Double;
 use crate::wire::crc::crc16;
-use crate::wire::strategy::Input;
+use crate::wire::strategy::{Context, Input};
 use crate::wire::{
-    chain, frame_len, parse_command, parse_report, write_command, write_report, CellCode, Command,
-    FrameError, Order, PiLink, Reason, Report, State, StmLink, MAX_FRAME,
+    chain, frame_len, parse_command, parse_report, parse_whole, write_command, write_report,
+    CellCode, Command, FrameError, Order, PiLink, Reason, Report, State, StmLink, MAX_FRAME,
 };
 use proptest::prelude::*;
 use std::vec::Vec;
@@ -511,4 +511,53 @@ fn an_error_reads_as_one_sentence() {
         text(&frame, &mut guarded),
         "sequence at byte 1: stale, number 1 after 1"
     );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+    #[test]
+    fn straight_or_in_a_loop_the_same_frames_are_taken_and_say_the_same(
+        mut bytes in any::<[u8; MAX_FRAME]>(),
+        right in any::<[bool; 5]>(),
+        last in any::<Option<u8>>(),
+    ) {
+        let context = Context { last, ..CONTEXT };
+        let [key, cell, fresh, order, seal] = right;
+        if key {
+            bytes[0] = context.key_from_pi;
+        }
+        for &mode in Mode::ALL {
+            let mut bytes = bytes;
+            let guarded = mode.tells_fresh();
+            if fresh && guarded {
+                bytes[1] = last.unwrap_or_default().wrapping_add(1);
+            }
+            if order && guarded {
+                bytes[5] %= 3;
+            }
+            let mut at = 0;
+            for strategy in chain(mode) {
+                match strategy.name {
+                    // A cell that is there, and a percentage that is one.
+                    "battery" if cell => bytes[at] &= 0x1F,
+                    "double" if cell => bytes[at + 7] &= 0xBF,
+                    _ => {}
+                }
+                at += strategy.bytes;
+            }
+            let mut whole = bytes[..frame_len(mode)].to_vec();
+            if seal && guarded {
+                whole = sealed(whole);
+            }
+            let taken = parse_command(mode, &context, &whole, 0).ok();
+            prop_assert_eq!(parse_whole(mode, &context, &whole), taken);
+            if right == [true; 5] {
+                prop_assert!(taken.is_some(), "{}", mode.name());
+            }
+            for len in (0..=MAX_FRAME).filter(|len| *len != whole.len()) {
+                prop_assert_eq!(parse_whole(mode, &context, &bytes[..len]), None);
+            }
+        }
+    }
 }
