@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod arm;
+mod bench;
 mod code;
 mod demand;
 mod elf;
@@ -36,7 +37,9 @@ usage: cargo xtask COMMAND [OPTIONS]
   stack [--minimal] [--features F]
                             the worst its stack can come to, with the calls that lead there
   demo [ARGS]               the virtual robot drives the default room: target/demo/
-  figures [ARGS]            measure the ELF on the emulated core: target/figures.json
+  figures [ARGS]            measure the ELF on the emulated core: target/figures.json;
+                            with --profile, where the tick's instructions go
+  bench                     the odometry beside others on the emulated core, as a table
   robot ARGS                host-link on the virtual board, e.g. `robot goto 500 0 90`
   flash [--minimal] [--virtual] [--serial DEVICE] [--interface NAME]
                             flash, verify, reset, show the first log lines
@@ -206,6 +209,11 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             let elf = build(&place, forced, Edition::Full, "")?.path;
             let out = robot::figures(&place, &elf, &hand, &words.rest)?;
             println!("{command}: see {}", place.short(&out));
+        }
+        "bench" => {
+            words.only(0, false, &[])?;
+            let place = Place::find()?;
+            bench::run(&place, &Arm::find(&place, forced)?)?;
         }
         "robot" => {
             words.only(0, true, &[])?;

@@ -111,19 +111,23 @@ fn registers() -> &'static pac::tim4::RegisterBlock {
 }
 
 /// Inputs and compare value: 0 never rises, `PERIOD` (one above the reload) never falls.
+#[inline]
 fn decode(drive: Drive) -> (Inputs, u16) {
-    let hundredths = match drive {
-        Drive::Coast => 0,
-        Drive::Brake => Duty::FULL,
-        Drive::Run(duty) => duty.hundredths(),
+    let mut inputs = Inputs {
+        in1: false,
+        in2: false,
     };
-    let magnitude = u32::from(hundredths.unsigned_abs()).min(Duty::FULL as u32);
-    let running = matches!(drive, Drive::Run(_));
-    let inputs = Inputs {
-        in1: running && hundredths < 0,
-        in2: running && hundredths > 0,
-    };
-    (inputs, (magnitude / STEP) as u16)
+    match drive {
+        Drive::Coast => (inputs, 0),
+        Drive::Brake => (inputs, PERIOD as u16),
+        Drive::Run(duty) => {
+            let hundredths = duty.hundredths();
+            inputs.in1 = hundredths < 0;
+            inputs.in2 = hundredths > 0;
+            // A duty is within ±`Duty::FULL`.
+            (inputs, hundredths.unsigned_abs() / STEP as u16)
+        }
+    }
 }
 
 fn apply(inputs: Inputs, in1: Pin, in2: Pin) {

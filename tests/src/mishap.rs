@@ -190,6 +190,7 @@ pub fn with_mishap<W: Wires>(machine: Machine<W>, mishap: Mishap) -> (Machine<Tr
         clock: machine.clock,
         uart: machine.uart,
         interrupt: machine.interrupt,
+        tape: machine.tape,
     };
     (troubled, calls)
 }

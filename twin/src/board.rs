@@ -11,7 +11,7 @@ use rigless::soc::Width;
 use crate::emulation::{Debugger, Emulation, Ended, Scene};
 use crate::faults::Disturbance;
 use crate::machine::{Robot, VirtualBoard};
-use crate::measure::{Event, Function, NoFunction};
+use crate::measure::{code, Code, Event, Function, NoFunction};
 use crate::parts::bridge;
 use crate::parts::eeprom::Eeprom;
 use crate::parts::i2c_bus::{I2cBus, SharedBus, Side};
@@ -429,6 +429,22 @@ impl Board {
         self.try_with(|scene| scene.session.board_mut().robot.around.spi.take_miso())
     }
 
+    /// The words in memory from `address` on, as a debugger would read them.
+    ///
+    /// # Errors
+    /// When the emulation has ended, or there is no memory.
+    pub fn words(&self, address: u64, count: u64) -> Result<Vec<u32>, Ended> {
+        self.try_with(move |scene| {
+            (0..count)
+                .map(|nth| {
+                    let word = scene.host.read(address + 4 * nth, Width::W32).ok();
+                    word.and_then(|word| u32::try_from(word).ok())
+                })
+                .collect::<Option<Vec<u32>>>()
+        })?
+        .ok_or_else(|| Ended(format!("no memory at {address:#x}")))
+    }
+
     /// Follows every run through the function `name` from now on: [`crate::measure`].
     ///
     /// # Errors
@@ -444,6 +460,26 @@ impl Board {
                 .unwrap_or_else(|ended| panic!("{ended}"));
         }
         Ok(function)
+    }
+
+    /// Follows every instruction of the firmware from now on: [`crate::measure::shares`]. Slow.
+    ///
+    /// # Errors
+    /// When the firmware's ELF file cannot be read.
+    ///
+    /// # Panics
+    /// When the emulation has ended.
+    pub fn profile(&self) -> Result<Vec<Code>, NoFunction> {
+        let code = code(&self.elf)?;
+        let addresses: Vec<u64> = code.iter().flat_map(|c| c.instructions.clone()).collect();
+        self.with(move |scene| {
+            for address in addresses {
+                scene
+                    .session
+                    .watch(rigless::emulator::Watch::Instruction(address));
+            }
+        });
+        Ok(code)
     }
 
     /// Follows every write of the firmware to the register at `address` from now on.

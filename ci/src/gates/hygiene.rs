@@ -30,6 +30,7 @@ pub fn hygiene(context: &mut Context) -> Result<Verdict> {
         "README.md",
         "Cargo.lock",
         "fuzz/Cargo.lock",
+        "tests/bench/Cargo.lock",
     ] {
         if !place.root.join(name).is_file() {
             wrong.push(format!("{name} is missing"));

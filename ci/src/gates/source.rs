@@ -39,8 +39,10 @@ pub fn fmt(context: &mut Context) -> Result<Verdict> {
         return skipped("rustfmt is not installed (`rustup component add rustfmt`)");
     }
     shell::run(context.place.cargo().args(["fmt", "--all", "--check"]))?;
-    let fuzz = ["fmt", "--manifest-path", "fuzz/Cargo.toml", "--check"];
-    shell::run(context.place.cargo().args(fuzz))?;
+    for own in ["fuzz/Cargo.toml", "tests/bench/Cargo.toml"] {
+        let check = ["fmt", "--manifest-path", own, "--check"];
+        shell::run(context.place.cargo().args(check))?;
+    }
     passed("")
 }
 

@@ -28,20 +28,20 @@ use super::wheels::{Mixer, Wheels};
 use crate::eeprom::Config;
 use crate::units::{Duty, Pose, Turns};
 use nudge::{Nudge, Plan, Rate};
-use view::View;
+use view::{View, UNIT};
 
-/// 1 mm, 2⁻¹⁶.
-const MM: i64 = 1 << 16;
+/// 1 mm as the view measures it.
+const MM: i32 = 1 << UNIT;
 /// 1°, 2⁻³² turns.
 const DEGREE: i32 = 11_930_465;
 /// Bearing within which driving begins.
 const CONE: i32 = 30 * DEGREE;
 /// The same on the last bit.
 const NARROW: i32 = 8 * DEGREE;
-/// Distance from which on the heading stands still, 2⁻¹⁶ mm.
-const CLOSE: i64 = 40 * MM;
-/// Distance up to which the robot may back into its target, 2⁻¹⁶ mm.
-const BACK: i64 = 1500 * MM;
+/// Distance from which on the heading stands still.
+const CLOSE: i32 = 40 * MM;
+/// Distance up to which the robot may back into its target.
+const BACK: i32 = 1500 * MM;
 /// What counts as slow, millimetres a tick.
 const SLOW: I16F16 = I16F16::lit("0.2");
 /// Ticks of the present speed that a braked wheel still rolls; the shorted motors' lag is 40 ms.
@@ -49,7 +49,7 @@ const BRAKING: i32 = 4;
 /// Ticks within the tolerances and at rest that make an arrival.
 const SETTLED: u8 = 5;
 /// Smallest tolerances that the encoders can tell: 1 mm and 0.2°.
-const FINEST_POSITION: i64 = MM;
+const FINEST_POSITION: i32 = MM;
 const FINEST_ROTATION: i32 = DEGREE / 5;
 /// Largest output of each PID, percent. The first board's were ±50 each because it added them; here
 /// rotation goes first and forward takes what is left of the wheels' reach.
@@ -81,8 +81,8 @@ pub struct Controller {
     ahead: Nudge,
     around: Nudge,
     mixer: Mixer,
-    /// 2⁻¹⁶ mm.
-    position_tolerance: i64,
+    /// [`UNIT`]s.
+    position_tolerance: i32,
     /// 2⁻³² turns.
     rotation_tolerance: i32,
     target: Pose,
@@ -100,7 +100,7 @@ impl Controller {
         let platform = &config.platform;
         let rotation_tolerance =
             (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(FINEST_ROTATION);
-        let position_tolerance = i64::from((u32::from(platform.position_tolerance) << 16) / 1000);
+        let position_tolerance = (i32::from(platform.position_tolerance) << UNIT) / 1000;
         Self {
             forward: Pid::new(&config.forward, FORWARD_LIMIT),
             rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
@@ -169,9 +169,9 @@ impl Controller {
             return self.mixer.brake();
         }
         let view = View::new(pose, &self.target);
-        let slack = 2 + i64::from(self.tries);
+        let slack = 2 + i32::from(self.tries);
         let near = (self.position_tolerance * slack) >> 1;
-        let straight = self.rotation_tolerance.saturating_mul(slack as i32) / 2;
+        let straight = self.rotation_tolerance.saturating_mul(slack) / 2;
         self.advance(&view, pose, delta, near, straight);
         if self.phase == Phase::Final && view.stops(delta, near, straight / 4 * 3) {
             return self.mixer.brake();
@@ -201,7 +201,7 @@ impl Controller {
     }
 
     /// Which phase this tick is in.
-    fn advance(&mut self, view: &View, pose: &Pose, delta: &Delta, near: i64, straight: i32) {
+    fn advance(&mut self, view: &View, pose: &Pose, delta: &Delta, near: i32, straight: i32) {
         let resting = delta.left.saturating_abs() <= 1 && delta.right.saturating_abs() <= 1;
         let aligned = view.rotation.saturating_abs() <= straight;
         match self.phase {
@@ -214,7 +214,11 @@ impl Controller {
             Phase::Close { heading } => {
                 let aimed = heading.from_nearest(pose.heading).saturating_abs() < NARROW;
                 let slow = delta.travel.saturating_abs() <= SLOW;
-                let there = view.left_ahead(delta).abs().max(view.along.abs() >> 1) <= near >> 1;
+                let there = view
+                    .left_ahead(delta)
+                    .saturating_abs()
+                    .max(view.along.saturating_abs() >> 1)
+                    <= near >> 1;
                 if aimed && slow && there {
                     self.forward.reset();
                     self.phase = Phase::Final;
@@ -311,18 +315,19 @@ impl Controller {
 }
 
 /// How much of `along` to drive with the nose `off` by so much: all at 0, nothing from `cone` on.
-fn through(cone: i32, off: i32, along: i64) -> i64 {
+fn through(cone: i32, off: i32, along: i32) -> i32 {
     // Both below 2¹⁶, so the quotient of one 32-bit division is the share in Q16.
     let open = ((cone - off.saturating_abs()).max(0) >> 13) as u32;
     let whole = (cone >> 13).max(1) as u32;
-    (along.clamp(-FAR, FAR) * i64::from((open << 16) / whole)) >> 16
+    let share = ((open << 16) / whole) as i32;
+    ((i64::from(along.clamp(-FAR, FAR)) * i64::from(share)) >> 16) as i32
 }
 
-/// Further than this is as far, 2⁻¹⁶ mm.
-const FAR: i64 = 10_000 * MM;
+/// Further than this is as far.
+const FAR: i32 = 10_000 * MM;
 
-fn millimetres(value: i64) -> I16F16 {
-    I16F16::from_bits(value.clamp(-FAR, FAR) as i32)
+fn millimetres(value: i32) -> I16F16 {
+    I16F16::from_bits(value.clamp(-FAR, FAR) << (16 - UNIT))
 }
 
 fn degrees(turns: i32) -> I16F16 {

@@ -26,7 +26,7 @@ mod slip;
 
 use fixed::types::{I16F16, I32F32};
 
-use super::trig::{nearest, plus, upper, Reduced};
+use super::trig::{nearest, plus, split, upper, Reduced};
 use crate::divide::div_rem;
 use crate::eeprom::Platform;
 use crate::units::{Millimetres, Pose, Turns};
@@ -64,14 +64,6 @@ impl PerCount {
         let onto = onto.wrapping_add(self.low as i64 * n as i64);
         onto.wrapping_add((self.high.wrapping_mul(n) as i64) << 32)
     }
-}
-
-/// The signed words (low, high) of `high·2³² + low`.
-#[inline]
-const fn split(value: i64) -> (i32, i32) {
-    let low = value as i32;
-    let high = ((value >> 32) as i32).wrapping_add((low as u32 >> 31) as i32);
-    (low, high)
 }
 
 /// One wheel's factors.

@@ -16,30 +16,39 @@
 
 use fixed::types::I16F16;
 
+use super::trig::{split, upper};
 use crate::double::Double;
 use crate::eeprom::Gains;
 
 /// Largest factor that fits; the EEPROM's are at most 10 000.
 const LARGEST: i64 = (1 << 14 << 32) - 1;
 
-/// A factor of the document, 32 fractional bits, within ±[`LARGEST`].
+/// A factor of the document, within ±[`LARGEST`]: 48 fractional bits as two signed words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Factor(i64);
+struct Factor {
+    low: i32,
+    high: i32,
+}
 
 impl Factor {
-    /// The nearest; 0 for what is no number or beyond 2³¹, which no accepted configuration holds.
+    /// The nearest of 32 fractional bits; 0 for what is no number or beyond 2³¹, which no accepted
+    /// configuration holds.
+    fn new(value: Double) -> Self {
+        let (low, high) = split(Self::bits(value) << 16);
+        Self { low, high }
+    }
+
+    /// 32 fractional bits.
     // At start-up only: once in flash is enough.
     #[inline(never)]
-    fn new(value: Double) -> Self {
-        Self(value.to_scaled(32).unwrap_or(0).clamp(-LARGEST, LARGEST))
+    fn bits(value: Double) -> i64 {
+        value.to_scaled(32).unwrap_or(0).clamp(-LARGEST, LARGEST)
     }
 
     /// `self · value`, floor, 2⁻³² where `value` is in 2⁻¹⁶; below 2⁶¹.
     #[inline]
     const fn times(self, value: i32) -> i64 {
-        let upper = (self.0 >> 32) * value as i64;
-        let lower = (self.0 & 0xFFFF_FFFF) * value as i64;
-        (upper << 16) + (lower >> 16)
+        self.high as i64 * value as i64 + upper(self.low, value) as i64
     }
 }
 
@@ -77,7 +86,7 @@ impl Pid {
     /// With an output within ±`limit` percent, 0 ..= 100.
     #[must_use]
     pub fn new(gains: &Gains, limit: I16F16) -> Self {
-        let unwind = Factor::new(gains.anti_windup).0 >> 16;
+        let unwind = Factor::bits(gains.anti_windup) >> 16;
         let mut pid = Self {
             proportional: Factor::new(gains.p),
             integral: Factor::new(gains.i),
@@ -117,14 +126,15 @@ impl Pid {
     pub fn step(&mut self, error: I16F16, rate: I16F16) -> I16F16 {
         let proportional = self.proportional.times(error.to_bits());
         let others = proportional - self.derivative.times(rate.to_bits());
-        let increment = if proportional.abs() <= self.near {
-            self.integral.times(error.to_bits())
+        let (increment, sum) = if proportional.abs() <= self.near {
+            let increment = self.integral.times(error.to_bits());
+            (increment, clamp(self.sum + increment, self.limit))
         } else {
-            0
+            (0, self.sum)
         };
-        let sum = clamp(self.sum + increment, self.limit);
         let output = others + sum;
-        let excess = output - clamp(output, self.limit);
+        let limited = clamp(output, self.limit);
+        let excess = output - limited;
         self.sum = if excess == 0 {
             sum
         } else {
@@ -134,14 +144,24 @@ impl Pid {
             } else {
                 sum
             };
-            let back = (excess >> 16) * self.unwind;
-            if excess > 0 {
-                (kept - back).max(kept.min(0))
-            } else {
-                (kept - back).min(kept.max(0))
-            }
+            self.unwound(kept, excess)
         };
-        I16F16::from_bits((clamp(output, self.limit) >> 16) as i32)
+        I16F16::from_bits((limited >> 16) as i32)
+    }
+
+    /// What back-calculation leaves of an integral part.
+    #[inline]
+    const fn unwound(&self, kept: i64, excess: i64) -> i64 {
+        // Only what pushes the same way, and no further than to zero.
+        if kept == 0 || (kept > 0) != (excess > 0) {
+            return kept;
+        }
+        let rest = kept - (excess >> 16) * self.unwind;
+        if (rest > 0) == (kept > 0) {
+            rest
+        } else {
+            0
+        }
     }
 
     /// The integral part, percent.

@@ -39,6 +39,14 @@ pub(crate) const fn plus(c: i32, a: i32, b: i32) -> i32 {
     c.wrapping_add(nearest(a, b))
 }
 
+/// The signed words (low, high) of `high·2³² + low`.
+#[inline]
+pub(crate) const fn split(value: i64) -> (i32, i32) {
+    let low = value as i32;
+    let high = ((value >> 32) as i32).wrapping_add((low as u32 >> 31) as i32);
+    (low, high)
+}
+
 /// A phase as the nearest quarter turn and sine and cosine of what is left, at most an eighth of a
 /// turn either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -186,7 +186,7 @@ impl Robot {
         let (servo, trigger) = self.look(sample.now);
         #[cfg(feature = "acoustics")]
         self.telling.rangefinders(&self.rangefinders, log);
-        self.sense();
+        self.sense(&pose);
         Outputs {
             left: wheels.left,
             right: wheels.right,
@@ -212,8 +212,8 @@ impl Robot {
     }
 
     /// What a tick changed, in the wire's codes: a frame's reply only copies it.
-    fn sense(&mut self) {
-        self.said.pose = PoseCode::from_pose(&self.odometry.pose());
+    fn sense(&mut self, pose: &Pose) {
+        self.said.pose = PoseCode::from_pose(pose);
         self.said.measurement = self.measurement();
         for which in Rangefinder::ALL {
             self.sense_range(which);
@@ -394,12 +394,18 @@ impl Robot {
     }
 
     /// Latches faults that the registers found.
+    #[inline]
     pub fn raise(&mut self, faults: u16, log: &mut Log) {
-        let new = faults & !self.supervisor.faults();
-        if new != 0 {
-            self.supervisor.raise(faults);
-            telling::faults(new, log);
+        if faults & !self.supervisor.faults() != 0 {
+            self.latch(faults, log);
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn latch(&mut self, faults: u16, log: &mut Log) {
+        telling::faults(faults & !self.supervisor.faults(), log);
+        self.supervisor.raise(faults);
     }
 
     /// The reply has gone out with a frame: the next one has a new sequence number and the next

@@ -69,8 +69,21 @@ impl Factor {
     }
 
     /// `self · word`, nearest, at most `u32::MAX`.
+    #[inline]
     const fn scale(self, word: u32) -> u32 {
         let product = self.mantissa as u64 * word as u64;
+        if self.exponent > 32 && self.exponent < 64 {
+            // The usual one: the upper word says it all, the last bit shifted out rounds.
+            let twice = (product >> 32) as u32 >> (self.exponent - 33);
+            return (twice >> 1) + (twice & 1);
+        }
+        self.scale_unusual(product)
+    }
+
+    /// The same for the exponents that only odd configurations have.
+    #[cold]
+    #[inline(never)]
+    const fn scale_unusual(self, product: u64) -> u32 {
         let result = match self.exponent {
             shift @ 1..=63 => (product >> shift) + ((product >> (shift - 1)) & 1),
             64.. => 0,
@@ -94,16 +107,8 @@ struct Tap {
     divider: Divider,
     /// Filtered word, 12 fractional bits; `None` before the first.
     word: Option<u32>,
-}
-
-impl Tap {
-    /// 2⁻¹⁶ V.
-    const fn voltage(&self) -> u32 {
-        match self.word {
-            Some(word) => self.factor.scale(word),
-            None => 0,
-        }
-    }
+    /// What it says, 2⁻¹⁶ V; 0 before the first.
+    voltage: u32,
 }
 
 /// The battery.
@@ -155,11 +160,13 @@ impl Battery {
         let count = usize::from(self.cells);
         for (tap, &word) in self.taps.iter_mut().take(count).zip(words) {
             let word = u32::from(word) << 12;
-            tap.word = Some(match tap.word {
+            let word = match tap.word {
                 // Both below 2²⁸: no sum here can leave its type.
                 Some(old) => old + (word >> FILTER) - (old >> FILTER),
                 None => word,
-            });
+            };
+            tap.word = Some(word);
+            tap.voltage = tap.factor.scale(word);
         }
         let lowest = self.lowest();
         let below = |limit: u32| lowest.is_some_and(|v| v < limit);
@@ -180,7 +187,7 @@ impl Battery {
         let mut lowest = None;
         for tap in self.taps.iter().take(usize::from(self.cells)) {
             if tap.word.is_some() {
-                let voltage = tap.voltage();
+                let voltage = tap.voltage;
                 let cell = voltage.saturating_sub(below);
                 below = voltage;
                 lowest = Some(lowest.map_or(cell, |l: u32| l.min(cell)));
@@ -191,7 +198,9 @@ impl Battery {
 
     /// Voltage of tap `index`, 0 ..= 7, 0 V where nothing was read.
     fn tap(&self, index: u8) -> u32 {
-        self.taps.get(usize::from(index)).map_or(0, Tap::voltage)
+        self.taps
+            .get(usize::from(index))
+            .map_or(0, |tap| tap.voltage)
     }
 
     /// The number of cells, 1 ..= 8.
@@ -244,9 +253,9 @@ impl Battery {
         let Divider { upper, lower } = tap.divider;
         let sum = Factor::new(u64::from(upper) + u64::from(lower), 0);
         let truth = u64::from(below) + u64::from(reference);
-        let whole = sum.times(truth).over(tap.voltage());
+        let whole = sum.times(truth).over(tap.voltage);
         let whole = whole.scale(1);
-        (tap.voltage() != 0).then(|| whole.saturating_sub(lower))
+        (tap.voltage != 0).then(|| whole.saturating_sub(lower))
     }
 
     /// Whether a cell has been below the warning voltage for half a second; ends 50 mV above it.

@@ -22,6 +22,19 @@ pub struct Function {
     pub tail_calls: Vec<(u64, Function)>,
 }
 
+/// A function as a profile sees it: a range and its instructions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// Its symbol, or its type and method.
+    pub name: String,
+    /// Its first instruction.
+    pub address: u64,
+    /// Its bytes.
+    pub size: u64,
+    /// Where its instructions begin.
+    pub instructions: Vec<u64>,
+}
+
 /// The function is not in the ELF file, or cannot be followed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoFunction(pub String);
@@ -35,8 +48,8 @@ impl std::fmt::Display for NoFunction {
 impl std::error::Error for NoFunction {}
 
 impl Function {
-    /// The function `name` of an ELF file: its symbol, or the one whose mangled name contains it
-    /// as a path's last part.
+    /// The function `name` of an ELF file: its symbol, or, where `name` is a path (`Type::method`),
+    /// the first one whose mangled name contains the path.
     ///
     /// # Errors
     /// When there is none, or it has no code.
@@ -47,8 +60,10 @@ impl Function {
             file.symbols()
                 .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
         };
+        let path = mangled(name);
         let symbol = functions()
             .find(|symbol| symbol.name() == Ok(name))
+            .or_else(|| functions().find(|s| s.name().is_ok_and(|found| found.contains(&path))))
             .ok_or_else(none)?;
         Self::at(&file, symbol.address() & !1, DEPTH).ok_or_else(none)
     }
@@ -128,6 +143,73 @@ impl Function {
     }
 }
 
+/// A path as both of the compiler's manglings write it: every part behind its length.
+fn mangled(path: &str) -> String {
+    let parts = path.split("::").map(|part| format!("{}{part}", part.len()));
+    parts.collect()
+}
+
+/// The last two parts of the path in a mangled name: type and method; others as they are.
+fn plain(symbol: &str) -> String {
+    let Some(mut rest) = symbol.strip_prefix("_ZN") else {
+        return symbol.to_owned();
+    };
+    let mut parts = Vec::new();
+    while let Some(end) = rest.find(|c: char| !c.is_ascii_digit()) {
+        let Ok(length) = rest[..end].parse::<usize>() else {
+            break;
+        };
+        let Some(part) = rest.get(end..end + length) else {
+            break;
+        };
+        parts.push(part);
+        rest = &rest[end + length..];
+    }
+    // The last one is a hash.
+    parts.pop();
+    let from = parts.len().saturating_sub(2);
+    parts[from..].join("::")
+}
+
+/// Every function of an ELF file, and where its instructions are.
+///
+/// # Errors
+/// When it is no ELF file.
+pub fn code(elf: &[u8]) -> Result<Vec<Code>, NoFunction> {
+    let file = object::File::parse(elf).map_err(|error| NoFunction(error.to_string()))?;
+    let mut all: Vec<Code> = file
+        .symbols()
+        .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
+        .filter_map(|symbol| {
+            let (address, size) = (symbol.address() & !1, symbol.size());
+            let section = file.section_by_index(symbol.section_index()?).ok()?;
+            let bytes = section.data_range(address, size).ok()??;
+            let literals = literals(&file, address, size);
+            let mut instructions = Vec::new();
+            let mut at = address;
+            while at < address + size {
+                if literals.iter().any(|range| range.contains(&at)) {
+                    at += 2;
+                    continue;
+                }
+                instructions.push(at);
+                let from = usize::try_from(at - address).ok()?;
+                let first = bytes.get(from..from + 2)?;
+                at += 2 * halfwords(u16::from_le_bytes([first[0], first[1]]));
+            }
+            Some(Code {
+                name: plain(symbol.name().ok()?),
+                address,
+                size,
+                instructions,
+            })
+        })
+        .collect();
+    all.sort_by_key(|code| code.address);
+    all.dedup_by_key(|code| code.address);
+    Ok(all)
+}
+
 /// The ranges between `address` and its end that hold data: from a `$d` mapping symbol to the next
 /// `$t` (ELF for the Arm architecture, section 5.5.5).
 fn literals(file: &object::File<'_>, address: u64, size: u64) -> Vec<std::ops::Range<u64>> {
@@ -150,4 +232,17 @@ fn literals(file: &object::File<'_>, address: u64, size: u64) -> Vec<std::ops::R
         }
     }
     ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_mangled_and_shown_plain() {
+        let symbol = "_ZN7fw_core6motion8odometry8Odometry4step17h89d3a8643620fae2E";
+        assert!(symbol.contains(&mangled("Odometry::step")));
+        assert_eq!(plain(symbol), "Odometry::step");
+        assert_eq!(plain("robot_tick"), "robot_tick");
+    }
 }

@@ -11,6 +11,9 @@
 //! - Between a wire and a register: [`Board::follow_select`](crate::Board::follow_select) records
 //!   the chip select's edges, [`Board::follow_writes`](crate::Board::follow_writes) every write to
 //!   a register.
+//! - Where a function's instructions go: [`Board::profile`](crate::Board::profile) watches every
+//!   instruction of the firmware; [`shares`] counts those within the function's runs, each for the
+//!   function whose code it is. What pre-empts a run is listed beside it.
 //!
 //! The core retires one instruction for each 10 ns of virtual time while it is awake
 //! ([`crate::machine::INSTRUCTIONS_PER_SECOND`]), so a span's virtual time is its instructions'
@@ -19,7 +22,7 @@
 mod function;
 mod thumb;
 
-pub use function::{Function, NoFunction};
+pub use function::{code, Code, Function, NoFunction};
 
 /// What happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,6 +119,33 @@ pub fn without(spans: &[Span], inner: &[Span]) -> Vec<Span> {
         .collect()
 }
 
+/// How many of the instructions within `runs` each function executed itself, most first.
+#[must_use]
+pub fn shares(code: &[Code], runs: &[Span], events: &[Event]) -> Vec<(String, u64)> {
+    let mut counts = vec![0; code.len()];
+    let mut runs = runs.iter();
+    let mut run = runs.next();
+    for event in events {
+        let What::Arrived { address } = event.what else {
+            continue;
+        };
+        while run.is_some_and(|run| run.entered + run.instructions <= event.instructions) {
+            run = runs.next();
+        }
+        if run.is_none_or(|run| event.instructions < run.entered) {
+            continue;
+        }
+        let after = code.partition_point(|code| code.address <= address);
+        if let Some(at) = after.checked_sub(1) {
+            counts[at] += 1;
+        }
+    }
+    let names = code.iter().map(|code| code.name.clone());
+    let mut shares: Vec<_> = names.zip(counts).filter(|share| share.1 > 0).collect();
+    shares.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+    shares
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,6 +177,30 @@ mod tests {
         assert_eq!(spans.len(), 1);
         assert_eq!(spans[0].instructions, 10);
         assert_eq!((spans[0].entered_ns, spans[0].left_ns), (100, 190));
+    }
+
+    #[test]
+    fn shares_count_each_functions_own_instructions_within_the_runs() {
+        let code = |name: &str, address| Code {
+            name: name.into(),
+            address,
+            size: 8,
+            instructions: Vec::new(),
+        };
+        let span = |entered, instructions| Span {
+            entered_ns: 0,
+            left_ns: 0,
+            entered,
+            instructions,
+        };
+        let code = [code("caller", 0x100), code("callee", 0x200)];
+        let events: Vec<Event> = [0x204, 0x100, 0x200, 0x202, 0x102, 0x204, 0x100]
+            .iter()
+            .zip(7..)
+            .map(|(address, instructions)| arrived(*address, instructions))
+            .collect();
+        let shares = shares(&code, &[span(8, 4), span(13, 1)], &events);
+        assert_eq!(shares, [("caller".into(), 3), ("callee".into(), 2)]);
     }
 
     #[test]

@@ -8,59 +8,73 @@ use crate::units::Pose;
 /// Where the target lies as the robot sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
-    /// 2⁻¹⁶ mm ahead.
-    pub along: i64,
-    /// 2⁻¹⁶ mm to the left.
-    pub across: i64,
+    /// [`UNIT`]s ahead.
+    pub along: i32,
+    /// [`UNIT`]s to the left.
+    pub across: i32,
     /// 2⁻³² turns to the final rotation.
     pub rotation: i32,
+}
+
+/// Fractional bits of a view's lengths in millimetres: 8 µm, an eighth of what a count of the first
+/// board's encoders is worth, up to 8 km.
+pub(super) const UNIT: u32 = 7;
+
+/// From `pose` to `target` along one axis, 2⁻³² mm each, cut to ±2³⁰ [`UNIT`]s.
+#[inline]
+fn way(target: i64, pose: i64) -> i32 {
+    // Of halves, so that no difference overflows.
+    let way = (target >> 1) - (pose >> 1);
+    let whole = ((way >> 32) as i32).clamp(-(1 << 22), (1 << 22) - 1);
+    whole << (UNIT + 1) | (way as u32 >> (31 - UNIT)) as i32
 }
 
 impl View {
     /// Total: poses may lie anywhere.
     pub fn new(pose: &Pose, target: &Pose) -> Self {
-        // ±2³¹ mm each, cut to ±2¹⁴ m so that the sums below fit.
-        let far = 1 << 40;
-        let x = target.x.0.to_bits().saturating_sub(pose.x.0.to_bits()) >> 16;
-        let y = target.y.0.to_bits().saturating_sub(pose.y.0.to_bits()) >> 16;
-        let (x, y) = (x.clamp(-far, far) >> 4, y.clamp(-far, far) >> 4);
+        let x = i64::from(way(target.x.0.to_bits(), pose.x.0.to_bits()));
+        let y = i64::from(way(target.y.0.to_bits(), pose.y.0.to_bits()));
         let (sine, cosine) = sin_cos(pose.heading);
-        let (sine, cosine) = (i64::from(sine) >> 6, i64::from(cosine) >> 6);
+        let (sine, cosine) = (i64::from(sine), i64::from(cosine));
+        // Turned by any angle, a vector of ±2³⁰ is within ±2³¹.
         Self {
-            along: (x * cosine + y * sine) >> 21,
-            across: (y * cosine - x * sine) >> 21,
+            along: ((x * cosine + y * sine) >> 31) as i32,
+            across: ((y * cosine - x * sine) >> 31) as i32,
             rotation: target.heading.from_nearest(pose.heading),
         }
     }
 
-    /// Not farther than `distance`, 2⁻¹⁶ mm.
-    pub fn within(&self, distance: i64) -> bool {
-        let (a, b) = (self.along.abs(), self.across.abs());
-        a <= distance && b <= distance && a * a + b * b <= distance * distance
+    /// Not farther than `distance`, [`UNIT`]s.
+    pub fn within(&self, distance: i32) -> bool {
+        let (a, b) = (self.along.saturating_abs(), self.across.saturating_abs());
+        let square = |side: i32| i64::from(side) * i64::from(side);
+        a <= distance && b <= distance && square(a) + square(b) <= square(distance)
     }
 
-    /// What would be left ahead if both motors braked now, 2⁻¹⁶ mm.
-    pub fn left_ahead(&self, delta: &Delta) -> i64 {
-        self.along - i64::from(delta.travel.to_bits()) * i64::from(BRAKING)
+    /// What would be left ahead if both motors braked now, [`UNIT`]s.
+    pub fn left_ahead(&self, delta: &Delta) -> i32 {
+        let rolls = delta.travel.to_bits().saturating_mul(BRAKING) >> (16 - UNIT);
+        self.along.saturating_sub(rolls)
     }
 
-    /// Whether the robot, braked now, would come to rest within `near`, 2⁻¹⁶ mm, and `straight`,
+    /// Whether the robot, braked now, would come to rest within `near`, [`UNIT`]s, and `straight`,
     /// 2⁻³² turns, of the target.
-    pub fn stops(&self, delta: &Delta, near: i64, straight: i32) -> bool {
+    pub fn stops(&self, delta: &Delta, near: i32, straight: i32) -> bool {
         let left = self
             .rotation
             .saturating_sub(delta.turn.saturating_mul(BRAKING));
         self.within(near)
-            && self.left_ahead(delta).abs() <= near
+            && self.left_ahead(delta).saturating_abs() <= near
             && left.saturating_abs() <= straight
     }
 
     /// What the nose, or the tail, must turn by to point there, 2⁻³² turns.
     pub fn bearing(&self, backwards: bool) -> i32 {
+        let (along, across) = (i64::from(self.along), i64::from(self.across));
         let nose = if backwards {
-            direction(-self.along, -self.across)
+            direction(-along, -across)
         } else {
-            direction(self.along, self.across)
+            direction(along, across)
         };
         nose.0 as i32
     }
