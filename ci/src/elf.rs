@@ -129,6 +129,7 @@ pub struct Banned {
 }
 
 /// Everything a proven core has no use for.
+// Requirement: DOC-3.1-2
 pub const BANNED: [Banned; 4] = [
     Banned {
         what: "a panic path",
@@ -236,6 +237,7 @@ mod tests {
         }
     }
 
+    // Requirement: DOC-3.1-2
     #[test]
     fn banned_names_are_found_in_both_manglings() {
         let symbols = [

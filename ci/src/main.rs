@@ -4,6 +4,7 @@
 mod arm;
 mod bench;
 mod code;
+mod defects;
 mod demand;
 mod elf;
 mod error;
@@ -19,6 +20,7 @@ mod place;
 mod robot;
 mod shell;
 mod stack;
+mod trace;
 
 use std::process::ExitCode;
 
@@ -50,6 +52,9 @@ usage: cargo xtask COMMAND [OPTIONS]
   prove                     the theorems, by Kani
   fuzz [TARGET] [--seconds N]
                             fuzz one target or all
+  trace                     every requirement with the code that meets it and what checks that
+  defects [--only NAME[,NAME]]
+                            make the code wrong on purpose; some gate must notice
   mutants [ARGS]            change fw-core in every way that a test should notice
 
   --minimal takes the firmware without its optional parts (sweep, gyro), at most 32 KiB.
@@ -120,6 +125,15 @@ impl Words {
             .rev()
             .find(|(found, _)| found == name)
             .map(|(_, value)| value.as_str())
+    }
+
+    /// The names of an option, which commas part.
+    fn list(&self, name: &str) -> Vec<String> {
+        let names = self.option(name).unwrap_or("").split(',').map(str::trim);
+        names
+            .filter(|name| !name.is_empty())
+            .map(str::to_owned)
+            .collect()
     }
 
     fn flag(&self, name: &str) -> bool {
@@ -239,17 +253,8 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
         }
         "test" => {
             words.only(0, false, &["--quick", "--only"])?;
-            let only = words
-                .option("--only")
-                .unwrap_or("")
-                .split(',')
-                .map(str::trim);
-            let only = only
-                .filter(|name| !name.is_empty())
-                .map(str::to_owned)
-                .collect();
             let choice = gates::Choice {
-                only,
+                only: words.list("--only"),
                 quick: words.flag("--quick"),
             };
             let good = gates::run(Place::find()?, forced, &choice)?;
@@ -274,6 +279,16 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
         "mutants" => {
             words.only(0, true, &[])?;
             demand::mutants(&Place::find()?, &words.rest)?;
+        }
+        "trace" => {
+            words.only(0, false, &[])?;
+            trace::print(&trace::trace(&Place::find()?)?);
+        }
+        "defects" => {
+            words.only(0, false, &["--only"])?;
+            let place = Place::find()?;
+            let arm = Arm::find(&place, forced).ok();
+            defects::run(&place, arm, &words.list("--only"))?;
         }
         "help" | "--help" | "-h" => print!("{USAGE}"),
         "" => return Err(Error::Usage(format!("no command\n\n{USAGE}"))),

@@ -220,6 +220,7 @@ impl Line {
         self
     }
 
+    // Requirement: WIRE-log-1
     fn header(level: Level, number: u32) -> Self {
         let mut line = Self::new();
         line.byte(level.letter());
@@ -354,6 +355,7 @@ impl<const N: usize> Log<N> {
     }
 
     /// Appends all of `bytes`, or nothing where they do not fit.
+    // Requirement: WIRE-log-2
     #[inline(never)]
     fn push(&mut self, bytes: &[u8]) -> bool {
         if bytes.len() > N.saturating_sub(self.len) {

@@ -59,6 +59,7 @@ pub fn start() {
 ///
 /// # Errors
 /// See [`Error`]; the bus has been given a STOP where the interface still could.
+// Requirement: DOC-6-1
 pub fn read(
     device: u8,
     register: u16,

@@ -196,6 +196,7 @@ fn refuse(error: &ConfigError, log: &mut Log, idle: impl FnMut(&mut Log)) -> ! {
 
 /// READY stays low and the motors off; the log goes out. Only a reset leaves, as the Pi does after
 /// writing the EEPROM.
+// Requirement: WIRE-eeprom-3
 fn stand_by(log: &mut Log, mut idle: impl FnMut(&mut Log)) -> ! {
     leds::show(fw_core::robot::leds(State::Faulted));
     loop {

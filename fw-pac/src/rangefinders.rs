@@ -97,6 +97,7 @@ pub fn take(token: &CriticalSection) -> Option<Echo> {
     })
 }
 
+// Requirement: DOC-2.2-1
 const fn pins(which: Rangefinder) -> (Pin, Pin) {
     match which {
         Rangefinder::Front => (TRIGGER_FRONT, ECHO_FRONT),

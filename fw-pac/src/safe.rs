@@ -21,6 +21,7 @@ use stm32f4::stm32f411 as pac;
 const PATIENCE: u32 = 100_000_000;
 
 /// Ends here. `why` is one line of ASCII with its line feed.
+// Requirement: WIRE-safe-1
 pub fn halt(why: &[u8]) -> ! {
     cortex_m::interrupt::disable();
     // Boot may not have come to it yet.

@@ -258,6 +258,7 @@ pub fn ended(token: &CriticalSection) -> Option<Micros> {
 
 /// The frame that ended last; claim none before the one before has been answered.
 #[inline]
+// Requirement: WIRE-spi-2
 pub fn claim(token: &CriticalSection) -> Option<Claim> {
     let state = state(token);
     let ended = state.ended.take()?;
@@ -416,6 +417,7 @@ fn arm(state: &State) {
 }
 
 /// The chip-select rose.
+// Requirement: WIRE-spi-1
 #[inline]
 fn frame_end(at: Micros, alone: &CriticalSection) {
     Receive::stop();
@@ -447,6 +449,7 @@ fn frame_end(at: Micros, alone: &CriticalSection) {
     arm(state);
 }
 
+// Requirement: DOC-3.1-1
 #[interrupt]
 fn EXTI4() {
     let at = time::now();

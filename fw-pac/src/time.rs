@@ -140,6 +140,7 @@ fn keep_all(w: &mut pac::tim2::sr::W) -> &mut pac::tim2::sr::W {
     unsafe { w.bits(u32::MAX) }
 }
 
+// Requirement: DOC-3.1-1
 #[interrupt]
 fn TIM5() {
     let timer = registers();

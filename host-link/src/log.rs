@@ -248,6 +248,7 @@ mod tests {
         }
     }
 
+    // Requirement: WIRE-log-3
     #[test]
     fn a_link_line_that_lost_bytes_never_miscounts_a_frame() {
         let line = b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n";

@@ -51,6 +51,7 @@ pub struct Changed<'m, W: Wires> {
 /// # Errors
 /// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::acquaint`];
 /// [`Error::Rejected`] if the EEPROM holds no acceptable configuration to begin with.
+// Requirement: DOC-5.2-2
 pub fn change<'m, W: Wires>(
     machine: &'m mut Machine<W>,
     mode: Mode,

@@ -18,6 +18,7 @@ const LOOK_MS: u32 = 1;
 ///
 /// # Errors
 /// [`Error::Pin`] if the line cannot be driven; it was tried to release it in any case.
+// Requirement: DOC-6-3
 pub fn pulse<W: Wires>(machine: &mut Machine<W>) -> Result<(), Error> {
     let low = persist(|| machine.reset.set_low());
     if low.is_ok() {

@@ -69,6 +69,7 @@ impl Survey {
     }
 
     /// Takes one report.
+    // Requirement: DOC-1-1
     pub fn take(&mut self, look: &Look) {
         let pose = pose(look.pose);
         match look.bearing_deg {

@@ -6,6 +6,7 @@ mod drive;
 use mapper::map_iou;
 use plant::{Params, RangefinderParams, Room};
 
+// Requirement: DOC-1-1
 #[test]
 fn the_default_rooms_map_agrees_with_its_walls() {
     let drive = drive::tour(&Room::two_rooms(), Params::default(), 1);

@@ -17,6 +17,7 @@ const fn parts(bits: u64) -> (u64, i32) {
 
 /// The result is the integer nearest to the number times 2^`fraction_bits`, the even one of two, or
 /// the error that says why there is none.
+// Requirement: DOC-5.1.2-1
 pub fn decoding_is_nearest(double: Double, fraction_bits: u8) -> Seen {
     let Double(bits) = double;
     let decoded = double.to_scaled(fraction_bits);

@@ -91,6 +91,7 @@ fn event(byte: u8) -> Result<usize, usize> {
 /// Any order of lines and transmissions: the far end reads whole lines only, in order, and their number
 /// with those reported as dropped is that of all lines; what is pending never moves under the
 /// transmitter.
+// Requirement: WIRE-log-2
 pub fn log_never_tears_a_line(script: [u8; 24]) -> Seen {
     let mut log = Log::<QUEUE>::new();
     let mut reader = Reader::new();

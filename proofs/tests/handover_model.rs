@@ -450,6 +450,7 @@ impl Model for HandOver {
 
 const LIMIT: usize = 10_000_000;
 
+// Requirement: DOC-3.3-1
 #[test]
 fn no_interleaving_tears_a_frame_or_loses_one_unseen() {
     let visited = search(&HandOver::Right, LIMIT).unwrap_or_else(|found| panic!("{found}"));

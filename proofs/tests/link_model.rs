@@ -227,6 +227,7 @@ impl Model for Link {
     }
 }
 
+// Requirement: WIRE-deadline-1
 #[test]
 fn no_order_of_events_lets_the_motors_run_in_silence() {
     let visited = search(&Link { trusting: false }, 2_000_000).unwrap_or_else(|e| panic!("{e}"));

@@ -22,6 +22,7 @@ fn assert_stays_off(rig: &Rig, why: &str) {
     rig.assert_modelled();
 }
 
+// Requirement: DOC-2.1-1
 #[test]
 fn an_original_eeprom_of_the_first_board_makes_it_ready_within_50_ms() {
     let rig = Rig::booted(Some(original_image()));
@@ -55,6 +56,7 @@ fn no_eeprom_keeps_it_off_and_the_log_says_so() {
     assert_stays_off(&rig, "no configuration");
 }
 
+// Requirement: WIRE-eeprom-3
 #[test]
 fn every_corrupt_field_is_named_with_its_address() {
     let broken: [(usize, &[u8], &str); 7] = [
@@ -90,6 +92,7 @@ fn every_corrupt_field_is_named_with_its_address() {
     }
 }
 
+// Requirement: WIRE-eeprom-2
 #[test]
 fn a_page_3_whose_crc_is_wrong_keeps_it_off() {
     let mut image = [0xFF; fw_core::eeprom::IMAGE_LEN];

@@ -127,6 +127,7 @@ fn assert_recovered(
     );
 }
 
+// Requirement: DOC-4.1-6
 #[test]
 fn unequal_wheels_and_a_short_track_are_recovered_within_a_tenth_of_a_percent() {
     assert_recovered([5.0, -5.0, -5.0], 1000.0, 0.0, 0.1);

@@ -33,6 +33,7 @@ fn drive(x: f64, y: f64, degrees: f64, seconds: u64) -> (f64, f64, u32) {
     )
 }
 
+// Requirement: DOC-1-1, DOC-5.2.1-1
 #[test]
 fn every_kind_of_pose_is_reached_within_5_mm_and_1_degree() {
     for (x, y, degrees, seconds) in [

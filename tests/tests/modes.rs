@@ -60,6 +60,7 @@ fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
     }
 }
 
+// Requirement: DOC-5.2-2
 #[test]
 fn the_mode_is_changed_on_both_ends_without_leaving_the_program() {
     let rig = booted(Mode::Normal);

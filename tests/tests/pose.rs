@@ -188,6 +188,7 @@ fn sideways_any_rotation_is_reached_with_the_original_gains() {
     assert_reached(&Params::default(), &original_image(), &goals, 1.6);
 }
 
+// Requirement: DOC-6.0.2-2
 #[test]
 fn other_gains_reach_it_too() {
     let mut eeprom = original_image();
@@ -217,6 +218,7 @@ fn wheels_forty_percent_apart_reach_it_too() {
     assert_reached(&params, &original_image(), &goals, 1.6);
 }
 
+// Requirement: DOC-6.0.2-2
 #[test]
 fn it_holds_its_pose_against_pushes() {
     let goal = Goal {

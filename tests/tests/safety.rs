@@ -12,6 +12,7 @@ fn driving() -> Rig {
     rig
 }
 
+// Requirement: DOC-2.1-3
 #[test]
 fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
     let rig = driving();
@@ -31,6 +32,7 @@ fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
     );
 }
 
+// Requirement: WIRE-deadline-1
 #[test]
 fn garbage_on_the_wire_is_silence() {
     let rig = driving();
@@ -42,12 +44,14 @@ fn garbage_on_the_wire_is_silence() {
     assert!(rig.motors_off());
 }
 
+// Requirement: WIRE-safe-1
 #[test]
 fn a_panic_ends_with_the_motors_off_and_the_watchdog_restarts_the_robot_standing() {
     let rig = with_original_image(&elf(ELF_PANIC));
     ends_standing(&rig, "panic");
 }
 
+// Requirement: WIRE-safe-1
 #[test]
 fn an_overflow_of_the_stack_is_a_fault_and_ends_with_the_motors_off() {
     let elf = elf(ELF_OVERFLOW);

@@ -94,6 +94,7 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
     }
 }
 
+// Requirement: WIRE-log-3
 #[test]
 fn a_silent_link_leaves_the_log_alone() {
     let (rig, config) = booted(Mode::GuardedNormal);

@@ -248,7 +248,11 @@ fn the_sweep_draws_the_room_around_the_robot() {
     let config = swept.config.clone();
     for (at, report) in swept.frames(12_000_000) {
         let mut snapshot = host_link::snapshot::Snapshot::new(&config);
-        snapshot.take(at / 1000, &report, host_link::link::Statistics::default());
+        snapshot.take(
+            at / 1000,
+            &report,
+            host_link::statistics::Statistics::default(),
+        );
         survey.take(&Look::of(&snapshot).expect("a mode with poses"));
     }
     let counters = survey.mapper().counters();

@@ -84,6 +84,7 @@ fn tuning_finds_the_virtual_motors_gain_and_lag() {
     }
 }
 
+// Requirement: DOC-5.1.3-4
 #[test]
 fn tuning_the_battery_proposes_the_resistor_that_shows_the_reference() {
     let rig = rig();

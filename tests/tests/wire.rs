@@ -19,6 +19,7 @@ fn idle() -> [u8; 19] {
     normal_frame(0, 0, 0, false)
 }
 
+// Requirement: DOC-5.2.1-2
 #[test]
 fn the_reply_walks_both_cells_with_their_true_voltages() {
     let rig = normal();
@@ -42,6 +43,7 @@ fn the_reply_walks_both_cells_with_their_true_voltages() {
     }
 }
 
+// Requirement: DOC-2.2-1, DOC-5.2.1-2
 #[test]
 fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
     let rig = normal();
@@ -61,6 +63,7 @@ fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
     }
 }
 
+// Requirement: DOC-2.1-2
 #[test]
 fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
     let rig = normal();
@@ -76,6 +79,7 @@ fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
     assert!(!reply.not_used);
 }
 
+// Requirement: DOC-5.1.1-4
 #[test]
 fn without_the_apply_bit_nothing_moves() {
     let rig = normal();
@@ -83,6 +87,7 @@ fn without_the_apply_bit_nothing_moves() {
     assert!(rig.board.truth().path_mm < 0.01);
 }
 
+// Requirement: WIRE-spi-2
 #[test]
 fn a_bad_frame_of_every_kind_is_dropped_whole_and_the_next_is_read() {
     let rig = normal();
@@ -113,6 +118,7 @@ fn a_bad_frame_of_every_kind_is_dropped_whole_and_the_next_is_read() {
     rig.assert_modelled();
 }
 
+// Requirement: WIRE-spi-2
 #[test]
 fn a_frame_torn_at_every_bit_costs_exactly_itself() {
     let rig = normal();
@@ -143,6 +149,7 @@ fn a_frame_torn_at_every_bit_costs_exactly_itself() {
     rig.assert_modelled();
 }
 
+// Requirement: DOC-3.1-1, WIRE-spi-1
 #[test]
 fn frames_20_us_apart_are_all_read_and_all_answered() {
     let rig = normal();
@@ -161,6 +168,7 @@ fn frames_20_us_apart_are_all_read_and_all_answered() {
     );
 }
 
+// Requirement: DOC-5.2.2-1
 #[test]
 fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     let rig = Rig::booted(Some(image_in_mode(1)));
@@ -187,6 +195,7 @@ fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     assert!(rig.motors_off());
 }
 
+// Requirement: DOC-5.2.3-1
 #[test]
 fn tune_move_drives_straight_and_reports_the_displacement() {
     let rig = Rig::booted(Some(image_in_mode(2)));
@@ -204,6 +213,7 @@ fn tune_move_drives_straight_and_reports_the_displacement() {
     assert!(truth.heading_rad.to_degrees().abs() < 8.0, "{truth:?}");
 }
 
+// Requirement: WIRE-double-1
 #[test]
 fn a_percentage_beyond_the_range_or_not_a_number_is_rejected() {
     let rig = Rig::booted(Some(image_in_mode(1)));

@@ -8,6 +8,8 @@ mod stack;
 mod supply;
 mod tests;
 
+pub use hygiene::sources;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -73,13 +75,18 @@ const fn slow(
 }
 
 /// Cheap and telling ones first.
-const GATES: [Gate; 19] = [
+const GATES: [Gate; 21] = [
     quick("setup", "a way to build for the robot's processor", setup),
     quick("fmt", "the source is formatted", source::fmt),
     quick(
         "hygiene",
         "unsafe only in fw-pac, licences, no toolchain file",
         hygiene::hygiene,
+    ),
+    quick(
+        "trace",
+        "every requirement is met, checked and cited",
+        source::requirements,
     ),
     quick(
         "vectors",
@@ -126,6 +133,11 @@ const GATES: [Gate; 19] = [
         "reproducible",
         "the same ELF from another folder",
         machine_code::reproducible,
+    ),
+    slow(
+        "defects",
+        "seeded defects still fit the code, and the samples are noticed",
+        proofs::defects,
     ),
     quick(
         "loop",

@@ -1,6 +1,7 @@
 //! Gates on the proofs: how many there are, Kani, the fuzz targets.
 
 use super::{passed, skipped, Context, Verdict};
+use crate::defects::{self, Bench};
 use crate::error::{failed, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
 use crate::kani;
@@ -142,6 +143,25 @@ pub fn fuzz(context: &mut Context) -> Result<Verdict> {
     } else {
         failed(broken.join("; "))
     }
+}
+
+/// Every seeded defect fits the code, and the table says nothing that is no longer so; the samples
+/// are tried.
+pub fn defects(context: &mut Context) -> Result<Verdict> {
+    let all = defects::all(&context.place)?;
+    let listed = defects::listed(&context.place, &all)?;
+    let bench = Bench::set_up(&context.place, None)?;
+    let mut caught = Vec::new();
+    for defect in all.iter().filter(|defect| defect.sample) {
+        println!("  {}: {}", defect.name, defect.what);
+        bench.try_one(defect)?;
+        caught.push(defect.name.as_str());
+    }
+    passed(format!(
+        "{} fit the code, {listed} in the table; caught again: {}",
+        all.len(),
+        caught.join(", ")
+    ))
 }
 
 #[cfg(test)]

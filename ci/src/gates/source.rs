@@ -8,7 +8,7 @@ use super::{passed, skipped, Context, Verdict};
 use crate::arm::{Way, TARGET};
 use crate::error::Result;
 use crate::robot::cargo_with_board;
-use crate::shell;
+use crate::{shell, trace};
 
 /// The packages that need the virtual board's crate, and the feature that brings it to the Pi's.
 const BOARD: [&str; 8] = [
@@ -177,4 +177,16 @@ fn oldest_cargo() -> Option<OldestCargo> {
         program: "rustup".into(),
         words: run.to_vec(),
     })
+}
+
+/// Every requirement is met and checked, and every citation is of one.
+pub fn requirements(context: &mut Context) -> Result<Verdict> {
+    let all = trace::trace(&context.place)?;
+    let (code, checks) = all.values().fold((0, 0), |(code, checks), one| {
+        (code + one.code.len(), checks + one.checks.len())
+    });
+    passed(format!(
+        "{} requirements, cited {code} times above code and {checks} times above what checks it",
+        all.len()
+    ))
 }

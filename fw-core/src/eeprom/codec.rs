@@ -5,6 +5,7 @@ use super::rule::RULES;
 use super::{crc32, first_board, Config, ConfigError, Image, Value};
 
 /// What stands at 0x0000 of every configured EEPROM (document, 6.0.1).
+// Requirement: DOC-6.0.1-1
 pub const KEY: [u8; 10] = [0x15, 0x26, 0x37, 0x48, 0x59, 0x6A, 0x7B, 0x8C, 0x9D, 0xAE];
 
 /// Bytes of page 0x03 that its layout defines, checksum included.
@@ -22,6 +23,7 @@ const PLATFORM: u16 = 0x0300;
 /// The first field that is not: the EEPROM key, then version, length and checksum of page 0x03
 /// (unless that is blank: the first board's figures), then the fields by address, then what they
 /// must hold together.
+// Requirement: DOC-6-4
 pub fn decode(image: &Image) -> Result<Config, ConfigError> {
     let key: [u8; 10] = array(image, 0);
     if !key
@@ -155,6 +157,7 @@ fn rejected(field: &Field, raw: u64, expected: Accepted) -> ConfigError {
 }
 
 /// Whether page 0x03 was never written.
+// Requirement: WIRE-eeprom-1
 fn is_blank(image: &Image) -> bool {
     // Byte by byte, here and for the key: comparing whole arrays would link a routine of its own.
     array::<PLATFORM_LEN>(image, PLATFORM)
@@ -163,6 +166,7 @@ fn is_blank(image: &Image) -> bool {
 }
 
 /// CRC-32 over everything before the checksum: pages 0x00 to 0x02 and the page's own fields.
+// Requirement: WIRE-eeprom-2
 fn checksum(image: &Image) -> u32 {
     let covered = image.get(..usize::from(CRC_ADDRESS)).unwrap_or_default();
     crc32(covered)

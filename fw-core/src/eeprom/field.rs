@@ -135,6 +135,7 @@ impl Field {
     }
 
     /// Whether its bits are accepted in a robot of `cells` cells.
+    // Requirement: WIRE-eeprom-4
     #[must_use]
     pub fn takes(&self, raw: u64, cells: u8) -> bool {
         self.tap > cells || self.accepted.takes(raw)
@@ -307,9 +308,11 @@ fields![
     // Page 0x00 (document, 6.0.1). Any byte can be a key.
     whole_field!(0x000A, "key_from_pi", "", U8 u8, ANY, 0, key_from_pi),
     whole_field!(0x000B, "key_from_stm", "", U8 u8, ANY, 0, key_from_stm),
+    // Requirement: DOC-6.0.1-2
     mode_field!(0x000C, "mode"),
 
     // Page 0x01 (document, 6.0.2).
+    // Requirement: DOC-6.0.2-1
     double_field!(0x0100, "forward.p", "%/mm", FACTOR, forward.p),
     double_field!(0x0108, "forward.i", "%/mm", FACTOR, forward.i),
     double_field!(0x0110, "forward.d", "%/mm", FACTOR, forward.d),
@@ -322,6 +325,7 @@ fields![
     // Page 0x02 (document, 6.0.3).
     whole_field!(0x0203, "cells", "", U8 u8, whole(1, 8), 0, cells),
     // No microcontroller's ADC measures more than 10 V; less than 100 mV is noise.
+    // Requirement: DOC-6.0.3-1
     double_field!(0x0204, "adc_max_voltage", "V", Accepted::Number {
         min: I32F32::lit("0.1"),
         max: I32F32::lit("10"),

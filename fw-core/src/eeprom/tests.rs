@@ -133,6 +133,7 @@ fn the_first_board_is_accepted_and_comes_back() {
     assert_eq!(decode(&image_of(&config)), Ok(config));
 }
 
+// Requirement: DOC-6.0.1-1
 #[test]
 fn a_blank_eeprom_names_its_key_and_what_was_found() {
     let error = rejection(&BLANK);

@@ -18,6 +18,7 @@ fn transmitted<const N: usize>(log: &mut Log<N>) -> String {
     String::from_utf8(text).unwrap()
 }
 
+// Requirement: WIRE-log-1
 #[test]
 fn a_line_is_level_counter_text_and_newline() {
     let mut log: Log = Log::new();
@@ -128,6 +129,7 @@ fn a_text_too_long_ends_in_a_tilde_and_the_line_in_a_newline() {
     assert!(text.ends_with("xx\n"));
 }
 
+// Requirement: WIRE-log-2
 #[test]
 fn dropped_lines_are_counted_and_said_as_soon_as_there_is_room() {
     let mut log = Log::<64>::new();

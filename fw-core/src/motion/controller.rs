@@ -159,6 +159,7 @@ impl Controller {
     }
 
     /// One tick: `pose` and `delta` are the odometry's after this tick's counters.
+    // Requirement: DOC-5.2.1-1, DOC-6.0.2-2
     #[must_use]
     pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> Wheels {
         self.mixer.observe(delta);
@@ -276,6 +277,7 @@ impl Controller {
 
     /// Tuning the rotation (document, 5.2.2): `duty` on the right motor, its opposite on the left,
     /// no PID and no compensation. Zero brakes.
+    // Requirement: DOC-5.2.2-1
     #[must_use]
     pub fn tune_rotate(&mut self, duty: Duty) -> Wheels {
         self.halt();
@@ -288,6 +290,7 @@ impl Controller {
 
     /// Tuning the movement (document, 5.2.3): `duty` on both motors, and the rotation PID holds the
     /// angle at which this began. Zero brakes and forgets the angle.
+    // Requirement: DOC-5.2.3-1
     #[must_use]
     pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> Wheels {
         self.phase = Phase::Idle;

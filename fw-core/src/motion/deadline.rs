@@ -35,6 +35,7 @@ impl StopDeadline {
     ///
     /// `now` may lie before the last frame by as much as half the clock's range: an interrupt that
     /// read its clock first and ran later.
+    // Requirement: WIRE-deadline-1
     #[must_use]
     pub fn expired(&mut self, now: Micros) -> bool {
         let silence = now.since(self.last) as i32;

@@ -169,6 +169,7 @@ impl Odometry {
     /// other input is as safe, only less accurate; the heading follows the left counter's whole
     /// range.
     // A function of its own in every build: its instructions are counted there.
+    // Requirement: DOC-4.1-1
     #[inline(never)]
     pub fn step(&mut self, left: u32, right: u16) -> Delta {
         let n_left = left.wrapping_sub(self.left_counter) as i32;
@@ -182,7 +183,9 @@ impl Odometry {
             .left
             .turn
             .times(n_left, self.right.turn.times(n_right, 0));
+        // Requirement: DOC-4.1-3
         let middle = self.heading.wrapping_add(turn >> 1);
+        // Requirement: DOC-4.1-5
         self.heading = self.heading.wrapping_add(turn);
         let turn = (turn >> 32) as i32;
 
@@ -276,6 +279,7 @@ fn narrow(path: i64) -> i32 {
 
 /// Minus what a chord lacks of its arc, relative: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in
 /// 2⁻³² turns; error ≤ 1.7e-10 up to a sixteenth of a turn. Beyond that it is only bounded, by 6 %.
+// Requirement: DOC-4.1-4
 #[inline]
 const fn shortening(turn: i32) -> i32 {
     // Minus turns squared, Q35. Negative factors all along: a compiler that can tell a factor to be

@@ -70,6 +70,7 @@ impl LinkLine {
     /// Once a tick, and `busy` in one that has said something else: a line where one is due and
     /// frames have come since the last. Whether the mode's frames are `numbered` decides if missed
     /// frames and the round trip are known.
+    // Requirement: WIRE-log-3
     pub(super) fn tick(
         &mut self,
         now: Micros,

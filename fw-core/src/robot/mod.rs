@@ -112,12 +112,14 @@ pub struct Robot {
 
 impl Robot {
     /// A configured robot, standing, its pose zero: `first` is where the counters stand now.
+    // Requirement: DOC-3.2-1
     #[must_use]
     pub fn new(config: &Config, first: Sample) -> Self {
         let platform = &config.platform;
         let sweeps = config.mode == Mode::GuardedSweep;
         Self {
             measure: Measure::of(config.mode),
+            // Requirement: DOC-5.2-1
             link: StmLink::new(Setup::from(config)),
             supervisor: Supervisor::new(StopDeadline::new(platform.stop_deadline)),
             odometry: Odometry::new(platform, first.left, first.right),
@@ -152,6 +154,7 @@ impl Robot {
     }
 
     /// The 100 Hz tick: where the robot is, whether it may move, and what the motors are told.
+    // Requirement: DOC-4.1-2
     pub fn on_tick(&mut self, sample: Sample, adc_words: &[u16], log: &mut Log) -> Outputs {
         self.delta = self.odometry.step(sample.left, sample.right);
         #[cfg(feature = "gyro")]
@@ -313,6 +316,7 @@ impl Robot {
         match self.measure {
             Measure::Pose => {
                 let known = self.want == Want::Target && command.expected == self.target;
+                // Requirement: DOC-5.1.1-4
                 if command.apply && !known {
                     let PoseCode { x, y, rotation } = command.expected;
                     self.set_target(x, y, rotation);
@@ -329,6 +333,7 @@ impl Robot {
         }
     }
 
+    // Requirement: DOC-2.1-2
     // Field by field, here and below: a reference would keep the whole command in memory.
     #[cold]
     #[inline(never)]
@@ -356,6 +361,7 @@ impl Robot {
         });
     }
 
+    // Requirement: WIRE-chain-2
     #[cold]
     fn on_rejected(&mut self, error: FrameError) {
         self.supervisor.raise(fault::FRAME_REJECTED);
@@ -363,6 +369,7 @@ impl Robot {
     }
 
     /// Frames that ended before the robot came to read the one before them.
+    // Requirement: WIRE-spi-3
     pub fn on_lost_frames(&mut self, frames: u32, log: &mut Log) {
         self.link.overrun(frames);
         self.supervisor.raise(fault::FRAME_REJECTED);
@@ -438,6 +445,7 @@ impl Robot {
     }
 
     /// What only the moment of a reply decides.
+    // Requirement: DOC-5.2.1-2
     #[inline]
     fn report(&mut self, cell: u8) {
         let voltage = self.voltages.get(usize::from(cell)).copied();

@@ -83,6 +83,7 @@ impl Supervisor {
 
     /// Latches faults. A blocking one takes effect at once: the next permit is [`Permit::Brake`], even
     /// if the Pi clears the fault before that; leaving the stop takes a word.
+    // Requirement: WIRE-status-1
     pub const fn raise(&mut self, faults: u16) {
         self.faults |= faults;
         if self.faults & BLOCKING != 0 {
@@ -99,6 +100,7 @@ impl Supervisor {
     }
 
     /// A fresh valid frame arrived: the only thing that feeds the deadline.
+    // Requirement: WIRE-deadline-2
     pub fn on_fresh(&mut self, now: Micros, intent: Intent) {
         // A frame that arrives after the deadline but before the tick that would notice does not
         // undo the stop: the silence was too long, and leaving it takes an explicit word.
@@ -146,6 +148,7 @@ impl Supervisor {
         }
     }
 
+    // Requirement: WIRE-deadline-1
     fn check_deadline(&mut self, now: Micros) {
         if self.linked && self.deadline.expired(now) && !self.halted {
             self.halted = true;

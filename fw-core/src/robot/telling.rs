@@ -96,6 +96,7 @@ impl Telling {
 
     /// Once a tick: a line for a change of state, for the rejected frames kept back so far, or for a
     /// new target; one at a time, a line is the longest thing that a tick does. Whether there was one.
+    // Requirement: DOC-2.1-3
     pub(super) fn state(&mut self, state: State, faults: u16, log: &mut Log) -> bool {
         self.quiet = self.quiet.saturating_sub(1);
         if state != self.state {
@@ -195,6 +196,7 @@ fn rangefinder(which: Rangefinder, tally: &Tally, log: &mut Log) {
 }
 
 /// A sample of a tuning mode: duty in percent, measured degrees or millimetres in thousandths.
+// Requirement: DOC-5.2.2-2
 pub(super) fn tuning(duty: Duty, thousandths: i64, log: &mut Log) {
     log.line(Level::Info, |line| {
         line.text("T ")

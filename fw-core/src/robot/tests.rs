@@ -84,6 +84,7 @@ fn without_a_frame_nothing_moves() {
     assert_eq!(bench.robot.state(), State::Ready);
 }
 
+// Requirement: DOC-5.1.1-4
 #[test]
 fn a_target_without_the_apply_bit_is_not_driven_to() {
     let mut bench = Bench::new(Mode::Normal);
@@ -211,6 +212,7 @@ fn a_refreshed_reply_keeps_its_number_and_its_cell() {
     assert_ne!(old.pose, new.pose);
 }
 
+// Requirement: WIRE-status-2
 #[test]
 fn guarded_stop_and_resume_are_orders() {
     let mut bench = Bench::new(Mode::GuardedNormal);
@@ -234,6 +236,7 @@ fn guarded_stop_and_resume_are_orders() {
     assert!(runs(&bench.tick()));
 }
 
+// Requirement: DOC-5.2.2-2
 #[test]
 fn tuning_sets_the_constant_duty_logs_every_sample_and_needs_zero_after_a_stop() {
     let mut bench = Bench::new(Mode::TuneRotate);

@@ -129,6 +129,7 @@ pub struct Battery {
 
 impl Battery {
     /// Nothing read yet.
+    // Requirement: DOC-6.0.3-2
     #[must_use]
     pub fn new(config: &Config) -> Self {
         let volts = config.adc_max_voltage.to_scaled(32).unwrap_or(0).max(0);
@@ -229,6 +230,7 @@ impl Battery {
     }
 
     /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
+    // Requirement: WIRE-battery-1
     #[inline]
     pub fn walk(&mut self) -> (u8, Volts) {
         let index = self.next;
@@ -242,6 +244,7 @@ impl Battery {
     ///
     /// The divider's ratio is scaled, its lower resistor kept. Tune from cell 1 upwards: each builds
     /// on the tap below.
+    // Requirement: DOC-5.1.3-3
     #[must_use]
     pub fn tune(&self, index: u8, reference: Volts) -> Option<u32> {
         let reference = reference.0.to_bits();

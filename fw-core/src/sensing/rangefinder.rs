@@ -205,6 +205,7 @@ impl Rangefinders {
 
     /// An echo's two edges. One that no trigger asked for, or whose edges cannot belong to the last
     /// trigger, is ignored: a missing edge never becomes a distance.
+    // Requirement: WIRE-distance-1
     pub fn echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
         let pace = if cfg!(feature = "acoustics") {
             self.pace

@@ -9,6 +9,7 @@ use super::{Command, Report};
 #[derive(Debug)]
 pub struct AllDataUsed;
 
+// Requirement: DOC-5.1.5-1
 #[inline]
 fn parse(input: &Input<'_>) -> Result<(), Fault> {
     match input.left() {

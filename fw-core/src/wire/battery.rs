@@ -15,11 +15,13 @@ use super::{CellCode, Command, Report};
 #[derive(Debug)]
 pub struct Battery;
 
+// Requirement: DOC-5.1.3-1
 #[inline]
 fn parse(input: &mut Input<'_>, cells: u8) -> Result<CellCode, Fault> {
     let before = *input;
     let [high, low] = input.take()?;
     let cell = high >> 5;
+    // Requirement: DOC-5.1.3-5
     if cell >= cells {
         return Err(before.fault(Reason::Cell { cells, found: cell }));
     }

@@ -23,6 +23,7 @@ use super::status::Status;
 use super::strategy::{Context, Duties, Fault, Input, Output, Strategy};
 use super::{Command, FrameError, Report, MAX_FRAME};
 
+// Requirement: DOC-5.2-1
 macro_rules! modes {
     ($(
         $(#[$attribute:meta])*
@@ -198,6 +199,7 @@ macro_rules! strategies {
         ///
         /// # Errors
         /// The first strategy that failed, and why.
+        // Requirement: DOC-5.1-2
         #[inline]
         pub fn parse_command(
             mode: Mode,

@@ -37,6 +37,7 @@ impl PoseCode {
 }
 
 /// Millimetres × 1000, nearest (a tie goes up), saturating.
+// Requirement: DOC-5.1.1-2
 #[inline]
 fn length_code(length: Millimetres) -> i32 {
     let bits = length.0.to_bits();
@@ -44,6 +45,7 @@ fn length_code(length: Millimetres) -> i32 {
     let whole = (bits >> 32).wrapping_mul(1000);
     let part = (bits & 0xFFFF_FFFF).wrapping_mul(1000);
     let code = whole.wrapping_add(part.wrapping_add(1 << 31) >> 32);
+    // Requirement: WIRE-position-1
     match i32::try_from(code) {
         Ok(code) => code,
         Err(_) if code < 0 => i32::MIN,
@@ -70,6 +72,7 @@ fn length(code: i32) -> Millimetres {
 }
 
 /// Turn × 0x8000, nearest (a tie goes up); what rounds to 0x8000 is 0.
+// Requirement: DOC-5.1.1-3
 #[inline]
 fn rotation_code(heading: Turns) -> u16 {
     // Wrapping past a whole turn is what makes 0x8000 become 0. 15 bits are left.
@@ -82,6 +85,7 @@ impl CellCode {
 
     /// The nearest code of a cell's voltage (a tie goes up), saturating at 40.955 V. `cell` is
     /// taken modulo 8.
+    // Requirement: DOC-5.1.3-2
     #[inline]
     #[must_use]
     pub fn from_volts(cell: u8, voltage: Volts) -> Self {
@@ -107,6 +111,7 @@ impl CellCode {
 impl DistanceCode {
     /// The nearest code (a tie goes up). A distance that is negative, or that rounds to 2500 mm or
     /// more, is out of range: [`Self::NONE`].
+    // Requirement: DOC-5.1.4-1
     #[inline]
     #[must_use]
     pub fn from_distance(distance: Option<Millimetres>) -> Self {
@@ -124,6 +129,7 @@ impl DistanceCode {
     }
 
     /// The distance, to the nearest 2⁻³² mm; nothing for [`Self::NONE`].
+    // Requirement: DOC-5.1.4-2
     #[must_use]
     pub fn to_distance(self) -> Option<Millimetres> {
         if self == Self::NONE {
@@ -136,6 +142,7 @@ impl DistanceCode {
 }
 
 /// A bearing's nearest code: turn × 0x10000 (a tie goes up), wrapping.
+// Requirement: WIRE-bearing-1
 #[inline]
 #[must_use]
 pub fn bearing_code(bearing: Turns) -> u16 {

@@ -17,6 +17,7 @@ use super::{Command, Report};
 pub struct Crc;
 
 /// CRC-16/IBM-3740 of `bytes`, without a table.
+// Requirement: WIRE-crc-1
 #[inline]
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {

@@ -30,6 +30,7 @@ impl<const WHICH: usize> Duties for Distance<WHICH> {
         _context: &Context,
         _command: &mut Command,
     ) -> Result<(), Fault> {
+        // Requirement: DOC-5.1.4-3
         let [_, _] = input.take()?;
         Ok(())
     }

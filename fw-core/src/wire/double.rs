@@ -15,6 +15,7 @@ pub struct Double;
 /// The bits of 100.0: exponent 6, mantissa 100 / 64. Magnitudes order like their bits.
 const HUNDRED: u64 = 0x4059_0000_0000_0000;
 
+// Requirement: DOC-5.1.2-1
 #[inline]
 fn parse(input: &mut Input<'_>) -> Result<Binary64, Fault> {
     let before = *input;
@@ -38,6 +39,7 @@ impl Duties for Double {
     ) -> Result<(), Fault> {
         let before = *input;
         let percent = parse(input)?;
+        // Requirement: WIRE-double-1
         if percent.magnitude() > HUNDRED {
             return Err(before.fault(Reason::PercentOutOfRange));
         }

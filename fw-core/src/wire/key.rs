@@ -10,6 +10,7 @@ use super::{Command, Report};
 #[derive(Debug)]
 pub struct Key;
 
+// Requirement: DOC-5.1.6-1
 #[inline]
 fn parse(input: &mut Input<'_>, expected: u8) -> Result<(), Fault> {
     let before = *input;

@@ -123,6 +123,7 @@ impl End {
     }
 
     /// Takes over the numbers of a frame that passed its whole chain.
+    // Requirement: WIRE-sequence-2
     #[inline]
     fn accept(&mut self, sequence: Sequence) {
         self.counters.accepted = self.counters.accepted.saturating_add(1);
@@ -200,6 +201,7 @@ impl StmLink {
     ///
     /// # Errors
     /// As [`Self::receive`].
+    // Requirement: WIRE-chain-1
     #[inline]
     pub fn receive_clocked(
         &mut self,

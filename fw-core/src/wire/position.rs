@@ -20,6 +20,7 @@ pub struct Position;
 const APPLY: u16 = 0x8000;
 
 /// The pose, and bit 7 of byte 9.
+// Requirement: DOC-5.1.1-1
 #[inline]
 fn parse(input: &mut Input<'_>) -> Result<(PoseCode, bool), Fault> {
     let mut part = input.part::<10>()?;
@@ -34,6 +35,7 @@ fn parse(input: &mut Input<'_>) -> Result<(PoseCode, bool), Fault> {
     Ok((pose, rotation & APPLY != 0))
 }
 
+// Requirement: DOC-5.1.1-5
 #[inline]
 fn write(output: &mut Output<'_>, pose: &PoseCode, apply: bool) {
     let apply = if apply { APPLY } else { 0 };

@@ -18,6 +18,7 @@ use super::{Command, Report, Sequence as Counters};
 pub struct Sequence;
 
 /// Whether counter `a` is strictly newer than `b`: 1 to 127 steps ahead, wrapping.
+// Requirement: WIRE-sequence-1
 #[inline]
 #[must_use]
 pub const fn newer(a: u8, b: u8) -> bool {
@@ -41,6 +42,7 @@ impl Row {
 
     /// Adds a stale frame; whether with it the other end begins anew. The number `last` accepted
     /// breaks the row: what ends there is a repeat, or else goes on to what is fresh.
+    // Requirement: WIRE-sequence-3
     pub(super) fn begins_anew(&mut self, last: u8, own: u8) -> bool {
         let follows = self.frames > 0 && own == self.own.wrapping_add(1);
         self.frames = match (own == last, follows) {

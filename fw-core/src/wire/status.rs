@@ -16,6 +16,7 @@ use super::{Command, Order, Report, State};
 pub struct Status;
 
 /// Bits, and the input that stands before the last byte.
+// Requirement: WIRE-status-2
 #[inline]
 fn parse<'a>(input: &mut Input<'a>) -> Result<(u16, Input<'a>), Fault> {
     let mut part = input.part::<3>()?;

@@ -21,6 +21,7 @@ pub struct Context {
 /// The four duties of the document's strategy interface: parse incoming, write outgoing, bytes
 /// needed, name. The first two exist once per direction: a command goes from the Pi to the STM,
 /// a report from the STM to the Pi, and both ends run the same code.
+// Requirement: DOC-5.1-1
 pub trait Duties {
     /// Its name in errors and documents.
     const NAME: &'static str;
@@ -67,6 +68,7 @@ pub trait Duties {
 }
 
 /// A strategy as an entry of a chain: [`Duties`] as a value.
+// Requirement: DOC-5-1
 #[derive(Debug)]
 pub struct Strategy {
     /// [`Duties::NAME`].

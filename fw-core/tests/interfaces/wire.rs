@@ -39,6 +39,7 @@ fn the_modes_have_these_numbers_names_chains_and_lengths() {
     }
 }
 
+// Requirement: DOC-5-1
 #[test]
 fn the_strategies_have_these_names_and_lengths() {
     let rows = rows(&["strategy", "bytes", "Pi → STM", "STM → Pi"]);
@@ -70,6 +71,7 @@ fn faults_in_source() -> Vec<(String, u16)> {
     constants
 }
 
+// Requirement: WIRE-status-1
 #[test]
 fn the_fault_bits_are_these_and_these_of_them_keep_the_motors_off() {
     let rows = rows(&["bit", "fault", "meaning", "motors"]);

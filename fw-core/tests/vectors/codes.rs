@@ -28,6 +28,7 @@ fn each(kind: &str, mut encode: impl FnMut(&Value), mut decode: impl FnMut(&Valu
     list(&codes["decode"]).iter().for_each(&mut decode);
 }
 
+// Requirement: DOC-5.1.1-2
 #[test]
 fn lengths_round_to_the_nearest_micrometre_and_saturate() {
     let along_x = |mm| {
@@ -65,6 +66,7 @@ fn lengths_round_to_the_nearest_micrometre_and_saturate() {
     );
 }
 
+// Requirement: DOC-5.1.1-3
 #[test]
 fn rotations_round_to_15_bits_and_a_whole_turn_is_none() {
     each(
@@ -116,6 +118,7 @@ fn voltages_round_to_13_bits_and_saturate() {
     );
 }
 
+// Requirement: DOC-5.1.4-1
 #[test]
 fn distances_round_to_16_bits_and_the_last_code_means_none() {
     each(

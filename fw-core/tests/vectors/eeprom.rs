@@ -39,6 +39,7 @@ fn config(vector: &Value) -> Config {
     config
 }
 
+// Requirement: DOC-6.0.3-1
 #[test]
 fn each_accepted_image_is_read_to_exactly_these_values() {
     for vector in list(&file("eeprom")["accepted"]) {
@@ -76,6 +77,7 @@ fn writing_leaves_the_bytes_alone_that_no_field_claims() {
     }
 }
 
+// Requirement: WIRE-eeprom-3
 #[test]
 fn each_rejected_image_names_address_field_and_value() {
     for vector in list(&file("eeprom")["rejected"]) {

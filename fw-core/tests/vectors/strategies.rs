@@ -68,6 +68,7 @@ fn check_reading(strategy: &Strategy, vector: &Value, frame: &[u8], before: usiz
     assert_eq!(input.left(), 0, "{vector}");
 }
 
+// Requirement: DOC-5.1-1, DOC-5.1.3-1
 #[test]
 fn each_writes_exactly_its_bytes_and_reads_exactly_its_values() {
     let file = file("strategies");

@@ -45,6 +45,7 @@ pub struct Scale {
 ///
 /// # Errors
 /// A sentence: what was measured and what is accepted.
+// Requirement: DOC-4.1-6
 pub fn solve(path: &Path, measured: &Measured) -> Result<Scale, String> {
     let present = *path.believed();
     let believed = path.end();

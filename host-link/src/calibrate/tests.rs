@@ -100,6 +100,7 @@ fn off_percent(found: &Geometry, truth: &Geometry) -> f64 {
     .fold(0.0, f64::max)
 }
 
+// Requirement: DOC-4.1-6
 #[test]
 fn one_distance_and_two_squares_recover_figures_wrong_by_five_percent_in_any_mix() {
     for left in [-5.0, 0.0, 5.0] {

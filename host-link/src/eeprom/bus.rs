@@ -139,6 +139,7 @@ impl<'m, W: Wires> Bus<'m, W> {
         self.restore()
     }
 
+    // Requirement: DOC-6-2
     fn restore(&mut self) -> Result<Option<u32>, Error> {
         let machine = &mut *self.machine;
         let protect = persist(|| machine.protect.set_high());

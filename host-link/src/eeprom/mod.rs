@@ -69,6 +69,7 @@ pub enum Step<'a> {
 /// [`Error::Eeprom`], [`Error::Verify`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotReady`],
 /// [`Error::NotRestored`], [`Error::Unwritable`] for the journal. Protection, bus and reset are
 /// restored before any of them is returned.
+// Requirement: DOC-2.1-1
 pub fn program<W: Wires>(
     machine: &mut Machine<W>,
     image: &Image,

@@ -30,6 +30,7 @@ const ATTEMPTS: usize = 3;
 
 /// The bursts that turn `before` into `after`: every stretch of differing bytes, cut at the 32-byte
 /// boundaries.
+// Requirement: WIRE-eeprom-5
 #[must_use]
 pub fn bursts(before: &Image, after: &Image) -> Vec<Range<usize>> {
     let mut bursts = Vec::new();
@@ -152,6 +153,7 @@ mod tests {
     use super::*;
     use fw_core::eeprom::IMAGE_LEN;
 
+    // Requirement: WIRE-eeprom-5
     #[test]
     fn bursts_cover_every_difference_and_never_cross_a_boundary() {
         let before = [0xFF; IMAGE_LEN];

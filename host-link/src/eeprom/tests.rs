@@ -39,6 +39,7 @@ fn assert_at_rest(board: &Board, mishap: Mishap) {
     assert!(!board.in_reset, "held in reset after {mishap:?}");
 }
 
+// Requirement: DOC-2.1-1, DOC-6-3
 #[test]
 fn a_good_write_is_verified_protected_and_followed_by_one_reset() {
     let (board, mut machine) = machine(&BLANK, None);
@@ -57,6 +58,7 @@ fn writing_what_is_there_lifts_no_protection_and_writes_nothing() {
     assert_eq!((programmed.bytes, programmed.bursts), (0, 0));
 }
 
+// Requirement: DOC-6-2
 #[test]
 fn one_failing_call_anywhere_leaves_the_lines_at_rest() {
     for at in 0..calls_of_a_good_write() {
@@ -74,6 +76,7 @@ fn one_failing_call_anywhere_leaves_the_lines_at_rest() {
     }
 }
 
+// Requirement: DOC-6-2
 #[test]
 fn a_bus_that_dies_anywhere_is_an_error_and_leaves_the_lines_at_rest() {
     for at in 0..calls_of_a_good_write() {

@@ -25,6 +25,7 @@ const WARM_UP: usize = 20;
 /// # Errors
 /// [`Error::Usage`] for a cell the robot does not have or a voltage beyond the wire's; those of
 /// [`Session::exchange`]; [`Error::Device`] of the log; [`Error::Tuning`] without an answer.
+// Requirement: DOC-5.1.3-4
 pub fn ask<W: Wires>(session: &mut Session<'_, W>, cell: u8, volts: f64) -> Result<u32, Error> {
     let cells = session.config().cells;
     if !(1..=cells).contains(&cell) {

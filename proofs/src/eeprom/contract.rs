@@ -57,6 +57,7 @@ pub fn is_bounded(config: &Config) -> bool {
 }
 
 /// What [`check`] accepts is bounded.
+// Requirement: WIRE-eeprom-4
 pub fn accepted_configuration_is_bounded(config: AcceptedConfig) -> Seen {
     let AcceptedConfig(config) = config;
     assert!(check(&config).is_ok());

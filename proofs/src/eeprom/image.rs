@@ -30,6 +30,7 @@ pub fn first_image(filler: u8) -> Image {
 
 /// A configuration that [`check`] accepts comes back from its image as it went in, and the image from
 /// the configuration, whatever its unclaimed bytes hold.
+// Requirement: DOC-6-4
 pub fn configuration_survives_the_image(config: AcceptedConfig, filler: u8) -> Seen {
     let AcceptedConfig(config) = config;
     assert!(check(&config).is_ok());
@@ -46,6 +47,7 @@ pub fn configuration_survives_the_image(config: AcceptedConfig, filler: u8) -> S
 }
 
 /// The original's image, page 0x03 blank, means the same configuration on the first board.
+// Requirement: WIRE-eeprom-1
 pub fn original_image_means_the_first_board(config: AcceptedConfig, filler: u8) -> Seen {
     let AcceptedConfig(config) = config;
     let expected = Config {
@@ -99,6 +101,7 @@ pub fn accepted_image_is_its_configuration(
 
 /// One field of a good image holds `raw`, and the checksum agrees: it is accepted exactly when the
 /// table takes it and the rules hold, and then every other field is as it was.
+// Requirement: DOC-6.0.2-1
 pub fn field_is_taken_by_its_table(which: u8, raw: u64) -> Seen {
     let field = &FIELDS[usize::from(which) % FIELDS.len()];
     let mut image = first_image(0xFF);
@@ -130,6 +133,7 @@ pub fn field_is_taken_by_its_table(which: u8, raw: u64) -> Seen {
 
 /// One wrong bit in what the checksum covers, or in the checksum, is an image that is rejected; one
 /// beyond changes nothing.
+// Requirement: WIRE-eeprom-2
 pub fn single_wrong_bit_is_rejected(bit: u16, filler: u8) -> Seen {
     let good = first_image(filler);
     let at = usize::from(bit / 8);
@@ -152,6 +156,7 @@ pub fn single_wrong_bit_is_rejected(bit: u16, filler: u8) -> Seen {
 /// A burst of up to 32 wrong bits anywhere in what the checksum covers, the checksum included, is an
 /// image that is rejected. `pattern`'s lowest bit is the burst's first: bits of a byte go out lowest
 /// first, as the checksum takes them.
+// Requirement: WIRE-eeprom-2
 pub fn image_burst_is_rejected(start: u16, pattern: u32, filler: u8) -> Seen {
     let start = usize::from(start);
     let length = 32 - pattern.leading_zeros() as usize;

@@ -68,6 +68,7 @@ impl Past {
 
 /// After a fresh frame at any time, whatever else happened, the first tick at or after the deadline
 /// brakes, says so, and latches why; wherever the clock wraps.
+// Requirement: WIRE-deadline-1
 pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
     if silence < allowed || silence >= TICKS_WITHIN || early >= allowed {
@@ -97,6 +98,7 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
 
 /// Once stopped, nothing but a fresh frame lets it move again: no tick at any time, however many and
 /// however the clock stands, and no fault.
+// Requirement: WIRE-deadline-2
 pub fn stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: bool) -> Seen {
     let mut supervisor = past.supervisor();
     if !supervisor.halted() {
@@ -116,6 +118,7 @@ pub fn stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: boo
 
 /// A stopped robot moves again only when a fresh frame says so in words: apply, 0 % or resume; and
 /// never while a blocking fault is latched.
+// Requirement: WIRE-deadline-2
 pub fn only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) -> Seen {
     let mut supervisor = past.supervisor();
     if !supervisor.halted() {
@@ -140,6 +143,7 @@ pub fn only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32
 
 /// A blocking fault brakes, and having it cleared before the next tick does not undo that: it takes
 /// a word, as after any stop.
+// Requirement: WIRE-status-1
 pub fn fault_brakes_even_if_cleared_at_once(
     past: Past,
     raised: u16,
@@ -165,6 +169,7 @@ pub fn fault_brakes_even_if_cleared_at_once(
 }
 
 /// A frame that comes too late does not undo the stop, even before the tick that would have noticed.
+// Requirement: WIRE-deadline-2
 pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
     if silence < allowed || silence >= TICKS_WITHIN {

@@ -20,6 +20,7 @@ fn samples(path: &Path, scale: u8) -> impl Iterator<Item = (i32, i32)> + '_ {
 
 /// The heading depends on where the counters are, not on how they came there: tick by tick along any
 /// path, the counters wrapping, or in two ticks there, it is the same to the last bit.
+// Requirement: DOC-4.1-5
 pub fn heading_never_drifts(
     config: AcceptedConfig,
     left: u32,
@@ -56,6 +57,7 @@ pub fn heading_never_drifts(
 
 /// Rolling back the way it came, tick by tick, the robot's heading is what it was, to the last bit;
 /// and counters that stand never move the pose.
+// Requirement: DOC-4.1-5
 pub fn heading_returns(
     config: AcceptedConfig,
     left: u32,
@@ -86,6 +88,7 @@ pub fn heading_returns(
 
 /// One tick's way, for any two counts a wheel can make in it, against the document's exact arc in
 /// binary64 (4.3 to 4.7): within a millionth of a millimetre, the heading within 2⁻³² turns.
+// Requirement: DOC-4.1-3
 pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) -> Seen {
     use core::f64::consts::{PI, TAU};
     let platform = Platform {

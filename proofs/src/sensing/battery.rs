@@ -38,6 +38,7 @@ pub fn every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2
 
 /// The first cell's voltage is the document's: word · full scale / largest word · (upper + lower) /
 /// lower (6.0.3), to a part in 10⁸ and a last place of 15 µV.
+// Requirement: DOC-6.0.3-2
 pub fn voltage_is_the_dividers(config: AcceptedConfig, word: u16) -> Seen {
     let AcceptedConfig(config) = config;
     let mut battery = Battery::new(&config);
@@ -97,6 +98,7 @@ pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
 }
 
 /// The cells take turns: 0 to the last and again, none skipped, for every number of cells.
+// Requirement: WIRE-battery-1
 pub fn walk_covers_every_cell(cells: u8) -> Seen {
     let config = Config {
         cells,
@@ -118,6 +120,7 @@ pub fn walk_covers_every_cell(cells: u8) -> Seen {
 
 /// With the resistor that tuning finds, the same word shows the reference, within a part in a thousand
 /// and what an ohm and a last place are worth (document, 5.1.3).
+// Requirement: DOC-5.1.3-4
 pub fn tuned_divider_shows_the_reference(
     config: AcceptedConfig,
     word: u16,

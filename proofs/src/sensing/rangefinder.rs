@@ -67,6 +67,7 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
 }
 
 /// What is sent of an echo: 0xFFFF exactly when there is no object within range.
+// Requirement: DOC-5.1.4-2
 pub fn code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let mut all = triggered(trigger);
     let rise = trigger.after(delay);
@@ -104,6 +105,7 @@ pub fn distance_is_monotone(width: u32) -> Seen {
 
 /// A sensor that nobody triggered, or that has answered already, cannot be made to say anything by any
 /// edges; and one that does not answer is missing by its next trigger, never a distance.
+// Requirement: WIRE-distance-1
 pub fn missing_edge_is_no_distance(
     which: Rangefinder,
     trigger: Micros,

@@ -42,6 +42,7 @@ pub fn checksum_of_a_rest_is_the_catalogues(bytes: [u8; 2], two: bool) -> Seen {
 }
 
 /// The core's checksum is the catalogue's over any bytes a frame can have.
+// Requirement: WIRE-crc-1
 pub fn checksum_is_the_catalogues(bytes: Frame, len: u8) -> Seen {
     let len = usize::from(len);
     let Some(bytes) = bytes.get(..len) else {
@@ -96,6 +97,7 @@ const CONTEXT: Context = Context {
 
 /// A guarded frame hit by one burst of at most 16 bits is rejected, at either end, wherever it hits.
 /// `pattern`'s highest bit is the burst's first.
+// Requirement: WIRE-crc-1
 pub fn burst_is_rejected(mode: Mode, start: u8, pattern: u16) -> Seen {
     let table = table(mode);
     if !table.guarded || pattern >> 15 == 0 {
@@ -119,6 +121,7 @@ pub fn burst_is_rejected(mode: Mode, start: u8, pattern: u16) -> Seen {
 }
 
 /// A guarded frame with up to three bits wrong, wherever they are, is rejected by its checksum.
+// Requirement: WIRE-crc-1
 pub fn three_wrong_bits_are_rejected(mode: Mode, one: u8, two: u8, three: u8) -> Seen {
     const FIRST: u16 = 0x8000;
     let table = table(mode);

@@ -123,6 +123,7 @@ pub fn report_survives_the_wire(setup: Setup, report: Report, staler: bool) -> S
 
 /// Whatever the STM received before, a frame it rejects changes a counter by one and nothing else:
 /// the reply that stands keeps its numbers, and nothing is accepted, missed or acknowledged by it.
+// Requirement: WIRE-chain-1
 pub fn rejection_changes_one_counter(
     setup: Setup,
     first: Frame,
@@ -158,6 +159,7 @@ pub fn rejection_changes_one_counter(
 
 /// A frame that the STM once took is never taken a second time in a guarded mode, whatever came in
 /// between as long as the numbers have not gone half way around.
+// Requirement: WIRE-sequence-1
 pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> Seen {
     let possible = table(setup.mode).guarded
         && cell_exists(command.tune, setup)
@@ -206,6 +208,7 @@ fn numbered(setup: Setup, own: u8) -> ([u8; MAX_FRAME], [u8; MAX_FRAME]) {
 
 /// Frames of up to three old numbers, in turn as often as one likes, never count: not the same one
 /// again and again, not two in turn, not three. So none of them feeds the stop deadline.
+// Requirement: WIRE-sequence-3
 pub fn old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) -> Seen {
     let stale = |number| !is_fresh(Some(heard), number);
     if !table(mode).guarded || !old.into_iter().all(stale) {
@@ -235,6 +238,7 @@ pub fn old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) -> Seen {
 
 /// A frame with a wrong bit helps nobody to begin anew: of four old frames that count upwards, one
 /// of them disturbed, none is taken.
+// Requirement: WIRE-sequence-3
 pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8, bit: u8) -> Seen {
     let first = heard.wrapping_sub(behind);
     let stale = |place| !is_fresh(Some(heard), first.wrapping_add(place));
@@ -266,6 +270,7 @@ pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8
 
 /// However the two ends stand to each other (one restarted, both, or any number of frames lost), after
 /// five undisturbed exchanges each takes the other's frames.
+// Requirement: WIRE-sequence-3
 pub fn ends_find_each_other(
     mode: Mode,
     pi_sent: u8,

@@ -10,6 +10,7 @@ use crate::theorem::Seen;
 
 /// In a mode without guard the STM takes a frame of the Pi exactly when the table allows it, and
 /// understands by it what the table says.
+// Requirement: DOC-5.1-2
 pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
     if table.guarded {
@@ -29,6 +30,7 @@ pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> 
 
 /// In a mode without guard the Pi takes a frame of the STM exactly when the table allows it, and
 /// understands by it what the table says.
+// Requirement: DOC-5.1-2
 pub fn report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
     if table.guarded {
@@ -107,6 +109,7 @@ pub const LONGER: usize = 28;
 
 /// A frame that is not exactly as long as its mode's is rejected at both ends: short, long within
 /// the buffer, or long beyond it.
+// Requirement: DOC-5.1.5-1
 pub fn odd_length_is_rejected(
     mode: Mode,
     context: Context,

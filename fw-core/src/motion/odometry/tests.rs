@@ -88,6 +88,7 @@ const UNEQUAL: Platform = Platform {
     ..Platform::FIRST_BOARD
 };
 
+// Requirement: DOC-4.1-4
 #[test]
 fn a_kilometre_straight_on_adds_less_than_a_micrometre_whatever_the_heading() {
     let mut worst = 0.0f64;
@@ -137,6 +138,7 @@ fn a_million_ticks_of_curves_add_less_than_a_micrometre() {
     }
 }
 
+// Requirement: DOC-4.1-3
 #[test]
 fn a_constant_curve_stays_on_its_circle() {
     let mut pair = Pair::new(UNEQUAL);
@@ -180,6 +182,7 @@ fn the_first_sample_never_moves_the_pose() {
     }
 }
 
+// Requirement: DOC-4.1-1
 #[test]
 fn the_first_board_goes_ahead_and_turns_left_as_the_document_draws_it() {
     let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);

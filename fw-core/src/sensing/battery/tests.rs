@@ -126,6 +126,7 @@ fn tuning_finds_the_resistor_that_is_really_there() {
     assert!((volts(&battery, 1) - 3.9).abs() < 0.002);
 }
 
+// Requirement: DOC-5.1.3-3
 #[test]
 fn nothing_to_tune_is_no_tuning() {
     let battery = read(&first_board(), &words(3.7, 3.7));

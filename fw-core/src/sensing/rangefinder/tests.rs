@@ -169,6 +169,7 @@ fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
     }
 }
 
+// Requirement: WIRE-distance-1
 #[test]
 fn an_edge_of_another_trigger_never_becomes_a_distance() {
     let at = Micros(u32::MAX - 2_000);

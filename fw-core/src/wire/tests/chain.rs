@@ -68,6 +68,7 @@ fn a_short_frame_names_the_strategy_that_lacks_bytes() {
     }
 }
 
+// Requirement: DOC-5.1.5-1
 #[test]
 fn a_long_frame_names_all_data_used_and_how_much_is_left() {
     for &mode in Mode::ALL {
@@ -141,6 +142,7 @@ fn codes_too_large_for_their_bits_do_not_spill_into_others() {
     assert_eq!(cell.cell, 2);
 }
 
+// Requirement: DOC-5.1.6-1
 #[test]
 fn every_wrong_key_is_rejected_before_anything_else() {
     for &mode in Mode::ALL {
@@ -173,6 +175,7 @@ fn every_wrong_key_is_rejected_before_anything_else() {
     }
 }
 
+// Requirement: DOC-5.1.3-5
 #[test]
 fn a_cell_that_is_not_configured_is_rejected_at_both_ends() {
     for &mode in Mode::ALL {
@@ -211,6 +214,7 @@ fn short_strategy_offset(mode: Mode, name: &str) -> usize {
         .sum()
 }
 
+// Requirement: WIRE-double-1
 #[test]
 fn a_percentage_must_be_finite_and_within_a_hundred() {
     let accepted = [0.0, -0.0, 1e-310, 100.0, -100.0, 37.5];
@@ -250,6 +254,7 @@ fn a_percentage_must_be_finite_and_within_a_hundred() {
     }
 }
 
+// Requirement: WIRE-status-2
 #[test]
 fn orders_and_states_that_do_not_exist_are_rejected_at_their_byte() {
     for mode in GUARDED {
@@ -458,6 +463,7 @@ proptest! {
         }
     }
 
+    // Requirement: WIRE-chain-1
     #[test]
     fn a_rejected_frame_changes_one_counter_and_nothing_else((mode, frame) in frame()) {
         let mut stm = StmLink::new(setup(mode));
@@ -487,6 +493,7 @@ proptest! {
     }
 }
 
+// Requirement: WIRE-chain-2
 #[test]
 fn an_error_reads_as_one_sentence() {
     let mut stm = StmLink::new(setup(Mode::Normal));

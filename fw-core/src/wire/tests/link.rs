@@ -40,6 +40,7 @@ impl Wire {
     }
 }
 
+// Requirement: WIRE-sequence-1
 #[test]
 fn newer_is_one_to_127_steps_ahead_for_every_pair() {
     for a in 0..=255_u8 {
@@ -50,6 +51,7 @@ fn newer_is_one_to_127_steps_ahead_for_every_pair() {
     }
 }
 
+// Requirement: WIRE-sequence-2
 #[test]
 fn a_thousand_exchanges_wrap_the_counters_and_all_are_accepted() {
     for &mode in Mode::ALL {
@@ -212,6 +214,7 @@ fn a_frame_with_a_wrong_checksum_stands_in_no_row() {
     }
 }
 
+// Requirement: WIRE-spi-3
 #[test]
 fn frames_dropped_unread_are_counted() {
     let mut stm = StmLink::new(setup(Mode::Normal));

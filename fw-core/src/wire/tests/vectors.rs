@@ -60,6 +60,7 @@ fn crosses_to_the_pi(mode: Mode, report: Report, heard: Report, hex: &str) {
     assert_eq!(received, Ok(heard), "{mode:?}");
 }
 
+// Requirement: DOC-5.1.1-1
 #[test]
 fn a_normal_command_is_the_documents_bytes() {
     crosses_to_the_stm(
@@ -70,6 +71,7 @@ fn a_normal_command_is_the_documents_bytes() {
     );
 }
 
+// Requirement: DOC-5.1.1-1
 #[test]
 fn a_normal_report_is_the_documents_bytes() {
     crosses_to_the_pi(
@@ -80,6 +82,7 @@ fn a_normal_report_is_the_documents_bytes() {
     );
 }
 
+// Requirement: DOC-5.1.2-1
 #[test]
 fn a_tuning_command_is_the_documents_bytes() {
     // −37.5: sign, 1.171875 · 2⁵, so 0xC042C00000000000, last byte first.
@@ -196,6 +199,7 @@ fn guarded_reports_add_sequence_status_and_checksum() {
     );
 }
 
+// Requirement: DOC-5.1.1-5, DOC-5.1.4-3
 #[test]
 fn bits_that_carry_nothing_are_ignored() {
     let mut stm = StmLink::new(setup(Mode::Normal));
@@ -206,6 +210,7 @@ fn bits_that_carry_nothing_are_ignored() {
     assert_eq!(pi.receive(&not_used), Ok(report()));
 }
 
+// Requirement: DOC-5.2-1
 #[test]
 fn the_modes_have_the_documents_numbers_chains_and_lengths() {
     use crate::wire::{chain, frame_len};
