@@ -236,21 +236,7 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             let code = robot::host_link(&place, &elf, &words.rest)?;
             return Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)));
         }
-        "flash" | "debug" => {
-            let options = ["--minimal", "--virtual", "--serial", "--interface"];
-            words.only(0, false, &options)?;
-            let place = Place::find()?;
-            let elf = build(&place, forced, words.edition(), "")?.path;
-            let serial = words.option("--serial");
-            let interface = words.option("--interface").unwrap_or("stlink");
-            let wiring = flash::Wiring { serial, interface };
-            match (command, words.flag("--virtual")) {
-                ("flash", false) => flash::flash(&elf, &wiring)?,
-                ("flash", true) => flash::flash_virtual(&place, &elf)?,
-                (_, false) => flash::debug(&elf, &wiring)?,
-                (_, true) => flash::debug_virtual(&place, &elf)?,
-            }
-        }
+        "flash" | "debug" => flash(command, forced, words)?,
         "test" => {
             words.only(0, false, &["--quick", "--only"])?;
             let choice = gates::Choice {
@@ -305,6 +291,22 @@ fn build(
 ) -> Result<firmware::Image> {
     let arm = Arm::find(place, forced)?;
     firmware::build(place, &arm, edition, features)
+}
+
+fn flash(command: &str, forced: Option<Way>, words: &Words) -> Result<()> {
+    let options = ["--minimal", "--virtual", "--serial", "--interface"];
+    words.only(0, false, &options)?;
+    let place = Place::find()?;
+    let elf = build(&place, forced, words.edition(), "")?.path;
+    let serial = words.option("--serial");
+    let interface = words.option("--interface").unwrap_or("stlink");
+    let wiring = flash::Wiring { serial, interface };
+    match (command, words.flag("--virtual")) {
+        ("flash", false) => flash::flash(&elf, &wiring),
+        ("flash", true) => flash::flash_virtual(&place, &elf),
+        (_, false) => flash::debug(&elf, &wiring),
+        (_, true) => flash::debug_virtual(&place, &elf),
+    }
 }
 
 fn print_stack(place: &Place, forced: Option<Way>, words: &Words) -> Result<()> {

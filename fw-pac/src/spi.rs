@@ -15,7 +15,7 @@
 //! time at most one is *taken* (the robot reads it in place), at most one has *ended* (its frame
 //! awaits the robot) and one is *receiving* (the DMA has it). These are never the same one, and
 //! three are enough: a frame that ends while another still awaits the robot replaces that one, and
-//! [`due`] counts it. The newer one says what the Pi wants now.
+//! [`Claim::lost`] counts it. The newer one says what the Pi wants now.
 //!
 //! # Sending
 //!

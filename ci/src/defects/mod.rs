@@ -4,6 +4,7 @@
 mod list;
 
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::arm::Arm;
@@ -295,7 +296,7 @@ fn table(defects: &[Defect], rows: &Rows<'_>) -> String {
         let mark = format!(" | `{}` | ", gate.name());
         let count = rows.values().filter(|row| row.contains(&mark)).count();
         if count > 0 {
-            text += &format!("| `{}` | {count} |\n", gate.name());
+            let _ = writeln!(text, "| `{}` | {count} |", gate.name());
         }
     }
     text

@@ -213,7 +213,7 @@ pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays:
         }
         if let Some((ping, at)) = awaited {
             // In its own tick, or in one of the next.
-            if delays >> (2 * tick) & 3 == 0 {
+            if (delays >> (2 * tick)) % 4 == 0 {
                 let width = 1_000 + 100 * u32::try_from(ping).unwrap_or(0);
                 all.echo(Rangefinder::Front, at.after(500), at.after(500 + width));
                 awaited = None;

@@ -82,7 +82,8 @@ pub fn servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, 
             sweep.triggered();
             all.echo(Rangefinder::Front, now.after(500), now.after(9_500));
             let bearing = all.reading(Rangefinder::Front).bearing;
-            let said = bearing.wrapping_sub(platform.bearings[0]).cast_signed();
+            let said = bearing.wrapping_sub(platform.bearings[0]);
+            let said = i16::from_ne_bytes(said.to_ne_bytes());
             // Half a turn is half a turn either way.
             let off = ((i64::from(said) << 16) - servo.at).unsigned_abs() % (1 << 32);
             assert!(off.min((1 << 32) - off) < (1 << 32) / 3600);

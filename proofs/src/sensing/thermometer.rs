@@ -14,7 +14,7 @@ const TYPICAL: Calibration = Calibration {
 
 /// Any word, more often one near those of a working part.
 fn word(source: &mut impl Source, typical: u16) -> u16 {
-    let (anything, word) = (source.bits8() & 3 == 0, source.bits16());
+    let (anything, word) = (source.bits8() % 4 == 0, source.bits16());
     if anything {
         word
     } else {
@@ -59,7 +59,7 @@ pub fn temperature_is_total(calibration: Calibration, first: Words, second: Word
         *read = thermometer.read(words.sensor, words.reference);
         if let Some(celsius) = *read {
             assert!(calibration.is_plausible());
-            assert!(celsius >= -43 && celsius <= 103);
+            assert!((-43..=103).contains(&celsius));
         }
     }
     Seen::NOTHING
