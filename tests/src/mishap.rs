@@ -168,17 +168,17 @@ impl<W: Wires> Wires for Troubled<W> {
 
 /// `machine` with a mishap ahead of it, and the count of its calls.
 pub fn with_mishap<W: Wires>(machine: Machine<W>, mishap: Mishap) -> (Machine<Troubled<W>>, Calls) {
-    let calls = Calls(Rc::new(RefCell::new(Plan {
-        mishap,
-        calls: 0,
-        waited: Vec::new(),
-    })));
     fn wire<T>(inner: T, calls: &Calls) -> Wire<T> {
         Wire {
             inner,
             calls: calls.clone(),
         }
     }
+    let calls = Calls(Rc::new(RefCell::new(Plan {
+        mishap,
+        calls: 0,
+        waited: Vec::new(),
+    })));
     let troubled = Machine {
         spi: machine.spi,
         i2c: wire(machine.i2c, &calls),
