@@ -36,7 +36,9 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
         let mut session = Session::with_config(&mut machine, config.clone(), RATE_HZ);
         let exchange = |session: &mut Session<_>, frames| {
             for _ in 0..frames {
-                session.exchange(&Wish::default()).expect(mode.name());
+                session
+                    .exchange(&Wish::default())
+                    .unwrap_or_else(|error| panic!("{}: {error}", mode.name()));
                 session.hear();
             }
         };
