@@ -295,15 +295,31 @@ impl Robot {
     #[inline]
     fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
         self.link_line.frame(now);
-        // Only the tuning modes carry a percentage; the others do not pay for decoding one.
-        let duty = match self.measure {
-            Measure::Pose => Duty::ZERO,
-            Measure::Rotation | Measure::Displacement => percent(command.percent),
-        };
-        let resumes = match self.measure {
-            Measure::Pose => command.apply,
-            Measure::Rotation | Measure::Displacement => duty == Duty::ZERO,
-        };
+        if self.measure == Measure::Pose {
+            self.fresh(now, command, command.apply);
+            let known = self.want == Want::Target && command.expected == self.target;
+            // Requirement: DOC-5.1.1-4
+            if command.apply && !known {
+                let PoseCode { x, y, rotation } = command.expected;
+                self.set_target(x, y, rotation);
+            }
+        } else {
+            // Only the tuning modes carry a percentage; the others do not pay for decoding one.
+            let duty = percent(command.percent);
+            self.fresh(now, command, duty == Duty::ZERO);
+            if !self.supervisor.halted() {
+                self.want = Want::Constant(duty);
+            }
+        }
+        if command.tune.voltage != 0 {
+            self.tune_cell(command.tune.cell, command.tune.voltage, log);
+        }
+    }
+
+    /// A frame counts. `resumes`: in the modes without an order of their own, what it asks for ends a
+    /// stop.
+    #[inline]
+    fn fresh(&mut self, now: Micros, command: &Command, resumes: bool) {
         let bare = !self.link.mode().tells_fresh();
         self.supervisor.on_fresh(
             now,
@@ -313,24 +329,6 @@ impl Robot {
                 clear: command.clear_faults,
             },
         );
-        match self.measure {
-            Measure::Pose => {
-                let known = self.want == Want::Target && command.expected == self.target;
-                // Requirement: DOC-5.1.1-4
-                if command.apply && !known {
-                    let PoseCode { x, y, rotation } = command.expected;
-                    self.set_target(x, y, rotation);
-                }
-            }
-            Measure::Rotation | Measure::Displacement => {
-                if !self.supervisor.halted() {
-                    self.want = Want::Constant(duty);
-                }
-            }
-        }
-        if command.tune.voltage != 0 {
-            self.tune_cell(command.tune.cell, command.tune.voltage, log);
-        }
     }
 
     // Requirement: DOC-2.1-2
