@@ -168,8 +168,8 @@ pub struct Context {
     place: Place,
     forced: Option<Way>,
     arm: Option<Arm>,
-    image: Option<Image>,
-    minimal_image: Option<Image>,
+    /// By [`Edition`].
+    images: [Option<Image>; 2],
 }
 
 impl Context {
@@ -180,39 +180,28 @@ impl Context {
         self.arm.as_ref().ok_or_else(no_way)
     }
 
-    fn image(&mut self) -> Result<&Image> {
-        if self.image.is_none() {
-            self.arm()?;
-            let arm = self.arm.as_ref().ok_or_else(no_way)?;
-            self.image = Some(firmware::build(&self.place, arm, Edition::Full, "")?);
-        }
-        self.image.as_ref().ok_or_else(no_way)
-    }
-
-    /// The build without the optional parts.
-    fn minimal_image(&mut self) -> Result<&Image> {
-        if self.minimal_image.is_none() {
-            self.arm()?;
-            let arm = self.arm.as_ref().ok_or_else(no_way)?;
-            let image = firmware::build(&self.place, arm, Edition::Minimal, "")?;
-            self.minimal_image = Some(image);
-        }
-        self.minimal_image.as_ref().ok_or_else(no_way)
-    }
-
     /// What would be flashed as this edition.
     fn edition(&mut self, edition: Edition) -> Result<&Image> {
-        match edition {
-            Edition::Full => self.image(),
-            Edition::Minimal => self.minimal_image(),
+        let slot = edition as usize;
+        if self.images[slot].is_none() {
+            self.images[slot] = Some(self.built(edition, "")?);
         }
+        self.images[slot].as_ref().ok_or_else(no_way)
+    }
+
+    fn image(&mut self) -> Result<&Image> {
+        self.edition(Edition::Full)
+    }
+
+    fn built(&mut self, edition: Edition, features: &str) -> Result<Image> {
+        self.arm()?;
+        let arm = self.arm.as_ref().ok_or_else(no_way)?;
+        firmware::build(&self.place, arm, edition, features)
     }
 
     /// A build with a `test-…` feature.
     fn built_with(&mut self, feature: &str) -> Result<Image> {
-        self.arm()?;
-        let arm = self.arm.as_ref().ok_or_else(no_way)?;
-        firmware::build(&self.place, arm, Edition::Full, feature)
+        self.built(Edition::Full, feature)
     }
 
     fn budget(&self) -> Result<Budget> {
@@ -270,8 +259,7 @@ pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
         place,
         forced,
         arm: None,
-        image: None,
-        minimal_image: None,
+        images: [None, None],
     };
     let mut rows = Vec::new();
     for gate in &GATES {

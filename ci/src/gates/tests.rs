@@ -5,6 +5,7 @@ use std::process::Command;
 
 use super::{passed, stack, Context, Verdict};
 use crate::error::{failed, Result};
+use crate::firmware::Edition;
 use crate::numbers::Report;
 use crate::robot::{self, cargo_with_board};
 use crate::shell;
@@ -16,7 +17,7 @@ pub fn unit(context: &mut Context) -> Result<Verdict> {
 pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
     let panic = context.built_with("test-panic")?.path;
     let overflow = context.built_with("test-overflow")?.path;
-    let minimal = context.minimal_image()?.path.clone();
+    let minimal = context.edition(Edition::Minimal)?.path.clone();
     let elf = context.image()?.path.clone();
     let packages = [
         "test",
