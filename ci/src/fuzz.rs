@@ -12,6 +12,10 @@ use crate::shell;
 /// The cargo-fuzz that is installed where there is none.
 const VERSION: &str = "0.13.1";
 
+/// The longest input that goes into a committed corpus, bytes: long enough for several frames or a second
+/// of ticks, short enough to be tried often.
+const LONGEST_SEED: usize = 512;
+
 /// How the targets are built and run here.
 pub struct Fuzzer<'p> {
     place: &'p Place,
@@ -24,8 +28,12 @@ pub struct Fuzzer<'p> {
 pub struct Figures {
     /// Executions.
     pub executions: u64,
+    /// Executions a second, as the fuzzer measured them on this machine.
+    pub per_second: u64,
     /// Edges of the program reached.
     pub edges: u64,
+    /// Edges that the program has, the libraries it is linked with included.
+    pub all_edges: u64,
     /// Features: edges with how often, values compared, …
     pub features: u64,
     /// Inputs found that reach something new.
@@ -159,6 +167,42 @@ impl<'p> Fuzzer<'p> {
         Figures::of(&told)
     }
 
+    /// Renews the committed corpus of one target: its named seeds, and the fewest inputs of the rest and
+    /// of what long runs learned that reach all that those reach together. How many there were before
+    /// and are now.
+    ///
+    /// # Errors
+    /// Where the fuzzer fails, on an input that breaks the target for one, or a file cannot be moved.
+    pub fn minimise(&self, target: &str) -> Result<(usize, usize)> {
+        let committed = self.place.root.join("fuzz/corpus").join(target);
+        let learned = self.place.target.join("fuzz/corpus").join(target);
+        let old = self.place.target.join("fuzz/before").join(target);
+        if old.exists() {
+            std::fs::remove_dir_all(&old).of(old.display())?;
+        }
+        for folder in [&learned, &old] {
+            std::fs::create_dir_all(folder).of(folder.display())?;
+        }
+        let mut count = 0;
+        for entry in std::fs::read_dir(&committed)
+            .of(committed.display())?
+            .flatten()
+        {
+            count += 1;
+            if found_by_the_fuzzer(&entry.file_name().to_string_lossy()) {
+                let to = old.join(entry.file_name());
+                std::fs::rename(entry.path(), &to).of(to.display())?;
+            }
+        }
+        let mut fuzz = self.cargo_fuzz("run");
+        fuzz.arg(target).args([&committed, &old, &learned]);
+        fuzz.args(["--", "-set_cover_merge=1"]);
+        fuzz.arg(format!("-max_len={LONGEST_SEED}"));
+        shell::run(&mut fuzz)?;
+        let now = std::fs::read_dir(&committed).of(committed.display())?;
+        Ok((count, now.count()))
+    }
+
     /// Runs all targets, two at a time; each one's figures, and what broke.
     pub fn run_all(&self, targets: &[String], effort: Effort) -> Vec<(String, Result<Figures>)> {
         let next = Mutex::new(targets.iter());
@@ -181,6 +225,11 @@ impl<'p> Fuzzer<'p> {
     }
 }
 
+/// Whether a file of a corpus is the fuzzer's, which calls them by their SHA-1, or somebody's own.
+fn found_by_the_fuzzer(name: &str) -> bool {
+    name.len() == 40 && name.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
 impl Figures {
     /// From what libFuzzer said.
     fn of(told: &str) -> Result<Self> {
@@ -192,11 +241,18 @@ impl Figures {
             });
             line.and_then(|number| number.trim().parse().ok())
         };
-        let (Some(executions), Some(found)) =
-            (stat("number_of_executed_units"), stat("new_units_added"))
-        else {
+        let (Some(executions), Some(per_second), Some(found)) = (
+            stat("number_of_executed_units"),
+            stat("average_exec_per_sec"),
+            stat("new_units_added"),
+        ) else {
             return failed("the fuzzer said nothing of its executions");
         };
+        // `INFO: Loaded 1 modules   (10245 inline 8-bit counters): 10245 [0x…, 0x…),`
+        let all_edges = told.lines().find_map(|line| {
+            let (_, counters) = line.split_once("modules")?.1.split_once('(')?;
+            counters.split_once(' ')?.0.parse().ok()
+        });
         // `#1048576	DONE   cov: 455 ft: 1803 corp: …`, also for the lines before.
         let reached = |key: &str| {
             told.lines()
@@ -211,7 +267,9 @@ impl Figures {
         };
         Ok(Self {
             executions,
+            per_second,
             edges: reached("cov:"),
+            all_edges: all_edges.unwrap_or(0),
             features: reached("ft:"),
             found,
         })
@@ -222,13 +280,16 @@ impl std::fmt::Display for Figures {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
             executions,
+            per_second,
             edges,
+            all_edges,
             features,
             found,
         } = self;
         write!(
             f,
-            "{executions} executions, {edges} edges, {features} features, {found} new inputs"
+            "{executions} executions, {per_second} a second, {edges} of {all_edges} edges, \
+             {features} features, {found} new inputs"
         )
     }
 }
@@ -240,13 +301,16 @@ mod tests {
     #[test]
     fn the_fuzzers_last_words_are_its_figures() {
         let told =
-            "#2\tINITED cov: 11 ft: 12 corp: 1/1b\n#9\tDONE   cov: 455 ft: 1803 corp: 9/1Kb\n\
+            "INFO: Loaded 1 modules   (10245 inline 8-bit counters): 10245 [0x5, 0x7), \n\
+                    #2\tINITED cov: 11 ft: 12 corp: 1/1b\n#9\tDONE   cov: 455 ft: 1803 corp: 9/1Kb\n\
                     stat::number_of_executed_units: 1000000\nstat::average_exec_per_sec:     9\n\
                     stat::new_units_added:          17\n";
         let figures = Figures::of(told).unwrap();
         let expected = Figures {
             executions: 1_000_000,
+            per_second: 9,
             edges: 455,
+            all_edges: 10_245,
             features: 1803,
             found: 17,
         };

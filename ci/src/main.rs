@@ -50,8 +50,9 @@ usage: cargo xtask COMMAND [OPTIONS]
   test [--quick] [--only GATE[,GATE]]
                             every gate a change must pass, with a table
   prove                     the theorems, by Kani
-  fuzz [TARGET] [--seconds N]
-                            fuzz one target or all
+  fuzz [TARGET] [--seconds N] [--minimise]
+                            fuzz one target or all; with --minimise, put what was learned into
+                            the committed corpus, as few inputs as reach as much
   trace                     every requirement with the code that meets it and what checks that
   defects [--only NAME[,NAME]]
                             make the code wrong on purpose; some gate must notice
@@ -81,7 +82,7 @@ const WITH_VALUE: [&str; 6] = [
     "--serial",
     "--interface",
 ];
-const WITHOUT: [&str; 3] = ["--virtual", "--quick", "--minimal"];
+const WITHOUT: [&str; 4] = ["--virtual", "--quick", "--minimal", "--minimise"];
 
 /// Commands whose words are another program's, but for `--way`.
 const HANDED_ON: [&str; 4] = ["demo", "figures", "robot", "mutants"];
@@ -259,7 +260,7 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             println!("{}", kani::prove(&place)?);
         }
         "fuzz" => {
-            words.only(1, false, &["--seconds"])?;
+            words.only(1, false, &["--seconds", "--minimise"])?;
             fuzz(&Place::find()?, words)?;
         }
         "mutants" => {
@@ -335,6 +336,13 @@ fn fuzz(place: &Place, words: &Words) -> Result<()> {
         }
     };
     fuzzer.build()?;
+    if words.flag("--minimise") {
+        for target in &chosen {
+            let (before, now) = fuzzer.minimise(target)?;
+            println!("{target}: {before} inputs before, {now} now");
+        }
+        return Ok(());
+    }
     let mut broken = Vec::new();
     for (target, ran) in fuzzer.run_all(&chosen, Effort::Seconds(seconds)) {
         match ran {
