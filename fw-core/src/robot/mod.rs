@@ -187,8 +187,12 @@ impl Robot {
         self.told = wheels;
         self.tell(sample.now, log);
         let (servo, trigger) = self.look(sample.now);
-        #[cfg(feature = "acoustics")]
-        self.telling.rangefinders(&self.rangefinders, log);
+        while let Some(which) = self.rangefinders.take_news() {
+            self.sense_range(which);
+            #[cfg(feature = "acoustics")]
+            self.telling
+                .rangefinder(which, &self.rangefinders.tally(which), log);
+        }
         self.sense(&pose);
         Outputs {
             left: wheels.left,
@@ -218,12 +222,8 @@ impl Robot {
     fn sense(&mut self, pose: &Pose) {
         self.said.pose = PoseCode::from_pose(pose);
         self.said.measurement = self.measurement();
-        for which in Rangefinder::ALL {
-            self.sense_range(which);
-        }
-        for (cell, code) in (0..self.battery.cells()).zip(&mut self.voltages) {
-            let volts = self.battery.cell(cell).unwrap_or_default();
-            *code = CellCode::from_volts(cell, volts).voltage;
+        for (volts, code) in self.battery.voltages().iter().zip(&mut self.voltages) {
+            *code = CellCode::from_volts(0, *volts).voltage;
         }
     }
 

@@ -4,7 +4,7 @@ use crate::log::{Level, Line, Log};
 #[cfg(feature = "acoustics")]
 use crate::robot::Rangefinder;
 #[cfg(feature = "acoustics")]
-use crate::sensing::{Rangefinders, Tally};
+use crate::sensing::Tally;
 use crate::units::Duty;
 use crate::wire::{fault, FrameError, PoseCode, State};
 
@@ -60,20 +60,21 @@ impl Telling {
         }
     }
 
-    /// Once a tick: a line when a rangefinder does not answer three triggers in a row, and when it
-    /// answers again. One that answers without an object in range is no matter for a line.
+    /// For every change of a tally: a line when the rangefinder does not answer three triggers in a
+    /// row, and when it answers again. One that answers without an object in range is no matter for a
+    /// line.
     #[cfg(feature = "acoustics")]
-    pub(super) fn rangefinders(&mut self, all: &Rangefinders, log: &mut Log) {
-        for (which, told) in Rangefinder::ALL.into_iter().zip(&mut self.silent) {
-            let tally = all.tally(which);
-            let silent = tally.row >= SILENT;
-            // From three in a row to an answer.
-            if silent == *told || (*told && tally.row > 0) {
-                continue;
-            }
-            *told = silent;
-            rangefinder(which, &tally, log);
+    pub(super) fn rangefinder(&mut self, which: Rangefinder, tally: &Tally, log: &mut Log) {
+        let Some(told) = self.silent.get_mut(which as usize) else {
+            return;
+        };
+        let silent = tally.row >= SILENT;
+        // From three in a row to an answer.
+        if silent == *told || (*told && tally.row > 0) {
+            return;
         }
+        *told = silent;
+        rangefinder(which, tally, log);
     }
 
     /// The first temperature, and every change between knowing one and not.

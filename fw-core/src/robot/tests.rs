@@ -4,6 +4,8 @@ use super::*;
 use crate::eeprom::{first_board, Platform};
 use crate::wire::PiLink;
 
+mod renewal;
+
 const TICK_US: u32 = 10_000;
 
 pub(super) struct Bench {

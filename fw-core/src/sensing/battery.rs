@@ -111,10 +111,27 @@ struct Tap {
     voltage: u32,
 }
 
+impl Tap {
+    /// A word of the ADC.
+    #[inline]
+    fn read(&mut self, word: u16) {
+        let word = u32::from(word) << 12;
+        let word = match self.word {
+            // Both below 2²⁸: no sum here can leave its type.
+            Some(old) => old + (word >> FILTER) - (old >> FILTER),
+            None => word,
+        };
+        self.word = Some(word);
+        self.voltage = self.factor.scale(word);
+    }
+}
+
 /// The battery.
 #[derive(Clone, Debug)]
 pub struct Battery {
     taps: [Tap; MAX_CELLS],
+    /// Each cell's; 0 before its tap's first word.
+    voltages: [Volts; MAX_CELLS],
     cells: u8,
     /// The cell that [`Self::walk`] shows next.
     next: u8,
@@ -144,6 +161,7 @@ impl Battery {
         let millivolts = |mv: u16| (u32::from(mv) << 16) / 1000;
         Self {
             taps,
+            voltages: [Volts::default(); MAX_CELLS],
             cells: config.cells.clamp(1, MAX_CELLS as u8),
             next: 0,
             warn: millivolts(config.platform.battery_warn),
@@ -158,19 +176,23 @@ impl Battery {
     /// One tick's ADC words, tap 1 first. A tap without a word stays unread: a board with fewer
     /// ADC pins than cells does not count the missing ones as empty.
     pub fn sample(&mut self, words: &[u16]) {
+        let mut words = words.iter();
+        let (mut below, mut lowest) = (0, u32::MAX);
         let count = usize::from(self.cells);
-        for (tap, &word) in self.taps.iter_mut().take(count).zip(words) {
-            let word = u32::from(word) << 12;
-            let word = match tap.word {
-                // Both below 2²⁸: no sum here can leave its type.
-                Some(old) => old + (word >> FILTER) - (old >> FILTER),
-                None => word,
-            };
-            tap.word = Some(word);
-            tap.voltage = tap.factor.scale(word);
+        for (tap, cell) in self.taps.iter_mut().zip(&mut self.voltages).take(count) {
+            if let Some(&word) = words.next() {
+                tap.read(word);
+            } else if tap.word.is_none() {
+                // Nor has any tap after it been read.
+                break;
+            }
+            // A tap below the one before it, which only a broken divider shows, makes 0 V.
+            let voltage = tap.voltage.saturating_sub(below);
+            below = tap.voltage;
+            lowest = lowest.min(voltage);
+            *cell = Volts(U16F16::from_bits(voltage));
         }
-        let lowest = self.lowest();
-        let below = |limit: u32| lowest.is_some_and(|v| v < limit);
+        let below = |limit: u32| lowest < limit;
         self.low_ticks = run(self.low_ticks, below(self.warn));
         self.empty_ticks = run(self.empty_ticks, below(self.cutoff));
         if self.low_ticks >= PATIENCE {
@@ -180,21 +202,6 @@ impl Battery {
         }
         // A battery recovers when its load goes: cut off stays until the restart.
         self.empty |= self.empty_ticks >= PATIENCE;
-    }
-
-    /// 2⁻¹⁶ V of the lowest cell that was read.
-    fn lowest(&self) -> Option<u32> {
-        let mut below = 0;
-        let mut lowest = None;
-        for tap in self.taps.iter().take(usize::from(self.cells)) {
-            if tap.word.is_some() {
-                let voltage = tap.voltage;
-                let cell = voltage.saturating_sub(below);
-                below = voltage;
-                lowest = Some(lowest.map_or(cell, |l: u32| l.min(cell)));
-            }
-        }
-        lowest
     }
 
     /// Voltage of tap `index`, 0 ..= 7, 0 V where nothing was read.
@@ -210,17 +217,19 @@ impl Battery {
         self.cells
     }
 
-    /// The voltage of cell `index`, 0 = the first; `None` for a cell the battery does not have. A
-    /// tap below the one before it, which only a broken divider shows, makes 0 V.
-    #[must_use]
+    /// Every cell's voltage, the first one's first; 0 V before its tap's first word.
     #[inline]
+    #[must_use]
+    pub fn voltages(&self) -> &[Volts] {
+        let cells = usize::from(self.cells);
+        self.voltages.get(..cells).unwrap_or_default()
+    }
+
+    /// The voltage of cell `index`, 0 = the first; `None` for a cell the battery does not have.
+    #[inline]
+    #[must_use]
     pub fn cell(&self, index: u8) -> Option<Volts> {
-        if index >= self.cells {
-            return None;
-        }
-        let below = if index == 0 { 0 } else { self.tap(index - 1) };
-        let voltage = self.tap(index).saturating_sub(below);
-        Some(Volts(U16F16::from_bits(voltage)))
+        self.voltages().get(usize::from(index)).copied()
     }
 
     /// The cell that [`Self::walk`] shows next.

@@ -129,6 +129,8 @@ pub struct Rangefinders {
     current: u8,
     /// Millimetres of distance per microsecond of echo, 32 fractional bits.
     pace: u64,
+    /// Whom [`Self::take_news`] has still to name, bit n the n-th.
+    news: u8,
 }
 
 impl Rangefinders {
@@ -155,6 +157,7 @@ impl Rangefinders {
             // The one before the front one's first turn.
             current: u8::MAX,
             pace: pace(ASSUMED),
+            news: 0,
         }
     }
 
@@ -180,6 +183,7 @@ impl Rangefinders {
                 silent = true;
                 if self.since == LISTEN {
                     sensor.settle(Echo::Late, bearing);
+                    self.news |= 1 << self.current;
                 }
             }
         }
@@ -192,6 +196,7 @@ impl Rangefinders {
         let sensor = self.sensors.get_mut(usize::from(which))?;
         if let Some((_, bearing)) = sensor.awaited {
             sensor.settle(Echo::Missing, bearing);
+            self.news |= 1 << which;
         }
         sensor.awaited = Some((now, aim));
         self.since = 0;
@@ -234,6 +239,7 @@ impl Rangefinders {
             Echo::At(Millimetres(I32F32::from_bits(distance)))
         };
         sensor.settle(echo, bearing);
+        self.news |= 1 << which as u8;
     }
 
     /// Nobody knows where they point: what they said and what is still on its way means nothing.
@@ -242,6 +248,15 @@ impl Rangefinders {
             sensor.awaited = None;
             sensor.reading.echo = Echo::None;
         }
+        self.news = 0b111;
+    }
+
+    /// One whose reading or tally may not be what it was when it was named here last, the front one
+    /// before the others; nothing once all have been named.
+    pub fn take_news(&mut self) -> Option<Rangefinder> {
+        let which = Rangefinder::ALL.get(self.news.trailing_zeros() as usize)?;
+        self.news &= self.news - 1;
+        Some(*which)
     }
 
     /// The last reading with its bearing, which is the front one's own and the robot's else. It is at

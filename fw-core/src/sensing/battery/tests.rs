@@ -172,3 +172,30 @@ fn a_tap_that_the_board_does_not_measure_is_not_an_empty_cell() {
     }
     assert!(!battery.empty());
 }
+
+#[test]
+fn a_cell_is_its_tap_less_the_one_below_however_many_words_come() {
+    let mut config = first_board();
+    config.cells = 8;
+    config.dividers = [Divider {
+        upper: 10_000,
+        lower: 10_000,
+    }; 8];
+    let mut battery = Battery::new(&config);
+    let scans = [
+        &[400, 900, 800, 2000, 2500][..],
+        &[500],
+        &[450, 700, 1300, 1900, 2100, 2900, 3300, 4000],
+        &[0, 0, 0],
+        &[],
+    ];
+    for words in scans {
+        battery.sample(words);
+        let mut below = 0;
+        for cell in 0..8 {
+            let voltage = battery.cell(cell).unwrap().0.to_bits();
+            assert_eq!(voltage, battery.tap(cell).saturating_sub(below), "{cell}");
+            below = battery.tap(cell);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! What a tick renews only where its input changed is at any time what would come of working it all
+//! out anew.
+
+use super::*;
+use crate::log::Log;
+use crate::sensing::rangefinder::Echo;
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use std::string::String;
+
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    /// Counts that the wheels rolled, and what the ADC says.
+    Tick(i8, i8, [u16; 2]),
+    /// Microseconds from the trigger to the rise, and from there to the fall.
+    Echo(Rangefinder, u32, u32),
+    Frame,
+    Temperature(u16),
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let which = prop::sample::select(&Rangefinder::ALL[..]);
+    // Distances, nothing within range, and what no object makes.
+    let width = prop_oneof![117..15_000_u32, Just(38_000), 0..117_u32, Just(1 << 21)];
+    let step = prop_oneof![Just(0_i8), any::<i8>()];
+    // A battery that lives: one that is cut off ends all sweeping.
+    let words = [3400..3600_u16, 3500..3700];
+    prop_oneof![
+        12 => (step.clone(), step, words).prop_map(|(l, r, w)| Event::Tick(l, r, w)),
+        4 => (which, 0..3_200_u32, width).prop_map(|(which, d, w)| Event::Echo(which, d, w)),
+        2 => Just(Event::Frame),
+        1 => (0..4096_u16).prop_map(Event::Temperature),
+    ]
+}
+
+/// The reply that is due, with nothing kept from before.
+fn anew(robot: &Robot) -> Report {
+    let volts = robot.battery.cell(robot.cell).expect("a cell's turn");
+    Report {
+        pose: PoseCode::from_pose(&robot.odometry.pose()),
+        measurement: robot.measurement(),
+        cell: CellCode::from_volts(robot.cell, volts),
+        ranges: Rangefinder::ALL
+            .map(|which| DistanceCode::from_distance(robot.rangefinders.distance(which))),
+        bearing: robot.rangefinders.reading(Rangefinder::Front).bearing,
+        faults: robot.faults(),
+        state: robot.state(),
+        ..Report::default()
+    }
+}
+
+/// Everything the log has said since it was asked last.
+fn said(log: &mut Log) -> String {
+    let mut text = String::new();
+    while !log.pending().is_empty() {
+        text.push_str(core::str::from_utf8(log.pending()).expect("ASCII"));
+        log.sent(log.pending().len());
+    }
+    text
+}
+
+/// What becomes of a robot in `mode`: how many distances and lines about silent sensors it told.
+fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
+    let mut bench = Bench::with(mode, |platform| {
+        platform.servo = mode == Mode::GuardedSweep;
+    });
+    let mut triggered = [bench.sample.now; 3];
+    let mut silent = [false; 3];
+    let (mut distances, mut lines) = (0, 0);
+    for event in events {
+        match *event {
+            Event::Tick(left, right, words) => {
+                let Sample {
+                    now,
+                    left: l,
+                    right: r,
+                } = bench.sample;
+                bench.sample = Sample {
+                    now: now.after(TICK_US),
+                    left: l.wrapping_add_signed(left.into()),
+                    right: r.wrapping_add_signed(right.into()),
+                };
+                let outputs = bench.robot.on_tick(bench.sample, &words, &mut bench.log);
+                if let Some(which) = outputs.trigger {
+                    triggered[which as usize] = bench.sample.now;
+                }
+                let text = said(&mut bench.log);
+                for (which, told) in Rangefinder::ALL.into_iter().zip(&mut silent) {
+                    let row = bench.robot.tally(which).row;
+                    // Three in a row make one silent, an answer ends it.
+                    let due = if *told { row == 0 } else { row >= 3 };
+                    let line = std::format!("{} rangefinder", which.name());
+                    assert_eq!(text.contains(&line), due, "{line}: {text}");
+                    *told ^= due;
+                    lines += usize::from(due);
+                }
+            }
+            Event::Echo(which, delay, width) => {
+                let rise = triggered[which as usize].after(delay);
+                bench.robot.on_echo(which, rise, rise.after(width));
+                let echo = bench.robot.rangefinders.reading(which).echo;
+                distances += usize::from(matches!(echo, Echo::At(_)));
+            }
+            // Driven for long by wheels that do as they like it would stop for good.
+            Event::Frame => drop(bench.frame(&Command {
+                apply: mode == Mode::Normal,
+                ..go(300)
+            })),
+            Event::Temperature(word) => bench.robot.on_temperature(word, 1501, &mut bench.log),
+        }
+        bench.robot.report(bench.robot.cell);
+        assert_eq!(bench.robot.said, anew(&bench.robot), "after {event:?}");
+    }
+    (distances, lines)
+}
+
+#[test]
+fn a_reply_says_what_is_so_whatever_happened_before_it() {
+    for mode in [Mode::Normal, Mode::GuardedSweep, Mode::GuardedTuneMove] {
+        let (mut distances, mut lines) = (0, 0);
+        let mut runner = TestRunner::deterministic();
+        for _ in 0..64 {
+            let events = prop::collection::vec(event(), 400)
+                .new_tree(&mut runner)
+                .expect("events")
+                .current();
+            let (heard, told) = check(mode, &events);
+            distances += heard;
+            lines += told;
+        }
+        assert!(
+            distances > 100 && lines > 30,
+            "{mode:?} {distances} {lines}"
+        );
+    }
+}
