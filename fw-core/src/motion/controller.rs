@@ -86,6 +86,8 @@ pub struct Controller {
     /// 2⁻³² turns.
     rotation_tolerance: i32,
     target: Pose,
+    /// Where the robot was when it last looked at the target.
+    seen: Pose,
     phase: Phase,
     tries: u8,
     settled: u8,
@@ -113,6 +115,7 @@ impl Controller {
             position_tolerance: position_tolerance.max(FINEST_POSITION),
             rotation_tolerance,
             target: Pose::default(),
+            seen: Pose::default(),
             phase: Phase::Idle,
             tries: 0,
             settled: 0,
@@ -169,6 +172,11 @@ impl Controller {
         if self.phase == Phase::Idle {
             return self.mixer.brake();
         }
+        if self.phase == Phase::Hold && *pose == self.seen {
+            // Seen from the same place as in the last tick the target asks for the same.
+            return self.mixer.brake();
+        }
+        self.seen = *pose;
         let view = View::new(pose, &self.target);
         let slack = 2 + i32::from(self.tries);
         let near = (self.position_tolerance * slack) >> 1;
@@ -336,3 +344,6 @@ fn millimetres(value: i32) -> I16F16 {
 fn degrees(turns: i32) -> I16F16 {
     I16F16::from_bits(((i64::from(turns) * 360) >> 16) as i32)
 }
+
+#[cfg(test)]
+mod tests;

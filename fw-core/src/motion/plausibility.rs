@@ -28,6 +28,7 @@ const WINDOW: u8 = 50;
 /// One wheel.
 #[derive(Clone, Copy, Debug)]
 struct Watch {
+    suspicion: Suspicion,
     reversed: bool,
     /// Hundredths of a percent.
     dead_zone: i32,
@@ -38,16 +39,17 @@ struct Watch {
     counts: i32,
 }
 
-/// What a wheel is suspected of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
-    Stalled,
-    Reversed,
+/// The bits of [`fault`] that a wheel can earn.
+#[derive(Clone, Copy, Debug)]
+struct Suspicion {
+    stalled: u16,
+    reversed: u16,
 }
 
 impl Watch {
-    const fn new(dead_zone: u16, reversed: bool) -> Self {
+    const fn new(dead_zone: u16, reversed: bool, suspicion: Suspicion) -> Self {
         Self {
+            suspicion,
             reversed,
             dead_zone: dead_zone as i32,
             lagged: [0; 2],
@@ -56,7 +58,8 @@ impl Watch {
         }
     }
 
-    fn step(&mut self, told: Drive, counts: i32, least: i32) -> Option<Verdict> {
+    /// Bits of [`fault`], 0 if all is well.
+    fn step(&mut self, told: Drive, counts: i32, least: i32) -> u16 {
         let Drive::Run(duty) = told else {
             *self = Self {
                 lagged: [0; 2],
@@ -64,7 +67,7 @@ impl Watch {
                 counts: 0,
                 ..*self
             };
-            return None;
+            return 0;
         };
         let duty = i32::from(duty.hundredths());
         let duty = if self.reversed { -duty } else { duty };
@@ -82,24 +85,24 @@ impl Watch {
         if driven < MUST_TURN {
             self.ticks = 0;
             self.counts = 0;
-            return None;
+            return 0;
         }
         // A jump is another fault; here it only must not overflow.
         let counts = counts.clamp(-0x8000, 0x8000);
         self.counts += if told > 0 { counts } else { -counts };
         self.ticks += 1;
         if self.ticks < WINDOW {
-            return None;
+            return 0;
         }
         let turned = self.counts;
         self.ticks = 0;
         self.counts = 0;
         if turned <= -least {
-            Some(Verdict::Reversed)
+            self.suspicion.reversed
         } else if turned < least {
-            Some(Verdict::Stalled)
+            self.suspicion.stalled
         } else {
-            None
+            0
         }
     }
 }
@@ -121,8 +124,22 @@ impl Plausibility {
     pub fn new(platform: &Platform) -> Self {
         let turn = i32::from(platform.counts_per_turn);
         Self {
-            left: Watch::new(platform.dead_zone_left, platform.motor_left_reversed),
-            right: Watch::new(platform.dead_zone_right, platform.motor_right_reversed),
+            left: Watch::new(
+                platform.dead_zone_left,
+                platform.motor_left_reversed,
+                Suspicion {
+                    stalled: fault::LEFT_STALLED,
+                    reversed: fault::LEFT_REVERSED,
+                },
+            ),
+            right: Watch::new(
+                platform.dead_zone_right,
+                platform.motor_right_reversed,
+                Suspicion {
+                    stalled: fault::RIGHT_STALLED,
+                    reversed: fault::RIGHT_REVERSED,
+                },
+            ),
             least: (turn / 128).max(2),
             most: (turn / 10).max(10),
         }
@@ -132,18 +149,8 @@ impl Plausibility {
     /// [`fault`], 0 if all is well.
     #[must_use]
     pub fn step(&mut self, told: &Wheels, delta: &Delta) -> u16 {
-        let left = self.left.step(told.left, delta.left, self.least);
-        let right = self.right.step(told.right, delta.right, self.least);
-        let mut faults = match left {
-            None => 0,
-            Some(Verdict::Stalled) => fault::LEFT_STALLED,
-            Some(Verdict::Reversed) => fault::LEFT_REVERSED,
-        };
-        faults |= match right {
-            None => 0,
-            Some(Verdict::Stalled) => fault::RIGHT_STALLED,
-            Some(Verdict::Reversed) => fault::RIGHT_REVERSED,
-        };
+        let mut faults = self.left.step(told.left, delta.left, self.least)
+            | self.right.step(told.right, delta.right, self.least);
         if delta.left.saturating_abs() > self.most || delta.right.saturating_abs() > self.most {
             faults |= fault::ENCODER_JUMP;
         }
