@@ -165,6 +165,7 @@ fn main() -> ! {
             robot,
             reply: 0,
             motors,
+            leds: 0,
             uart,
         });
     }

@@ -34,9 +34,13 @@ const DEAD_TIME_CYCLES: u32 = 200;
 
 /// What the pins of one motor say.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Inputs {
-    in1: bool,
-    in2: bool,
+enum Inputs {
+    /// Both low.
+    Low,
+    /// IN2 high, IN1 low.
+    Forward,
+    /// IN1 high, IN2 low.
+    Backward,
 }
 
 /// Both bridges, and what their inputs were last told.
@@ -65,13 +69,9 @@ impl Motors {
         for pin in [RIGHT_EN, LEFT_EN] {
             pin.alternate(2, Driver::PushPull, Pull::None);
         }
-        let low = Inputs {
-            in1: false,
-            in2: false,
-        };
         Self {
-            left: low,
-            right: low,
+            left: Inputs::Low,
+            right: Inputs::Low,
         }
     }
 
@@ -113,31 +113,37 @@ fn registers() -> &'static pac::tim4::RegisterBlock {
 /// Inputs and compare value: 0 never rises, `PERIOD` (one above the reload) never falls.
 #[inline]
 fn decode(drive: Drive) -> (Inputs, u16) {
-    let mut inputs = Inputs {
-        in1: false,
-        in2: false,
-    };
     match drive {
-        Drive::Coast => (inputs, 0),
-        Drive::Brake => (inputs, PERIOD as u16),
+        Drive::Coast => (Inputs::Low, 0),
+        Drive::Brake => (Inputs::Low, PERIOD as u16),
         Drive::Run(duty) => {
             let hundredths = duty.hundredths();
-            inputs.in1 = hundredths < 0;
-            inputs.in2 = hundredths > 0;
+            let inputs = match hundredths {
+                1.. => Inputs::Forward,
+                0 => Inputs::Low,
+                ..0 => Inputs::Backward,
+            };
             // A duty is within ±`Duty::FULL`.
             (inputs, hundredths.unsigned_abs() / STEP as u16)
         }
     }
 }
 
+/// Sets both pins; the one that falls goes first, so both are never high on the way.
 fn apply(inputs: Inputs, in1: Pin, in2: Pin) {
-    // The one that falls first, so both are never high on the way.
-    if inputs.in1 {
-        in2.low();
-        in1.high();
-    } else {
-        in1.low();
-        in2.set(inputs.in2);
+    match inputs {
+        Inputs::Low => {
+            in1.low();
+            in2.low();
+        }
+        Inputs::Forward => {
+            in1.low();
+            in2.high();
+        }
+        Inputs::Backward => {
+            in2.low();
+            in1.high();
+        }
     }
 }
 

@@ -44,9 +44,6 @@ static PROGRESS: Mutex<[Cell<Progress>; 3]> = Mutex::new([
     Cell::new(Progress::Idle),
 ]);
 
-/// How many of them are [`Progress::Heard`]: whoever asks with every frame need not look at all three.
-static HEARD: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
-
 /// Triggers low, echoes held low where no sensor is plugged in.
 pub fn start() {
     for pin in [TRIGGER_FRONT, TRIGGER_RIGHT, TRIGGER_LEFT] {
@@ -60,13 +57,7 @@ pub fn start() {
 
 /// Sends one sensor's pulse and listens to it until its echo is over or it is triggered anew.
 pub fn trigger(which: Rangefinder) {
-    free(|token| {
-        let before = PROGRESS.borrow(token)[which as usize].replace(Progress::Triggered);
-        if matches!(before, Progress::Heard(..)) {
-            let heard = HEARD.borrow(token);
-            heard.set(heard.get() - 1);
-        }
-    });
+    free(|token| PROGRESS.borrow(token)[which as usize].set(Progress::Triggered));
     let (trigger, _) = pins(which);
     time::pulse(|| trigger.high());
 }
@@ -82,19 +73,17 @@ pub fn end_trigger() {
 /// An echo heard and not yet taken.
 #[inline]
 pub fn take(token: &CriticalSection) -> Option<Echo> {
-    let heard = HEARD.borrow(token);
-    if heard.get() == 0 {
-        return None;
-    }
-    let all = PROGRESS.borrow(token);
-    Rangefinder::ALL.into_iter().find_map(|which| {
-        let Progress::Heard(rise, fall) = all[which as usize].get() else {
+    let heard = |which| {
+        let progress = &PROGRESS.borrow(token)[which as usize];
+        let Progress::Heard(rise, fall) = progress.get() else {
             return None;
         };
-        all[which as usize].set(Progress::Idle);
-        heard.set(heard.get() - 1);
+        progress.set(Progress::Idle);
         Some(Echo { which, rise, fall })
-    })
+    };
+    heard(Rangefinder::Front)
+        .or_else(|| heard(Rangefinder::Right))
+        .or_else(|| heard(Rangefinder::Left))
 }
 
 // Requirement: DOC-2.2-1
@@ -117,8 +106,6 @@ fn edge(which: Rangefinder, at: Micros) {
             Progress::Triggered if high => progress.set(Progress::Rising(at)),
             Progress::Rising(rise) if !high => {
                 progress.set(Progress::Heard(rise, at));
-                let heard = HEARD.borrow(token);
-                heard.set(heard.get() + 1);
                 exti::wake_robot();
             }
             _ => {}

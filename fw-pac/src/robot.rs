@@ -26,6 +26,8 @@ pub struct Body {
     pub reply: u32,
     /// Both bridges.
     pub motors: Motors,
+    /// What the robot had the LEDs show last; nothing before its first tick.
+    pub leds: u8,
     /// The log's transmitter.
     pub uart: Uart,
 }
@@ -190,7 +192,10 @@ impl Body {
         }
         let outputs = self.robot.on_tick(sample, taps, log);
         self.motors.set(outputs.left, outputs.right);
-        leds::show(outputs.leds);
+        if outputs.leds != self.leds {
+            self.leds = outputs.leds;
+            leds::show(outputs.leds);
+        }
         #[cfg(feature = "sweep")]
         if let Some(width) = outputs.servo {
             crate::servo::pulse(width);
