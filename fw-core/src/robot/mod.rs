@@ -12,6 +12,7 @@
 mod guard;
 mod io;
 mod link_line;
+mod reply;
 mod supervisor;
 mod telling;
 
@@ -28,8 +29,8 @@ use crate::sensing::{Battery, Rangefinders, Sweep, Tally};
 use crate::sensing::{Calibration, Thermometer};
 use crate::units::{Duty, Micros, Pose};
 use crate::wire::{
-    fault, CellCode, Command, DistanceCode, FrameError, LinkCounters, Mode, PoseCode, Report,
-    Setup, State, StmLink, MAX_FRAME,
+    fault, CellCode, Command, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State,
+    StmLink,
 };
 #[cfg(feature = "gyro")]
 use guard::Guard;
@@ -218,25 +219,6 @@ impl Robot {
         (servo, trigger)
     }
 
-    /// What a tick changed, in the wire's codes: a frame's reply only copies it.
-    fn sense(&mut self, pose: &Pose) {
-        self.said.pose = PoseCode::from_pose(pose);
-        self.said.measurement = self.measurement();
-        for (volts, code) in self.battery.voltages().iter().zip(&mut self.voltages) {
-            *code = CellCode::from_volts(0, *volts).voltage;
-        }
-    }
-
-    /// A distance, and with the front one's the bearing that it was taken at.
-    fn sense_range(&mut self, which: Rangefinder) {
-        if cfg!(feature = "sweep") && which == Rangefinder::Front {
-            self.said.bearing = self.rangefinders.reading(which).bearing;
-        }
-        if let Some(range) = self.said.ranges.get_mut(which as usize) {
-            *range = DistanceCode::from_distance(self.rangefinders.distance(which));
-        }
-    }
-
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
     /// the Pi asks anew.
     fn stand(&mut self) {
@@ -413,63 +395,12 @@ impl Robot {
         self.supervisor.raise(faults);
     }
 
-    /// The reply has gone out with a frame: the next one has a new sequence number and the next
-    /// cell. Once per frame, before [`Self::refresh_reply`] writes that one.
-    #[inline]
-    pub fn reply_gone(&mut self) {
-        (self.cell, _) = self.battery.walk();
-        self.link.advance();
-    }
-
-    /// Writes the reply to the next frame, with a new sequence number and the next cell; returns
-    /// its length. Once per received frame.
-    pub fn next_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.reply_gone();
-        self.refresh_reply(out)
-    }
-
-    /// Writes the same reply again with the newest data; returns its length. After a tick.
-    #[inline]
-    pub fn refresh_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.report(self.cell);
-        self.link.resend(&self.said, out)
-    }
-
-    /// Writes the reply after that one, in advance, for a frame that ends while the robot is busy:
-    /// what [`Self::next_reply`] would write if nothing happened until then. Returns its length.
-    pub fn following_reply(&mut self, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.report(self.battery.upcoming());
-        self.link.anticipate(&self.said, out)
-    }
-
-    /// What only the moment of a reply decides.
-    // Requirement: DOC-5.2.1-2
-    #[inline]
-    fn report(&mut self, cell: u8) {
-        let voltage = self.voltages.get(usize::from(cell)).copied();
-        self.said.cell = CellCode {
-            cell,
-            voltage: voltage.unwrap_or_default(),
-        };
-        self.said.faults = self.supervisor.faults();
-        self.said.state = self.supervisor.state();
-    }
-
     /// [`Self::measurement`] in thousandths, for the log.
     fn thousandths(&self) -> i64 {
         match self.measure {
             Measure::Pose => 0,
             Measure::Rotation => (self.turned >> 8).saturating_mul(360_000) >> 24,
             Measure::Displacement => self.travelled.saturating_mul(1000) >> 16,
-        }
-    }
-
-    /// Rotation in degrees or displacement in millimetres since reset.
-    fn measurement(&self) -> Double {
-        match self.measure {
-            Measure::Pose => Double::default(),
-            Measure::Rotation => Double::from_scaled(self.turned.saturating_mul(360), 32),
-            Measure::Displacement => Double::from_scaled(self.travelled, 16),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::eeprom::{first_board, Platform};
-use crate::wire::PiLink;
+use crate::wire::{DistanceCode, PiLink, MAX_FRAME};
 
 mod renewal;
 
