@@ -129,7 +129,7 @@ fn main() -> ! {
     }
 
     encoders::start();
-    let mut robot = Robot::new(&config, time::sample());
+    let mut robot = Robot::new(&config, cortex_m::interrupt::free(time::sample));
     if source == Source::Internal {
         robot.raise(fault::CLOCK_FALLBACK, log);
     }

@@ -80,17 +80,15 @@ pub fn doze(span: u32) {
     NVIC::unpend(Interrupt::TIM5);
 }
 
-/// A sample of this instant.
+/// A sample of this instant: masked, so that nothing comes between its parts.
 #[inline]
-pub fn sample() -> Sample {
-    free(|_| {
-        let (left, right) = encoders::read();
-        Sample {
-            now: now(),
-            left,
-            right,
-        }
-    })
+pub fn sample(_: &CriticalSection) -> Sample {
+    let (left, right) = encoders::read();
+    Sample {
+        now: now(),
+        left,
+        right,
+    }
 }
 
 /// The first tick comes one period from now, and its battery words shortly before.
@@ -152,7 +150,7 @@ fn TIM5() {
         timer.sr().write(|w| keep_all(w).cc2if().clear_bit());
     }
     if flags.cc1if().bit_is_set() {
-        free(|token| LATCHED.borrow(token).set(Some(sample())));
+        free(|token| LATCHED.borrow(token).set(Some(sample(token))));
         let next = timer.ccr1().read().bits().wrapping_add(TICK);
         timer.ccr1().write(|w| w.ccr().set(next));
         timer

@@ -11,7 +11,9 @@ impl Robot {
     /// What a tick changed, in the wire's codes: a frame's reply only copies it.
     pub(super) fn sense(&mut self, pose: &Pose) {
         self.said.pose = PoseCode::from_pose(pose);
-        self.said.measurement = self.measurement();
+        if self.measure != Measure::Pose {
+            self.said.measurement = self.measurement();
+        }
         for (volts, code) in self.battery.voltages().iter().zip(&mut self.voltages) {
             *code = CellCode::from_volts(0, *volts).voltage;
         }
