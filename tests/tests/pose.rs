@@ -6,7 +6,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use robot_tests::document::{normal_frame, original_image};
+use robot_tests::document::{normal_frame, original_image, NormalReply};
 use robot_tests::rig::Rig;
 use twin::plant::{MotorInput, MotorParams, Params, Pose, Room, Sides, World};
 use twin::Options;
@@ -246,4 +246,30 @@ fn it_holds_its_pose_against_pushes() {
         assert!(trip.settled_s < 12.0 && trip.off_mm <= 5.0 && trip.off_deg <= 1.0);
     }
     assert!(!rig.log().contains("fault"), "{}", rig.log());
+}
+
+// Requirement: DOC-3.2-1
+#[test]
+fn wherever_the_wheels_stand_at_boot_the_first_pose_is_zero() {
+    let rig = rig(&Params::default(), original_image());
+    for turn in 0..8_i32 {
+        // In reset a hand leaves the encoders' lines in any of their four phases.
+        rig.board.hold_reset(true).expect("the emulation runs");
+        rig.board.world(move |world| {
+            world.hand_deg_s = Sides::new(130.0 + f64::from(turn), -170.0);
+        });
+        rig.board.run_us(100_000);
+        rig.board.world(|world| world.hand_deg_s = Sides::default());
+        rig.board.run_us(400_000);
+        let stood = rig.board.truth().pose;
+        rig.board.hold_reset(false).expect("the emulation runs");
+        assert!(rig.await_ready(), "{}", rig.log());
+        for _ in 0..10 {
+            let reply = NormalReply::of(&rig.frame(&normal_frame(0, 0, 0, false)));
+            assert_eq!((reply.x, reply.y, reply.rotation), (0, 0, 0), "{turn}");
+            rig.board.run_us(9_000);
+        }
+        let moved = rig.board.truth().pose;
+        assert_eq!((moved.x_mm, moved.y_mm), (stood.x_mm, stood.y_mm));
+    }
 }

@@ -1,5 +1,6 @@
 //! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
 
+use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
 use robot_tests::document::{normal_frame, original_image, NormalReply};
 use robot_tests::rig::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
 use robot_tests::stack::Stack;
@@ -117,6 +118,67 @@ fn an_empty_battery_stops_it_and_it_stays_stopped() {
     assert!(rig.log().contains("battery"), "{}", rig.log());
     let reply = NormalReply::of(&rig.frame(&go));
     assert!(reply.voltage > 0);
+}
+
+/// A robot whose battery warns and cuts off where page 0x03 says, both above what an original EEPROM
+/// means, and that lasts for some seconds of driving.
+fn on_its_last_charge(warn_mv: u16, cutoff_mv: u16) -> Rig {
+    let mut config = first_board();
+    config.platform.battery_warn = warn_mv;
+    config.platform.battery_cutoff = cutoff_mv;
+    let mut image = [0xFF; IMAGE_LEN];
+    encode(&config, &mut image);
+    let mut options = Options {
+        eeprom: Some(image.to_vec()),
+        ..Options::default()
+    };
+    options.params.battery.capacity_ah = 0.004;
+    options.params.battery.idle_a = 0.05;
+    options.params.battery.cell_ohm = 0.15;
+    let rig = Rig::new(options);
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig
+}
+
+/// The lower cell's voltage.
+fn lowest(rig: &Rig) -> f64 {
+    let [one, both] = rig.board.truth().battery_v;
+    one.min(both - one)
+}
+
+#[test]
+fn it_warns_and_cuts_off_where_page_3_says_and_stays_stopped_when_the_battery_recovers() {
+    let (warn, cutoff) = (3.75, 3.65);
+    let rig = on_its_last_charge(3750, 3650);
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let (mut below_warn, mut below_cutoff) = (0, 0);
+    while !rig.motors_off() || rig.board.now_us() < 200_000 {
+        let _ = rig.keep_sending(&go, 25_000);
+        let volts = lowest(&rig);
+        below_warn += u32::from(volts < warn);
+        below_cutoff += u32::from(volts < cutoff);
+        // Half a second below a threshold counts, and the filter takes its time.
+        let told = rig.log().contains("battery low");
+        assert!(told || below_warn < 30, "{volts} V and no warning");
+        assert!(!told || below_warn > 15, "warned at {volts} V");
+        assert!(below_cutoff < 30, "{volts} V and still driving");
+    }
+    assert!(below_cutoff > 15, "stopped at {} V", lowest(&rig));
+    assert!(rig.log().contains("battery empty"), "{}", rig.log());
+    assert!(
+        lowest(&rig) > 3.4,
+        "an original EEPROM would have warned too"
+    );
+    // Without its load the battery is better again, and the Pi goes on asking.
+    for x_um in [3_000_000, -1_000_000] {
+        let frame = normal_frame(x_um, 0, 0, true);
+        for _ in 0..40 {
+            let _ = rig.keep_sending(&frame, 25_000);
+            assert!(rig.motors_off(), "{}", rig.log());
+        }
+        assert!(lowest(&rig) > cutoff, "{} V", lowest(&rig));
+    }
+    assert_eq!(rig.board.truth().wheel_deg_s, (0.0, 0.0));
 }
 
 #[test]
