@@ -6,6 +6,10 @@
 //! the DMA may come before and after each, within masked stretches too. Two assumptions, both the
 //! interfaces' own: a frame's end is handled before the next frame begins (20 µs against some 2), and
 //! no masked stretch is longer than that.
+//!
+//! `cargo test -p proofs --test handover_model -- --nocapture` shows the way to each broken invariant.
+
+use std::fmt;
 
 use proofs::search::{search, Model};
 
@@ -61,8 +65,42 @@ enum Robot {
     },
 }
 
+/// Bytes on their way, at most a frame of them; in place, for there are millions of states.
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
+struct Bytes {
+    /// 0 from `len` on.
+    bytes: [u8; LEN],
+    len: u8,
+}
+
+impl Bytes {
+    fn as_slice(&self) -> &[u8] {
+        &self.bytes[..usize::from(self.len)]
+    }
+
+    fn push(&mut self, byte: u8) {
+        self.bytes[usize::from(self.len)] = byte;
+        self.len += 1;
+    }
+
+    /// Takes out the first.
+    fn take(&mut self) -> u8 {
+        let first = self.bytes[0];
+        self.bytes.rotate_left(1);
+        self.bytes[LEN - 1] = 0;
+        self.len -= 1;
+        first
+    }
+}
+
+impl fmt::Debug for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.as_slice().fmt(f)
+    }
+}
+
 #[allow(clippy::struct_excessive_bools, reason = "each is a pin or a flag")]
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct State {
     robot: Robot,
     /// Every byte of the receive buffers is the number of the frame it came with.
@@ -83,9 +121,9 @@ struct State {
     sent: usize,
     standing: bool,
     /// The bytes the transmitter has and the wire has not had.
-    held: Vec<u8>,
+    held: Bytes,
     /// What the Pi has read of the frame under way.
-    wire: Vec<u8>,
+    wire: Bytes,
     /// The chip-select is low; its rise awaits its interrupt.
     low: bool,
     rise: bool,
@@ -189,7 +227,13 @@ impl State {
 impl HandOver {
     fn frame_end(self, next: &mut State) -> Result<(), String> {
         next.rise = false;
-        if next.wire.windows(2).skip(1).any(|pair| pair[0] != pair[1]) {
+        if next
+            .wire
+            .as_slice()
+            .windows(2)
+            .skip(1)
+            .any(|pair| pair[0] != pair[1])
+        {
             return Err(format!("the Pi read parts of two replies: {:?}", next.wire));
         }
         // Numbers on the wire go up by one, or stay where the robot has not kept up.
@@ -201,8 +245,8 @@ impl HandOver {
             return Err(format!("reply {number} after {:?}", next.carried));
         }
         next.carried = Some(number);
-        next.wire.clear();
-        next.held.clear();
+        next.wire = Bytes::default();
+        next.held = Bytes::default();
         match next.standby.take() {
             Some(standby) => {
                 next.armed = standby;
@@ -352,8 +396,8 @@ impl Model for HandOver {
             standby: None,
             sent: 0,
             standing: false,
-            held: Vec::new(),
-            wire: Vec::new(),
+            held: Bytes::default(),
+            wire: Bytes::default(),
             low: false,
             rise: false,
             begun: 0,
@@ -372,12 +416,12 @@ impl Model for HandOver {
         }
         if state.low {
             events.push(Event::Rise);
-            if state.received < LEN && !state.held.is_empty() {
+            if state.received < LEN && state.held.len > 0 {
                 events.push(Event::Clock);
             }
         }
         // The transmitter holds two bytes: the one under way and the next.
-        if !state.standing && !state.rise && state.sent < LEN && state.held.len() < 2 {
+        if !state.standing && !state.rise && state.sent < LEN && state.held.len < 2 {
             events.push(Event::Feed);
         }
         if state.rise && !state.masked() {
@@ -397,14 +441,14 @@ impl Model for HandOver {
     }
 
     fn step(&self, state: &State, event: &Event) -> Result<State, String> {
-        let mut next = state.clone();
+        let mut next = *state;
         match event {
             Event::Fall => {
                 next.low = true;
                 next.begun += 1;
             }
             Event::Clock => {
-                let sent = next.held.remove(0);
+                let sent = next.held.take();
                 next.wire.push(sent);
                 let owned =
                     |of: Option<(usize, usize)>| of.is_some_and(|of| of.0 == next.receiving);
