@@ -2,6 +2,8 @@
 //! wire that delivers, loses, repeats, overtakes and corrupts.
 //!
 //! The state is the code's own: what the search visits is what runs on the robot.
+//!
+//! `cargo test -p proofs --test link_model -- --nocapture` shows the way to each broken invariant.
 
 use std::collections::hash_map::DefaultHasher;
 use std::fmt;
@@ -14,6 +16,12 @@ use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FR
 use proofs::search::{search, Model};
 
 const MODE: Mode = Mode::GuardedTuneRotate;
+const SETUP: Setup = Setup {
+    mode: MODE,
+    key_from_pi: 0x96,
+    key_from_stm: 0x5A,
+    cells: 2,
+};
 const LEN: usize = 18;
 /// Frames the Pi sends at most.
 const FRAMES: usize = 5;
@@ -31,7 +39,7 @@ type Essence = (
     usize,
     u8,
     (Option<usize>, Option<(usize, usize)>),
-    Option<Micros>,
+    (Option<Micros>, Option<Permit>),
 );
 
 #[derive(Clone)]
@@ -48,6 +56,8 @@ struct State {
     /// The last of the old frames handed on one after the other, in the order they were sent, and
     /// how many they are.
     row: Option<(usize, usize)>,
+    /// What the last tick permitted, unless a frame was taken since; for [`Link::Blind`] alone.
+    permit: Option<Permit>,
 }
 
 impl State {
@@ -64,7 +74,7 @@ impl State {
             self.sent.len(),
             self.ticks,
             (self.newest, self.row),
-            self.heard,
+            (self.heard, self.permit),
         )
     }
 }
@@ -112,10 +122,16 @@ enum Event {
     Tick,
 }
 
-/// The link, as it is or broken on purpose.
-struct Link {
+/// The link and who looks at it, as they are or broken on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Link {
+    Right,
     /// A frame that is not fresh feeds the deadline all the same.
-    trusting: bool,
+    Trusting,
+    /// The deadline is looked at only in ticks that follow a frame.
+    Blind,
+    /// Which frame was the last is not kept.
+    Forgetful,
 }
 
 impl Model for Link {
@@ -123,26 +139,21 @@ impl Model for Link {
     type Event = Event;
 
     fn starts(&self) -> Vec<State> {
-        let setup = Setup {
-            mode: MODE,
-            key_from_pi: 0x96,
-            key_from_stm: 0x5A,
-            cells: 2,
-        };
         // The Pi's numbers wrap within the run.
-        let mut pi = PiLink::new(setup);
+        let mut pi = PiLink::new(SETUP);
         for _ in 0..254 {
             let _ = pi.send(&Command::default(), &mut [0; MAX_FRAME]);
         }
         vec![State {
             pi,
-            stm: StmLink::new(setup),
+            stm: StmLink::new(SETUP),
             supervisor: Supervisor::new(StopDeadline::new(DEADLINE_MS)),
             sent: Vec::new(),
             ticks: 0,
             newest: None,
             heard: None,
             row: None,
+            permit: None,
         }]
     }
 
@@ -191,9 +202,14 @@ impl Model for Link {
                 // Four old frames in a row that count upwards are another beginning, not repeats.
                 let anew = next.row.is_some_and(|(_, row)| row == 4);
                 let fresh = anew || next.newest.is_none_or(|newest| which > newest);
+                if *self == Self::Forgetful {
+                    next.stm = StmLink::new(SETUP);
+                }
                 let received = next.stm.receive(&next.sent[which][..LEN]);
                 if received.is_ok() != fresh {
-                    return Err("a frame was taken exactly when it was not fresh".into());
+                    return Err(
+                        "a frame was taken that is not fresh, or a fresh one was not".into(),
+                    );
                 }
                 let now = next.now();
                 if fresh {
@@ -208,14 +224,21 @@ impl Model for Link {
                 };
                 if let Ok(command) = received {
                     next.supervisor.on_fresh(now, intent(command));
-                } else if self.trusting {
+                    next.permit = None;
+                } else if *self == Self::Trusting {
                     next.supervisor.on_fresh(now, Intent::default());
                 }
             }
             Event::Tick => {
                 next.ticks += 1;
                 let now = next.now();
-                let permit = next.supervisor.on_tick(now, true, true);
+                let permit = match next.permit {
+                    Some(before) => before,
+                    None => next.supervisor.on_tick(now, true, true),
+                };
+                if *self == Self::Blind {
+                    next.permit = Some(permit);
+                }
                 let allowed = u32::from(DEADLINE_MS) * 1000;
                 let silent = next.heard.is_some_and(|heard| now.since(heard) >= allowed);
                 if silent && permit != Permit::Brake {
@@ -227,21 +250,25 @@ impl Model for Link {
     }
 }
 
+const LIMIT: usize = 2_000_000;
+
 // Requirement: WIRE-deadline-1
 #[test]
 fn no_order_of_events_lets_the_motors_run_in_silence() {
-    let visited = search(&Link { trusting: false }, 2_000_000).unwrap_or_else(|e| panic!("{e}"));
+    let visited = search(&Link::Right, LIMIT).unwrap_or_else(|found| panic!("{found}"));
     println!("{visited:?}");
     assert!(visited.states > 1_000 && visited.depth > 8);
 }
 
 #[test]
-fn a_link_that_trusts_stale_frames_is_found_out() {
-    let found = search(&Link { trusting: true }, 2_000_000).expect_err("stale frames fed it");
-    println!("{found}");
-    assert!(found.broken.contains("silent"));
-    assert!(found
-        .events
-        .iter()
-        .any(|(_, event)| matches!(event, Event::Deliver(_))));
+fn every_way_to_break_the_link_is_found() {
+    for (broken, expected) in [
+        (Link::Trusting, "silent"),
+        (Link::Blind, "silent"),
+        (Link::Forgetful, "not fresh"),
+    ] {
+        let found = search(&broken, LIMIT).expect_err("broken");
+        println!("{broken:?}: {found}");
+        assert!(found.broken.contains(expected), "{broken:?}: {found}");
+    }
 }

@@ -1,0 +1,344 @@
+//! T8, every order of the clock, the ticks and the frames around the stop deadline: the core's own
+//! supervisor, handed what the interrupts stamped, as `fw-pac/src/robot.rs` does.
+//!
+//! A frame's end and a tick are stamped when they happen and wait, one of each, until the robot comes to
+//! them; then the older goes first. What must follow is worked out at once, when they happen, from the
+//! rules of `docs/interfaces.md` and a clock that does not wrap. The code's own does, within the run.
+//!
+//! `cargo test -p proofs --test deadline_model -- --nocapture` shows the way to each broken invariant.
+
+use std::fmt;
+use std::hash::{Hash, Hasher};
+
+use fw_core::motion::StopDeadline;
+use fw_core::robot::{Intent, Permit, Supervisor};
+use fw_core::units::Micros;
+use fw_core::wire::{fault, Order};
+use proofs::search::{search, Model};
+
+const DEADLINE_MS: u16 = 100;
+const DEADLINE: u64 = 100_000;
+/// Half a deadline passes from tick to tick, and 1 µs: a frame 2 µs after a tick is as old as the
+/// deadline, to the microsecond, at the next tick but one.
+const PERIOD: u64 = DEADLINE / 2 + 1;
+/// When a frame may end, after a tick.
+const MOMENTS: [u64; 4] = [1, 2, 3, PERIOD - 1];
+/// The longest time between two ticks that the proofs take for granted, less what the deadline takes.
+const SLEEP: u64 = (1 << 31) - 2 * DEADLINE;
+/// The clock wraps within the run.
+const START: u64 = (1 << 32) - 3 * PERIOD;
+const TICKS: u8 = 7;
+const FRAMES: u8 = 3;
+/// A fault that blocks.
+const FAULT: u16 = fault::LEFT_STALLED;
+
+/// What a fresh frame says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Word {
+    /// Nothing: the link is alive.
+    Alive,
+    Stop,
+    Resume,
+    /// The faults are cleared.
+    Cured,
+}
+
+impl Word {
+    const ALL: [Self; 4] = [Self::Alive, Self::Stop, Self::Resume, Self::Cured];
+
+    fn intent(self) -> Intent {
+        Intent {
+            resumes: false,
+            order: match self {
+                Self::Stop => Order::Stop,
+                Self::Resume => Order::Resume,
+                Self::Alive | Self::Cured => Order::None,
+            },
+            clear: if self == Self::Cured { u16::MAX } else { 0 },
+        }
+    }
+}
+
+#[allow(clippy::struct_excessive_bools, reason = "each is a fact")]
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct State {
+    supervisor: Supervisor,
+    /// Microseconds, without a wrap.
+    clock: u64,
+    /// The last tick, and how often it has slept.
+    ticked: u64,
+    slept: bool,
+    /// Waiting for the robot: when it ended and what it says.
+    frame: Option<(u64, Word)>,
+    /// Waiting for the robot: when it was, and what must come of it.
+    tick: Option<(u64, Permit)>,
+    /// What must be: when a frame last ended, whether the robot is stopped or faulted.
+    heard: Option<u64>,
+    stopped: bool,
+    faulted: bool,
+    /// What the motors were last permitted, and whether a frame was handled or a fault found since; for
+    /// [`Robot::Blind`] alone.
+    permit: Permit,
+    met: bool,
+    ticks: u8,
+    frames: u8,
+}
+
+impl Hash for State {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        // The supervisor's own time follows from what was heard; states are compared in full.
+        (self.supervisor.halted(), self.supervisor.faults()).hash(state);
+        (self.clock, self.ticked, self.slept, self.frame).hash(state);
+        (self.tick.map(|tick| tick.0), self.heard, self.met).hash(state);
+        (self.stopped, self.faulted, self.ticks, self.frames).hash(state);
+    }
+}
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} µs, {} after tick {}; waiting: frame {:?}, tick {:?}; heard at {:?}, must be {}{}; {:?}",
+            self.clock - START,
+            self.clock - self.ticked,
+            self.ticks,
+            self.frame.map(|(at, word)| (at - START, word)),
+            self.tick.map(|(at, permit)| (at - START, permit)),
+            self.heard.map(|at| at - START),
+            if self.stopped { "stopped" } else { "free" },
+            if self.faulted { " and faulted" } else { "" },
+            self.supervisor,
+        )
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    /// Time passes up to the next moment.
+    Pass,
+    /// Time passes up to the next tick.
+    Tick,
+    /// The tick comes only just in time.
+    Sleep,
+    /// A fresh frame ends.
+    Frame(Word),
+    /// The robot comes to what waits.
+    Handle,
+    /// A fault is found that blocks.
+    Fault,
+}
+
+/// The robot's priority, as it is or broken on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Robot {
+    Right,
+    /// The deadline is looked at only in ticks that follow a frame or a fault.
+    Blind,
+    /// A frame's time is when the robot comes to it, not when it ended.
+    StampedLate,
+    /// Ticks are handled before frames, whichever is older.
+    TickFirst,
+    /// Frames are handled before ticks, whichever is older.
+    FrameFirst,
+    /// That the deadline has run out is not kept.
+    Forgetful,
+    /// Any frame ends a stop.
+    Eager,
+}
+
+/// The code's clock.
+#[allow(clippy::cast_possible_truncation, reason = "it wraps")]
+fn micros(time: u64) -> Micros {
+    Micros(time as u32)
+}
+
+impl State {
+    /// The time is up, by the rules.
+    fn silent(&self, now: u64) -> bool {
+        self.heard.is_some_and(|heard| now - heard >= DEADLINE)
+    }
+
+    /// A tick, by the rules.
+    fn tick_at(&mut self, now: u64) {
+        self.clock = now;
+        self.ticked = now;
+        self.ticks += 1;
+        self.stopped |= self.silent(now) || self.faulted;
+        let permit = if self.stopped {
+            Permit::Brake
+        } else if self.heard.is_some() {
+            Permit::Drive
+        } else {
+            Permit::Coast
+        };
+        self.tick = Some((now, permit));
+    }
+
+    /// A fresh frame, by the rules.
+    fn frame_at(&mut self, now: u64, word: Word) {
+        self.frames += 1;
+        self.stopped |= self.silent(now);
+        self.heard = Some(now);
+        match word {
+            Word::Alive => {}
+            Word::Stop => self.stopped = true,
+            Word::Resume => self.stopped = false,
+            Word::Cured => self.faulted = false,
+        }
+        self.frame = Some((now, word));
+    }
+}
+
+impl Robot {
+    /// The robot comes to the older of what waits.
+    fn handle(self, next: &mut State) -> Result<(), String> {
+        let tick_first = match (next.frame, next.tick) {
+            (Some((frame, _)), Some((tick, _))) => match self {
+                Self::TickFirst => true,
+                Self::FrameFirst => false,
+                _ => tick < frame,
+            },
+            (frame, _) => frame.is_none(),
+        };
+        match (next.frame, next.tick) {
+            (_, Some((at, expected))) if tick_first => {
+                next.tick = None;
+                let wanted = expected != Permit::Coast;
+                let mut supervisor = next.supervisor;
+                let permit = if next.met || self != Self::Blind {
+                    supervisor.on_tick(micros(at), wanted, wanted)
+                } else {
+                    next.permit
+                };
+                if self == Self::Blind {
+                    next.permit = permit;
+                    next.met = false;
+                }
+                if self != Self::Forgetful {
+                    next.supervisor = supervisor;
+                }
+                if permit == expected {
+                    return Ok(());
+                }
+                Err(match expected {
+                    Permit::Brake => "the motors run although they must stand".into(),
+                    _ => format!("{permit:?} although nothing stops the robot"),
+                })
+            }
+            (Some((at, word)), _) => {
+                next.frame = None;
+                next.met = self == Self::Blind;
+                let at = if self == Self::StampedLate {
+                    next.clock
+                } else {
+                    at
+                };
+                let intent = Intent {
+                    resumes: self == Self::Eager,
+                    ..word.intent()
+                };
+                next.supervisor.on_fresh(micros(at), intent);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Model for Robot {
+    type State = State;
+    type Event = Event;
+
+    fn starts(&self) -> Vec<State> {
+        vec![State {
+            supervisor: Supervisor::new(StopDeadline::new(DEADLINE_MS)),
+            clock: START,
+            ticked: START,
+            slept: false,
+            frame: None,
+            tick: None,
+            heard: None,
+            stopped: false,
+            faulted: false,
+            permit: Permit::Coast,
+            met: false,
+            ticks: 0,
+            frames: 0,
+        }]
+    }
+
+    fn events(&self, state: &State) -> Vec<Event> {
+        let mut events = Vec::new();
+        let since = state.clock - state.ticked;
+        if since < PERIOD - 1 {
+            events.push(Event::Pass);
+        }
+        // The robot handles a tick before the next one.
+        if state.tick.is_none() && state.ticks < TICKS {
+            events.push(Event::Tick);
+            if !state.slept && state.frame.is_none() {
+                events.push(Event::Sleep);
+            }
+        }
+        if since > 0 && state.frame.is_none() && state.frames < FRAMES {
+            events.extend(Word::ALL.map(Event::Frame));
+        }
+        if state.frame.is_some() || state.tick.is_some() {
+            events.push(Event::Handle);
+        } else if !state.faulted {
+            events.push(Event::Fault);
+        }
+        events
+    }
+
+    fn step(&self, state: &State, event: &Event) -> Result<State, String> {
+        let mut next = *state;
+        match *event {
+            Event::Pass => {
+                let since = state.clock - state.ticked;
+                let moment = MOMENTS.into_iter().find(|&moment| moment > since);
+                next.clock = state.ticked + moment.unwrap_or(since);
+            }
+            Event::Tick => next.tick_at(state.ticked + PERIOD),
+            Event::Sleep => {
+                next.slept = true;
+                next.tick_at(state.ticked + SLEEP);
+            }
+            Event::Frame(word) => next.frame_at(state.clock, word),
+            Event::Handle => self.handle(&mut next)?,
+            Event::Fault => {
+                next.faulted = true;
+                next.stopped = true;
+                next.met = *self == Self::Blind;
+                next.supervisor.raise(FAULT);
+            }
+        }
+        Ok(next)
+    }
+}
+
+const LIMIT: usize = 10_000_000;
+
+// Requirement: WIRE-deadline-1, WIRE-deadline-2
+#[test]
+fn no_order_of_clock_and_frames_lets_silence_pass_or_stops_a_live_link() {
+    let visited = search(&Robot::Right, LIMIT).unwrap_or_else(|found| panic!("{found}"));
+    println!("{visited:?}");
+    assert!(visited.states > 10_000);
+}
+
+#[test]
+fn every_way_to_break_the_deadline_is_found() {
+    for (broken, expected) in [
+        (Robot::Blind, "must stand"),
+        (Robot::StampedLate, "must stand"),
+        (Robot::TickFirst, "must stand"),
+        (Robot::FrameFirst, "nothing stops the robot"),
+        (Robot::Forgetful, "must stand"),
+        (Robot::Eager, "must stand"),
+    ] {
+        let found = search(&broken, LIMIT).expect_err("broken");
+        println!("{broken:?}: {found}");
+        assert!(found.broken.contains(expected), "{broken:?}: {found}");
+    }
+}
