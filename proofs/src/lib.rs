@@ -10,10 +10,10 @@
 //! | [`wire`] | T1, T2: frames, links, codes |
 //! | [`double`] | T4: binary64 to fixed point and back |
 //! | [`eeprom`] | T3, T5: the image and what an accepted configuration promises |
-//! | [`motion`] | T6 to T8: heading, position, regulators, stop deadline |
+//! | [`motion`] | T6 to T8, T14: heading, position, regulators, wheels, stop deadline |
 //! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders and battery |
 //! | [`log`] | T13: the log's queue |
-//! | [`robot`] | T5, T8: the whole robot under any order of events |
+//! | [`robot`] | T5, T8, T14: the whole robot under any order of events |
 //! | [`theorem`] | how a property is declared |
 //! | [`input`] | where inputs come from |
 //! | [`search`] | the explicit-state search of the models in `tests/` |
@@ -57,6 +57,8 @@ pub const THEOREMS: &[&[Theorem]] = &[
     motion::trig::THEOREMS,
     motion::odometry::THEOREMS,
     motion::pid::THEOREMS,
+    motion::wheels::THEOREMS,
+    motion::plausibility::THEOREMS,
     motion::deadline::THEOREMS,
     sensing::rangefinder::THEOREMS,
     sensing::sweep::THEOREMS,

@@ -1,14 +1,15 @@
-//! T5 and T8 of the whole robot: any configuration that was accepted, any order of events.
+//! T5, T8 and T14 of the whole robot: any configuration that was accepted, any order of events.
 
 use fw_core::double::Double;
 use fw_core::log::Log;
 use fw_core::robot::{leds, Drive, Outputs, Rangefinder, Robot, Sample, BLOCKING};
-use fw_core::units::Micros;
+use fw_core::units::{Micros, Pose};
 use fw_core::wire::{
-    frame_len, CellCode, Command, Order, PiLink, PoseCode, Setup, State, MAX_FRAME,
+    fault, frame_len, CellCode, Command, Mode, Order, PiLink, PoseCode, Setup, State, MAX_FRAME,
 };
 
 use crate::eeprom::accepted::AcceptedConfig;
+use crate::motion::plausibility;
 use crate::theorem::Seen;
 
 /// What happens, as bytes: each event is one, and takes its figures from those after it.
@@ -224,7 +225,116 @@ pub fn robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, scrip
         .case(3, rig.rejected && rig.fresh.is_some())
 }
 
+/// The robot stands where it was switched on, whatever the counters read then: the first tick moves its
+/// pose by nothing and finds no fault in its wheels. The next moves it.
+// Requirement: DOC-4.1-1
+pub fn first_sample_moves_nothing(
+    config: AcceptedConfig,
+    now: Micros,
+    left: u32,
+    right: u16,
+    rolled: u8,
+) -> Seen {
+    let mut log = Log::<1024>::new();
+    let first = Sample { now, left, right };
+    let mut robot = Robot::new(&config.0, first);
+    let outputs = robot.on_tick(first, &[], &mut log);
+    assert!(robot.pose() == Pose::default());
+    assert!(robot.faults() & WHEELS == 0);
+    assert!(outputs.left == Drive::Coast && outputs.right == Drive::Coast);
+    let next = Sample {
+        now: now.after(10_000),
+        left: left.wrapping_add(rolled.into()),
+        right,
+    };
+    let _ = robot.on_tick(next, &[], &mut log);
+    assert!((robot.pose() == Pose::default()) == (rolled == 0));
+    Seen::NOTHING
+        .case(0, left != 0 && right != 0)
+        .case(1, rolled != 0 && next.left < left)
+        .case(2, rolled == 0)
+}
+
+/// What is found at the wheels.
+const WHEELS: u16 = fault::LEFT_STALLED
+    | fault::RIGHT_STALLED
+    | fault::LEFT_REVERSED
+    | fault::RIGHT_REVERSED
+    | fault::ENCODER_JUMP;
+
+/// A robot whose wheels do not turn is stopped in time: told to turn from a start, by any percentage,
+/// it brakes and is faulted after [`EARLIEST`](plausibility::EARLIEST) ticks at the earliest, and after
+/// [`FROM_REST`](plausibility::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
+// Requirement: WIRE-status-1
+pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) -> Seen {
+    let AcceptedConfig(mut config) = config;
+    config.mode = Mode::TuneRotate;
+    // Nothing else is to stop it.
+    config.platform.battery_cutoff = 0;
+    let platform = config.platform;
+    let percent = i32::from(percent).clamp(-100, 100);
+    let beyond =
+        |limit: u16, dead_zone: u16| (percent.abs() * 100).min(limit.into()) - i32::from(dead_zone);
+    let driven = [
+        beyond(platform.limit_left, platform.dead_zone_left),
+        beyond(platform.limit_right, platform.dead_zone_right),
+    ];
+    let mut sample = Sample {
+        now,
+        ..Sample::default()
+    };
+    let mut robot = Robot::new(&config, sample);
+    let mut pi = PiLink::new(Setup::from(&config));
+    let mut log = Log::<1024>::new();
+    let mut after = None;
+    for tick in 0..=plausibility::FROM_REST + 20 {
+        let command = Command {
+            percent: Double::from_scaled(percent.into(), 0),
+            ..Command::default()
+        };
+        let mut frame = [0; MAX_FRAME];
+        let len = pi.send(&command, &mut frame);
+        robot.on_frame(&frame, len, sample.now, &mut log);
+        let outputs = robot.on_tick(sample, &[], &mut log);
+        sample.now = sample.now.after(10_000);
+        let accused = robot.faults() & WHEELS != 0;
+        if accused {
+            assert!(robot.state() == State::Faulted);
+            assert!(outputs.left == Drive::Brake && outputs.right == Drive::Brake);
+            // The first tick only told them: so many have been judged.
+            after = after.or(Some(tick));
+        }
+        assert!(accused == after.is_some());
+    }
+    if driven.iter().any(|&beyond| beyond >= plausibility::DRIVEN) {
+        assert!(after.is_some_and(|after| after <= plausibility::FROM_REST));
+    }
+    if driven.iter().all(|&beyond| beyond < plausibility::IDLE) {
+        assert!(after.is_none());
+    }
+    assert!(after.is_none_or(|after| after >= plausibility::EARLIEST));
+    Seen::NOTHING
+        .case(
+            0,
+            after.is_some_and(|after| after >= plausibility::FROM_REST - 1),
+        )
+        .case(1, after.is_some_and(|after| after < 65))
+        .case(2, after.is_none() && percent != 0)
+}
+
 crate::theorems! {
+    T6 first_sample_moves_nothing(
+        config: AcceptedConfig, now: Micros, left: u32, right: u16, rolled: u8
+    ) {
+        cases ["counters that stand anywhere", "the left counter wrapped", "nothing rolled"];
+        needs [accepted_configuration_is_bounded];
+        sampled 50_000;
+    }
+    T14 blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) {
+        cases ["as late as can be", "at full drive", "too little to tell"];
+        needs [accepted_configuration_is_bounded, broken_wheel_is_noticed_in_time];
+        sampled 20_000;
+    }
     T8 robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) {
         cases ["it drove", "it drove and silence stopped it", "a fault stopped it", "it rejected a frame"];
         needs [accepted_configuration_is_bounded];

@@ -49,6 +49,8 @@ pub struct Theorem {
     pub area: &'static str,
     /// The property's function.
     pub name: &'static str,
+    /// The types of its inputs.
+    pub inputs: &'static [&'static str],
     /// What each case is; every one must be reachable.
     pub cases: &'static [&'static str],
     /// Its Kani harnesses, as `name::harness`.
@@ -102,6 +104,7 @@ macro_rules! theorem_entry {
             number: stringify!($number),
             area: module_path!(),
             name: stringify!($name),
+            inputs: &[$(stringify!($type)),*],
             cases: &[$($case),+],
             harnesses: &[$(concat!(stringify!($name), "::", stringify!($harness))),*],
             tests: &[

@@ -29,6 +29,25 @@ fn what_a_theorem_needs_is_a_theorem() {
     }
 }
 
+/// What a configuration promises is proven beside the code that accepts it; everybody else who is given
+/// one takes that for granted, and says so.
+#[test]
+fn whoever_takes_an_accepted_configuration_names_its_theorem() {
+    let mut pairs = 0;
+    for theorem in proofs::theorems() {
+        let given = theorem.inputs.contains(&"AcceptedConfig");
+        if given && !theorem.area.contains("::eeprom") {
+            assert!(
+                theorem.needs.contains(&"accepted_configuration_is_bounded"),
+                "{} takes a configuration for accepted and does not say what it needs of it",
+                theorem.name
+            );
+            pairs += 1;
+        }
+    }
+    assert!(pairs > 0);
+}
+
 #[test]
 fn the_page_names_every_theorem_and_no_other() {
     let page = include_str!("../../docs/proofs.md");

@@ -1,13 +1,17 @@
-//! T5 to T8: where the robot is, its regulators, and the stop deadline.
+//! T5 to T8, T14: where the robot is, its regulators, its wheels, and the stop deadline.
 //!
 //! | module | theorems |
 //! |---|---|
 //! | [`trig`] | T6: sine, cosine and direction |
 //! | [`odometry`] | T6: heading and position |
 //! | [`pid`] | T7: the regulator's limits |
+//! | [`wheels`] | T7: the wheels' limits |
+//! | [`plausibility`] | T14: a wheel that does not do what it is told |
 //! | [`deadline`] | T8: silence stops the robot |
 
 pub mod deadline;
 pub mod odometry;
 pub mod pid;
+pub mod plausibility;
 pub mod trig;
+pub mod wheels;

@@ -151,10 +151,12 @@ pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 3]) 
 crate::theorems! {
     T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
+        needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }
     T6 heading_returns(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["it had turned", "it had not"];
+        needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }
     T6 step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) {
