@@ -70,8 +70,8 @@ struct State {
     slept: bool,
     /// Waiting for the robot: when it ended and what it says.
     frame: Option<(u64, Word)>,
-    /// Waiting for the robot: when it was, and what must come of it.
-    tick: Option<(u64, Permit)>,
+    /// Waiting for the robot: when it was, what must come of it, and whether somebody talks to the robot.
+    tick: Option<(u64, Permit, bool)>,
     /// What must be: when a frame last ended, whether the robot is stopped or faulted.
     heard: Option<u64>,
     stopped: bool,
@@ -103,7 +103,7 @@ impl fmt::Debug for State {
             self.clock - self.ticked,
             self.ticks,
             self.frame.map(|(at, word)| (at - START, word)),
-            self.tick.map(|(at, permit)| (at - START, permit)),
+            self.tick.map(|(at, permit, _)| (at - START, permit)),
             self.heard.map(|at| at - START),
             if self.stopped { "stopped" } else { "free" },
             if self.faulted { " and faulted" } else { "" },
@@ -171,7 +171,8 @@ impl State {
         } else {
             Permit::Coast
         };
-        self.tick = Some((now, permit));
+        let attended = self.heard.is_some() && !self.silent(now);
+        self.tick = Some((now, permit, attended));
     }
 
     /// A fresh frame, by the rules.
@@ -193,7 +194,7 @@ impl Robot {
     /// The robot comes to the older of what waits.
     fn handle(self, next: &mut State) -> Result<(), String> {
         let tick_first = match (next.frame, next.tick) {
-            (Some((frame, _)), Some((tick, _))) => match self {
+            (Some((frame, _)), Some((tick, ..))) => match self {
                 Self::TickFirst => true,
                 Self::FrameFirst => false,
                 _ => tick < frame,
@@ -201,7 +202,7 @@ impl Robot {
             (frame, _) => frame.is_none(),
         };
         match (next.frame, next.tick) {
-            (_, Some((at, expected))) if tick_first => {
+            (_, Some((at, expected, attended))) if tick_first => {
                 next.tick = None;
                 let wanted = expected != Permit::Coast;
                 let mut supervisor = next.supervisor;
@@ -218,7 +219,12 @@ impl Robot {
                     next.supervisor = supervisor;
                 }
                 if permit == expected {
-                    return Ok(());
+                    // What the servo's force goes by.
+                    return if next.supervisor.attended(micros(at)) == attended {
+                        Ok(())
+                    } else {
+                        Err("whether somebody talks to the robot is mistaken".into())
+                    };
                 }
                 Err(match expected {
                     Permit::Brake => "the motors run although they must stand".into(),
@@ -332,8 +338,8 @@ fn every_way_to_break_the_deadline_is_found() {
     for (broken, expected) in [
         (Robot::Blind, "must stand"),
         (Robot::StampedLate, "must stand"),
-        (Robot::TickFirst, "must stand"),
-        (Robot::FrameFirst, "nothing stops the robot"),
+        (Robot::TickFirst, "is mistaken"),
+        (Robot::FrameFirst, "is mistaken"),
         (Robot::Forgetful, "must stand"),
         (Robot::Eager, "must stand"),
     ] {

@@ -91,10 +91,12 @@ struct Reader {
     lines: u8,
     /// Lines reported as dropped.
     reported: u8,
-    /// The least number that the next line can have.
+    /// The number that follows, unless lines were dropped; the next one read says how many.
     next: u8,
-    /// A transfer failed: one line may have lost its middle.
+    /// A transfer failed: one line may have lost its middle,
     doubtful: bool,
+    /// and whole ones may be missing before the next.
+    lossy: bool,
 }
 
 /// A decimal number.
@@ -117,7 +119,7 @@ impl Reader {
         let shown = String::from_utf8_lossy(&before.line[..before.len]).into_owned();
         if !whole {
             if !before.doubtful {
-                return Err(format!("a torn line: {shown:?}"));
+                return Err(format!("a torn line, or one out of its order: {shown:?}"));
             }
             *self = before;
         }
@@ -127,7 +129,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Whether the line is one that was written, with a number that can follow.
+    /// Whether the line is one that was written, with the number that follows.
     fn whole_line(&mut self) -> bool {
         let line = &self.line[..self.len];
         let (Some(level), Some(number), Some(b": "), Some(text)) = (
@@ -138,22 +140,27 @@ impl Reader {
         ) else {
             return false;
         };
-        if number < self.next {
+        let dropped = match level {
+            b'W' => text.strip_suffix(b" lines dropped").and_then(decimal),
+            b'I' => [Text::Short, Text::Long]
+                .iter()
+                .any(|known| known.letters().as_bytes() == text)
+                .then_some(0),
+            _ => None,
+        };
+        let Some(dropped) = dropped else {
+            return false;
+        };
+        let expected = self.next + dropped;
+        if number < expected || number > expected && !self.lossy {
             return false;
         }
         self.next = number + 1;
-        if *level == b'W' {
-            let Some(count) = text.strip_suffix(b" lines dropped").and_then(decimal) else {
-                return false;
-            };
-            self.reported += count;
-            return true;
-        }
-        self.lines += 1;
-        *level == b'I'
-            && [Text::Short, Text::Long]
-                .iter()
-                .any(|known| known.letters().as_bytes() == text)
+        // Two lines' halves may look like one.
+        self.lossy &= self.doubtful;
+        self.reported += dropped;
+        self.lines += u8::from(dropped == 0);
+        true
     }
 }
 
@@ -412,6 +419,7 @@ impl Model for Service {
                 reported: 0,
                 next: 0,
                 doubtful: false,
+                lossy: false,
             },
             written: 0,
             failures: 0,
@@ -520,6 +528,7 @@ impl Model for Service {
                 next.failures += 1;
                 next.failed = true;
                 next.reader.doubtful = true;
+                next.reader.lossy = true;
                 next.stream = None;
                 self.raise(&mut next);
             }
