@@ -265,7 +265,7 @@ const WHEELS: u16 = fault::LEFT_STALLED
 /// A robot whose wheels do not turn is stopped in time: told to turn from a start, by any percentage,
 /// it brakes and is faulted after [`EARLIEST`](plausibility::EARLIEST) ticks at the earliest, and after
 /// [`FROM_REST`](plausibility::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
-// Requirement: WIRE-status-1
+// Requirement: WIRE-status-1, WIRE-status-3
 pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) -> Seen {
     let AcceptedConfig(mut config) = config;
     config.mode = Mode::TuneRotate;

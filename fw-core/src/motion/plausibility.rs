@@ -149,6 +149,7 @@ impl Plausibility {
 
     /// Every tick: what the bridges were told since the last one, and what the wheels did. Bits of
     /// [`fault`], 0 if all is well.
+    // Requirement: WIRE-status-3
     #[must_use]
     pub fn step(&mut self, told: &Wheels, delta: &Delta) -> u16 {
         let mut faults = self.left.step(told.left, delta.left, self.least)

@@ -168,6 +168,7 @@ impl Mixer {
     }
 
     /// Forward and counter-clockwise rotation, percent.
+    // Requirement: WIRE-eeprom-6
     #[must_use]
     pub fn mix(&mut self, forward: I16F16, rotation: I16F16) -> Wheels {
         let rotation = rotation.to_bits().min(self.reach).max(-self.reach);
@@ -180,6 +181,7 @@ impl Mixer {
 
     /// Raw duties in hundredths of a percent, within the configured limits only: what the tuning
     /// modes measure must be the motors, not our compensation.
+    // Requirement: WIRE-eeprom-6
     #[must_use]
     pub fn raw(&mut self, left: i32, right: i32) -> Wheels {
         self.stand();

@@ -128,7 +128,7 @@ fn one_of(wheel: usize, drive: Drive, counts: i32) -> (Wheels, Delta) {
 
 /// An encoder that jumps is noticed in that tick, whatever was before, and nothing else is a jump: more
 /// than a tenth of a turn. Nothing overflows for any duties, counts and figures.
-// Requirement: WIRE-status-1
+// Requirement: WIRE-status-3
 pub fn jump_is_noticed_at_once(
     figures: Figures,
     before: (Wheels, (i32, i32)),
@@ -222,7 +222,7 @@ impl Witness {
 /// told 20 % beyond its dead zone, one way, in each of the last 50 ticks and turned by less than 1/128
 /// turn in them; of turning back only if it turned by that much the other way. Whatever both wheels
 /// are told and do, for as long as one likes.
-// Requirement: WIRE-status-1
+// Requirement: WIRE-status-3
 pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) -> Seen {
     let figures = Figures::of(&config.0.platform);
     let mut watch = figures.watch();
@@ -291,7 +291,7 @@ impl Past {
 /// A wheel that stands, or whose encoder does, is noticed in time, and so is one that turns the wrong
 /// way: within [`FROM_REST`], [`WHILE_DRIVING`] or [`AFTER_ANYTHING`] ticks, as its past was, and its
 /// encoder may tremble. From a start never within [`EARLIEST`].
-// Requirement: WIRE-status-1
+// Requirement: WIRE-status-3
 pub fn broken_wheel_is_noticed_in_time(
     config: AcceptedConfig,
     past: (u8, [u8; 15]),

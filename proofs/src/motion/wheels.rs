@@ -99,6 +99,7 @@ fn limits(platform: &Platform) -> [i32; 2] {
 
 /// No output, however large, is a duty beyond its wheel's limit, whatever has been learned of the
 /// wheels; no output at all is a duty of zero.
+// Requirement: WIRE-eeprom-6
 pub fn duty_keeps_its_wheels_limit(
     config: AcceptedConfig,
     driven: Driven,
@@ -122,7 +123,7 @@ pub fn duty_keeps_its_wheels_limit(
 
 /// The constant duties of the tuning modes are held within each wheel's limit and are else what the Pi
 /// asked for: nothing is added for the dead zone, nothing that was learned counts.
-// Requirement: DOC-5.2.2-1
+// Requirement: DOC-5.2.2-1, WIRE-eeprom-6
 pub fn raw_duty_is_what_was_asked(
     config: AcceptedConfig,
     driven: Driven,
