@@ -113,7 +113,7 @@ pub fn duty_keeps_its_wheels_limit(
     let [left, right] = limits(platform);
     assert!(duties[0].abs() <= left && duties[1].abs() <= right);
     if forward == 0 && rotation == 0 {
-        assert!(duties == [0, 0]);
+        assert!(duties[0] == 0 && duties[1] == 0);
     }
     Seen::NOTHING
         .case(0, duties[0].abs() == left || duties[1].abs() == right)
@@ -138,7 +138,7 @@ pub fn raw_duty_is_what_was_asked(
     }
     assert!(mixer.brake() == Wheels::BRAKE);
     Seen::NOTHING
-        .case(0, duties == [left, right])
+        .case(0, duties[0] == left && duties[1] == right)
         .case(1, duties[0] != left)
         .case(2, duties[1] != right)
 }
@@ -264,7 +264,7 @@ crate::theorems! {
     ) {
         cases ["at a limit", "on the spot", "nothing asked"];
         needs [accepted_configuration_is_bounded, shares_keep_their_range];
-        kani first_board [unwind(4)] =
+        kani unlearned [unwind(4)] =
             (AcceptedConfig(first_board()), Driven::NOT, any(), any());
         sampled 100_000;
     }
@@ -273,7 +273,7 @@ crate::theorems! {
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
         needs [accepted_configuration_is_bounded];
-        kani first_board [unwind(4)] =
+        kani unlearned [unwind(4)] =
             (AcceptedConfig(first_board()), Driven::NOT, any(), any());
         sampled 100_000;
     }
@@ -282,7 +282,7 @@ crate::theorems! {
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
         needs [accepted_configuration_is_bounded, shares_keep_their_range];
-        kani first_board [unwind(4)] =
+        kani unlearned [unwind(4)] =
             (AcceptedConfig(first_board()), Driven::NOT, any(), any());
         sampled 100_000;
     }
