@@ -102,6 +102,12 @@ impl<'a> Biased<'a> {
         Self(Bytes(bytes))
     }
 
+    /// Whether all bytes have been drawn: from here on everything is zero.
+    #[must_use]
+    pub const fn is_spent(&self) -> bool {
+        self.0 .0.is_empty()
+    }
+
     /// An edge, a small number of either sign, a power of two and its neighbours, or anything.
     fn shaped(&mut self, width: u32) -> u64 {
         let shape = self.0.bits8();

@@ -8,8 +8,9 @@ use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, Test
 use crate::input::Biased;
 use crate::theorem::Seen;
 
-/// Bytes an input is drawn from; what lies beyond reads as zero.
-const NOISE: usize = 1024;
+/// Bytes an input is drawn from; a configuration takes some 1500. What lies beyond would read as zero,
+/// and a property's last inputs would hardly ever be anything else: drawing that much fails.
+const NOISE: usize = 4096;
 
 /// Runs `property` on `count` inputs. Panics with the simplest input found that breaks it, or with
 /// the case that none of them met.
@@ -32,7 +33,10 @@ pub(crate) fn sample<T: Debug>(
     quiet();
     SHRINKING.set(true);
     let run = runner.run(&Noise, |noise| {
-        let met = property(draw(&mut Biased::new(&noise)));
+        let mut source = Biased::new(&noise);
+        let input = draw(&mut source);
+        assert!(!source.is_spent(), "{NOISE} bytes are too few to draw from");
+        let met = property(input);
         seen.set(seen.get().and(met));
         Ok::<(), TestCaseError>(())
     });
