@@ -8,7 +8,7 @@ use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, Test
 use crate::input::Biased;
 use crate::theorem::Seen;
 
-/// Bytes an input is drawn from; a configuration takes some 1500. What lies beyond would read as zero,
+/// Bytes an input is drawn from; a configuration takes some 500. What lies beyond would read as zero,
 /// and a property's last inputs would hardly ever be anything else: drawing that much fails.
 const NOISE: usize = 4096;
 

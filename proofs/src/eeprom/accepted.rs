@@ -12,9 +12,8 @@ use crate::input::{Input, Source};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AcceptedConfig(pub Config);
 
-/// Bits that `field` accepts: both ends of its range often, all of it sometimes.
-fn accepted(field: &Field, source: &mut impl Source) -> u64 {
-    let shape = source.bits8();
+/// Bits that `field` accepts: both ends of its range often, all of it sometimes; `shape` is below 128.
+fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
     let anything = source.bits64();
     match *field.accepted {
         Accepted::Whole { min, max } => {
@@ -38,7 +37,7 @@ fn accepted(field: &Field, source: &mut impl Source) -> u64 {
                 0 => low,
                 1 => high,
                 // Small factors matter as much as large ones.
-                2..=5 => low + ((anything % (span + 1)) >> (shape >> 3)),
+                2..=5 => low + ((anything % (span + 1)) >> (shape >> 3 << 1)),
                 _ => low + anything % (span + 1),
             };
             Double::from_fixed(I32F32::from_bits(i64::try_from(bits).unwrap_or(0))).0
@@ -52,10 +51,10 @@ impl Input for AcceptedConfig {
     fn draw(source: &mut impl Source) -> Self {
         let mut config = first_board();
         for field in FIELDS {
-            let raw = accepted(field, source);
-            // Half of the fields stay as they are on the first board.
-            if source.bits8() & 1 == 1 {
-                field.set(&mut config, raw);
+            // Half of the fields stay as they are on the first board, and take a byte each.
+            let shape = source.bits8();
+            if shape & 1 == 1 {
+                field.set(&mut config, accepted(field, shape >> 1, source));
             }
         }
         // What fields must hold together.
