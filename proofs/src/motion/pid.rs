@@ -281,11 +281,21 @@ pub fn sequence_stays_within_the_limit(
 
 impl Input for Gains {
     fn draw(source: &mut impl Source) -> Self {
+        // Factors that a configuration may hold, from tiny to 8192, as often as any numbers at all.
+        let accepted = bool::draw(source);
+        let factor = |source: &mut _| {
+            if accepted {
+                let large = i64::from(u32::draw(source)) << 13;
+                Double::from_scaled(large >> (u8::draw(source) % 40), 32)
+            } else {
+                Double::draw(source)
+            }
+        };
         Self {
-            p: Input::draw(source),
-            i: Input::draw(source),
-            d: Input::draw(source),
-            anti_windup: Input::draw(source),
+            p: factor(source),
+            i: factor(source),
+            d: factor(source),
+            anti_windup: factor(source),
         }
     }
 }
