@@ -300,7 +300,7 @@ impl Input for Gains {
     }
 }
 
-/// Every so manieth value of either sign, for what would take the solver hours.
+/// A value of either sign whose last bits are 0, for what would else take the solver hours.
 #[cfg(kani)]
 fn coarse(bits: u32) -> i32 {
     let value: i16 = crate::input::any();
