@@ -28,6 +28,7 @@ use arm::{Arm, Way};
 use error::{failed, Error, Of, Result};
 use firmware::Edition;
 use fuzz::{Effort, Fuzzer};
+use kani::Shard;
 use place::Place;
 
 const USAGE: &str = "\
@@ -49,7 +50,7 @@ usage: cargo xtask COMMAND [OPTIONS]
                             the debugger, on the board or on the virtual one
   test [--quick] [--only GATE[,GATE]]
                             every gate a change must pass, with a table
-  prove                     the theorems, by Kani
+  prove [--shard K/N]       the theorems, by Kani; or every N-th of them, K from 0
   fuzz [TARGET] [--seconds N] [--minimise]
                             fuzz one target or all; with --minimise, put what was learned into
                             the committed corpus, as few inputs as reach as much
@@ -74,13 +75,14 @@ struct Words {
     rest: Vec<String>,
 }
 
-const WITH_VALUE: [&str; 6] = [
+const WITH_VALUE: [&str; 7] = [
     "--features",
     "--only",
     "--seconds",
     "--way",
     "--serial",
     "--interface",
+    "--shard",
 ];
 const WITHOUT: [&str; 4] = ["--virtual", "--quick", "--minimal", "--minimise"];
 
@@ -252,12 +254,13 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             });
         }
         "prove" => {
-            words.only(0, false, &[])?;
+            words.only(0, false, &["--shard"])?;
+            let shard = words.option("--shard").map(Shard::parse).transpose()?;
             let place = Place::find()?;
             if kani::version(&place).is_none() {
                 return Err(Error::Missing(kani::MISSING.into()));
             }
-            println!("{}", kani::prove(&place)?);
+            println!("{}", kani::prove(&place, shard.unwrap_or(Shard::ALL))?);
         }
         "fuzz" => {
             words.only(1, false, &["--seconds", "--minimise"])?;

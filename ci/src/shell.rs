@@ -62,6 +62,14 @@ pub fn run(command: &mut Command) -> Result<()> {
 /// # Errors
 /// Where the program cannot be started.
 pub fn tee_any_end(command: &mut Command) -> Result<(ExitStatus, String)> {
+    tee_some(command, |_| true)
+}
+
+/// The same with only those lines shown that are `telling`; all are handed back.
+///
+/// # Errors
+/// Where the program cannot be started.
+pub fn tee_some(command: &mut Command, telling: fn(&str) -> bool) -> Result<(ExitStatus, String)> {
     announce(command);
     let mut child = command
         .stdin(Stdio::null())
@@ -72,11 +80,11 @@ pub fn tee_any_end(command: &mut Command) -> Result<(ExitStatus, String)> {
     let errors = child
         .stderr
         .take()
-        .map(|pipe| thread::spawn(move || relay(pipe, false)));
+        .map(|pipe| thread::spawn(move || relay(pipe, false, telling)));
     let mut text = child
         .stdout
         .take()
-        .map(|pipe| relay(pipe, true))
+        .map(|pipe| relay(pipe, true, telling))
         .unwrap_or_default();
     let status = child.wait().of(shown(command))?;
     if let Some(Ok(errors)) = errors.map(thread::JoinHandle::join) {
@@ -85,17 +93,17 @@ pub fn tee_any_end(command: &mut Command) -> Result<(ExitStatus, String)> {
     Ok((status, text))
 }
 
-fn relay(pipe: impl std::io::Read, to_output: bool) -> String {
+fn relay(pipe: impl std::io::Read, to_output: bool, telling: fn(&str) -> bool) -> String {
     let mut text = String::new();
     for line in BufReader::new(pipe)
         .split(b'\n')
         .map_while(std::result::Result::ok)
     {
         let line = String::from_utf8_lossy(&line);
-        if to_output {
-            println!("{line}");
-        } else {
-            eprintln!("{line}");
+        match (telling(&line), to_output) {
+            (true, true) => println!("{line}"),
+            (true, false) => eprintln!("{line}"),
+            (false, _) => {}
         }
         text.push_str(&line);
         text.push('\n');

@@ -149,6 +149,72 @@ pub fn three_lines_fit_or_are_counted(sent: [u8; 2]) -> Seen {
         .case(1, log.dropped() == 1)
 }
 
+/// What the lines of [`line_leaves_as_it_entered`] are filled with.
+const LETTERS: &str = "xxxxxxxxxxxxxxx";
+
+/// So many of them.
+fn letters(count: usize) -> &'static str {
+    LETTERS.get(..count).unwrap_or_default()
+}
+
+/// A line with `first` letters passes through a queue of 24 bytes, so that the next byte has another
+/// place for every count. Then come a line of 11 bytes with two digits of `number` and one of 14 for
+/// which there is no room. What the far end reads.
+fn through_the_ring(first: usize, number: u32) -> [u8; 35] {
+    let mut log = Log::<24>::new();
+    log.line(Level::Info, |line| {
+        line.text(letters(first));
+    });
+    assert!(log.pending().len() == 9 + first);
+    log.sent(9 + first);
+    assert!(log.pending().is_empty());
+    log.line(Level::Error, |line| {
+        line.hex(number, 2);
+    });
+    assert!(log.dropped() == 0);
+    log.line(Level::Info, |line| {
+        line.text(letters(5));
+    });
+    assert!(log.dropped() == 1);
+    let mut read = [0; 35];
+    let mut at = 0;
+    // To the buffer's end, from its beginning, and the same for the report of the line dropped.
+    for _ in 0..4 {
+        let count = log.pending().len();
+        read[at..at + count].copy_from_slice(log.pending());
+        at += count;
+        log.sent(count);
+    }
+    assert!(at == 35 && log.pending().is_empty() && log.dropped() == 1);
+    read
+}
+
+/// Wherever the ring wraps, what leaves is what was written, byte by byte; then the line for which there
+/// was no room is counted.
+// Requirement: WIRE-log-2
+pub fn line_leaves_as_it_entered(first: u8, number: u32) -> Seen {
+    const WRITTEN: &[u8; 35] = b"E00001: --\nW00003: 1 lines dropped\n";
+    let first = usize::from(first);
+    if first > LETTERS.len() {
+        return Seen::NOTHING;
+    }
+    let read = through_the_ring(first, number);
+    for (place, (&read, &written)) in read.iter().zip(WRITTEN).enumerate() {
+        let digit = match place {
+            8 => number >> 4 & 0xF,
+            9 => number & 0xF,
+            _ => {
+                assert!(read == written);
+                continue;
+            }
+        };
+        assert!(Some(&read) == b"0123456789ABCDEF".get(digit as usize));
+    }
+    Seen::NOTHING
+        .case(0, read[8] == b'0' && read[9] == b'F')
+        .case(1, read[8] == b'A' && read[9] == b'9')
+}
+
 /// Every script of `length` events.
 #[cfg(test)]
 fn scripts(length: u32) -> impl Iterator<Item = ([u8; 24],)> {
@@ -170,6 +236,12 @@ crate::theorems! {
         cases ["lines were dropped", "none were", "many went through"];
         exhaustive scripts(7);
         sampled 100_000;
+    }
+    T13 line_leaves_as_it_entered(first: u8, number: u32) {
+        cases ["0F", "A9"];
+        kani wrapped_between_digits [unwind(37)] = (6, any());
+        kani wrapped_behind_the_line [unwind(37)] = (4, any());
+        exhaustive (0..16).flat_map(|first| (0..256).map(move |number| (first, number)));
     }
     T13 three_lines_fit_or_are_counted(sent: [u8; 2]) {
         cases ["all fit", "one was dropped"];

@@ -63,6 +63,17 @@ pub struct Theorem {
     pub run: fn(&mut Bytes<'_>) -> Seen,
 }
 
+impl Theorem {
+    /// Its Kani harnesses by the names that `cargo kani --exact --harness` takes.
+    pub fn kani_names(&self) -> impl Iterator<Item = String> + '_ {
+        let area = self.area.trim_start_matches("proofs::");
+        self.harnesses
+            .iter()
+            .filter_map(|harness| harness.split_once("::"))
+            .map(move |(name, harness)| format!("{area}::{name}::harness::{harness}"))
+    }
+}
+
 /// Declares the theorems of one area; see the [module](crate::theorem).
 ///
 /// ```text

@@ -4,7 +4,7 @@ use super::{passed, skipped, Context, Verdict};
 use crate::defects::{self, Bench};
 use crate::error::{failed, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
-use crate::kani;
+use crate::kani::{self, Shard};
 use crate::shell;
 
 /// The theorems' table against its floors: a proof that went missing fails here.
@@ -106,7 +106,10 @@ impl Counts {
 pub fn kani(context: &mut Context) -> Result<Verdict> {
     match kani::version(&context.place) {
         None => skipped(kani::MISSING),
-        Some(version) => passed(format!("{version}: {}", kani::prove(&context.place)?)),
+        Some(version) => {
+            let figure = kani::prove(&context.place, Shard::ALL)?;
+            passed(format!("{version}: {figure}"))
+        }
     }
 }
 

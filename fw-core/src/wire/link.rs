@@ -80,8 +80,13 @@ impl LinkCounters {
 
     #[cold]
     pub(crate) fn reject(&mut self, cause: Cause) {
-        if let Some(count) = self.rejected.get_mut(cause as usize) {
-            *count = count.saturating_add(1);
+        let count = self.rejected(cause).saturating_add(1);
+        // Not written where the cause points to: to a model checker that may change all that stands around
+        // the counters, the mode too.
+        for (place, slot) in self.rejected.iter_mut().enumerate() {
+            if place == cause as usize {
+                *slot = count;
+            }
         }
     }
 }
