@@ -1,7 +1,8 @@
 //! T10: the battery's voltages are total, right and monotone, and its cells all get their turn.
 
 use fixed::types::U16F16;
-use fw_core::eeprom::{first_board, Config};
+use fw_core::double::Double;
+use fw_core::eeprom::{first_board, Config, Divider};
 use fw_core::sensing::Battery;
 use fw_core::units::Volts;
 
@@ -190,6 +191,39 @@ pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
         .case(1, two == Some(Volts::default()))
 }
 
+/// Whatever the full scale, the largest word and a divider are, accepted or not: no words overflow
+/// anything, and no voltage comes of words that are 0.
+pub fn any_divider_is_safe(
+    full_scale: Double,
+    largest: u32,
+    ohms: (u32, u32),
+    words: [u16; 2],
+) -> Seen {
+    let (upper, lower) = ohms;
+    let mut config = Config {
+        cells: 1,
+        adc_max_voltage: full_scale,
+        adc_max_word: largest,
+        dividers: [Divider::default(); 8],
+        ..first_board()
+    };
+    config.dividers[0] = Divider { upper, lower };
+    let mut battery = Battery::new(&config);
+    let mut voltage = Volts::default();
+    for word in words {
+        battery.sample(&[word]);
+        let cell = battery.cell(0);
+        assert!(cell.is_some());
+        voltage = cell.unwrap_or_default();
+    }
+    assert!(words != [0; 2] || voltage == Volts::default());
+    let most = Volts(U16F16::MAX);
+    Seen::NOTHING
+        .case(0, voltage == most)
+        .case(1, voltage > Volts::default() && voltage < most)
+        .case(2, lower == 0 || largest == 0)
+}
+
 crate::theorems! {
     T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
         cases ["a cell beside one of 0 V", "eight cells"];
@@ -221,6 +255,13 @@ crate::theorems! {
     T10 cutoff_takes_half_a_second(ticks: u8, supervised: bool) {
         cases ["cut off", "not yet"];
         exhaustive (0..=u8::MAX).flat_map(|ticks| [(ticks, false), (ticks, true)]);
+    }
+    T5 any_divider_is_safe(
+        full_scale: Double, largest: u32, ohms: (u32, u32), words: [u16; 2]
+    ) {
+        cases ["beyond what a voltage can say", "a voltage", "a division by nothing"];
+        kani proof [unwind(66)];
+        sampled 200_000;
     }
     T10 first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) {
         cases ["the first cell is higher", "the second tap is not above the first"];

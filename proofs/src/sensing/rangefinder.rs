@@ -290,6 +290,7 @@ crate::theorems! {
     }
     T5 any_temperature_is_safe(celsius: i32, width: u32) {
         cases ["a distance", "colder than anything"];
+        kani proof [unwind(4)];
         sampled 300_000;
     }
 }
