@@ -71,6 +71,27 @@ fn a_normal_command_is_the_documents_bytes() {
     );
 }
 
+// Requirement: DOC-5.1.1-4
+#[test]
+fn a_pose_is_applied_if_the_highest_bit_of_byte_9_is_set_and_only_then() {
+    let mut frame = bytes("96 FF FE 1D C0 00 74 CB B1 00 00 23 48 00 00 00 00 00 00");
+    for word in 0..=u16::MAX {
+        frame[9..11].copy_from_slice(&word.to_be_bytes());
+        let heard = StmLink::new(setup(Mode::Normal)).receive(&frame).unwrap();
+        assert_eq!(heard.apply, word >> 15 == 1, "{word:#x}");
+        assert_eq!(heard.expected.rotation, word & 0x7FFF);
+    }
+    for mode in [Mode::GuardedNormal, Mode::GuardedSweep] {
+        for apply in [false, true] {
+            let said = Command { apply, ..command() };
+            let mut frame = [0; MAX_FRAME];
+            let len = PiLink::new(setup(mode)).send(&said, &mut frame);
+            let heard = StmLink::new(setup(mode)).receive(&frame[..len]).unwrap();
+            assert_eq!(heard.apply, apply, "{mode:?}");
+        }
+    }
+}
+
 // Requirement: DOC-5.1.1-1
 #[test]
 fn a_normal_report_is_the_documents_bytes() {
