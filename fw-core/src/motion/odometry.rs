@@ -278,7 +278,7 @@ fn narrow(path: i64) -> i32 {
 }
 
 /// Minus what a chord lacks of its arc, relative: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in
-/// 2⁻³² turns; error ≤ 1.7e-10 up to a sixteenth of a turn. Beyond that it is only bounded, by 6 %.
+/// 2⁻³² turns; error ≤ 2.1e-10 up to a sixteenth of a turn. Beyond that it is only bounded, by 6 %.
 // Requirement: DOC-4.1-4
 #[inline]
 const fn shortening(turn: i32) -> i32 {
