@@ -215,6 +215,7 @@ fn the_table_is_in_order_without_overlap_and_leaves_key_and_checksum_alone() {
     for field in FIELDS {
         let at = usize::from(field.address);
         assert!(at >= end, "{}", field.name);
+        assert!(!field.kind.is_empty());
         end = at + field.kind.len();
         assert!(std::ptr::eq(Field::at(field.address).unwrap(), field));
         let same = FIELDS.iter().filter(|other| other.name == field.name);

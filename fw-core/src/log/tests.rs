@@ -250,3 +250,21 @@ proptest! {
         prop_assert_eq!(missing, log.dropped());
     }
 }
+
+#[test]
+fn a_number_too_long_for_its_line_ends_in_a_tilde_too() {
+    for (before, written) in [(3, "123"), (2, "1~"), (1, "~"), (0, "~")] {
+        let mut line = Line::new();
+        for _ in before..Line::ROOM {
+            line.text("x");
+        }
+        line.decimal(123, 0);
+        assert_eq!(line.as_bytes().len(), Line::ROOM, "{before}");
+        assert!(
+            line.as_str().ends_with(written),
+            "{before}: {}",
+            line.as_str()
+        );
+        assert_eq!(line.as_str().contains('~'), before != 3);
+    }
+}

@@ -160,3 +160,6 @@ impl Plausibility {
         faults
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -228,3 +228,6 @@ impl Mixer {
 const fn hundredths(percent: i32) -> i32 {
     (percent * 25 + (1 << 13)) >> 14
 }
+
+#[cfg(test)]
+mod tests;

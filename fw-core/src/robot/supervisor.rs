@@ -183,6 +183,50 @@ mod tests {
     }
 
     #[test]
+    fn it_moves_only_where_something_is_wanted_and_it_is_busy_with_it() {
+        for (wanted, busy, state, permit) in [
+            (false, false, State::Ready, Permit::Coast),
+            (false, true, State::Ready, Permit::Coast),
+            (true, false, State::Ready, Permit::Drive),
+            (true, true, State::Moving, Permit::Drive),
+        ] {
+            let mut s = supervisor();
+            s.on_fresh(Micros(0), APPLY);
+            assert_eq!(s.on_tick(Micros(10_000), wanted, busy), permit);
+            assert_eq!(s.state(), state, "{wanted} {busy}");
+        }
+    }
+
+    #[test]
+    fn somebody_talks_to_it_from_the_first_frame_to_the_deadline() {
+        let mut s = supervisor();
+        assert!(!s.attended(Micros(0)));
+        s.on_fresh(Micros(1000), APPLY);
+        assert!(s.attended(Micros(1000)));
+        assert!(s.attended(Micros(1000 + DEADLINE_US - 1)));
+        assert!(!s.attended(Micros(1000 + DEADLINE_US)));
+    }
+
+    #[test]
+    fn a_stop_lasts_until_a_word_ends_it() {
+        let mut s = supervisor();
+        let order = |order| Intent {
+            resumes: false,
+            order,
+            clear: 0,
+        };
+        assert!(!s.halted());
+        s.on_fresh(Micros(0), order(Order::Stop));
+        assert!(s.halted());
+        s.on_fresh(Micros(1), order(Order::None));
+        assert!(s.halted());
+        s.on_fresh(Micros(2), order(Order::Resume));
+        assert!(!s.halted());
+        s.raise(fault::BATTERY_CUTOFF);
+        assert!(s.halted());
+    }
+
+    #[test]
     fn silence_brakes_at_the_deadline_from_every_phase_of_the_clock() {
         for start in [
             0,

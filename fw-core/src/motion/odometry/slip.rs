@@ -60,3 +60,76 @@ const fn scale(a: u64, b: u32) -> u64 {
 const fn signed(a: u64, sign: i64) -> i64 {
     (a as i64 ^ sign) - sign
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_is_lost_than_was_rolled_and_only_by_the_wheel_that_slipped() {
+        for (way, forward, most, lost_way) in [
+            (1000, true, 300, 300),
+            (1000, true, 5000, 1000),
+            (1000, false, 300, 0),
+            (-1000, false, 300, -300),
+            (-1000, false, 5000, -1000),
+            (-1000, true, 300, 0),
+            (0, true, 300, 0),
+            (0, false, 300, 0),
+        ] {
+            assert_eq!(lost(way, forward, most), lost_way, "{way} {forward} {most}");
+        }
+    }
+
+    #[test]
+    fn a_product_is_scaled_to_its_floor() {
+        for a in [0, 1, 0xFFFF_FFFF, 1 << 32, (7 << 32) + 5, (1 << 63) - 1] {
+            for b in [0, 1, 3, 1 << 31, u32::MAX] {
+                let exact = (u128::from(a) * u128::from(b)) >> 32;
+                assert_eq!(u128::from(scale(a, b)), exact, "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_way_along_an_axis_has_the_sign_of_the_product() {
+        for way in [0, 1, -1, 1 << 40, -(1 << 40), (1 << 60) + 3] {
+            for factor in [i32::MIN, -1, 0, 1, 1 << 30, i32::MAX] {
+                let exact = (i128::from(way) * i128::from(factor)).abs() >> 31;
+                let sign = if (way < 0) == (factor < 0) { 1 } else { -1 };
+                assert_eq!(
+                    i128::from(along(way, factor)),
+                    sign * exact,
+                    "{way} {factor}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_slip_further_than_the_wheel_rolled_takes_its_whole_way_and_no_more() {
+        let platform = crate::eeprom::first_board().platform;
+        let straight = Odometry::new(&platform, 0, 0);
+        // Both wheels rolled 100 counts forward; half of the robot's way is each one's.
+        let rolled = Delta {
+            left: 100,
+            right: 100,
+            ..Delta::default()
+        };
+        let half = straight.left.half.times(100, 0) >> 2;
+        let correction = |tick| Correction {
+            tick,
+            ..Correction::default()
+        };
+        for tick in [i32::MAX, i32::MIN] {
+            let mut odometry = straight.clone();
+            odometry.slipped(correction(tick), &rolled);
+            assert_eq!(odometry.y, straight.y);
+            let back = straight.x - odometry.x;
+            assert!((back - half).abs() < half / 1000, "{back} {half}");
+        }
+        let mut odometry = straight.clone();
+        odometry.slipped(correction(0), &rolled);
+        assert_eq!(odometry.x, straight.x);
+    }
+}

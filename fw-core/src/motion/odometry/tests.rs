@@ -333,3 +333,110 @@ fn a_robot_that_is_held_keeps_its_heading_and_one_that_is_turned_takes_it() {
     assert_eq!(after.heading.from_nearest(before.heading), 1 << 30);
     assert_eq!((after.x, after.y), (before.x, before.y), "no wheel rolled");
 }
+
+#[test]
+fn a_part_of_a_whole_is_the_nearest() {
+    for (n, d) in [
+        (0, 1),
+        (1, 3),
+        (2, 3),
+        (7, 5),
+        (1, (1 << 62) - 1),
+        ((1 << 62) - 2, (1 << 62) - 1),
+        (123_456_789, 987_654_321),
+        // 2⁻⁶⁵ of the whole is half a unit: up.
+        (1, 1 << 61),
+        (u64::MAX, (1 << 62) - 57),
+    ] {
+        let rest = u128::from(n % d);
+        let exact = ((rest << 64) + u128::from(d) / 2) / u128::from(d);
+        assert_eq!(fraction(n, d), exact as u64, "{n} / {d}");
+    }
+}
+
+#[test]
+fn a_pose_is_the_nearest_of_what_is_known_more_finely() {
+    let platform = crate::eeprom::first_board().platform;
+    let mut odometry = Odometry::new(&platform, 0, 0);
+    for whole in [-3_i64, -1, 0, 1, 1 << 40] {
+        for (part, up) in [(0, 0), (1, 0), (127, 0), (128, 1), (129, 1), (255, 1)] {
+            odometry.x = whole * 256 + part;
+            odometry.y = -whole * 256 + part;
+            let pose = odometry.pose();
+            assert_eq!(pose.x.0.to_bits(), whole + up, "{whole} {part}");
+            assert_eq!(pose.y.0.to_bits(), -whole + up, "{whole} {part}");
+        }
+        for (part, up) in [
+            (0, 0),
+            (1, 0),
+            ((1 << 31) - 1, 0),
+            (1 << 31, 1),
+            (u32::MAX, 1),
+        ] {
+            let turned = (whole as u32).wrapping_add(up);
+            odometry.heading = (whole << 32) + i64::from(part) + NEAREST;
+            assert_eq!(odometry.pose().heading.0, turned, "{whole} {part}");
+        }
+    }
+}
+
+#[test]
+fn a_position_beyond_its_range_becomes_its_end_and_no_other_does() {
+    for (position, nearest) in [
+        (0, 0),
+        (-1, -1),
+        (FARTHEST - 1, FARTHEST - 1),
+        (FARTHEST, FARTHEST),
+        (FARTHEST + 1, FARTHEST),
+        (i64::MAX, FARTHEST),
+        (-FARTHEST, -FARTHEST),
+        (-FARTHEST - 1, -FARTHEST - 1),
+        (-FARTHEST - 2, -FARTHEST - 1),
+        (i64::MIN, -FARTHEST - 1),
+    ] {
+        assert_eq!(within(position), nearest, "{position}");
+    }
+}
+
+#[test]
+fn a_path_is_cut_to_2_to_the_minus_16_mm_and_stays_within_its_range() {
+    for path in [0, 1, -1, 1 << 26, (1 << 26) - 1, -(1 << 26), -(1 << 26) - 1] {
+        for far in [
+            0,
+            1 << 31,
+            1 << 40,
+            -(1 << 40),
+            (1 << 56) + (1 << 33),
+            -(1 << 56),
+        ] {
+            let path: i64 = path + far;
+            assert_eq!(i64::from(narrow(path)), path >> 26, "{path}");
+        }
+    }
+    let end = i64::from(i32::MAX);
+    for path in [1_i64 << 57, (1 << 57) + 5, 1 << 60, i64::MAX] {
+        // The lowest six bits stay the path's.
+        let (most, least) = (i64::from(narrow(path)), i64::from(narrow(-path)));
+        assert!(
+            end - most < 64 && least + end < 64,
+            "{path}: {most} {least}"
+        );
+    }
+}
+
+#[test]
+fn a_chord_lacks_of_its_arc_what_the_sine_says_up_to_a_sixteenth_of_a_turn() {
+    let one = 4_294_967_296.0;
+    let mut worst = 0.0_f64;
+    for step in -100_000..=100_000 {
+        let turn = step * ((1 << 28) / 100_000);
+        let half = f64::from(turn) / one * std::f64::consts::PI;
+        let square = half * half;
+        // The sine by its series: a difference from 1 would lose its digits.
+        let lacking =
+            -square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)));
+        let error = f64::from(shortening(turn)) / one - lacking;
+        worst = worst.max(error.abs());
+    }
+    assert!(worst <= 2.1e-10, "{worst}");
+}

@@ -166,6 +166,25 @@ fn what_the_integral_gathered_is_taken_out_of_it_at_the_limit_and_no_more() {
 }
 
 #[test]
+fn at_the_limit_what_pushes_further_is_not_integrated_and_what_pulls_back_is() {
+    for side in [1.0, -1.0] {
+        let at = |percent: f64| fixed(side * percent);
+        // Nothing is unwound, so what is integrated shows alone.
+        let mut pid = pid(1.0, 0.5, 10.0, 0.0);
+        for _ in 0..8 {
+            let _ = pid.step(at(10.0), fixed(0.0));
+        }
+        // 10 + 40 is the limit; 5 more would be beyond.
+        assert_eq!(pid.integral(), at(40.0));
+        assert_eq!(pid.step(at(10.0), fixed(0.0)), at(50.0));
+        assert_eq!(pid.integral(), at(40.0));
+        // −5 + 20 + 37.5: held at the limit by the derivative, while the error is on the other side.
+        assert_eq!(pid.step(at(-5.0), at(-2.0)), at(50.0));
+        assert_eq!(pid.integral(), at(37.5));
+    }
+}
+
+#[test]
 fn what_is_far_is_not_integrated() {
     let mut pid = pid(2.0, 0.5, 0.0, 0.3);
     for _ in 0..50 {

@@ -158,3 +158,45 @@ fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() 
     }
     assert_eq!(plain.bench.robot.faults(), 0);
 }
+
+#[test]
+fn every_event_is_one_line_of_its_level() {
+    for (event, level, text) in [
+        (Event::Rested(0), 'I', "gyro: bias 0.00 deg/s"),
+        (Event::Rested(-16_768), 'I', "gyro: bias -1.00 deg/s"),
+        (Event::Believed, 'I', "gyro: agrees with the wheels"),
+        (Event::Slipping, 'W', "slip: the heading follows the gyro"),
+        (
+            Event::Gripping(1 << 30),
+            'I',
+            "slip over: heading corrected by 90.00 deg",
+        ),
+        (
+            Event::Gripping(-(1 << 29)),
+            'I',
+            "slip over: heading corrected by -45.00 deg",
+        ),
+        (
+            Event::Gripping(5 << 32),
+            'I',
+            "slip over: heading corrected by 1800.00 deg",
+        ),
+        (
+            Event::GaveUp,
+            'W',
+            "gyro: slip too long to be true, encoders alone",
+        ),
+        (
+            Event::Doubted,
+            'W',
+            "gyro: contradicts the wheels, encoders alone",
+        ),
+    ] {
+        let mut log = Log::new();
+        tell(event, &mut log);
+        let said = std::str::from_utf8(log.pending()).unwrap();
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.starts_with(level), "{said}");
+        assert!(said.ends_with(&std::format!(": {text}\n")), "{said}");
+    }
+}

@@ -199,3 +199,46 @@ fn a_cell_is_its_tap_less_the_one_below_however_many_words_come() {
         }
     }
 }
+
+#[test]
+fn a_factor_scales_to_the_nearest_whatever_its_exponent() {
+    for exponent in -40..=100 {
+        for mantissa in [1 << 31, (1 << 31) + 1, 0xC000_0001, u32::MAX] {
+            for word in [0, 1, 2, 3, 0xFFF, 0x8000_0000, u32::MAX] {
+                let product = u128::from(mantissa) * u128::from(word);
+                let exact = match exponent {
+                    // At least 2³¹, unless it is nothing.
+                    ..=-1 => product << 33,
+                    0 => product,
+                    _ => (product >> (exponent - 1)).div_ceil(2),
+                };
+                let exact = u32::try_from(exact).unwrap_or(u32::MAX);
+                let scaled = Factor { mantissa, exponent }.scale(word);
+                // Below 1 there is nothing to be measured.
+                let slack = u32::from(exponent == 64);
+                assert!(
+                    scaled.abs_diff(exact) <= slack,
+                    "{mantissa} {exponent} {word}: {scaled} {exact}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cell_at_its_limit_is_not_below_it() {
+    let words = words(3.9, 4.0);
+    let mut battery = Battery::new(&first_board());
+    battery.sample(&words);
+    assert_eq!(battery.cells(), 2);
+    let lowest = battery.voltages().iter().map(|volts| volts.0.to_bits());
+    let lowest = lowest.min().unwrap();
+    for (limit, below) in [(lowest, false), (lowest + 1, true)] {
+        let mut battery = battery.clone();
+        (battery.warn, battery.cutoff) = (limit, limit);
+        for _ in 0..=PATIENCE {
+            battery.sample(&words);
+        }
+        assert_eq!((battery.low(), battery.empty()), (below, below));
+    }
+}

@@ -2,7 +2,9 @@
 
 use super::{setup, Mode, GUARDED};
 use crate::wire::sequence::newer;
-use crate::wire::{Cause, Command, FrameError, PiLink, Reason, Report, StmLink, MAX_FRAME};
+use crate::wire::{
+    chain, Cause, Command, FrameError, PiLink, Reason, Report, State, StmLink, MAX_FRAME,
+};
 use std::vec::Vec;
 
 struct Wire {
@@ -49,6 +51,52 @@ fn newer_is_one_to_127_steps_ahead_for_every_pair() {
             assert_eq!(newer(a, b), (1..128).contains(&ahead));
         }
     }
+}
+
+#[test]
+fn a_whole_frame_that_is_right_is_taken_at_once_and_any_other_left_to_the_long_way() {
+    for &mode in Mode::ALL {
+        let said = Command {
+            apply: chain(mode)
+                .iter()
+                .any(|strategy| strategy.name == "position"),
+            ..Command::default()
+        };
+        let mut frame = [0; MAX_FRAME];
+        let len = PiLink::new(setup(mode)).send(&said, &mut frame);
+        let frame = &frame[..len];
+        let fresh = StmLink::new(setup(mode));
+        let (mut long, mut whole) = (fresh.clone(), fresh.clone());
+        let command = long.receive(frame).ok();
+        assert!(command.is_some());
+        assert_eq!(whole.receive_whole(frame, len), command, "{mode:?}");
+        assert_eq!(whole.counters(), long.counters());
+        let (mut one, mut other) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        whole.send(&Report::default(), &mut one);
+        long.send(&Report::default(), &mut other);
+        assert_eq!(one, other, "what is said next knows of it");
+        // More or fewer were clocked, or the key is wrong: not taken, and not counted either.
+        let mut wrong = frame.to_vec();
+        wrong[0] ^= 1;
+        for (frame, clocked) in [(frame, len + 1), (frame, len - 1), (&wrong[..], len)] {
+            let mut stm = fresh.clone();
+            assert_eq!(stm.receive_whole(frame, clocked), None, "{mode:?}");
+            assert_eq!(stm.counters(), fresh.counters());
+        }
+    }
+}
+
+#[test]
+fn every_state_has_its_word() {
+    let states = [
+        State::Booting,
+        State::Ready,
+        State::Moving,
+        State::Stopped,
+        State::Faulted,
+    ];
+    let words = ["booting", "ready", "moving", "stopped", "faulted"];
+    assert_eq!(states.map(State::name), words);
 }
 
 // Requirement: WIRE-sequence-2
