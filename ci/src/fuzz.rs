@@ -8,9 +8,12 @@ use std::thread;
 use crate::error::{failed, Error, Of, Result};
 use crate::place::Place;
 use crate::shell;
+use crate::tool::{Found, Tool};
 
-/// The cargo-fuzz that is installed where there is none.
-const VERSION: &str = "0.13.1";
+const CARGO_FUZZ: Tool = Tool {
+    subcommand: "fuzz",
+    version: "0.13.1",
+};
 
 /// The longest input that goes into a committed corpus, bytes: long enough for several frames or a second
 /// of ticks, short enough to be tried often.
@@ -57,40 +60,18 @@ impl<'p> Fuzzer<'p> {
     /// [`Error::Missing`] where there is no nightly Rust, or cargo-fuzz is not there and cannot be
     /// installed; says how to get it.
     pub fn find(place: &'p Place) -> Result<Self> {
-        let missing = |what: &str| Err(Error::Missing(what.into()));
         let nightly = ["run", "nightly", "rustc", "--version"];
         if !shell::installed("rustup") || shell::ask(Command::new("rustup").args(nightly)).is_none()
         {
-            return missing("no nightly Rust (`rustup toolchain install nightly`)");
+            return Err(Error::Missing(
+                "no nightly Rust (`rustup toolchain install nightly`)".into(),
+            ));
         }
-        if shell::ask(place.cargo().args(["fuzz", "--version"])).is_some() {
-            return Ok(Self { place, tools: None });
-        }
-        let root = place.target.join("tools");
-        let program = root.join("bin/cargo-fuzz");
-        if shell::ask(Command::new(&program).arg("--version")).is_none() {
-            println!(
-                "set-up: cargo-fuzz is not installed; building {VERSION} in {}",
-                place.short(&root)
-            );
-            let mut install = place.cargo();
-            install.args(["install", "--locked", "--quiet", "cargo-fuzz"]);
-            install
-                .args(["--version", VERSION])
-                .arg("--root")
-                .arg(&root);
-            // Its own target folder: ours may be of another compiler's settings.
-            install.env("CARGO_TARGET_DIR", root.join("build"));
-            if shell::run(&mut install).is_err() {
-                return missing(
-                    "cargo-fuzz is not installed and could not be (`cargo install --locked cargo-fuzz`)",
-                );
-            }
-        }
-        Ok(Self {
-            place,
-            tools: Some(root.join("bin")),
-        })
+        let tools = match CARGO_FUZZ.find(place)? {
+            Found::Machine => None,
+            Found::Ours(program) => program.parent().map(Path::to_path_buf),
+        };
+        Ok(Self { place, tools })
     }
 
     /// The names of the targets.

@@ -4,8 +4,8 @@
 mod arm;
 mod bench;
 mod code;
+mod coverage;
 mod defects;
-mod demand;
 mod elf;
 mod error;
 mod firmware;
@@ -13,13 +13,17 @@ mod flash;
 mod fuzz;
 mod gates;
 mod gdb;
+mod json;
 mod kani;
 mod lines;
+mod mirror;
+mod mutants;
 mod numbers;
 mod place;
 mod robot;
 mod shell;
 mod stack;
+mod tool;
 mod trace;
 
 use std::process::ExitCode;
@@ -57,7 +61,9 @@ usage: cargo xtask COMMAND [OPTIONS]
   trace                     every requirement with the code that meets it and what checks that
   defects [--only NAME[,NAME]]
                             make the code wrong on purpose; some gate must notice
-  mutants [ARGS]            change fw-core in every way that a test should notice
+  mutants [--file F[,F]] [--only TEXT[,TEXT]] [--shard K/N] [--jobs N]
+                            change fw-core in every way; some test must notice
+  coverage                  how much of fw-core the tests run, and what they do not
 
   --minimal takes the firmware without its optional parts (sweep, gyro), at most 32 KiB.
   --way installed|rustup|debian (or the variable ROBOT_WAY) forces how the firmware is built.
@@ -75,19 +81,21 @@ struct Words {
     rest: Vec<String>,
 }
 
-const WITH_VALUE: [&str; 7] = [
+const WITH_VALUE: [&str; 9] = [
     "--features",
+    "--file",
+    "--jobs",
     "--only",
     "--seconds",
+    "--shard",
     "--way",
     "--serial",
     "--interface",
-    "--shard",
 ];
 const WITHOUT: [&str; 4] = ["--virtual", "--quick", "--minimal", "--minimise"];
 
 /// Commands whose words are another program's, but for `--way`.
-const HANDED_ON: [&str; 4] = ["demo", "figures", "robot", "mutants"];
+const HANDED_ON: [&str; 3] = ["demo", "figures", "robot"];
 
 impl Words {
     fn parse(command: &str, words: impl Iterator<Item = String>) -> Result<Self> {
@@ -137,6 +145,14 @@ impl Words {
             .filter(|name| !name.is_empty())
             .map(str::to_owned)
             .collect()
+    }
+
+    /// A whole number, or what it is where nothing is said.
+    fn number<N: std::str::FromStr>(&self, name: &str, default: N) -> Result<N> {
+        self.option(name).map_or(Ok(default), |value| {
+            let number = value.parse();
+            number.map_err(|_| Error::Usage(format!("{name} {value}: not a whole number")))
+        })
     }
 
     fn flag(&self, name: &str) -> bool {
@@ -267,8 +283,11 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             fuzz(&Place::find()?, words)?;
         }
         "mutants" => {
-            words.only(0, true, &[])?;
-            demand::mutants(&Place::find()?, &words.rest)?;
+            mutants(&Place::find()?, words)?;
+        }
+        "coverage" => {
+            words.only(0, false, &[])?;
+            coverage::run(&Place::find()?)?;
         }
         "trace" => {
             words.only(0, false, &[])?;
@@ -313,6 +332,17 @@ fn flash(command: &str, forced: Option<Way>, words: &Words) -> Result<()> {
     }
 }
 
+fn mutants(place: &Place, words: &Words) -> Result<()> {
+    words.only(0, false, &["--file", "--only", "--shard", "--jobs"])?;
+    let choice = mutants::Choice {
+        files: words.list("--file"),
+        only: words.list("--only"),
+        shard: words.option("--shard").map(mutants::shard).transpose()?,
+        jobs: words.number("--jobs", 1)?,
+    };
+    mutants::run(place, &choice)
+}
+
 fn print_stack(place: &Place, forced: Option<Way>, words: &Words) -> Result<()> {
     let features = words.option("--features").unwrap_or("");
     let elf = build(place, forced, words.edition(), features)?.path;
@@ -322,10 +352,7 @@ fn print_stack(place: &Place, forced: Option<Way>, words: &Words) -> Result<()> 
 }
 
 fn fuzz(place: &Place, words: &Words) -> Result<()> {
-    let seconds = words.option("--seconds").unwrap_or("60");
-    let seconds: u32 = seconds
-        .parse()
-        .map_err(|_| Error::Usage(format!("--seconds {seconds}: not a number of seconds")))?;
+    let seconds = words.number("--seconds", 60)?;
     let fuzzer = Fuzzer::find(place)?;
     let all = fuzzer.targets()?;
     let chosen = match words.plain.first() {

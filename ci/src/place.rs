@@ -6,6 +6,7 @@ use std::process::Command;
 use tinyjson::JsonValue;
 
 use crate::error::{failed, Error, Of, Result};
+use crate::json::{self, list, text};
 use crate::shell;
 
 /// The workspace on this machine.
@@ -113,24 +114,11 @@ fn metadata(root: &Path, words: &[&str]) -> Result<JsonValue> {
             shell::shown(&command)
         ));
     };
-    let answer = answer.parse::<JsonValue>();
-    answer.map_err(|error| Error::Failed(format!("cargo metadata: {error}")))
+    json::parse(&answer, "cargo metadata")
 }
 
 fn packages(metadata: &JsonValue) -> &[JsonValue] {
     list(metadata, "packages")
-}
-
-fn list<'a>(value: &'a JsonValue, key: &str) -> &'a [JsonValue] {
-    let found = value.get::<std::collections::HashMap<String, JsonValue>>();
-    found
-        .and_then(|map| map.get(key)?.get::<Vec<JsonValue>>())
-        .map_or(&[], Vec::as_slice)
-}
-
-fn text<'a>(value: &'a JsonValue, key: &str) -> Option<&'a str> {
-    let map = value.get::<std::collections::HashMap<String, JsonValue>>()?;
-    map.get(key)?.get::<String>().map(String::as_str)
 }
 
 fn crates(metadata: &JsonValue) -> Vec<CrateRoot> {

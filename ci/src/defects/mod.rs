@@ -5,12 +5,13 @@ mod list;
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::arm::Arm;
 use crate::elf::{Elf, BANNED};
 use crate::error::{failed, Error, Of, Result};
 use crate::firmware::{self, Edition};
+use crate::mirror::mirror;
 use crate::place::Place;
 use crate::robot::cargo_with_board;
 use crate::{shell, stack};
@@ -300,38 +301,4 @@ fn table(defects: &[Defect], rows: &Rows<'_>) -> String {
         }
     }
     text
-}
-
-/// Makes `to` a copy of `root` without what was built; files that are equal are left alone.
-fn mirror(root: &Path, target: &Path, to: &Path) -> Result<()> {
-    std::fs::create_dir_all(to).of(to.display())?;
-    let mut kept = Vec::new();
-    for entry in std::fs::read_dir(root).of(root.display())?.flatten() {
-        let (path, name) = (entry.path(), entry.file_name());
-        if path == target || name == "target" || name == ".git" {
-            continue;
-        }
-        let copy = to.join(&name);
-        kept.push(name);
-        if path.is_dir() {
-            mirror(&path, target, &copy)?;
-        } else if std::fs::read(&path).of(path.display())?
-            != std::fs::read(&copy).unwrap_or_default()
-        {
-            shell::copy(&path, &copy)?;
-        }
-    }
-    // What is gone from the workspace must not be built here.
-    for entry in std::fs::read_dir(to).of(to.display())?.flatten() {
-        if !kept.contains(&entry.file_name()) {
-            let gone = entry.path();
-            let removed = if gone.is_dir() {
-                std::fs::remove_dir_all(&gone)
-            } else {
-                std::fs::remove_file(&gone)
-            };
-            removed.of(gone.display())?;
-        }
-    }
-    Ok(())
 }

@@ -75,7 +75,7 @@ const fn slow(
 }
 
 /// Cheap and telling ones first.
-const GATES: [Gate; 21] = [
+const GATES: [Gate; 22] = [
     quick("setup", "a way to build for the robot's processor", setup),
     quick("fmt", "the source is formatted", source::fmt),
     quick(
@@ -138,6 +138,11 @@ const GATES: [Gate; 21] = [
         "defects",
         "seeded defects still fit the code, and the samples are noticed",
         proofs::defects,
+    ),
+    slow(
+        "mutants",
+        "mutants of what changed in fw-core are noticed, as far as a minute goes",
+        proofs::mutants,
     ),
     quick(
         "loop",

@@ -5,6 +5,7 @@ use crate::defects::{self, Bench};
 use crate::error::{failed, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
 use crate::kani::{self, Shard};
+use crate::mutants::{self, Said};
 use crate::shell;
 
 /// The theorems' table against its floors: a proof that went missing fails here.
@@ -165,6 +166,14 @@ pub fn defects(context: &mut Context) -> Result<Verdict> {
         all.len(),
         caught.join(", ")
     ))
+}
+
+/// The mutants of the lines that changed in the core; all of them are for the night.
+pub fn mutants(context: &mut Context) -> Result<Verdict> {
+    match mutants::of_the_change(&context.place)? {
+        Said::Good(figure) => passed(figure),
+        Said::Nothing(reason) => skipped(reason),
+    }
 }
 
 #[cfg(test)]
