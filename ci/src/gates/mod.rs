@@ -158,7 +158,7 @@ const GATES: [Gate; 22] = [
     slow("kani", "the theorems, proven", proofs::kani),
     slow(
         "fuzz",
-        "every fuzz target on a million inputs or for a minute",
+        "every fuzz target on its corpus and half a million inputs more",
         proofs::fuzz,
     ),
     slow(
