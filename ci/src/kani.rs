@@ -9,6 +9,7 @@ use std::fmt;
 use crate::error::{failed, Error, Result};
 use crate::numbers::Budget;
 use crate::place::Place;
+use crate::shard::Shard;
 use crate::shell;
 
 /// Why Kani is not run, and how it would be.
@@ -19,40 +20,6 @@ pub const MISSING: &str =
 /// Kani's version, where it is installed with its bundle.
 pub fn version(place: &Place) -> Option<String> {
     shell::ask(place.cargo().args(["kani", "--version"]))
-}
-
-/// Every so-many-th harness: what one machine of several proves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
-    number: usize,
-    of: usize,
-}
-
-impl Shard {
-    /// All of them.
-    pub const ALL: Self = Self { number: 0, of: 1 };
-
-    /// `K/N`, K from 0 to N − 1, as `cargo mutants` counts them.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for anything else.
-    pub fn parse(text: &str) -> Result<Self> {
-        let parts = text
-            .split_once('/')
-            .and_then(|(number, of)| number.parse().ok().zip(of.parse().ok()));
-        match parts {
-            Some((number, of)) if number < of => Ok(Self { number, of }),
-            _ => Err(Error::Usage(format!(
-                "--shard {text}: not K/N with K from 0 to N - 1"
-            ))),
-        }
-    }
-
-    /// Neighbours cost alike: one each.
-    fn take(self, names: &[String]) -> Vec<&str> {
-        let names = names.iter().map(String::as_str);
-        names.skip(self.number).step_by(self.of).collect()
-    }
 }
 
 /// The harnesses that `proofs` declares, by the names that Kani gives them.
@@ -72,7 +39,7 @@ fn declared(place: &Place) -> Result<Vec<String>> {
 pub fn prove(place: &Place, shard: Shard) -> Result<String> {
     let limit = limit(&Budget::parse(&place.read("ci/budget.toml")?)?)?;
     let declared = declared(place)?;
-    let chosen = shard.take(&declared);
+    let chosen: Vec<_> = shard.of(declared.iter().map(String::as_str)).collect();
     if chosen.is_empty() {
         return failed(format!(
             "only {} harnesses for so many shards",
@@ -419,21 +386,6 @@ Complete - 2 successfully verified harnesses, 0 failures, 2 total.
         assert!(complaint(cut).contains("completed"));
         assert!(complaint("error: could not compile `proofs`\n").contains("completed"));
         assert!(complaint("No proof harnesses were found to verify.\n").contains("completed"));
-    }
-
-    #[test]
-    fn the_shards_take_every_harness_once() {
-        let names: Vec<_> = (0..59).map(|number| number.to_string()).collect();
-        for of in [1, 2, 4, 59] {
-            let shards = (0..of).map(|number| Shard::parse(&format!("{number}/{of}")).unwrap());
-            let mut taken: Vec<_> = shards.flat_map(|shard| shard.take(&names)).collect();
-            taken.sort_by_key(|name| name.parse::<u32>().unwrap());
-            assert_eq!(taken, names);
-        }
-        assert_eq!(Shard::parse("0/1").unwrap(), Shard::ALL);
-        for wrong in ["", "1", "4/4", "-1/4", "0/0", "a/b"] {
-            assert!(Shard::parse(wrong).is_err(), "{wrong}");
-        }
     }
 
     #[test]

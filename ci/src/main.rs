@@ -21,6 +21,7 @@ mod mutants;
 mod numbers;
 mod place;
 mod robot;
+mod shard;
 mod shell;
 mod stack;
 mod tool;
@@ -32,8 +33,8 @@ use arm::{Arm, Way};
 use error::{failed, Error, Of, Result};
 use firmware::Edition;
 use fuzz::{Effort, Fuzzer};
-use kani::Shard;
 use place::Place;
+use shard::Shard;
 
 const USAGE: &str = "\
 usage: cargo xtask COMMAND [OPTIONS]
@@ -155,6 +156,12 @@ impl Words {
         })
     }
 
+    /// All, where there is no `--shard`.
+    fn shard(&self) -> Result<Shard> {
+        let shard = self.option("--shard").map(Shard::parse).transpose()?;
+        Ok(shard.unwrap_or_default())
+    }
+
     fn flag(&self, name: &str) -> bool {
         self.flags.iter().any(|found| found == name)
     }
@@ -271,12 +278,12 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
         }
         "prove" => {
             words.only(0, false, &["--shard"])?;
-            let shard = words.option("--shard").map(Shard::parse).transpose()?;
+            let shard = words.shard()?;
             let place = Place::find()?;
             if kani::version(&place).is_none() {
                 return Err(Error::Missing(kani::MISSING.into()));
             }
-            println!("{}", kani::prove(&place, shard.unwrap_or(Shard::ALL))?);
+            println!("{}", kani::prove(&place, shard)?);
         }
         "fuzz" => {
             words.only(1, false, &["--seconds", "--minimise"])?;
@@ -337,7 +344,7 @@ fn mutants(place: &Place, words: &Words) -> Result<()> {
     let choice = mutants::Choice {
         files: words.list("--file"),
         only: words.list("--only"),
-        shard: words.option("--shard").map(mutants::shard).transpose()?,
+        shard: words.shard()?,
         jobs: words.number("--jobs", 1)?,
     };
     mutants::run(place, &choice)

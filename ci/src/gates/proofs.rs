@@ -4,8 +4,9 @@ use super::{passed, skipped, Context, Verdict};
 use crate::defects::{self, Bench};
 use crate::error::{failed, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
-use crate::kani::{self, Shard};
+use crate::kani;
 use crate::mutants::{self, Said};
+use crate::shard::Shard;
 use crate::shell;
 
 /// The theorems' table against its floors: a proof that went missing fails here.

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::{failed, Error, Of, Result};
 use crate::place::Place;
+use crate::shard::Shard;
 use crate::shell;
 use excuses::Excuse;
 use lab::Lab;
@@ -42,7 +43,7 @@ pub struct Choice {
     /// Those whose name contains one of these; empty for all.
     pub only: Vec<String>,
     /// Every `n`th from the `i`th on.
-    pub shard: Option<(usize, usize)>,
+    pub shard: Shard,
     /// How many at a time.
     pub jobs: usize,
 }
@@ -57,26 +58,12 @@ impl Choice {
 
     /// Whether all mutants of a file are tried where one is.
     fn whole(&self) -> bool {
-        self.only.is_empty() && self.shard.is_none()
+        self.only.is_empty() && self.shard == Shard::ALL
     }
 
     fn of(&self, all: &[Mutant]) -> Vec<Mutant> {
-        let (first, every) = self.shard.unwrap_or((0, 1));
-        let shard = all.iter().skip(first).step_by(every);
+        let shard = self.shard.of(all.iter());
         shard.filter(|mutant| self.takes(mutant)).cloned().collect()
-    }
-}
-
-/// The words of `--shard I/N`, counted from 0.
-///
-/// # Errors
-/// [`Error::Usage`] where they are no such two numbers.
-pub fn shard(words: &str) -> Result<(usize, usize)> {
-    let numbers = words.split_once('/');
-    let numbers = numbers.and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-    match numbers {
-        Some((i, n)) if i < n => Ok((i, n)),
-        _ => Err(Error::Usage(format!("--shard {words}: not I/N, I from 0"))),
     }
 }
 
@@ -321,23 +308,5 @@ mod tests {
         assert_eq!(found.len(), 3, "{found:?}");
         assert_eq!(found[0], "survived: a.rs:1:1: f");
         assert!(found[1].contains("a.rs: g"));
-    }
-
-    #[test]
-    fn shards_together_are_all_and_no_mutant_is_in_two() {
-        let all: Vec<Mutant> = (0..10).map(|n| mutant(&format!("a.rs:{n}:1: f"))).collect();
-        let of = |i| {
-            let shard = Some(shard(&format!("{i}/3")).unwrap());
-            let choice = Choice {
-                shard,
-                ..Choice::default()
-            };
-            choice.of(&all)
-        };
-        let mut together: Vec<_> = (0..3).flat_map(of).collect();
-        together.sort_by_key(|mutant| mutant.name.clone());
-        assert_eq!(together, all);
-        assert!(shard("3/3").is_err());
-        assert!(shard("1").is_err());
     }
 }
