@@ -62,8 +62,9 @@ usage: cargo xtask COMMAND [OPTIONS]
   trace                     every requirement with the code that meets it and what checks that
   defects [--only NAME[,NAME]]
                             make the code wrong on purpose; some gate must notice
-  mutants [--file F[,F]] [--only TEXT[,TEXT]] [--shard K/N] [--jobs N]
-                            change fw-core in every way; some test must notice
+  mutants [--file F[,F]] [--only TEXT[,TEXT]] [--shard K/N] [--jobs N] [--quick]
+                            change fw-core in every way; some test must notice; with --quick,
+                            what the quick tests beside the code alone do not
   coverage                  how much of fw-core the tests run, and what they do not
 
   --minimal takes the firmware without its optional parts (sweep, gyro), at most 32 KiB.
@@ -340,12 +341,17 @@ fn flash(command: &str, forced: Option<Way>, words: &Words) -> Result<()> {
 }
 
 fn mutants(place: &Place, words: &Words) -> Result<()> {
-    words.only(0, false, &["--file", "--only", "--shard", "--jobs"])?;
+    words.only(
+        0,
+        false,
+        &["--file", "--only", "--shard", "--jobs", "--quick"],
+    )?;
     let choice = mutants::Choice {
         files: words.list("--file"),
         only: words.list("--only"),
         shard: words.shard()?,
         jobs: words.number("--jobs", 1)?,
+        quick: words.flag("--quick"),
     };
     mutants::run(place, &choice)
 }
