@@ -321,6 +321,7 @@ impl<'w, 'a> Walk<'w, 'a> {
     fn words(&self, at: u32, value: &Value) -> Result<Vec<u32>> {
         match value {
             Value::OneOf(words) => Ok(words.clone()),
+            Value::RowOf(table) => self.branches(at, *table),
             Value::Entry(register) => match self.given.get(register) {
                 Some(words) => Ok(words.clone()),
                 None => Err(Trouble::Wants(*register)),
@@ -445,6 +446,21 @@ impl<'w, 'a> Walk<'w, 'a> {
         self.summary.returns = true;
         self.summary.spoils |= state.spoilt();
         Ok(())
+    }
+
+    /// The rows of a table of wide branches, which the compiler writes where one of them goes back. It
+    /// ends with the first instruction that is none: what else branches right behind it is followed
+    /// too, which can only make the worst worse.
+    fn branches(&self, at: u32, table: u32) -> Result<Vec<u32>> {
+        let is_branch = |row: &u32| {
+            let row = self.program().instruction(*row);
+            row.is_some_and(|row| row.length == 4 && matches!(row.what, What::Jump { .. }))
+        };
+        let rows: Vec<u32> = (table..).step_by(4).take_while(is_branch).collect();
+        if rows.is_empty() {
+            return self.cannot(at, "a jump into a table of no branches");
+        }
+        Ok(rows)
     }
 
     /// Where a jump table leads. Its entries go forward, so it ends before the first place they go

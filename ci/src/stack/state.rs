@@ -17,6 +17,8 @@ pub enum Value {
     Entry(u8),
     /// One of these words.
     OneOf(Vec<u32>),
+    /// Some row of the table there, four bytes each. Which one nobody knows.
+    RowOf(u32),
     /// The stack pointer's value at entry, plus this.
     Stack(i32),
 }
@@ -86,7 +88,7 @@ impl Value {
     pub fn plus(&self, offset: i32) -> Self {
         match self {
             Self::Stack(at) => Self::Stack(at.saturating_add(offset)),
-            Self::Unknown | Self::Entry(_) => Self::Unknown,
+            Self::Unknown | Self::Entry(_) | Self::RowOf(_) => Self::Unknown,
             Self::OneOf(_) => self.map(|word| Some(word.wrapping_add_signed(offset))),
         }
     }
@@ -218,6 +220,13 @@ impl State {
             What::Add { rd, rn, offset } if rd != SP => self.set(rd, self.get(rn).plus(offset)),
             What::Sum { rd, rn, rm } if rd != SP => {
                 self.set(rd, self.get(rn).sum(&self.get(rm)));
+            }
+            What::Row { rd, rn, .. } => {
+                let row = match self.get(rn) {
+                    Value::OneOf(words) if words.len() == 1 => Value::RowOf(words[0]),
+                    _ => Value::Unknown,
+                };
+                self.set(rd, row);
             }
             What::Literal { rt, address } => {
                 self.set(rt, word(address).map_or(Value::Unknown, Value::word));

@@ -258,6 +258,32 @@ fn a_jump_table_ends_where_the_first_jump_of_it_goes() {
 }
 
 #[test]
+fn a_table_of_branches_is_followed_row_by_row() {
+    // push {r4, lr}; loop: adr.w r1, table; add.w r1, r1, r0, lsl #2; mov pc, r1; nop; nop;
+    // table: b.w loop; b.w deeper; b.w end; deeper: sub sp, #16; add sp, #16; b loop; end: pop {r4, pc}
+    let code = [
+        PUSH_R4_LR, 0xF20F, 0x010C, 0xEB01, 0x0180, 0x468F, NOP, NOP, 0xF7FF, 0xBFF7, 0xF000,
+        0xB802, 0xF000, 0xB803, 0xB084, 0xB004, 0xE7EF, POP_R4_PC,
+    ];
+    assert_eq!(worst(&[&code]), 8 + 16);
+    // A row that leaves the code, and a table of anything else.
+    let mut nowhere = code;
+    nowhere[13] = 0xB833;
+    assert!(refused(&[&nowhere]).contains("leaves the code"));
+    let mut nothing = code;
+    nothing[8..10].fill(NOP);
+    let why = refused(&[&nothing]);
+    assert!(why.contains("no branches"), "{why}");
+    // Where the table's place is not known: mov r1, r2 instead.
+    let mut unknown = code;
+    unknown[1..3].copy_from_slice(&[0x4611, NOP]);
+    let why = refused(&[&unknown]);
+    assert!(why.contains("nobody knows where"), "{why}");
+    // add.w sp, r1, r0, lsl #2
+    assert_eq!(decode(0, 0xEB01, 0x0D80).what, What::Unknown);
+}
+
+#[test]
 fn decoding_reads_the_manuals_examples() {
     let what = |first, second| decode(0x100, first, second).what;
     assert_eq!(what(0x4770, 0), What::JumpRegister { rm: LR });

@@ -51,6 +51,8 @@ pub enum What {
     Add { rd: u8, rn: u8, offset: i32 },
     /// `rd = rn + rm`; the first two may be the stack pointer.
     Sum { rd: u8, rn: u8, rm: u8 },
+    /// `rd = rn + 4 · rm`: a row of a table of words or of wide branches.
+    Row { rd: u8, rn: u8, rm: u8 },
     /// `rt = [address]`, a word of the literal pool.
     Literal { rt: u8, address: u32 },
     /// `rt = [rn + offset]`, a word.
@@ -123,6 +125,7 @@ fn guarded(what: What) -> What {
         What::Move { rd: PC, .. } | What::Add { rd: PC, .. } | What::Sum { rd: PC, .. } => {
             What::Unknown
         }
+        What::Row { rd, .. } if rd == SP || rd == PC => What::Unknown,
         What::Pop { list, .. } if list & 1 << SP != 0 => What::Unknown,
         other => other,
     }

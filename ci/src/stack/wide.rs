@@ -119,6 +119,12 @@ fn shifted(first: u16, second: u16) -> What {
             rn: field(first, 0, 4),
             rm: field(second, 0, 4),
         },
+        // ADD, shifted left by two.
+        0b1000 if second & 0x70F0 == 0x0080 => What::Row {
+            rd,
+            rn: field(first, 0, 4),
+            rm: field(second, 0, 4),
+        },
         _ => writes(rd),
     }
 }
