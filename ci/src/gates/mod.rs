@@ -234,6 +234,36 @@ pub struct Choice {
     pub only: Vec<String>,
     /// Without the slow ones.
     pub quick: bool,
+    /// The gates that may be SKIPPED, where not every gate may: a machine that should have everything
+    /// is asked for everything.
+    pub may_skip: Option<Vec<String>>,
+}
+
+impl Choice {
+    /// # Errors
+    /// [`Error::Usage`] where a gate that is named does not exist.
+    fn check(&self) -> Result<()> {
+        let only = self.only.iter().map(|name| ("--only", name));
+        let may_skip = self.may_skip.iter().flatten();
+        let mut named = only.chain(may_skip.map(|name| ("--may-skip", name)));
+        let unknown = named.find(|(_, name)| GATES.iter().all(|gate| gate.name != *name));
+        unknown.map_or(Ok(()), |(option, unknown)| {
+            let all: Vec<_> = GATES.iter().map(|gate| gate.name).collect();
+            let all = all.join(", ");
+            Err(Error::Usage(format!(
+                "{option} {unknown}: the gates are {all}"
+            )))
+        })
+    }
+
+    fn takes(&self, gate: &Gate) -> bool {
+        self.only.is_empty() || self.only.iter().any(|name| name == gate.name)
+    }
+
+    fn may_skip(&self, gate: &str) -> bool {
+        let named = |names: &Vec<String>| names.iter().any(|name| name == gate);
+        self.may_skip.as_ref().is_none_or(named)
+    }
 }
 
 const PASSED: &str = "passed";
@@ -252,14 +282,7 @@ struct Row {
 /// # Errors
 /// [`Error::Usage`] where a chosen gate does not exist.
 pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
-    let known = |name: &String| GATES.iter().any(|gate| gate.name == name);
-    if let Some(unknown) = choice.only.iter().find(|name| !known(name)) {
-        let names: Vec<_> = GATES.iter().map(|gate| gate.name).collect();
-        let names = names.join(", ");
-        return Err(Error::Usage(format!(
-            "--only {unknown}: the gates are {names}"
-        )));
-    }
+    choice.check()?;
     let mut context = Context {
         place,
         forced,
@@ -268,7 +291,7 @@ pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
     };
     let mut rows = Vec::new();
     for gate in &GATES {
-        if !choice.only.is_empty() && !choice.only.iter().any(|name| name == gate.name) {
+        if !choice.takes(gate) {
             continue;
         }
         let start = Instant::now();
@@ -293,11 +316,12 @@ pub fn run(place: Place, forced: Option<Way>, choice: &Choice) -> Result<bool> {
             seconds: start.elapsed().as_secs_f64(),
         });
     }
-    Ok(close(&rows))
+    Ok(close(&rows, choice))
 }
 
-/// Prints the table and, last, the line that sums it up; whether no gate failed.
-fn close(rows: &[Row]) -> bool {
+/// Prints the table and, last, the line that sums it up; whether no gate failed, and none was SKIPPED
+/// that may not be.
+fn close(rows: &[Row], choice: &Choice) -> bool {
     println!("\n{:<13} {:<8} {:>7}  figure", "gate", "result", "seconds");
     for Row {
         name,
@@ -318,13 +342,21 @@ fn close(rows: &[Row]) -> bool {
             first.name
         );
     }
+    let skipped = rows.iter().filter(|row| row.result == SKIPPED);
+    let missing: Vec<_> = skipped
+        .map(|row| row.name)
+        .filter(|name| !choice.may_skip(name))
+        .collect();
+    if !missing.is_empty() {
+        println!("\nmay not be skipped here: {}", missing.join(", "));
+    }
     println!(
         "\n{} passed, {} failed, {} skipped",
         of(PASSED),
         of(FAILED),
         of(SKIPPED)
     );
-    of(FAILED) == 0
+    of(FAILED) == 0 && missing.is_empty()
 }
 
 fn one_line(text: &str) -> String {
@@ -345,6 +377,45 @@ mod unit_tests {
     fn a_figure_stays_on_one_line_of_the_table() {
         assert_eq!(one_line("a\n  b"), "a b");
         assert_eq!(one_line(&"ä".repeat(500)).chars().count(), 161);
+    }
+
+    #[test]
+    fn only_a_gate_that_may_be_skipped_is_skipped_for_nothing() {
+        let row = |name, result| Row {
+            name,
+            result,
+            figure: String::new(),
+            seconds: 0.0,
+        };
+        let rows = [row("fmt", PASSED), row("kani", SKIPPED)];
+        let good = |may_skip: Option<&str>| {
+            let may_skip = may_skip.map(|name| vec![name.to_owned()]);
+            let choice = Choice {
+                may_skip,
+                ..Choice::default()
+            };
+            choice.check().unwrap();
+            close(&rows, &choice)
+        };
+        assert!(good(None));
+        assert!(good(Some("kani")));
+        assert!(!good(Some("fuzz")));
+        assert!(!close(&[row("fmt", FAILED)], &Choice::default()));
+        for unknown in [
+            Choice {
+                only: vec!["kanu".into()],
+                ..Choice::default()
+            },
+            Choice {
+                may_skip: Some(vec!["kanu".into()]),
+                ..Choice::default()
+            },
+        ] {
+            let Err(Error::Usage(why)) = unknown.check() else {
+                panic!("a gate that does not exist")
+            };
+            assert!(why.contains("kanu: the gates are setup, fmt"), "{why}");
+        }
     }
 
     #[test]

@@ -31,10 +31,6 @@ const TABLE: &str = "docs/mutants.md";
 /// What mutants are made of.
 const SOURCES: &str = "fw-core/src";
 
-/// How to get what this needs.
-const MISSING: &str =
-    "cargo-mutants is not installed (`cargo install --locked cargo-mutants`, or `cargo xtask mutants`)";
-
 /// Which mutants to try, and how.
 #[derive(Default)]
 pub struct Choice {
@@ -201,19 +197,22 @@ pub fn of_the_change(place: &Place) -> Result<Said> {
     /// Tried between two looks at the clock.
     const AT_A_TIME: usize = 4;
     let nothing = |why: String| Ok(Said::Nothing(why));
-    let Some(runner) = Runner::installed(place) else {
-        return nothing(MISSING.into());
+    let Some((base, diff)) = changed(place)? else {
+        return nothing("no commit to compare with".into());
+    };
+    let Some(diff) = diff else {
+        return nothing(format!(
+            "nothing in {SOURCES} or {EXCUSES} changed since {base}"
+        ));
+    };
+    let runner = match Runner::find(place) {
+        Err(Error::Missing(why)) => return nothing(why),
+        runner => runner?,
     };
     let listed = runner.list(None)?;
     let excuses = excuses(place)?;
     let mut wrong = stale(&excuses, &listed.0);
-    let Some((base, diff)) = changed(place)? else {
-        return nothing("no commit to compare with".into());
-    };
-    let mutants = match &diff {
-        None => Vec::new(),
-        Some(diff) => runner.list(Some(diff))?.0,
-    };
+    let mutants = runner.list(Some(&diff))?.0;
     if mutants.is_empty() && wrong.is_empty() {
         return nothing(format!("no mutant in what changed since {base}"));
     }
@@ -268,7 +267,7 @@ fn changed(place: &Place) -> Result<Option<(&'static str, Option<PathBuf>)>> {
         (None, None) => return Ok(None),
     };
     // What main has gained in the meantime is no part of the change.
-    let Some(diff) = git(&["diff", "--merge-base", base, "--", SOURCES]) else {
+    let Some(diff) = git(&["diff", "--merge-base", base, "--", SOURCES, EXCUSES]) else {
         return Ok(None);
     };
     if diff.is_empty() {

@@ -138,12 +138,6 @@ pub struct Runner<'p> {
 }
 
 impl<'p> Runner<'p> {
-    /// Finds cargo-mutants, without building it.
-    pub fn installed(place: &'p Place) -> Option<Self> {
-        let found = CARGO_MUTANTS.installed(place)?;
-        Some(Self { place, found })
-    }
-
     /// Finds cargo-mutants, or builds it below the target folder.
     ///
     /// # Errors
