@@ -15,7 +15,8 @@ pub struct Budget {
 
 impl Budget {
     /// # Errors
-    /// Names the line that is neither a section, a figure nor a comment.
+    /// Names the line that is neither a section, a figure nor a comment, or says again what one above it
+    /// does: of two bars it is not clear which holds.
     pub fn parse(text: &str) -> Result<Self> {
         let mut budget = Self::default();
         let mut section = String::new();
@@ -29,9 +30,16 @@ impl Budget {
             } else if let Some((key, value)) = line.split_once('=') {
                 let value = value.trim().replace('_', "").parse();
                 let value = value.map_err(|_| bad_line(number, line))?;
+                let key = key.trim();
+                if budget.section(&section).any(|(known, _)| known == key) {
+                    let number = number + 1;
+                    return failed(format!(
+                        "ci/budget.toml:{number}: {key} for the second time"
+                    ));
+                }
                 budget
                     .figures
-                    .push((section.clone(), key.trim().to_owned(), value));
+                    .push((section.clone(), key.to_owned(), value));
             } else if !line.is_empty() {
                 return Err(bad_line(number, line));
             }
@@ -143,5 +151,8 @@ mod tests {
     fn a_line_that_is_no_figure_is_named() {
         let why = Budget::parse("[a]\nb = many\n").unwrap_err().to_string();
         assert!(why.contains(":2:"), "{why}");
+        let twice = "[a]\nb = 1\n[c]\nb = 1\nb = 2\n";
+        let why = Budget::parse(twice).unwrap_err().to_string();
+        assert!(why.contains(":5: b for the second time"), "{why}");
     }
 }
