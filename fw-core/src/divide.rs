@@ -12,12 +12,11 @@ pub const fn div_rem(n: u64, d: u64) -> (u64, u64) {
     let mut rest = 0_u64;
     let mut bit = 0;
     while bit < 64 {
-        // The bit that leaves the rest counts: a divisor may have its top bit set.
-        let carry = rest >> 63 == 1;
+        // As many bits of `n` as turns, so far: none leaves it.
         rest = (rest << 1) | (quotient >> 63);
         quotient <<= 1;
-        if carry || rest >= d {
-            rest = rest.wrapping_sub(d);
+        if rest >= d {
+            rest -= d;
             quotient |= 1;
         }
         bit += 1;
