@@ -6,12 +6,15 @@
 //!   between turning and driving. Backwards where that means less turning, but not farther than
 //!   1.5 m: the rangefinders look ahead and to the sides.
 //! - **Close.** From 40 mm on the bearing is not followed any more, it would swing round: the robot
-//!   keeps the bearing as it was there, and drives along it, either way.
+//!   keeps the bearing as it was there, and drives along it, either way; with the nose within 8° of
+//!   it. Done when that is so, slower than 20 mm/s and about to stop within half the tolerance.
 //! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place. Both
-//!   motors brake as soon as the robot would come to rest within both tolerances.
+//!   motors brake as soon as the robot would come to rest within the tolerance of the place and
+//!   three quarters of the rotation's. Farther off than twice its tolerance it drives there anew.
 //! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1⅝
-//!   times a tolerance starts again. A try that ends outside the tolerances widens them by a half,
-//!   once, so that a robot that cannot do better does not hunt for ever.
+//!   times the tolerance of the place, or 1⅗ times the rotation's, starts again. A try that ends
+//!   outside the tolerances widens them by a half, once, so that a robot that cannot do better does
+//!   not hunt for ever.
 //!
 //! From 40 mm on the rotation PID's derivative counts from a planned turn, not from rest: what it
 //! opposes is turning faster or slower than planned. Gains that are heavily damped, as the first
@@ -34,6 +37,8 @@ use view::{View, UNIT};
 const MM: i32 = 1 << UNIT;
 /// 1°, 2⁻³² turns.
 const DEGREE: i32 = 11_930_465;
+/// 2⁻³² turns.
+const HALF_TURN: i64 = 1 << 31;
 /// Bearing within which driving begins.
 const CONE: i32 = 30 * DEGREE;
 /// The same on the last bit.
@@ -234,7 +239,7 @@ impl Controller {
                 }
             }
             Phase::Final => {
-                if !view.within(near.max(self.position_tolerance * 2)) {
+                if !view.within(self.position_tolerance * 2) {
                     self.approach(view, pose);
                 } else if aligned && resting {
                     self.settled += 1;
@@ -264,10 +269,11 @@ impl Controller {
 
     /// Chooses the way to go.
     fn approach(&mut self, view: &View, pose: &Pose) {
-        let total = |bearing: i32| {
-            i64::from(bearing).abs() + i64::from(view.rotation.wrapping_sub(bearing)).abs()
-        };
-        let backwards = view.within(BACK) && total(view.bearing(true)) < total(view.bearing(false));
+        // Tail first either turn is what the nose's lacks to half a turn: less together, where these
+        // come to more than that.
+        let nose = view.bearing(false);
+        let turns = i64::from(nose).abs() + i64::from(view.rotation.wrapping_sub(nose)).abs();
+        let backwards = view.within(BACK) && turns > HALF_TURN;
         self.phase = if view.within(CLOSE) {
             Self::close(view, pose, backwards)
         } else {

@@ -18,7 +18,7 @@ pub(super) struct Nudge {
 }
 
 impl Nudge {
-    /// To be added to the output, in the error's direction.
+    /// To be added to the output, in the error's direction; nothing without an error.
     pub fn step(&mut self, error: I16F16, wanted: bool, moved: bool) -> I16F16 {
         if moved || !wanted {
             *self = Self::default();
@@ -27,7 +27,7 @@ impl Nudge {
         } else {
             self.push = (self.push + NUDGE).min(NUDGE_LIMIT);
         }
-        I16F16::from_bits(if error < 0 { -self.push } else { self.push })
+        I16F16::from_bits(self.push * error.to_bits().signum())
     }
 }
 

@@ -1,54 +1,118 @@
-//! A look at the target that is spared would have said the same.
+//! What the controller does in each phase, to its figures, one tick at a time. How well that drives is
+//! seen in `motion::simulation`.
+
+mod approach;
+mod close;
+mod holding;
+mod last_turn;
+mod sparing;
+mod sticking;
+mod targets;
+mod tuning;
 
 use super::*;
-use crate::eeprom::first_board;
-use crate::units::Millimetres;
-use fixed::types::I32F32;
+use crate::double::Double;
+use crate::eeprom::{first_board, Gains};
+use crate::motion::simulation::pose;
+use crate::robot::Drive;
 
-/// Holding its place, left alone, nudged and pushed, beside one that looks at its target every tick.
-#[test]
-fn a_robot_that_rests_holds_as_one_that_always_looks() {
-    let mut word = 0x1234_5678_9ABC_DEF1_u64;
-    let mut chance = move |of: u64| {
-        word ^= word << 13;
-        word ^= word >> 7;
-        word ^= word << 17;
-        word % of
+/// With P alone, and D for the rotation: percent per millimetre, per degree, per degree a tick.
+fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
+    let gains = |p: f64, d: f64| Gains {
+        p: Double(p.to_bits()),
+        i: Double::default(),
+        d: Double(d.to_bits()),
+        anti_windup: Double::default(),
     };
-    let mut controller = Controller::new(&first_board());
-    let mut looking = controller.clone();
-    let (mut target, mut pose) = (Pose::default(), Pose::default());
-    let (mut spared, mut left) = (0, 0);
-    for _ in 0..200_000 {
-        let mut delta = Delta::default();
-        match chance(80) {
-            // To either side of both tolerances, 3 mm and 0.5°.
-            0 => {
-                let mut aside = || I32F32::from_bits((chance(8 << 32) as i64) - (4 << 32));
-                pose.x = Millimetres(target.x.0 + aside());
-                pose.y = Millimetres(target.y.0 + aside());
-                delta.left = 50;
-            }
-            1 => pose.heading.0 = target.heading.0.wrapping_add(chance(1 << 24) as u32),
-            // As the gyroscope corrects it: no count tells of it.
-            2 => pose.y = Millimetres(pose.y.0 + I32F32::from_num(3)),
-            3..8 => pose = target,
-            8 if chance(20) == 0 => target.heading.0 = chance(1 << 32) as u32,
-            9 if chance(20) == 0 => {
-                controller.halt();
-                looking.halt();
-            }
-            _ => {}
-        }
-        controller.set_target(target);
-        looking.set_target(target);
-        let held = controller.arrived();
-        spared += u32::from(held && controller.seen == pose);
-        looking.seen.heading = Turns(!pose.heading.0);
-        let wheels = controller.drive(&pose, &delta);
-        assert_eq!(wheels, looking.drive(&pose, &delta));
-        assert_eq!(controller.arrived(), looking.arrived());
-        left += u32::from(held && !controller.arrived());
+    let mut config = first_board();
+    config.forward = gains(forward, 0.0);
+    config.rotation = gains(rotation, damping);
+    // Then the motors are told the sum and the difference of the outputs.
+    config.platform.dead_zone_left = 0;
+    config.platform.dead_zone_right = 0;
+    // 3 mm, and half a degree but for 0.0001°.
+    assert_eq!(config.platform.position_tolerance, 3000);
+    assert_eq!(config.platform.rotation_tolerance, 91);
+    config
+}
+
+/// Half a degree of the configuration, in 2⁻³² turns.
+const TOLERANCE: i32 = 91 << 16;
+
+fn controller(forward: f64, rotation: f64) -> Controller {
+    Controller::new(&gains(forward, rotation, 0.0))
+}
+
+/// Forward and rotation, percent, of which the motors were told; nothing if they were braked.
+fn outputs(wheels: Wheels) -> Option<(f64, f64)> {
+    let Wheels {
+        left: Drive::Run(left),
+        right: Drive::Run(right),
+    } = wheels
+    else {
+        assert_eq!(wheels, Wheels::BRAKE);
+        return None;
+    };
+    let (left, right) = (f64::from(left.hundredths()), f64::from(right.hundredths()));
+    Some(((left + right) / 200.0, (right - left) / 200.0))
+}
+
+#[track_caller]
+fn assert_outputs(wheels: Wheels, forward: f64, rotation: f64) {
+    let (is_forward, is_rotation) = outputs(wheels).expect("it is driven");
+    // A hundredth of a percent is what a duty is rounded to.
+    assert!(
+        (is_forward - forward).abs() < 0.011 && (is_rotation - rotation).abs() < 0.011,
+        "{is_forward} {is_rotation} instead of {forward} {rotation}"
+    );
+}
+
+/// No count: the robot rests.
+const STILL: Delta = Delta {
+    left: 0,
+    right: 0,
+    travel: I16F16::ZERO,
+    turn: 0,
+};
+
+/// Millimetres ahead and degrees in a tick. The counts are on the spot, and not at rest.
+fn rolling(travel: f64, turn: f64) -> Delta {
+    Delta {
+        left: -9,
+        right: 9,
+        travel: I16F16::from_num(travel),
+        turn: turns(turn),
     }
-    assert!(spared > 10_000 && left > 500, "{spared} {left}");
+}
+
+/// Degrees as 2⁻³² turns.
+fn turns(degrees: f64) -> i32 {
+    (degrees / 360.0 * 4_294_967_296.0).round() as i32
+}
+
+/// What lies so far ahead of and to the left of a pose, and is turned by so many degrees from it.
+fn seen_from((x, y, heading): (f64, f64, f64), (ahead, left, rotation): (f64, f64, f64)) -> Pose {
+    let (s, c) = heading.to_radians().sin_cos();
+    pose(
+        x + ahead * c - left * s,
+        y + ahead * s + left * c,
+        heading + rotation,
+    )
+}
+
+/// Places and headings to try a scene from: headings wrap, and nothing depends on where it is.
+const STANDS: [(f64, f64, f64); 4] = [
+    (0.0, 0.0, 0.0),
+    (-300.0, 7000.0, 179.9),
+    (12_000.0, -5.5, -90.0),
+    (-40.0, -80.0, 293.0),
+];
+
+/// Set down at `from`, with the last bit of the way before it.
+fn closing(config: &Config, target: Pose, from: Pose) -> Controller {
+    let mut controller = Controller::new(config);
+    controller.set_target(target);
+    let _ = controller.drive(&from, &rolling(0.0, 0.0));
+    assert!(matches!(controller.phase, Phase::Close { .. }));
+    controller
 }

@@ -36,7 +36,7 @@ impl View {
         let y = i64::from(way(target.y.0.to_bits(), pose.y.0.to_bits()));
         let (sine, cosine) = sin_cos(pose.heading);
         let (sine, cosine) = (i64::from(sine), i64::from(cosine));
-        // Turned by any angle, a vector of ±2³⁰ is within ±2³¹.
+        // Turned by any angle, a vector of ±2³⁰ is within ±2³¹, and its square below 2⁶².
         Self {
             along: ((x * cosine + y * sine) >> 31) as i32,
             across: ((y * cosine - x * sine) >> 31) as i32,
@@ -46,9 +46,8 @@ impl View {
 
     /// Not farther than `distance`, [`UNIT`]s.
     pub fn within(&self, distance: i32) -> bool {
-        let (a, b) = (self.along.saturating_abs(), self.across.saturating_abs());
         let square = |side: i32| i64::from(side) * i64::from(side);
-        a <= distance && b <= distance && square(a) + square(b) <= square(distance)
+        square(self.along) + square(self.across) <= square(distance)
     }
 
     /// What would be left ahead if both motors braked now, [`UNIT`]s.
@@ -79,3 +78,6 @@ impl View {
         nose.0 as i32
     }
 }
+
+#[cfg(test)]
+mod tests;

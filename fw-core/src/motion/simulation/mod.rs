@@ -62,7 +62,8 @@ fn input(drive: Drive) -> MotorInput {
     }
 }
 
-fn pose(x: f64, y: f64, degrees: f64) -> Pose {
+/// Millimetres and degrees.
+pub(super) fn pose(x: f64, y: f64, degrees: f64) -> Pose {
     let fixed = |v: f64| Millimetres(I32F32::from_bits((v * 4_294_967_296.0) as i64));
     Pose {
         x: fixed(x),

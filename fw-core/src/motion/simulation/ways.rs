@@ -87,3 +87,24 @@ fn other_gains_do_as_well() {
     config.forward.d = double(90.0);
     assert_all_good(&all_ways(&config, &Params::default()));
 }
+
+#[test]
+fn wheels_that_stick_longer_than_is_known_arrive_even_without_an_integral() {
+    // By 5 %: outputs below that move nothing, and only the push of a robot that rests grows.
+    let none = crate::double::Double::default();
+    let mut config = first_board();
+    config.platform.dead_zone_left -= 500;
+    config.platform.dead_zone_right -= 500;
+    (config.rotation.i, config.forward.i) = (none, none);
+    for (x, rotation) in [
+        (10.0, 0.0),
+        (10.0, 90.0),
+        (50.0, -60.0),
+        (-10.0, 0.0),
+        (-50.0, 0.0),
+        (-200.0, 180.0),
+    ] {
+        let mut robot = Robot::new(&config, Params::default());
+        assert_all_good(&[robot.go(x, 0.0, rotation, 30.0)]);
+    }
+}
