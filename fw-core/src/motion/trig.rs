@@ -162,8 +162,17 @@ mod tests {
 
     #[test]
     fn sine_and_cosine_are_within_their_bound_on_every_phase() {
+        assert_within_their_bound(phases());
+    }
+
+    #[test]
+    fn sine_and_cosine_are_within_their_bound_all_around() {
+        assert_within_their_bound((0..=u32::MAX).step_by(0x0001_0003));
+    }
+
+    fn assert_within_their_bound(phases: impl Iterator<Item = u32>) {
         let mut worst = [0.0f64; 4];
-        for phase in phases() {
+        for phase in phases {
             // Just below a whole turn counts from zero, as its quarter does.
             let angle = f64::from(phase as i32) / 4_294_967_296.0 * TAU;
             let (sine, cosine) = sin_cos(Turns(phase));
@@ -188,6 +197,26 @@ mod tests {
         );
         assert!(worst[0] <= 5.8e-10 && worst[1] <= 5.8e-10);
         assert!(worst[2] <= 3.4e-10 && worst[3] <= 3.6e-10);
+    }
+
+    #[test]
+    fn sine_and_cosine_are_rounded_to_the_nearest_last_bit() {
+        for phase in (0..=u32::MAX).step_by(0x0010_0007) {
+            let (sine, cosine) = sin_cos(Turns(phase));
+            let fine = Reduced::of(u64::from(phase) << 32);
+            let (fine_sine, fine_cosine) = match fine.quarter {
+                0 => (-fine.minus_sine, fine.cosine),
+                1 => (fine.cosine, fine.minus_sine),
+                2 => (fine.minus_sine, -fine.cosine),
+                _ => (-fine.cosine, -fine.minus_sine),
+            };
+            for (rounded, fine) in [(sine, fine_sine), (cosine, fine_cosine)] {
+                let off = (i64::from(rounded) << 31) - fine;
+                // One itself does not fit.
+                let one = rounded.abs() == i32::MAX && off.abs() <= 1 << 31;
+                assert!(off.abs() <= 1 << 30 || one, "{phase:#x}: {off:#x}");
+            }
+        }
     }
 
     #[test]

@@ -355,6 +355,34 @@ fn a_part_of_a_whole_is_the_nearest() {
 }
 
 #[test]
+fn a_step_goes_in_the_nearest_direction_of_34_bits() {
+    let one = 2f64.powi(34);
+    for (part, nearest) in [
+        (0.0, 0.0),
+        (0.25, 0.0),
+        (0.49, 0.0),
+        (0.51, 1.0),
+        (0.75, 1.0),
+        (1.25, 1.0),
+        (-0.25, 0.0),
+        (-0.49, 0.0),
+        (-0.51, -1.0),
+        (-3.75, -4.0),
+    ] {
+        let mut odometry = Odometry::new(&UNEQUAL, 0, 0);
+        // Wheels that turn it by nothing.
+        odometry.left = odometry.right;
+        odometry.left.turn = PerCount::new(0);
+        odometry.right.turn = PerCount::new(0);
+        odometry.heading += (part * 2f64.powi(30)) as i64;
+        let _ = odometry.step(30_000, 30_000);
+        let path = odometry.x as f64;
+        let turned = odometry.y as f64 / path / std::f64::consts::TAU * one;
+        assert!((turned - nearest).abs() < 0.02, "{part}: {turned}");
+    }
+}
+
+#[test]
 fn a_pose_is_the_nearest_of_what_is_known_more_finely() {
     let platform = crate::eeprom::first_board().platform;
     let mut odometry = Odometry::new(&platform, 0, 0);
@@ -382,17 +410,19 @@ fn a_pose_is_the_nearest_of_what_is_known_more_finely() {
 
 #[test]
 fn a_position_beyond_its_range_becomes_its_end_and_no_other_does() {
+    // 2⁻⁴⁰ mm: ±2²² mm.
+    let end = 1 << 62;
     for (position, nearest) in [
         (0, 0),
         (-1, -1),
-        (FARTHEST - 1, FARTHEST - 1),
-        (FARTHEST, FARTHEST),
-        (FARTHEST + 1, FARTHEST),
-        (i64::MAX, FARTHEST),
-        (-FARTHEST, -FARTHEST),
-        (-FARTHEST - 1, -FARTHEST - 1),
-        (-FARTHEST - 2, -FARTHEST - 1),
-        (i64::MIN, -FARTHEST - 1),
+        (end - 2, end - 2),
+        (end - 1, end - 1),
+        (end, end - 1),
+        (i64::MAX, end - 1),
+        (-end + 1, -end + 1),
+        (-end, -end),
+        (-end - 1, -end),
+        (i64::MIN, -end),
     ] {
         assert_eq!(within(position), nearest, "{position}");
     }
