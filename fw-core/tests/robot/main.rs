@@ -1,0 +1,105 @@
+//! The robot from outside: counters, words of the ADC and frames in; duties, pulses, replies and lines
+//! of the log out.
+
+mod platform;
+
+use fw_core::eeprom::{first_board, Config};
+use fw_core::log::Log;
+use fw_core::robot::{Drive, Outputs, Robot, Sample};
+use fw_core::units::Micros;
+use fw_core::wire::{Command, Mode, PiLink, PoseCode, Report, Setup, MAX_FRAME};
+
+/// Microseconds from tick to tick.
+const TICK_US: u32 = 10_000;
+
+/// A robot on the bench, and its Pi.
+struct Bench {
+    robot: Robot,
+    pi: PiLink,
+    log: Log,
+    sample: Sample,
+    /// What the first board's two taps say: some 3.6 V a cell.
+    words: [u16; 2],
+}
+
+impl Bench {
+    /// The first board in this mode, but for what `change` does to it.
+    fn new(mode: Mode, change: impl FnOnce(&mut Config)) -> Self {
+        let mut config = first_board();
+        config.mode = mode;
+        change(&mut config);
+        let sample = Sample {
+            now: Micros(u32::MAX - 3 * TICK_US),
+            left: 1_000,
+            right: 64_000,
+        };
+        Self {
+            robot: Robot::new(&config, sample),
+            pi: PiLink::new(Setup::from(&config)),
+            log: Log::new(),
+            sample,
+            words: [3428, 3574],
+        }
+    }
+
+    fn tick(&mut self) -> Outputs {
+        self.sample.now = self.sample.now.after(TICK_US);
+        self.robot.on_tick(self.sample, &self.words, &mut self.log)
+    }
+
+    /// Both counters go on by so many counts, then a tick.
+    fn roll(&mut self, left: i32, right: i16) -> Outputs {
+        self.sample.left = self.sample.left.wrapping_add_signed(left);
+        self.sample.right = self.sample.right.wrapping_add_signed(right);
+        self.tick()
+    }
+
+    /// One chip-select: what the robot says in it.
+    fn frame(&mut self, command: &Command) -> Report {
+        let (mut back, mut out) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        let len = self.robot.next_reply(&mut back);
+        let sent = self.pi.send(command, &mut out);
+        let now = self.sample.now;
+        self.robot.on_frame(&out[..sent], sent, now, &mut self.log);
+        self.pi.receive(&back[..len]).expect("a valid reply")
+    }
+
+    /// What the log has said since it was asked last.
+    fn said(&mut self) -> String {
+        let mut text = Vec::new();
+        while !self.log.pending().is_empty() {
+            text.extend_from_slice(self.log.pending());
+            self.log.sent(self.log.pending().len());
+        }
+        String::from_utf8(text).expect("ASCII")
+    }
+}
+
+/// To drive to: millimetres along x, and hundredths of a turn.
+fn go(x_mm: i32, hundredths: u16) -> Command {
+    Command {
+        expected: PoseCode {
+            x: x_mm * 1000,
+            y: 0,
+            rotation: hundredths * 327,
+        },
+        apply: true,
+        ..Command::default()
+    }
+}
+
+/// To set on the engines, in a tuning mode.
+fn percent(percent: f64) -> Command {
+    Command {
+        percent: fw_core::double::Double(percent.to_bits()),
+        ..Command::default()
+    }
+}
+
+/// A motor's duty in hundredths of a percent; 0 for one that is not driven.
+fn duty(drive: Drive) -> i32 {
+    match drive {
+        Drive::Run(duty) => duty.hundredths().into(),
+        Drive::Brake | Drive::Coast => 0,
+    }
+}

@@ -1,0 +1,129 @@
+//! How the STM serves its buses, by its registers and by what is on the wires.
+
+use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
+use robot_tests::document::{normal_frame, original_image, NormalReply, KEY_STM};
+use robot_tests::rig::Rig;
+use twin::measure::What;
+use twin::Options;
+
+/// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the
+/// number of items and the peripheral's address.
+const fn control(controller: u64, stream: u64) -> u64 {
+    0x4002_6000 + 0x400 * (controller - 1) + 0x10 + 0x18 * stream
+}
+
+/// Bits of it: enabled, memory to peripheral.
+const ENABLED: u64 = 1;
+const SENDING: u64 = 1 << 6;
+
+const SPI1_CR1: u64 = 0x4001_3000;
+const SPI1_CR2: u64 = 0x4001_3004;
+const SPI1_DR: u64 = 0x4001_300C;
+const USART1_DR: u64 = 0x4001_1004;
+const I2C1_DR: u64 = 0x4000_5410;
+
+/// Of each bus: the stream, its channel, which way, and the data register.
+const STREAMS: [(u64, u64, u64, u64); 4] = [
+    (control(2, 0), 3, 0, SPI1_DR),
+    (control(2, 3), 3, SENDING, SPI1_DR),
+    (control(2, 7), 4, SENDING, USART1_DR),
+    (control(1, 0), 1, 0, I2C1_DR),
+];
+
+// Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3
+#[test]
+fn every_bus_is_served_by_dma() {
+    let rig = Rig::new(Options {
+        eeprom: Some(original_image()),
+        ..Options::default()
+    });
+    for (control, ..) in STREAMS {
+        for register in [control, control + 4, control + 8] {
+            rig.board.follow_writes(register);
+        }
+    }
+    for register in [SPI1_CR1, SPI1_CR2, SPI1_DR, USART1_DR, I2C1_DR] {
+        rig.board.follow_writes(register);
+    }
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig.board.run_us(50_000);
+    let mut cells = [0; 2];
+    for _ in 0..10 {
+        let reply = NormalReply::of(&rig.frame(&normal_frame(0, 0, 0, false)));
+        assert_eq!(reply.key, KEY_STM);
+        cells[usize::from(reply.cell)] += 1;
+        rig.board.run_us(1_000);
+    }
+    assert_eq!(
+        cells,
+        [5, 5],
+        "every reply went out and every frame came in"
+    );
+    assert!(rig.log().len() > 50, "{}", rig.log());
+
+    let events = rig.board.take_events();
+    let written = |register: u64| -> Vec<u64> {
+        let wrote = events.iter().filter_map(|event| match event.what {
+            What::Wrote { address, value } if address == register => Some(value),
+            _ => None,
+        });
+        wrote.collect()
+    };
+    for (control, channel, way, data) in STREAMS {
+        let starts: Vec<u64> = written(control)
+            .into_iter()
+            .filter(|settings| settings & ENABLED != 0)
+            .collect();
+        assert!(!starts.is_empty(), "{control:#x} was never started");
+        for settings in starts {
+            assert_eq!((settings >> 25, settings & 0xC0), (channel, way));
+        }
+        assert!(written(control + 8).iter().all(|&at| at == data));
+    }
+    // The whole configuration at once, and no byte by hand but the addresses of part and register.
+    assert!(written(control(1, 0) + 4).contains(&(IMAGE_LEN as u64)));
+    assert_eq!(written(I2C1_DR), [0xA0, 0, 0, 0xA1]);
+    // Of replies and log none at all, and no interrupt asks for one.
+    assert!(written(SPI1_DR).is_empty() && written(USART1_DR).is_empty());
+    let requests = written(SPI1_CR2);
+    assert!(requests.contains(&0b11) && requests.iter().all(|bits| bits & 0xE0 == 0));
+    // A slave of mode 0, 8 bits, most significant first, selected by its pin: nothing but on or off.
+    assert!(written(SPI1_CR1).iter().all(|&bits| bits & !(1 << 6) == 0));
+    rig.assert_modelled();
+}
+
+/// The time from byte to byte within the lines, µs, of those that `which` picks.
+fn pace(rig: &Rig, which: impl Fn(&str) -> bool) -> f64 {
+    let log = rig.board.log();
+    let mut paces = Vec::new();
+    for line in log.split_inclusive(|sent| sent.byte == b'\n') {
+        let text: Vec<u8> = line.iter().map(|sent| sent.byte).collect();
+        if which(&String::from_utf8_lossy(&text)) {
+            paces.extend(line.windows(2).map(|two| two[1].at - two[0].at));
+        }
+    }
+    paces.sort_unstable();
+    #[allow(clippy::cast_precision_loss, reason = "some tens of thousands")]
+    let median = paces[paces.len() / 2] as f64;
+    median / 1000.0
+}
+
+#[test]
+fn the_log_goes_at_115200_baud_until_the_configuration_is_read_and_at_its_rate_from_then_on() {
+    // Both within what a receiver at 115200 baud reads.
+    for baud in [115_200, 117_600, 113_000] {
+        let mut config = first_board();
+        config.platform.log_baud = baud;
+        config.platform.log_period = 100;
+        let mut image = [0xFF; IMAGE_LEN];
+        encode(&config, &mut image);
+        let rig = Rig::booted(Some(image.to_vec()));
+        assert!(rig.board.is_ready(), "{}", rig.log());
+        rig.board.run_us(1_000_000);
+        // A start bit, eight bits, a stop bit.
+        let boot = pace(&rig, |line| line.contains("boot after"));
+        assert!((boot - 10e6 / 115_200.0).abs() < 0.2, "{boot} µs");
+        let later = pace(&rig, |line| line.contains(": pose "));
+        assert!((later - 10e6 / f64::from(baud)).abs() < 0.2, "{later} µs");
+    }
+}
