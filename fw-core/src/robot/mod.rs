@@ -109,6 +109,8 @@ pub struct Robot {
     voltages: [u16; MAX_CELLS],
     telling: Telling,
     link_line: LinkLine,
+    /// Lines that the log had dropped by the last tick.
+    dropped: u32,
 }
 
 impl Robot {
@@ -151,6 +153,7 @@ impl Robot {
             voltages: [0; MAX_CELLS],
             telling: Telling::new(platform.log_period),
             link_line: LinkLine::default(),
+            dropped: 0,
         }
     }
 
@@ -170,6 +173,11 @@ impl Robot {
 
         self.battery.sample(adc_words);
         self.raise(battery_faults(&self.battery), log);
+        // No line tells of it but the log's own: there is no room for one.
+        if self.dropped != log.dropped() {
+            self.dropped = log.dropped();
+            self.raise(fault::LOG_DROPPED, log);
+        }
 
         let wanted = self.want != Want::Nothing;
         let busy = match self.want {
@@ -417,6 +425,7 @@ impl Robot {
     }
 
     /// Where the robot believes it is.
+    // Requirement: DOC-1-1
     #[must_use]
     pub const fn pose(&self) -> Pose {
         self.odometry.pose()

@@ -1,6 +1,7 @@
 //! The robot from outside: counters, words of the ADC and frames in; duties, pulses, replies and lines
 //! of the log out.
 
+mod faults;
 mod platform;
 
 use fw_core::eeprom::{first_board, Config};

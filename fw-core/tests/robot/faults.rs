@@ -1,0 +1,53 @@
+//! Faults that no part of the robot notices, but the robot as a whole.
+
+use crate::{percent, Bench};
+use fw_core::wire::{fault, Command, Mode};
+
+#[test]
+fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
+    let mut bench = Bench::new(Mode::GuardedTuneRotate, |_| {});
+    let lost = |bench: &Bench| bench.robot.faults() & fault::LOG_DROPPED != 0;
+    // A line a tick, and nobody takes them: 1 KiB is full within half a second.
+    for _ in 0..100 {
+        bench.frame(&percent(0.0));
+        let dropped = bench.log.dropped();
+        bench.tick();
+        assert_eq!(lost(&bench), dropped > 0, "{dropped} by then");
+    }
+    assert!(lost(&bench), "{}", bench.log.dropped());
+    let _ = bench.said();
+    // The last tick's own lines.
+    bench.tick();
+    let report = bench.frame(&Command {
+        clear_faults: fault::LOG_DROPPED,
+        ..Command::default()
+    });
+    assert_ne!(report.faults & fault::LOG_DROPPED, 0, "the Pi is told");
+    for _ in 0..100 {
+        bench.frame(&percent(0.0));
+        bench.tick();
+        assert!(bench.said().contains(": T "));
+        assert!(!lost(&bench), "what was cleared stays so");
+    }
+    while bench.log.dropped() < 200 {
+        bench.frame(&percent(0.0));
+        bench.tick();
+    }
+    assert!(lost(&bench), "new ones count anew");
+}
+
+#[test]
+fn lost_frames_are_counted_told_and_a_fault() {
+    let mut bench = Bench::new(Mode::GuardedNormal, |_| {});
+    assert_eq!(bench.robot.faults() & fault::FRAME_REJECTED, 0);
+    bench.robot.on_lost_frames(3, &mut bench.log);
+    assert_eq!(bench.robot.counters().overrun, 3);
+    assert_eq!(bench.robot.counters().frames(), 3);
+    let told = bench.said();
+    assert!(
+        told.contains(": 3 frames came too fast and were lost\n"),
+        "{told}"
+    );
+    let report = bench.frame(&Command::default());
+    assert_ne!(report.faults & fault::FRAME_REJECTED, 0);
+}
