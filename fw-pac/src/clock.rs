@@ -39,6 +39,7 @@ const POLLS: u32 = 2_000;
 /// Brings SYSCLK to 100 MHz; `None` if not even the internal oscillator's PLL locks.
 ///
 /// Called once, at boot, on the HSI that the reset selects.
+// Requirement: DOC-2.3-1
 pub fn start() -> Option<Source> {
     // SAFETY: boot runs alone, before any interrupt; nothing else holds these registers yet.
     let (rcc, pwr, flash) = unsafe { (&*pac::RCC::ptr(), &*pac::PWR::ptr(), &*pac::FLASH::ptr()) };

@@ -14,7 +14,7 @@ use core::sync::atomic::{fence, Ordering};
 use stm32f4::stm32f411 as pac;
 
 /// A stream, fixed at compile time: controller 1 or 2, stream 0 ..= 7.
-// Requirement: DOC-3.3-1
+// Requirement: DOC-3.3-1, DOC-3.3-2, DOC-3.3-3
 pub struct Stream<const CONTROLLER: u8, const STREAM: usize>;
 
 /// What a stream's control register says beside its channel.

@@ -31,7 +31,7 @@ static IMAGE: Buffer = Buffer(UnsafeCell::new([0; IMAGE_LEN]));
 ///
 /// # Safety
 /// To be called by boot alone, once: the image is one static buffer.
-// Requirement: DOC-2.1-1
+// Requirement: DOC-2.1-1, DOC-2.3-4
 pub unsafe fn read(log: &mut Log, mut idle: impl FnMut(&mut Log)) -> Result<&'static Image, Error> {
     SELECT.input(Pull::Down);
     i2c::start();

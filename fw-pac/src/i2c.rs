@@ -88,6 +88,7 @@ fn transfer(
     if !time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear()) {
         return Err(Error::Busy);
     }
+    // Requirement: DOC-6-8
     let [high, low] = register.to_be_bytes();
     address(device << 1)?;
     for byte in [high, low] {

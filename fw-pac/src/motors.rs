@@ -76,6 +76,7 @@ impl Motors {
     }
 
     /// Drives both motors.
+    // Requirement: DOC-2.3-2
     pub fn set(&mut self, left: Drive, right: Drive) {
         let timer = registers();
         let (left_inputs, left_duty) = decode(left);

@@ -19,6 +19,7 @@ use fw_core::log::Log;
 use fw_core::robot::{Robot, Sample};
 
 /// What the robot's priority owns beside the log.
+// Requirement: DOC-3.2-2
 pub struct Body {
     /// Every decision.
     pub robot: Robot,
@@ -89,6 +90,7 @@ fn next() -> Option<Event> {
     })
 }
 
+// Requirement: DOC-2.1-6
 #[exception]
 fn PendSV() {
     // SAFETY: priority 2, like the only other user; `install` came before the interrupts.
@@ -133,6 +135,7 @@ impl Body {
 
     /// What a frame says and what is answered to it, without a register. Its own symbol, for whoever
     /// counts its instructions.
+    // Requirement: DOC-5-3
     #[inline(never)]
     #[export_name = "robot_frame"]
     fn exchange(&mut self, frame: &mut spi::Claim, log: &mut Log) {

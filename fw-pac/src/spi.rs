@@ -385,6 +385,7 @@ const SENDING: u32 = control::channel(3) | control::WRITE | control::VERY_HIGH;
 
 /// Resets the peripheral and arms both directions, in the order of RM0383, 20.3.9; masked or at the
 /// highest priority, with both streams stopped.
+// Requirement: DOC-2.1-5
 #[inline]
 fn arm(state: &State) {
     // SAFETY: after boot nobody but this function writes RCC, it never interrupts itself, and no other

@@ -92,6 +92,7 @@ pub fn sample(_: &CriticalSection) -> Sample {
 }
 
 /// The first tick comes one period from now, and its battery words shortly before.
+// Requirement: DOC-3.1-3
 pub fn start_ticks() {
     let timer = registers();
     let tick = now().after(TICK);

@@ -38,6 +38,7 @@ impl Link {
     ///
     /// # Errors
     /// [`Error::Spi`]: the bus itself failed; nothing is known about the frame.
+    // Requirement: DOC-5-3
     pub fn exchange<S: SpiDevice>(
         &mut self,
         spi: &mut S,

@@ -40,6 +40,7 @@ pub trait Wires {
 }
 
 /// One machine: the handles of [`Wires`].
+// Requirement: DOC-3.2-2
 pub struct Machine<W: Wires> {
     /// The frame link.
     pub spi: W::Spi,

@@ -19,6 +19,7 @@ use fw_core::wire::strategy::Duties;
 use fw_core::wire::{chain, fault, CellCode, Command, Mode, Order, Report, State};
 
 /// Frames per second unless told otherwise (document, 5.2.2: 40 Hz).
+// Requirement: DOC-5.2.2-5
 pub const RATE_HZ: u32 = 40;
 
 /// Without a valid frame for this long the link counts as failed, microseconds.
@@ -82,6 +83,7 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// [`Error::NotReady`], those of [`eeprom::read`], [`Error::Rejected`], [`Error::Interrupted`].
+    // Requirement: DOC-5.2-3
     pub fn open(
         machine: &'m mut Machine<W>,
         rate_hz: u32,
@@ -244,6 +246,7 @@ impl<'m, W: Wires> Session<'m, W> {
         self.next_us = self.next_us.max(now) + self.period_us;
     }
 
+    // Requirement: DOC-5.2.1-4
     fn command(&mut self, wish: &Wish) -> Command {
         let cell = self.cell;
         self.cell = (cell + 1) % self.config.cells.max(1);
@@ -355,3 +358,72 @@ const RESUME_FRAMES: usize = 40;
 
 /// Frames of the stop. At 40 Hz a quarter of a second, in which the robot comes to rest.
 const HALT_FRAMES: usize = 10;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doubles::machine;
+    use crate::settings::Settings;
+    use fw_core::eeprom::{first_board, Divider, Image};
+
+    /// The first board's EEPROM with so many cells.
+    fn image(cells: u8) -> Image {
+        let mut config = first_board();
+        config.cells = cells;
+        config.dividers = [Divider {
+            upper: 1000,
+            lower: 1000,
+        }; 8];
+        Settings {
+            config,
+            platform_page: true,
+        }
+        .image()
+    }
+
+    // Requirement: DOC-5.2.1-4
+    #[test]
+    fn frames_walk_all_cells_unless_one_is_tuned() {
+        let (board, mut machine) = machine(&image(2), None);
+        let mut session = Session::open(&mut machine, RATE_HZ, 100).unwrap();
+        let tune = CellCode {
+            cell: 1,
+            voltage: 740,
+        };
+        for wish in [None, None, Some(tune), Some(tune), None, None, None] {
+            let wish = Wish {
+                tune: wish,
+                ..Wish::default()
+            };
+            session.exchange(&wish).unwrap();
+        }
+        let told: Vec<_> = board.borrow().commands.iter().map(|c| c.tune).collect();
+        let walked = |cell| CellCode { cell, voltage: 0 };
+        assert_eq!(told[..4], [walked(0), walked(1), tune, tune]);
+        assert_eq!(told[4..], [walked(0), walked(1), walked(0)]);
+    }
+
+    #[test]
+    fn a_rejected_reply_is_counted_by_its_cause_and_the_last_good_values_stay() {
+        let (board, mut machine) = machine(&image(2), None);
+        board.borrow_mut().report.pose.x = 1_234_000;
+        let mut session = Session::open(&mut machine, RATE_HZ, 100).unwrap();
+        assert!(session.exchange(&Wish::default()).unwrap().is_some());
+        assert!(session.exchange(&Wish::default()).unwrap().is_some());
+        let before = (session.snapshot().pose, session.snapshot().cells_v.clone());
+        assert_eq!(before.0.map(|pose| pose.x_mm), Some(1234.0));
+        {
+            let mut board = board.borrow_mut();
+            board.report.pose.x = 0;
+            board.deaf_from = 0;
+        }
+        for rejected in 1..=5 {
+            assert_eq!(session.exchange(&Wish::default()), Ok(None));
+            let statistics = session.statistics();
+            assert_eq!((statistics.accepted, statistics.rejected), (2, rejected));
+            assert_eq!(statistics.causes.get(fw_core::wire::Cause::Key), rejected);
+            let now = (session.snapshot().pose, session.snapshot().cells_v.clone());
+            assert_eq!(now, before);
+        }
+    }
+}

@@ -69,7 +69,7 @@ impl Survey {
     }
 
     /// Takes one report.
-    // Requirement: DOC-1-1
+    // Requirement: DOC-1-2
     pub fn take(&mut self, look: &Look) {
         let pose = pose(look.pose);
         match look.bearing_deg {
@@ -241,6 +241,22 @@ fn look(line: &str) -> Result<Look, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    // Requirement: DOC-2.2-2
+    #[test]
+    fn the_map_takes_as_many_rangefinders_as_are_fitted_and_their_bearings() {
+        let mut config = fw_core::eeprom::first_board();
+        let degrees = |config: &Config| {
+            let mounts = mapper_config(config, 10.0).mounts;
+            let degrees = mounts.iter().map(|mount| mount.bearing_rad.to_degrees());
+            degrees.map(f64::round).collect::<Vec<_>>()
+        };
+        // Front, right, left.
+        assert_eq!(degrees(&config), [0.0, -90.0, 90.0]);
+        config.platform.bearings = [0x1000, 0xE000, 0x8000];
+        config.platform.rangefinders = 2;
+        assert_eq!(degrees(&config), [23.0, -45.0]);
+    }
 
     #[test]
     fn a_recording_reads_back() {

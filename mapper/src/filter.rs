@@ -60,6 +60,7 @@ impl Filter {
     }
 
     /// Takes the latest value of the rangefinder, which may be the last measurement again.
+    // Requirement: DOC-2.2-4
     pub(crate) fn take(&mut self, reading: Reading) -> Verdict {
         if self.waiting.is_some_and(|last| is_repeat(&last, &reading)) {
             return Verdict::Ignored;
@@ -148,6 +149,7 @@ mod tests {
             .collect()
     }
 
+    // Requirement: DOC-2.2-4
     #[test]
     fn a_lone_wild_reading_is_dropped_and_its_neighbours_stay() {
         let ranges = [1000.0, 1001.0, 350.0, 999.0, 1002.0, 1003.0];

@@ -6,7 +6,7 @@ mod drive;
 use mapper::map_iou;
 use plant::{Params, RangefinderParams, Room};
 
-// Requirement: DOC-1-1
+// Requirement: DOC-1-2
 #[test]
 fn the_default_rooms_map_agrees_with_its_walls() {
     let drive = drive::tour(&Room::two_rooms(), Params::default(), 1);
@@ -26,6 +26,7 @@ fn the_default_rooms_map_agrees_with_its_walls() {
     assert!((believed.x_mm - truth.x_mm).hypot(believed.y_mm - truth.y_mm) < 5.0);
 }
 
+// Requirement: DOC-2.2-4
 #[test]
 fn wild_readings_one_in_twenty_leave_the_map_usable() {
     let rangefinder = RangefinderParams {

@@ -50,6 +50,7 @@ fn ranges(rig: &Rig, us: u64) -> [f64; 3] {
     })
 }
 
+// Requirement: DOC-2.2-2
 #[test]
 fn distances_are_right_within_a_per_cent_in_the_cold_and_in_the_heat() {
     let truth = [2000.0, 1200.0, 500.0];
@@ -97,6 +98,7 @@ fn the_temperature_disturbs_no_cell() {
     }
 }
 
+// Requirement: DOC-2.1-6
 #[test]
 fn three_sensors_that_answer_take_turns_every_20_ms() {
     let rig = rig(walls(2400.0, 2400.0, 2400.0), exact(20.0, 2.5), None);

@@ -22,7 +22,7 @@ fn assert_stays_off(rig: &Rig, why: &str) {
     rig.assert_modelled();
 }
 
-// Requirement: DOC-2.1-1
+// Requirement: DOC-2.1-1, DOC-2.3-1
 #[test]
 fn an_original_eeprom_of_the_first_board_makes_it_ready_within_50_ms() {
     let rig = Rig::booted(Some(original_image()));
@@ -40,7 +40,64 @@ fn an_original_eeprom_of_the_first_board_makes_it_ready_within_50_ms() {
         "{}",
         rig.log()
     );
+    assert!(!rig.log().contains("internal oscillator"), "{}", rig.log());
     rig.assert_modelled();
+}
+
+// Requirement: DOC-5.1.6-2
+#[test]
+fn the_keys_are_those_of_the_eeprom() {
+    let mut image = original_image();
+    (image[0x000A], image[0x000B]) = (0x11, 0xEE);
+    let rig = Rig::booted(Some(image));
+    assert!(rig.board.is_ready(), "{}", rig.log());
+    rig.board.run_us(20_000);
+    let mut frame = normal_frame(1_000_000, 0, 0, true);
+    let _ = rig.keep_sending(&frame, 100_000);
+    assert!(rig.motors_off(), "the first board's key is another one");
+    assert!(rig.log().contains("expected 0x11"), "{}", rig.log());
+    frame[0] = 0x11;
+    let reply = NormalReply::of(&rig.keep_sending(&frame, 100_000));
+    assert_eq!(reply.key, 0xEE);
+    assert!(!rig.motors_off(), "{}", rig.log());
+    // As they were at reset, whatever stands there by now.
+    let changed = rig.board.i2c_bus(|bus, _| {
+        let part = bus.eeprom.as_mut().expect("it is fitted");
+        part.bytes_mut()[0x000A..=0x000C].copy_from_slice(&[0x12, 0xED, 1]);
+    });
+    changed.expect("the emulation runs");
+    let reply = NormalReply::of(&rig.keep_sending(&frame, 400_000));
+    assert_eq!(reply.key, 0xEE);
+    assert!(!rig.motors_off(), "{}", rig.log());
+}
+
+// Requirement: DOC-6-1
+#[test]
+fn the_eeprom_is_read_and_never_written_even_where_nothing_protects_it() {
+    let rig = Rig::new(Options {
+        eeprom: Some(original_image()),
+        ..Options::default()
+    });
+    let part = |rig: &Rig| {
+        let part = rig.board.i2c_bus(|bus, _| {
+            let part = bus.eeprom.as_mut().expect("it is fitted");
+            part.protect(false);
+            (part.writes(), part.bytes().to_vec())
+        });
+        part.expect("the emulation runs")
+    };
+    let (_, before) = part(&rig);
+    assert!(rig.await_ready(), "{}", rig.log());
+    // Driving, a cell to be tuned, and a reset on the way.
+    let mut frame = normal_frame(300_000, 0, 0, true);
+    frame[11..13].copy_from_slice(&720_u16.to_be_bytes());
+    let _ = rig.keep_sending(&frame, 1_000_000);
+    assert!(rig.log().contains("tuned tap 1"), "{}", rig.log());
+    rig.board.hold_reset(true).expect("the emulation runs");
+    rig.board.run_us(100_000);
+    rig.board.hold_reset(false).expect("the emulation runs");
+    assert!(rig.await_ready(), "{}", rig.log());
+    assert_eq!(part(&rig), (0, before));
 }
 
 #[test]
@@ -56,7 +113,7 @@ fn no_eeprom_keeps_it_off_and_the_log_says_so() {
     assert_stays_off(&rig, "no configuration");
 }
 
-// Requirement: WIRE-eeprom-3
+// Requirement: WIRE-eeprom-3, DOC-6-8, DOC-6.0.1-2, DOC-6.0.3-1
 #[test]
 fn every_corrupt_field_is_named_with_its_address() {
     let broken: [(usize, &[u8], &str); 7] = [
@@ -134,6 +191,7 @@ fn a_slave_that_never_lets_go_keeps_it_off_and_the_log_says_so() {
     assert_stays_off(&rig, "no configuration");
 }
 
+// Requirement: DOC-2.3-4, DOC-6-6
 #[test]
 fn while_the_pi_has_the_bus_it_waits_and_starts_when_the_bus_comes_back() {
     let rig = Rig::new(Options {
@@ -150,6 +208,7 @@ fn while_the_pi_has_the_bus_it_waits_and_starts_when_the_bus_comes_back() {
     assert!(rig.await_ready(), "{}", rig.log());
 }
 
+// Requirement: DOC-2.3-1
 #[test]
 fn without_the_crystal_it_runs_from_the_internal_oscillator_and_says_so() {
     let rig = Rig::new(Options {

@@ -141,6 +141,7 @@ impl Drop for Bench {
     }
 }
 
+// Requirement: DOC-6-2, DOC-6-3, DOC-6-6, DOC-6-7
 #[test]
 fn one_failing_call_anywhere_is_survived() {
     let bench = Bench::new("fails");

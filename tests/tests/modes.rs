@@ -36,6 +36,7 @@ fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
     chain(mode).iter().map(|&Strategy { name, .. }| *name)
 }
 
+// Requirement: DOC-3.2-2, DOC-5.2-1
 #[test]
 fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
     for &stm in Mode::ALL {
@@ -60,7 +61,7 @@ fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
     }
 }
 
-// Requirement: DOC-5.2-2
+// Requirement: DOC-5.2-2, DOC-5.2-1, DOC-5.2-3
 #[test]
 fn the_mode_is_changed_on_both_ends_without_leaving_the_program() {
     let rig = booted(Mode::Normal);

@@ -1,10 +1,12 @@
 //! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
 
 use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
+use fw_core::robot::leds;
+use fw_core::wire::State;
 use robot_tests::document::{normal_frame, original_image, NormalReply};
 use robot_tests::rig::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
 use robot_tests::stack::Stack;
-use twin::{Options, ResetBy};
+use twin::{Board, Options, ResetBy};
 
 fn driving() -> Rig {
     let rig = Rig::booted(Some(original_image()));
@@ -17,6 +19,7 @@ fn driving() -> Rig {
 #[test]
 fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
     let rig = driving();
+    assert_eq!(rig.board.leds(), leds(State::Moving));
     let silent_since = rig.board.now_us();
     assert!(rig.board.run_until(400_000, 500, |_| rig.motors_off()));
     let after = rig.board.now_us() - silent_since;
@@ -26,6 +29,7 @@ fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
     let speed = rig.board.truth().wheel_deg_s;
     assert!(speed.0.abs() < 0.1 && speed.1.abs() < 0.1, "{speed:?}");
     assert!(rig.log().contains("stop"), "{}", rig.log());
+    assert_eq!(rig.board.leds(), leds(State::Stopped));
     let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 300_000);
     assert!(
         !rig.motors_off(),
@@ -62,6 +66,25 @@ fn an_overflow_of_the_stack_is_a_fault_and_ends_with_the_motors_off() {
     // It was the stack's end that stopped it: less than one more frame was left.
     let left = stack.bytes() - stack.used(&rig.board).expect("the emulation runs");
     assert!(left < 512, "{left} bytes of the stack are left");
+}
+
+#[test]
+fn a_tick_that_does_not_come_is_noticed_by_the_watchdog_which_restarts_the_robot_standing() {
+    let rig = driving();
+    let stopped = rig.board.now_us();
+    rig.board.faults().stop_ticks().expect("the emulation runs");
+    let restarted = |board: &Board| !board.resets().is_empty();
+    assert!(rig.board.run_until(400_000, 1_000, restarted));
+    // 68 to 188 ms over the tolerance of its oscillator.
+    let after = rig.board.now_us() - stopped;
+    assert!(after <= 190_000, "{after} µs");
+    assert_eq!(rig.board.resets()[0].cause, ResetBy::Watchdog);
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig.board.run_us(100_000);
+    assert!(rig.motors_off(), "after the restart it stands");
+    assert!(rig.log().contains("watchdog"), "{}", rig.log());
+    let told = "restarted after a failure";
+    assert!(rig.log().contains(told), "{}", rig.log());
 }
 
 fn with_original_image(elf: &[u8]) -> Rig {

@@ -122,6 +122,8 @@ fn every_reading_has_the_bearing_it_was_taken_at_to_and_fro_and_none_is_lost_or_
     let mut swept = Swept::new(config(|_| {}), exact());
     // Five seconds are two sweeps to and fro.
     let reports = swept.frames(5_600_000);
+    let first = reports[0].1;
+    assert_eq!((first.bearing, distance_mm(first.ranges[0])), (0, None));
     let readings = readings(&reports);
     let pings = swept.rig.board.pings();
     assert!(pings.iter().all(|ping| ping.sensor == 0));
@@ -241,6 +243,7 @@ fn in_any_other_mode_a_servo_looks_straight_ahead_before_anything_is_measured() 
     }
 }
 
+// Requirement: DOC-1-2, DOC-2.2-3
 #[test]
 fn the_sweep_draws_the_room_around_the_robot() {
     let mut swept = Swept::new(config(|_| {}), Params::default());

@@ -63,6 +63,7 @@ fn tuned(axis: Axis) -> fit::Model {
     fit::fit(&fit::steps(recorder.samples())).expect("a model")
 }
 
+// Requirement: DOC-5.2.2-2, DOC-5.2.3-4
 #[test]
 fn tuning_finds_the_virtual_motors_gain_and_lag() {
     let lag = f64::midpoint(

@@ -19,7 +19,7 @@ fn idle() -> [u8; 19] {
     normal_frame(0, 0, 0, false)
 }
 
-// Requirement: DOC-5.2.1-2
+// Requirement: DOC-5.2.1-2, DOC-2.1-4, DOC-2.3-5
 #[test]
 fn the_reply_walks_both_cells_with_their_true_voltages() {
     let rig = normal();
@@ -43,7 +43,7 @@ fn the_reply_walks_both_cells_with_their_true_voltages() {
     }
 }
 
-// Requirement: DOC-2.2-1, DOC-5.2.1-2
+// Requirement: DOC-2.2-1, DOC-5.2.1-2, DOC-2.1-4
 #[test]
 fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
     let rig = normal();
@@ -63,7 +63,7 @@ fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
     }
 }
 
-// Requirement: DOC-2.1-2
+// Requirement: DOC-2.1-2, DOC-2.1-6
 #[test]
 fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
     let rig = normal();
@@ -85,6 +85,17 @@ fn without_the_apply_bit_nothing_moves() {
     let rig = normal();
     let _ = rig.keep_sending(&normal_frame(300_000, 0, 0, false), 500_000);
     assert!(rig.board.truth().path_mm < 0.01);
+}
+
+#[test]
+fn a_frame_without_the_apply_bit_leaves_the_target_as_it_is() {
+    let rig = normal();
+    let _ = rig.keep_sending(&normal_frame(200_000, 0, 0, true), 100_000);
+    let _ = rig.keep_sending(&normal_frame(-200_000, 0, 0x4000, false), 6_000_000);
+    let start = rig.board.world(|w| w.room().start);
+    let pose = rig.board.truth().pose.seen_from(&start);
+    assert!((pose.x_mm - 200.0).abs() < 5.0, "{pose:?}");
+    assert!(pose.heading_rad.to_degrees().abs() < 1.0, "{pose:?}");
 }
 
 // Requirement: WIRE-spi-2
@@ -168,7 +179,7 @@ fn frames_20_us_apart_are_all_read_and_all_answered() {
     );
 }
 
-// Requirement: DOC-5.2.2-1
+// Requirement: DOC-5.2.2-1, DOC-2.1-4, DOC-2.3-2, DOC-5.2.2-2
 #[test]
 fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     let rig = Rig::booted(Some(image_in_mode(1)));
@@ -195,7 +206,7 @@ fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     assert!(rig.motors_off());
 }
 
-// Requirement: DOC-5.2.3-1
+// Requirement: DOC-5.2.3-1, DOC-2.1-4, DOC-5.2.3-4
 #[test]
 fn tune_move_drives_straight_and_reports_the_displacement() {
     let rig = Rig::booted(Some(image_in_mode(2)));
@@ -211,6 +222,59 @@ fn tune_move_drives_straight_and_reports_the_displacement() {
         "{measured} and {truth:?}"
     );
     assert!(truth.heading_rad.to_degrees().abs() < 8.0, "{truth:?}");
+    // The samples of 10 ms each are in the log: percent and millimetres.
+    let log = rig.log();
+    let samples = log.lines().filter(|line| line.contains(": T -60.00 -"));
+    let samples = samples.count();
+    assert!((130..=152).contains(&samples), "{samples} in 1.5 s");
+}
+
+// Requirement: DOC-5.2.2-4, DOC-5.2.3-3
+#[test]
+fn in_the_tuning_modes_the_reply_walks_both_cells_with_their_true_voltages_too() {
+    for mode in [1, 2] {
+        let rig = Rig::booted(Some(image_in_mode(mode)));
+        rig.board.run_us(200_000);
+        let taps = rig.board.truth().battery_v;
+        let cells = [taps[0], taps[1] - taps[0]];
+        let mut walked = Vec::new();
+        for _ in 0..6 {
+            let reply = rig.frame(&tuning_frame(0.0));
+            assert_eq!(reply[0], KEY_STM);
+            let cell = usize::from(reply[9] >> 5);
+            let volts = f64::from(u16::from_be_bytes([reply[9] & 0x1F, reply[10]])) / 200.0;
+            assert!(
+                (volts - cells[cell]).abs() < 0.05,
+                "{cell}: {volts} {cells:?}"
+            );
+            walked.push(cell);
+            rig.board.run_us(25_000);
+        }
+        assert!(walked.windows(2).all(|two| two[0] != two[1]), "{walked:?}");
+    }
+}
+
+#[test]
+fn the_rotation_is_of_all_turns_since_the_reset() {
+    let rig = Rig::booted(Some(image_in_mode(1)));
+    let (mut turned, mut last) = (0.0, rig.board.truth().pose.heading_rad);
+    let mut reply = Vec::new();
+    for _ in 0..60 {
+        reply = rig.keep_sending(&tuning_frame(-100.0), 100_000);
+        let heading = rig.board.truth().pose.heading_rad;
+        let (sine, cosine) = (heading - last).sin_cos();
+        turned += sine.atan2(cosine).to_degrees();
+        last = heading;
+    }
+    let mut double = [0; 8];
+    double.copy_from_slice(&reply[1..9]);
+    let measured = f64::from_le_bytes(double);
+    assert!(measured < -400.0, "clockwise is negative, {measured}");
+    // What it turns between the tick that the reply tells of and the reply.
+    assert!(
+        (measured - turned).abs() < 4.0,
+        "{measured}, truly {turned}"
+    );
 }
 
 // Requirement: WIRE-double-1

@@ -3,6 +3,8 @@
 use std::sync::PoisonError;
 
 use plant::Faults as WorldFaults;
+use rigless::mcu::Operate;
+use rigless::soc::Width;
 
 use crate::board::Board;
 use crate::emulation::Ended;
@@ -174,7 +176,26 @@ impl Faults {
             chip.fail_crystal(now);
         })
     }
+
+    /// TIM5, the timer of the firmware's ticks, stands still.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    ///
+    /// # Panics
+    /// While TIM5 has no clock: nothing ticks before the firmware has started it.
+    pub fn stop_ticks(&self) -> Result<(), Ended> {
+        self.board.try_with(|scene| {
+            let now = rigless::time::VirtualNanos(scene.now);
+            let Robot { chip, .. } = &mut scene.session.board_mut().robot;
+            chip.write(now, TIM5_CR1, Width::W32, 0)
+                .expect("TIM5 has its clock");
+        })
+    }
 }
+
+/// TIM5's first control register, RM0383 table 1 and section 13.4.1.
+const TIM5_CR1: u64 = 0x4000_0C00;
 
 #[cfg(test)]
 mod tests {

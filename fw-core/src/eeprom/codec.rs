@@ -23,7 +23,7 @@ const PLATFORM: u16 = 0x0300;
 /// The first field that is not: the EEPROM key, then version, length and checksum of page 0x03
 /// (unless that is blank: the first board's figures), then the fields by address, then what they
 /// must hold together.
-// Requirement: DOC-6-4
+// Requirement: DOC-6-4, DOC-6-5
 pub fn decode(image: &Image) -> Result<Config, ConfigError> {
     let key: [u8; 10] = array(image, 0);
     if !key
@@ -98,6 +98,7 @@ pub fn encode_original(config: &Config, image: &mut Image) {
     put(image, PLATFORM, &[0xFF; PLATFORM_LEN]);
 }
 
+// Requirement: DOC-6.0.1-3
 fn encode_fields(config: &Config, image: &mut Image, end: u16) {
     put(image, 0, &KEY);
     for field in FIELDS {

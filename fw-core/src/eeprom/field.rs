@@ -306,6 +306,7 @@ const fn row(
 #[rustfmt::skip]
 fields![
     // Page 0x00 (document, 6.0.1). Any byte can be a key.
+    // Requirement: DOC-5.1.6-2
     whole_field!(0x000A, "key_from_pi", "", U8 u8, ANY, 0, key_from_pi),
     whole_field!(0x000B, "key_from_stm", "", U8 u8, ANY, 0, key_from_stm),
     // Requirement: DOC-6.0.1-2

@@ -180,6 +180,7 @@ pub struct Platform {
 
 impl Platform {
     /// The first board: what a blank page 0x03 stands for.
+    // Requirement: DOC-2.2-2
     pub const FIRST_BOARD: Self = Self {
         counts_per_turn: 3840,
         wheel_diameter_left: 80_000,
@@ -219,6 +220,7 @@ impl Divider {
 }
 
 /// The first board as it ran: what a new EEPROM starts from.
+// Requirement: DOC-2.3-5
 #[must_use]
 pub const fn first_board() -> Config {
     let mut dividers = [Divider::UNWRITTEN; 8];

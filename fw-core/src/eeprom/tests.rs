@@ -74,6 +74,7 @@ fn by_hand() -> Config {
     }
 }
 
+// Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1, DOC-6.0.3-2
 #[test]
 fn an_original_image_is_read_and_the_first_boards_platform_applies() {
     assert_eq!(decode(&original_by_hand()), Ok(by_hand()));
@@ -82,6 +83,7 @@ fn an_original_image_is_read_and_the_first_boards_platform_applies() {
     assert_eq!(image, original_by_hand());
 }
 
+// Requirement: DOC-6-5
 #[test]
 fn page_three_stands_where_its_table_says() {
     let mut image = original_by_hand();
@@ -419,6 +421,7 @@ fn another_layout_is_named_before_its_checksum_is_looked_for() {
     }
 }
 
+// Requirement: DOC-6.0.1-3
 #[test]
 fn unused_bytes_survive_a_rewrite() {
     let mut image = [0x5C; IMAGE_LEN];

@@ -116,7 +116,7 @@ fn a_text_too_long_ends_in_a_tilde_and_the_line_in_a_newline() {
         }
     });
     let text = transmitted(&mut log);
-    assert_eq!(text.len(), MAX_LINE);
+    assert_eq!(text.len(), 160);
     assert!(text.ends_with("~\n"));
     // A text that just fits is left alone.
     log.line(Level::Info, |line| {

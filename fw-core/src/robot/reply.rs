@@ -9,6 +9,7 @@ use crate::wire::{CellCode, DistanceCode, PoseCode, MAX_FRAME};
 
 impl Robot {
     /// What a tick changed, in the wire's codes: a frame's reply only copies it.
+    // Requirement: DOC-2.1-4
     pub(super) fn sense(&mut self, pose: &Pose) {
         self.said.pose = PoseCode::from_pose(pose);
         if self.measure != Measure::Pose {
@@ -59,7 +60,7 @@ impl Robot {
     }
 
     /// What only the moment of a reply decides.
-    // Requirement: DOC-5.2.1-2
+    // Requirement: DOC-5.2.1-2, DOC-5.2.2-4, DOC-5.2.3-3
     #[inline]
     pub(super) fn report(&mut self, cell: u8) {
         let voltage = self.voltages.get(usize::from(cell)).copied();

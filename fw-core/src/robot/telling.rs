@@ -197,7 +197,7 @@ fn rangefinder(which: Rangefinder, tally: &Tally, log: &mut Log) {
 }
 
 /// A sample of a tuning mode: duty in percent, measured degrees or millimetres in thousandths.
-// Requirement: DOC-5.2.2-2
+// Requirement: DOC-5.2.2-2, DOC-5.2.3-4
 pub(super) fn tuning(duty: Duty, thousandths: i64, log: &mut Log) {
     log.line(Level::Info, |line| {
         line.text("T ")

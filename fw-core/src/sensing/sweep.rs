@@ -52,6 +52,7 @@ enum Phase {
 }
 
 /// The servo of the front rangefinder, if there is one.
+// Requirement: DOC-2.2-3
 #[derive(Clone, Debug)]
 pub struct Sweep {
     phase: Phase,

@@ -155,13 +155,16 @@ macro_rules! modes {
 
 modes! {
     /// Drives to the expected pose with both PIDs.
+    // Requirement: DOC-5.1.6-3, DOC-5.2-4, DOC-5.2.1-3
     #[default]
     Normal = 0, "Normal":
         [Key, Position, Battery, Front, Right, Left, AllDataUsed];
     /// Constant duty from the Pi, rotation measured.
+    // Requirement: DOC-5.2.2-3
     TuneRotate = 1, "TuneRotatePID":
         [Key, Double, Battery, AllDataUsed];
     /// Constant duty from the Pi with the rotation PID holding the angle, displacement measured.
+    // Requirement: DOC-5.2.3-2
     TuneMove = 2, "TuneMovePID":
         [Key, Double, Battery, AllDataUsed];
     /// [`Mode::Normal`] with sequence, status and CRC.
@@ -199,7 +202,7 @@ macro_rules! strategies {
         ///
         /// # Errors
         /// The first strategy that failed, and why.
-        // Requirement: DOC-5.1-2
+        // Requirement: DOC-5.1-2, DOC-5.1-3
         #[inline]
         pub fn parse_command(
             mode: Mode,

@@ -271,6 +271,7 @@ impl StmLink {
 
     /// Writes the reply anew with fresher data and the number it already had, as no chip-select
     /// has taken it yet.
+    // Requirement: DOC-5-2
     #[inline]
     pub fn resend(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
         self.write(0, report, out)
@@ -319,6 +320,7 @@ impl PiLink {
 
     /// Writes a command, with a new sequence number; returns its length. The command's own
     /// `sequence` is not looked at.
+    // Requirement: DOC-5-2
     pub fn send(&mut self, command: &Command, out: &mut [u8; MAX_FRAME]) -> usize {
         self.end.advance();
         write_command(self.end.mode, &self.end.context, command, out)

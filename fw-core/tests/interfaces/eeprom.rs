@@ -56,7 +56,7 @@ fn value(row: &Row) -> u64 {
     }
 }
 
-// Requirement: DOC-6.0.1-2
+// Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1
 #[test]
 fn the_fields_stand_where_the_tables_say_with_these_ranges_and_values() {
     let rows = rows(&COLUMNS);

@@ -26,6 +26,7 @@ fn vectors(name: &str) -> Vec<Value> {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
+// Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2
 #[test]
 fn the_modes_have_these_numbers_names_chains_and_lengths() {
     let rows = rows(&["mode", "name", "chain", "bytes"]);

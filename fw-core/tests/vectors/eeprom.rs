@@ -39,7 +39,7 @@ fn config(vector: &Value) -> Config {
     config
 }
 
-// Requirement: DOC-6.0.3-1
+// Requirement: DOC-6.0.3-1, DOC-6-5, DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-2
 #[test]
 fn each_accepted_image_is_read_to_exactly_these_values() {
     for vector in list(&file("eeprom")["accepted"]) {

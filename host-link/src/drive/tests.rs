@@ -36,6 +36,7 @@ fn assert_told_to_stay(board: &Board) {
     assert_ne!(last.expected, TARGET.code());
 }
 
+// Requirement: DOC-3.2-2
 #[test]
 fn a_drive_ends_at_its_target() {
     let (_, mut machine) = machine(&config(Mode::Normal).image(), None);

@@ -63,6 +63,7 @@ impl<'m, W: Wires> Bus<'m, W> {
     ///
     /// # Errors
     /// [`Error::Pin`]; everything is restored by then.
+    // Requirement: DOC-6-6
     pub fn take(machine: &'m mut Machine<W>, purpose: Purpose) -> Result<Self, Error> {
         let reset_due = match purpose {
             Purpose::Write { .. } => true,

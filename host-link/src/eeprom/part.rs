@@ -47,6 +47,7 @@ pub fn bursts(before: &Image, after: &Image) -> Vec<Range<usize>> {
 
 /// # Errors
 /// [`Error::Verify`] with the first byte that is not what was written.
+// Requirement: DOC-6-7
 pub fn verify(written: &Image, read: &Image) -> Result<(), Error> {
     for ((address, &written), &read) in (0u16..).zip(written).zip(read) {
         if written != read {
@@ -61,6 +62,7 @@ pub fn verify(written: &Image, read: &Image) -> Result<(), Error> {
 }
 
 /// Reads `out.len()` bytes from `address` on.
+// Requirement: DOC-6-8
 pub(super) fn read<W: Wires>(
     machine: &mut Machine<W>,
     address: u16,

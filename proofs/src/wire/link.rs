@@ -69,6 +69,7 @@ fn carried_of_report(mode: Mode, report: &Report, received: &Report) -> Report {
 const HUNDRED: u64 = 100.0_f64.to_bits();
 
 /// What the Pi sends the STM understands, field by field; frame after frame.
+// Requirement: DOC-5-2
 pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) -> Seen {
     let possible = cell_exists(command.tune, setup)
         && command.expected.rotation <= 0x7FFF
@@ -95,6 +96,7 @@ pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) ->
 
 /// What the STM sends the Pi understands, field by field; written anew with fresher data it has the
 /// same number, and the fresher data is what arrives.
+// Requirement: DOC-5-2
 pub fn report_survives_the_wire(setup: Setup, report: Report, staler: bool) -> Seen {
     let possible = cell_exists(report.cell, setup)
         && report.pose.rotation <= 0x7FFF

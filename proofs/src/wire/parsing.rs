@@ -10,7 +10,7 @@ use crate::theorem::Seen;
 
 /// In a mode without guard the STM takes a frame of the Pi exactly when the table allows it, and
 /// understands by it what the table says.
-// Requirement: DOC-5.1-2
+// Requirement: DOC-5.1-2, DOC-5.1-3
 pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
     if table.guarded {
@@ -30,7 +30,7 @@ pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> 
 
 /// In a mode without guard the Pi takes a frame of the STM exactly when the table allows it, and
 /// understands by it what the table says.
-// Requirement: DOC-5.1-2
+// Requirement: DOC-5.1-2, DOC-5.1-3
 pub fn report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
     if table.guarded {

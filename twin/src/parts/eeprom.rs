@@ -218,7 +218,6 @@ mod tests {
         );
     }
 
-    // Requirement: DOC-6-1
     #[test]
     fn a_protected_part_takes_the_address_and_refuses_the_data() {
         let mut eeprom = Eeprom::holding(&[9]);

@@ -14,6 +14,7 @@ fn tuning_the_rotation_sets_the_motors_against_each_other_and_nothing_else() {
     assert_eq!(robot.controller.tune_rotate(Duty::ZERO), Wheels::BRAKE);
 }
 
+// Requirement: DOC-5.2.3-1
 #[test]
 fn tuning_the_movement_keeps_the_angle_with_the_rotation_pid() {
     for percent in [40, 80, -60] {

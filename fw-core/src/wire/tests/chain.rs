@@ -43,6 +43,7 @@ fn short_strategy(mode: Mode, len: usize) -> (&'static str, usize) {
     panic!("not short");
 }
 
+// Requirement: DOC-5.1-1
 #[test]
 fn a_short_frame_names_the_strategy_that_lacks_bytes() {
     for &mode in Mode::ALL {
@@ -142,7 +143,7 @@ fn codes_too_large_for_their_bits_do_not_spill_into_others() {
     assert_eq!(cell.cell, 2);
 }
 
-// Requirement: DOC-5.1.6-1
+// Requirement: DOC-5.1.6-1, DOC-5.1-3, DOC-5.1.6-3
 #[test]
 fn every_wrong_key_is_rejected_before_anything_else() {
     for &mode in Mode::ALL {
@@ -434,6 +435,7 @@ fn frame() -> impl Strategy<Value = (Mode, Vec<u8>)> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
+    // Requirement: DOC-5.1-2
     #[test]
     fn the_straight_code_of_a_mode_is_its_table((mode, frame) in frame()) {
         let (command, report) = along_the_table(mode, &frame);

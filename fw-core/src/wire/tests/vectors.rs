@@ -116,6 +116,7 @@ fn a_tuning_command_is_the_documents_bytes() {
     }
 }
 
+// Requirement: DOC-5.1.2-1
 #[test]
 fn a_tuning_report_is_the_documents_bytes() {
     // 123.25 = 1.92578125 · 2⁶: 0x405ED00000000000.
@@ -231,7 +232,8 @@ fn bits_that_carry_nothing_are_ignored() {
     assert_eq!(pi.receive(&not_used), Ok(report()));
 }
 
-// Requirement: DOC-5.2-1
+// Requirement: DOC-5.2-1, DOC-5.1.5-1, DOC-5.1.6-3, DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3
+// Requirement: DOC-5.2.3-2
 #[test]
 fn the_modes_have_the_documents_numbers_chains_and_lengths() {
     use crate::wire::{chain, frame_len};
