@@ -203,6 +203,7 @@ impl Banned {
 mod tests {
     use super::*;
 
+    // Requirement: WIRE-safe-1
     #[test]
     fn a_full_table_is_good_and_a_hole_in_it_is_not() {
         let mut words = vec![0x0800_0201; VECTORS];

@@ -44,6 +44,7 @@ impl Level {
 }
 
 /// The longest line, newline included, in bytes. A longer text loses its end and ends in `~`.
+// Requirement: WIRE-log-6
 pub const MAX_LINE: usize = 160;
 
 /// A line being written: printable ASCII, anything else becomes `?`.
@@ -329,6 +330,7 @@ impl<const N: usize> Log<N> {
         self.dropped
     }
 
+    // Requirement: WIRE-log-5
     fn take_number(&mut self) -> u32 {
         let number = self.number;
         self.number = if number < 99_999 {

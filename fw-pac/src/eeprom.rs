@@ -10,6 +10,7 @@ use fw_core::eeprom::{Image, IMAGE_LEN};
 use fw_core::log::{Level, Log};
 
 /// A0–A2 to ground (document, figure 2.3).
+// Requirement: WIRE-eeprom-7
 const DEVICE: u8 = 0x50;
 /// A write cycle of the Pi's may still be under way, during which the part answers nothing: 5 ms.
 const ATTEMPTS: u32 = 12;

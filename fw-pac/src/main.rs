@@ -131,9 +131,11 @@ fn main() -> ! {
     encoders::start();
     let mut robot = Robot::new(&config, cortex_m::interrupt::free(time::sample));
     if source == Source::Internal {
+        // Requirement: WIRE-fault-1
         robot.raise(fault::CLOCK_FALLBACK, log);
     }
     if restart.is_fault() {
+        // Requirement: WIRE-fault-11
         robot.raise(fault::RESTARTED, log);
     }
     #[cfg(feature = "acoustics")]
@@ -175,6 +177,7 @@ fn main() -> ! {
     time::start_ticks();
     // SAFETY: every handler's state is in place.
     unsafe { cortex_m::interrupt::enable() };
+    // Requirement: WIRE-ready-1
     board::READY.high();
 
     loop {

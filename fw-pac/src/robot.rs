@@ -156,6 +156,7 @@ impl Body {
     }
 
     /// The reply that is due, from what is known now.
+    // Requirement: WIRE-spi-6
     fn answer(&mut self) {
         // SAFETY: the robot's priority, without a claim.
         let mut vacancy = unsafe { spi::vacancy() };

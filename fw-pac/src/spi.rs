@@ -385,7 +385,7 @@ const SENDING: u32 = control::channel(3) | control::WRITE | control::VERY_HIGH;
 
 /// Resets the peripheral and arms both directions, in the order of RM0383, 20.3.9; masked or at the
 /// highest priority, with both streams stopped.
-// Requirement: DOC-2.1-5
+// Requirement: DOC-2.1-5, WIRE-spi-4
 #[inline]
 fn arm(state: &State) {
     // SAFETY: after boot nobody but this function writes RCC, it never interrupts itself, and no other
@@ -418,7 +418,7 @@ fn arm(state: &State) {
 }
 
 /// The chip-select rose.
-// Requirement: WIRE-spi-1
+// Requirement: WIRE-spi-1, WIRE-spi-5
 #[inline]
 fn frame_end(at: Micros, alone: &CriticalSection) {
     Receive::stop();

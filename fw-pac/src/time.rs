@@ -16,6 +16,7 @@ use fw_core::units::Micros;
 use stm32f4::stm32f411::{self as pac, interrupt, Interrupt};
 
 /// Microseconds from tick to tick: the core's 100 Hz.
+// Requirement: DOC-5.2.2-5
 const TICK: u32 = 10_000;
 /// How long before a tick its battery words are measured, microseconds.
 const BATTERY_LEAD: u32 = 200;

@@ -27,6 +27,7 @@ pub struct Uart {
 
 impl Uart {
     /// Starts the transmitter at [`BOOT_BAUD`].
+    // Requirement: WIRE-log-4
     pub fn start() -> Self {
         TX.alternate(7, Driver::PushPull, Pull::Up);
         RX.alternate(7, Driver::PushPull, Pull::Up);
@@ -80,6 +81,7 @@ impl Uart {
     }
 
     /// Changes the rate once the last byte has left, or after 10 ms: a character of 1200 baud.
+    // Requirement: WIRE-log-4
     pub fn set_rate(&mut self, baud: u32) {
         if self.sending == 0 {
             time::wait(10_000, || registers().sr().read().tc().bit_is_set());

@@ -47,6 +47,7 @@ pub fn ticked() {
 }
 
 /// The main loop's half of the feeding.
+// Requirement: WIRE-safe-2
 pub fn feed_if_ticked() {
     if TICKED.swap(false, Ordering::AcqRel) {
         feed();

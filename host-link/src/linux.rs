@@ -75,7 +75,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<Machine<LinuxWire
         .map_err(|cause| device(&devices.gpiochip, &cause, GPIO_ADVICE))
         .map(OpenDrain::new)?;
 
-    // Requirement: DOC-2.1-5
+    // Requirement: DOC-2.1-5, WIRE-spi-4
     let mut spi = SpidevDevice::open(&devices.spi)
         .map_err(|cause| device(&devices.spi, &cause, SPI_ADVICE))?;
     let options = SpidevOptions::new()

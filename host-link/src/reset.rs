@@ -18,7 +18,7 @@ const LOOK_MS: u32 = 1;
 ///
 /// # Errors
 /// [`Error::Pin`] if the line cannot be driven; it was tried to release it in any case.
-// Requirement: DOC-6-3
+// Requirement: DOC-6-3, WIRE-ready-3
 pub fn pulse<W: Wires>(machine: &mut Machine<W>) -> Result<(), Error> {
     let low = persist(|| machine.reset.set_low());
     if low.is_ok() {
@@ -36,6 +36,7 @@ pub fn pulse<W: Wires>(machine: &mut Machine<W>) -> Result<(), Error> {
 /// # Errors
 /// [`Error::NotReady`] after `timeout_ms`, [`Error::Interrupted`] by Ctrl-C, [`Error::Pin`] if the
 /// line cannot be read.
+// Requirement: WIRE-ready-3
 pub fn await_ready<W: Wires>(machine: &mut Machine<W>, timeout_ms: u32) -> Result<u32, Error> {
     let mut waited = 0;
     loop {

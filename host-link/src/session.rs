@@ -152,6 +152,7 @@ impl<'m, W: Wires> Session<'m, W> {
     }
 
     /// [`Self::exchange`] that Ctrl-C does not stop: for the frames that stop the robot.
+    // Requirement: WIRE-rejected-4
     fn exchange_regardless(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
         self.pace();
         let now_us = self.machine.clock.micros();
@@ -246,7 +247,7 @@ impl<'m, W: Wires> Session<'m, W> {
         self.next_us = self.next_us.max(now) + self.period_us;
     }
 
-    // Requirement: DOC-5.2.1-4
+    // Requirement: DOC-5.2.1-4, WIRE-battery-1
     fn command(&mut self, wish: &Wish) -> Command {
         let cell = self.cell;
         self.cell = (cell + 1) % self.config.cells.max(1);
@@ -381,7 +382,7 @@ mod tests {
         .image()
     }
 
-    // Requirement: DOC-5.2.1-4
+    // Requirement: DOC-5.2.1-4, WIRE-battery-1
     #[test]
     fn frames_walk_all_cells_unless_one_is_tuned() {
         let (board, mut machine) = machine(&image(2), None);
@@ -403,6 +404,7 @@ mod tests {
         assert_eq!(told[4..], [walked(0), walked(1), walked(0)]);
     }
 
+    // Requirement: WIRE-rejected-1, WIRE-rejected-4
     #[test]
     fn a_rejected_reply_is_counted_by_its_cause_and_the_last_good_values_stay() {
         let (board, mut machine) = machine(&image(2), None);

@@ -149,6 +149,7 @@ fn pose(place: Place) -> mapper::Pose {
 }
 
 /// The mapper's settings for a configuration: its rangefinders and their bearings.
+// Requirement: WIRE-platform-5
 #[must_use]
 pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
     let mut settings = mapper::Config {
@@ -242,7 +243,7 @@ fn look(line: &str) -> Result<Look, String> {
 mod tests {
     use super::*;
 
-    // Requirement: DOC-2.2-2
+    // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
     #[test]
     fn the_map_takes_as_many_rangefinders_as_are_fitted_and_their_bearings() {
         let mut config = fw_core::eeprom::first_board();

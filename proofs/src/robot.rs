@@ -184,7 +184,7 @@ impl Rig {
 /// Any accepted configuration, any order of ticks, frames, echoes, faults and pauses: nothing panics or
 /// overflows; the motors brake from the deadline on and as long as a fault blocks them, never exceed
 /// their limits and never turn before a frame was taken; every reply is one the Pi takes.
-// Requirement: DOC-3.2-1, DOC-4.1-2
+// Requirement: DOC-3.2-1, DOC-4.1-2, WIRE-deadline-1, WIRE-deadline-3, WIRE-servo-1, WIRE-eeprom-6
 pub fn robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) -> Seen {
     let mut rig = Rig::new(config, start);
     let mut events = Events(script.iter());

@@ -50,7 +50,7 @@ fn ranges(rig: &Rig, us: u64) -> [f64; 3] {
     })
 }
 
-// Requirement: DOC-2.2-2
+// Requirement: DOC-2.2-2, WIRE-log-10
 #[test]
 fn distances_are_right_within_a_per_cent_in_the_cold_and_in_the_heat() {
     let truth = [2000.0, 1200.0, 500.0];
@@ -69,6 +69,7 @@ fn distances_are_right_within_a_per_cent_in_the_cold_and_in_the_heat() {
     }
 }
 
+// Requirement: WIRE-log-10
 #[test]
 fn a_part_without_the_factorys_words_measures_at_343_m_per_s_and_says_so() {
     let rig = rig(
@@ -139,6 +140,7 @@ fn an_echo_from_beyond_the_range_is_never_heard_by_the_next_sensor() {
     }
 }
 
+// Requirement: WIRE-log-9
 #[test]
 fn a_sensor_that_is_silent_is_told_and_one_with_nothing_in_range_is_not() {
     let rig = rig(walls(9000.0, 1000.0, 1500.0), exact(20.0, 2.5), None);

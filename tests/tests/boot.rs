@@ -22,7 +22,7 @@ fn assert_stays_off(rig: &Rig, why: &str) {
     rig.assert_modelled();
 }
 
-// Requirement: DOC-2.1-1, DOC-2.3-1
+// Requirement: DOC-2.1-1, DOC-2.3-1, WIRE-ready-1, WIRE-modes-1, WIRE-eeprom-1
 #[test]
 fn an_original_eeprom_of_the_first_board_makes_it_ready_within_50_ms() {
     let rig = Rig::booted(Some(original_image()));
@@ -44,7 +44,7 @@ fn an_original_eeprom_of_the_first_board_makes_it_ready_within_50_ms() {
     rig.assert_modelled();
 }
 
-// Requirement: DOC-5.1.6-2
+// Requirement: DOC-5.1.6-2, WIRE-ready-2
 #[test]
 fn the_keys_are_those_of_the_eeprom() {
     let mut image = original_image();
@@ -100,6 +100,7 @@ fn the_eeprom_is_read_and_never_written_even_where_nothing_protects_it() {
     assert_eq!(part(&rig), (0, before));
 }
 
+// Requirement: WIRE-ready-1, WIRE-eeprom-3
 #[test]
 fn a_blank_eeprom_keeps_it_off_and_the_log_says_so() {
     let rig = Rig::booted(Some(Vec::new()));
@@ -107,13 +108,15 @@ fn a_blank_eeprom_keeps_it_off_and_the_log_says_so() {
     assert!(rig.log().contains("EEPROM key"), "{}", rig.log());
 }
 
+// Requirement: WIRE-ready-1
 #[test]
 fn no_eeprom_keeps_it_off_and_the_log_says_so() {
     let rig = Rig::booted(None);
     assert_stays_off(&rig, "no configuration");
 }
 
-// Requirement: WIRE-eeprom-3, DOC-6-8, DOC-6.0.1-2, DOC-6.0.3-1
+// Requirement: WIRE-eeprom-3, DOC-6-8, DOC-6.0.1-2, DOC-6.0.3-1, WIRE-refused-3, WIRE-refused-4
+// Requirement: WIRE-refused-5, WIRE-refused-6, WIRE-refused-7
 #[test]
 fn every_corrupt_field_is_named_with_its_address() {
     let broken: [(usize, &[u8], &str); 7] = [
@@ -208,7 +211,7 @@ fn while_the_pi_has_the_bus_it_waits_and_starts_when_the_bus_comes_back() {
     assert!(rig.await_ready(), "{}", rig.log());
 }
 
-// Requirement: DOC-2.3-1
+// Requirement: DOC-2.3-1, WIRE-fault-1
 #[test]
 fn without_the_crystal_it_runs_from_the_internal_oscillator_and_says_so() {
     let rig = Rig::new(Options {

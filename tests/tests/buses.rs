@@ -30,7 +30,7 @@ const STREAMS: [(u64, u64, u64, u64); 4] = [
     (control(1, 0), 1, 0, I2C1_DR),
 ];
 
-// Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3
+// Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3, WIRE-spi-4, WIRE-eeprom-7
 #[test]
 fn every_bus_is_served_by_dma() {
     let rig = Rig::new(Options {
@@ -108,6 +108,7 @@ fn pace(rig: &Rig, which: impl Fn(&str) -> bool) -> f64 {
     median / 1000.0
 }
 
+// Requirement: WIRE-log-4
 #[test]
 fn the_log_goes_at_115200_baud_until_the_configuration_is_read_and_at_its_rate_from_then_on() {
     // Both within what a receiver at 115200 baud reads.

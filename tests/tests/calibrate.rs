@@ -133,6 +133,7 @@ fn unequal_wheels_and_a_short_track_are_recovered_within_a_tenth_of_a_percent() 
     assert_recovered([5.0, -5.0, -5.0], 1000.0, 0.0, 0.1);
 }
 
+// Requirement: WIRE-platform-2
 #[test]
 fn large_wheels_on_a_long_track_are_recovered_within_a_tenth_of_a_percent() {
     assert_recovered([5.0, 4.0, 5.0], 1000.0, 0.0, 0.1);

@@ -151,7 +151,7 @@ fn slipping(gyro: bool) -> Robot {
     robot
 }
 
-// Requirement: DOC-2.3-3
+// Requirement: DOC-2.3-3, WIRE-fault-12
 #[test]
 fn a_wheel_that_slips_for_a_second_costs_the_heading_less_than_a_degree_with_the_gyro() {
     let mut with = slipping(true);
@@ -276,7 +276,7 @@ fn fault_of(robot: &Robot, fault: Mpu6050Fault) {
         .expect("the emulation runs");
 }
 
-// Requirement: DOC-2.3-3, DOC-3.1-3
+// Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
 #[test]
 fn absent_silent_refusing_or_another_part_it_drives_by_its_encoders_and_says_why() {
     let fitted = Some(Mpu6050Params::default());

@@ -359,6 +359,7 @@ fn assert_unmoved(rig: &Rig, pi: &Pi) {
     rig.assert_modelled();
 }
 
+// Requirement: WIRE-spi-2, WIRE-spi-5, WIRE-crc-2
 #[test]
 fn no_disturbed_frame_is_accepted_and_every_good_one_is() {
     let frames = std::env::var(MORE).map_or(FRAMES, |count| count.parse().expect("a number"));

@@ -65,6 +65,7 @@ fn a_torn_frame_costs_that_frame_alone_and_silence_stops_it() {
     assert_eq!(rig.board.truth().duty, (0.0, 0.0));
 }
 
+// Requirement: WIRE-refused-8
 #[test]
 fn a_configuration_that_asks_for_more_is_refused_in_words() {
     type Asks = (&'static str, fn(&mut Config));

@@ -15,7 +15,7 @@ fn driving() -> Rig {
     rig
 }
 
-// Requirement: DOC-2.1-3
+// Requirement: DOC-2.1-3, WIRE-status-6, WIRE-deadline-1, WIRE-deadline-2
 #[test]
 fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
     let rig = driving();
@@ -68,6 +68,7 @@ fn an_overflow_of_the_stack_is_a_fault_and_ends_with_the_motors_off() {
     assert!(left < 512, "{left} bytes of the stack are left");
 }
 
+// Requirement: WIRE-fault-11, WIRE-safe-1, WIRE-safe-2
 #[test]
 fn a_tick_that_does_not_come_is_noticed_by_the_watchdog_which_restarts_the_robot_standing() {
     let rig = driving();
@@ -169,6 +170,7 @@ fn lowest(rig: &Rig) -> f64 {
     one.min(both - one)
 }
 
+// Requirement: WIRE-fault-3, WIRE-fault-4, WIRE-platform-10
 #[test]
 fn it_warns_and_cuts_off_where_page_3_says_and_stays_stopped_when_the_battery_recovers() {
     let (warn, cutoff) = (3.75, 3.65);
@@ -204,6 +206,7 @@ fn it_warns_and_cuts_off_where_page_3_says_and_stays_stopped_when_the_battery_re
     assert_eq!(rig.board.truth().wheel_deg_s, (0.0, 0.0));
 }
 
+// Requirement: WIRE-ready-3
 #[test]
 fn reset_from_the_pi_while_driving_stops_it_at_once() {
     let rig = driving();

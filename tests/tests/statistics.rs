@@ -28,7 +28,7 @@ fn booted(mode: Mode) -> (Rig, fw_core::eeprom::Config) {
     (rig, config)
 }
 
-// Requirement: DOC-5-3, DOC-5.2.2-5
+// Requirement: DOC-5-3, DOC-5.2.2-5, WIRE-rejected-1, WIRE-log-3
 #[test]
 fn both_ends_count_what_was_on_the_wires_in_every_mode() {
     for &mode in Mode::ALL {

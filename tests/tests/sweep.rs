@@ -117,6 +117,7 @@ fn each_reading_is_its_pings(pings: &[Ping], readings: &[(u64, Report)], front_d
     }
 }
 
+// Requirement: WIRE-bearing-2, WIRE-bearing-3, WIRE-bearing-4, WIRE-bearing-5
 #[test]
 fn every_reading_has_the_bearing_it_was_taken_at_to_and_fro_and_none_is_lost_or_doubled() {
     let mut swept = Swept::new(config(|_| {}), exact());
@@ -156,6 +157,7 @@ fn every_reading_has_the_bearing_it_was_taken_at_to_and_fro_and_none_is_lost_or_
     swept.rig.assert_modelled();
 }
 
+// Requirement: WIRE-platform-6
 #[test]
 fn a_servo_that_turns_the_other_way_and_less_far_is_told_right() {
     let mut params = exact();
@@ -192,6 +194,7 @@ fn a_lazy_servo_shows_that_the_tests_would_see_a_trigger_that_comes_too_early() 
     assert!(worst > 1.0, "{worst}");
 }
 
+// Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn the_servo_rests_before_the_first_frame_and_after_the_last() {
     let mut swept = Swept::new(config(|_| {}), exact());
@@ -223,6 +226,7 @@ fn the_servo_rests_before_the_first_frame_and_after_the_last() {
     }
 }
 
+// Requirement: WIRE-servo-3
 #[test]
 fn in_any_other_mode_a_servo_looks_straight_ahead_before_anything_is_measured() {
     let settings = Settings {

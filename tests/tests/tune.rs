@@ -63,7 +63,7 @@ fn tuned(axis: Axis) -> fit::Model {
     fit::fit(&fit::steps(recorder.samples())).expect("a model")
 }
 
-// Requirement: DOC-5.2.2-2, DOC-5.2.3-4
+// Requirement: DOC-5.2.2-2, DOC-5.2.3-4, WIRE-log-8
 #[test]
 fn tuning_finds_the_virtual_motors_gain_and_lag() {
     let lag = f64::midpoint(
@@ -85,7 +85,7 @@ fn tuning_finds_the_virtual_motors_gain_and_lag() {
     }
 }
 
-// Requirement: DOC-5.1.3-4
+// Requirement: DOC-5.1.3-4, WIRE-battery-2
 #[test]
 fn tuning_the_battery_proposes_the_resistor_that_shows_the_reference() {
     let rig = rig();

@@ -19,7 +19,7 @@ fn idle() -> [u8; 19] {
     normal_frame(0, 0, 0, false)
 }
 
-// Requirement: DOC-5.2.1-2, DOC-2.1-4, DOC-2.3-5
+// Requirement: DOC-5.2.1-2, DOC-2.1-4, DOC-2.3-5, WIRE-battery-1
 #[test]
 fn the_reply_walks_both_cells_with_their_true_voltages() {
     let rig = normal();
@@ -43,7 +43,7 @@ fn the_reply_walks_both_cells_with_their_true_voltages() {
     }
 }
 
-// Requirement: DOC-2.2-1, DOC-5.2.1-2, DOC-2.1-4
+// Requirement: DOC-2.2-1, DOC-5.2.1-2, DOC-2.1-4, WIRE-distance-2
 #[test]
 fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
     let rig = normal();
@@ -63,7 +63,7 @@ fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
     }
 }
 
-// Requirement: DOC-2.1-2, DOC-2.1-6
+// Requirement: DOC-2.1-2, DOC-2.1-6, WIRE-modes-1
 #[test]
 fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
     let rig = normal();
@@ -87,6 +87,7 @@ fn without_the_apply_bit_nothing_moves() {
     assert!(rig.board.truth().path_mm < 0.01);
 }
 
+// Requirement: WIRE-modes-2
 #[test]
 fn a_frame_without_the_apply_bit_leaves_the_target_as_it_is() {
     let rig = normal();
@@ -160,7 +161,7 @@ fn a_frame_torn_at_every_bit_costs_exactly_itself() {
     rig.assert_modelled();
 }
 
-// Requirement: DOC-3.1-1, WIRE-spi-1
+// Requirement: DOC-3.1-1, WIRE-spi-1, WIRE-spi-5
 #[test]
 fn frames_20_us_apart_are_all_read_and_all_answered() {
     let rig = normal();
@@ -179,7 +180,7 @@ fn frames_20_us_apart_are_all_read_and_all_answered() {
     );
 }
 
-// Requirement: DOC-5.2.2-1, DOC-2.1-4, DOC-2.3-2, DOC-5.2.2-2
+// Requirement: DOC-5.2.2-1, DOC-2.1-4, DOC-2.3-2, DOC-5.2.2-2, WIRE-modes-3
 #[test]
 fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     let rig = Rig::booted(Some(image_in_mode(1)));
@@ -206,7 +207,7 @@ fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     assert!(rig.motors_off());
 }
 
-// Requirement: DOC-5.2.3-1, DOC-2.1-4, DOC-5.2.3-4
+// Requirement: DOC-5.2.3-1, DOC-2.1-4, DOC-5.2.3-4, WIRE-modes-4
 #[test]
 fn tune_move_drives_straight_and_reports_the_displacement() {
     let rig = Rig::booted(Some(image_in_mode(2)));
@@ -254,6 +255,7 @@ fn in_the_tuning_modes_the_reply_walks_both_cells_with_their_true_voltages_too()
     }
 }
 
+// Requirement: WIRE-modes-3
 #[test]
 fn the_rotation_is_of_all_turns_since_the_reset() {
     let rig = Rig::booted(Some(image_in_mode(1)));
@@ -304,6 +306,7 @@ fn guarded(own: u8, seen: u8, order: u8, inner: &[u8; 19]) -> [u8; 26] {
     frame
 }
 
+// Requirement: WIRE-sequence-6, WIRE-crc-2, WIRE-deadline-2, WIRE-deadline-5
 #[test]
 fn guarded_normal_takes_only_fresh_frames_with_a_right_crc() {
     let rig = Rig::booted(Some(image_in_mode(0x10)));

@@ -85,7 +85,7 @@ const GATES: [Gate; 22] = [
     ),
     quick(
         "trace",
-        "every requirement is met, checked and cited",
+        "every requirement has a text, is met and is checked",
         source::requirements,
     ),
     quick(

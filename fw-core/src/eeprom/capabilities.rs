@@ -25,6 +25,7 @@ impl Capabilities {
     ///
     /// # Errors
     /// The first field that asks for a part it was built without.
+    // Requirement: WIRE-refused-8
     pub fn meet(&self, config: &Config) -> Result<(), ConfigError> {
         let address = if config.mode == Mode::GuardedSweep && !self.sweep {
             0x000C
@@ -65,6 +66,7 @@ mod tests {
         }
     }
 
+    // Requirement: WIRE-refused-8
     #[test]
     fn what_a_firmware_lacks_is_named_and_nothing_else_is_refused() {
         for &mode in Mode::ALL {

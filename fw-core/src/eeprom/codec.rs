@@ -23,7 +23,7 @@ const PLATFORM: u16 = 0x0300;
 /// The first field that is not: the EEPROM key, then version, length and checksum of page 0x03
 /// (unless that is blank: the first board's figures), then the fields by address, then what they
 /// must hold together.
-// Requirement: DOC-6-4, DOC-6-5
+// Requirement: DOC-6-4, DOC-6-5, WIRE-refused-2
 pub fn decode(image: &Image) -> Result<Config, ConfigError> {
     let key: [u8; 10] = array(image, 0);
     if !key
@@ -98,7 +98,7 @@ pub fn encode_original(config: &Config, image: &mut Image) {
     put(image, PLATFORM, &[0xFF; PLATFORM_LEN]);
 }
 
-// Requirement: DOC-6.0.1-3
+// Requirement: DOC-6.0.1-3, WIRE-eeprom-9
 fn encode_fields(config: &Config, image: &mut Image, end: u16) {
     put(image, 0, &KEY);
     for field in FIELDS {
@@ -179,6 +179,7 @@ fn array<const N: usize>(image: &Image, address: u16) -> [u8; N] {
     from.first_chunk().copied().unwrap_or([0xFF; N])
 }
 
+// Requirement: WIRE-eeprom-8
 fn read(image: &Image, field: &Field) -> u64 {
     match field.kind {
         Kind::U8 => u8::from_le_bytes(array(image, field.address)).into(),

@@ -75,6 +75,7 @@ pub enum Accepted {
 
 impl Accepted {
     /// Whether a field's bits are accepted.
+    // Requirement: WIRE-eeprom-10, WIRE-refused-3
     fn takes(self, raw: u64) -> bool {
         match self {
             Self::Mode => u8::try_from(raw).is_ok_and(|code| Mode::from_code(code).is_some()),
@@ -135,7 +136,7 @@ impl Field {
     }
 
     /// Whether its bits are accepted in a robot of `cells` cells.
-    // Requirement: WIRE-eeprom-4
+    // Requirement: WIRE-eeprom-4, WIRE-eeprom-13
     #[must_use]
     pub fn takes(&self, raw: u64, cells: u8) -> bool {
         self.tap > cells || self.accepted.takes(raw)
@@ -156,6 +157,7 @@ const ANY: Accepted = whole(0, u32::MAX);
 const SWITCH: Accepted = whole(0, 1);
 /// A negative factor would drive away from the target. Ten thousand percent of duty per millimetre,
 /// degree or sample is full duty at the smallest error there is.
+// Requirement: WIRE-refused-4
 const FACTOR: Accepted = Accepted::Number {
     min: I32F32::ZERO,
     max: I32F32::lit("10000"),
@@ -324,9 +326,10 @@ fields![
     double_field!(0x0138, "rotation.anti_windup", "", FACTOR, rotation.anti_windup),
 
     // Page 0x02 (document, 6.0.3).
+    // Requirement: WIRE-refused-7
     whole_field!(0x0203, "cells", "", U8 u8, whole(1, 8), 0, cells),
     // No microcontroller's ADC measures more than 10 V; less than 100 mV is noise.
-    // Requirement: DOC-6.0.3-1
+    // Requirement: DOC-6.0.3-1, WIRE-refused-6
     double_field!(0x0204, "adc_max_voltage", "V", Accepted::Number {
         min: I32F32::lit("0.1"),
         max: I32F32::lit("10"),
@@ -334,6 +337,7 @@ fields![
     // Up to 16 bits.
     whole_field!(0x020C, "adc_max_word", "", U32 u32, whole(1, 65_535), 0, adc_max_word),
     divider_field!(0x0210, "dividers.1.upper", whole(0, RESISTOR), 1, upper),
+    // Requirement: WIRE-refused-5
     divider_field!(0x0214, "dividers.1.lower", whole(1, RESISTOR), 1, lower),
     divider_field!(0x0218, "dividers.2.upper", whole(0, RESISTOR), 2, upper),
     divider_field!(0x021C, "dividers.2.lower", whole(1, RESISTOR), 2, lower),
@@ -351,6 +355,7 @@ fields![
     divider_field!(0x024C, "dividers.8.lower", whole(1, RESISTOR), 8, lower),
 
     // Page 0x03, ours.
+    // Requirement: WIRE-platform-1
     fixed_field!(0x0300, "layout_version", U8, 1),
     fixed_field!(0x0301, "layout_length", U8, 0x38),
     // Below 100 counts a turn a count is centimetres and degrees.

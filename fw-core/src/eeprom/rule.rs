@@ -17,6 +17,7 @@ pub struct Rule {
 /// With an ADC of at most 10 V, a tap of at most 1000 V: inside the type of a voltage.
 const RATIO: &str = "at most 99 times the lower resistor";
 
+// Requirement: WIRE-refused-5
 fn within_ratio(config: &Config, tap: u8) -> bool {
     let divider = config.dividers.get(usize::from(tap)).copied();
     let Divider { upper, lower } = divider.unwrap_or_default();
@@ -24,6 +25,7 @@ fn within_ratio(config: &Config, tap: u8) -> bool {
 }
 
 /// Every rule, in the order in which they are checked.
+// Requirement: WIRE-refused-1
 #[rustfmt::skip]
 pub static RULES: &[Rule] = &[
     Rule { address: 0x0210, expected: RATIO, holds: |config| within_ratio(config, 0) },

@@ -83,7 +83,7 @@ fn an_original_image_is_read_and_the_first_boards_platform_applies() {
     assert_eq!(image, original_by_hand());
 }
 
-// Requirement: DOC-6-5
+// Requirement: DOC-6-5, WIRE-eeprom-8
 #[test]
 fn page_three_stands_where_its_table_says() {
     let mut image = original_by_hand();
@@ -154,6 +154,7 @@ fn a_blank_eeprom_names_its_key_and_what_was_found() {
     }
 }
 
+// Requirement: WIRE-eeprom-3
 #[test]
 fn an_error_reads_as_one_sentence() {
     let text = |change: &dyn Fn(&mut Image)| {
@@ -251,6 +252,8 @@ fn roomy() -> Config {
     config
 }
 
+// Requirement: WIRE-eeprom-10, WIRE-refused-3, WIRE-refused-4, WIRE-refused-5, WIRE-refused-6
+// Requirement: WIRE-refused-7
 #[test]
 fn every_field_is_accepted_at_its_ends_and_rejected_beyond_them() {
     let good = image_of(&roomy());
@@ -313,6 +316,7 @@ fn every_field_is_accepted_at_its_ends_and_rejected_beyond_them() {
     }
 }
 
+// Requirement: WIRE-eeprom-13, WIRE-refused-1
 #[test]
 fn fields_must_fit_together() {
     let rejected = |change: &dyn Fn(&mut Config)| {
@@ -389,6 +393,7 @@ fn fields_must_fit_together() {
     );
 }
 
+// Requirement: WIRE-eeprom-2
 #[test]
 fn every_single_bit_error_in_a_protected_image_is_rejected() {
     let mut image = image_of(&roomy());
@@ -403,6 +408,7 @@ fn every_single_bit_error_in_a_protected_image_is_rejected() {
     assert_eq!(decode(&image), Ok(roomy()));
 }
 
+// Requirement: WIRE-eeprom-1
 #[test]
 fn a_page_three_that_is_not_wholly_blank_must_be_right() {
     for at in 0x300..0x338 {
@@ -412,6 +418,7 @@ fn a_page_three_that_is_not_wholly_blank_must_be_right() {
     }
 }
 
+// Requirement: WIRE-platform-1, WIRE-refused-2
 #[test]
 fn another_layout_is_named_before_its_checksum_is_looked_for() {
     for (at, name) in [(0x300, "layout_version"), (0x301, "layout_length")] {
@@ -421,7 +428,7 @@ fn another_layout_is_named_before_its_checksum_is_looked_for() {
     }
 }
 
-// Requirement: DOC-6.0.1-3
+// Requirement: DOC-6.0.1-3, WIRE-eeprom-9
 #[test]
 fn unused_bytes_survive_a_rewrite() {
     let mut image = [0x5C; IMAGE_LEN];

@@ -36,6 +36,7 @@ fn a_line_is_level_counter_text_and_newline() {
     assert_eq!(log.dropped(), 0);
 }
 
+// Requirement: WIRE-log-5
 #[test]
 fn the_counter_wraps_after_99999() {
     let mut log: Log = Log::new();
@@ -107,6 +108,7 @@ fn what_is_not_printable_ascii_becomes_a_question_mark() {
     assert_eq!(written(|line| _ = line.text("a\n\t~\u{7f} é")), "a??~? ??");
 }
 
+// Requirement: WIRE-log-6
 #[test]
 fn a_text_too_long_ends_in_a_tilde_and_the_line_in_a_newline() {
     let mut log: Log = Log::new();
@@ -129,7 +131,7 @@ fn a_text_too_long_ends_in_a_tilde_and_the_line_in_a_newline() {
     assert!(text.ends_with("xx\n"));
 }
 
-// Requirement: WIRE-log-2
+// Requirement: WIRE-log-2, WIRE-log-5
 #[test]
 fn dropped_lines_are_counted_and_said_as_soon_as_there_is_room() {
     let mut log = Log::<64>::new();

@@ -107,6 +107,7 @@ impl Controller {
         let platform = &config.platform;
         let rotation_tolerance =
             (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(FINEST_ROTATION);
+        // Requirement: WIRE-platform-11
         let position_tolerance = (i32::from(platform.position_tolerance) << UNIT) / 1000;
         Self {
             forward: Pid::new(&config.forward, FORWARD_LIMIT),
@@ -291,7 +292,7 @@ impl Controller {
 
     /// Tuning the rotation (document, 5.2.2): `duty` on the right motor, its opposite on the left,
     /// no PID and no compensation. Zero brakes.
-    // Requirement: DOC-5.2.2-1
+    // Requirement: DOC-5.2.2-1, WIRE-modes-3
     #[must_use]
     pub fn tune_rotate(&mut self, duty: Duty) -> Wheels {
         self.halt();
@@ -304,7 +305,7 @@ impl Controller {
 
     /// Tuning the movement (document, 5.2.3): `duty` on both motors, and the rotation PID holds the
     /// angle at which this began. Zero brakes and forgets the angle.
-    // Requirement: DOC-5.2.3-1
+    // Requirement: DOC-5.2.3-1, WIRE-modes-4
     #[must_use]
     pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> Wheels {
         self.phase = Phase::Idle;

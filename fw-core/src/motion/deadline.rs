@@ -84,6 +84,7 @@ mod tests {
         silence(7, 30 * 60 * 1_000_000, 100);
     }
 
+    // Requirement: WIRE-deadline-3
     #[test]
     fn nothing_moves_before_the_first_frame() {
         for now in [0, 1, 250_000, u32::MAX, 1 << 31] {

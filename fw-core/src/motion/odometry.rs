@@ -139,6 +139,7 @@ pub struct Odometry {
 
 impl Odometry {
     /// At the origin, with the counters as first read: the first sample never moves the pose.
+    // Requirement: WIRE-platform-2, WIRE-platform-3
     #[must_use]
     pub fn new(platform: &Platform, left: u32, right: u16) -> Self {
         Self {
@@ -169,7 +170,7 @@ impl Odometry {
     /// other input is as safe, only less accurate; the heading follows the left counter's whole
     /// range.
     // A function of its own in every build: its instructions are counted there.
-    // Requirement: DOC-4.1-1
+    // Requirement: DOC-4.1-1, WIRE-position-3
     #[inline(never)]
     pub fn step(&mut self, left: u32, right: u16) -> Delta {
         let n_left = left.wrapping_sub(self.left_counter) as i32;

@@ -84,7 +84,7 @@ pub struct Pid {
 
 impl Pid {
     /// With an output within ±`limit` percent, 0 ..= 100.
-    // Requirement: DOC-6.0.2-1
+    // Requirement: DOC-6.0.2-1, WIRE-eeprom-11
     #[must_use]
     pub fn new(gains: &Gains, limit: I16F16) -> Self {
         let unwind = Factor::bits(gains.anti_windup) >> 16;

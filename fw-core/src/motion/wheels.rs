@@ -85,6 +85,7 @@ impl Motor {
     }
 
     /// Duty for an output within the reach.
+    // Requirement: WIRE-platform-9
     fn duty(&mut self, output: i32) -> i32 {
         let effective = ((i64::from(output) * i64::from(self.share)) >> 16) as i32;
         self.effective = effective.min(self.room).max(-self.room);
@@ -122,6 +123,7 @@ pub struct Mixer {
 
 impl Mixer {
     /// Nothing learned yet: wheels taken as alike.
+    // Requirement: WIRE-platform-3
     #[must_use]
     pub fn new(platform: &Platform) -> Self {
         let left = Motor::new(platform.dead_zone_left, platform.limit_left);

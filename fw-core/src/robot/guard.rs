@@ -42,7 +42,7 @@ impl Robot {
     ///
     /// Without a gyroscope in the configuration, and in the tuning modes, which measure the wheels,
     /// there is never an order.
-    // Requirement: DOC-2.3-3
+    // Requirement: DOC-2.3-3, WIRE-fault-12, WIRE-fault-13
     pub fn on_gyro(&mut self, outcome: Outcome, log: &mut Log) -> Order {
         if !self.guarded {
             return Order::Rest;

@@ -78,6 +78,7 @@ pub struct Outputs {
 /// | moving | ● ● ● ○ |
 /// | stopped | ● ○ ○ ● |
 /// | faulted | ○ ● ● ○ |
+// Requirement: WIRE-status-6
 #[must_use]
 pub const fn leds(state: State) -> u8 {
     match state {

@@ -149,6 +149,7 @@ mod tests {
         counters
     }
 
+    // Requirement: WIRE-log-3
     #[test]
     fn one_line_a_second_tells_both_gaps_and_none_without_frames() {
         let (mut line, mut log) = (LinkLine::default(), Log::new());
@@ -168,6 +169,7 @@ mod tests {
         );
     }
 
+    // Requirement: WIRE-log-3
     #[test]
     fn a_busy_tick_puts_the_line_off_and_bare_modes_know_no_numbers() {
         let (mut line, mut log) = (LinkLine::default(), Log::new());

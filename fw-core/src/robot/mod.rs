@@ -122,11 +122,13 @@ impl Robot {
         let sweeps = config.mode == Mode::GuardedSweep;
         Self {
             measure: Measure::of(config.mode),
-            // Requirement: DOC-5.2-1
+            // Requirement: DOC-5.2-1, WIRE-ready-2
             link: StmLink::new(Setup::from(config)),
+            // Requirement: WIRE-platform-8
             supervisor: Supervisor::new(StopDeadline::new(platform.stop_deadline)),
             odometry: Odometry::new(platform, first.left, first.right),
             delta: Delta::default(),
+            // Requirement: WIRE-platform-7
             #[cfg(feature = "gyro")]
             guarded: platform.gyro && matches!(Measure::of(config.mode), Measure::Pose),
             #[cfg(feature = "gyro")]
@@ -174,11 +176,13 @@ impl Robot {
         self.battery.sample(adc_words);
         self.raise(battery_faults(&self.battery), log);
         // No line tells of it but the log's own: there is no room for one.
+        // Requirement: WIRE-fault-10
         if self.dropped != log.dropped() {
             self.dropped = log.dropped();
             self.raise(fault::LOG_DROPPED, log);
         }
 
+        // Requirement: WIRE-deadline-3
         let wanted = self.want != Want::Nothing;
         let busy = match self.want {
             Want::Nothing => false,
@@ -214,6 +218,7 @@ impl Robot {
 
     /// The servo's pulse and the rangefinder to trigger. Nobody talks to the robot, or a fault has
     /// stopped it: the servo rests.
+    // Requirement: WIRE-servo-1
     fn look(&mut self, now: Micros) -> (Option<u16>, Option<Rangefinder>) {
         let live = self.supervisor.attended(now) && self.supervisor.state() != State::Faulted;
         let servo = self.sweep.tick(live);
@@ -229,6 +234,7 @@ impl Robot {
 
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
     /// the Pi asks anew.
+    // Requirement: WIRE-deadline-5
     fn stand(&mut self) {
         match self.want {
             Want::Nothing => {}
@@ -287,6 +293,7 @@ impl Robot {
         self.link_line.frame(now);
         if self.measure == Measure::Pose {
             self.fresh(now, command, command.apply);
+            // Requirement: WIRE-modes-2
             let known = self.want == Want::Target && command.expected == self.target;
             // Requirement: DOC-5.1.1-4
             if command.apply && !known {
@@ -333,6 +340,7 @@ impl Robot {
         self.telling.target(expected);
     }
 
+    // Requirement: WIRE-battery-2
     #[cold]
     #[inline(never)]
     fn tune_cell(&mut self, cell: u8, voltage: u16, log: &mut Log) {
@@ -349,7 +357,7 @@ impl Robot {
         });
     }
 
-    // Requirement: WIRE-chain-2
+    // Requirement: WIRE-chain-2, WIRE-fault-2, WIRE-rejected-4
     #[cold]
     fn on_rejected(&mut self, error: FrameError) {
         self.supervisor.raise(fault::FRAME_REJECTED);
@@ -475,6 +483,7 @@ fn percent(percent: Double) -> Duty {
 /// 100 %, 2⁻³².
 const PERCENT_100: i64 = 100 << 32;
 
+// Requirement: WIRE-fault-3, WIRE-fault-4
 const fn battery_faults(battery: &Battery) -> u16 {
     let low = if battery.low() { fault::BATTERY_LOW } else { 0 };
     let empty = if battery.empty() {

@@ -21,6 +21,7 @@ impl Robot {
     }
 
     /// A distance, and with the front one's the bearing that it was taken at.
+    // Requirement: WIRE-bearing-3
     pub(super) fn sense_range(&mut self, which: Rangefinder) {
         if cfg!(feature = "sweep") && which == Rangefinder::Front {
             self.said.bearing = self.rangefinders.reading(which).bearing;
@@ -73,6 +74,7 @@ impl Robot {
     }
 
     /// Rotation in degrees or displacement in millimetres since reset.
+    // Requirement: WIRE-modes-3, WIRE-modes-4
     pub(super) fn measurement(&self) -> Double {
         match self.measure {
             Measure::Pose => Double::default(),

@@ -100,7 +100,7 @@ impl Supervisor {
     }
 
     /// A fresh valid frame arrived: the only thing that feeds the deadline.
-    // Requirement: WIRE-deadline-2
+    // Requirement: WIRE-deadline-2, WIRE-deadline-4
     pub fn on_fresh(&mut self, now: Micros, intent: Intent) {
         // A frame that arrives after the deadline but before the tick that would notice does not
         // undo the stop: the silence was too long, and leaving it takes an explicit word.
@@ -124,6 +124,7 @@ impl Supervisor {
 
     /// One tick: whether the motors may run, given that something is `wanted` of them and that they
     /// are `busy` with it.
+    // Requirement: WIRE-status-5
     pub fn on_tick(&mut self, now: Micros, wanted: bool, busy: bool) -> Permit {
         self.check_deadline(now);
         if self.faults & BLOCKING != 0 {
@@ -172,6 +173,7 @@ mod tests {
         Supervisor::new(StopDeadline::new(250))
     }
 
+    // Requirement: WIRE-deadline-3
     #[test]
     fn before_the_first_frame_it_waits_ready_and_coasts() {
         let mut s = supervisor();
@@ -263,6 +265,7 @@ mod tests {
         );
     }
 
+    // Requirement: WIRE-deadline-2, WIRE-deadline-4
     #[test]
     fn only_a_word_that_resumes_ends_a_stop() {
         let stopped = || {
@@ -313,6 +316,7 @@ mod tests {
         assert_eq!(s.state(), State::Stopped);
     }
 
+    // Requirement: WIRE-status-1, WIRE-status-5
     #[test]
     fn every_blocking_fault_brakes_and_clearing_it_alone_does_not_move_the_robot() {
         for bit in 0..16 {

@@ -63,6 +63,7 @@ impl Telling {
     /// For every change of a tally: a line when the rangefinder does not answer three triggers in a
     /// row, and when it answers again. One that answers without an object in range is no matter for a
     /// line.
+    // Requirement: WIRE-log-9
     #[cfg(feature = "acoustics")]
     pub(super) fn rangefinder(&mut self, which: Rangefinder, tally: &Tally, log: &mut Log) {
         let Some(told) = self.silent.get_mut(which as usize) else {
@@ -78,6 +79,7 @@ impl Telling {
     }
 
     /// The first temperature, and every change between knowing one and not.
+    // Requirement: WIRE-log-10
     #[cfg(feature = "acoustics")]
     pub(super) fn temperature(&mut self, air: Option<fixed::types::I16F16>, log: &mut Log) {
         if self.warm.replace(air.is_some()) == Some(air.is_some()) {
@@ -151,6 +153,7 @@ impl Telling {
     }
 
     /// Once a tick: whether a pose line is due.
+    // Requirement: WIRE-platform-12
     pub(super) fn pose_is_due(&mut self) -> bool {
         if self.period == 0 {
             return false;
@@ -197,7 +200,7 @@ fn rangefinder(which: Rangefinder, tally: &Tally, log: &mut Log) {
 }
 
 /// A sample of a tuning mode: duty in percent, measured degrees or millimetres in thousandths.
-// Requirement: DOC-5.2.2-2, DOC-5.2.3-4
+// Requirement: DOC-5.2.2-2, DOC-5.2.3-4, WIRE-log-7, WIRE-log-8
 pub(super) fn tuning(duty: Duty, thousandths: i64, log: &mut Log) {
     log.line(Level::Info, |line| {
         line.text("T ")

@@ -76,6 +76,7 @@ fn runs(outputs: &Outputs) -> bool {
     )
 }
 
+// Requirement: WIRE-deadline-3
 #[test]
 fn without_a_frame_nothing_moves() {
     let mut bench = Bench::new(Mode::Normal);
@@ -124,6 +125,7 @@ fn an_applied_target_drives_and_silence_brakes_within_the_deadline() {
     );
 }
 
+// Requirement: WIRE-fault-2, WIRE-rejected-4
 #[test]
 fn a_rejected_frame_changes_nothing_but_the_counters_and_does_not_feed_the_deadline() {
     let mut bench = Bench::new(Mode::Normal);
@@ -188,6 +190,7 @@ fn the_following_reply_is_the_next_one_in_advance() {
     }
 }
 
+// Requirement: WIRE-spi-6, WIRE-sequence-5
 #[test]
 fn a_refreshed_reply_keeps_its_number_and_its_cell() {
     let mut bench = Bench::new(Mode::GuardedNormal);
@@ -214,7 +217,7 @@ fn a_refreshed_reply_keeps_its_number_and_its_cell() {
     assert_ne!(old.pose, new.pose);
 }
 
-// Requirement: WIRE-status-2
+// Requirement: WIRE-status-2, WIRE-deadline-5
 #[test]
 fn guarded_stop_and_resume_are_orders() {
     let mut bench = Bench::new(Mode::GuardedNormal);
@@ -238,7 +241,7 @@ fn guarded_stop_and_resume_are_orders() {
     assert!(runs(&bench.tick()));
 }
 
-// Requirement: DOC-5.2.2-2
+// Requirement: DOC-5.2.2-2, WIRE-deadline-5, WIRE-log-7
 #[test]
 fn tuning_sets_the_constant_duty_logs_every_sample_and_needs_zero_after_a_stop() {
     let mut bench = Bench::new(Mode::TuneRotate);

@@ -146,7 +146,7 @@ pub struct Battery {
 
 impl Battery {
     /// Nothing read yet.
-    // Requirement: DOC-6.0.3-2
+    // Requirement: DOC-6.0.3-2, WIRE-platform-10
     #[must_use]
     pub fn new(config: &Config) -> Self {
         let volts = config.adc_max_voltage.to_scaled(32).unwrap_or(0).max(0);
@@ -175,6 +175,7 @@ impl Battery {
 
     /// One tick's ADC words, tap 1 first. A tap without a word stays unread: a board with fewer
     /// ADC pins than cells does not count the missing ones as empty.
+    // Requirement: WIRE-eeprom-12
     pub fn sample(&mut self, words: &[u16]) {
         let mut words = words.iter();
         let (mut below, mut lowest) = (0, u32::MAX);

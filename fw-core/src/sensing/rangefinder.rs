@@ -135,6 +135,7 @@ pub struct Rangefinders {
 
 impl Rangefinders {
     /// The first `count`, 0 ..= 3, of front, right and left; sound at 343 m/s, as at 19 °C.
+    // Requirement: WIRE-platform-4
     #[must_use]
     pub const fn new(count: u8) -> Self {
         const NEVER: Sensor = Sensor {

@@ -34,6 +34,7 @@ const STEPS_OF_A_TURN: u32 = 36;
 /// 60° in 0.15 s, 13 ms to settle.
 pub const STEP: u8 = 4;
 /// Ticks until it stands wherever it was before: 450 ms for 180°, and to settle.
+// Requirement: WIRE-servo-2
 pub const ANYWHERE: u8 = 50;
 
 /// What the servo is doing.
@@ -75,6 +76,7 @@ pub struct Sweep {
 impl Sweep {
     /// A servo at rest. It sweeps or turns the sensor straight ahead; without one the sensor always
     /// points there.
+    // Requirement: WIRE-platform-6
     #[must_use]
     pub fn new(platform: &Platform, sweeps: bool) -> Self {
         let travel = match platform.servo_travel {
@@ -106,6 +108,7 @@ impl Sweep {
 
     /// Every 10 ms, `live` while somebody talks to a robot that nothing has stopped: the pulse to send
     /// now, microseconds, if it is time for one.
+    // Requirement: WIRE-servo-1, WIRE-servo-3
     pub fn tick(&mut self, live: bool) -> Option<u16> {
         if self.phase == Phase::Parked {
             return None;
@@ -138,6 +141,7 @@ impl Sweep {
     }
 
     /// The next bearing, back from the ends of the travel: no two readings in turn share one.
+    // Requirement: WIRE-bearing-4, WIRE-bearing-5
     fn step(&mut self) {
         if self.at >= self.steps.get() {
             self.up = false;
@@ -148,6 +152,7 @@ impl Sweep {
     }
 
     /// Where the sensor points, turn × 0x10000, if it stands there: the only time to trigger it.
+    // Requirement: WIRE-bearing-2
     #[must_use]
     pub fn aim(&self) -> Option<u16> {
         match self.phase {
@@ -179,6 +184,7 @@ impl Sweep {
     }
 
     /// What the pulse as it is sent stands for, turn × 0x10000.
+    // Requirement: WIRE-platform-5
     fn bearing(&self) -> u16 {
         let aside = i32::from(self.pulse()) - i32::from(MIDDLE);
         let angle = aside * self.travel / (2 * i32::from(ASIDE));

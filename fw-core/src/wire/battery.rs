@@ -15,7 +15,7 @@ use super::{CellCode, Command, Report};
 #[derive(Debug)]
 pub struct Battery;
 
-// Requirement: DOC-5.1.3-1
+// Requirement: DOC-5.1.3-1, WIRE-battery-3
 #[inline]
 fn parse(input: &mut Input<'_>, cells: u8) -> Result<CellCode, Fault> {
     let before = *input;

@@ -23,7 +23,7 @@ use super::status::Status;
 use super::strategy::{Context, Duties, Fault, Input, Output, Strategy};
 use super::{Command, FrameError, Report, MAX_FRAME};
 
-// Requirement: DOC-5.2-1
+// Requirement: DOC-5.2-1, WIRE-chain-3, WIRE-modes-1
 macro_rules! modes {
     ($(
         $(#[$attribute:meta])*
@@ -155,7 +155,7 @@ macro_rules! modes {
 
 modes! {
     /// Drives to the expected pose with both PIDs.
-    // Requirement: DOC-5.1.6-3, DOC-5.2-4, DOC-5.2.1-3
+    // Requirement: DOC-5.1.6-3, DOC-5.2-4, DOC-5.2.1-3, WIRE-distance-2
     #[default]
     Normal = 0, "Normal":
         [Key, Position, Battery, Front, Right, Left, AllDataUsed];
@@ -168,6 +168,7 @@ modes! {
     TuneMove = 2, "TuneMovePID":
         [Key, Double, Battery, AllDataUsed];
     /// [`Mode::Normal`] with sequence, status and CRC.
+    // Requirement: WIRE-modes-5
     GuardedNormal = 0x10, "Guarded Normal":
         [Key, Sequence, Status, Position, Battery, Front, Right, Left, Crc, AllDataUsed];
     /// [`Mode::TuneRotate`] with sequence, status and CRC.
@@ -177,6 +178,7 @@ modes! {
     GuardedTuneMove = 0x12, "Guarded TuneMove":
         [Key, Sequence, Status, Double, Battery, Crc, AllDataUsed];
     /// One rangefinder on a servo, each reading with its bearing.
+    // Requirement: WIRE-modes-6
     GuardedSweep = 0x20, "Guarded Sweep":
         [Key, Sequence, Status, Position, Battery, Front, Bearing, Crc, AllDataUsed];
 }
@@ -189,6 +191,7 @@ impl Mode {
     }
 }
 
+// Requirement: WIRE-chain-3
 macro_rules! strategies {
     ($($strategy:ident),* $(,)?) => {
         /// A strategy as a step of a chain.
@@ -250,6 +253,7 @@ strategies! {
     Key, Sequence, Status, Position, Double, Battery, Front, Right, Left, Bearing, Crc, AllDataUsed
 }
 
+// Requirement: WIRE-rejected-2
 #[cold]
 fn name(strategy: &'static str, fault: Fault) -> FrameError {
     FrameError {

@@ -37,7 +37,7 @@ impl PoseCode {
 }
 
 /// Millimetres × 1000, nearest (a tie goes up), saturating.
-// Requirement: DOC-5.1.1-2
+// Requirement: DOC-5.1.1-2, WIRE-code-1
 #[inline]
 fn length_code(length: Millimetres) -> i32 {
     let bits = length.0.to_bits();
@@ -72,7 +72,7 @@ fn length(code: i32) -> Millimetres {
 }
 
 /// Turn × 0x8000, nearest (a tie goes up); what rounds to 0x8000 is 0.
-// Requirement: DOC-5.1.1-3
+// Requirement: DOC-5.1.1-3, WIRE-position-2
 #[inline]
 fn rotation_code(heading: Turns) -> u16 {
     // Wrapping past a whole turn is what makes 0x8000 become 0. 15 bits are left.
@@ -242,6 +242,7 @@ mod tests {
         }
     }
 
+    // Requirement: WIRE-position-2
     #[test]
     fn every_rotation_code_comes_back_and_a_whole_turn_is_none() {
         for rotation in 0..0x8000 {

@@ -88,6 +88,7 @@ const fn remainder(word: u32) -> u32 {
     quotient ^ quotient << 5 ^ quotient << 12
 }
 
+// Requirement: WIRE-crc-2
 #[inline(always)]
 fn parse(input: &mut Input<'_>) -> Result<(), Fault> {
     let before = *input;
@@ -159,6 +160,7 @@ mod tests {
         crc
     }
 
+    // Requirement: WIRE-crc-1
     #[test]
     fn the_catalogues_check_value_comes_out() {
         assert_eq!(crc16(b"123456789"), 0x29B1);

@@ -15,7 +15,7 @@ pub struct Double;
 /// The bits of 100.0: exponent 6, mantissa 100 / 64. Magnitudes order like their bits.
 const HUNDRED: u64 = 0x4059_0000_0000_0000;
 
-// Requirement: DOC-5.1.2-1
+// Requirement: DOC-5.1.2-1, WIRE-double-2
 #[inline]
 fn parse(input: &mut Input<'_>) -> Result<Binary64, Fault> {
     let before = *input;

@@ -78,6 +78,7 @@ impl LinkCounters {
             .saturating_add(self.overrun)
     }
 
+    // Requirement: WIRE-rejected-1, WIRE-log-11
     #[cold]
     pub(crate) fn reject(&mut self, cause: Cause) {
         let count = self.rejected(cause).saturating_add(1);
@@ -146,6 +147,7 @@ impl End {
 
     /// A rejected frame, which `read` reads with another context: what it says if with it the other
     /// end begins anew. Its numbers then count like those of a first frame.
+    // Requirement: WIRE-sequence-7
     fn reject<T>(
         &mut self,
         error: FrameError,
@@ -271,7 +273,7 @@ impl StmLink {
 
     /// Writes the reply anew with fresher data and the number it already had, as no chip-select
     /// has taken it yet.
-    // Requirement: DOC-5-2
+    // Requirement: DOC-5-2, WIRE-sequence-5
     #[inline]
     pub fn resend(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
         self.write(0, report, out)

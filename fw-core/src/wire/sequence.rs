@@ -55,6 +55,7 @@ impl Row {
     }
 }
 
+// Requirement: WIRE-sequence-6
 #[inline]
 fn parse(input: &mut Input<'_>, last: Option<u8>) -> Result<Counters, Fault> {
     let before = *input;
@@ -65,6 +66,7 @@ fn parse(input: &mut Input<'_>, last: Option<u8>) -> Result<Counters, Fault> {
     }
 }
 
+// Requirement: WIRE-sequence-4
 #[inline]
 fn write(output: &mut Output<'_>, context: Context) {
     output.put([context.own, context.last.unwrap_or_default()]);

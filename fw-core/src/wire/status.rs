@@ -24,6 +24,7 @@ fn parse<'a>(input: &mut Input<'a>) -> Result<(u16, Input<'a>), Fault> {
     Ok((bits, part))
 }
 
+// Requirement: WIRE-status-4
 #[inline]
 fn write(output: &mut Output<'_>, bits: u16, code: u8) {
     output.put(bits.to_be_bytes());

@@ -142,6 +142,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     /// [`Reason::Short`]: the frame ends before.
+    // Requirement: WIRE-rejected-3
     #[inline]
     pub fn peek<const N: usize>(&self) -> Result<[u8; N], Fault> {
         let rest = self.frame.get(self.at..).unwrap_or_default();

@@ -85,6 +85,7 @@ fn the_fields_stand_where_the_tables_say_with_these_ranges_and_values() {
     }
 }
 
+// Requirement: WIRE-eeprom-8
 #[test]
 fn the_tables_alone_make_the_first_boards_image() {
     let mut by_table = [0xFF_u8; IMAGE_LEN];
@@ -108,6 +109,7 @@ fn the_tables_alone_make_the_first_boards_image() {
     assert_eq!(by_table[..covered], by_code[..covered]);
 }
 
+// Requirement: WIRE-refused-1
 #[test]
 fn the_rules_between_fields_are_these() {
     let listed: Vec<_> = rows(&["address", "field", "accepted"])

@@ -2,6 +2,7 @@
 
 use crate::table::rows_of;
 
+// Requirement: WIRE-chain-3
 #[test]
 fn every_place_that_the_how_to_names_is_there() {
     let rows = rows_of(

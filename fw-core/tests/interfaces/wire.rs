@@ -26,7 +26,7 @@ fn vectors(name: &str) -> Vec<Value> {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-// Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2
+// Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2, WIRE-modes-5, WIRE-modes-6
 #[test]
 fn the_modes_have_these_numbers_names_chains_and_lengths() {
     let rows = rows(&["mode", "name", "chain", "bytes"]);
@@ -97,6 +97,7 @@ fn the_fault_bits_are_these_and_these_of_them_keep_the_motors_off() {
     assert_eq!(blocking, u64::from(BLOCKING));
 }
 
+// Requirement: WIRE-status-2, WIRE-status-6
 #[test]
 fn the_states_have_these_codes_names_and_leds() {
     let rows = rows(&["code", "state", "meaning", "LED 1 2 3 4"]);
@@ -116,6 +117,7 @@ fn the_states_have_these_codes_names_and_leds() {
     }
 }
 
+// Requirement: WIRE-status-2
 #[test]
 fn the_orders_have_these_codes_and_names() {
     let rows = rows(&["code", "order", "meaning"]);
@@ -129,6 +131,7 @@ fn the_orders_have_these_codes_and_names() {
 
 /// Every strategy that the table gives a cause rejects some vector for it, and no vector is rejected
 /// by a pair that the table does not have. That the code rejects them so is the vectors' own test.
+// Requirement: WIRE-rejected-2
 #[test]
 fn the_causes_are_these_and_come_from_these_strategies() {
     let rows = rows(&["cause", "strategies", "when"]);

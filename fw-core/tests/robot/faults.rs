@@ -3,6 +3,7 @@
 use crate::{percent, Bench};
 use fw_core::wire::{fault, Command, Mode};
 
+// Requirement: WIRE-fault-10, WIRE-log-2
 #[test]
 fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
     let mut bench = Bench::new(Mode::GuardedTuneRotate, |_| {});
@@ -13,6 +14,9 @@ fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
         let dropped = bench.log.dropped();
         bench.tick();
         assert_eq!(lost(&bench), dropped > 0, "{dropped} by then");
+        // Nothing has left: all that waits is in one piece.
+        let waiting = bench.log.pending().len();
+        assert!(dropped == 0 || (980..=1024).contains(&waiting), "{waiting}");
     }
     assert!(lost(&bench), "{}", bench.log.dropped());
     let _ = bench.said();
@@ -36,6 +40,7 @@ fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
     assert!(lost(&bench), "new ones count anew");
 }
 
+// Requirement: WIRE-spi-3, WIRE-fault-2
 #[test]
 fn lost_frames_are_counted_told_and_a_fault() {
     let mut bench = Bench::new(Mode::GuardedNormal, |_| {});

@@ -74,6 +74,7 @@ fn rolled(change: Change, left: i32, right: i16) -> (f64, f64) {
     (f64::from(pose.x) / 1000.0, turn * TAU)
 }
 
+// Requirement: WIRE-platform-2
 #[test]
 fn counts_diameters_and_track_make_the_pose_of_the_counts() {
     let changes: [Change; 6] = [
@@ -114,6 +115,7 @@ fn counts_diameters_and_track_make_the_pose_of_the_counts() {
     }
 }
 
+// Requirement: WIRE-platform-3
 #[test]
 fn the_signs_reverse_their_encoder_and_their_motor() {
     let (ahead, _) = rolled(|_| {}, 3, 3);
@@ -146,6 +148,7 @@ fn the_signs_reverse_their_encoder_and_their_motor() {
     );
 }
 
+// Requirement: WIRE-platform-4
 #[test]
 fn as_many_rangefinders_are_triggered_as_are_fitted() {
     let changes: [Change; 4] = [
@@ -196,6 +199,7 @@ fn swept(change: Change) -> Vec<(u16, u16)> {
     readings
 }
 
+// Requirement: WIRE-platform-3, WIRE-platform-5, WIRE-platform-6
 #[test]
 fn the_servos_figures_turn_it_and_tell_where_it_looks() {
     // Half a turn of travel in steps of 10°, from the 1.0 ms pulse on, −90° first.
@@ -225,6 +229,7 @@ fn the_servos_figures_turn_it_and_tell_where_it_looks() {
     assert_eq!(pulses(|platform| platform.servo = true), [1500; 10]);
 }
 
+// Requirement: WIRE-platform-7
 #[test]
 fn the_gyroscope_is_asked_if_the_configuration_says_so() {
     let orders = |change: Change| {
@@ -240,6 +245,7 @@ fn the_gyroscope_is_asked_if_the_configuration_says_so() {
     assert_ne!(orders(|platform| platform.gyro = true), 0);
 }
 
+// Requirement: WIRE-platform-8
 #[test]
 fn the_stop_deadline_is_as_long_as_it_says() {
     for (ticks, change) in [
@@ -265,6 +271,7 @@ fn first_duties(change: Change, command: &Command) -> (i32, i32) {
     (duty(outputs.left), duty(outputs.right))
 }
 
+// Requirement: WIRE-platform-9, WIRE-eeprom-6
 #[test]
 fn a_wheel_that_is_to_turn_gets_more_than_its_dead_zone_and_no_more_than_its_limit() {
     let none: Change = |platform| (platform.dead_zone_left, platform.dead_zone_right) = (0, 0);
@@ -310,6 +317,7 @@ fn a_wheel_that_is_to_turn_gets_more_than_its_dead_zone_and_no_more_than_its_lim
     }
 }
 
+// Requirement: WIRE-fault-3, WIRE-fault-4, WIRE-platform-10
 #[test]
 fn the_battery_warns_and_cuts_off_where_the_page_says() {
     // Two seconds of cells at 3.6 V.
@@ -348,6 +356,7 @@ fn the_battery_warns_and_cuts_off_where_the_page_says() {
     );
 }
 
+// Requirement: WIRE-platform-11
 #[test]
 fn a_target_within_the_tolerances_is_reached_already() {
     let drives = |change: Change, command: &Command| {
@@ -376,6 +385,7 @@ fn a_target_within_the_tolerances_is_reached_already() {
     ));
 }
 
+// Requirement: WIRE-platform-12
 #[test]
 fn pose_lines_come_as_often_as_the_page_says() {
     for (lines, change) in [
@@ -405,6 +415,7 @@ fn pose_lines_come_as_often_as_the_page_says() {
     }
 }
 
+// Requirement: DOC-5.1.3-3, DOC-5.1.3-4, WIRE-battery-2
 #[test]
 fn a_cells_reference_is_answered_with_its_upper_resistor() {
     for (mode, cell) in [(Mode::Normal, 0), (Mode::Normal, 1), (Mode::TuneRotate, 1)] {

@@ -64,6 +64,7 @@ fn each_configuration_is_written_to_exactly_these_bytes() {
     }
 }
 
+// Requirement: WIRE-eeprom-9
 #[test]
 fn writing_leaves_the_bytes_alone_that_no_field_claims() {
     for vector in list(&file("eeprom")["accepted"]) {
@@ -77,7 +78,7 @@ fn writing_leaves_the_bytes_alone_that_no_field_claims() {
     }
 }
 
-// Requirement: WIRE-eeprom-3
+// Requirement: WIRE-eeprom-3, WIRE-refused-2
 #[test]
 fn each_rejected_image_names_address_field_and_value() {
     for vector in list(&file("eeprom")["rejected"]) {

@@ -125,7 +125,7 @@ fn each_is_read_to_exactly_these_values() {
     }
 }
 
-// Requirement: DOC-5.1-3
+// Requirement: DOC-5.1-3, WIRE-rejected-1, WIRE-rejected-2
 #[test]
 fn each_rejected_one_names_strategy_offset_and_cause_and_changes_one_counter() {
     for vector in list(&file("rejected")) {

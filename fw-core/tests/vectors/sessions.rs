@@ -121,6 +121,7 @@ fn check(counters: &LinkCounters, expected: &Value) {
     }
 }
 
+// Requirement: WIRE-sequence-2, WIRE-sequence-4
 #[test]
 fn every_session_goes_as_written() {
     for session in list(&file("sessions")) {

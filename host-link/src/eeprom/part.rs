@@ -11,6 +11,7 @@ use fw_core::eeprom::Image;
 use std::ops::Range;
 
 /// 7-bit I2C address.
+// Requirement: WIRE-eeprom-7
 pub const ADDRESS: u8 = 0x50;
 
 /// The longest burst, bytes, and the boundary it must not cross.

@@ -39,7 +39,7 @@ fn assert_at_rest(board: &Board, mishap: Mishap) {
     assert!(!board.in_reset, "held in reset after {mishap:?}");
 }
 
-// Requirement: DOC-2.1-1, DOC-6-3, DOC-6-7
+// Requirement: DOC-2.1-1, DOC-6-3, DOC-6-7, WIRE-ready-3
 #[test]
 fn a_good_write_is_verified_protected_and_followed_by_one_reset() {
     let (board, mut machine) = machine(&BLANK, None);

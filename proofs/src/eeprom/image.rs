@@ -101,7 +101,7 @@ pub fn accepted_image_is_its_configuration(
 
 /// One field of a good image holds `raw`, and the checksum agrees: it is accepted exactly when the
 /// table takes it and the rules hold, and then every other field is as it was.
-// Requirement: DOC-6.0.2-1
+// Requirement: DOC-6.0.2-1, WIRE-eeprom-10
 pub fn field_is_taken_by_its_table(which: u8, raw: u64) -> Seen {
     let field = &FIELDS[usize::from(which) % FIELDS.len()];
     let mut image = first_image(0xFF);

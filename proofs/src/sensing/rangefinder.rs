@@ -195,6 +195,7 @@ pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
 /// A reading belongs to the bearing of its own trigger: whatever the servo's aim does afterwards, whichever
 /// triggers are answered, and however late, the bearing beside a distance is where the sensor pointed when
 /// that burst left. The echo's width says which trigger it was.
+// Requirement: WIRE-bearing-2
 pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) -> Seen {
     let mut all = Rangefinders::new(1);
     let mut pings = 0_usize;

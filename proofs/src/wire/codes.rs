@@ -32,7 +32,7 @@ pub fn length_code_round_trips(code: i32) -> Seen {
 
 /// A length's code is the nearest micrometre, of two the upper, or the end of the range where that lies
 /// beyond. That it is monotone follows.
-// Requirement: DOC-5.1.1-2
+// Requirement: DOC-5.1.1-2, WIRE-code-1
 pub fn length_code_is_nearest(bits: i64) -> Seen {
     let code = PoseCode::from_pose(&pose_of(bits, 0, 0)).x;
     // In 2⁻³² µm: the length is bits · 1000 of them, the code 2³² · code.
@@ -66,7 +66,7 @@ pub fn length_code_is_monotone(one: i64, other: i64) -> Seen {
 }
 
 /// A heading's code is the nearest of 32 768, and a code is back to itself.
-// Requirement: DOC-5.1.1-3
+// Requirement: DOC-5.1.1-3, WIRE-code-1, WIRE-position-2
 pub fn rotation_code_is_nearest(heading: u32) -> Seen {
     let code = PoseCode::from_pose(&pose_of(0, 0, heading)).rotation;
     assert!(code <= 0x7FFF);
@@ -84,7 +84,7 @@ pub fn rotation_code_is_nearest(heading: u32) -> Seen {
 }
 
 /// A bearing's code is the nearest of 65 536, and a code is back to itself.
-// Requirement: WIRE-bearing-1
+// Requirement: WIRE-bearing-1, WIRE-code-1
 pub fn bearing_code_is_nearest(heading: u32) -> Seen {
     let code = bearing_code(Turns(heading));
     let back = bearing(code);
@@ -108,7 +108,7 @@ pub fn voltage_code_round_trips(cell: u8, voltage: u16) -> Seen {
 }
 
 /// A voltage's code is the nearest 5 mV, or 40.955 V above that; the cell is the cell.
-// Requirement: DOC-5.1.3-2
+// Requirement: DOC-5.1.3-2, WIRE-code-1
 pub fn voltage_code_is_nearest(cell: u8, bits: u32) -> Seen {
     let code = CellCode::from_volts(cell, Volts(U16F16::from_bits(bits)));
     assert!(code.cell == cell & 7 && code.voltage <= CellCode::MAX_VOLTAGE);
@@ -151,7 +151,7 @@ fn distance_code(bits: i64) -> DistanceCode {
 
 /// A distance's code is back to itself after the way to millimetres, and the distances that have it
 /// begin and end exactly half way to its neighbours.
-// Requirement: DOC-5.1.4-1
+// Requirement: DOC-5.1.4-1, WIRE-code-1
 pub fn distance_code_is_nearest(code: u16) -> Seen {
     let first = threshold(code);
     // 0xFFFF begins half way from 0xFFFE, and is "nothing valid" from there on.

@@ -160,7 +160,7 @@ pub fn rejection_changes_one_counter(
 
 /// A frame that the STM once took is never taken a second time in a guarded mode, whatever came in
 /// between as long as the numbers have not gone half way around.
-// Requirement: WIRE-sequence-1
+// Requirement: WIRE-sequence-1, WIRE-sequence-6
 pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> Seen {
     let possible = table(setup.mode).guarded
         && cell_exists(command.tune, setup)
@@ -271,7 +271,7 @@ pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8
 
 /// However the two ends stand to each other (one restarted, both, or any number of frames lost), after
 /// five undisturbed exchanges each takes the other's frames.
-// Requirement: WIRE-sequence-3
+// Requirement: WIRE-sequence-3, WIRE-sequence-7
 pub fn ends_find_each_other(
     mode: Mode,
     pi_sent: u8,

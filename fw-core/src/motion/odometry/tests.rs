@@ -182,7 +182,7 @@ fn the_first_sample_never_moves_the_pose() {
     }
 }
 
-// Requirement: DOC-4.1-1
+// Requirement: DOC-4.1-1, WIRE-position-3
 #[test]
 fn the_first_board_goes_ahead_and_turns_left_as_the_document_draws_it() {
     let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);

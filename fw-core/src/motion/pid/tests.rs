@@ -117,7 +117,7 @@ fn the_output_and_the_integral_stay_within_the_limit_whatever_comes() {
     }
 }
 
-// Requirement: DOC-6.0.2-1
+// Requirement: DOC-6.0.2-1, WIRE-eeprom-11
 #[test]
 fn the_document_s_factors_count_per_sample_and_in_percent() {
     let mut pid = pid(2.0, 0.5, 10.0, 0.3);

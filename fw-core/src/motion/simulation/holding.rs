@@ -30,6 +30,7 @@ fn at_rest_it_brakes_and_stays() {
     assert_eq!(robot.world.pose(), before);
 }
 
+// Requirement: WIRE-modes-2
 #[test]
 fn the_same_target_again_changes_nothing_and_none_brakes() {
     let mut robot = Robot::new(&first_board(), Params::default());

@@ -35,6 +35,7 @@ fn tuning_the_movement_keeps_the_angle_with_the_rotation_pid() {
     }
 }
 
+// Requirement: WIRE-platform-3
 #[test]
 fn a_motor_that_is_wired_backwards_is_driven_backwards() {
     let mut config = first_board();

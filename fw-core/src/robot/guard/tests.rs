@@ -77,6 +77,7 @@ impl Turned {
 /// 40 counts a tick each way turn the first board by 2.4° a tick, which is too fast; 10 by 0.6°.
 const SPIN: i16 = 3_931;
 
+// Requirement: WIRE-fault-12
 #[test]
 fn a_slip_is_a_fault_that_keeps_nothing_off_and_the_heading_survives_it() {
     let mut robot = Turned::new(Mode::GuardedNormal);
@@ -122,6 +123,7 @@ fn without_a_slip_the_pose_is_the_encoders_to_the_last_bit() {
     assert_eq!(with.bench.robot.faults(), without.robot.faults());
 }
 
+// Requirement: WIRE-fault-13
 #[test]
 fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
     let mut robot = Turned::new(Mode::GuardedNormal);
@@ -147,6 +149,7 @@ fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
     assert_eq!(robot.bench.robot.faults() & fault::GYRO_LOST, 0);
 }
 
+// Requirement: WIRE-platform-7
 #[test]
 fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() {
     let mut tuning = Turned::new(Mode::GuardedTuneRotate);

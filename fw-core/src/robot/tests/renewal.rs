@@ -115,7 +115,7 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
     (distances, lines)
 }
 
-// Requirement: DOC-2.1-4
+// Requirement: DOC-2.1-4, WIRE-spi-6, WIRE-log-9
 #[test]
 fn a_reply_says_what_is_so_whatever_happened_before_it() {
     for mode in [Mode::Normal, Mode::GuardedSweep, Mode::GuardedTuneMove] {

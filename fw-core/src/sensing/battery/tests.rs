@@ -173,6 +173,7 @@ fn a_tap_that_the_board_does_not_measure_is_not_an_empty_cell() {
     assert!(!battery.empty());
 }
 
+// Requirement: WIRE-eeprom-12
 #[test]
 fn a_cell_is_its_tap_less_the_one_below_however_many_words_come() {
     let mut config = first_board();

@@ -102,6 +102,7 @@ fn what_nothing_answers_is_late_at_20_ms_and_out_of_range_or_missing_later() {
     }
 }
 
+// Requirement: WIRE-servo-1
 #[test]
 fn nobody_knowing_where_they_point_takes_every_reading_back() {
     let mut rangefinders = triggered(Micros(0));

@@ -65,6 +65,7 @@ fn swept(platform: &Platform, ticks: u32, stands_at: f64) -> Vec<(u32, u16, f64)
     all
 }
 
+// Requirement: WIRE-bearing-4, WIRE-bearing-5
 #[test]
 fn it_measures_every_60_ms_from_end_to_end_and_back_in_steps_of_10_degrees() {
     let all = swept(&platform(), 50 + 6 * 72, 90.0);
@@ -127,6 +128,7 @@ fn pulses_are_20_ms_apart_and_1_to_2_ms_long() {
     }
 }
 
+// Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn nothing_turns_before_somebody_talks_to_it_nor_after() {
     let mut sweep = Sweep::new(&platform(), true);
@@ -148,6 +150,7 @@ fn nothing_turns_before_somebody_talks_to_it_nor_after() {
     }
 }
 
+// Requirement: WIRE-servo-3
 #[test]
 fn in_any_other_mode_it_turns_straight_ahead_once_and_rests() {
     let mut sweep = Sweep::new(&platform(), false);

@@ -43,7 +43,7 @@ fn short_strategy(mode: Mode, len: usize) -> (&'static str, usize) {
     panic!("not short");
 }
 
-// Requirement: DOC-5.1-1
+// Requirement: DOC-5.1-1, WIRE-rejected-3
 #[test]
 fn a_short_frame_names_the_strategy_that_lacks_bytes() {
     for &mode in Mode::ALL {
@@ -176,7 +176,7 @@ fn every_wrong_key_is_rejected_before_anything_else() {
     }
 }
 
-// Requirement: DOC-5.1.3-5
+// Requirement: DOC-5.1.3-5, WIRE-battery-3
 #[test]
 fn a_cell_that_is_not_configured_is_rejected_at_both_ends() {
     for &mode in Mode::ALL {
@@ -314,6 +314,7 @@ fn both_reject(mode: Mode, command: &[u8], report: &[u8]) -> bool {
         && parse_report(mode, &CONTEXT, report, 0).is_err()
 }
 
+// Requirement: WIRE-crc-2
 #[test]
 fn every_one_two_or_three_bit_error_in_a_guarded_frame_is_rejected() {
     for mode in GUARDED {

@@ -99,7 +99,7 @@ fn every_state_has_its_word() {
     assert_eq!(states.map(State::name), words);
 }
 
-// Requirement: WIRE-sequence-2
+// Requirement: WIRE-sequence-2, WIRE-sequence-4
 #[test]
 fn a_thousand_exchanges_wrap_the_counters_and_all_are_accepted() {
     for &mode in Mode::ALL {
@@ -122,6 +122,7 @@ fn a_thousand_exchanges_wrap_the_counters_and_all_are_accepted() {
     }
 }
 
+// Requirement: WIRE-sequence-6
 #[test]
 fn a_repeated_frame_is_stale_in_guarded_modes_only() {
     for &mode in Mode::ALL {
@@ -140,6 +141,7 @@ fn a_repeated_frame_is_stale_in_guarded_modes_only() {
     }
 }
 
+// Requirement: WIRE-sequence-5
 #[test]
 fn a_reply_sent_anew_keeps_its_number_and_a_new_one_gets_the_next() {
     for mode in GUARDED {
@@ -176,6 +178,7 @@ fn lost_frames_are_missed_and_the_next_good_one_is_accepted() {
     }
 }
 
+// Requirement: WIRE-sequence-7
 #[test]
 fn whatever_an_end_restarted_at_the_link_runs_again_within_five_frames() {
     for mode in GUARDED {
@@ -262,7 +265,7 @@ fn a_frame_with_a_wrong_checksum_stands_in_no_row() {
     }
 }
 
-// Requirement: WIRE-spi-3
+// Requirement: WIRE-spi-3, WIRE-log-11
 #[test]
 fn frames_dropped_unread_are_counted() {
     let mut stm = StmLink::new(setup(Mode::Normal));
@@ -272,6 +275,7 @@ fn frames_dropped_unread_are_counted() {
     assert_eq!(stm.counters().frames(), u32::MAX);
 }
 
+// Requirement: WIRE-rejected-1
 #[test]
 fn every_cause_has_its_own_counter_and_name() {
     for (place, cause) in Cause::ALL.into_iter().enumerate() {

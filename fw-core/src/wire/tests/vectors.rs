@@ -60,7 +60,7 @@ fn crosses_to_the_pi(mode: Mode, report: Report, heard: Report, hex: &str) {
     assert_eq!(received, Ok(heard), "{mode:?}");
 }
 
-// Requirement: DOC-5.1.1-1
+// Requirement: DOC-5.1.1-1, WIRE-modes-1
 #[test]
 fn a_normal_command_is_the_documents_bytes() {
     crosses_to_the_stm(
@@ -92,7 +92,7 @@ fn a_pose_is_applied_if_the_highest_bit_of_byte_9_is_set_and_only_then() {
     }
 }
 
-// Requirement: DOC-5.1.1-1
+// Requirement: DOC-5.1.1-1, WIRE-modes-1
 #[test]
 fn a_normal_report_is_the_documents_bytes() {
     crosses_to_the_pi(
@@ -103,7 +103,7 @@ fn a_normal_report_is_the_documents_bytes() {
     );
 }
 
-// Requirement: DOC-5.1.2-1
+// Requirement: DOC-5.1.2-1, WIRE-double-2
 #[test]
 fn a_tuning_command_is_the_documents_bytes() {
     // −37.5: sign, 1.171875 · 2⁵, so 0xC042C00000000000, last byte first.
@@ -116,7 +116,7 @@ fn a_tuning_command_is_the_documents_bytes() {
     }
 }
 
-// Requirement: DOC-5.1.2-1
+// Requirement: DOC-5.1.2-1, WIRE-double-2
 #[test]
 fn a_tuning_report_is_the_documents_bytes() {
     // 123.25 = 1.92578125 · 2⁶: 0x405ED00000000000.
@@ -130,6 +130,7 @@ fn a_tuning_report_is_the_documents_bytes() {
     }
 }
 
+// Requirement: WIRE-status-4
 #[test]
 fn guarded_commands_add_sequence_status_and_checksum() {
     let normal = Command {
@@ -171,6 +172,7 @@ fn guarded_commands_add_sequence_status_and_checksum() {
     );
 }
 
+// Requirement: WIRE-status-4, WIRE-bearing-1
 #[test]
 fn guarded_reports_add_sequence_status_and_checksum() {
     let normal = Report {
@@ -233,7 +235,7 @@ fn bits_that_carry_nothing_are_ignored() {
 }
 
 // Requirement: DOC-5.2-1, DOC-5.1.5-1, DOC-5.1.6-3, DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3
-// Requirement: DOC-5.2.3-2
+// Requirement: DOC-5.2.3-2, WIRE-modes-5, WIRE-modes-6
 #[test]
 fn the_modes_have_the_documents_numbers_chains_and_lengths() {
     use crate::wire::{chain, frame_len};
