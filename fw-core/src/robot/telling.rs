@@ -85,7 +85,12 @@ impl Telling {
         if self.warm.replace(air.is_some()) == Some(air.is_some()) {
             return;
         }
-        log.line(Level::Info, |line| match air {
+        let level = if air.is_some() {
+            Level::Info
+        } else {
+            Level::Warn
+        };
+        log.line(level, |line| match air {
             Some(air) => {
                 line.text("air at ")
                     .int(air.round().to_num())
