@@ -142,10 +142,12 @@ impl Words {
             .map(|(_, value)| value.as_str())
     }
 
-    /// The names of an option, which commas part.
+    /// The names of an option, which commas part; of all of them where it is given several times.
     fn list(&self, name: &str) -> Vec<String> {
-        let names = self.option(name).unwrap_or("").split(',').map(str::trim);
+        let given = self.options.iter().filter(|(found, _)| found == name);
+        let names = given.flat_map(|(_, names)| names.split(','));
         names
+            .map(str::trim)
             .filter(|name| !name.is_empty())
             .map(str::to_owned)
             .collect()
@@ -405,5 +407,31 @@ fn fuzz(place: &Place, words: &Words) -> Result<()> {
         Ok(())
     } else {
         failed(broken.join("; "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(command: &str, text: &str) -> Result<Words> {
+        Words::parse(command, text.split_whitespace().map(str::to_owned))
+    }
+
+    #[test]
+    fn names_may_be_parted_by_commas_or_given_one_by_one() {
+        let words = words("mutants", "--file a,b --quick --file=c").unwrap();
+        assert_eq!(words.list("--file"), ["a", "b", "c"]);
+        assert!(words.flag("--quick"));
+        assert!(words.list("--only").is_empty());
+    }
+
+    #[test]
+    fn an_unknown_option_or_one_without_its_value_is_refused() {
+        for wrong in ["--flie a", "--file"] {
+            assert!(matches!(words("mutants", wrong), Err(Error::Usage(_))));
+        }
+        // These are another program's words.
+        assert!(words("demo", "--seed 3").is_ok());
     }
 }
