@@ -84,3 +84,18 @@ pub struct Pose {
     /// Counter-clockwise from that axis.
     pub heading: Turns,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_duty_is_what_was_asked_for_or_all_there_is() {
+        for asked in -20_001..=20_001 {
+            let duty = Duty::saturating(asked).hundredths();
+            assert_eq!(i32::from(duty), asked.clamp(-10_000, 10_000));
+        }
+        assert_eq!(Duty::saturating(i32::MAX).hundredths(), 10_000);
+        assert_eq!(Duty::saturating(i32::MIN).hundredths(), -10_000);
+    }
+}

@@ -89,3 +89,24 @@ pub const fn leds(state: State) -> u8 {
         State::Faulted => 0b0110,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_state_has_its_own_leds() {
+        // As the table draws them: LED 1 is the lowest bit.
+        for (state, shown) in [
+            (State::Booting, "*..."),
+            (State::Ready, "**.."),
+            (State::Moving, "***."),
+            (State::Stopped, "*..*"),
+            (State::Faulted, ".**."),
+        ] {
+            let lit = shown.bytes().rev();
+            let lit = lit.fold(0, |bits, led| bits << 1 | u8::from(led == b'*'));
+            assert_eq!(leds(state), lit, "{state:?}");
+        }
+    }
+}

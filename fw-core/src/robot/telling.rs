@@ -69,9 +69,9 @@ impl Telling {
         let Some(told) = self.silent.get_mut(which as usize) else {
             return;
         };
+        // A row ends at 0: between two ticks no trigger ends twice.
         let silent = tally.row >= SILENT;
-        // From three in a row to an answer.
-        if silent == *told || (*told && tally.row > 0) {
+        if silent == *told {
             return;
         }
         *told = silent;
@@ -250,3 +250,6 @@ const FAULTS: [(u16, Level, &str); 9] = [
     (fault::RIGHT_REVERSED, Level::Error, "right wheel reversed"),
     (fault::RESTARTED, Level::Warn, "restarted after a failure"),
 ];
+
+#[cfg(test)]
+mod tests;

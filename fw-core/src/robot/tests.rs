@@ -4,7 +4,11 @@ use super::*;
 use crate::eeprom::{first_board, Platform};
 use crate::wire::{DistanceCode, PiLink, MAX_FRAME};
 
+mod driving;
+mod events;
 mod renewal;
+mod sweeping;
+mod tuning;
 
 const TICK_US: u32 = 10_000;
 

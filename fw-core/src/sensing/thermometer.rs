@@ -203,6 +203,50 @@ mod tests {
     }
 
     #[test]
+    fn the_factorys_words_are_plausible_within_their_limits_and_not_beyond_one() {
+        let with = |reference, cold, apart| Calibration {
+            reference,
+            cold,
+            hot: cold + apart,
+        };
+        for (inside, outside) in [
+            (with(1400, 700, 150), with(1399, 700, 150)),
+            (with(1400, 700, 150), with(1400, 699, 150)),
+            (with(1400, 700, 150), with(1400, 700, 149)),
+            (with(1600, 1300, 350), with(1601, 1300, 350)),
+            (with(1600, 1300, 350), with(1600, 1301, 350)),
+            (with(1600, 1300, 350), with(1600, 1300, 351)),
+        ] {
+            assert!(inside.is_plausible(), "{inside:?}");
+            assert!(!outside.is_plausible(), "{outside:?}");
+            // Between the two calibrated temperatures, were they any.
+            let sensor = u16::midpoint(outside.cold, outside.hot);
+            assert_eq!(read(outside, sensor, outside.reference), None);
+            assert!(read(inside, sensor, inside.reference).is_some());
+        }
+        assert!(!Calibration::UNWRITTEN.is_plausible());
+    }
+
+    #[test]
+    fn only_words_of_twelve_bits_beside_a_reference_of_2_8_to_3_8_volts_are_a_reading() {
+        for reference in [1270, 1501, 1800] {
+            for sensor in 4096..=u16::MAX {
+                assert_eq!(read(TYPICAL, sensor, reference), None, "{sensor}");
+            }
+        }
+        // At 30 °C, whatever the supply makes of both words.
+        for reference in 1000..2200_u16 {
+            let sensor = (u32::from(reference) * 959 / 1501) as u16;
+            let air = read(TYPICAL, sensor, reference);
+            assert_eq!(
+                air.is_some(),
+                (1270..=1800).contains(&reference),
+                "{reference}"
+            );
+        }
+    }
+
+    #[test]
     fn it_follows_slowly_and_begins_anew_after_a_gap() {
         let mut thermometer = Thermometer::new(TYPICAL);
         let mut at = |chip: f64| {

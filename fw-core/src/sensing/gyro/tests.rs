@@ -284,3 +284,118 @@ fn what_is_lost_begins_anew() {
     assert!(matches!(bench.gyro.lost(), Some(Event::Gripping(_))));
     assert_eq!((bench.gyro.bias(), bench.gyro.lost()), (None, None));
 }
+
+#[test]
+fn a_turn_is_believed_as_soon_as_it_is_10_degrees_long() {
+    let mut bench = Bench::new();
+    bench.run(120, 0.0, 0.0);
+    bench.events.clear();
+    let degree = i32::try_from(DEGREE).expect("small");
+    for tick in 1..=10 {
+        let reading = bench.reading(1.0);
+        let (_, event) = bench.gyro.step(Some(reading), &delta(true, degree), degree);
+        assert_eq!(event, (tick == 10).then_some(Event::Believed), "{tick}");
+    }
+}
+
+#[test]
+fn a_turn_that_takes_longer_than_three_seconds_or_rests_in_between_proves_nothing() {
+    let mut bench = Bench::new();
+    bench.run(120, 0.0, 0.0);
+    bench.events.clear();
+    // 6° in three seconds.
+    bench.run(2_000, 0.02, 0.02);
+    assert!(bench.events.is_empty(), "{:?}", bench.events);
+    for _ in 0..10 {
+        bench.run(60, 0.1, 0.1);
+        bench.run(60, 0.0, 0.0);
+    }
+    assert!(bench.events.is_empty(), "{:?}", bench.events);
+    bench.run(101, 0.1, 0.1);
+    assert_eq!(bench.events, [Event::Believed]);
+}
+
+#[test]
+fn what_was_not_read_at_rest_is_no_bias() {
+    let mut bench = Bench::new();
+    for tick in 0..400 {
+        if tick % 2 == 0 {
+            bench.tick_read(None, 0.0, 0.0);
+        } else {
+            bench.tick(0.0, 0.0);
+        }
+    }
+    assert_eq!(bench.gyro.bias(), None, "every second reading is missing");
+    // The wheels stand, and a hand turns it at a rate that might be a bias.
+    let mut bench = Bench::believed();
+    let before = bench.gyro.bias();
+    bench.run(300, 0.3, 0.0);
+    assert!(bench.gyro.is_slipping());
+    assert_eq!(bench.gyro.bias(), before);
+    assert!((bench.added - 90.0).abs() < 3.0, "{}", bench.added);
+}
+
+#[test]
+fn the_rate_is_not_known_at_the_end_of_the_range() {
+    for (reading, slips) in [
+        (32_699, true),
+        (32_700, false),
+        (-32_699, true),
+        (-32_700, false),
+    ] {
+        let mut bench = Bench::believed();
+        bench.tick_read(Some(reading), 0.0, 0.0);
+        assert_eq!(bench.gyro.is_slipping(), slips, "{reading}");
+    }
+}
+
+#[test]
+fn a_slip_ends_where_both_agree_to_a_tenth_of_a_degree_and_an_eighth_of_the_turn() {
+    // Turning by 0.8° a tick the two may be 0.2° apart.
+    for (apart, grips) in [(0.18, true), (0.22, false), (-0.18, true), (-0.22, false)] {
+        let mut bench = Bench::believed();
+        bench.scale = 1.0;
+        bench.run(10, 0.8, -0.8);
+        assert!(bench.gyro.is_slipping());
+        bench.run(10, 0.8 + apart, 0.8);
+        assert_eq!(bench.gyro.is_slipping(), !grips, "{apart}");
+    }
+}
+
+#[test]
+fn a_reading_is_the_nearest_turn_of_a_tick() {
+    for bias in [-670_720, -1, 0, 1, 128, 670_720] {
+        for raw in (-32_699..32_700).step_by(7) {
+            // 65.5 least significant bits per °/s, a hundredth of a second, 360° in 2³².
+            let rate = f64::from(raw) - f64::from(bias) / 256.0;
+            let truth = rate / 65.5 / 100.0 / 360.0 * 4_294_967_296.0;
+            let turn = f64::from(turn_of(raw, bias));
+            // Half a bit, and as much again as the factor's own 2⁻¹⁵ make of so large a turn.
+            let slack = 0.5 + rate.abs() * 256.0 / f64::from(1 << 23);
+            assert!((turn - truth).abs() <= slack + 1e-6, "{raw} {bias}");
+        }
+    }
+}
+
+#[test]
+fn a_block_that_keeps_within_a_degree_per_second_and_is_not_beyond_forty_is_a_bias() {
+    // Least significant bits: the lowest and the highest of a block.
+    for (least, most, known) in [
+        (0, 66, true),
+        (0, 67, false),
+        (-30, 36, true),
+        (-30, 37, false),
+        (2_620, 2_620, true),
+        (2_619, 2_622, false),
+        (-2_620, -2_620, true),
+        (-2_622, -2_619, false),
+    ] {
+        let mut bias = Bias::new();
+        for tick in 0..84 {
+            let found = bias.rest(if tick % 2 == 0 { least } else { most });
+            assert_eq!(found, known && tick == 83, "{least} {most} {tick}");
+        }
+        let mean = i32::from(least + most) * 128;
+        assert_eq!(bias.get(), known.then_some(mean));
+    }
+}

@@ -145,6 +145,62 @@ fn an_absent_part_is_told_once_asked_ever_more_rarely_and_found_when_it_comes() 
 }
 
 #[test]
+fn after_power_up_it_is_asked_set_up_step_by_step_and_given_its_time_after_each() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    let (_, orders) = talk(&mut mpu, &mut part, &mut outcome, 60);
+    // What is ordered in a tick is carried out before the next: 100 ms until it answers.
+    let identify = Order::Read {
+        register: WHO_AM_I,
+        count: 1,
+    };
+    let mut expected = std::vec![Order::Rest; 9];
+    expected.push(identify);
+    let write = |register, value| Order::Write { register, value };
+    for (order, rests) in [
+        // 100 ms and one tick, for the order may be carried out at its end.
+        (write(PWR_MGMT_1, 0x80), 11),
+        // 30 ms, and two ticks more.
+        (write(PWR_MGMT_1, 0x03), 5),
+        // The low-pass of 42 Hz and ±500 °/s, which it is asked for below.
+        (write(CONFIG, 3), 1),
+        (write(GYRO_CONFIG, 0x08), 1),
+        (write(SMPLRT_DIV, 0), 3),
+    ] {
+        expected.push(order);
+        expected.extend(core::iter::repeat_n(Order::Rest, rests));
+    }
+    let read = |register| Order::Read { register, count: 2 };
+    expected.push(read(CONFIG));
+    expected.resize(60, read(GYRO_ZOUT));
+    assert_eq!(orders, expected);
+}
+
+#[test]
+fn an_absent_part_is_asked_after_one_second_two_four_and_eight() {
+    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
+    part.absent = true;
+    let (_, orders) = talk(&mut mpu, &mut part, &mut outcome, 3_300);
+    let asked: Vec<usize> = (0..orders.len())
+        .filter(|&tick| orders[tick] != Order::Rest)
+        .collect();
+    let apart: Vec<usize> = asked.windows(2).map(|two| two[1] - two[0]).collect();
+    // A tick in which the answer is missed comes before each pause.
+    assert_eq!(apart, [101, 201, 401, 801, 801, 801]);
+}
+
+#[test]
+fn every_trouble_says_what_it_is() {
+    for (trouble, text) in [
+        (Trouble::Absent, "no answer at 0x68"),
+        (Trouble::Stranger, "not an MPU6050 at 0x68"),
+        (Trouble::BusHeld, "I2C held"),
+        (Trouble::Frozen, "its data stand still"),
+    ] {
+        assert_eq!(trouble.reason(), text);
+    }
+}
+
+#[test]
 fn a_missed_read_or_three_lose_nothing() {
     let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), Outcome::Done);
     let _ = talk(&mut mpu, &mut part, &mut outcome, 100);

@@ -148,6 +148,49 @@ fn warm_air_carries_sound_faster() {
 }
 
 #[test]
+fn sound_is_taken_at_what_the_air_carries_it_from_40_below_to_85_above() {
+    let mut rangefinders = Rangefinders::new(1);
+    for celsius in -50..=95 {
+        let now = Micros(100_000).after((celsius + 50) as u32 * 6 * TICK);
+        let trigger = (0..6).find_map(|k| {
+            let now = now.after(k * TICK);
+            rangefinders.tick(now, AHEAD).map(|_| now)
+        });
+        let rise = trigger.expect("once in 60 ms").after(500);
+        rangefinders.set_temperature(Some(I16F16::from_num(celsius)));
+        rangefinders.echo(Front, rise, rise.after(10_000));
+        let distance = rangefinders.distance(Front).unwrap().0.to_num::<f64>();
+        // Half of 10 ms of way; beyond the ends the air is taken to be as warm as there.
+        let speed = 331.3 + 0.606 * f64::from(celsius.clamp(-40, 85));
+        assert!(
+            (distance - speed * 5.0).abs() < 0.01,
+            "{celsius}: {distance}"
+        );
+    }
+}
+
+#[test]
+fn each_that_has_news_is_named_once_the_front_one_first() {
+    let mut rangefinders = Rangefinders::new(3);
+    assert_eq!(rangefinders.take_news(), None);
+    let mut named = Vec::new();
+    rangefinders.forget();
+    for _ in 0..4 {
+        named.push(rangefinders.take_news());
+    }
+    assert_eq!(named, [Some(Front), Some(Right), Some(Left), None]);
+}
+
+#[test]
+fn an_echo_may_begin_up_to_3_ms_after_its_trigger() {
+    let mut rangefinders = triggered(Micros(0));
+    rangefinders.echo(Front, Micros(3_001), Micros(8_001));
+    assert_eq!(rangefinders.distance(Front), None);
+    rangefinders.echo(Front, Micros(3_000), Micros(8_000));
+    assert!(rangefinders.distance(Front).is_some());
+}
+
+#[test]
 fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
     let mut rangefinders = Rangefinders::new(3);
     assert_eq!(rangefinders.reading(Right).echo, Echo::None);

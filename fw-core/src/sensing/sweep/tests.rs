@@ -167,3 +167,29 @@ fn without_a_servo_it_always_points_ahead() {
     let mut sweep = Sweep::new(&Platform::FIRST_BOARD, false);
     assert_eq!((sweep.tick(true), sweep.aim()), (None, Some(0)));
 }
+
+#[test]
+fn however_late_a_trigger_comes_the_servo_has_its_time_before_and_the_echo_after_it() {
+    for late in 0..6 {
+        let mut sweep = Sweep::new(&platform(), true);
+        let (mut told, mut told_at, mut stood, mut triggered_at) = (0, 0, 0, 0);
+        let mut looks = 0;
+        for k in 0..400_u32 {
+            let pulse: Option<u16> = sweep.tick(true);
+            if let Some(width) = pulse.filter(|&width| width != told) {
+                // The sensor has listened for 20 ms to where it was turned.
+                assert!(looks == 0 || k - triggered_at >= 2, "{late}: {k}");
+                (told, told_at) = (width, k);
+            }
+            stood = if sweep.aim().is_some() { stood + 1 } else { 0 };
+            if stood > late {
+                // From the beginning of its first pulse at a bearing, 40 ms, as its plan says.
+                assert!(k - told_at >= u32::from(STEP), "{late}: {k}");
+                (stood, triggered_at) = (0, k);
+                looks += 1;
+                sweep.triggered();
+            }
+        }
+        assert!(looks > 25, "{late}: {looks}");
+    }
+}

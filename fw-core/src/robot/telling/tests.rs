@@ -1,0 +1,260 @@
+//! Every line, its level, and how often it comes.
+
+extern crate std;
+
+use super::*;
+use crate::robot::Rangefinder::{Front, Left};
+use crate::wire::Reason;
+use fixed::types::I16F16;
+use std::string::String;
+use std::vec::Vec;
+
+/// What a log has said since it was asked last: levels and texts, without the numbers.
+fn said(log: &mut Log) -> Vec<String> {
+    let mut text = String::new();
+    while !log.pending().is_empty() {
+        text.push_str(core::str::from_utf8(log.pending()).expect("ASCII"));
+        log.sent(log.pending().len());
+    }
+    let line = |line: &str| std::format!("{}{}", &line[..1], &line[6..]);
+    text.lines().map(line).collect()
+}
+
+/// What one call says.
+fn told(tell: impl FnOnce(&mut Log)) -> Vec<String> {
+    let mut log = Log::new();
+    tell(&mut log);
+    said(&mut log)
+}
+
+const NOTHING: [&str; 0] = [];
+
+fn stale(found: u8) -> FrameError {
+    FrameError {
+        strategy: "sequence",
+        offset: 9,
+        reason: Reason::Stale { last: 7, found },
+    }
+}
+
+// Requirement: DOC-2.1-3
+#[test]
+fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look() {
+    let mut telling = Telling::new(0);
+    for (state, faults, line) in [
+        (State::Ready, 0, "I: ready"),
+        (State::Moving, 0, "I: moving"),
+        (State::Stopped, 0, "W: stopped"),
+        (State::Ready, 0, "I: ready"),
+        (
+            State::Stopped,
+            fault::LINK_LOST | fault::SLIP,
+            "W: stopped: no fresh frame in time",
+        ),
+        (
+            State::Faulted,
+            fault::ENCODER_JUMP,
+            "E: faulted: motors off",
+        ),
+        // An order to stop, whatever else is latched.
+        (State::Stopped, !fault::LINK_LOST, "W: stopped"),
+        (State::Booting, 0, "I: booting"),
+    ] {
+        let mut due = false;
+        let lines = told(|log| due = telling.state(state, faults, log));
+        assert_eq!(lines, [line]);
+        assert!(due);
+        let lines = told(|log| due = telling.state(state, faults, log));
+        assert_eq!(lines, NOTHING, "told once");
+        assert!(!due);
+    }
+}
+
+#[test]
+fn a_broken_wire_tells_of_the_first_frame_and_counts_the_others_once_a_second() {
+    let mut telling = Telling::new(0);
+    let mut log = Log::new();
+    let mut lines = Vec::new();
+    // Two frames a tick, from tick 5 to tick 154.
+    for tick in 0..500 {
+        if (5..155).contains(&tick) {
+            telling.rejected(stale(1));
+            telling.rejected(stale(2));
+        }
+        let due = telling.state(State::Booting, 0, &mut log);
+        let said = said(&mut log);
+        assert_eq!(due, !said.is_empty());
+        lines.extend(said.into_iter().map(|line| (tick, line)));
+    }
+    let first = {
+        let mut line = Line::new();
+        stale(1).log(line.text("W: frame rejected: "));
+        String::from(line.as_str())
+    };
+    let more = |tick: u32, count: u32| (tick, std::format!("W: {count} more frames rejected"));
+    // One frame is told of and 299 are counted: those of 5 to 105, the other one of tick 5 left out,
+    // and those of 106 to 154.
+    assert_eq!(lines, [(5, first), more(105, 201), more(205, 98)]);
+}
+
+#[test]
+fn after_a_second_of_silence_a_rejected_frame_is_told_of_itself_again() {
+    let mut telling = Telling::new(0);
+    telling.rejected(stale(1));
+    let lines = told(|log| _ = telling.state(State::Booting, 0, log));
+    assert_eq!(lines.len(), 1);
+    for _ in 0..QUIET_TICKS {
+        let lines = told(|log| _ = telling.state(State::Booting, 0, log));
+        assert_eq!(lines, NOTHING);
+    }
+    telling.rejected(stale(2));
+    let lines = told(|log| _ = telling.state(State::Booting, 0, log));
+    assert_eq!(lines.len(), 1);
+    assert!(lines[0].starts_with("W: frame rejected: "), "{lines:?}");
+}
+
+#[test]
+fn a_state_goes_before_a_rejected_frame_and_that_before_a_target() {
+    let mut telling = Telling::new(0);
+    telling.rejected(stale(1));
+    telling.target(PoseCode::default());
+    // The last of several: half a metre ahead, a quarter turn.
+    telling.target(PoseCode {
+        x: 500_000,
+        y: -20,
+        rotation: 0x2000,
+    });
+    let mut lines = Vec::new();
+    for _ in 0..4 {
+        let now = told(|log| _ = telling.state(State::Ready, 0, log));
+        assert!(now.len() <= 1);
+        lines.extend(now);
+    }
+    assert_eq!(lines[0], "I: ready");
+    assert!(lines[1].starts_with("W: frame rejected: "), "{lines:?}");
+    assert_eq!(lines[2..], ["I: target 500.000 -0.020 mm, 90.00 deg"]);
+}
+
+#[test]
+fn a_pose_line_is_due_every_so_many_ticks() {
+    for (milliseconds, ticks) in [
+        (1, 1),
+        (10, 1),
+        (11, 2),
+        (20, 2),
+        (100, 10),
+        (60_000, 6_000),
+    ] {
+        let mut telling = Telling::new(milliseconds);
+        for tick in 1..=3 * ticks {
+            assert_eq!(telling.pose_is_due(), tick % ticks == 0, "{milliseconds}");
+        }
+    }
+    let mut silent = Telling::new(0);
+    assert!((0..70_000).all(|_| !silent.pose_is_due()));
+}
+
+#[test]
+fn a_sample_of_a_tuning_mode_and_a_pose_read_as_they_are() {
+    let lines = told(|log| tuning(Duty::saturating(-1234), -5, log));
+    assert_eq!(lines, ["I: T -12.34 -0.005"]);
+    let code = PoseCode {
+        x: -1,
+        y: 1_234_567,
+        rotation: 0x7FFF,
+    };
+    // A 32768th of a turn less than one is 359.989°, and what is cut off is below a hundredth.
+    assert_eq!(
+        told(|log| pose_line(&code, log)),
+        ["I: pose -0.001 1234.567 mm, 359.98 deg"]
+    );
+}
+
+#[test]
+fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
+    let lines = [
+        "no crystal: running from the internal oscillator",
+        "battery low: charge it",
+        "battery empty: motors off",
+        "left wheel stalled",
+        "right wheel stalled",
+        "an encoder jumped",
+        "left wheel reversed",
+        "right wheel reversed",
+        "restarted after a failure",
+    ];
+    let bits = [1, 3, 4, 5, 6, 7, 8, 9, 11];
+    let mut all = Vec::new();
+    for bit in 0..16 {
+        let told = told(|log| faults(1 << bit, log));
+        let place = bits.iter().position(|&own| own == bit);
+        let expected: Vec<String> = place
+            .map(|place| {
+                // What keeps the motors off is an error.
+                let blocks = crate::robot::BLOCKING & 1 << bit != 0;
+                std::format!("{}: {}", if blocks { 'E' } else { 'W' }, lines[place])
+            })
+            .into_iter()
+            .collect();
+        assert_eq!(told, expected, "bit {bit}");
+        all.extend(told);
+    }
+    let mut log = Log::<1024>::new();
+    faults(u16::MAX, &mut log);
+    assert_eq!(said(&mut log), all);
+    faults(0, &mut log);
+    assert_eq!(said(&mut log), NOTHING);
+}
+
+#[test]
+fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_with_the_first() {
+    let mut telling = Telling::new(0);
+    let mut tally = Tally {
+        heard: 11,
+        out_of_range: 22,
+        missing: 30,
+        row: 0,
+    };
+    let mut lines = Vec::new();
+    for row in [0, 1, 2, 0, 1, 2, 3, 4, 255, 0, 0, 1] {
+        tally.missing += u32::from(row > 0);
+        tally.row = row;
+        lines.extend(told(|log| telling.rangefinder(Left, &tally, log)));
+    }
+    // Two and two before the third in a row, and two after it.
+    assert_eq!(
+        lines,
+        [
+            "W: left rangefinder silent: heard 11, out of range 22, missing 35",
+            "W: left rangefinder answers: heard 11, out of range 22, missing 37",
+        ]
+    );
+    // Each on its own.
+    tally.row = 3;
+    assert_eq!(told(|log| telling.rangefinder(Left, &tally, log)).len(), 1);
+    assert_eq!(told(|log| telling.rangefinder(Front, &tally, log)).len(), 1);
+    assert_eq!(told(|log| telling.rangefinder(Front, &tally, log)), NOTHING);
+}
+
+#[test]
+fn a_temperature_is_told_when_it_becomes_known_and_when_it_is_no_more() {
+    let mut telling = Telling::new(0);
+    let degrees = |degrees: f64| Some(I16F16::from_num(degrees));
+    for (air, line) in [
+        (degrees(-12.4), Some("I: air at -12 deg C")),
+        (degrees(30.0), None),
+        (None, Some("I: no temperature: sound taken at 343 m/s")),
+        (None, None),
+        (degrees(21.6), Some("I: air at 22 deg C")),
+        (degrees(21.6), None),
+    ] {
+        let lines = told(|log| telling.temperature(air, log));
+        assert_eq!(lines, Vec::from_iter(line));
+    }
+    let mut telling = Telling::new(0);
+    assert_eq!(
+        told(|log| telling.temperature(None, log)),
+        ["I: no temperature: sound taken at 343 m/s"],
+        "not even the first"
+    );
+}

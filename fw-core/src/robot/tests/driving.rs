@@ -1,0 +1,101 @@
+//! A robot that drives does what its controller says, and what the Pi wants is the last that it applied.
+
+use super::*;
+
+/// A robot whose wheels roll as they are told, beside a controller that is told the same.
+struct Course {
+    bench: Bench,
+    controller: Controller,
+    ticks: u32,
+}
+
+impl Course {
+    fn new() -> Self {
+        Self {
+            bench: Bench::new(Mode::Normal),
+            controller: Controller::new(&first_board()),
+            ticks: 0,
+        }
+    }
+
+    /// A tick: what the motors are told.
+    fn tick(&mut self) -> [Drive; 2] {
+        self.ticks += 1;
+        let outputs = self.bench.tick();
+        // 50 counts a tick at full duty; the first board's encoders count down going forward.
+        let roll = |drive| match drive {
+            Drive::Run(duty) => -duty.hundredths() / 200,
+            Drive::Coast | Drive::Brake => 0,
+        };
+        let Sample { left, right, .. } = &mut self.bench.sample;
+        *left = left.wrapping_add_signed(roll(outputs.left).into());
+        *right = right.wrapping_add_signed(roll(outputs.right));
+        [outputs.left, outputs.right]
+    }
+
+    /// What the controller says in the tick that was.
+    fn said(&mut self) -> [Drive; 2] {
+        let robot = &self.bench.robot;
+        let wheels = self.controller.drive(&robot.pose(), &robot.delta);
+        [wheels.left, wheels.right]
+    }
+
+    /// So many ticks with a frame every fifth, in which nothing but the controller decides.
+    fn follow(&mut self, command: &Command, ticks: u32) {
+        for tick in 0..ticks {
+            if tick % 5 == 0 {
+                self.bench.frame(command);
+            }
+            assert_eq!(self.tick(), self.said(), "tick {}", self.ticks);
+        }
+    }
+}
+
+// Requirement: DOC-5.1.1-4
+#[test]
+fn the_motors_follow_the_last_target_that_was_applied_and_no_other() {
+    let mut course = Course::new();
+    for target in [go(200), go(-100)] {
+        course.controller.set_target(target.expected.to_pose());
+        course.follow(&target, 40);
+        assert_eq!(course.bench.robot.state(), State::Moving);
+        // Another one that is not applied is not driven to.
+        let other = Command {
+            apply: false,
+            ..go(5000)
+        };
+        course.follow(&other, 20);
+    }
+}
+
+#[test]
+fn a_target_where_the_robot_stands_is_held() {
+    let mut course = Course::new();
+    course.bench.frame(&Command::default());
+    assert_eq!(course.tick(), [Drive::Coast; 2], "not applied");
+    course.controller.set_target(Pose::default());
+    // Braked once it has arrived, not rolling freely.
+    course.follow(&go(0), 20);
+    assert_eq!(course.tick(), [Drive::Brake; 2]);
+    assert_eq!(course.bench.robot.state(), State::Ready);
+}
+
+#[test]
+fn after_a_stop_it_begins_from_rest() {
+    let mut course = Course::new();
+    let target = go(500);
+    course.controller.set_target(target.expected.to_pose());
+    course.follow(&target, 40);
+    // Five ticks have passed since the last frame; the 25th is 250 ms after it.
+    for tick in 5..60 {
+        let told = course.tick();
+        if tick < 24 {
+            assert_eq!(told, course.said());
+        } else {
+            assert_eq!(told, [Drive::Brake; 2]);
+            course.controller.halt();
+        }
+    }
+    course.controller.set_target(target.expected.to_pose());
+    course.follow(&target, 40);
+}

@@ -1,0 +1,109 @@
+//! What the registers tell beside ticks and frames.
+
+use super::*;
+use crate::sensing::rangefinder::Echo;
+
+// Requirement: WIRE-spi-3
+#[test]
+fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
+    let mut bench = Bench::new(Mode::GuardedNormal);
+    bench.frame(&Command::default());
+    bench.robot.on_lost_frames(3, &mut bench.log);
+    bench.robot.on_lost_frames(1, &mut bench.log);
+    let counters = bench.robot.counters();
+    assert_eq!((counters.overrun, counters.accepted), (4, 1));
+    assert_eq!(bench.robot.faults(), fault::FRAME_REJECTED);
+    assert_eq!(
+        bench.log(),
+        "W00000: 3 frames came too fast and were lost\n\
+         W00001: 1 frames came too fast and were lost\n"
+    );
+}
+
+#[test]
+fn a_fault_is_latched_and_told_of_once() {
+    for bit in 0..16 {
+        let mut bench = Bench::new(Mode::GuardedNormal);
+        let told = |log: &Log| log.pending().split(|&byte| byte == b'\n').count();
+        let mut log = Log::<1024>::new();
+        telling::faults(1 << bit, &mut log);
+        let lines = told(&log);
+        for _ in 0..3 {
+            bench.robot.raise(1 << bit, &mut bench.log);
+            assert_eq!(bench.robot.faults(), 1 << bit);
+            assert_eq!(told(&bench.log), lines, "{bit}");
+        }
+        // All others beside it, of which each is told of, and this one is not again.
+        bench.robot.raise(u16::MAX, &mut bench.log);
+        assert_eq!(bench.robot.faults(), u16::MAX);
+        telling::faults(!(1 << bit), &mut log);
+        assert_eq!(told(&bench.log), told(&log), "{bit}");
+    }
+}
+
+#[test]
+fn all_faults_at_once_are_latched() {
+    let mut bench = Bench::new(Mode::Normal);
+    bench.robot.raise(u16::MAX, &mut bench.log);
+    assert_eq!(bench.robot.faults(), u16::MAX);
+}
+
+#[test]
+fn a_fault_that_is_latched_already_changes_nothing() {
+    let mut bench = Bench::new(Mode::GuardedNormal);
+    bench.robot.raise(fault::ENCODER_JUMP, &mut bench.log);
+    bench.frame(&Command {
+        order: crate::wire::Order::Resume,
+        ..Command::default()
+    });
+    let before = bench.robot.supervisor;
+    assert!(!before.halted(), "until the tick that finds the fault");
+    for again in [0, fault::ENCODER_JUMP] {
+        bench.robot.raise(again, &mut bench.log);
+        assert_eq!(bench.robot.supervisor, before);
+    }
+}
+
+/// What the front rangefinder says of an echo of 10 ms.
+fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
+    let trigger = (0..10).find_map(|_| {
+        let which = bench.tick().trigger?;
+        (which == Rangefinder::Front).then_some(bench.sample.now)
+    });
+    let rise = trigger.expect("its turn").after(500);
+    bench
+        .robot
+        .on_echo(Rangefinder::Front, rise, rise.after(10_000));
+    match bench.robot.rangefinders.reading(Rangefinder::Front).echo {
+        Echo::At(distance) => distance.0.to_num(),
+        echo => panic!("{echo:?}"),
+    }
+}
+
+#[test]
+fn the_temperature_of_the_chip_sets_the_speed_of_sound() {
+    let mut bench = Bench::with(Mode::Normal, |platform| platform.rangefinders = 1);
+    let near = |a: f64, b: f64| (a - b).abs() < 0.01;
+    // At 343 m/s.
+    let assumed = 1715.0;
+    assert!(near(of_ten_milliseconds(&mut bench), assumed));
+    // The factory's words are missing.
+    bench.robot.on_temperature(962, 1501, &mut bench.log);
+    assert!(near(of_ten_milliseconds(&mut bench), assumed));
+    bench.robot.calibrate(Calibration {
+        reference: 1501,
+        cold: 959,
+        hot: 1207,
+    });
+    // 3 words of 248 above 30 °C, which are 80 K; the chip is 2.5 K warmer than the air.
+    bench.robot.on_temperature(962, 1501, &mut bench.log);
+    let air = 30.0 + 3.0 * 80.0 / 248.0 - 2.5;
+    let warm = (331.3 + 0.606 * air) * 10.0 / 2.0;
+    let measured = of_ten_milliseconds(&mut bench);
+    assert!(near(measured, warm), "{measured} {warm}");
+    bench.robot.on_temperature(0, 1501, &mut bench.log);
+    assert!(near(of_ten_milliseconds(&mut bench), assumed));
+    let told = |text: &str| bench.log().matches(text).count();
+    assert_eq!(told(": no temperature: sound taken at 343 m/s\n"), 2);
+    assert_eq!(told(": air at 28 deg C\n"), 1);
+}

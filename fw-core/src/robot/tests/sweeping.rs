@@ -1,0 +1,59 @@
+//! The servo of the sweep mode, as the robot moves it.
+
+use super::*;
+use std::vec::Vec;
+
+/// Ticks with a frame every so many, 0 for none, and an echo for every trigger: the bearings that the
+/// echoes were of, as the replies tell them, and the pulses.
+fn swept(bench: &mut Bench, ticks: u32, frame_every: u32) -> (Vec<u16>, u32) {
+    let (mut bearings, mut pulses) = (Vec::new(), 0);
+    for tick in 0..ticks {
+        if frame_every != 0 && tick % frame_every == 0 {
+            bench.frame(&Command::default());
+        }
+        let outputs = bench.tick();
+        pulses += u32::from(outputs.servo.is_some());
+        if let Some(which) = outputs.trigger {
+            assert_eq!(which, Rangefinder::Front);
+            let rise = bench.sample.now.after(500);
+            bench.robot.on_echo(which, rise, rise.after(1_000));
+            bearings.push(bench.robot.said.bearing);
+        }
+    }
+    (bearings, pulses)
+}
+
+fn sweeper() -> Bench {
+    Bench::with(Mode::GuardedSweep, |platform| platform.servo = true)
+}
+
+#[test]
+fn it_swings_from_end_to_end_while_somebody_talks() {
+    let mut bench = sweeper();
+    assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "nobody did yet");
+    // Half a second to get to the first end, then a bearing every 60 ms: 18 steps of 10° there, and
+    // back again.
+    let (bearings, pulses) = swept(&mut bench, 50 + 37 * 6, 10);
+    assert_eq!(bearings.len(), 37);
+    assert_eq!(pulses, 25 + 37 * 3);
+    for (step, bearing) in (0_i32..).zip(bearings) {
+        let degrees = f64::from(bearing.cast_signed()) * 360.0 / 65_536.0;
+        let expected = 90 - (step - 18).abs() * 10;
+        assert!((degrees - f64::from(expected)).abs() < 0.1, "{degrees}");
+    }
+}
+
+#[test]
+fn it_rests_in_silence_and_once_a_fault_has_stopped_the_robot() {
+    let mut bench = sweeper();
+    let (bearings, _) = swept(&mut bench, 150, 10);
+    assert!(!bearings.is_empty());
+    // The last frame was 100 ms before, so there are 150 ms more of pulses.
+    let (_, pulses) = swept(&mut bench, 15, 0);
+    assert!(pulses > 0);
+    assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "silence");
+    let (bearings, _) = swept(&mut bench, 150, 10);
+    assert!(!bearings.is_empty(), "talked to again");
+    bench.robot.raise(fault::LEFT_STALLED, &mut bench.log);
+    assert_eq!(swept(&mut bench, 100, 10), (Vec::new(), 0), "faulted");
+}

@@ -1,0 +1,150 @@
+//! The tuning modes: the duty as the Pi says it, and what is measured, on the wire and in the log. And
+//! the tuning of a cell.
+
+use super::*;
+use std::vec::Vec;
+
+fn of(percent: f64) -> Command {
+    Command {
+        percent: Double(percent.to_bits()),
+        ..Command::default()
+    }
+}
+
+#[test]
+fn a_percentage_is_the_nearest_hundredth() {
+    for (said, hundredths) in [
+        (0.0, 0),
+        (0.0049, 0),
+        (0.0051, 1),
+        (-0.0049, 0),
+        (-0.0051, -1),
+        (33.333, 3333),
+        (-66.666, -6667),
+        (99.9949, 9999),
+        (99.9951, 10_000),
+        (100.0, 10_000),
+        (-100.0, -10_000),
+    ] {
+        let duty = percent(Double(f64::to_bits(said)));
+        assert_eq!(duty, Duty::saturating(hundredths), "{said}");
+    }
+}
+
+#[test]
+fn it_moves_while_a_duty_is_set() {
+    for mode in [Mode::TuneRotate, Mode::TuneMove] {
+        let mut bench = Bench::new(mode);
+        for (percent, state) in [
+            (0.0, State::Ready),
+            (-20.0, State::Moving),
+            (0.0, State::Ready),
+        ] {
+            bench.frame(&of(percent));
+            bench.tick();
+            assert_eq!(bench.robot.state(), state, "{percent}");
+        }
+    }
+}
+
+/// The second figure of the sample's line; the wheels are turned by hand.
+fn sample(log: &str) -> f64 {
+    let sample = |line| str::split_once(line, ": T 0.00 ");
+    let (_, figure) = log.lines().find_map(sample).expect("a sample");
+    let (_, decimals) = figure.split_once('.').expect("a point");
+    assert_eq!(decimals.len(), 3);
+    figure.parse().expect("a number")
+}
+
+// Requirement: DOC-5.2.2-2
+#[test]
+fn what_was_turned_or_travelled_since_the_reset_is_in_the_reply_and_in_the_log() {
+    // A count of both wheels of 80 mm at 3840 counts is 80·π/3840 mm, and against each other at a
+    // track of 125 mm 80·360/(3840·125) = 0.06 degrees. The heading is exact; a tick's path is kept to
+    // 2⁻¹⁶ mm.
+    let millimetres = 80.0 * core::f64::consts::PI / 3840.0;
+    for (mode, left, a_count, a_tick) in [
+        (Mode::TuneRotate, -1, 0.06, 0.0),
+        (Mode::TuneMove, 1, millimetres, 1.0 / 65_536.0),
+    ] {
+        let mut bench = Bench::new(mode);
+        bench.frame(&of(0.0));
+        // 30 counts a tick, more than a turn one way and more than two the other.
+        let mut counts = 0;
+        for tick in 1..=700 {
+            let ahead = if tick <= 220 { 30 } else { -30 };
+            counts += ahead;
+            let Sample { left: l, right, .. } = &mut bench.sample;
+            // The first board's encoders count down going forward.
+            *l = l.wrapping_add_signed(-left * ahead);
+            *right = right.wrapping_add_signed(-i16::try_from(ahead).expect("small"));
+            bench.log = Log::new();
+            bench.tick();
+            let truth = f64::from(counts) * a_count;
+            // A tenth of the last digit.
+            let slack = 1e-4 + f64::from(tick) * a_tick;
+            let replied = f64::from_bits(bench.frame(&of(0.0)).measurement.0);
+            assert!(
+                (replied - truth).abs() <= slack,
+                "{mode:?}: {replied} {truth}"
+            );
+            // Cut off after the third decimal.
+            let logged = sample(bench.log());
+            let low = truth - logged;
+            assert!(
+                (-slack..=0.001 + slack).contains(&low),
+                "{mode:?}: {logged} {truth}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_stop_ends_the_duty() {
+    let mut bench = Bench::new(Mode::GuardedTuneRotate);
+    bench.frame(&of(30.0));
+    let stop = Command {
+        order: crate::wire::Order::Stop,
+        ..of(30.0)
+    };
+    for (command, percent) in [(of(30.0), "30.00"), (stop, "0.00"), (of(30.0), "0.00")] {
+        bench.frame(&command);
+        bench.log = Log::new();
+        bench.tick();
+        // After a change of state there are two lines.
+        let samples: Vec<&str> = bench.log().lines().filter(|l| l.contains(": T ")).collect();
+        assert_eq!(samples.len(), 1);
+        assert!(
+            samples[0].ends_with(&std::format!(": T {percent} 0.000")),
+            "{samples:?}"
+        );
+    }
+}
+
+// Requirement: DOC-5.1.3-3
+#[test]
+fn a_cell_that_is_tuned_names_the_tap_and_the_resistor_that_is_there() {
+    let mut bench = Bench::new(Mode::Normal);
+    bench.tick();
+    // The pins' voltages; 3.9 V stand for one cell after the other.
+    let pin = [3428.0, 3574.0].map(|word: f64| word / 4095.0 * 3.3);
+    let cell = pin[0] * 43.0 / 33.0;
+    for (tap, lower, below) in [(0_u8, 33_000.0, 0.0), (1, 22_000.0, cell)] {
+        bench.log = Log::new();
+        bench.frame(&Command::default());
+        assert_eq!(bench.log(), "", "nothing to tune");
+        bench.frame(&Command {
+            tune: CellCode {
+                cell: tap,
+                voltage: 780,
+            },
+            ..Command::default()
+        });
+        let said = std::format!("I00000: tuned tap {}: upper resistor ", tap + 1);
+        let ohm = bench.log().strip_prefix(&said).expect("a line");
+        let ohm: f64 = ohm.strip_suffix(" ohm\n").unwrap().parse().unwrap();
+        let truth = lower * ((below + 3.9) / pin[usize::from(tap)] - 1.0);
+        // A step of the tap's voltage, 2⁻¹⁶ V, is 0.25 and 0.3 ohm.
+        assert!((ohm - truth).abs() < 1.0, "{ohm} {truth}");
+    }
+}
