@@ -1,228 +1,44 @@
 //! T5, T8 and T14 of the whole robot: any configuration that was accepted, any order of events.
 
+mod rig;
+
 use fw_core::double::Double;
 use fw_core::log::Log;
-use fw_core::robot::{leds, Drive, Outputs, Rangefinder, Robot, Sample, BLOCKING};
+use fw_core::robot::{Drive, Robot, Sample};
 use fw_core::units::{Micros, Pose};
-use fw_core::wire::{
-    fault, frame_len, CellCode, Command, Mode, Order, PiLink, PoseCode, Setup, State, MAX_FRAME,
-};
+use fw_core::wire::{fault, frame_len, Command, Mode, PiLink, Setup, State, MAX_FRAME};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::motion::plausibility;
 use crate::theorem::Seen;
+pub use rig::Script;
+use rig::{Events, Rig};
 
-/// What happens, as bytes: each event is one, and takes its figures from those after it.
-pub type Script = [u8; 192];
-
-/// The script as it is read.
-struct Events<'a>(core::slice::Iter<'a, u8>);
-
-impl Events<'_> {
-    fn byte(&mut self) -> u8 {
-        self.0.next().copied().unwrap_or_default()
-    }
-
-    /// A number of either sign, small more often than large.
-    fn number(&mut self) -> i32 {
-        let (size, value) = (self.byte(), self.byte());
-        (i32::from(value) - 128) << (size % 20)
-    }
-}
-
-/// The robot, its other end, and what must be true of it.
-struct Rig {
-    config: AcceptedConfig,
-    setup: Setup,
-    robot: Robot,
-    pi: PiLink,
-    log: Log,
-    now: Micros,
-    sample: Sample,
-    last: [u8; MAX_FRAME],
-    /// When the robot last took a frame, if it ever did.
-    fresh: Option<Micros>,
-    driven: bool,
-    stopped: bool,
-    rejected: bool,
-}
-
-impl Rig {
-    fn new(config: AcceptedConfig, now: Micros) -> Self {
-        let setup = Setup::from(&config.0);
-        let sample = Sample {
-            now,
-            ..Sample::default()
-        };
-        Self {
-            setup,
-            robot: Robot::new(&config.0, sample),
-            pi: PiLink::new(setup),
-            log: Log::new(),
-            now,
-            sample,
-            last: [0; MAX_FRAME],
-            fresh: None,
-            driven: false,
-            stopped: false,
-            rejected: false,
-            config,
-        }
-    }
-
-    fn frame(&mut self, clocked: usize) {
-        let before = *self.robot.counters();
-        let frame = self.last;
-        self.robot
-            .on_frame(&frame, clocked, self.now, &mut self.log);
-        let after = self.robot.counters();
-        if after.accepted == before.accepted {
-            assert!(after.rejected_total() == before.rejected_total() + 1);
-            self.rejected = true;
-        } else {
-            self.fresh = Some(self.now);
-        }
-        let mut reply = [0; MAX_FRAME];
-        let len = self.robot.next_reply(&mut reply);
-        self.reply_is_right(&reply, len);
-    }
-
-    fn reply_is_right(&self, reply: &[u8; MAX_FRAME], len: usize) {
-        assert!(len == frame_len(self.setup.mode));
-        assert!(PiLink::new(self.setup).receive(&reply[..len]).is_ok());
-    }
-
-    fn command(&mut self, events: &mut Events<'_>) {
-        let kind = events.byte();
-        let percent = [0.0_f64, 50.0, -100.0, 12.5][usize::from(kind & 3)];
-        let command = Command {
-            expected: PoseCode {
-                x: events.number(),
-                y: events.number(),
-                rotation: u16::from(events.byte()) << 7,
-            },
-            apply: kind & 4 != 0,
-            percent: Double(percent.to_bits()),
-            tune: CellCode {
-                cell: kind % self.setup.cells,
-                voltage: if kind & 8 == 0 { 0 } else { 800 },
-            },
-            order: match kind >> 4 & 7 {
-                0 => Order::Stop,
-                1..=3 => Order::Resume,
-                _ => Order::None,
-            },
-            clear_faults: if kind & 0x80 == 0 { 0 } else { u16::MAX },
-            ..Command::default()
-        };
-        let len = self.pi.send(&command, &mut self.last);
-        self.frame(len);
-    }
-
-    fn tick(&mut self, events: &mut Events<'_>) {
-        self.sample.left = self.sample.left.wrapping_add_signed(events.number());
-        #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
-        {
-            self.sample.right = self
-                .sample
-                .right
-                .wrapping_add_signed(events.number() as i16);
-        }
-        self.now = self.now.after(10_000);
-        self.sample.now = self.now;
-        let word = u16::from(events.byte()) << 4;
-        let outputs = self
-            .robot
-            .on_tick(self.sample, &[word / 2, word], &mut self.log);
-        self.outputs_are_right(&outputs);
-        let mut reply = [0; MAX_FRAME];
-        let len = self.robot.refresh_reply(&mut reply);
-        self.reply_is_right(&reply, len);
-        let len = self.robot.following_reply(&mut reply);
-        self.reply_is_right(&reply, len);
-    }
-
-    fn outputs_are_right(&mut self, outputs: &Outputs) {
-        let platform = &self.config.0.platform;
-        let braked = outputs.left == Drive::Brake && outputs.right == Drive::Brake;
-        let state = self.robot.state();
-        assert!(outputs.leds == leds(state) && state != State::Booting);
-        for (drive, limit) in [
-            (outputs.left, platform.limit_left),
-            (outputs.right, platform.limit_right),
-        ] {
-            if let Drive::Run(duty) = drive {
-                assert!(duty.hundredths().unsigned_abs() <= limit);
-                assert!(self.fresh.is_some());
-                self.driven = true;
-            }
-        }
-        // Silence, from the last frame that was taken.
-        let allowed = u32::from(platform.stop_deadline) * 1000;
-        if self
-            .fresh
-            .is_some_and(|fresh| self.now.since(fresh) >= allowed)
-        {
-            assert!(braked && matches!(state, State::Stopped | State::Faulted));
-            self.stopped |= self.driven;
-        }
-        if self.robot.faults() & BLOCKING != 0 {
-            assert!(braked && state == State::Faulted);
-        }
-        assert!(state != State::Stopped || braked);
-        if let Some(width) = outputs.servo {
-            assert!((1000..=2000).contains(&width) && platform.servo);
-            assert!(state != State::Faulted);
-            // Like the motors: not before a frame was taken, not after the silence.
-            assert!(self
-                .fresh
-                .is_some_and(|fresh| self.now.since(fresh) < allowed));
-        }
-    }
-}
-
-/// Any accepted configuration, any order of ticks, frames, echoes, faults and pauses: nothing panics or
-/// overflows; the motors brake from the deadline on and as long as a fault blocks them, never exceed
-/// their limits and never turn before a frame was taken; every reply is one the Pi takes.
+/// Any accepted configuration, any order of ticks, frames, echoes, temperatures, faults and pauses, a
+/// gyroscope that answers or does not: nothing panics or overflows; the motors brake from the deadline on
+/// and as long as a fault blocks them, never exceed their limits and never turn before a frame was taken;
+/// the pose is the encoders' own until a slip is told of; a distance is one that sound can have gone;
+/// every reply is one the Pi takes.
 // Requirement: DOC-3.2-1, DOC-4.1-2, WIRE-deadline-1, WIRE-deadline-3, WIRE-servo-1, WIRE-eeprom-6
 pub fn robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) -> Seen {
-    let mut rig = Rig::new(config, start);
-    let mut events = Events(script.iter());
-    while !events.0.as_slice().is_empty() {
-        match events.byte() % 16 {
+    let mut events = Events::new(&script);
+    let mut rig = Rig::new(config, start, &mut events);
+    while events.more() {
+        match events.byte() % 20 {
             0..=5 => rig.tick(&mut events),
             6..=10 => rig.command(&mut events),
-            11 => {
-                // Anything at all, of any length.
-                for byte in &mut rig.last {
-                    *byte = byte.wrapping_mul(31) ^ events.0.len().to_le_bytes()[0];
-                }
-                let clocked = usize::from(events.byte());
-                rig.frame(clocked);
-            }
+            11 => rig.noise(&mut events),
             12 => rig.frame(frame_len(rig.setup.mode)),
-            13 => {
-                let which = Rangefinder::ALL[usize::from(events.byte() % 3)];
-                let rise = rig.now.after(u32::from(events.byte()) * 64);
-                let fall = rise.after(u32::from(events.byte()) * 128);
-                rig.robot.on_echo(which, rise, fall);
-            }
-            14 => {
-                let fault = 1 << (events.byte() & 0xF);
-                rig.robot.raise(fault, &mut rig.log);
-                rig.robot
-                    .on_lost_frames(u32::from(events.byte()), &mut rig.log);
-            }
-            _ => rig.now = rig.now.after(u32::from(events.byte()) << 14),
+            13 => rig.echo(&mut events),
+            14 => rig.fault(&mut events),
+            15 => rig.pause(&mut events),
+            16 => rig.temperature(&mut events),
+            17 => rig.upset(&mut events),
+            _ => rig.stretch(&mut events),
         }
-        let pending = rig.log.pending().len();
-        rig.log.sent(pending / 2);
+        rig.transmit();
     }
-    Seen::NOTHING
-        .case(0, rig.driven)
-        .case(1, rig.stopped)
-        .case(2, rig.robot.faults() & BLOCKING != 0)
-        .case(3, rig.rejected && rig.fresh.is_some())
+    rig.seen
 }
 
 /// The robot stands where it was switched on, whatever the counters read then: the first tick moves its
@@ -336,7 +152,8 @@ crate::theorems! {
         sampled 20_000;
     }
     T8 robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) {
-        cases ["it drove", "it drove and silence stopped it", "a fault stopped it", "it rejected a frame"];
+        cases ["it drove", "it drove and silence stopped it", "a fault stopped it", "it rejected a frame",
+            "its heading followed the gyroscope", "a distance through air of another temperature"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }

@@ -1,0 +1,405 @@
+//! A robot, the other end of its link and its parts, driven by a script of bytes; and what must be true
+//! of it after each event.
+
+use fw_core::double::Double;
+use fw_core::log::Log;
+use fw_core::motion::Odometry;
+use fw_core::robot::{leds, Drive, Outputs, Rangefinder, Robot, Sample, BLOCKING};
+use fw_core::sensing::mpu6050::{self, Order, Outcome};
+use fw_core::sensing::Calibration;
+use fw_core::units::Micros;
+use fw_core::wire::{
+    self, fault, frame_len, CellCode, Command, DistanceCode, Mode, PiLink, PoseCode, Report, Setup,
+    State, MAX_FRAME,
+};
+
+use crate::eeprom::accepted::AcceptedConfig;
+use crate::theorem::Seen;
+
+/// The cases of [`robot_obeys_whatever_happens`](super::robot_obeys_whatever_happens).
+const DROVE: u32 = 0;
+const STOPPED: u32 = 1;
+const FAULTED: u32 = 2;
+const REJECTED: u32 = 3;
+const FOLLOWED: u32 = 4;
+const AIR: u32 = 5;
+
+/// What happens, as bytes: each event is one, and takes its figures from those after it.
+pub type Script = [u8; 192];
+
+/// The script as it is read.
+pub struct Events<'a>(core::slice::Iter<'a, u8>);
+
+impl<'a> Events<'a> {
+    pub fn new(script: &'a Script) -> Self {
+        Self(script.iter())
+    }
+
+    pub fn more(&self) -> bool {
+        !self.0.as_slice().is_empty()
+    }
+
+    pub fn byte(&mut self) -> u8 {
+        self.0.next().copied().unwrap_or_default()
+    }
+
+    fn word(&mut self) -> u16 {
+        u16::from_le_bytes([self.byte(), self.byte()])
+    }
+
+    /// A number of either sign, small more often than large.
+    fn number(&mut self) -> i32 {
+        let (size, value) = (self.byte(), self.byte());
+        (i32::from(value) - 128) << (size % 20)
+    }
+}
+
+/// An MPU6050 in order, as far as the conversation sees it.
+#[derive(Default)]
+struct Part {
+    /// `CONFIG` and `GYRO_CONFIG`, which follows it.
+    settings: [u8; 2],
+    noise: i32,
+}
+
+impl Part {
+    /// Least significant bits where nothing turns.
+    const ZERO: i32 = 77;
+    /// Least significant bits of a turn in a tick, 2⁻³²: 65.5 times 36 000.
+    const RATE: i64 = 36_000 * mpu6050::LSB_PER_DEGREE_TENTHS as i64 / 10;
+
+    /// What becomes of an order when the robot turned by `turn` in the last tick, 2⁻³², and by `apart`
+    /// least significant bits more.
+    fn answer(&mut self, order: Order, turn: i32, apart: i32) -> Outcome {
+        self.noise = (self.noise + 3) % 7;
+        match order {
+            Order::Write { register, value } => {
+                match register {
+                    mpu6050::CONFIG => self.settings[0] = value,
+                    mpu6050::GYRO_CONFIG => self.settings[1] = value,
+                    _ => {}
+                }
+                Outcome::Done
+            }
+            Order::Read { register, .. } => Outcome::Bytes(match register {
+                mpu6050::WHO_AM_I => [mpu6050::IDENTITY, 0],
+                mpu6050::CONFIG => self.settings,
+                _ => {
+                    let rate = (i64::from(turn) * Self::RATE) >> 32;
+                    let rate = rate + i64::from(Self::ZERO + self.noise + apart);
+                    let end = if rate < 0 { i16::MIN } else { i16::MAX };
+                    i16::try_from(rate).unwrap_or(end).to_be_bytes()
+                }
+            }),
+            Order::Rest | Order::Hold { .. } | Order::Attach => Outcome::Done,
+        }
+    }
+}
+
+/// The robot, its other end, its parts, and what must be true of it.
+pub struct Rig {
+    config: AcceptedConfig,
+    pub setup: Setup,
+    robot: Robot,
+    /// The same wheels without anything else.
+    encoders: Odometry,
+    pi: PiLink,
+    part: Part,
+    /// What became of the gyroscope's last order.
+    outcome: Outcome,
+    log: Log,
+    now: Micros,
+    sample: Sample,
+    last: [u8; MAX_FRAME],
+    /// The rangefinder triggered last, and when.
+    triggered: (Rangefinder, Micros),
+    /// When the robot last took a frame, if it ever did.
+    fresh: Option<Micros>,
+    /// The robot has told of a slip, or was told of one.
+    slipped: bool,
+    /// The cases met so far.
+    pub seen: Seen,
+}
+
+impl Rig {
+    pub fn new(config: AcceptedConfig, now: Micros, events: &mut Events<'_>) -> Self {
+        let setup = Setup::from(&config.0);
+        let sample = Sample {
+            now,
+            ..Sample::default()
+        };
+        let mut robot = Robot::new(&config.0, sample);
+        // A part of the middle, one as the factory may leave it, or any words.
+        robot.calibrate(match events.byte() % 4 {
+            0 | 1 => Calibration {
+                reference: 1501,
+                cold: 959,
+                hot: 1207,
+            },
+            2 => Calibration {
+                reference: 1400 + events.word() % 201,
+                cold: 959,
+                hot: 1207,
+            },
+            _ => Calibration {
+                reference: events.word(),
+                cold: events.word(),
+                hot: events.word(),
+            },
+        });
+        Self {
+            setup,
+            robot,
+            encoders: Odometry::new(&config.0.platform, sample.left, sample.right),
+            pi: PiLink::new(setup),
+            part: Part::default(),
+            outcome: Outcome::Done,
+            log: Log::new(),
+            now,
+            sample,
+            last: [0; MAX_FRAME],
+            triggered: (Rangefinder::Front, now),
+            fresh: None,
+            slipped: false,
+            seen: Seen::NOTHING,
+            config,
+        }
+    }
+
+    /// Half of what is pending leaves.
+    pub fn transmit(&mut self) {
+        let pending = self.log.pending().len();
+        self.log.sent(pending / 2);
+    }
+
+    /// The last frame again, or what was made of it, so many bytes long.
+    pub fn frame(&mut self, clocked: usize) {
+        let before = *self.robot.counters();
+        let frame = self.last;
+        self.robot
+            .on_frame(&frame, clocked, self.now, &mut self.log);
+        let after = self.robot.counters();
+        if after.accepted == before.accepted {
+            assert!(after.rejected_total() == before.rejected_total() + 1);
+            self.seen = self.seen.case(REJECTED, self.fresh.is_some());
+        } else {
+            self.fresh = Some(self.now);
+        }
+        let mut reply = [0; MAX_FRAME];
+        let len = self.robot.next_reply(&mut reply);
+        self.read(&reply, len);
+    }
+
+    /// A reply is one that the Pi takes.
+    fn read(&self, reply: &[u8; MAX_FRAME], len: usize) -> Report {
+        assert!(len == frame_len(self.setup.mode));
+        let report = PiLink::new(self.setup).receive(&reply[..len]);
+        assert!(report.is_ok());
+        report.unwrap_or_default()
+    }
+
+    /// Anything at all, of any length.
+    pub fn noise(&mut self, events: &mut Events<'_>) {
+        let salt = events.byte();
+        for byte in &mut self.last {
+            *byte = byte.wrapping_mul(31) ^ salt;
+        }
+        self.frame(usize::from(events.byte()));
+    }
+
+    /// What the Pi may say.
+    pub fn command(&mut self, events: &mut Events<'_>) {
+        let kind = events.byte();
+        let percent = [0.0_f64, 50.0, -100.0, 12.5][usize::from(kind & 3)];
+        let command = Command {
+            expected: PoseCode {
+                x: events.number(),
+                y: events.number(),
+                rotation: u16::from(events.byte()) << 7,
+            },
+            apply: kind & 4 != 0,
+            percent: Double(percent.to_bits()),
+            tune: CellCode {
+                cell: kind % self.setup.cells,
+                voltage: if kind & 8 == 0 { 0 } else { 800 },
+            },
+            order: match kind >> 4 & 7 {
+                0 => wire::Order::Stop,
+                1..=3 => wire::Order::Resume,
+                _ => wire::Order::None,
+            },
+            clear_faults: if kind & 0x80 == 0 { 0 } else { u16::MAX },
+            ..Command::default()
+        };
+        let len = self.pi.send(&command, &mut self.last);
+        self.frame(len);
+    }
+
+    /// An echo, of the last trigger more often than not.
+    pub fn echo(&mut self, events: &mut Events<'_>) {
+        let choice = usize::from(events.byte() % 8);
+        let which = Rangefinder::ALL.get(choice).copied();
+        let which = which.unwrap_or(self.triggered.0);
+        let rise = self.triggered.1.after(u32::from(events.byte()) * 16);
+        let fall = rise.after(u32::from(events.byte()) * 128);
+        let before = self.report().ranges;
+        self.robot.on_echo(which, rise, fall);
+        let after = self.report().ranges;
+        for (DistanceCode(before), DistanceCode(after)) in before.into_iter().zip(after) {
+            if after == before || DistanceCode(after) == DistanceCode::NONE {
+                continue;
+            }
+            // Micrometres to a step of the code, and half the way at 306 to 384 m/s: from −40 to 85 °C.
+            let width = u64::from(fall.since(rise));
+            let distance = u64::from(after) * 2_500_000 / 65_535;
+            assert!(distance + 40 >= width * 153 && distance <= width * 192 + 40);
+            let assumed = width * 343 / 2;
+            self.seen = self.seen.case(AIR, assumed.abs_diff(distance) > 1_000);
+        }
+    }
+
+    /// What the robot would tell now.
+    fn report(&mut self) -> Report {
+        let mut reply = [0; MAX_FRAME];
+        let len = self.robot.refresh_reply(&mut reply);
+        self.read(&reply, len)
+    }
+
+    pub fn fault(&mut self, events: &mut Events<'_>) {
+        let fault = 1 << (events.byte() & 0xF);
+        self.robot.raise(fault, &mut self.log);
+        self.robot
+            .on_lost_frames(u32::from(events.byte()), &mut self.log);
+    }
+
+    /// Up to 4.2 s in which no tick comes.
+    pub fn pause(&mut self, events: &mut Events<'_>) {
+        self.now = self.now.after(u32::from(events.byte()) << 14);
+    }
+
+    /// Words of the temperature's channels, mostly near those of a part at 30 °C.
+    pub fn temperature(&mut self, events: &mut Events<'_>) {
+        let (sensor, reference) = (events.word(), events.word());
+        let (sensor, reference) = match events.byte() % 4 {
+            0 => (sensor, reference),
+            _ => (750 + sensor % 512, 1400 + reference % 201),
+        };
+        self.robot.on_temperature(sensor, reference, &mut self.log);
+    }
+
+    /// Something else became of the gyroscope's order.
+    pub fn upset(&mut self, events: &mut Events<'_>) {
+        self.outcome = match events.byte() % 4 {
+            0 => Outcome::NoAcknowledge,
+            1 => Outcome::Stuck,
+            2 => Outcome::Done,
+            _ => Outcome::Bytes(events.word().to_le_bytes()),
+        };
+    }
+
+    /// A tick in which the wheels do as they like.
+    pub fn tick(&mut self, events: &mut Events<'_>) {
+        let (left, right) = (events.number(), events.number());
+        self.pass(left, right, events.byte(), 0);
+    }
+
+    /// A while in which the robot rests or turns evenly: a gyroscope wakes up, finds its zero, agrees with
+    /// the wheels or does not.
+    pub fn stretch(&mut self, events: &mut Events<'_>) {
+        let (wheels, apart, ticks) = (events.byte(), events.byte(), events.byte());
+        let counts = if wheels & 1 == 0 {
+            0
+        } else {
+            i32::from(wheels >> 1) % 32
+        };
+        let apart = if apart < 160 {
+            0
+        } else {
+            (i32::from(apart) - 208) * 64
+        };
+        // From a third of a second to one and a half.
+        for _ in 0..32 + ticks / 2 {
+            self.pass(-counts, counts, 0xE0, apart);
+        }
+    }
+
+    /// 10 ms later: the gyroscope's answer, then the tick.
+    fn pass(&mut self, left: i32, right: i32, word: u8, apart: i32) {
+        self.sample.left = self.sample.left.wrapping_add_signed(left);
+        #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
+        {
+            self.sample.right = self.sample.right.wrapping_add_signed(right as i16);
+        }
+        self.now = self.now.after(10_000);
+        self.sample.now = self.now;
+        let order = self.robot.on_gyro(self.outcome, &mut self.log);
+        self.order_is_right(order);
+        // Only a command clears it.
+        self.slipped |= self.robot.faults() & fault::SLIP != 0;
+        let delta = self.encoders.step(self.sample.left, self.sample.right);
+        self.outcome = self.part.answer(order, delta.turn, apart);
+        let word = u16::from(word) << 4;
+        let outputs = self
+            .robot
+            .on_tick(self.sample, &[word / 2, word], &mut self.log);
+        self.outputs_are_right(&outputs);
+        assert!(self.slipped || self.robot.pose() == self.encoders.pose());
+        if let Some(which) = outputs.trigger {
+            self.triggered = (which, self.now);
+        }
+        let _ = self.report();
+        let mut reply = [0; MAX_FRAME];
+        let len = self.robot.following_reply(&mut reply);
+        self.read(&reply, len);
+    }
+
+    /// Nothing is asked of a gyroscope that is not there, nor in the tuning modes.
+    fn order_is_right(&self, order: Order) {
+        let drives = matches!(
+            self.setup.mode,
+            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep
+        );
+        assert!(order == Order::Rest || drives && self.config.0.platform.gyro);
+    }
+
+    fn outputs_are_right(&mut self, outputs: &Outputs) {
+        let platform = &self.config.0.platform;
+        let braked = outputs.left == Drive::Brake && outputs.right == Drive::Brake;
+        let state = self.robot.state();
+        assert!(outputs.leds == leds(state) && state != State::Booting);
+        for (drive, limit) in [
+            (outputs.left, platform.limit_left),
+            (outputs.right, platform.limit_right),
+        ] {
+            if let Drive::Run(duty) = drive {
+                assert!(duty.hundredths().unsigned_abs() <= limit);
+                assert!(self.fresh.is_some());
+                self.seen = self.seen.case(DROVE, true);
+            }
+        }
+        // Silence, from the last frame that was taken.
+        let allowed = u32::from(platform.stop_deadline) * 1000;
+        if self
+            .fresh
+            .is_some_and(|fresh| self.now.since(fresh) >= allowed)
+        {
+            assert!(braked && matches!(state, State::Stopped | State::Faulted));
+            self.seen = self.seen.case(STOPPED, self.seen.has(DROVE));
+        }
+        if self.robot.faults() & BLOCKING != 0 {
+            assert!(braked && state == State::Faulted);
+        }
+        assert!(state != State::Stopped || braked);
+        let turned = self.robot.pose().heading != self.encoders.pose().heading;
+        self.seen = self.seen.case(FAULTED, state == State::Faulted);
+        self.seen = self.seen.case(FOLLOWED, turned);
+        if let Some(width) = outputs.servo {
+            assert!((1000..=2000).contains(&width) && platform.servo);
+            assert!(state != State::Faulted);
+            // Like the motors: not before a frame was taken, not after the silence.
+            assert!(self
+                .fresh
+                .is_some_and(|fresh| self.now.since(fresh) < allowed));
+        }
+    }
+}
