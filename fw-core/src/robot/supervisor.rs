@@ -175,6 +175,13 @@ mod tests {
 
     // Requirement: WIRE-deadline-3
     #[test]
+    fn an_empty_battery_and_what_is_wrong_with_a_wheel_keep_the_motors_off() {
+        // As the table of the faults numbers them.
+        let bits = (0..16).filter(|bit| BLOCKING >> bit & 1 == 1);
+        assert!(bits.eq([4, 5, 6, 7, 8, 9]));
+    }
+
+    #[test]
     fn before_the_first_frame_it_waits_ready_and_coasts() {
         let mut s = supervisor();
         for second in 0..10_000_u32 {
