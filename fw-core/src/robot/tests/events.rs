@@ -9,14 +9,14 @@ fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     bench.frame(&Command::default());
     bench.robot.on_lost_frames(3, &mut bench.log);
-    bench.robot.on_lost_frames(1, &mut bench.log);
+    bench.robot.on_lost_frames(2, &mut bench.log);
     let counters = bench.robot.counters();
-    assert_eq!((counters.overrun, counters.accepted), (4, 1));
+    assert_eq!((counters.overrun, counters.accepted), (5, 1));
     assert_eq!(bench.robot.faults(), fault::FRAME_REJECTED);
     assert_eq!(
         bench.log(),
         "W00000: 3 frames came too fast and were lost\n\
-         W00001: 1 frames came too fast and were lost\n"
+         W00001: 2 frames came too fast and were lost\n"
     );
 }
 
