@@ -107,3 +107,28 @@ fn the_temperature_of_the_chip_sets_the_speed_of_sound() {
     assert_eq!(told(": no temperature: sound taken at 343 m/s\n"), 2);
     assert_eq!(told(": air at 28 deg C\n"), 1);
 }
+
+#[test]
+fn the_pose_is_logged_as_often_as_is_configured_and_the_link_s_line_gives_way() {
+    let mut bench = Bench::with(Mode::Normal, |platform| platform.log_period = 20);
+    let mut links = 0;
+    for tick in 1..=400 {
+        if tick % 10 == 0 {
+            bench.frame(&Command::default());
+        }
+        // The first board's encoders count down going forward.
+        bench.sample.left = bench.sample.left.wrapping_sub(10);
+        bench.sample.right = bench.sample.right.wrapping_sub(10);
+        bench.log = Log::new();
+        bench.tick();
+        let pose = bench.log().contains(": pose ");
+        assert_eq!(pose, tick % 2 == 0, "{tick}");
+        let link = bench.log().contains(": L ");
+        assert!(!link || bench.log().lines().count() == 1, "{tick}");
+        links += u32::from(link);
+    }
+    // Once a second from the first frame on.
+    assert_eq!(links, 3);
+    // 4000 counts of 80 mm · π / 3840.
+    assert!(bench.log().ends_with(": pose 261.799 0.000 mm, 0.00 deg\n"));
+}

@@ -148,3 +148,17 @@ fn a_cell_that_is_tuned_names_the_tap_and_the_resistor_that_is_there() {
         assert!((ohm - truth).abs() < 1.0, "{ohm} {truth}");
     }
 }
+
+#[test]
+fn a_cell_that_nothing_was_read_of_has_no_resistor() {
+    let mut bench = Bench::new(Mode::Normal);
+    let tune = CellCode {
+        cell: 0,
+        voltage: 780,
+    };
+    bench.frame(&Command {
+        tune,
+        ..Command::default()
+    });
+    assert_eq!(bench.log(), "");
+}

@@ -326,6 +326,19 @@ fn what_was_not_read_at_rest_is_no_bias() {
         }
     }
     assert_eq!(bench.gyro.bias(), None, "every second reading is missing");
+    for (left, right) in [(1, 0), (0, -1)] {
+        let mut bench = Bench::new();
+        let wheel = Delta {
+            left,
+            right,
+            ..Delta::default()
+        };
+        for _ in 0..400 {
+            let reading = bench.reading(0.0);
+            let _ = bench.gyro.step(Some(reading), &wheel, 0);
+        }
+        assert_eq!(bench.gyro.bias(), None, "one wheel moves");
+    }
     // The wheels stand, and a hand turns it at a rate that might be a bias.
     let mut bench = Bench::believed();
     let before = bench.gyro.bias();

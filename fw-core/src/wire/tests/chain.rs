@@ -523,6 +523,56 @@ fn an_error_reads_as_one_sentence() {
     );
 }
 
+#[test]
+fn every_reason_says_what_was_found_and_what_is_right() {
+    for (reason, text) in [
+        (
+            Reason::Short { needed: 2, left: 1 },
+            "frame too short, needs 2 bytes, has 1",
+        ),
+        (Reason::Long { left: 3 }, "frame too long by 3"),
+        (
+            Reason::Key {
+                expected: 0x0A,
+                found: 0xB0,
+            },
+            "key 0xB0, expected 0x0A",
+        ),
+        (Reason::NotFinite, "not a finite number"),
+        (Reason::PercentOutOfRange, "percentage beyond -100 to 100"),
+        (
+            Reason::Cell { cells: 2, found: 7 },
+            "cell index 7 of 2 cells",
+        ),
+        (
+            Reason::Stale {
+                last: 255,
+                found: 128,
+            },
+            "stale, number 128 after 255",
+        ),
+        (Reason::UnknownState(5), "unknown state 5"),
+        (Reason::UnknownOrder(255), "unknown order 255"),
+        (
+            Reason::Crc {
+                expected: 0x01AB,
+                found: 0xF00D,
+            },
+            "checksum 0xF00D, expected 0x01AB",
+        ),
+    ] {
+        let error = FrameError {
+            strategy: "battery",
+            offset: 12,
+            reason,
+        };
+        assert_eq!(
+            std::format!("{error}"),
+            std::format!("battery at byte 12: {text}")
+        );
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
