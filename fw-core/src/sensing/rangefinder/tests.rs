@@ -191,6 +191,16 @@ fn an_echo_may_begin_up_to_3_ms_after_its_trigger() {
 }
 
 #[test]
+fn an_echo_may_last_up_to_a_second_and_says_then_that_nothing_is_in_range() {
+    // 2²⁰ µs.
+    let mut rangefinders = triggered(Micros(0));
+    rangefinders.echo(Front, Micros(500), Micros(500 + 1_048_577));
+    assert_eq!(rangefinders.reading(Front).echo, Echo::None);
+    rangefinders.echo(Front, Micros(500), Micros(500 + 1_048_576));
+    assert_eq!(rangefinders.reading(Front).echo, Echo::OutOfRange);
+}
+
+#[test]
 fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
     let mut rangefinders = Rangefinders::new(3);
     assert_eq!(rangefinders.reading(Right).echo, Echo::None);
