@@ -181,10 +181,12 @@ fn however_late_a_trigger_comes_the_servo_has_its_time_before_and_the_echo_after
                 assert!(looks == 0 || k - triggered_at >= 2, "{late}: {k}");
                 (told, told_at) = (width, k);
             }
-            stood = if sweep.aim().is_some() { stood + 1 } else { 0 };
-            if stood > late {
+            if sweep.aim().is_some() {
                 // From the beginning of its first pulse at a bearing, 40 ms, as its plan says.
                 assert!(k - told_at >= u32::from(STEP), "{late}: {k}");
+                stood += 1;
+            }
+            if stood > late {
                 (stood, triggered_at) = (0, k);
                 looks += 1;
                 sweep.triggered();
