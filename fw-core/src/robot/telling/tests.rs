@@ -243,7 +243,7 @@ fn a_temperature_is_told_when_it_becomes_known_and_when_it_is_no_more() {
     for (air, line) in [
         (degrees(-12.4), Some("I: air at -12 deg C")),
         (degrees(30.0), None),
-        (None, Some("I: no temperature: sound taken at 343 m/s")),
+        (None, Some("W: no temperature: sound taken at 343 m/s")),
         (None, None),
         (degrees(21.6), Some("I: air at 22 deg C")),
         (degrees(21.6), None),
@@ -254,7 +254,7 @@ fn a_temperature_is_told_when_it_becomes_known_and_when_it_is_no_more() {
     let mut telling = Telling::new(0);
     assert_eq!(
         told(|log| telling.temperature(None, log)),
-        ["I: no temperature: sound taken at 343 m/s"],
+        ["W: no temperature: sound taken at 343 m/s"],
         "not even the first"
     );
 }

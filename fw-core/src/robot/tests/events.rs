@@ -64,6 +64,32 @@ fn a_fault_that_is_latched_already_changes_nothing() {
     }
 }
 
+// Requirement: WIRE-fault-10
+#[test]
+fn lines_that_the_log_has_dropped_are_a_fault_of_the_next_tick_until_it_is_cleared() {
+    let mut bench = Bench::new(Mode::GuardedNormal);
+    let clear = Command {
+        clear_faults: u16::MAX,
+        ..Command::default()
+    };
+    for dropped in [1, 2, 7] {
+        bench.tick();
+        assert_eq!(bench.robot.faults(), 0);
+        let before = bench.log.dropped();
+        while bench.log.dropped() - before < dropped {
+            bench.log.line(Level::Info, |_| ());
+        }
+        for _ in 0..3 {
+            bench.tick();
+            assert_eq!(bench.robot.faults(), fault::LOG_DROPPED);
+        }
+        while !bench.log.pending().is_empty() {
+            bench.log.sent(bench.log.pending().len());
+        }
+        bench.frame(&clear);
+    }
+}
+
 /// What the front rangefinder says of an echo of 10 ms.
 fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
     let trigger = (0..10).find_map(|_| {
