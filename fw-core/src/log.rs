@@ -388,4 +388,4 @@ fn copy(to: &mut [u8], from: &[u8]) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

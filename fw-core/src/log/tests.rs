@@ -9,11 +9,14 @@ fn written(write: impl FnOnce(&mut Line)) -> String {
     line.as_str().to_string()
 }
 
-fn transmitted<const N: usize>(log: &mut Log<N>) -> String {
+/// Everything that a log has to say, transmitted.
+pub(crate) fn transmitted<const N: usize>(log: &mut Log<N>) -> String {
     let mut text = Vec::new();
     while !log.pending().is_empty() {
         text.extend_from_slice(log.pending());
         log.sent(log.pending().len());
+        // What was dropped is said at the end, once.
+        assert!(text.len() <= N + MAX_LINE, "it says more than it holds");
     }
     String::from_utf8(text).unwrap()
 }

@@ -3,6 +3,7 @@
 extern crate std;
 
 use super::*;
+use crate::log::tests::transmitted;
 use crate::robot::Rangefinder::{Front, Left};
 use crate::wire::Reason;
 use fixed::types::I16F16;
@@ -11,11 +12,7 @@ use std::vec::Vec;
 
 /// What a log has said since it was asked last: levels and texts, without the numbers.
 fn said(log: &mut Log) -> Vec<String> {
-    let mut text = String::new();
-    while !log.pending().is_empty() {
-        text.push_str(core::str::from_utf8(log.pending()).expect("ASCII"));
-        log.sent(log.pending().len());
-    }
+    let text = transmitted(log);
     let line = |line: &str| std::format!("{}{}", &line[..1], &line[6..]);
     text.lines().map(line).collect()
 }

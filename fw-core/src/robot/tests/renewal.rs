@@ -2,12 +2,11 @@
 //! out anew.
 
 use super::*;
-use crate::log::Log;
+use crate::log::tests::transmitted;
 use crate::sensing::rangefinder::Echo;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-use std::string::String;
 
 #[derive(Clone, Copy, Debug)]
 enum Event {
@@ -50,16 +49,6 @@ fn anew(robot: &Robot) -> Report {
     }
 }
 
-/// Everything the log has said since it was asked last.
-fn said(log: &mut Log) -> String {
-    let mut text = String::new();
-    while !log.pending().is_empty() {
-        text.push_str(core::str::from_utf8(log.pending()).expect("ASCII"));
-        log.sent(log.pending().len());
-    }
-    text
-}
-
 /// What becomes of a robot in `mode`: how many distances and lines about silent sensors it told.
 fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
     let mut bench = Bench::with(mode, |platform| {
@@ -85,7 +74,7 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
                 if let Some(which) = outputs.trigger {
                     triggered[which as usize] = bench.sample.now;
                 }
-                let text = said(&mut bench.log);
+                let text = transmitted(&mut bench.log);
                 for (which, told) in Rangefinder::ALL.into_iter().zip(&mut silent) {
                     let row = bench.robot.tally(which).row;
                     // Three in a row make one silent, an answer ends it.
