@@ -173,7 +173,6 @@ mod tests {
         Supervisor::new(StopDeadline::new(250))
     }
 
-    // Requirement: WIRE-deadline-3
     #[test]
     fn an_empty_battery_and_what_is_wrong_with_a_wheel_keep_the_motors_off() {
         // As the table of the faults numbers them.
@@ -181,6 +180,7 @@ mod tests {
         assert!(bits.eq([4, 5, 6, 7, 8, 9]));
     }
 
+    // Requirement: WIRE-deadline-3
     #[test]
     fn before_the_first_frame_it_waits_ready_and_coasts() {
         let mut s = supervisor();
