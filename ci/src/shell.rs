@@ -183,6 +183,16 @@ pub fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     }
 }
 
+/// The program, to be started with at most so many bytes of memory: what would take more ends instead
+/// of taking the machine's.
+pub fn within_memory(program: &Path, bytes: u64) -> Command {
+    let mut command = Command::new("sh");
+    // The limit counts KiB, and holds for all that is started from here.
+    let script = format!("ulimit -v {} && exec \"$0\" \"$@\"", bytes / 1024);
+    command.arg("-c").arg(script).arg(program);
+    command
+}
+
 /// Ends a child that we started.
 pub fn end(child: &mut Child) {
     let _ = child.kill();
@@ -206,4 +216,16 @@ pub fn copy(from: &Path, to: &Path) -> Result<()> {
     }
     std::fs::copy(from, to).of(format_args!("{} to {}", from.display(), to.display()))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_gets_no_more_memory_than_it_may() {
+        let mut limited = within_memory(Path::new("sh"), 1 << 30);
+        limited.args(["-c", "ulimit -v; echo \"$1\"", "name", "a word"]);
+        assert_eq!(ask(&mut limited).as_deref(), Some("1048576\na word"));
+    }
 }

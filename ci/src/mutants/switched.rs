@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use super::listed::Mutant;
@@ -116,7 +116,8 @@ impl Switched {
     }
 
     fn ended(&self, number: usize, words: &[String]) -> Result<Outcome> {
-        let mut tests = Command::new(&self.program);
+        // A loop without an end may gather as well as wait.
+        let mut tests = shell::within_memory(&self.program, 2 << 30);
         tests
             .current_dir(&self.folder)
             .env("MUTANT", number.to_string());
