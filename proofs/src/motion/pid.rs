@@ -64,15 +64,33 @@ pub fn limit_change_cuts_the_integral(
         .case(1, kept.abs() < cut(after) && kept != 0)
 }
 
-/// One, as the factors and their products are compared here.
-const ONE: i128 = 1 << 32;
+/// The factors of a regulator as a configuration may hold them, 2⁻³².
+struct Factors {
+    p: i64,
+    i: i64,
+    d: i64,
+    anti_windup: i64,
+}
 
-/// A factor, 2⁻³², if a configuration may hold it.
-fn factor(of: Double) -> Option<i128> {
-    of.to_scaled(32)
-        .ok()
-        .map(i128::from)
-        .filter(|factor| (0..=10_000 * ONE).contains(factor))
+impl Factors {
+    /// Nothing where one of them is none that is accepted.
+    fn of(gains: &Gains) -> Option<Self> {
+        let factor = |of: Double| {
+            let factor = of.to_scaled(32).ok()?;
+            (0..=10_000 << 32).contains(&factor).then_some(factor)
+        };
+        Some(Self {
+            p: factor(gains.p)?,
+            i: factor(gains.i)?,
+            d: factor(gains.d)?,
+            anti_windup: factor(gains.anti_windup)?,
+        })
+    }
+
+    /// The proportional part of an error, without its sign, 2⁻¹⁶ % for an error in 2⁻¹⁶.
+    fn proportional(&self, error: i32) -> i128 {
+        (i128::from(self.p) * i128::from(error).abs()) >> 32
+    }
 }
 
 /// Saturation ends with the first sample whose proportional and derivative parts together point back,
@@ -85,16 +103,12 @@ pub fn saturation_ends_at_once(
     error: i32,
     rate: i32,
 ) -> Seen {
-    let (Some(p), Some(_), Some(d), Some(_)) = (
-        factor(gains.p),
-        factor(gains.i),
-        factor(gains.d),
-        factor(gains.anti_windup),
-    ) else {
+    let Some(factors) = Factors::of(&gains) else {
         return Seen::NOTHING;
     };
     // 2⁻⁴⁸ %.
-    let others = p * i128::from(error) - d * i128::from(rate);
+    let term = |factor: i64, of: i32| i128::from(factor) * i128::from(of);
+    let others = term(factors.p, error) - term(factors.d, rate);
     let (back, cut) = (others.abs() > 1 << 39, cut(limit));
     if !back || cut <= 1 << 10 {
         return Seen::NOTHING;
@@ -128,14 +142,10 @@ pub fn windup_is_shed_in_time(
     error: i32,
     samples: u8,
 ) -> Seen {
-    let (Some(_), Some(_), Ok(a)) = (
-        factor(gains.p),
-        factor(gains.i),
-        gains.anti_windup.to_scaled(32),
-    ) else {
+    let Some(factors) = Factors::of(&gains) else {
         return Seen::NOTHING;
     };
-    if a < 0 || error == 0 {
+    if error == 0 {
         return Seen::NOTHING;
     }
     let sign = error.signum();
@@ -145,7 +155,7 @@ pub fn windup_is_shed_in_time(
     // All in 2⁻¹⁶ %; the regulator takes 16 fractional bits of the anti wind-up factor.
     let proportional = proportional_part(&gains, error).to_bits() * sign;
     let room = (cut - proportional).max(0);
-    let shed = (a >> 16).min(1 << 16);
+    let shed = (factors.anti_windup >> 16).min(1 << 16);
     let excess = |pid: &Pid| pid.integral().to_bits() * sign - room;
     let before = excess(&pid);
     if before <= 0 {
@@ -189,18 +199,13 @@ pub fn integral_turns_in_time(
     rate: i32,
     samples: u8,
 ) -> Seen {
-    let (Some(p), Some(i), Some(_), Some(_)) = (
-        factor(gains.p),
-        factor(gains.i),
-        factor(gains.d),
-        factor(gains.anti_windup),
-    ) else {
+    let Some(factors) = Factors::of(&gains) else {
         return Seen::NOTHING;
     };
     let cut = cut(limit);
     // The way the integral points, and the error does not.
     let sign = -error.signum();
-    let proportional = (p * i128::from(error).abs()) >> 32;
+    let proportional = factors.proportional(error);
     let mut pid = regulator(&gains, limit, integral);
     let held = |pid: &Pid| i128::from(pid.integral().to_bits() * sign);
     let before = held(&pid);
@@ -208,7 +213,7 @@ pub fn integral_turns_in_time(
         return Seen::NOTHING;
     }
     // 2⁻³² %.
-    let part = (i * i128::from(error).abs()) >> 16;
+    let part = (i128::from(factors.i) * i128::from(error).abs()) >> 16;
     let mut left = before << 16;
     let mut held_at_limit = false;
     for _ in 0..samples {
@@ -237,11 +242,10 @@ pub fn far_errors_are_not_integrated(
     error: i32,
     rate: i32,
 ) -> Seen {
-    let Some(p) = factor(gains.p) else {
+    let Some(factors) = Factors::of(&gains) else {
         return Seen::NOTHING;
     };
-    let proportional = (p * i128::from(error).abs()) >> 32;
-    if proportional <= i128::from(cut(limit) / 5) {
+    if factors.proportional(error) <= i128::from(cut(limit) / 5) {
         return Seen::NOTHING;
     }
     let mut pid = regulator(&gains, limit, integral);
