@@ -10,7 +10,7 @@
 //! | [`wire`] | T1, T2: frames, links, codes |
 //! | [`double`] | T4: binary64 to fixed point and back |
 //! | [`eeprom`] | T3, T5: the image and what an accepted configuration promises |
-//! | [`motion`] | T6 to T8, T14: heading, position, regulators, wheels, stop deadline |
+//! | [`motion`] | T5 to T8, T14: heading, position, regulators, controller, wheels, stop deadline |
 //! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders and battery |
 //! | [`log`] | T13: the log's queue |
 //! | [`robot`] | T5, T8, T14: the whole robot under any order of events |
@@ -58,6 +58,7 @@ pub const THEOREMS: &[&[Theorem]] = &[
     motion::odometry::THEOREMS,
     motion::pid::THEOREMS,
     motion::wheels::THEOREMS,
+    motion::controller::THEOREMS,
     motion::plausibility::THEOREMS,
     motion::deadline::THEOREMS,
     sensing::rangefinder::THEOREMS,

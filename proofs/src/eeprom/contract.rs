@@ -2,7 +2,7 @@
 //! for granted takes only what is written here.
 
 use fw_core::double::Double;
-use fw_core::eeprom::{check, decode, Config, Gains};
+use fw_core::eeprom::{check, decode, first_board, Config, Gains};
 use fw_core::wire::Mode;
 
 use super::accepted::AcceptedConfig;
@@ -60,12 +60,21 @@ pub fn is_bounded(config: &Config) -> bool {
 // Requirement: WIRE-eeprom-4
 pub fn accepted_configuration_is_bounded(config: AcceptedConfig) -> Seen {
     let AcceptedConfig(config) = config;
-    assert!(check(&config).is_ok());
+    if check(&config).is_err() {
+        return Seen::NOTHING;
+    }
     assert!(is_bounded(&config));
+    let board = first_board();
+    let (gains, battery) = (&config.forward, &config.dividers);
+    let ends = [
+        gains.p.to_scaled(32) == Ok(10_000 << 32),
+        battery[0].upper == 10_000_000,
+        config.platform.track == 20_000,
+        config.platform.stop_deadline == 2_000,
+    ];
     Seen::NOTHING
-        .case(0, config.platform.track == 20_000)
-        .case(1, config.platform.limit_left == 1)
-        .case(2, config.adc_max_word == 1)
+        .case(0, config != board)
+        .case(1, ends.contains(&true))
 }
 
 /// What [`decode`] accepts is bounded: a good image with anything written over two of its fields and
@@ -91,7 +100,11 @@ pub fn decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: 
 
 crate::theorems! {
     T5 accepted_configuration_is_bounded(config: AcceptedConfig) {
-        cases ["the narrowest track", "the weakest motor", "the coarsest ADC"];
+        cases ["other than the first board's", "at the end of a range"];
+        kani any_gains [unwind(66)] = (AcceptedConfig::of_any_gains(),);
+        kani any_battery [unwind(66)] = (AcceptedConfig::of_any_battery(),);
+        kani any_wheels [unwind(66)] = (AcceptedConfig::of_any_wheels(),);
+        kani any_mode [unwind(66)] = (AcceptedConfig::of_any_mode(),);
         sampled 50_000;
     }
     T5 decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: u64) {

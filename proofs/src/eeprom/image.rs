@@ -99,17 +99,26 @@ pub fn accepted_image_is_its_configuration(
         .case(2, decoded.is_err() && !mended)
 }
 
-/// One field of a good image holds `raw`, and the checksum agrees: it is accepted exactly when the
-/// table takes it and the rules hold, and then every other field is as it was.
+/// One field of a good image holds `raw`, and the checksum agrees, or page 0x03 is blank as in the
+/// `original`: it is accepted exactly when the table takes it and the rules hold, and then every other
+/// field is as it was.
 // Requirement: DOC-6.0.2-1, WIRE-eeprom-10
-pub fn field_is_taken_by_its_table(which: u8, raw: u64) -> Seen {
+pub fn field_is_taken_by_its_table(which: u8, raw: u64, original: bool) -> Seen {
     let field = &FIELDS[usize::from(which) % FIELDS.len()];
-    let mut image = first_image(0xFF);
+    let original = original && usize::from(field.address) < PLATFORM;
+    let mut image = [0xFF; IMAGE_LEN];
+    if original {
+        encode_original(&first_board(), &mut image);
+    } else {
+        encode(&first_board(), &mut image);
+    }
     let bytes = raw.to_le_bytes();
     let at = usize::from(field.address);
     let width = field.kind.len();
     image[at..at + width].copy_from_slice(&bytes[..width]);
-    mend(&mut image);
+    if !original {
+        mend(&mut image);
+    }
     let raw = raw & (u64::MAX >> (64 - 8 * width));
     let decoded = decode(&image);
     if let Ok(found) = &decoded {
@@ -190,12 +199,12 @@ crate::theorems! {
         cases ["accepted", "rejected for a field", "rejected for the checksum"];
         sampled 50_000;
     }
-    T3 field_is_taken_by_its_table(which: u8, raw: u64) {
+    T3 field_is_taken_by_its_table(which: u8, raw: u64, original: bool) {
         cases ["taken", "rejected"];
         exhaustive (0..=255_u8).flat_map(|which| {
             [0, 1, 2, 3, 8, 9, 0xFF, 0x1_0000, u64::MAX, 1.0_f64.to_bits()].into_iter()
                 .chain((0..64).map(|bit| 1 << bit))
-                .map(move |raw| (which, raw))
+                .flat_map(move |raw| [(which, raw, false), (which, raw, true)])
         });
         sampled 50_000;
     }

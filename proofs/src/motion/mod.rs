@@ -7,8 +7,10 @@
 //! | [`pid`] | T7: the regulator's limits |
 //! | [`wheels`] | T7: the wheels' limits |
 //! | [`plausibility`] | T14: a wheel that does not do what it is told |
+//! | [`controller`] | T5: the pose controller |
 //! | [`deadline`] | T8: silence stops the robot |
 
+pub mod controller;
 pub mod deadline;
 pub mod odometry;
 pub mod pid;

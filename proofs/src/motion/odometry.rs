@@ -1,5 +1,7 @@
 //! T6: heading and position from the encoders.
 
+#[cfg(kani)]
+use fw_core::eeprom::first_board;
 use fw_core::eeprom::Platform;
 use fw_core::motion::Odometry;
 use fw_core::units::Turns;
@@ -86,6 +88,30 @@ pub fn heading_returns(
         .case(1, away.heading == Turns(0))
 }
 
+/// A tick anywhere and the tick back from there leave the heading as it was, to the last bit, wherever the
+/// counters wrap and however far the wheels turned: what a tick adds depends on its counts alone, and on
+/// their sign by its sign alone. So does any path that is rolled back, and the order is of no
+/// consequence, for all of it is added modulo a turn.
+// Requirement: DOC-4.1-5
+pub fn tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) -> Seen {
+    let Some(config) = config.bounded() else {
+        return Seen::NOTHING;
+    };
+    let mut odometry = Odometry::new(&config.platform, from.0, from.1);
+    let there = odometry.step(to.0, to.1);
+    let away = odometry.pose().heading;
+    let _ = odometry.step(from.0, from.1);
+    // What has no opposite of its size is not undone: half of the counters' range.
+    if there.left == i32::MIN || there.right.abs() == 1 << 15 {
+        return Seen::NOTHING;
+    }
+    assert!(odometry.pose().heading == Turns(0));
+    Seen::NOTHING
+        .case(0, away != Turns(0))
+        .case(1, to.0 < from.0 && there.left < 0)
+        .case(2, to.1 < from.1 && there.right > 0)
+}
+
 /// One tick's way, for any two counts a wheel can make in it, against the document's exact arc in
 /// binary64 (4.3 to 4.7): within a millionth of a millimetre, the heading within 2⁻³² turns.
 // Requirement: DOC-4.1-3
@@ -136,9 +162,12 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
 }
 
 /// Any counters at any time, on any accepted platform, and nothing overflows.
-pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 3]) -> Seen {
-    let mut odometry = Odometry::new(&config.0.platform, 0, 0);
-    for (left, right) in counters {
+pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
+    let Some(config) = config.bounded() else {
+        return Seen::NOTHING;
+    };
+    let mut odometry = Odometry::new(&config.platform, 0, 0);
+    for (left, right) in counters.into_iter().take(usize::from(ticks % 9)) {
         let delta = odometry.step(left, right);
         assert!(delta.right.abs() <= 32_768);
     }
@@ -159,14 +188,21 @@ crate::theorems! {
         needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }
+    T6 tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) {
+        cases ["it had turned", "the left counter wrapped", "the right one fell"];
+        needs [accepted_configuration_is_bounded];
+        sampled 100_000;
+    }
     T6 step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) {
         cases ["turns faster than anything does", "straight on", "a sharp turn"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
-    T5 any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 3]) {
+    T5 any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) {
         cases ["far ahead", "far behind"];
         needs [accepted_configuration_is_bounded];
+        kani on_first_board [unwind(66)] = (AcceptedConfig(first_board()), any(), 1);
+        kani any_diameters [unwind(66)] = (AcceptedConfig::of_any_diameters(), any(), 1);
         sampled 100_000;
     }
 }

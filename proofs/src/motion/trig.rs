@@ -43,15 +43,17 @@ pub fn sine_and_cosine_are_accurate(block: u32) -> Seen {
         .case(1, worst_cosine > ERROR / 2.0)
 }
 
-/// A quarter turn more swaps sine and cosine and changes a sign, exactly: what holds in the reduced
-/// range holds all around.
+/// A quarter turn more swaps sine and cosine and changes a sign, exactly, and so three times on: what
+/// holds in the reduced range holds all around. The phases below a quarter turn make all phases.
 pub fn quarter_turn_only_swaps(phase: Turns) -> Seen {
     let (sine, cosine) = sin_cos(phase);
-    let quarter = Turns(phase.0.wrapping_add(1 << 30));
-    assert!(sin_cos(quarter) == (cosine, -sine));
+    let further = |quarters: u32| sin_cos(Turns(phase.0.wrapping_add(quarters << 30)));
+    assert!(further(1) == (cosine, -sine));
+    assert!(further(2) == (-sine, -cosine));
+    assert!(further(3) == (-cosine, sine));
     Seen::NOTHING
-        .case(0, quarter.0 < phase.0)
-        .case(1, sine == i32::MAX)
+        .case(0, phase.0 >> 29 == 1)
+        .case(1, cosine == i32::MAX)
 }
 
 /// The direction of a vector is within 8e-6 turns of the true one, at every length.
@@ -76,8 +78,8 @@ crate::theorems! {
         exhaustive (0..1 << 20).map(|block: u32| (block.wrapping_sub(1 << 19),));
     }
     T6 quarter_turn_only_swaps(phase: Turns) {
-        cases ["the fourth quarter", "a full sine"];
-        stepped (0..=u32::MAX).step_by(251).chain([1 << 30]).map(|phase| (Turns(phase),));
+        cases ["beyond an eighth of a turn", "a full cosine"];
+        exhaustive (0..1 << 30).map(|phase| (Turns(phase),));
     }
     T6 direction_is_accurate(x: i64, y: i64) {
         cases ["no vector", "the longest", "a short one"];

@@ -36,6 +36,17 @@ impl Driven {
         right: 0,
     };
 
+    /// At three quarters of full drive, just until what was learned counts for the first time.
+    #[cfg(kani)]
+    const fn far_enough(left: i16, right: i16) -> Self {
+        Self {
+            ticks: 22,
+            forward: 75 << 16,
+            left,
+            right,
+        }
+    }
+
     fn mixer(&self, platform: &Platform) -> Mixer {
         let mut mixer = Mixer::new(platform);
         let delta = Delta {
@@ -49,6 +60,12 @@ impl Driven {
         }
         mixer
     }
+}
+
+/// A platform that keeps what an accepted one does, and its mixer, driven so.
+fn driven_on(config: AcceptedConfig, driven: Driven) -> Option<(Platform, Mixer)> {
+    let platform = config.bounded()?.platform;
+    Some((platform, driven.mixer(&platform)))
 }
 
 impl Input for Driven {
@@ -97,8 +114,14 @@ fn limits(platform: &Platform) -> [i32; 2] {
     [platform.limit_left.into(), platform.limit_right.into()]
 }
 
+/// A share is a quarter at least and 1 at most, and the weaker wheel's is 1.
+fn shares_are_in_range(mixer: &Mixer) -> bool {
+    let (left, right) = mixer.shares();
+    left.min(right) >= I16F16::ONE / 4 && left.max(right) == I16F16::ONE
+}
+
 /// No output, however large, is a duty beyond its wheel's limit, whatever has been learned of the
-/// wheels; no output at all is a duty of zero.
+/// wheels, and that is a share in its range; no output at all is a duty of zero.
 // Requirement: WIRE-eeprom-6
 pub fn duty_keeps_its_wheels_limit(
     config: AcceptedConfig,
@@ -106,11 +129,13 @@ pub fn duty_keeps_its_wheels_limit(
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    let platform = &config.0.platform;
-    let mut mixer = driven.mixer(platform);
+    let Some((platform, mut mixer)) = driven_on(config, driven) else {
+        return Seen::NOTHING;
+    };
+    assert!(shares_are_in_range(&mixer));
     let wheels = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
-    let duties = duties(wheels, platform);
-    let [left, right] = limits(platform);
+    let duties = duties(wheels, &platform);
+    let [left, right] = limits(&platform);
     assert!(duties[0].abs() <= left && duties[1].abs() <= right);
     if forward == 0 && rotation == 0 {
         assert!(duties[0] == 0 && duties[1] == 0);
@@ -130,10 +155,11 @@ pub fn raw_duty_is_what_was_asked(
     left: i32,
     right: i32,
 ) -> Seen {
-    let platform = &config.0.platform;
-    let mut mixer = driven.mixer(platform);
-    let duties = duties(mixer.raw(left, right), platform);
-    for ((asked, limit), duty) in [left, right].into_iter().zip(limits(platform)).zip(duties) {
+    let Some((platform, mut mixer)) = driven_on(config, driven) else {
+        return Seen::NOTHING;
+    };
+    let duties = duties(mixer.raw(left, right), &platform);
+    for ((asked, limit), duty) in [left, right].into_iter().zip(limits(&platform)).zip(duties) {
         assert!(duty == asked.clamp(-limit, limit));
     }
     assert!(mixer.brake() == Wheels::BRAKE);
@@ -154,11 +180,12 @@ pub fn compensation_is_monotone(
     if less > more {
         return Seen::NOTHING;
     }
-    let platform = &config.0.platform;
-    let mixer = driven.mixer(platform);
+    let Some((platform, mixer)) = driven_on(config, driven) else {
+        return Seen::NOTHING;
+    };
     let straight = |output: i32| {
         let wheels = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
-        duties(wheels, platform)
+        duties(wheels, &platform)
     };
     let (low, high) = (straight(less), straight(more));
     assert!(low[0] <= high[0] && low[1] <= high[1]);
@@ -167,7 +194,7 @@ pub fn compensation_is_monotone(
         i32::from(platform.dead_zone_right),
     ];
     // A wheel's share is a quarter at least, and both must have the room.
-    let roomy = limits(platform)
+    let roomy = limits(&platform)
         .into_iter()
         .zip(dead_zones)
         .all(|(limit, dead_zone)| limit - dead_zone >= 400);
@@ -190,12 +217,14 @@ pub fn rotation_goes_first(
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    let platform = Platform {
-        dead_zone_left: 0,
-        dead_zone_right: 0,
-        ..config.0.platform
+    let AcceptedConfig(mut config) = config;
+    (
+        config.platform.dead_zone_left,
+        config.platform.dead_zone_right,
+    ) = (0, 0);
+    let Some((platform, mut mixer)) = driven_on(AcceptedConfig(config), driven) else {
+        return Seen::NOTHING;
     };
-    let mut mixer = driven.mixer(&platform);
     let (left_share, right_share) = mixer.shares();
     let shares = [left_share.to_bits(), right_share.to_bits()].map(i64::from);
     let wheels = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
@@ -246,9 +275,8 @@ pub fn shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) -> Seen
         if kind % 16 == 0 {
             let _ = mixer.brake();
         }
+        assert!(shares_are_in_range(&mixer));
         let (left, right) = mixer.shares();
-        let quarter = I16F16::ONE / 4;
-        assert!(left.min(right) >= quarter && left.max(right) == I16F16::ONE);
         learned |= left != right;
     }
     let (left, right) = mixer.shares();
@@ -258,14 +286,24 @@ pub fn shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) -> Seen
         .case(2, right < I16F16::ONE)
 }
 
+/// The first board's dead zones and any limits.
+#[cfg(kani)]
+fn of_any_limits() -> AcceptedConfig {
+    let mut config = first_board();
+    config.platform.limit_left = crate::input::any();
+    config.platform.limit_right = crate::input::any();
+    AcceptedConfig(config)
+}
+
 crate::theorems! {
     T7 duty_keeps_its_wheels_limit(
         config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
         cases ["at a limit", "on the spot", "nothing asked"];
         needs [accepted_configuration_is_bounded, shares_keep_their_range];
-        kani unlearned [unwind(4)] =
-            (AcceptedConfig(first_board()), Driven::NOT, any(), any());
+        kani any_limits [unwind(4)] = (of_any_limits(), Driven::NOT, any(), any());
+        kani any_shares [unwind(24)] =
+            (AcceptedConfig(first_board()), Driven::far_enough(any(), any()), any(), any());
         sampled 100_000;
     }
     T7 raw_duty_is_what_was_asked(
@@ -273,8 +311,8 @@ crate::theorems! {
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
         needs [accepted_configuration_is_bounded];
-        kani unlearned [unwind(4)] =
-            (AcceptedConfig(first_board()), Driven::NOT, any(), any());
+        kani any_platform [unwind(4)] =
+            (AcceptedConfig::of_any_platform(), Driven::NOT, any(), any());
         sampled 100_000;
     }
     T7 compensation_is_monotone(

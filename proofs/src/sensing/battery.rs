@@ -224,6 +224,25 @@ pub fn any_divider_is_safe(
         .case(2, lower == 0 || largest == 0)
 }
 
+/// Whatever a divider's resistors are, accepted or not, and whatever the Pi says stands in for the cell: tuning
+/// overflows nothing, and finds a resistor unless there is nothing to compare.
+pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
+    let (upper, lower) = ohms;
+    let mut config = first_board();
+    config.cells = 1;
+    config.dividers[0] = Divider { upper, lower };
+    let mut battery = Battery::new(&config);
+    battery.sample(&[word]);
+    let shown = battery.cell(0).unwrap_or_default();
+    let tuned = battery.tune(0, Volts(U16F16::from_bits(reference)));
+    assert!(tuned.is_none() == (reference == 0 || shown == Volts::default()));
+    assert!(battery.tune(1, shown).is_none());
+    Seen::NOTHING
+        .case(0, tuned.is_none())
+        .case(1, tuned.is_some_and(|tuned| tuned > upper))
+        .case(2, tuned == Some(0))
+}
+
 crate::theorems! {
     T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
         cases ["a cell beside one of 0 V", "eight cells"];
@@ -260,6 +279,11 @@ crate::theorems! {
         full_scale: Double, largest: u32, ohms: (u32, u32), words: [u16; 2]
     ) {
         cases ["beyond what a voltage can say", "a voltage", "a division by nothing"];
+        kani proof [unwind(66)];
+        sampled 200_000;
+    }
+    T5 any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) {
+        cases ["nothing to compare", "a larger resistor", "no resistor"];
         kani proof [unwind(66)];
         sampled 200_000;
     }

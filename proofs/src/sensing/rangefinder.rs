@@ -261,6 +261,7 @@ crate::theorems! {
     }
     T9 code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, width: u32) {
         cases ["nothing", "a distance", "almost 2500 mm"];
+        kani proof [unwind(4)];
         exhaustive (0..=(1 << 20) + 2).map(|width| (Micros(0), 400, width));
     }
     T9 distance_is_monotone(width: u32) {

@@ -1,0 +1,84 @@
+//! T5: the pose controller, wherever the robot is told that it is and should be.
+
+use fixed::types::{I16F16, I32F32};
+#[cfg(kani)]
+use fw_core::eeprom::first_board;
+use fw_core::motion::{Controller, Delta, Wheels};
+use fw_core::robot::Drive;
+use fw_core::units::{Millimetres, Pose, Turns};
+
+use crate::eeprom::accepted::AcceptedConfig;
+use crate::input::{Input, Source};
+use crate::theorem::Seen;
+
+/// A tick as the controller sees it: where the robot is and what its wheels did, in agreement or not.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tick {
+    pose: Pose,
+    delta: Delta,
+}
+
+impl Input for Pose {
+    fn draw(source: &mut impl Source) -> Self {
+        let mut length = || Millimetres(I32F32::from_bits(Input::draw(source)));
+        Self {
+            x: length(),
+            y: length(),
+            heading: Turns::draw(source),
+        }
+    }
+}
+
+impl Input for Tick {
+    fn draw(source: &mut impl Source) -> Self {
+        Self {
+            pose: Input::draw(source),
+            delta: Delta {
+                left: Input::draw(source),
+                right: i16::draw(source).into(),
+                travel: I16F16::from_bits(Input::draw(source)),
+                turn: Input::draw(source),
+            },
+        }
+    }
+}
+
+/// A robot that was just told its target, whatever that is, then sees itself anywhere, after wheels that did
+/// anything, tick by tick: nothing overflows, nothing is divided by nothing, and the motors either both
+/// brake or both run.
+pub fn any_pose_is_safe(
+    config: AcceptedConfig,
+    target: Pose,
+    ticks: [(Tick, ()); 8],
+    count: u8,
+) -> Seen {
+    let Some(config) = config.bounded() else {
+        return Seen::NOTHING;
+    };
+    let mut controller = Controller::new(&config);
+    controller.set_target(target);
+    assert!(controller.moving());
+    let mut seen = Seen::NOTHING;
+    for (tick, ()) in ticks.into_iter().take(usize::from(count % 9)) {
+        let wheels = controller.drive(&tick.pose, &tick.delta);
+        let brakes = wheels == Wheels::BRAKE;
+        let runs = |drive: Drive| matches!(drive, Drive::Run(_));
+        assert!(brakes || runs(wheels.left) && runs(wheels.right));
+        seen = seen
+            .case(0, brakes)
+            .case(1, !brakes && tick.pose.x.0 < -1_000)
+            .case(2, !brakes && tick.delta.left == i32::MIN);
+    }
+    seen
+}
+
+crate::theorems! {
+    T5 any_pose_is_safe(
+        config: AcceptedConfig, target: Pose, ticks: [(Tick, ()); 8], count: u8
+    ) {
+        cases ["there already", "far behind", "counts that no wheel makes"];
+        needs [accepted_configuration_is_bounded];
+        kani on_first_board [unwind(10)] = (AcceptedConfig(first_board()), any(), any(), 1);
+        sampled 100_000;
+    }
+}
