@@ -26,7 +26,7 @@ pub enum Found {
 
 impl Tool {
     /// Looks for it, without building anything.
-    pub fn installed(&self, place: &Place) -> Option<Found> {
+    fn installed(&self, place: &Place) -> Option<Found> {
         let ask = [self.subcommand, "--version"];
         if shell::ask(place.cargo().args(ask)).is_some() {
             return Some(Found::Machine);

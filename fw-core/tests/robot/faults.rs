@@ -39,20 +39,3 @@ fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
     }
     assert!(lost(&bench), "new ones count anew");
 }
-
-// Requirement: WIRE-spi-3, WIRE-fault-2
-#[test]
-fn lost_frames_are_counted_told_and_a_fault() {
-    let mut bench = Bench::new(Mode::GuardedNormal, |_| {});
-    assert_eq!(bench.robot.faults() & fault::FRAME_REJECTED, 0);
-    bench.robot.on_lost_frames(3, &mut bench.log);
-    assert_eq!(bench.robot.counters().overrun, 3);
-    assert_eq!(bench.robot.counters().frames(), 3);
-    let told = bench.said();
-    assert!(
-        told.contains(": 3 frames came too fast and were lost\n"),
-        "{told}"
-    );
-    let report = bench.frame(&Command::default());
-    assert_ne!(report.faults & fault::FRAME_REJECTED, 0);
-}

@@ -4,7 +4,7 @@ use super::*;
 use crate::log::tests::transmitted;
 use crate::sensing::rangefinder::Echo;
 
-// Requirement: WIRE-spi-3
+// Requirement: WIRE-spi-3, WIRE-fault-2
 #[test]
 fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
     let mut bench = Bench::new(Mode::GuardedNormal);
@@ -13,12 +13,15 @@ fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
     bench.robot.on_lost_frames(2, &mut bench.log);
     let counters = bench.robot.counters();
     assert_eq!((counters.overrun, counters.accepted), (5, 1));
+    assert_eq!(counters.frames(), 6);
     assert_eq!(bench.robot.faults(), fault::FRAME_REJECTED);
     assert_eq!(
         bench.log(),
         "W00000: 3 frames came too fast and were lost\n\
          W00001: 2 frames came too fast and were lost\n"
     );
+    let report = bench.frame(&Command::default());
+    assert_eq!(report.faults, fault::FRAME_REJECTED, "the Pi is told");
 }
 
 #[test]
