@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::pose::Place;
 use crate::snapshot::Snapshot;
 use fw_core::eeprom::Config;
-use mapper::{picture, ros, Mapper, Mount};
+use mapper::{map_plot, ros, Mapper, Mount};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -123,7 +123,7 @@ impl Survey {
         let believed: Vec<mapper::Pose> = self.trace.iter().map(|&place| pose(place)).collect();
         let grid = self.mapper.grid();
         let png =
-            picture::trajectory(grid, &believed, &[], &[]).map_err(|cause| Error::Unwritable {
+            map_plot::trajectory(grid, &believed, &[], &[]).map_err(|cause| Error::Unwritable {
                 path: files.png.clone(),
                 cause: cause.to_string(),
             })?;

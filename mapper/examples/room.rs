@@ -5,7 +5,7 @@
 #[path = "../tests/drive/mod.rs"]
 mod drive;
 
-use mapper::{map_iou, picture, ros};
+use mapper::{map_iou, map_plot, ros};
 use plant::{Params, Room};
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -19,10 +19,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let drive = drive::tour(&Room::two_rooms(), Params::default(), seed);
     let grid = drive.mapper.grid();
     fs::create_dir_all(&folder)?;
-    fs::write(folder.join("map.png"), picture::map(grid)?)?;
+    fs::write(folder.join("map.png"), map_plot::map(grid)?)?;
     fs::write(folder.join("map.pgm"), ros::pgm(grid))?;
     fs::write(folder.join("map.yaml"), ros::yaml(grid, "map.pgm"))?;
-    let overlay = picture::trajectory(grid, &drive.believed, &drive.truth, &drive.walls)?;
+    let overlay = map_plot::trajectory(grid, &drive.believed, &drive.truth, &drive.walls)?;
     fs::write(folder.join("trajectory.png"), overlay)?;
     println!(
         "path {:.1} m in {:.0} s",

@@ -1,6 +1,6 @@
 //! From reports to the map.
 
-use crate::filter::{Filter, Gate, Reading, Verdict};
+use crate::range_filter::{Filter, Gate, Reading, Verdict};
 use crate::{Cone, Grid, Mount, Pose};
 
 /// How a map is made.

@@ -3,12 +3,12 @@
 use std::error::Error;
 
 use plant::{Pose, Room};
-use twin::measure::{Event, What};
-use twin::parts::spi_master::pack;
+use twin::components::spi_master::pack;
+use twin::trace::{Event, What};
 use twin::{Options, Step};
 
-use crate::document::{image_in_mode, normal_frame, NormalReply, KEY_STM};
-use crate::rig::{Rig, TIM5_CCR1};
+use crate::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
+use crate::test_board::{Rig, TIM5_CCR1};
 
 /// The tick's period, nanoseconds.
 pub const TICK_NS: u64 = 10_000_000;

@@ -1,7 +1,7 @@
 //! Boot: a good, a blank, a corrupt, an absent EEPROM, a stuck bus, a dead crystal.
 
-use robot_tests::document::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
-use robot_tests::rig::Rig;
+use robot_tests::reference::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
+use robot_tests::test_board::Rig;
 use twin::Options;
 
 /// What every refusal to start must look like, however long one waits and whatever one sends.

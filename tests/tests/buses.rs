@@ -1,9 +1,9 @@
 //! How the STM serves its buses, by its registers and by what is on the wires.
 
 use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
-use robot_tests::document::{normal_frame, original_image, NormalReply, KEY_STM};
-use robot_tests::rig::Rig;
-use twin::measure::What;
+use robot_tests::reference::{normal_frame, original_image, NormalReply, KEY_STM};
+use robot_tests::test_board::Rig;
+use twin::trace::What;
 use twin::Options;
 
 /// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the

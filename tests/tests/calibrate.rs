@@ -14,8 +14,8 @@ use host_link::pose::Place;
 use host_link::session::Session;
 use host_link::settings::decode;
 use host_link::virtual_board::{machine, VirtualWires};
-use robot_tests::document::original_image;
-use robot_tests::rig::Rig;
+use robot_tests::reference::original_image;
+use robot_tests::test_board::Rig;
 use twin::plant::{Chassis, Params, Room, Sides};
 use twin::Options;
 

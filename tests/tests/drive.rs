@@ -1,7 +1,7 @@
 //! Driving to a pose with the real, unequal motors: 5 mm and 1° at rest.
 
-use robot_tests::document::{normal_frame, original_image};
-use robot_tests::rig::Rig;
+use robot_tests::reference::{normal_frame, original_image};
+use robot_tests::test_board::Rig;
 use twin::plant::Room;
 use twin::Options;
 

@@ -16,8 +16,8 @@ use host_link::machine::{Interrupt, Machine};
 use host_link::session::Session;
 use host_link::settings::Settings;
 use host_link::virtual_board::{self, VirtualWires};
-use robot_tests::mishap::{with_mishap, Calls, Died, Mishap};
-use robot_tests::rig::Rig;
+use robot_tests::io_faults::{with_mishap, Calls, Died, Mishap};
+use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;
@@ -102,7 +102,11 @@ impl Bench {
         });
         let (protected, owner) = lines.expect("the emulation runs");
         assert!(protected, "unprotected after {mishap:?}");
-        assert_eq!(owner, twin::parts::i2c_bus::Side::Stm, "after {mishap:?}");
+        assert_eq!(
+            owner,
+            twin::components::i2c_bus::Side::Stm,
+            "after {mishap:?}"
+        );
     }
 
     /// The STM runs, by the image that is there: both ends speak its mode.

@@ -3,10 +3,10 @@
 
 use fw_core::eeprom::{encode, first_board, Config, IMAGE_LEN};
 use fw_core::wire::{fault, Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_FRAME};
-use robot_tests::rig::{Rig, TIM5_CCR1};
-use twin::measure::What;
-use twin::parts::mpu6050::Mpu6050;
+use robot_tests::test_board::{Rig, TIM5_CCR1};
+use twin::components::mpu6050::Mpu6050;
 use twin::plant::Room;
+use twin::trace::What;
 use twin::{Mpu6050Fault, Mpu6050Params, Options};
 
 /// A robot in Guarded Normal and its Pi.

@@ -6,9 +6,9 @@
 
 use fw_core::eeprom;
 use fw_core::wire::{Command, Order, PiLink, PoseCode, Setup, MAX_FRAME};
-use robot_tests::document::image_in_mode;
-use robot_tests::rig::Rig;
-use twin::parts::spi_master::pack;
+use robot_tests::reference::image_in_mode;
+use robot_tests::test_board::Rig;
+use twin::components::spi_master::pack;
 use twin::Step;
 
 /// Frames that the test sends unless [`MORE`] says otherwise.

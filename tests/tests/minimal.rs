@@ -2,8 +2,8 @@
 
 use fw_core::eeprom::{encode, first_board, Config, IMAGE_LEN};
 use fw_core::wire::Mode;
-use robot_tests::document::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
-use robot_tests::rig::{elf, Rig, ELF_MINIMAL};
+use robot_tests::reference::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
+use robot_tests::test_board::{elf, Rig, ELF_MINIMAL};
 use twin::Options;
 
 fn minimal(image: Vec<u8>) -> Rig {

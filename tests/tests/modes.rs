@@ -8,7 +8,7 @@ use host_link::mode;
 use host_link::session::{Session, Wish, RATE_HZ, STRANGER_FRAMES};
 use host_link::settings::Settings;
 use host_link::virtual_board;
-use robot_tests::rig::Rig;
+use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;

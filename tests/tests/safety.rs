@@ -3,9 +3,9 @@
 use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
 use fw_core::robot::leds;
 use fw_core::wire::State;
-use robot_tests::document::{normal_frame, original_image, NormalReply};
-use robot_tests::rig::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
+use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
+use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
 use twin::{Board, Options, ResetBy};
 
 fn driving() -> Rig {

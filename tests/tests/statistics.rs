@@ -7,7 +7,7 @@ use host_link::machine::Interrupt;
 use host_link::session::{Session, Wish, RATE_HZ};
 use host_link::settings::Settings;
 use host_link::virtual_board;
-use robot_tests::rig::Rig;
+use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
 /// Frames in two seconds and a half: with them come a line of the log that tells of the pause, and

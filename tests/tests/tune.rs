@@ -6,8 +6,8 @@ use host_link::session::Session;
 use host_link::tune::{battery, fit, mode, step, Axis};
 use host_link::virtual_board::machine;
 use plant::MotorParams;
-use robot_tests::document::original_image;
-use robot_tests::rig::Rig;
+use robot_tests::reference::original_image;
+use robot_tests::test_board::Rig;
 use twin::plant::Room;
 use twin::Options;
 

@@ -8,19 +8,19 @@ use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
 use rigless::soc::Width;
 
-use crate::emulation::{Debugger, Emulation, Ended, Scene};
-use crate::faults::Disturbance;
-use crate::machine::{Robot, VirtualBoard};
-use crate::measure::{code, Code, Event, Function, NoFunction};
-use crate::parts::bridge;
-use crate::parts::eeprom::Eeprom;
-use crate::parts::i2c_bus::{I2cBus, SharedBus, Side};
-use crate::parts::mpu6050::{Mpu6050, Mpu6050Params};
-use crate::parts::spi_master::Step;
-use crate::parts::uart::LogByte;
-use crate::report::Unmodelled;
-use crate::surroundings::{OutputChange, Ping, Surroundings};
-use crate::wiring;
+use crate::board_model::{OutputChange, Ping, Surroundings};
+use crate::components::bridge;
+use crate::components::eeprom::Eeprom;
+use crate::components::i2c_bus::{I2cBus, SharedBus, Side};
+use crate::components::mpu6050::{Mpu6050, Mpu6050Params};
+use crate::components::spi_master::Step;
+use crate::components::uart_receiver::LogByte;
+use crate::emulator::{Debugger, Emulation, Ended, Scene};
+use crate::fault_injection::Disturbance;
+use crate::pinout;
+use crate::trace::{code, Code, Event, Function, NoFunction};
+use crate::unmodelled::Unmodelled;
+use crate::virtual_board::{Robot, VirtualBoard};
 
 /// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
 /// the default room.
@@ -268,7 +268,7 @@ impl Board {
                 at_ns: scene.now,
                 pose,
                 wheel_deg_s,
-                duty: (duty(wiring::LEFT_BRIDGE), duty(wiring::RIGHT_BRIDGE)),
+                duty: (duty(pinout::LEFT_BRIDGE), duty(pinout::RIGHT_BRIDGE)),
                 battery_v: around.world.battery_taps(),
                 path_mm: around.world.path_mm(),
                 collisions: around.world.collisions(),
@@ -328,7 +328,7 @@ impl Board {
     pub fn leds(&self) -> u8 {
         self.robot(|robot| {
             (0..)
-                .zip(wiring::LEDS)
+                .zip(pinout::LEDS)
                 .filter(|&(_, pin)| robot.chip.output(pin) == Some(Level::Low))
                 .fold(0, |lit, (nth, _)| lit | 1 << nth)
         })
@@ -445,7 +445,7 @@ impl Board {
         .ok_or_else(|| Ended(format!("no memory at {address:#x}")))
     }
 
-    /// Follows every run through the function `name` from now on: [`crate::measure`].
+    /// Follows every run through the function `name` from now on: [`crate::trace`].
     ///
     /// # Errors
     /// When the firmware has no such function.
@@ -462,7 +462,7 @@ impl Board {
         Ok(function)
     }
 
-    /// Follows every instruction of the firmware from now on: [`crate::measure::shares`]. Slow.
+    /// Follows every instruction of the firmware from now on: [`crate::trace::shares`]. Slow.
     ///
     /// # Errors
     /// When the firmware's ELF file cannot be read.

@@ -23,12 +23,12 @@
 //! |---|---|
 //! | [`board`] | the handle: boot, let time pass, look |
 //! | [`hal`] | the Pi's SPI, I2C, GPIO and delay as embedded-hal 1.0 |
-//! | [`faults`] | what can go wrong |
-//! | [`measure`] | instructions and times of functions and wires |
-//! | [`report`] | what no model covers |
-//! | [`emulation`] | the emulator on its thread |
-//! | [`machine`], [`part`], [`devices`] | the STM32F411: `rigless`'s models, and ours for what it has none |
-//! | [`surroundings`], [`parts`], [`wiring`] | the board |
+//! | [`fault_injection`] | what can go wrong |
+//! | [`trace`] | instructions and times of functions and wires |
+//! | [`unmodelled`] | what no model covers |
+//! | [`emulator`] | the emulator on its thread |
+//! | [`virtual_board`], [`soc`], [`peripherals`] | the STM32F411: `rigless`'s models, and ours for what it has none |
+//! | [`board_model`], [`components`], [`pinout`] | the board |
 //!
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
@@ -48,25 +48,25 @@
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9 to TIM11, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and every access is reported by [`Board::unmodelled`].
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
-//! - The MPU6050's accelerometers, other axes, temperature and FIFO ([`parts::mpu6050`]).
+//! - The MPU6050's accelerometers, other axes, temperature and FIFO ([`components::mpu6050`]).
 #![forbid(unsafe_code)]
 
 pub mod board;
-pub mod devices;
-pub mod emulation;
-pub mod faults;
+pub mod board_model;
+pub mod components;
+pub mod emulator;
+pub mod fault_injection;
 pub mod hal;
-pub mod machine;
-pub mod measure;
-pub mod part;
-pub mod parts;
-pub mod report;
-pub mod surroundings;
-pub mod wiring;
+pub mod peripherals;
+pub mod pinout;
+pub mod soc;
+pub mod trace;
+pub mod unmodelled;
+pub mod virtual_board;
 
 pub use board::{Board, Options, Reset, ResetBy, Truth};
-pub use emulation::{Debugger, Ended};
-pub use faults::{Disturbance, Faults};
-pub use parts::mpu6050::{Mpu6050Fault, Mpu6050Params};
-pub use parts::spi_master::Step;
+pub use components::mpu6050::{Mpu6050Fault, Mpu6050Params};
+pub use components::spi_master::Step;
+pub use emulator::{Debugger, Ended};
+pub use fault_injection::{Disturbance, Faults};
 pub use plant;

@@ -6,7 +6,7 @@ use super::record::Sample;
 use super::Axis;
 use crate::eeprom::image;
 use crate::error::Error;
-use mapper::chart::{draw, Curve, Panel};
+use mapper::line_plot::{draw, Curve, Panel};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

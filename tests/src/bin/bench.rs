@@ -9,7 +9,7 @@ use std::error::Error;
 use std::{env, fs};
 
 use object::{Object, ObjectSymbol};
-use twin::measure::spans;
+use twin::trace::spans;
 use twin::{Board, Options};
 
 /// Longest the ELF may take, microseconds of virtual time.

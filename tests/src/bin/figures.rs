@@ -11,12 +11,12 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 use object::{Object, ObjectSection, ObjectSegment, SectionKind};
-use robot_tests::document::{crc16, image_in_mode, normal_frame, NormalReply, KEY_PI, KEY_STM};
-use robot_tests::rig::{Rig, READY_US, TIM5_CCR1};
+use robot_tests::reference::{crc16, image_in_mode, normal_frame, NormalReply, KEY_PI, KEY_STM};
 use robot_tests::speed::{burst, endurance, tears, Endurance, GAP_NS, NORMAL, SETUP_NS, TICK_NS};
 use robot_tests::stack::Stack;
+use robot_tests::test_board::{Rig, READY_US, TIM5_CCR1};
 use serde::Serialize;
-use twin::measure::{shares, spans, without, Event, Span, What};
+use twin::trace::{shares, spans, without, Event, Span, What};
 use twin::Options;
 
 /// The control register of the stream that feeds SPI1 (RM0383, 9.5.5): bit 0 enables it.
@@ -380,7 +380,7 @@ impl Bench {
             .board
             .outputs()
             .into_iter()
-            .find(|change| change.pin == twin::wiring::READY && change.level)
+            .find(|change| change.pin == twin::pinout::READY && change.level)
             .ok_or("READY never rose")?;
         Ok(ready.at.div_ceil(1000))
     }
@@ -539,7 +539,7 @@ fn lossless(rig: &Rig, hz: u64, period: u64, rate: u64) -> Result<bool, Box<dyn 
     let mut last = None;
     for _ in 0..10 {
         let bits = rig.board.spi_raw(burst(&frame, hz, period, rate / 10))?;
-        for bytes in twin::parts::spi_master::pack(&bits).chunks(frame.len()) {
+        for bytes in twin::components::spi_master::pack(&bits).chunks(frame.len()) {
             let reply = NormalReply::of(bytes);
             // The cells take turns: the same one again is an old reply.
             let fresh = last.replace(reply.cell) != Some(reply.cell);

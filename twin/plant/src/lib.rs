@@ -15,7 +15,7 @@
 
 mod battery;
 mod chassis;
-mod contact;
+mod collision;
 mod encoder;
 mod faults;
 mod motor;
@@ -28,7 +28,7 @@ mod world;
 
 pub use battery::{Battery, BatteryParams, Divider};
 pub use chassis::Chassis;
-pub use contact::Collision;
+pub use collision::Collision;
 pub use faults::Faults;
 pub use motor::{Motor, MotorInput, MotorParams};
 pub use pose::Pose;

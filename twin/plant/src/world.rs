@@ -1,6 +1,6 @@
 //! The physical world of one robot: everything that moves when time passes.
 
-use crate::contact::{Collision, Contact};
+use crate::collision::{Collision, Contact};
 use crate::encoder::Encoder;
 use crate::faults::Faults;
 use crate::{

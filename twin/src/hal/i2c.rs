@@ -5,8 +5,8 @@ use embedded_hal::i2c::{
 };
 
 use crate::board::Board;
-use crate::emulation::Ended;
-use crate::parts::i2c_bus::Side;
+use crate::components::i2c_bus::Side;
+use crate::emulator::Ended;
 
 /// Nanoseconds of a bit at 400 kHz.
 const BIT_NS: u64 = 2_500;
@@ -138,7 +138,7 @@ impl I2cTrait for I2c {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parts::eeprom::{ADDRESS, WRITE_CYCLE_NS};
+    use crate::components::eeprom::{ADDRESS, WRITE_CYCLE_NS};
     use crate::Options;
     use embedded_hal::digital::OutputPin;
 

@@ -2,13 +2,13 @@
 //! delays alone.
 
 mod delay;
+mod gpio;
 mod i2c;
-mod pins;
 mod spi;
 
 pub use delay::Delay;
+pub use gpio::{Line, Pin, PinError};
 pub use i2c::{I2c, I2cError};
-pub use pins::{Line, Pin, PinError};
 pub use spi::{Spi, SpiError, SpiTiming};
 
 use crate::board::Board;

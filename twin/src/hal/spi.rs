@@ -3,8 +3,8 @@
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation, SpiDevice};
 
 use crate::board::Board;
-use crate::emulation::Ended;
-use crate::parts::spi_master::{pack, Step};
+use crate::components::spi_master::{pack, Step};
+use crate::emulator::Ended;
 
 /// The timing of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,8 +6,8 @@
 //! argument.
 #![forbid(unsafe_code)]
 
+mod pose_error;
 mod report;
-mod trail;
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -23,10 +23,10 @@ use host_link::settings::Settings;
 use host_link::statistics::Statistics;
 use host_link::survey::{mapper_config, Look, Survey};
 use host_link::virtual_board::{self, VirtualWires};
-use mapper::{map_iou, picture, Agreement, Segment};
+use mapper::{map_iou, map_plot, Agreement, Segment};
+use pose_error::Trail;
 use report::Report;
 use robot_tests::stack::Stack;
-use trail::Trail;
 use twin::plant::Room;
 use twin::{Board, Options};
 
@@ -256,9 +256,9 @@ fn draw(
     let walls = segments(&room.seen_from_start());
     let grid = drive.survey.mapper().grid();
     drive.survey.save_map(&out.join("map"))?;
-    fs::write(out.join("map.png"), picture::map(grid)?)?;
+    fs::write(out.join("map.png"), map_plot::map(grid)?)?;
     let trajectory =
-        picture::trajectory(grid, &drive.trail.believed, &drive.trail.true_path, &walls)?;
+        map_plot::trajectory(grid, &drive.trail.believed, &drive.trail.true_path, &walls)?;
     fs::write(out.join("trajectory.png"), trajectory)?;
     fs::write(out.join("uart.log"), board.uart())?;
     Ok(map_iou(grid, &walls, TOLERANCE_MM))

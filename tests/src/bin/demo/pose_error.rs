@@ -1,0 +1,106 @@
+//! Where the robot believed it was against where it was.
+
+use host_link::pose::Place;
+use robot_tests::test_board::TIM5_CCR1;
+use twin::plant::{Room, Sides};
+use twin::trace::What;
+use twin::Board;
+
+/// From a reply's last tick to the frame that carries it out: at least the tick's own work and the
+/// frame, nanoseconds. A tick nearer than this is not in the reply yet.
+const NEAREST_NS: u64 = 80_000;
+
+/// Belief and truth, report by report.
+pub struct Trail {
+    start: twin::plant::Pose,
+    pub believed: Vec<mapper::Pose>,
+    pub true_path: Vec<mapper::Pose>,
+    pub worst_mm: f64,
+    pub worst_deg: f64,
+    pub last_mm: f64,
+    pub last_deg: f64,
+    /// The same at the frame's end: with what the robot moved since the reply's tick.
+    pub late_mm: f64,
+    pub late_deg: f64,
+    /// When the robot's ticks were, the latest last.
+    ticks: Vec<u64>,
+}
+
+impl Trail {
+    pub fn new(board: &Board, room: &Room) -> Self {
+        debug_assert!(
+            board.truth().path_mm < 1.0,
+            "the robot stands where it was put"
+        );
+        board.follow_writes(TIM5_CCR1);
+        Self {
+            start: room.start,
+            believed: Vec::new(),
+            true_path: Vec::new(),
+            worst_mm: 0.0,
+            worst_deg: 0.0,
+            last_mm: 0.0,
+            last_deg: 0.0,
+            late_mm: 0.0,
+            late_deg: 0.0,
+            ticks: Vec::new(),
+        }
+    }
+
+    /// The reply of a frame that has just ended. Its pose is that of the tick before the frame; the
+    /// truth of that instant is the truth now, rolled back by the wheels' speeds.
+    pub fn note(&mut self, board: &Board, believed: Place) {
+        self.ticks.extend(
+            board
+                .take_events()
+                .iter()
+                .filter(|event| {
+                    matches!(
+                        event.what,
+                        What::Wrote {
+                            address: TIM5_CCR1,
+                            ..
+                        }
+                    )
+                })
+                .map(|event| event.at_ns),
+        );
+        let now = board.truth();
+        let recent = self.ticks.iter().rev().take(4);
+        let age_ns = recent
+            .map(|tick| now.at_ns - tick)
+            .find(|age| *age >= NEAREST_NS)
+            .unwrap_or(0);
+        #[allow(clippy::cast_precision_loss)] // some ten milliseconds
+        let back_s = -(age_ns as f64) / 1e9;
+        let turned = Sides::new(now.wheel_deg_s.0 * back_s, now.wheel_deg_s.1 * back_s);
+        let then = board.world(move |world| {
+            let chassis = world.params().chassis;
+            chassis.roll(&world.pose(), chassis.travel(turned))
+        });
+        let truth = self.place(&then);
+        let late = self.place(&now.pose);
+        self.last_mm = believed.distance_mm(truth);
+        self.last_deg = believed.turn_to_deg(truth).abs();
+        self.worst_mm = self.worst_mm.max(self.last_mm);
+        self.worst_deg = self.worst_deg.max(self.last_deg);
+        self.late_mm = self.late_mm.max(believed.distance_mm(late));
+        self.late_deg = self.late_deg.max(believed.turn_to_deg(late).abs());
+        self.believed.push(mapped(believed));
+        self.true_path.push(mapped(truth));
+    }
+
+    /// A true pose in the robot's own frame.
+    fn place(&self, pose: &twin::plant::Pose) -> Place {
+        let pose = pose.seen_from(&self.start);
+        Place {
+            x_mm: pose.x_mm,
+            y_mm: pose.y_mm,
+            rotation_deg: pose.heading_rad.to_degrees(),
+        }
+    }
+}
+
+fn mapped(place: Place) -> mapper::Pose {
+    mapper::Pose::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
+}

@@ -1,0 +1,350 @@
+//! The wire through the ELF, against the document's tables and not against our own encoder.
+
+use robot_tests::reference::{
+    crc16, image_in_mode, normal_frame, original_image, tuning_frame, NormalReply, KEY_PI, KEY_STM,
+};
+use robot_tests::test_board::Rig;
+use twin::Step;
+
+const HZ: u64 = 8_000_000;
+
+fn normal() -> Rig {
+    let rig = Rig::booted(Some(original_image()));
+    assert!(rig.board.is_ready(), "{}", rig.log());
+    rig.board.run_us(200_000);
+    rig
+}
+
+fn idle() -> [u8; 19] {
+    normal_frame(0, 0, 0, false)
+}
+
+// Requirement: DOC-5.2.1-2, DOC-2.1-4, DOC-2.3-5, WIRE-battery-1
+#[test]
+fn the_reply_walks_both_cells_with_their_true_voltages() {
+    let rig = normal();
+    let taps = rig.board.truth().battery_v;
+    let cells = [taps[0], taps[1] - taps[0]];
+    let mut next = None;
+    for _ in 0..6 {
+        let reply = NormalReply::of(&rig.frame(&idle()));
+        assert_eq!(
+            next.replace(1 - reply.cell).unwrap_or(reply.cell),
+            reply.cell
+        );
+        let volts = f64::from(reply.voltage) / 200.0;
+        let truth = cells[usize::from(reply.cell)];
+        assert!(
+            (volts - truth).abs() < 0.05,
+            "cell {}: {volts} V, truly {truth} V",
+            reply.cell
+        );
+        rig.board.run_us(25_000);
+    }
+}
+
+// Requirement: DOC-2.2-1, DOC-5.2.1-2, DOC-2.1-4, WIRE-distance-2
+#[test]
+fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
+    let rig = normal();
+    let reply = NormalReply::of(&rig.frame(&idle()));
+    let truth = rig
+        .board
+        .world(|world| [0, 1, 2].map(|sensor| world.range_mm(sensor)));
+    for (code, truth) in reply.ranges.into_iter().zip(truth) {
+        match truth {
+            Some(mm) if mm < 2450.0 => {
+                let measured = f64::from(code) * 2500.0 / 65535.0;
+                assert!((measured - mm).abs() < 30.0, "{measured} mm, truly {mm} mm");
+            }
+            Some(mm) if mm < 2550.0 => {}
+            _ => assert_eq!(code, 0xFFFF),
+        }
+    }
+}
+
+// Requirement: DOC-2.1-2, DOC-2.1-6, WIRE-modes-1
+#[test]
+fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
+    let rig = normal();
+    let reply = rig.keep_sending(&normal_frame(300_000, 0, 0x1000, true), 8_000_000);
+    let reply = NormalReply::of(&reply);
+    let (start, end) = (rig.board.world(|w| w.room().start), rig.board.truth().pose);
+    let truth = end.seen_from(&start);
+    assert!((f64::from(reply.x) / 1000.0 - truth.x_mm).abs() < 1.0);
+    assert!((f64::from(reply.y) / 1000.0 - truth.y_mm).abs() < 1.0);
+    let degrees = f64::from(reply.rotation) * 360.0 / 32768.0;
+    assert!((degrees - truth.heading_rad.to_degrees().rem_euclid(360.0)).abs() < 0.2);
+    assert!((truth.x_mm - 300.0).abs() < 5.0 && (degrees - 45.0).abs() < 1.0);
+    assert!(!reply.not_used);
+}
+
+// Requirement: DOC-5.1.1-4
+#[test]
+fn without_the_apply_bit_nothing_moves() {
+    let rig = normal();
+    let _ = rig.keep_sending(&normal_frame(300_000, 0, 0, false), 500_000);
+    assert!(rig.board.truth().path_mm < 0.01);
+}
+
+// Requirement: WIRE-modes-2
+#[test]
+fn a_frame_without_the_apply_bit_leaves_the_target_as_it_is() {
+    let rig = normal();
+    let _ = rig.keep_sending(&normal_frame(200_000, 0, 0, true), 100_000);
+    let _ = rig.keep_sending(&normal_frame(-200_000, 0, 0x4000, false), 6_000_000);
+    let start = rig.board.world(|w| w.room().start);
+    let pose = rig.board.truth().pose.seen_from(&start);
+    assert!((pose.x_mm - 200.0).abs() < 5.0, "{pose:?}");
+    assert!(pose.heading_rad.to_degrees().abs() < 1.0, "{pose:?}");
+}
+
+// Requirement: WIRE-spi-2
+#[test]
+fn a_bad_frame_of_every_kind_is_dropped_whole_and_the_next_is_read() {
+    let rig = normal();
+    let good = normal_frame(200_000, 0, 0, true);
+    let mut wrong_key = good;
+    wrong_key[0] ^= 1;
+    let mut bad_cell = good;
+    bad_cell[11] = 7 << 5;
+    let long: Vec<u8> = good.iter().copied().chain([0; 64]).collect();
+    for bad in [
+        &good[..18],
+        &good[..1],
+        &long[..20],
+        &long,
+        &wrong_key,
+        &bad_cell,
+    ] {
+        let _ = rig.frame(bad);
+        rig.board.run_us(20_000);
+        assert!(rig.motors_off(), "{bad:02X?} had an effect");
+        let reply = NormalReply::of(&rig.frame(&idle()));
+        assert_eq!(reply.key, KEY_STM, "the frame after {bad:02X?} is shifted");
+        rig.board.run_us(20_000);
+    }
+    assert!(rig.log().contains("frame rejected"), "{}", rig.log());
+    let _ = rig.keep_sending(&good, 300_000);
+    assert!(!rig.motors_off(), "the good frame is still taken");
+    rig.assert_modelled();
+}
+
+// Requirement: WIRE-spi-2
+#[test]
+fn a_frame_torn_at_every_bit_costs_exactly_itself() {
+    let rig = normal();
+    let good = normal_frame(0, 0, 0, false);
+    for bits in 0..152 {
+        let Step::Bits { mut mosi, .. } = Step::bytes(&good, HZ) else {
+            unreachable!("bytes are bits")
+        };
+        mosi.truncate(bits);
+        let torn = vec![
+            Step::Select(true),
+            Step::Wait(1_000),
+            Step::Bits { mosi, hz: HZ },
+            Step::Wait(1_000),
+            Step::Select(false),
+            Step::Wait(20_000),
+        ];
+        rig.board.spi_raw(torn).expect("the emulation runs");
+        // 20 µs later, the very next frame.
+        let reply = NormalReply::of(&rig.frame(&good));
+        assert_eq!(reply.key, KEY_STM, "torn after {bits} bits");
+        assert_eq!(
+            (reply.x, reply.y, reply.not_used),
+            (0, 0, false),
+            "torn after {bits} bits"
+        );
+    }
+    rig.assert_modelled();
+}
+
+// Requirement: DOC-3.1-1, WIRE-spi-1, WIRE-spi-5
+#[test]
+fn frames_20_us_apart_are_all_read_and_all_answered() {
+    let rig = normal();
+    let good = normal_frame(0, 0, 0, false);
+    let mut last_cell = None;
+    for n in 0..500 {
+        let reply = NormalReply::of(&rig.frame(&good));
+        assert_eq!(reply.key, KEY_STM, "frame {n}");
+        // Every reply is a new one: the cells alternate.
+        assert_ne!(last_cell.replace(reply.cell), Some(reply.cell), "frame {n}");
+    }
+    assert!(
+        !rig.log().contains("rejected") && !rig.log().contains("lost"),
+        "{}",
+        rig.log()
+    );
+}
+
+// Requirement: DOC-5.2.2-1, DOC-2.1-4, DOC-2.3-2, DOC-5.2.2-2, WIRE-modes-3
+#[test]
+fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
+    let rig = Rig::booted(Some(image_in_mode(1)));
+    assert!(rig.board.is_ready(), "{}", rig.log());
+    let reply = rig.keep_sending(&tuning_frame(60.0), 1_000_000);
+    let truth = rig.board.truth();
+    assert!((truth.duty.0 + 0.6).abs() < 0.01 && (truth.duty.1 - 0.6).abs() < 0.01);
+    assert_eq!(reply[0], KEY_STM);
+    let mut double = [0; 8];
+    double.copy_from_slice(&reply[1..9]);
+    let measured = f64::from_le_bytes(double);
+    assert!(measured > 5.0, "counter-clockwise is positive, {measured}");
+    // The samples of 10 ms each are in the log: percent and degrees.
+    let samples = rig
+        .log()
+        .lines()
+        .filter(|line| line.contains(": T 60.00 "))
+        .count();
+    assert!(
+        (90..=102).contains(&samples),
+        "{samples} samples in a second"
+    );
+    let _ = rig.keep_sending(&tuning_frame(0.0), 100_000);
+    assert!(rig.motors_off());
+}
+
+// Requirement: DOC-5.2.3-1, DOC-2.1-4, DOC-5.2.3-4, WIRE-modes-4
+#[test]
+fn tune_move_drives_straight_and_reports_the_displacement() {
+    let rig = Rig::booted(Some(image_in_mode(2)));
+    let reply = rig.keep_sending(&tuning_frame(-60.0), 1_500_000);
+    let mut double = [0; 8];
+    double.copy_from_slice(&reply[1..9]);
+    let measured = f64::from_le_bytes(double);
+    let pose = rig.board.truth().pose;
+    let start = rig.board.world(|w| w.room().start);
+    let truth = pose.seen_from(&start);
+    assert!(
+        measured < -20.0 && (measured - truth.x_mm).abs() < 5.0,
+        "{measured} and {truth:?}"
+    );
+    assert!(truth.heading_rad.to_degrees().abs() < 8.0, "{truth:?}");
+    // The samples of 10 ms each are in the log: percent and millimetres.
+    let log = rig.log();
+    let samples = log.lines().filter(|line| line.contains(": T -60.00 -"));
+    let samples = samples.count();
+    assert!((130..=152).contains(&samples), "{samples} in 1.5 s");
+}
+
+// Requirement: DOC-5.2.2-4, DOC-5.2.3-3
+#[test]
+fn in_the_tuning_modes_the_reply_walks_both_cells_with_their_true_voltages_too() {
+    for mode in [1, 2] {
+        let rig = Rig::booted(Some(image_in_mode(mode)));
+        rig.board.run_us(200_000);
+        let taps = rig.board.truth().battery_v;
+        let cells = [taps[0], taps[1] - taps[0]];
+        let mut walked = Vec::new();
+        for _ in 0..6 {
+            let reply = rig.frame(&tuning_frame(0.0));
+            assert_eq!(reply[0], KEY_STM);
+            let cell = usize::from(reply[9] >> 5);
+            let volts = f64::from(u16::from_be_bytes([reply[9] & 0x1F, reply[10]])) / 200.0;
+            assert!(
+                (volts - cells[cell]).abs() < 0.05,
+                "{cell}: {volts} {cells:?}"
+            );
+            walked.push(cell);
+            rig.board.run_us(25_000);
+        }
+        assert!(walked.windows(2).all(|two| two[0] != two[1]), "{walked:?}");
+    }
+}
+
+// Requirement: WIRE-modes-3
+#[test]
+fn the_rotation_is_of_all_turns_since_the_reset() {
+    let rig = Rig::booted(Some(image_in_mode(1)));
+    let (mut turned, mut last) = (0.0, rig.board.truth().pose.heading_rad);
+    let mut reply = Vec::new();
+    for _ in 0..60 {
+        reply = rig.keep_sending(&tuning_frame(-100.0), 100_000);
+        let heading = rig.board.truth().pose.heading_rad;
+        let (sine, cosine) = (heading - last).sin_cos();
+        turned += sine.atan2(cosine).to_degrees();
+        last = heading;
+    }
+    let mut double = [0; 8];
+    double.copy_from_slice(&reply[1..9]);
+    let measured = f64::from_le_bytes(double);
+    assert!(measured < -400.0, "clockwise is negative, {measured}");
+    // What it turns between the tick that the reply tells of and the reply.
+    assert!(
+        (measured - turned).abs() < 4.0,
+        "{measured}, truly {turned}"
+    );
+}
+
+// Requirement: WIRE-double-1
+#[test]
+fn a_percentage_beyond_the_range_or_not_a_number_is_rejected() {
+    let rig = Rig::booted(Some(image_in_mode(1)));
+    for percent in [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        100.000_001,
+        -1e300,
+    ] {
+        let _ = rig.keep_sending(&tuning_frame(percent), 100_000);
+        assert!(rig.motors_off(), "{percent} had an effect");
+    }
+    assert!(rig.log().contains("frame rejected"), "{}", rig.log());
+}
+
+/// A Guarded Normal frame: key, sequence, status, position, battery, distances, CRC.
+fn guarded(own: u8, seen: u8, order: u8, inner: &[u8; 19]) -> [u8; 26] {
+    let mut frame = [0; 26];
+    frame[..6].copy_from_slice(&[KEY_PI, own, seen, 0, 0, order]);
+    frame[6..24].copy_from_slice(&inner[1..]);
+    let crc = crc16(&frame[..24]);
+    frame[24..].copy_from_slice(&crc.to_be_bytes());
+    frame
+}
+
+// Requirement: WIRE-sequence-6, WIRE-crc-2, WIRE-deadline-2, WIRE-deadline-5
+#[test]
+fn guarded_normal_takes_only_fresh_frames_with_a_right_crc() {
+    let rig = Rig::booted(Some(image_in_mode(0x10)));
+    let go = normal_frame(300_000, 0, 0, true);
+    let mut flipped = guarded(1, 0, 0, &go);
+    flipped[7] ^= 0x10;
+    let reply = rig.frame(&flipped);
+    assert_eq!(reply[0], KEY_STM);
+    assert_eq!(crc16(&reply[..24]).to_be_bytes(), [reply[24], reply[25]]);
+    rig.board.run_us(20_000);
+    assert!(rig.motors_off(), "a flipped bit had an effect");
+    let mut own = 1_u8;
+    for _ in 0..20 {
+        let _ = rig.frame(&guarded(own, 0, 0, &go));
+        own = own.wrapping_add(1);
+        rig.board.run_us(25_000);
+    }
+    assert!(!rig.motors_off(), "fresh frames drive: {}", rig.log());
+    // The same number again and again is not fresh: the deadline stops the robot.
+    for _ in 0..16 {
+        let _ = rig.frame(&guarded(own.wrapping_sub(1), 0, 0, &go));
+        rig.board.run_us(25_000);
+    }
+    assert!(rig.motors_off(), "a repeated frame fed the deadline");
+    let status = rig.frame(&guarded(own, 0, 0, &go));
+    assert_eq!(status[5], 3, "stopped");
+    assert_eq!(
+        u16::from_be_bytes([status[3], status[4]]) & 1,
+        1,
+        "link lost is latched"
+    );
+    rig.board.run_us(20_000);
+    assert!(
+        rig.motors_off(),
+        "apply alone does not resume a guarded robot"
+    );
+    let _ = rig.frame(&guarded(own.wrapping_add(1), 0, 2, &go));
+    rig.board.run_us(20_000);
+    assert!(!rig.motors_off(), "the order to resume does");
+    rig.assert_modelled();
+}

@@ -1,0 +1,168 @@
+//! The rangefinders' turns, and the speed of sound from the chip's temperature.
+
+use robot_tests::reference::{normal_frame, original_image, NormalReply};
+use robot_tests::test_board::Rig;
+use twin::plant::{Params, Pose, Room};
+use twin::Options;
+
+/// No noise and no outliers, in air of `celsius`, the chip `over` K warmer.
+fn exact(celsius: f64, over: f64) -> Params {
+    let mut params = Params::default();
+    params.rangefinder.noise_mm = 0.0;
+    params.rangefinder.noise_per_mm = 0.0;
+    params.rangefinder.outlier = 0.0;
+    params.rangefinder.temperature_c = celsius;
+    params.chip_over_air_k = over;
+    params
+}
+
+/// Walls square to all three sensors, so far from them.
+fn walls(ahead: f64, right: f64, left: f64) -> Room {
+    // The sensors sit 80 mm ahead of and 60 mm beside the axle's middle.
+    let (x, r, l) = (80.0 + ahead, -60.0 - right, 60.0 + left);
+    Room::default()
+        .with_wall(x, -9000.0, x, 9000.0)
+        .with_wall(-9000.0, r, 9000.0, r)
+        .with_wall(-9000.0, l, 9000.0, l)
+}
+
+fn rig(room: Room, params: Params, factory_words: Option<[u16; 3]>) -> Rig {
+    let mut options = Options {
+        eeprom: Some(original_image()),
+        room,
+        start: Some(Pose::default()),
+        params,
+        ..Options::default()
+    };
+    if let Some(words) = factory_words {
+        options.factory_words = words;
+    }
+    let rig = Rig::new(options);
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig
+}
+
+fn ranges(rig: &Rig, us: u64) -> [f64; 3] {
+    let back = rig.keep_sending(&normal_frame(0, 0, 0, false), us);
+    NormalReply::of(&back).ranges.map(|code| match code {
+        0xFFFF => f64::NAN,
+        code => f64::from(code) * 2500.0 / 65_535.0,
+    })
+}
+
+// Requirement: DOC-2.2-2, WIRE-log-10
+#[test]
+fn distances_are_right_within_a_per_cent_in_the_cold_and_in_the_heat() {
+    let truth = [2000.0, 1200.0, 500.0];
+    for celsius in [-10.0, 20.0, 45.0] {
+        // A chip that warms up more or less than the firmware takes off.
+        for over in [0.0, 2.5, 6.0] {
+            let rig = rig(walls(2000.0, 1200.0, 500.0), exact(celsius, over), None);
+            let told = ranges(&rig, 400_000);
+            for (told, truth) in told.into_iter().zip(truth) {
+                let off = (told / truth - 1.0).abs();
+                assert!(off < 0.01, "{celsius} °C, +{over} K: {told} for {truth}");
+            }
+            assert!(rig.log().contains("air at "), "{}", rig.log());
+            rig.assert_modelled();
+        }
+    }
+}
+
+// Requirement: WIRE-log-10
+#[test]
+fn a_part_without_the_factorys_words_measures_at_343_m_per_s_and_says_so() {
+    let rig = rig(
+        walls(2000.0, 1200.0, 500.0),
+        exact(19.3, 2.5),
+        Some([0xFFFF; 3]),
+    );
+    let told = ranges(&rig, 400_000);
+    assert!((told[0] - 2000.0).abs() < 2.0, "{told:?}");
+    let log = rig.log();
+    let told = log.lines().find(|line| line.contains(": no temperature: "));
+    let told = told.unwrap_or_else(|| panic!("{log}"));
+    assert!(told.starts_with('W'), "{told}");
+    assert!(told.ends_with("sound taken at 343 m/s"), "{told}");
+}
+
+#[test]
+fn the_temperature_disturbs_no_cell() {
+    let rig = rig(Room::default(), exact(20.0, 2.5), None);
+    rig.board.run_us(30_000);
+    for _ in 0..60 {
+        let back = rig.frame(&normal_frame(0, 0, 0, false));
+        let reply = NormalReply::of(&back);
+        let volts = f64::from(reply.voltage) / 200.0;
+        assert!((3.5..4.25).contains(&volts), "{reply:?}");
+        rig.board.run_us(25_000);
+    }
+}
+
+// Requirement: DOC-2.1-6
+#[test]
+fn three_sensors_that_answer_take_turns_every_20_ms() {
+    let rig = rig(walls(2400.0, 2400.0, 2400.0), exact(20.0, 2.5), None);
+    let told = ranges(&rig, 2_000_000);
+    assert!(told.iter().all(|mm| (mm - 2400.0).abs() < 24.0), "{told:?}");
+    let pings = rig.board.pings();
+    for (nth, pair) in pings.windows(2).enumerate() {
+        let apart = pair[1].at_ns - pair[0].at_ns;
+        assert!(
+            (19_800_000..=20_200_000).contains(&apart),
+            "{nth}: {apart} ns"
+        );
+        assert_eq!(pair[1].sensor, (pair[0].sensor + 1) % 3);
+    }
+}
+
+#[test]
+fn an_echo_from_beyond_the_range_is_never_heard_by_the_next_sensor() {
+    // 3.5 to 4 m: answers between 20 and 24 ms after the trigger.
+    for far in [3450.0, 3600.0, 3800.0, 3990.0] {
+        let rig = rig(walls(far, 1000.0, 1500.0), exact(20.0, 2.5), None);
+        for _ in 0..40 {
+            let [front, right, left] = ranges(&rig, 25_000);
+            assert!(front.is_nan(), "{far}: {front}");
+            for (told, truth) in [(right, 1000.0), (left, 1500.0)] {
+                assert!(
+                    told.is_nan() || (told - truth).abs() < 15.0,
+                    "{far}: {told}"
+                );
+            }
+        }
+        let pings = rig.board.pings();
+        let front = pings.windows(2).filter(|pair| pair[0].sensor == 0);
+        for pair in front {
+            assert!(pair[1].at_ns - pair[0].at_ns >= 29_800_000);
+        }
+        assert!(!rig.log().contains("silent"), "{}", rig.log());
+    }
+}
+
+// Requirement: WIRE-log-9
+#[test]
+fn a_sensor_that_is_silent_is_told_and_one_with_nothing_in_range_is_not() {
+    let rig = rig(walls(9000.0, 1000.0, 1500.0), exact(20.0, 2.5), None);
+    let told = ranges(&rig, 600_000);
+    assert!(told[0].is_nan() && told[1] > 900.0);
+    assert!(!rig.log().contains("silent"), "{}", rig.log());
+    // Its line never goes up.
+    rig.board
+        .faults()
+        .world(|faults| faults.unplugged[1] = true);
+    let told = ranges(&rig, 600_000);
+    assert!(told[0].is_nan() && told[1].is_nan() && told[2] > 1400.0);
+    let log = rig.log();
+    assert!(log.contains("right rangefinder silent"), "{log}");
+    assert!(!log.contains("front rangefinder silent"), "{log}");
+    rig.board
+        .faults()
+        .world(|faults| faults.unplugged[1] = false);
+    assert!(ranges(&rig, 600_000)[1] > 900.0);
+    assert!(
+        rig.log().contains("right rangefinder answers"),
+        "{}",
+        rig.log()
+    );
+}

@@ -1,0 +1,103 @@
+//! The part's door to the board: an instance without an address that hears every pin the firmware
+//! moves and wakes the run when a part of the board has something due.
+//!
+//! It decides nothing. What it heard is taken by the board at the same instant, which is why it
+//! schedules an event at the instant of every change.
+
+use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
+use rigless::soc::{Layout, Peripheral, RegisterSpec};
+use rigless::time::VirtualNanos;
+
+use crate::soc::{memory_map::PORTS, Pin};
+
+/// The instance's name.
+pub const NAME: &str = "BOARD";
+
+static REGISTERS: [RegisterSpec; 0] = [];
+
+/// The instance: no bytes, so no access reaches it.
+pub const INSTANCE: Peripheral = Peripheral {
+    name: NAME,
+    base: 0x4FFF_FC00,
+    size: 0,
+    interrupts: &[],
+    registers: &REGISTERS,
+};
+
+/// The layout without a register.
+#[derive(Clone, Copy, Debug)]
+pub enum NoRegister {}
+
+impl Layout for NoRegister {
+    const REGISTERS: &'static [RegisterSpec] = &REGISTERS;
+
+    fn from_index(_index: usize) -> Option<Self> {
+        None
+    }
+
+    fn index(self) -> usize {
+        match self {}
+    }
+}
+
+/// A pin that changed its level on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PinChange {
+    /// When.
+    pub at: VirtualNanos,
+    /// Which.
+    pub pin: Pin,
+    /// To what.
+    pub level: Level,
+}
+
+/// The door.
+#[derive(Debug, Default)]
+pub struct BoardPort {
+    /// The pins whose changes the board follows, one bit mask per port of [`PORTS`].
+    watched: [u16; PORTS.len()],
+    changes: Vec<PinChange>,
+}
+
+impl BoardPort {
+    /// Follows `pin` from now on.
+    pub fn watch(&mut self, pin: Pin) {
+        self.watched[pin.port] |= 1 << pin.number;
+    }
+
+    /// What changed since the last call, oldest first.
+    pub fn take_changes(&mut self) -> Vec<PinChange> {
+        std::mem::take(&mut self.changes)
+    }
+
+    /// The pins followed, for the part that replaces this one at a reset.
+    pub(crate) fn inherit(&mut self, from: &Self) {
+        self.watched = from.watched;
+    }
+}
+
+impl Device for BoardPort {
+    type Register = NoRegister;
+
+    fn on_request(
+        &mut self,
+        change: RequestChange,
+        _registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let Some(port) = PORTS.iter().position(|&name| name == change.instance) else {
+            return;
+        };
+        let Ok(number) = u8::try_from(change.request) else {
+            return;
+        };
+        if self.watched[port] >> number & 1 != 0 {
+            self.changes.push(PinChange {
+                at: context.now(),
+                pin: Pin { port, number },
+                level: change.level,
+            });
+            context.schedule(context.now());
+        }
+    }
+}

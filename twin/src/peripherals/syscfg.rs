@@ -1,0 +1,84 @@
+//! The multiplexer of the external interrupt lines in SYSCFG, RM0383 rev 3 section 7.2.
+//!
+//! `EXTICR1` to `EXTICR4` choose the port whose pin `n` is line `n`; the chosen level goes to the
+//! external interrupt controller as this instance's request `n`. Changing the choice while two
+//! ports' pins differ is an edge on the line, as in the silicon. The memory remap and the
+//! compensation cell are stored and do nothing.
+
+use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
+use rigless::soc::stm32f427::generated::syscfg::Register;
+
+use super::exti::LINES;
+use crate::soc::memory_map::PORTS;
+
+/// The `EXTICR` code of each port of [`PORTS`], section 7.2.3: H is 7.
+const CODES: [u64; PORTS.len()] = [0, 1, 2, 3, 4, 7];
+
+/// The external interrupt multiplexer.
+#[derive(Debug, Default)]
+pub struct Syscfg {
+    pins: [[Option<Level>; LINES]; PORTS.len()],
+    driven: [Option<Level>; LINES],
+}
+
+impl Syscfg {
+    fn refresh(&mut self, line: usize, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+        let register = match line / 4 {
+            0 => Register::Exticr1,
+            1 => Register::Exticr2,
+            2 => Register::Exticr3,
+            _ => Register::Exticr4,
+        };
+        let code = registers.get(register) >> (line % 4 * 4) & 0xF;
+        let level = CODES
+            .iter()
+            .position(|&known| known == code)
+            .and_then(|port| self.pins[port][line]);
+        if let Some(level) = level {
+            if self.driven[line] != Some(level) {
+                self.driven[line] = Some(level);
+                context.request(line, level);
+            }
+        }
+    }
+}
+
+impl Device for Syscfg {
+    type Register = Register;
+
+    fn write(
+        &mut self,
+        _register: Register,
+        _value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        for line in 0..LINES {
+            self.refresh(line, registers, context);
+        }
+    }
+
+    fn on_request(
+        &mut self,
+        change: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let port = PORTS.iter().position(|&name| name == change.instance);
+        if let (Some(port), true) = (port, change.request < LINES) {
+            self.pins[port][change.request] = Some(change.level);
+            self.refresh(change.request, registers, context);
+        }
+    }
+
+    /// The registers go back to port A everywhere; the pins keep their levels.
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        for line in 0..LINES {
+            self.refresh(line, registers, context);
+        }
+    }
+
+    fn reset(&mut self) {
+        *self = Self::default();
+    }
+}

@@ -1,0 +1,92 @@
+//! What the board does to the part's peripherals other than through its pins' levels.
+
+use rigless::device::{DeviceContext, Level, RegisterFile};
+use rigless::edge::Pulse;
+use rigless::soc::stm32f427::generated as g;
+use rigless::soc::stm32f427::peripherals::tim::Channel;
+use rigless::time::VirtualNanos;
+
+use super::Stm32f411;
+use crate::peripherals::spi_slave::SpiSlave;
+
+impl Stm32f411 {
+    /// Puts `level` on the input of a channel (1 to 4) of TIM2 to TIM5 (0 to 3).
+    ///
+    /// # Panics
+    /// When there is no such channel or timer.
+    pub fn drive_timer(&mut self, now: VirtualNanos, nth: usize, channel: u8, level: Level) {
+        let channel = Channel::new(channel).expect("a timer has four channels");
+        let (registers, mut context) = self.bus.drive(now, self.slots.tim[nth]);
+        self.tim[nth].drive_input(channel, level, registers, &mut context);
+    }
+
+    /// The pulse a channel (1 to 4) of TIM2 to TIM5 (0 to 3) puts out, and its level for an output
+    /// that repeats none.
+    ///
+    /// # Panics
+    /// When there is no such channel or timer.
+    #[must_use]
+    pub fn pulse(&self, nth: usize, channel: u8) -> (Option<Pulse>, Option<Level>) {
+        let channel = Channel::new(channel).expect("a timer has four channels");
+        let registers = self.bus.slots()[self.slots.tim[nth]].registers();
+        (
+            self.tim[nth].pulse(channel, registers),
+            self.tim[nth].output(channel, registers),
+        )
+    }
+
+    /// The level TIM1 puts out on a channel (1 to 4); `None` while it drives none, as until its outputs'
+    /// own switch is on (RM0383 section 12.4.18, MOE).
+    ///
+    /// # Panics
+    /// When there is no such channel.
+    #[must_use]
+    pub fn tim1_output(&self, channel: u8) -> Option<Level> {
+        let channel = Channel::new(channel).expect("a timer has four channels");
+        let registers = self.bus.slots()[self.slots.tim1].registers();
+        self.tim1.output(channel, registers)
+    }
+
+    /// Hands the SPI slave an input the bus does not carry.
+    pub fn drive_spi<T>(
+        &mut self,
+        now: VirtualNanos,
+        input: impl FnOnce(&mut SpiSlave, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
+    ) -> T {
+        let (registers, mut context) = self.bus.drive(now, self.slots.spi);
+        input(&mut self.spi, registers, &mut context)
+    }
+
+    /// The SPI slave's registers.
+    #[must_use]
+    pub fn spi_registers(&self) -> &RegisterFile {
+        self.bus.slots()[self.slots.spi].registers()
+    }
+
+    /// Somebody on I2C1's wires holds one low, or lets go.
+    pub fn hold_i2c1_low(&mut self, now: VirtualNanos, held: bool) {
+        let (registers, mut context) = self.bus.drive(now, self.slots.i2c1);
+        self.i2c[0].hold_low(held, registers, &mut context);
+    }
+
+    /// The crystal stops while it runs.
+    pub fn fail_crystal(&mut self, now: VirtualNanos) {
+        let (registers, mut context) = self.bus.drive(now, self.slots.rcc);
+        self.rcc.fail_hse(registers, &mut context);
+    }
+
+    /// The bit rate USART1 is set to, RM0383 section 19.3.4, or zero while it is off.
+    #[must_use]
+    pub fn usart1_baud(&self) -> u64 {
+        let registers = self.bus.slots()[self.slots.usart1].registers();
+        let clocks = self.bus.slots()[self.slots.rcc].registers();
+        let divider = registers.get(g::usart6::Register::Brr) & 0xFFFF;
+        let over8 = registers.get(g::usart6::Register::Cr1) >> 15 & 1 != 0;
+        let sixteenths = if over8 {
+            (divider >> 3) * 16 / 2 + (divider & 7)
+        } else {
+            divider
+        };
+        self.rcc.pclk2(clocks).checked_div(sixteenths).unwrap_or(0)
+    }
+}

@@ -1,0 +1,383 @@
+//! The STM32F411RE: `rigless`'s models of the blocks it shares with the STM32F427, our own for what
+//! `rigless` has none, on the bus of [`memory_map`].
+
+#[cfg(test)]
+pub(crate) mod fixture;
+mod io;
+pub mod memory_map;
+mod pins;
+
+pub use pins::{pin, Pin, Role};
+
+use rigless::cpu::armv7m::Dwt;
+use rigless::device::{ErasedDevice, ResetCause};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::stm32f427::generated as g;
+use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
+use rigless::soc::stm32f427::peripherals::dbg::Dbg;
+use rigless::soc::stm32f427::peripherals::dma::Dma;
+use rigless::soc::stm32f427::peripherals::flash::Flash;
+use rigless::soc::stm32f427::peripherals::gpio::Gpio;
+use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
+use rigless::soc::stm32f427::peripherals::pwr::Pwr;
+use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
+use rigless::soc::stm32f427::peripherals::rtc::Rtc;
+use rigless::soc::stm32f427::peripherals::tim::{Advanced, Counter, General, Tim};
+use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
+use rigless::soc::{Bus, Error};
+use rigless::time::VirtualNanos;
+
+use crate::peripherals::board_port::{BoardPort, PinChange};
+use crate::peripherals::exti::Exti;
+use crate::peripherals::i2c_master::I2cMaster;
+use crate::peripherals::spi_slave::SpiSlave;
+use crate::peripherals::syscfg::Syscfg;
+use memory_map::PORTS;
+
+/// What runs on every bus until a firmware touches the clock tree, RM0383 section 6.2.2.
+const RESET_HZ: u64 = rcc::HSI_HZ;
+
+#[derive(Clone, Copy, Debug)]
+enum Field {
+    None,
+    Rcc,
+    Pwr,
+    Gpio(usize),
+    Usart(usize),
+    I2c(usize),
+    Flash,
+    Adc,
+    AdcCommon,
+    Tim(usize),
+    Tim1,
+    Dma(usize),
+    Rtc,
+    Dbg,
+    Iwdg,
+    Dwt,
+    Spi,
+    Exti,
+    Syscfg,
+    BoardPort,
+}
+
+/// The microcontroller.
+#[derive(Debug)]
+pub struct Stm32f411 {
+    /// Reset and clock control.
+    pub rcc: Rcc,
+    /// Power control.
+    pub pwr: Pwr,
+    /// The ports, in the order of [`memory_map::PORTS`].
+    pub gpio: [Gpio; PORTS.len()],
+    /// The serial ports, in the order of [`memory_map::SERIAL_PORTS`].
+    pub usart: [Usart; memory_map::SERIAL_PORTS.len()],
+    /// The I2C interfaces, in the order of [`memory_map::I2C`].
+    pub i2c: [I2cMaster; memory_map::I2C.len()],
+    /// The flash interface.
+    pub flash: Flash,
+    /// The converter.
+    pub adc: Adc,
+    /// Its common block.
+    pub adc_common: AdcCommon,
+    /// TIM2 to TIM5.
+    pub tim: [Tim<General>; memory_map::TIMERS.len()],
+    /// TIM1.
+    pub tim1: Tim<Advanced>,
+    /// DMA1 and DMA2.
+    pub dma: [Dma; 2],
+    /// The backup domain.
+    pub rtc: Rtc,
+    /// The debug block.
+    pub dbg: Dbg,
+    /// The independent watchdog.
+    pub iwdg: Iwdg,
+    /// The cycle counter.
+    pub dwt: Dwt,
+    /// SPI1.
+    pub spi: SpiSlave,
+    /// The external interrupts.
+    pub exti: Exti,
+    /// Their multiplexer.
+    pub syscfg: Syscfg,
+    /// The door to the board.
+    pub board_port: BoardPort,
+    bus: Bus,
+    wiring: Box<[Field]>,
+    slots: Slots,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Slots {
+    gpio: [usize; PORTS.len()],
+    tim: [usize; memory_map::TIMERS.len()],
+    tim1: usize,
+    i2c1: usize,
+    usart1: usize,
+    dma1: usize,
+    spi: usize,
+    rcc: usize,
+    pwr: usize,
+    board_port: usize,
+}
+
+impl Stm32f411 {
+    /// The part out of reset, nothing on its pins.
+    ///
+    /// # Errors
+    /// A description that contradicts itself.
+    pub fn new() -> Result<Self, Error> {
+        let bus = memory_map::bus()?;
+        let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
+        let mut wire = |name: &'static str, field: Field| -> Result<usize, Error> {
+            let slot = bus.slot(name)?;
+            wiring[slot] = field;
+            Ok(slot)
+        };
+        let mut slots = Slots {
+            gpio: [0; PORTS.len()],
+            tim: [0; memory_map::TIMERS.len()],
+            tim1: wire("TIM1", Field::Tim1)?,
+            i2c1: 0,
+            usart1: wire("USART1", Field::Usart(0))?,
+            dma1: wire("DMA1", Field::Dma(0))?,
+            spi: wire("SPI1", Field::Spi)?,
+            rcc: wire("RCC", Field::Rcc)?,
+            pwr: wire("PWR", Field::Pwr)?,
+            board_port: wire(crate::peripherals::board_port::NAME, Field::BoardPort)?,
+        };
+        for (nth, name) in PORTS.into_iter().enumerate() {
+            slots.gpio[nth] = wire(name, Field::Gpio(nth))?;
+        }
+        for (nth, (name, _)) in memory_map::TIMERS.into_iter().enumerate() {
+            slots.tim[nth] = wire(name, Field::Tim(nth))?;
+        }
+        for (nth, name) in memory_map::I2C.into_iter().enumerate() {
+            let slot = wire(name, Field::I2c(nth))?;
+            if nth == 0 {
+                slots.i2c1 = slot;
+            }
+        }
+        wire("USART2", Field::Usart(1))?;
+        wire("USART6", Field::Usart(2))?;
+        for (name, field) in [
+            ("FLASH", Field::Flash),
+            ("ADC1", Field::Adc),
+            ("C_ADC", Field::AdcCommon),
+            ("DMA2", Field::Dma(1)),
+            ("RTC", Field::Rtc),
+            ("DBG", Field::Dbg),
+            ("IWDG", Field::Iwdg),
+            (rigless::cpu::armv7m::DWT, Field::Dwt),
+            ("EXTI", Field::Exti),
+            ("SYSCFG", Field::Syscfg),
+        ] {
+            wire(name, field)?;
+        }
+        let mut part = Self {
+            rcc: Rcc::new(),
+            pwr: Pwr::new(),
+            gpio: std::array::from_fn(|_| Gpio::default()),
+            usart: std::array::from_fn(|_| Usart::with_clock(Kind::Usart, RESET_HZ)),
+            i2c: std::array::from_fn(|_| I2cMaster::with_clock(RESET_HZ)),
+            flash: Flash::with_clock(RESET_HZ),
+            // Section 11.13.16: ADCPRE resets to a division by two.
+            adc: Adc::with_clock(RESET_HZ / 2),
+            adc_common: AdcCommon::with_clock(RESET_HZ),
+            tim: memory_map::TIMERS.map(|(_, counter)| Tim::with_clock(RESET_HZ, counter)),
+            tim1: Tim::with_clock(RESET_HZ, Counter::Narrow).breaks_on("RCC", rcc::CLOCK_FAILURE),
+            dma: [
+                Dma::new(&memory_map::DMA1_REQUESTS, &[], false),
+                Dma::new(&memory_map::DMA2_REQUESTS, &[], true),
+            ],
+            rtc: Rtc,
+            dbg: Dbg,
+            iwdg: Iwdg::new(),
+            dwt: Dwt::with_clock(RESET_HZ),
+            spi: SpiSlave::default(),
+            exti: Exti::default(),
+            syscfg: Syscfg::default(),
+            board_port: BoardPort::default(),
+            bus,
+            wiring,
+            slots,
+        };
+        part.check()?;
+        Ok(part)
+    }
+
+    /// The board's rail, in millivolts, for the supervisor, the flash and the converter.
+    pub fn set_supply(&mut self, millivolts: u32) {
+        let registers = self.bus.slot_mut(self.slots.pwr).registers_mut();
+        self.pwr.set_supply(millivolts, registers);
+        if let Some(millivolts) = std::num::NonZeroU32::new(millivolts) {
+            self.flash.set_supply(millivolts);
+        }
+        self.adc.set_reference(millivolts);
+    }
+
+    /// The instant the run is to come back to the board at.
+    pub fn wake_at(&mut self, now: VirtualNanos, at: VirtualNanos) {
+        self.bus.drive(now, self.slots.board_port).1.schedule(at);
+    }
+
+    /// The followed pins that changed since the last call.
+    pub fn take_pin_changes(&mut self) -> Vec<PinChange> {
+        self.board_port.take_changes()
+    }
+
+    /// `rigless` lets an oscillator without a crystal become ready at no frequency. The silicon's
+    /// never does (RM0383 section 6.2.1: the flag says whether it is stable).
+    fn keep_a_missing_crystal_still(&mut self) {
+        if self.rcc.crystals().0 == 0 {
+            let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
+            let control = registers.get(g::rcc::Register::Cr);
+            if g::rcc::cr::HSERDY.is_set(control) {
+                registers.set(g::rcc::Register::Cr, g::rcc::cr::HSERDY.set(control, 0));
+            }
+        }
+    }
+
+    /// Tells I2C1 whether the byte on its wires is the last one its DMA stream takes.
+    fn watch_the_last_byte(&mut self) {
+        let registers = self.bus.slots()[self.slots.i2c1].registers();
+        if !I2cMaster::receives_to_the_last(registers) {
+            self.i2c[0].next_is_last(false);
+            return;
+        }
+        let waiting = u64::from(I2cMaster::has_byte(registers));
+        let streams = self.bus.slots()[self.slots.dma1].registers();
+        let last = I2C1_RECEIVERS.iter().any(|&(control, count)| {
+            let control = streams.get(control);
+            let enabled = g::dma2::s0cr::EN.is_set(control);
+            let channel = g::dma2::s0cr::CHSEL.get(control);
+            let left = streams.get(count) & 0xFFFF;
+            enabled && channel == 1 && left.saturating_sub(waiting) == 1
+        });
+        self.i2c[0].next_is_last(last);
+    }
+}
+
+/// The streams of DMA1 that can receive from I2C1: control and count.
+const I2C1_RECEIVERS: [(g::dma2::Register, g::dma2::Register); 2] = [
+    (g::dma2::Register::S0cr, g::dma2::Register::S0ndtr),
+    (g::dma2::Register::S5cr, g::dma2::Register::S5ndtr),
+];
+
+impl Mcu for Stm32f411 {
+    fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        &mut self.bus
+    }
+
+    /// A system reset, RM0383 section 6.1.1: a fresh part with what the board put on its pins, the
+    /// reset flags carrying `cause`'s beside the ones before, the backup domain as it was.
+    fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
+        let mut fresh = Self::new().expect("a part that assembled once assembles again");
+        let flags = self.bus.slots()[self.slots.rcc]
+            .registers()
+            .get(g::rcc::Register::Csr);
+        fresh.rcc.restarted(
+            cause,
+            flags,
+            fresh.bus.slot_mut(fresh.slots.rcc).registers_mut(),
+        );
+        let (hse, lse) = self.rcc.crystals();
+        fresh.rcc.attach_crystals(hse, lse);
+        fresh.set_supply(self.pwr.supply());
+        for (fresh, old) in fresh.usart.iter_mut().zip(&mut self.usart) {
+            fresh.inherit(old);
+        }
+        for (fresh, old) in fresh.i2c.iter_mut().zip(&mut self.i2c) {
+            fresh.inner.inherit(&mut old.inner);
+        }
+        fresh.adc.inherit(&self.adc);
+        fresh.board_port.inherit(&self.board_port);
+        for (name, registers) in [("RTC", None), ("RCC", Some(g::rcc::Register::Bdcr))] {
+            let slot = self.bus.slot_of(name).expect("an instance of the part");
+            let old = self.bus.slots()[slot].registers();
+            let new = fresh.bus.slot_mut(slot).registers_mut();
+            match registers {
+                Some(register) => new.set(register, old.get(register)),
+                None => {
+                    for register in g::rtc::Register::ALL {
+                        new.set(register, old.get(register));
+                    }
+                }
+            }
+        }
+        fresh
+            .bus
+            .keep_added(&self.bus)
+            .expect("a part rebuilt from its own description");
+        *self = fresh;
+    }
+
+    /// Only the serial ports look outside.
+    fn poll(&mut self, now: VirtualNanos) {
+        self.watch_the_last_byte();
+        self.keep_a_missing_crystal_still();
+        let (registers, mut context) = self.bus.drive(now, self.slots.usart1);
+        rigless::device::Device::poll(&mut self.usart[0], registers, &mut context);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        let field = self.wiring.get(slot).copied().unwrap_or(Field::None);
+        let model: Option<&mut dyn ErasedDevice> = match field {
+            Field::None => None,
+            Field::Rcc => Some(&mut self.rcc),
+            Field::Pwr => Some(&mut self.pwr),
+            Field::Gpio(nth) => Some(&mut self.gpio[nth]),
+            Field::Usart(nth) => Some(&mut self.usart[nth]),
+            Field::I2c(nth) => Some(&mut self.i2c[nth]),
+            Field::Flash => Some(&mut self.flash),
+            Field::Adc => Some(&mut self.adc),
+            Field::AdcCommon => Some(&mut self.adc_common),
+            Field::Tim(nth) => Some(&mut self.tim[nth]),
+            Field::Tim1 => Some(&mut self.tim1),
+            Field::Dma(nth) => Some(&mut self.dma[nth]),
+            Field::Rtc => Some(&mut self.rtc),
+            Field::Dbg => Some(&mut self.dbg),
+            Field::Iwdg => Some(&mut self.iwdg),
+            Field::Dwt => Some(&mut self.dwt),
+            Field::Spi => Some(&mut self.spi),
+            Field::Exti => Some(&mut self.exti),
+            Field::Syscfg => Some(&mut self.syscfg),
+            Field::BoardPort => Some(&mut self.board_port),
+        };
+        (&mut self.bus, model)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rigless::soc::Width;
+
+    #[test]
+    fn the_part_has_the_memories_of_its_name() {
+        let part = Stm32f411::new().unwrap();
+        let size = |name| {
+            part.bus()
+                .memory()
+                .iter()
+                .find(|region| region.name == name)
+                .map(|region| region.size)
+        };
+        assert_eq!(size("flash"), Some(512 << 10));
+        assert_eq!(size("sram"), Some(128 << 10));
+    }
+
+    #[test]
+    fn a_peripheral_without_its_clock_refuses() {
+        let mut part = Stm32f411::new().unwrap();
+        let dr = 0x4001_300C;
+        assert!(part.read(VirtualNanos(0), dr, Width::W32).is_err());
+        part.write(VirtualNanos(0), 0x4002_3844, Width::W32, 1 << 12)
+            .unwrap();
+        assert!(part.read(VirtualNanos(0), dr, Width::W32).is_ok());
+    }
+}

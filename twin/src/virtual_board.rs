@@ -1,0 +1,133 @@
+//! The board as the emulator drives it: the microcontroller in its surroundings.
+
+use std::num::{NonZeroU32, NonZeroU64};
+
+use rigless::device::{ErasedDevice, Level, ResetCause};
+use rigless::machine::{armv7m, Board, Target};
+use rigless::mcu::{Mcu, Operate};
+use rigless::snapshot::Store;
+use rigless::soc::{Bus, Error};
+use rigless::time::VirtualNanos;
+
+use crate::board_model::Surroundings;
+use crate::components::i2c_bus::StmPort;
+use crate::components::uart_receiver::Wire;
+use crate::pinout;
+use crate::soc::Stm32f411;
+
+/// The emulator's name for the board.
+pub const NAME: &str = "virtual-board";
+
+/// The high-speed crystal, hertz.
+pub const CRYSTAL_HZ: u64 = 8_000_000;
+/// The rail, millivolts.
+const RAIL_MV: u32 = 3300;
+
+/// One instruction for each cycle of the 100 MHz core clock: what the part does from zero-wait
+/// memory, and within a few per cent of it behind its flash accelerator (RM0383 section 3.4.2). The
+/// rate is the same while the firmware still runs from the 16 MHz oscillator.
+pub const INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(100_000_000).expect("not zero");
+
+/// The microcontroller, and everything around it that moves with virtual time.
+#[derive(Debug)]
+pub struct Robot {
+    /// The microcontroller.
+    pub chip: Stm32f411,
+    /// What surrounds it.
+    pub around: Surroundings,
+}
+
+impl Robot {
+    /// Whether READY is high: the firmware drives it so; the board pulls it down.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.chip.output(pinout::READY) == Some(Level::High)
+    }
+}
+
+impl Mcu for Robot {
+    fn bus(&self) -> &Bus {
+        self.chip.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.chip.bus_mut()
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.chip.reset(at, cause);
+        self.around.i2c.lock().stm_reset();
+        self.around.connect(&mut self.chip, at);
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.chip.poll(now);
+        self.around.step(&mut self.chip, now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        self.chip.split(slot)
+    }
+}
+
+/// The board.
+#[derive(Debug)]
+pub struct VirtualBoard {
+    /// What runs on it.
+    pub robot: Robot,
+}
+
+impl VirtualBoard {
+    /// The board in its surroundings; without a crystal the oscillator never starts.
+    ///
+    /// # Errors
+    /// A part whose description contradicts itself.
+    pub fn new(around: Surroundings, crystal: bool) -> Result<Self, Error> {
+        let mut chip = Stm32f411::new()?;
+        chip.rcc
+            .attach_crystals(if crystal { CRYSTAL_HZ } else { 0 }, 0);
+        chip.set_supply(RAIL_MV);
+        chip.usart[0].attach(Wire::default());
+        chip.i2c[0].inner.attach(StmPort(around.i2c.clone()));
+        let mut robot = Robot { chip, around };
+        robot.around.connect(&mut robot.chip, VirtualNanos(0));
+        Ok(Self { robot })
+    }
+}
+
+impl Store for VirtualBoard {}
+
+impl Board for VirtualBoard {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec!["stm32f411"]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.robot)
+    }
+
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        let lines = u32::from(Operate::cpu(&self.robot).interrupt_lines);
+        let core = armv7m::Core {
+            variant: armv7m::Variant::M4,
+            clock_hz: INSTRUCTIONS_PER_SECOND,
+            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
+            // PM0214 section 4.3: four priority bits.
+            priority_bits: 4,
+            // PM0214 section 4.5: the reference clock is the core's over eight.
+            refclk_divider: NonZeroU32::new(8).expect("not zero"),
+            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+            boot: "flash",
+        }
+        .spec_with_parts(
+            &rigless::cpu::armv7m::windows(self.robot.bus()),
+            armv7m::Fpu::FpV4Sp,
+            armv7m::MpuRegions::Eight,
+        );
+        vec![Target::new("stm32f411", &mut self.robot, core)]
+    }
+}
