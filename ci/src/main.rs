@@ -48,7 +48,7 @@ usage: cargo xtask COMMAND [OPTIONS]
   figures [ARGS]            measure the ELF on the emulated core: target/figures.json;
                             with --profile, where the tick's instructions go
   bench                     the odometry beside others on the emulated core, as a table
-  robot ARGS                host-link on the virtual board, e.g. `robot goto 500 0 90`
+  robot ARGS                the Pi's program on the virtual board, e.g. `robot goto 500 0 90`
   flash [--minimal] [--virtual] [--serial DEVICE] [--interface NAME]
                             flash, verify, reset, show the first log lines
   debug [--minimal] [--virtual] [--interface NAME]
@@ -264,7 +264,7 @@ fn dispatch(command: &str, words: &Words) -> Result<ExitCode> {
             words.only(0, true, &[])?;
             let place = Place::find()?;
             let elf = build(&place, forced, Edition::Full, "")?.path;
-            let code = robot::host_link(&place, &elf, &words.rest)?;
+            let code = robot::pilot(&place, &elf, &words.rest)?;
             return Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)));
         }
         "flash" | "debug" => flash(command, forced, words)?,

@@ -78,17 +78,17 @@ fn run_bin(place: &Place, bin: &str, elf: &Path, out: &Path, more: &[String]) ->
 ///
 /// # Errors
 /// Where it cannot be built or started; the program's own exit code comes back as `Ok`.
-pub fn host_link(place: &Place, elf: &Path, words: &[String]) -> Result<i32> {
+pub fn pilot(place: &Place, elf: &Path, words: &[String]) -> Result<i32> {
     let build = [
         "build",
         "--release",
         "--package",
-        "host-link",
+        "pilot",
         "--features",
         "virtual",
     ];
     shell::run(cargo_with_board(place, &build)?.arg("--quiet"))?;
-    let mut program = Command::new(place.target.join("release/host-link"));
+    let mut program = Command::new(place.target.join("release/robot"));
     program.args(words).arg("--virtual").arg("--elf").arg(elf);
     if !words.iter().any(|word| word.starts_with("--eeprom-image")) {
         program

@@ -3,8 +3,8 @@
 #![no_main]
 
 use host_link::log::{Line, Lines};
-use host_link::tune::record::Recorder;
 use libfuzzer_sys::fuzz_target;
+use pilot::tune::record::Recorder;
 use robot_fuzz::Bytes;
 
 fuzz_target!(|data: &[u8]| {

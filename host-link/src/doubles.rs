@@ -32,14 +32,23 @@ pub enum Mishap {
 /// The board, as far as its wires show it.
 #[allow(clippy::struct_excessive_bools)] // so many lines
 pub struct Board {
+    /// The fault to inject, if any.
     pub mishap: Option<Mishap>,
+    /// Calls so far, over all handles.
     pub calls: usize,
+    /// Level of `WP_EEPROM`.
     pub protected: bool,
+    /// Level of SELECT.
     pub selected: bool,
+    /// Whether RESET is held low.
     pub in_reset: bool,
+    /// Completed resets.
     pub resets: usize,
+    /// The EEPROM's content.
     pub memory: Image,
+    /// Every frame that was accepted, in order.
     pub commands: Vec<Command>,
+    /// What the board reports in its next reply.
     pub report: Report,
     /// What the UART said and nobody read yet.
     pub said: Vec<u8>,
@@ -53,6 +62,7 @@ pub struct Board {
     low_since_us: u64,
     busy_until_us: u64,
     pointer: usize,
+    /// The machine's Ctrl-C flag.
     pub interrupt: Interrupt,
 }
 

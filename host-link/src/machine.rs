@@ -1,8 +1,8 @@
 //! The wires between the Pi and the board, as embedded-hal handles: the same code drives the real
 //! buses, the virtual board and the doubles of the tests.
 
-use crate::calibrate::tape::Tape;
 use crate::error::Error;
+use crate::tape::Tape;
 use crate::uart::Source;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};

@@ -15,7 +15,7 @@ use host_link::error::Error;
 use host_link::machine::{Interrupt, Machine};
 use host_link::session::Session;
 use host_link::settings::Settings;
-use host_link::virtual_board::{self, VirtualWires};
+use pilot::virtual_board::{self, VirtualWires};
 use robot_tests::io_faults::{with_mishap, Calls, Died, Mishap};
 use robot_tests::test_board::Rig;
 

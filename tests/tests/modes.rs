@@ -4,10 +4,10 @@ use fw_core::eeprom::{first_board, Config};
 use fw_core::wire::{chain, Mode, Strategy};
 use host_link::error::Error;
 use host_link::machine::Interrupt;
-use host_link::mode;
 use host_link::session::{Session, Wish, RATE_HZ, STRANGER_FRAMES};
 use host_link::settings::Settings;
-use host_link::virtual_board;
+use pilot::mode;
+use pilot::virtual_board;
 use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;

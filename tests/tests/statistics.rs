@@ -6,7 +6,7 @@ use fw_core::wire::{frame_len, Cause, Mode};
 use host_link::machine::Interrupt;
 use host_link::session::{Session, Wish, RATE_HZ};
 use host_link::settings::Settings;
-use host_link::virtual_board;
+use pilot::virtual_board;
 use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;

@@ -3,8 +3,8 @@
 use host_link::eeprom;
 use host_link::machine::Interrupt;
 use host_link::session::Session;
-use host_link::tune::{battery, fit, mode, step, Axis};
-use host_link::virtual_board::machine;
+use pilot::tune::{battery, fit, mode, step, Axis};
+use pilot::virtual_board::machine;
 use plant::MotorParams;
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;

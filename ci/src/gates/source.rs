@@ -17,9 +17,9 @@ const BOARD: [&str; 8] = [
     "--package",
     "robot-tests",
     "--package",
-    "host-link",
+    "pilot",
     "--features",
-    "host-link/virtual",
+    "pilot/virtual",
 ];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
 const OLDEST: &str = "1.85";
@@ -77,7 +77,7 @@ pub fn clippy(context: &mut Context) -> Result<Verdict> {
     shell::run(
         place
             .cargo()
-            .args(["clippy", "--package", "host-link", "--features", "linux"])
+            .args(["clippy", "--package", "pilot", "--features", "linux"])
             .args(deny),
     )?;
     let mut board = cargo_with_board(place, &["clippy", "--all-targets"])?;

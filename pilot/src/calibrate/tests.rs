@@ -1,0 +1,273 @@
+//! Synthetic drives: the wheels roll what carries the robot along its way by the figures it believes in,
+//! and the truth is integrated from the same turns of the wheels, apart from the code under test.
+
+use super::distance::{self, Measured};
+use super::geometry::Geometry;
+use super::path::{Path, Spot};
+use super::run::{self, square, straight};
+use super::umbmark::{self, Run};
+use fw_core::eeprom::first_board;
+use fw_core::wire::Mode;
+use host_link::doubles::{machine, Board, Doubles, Mishap};
+use host_link::drive::Terms;
+use host_link::error::Error;
+use host_link::machine::Machine;
+use host_link::pose::Place;
+use host_link::session::Session;
+use host_link::settings::Settings;
+
+const FIRST_BOARD: Geometry = Geometry {
+    left_mm: 80.0,
+    right_mm: 80.0,
+    track_mm: 125.0,
+};
+
+/// A robot that turns on the spot towards each place, drives there and turns to its rotation, exactly by
+/// its own belief. The path as it reports it (in the wire's codes), and where it truly ends.
+fn driven(believed: &Geometry, truth: &Geometry, way: &[Place]) -> (Path, Spot) {
+    let mut path = Path::new(*believed);
+    let mut here = Place::default();
+    let mut real = (0.0, 0.0, 0.0_f64);
+    path.take(here);
+    let mut roll = |here: &mut Place, ahead: f64, turn: f64| {
+        // Fine steps, straight chords: as good as arcs.
+        let pieces = 200.0;
+        for _ in 0..200 {
+            let (ds, da) = (ahead / pieces, turn.to_radians() / pieces);
+            let middle = here.rotation_deg.to_radians() + da / 2.0;
+            here.x_mm += ds * middle.cos();
+            here.y_mm += ds * middle.sin();
+            here.rotation_deg += da.to_degrees();
+            let half = believed.track_mm / 2.0 * da;
+            let left = (ds - half) * truth.left_mm / believed.left_mm;
+            let right = (ds + half) * truth.right_mm / believed.right_mm;
+            let true_turn = (right - left) / truth.track_mm;
+            let true_middle = real.2 + true_turn / 2.0;
+            real.0 += f64::midpoint(left, right) * true_middle.cos();
+            real.1 += f64::midpoint(left, right) * true_middle.sin();
+            real.2 += true_turn;
+            path.take(Place::from_code(here.code()));
+        }
+    };
+    for there in way {
+        let (dx, dy) = (there.x_mm - here.x_mm, there.y_mm - here.y_mm);
+        let bearing = Place {
+            rotation_deg: dy.atan2(dx).to_degrees(),
+            ..here
+        };
+        let turn = here.turn_to_deg(bearing);
+        roll(&mut here, 0.0, turn);
+        roll(&mut here, dx.hypot(dy), 0.0);
+        let turn = here.turn_to_deg(*there);
+        roll(&mut here, 0.0, turn);
+    }
+    let end = Spot {
+        ahead_mm: real.0,
+        left_mm: real.1,
+    };
+    (path, end)
+}
+
+fn squares(believed: &Geometry, truth: &Geometry, side_mm: f64) -> Vec<Run> {
+    [true, false]
+        .map(|clockwise| {
+            let (path, measured) = driven(believed, truth, &square(side_mm, clockwise));
+            Run {
+                clockwise,
+                path,
+                measured,
+            }
+        })
+        .into()
+}
+
+fn with_side(end: Spot) -> Measured {
+    Measured {
+        ahead_mm: end.ahead_mm,
+        left_mm: Some(end.left_mm),
+    }
+}
+
+/// Largest relative difference of the three figures, percent.
+fn off_percent(found: &Geometry, truth: &Geometry) -> f64 {
+    [
+        found.left_mm / truth.left_mm,
+        found.right_mm / truth.right_mm,
+        found.track_mm / truth.track_mm,
+    ]
+    .map(|ratio| (ratio - 1.0).abs() * 100.0)
+    .into_iter()
+    .fold(0.0, f64::max)
+}
+
+// Requirement: DOC-4.1-6
+#[test]
+fn one_distance_and_two_squares_recover_figures_wrong_by_five_percent_in_any_mix() {
+    for left in [-5.0, 0.0, 5.0] {
+        for right in [-5.0, 0.0, 5.0] {
+            for track in [-5.0, 0.0, 5.0] {
+                let off = |figure: f64, percent: f64| figure * (1.0 + percent / 100.0);
+                let truth = Geometry {
+                    left_mm: off(80.0, left),
+                    right_mm: off(80.0, right),
+                    track_mm: off(125.0, track),
+                };
+                let (path, end) = driven(&FIRST_BOARD, &truth, &straight(1000.0));
+                let scaled = distance::solve(&path, &with_side(end)).unwrap().figures;
+                let runs = squares(&scaled, &truth, 1000.0);
+                let found = umbmark::solve(&runs, 1000.0).unwrap();
+                let off = off_percent(&found.figures, &truth);
+                assert!(off < 0.02, "{left} {right} {track}: {off} % {found:?}");
+                assert!(found.residual_mm < 0.5, "{found:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn readings_a_few_millimetres_off_cost_as_much_as_the_estimate_says() {
+    let truth = Geometry {
+        left_mm: 79.2,
+        right_mm: 80.6,
+        track_mm: 127.0,
+    };
+    let scaled = FIRST_BOARD.scaled((79.2 + 80.6) / 160.0);
+    let mut runs = Vec::new();
+    // Three millimetres each way, in every mix: their mean is none.
+    for (ahead, left) in [(3.0, 3.0), (-3.0, 3.0), (3.0, -3.0), (-3.0, -3.0)] {
+        for mut run in squares(&scaled, &truth, 1000.0) {
+            run.measured.ahead_mm += ahead;
+            run.measured.left_mm += left;
+            runs.push(run);
+        }
+    }
+    let found = umbmark::solve(&runs, 1000.0).unwrap();
+    assert!((2.5..3.5).contains(&found.residual_mm), "{found:?}");
+    assert!((4.0..6.0).contains(&found.score.clockwise.deviation_mm));
+    assert!(off_percent(&found.figures, &truth) < 0.02, "{found:?}");
+    for deviation in [found.track_deviation, found.ratio_deviation] {
+        assert!((1e-5..1e-3).contains(&deviation), "{found:?}");
+    }
+    // Three runs less: now the mean is off, by no more than four deviations.
+    let found = umbmark::solve(&runs[..3], 1000.0).unwrap();
+    let track = (found.figures.track_mm / 127.0 - 1.0).abs();
+    assert!(track < 4.0 * found.track_deviation, "{track} {found:?}");
+}
+
+#[test]
+fn for_small_errors_the_papers_formulas_agree() {
+    let truth = Geometry {
+        left_mm: 79.96,
+        right_mm: 80.04,
+        track_mm: 125.5,
+    };
+    let found = umbmark::solve(&squares(&FIRST_BOARD, &truth, 1000.0), 1000.0).unwrap();
+    let [track, ratio] = found.first_order;
+    assert!((track - 1.004).abs() < 2e-4, "{found:?}");
+    assert!((ratio - 1.001).abs() < 5e-5, "{found:?}");
+    assert!((found.track - 1.004).abs() < 2e-5 && (found.ratio - 1.001).abs() < 1e-5);
+}
+
+#[test]
+fn without_an_offset_to_the_side_the_way_counts_as_straight() {
+    let truth = FIRST_BOARD.scaled(1.03);
+    let (path, end) = driven(&FIRST_BOARD, &truth, &straight(1000.0));
+    let measured = Measured {
+        ahead_mm: end.distance_mm(),
+        left_mm: None,
+    };
+    let found = distance::solve(&path, &measured).unwrap();
+    assert!(off_percent(&found.figures, &truth) < 0.001, "{found:?}");
+    assert!((found.ratio - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_distance_no_wheels_can_have_is_refused_with_what_is_accepted() {
+    let (path, _) = driven(&FIRST_BOARD, &FIRST_BOARD, &straight(1000.0));
+    let at = |ahead_mm, left_mm| distance::solve(&path, &Measured { ahead_mm, left_mm });
+    for (ahead, left) in [
+        (100.0, None), // centimetres
+        (1101.0, None),
+        (899.0, Some(0.0)),
+        (-1000.0, Some(0.0)),
+        (f64::NAN, None),
+        (700.0, Some(700.0)), // bent by far more than a tenth of ratio
+    ] {
+        let why = at(ahead, left).unwrap_err();
+        assert!(
+            why.contains("accepted") || why.contains("no diameters"),
+            "{why}"
+        );
+    }
+    assert!(at(1099.0, None).is_ok() && at(901.0, None).is_ok());
+    let (short, end) = driven(&FIRST_BOARD, &FIRST_BOARD, &straight(150.0));
+    assert!(distance::solve(&short, &with_side(end))
+        .unwrap_err()
+        .contains("200 mm"));
+}
+
+#[test]
+fn squares_that_contradict_each_other_or_go_one_way_only_are_refused() {
+    let good = squares(&FIRST_BOARD, &FIRST_BOARD, 1000.0);
+    let one_way = umbmark::solve(&good[..1], 1000.0).unwrap_err();
+    assert!(one_way.contains("no run counter-clockwise"), "{one_way}");
+    assert!(umbmark::solve(&[], 1000.0).is_err());
+    // Ahead and left swapped, or measured from the room's corner.
+    let mut wrong = squares(&FIRST_BOARD, &FIRST_BOARD, 1000.0);
+    (wrong[0].measured.ahead_mm, wrong[1].measured.left_mm) = (300.0, 300.0);
+    let why = umbmark::solve(&wrong, 1000.0).unwrap_err();
+    assert!(why.contains("accepted"), "{why}");
+    wrong[0].measured.ahead_mm = 2500.0;
+    let why = umbmark::solve(&wrong, 1000.0).unwrap_err();
+    assert!(why.contains("twice the side"), "{why}");
+    wrong[0].measured.ahead_mm = f64::NAN;
+    assert!(umbmark::solve(&wrong, 1000.0).is_err());
+}
+
+#[test]
+fn a_track_wrong_by_a_fifth_is_refused() {
+    let truth = FIRST_BOARD.with_track(1.2);
+    let why = umbmark::solve(&squares(&FIRST_BOARD, &truth, 1000.0), 1000.0).unwrap_err();
+    assert!(
+        why.contains("track") && why.contains("accepted is 15 %"),
+        "{why}"
+    );
+}
+
+fn settings() -> Settings {
+    let mut config = first_board();
+    config.mode = Mode::Normal;
+    Settings {
+        config,
+        platform_page: true,
+    }
+}
+
+fn drive(machine: &mut Machine<Doubles>) -> Result<Path, Error> {
+    let mut session = Session::open(machine, 40, 100)?;
+    run::run(&mut session, &straight(1000.0), &Terms::default(), |_| {})
+}
+
+/// The last order is to stand where the robot is.
+fn assert_told_to_stay(board: &Board) {
+    let last = board.commands.last().expect("frames were sent");
+    assert!(last.apply && last.expected.x < 1_000_000, "{last:?}");
+}
+
+#[test]
+fn ctrl_c_and_a_fifth_of_a_second_without_a_reply_stop_the_robot() {
+    let (board, mut machine) = machine(&settings().image(), Some(Mishap::Interrupt(30)));
+    assert_eq!(drive(&mut machine), Err(Error::Interrupted));
+    assert_told_to_stay(&board.borrow());
+
+    let (board, mut machine) = self::machine(&settings().image(), None);
+    board.borrow_mut().deaf_from = 6;
+    let error = drive(&mut machine).unwrap_err();
+    assert!(
+        matches!(error, Error::Silent { frames: 8, .. }),
+        "{error:?}"
+    );
+    // 6 heard, 8 not, and the 10 of the stop.
+    assert_eq!(board.borrow().commands.len(), 24);
+    assert_told_to_stay(&board.borrow());
+}

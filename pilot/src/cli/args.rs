@@ -1,0 +1,510 @@
+//! The command line.
+#![allow(clippy::doc_markdown)] // the comments are the help text
+
+use clap::{Args, Parser, Subcommand};
+use fw_core::wire::Mode;
+use host_link::drive::Terms;
+use host_link::error::{Error, Exit};
+use host_link::pose::Place;
+use host_link::{reset, session};
+use pilot::calibrate::distance::Measured;
+use pilot::tune::step::Plan;
+use pilot::tune::Axis;
+use pilot::{mode, tour};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Configures, drives and maps with the robot, real or virtual.
+#[derive(Parser)]
+#[command(name = "robot", version, max_term_width = 100, after_help = exit_codes())]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+    /// Print machine-readable JSON on standard output: one object, for `monitor` one a report
+    #[arg(long, global = true)]
+    pub json: bool,
+    #[command(flatten)]
+    pub robot: Robot,
+}
+
+fn exit_codes() -> String {
+    let mut text = String::from("Exit codes:\n");
+    for (exit, meaning) in Exit::ALL {
+        let _ = writeln!(text, "  {:>3}  {meaning}", exit.code());
+    }
+    text
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Read, write and compare the configuration in the EEPROM
+    Eeprom {
+        #[command(subcommand)]
+        command: Eeprom,
+    },
+    /// Repair what a killed run left (EEPROM protected, its bus with the STM), reset the STM, await STM_READY
+    Reset,
+    /// Change the mode: rewrite it in the EEPROM, reset the STM, and carry on in it on both ends
+    Mode {
+        /// Name, e.g. "Guarded Normal" or guarded-normal, or number, e.g. 0x10
+        #[arg(value_parser = mode::parse)]
+        mode: Mode,
+    },
+    /// Exchange some frames and show what is known: state, faults, battery, both ends of the link; nothing moves
+    Status(Status),
+    /// Show pose, cells, ranges and the link's counters, live
+    Monitor(Monitor),
+    /// Drive to a pose and stop there
+    Goto(Goto),
+    /// Drive from way-point to way-point
+    Tour(Tour),
+    /// Draw a map (PNG, and PGM + YAML for ROS) while driving, or from a recording
+    Map(Map),
+    /// Measure the drive or a battery tap, and tune gains or divider by it
+    Tune {
+        #[command(subcommand)]
+        command: Tune,
+    },
+    /// Drive, have the end measured on the floor, and correct wheel diameters and track by it
+    Calibrate {
+        #[command(subcommand)]
+        command: Calibrate,
+    },
+}
+
+#[derive(Subcommand)]
+pub enum Calibrate {
+    /// Drive straight ahead: the scale of diameters and track
+    Distance(DistanceArgs),
+    /// Drive squares both ways (UMBmark): the wheels' ratio and the track; calibrate the distance first
+    Umbmark(UmbmarkArgs),
+    /// Bring back what the EEPROM held before the latest calibration or tuning was written
+    Rollback,
+}
+
+#[derive(Args)]
+pub struct DistanceArgs {
+    /// How far to drive, mm; the longer, the less a millimetre of the tape matters
+    #[arg(long, value_name = "MM", default_value = "1000")]
+    pub length: f64,
+    /// Do not drive: this was measured after the latest `calibrate distance`, mm from start to end, and mm
+    /// to the left of the line the robot faced (minus: to the right)
+    #[arg(long, value_name = "MM[,LEFT]", allow_hyphen_values = true, value_parser = measured)]
+    pub measured: Option<Measured>,
+    #[command(flatten)]
+    pub measuring: Measuring,
+}
+
+#[derive(Args)]
+pub struct UmbmarkArgs {
+    /// The square's side, mm
+    #[arg(long, value_name = "MM", default_value = "1000")]
+    pub side: f64,
+    /// Squares each way
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=10))]
+    pub runs: u8,
+    #[command(flatten)]
+    pub measuring: Measuring,
+}
+
+/// How a calibration measures, and what it may do without asking.
+#[derive(Args)]
+pub struct Measuring {
+    /// Who measures: you, or on the virtual robot somebody simulated
+    #[arg(long, value_name = "WHO", value_enum, default_value = "tape")]
+    pub measure_with: MeasureWith,
+    /// Standard deviation of the simulated readings, mm
+    #[arg(long, value_name = "MM", default_value = "0", value_parser = deviation)]
+    pub noise: f64,
+    /// Drive and write without asking
+    #[arg(long)]
+    pub yes: bool,
+    /// Measure and show, write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Do not drive once more after writing to see how good it became
+    #[arg(long)]
+    pub no_verify: bool,
+}
+
+/// Who measures.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum MeasureWith {
+    /// You, with a tape: the program asks
+    Tape,
+    /// Somebody simulated, who sees where the virtual robot stands
+    Truth,
+}
+
+fn deviation(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=100.0).contains(&value) => Ok(value),
+        _ => Err("accepted is 0 to 100".into()),
+    }
+}
+
+/// One or two numbers, separated by a comma or a blank.
+pub fn measured(text: &str) -> Result<Measured, String> {
+    let numbers: Result<Vec<f64>, _> = text
+        .split([',', ' '])
+        .filter(|word| !word.is_empty())
+        .map(str::parse)
+        .collect();
+    match numbers.as_deref() {
+        Ok(&[ahead_mm]) if ahead_mm.is_finite() => Ok(Measured {
+            ahead_mm,
+            left_mm: None,
+        }),
+        Ok(&[ahead_mm, left]) if ahead_mm.is_finite() && left.is_finite() => Ok(Measured {
+            ahead_mm,
+            left_mm: Some(left),
+        }),
+        _ => Err("accepted are millimetres ahead, and to the left: 1003.5 or 1003.5,-12".into()),
+    }
+}
+
+#[derive(Subcommand)]
+pub enum Tune {
+    /// Make steps on the spot, fit a model, propose gains of the rotation PID
+    Rotate(StepArgs),
+    /// Make steps forward and backward, fit a model, propose gains of the forward PID
+    Move(StepArgs),
+    /// With a known voltage in place of a cell: correct its tap's upper resistor
+    Battery {
+        /// The cell, 1 = nearest to ground; tune from 1 upwards
+        cell: u8,
+        /// Volts in its place
+        volts: f64,
+        #[command(flatten)]
+        consent: Consent,
+    },
+    /// Bring back what the EEPROM held before the latest tuning was written
+    Rollback,
+}
+
+/// Whether the EEPROM may be written.
+#[derive(Args)]
+pub struct Consent {
+    /// Write without asking
+    #[arg(long)]
+    pub yes: bool,
+    /// Measure and show, write nothing
+    #[arg(long, conflicts_with = "yes")]
+    pub dry_run: bool,
+}
+
+#[derive(Args)]
+pub struct StepArgs {
+    /// Duties, percent; each goes one way and then the other
+    #[arg(
+        long,
+        value_name = "PERCENT,…",
+        value_delimiter = ',',
+        default_value = "50,75,100"
+    )]
+    pub levels: Vec<f64>,
+    /// Seconds of each step
+    #[arg(long, value_name = "S", default_value = "1.2")]
+    pub hold: f64,
+    /// Seconds at rest between steps
+    #[arg(long, value_name = "S", default_value = "0.8")]
+    pub rest: f64,
+    /// A step ends when it went this far, degrees or mm; 360 degrees or 300 mm without it
+    #[arg(long, value_name = "WAY")]
+    pub travel: Option<f64>,
+    /// Damping of the loop to propose gains for, 1 = no overshoot; 0.8 to rotate, 0.5 to move without it
+    #[arg(long, value_name = "ZETA", value_parser = damping)]
+    pub damping: Option<f64>,
+    /// Files to write, without their endings .csv and .png; tune-rotate or tune-move without it
+    #[arg(long, value_name = "STEM")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub consent: Consent,
+}
+
+impl StepArgs {
+    pub fn plan(&self, axis: Axis) -> Plan {
+        Plan {
+            levels: self.levels.clone(),
+            hold_s: self.hold,
+            rest_s: self.rest,
+            travel: self.travel.unwrap_or(axis.travel()),
+        }
+    }
+
+    pub fn stem(&self, axis: Axis) -> PathBuf {
+        let name = match axis {
+            Axis::Rotate => "tune-rotate",
+            Axis::Move => "tune-move",
+        };
+        self.out.clone().unwrap_or_else(|| name.into())
+    }
+}
+
+fn damping(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.3..=3.0).contains(&value) => Ok(value),
+        _ => Err("accepted is 0.3 to 3".into()),
+    }
+}
+
+#[derive(Subcommand)]
+pub enum Eeprom {
+    /// Write the commented configuration file of the first board, to start from
+    Init {
+        /// Where to; standard output without it
+        file: Option<PathBuf>,
+        /// Overwrite the file if it exists
+        #[arg(long)]
+        force: bool,
+    },
+    /// Write a configuration file to the EEPROM, verify it, reset the STM and await STM_READY
+    Write {
+        /// Configuration file (TOML)
+        file: PathBuf,
+        /// Only show what would change
+        #[arg(long)]
+        dry_run: bool,
+    },
+    /// Check the EEPROM, or a file
+    Check {
+        /// Configuration file (.toml) or image; the robot's EEPROM without it
+        file: Option<PathBuf>,
+    },
+    /// Print the EEPROM as a configuration file
+    Dump {
+        /// Image file to print instead of the robot's EEPROM
+        #[arg(long, value_name = "FILE")]
+        image: Option<PathBuf>,
+        /// Print bytes, also of an EEPROM that is rejected
+        #[arg(long)]
+        hex: bool,
+    },
+    /// Show what writing a file would change; exit code 1 if anything
+    Diff {
+        /// Configuration file (.toml) or image
+        file: PathBuf,
+        /// Image file to compare with instead of the robot's EEPROM
+        #[arg(long, value_name = "FILE")]
+        image: Option<PathBuf>,
+    },
+    /// Give an original EEPROM its page 0x03, with the first board's figures that apply anyway
+    Migrate {
+        /// Only show what would change
+        #[arg(long)]
+        dry_run: bool,
+    },
+    /// Save the EEPROM's pages 0x00 to 0x03 as an image file
+    Backup {
+        /// Image file to write
+        file: PathBuf,
+        /// Overwrite the file if it exists
+        #[arg(long)]
+        force: bool,
+    },
+    /// Write an image file back, whatever it holds
+    Restore {
+        /// Image file of 768 (original) to 65536 bytes, of which pages 0x00 to 0x03 are written
+        file: PathBuf,
+        /// Only show what would change
+        #[arg(long)]
+        dry_run: bool,
+    },
+}
+
+#[derive(Args)]
+pub struct Status {
+    /// For how long; the STM's log tells of its end once a second
+    #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = clap::value_parser!(u32).range(1..=600_000))]
+    pub ms: u32,
+}
+
+#[derive(Args)]
+pub struct Monitor {
+    /// End after this many valid reports
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+}
+
+#[derive(Args)]
+pub struct Goto {
+    /// Millimetres ahead of where the robot was switched on
+    #[arg(allow_hyphen_values = true)]
+    pub x: String,
+    /// Millimetres to the left of where the robot was switched on
+    #[arg(allow_hyphen_values = true)]
+    pub y: String,
+    /// Degrees, counter-clockwise
+    #[arg(allow_hyphen_values = true, value_name = "ROT")]
+    pub rotation: String,
+    #[command(flatten)]
+    pub terms: TermsArgs,
+}
+
+impl Goto {
+    /// # Errors
+    /// [`Error::Usage`] names the argument and its range.
+    pub fn target(&self) -> Result<Place, Error> {
+        tour::place(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
+    }
+}
+
+#[derive(Args)]
+pub struct Tour {
+    /// Way-points: one `x y rotation` a line, mm and degrees, # begins a comment
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub terms: TermsArgs,
+}
+
+#[derive(Args)]
+pub struct Map {
+    /// Way-points to drive while mapping
+    #[arg(required_unless_present = "from", conflicts_with = "from")]
+    pub tour: Option<PathBuf>,
+    /// Draw from a recording instead of driving
+    #[arg(long, value_name = "FILE")]
+    pub from: Option<PathBuf>,
+    /// Record every report (CSV) while driving
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    pub record: Option<PathBuf>,
+    /// Files to write, without their endings .png, .pgm, .yaml
+    #[arg(long, value_name = "STEM", default_value = "map")]
+    pub out: PathBuf,
+    /// Size of a map cell, mm
+    #[arg(long, value_name = "MM", default_value_t = 25, value_parser = clap::value_parser!(u16).range(5..=500))]
+    pub cell: u16,
+    #[command(flatten)]
+    pub terms: TermsArgs,
+}
+
+/// When a drive counts as done.
+#[derive(Args)]
+pub struct TermsArgs {
+    /// How near a target counts as there, mm
+    #[arg(long, value_name = "MM", default_value = "5", value_parser = positive)]
+    pub tolerance_mm: f64,
+    /// How near a target's rotation counts as there, degrees
+    #[arg(long, value_name = "DEG", default_value = "1", value_parser = positive)]
+    pub tolerance_deg: f64,
+    /// Time for each target, seconds; by its distance without it
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub timeout: Option<f64>,
+}
+
+impl TermsArgs {
+    pub fn terms(&self) -> Terms {
+        Terms {
+            tolerance_mm: self.tolerance_mm,
+            tolerance_deg: self.tolerance_deg,
+            timeout_s: self.timeout,
+        }
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value <= 1e6 => Ok(value),
+        _ => Err("accepted is a number above 0 up to 1000000".into()),
+    }
+}
+
+/// Which robot, and how to reach it.
+#[derive(Args)]
+#[command(next_help_heading = "Robot")]
+pub struct Robot {
+    /// Frames per second
+    #[arg(long, global = true, value_name = "HZ", default_value_t = session::RATE_HZ, value_parser = clap::value_parser!(u32).range(1..=2000))]
+    pub rate: u32,
+    /// How long to await STM_READY, ms
+    #[arg(long, global = true, value_name = "MS", default_value_t = reset::READY_TIMEOUT_MS, value_parser = clap::value_parser!(u32).range(1..=600_000))]
+    pub ready_timeout: u32,
+    /// SPI device
+    #[arg(
+        long,
+        global = true,
+        value_name = "PATH",
+        default_value = "/dev/spidev0.0"
+    )]
+    pub spi: PathBuf,
+    /// SPI clock, Hz
+    #[arg(long, global = true, value_name = "HZ", default_value_t = 8_000_000, value_parser = clap::value_parser!(u32).range(1_000..=25_000_000))]
+    pub spi_hz: u32,
+    /// I2C device
+    #[arg(long, global = true, value_name = "PATH", default_value = "/dev/i2c-1")]
+    pub i2c: PathBuf,
+    /// GPIO chip
+    #[arg(
+        long,
+        global = true,
+        value_name = "PATH",
+        default_value = "/dev/gpiochip0"
+    )]
+    pub gpiochip: PathBuf,
+    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` listen
+    #[arg(
+        long,
+        global = true,
+        value_name = "PATH",
+        default_value = "/dev/serial0"
+    )]
+    pub uart: PathBuf,
+    /// Folder of the lock and of the journal of an unfinished EEPROM write
+    #[arg(long, global = true, value_name = "DIR", default_value = "/var/tmp")]
+    pub state_dir: PathBuf,
+    #[command(flatten)]
+    pub board: VirtualBoard,
+}
+
+/// The virtual board.
+#[derive(Args)]
+#[command(next_help_heading = "Virtual robot")]
+pub struct VirtualBoard {
+    /// Use the virtual board instead of this computer's buses
+    #[arg(long = "virtual", global = true)]
+    pub chosen: bool,
+    /// Firmware to run
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        env = "ROBOT_ELF",
+        default_value = "target/elf/fw-pac.elf"
+    )]
+    pub elf: PathBuf,
+    /// Room to stand in; the default room without it
+    #[arg(long, global = true, value_name = "FILE")]
+    pub room: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// How warm the air is
+    #[arg(
+        long,
+        global = true,
+        value_name = "CELSIUS",
+        default_value_t = 20,
+        allow_negative_numbers = true
+    )]
+    pub air: i16,
+    /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        default_value = "target/virtual/eeprom.bin"
+    )]
+    pub eeprom_image: PathBuf,
+    /// True diameter of the virtual left wheel, mm, whatever the EEPROM says
+    #[arg(long, global = true, value_name = "MM", default_value = "80", value_parser = positive)]
+    pub true_diameter_left: f64,
+    /// True diameter of the virtual right wheel, mm
+    #[arg(long, global = true, value_name = "MM", default_value = "80", value_parser = positive)]
+    pub true_diameter_right: f64,
+    /// True track of the virtual robot, mm
+    #[arg(long, global = true, value_name = "MM", default_value = "125", value_parser = positive)]
+    pub true_track: f64,
+    /// Write the STM's log to this file
+    #[arg(long, global = true, value_name = "FILE")]
+    pub uart_log: Option<PathBuf>,
+}

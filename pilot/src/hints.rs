@@ -1,0 +1,148 @@
+//! What counters and faults mean, in sentences that say what to look at.
+
+use fw_core::eeprom::Config;
+use fw_core::wire::Cause;
+use host_link::snapshot::Snapshot;
+use host_link::statistics::Causes;
+
+/// What is worth a look; nothing when all is well.
+#[must_use]
+pub fn of(snapshot: &Snapshot, config: &Config) -> Vec<String> {
+    let mut hints = Vec::new();
+    let link = &snapshot.link;
+    rejected(&mut hints, "the Pi rejected replies", &link.causes);
+    if let Some(missed) = link.missed.filter(|&missed| missed > 0) {
+        hints.push(format!(
+            "the Pi missed {missed} replies that the STM numbered: frames were rejected, or another program sends some"
+        ));
+    }
+    let deadline_ms = u64::from(config.platform.stop_deadline);
+    let near_us = deadline_ms * 1000 / 2;
+    if link.worst_gap_us >= near_us {
+        hints.push(gap("the Pi's replies", link.worst_gap_us, deadline_ms));
+    }
+    if let Some(stm) = &snapshot.stm {
+        rejected(&mut hints, "the STM rejected frames", &stm.causes);
+        if stm.lost > 0 {
+            hints.push(format!(
+                "the STM lost {} frames that came before it had read the one before: leave more time between frames (--rate)",
+                stm.lost
+            ));
+        }
+        let recent_us = u64::from(stm.recent_gap_us);
+        if recent_us >= near_us {
+            hints.push(gap("the STM's frames", recent_us, deadline_ms));
+        }
+    }
+    if !snapshot.faults.is_empty() {
+        hints.push(format!(
+            "latched faults: {}; in guarded modes a drive clears a lost link, `host-link reset` clears all",
+            snapshot.faults.join(", ")
+        ));
+    }
+    hints
+}
+
+fn gap(whose: &str, us: u64, deadline_ms: u64) -> String {
+    format!(
+        "{whose} were up to {} ms apart, the stop deadline is {deadline_ms} ms: look for a busy computer or a lower --rate",
+        us / 1000
+    )
+}
+
+fn rejected(hints: &mut Vec<String>, what: &str, causes: &Causes) {
+    for (cause, count) in causes.occurred() {
+        hints.push(format!(
+            "{what} ({} {count}): {}",
+            cause.name(),
+            look(cause)
+        ));
+    }
+}
+
+/// What a cause points to.
+fn look(cause: Cause) -> &'static str {
+    match cause {
+        Cause::Short | Cause::Long => {
+            "the two ends run different modes (`host-link reset` makes the STM read the EEPROM again), or the \
+             chip-select is disturbed"
+        }
+        Cause::Key => {
+            "the two ends have different keys (`host-link reset` makes the STM read the EEPROM again), or no \
+             data comes over the wire"
+        }
+        Cause::Double => "the two ends run different modes, or the wire is noisy",
+        Cause::Cell => {
+            "the two ends have different numbers of cells or different modes, or the wire is noisy"
+        }
+        Cause::Stale => "frames were repeated, or an end started anew, which the fourth frame mends",
+        Cause::Status => "the two ends are of different versions, or the wire is noisy",
+        Cause::Crc => {
+            "the wire is noisy (shorten it, or lower --spi-hz), or the two ends run different modes"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fw_core::eeprom::first_board;
+    use host_link::statistics::StmStatistics;
+
+    fn well() -> Snapshot {
+        let mut snapshot = Snapshot::new(&first_board());
+        snapshot.stm = Some(StmStatistics {
+            frames: 40,
+            accepted: 40,
+            recent_gap_us: 25_000,
+            // Before this session there may have been hours without a frame.
+            worst_gap_us: u32::MAX,
+            ..StmStatistics::default()
+        });
+        snapshot
+    }
+
+    #[test]
+    fn a_good_link_needs_no_hint() {
+        assert_eq!(of(&well(), &first_board()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn each_cause_at_each_end_is_explained() {
+        for cause in Cause::ALL {
+            let mut causes = Causes::default();
+            causes.set(cause, 3);
+            let counted = format!("({} 3): ", cause.name());
+            let mut snapshot = well();
+            snapshot.link.causes = causes;
+            let hints = of(&snapshot, &first_board());
+            assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
+            assert!(hints[0].starts_with("the Pi"));
+            let mut snapshot = well();
+            snapshot.stm.as_mut().unwrap().causes = causes;
+            let hints = of(&snapshot, &first_board());
+            assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
+            assert!(hints[0].starts_with("the STM"));
+        }
+    }
+
+    #[test]
+    fn gaps_near_the_deadline_lost_frames_and_faults_are_named() {
+        let mut snapshot = well();
+        snapshot.link.worst_gap_us = 125_000;
+        snapshot.link.missed = Some(2);
+        let stm = snapshot.stm.as_mut().unwrap();
+        (stm.recent_gap_us, stm.lost) = (125_000, 1);
+        snapshot.faults = vec!["link-lost"];
+        let hints = of(&snapshot, &first_board()).join("\n");
+        for told in [
+            "missed 2 replies",
+            "the Pi's replies were up to 125 ms",
+            "lost 1 frames",
+            "the STM's frames were up to 125 ms",
+            "link-lost",
+        ] {
+            assert!(hints.contains(told), "{told}: {hints}");
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! What the program `robot` does for people: drive tours, map, tune, calibrate.
+//!
+//! | module | idea |
+//! |---|---|
+//! | [`tour`] | way-point files |
+//! | [`mode`] | another mode on both ends |
+//! | [`hints`] | what counters and faults mean, in sentences |
+//! | [`tune`] | steps, model, gains, dividers |
+//! | [`calibrate`] | wheel diameters and track from measured runs |
+//! | [`survey`] | mapping while driving; recordings |
+//! | `virtual_board` | the firmware's ELF on the virtual board (feature `virtual`) |
+#![forbid(unsafe_code)]
+
+pub mod calibrate;
+pub mod hints;
+pub mod mode;
+pub mod survey;
+pub mod tour;
+pub mod tune;
+#[cfg(feature = "virtual")]
+pub mod virtual_board;

@@ -1,0 +1,96 @@
+//! Changing the mode on both ends without leaving the program.
+
+use crate::tune::mode::with_config;
+use fw_core::wire::Mode;
+use host_link::eeprom::{self, journal::Journal, Programmed, Step};
+use host_link::error::Error;
+use host_link::machine::{Machine, Wires};
+use host_link::session::Session;
+use host_link::settings;
+
+/// A mode by its name, upper or lower case, with or without its spaces, or by its number, decimal
+/// or after `0x`.
+///
+/// # Errors
+/// Names and numbers of every mode.
+pub fn parse(text: &str) -> Result<Mode, String> {
+    let plain = |name: &str| name.replace([' ', '-', '_'], "").to_ascii_lowercase();
+    let by_name = |mode: &Mode| plain(mode.name()) == plain(text);
+    let code = match text.strip_prefix("0x") {
+        Some(digits) => u8::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    let by_code = || code.ok().and_then(Mode::from_code);
+    Mode::ALL
+        .iter()
+        .copied()
+        .find(by_name)
+        .or_else(by_code)
+        .ok_or_else(|| {
+            let all: Vec<String> = Mode::ALL
+                .iter()
+                .map(|mode| format!("\"{}\" ({:#04x})", mode.name(), mode.code()))
+                .collect();
+            format!("accepted is {}", all.join(", "))
+        })
+}
+
+/// The mode was changed.
+pub struct Changed<'m, W: Wires> {
+    /// The mode before.
+    pub before: Mode,
+    /// What was written.
+    pub programmed: Programmed,
+    /// The conversation in the new mode, after the first frames that show that both ends speak it.
+    pub session: Session<'m, W>,
+}
+
+/// Rewrites the mode in the EEPROM, resets the STM, sets this end up anew by what the EEPROM holds,
+/// and exchanges frames until both ends are known to speak the new mode.
+///
+/// # Errors
+/// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::acquaint`];
+/// [`Error::Rejected`] if the EEPROM holds no acceptable configuration to begin with.
+// Requirement: DOC-5.2-2
+pub fn change<'m, W: Wires>(
+    machine: &'m mut Machine<W>,
+    mode: Mode,
+    rate_hz: u32,
+    ready_timeout_ms: u32,
+    journal: Option<&Journal>,
+    watch: impl FnMut(Step<'_>),
+) -> Result<Changed<'m, W>, Error> {
+    let present = eeprom::read(machine)?;
+    let before = settings::decode(&present)?.mode;
+    let image = with_config(&present, |config| config.mode = mode)?;
+    let programmed = eeprom::program(machine, &image, ready_timeout_ms, journal, watch)?;
+    let mut session = Session::open(machine, rate_hz, ready_timeout_ms)?;
+    session.acquaint()?;
+    Ok(Changed {
+        before,
+        programmed,
+        session,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_numbers_are_modes() {
+        for &mode in Mode::ALL {
+            assert_eq!(parse(mode.name()), Ok(mode));
+            assert_eq!(parse(&mode.code().to_string()), Ok(mode));
+            assert_eq!(parse(&format!("{:#04x}", mode.code())), Ok(mode));
+        }
+        assert_eq!(parse("guarded-normal"), Ok(Mode::GuardedNormal));
+        for wrong in ["", "3", "0x", "256", "Guarded"] {
+            let accepted = parse(wrong).unwrap_err();
+            assert!(
+                accepted.contains("\"Normal\" (0x00)"),
+                "{wrong}: {accepted}"
+            );
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! Mapping while driving: every report goes to the mapper, to the trace, and to a recording from
+//! which the same map can be drawn again.
+
+use fw_core::eeprom::Config;
+use host_link::eeprom::image;
+use host_link::error::Error;
+use host_link::pose::Place;
+use host_link::snapshot::Snapshot;
+use mapper::{map_plot, ros, Mapper, Mount};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// One report as the mapper takes it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Microseconds on the machine's clock.
+    pub time_us: u64,
+    /// Where the robot believed it was.
+    pub pose: Place,
+    /// Front, right, left; in the sweep mode the first is the swept one. Millimetres.
+    pub ranges_mm: [Option<f64>; 3],
+    /// Sweep mode: the bearing of the first, degrees.
+    pub bearing_deg: Option<f64>,
+}
+
+impl Look {
+    /// What a snapshot holds for the mapper; none in a mode without poses.
+    #[must_use]
+    pub fn of(snapshot: &Snapshot) -> Option<Self> {
+        snapshot.pose.map(|pose| Self {
+            time_us: snapshot.time_us,
+            pose,
+            ranges_mm: snapshot.ranges_mm,
+            bearing_deg: snapshot.bearing_deg,
+        })
+    }
+}
+
+/// The map, the trace and the recording of one drive.
+pub struct Survey {
+    mapper: Mapper,
+    trace: Vec<Place>,
+    recording: String,
+}
+
+/// First line of a recording.
+const HEAD: &str = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg";
+
+/// The files a survey leaves.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Files {
+    /// The picture with the trace.
+    pub png: PathBuf,
+    /// The picture for ROS.
+    pub pgm: PathBuf,
+    /// The text that goes with it.
+    pub yaml: PathBuf,
+}
+
+impl Survey {
+    /// An empty survey.
+    #[must_use]
+    pub fn new(config: mapper::Config) -> Self {
+        Self {
+            mapper: Mapper::new(config),
+            trace: Vec::new(),
+            recording: format!("{HEAD}\n"),
+        }
+    }
+
+    /// Takes one report.
+    // Requirement: DOC-1-2
+    pub fn take(&mut self, look: &Look) {
+        let pose = pose(look.pose);
+        match look.bearing_deg {
+            Some(bearing) => {
+                self.mapper
+                    .observe_swept(&pose, 0, bearing.to_radians(), look.ranges_mm[0]);
+            }
+            None => self.mapper.observe(&pose, &look.ranges_mm),
+        }
+        self.trace.push(look.pose);
+        self.recording.push_str(&line(look));
+    }
+
+    /// The mapper.
+    #[must_use]
+    pub fn mapper(&self) -> &Mapper {
+        &self.mapper
+    }
+
+    /// Where the robot believed it was, report by report.
+    #[must_use]
+    pub fn trace(&self) -> &[Place] {
+        &self.trace
+    }
+
+    /// Path length of the trace, millimetres.
+    #[must_use]
+    pub fn path_mm(&self) -> f64 {
+        self.trace
+            .windows(2)
+            .map(|step| step[0].distance_mm(step[1]))
+            .sum()
+    }
+
+    /// Writes `stem`.png (the map under the trace), and `stem`.pgm and `stem`.yaml as ROS map servers
+    /// read them.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
+        let with = |ending: &str| {
+            let mut name = stem.as_os_str().to_owned();
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        let files = Files {
+            png: with(".png"),
+            pgm: with(".pgm"),
+            yaml: with(".yaml"),
+        };
+        let believed: Vec<mapper::Pose> = self.trace.iter().map(|&place| pose(place)).collect();
+        let grid = self.mapper.grid();
+        let png =
+            map_plot::trajectory(grid, &believed, &[], &[]).map_err(|cause| Error::Unwritable {
+                path: files.png.clone(),
+                cause: cause.to_string(),
+            })?;
+        image::save(&files.png, &png)?;
+        image::save(&files.pgm, &ros::pgm(grid))?;
+        let picture = files.pgm.file_name().unwrap_or_default().to_string_lossy();
+        image::save(&files.yaml, ros::yaml(grid, &picture).as_bytes())?;
+        Ok(files)
+    }
+
+    /// Writes the recording (CSV).
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn save_recording(&self, path: &Path) -> Result<(), Error> {
+        image::save(path, self.recording.as_bytes())
+    }
+}
+
+/// The pose as the mapper takes it.
+fn pose(place: Place) -> mapper::Pose {
+    mapper::Pose::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
+}
+
+/// The mapper's settings for a configuration: its rangefinders and their bearings.
+// Requirement: WIRE-platform-5
+#[must_use]
+pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
+    let mut settings = mapper::Config {
+        cell_mm,
+        ..mapper::Config::default()
+    };
+    let bearings = config.platform.bearings;
+    for (mount, bearing) in settings.mounts.iter_mut().zip(bearings) {
+        let bearing_rad = f64::from(bearing.cast_signed()) / 65_536.0 * std::f64::consts::TAU;
+        *mount = Mount {
+            bearing_rad,
+            ..*mount
+        };
+    }
+    settings
+        .mounts
+        .truncate(config.platform.rangefinders.into());
+    settings
+}
+
+fn line(look: &Look) -> String {
+    let number = |value: Option<f64>| value.map(|value| format!("{value:.3}")).unwrap_or_default();
+    let Place {
+        x_mm,
+        y_mm,
+        rotation_deg,
+    } = look.pose;
+    let [front, right, left] = look.ranges_mm.map(number);
+    format!(
+        "{},{x_mm:.3},{y_mm:.3},{rotation_deg:.3},{front},{right},{left},{}\n",
+        look.time_us,
+        number(look.bearing_deg)
+    )
+}
+
+/// Reads a recording.
+///
+/// # Errors
+/// [`Error::Unreadable`]; [`Error::Content`] names the line.
+pub fn load_recording(path: &Path) -> Result<Vec<Look>, Error> {
+    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    parse_recording(&text).map_err(|(line, what)| Error::content(path, line, what))
+}
+
+/// # Errors
+/// The 1-based line and what is wrong.
+fn parse_recording(text: &str) -> Result<Vec<Look>, (usize, String)> {
+    let mut lines = (1..).zip(text.lines());
+    match lines.next() {
+        Some((_, head)) if head.trim() == HEAD => {}
+        _ => return Err((1, format!("no recording: the first line must be {HEAD}"))),
+    }
+    lines
+        .filter(|(_, line)| !line.trim().is_empty())
+        .map(|(number, line)| look(line).map_err(|what| (number, what)))
+        .collect()
+}
+
+fn look(line: &str) -> Result<Look, String> {
+    let words: Vec<&str> = line.trim().split(',').collect();
+    let &[time, x, y, rotation, front, right, left, bearing] = words.as_slice() else {
+        return Err(format!(
+            "{} values where a report has 8: {HEAD}",
+            words.len()
+        ));
+    };
+    let maybe = |field: &str, word: &str| -> Result<Option<f64>, String> {
+        if word.is_empty() {
+            return Ok(None);
+        }
+        match word.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(Some(value)),
+            _ => Err(format!("{field} = {word}: accepted is a number or nothing")),
+        }
+    };
+    Ok(Look {
+        time_us: time
+            .parse()
+            .map_err(|_| format!("time_us = {time}: accepted is a whole number from 0 on"))?,
+        pose: crate::tour::place(x, y, rotation)?,
+        ranges_mm: [
+            maybe("front_mm", front)?,
+            maybe("right_mm", right)?,
+            maybe("left_mm", left)?,
+        ],
+        bearing_deg: maybe("bearing_deg", bearing)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
+    #[test]
+    fn the_map_takes_as_many_rangefinders_as_are_fitted_and_their_bearings() {
+        let mut config = fw_core::eeprom::first_board();
+        let degrees = |config: &Config| {
+            let mounts = mapper_config(config, 10.0).mounts;
+            let degrees = mounts.iter().map(|mount| mount.bearing_rad.to_degrees());
+            degrees.map(f64::round).collect::<Vec<_>>()
+        };
+        // Front, right, left.
+        assert_eq!(degrees(&config), [0.0, -90.0, 90.0]);
+        config.platform.bearings = [0x1000, 0xE000, 0x8000];
+        config.platform.rangefinders = 2;
+        assert_eq!(degrees(&config), [23.0, -45.0]);
+    }
+
+    #[test]
+    fn a_recording_reads_back() {
+        let looks = [
+            Look {
+                time_us: 25_000,
+                pose: Place {
+                    x_mm: 1.5,
+                    y_mm: -2.0,
+                    rotation_deg: 90.0,
+                },
+                ranges_mm: [Some(1234.5), None, Some(80.0)],
+                bearing_deg: None,
+            },
+            Look {
+                time_us: 50_000,
+                pose: Place::default(),
+                ranges_mm: [None; 3],
+                bearing_deg: Some(-45.0),
+            },
+        ];
+        let mut survey = Survey::new(mapper::Config::default());
+        for look in &looks {
+            survey.take(look);
+        }
+        assert_eq!(parse_recording(&survey.recording).unwrap(), looks);
+    }
+
+    #[test]
+    fn a_wrong_recording_names_its_line() {
+        assert_eq!(parse_recording("x\n").unwrap_err().0, 1);
+        assert_eq!(
+            parse_recording(&format!("{HEAD}\n1,2,3\n")).unwrap_err().0,
+            2
+        );
+        assert_eq!(
+            parse_recording(&format!("{HEAD}\n\n1,2,3,4,a,,,\n"))
+                .unwrap_err()
+                .0,
+            3
+        );
+    }
+}

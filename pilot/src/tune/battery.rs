@@ -1,0 +1,82 @@
+//! Tuning a battery tap (document, 5.1.3): a reference voltage stands in for the cell, the STM
+//! computes the upper resistor that would have shown it exactly, and says so in its log.
+
+use fw_core::wire::CellCode;
+use host_link::error::Error;
+use host_link::log::{Line, Lines};
+use host_link::machine::Wires;
+use host_link::session::{Session, Wish};
+
+/// The largest voltage of the wire, volts: 0x1FFF.
+pub const LARGEST_V: f64 = 40.955;
+
+/// Answers taken.
+const ANSWERS: usize = 15;
+
+/// Frames in which they must have come.
+const FRAMES: usize = 80;
+
+/// Lets the STM measure before it is asked, frames.
+const WARM_UP: usize = 20;
+
+/// Asks for the upper resistor of `cell` (1 to 8) with `volts` at it; the median of fifteen answers,
+/// ohm.
+///
+/// # Errors
+/// [`Error::Usage`] for a cell the robot does not have or a voltage beyond the wire's; those of
+/// [`Session::exchange`]; [`Error::Device`] of the log; [`Error::Tuning`] without an answer.
+// Requirement: DOC-5.1.3-4
+pub fn ask<W: Wires>(session: &mut Session<'_, W>, cell: u8, volts: f64) -> Result<u32, Error> {
+    let cells = session.config().cells;
+    if !(1..=cells).contains(&cell) {
+        return Err(Error::Usage(format!(
+            "cell {cell}: accepted is 1 to {cells}, the robot's cells"
+        )));
+    }
+    let code = code(volts)?;
+    session.log()?;
+    for _ in 0..WARM_UP {
+        session.exchange(&Wish::default())?;
+    }
+    let wish = Wish {
+        tune: Some(CellCode {
+            cell: cell - 1,
+            voltage: code,
+        }),
+        ..Wish::default()
+    };
+    let mut lines = Lines::default();
+    let mut answers = Vec::new();
+    for _ in 0..FRAMES {
+        session.exchange(&wish)?;
+        for line in lines.feed(&session.log()?) {
+            match line {
+                Line::Tuned { tap, ohm, .. } if tap == cell => answers.push(ohm),
+                _ => {}
+            }
+        }
+        if answers.len() >= ANSWERS {
+            break;
+        }
+    }
+    answers.sort_unstable();
+    answers
+        .get(answers.len() / 2)
+        .copied()
+        .ok_or_else(|| {
+            Error::Tuning(format!(
+                "the STM's log proposes no resistor for tap {cell}; check that {volts} V is at it, and the log's wire and --uart"
+            ))
+        })
+}
+
+/// Volts in the wire's steps of 5 mV.
+fn code(volts: f64) -> Result<u16, Error> {
+    if !(0.005..=LARGEST_V).contains(&volts) {
+        return Err(Error::Usage(format!(
+            "{volts} V: accepted is 0.005 to {LARGEST_V}"
+        )));
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
+    Ok((volts * 200.0).round() as u16)
+}

@@ -1,0 +1,106 @@
+//! What a tuning leaves: the samples as CSV, and input, response and prediction as a picture.
+
+use super::fit::{replay, Model, Step};
+use super::gains::Response;
+use super::record::Sample;
+use super::Axis;
+use host_link::eeprom::image;
+use host_link::error::Error;
+use mapper::line_plot::{draw, Curve, Panel};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// The samples as a table: seconds, percent, degrees or millimetres.
+#[must_use]
+pub fn csv(axis: Axis, samples: &[Sample]) -> String {
+    let mut text = format!("seconds,percent,{}\n", axis.unit());
+    for sample in samples {
+        let _ = writeln!(
+            text,
+            "{:.2},{:.2},{:.3}",
+            sample.seconds(),
+            sample.percent,
+            sample.value
+        );
+    }
+    text
+}
+
+/// `stem` with an ending.
+fn with(stem: &Path, ending: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(ending);
+    name.into()
+}
+
+/// Writes `stem`.csv.
+///
+/// # Errors
+/// [`Error::Unwritable`].
+pub fn save_csv(stem: &Path, axis: Axis, samples: &[Sample]) -> Result<PathBuf, Error> {
+    let path = with(stem, ".csv");
+    image::save(&path, csv(axis, samples).as_bytes())?;
+    Ok(path)
+}
+
+/// Writes `stem`.png: duty; the way measured and the model's; the predicted response with the
+/// present gains and with those proposed.
+///
+/// # Errors
+/// [`Error::Unwritable`].
+pub fn save_picture(
+    stem: &Path,
+    axis: Axis,
+    samples: &[Sample],
+    fitted: Option<(&Model, &[Step], &Response, &Response)>,
+) -> Result<PathBuf, Error> {
+    let path = with(stem, ".png");
+    let png = draw(&panels(axis, samples, fitted)).map_err(|cause| Error::Unwritable {
+        path: path.clone(),
+        cause: cause.to_string(),
+    })?;
+    image::save(&path, &png)?;
+    Ok(path)
+}
+
+fn panels(
+    axis: Axis,
+    samples: &[Sample],
+    fitted: Option<(&Model, &[Step], &Response, &Response)>,
+) -> Vec<Panel> {
+    let curve = |name: &str, points: Vec<(f64, f64)>| Curve {
+        name: name.into(),
+        points,
+    };
+    let of = |value: fn(&Sample) -> f64| {
+        samples
+            .iter()
+            .map(|sample| (sample.seconds(), value(sample)))
+            .collect()
+    };
+    let unit = axis.unit().to_uppercase();
+    let mut way = vec![curve("MEASURED", of(|sample| sample.value))];
+    if let Some((model, steps, ..)) = fitted {
+        way.push(curve("MODEL", replay(model, steps)));
+    }
+    let mut panels = vec![
+        Panel {
+            title: "INPUT PERCENT OVER SECONDS".into(),
+            curves: vec![curve("DUTY", of(|sample| sample.percent))],
+        },
+        Panel {
+            title: format!("RESPONSE {unit} OVER SECONDS"),
+            curves: way,
+        },
+    ];
+    if let Some((.., before, after)) = fitted {
+        panels.push(Panel {
+            title: format!("PREDICTED {unit} OVER SECONDS"),
+            curves: vec![
+                curve("PROPOSED GAINS", after.way.clone()),
+                curve("PRESENT GAINS", before.way.clone()),
+            ],
+        });
+    }
+    panels
+}

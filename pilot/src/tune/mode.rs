@@ -1,0 +1,132 @@
+//! The EEPROM's mode changed for a measurement, and restored on every path: success, error, Ctrl-C
+//! and panic. If the process is killed, a note on disk lets the next one restore it.
+
+use super::Axis;
+use fw_core::eeprom::{Config, Image};
+use fw_core::wire::Mode;
+use host_link::eeprom::{self, image, journal::Journal};
+use host_link::error::Error;
+use host_link::machine::{Interrupt, Machine, Wires};
+use host_link::settings::{self, Settings};
+
+/// An image with another configuration in it; what the configuration does not define stays.
+///
+/// # Errors
+/// [`Error::Rejected`] for an image that is none.
+pub fn with_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Image, Error> {
+    let Settings {
+        mut config,
+        platform_page,
+    } = Settings::from_image(image)?;
+    change(&mut config);
+    let mut changed = *image;
+    if platform_page {
+        fw_core::eeprom::encode(&config, &mut changed);
+    } else {
+        fw_core::eeprom::encode_original(&config, &mut changed);
+    }
+    settings::decode(&changed)?;
+    Ok(changed)
+}
+
+/// Restores the EEPROM that a killed measurement left, by its `note`. An EEPROM that was written
+/// since, by anything else, stays as it is. Returns whether it was restored; without a note nothing
+/// is done.
+///
+/// # Errors
+/// Those of [`eeprom::read`] and [`eeprom::program`], and of the note's file.
+pub fn repair<W: Wires>(
+    machine: &mut Machine<W>,
+    note: &Journal,
+    ready_timeout_ms: u32,
+) -> Result<bool, Error> {
+    if !note.unfinished() {
+        return Ok(false);
+    }
+    let original = image::load(note.path())?;
+    let present = eeprom::read(machine)?;
+    // What does not decode was left half-written.
+    let left = settings::decode(&present).is_err()
+        || [Axis::Rotate, Axis::Move].into_iter().any(|axis| {
+            with_config(&original, |config| config.mode = axis.mode())
+                .is_ok_and(|borrowed| borrowed == present)
+        });
+    if left {
+        eeprom::program(machine, &original, ready_timeout_ms, None, |_| {})?;
+    }
+    note.end()?;
+    Ok(left)
+}
+
+/// The borrowed mode: dropped, the EEPROM holds `original` again and the STM has been reset.
+struct Borrowed<'m, W: Wires> {
+    machine: &'m mut Machine<W>,
+    original: &'m Image,
+    note: Option<&'m Journal>,
+    ready_timeout_ms: u32,
+    restored: bool,
+}
+
+/// Puts the STM into `mode`, runs `work`, and brings the EEPROM back to `original`. Ctrl-C cuts
+/// `work` short, not the way back. `note` keeps the original on disk meanwhile.
+///
+/// # Errors
+/// Those of [`eeprom::program`] and of `work`; [`Error::NotRestored`] if the way back fails (it
+/// carries the error of `work`, if any).
+pub fn with<W: Wires, T>(
+    machine: &mut Machine<W>,
+    original: &Image,
+    mode: Mode,
+    note: Option<&Journal>,
+    ready_timeout_ms: u32,
+    work: impl FnOnce(&mut Machine<W>, Config) -> Result<T, Error>,
+) -> Result<T, Error> {
+    let image = with_config(original, |config| config.mode = mode)?;
+    let config = settings::decode(&image)?;
+    if let Some(note) = note {
+        note.begin(original)?;
+    }
+    let mut borrowed = Borrowed {
+        machine,
+        original,
+        note,
+        ready_timeout_ms,
+        restored: false,
+    };
+    let outcome = eeprom::program(borrowed.machine, &image, ready_timeout_ms, None, |_| {})
+        .and_then(|_| work(borrowed.machine, config));
+    match (outcome, borrowed.restore()) {
+        (outcome, Ok(())) => outcome,
+        (outcome, Err(error)) => Err(Error::NotRestored {
+            step: "bringing the EEPROM's mode back (`host-link tune rollback` tries again)",
+            cause: error.to_string(),
+            first: outcome.err().map(Box::new),
+        }),
+    }
+}
+
+impl<W: Wires> Borrowed<'_, W> {
+    fn restore(&mut self) -> Result<(), Error> {
+        // A Ctrl-C that ended the work must not end this too.
+        let interrupt = std::mem::replace(&mut self.machine.interrupt, Interrupt::new());
+        let timeout = self.ready_timeout_ms;
+        let first = eeprom::program(self.machine, self.original, timeout, None, |_| {});
+        let outcome = match first {
+            Err(_) => eeprom::program(self.machine, self.original, timeout, None, |_| {}),
+            done => done,
+        };
+        self.machine.interrupt = interrupt;
+        self.restored = true;
+        outcome?;
+        self.note.map_or(Ok(()), Journal::end)
+    }
+}
+
+impl<W: Wires> Drop for Borrowed<'_, W> {
+    fn drop(&mut self) {
+        if !self.restored {
+            // Only on the way out of a panic, which is what will be reported.
+            let _ = self.restore();
+        }
+    }
+}

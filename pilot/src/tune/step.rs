@@ -1,0 +1,168 @@
+//! The steps: constant duty for a bounded time and way, rest in between, the log recorded. Whatever
+//! ends them early, the robot is told zero percent and then nothing more, so that its stop deadline
+//! holds the motors.
+
+use super::record::Recorder;
+use host_link::error::Error;
+use host_link::machine::Wires;
+use host_link::session::{Session, Wish};
+
+/// Which steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Levels of duty, percent, 1 to 100; each goes one way and then the other.
+    pub levels: Vec<f64>,
+    /// Seconds of each step.
+    pub hold_s: f64,
+    /// Seconds at rest before each step.
+    pub rest_s: f64,
+    /// A step ends when it went this far, degrees or millimetres.
+    pub travel: f64,
+}
+
+/// Longest time one step may take, seconds.
+pub const LONGEST_S: f64 = 3.0;
+
+/// Frames in a row without a valid reply that end the steps: a fifth of a second at 40 Hz, less than
+/// the robot's own stop deadline.
+const DEAF_FRAMES: u32 = 8;
+
+/// In the tuning modes the log has a sample every 10 ms; without any for this long, microseconds,
+/// nothing is heard of it.
+const MUTE_US: u64 = 500_000;
+
+/// Beyond this multiple of the travel from where it all began, something is wrong.
+const STRAY: f64 = 2.0;
+
+impl Plan {
+    /// # Errors
+    /// [`Error::Usage`] names the figure and what is accepted.
+    pub fn check(&self) -> Result<(), Error> {
+        let usage = |what: String| Err(Error::Usage(what));
+        if self.levels.len() < 2
+            || !self
+                .levels
+                .iter()
+                .all(|level| (1.0..=100.0).contains(level))
+        {
+            return usage("levels: accepted are two or more duties from 1 to 100 %".into());
+        }
+        if !(0.2..=LONGEST_S).contains(&self.hold_s) || !(0.2..=10.0).contains(&self.rest_s) {
+            return usage(format!(
+                "a step of {} s with {} s of rest: accepted are 0.2 to {LONGEST_S} s and 0.2 to 10 s",
+                self.hold_s, self.rest_s
+            ));
+        }
+        if !(1.0..=2000.0).contains(&self.travel) {
+            return usage(format!("travel {}: accepted is 1 to 2000", self.travel));
+        }
+        Ok(())
+    }
+}
+
+/// Makes the steps and returns the record. `watch` is told each duty as its step begins.
+///
+/// # Errors
+/// [`Error::Usage`] for a plan that is not accepted; those of [`Session::exchange`];
+/// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Tuning`] without
+/// samples in the log or when the robot strays. On each of them, and on a panic, it is stopped first.
+pub fn run<W: Wires>(
+    session: &mut Session<'_, W>,
+    plan: &Plan,
+    mut watch: impl FnMut(f64),
+) -> Result<Recorder, Error> {
+    plan.check()?;
+    let mut stepping = Stepping {
+        session,
+        recorder: Recorder::default(),
+        unanswered: 0,
+        heard_us: None,
+        origin: None,
+    };
+    // What the log said before belongs to no step.
+    stepping.session.log()?;
+    for level in &plan.levels {
+        for percent in [*level, -level] {
+            stepping.hold(0.0, plan.rest_s, plan.travel)?;
+            watch(percent);
+            stepping.hold(percent, plan.hold_s, plan.travel)?;
+        }
+    }
+    stepping.hold(0.0, plan.rest_s, plan.travel)?;
+    Ok(std::mem::take(&mut stepping.recorder))
+}
+
+/// A robot under duty: dropped, it is told zero percent.
+struct Stepping<'s, 'm, W: Wires> {
+    session: &'s mut Session<'m, W>,
+    recorder: Recorder,
+    unanswered: u32,
+    heard_us: Option<u64>,
+    origin: Option<f64>,
+}
+
+impl<W: Wires> Stepping<'_, '_, W> {
+    /// `percent` for `seconds`, or until it went `travel` far.
+    fn hold(&mut self, percent: f64, seconds: f64, travel: f64) -> Result<(), Error> {
+        let begun_us = self.session.now_us();
+        let mut from = None;
+        loop {
+            let measured = self.frame(percent)?;
+            let now_us = self.session.now_us();
+            let samples = self.recorder.samples().len();
+            self.listen()?;
+            if self.recorder.samples().len() > samples {
+                self.heard_us = Some(now_us);
+            } else if now_us.saturating_sub(*self.heard_us.get_or_insert(now_us)) > MUTE_US {
+                return Err(Error::Tuning(
+                    "no sample came from the STM's log; check its wire, the slide switch and --uart"
+                        .into(),
+                ));
+            }
+            if let Some(value) = measured {
+                if (value - *self.origin.get_or_insert(value)).abs() > STRAY * travel {
+                    return Err(Error::Tuning(format!(
+                        "the robot is further than {} from where it began",
+                        STRAY * travel
+                    )));
+                }
+                if percent != 0.0 && (value - *from.get_or_insert(value)).abs() >= travel {
+                    return Ok(());
+                }
+            }
+            #[allow(clippy::cast_precision_loss)] // seconds
+            if now_us.saturating_sub(begun_us) as f64 >= seconds * 1e6 {
+                return Ok(());
+            }
+        }
+    }
+
+    /// One frame; the measurement if the reply was valid.
+    fn frame(&mut self, percent: f64) -> Result<Option<f64>, Error> {
+        let wish = Wish {
+            percent,
+            ..Wish::default()
+        };
+        if self.session.exchange(&wish)?.is_some() {
+            self.unanswered = 0;
+            return Ok(self.session.snapshot().measurement);
+        }
+        self.unanswered += 1;
+        if self.unanswered >= DEAF_FRAMES {
+            return Err(self.session.silence());
+        }
+        Ok(None)
+    }
+
+    fn listen(&mut self) -> Result<(), Error> {
+        let bytes = self.session.log()?;
+        self.recorder.feed(&bytes);
+        Ok(())
+    }
+}
+
+impl<W: Wires> Drop for Stepping<'_, '_, W> {
+    fn drop(&mut self) {
+        self.session.halt();
+    }
+}

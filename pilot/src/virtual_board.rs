@@ -1,0 +1,275 @@
+//! The virtual board: the firmware's ELF on the emulated STM32, behind the same handles as the real
+//! buses. Its EEPROM lives in a file from run to run; the robot starts anew each time.
+
+use embedded_hal::i2c::{self, ErrorType, Operation};
+use host_link::eeprom::image;
+use host_link::error::Error;
+use host_link::machine::{Clock, Interrupt, Machine, Wires};
+use host_link::tape::Spot;
+use host_link::tape::Tape;
+use host_link::uart::Source;
+use plant::{Chassis, Pose, Rng, Room};
+use std::fmt::Write;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use twin::hal::{Delay, I2c, I2cError, Pin, Spi, SpiTiming};
+use twin::Board;
+
+/// Which virtual board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The firmware.
+    pub elf: PathBuf,
+    /// A room file; the default room without it.
+    pub room: Option<PathBuf>,
+    /// The true wheels and the true track, whatever the EEPROM says of them.
+    pub chassis: Chassis,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// How warm the air is, °C.
+    pub air_c: i16,
+    /// SPI clock, hertz.
+    pub spi_hz: u32,
+    /// The EEPROM's content from run to run; a blank part if the file does not exist.
+    pub eeprom_image: PathBuf,
+    /// Where to write the STM's log, if anywhere.
+    pub uart_log: Option<PathBuf>,
+}
+
+/// The types of the virtual board's handles.
+pub struct VirtualWires;
+
+impl Wires for VirtualWires {
+    type Spi = Spi;
+    type I2c = KeptI2c;
+    type Reset = Pin;
+    type Select = Pin;
+    type Protect = Pin;
+    type Ready = Pin;
+    type Delay = Delay;
+    type Clock = VirtualClock;
+}
+
+/// Virtual time.
+pub struct VirtualClock(Board);
+
+impl Clock for VirtualClock {
+    fn micros(&mut self) -> u64 {
+        self.0.now_us()
+    }
+}
+
+/// The virtual board's UART.
+struct VirtualUart {
+    board: Board,
+    read: usize,
+}
+
+impl Source for VirtualUart {
+    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
+        let fresh = self.board.uart_from(self.read);
+        self.read += fresh.len();
+        Ok(fresh)
+    }
+}
+
+/// A person with a tape beside the virtual robot.
+struct Person {
+    board: Board,
+    marks: Pose,
+    chance: Rng,
+}
+
+impl Person {
+    fn new(board: &Board) -> Self {
+        Self {
+            board: board.clone(),
+            marks: board.truth().pose,
+            chance: Rng::new(1),
+        }
+    }
+}
+
+impl Tape for Person {
+    fn put_back(&mut self) {
+        let marks = self.marks;
+        self.board.world(move |world| {
+            let back = marks.seen_from(&world.pose());
+            world.push(back.x_mm, back.y_mm, back.heading_rad);
+        });
+    }
+
+    fn measure(&mut self, deviation_mm: f64) -> Spot {
+        let true_end = self.board.truth().pose.seen_from(&self.marks);
+        let mut read = |mm: f64| mm + deviation_mm * self.chance.normal();
+        Spot {
+            ahead_mm: read(true_end.x_mm),
+            left_mm: read(true_end.y_mm),
+        }
+    }
+}
+
+/// The EEPROM's bus. Where the EEPROM lives in a file, each write cycle is in it at once, as it is in
+/// a real part whatever becomes of the Pi.
+pub struct KeptI2c {
+    i2c: I2c,
+    board: Board,
+    file: Option<PathBuf>,
+    writes: u64,
+}
+
+impl ErrorType for KeptI2c {
+    type Error = I2cError;
+}
+
+impl i2c::I2c for KeptI2c {
+    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), I2cError> {
+        self.i2c.transaction(address, parts)?;
+        let Some(file) = &self.file else {
+            return Ok(());
+        };
+        let known = self.writes;
+        let fresh = self.board.i2c_bus(move |bus, _| {
+            let part = bus.eeprom.as_ref().filter(|part| part.writes() > known)?;
+            Some((part.writes(), part.bytes().to_vec()))
+        })?;
+        if let Some((writes, bytes)) = fresh {
+            // The close at the run's end says if the file cannot be written.
+            let _ = image::save(file, &bytes);
+            self.writes = writes;
+        }
+        Ok(())
+    }
+}
+
+/// A virtual board and the machine that reaches it.
+pub struct Opened {
+    /// The handles.
+    pub machine: Machine<VirtualWires>,
+    /// The board itself: the truth, faults, the log.
+    pub board: Board,
+    eeprom_image: PathBuf,
+    uart_log: Option<PathBuf>,
+}
+
+/// The handles of a board that stands already, for tests and the demo.
+#[must_use]
+pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<VirtualWires> {
+    Machine {
+        spi: board.spi_with(SpiTiming {
+            hz: spi_hz.into(),
+            ..SpiTiming::default()
+        }),
+        i2c: KeptI2c {
+            i2c: board.i2c(),
+            board: board.clone(),
+            file: None,
+            writes: 0,
+        },
+        reset: board.pin_reset(),
+        select: board.pin_select(),
+        protect: board.pin_wp(),
+        ready: board.pin_ready(),
+        delay: board.delay(),
+        clock: VirtualClock(board.clone()),
+        uart: Box::new(VirtualUart {
+            board: board.clone(),
+            read: 0,
+        }),
+        tape: Some(Box::new(Person::new(board))),
+        interrupt,
+    }
+}
+
+/// Builds the board, boots the firmware on it and gives the handles.
+///
+/// # Errors
+/// [`Error::Unreadable`] and [`Error::Content`] for the files, [`Error::Device`] if the firmware does
+/// not fit the board.
+pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
+    let elf = fs::read(&options.elf).map_err(|cause| match cause.kind() {
+        ErrorKind::NotFound => Error::Device {
+            name: format!("the firmware {}", options.elf.display()),
+            cause: "there is no such file".into(),
+            advice: "build it with `cargo xtask firmware`, or name one with --elf".into(),
+        },
+        _ => Error::unreadable(&options.elf, &cause),
+    })?;
+    let room = options
+        .room
+        .as_deref()
+        .map_or_else(|| Ok(Room::two_rooms()), load_room)?;
+    let eeprom = match fs::read(&options.eeprom_image) {
+        Ok(bytes) => bytes,
+        Err(cause) if cause.kind() == ErrorKind::NotFound => Vec::new(),
+        Err(cause) => return Err(Error::unreadable(&options.eeprom_image, &cause)),
+    };
+    let mut built = twin::Options {
+        seed: options.seed,
+        room,
+        eeprom: Some(eeprom),
+        params: plant::Params {
+            chassis: options.chassis,
+            ..plant::Params::default()
+        },
+        ..twin::Options::default()
+    };
+    built.params.rangefinder.temperature_c = options.air_c.into();
+    let board = Board::new(&elf, built).map_err(|cause| Error::Device {
+        name: format!("the virtual board with {}", options.elf.display()),
+        cause: cause.to_string(),
+        advice: "build the firmware with `cargo xtask firmware`".into(),
+    })?;
+    let mut machine = machine(&board, options.spi_hz, interrupt);
+    machine.i2c.file = Some(options.eeprom_image.clone());
+    Ok(Opened {
+        machine,
+        board,
+        eeprom_image: options.eeprom_image.clone(),
+        uart_log: options.uart_log.clone(),
+    })
+}
+
+fn load_room(path: &Path) -> Result<Room, Error> {
+    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    Room::parse(&text).map_err(|error| Error::content(path, None, error.to_string()))
+}
+
+/// Lines of the log shown when the STM refuses to start.
+const LAST_LINES: usize = 4;
+
+impl Opened {
+    /// The last lines of the STM's log, each marked as such.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        let log = self.board.uart();
+        let log = String::from_utf8_lossy(&log);
+        let lines: Vec<&str> = log.lines().collect();
+        let from = lines.len().saturating_sub(LAST_LINES);
+        let mut words = String::new();
+        for line in lines.iter().skip(from) {
+            let _ = writeln!(words, "STM log: {line}");
+        }
+        words
+    }
+
+    /// Keeps the EEPROM's content and the log.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`]; [`Error::Device`] if the emulation has ended.
+    pub fn close(self) -> Result<(), Error> {
+        if let Some(path) = &self.uart_log {
+            image::save(path, &self.board.uart())?;
+        }
+        let bytes = self
+            .board
+            .i2c_bus(|bus, _| bus.eeprom.as_ref().map(|part| part.bytes().to_vec()))
+            .map_err(|cause| Error::Device {
+                name: "the virtual board".into(),
+                cause: cause.to_string(),
+                advice: "read its report above".into(),
+            })?;
+        image::save(&self.eeprom_image, &bytes.unwrap_or_default())
+    }
+}
