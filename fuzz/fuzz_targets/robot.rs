@@ -6,7 +6,7 @@
 use fw_core::eeprom::{check, first_board, Config, FIELDS};
 use fw_core::log::Log;
 use fw_core::robot::{Drive, Rangefinder, Robot, Sample};
-use fw_core::sensing::mpu6050::{Order, Outcome};
+use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::sensing::Calibration;
 use fw_core::units::Micros;
 use fw_core::wire::{Mode, MAX_FRAME};
@@ -64,7 +64,7 @@ struct Bench {
     words: [u16; 8],
     ticks: u32,
     /// What became of the gyroscope's last order, and what its registers hold.
-    outcome: Outcome,
+    outcome: BusResult,
     registers: [u8; 2],
     /// Microseconds since a frame was taken, and how many may pass.
     silent: u32,
@@ -84,7 +84,7 @@ impl Bench {
             sample,
             words: [0; 8],
             ticks: 0,
-            outcome: Outcome::Done,
+            outcome: BusResult::Done,
             registers: [0; 2],
             silent: 0,
             deadline: u32::from(config.platform.stop_deadline) * 1000,
@@ -126,10 +126,10 @@ impl Bench {
             }
             9 => {
                 self.outcome = match high % 4 {
-                    0 => Outcome::NoAcknowledge,
-                    1 => Outcome::Stuck,
-                    2 => Outcome::Done,
-                    _ => Outcome::Bytes(bytes.array()),
+                    0 => BusResult::Nack,
+                    1 => BusResult::Timeout,
+                    2 => BusResult::Done,
+                    _ => BusResult::Bytes(bytes.array()),
                 }
             }
             10 => {
@@ -167,24 +167,24 @@ impl Bench {
     }
 
     /// What an MPU6050 in order makes of the driver's wish.
-    fn answer(&mut self, order: Order, rate: u8) -> Outcome {
+    fn answer(&mut self, order: BusRequest, rate: u8) -> BusResult {
         match order {
-            Order::Write { register, value } => {
+            BusRequest::Write { register, value } => {
                 match register {
                     CONFIG => self.registers[0] = value,
                     GYRO_CONFIG => self.registers[1] = value,
                     _ => {}
                 }
-                Outcome::Done
+                BusResult::Done
             }
-            Order::Read {
+            BusRequest::Read {
                 register: WHO_AM_I, ..
-            } => Outcome::Bytes([0x68, 0]),
-            Order::Read {
+            } => BusResult::Bytes([0x68, 0]),
+            BusRequest::Read {
                 register: CONFIG, ..
-            } => Outcome::Bytes(self.registers),
-            Order::Read { .. } => Outcome::Bytes([rate >> 6, rate]),
-            _ => Outcome::Done,
+            } => BusResult::Bytes(self.registers),
+            BusRequest::Read { .. } => BusResult::Bytes([rate >> 6, rate]),
+            _ => BusResult::Done,
         }
     }
 

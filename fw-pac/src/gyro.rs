@@ -14,7 +14,7 @@ use crate::dma::{control, Stream};
 use crate::gpio::Driver;
 use crate::i2c;
 use core::cell::UnsafeCell;
-use fw_core::sensing::mpu6050::{Order, Outcome, ADDRESS};
+use fw_core::sensing::mpu6050::{BusRequest, BusResult, ADDRESS};
 use stm32f4::stm32f411::{self as pac, interrupt};
 
 type Dma = Stream<1, 0>;
@@ -48,7 +48,7 @@ struct Transfer {
     register: u8,
     value: u8,
     count: u8,
-    outcome: Outcome,
+    outcome: BusResult,
 }
 
 struct Shared {
@@ -66,7 +66,7 @@ static SHARED: Shared = Shared {
         register: 0,
         value: 0,
         count: 0,
-        outcome: Outcome::Done,
+        outcome: BusResult::Done,
     }),
     bytes: UnsafeCell::new([0; 2]),
 };
@@ -83,14 +83,14 @@ fn enable(bits: impl FnOnce(&mut pac::i2c1::cr2::W) -> &mut pac::i2c1::cr2::W) {
 ///
 /// # Safety
 /// At the robot's priority alone.
-pub unsafe fn take() -> Outcome {
+pub unsafe fn take() -> BusResult {
     // SAFETY: the caller's promise.
     let transfer = unsafe { &mut *SHARED.transfer.get() };
     if transfer.phase != Phase::Idle {
         enable(|w| w);
         Dma::stop();
         transfer.phase = Phase::Idle;
-        transfer.outcome = Outcome::Stuck;
+        transfer.outcome = BusResult::Timeout;
     }
     core::mem::take(&mut transfer.outcome)
 }
@@ -99,28 +99,28 @@ pub unsafe fn take() -> Outcome {
 ///
 /// # Safety
 /// At the robot's priority alone.
-pub unsafe fn begin(order: Order) {
+pub unsafe fn begin(order: BusRequest) {
     // SAFETY: the caller's promise.
     let transfer = unsafe { &mut *SHARED.transfer.get() };
     match order {
-        Order::Rest => {}
-        Order::Write { register, value } => start(transfer, register, value, 0),
-        Order::Read { register, count } => start(transfer, register, 0, count.clamp(1, 2)),
-        Order::Hold { clock, data } => {
+        BusRequest::Idle => {}
+        BusRequest::Write { register, value } => start(transfer, register, value, 0),
+        BusRequest::Read { register, count } => start(transfer, register, 0, count.clamp(1, 2)),
+        BusRequest::DriveLines { clock, data } => {
             i2c::registers().cr1().reset();
             SCL.set(clock);
             SDA.set(data);
             SCL.output(Driver::OpenDrain);
             SDA.output(Driver::OpenDrain);
         }
-        Order::Attach => i2c::start(),
+        BusRequest::ReleaseLines => i2c::start(),
     }
 }
 
 fn start(transfer: &mut Transfer, register: u8, value: u8, count: u8) {
     let i2c = i2c::registers();
     if i2c.sr2().read().busy().bit_is_set() {
-        transfer.outcome = Outcome::Stuck;
+        transfer.outcome = BusResult::Timeout;
         return;
     }
     *transfer = Transfer {
@@ -128,7 +128,7 @@ fn start(transfer: &mut Transfer, register: u8, value: u8, count: u8) {
         register,
         value,
         count,
-        outcome: Outcome::Done,
+        outcome: BusResult::Done,
     };
     i2c.sr1().reset();
     enable(|w| w.itevten().set_bit().iterren().set_bit());
@@ -136,7 +136,7 @@ fn start(transfer: &mut Transfer, register: u8, value: u8, count: u8) {
 }
 
 /// STOP, and the interface is quiet.
-fn end(transfer: &mut Transfer, outcome: Outcome) {
+fn end(transfer: &mut Transfer, outcome: BusResult) {
     i2c::registers().cr1().modify(|_, w| w.stop().set_bit());
     enable(|w| w);
     transfer.phase = Phase::Idle;
@@ -175,7 +175,7 @@ fn I2C1_EV() {
             Phase::End
         }
         Phase::End if sent => {
-            end(transfer, Outcome::Done);
+            end(transfer, BusResult::Done);
             Phase::Idle
         }
         Phase::Turn if sent => {
@@ -235,9 +235,9 @@ fn DMA1_STREAM0() {
     end(
         transfer,
         if whole {
-            Outcome::Bytes(bytes)
+            BusResult::Bytes(bytes)
         } else {
-            Outcome::Stuck
+            BusResult::Timeout
         },
     );
 }
@@ -257,9 +257,9 @@ fn I2C1_ER() {
     end(
         transfer,
         if refused {
-            Outcome::NoAcknowledge
+            BusResult::Nack
         } else {
-            Outcome::Stuck
+            BusResult::Timeout
         },
     );
 }

@@ -2,26 +2,26 @@
 //! what it needs; or, with `--harnesses`, every Kani harness by the name that Kani gives it. The gates
 //! hold their floors against the one and what was checked against the other.
 
-use proofs::theorem::Theorem;
+use proofs::property::Property;
 
 fn main() {
     if std::env::args().any(|word| word == "--harnesses") {
-        for name in proofs::theorems().flat_map(Theorem::kani_names) {
+        for name in proofs::properties().flat_map(Property::kani_names) {
             println!("{name}");
         }
         return;
     }
     println!("theorem\tarea\tproperty\tharnesses\tcovers\ttests\tneeds");
-    for theorem in proofs::theorems() {
+    for property in proofs::properties() {
         println!(
             "{}\t{}\t{}\t{}\t{}\t{}\t{}",
-            theorem.number,
-            theorem.area,
-            theorem.name,
-            theorem.harnesses.len(),
-            theorem.harnesses.len() * theorem.cases.len(),
-            theorem.tests.join(","),
-            theorem.needs.join(","),
+            property.number,
+            property.area,
+            property.name,
+            property.harnesses.len(),
+            property.harnesses.len() * property.cases.len(),
+            property.tests.join(","),
+            property.needs.join(","),
         );
     }
 }

@@ -2,7 +2,7 @@
 
 use fw_core::double::{Double, DoubleError};
 
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// The magnitude of a finite double as `significand · 2^exponent`, exactly.
 const fn parts(bits: u64) -> (u64, i32) {
@@ -85,7 +85,7 @@ pub fn encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) -> Seen {
         .case(3, back.is_err())
 }
 
-crate::theorems! {
+crate::properties! {
     T4 decoding_is_nearest(double: Double, fraction_bits: u8) {
         cases [
             "infinite", "not a number", "out of range", "exact", "below the last place", "rounded"

@@ -14,7 +14,7 @@
 //! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders and battery |
 //! | [`log`] | T13: the log's queue |
 //! | [`robot`] | T5, T8, T14: the whole robot under any order of events |
-//! | [`theorem`] | how a property is declared |
+//! | [`property`] | how a property is declared |
 //! | [`input`] | where inputs come from |
 //! | [`search`] | the explicit-state search of the models in `tests/` |
 #![forbid(unsafe_code)]
@@ -32,47 +32,47 @@ pub mod eeprom;
 pub mod input;
 pub mod log;
 pub mod motion;
+pub mod property;
 pub mod robot;
 #[cfg(test)]
 mod sampled;
 pub mod search;
 pub mod sensing;
-pub mod theorem;
 pub mod units;
 pub mod wire;
 
-use theorem::Theorem;
+use property::Property;
 
 /// The theorems of every area.
-pub const THEOREMS: &[&[Theorem]] = &[
-    units::THEOREMS,
-    wire::parsing::THEOREMS,
-    wire::checksum::THEOREMS,
-    wire::link::THEOREMS,
-    wire::codes::THEOREMS,
-    double::THEOREMS,
-    eeprom::image::THEOREMS,
-    eeprom::checksum::THEOREMS,
-    eeprom::contract::THEOREMS,
-    motion::trig::THEOREMS,
-    motion::odometry::THEOREMS,
-    motion::pid::THEOREMS,
-    motion::wheels::THEOREMS,
-    motion::controller::THEOREMS,
-    motion::plausibility::THEOREMS,
-    motion::deadline::THEOREMS,
-    sensing::rangefinder::THEOREMS,
-    sensing::sweep::THEOREMS,
-    sensing::thermometer::THEOREMS,
-    sensing::battery::THEOREMS,
-    sensing::gyro::THEOREMS,
-    log::THEOREMS,
-    robot::THEOREMS,
+pub const PROPERTIES: &[&[Property]] = &[
+    units::PROPERTIES,
+    wire::parsing::PROPERTIES,
+    wire::checksum::PROPERTIES,
+    wire::link::PROPERTIES,
+    wire::codes::PROPERTIES,
+    double::PROPERTIES,
+    eeprom::image::PROPERTIES,
+    eeprom::checksum::PROPERTIES,
+    eeprom::contract::PROPERTIES,
+    motion::trig::PROPERTIES,
+    motion::odometry::PROPERTIES,
+    motion::pid::PROPERTIES,
+    motion::mixer::PROPERTIES,
+    motion::pose_controller::PROPERTIES,
+    motion::drive_monitor::PROPERTIES,
+    motion::deadline::PROPERTIES,
+    sensing::rangefinder::PROPERTIES,
+    sensing::servo_scan::PROPERTIES,
+    sensing::temperature::PROPERTIES,
+    sensing::battery::PROPERTIES,
+    sensing::gyro::PROPERTIES,
+    log::PROPERTIES,
+    robot::PROPERTIES,
 ];
 
 /// Every theorem, area by area.
-pub fn theorems() -> impl Iterator<Item = &'static Theorem> {
-    THEOREMS.iter().copied().flatten()
+pub fn properties() -> impl Iterator<Item = &'static Property> {
+    PROPERTIES.iter().copied().flatten()
 }
 
 /// One theorem on the inputs that `bytes` hold: the first two bytes choose it, the rest are its inputs.
@@ -81,18 +81,18 @@ pub fn run(bytes: &[u8]) {
     let Some((choice, rest)) = bytes.split_first_chunk() else {
         return;
     };
-    if let Some(theorem) = chosen(*choice) {
-        let _ = (theorem.run)(&mut input::Bytes::new(rest));
+    if let Some(property) = chosen(*choice) {
+        let _ = (property.run)(&mut input::Bytes::new(rest));
     }
 }
 
 /// The theorem that a choice stands for: the one whose name, hashed with it, comes to most. A new theorem
 /// so takes a few choices from each of the others and leaves the rest alone: what a fuzzer has learned
 /// goes on meaning what it meant.
-fn chosen(choice: [u8; 2]) -> Option<&'static Theorem> {
-    theorems().max_by_key(|theorem| {
+fn chosen(choice: [u8; 2]) -> Option<&'static Property> {
+    properties().max_by_key(|property| {
         // FNV-1a.
-        let bytes = choice.iter().chain(theorem.name.as_bytes());
+        let bytes = choice.iter().chain(property.name.as_bytes());
         bytes.fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01B3)
         })
@@ -104,8 +104,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_theorem_can_be_chosen() {
-        let mut never: Vec<_> = theorems().map(|theorem| theorem.name).collect();
+    fn every_property_can_be_chosen() {
+        let mut never: Vec<_> = properties().map(|property| property.name).collect();
         for choice in 0..8192_u16 {
             let chosen = chosen(choice.to_le_bytes()).unwrap();
             never.retain(|&name| name != chosen.name);

@@ -2,7 +2,7 @@
 
 use fw_core::log::{Level, Log};
 
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Bytes of the queue in these properties: four short lines.
 pub const QUEUE: usize = 40;
@@ -231,7 +231,7 @@ fn scripts(length: u32) -> impl Iterator<Item = ([u8; 24],)> {
     })
 }
 
-crate::theorems! {
+crate::properties! {
     T13 log_never_tears_a_line(script: [u8; 24]) {
         cases ["lines were dropped", "none were", "many went through"];
         exhaustive scripts(7);

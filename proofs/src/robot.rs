@@ -9,8 +9,8 @@ use fw_core::units::{Micros, Pose};
 use fw_core::wire::{fault, frame_len, Command, Mode, PiLink, Setup, State, MAX_FRAME};
 
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::motion::plausibility;
-use crate::theorem::Seen;
+use crate::motion::drive_monitor;
+use crate::property::Seen;
 pub use rig::Script;
 use rig::{Events, Rig};
 
@@ -79,8 +79,8 @@ const WHEELS: u16 = fault::LEFT_STALLED
     | fault::ENCODER_JUMP;
 
 /// A robot whose wheels do not turn is stopped in time: told to turn from a start, by any percentage,
-/// it brakes and is faulted after [`EARLIEST`](plausibility::EARLIEST) ticks at the earliest, and after
-/// [`FROM_REST`](plausibility::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
+/// it brakes and is faulted after [`EARLIEST`](drive_monitor::EARLIEST) ticks at the earliest, and after
+/// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
 // Requirement: WIRE-status-1, WIRE-status-3
 pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) -> Seen {
     let AcceptedConfig(mut config) = config;
@@ -103,7 +103,7 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
     let mut pi = PiLink::new(Setup::from(&config));
     let mut log = Log::<1024>::new();
     let mut after = None;
-    for tick in 0..=plausibility::FROM_REST + 20 {
+    for tick in 0..=drive_monitor::FROM_REST + 20 {
         let command = Command {
             percent: Double::from_scaled(percent.into(), 0),
             ..Command::default()
@@ -122,23 +122,23 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
         }
         assert!(accused == after.is_some());
     }
-    if driven.iter().any(|&beyond| beyond >= plausibility::DRIVEN) {
-        assert!(after.is_some_and(|after| after <= plausibility::FROM_REST));
+    if driven.iter().any(|&beyond| beyond >= drive_monitor::DRIVEN) {
+        assert!(after.is_some_and(|after| after <= drive_monitor::FROM_REST));
     }
-    if driven.iter().all(|&beyond| beyond < plausibility::IDLE) {
+    if driven.iter().all(|&beyond| beyond < drive_monitor::IDLE) {
         assert!(after.is_none());
     }
-    assert!(after.is_none_or(|after| after >= plausibility::EARLIEST));
+    assert!(after.is_none_or(|after| after >= drive_monitor::EARLIEST));
     Seen::NOTHING
         .case(
             0,
-            after.is_some_and(|after| after >= plausibility::FROM_REST - 1),
+            after.is_some_and(|after| after >= drive_monitor::FROM_REST - 1),
         )
         .case(1, after.is_some_and(|after| after < 65))
         .case(2, after.is_none() && percent != 0)
 }
 
-crate::theorems! {
+crate::properties! {
     T6 first_sample_moves_nothing(
         config: AcceptedConfig, now: Micros, left: u32, right: u16, rolled: u8
     ) {

@@ -6,7 +6,7 @@ use proptest::strategy::{NewTree, Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 
 use crate::input::Biased;
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Bytes an input is drawn from; a configuration takes some 500. What lies beyond would read as zero,
 /// and a property's last inputs would hardly ever be anything else: drawing that much fails.

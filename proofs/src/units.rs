@@ -2,7 +2,7 @@
 
 use fw_core::units::{Duty, Micros, Turns};
 
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// A span is measured right wherever the clock wraps.
 pub fn span_survives_the_wrap(start: Micros, span: u32) -> Seen {
@@ -41,7 +41,7 @@ pub fn duty_is_the_nearest(one: i32, other: i32) -> Seen {
         .case(2, one < 0 && !exact)
 }
 
-crate::theorems! {
+crate::properties! {
     T0 span_survives_the_wrap(start: Micros, span: u32) {
         cases ["the clock wrapped", "it did not"];
         kani proof [unwind(4)];

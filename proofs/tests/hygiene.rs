@@ -5,25 +5,25 @@ use std::collections::BTreeSet;
 #[test]
 fn every_theorem_is_decided_somehow_and_named_once() {
     let mut names = BTreeSet::new();
-    for theorem in proofs::theorems() {
-        assert!(names.insert(theorem.name), "{} twice", theorem.name);
+    for property in proofs::properties() {
+        assert!(names.insert(property.name), "{} twice", property.name);
         assert!(
-            !theorem.tests.is_empty(),
+            !property.tests.is_empty(),
             "{} runs in no test",
-            theorem.name
+            property.name
         );
     }
 }
 
 #[test]
 fn what_a_theorem_needs_is_a_theorem() {
-    let names: BTreeSet<_> = proofs::theorems().map(|theorem| theorem.name).collect();
-    for theorem in proofs::theorems() {
-        for need in theorem.needs {
+    let names: BTreeSet<_> = proofs::properties().map(|property| property.name).collect();
+    for property in proofs::properties() {
+        for need in property.needs {
             assert!(
-                names.contains(need) && *need != theorem.name,
-                "{} needs {need}, which is no other theorem",
-                theorem.name
+                names.contains(need) && *need != property.name,
+                "{} needs {need}, which is no other property",
+                property.name
             );
         }
     }
@@ -34,13 +34,15 @@ fn what_a_theorem_needs_is_a_theorem() {
 #[test]
 fn whoever_takes_an_accepted_configuration_names_its_theorem() {
     let mut pairs = 0;
-    for theorem in proofs::theorems() {
-        let given = theorem.inputs.contains(&"AcceptedConfig");
-        if given && !theorem.area.contains("::eeprom") {
+    for property in proofs::properties() {
+        let given = property.inputs.contains(&"AcceptedConfig");
+        if given && !property.area.contains("::eeprom") {
             assert!(
-                theorem.needs.contains(&"accepted_configuration_is_bounded"),
+                property
+                    .needs
+                    .contains(&"accepted_configuration_is_bounded"),
                 "{} takes a configuration for accepted and does not say what it needs of it",
-                theorem.name
+                property.name
             );
             pairs += 1;
         }
@@ -51,7 +53,7 @@ fn whoever_takes_an_accepted_configuration_names_its_theorem() {
 #[test]
 fn the_page_names_every_theorem_and_no_other() {
     let page = include_str!("../../docs/proofs.md");
-    let known: BTreeSet<_> = proofs::theorems().map(|theorem| theorem.name).collect();
+    let known: BTreeSet<_> = proofs::properties().map(|property| property.name).collect();
     // The rows of the tables: | T1 | `property` | …
     let listed: BTreeSet<_> = page
         .lines()

@@ -6,18 +6,18 @@
     reason = "fixed point: every cast states or follows from a range"
 )]
 
-pub mod controller;
 pub mod deadline;
+pub mod drive_monitor;
+pub mod mixer;
 pub mod odometry;
 pub mod pid;
-pub mod plausibility;
+pub mod pose_controller;
 #[cfg(test)]
 mod simulation;
 pub mod trig;
-pub mod wheels;
 
-pub use controller::Controller;
 pub use deadline::StopDeadline;
+pub use drive_monitor::DriveMonitor;
+pub use mixer::Wheels;
 pub use odometry::{Delta, Odometry};
-pub use plausibility::Plausibility;
-pub use wheels::Wheels;
+pub use pose_controller::PoseController;

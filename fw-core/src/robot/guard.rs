@@ -4,15 +4,15 @@
 use super::Robot;
 use crate::log::{Level, Log};
 use crate::motion::Delta;
-use crate::sensing::gyro::{self, Event, Gyro};
-use crate::sensing::mpu6050::{Mpu6050, News, Order, Outcome};
+use crate::sensing::gyro::{self, Event, GyroFusion};
+use crate::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
 use crate::wire::fault;
 
 /// Who watches over the heading.
 #[derive(Clone, Debug)]
 pub(super) struct Guard {
     mpu: Mpu6050,
-    gyro: Gyro,
+    gyro: GyroFusion,
     /// Not to be relied on since it was last said; until it has agreed with the wheels again.
     lost: bool,
     /// What the gyroscope added to the last tick's turn, 2⁻³² turns.
@@ -24,7 +24,7 @@ impl Guard {
     pub(super) const fn new() -> Self {
         Self {
             mpu: Mpu6050::new(),
-            gyro: Gyro::new(),
+            gyro: GyroFusion::new(),
             lost: false,
             added: 0,
         }
@@ -43,17 +43,17 @@ impl Robot {
     /// Without a gyroscope in the configuration, and in the tuning modes, which measure the wheels,
     /// there is never an order.
     // Requirement: DOC-2.3-3, WIRE-fault-12, WIRE-fault-13
-    pub fn on_gyro(&mut self, outcome: Outcome, log: &mut Log) -> Order {
+    pub fn on_gyro(&mut self, outcome: BusResult, log: &mut Log) -> BusRequest {
         if !self.guarded {
-            return Order::Rest;
+            return BusRequest::Idle;
         }
         let guard = &mut self.guard;
         let (order, news) = guard.mpu.step(outcome);
         let mut events = [None; 2];
         let reading = match news {
-            News::Rate(raw) => Some(raw),
-            News::Nothing => None,
-            News::Lost(trouble) => {
+            GyroReading::Rate(raw) => Some(raw),
+            GyroReading::None => None,
+            GyroReading::Lost(trouble) => {
                 events[0] = guard.gyro.lost();
                 guard.lost = true;
                 log.line(Level::Warn, |line| {
@@ -69,14 +69,14 @@ impl Robot {
         (correction, events[1]) = guard.gyro.step(reading, &self.delta, turn);
         guard.added = correction.tick;
         if correction != gyro::Correction::default() {
-            self.odometry.slipped(correction, &self.delta);
+            self.odometry.apply_slip(correction, &self.delta);
         }
         for event in events.into_iter().flatten() {
             match event {
-                Event::Believed => guard.lost = false,
-                Event::GaveUp | Event::Doubted => guard.lost = true,
-                Event::Slipping => self.supervisor.raise(fault::SLIP),
-                Event::Rested(_) | Event::Gripping(_) => {}
+                Event::Trusted => guard.lost = false,
+                Event::SlipTimedOut | Event::Mismatch => guard.lost = true,
+                Event::SlipStarted => self.supervisor.raise(fault::SLIP),
+                Event::BiasUpdated(_) | Event::SlipEnded(_) => {}
             }
             tell(event, log);
         }
@@ -90,23 +90,23 @@ impl Robot {
 #[cold]
 fn tell(event: Event, log: &mut Log) {
     let level = match event {
-        Event::Rested(_) | Event::Believed | Event::Gripping(_) => Level::Info,
-        Event::Slipping | Event::GaveUp | Event::Doubted => Level::Warn,
+        Event::BiasUpdated(_) | Event::Trusted | Event::SlipEnded(_) => Level::Info,
+        Event::SlipStarted | Event::SlipTimedOut | Event::Mismatch => Level::Warn,
     };
     log.line(level, |line| {
         match event {
-            Event::Rested(bias) => line
+            Event::BiasUpdated(bias) => line
                 .text("gyro: bias ")
                 .decimal(gyro::hundredths(bias), 2)
                 .text(" deg/s"),
-            Event::Believed => line.text("gyro: agrees with the wheels"),
-            Event::Slipping => line.text("slip: the heading follows the gyro"),
-            Event::Gripping(added) => line
+            Event::Trusted => line.text("gyro: agrees with the wheels"),
+            Event::SlipStarted => line.text("slip: the heading follows the gyro"),
+            Event::SlipEnded(added) => line
                 .text("slip over: heading corrected by ")
                 .decimal((added >> 8).saturating_mul(36_000) >> 24, 2)
                 .text(" deg"),
-            Event::GaveUp => line.text("gyro: slip too long to be true, encoders alone"),
-            Event::Doubted => line.text("gyro: contradicts the wheels, encoders alone"),
+            Event::SlipTimedOut => line.text("gyro: slip too long to be true, encoders alone"),
+            Event::Mismatch => line.text("gyro: contradicts the wheels, encoders alone"),
         };
     });
 }

@@ -22,9 +22,9 @@ pub use supervisor::{Intent, Permit, Supervisor, BLOCKING};
 use crate::double::Double;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
-use crate::motion::{Controller, Delta, Odometry, Plausibility, StopDeadline, Wheels};
+use crate::motion::{Delta, DriveMonitor, Odometry, PoseController, StopDeadline, Wheels};
 use crate::sensing::battery::MAX_CELLS;
-use crate::sensing::{Battery, Rangefinders, Sweep, Tally};
+use crate::sensing::{Battery, EchoStats, Rangefinders, ServoScan};
 #[cfg(feature = "acoustics")]
 use crate::sensing::{Calibration, Thermometer};
 use crate::units::{Duty, Micros, Pose};
@@ -85,13 +85,13 @@ pub struct Robot {
     guarded: bool,
     #[cfg(feature = "gyro")]
     guard: Guard,
-    controller: Controller,
-    plausibility: Plausibility,
+    controller: PoseController,
+    plausibility: DriveMonitor,
     /// What the motors have been told since the last tick.
     told: Wheels,
     battery: Battery,
     rangefinders: Rangefinders,
-    sweep: Sweep,
+    servo_scan: ServoScan,
     #[cfg(feature = "acoustics")]
     thermometer: Thermometer,
     want: Want,
@@ -133,8 +133,8 @@ impl Robot {
             guarded: platform.gyro && matches!(Measure::of(config.mode), Measure::Pose),
             #[cfg(feature = "gyro")]
             guard: Guard::new(),
-            controller: Controller::new(config),
-            plausibility: Plausibility::new(platform),
+            controller: PoseController::new(config),
+            plausibility: DriveMonitor::new(platform),
             told: Wheels::default(),
             battery: Battery::new(config),
             // The sweep is of one, which then need not wait for the others.
@@ -143,7 +143,7 @@ impl Robot {
             } else {
                 platform.rangefinders
             }),
-            sweep: Sweep::new(platform, sweeps),
+            servo_scan: ServoScan::new(platform, sweeps),
             #[cfg(feature = "acoustics")]
             thermometer: Thermometer::new(Calibration::UNWRITTEN),
             want: Want::Nothing,
@@ -200,11 +200,11 @@ impl Robot {
         self.told = wheels;
         self.tell(sample.now, log);
         let (servo, trigger) = self.look(sample.now);
-        while let Some(which) = self.rangefinders.take_news() {
+        while let Some(which) = self.rangefinders.take_updated() {
             self.sense_range(which);
             #[cfg(feature = "acoustics")]
             self.telling
-                .rangefinder(which, &self.rangefinders.tally(which), log);
+                .rangefinder(which, &self.rangefinders.stats(which), log);
         }
         self.sense(&pose);
         Outputs {
@@ -221,13 +221,15 @@ impl Robot {
     // Requirement: WIRE-servo-1
     fn look(&mut self, now: Micros) -> (Option<u16>, Option<Rangefinder>) {
         let live = self.supervisor.attended(now) && self.supervisor.state() != State::Faulted;
-        let servo = self.sweep.tick(live);
-        if self.sweep.is_off() {
-            self.rangefinders.forget();
+        let servo = self.servo_scan.tick(live);
+        if self.servo_scan.is_off() {
+            self.rangefinders.invalidate();
         }
-        let trigger = self.rangefinders.tick(now, self.sweep.aim());
+        let trigger = self
+            .rangefinders
+            .tick(now, self.servo_scan.settled_bearing());
         if trigger == Some(Rangefinder::Front) {
-            self.sweep.triggered();
+            self.servo_scan.triggered();
         }
         (servo, trigger)
     }
@@ -441,8 +443,8 @@ impl Robot {
 
     /// How a rangefinder's triggers ended so far.
     #[must_use]
-    pub fn tally(&self, which: Rangefinder) -> Tally {
-        self.rangefinders.tally(which)
+    pub fn stats(&self, which: Rangefinder) -> EchoStats {
+        self.rangefinders.stats(which)
     }
 
     /// The link's counters.

@@ -4,7 +4,7 @@ use crate::log::{Level, Line, Log};
 #[cfg(feature = "acoustics")]
 use crate::robot::Rangefinder;
 #[cfg(feature = "acoustics")]
-use crate::sensing::Tally;
+use crate::sensing::EchoStats;
 use crate::units::Duty;
 use crate::wire::{fault, FrameError, PoseCode, State};
 
@@ -13,7 +13,7 @@ const QUIET_TICKS: u16 = 100;
 /// Milliseconds of a tick.
 const TICK_MS: u16 = 10;
 
-/// Triggers in a row without an answer before a line says so.
+/// Triggers in a consecutive_misses without an answer before a line says so.
 #[cfg(feature = "acoustics")]
 const SILENT: u8 = 3;
 
@@ -60,22 +60,22 @@ impl Telling {
         }
     }
 
-    /// For every change of a tally: a line when the rangefinder does not answer three triggers in a
-    /// row, and when it answers again. One that answers without an object in range is no matter for a
+    /// For every change of a stats: a line when the rangefinder does not answer three triggers in a
+    /// consecutive_misses, and when it answers again. One that answers without an object in range is no matter for a
     /// line.
     // Requirement: WIRE-log-9
     #[cfg(feature = "acoustics")]
-    pub(super) fn rangefinder(&mut self, which: Rangefinder, tally: &Tally, log: &mut Log) {
+    pub(super) fn rangefinder(&mut self, which: Rangefinder, stats: &EchoStats, log: &mut Log) {
         let Some(told) = self.silent.get_mut(which as usize) else {
             return;
         };
-        // A row ends at 0: between two ticks no trigger ends twice.
-        let silent = tally.row >= SILENT;
+        // A consecutive_misses ends at 0: between two ticks no trigger ends twice.
+        let silent = stats.consecutive_misses >= SILENT;
         if silent == *told {
             return;
         }
         *told = silent;
-        rangefinder(which, tally, log);
+        rangefinder(which, stats, log);
     }
 
     /// The first temperature, and every change between knowing one and not.
@@ -187,20 +187,20 @@ pub(super) fn faults(new: u16, log: &mut Log) {
 #[cfg(feature = "acoustics")]
 #[cold]
 #[inline(never)]
-fn rangefinder(which: Rangefinder, tally: &Tally, log: &mut Log) {
+fn rangefinder(which: Rangefinder, stats: &EchoStats, log: &mut Log) {
     log.line(Level::Warn, |line| {
         line.text(which.name())
-            .text(if tally.row > 0 {
+            .text(if stats.consecutive_misses > 0 {
                 " rangefinder silent"
             } else {
                 " rangefinder answers"
             })
-            .text(": heard ")
-            .int(tally.heard.into())
+            .text(": hits ")
+            .int(stats.hits.into())
             .text(", out of range ")
-            .int(tally.out_of_range.into())
+            .int(stats.out_of_range.into())
             .text(", missing ")
-            .int(tally.missing.into());
+            .int(stats.missing.into());
     });
 }
 

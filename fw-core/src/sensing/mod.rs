@@ -12,15 +12,15 @@ pub mod battery;
 pub mod gyro;
 pub mod mpu6050;
 pub mod rangefinder;
-#[cfg_attr(not(feature = "sweep"), path = "no_sweep.rs")]
-pub mod sweep;
+#[cfg_attr(not(feature = "sweep"), path = "no_servo_scan.rs")]
+pub mod servo_scan;
 #[cfg(feature = "acoustics")]
-pub mod thermometer;
+pub mod temperature;
 
 pub use battery::Battery;
-pub use gyro::Gyro;
+pub use gyro::GyroFusion;
 pub use mpu6050::Mpu6050;
-pub use rangefinder::{Echo, Rangefinders, Reading, Tally};
-pub use sweep::Sweep;
+pub use rangefinder::{Echo, EchoStats, Rangefinders, Reading};
+pub use servo_scan::ServoScan;
 #[cfg(feature = "acoustics")]
-pub use thermometer::{Calibration, Thermometer};
+pub use temperature::{Calibration, Thermometer};

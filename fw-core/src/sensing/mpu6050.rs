@@ -1,7 +1,7 @@
 //! The conversation with the MPU6050, one bus order a tick: who is there, wake it, set it up, read its
 //! rate of turn about the vertical for as long as it answers, and begin again when it does not.
 //!
-//! The driver carries an [`Order`] out in the background of a tick and brings its [`Outcome`] with
+//! The driver carries an [`BusRequest`] out in the background of a tick and brings its [`BusResult`] with
 //! the next; it waits for nothing. Whatever the part or the bus does, every tick ends with an order
 //! and nothing else depends on it.
 //!
@@ -63,9 +63,9 @@ const SETUP: [Setting; 5] = [
 
 /// What the driver is to do until the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum BusRequest {
     /// Leave the bus alone.
-    Rest,
+    Idle,
     /// Write one register.
     Write {
         /// Its address.
@@ -81,50 +81,50 @@ pub enum Order {
         count: u8,
     },
     /// Take the lines from the interface and hold each low or let it go.
-    Hold {
+    DriveLines {
         /// SCL is let go.
         clock: bool,
         /// SDA is let go.
         data: bool,
     },
     /// Give the lines back to the interface, freshly reset.
-    Attach,
+    ReleaseLines,
 }
 
 /// What became of the last order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Outcome {
+pub enum BusResult {
     /// Carried out, or there was nothing to do.
     #[default]
     Done,
     /// These bytes were read; the second is 0 where only one was asked for.
     Bytes([u8; 2]),
     /// Nobody acknowledged.
-    NoAcknowledge,
+    Nack,
     /// It is still under way after a whole tick, or could not begin: somebody holds a line.
-    Stuck,
+    Timeout,
 }
 
 /// Why there is no rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trouble {
+pub enum DeviceError {
     /// Nothing acknowledges at 0x68.
-    Absent,
+    NotResponding,
     /// Something else answers there, or it did not keep its settings.
-    Stranger,
+    WrongId,
     /// A line is held low.
     BusHeld,
     /// It answers, and always the same: a live gyroscope is noisy.
     Frozen,
 }
 
-impl Trouble {
+impl DeviceError {
     /// For the log.
     #[must_use]
     pub const fn reason(self) -> &'static str {
         match self {
-            Self::Absent => "no answer at 0x68",
-            Self::Stranger => "not an MPU6050 at 0x68",
+            Self::NotResponding => "no answer at 0x68",
+            Self::WrongId => "not an MPU6050 at 0x68",
             Self::BusHeld => "I2C held",
             Self::Frozen => "its data stand still",
         }
@@ -133,13 +133,13 @@ impl Trouble {
 
 /// What a tick learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum News {
+pub enum GyroReading {
     /// Nothing.
-    Nothing,
+    None,
     /// The rate about the vertical, least significant bits, counter-clockwise positive.
     Rate(i16),
     /// It is lost; told once for each reason until it is found again.
-    Lost(Trouble),
+    Lost(DeviceError),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -183,7 +183,7 @@ pub struct Mpu6050 {
     misses: u8,
     last: [u8; 2],
     same: u8,
-    told: Option<Trouble>,
+    told: Option<DeviceError>,
 }
 
 impl Default for Mpu6050 {
@@ -207,13 +207,13 @@ impl Mpu6050 {
     }
 
     /// One tick: what became of the last order, and the next one.
-    pub fn step(&mut self, outcome: Outcome) -> (Order, News) {
+    pub fn step(&mut self, outcome: BusResult) -> (BusRequest, GyroReading) {
         let news = self.hear(outcome);
         (self.order(), news)
     }
 
     /// Moves to the next stage.
-    fn hear(&mut self, outcome: Outcome) -> News {
+    fn hear(&mut self, outcome: BusResult) -> GyroReading {
         match (self.stage, outcome) {
             // By hand, the lines answer nothing.
             (Stage::Free(edge), _) => {
@@ -224,8 +224,8 @@ impl Mpu6050 {
                 };
             }
             (Stage::Attach, _) => self.stage = Stage::Wait(self.pause),
-            (_, Outcome::Stuck) => {
-                let news = self.lost(Trouble::BusHeld);
+            (_, BusResult::Timeout) => {
+                let news = self.lost(DeviceError::BusHeld);
                 self.stage = Stage::Free(0);
                 return news;
             }
@@ -236,18 +236,18 @@ impl Mpu6050 {
                     Stage::Identify
                 };
             }
-            (Stage::Stream, Outcome::Bytes(word)) => return self.rate(word),
+            (Stage::Stream, BusResult::Bytes(word)) => return self.rate(word),
             (Stage::Stream, _) => {
                 self.misses += 1;
                 if self.misses > MISSES {
-                    return self.lost(Trouble::Absent);
+                    return self.lost(DeviceError::NotResponding);
                 }
             }
-            (_, Outcome::NoAcknowledge) => return self.lost(Trouble::Absent),
-            (Stage::Identify, Outcome::Bytes([identity, _])) if identity == IDENTITY => {
+            (_, BusResult::Nack) => return self.lost(DeviceError::NotResponding),
+            (Stage::Identify, BusResult::Bytes([identity, _])) if identity == IDENTITY => {
                 self.stage = Stage::Set(0);
             }
-            (Stage::Set(nth), Outcome::Done) => self.stage = Stage::Settle(nth, self.rest(nth)),
+            (Stage::Set(nth), BusResult::Done) => self.stage = Stage::Settle(nth, self.rest(nth)),
             (Stage::Settle(nth, rest), _) if rest > 1 => self.stage = Stage::Settle(nth, rest - 1),
             (Stage::Settle(nth, _), _) => {
                 self.stage = if usize::from(nth) + 1 < SETUP.len() {
@@ -256,16 +256,16 @@ impl Mpu6050 {
                     Stage::Verify
                 };
             }
-            (Stage::Verify, Outcome::Bytes([LOW_PASS, FULL_SCALE])) => {
+            (Stage::Verify, BusResult::Bytes([LOW_PASS, FULL_SCALE])) => {
                 self.stage = Stage::Stream;
                 self.misses = 0;
                 self.same = 0;
             }
             (Stage::Identify | Stage::Set(_) | Stage::Verify, _) => {
-                return self.lost(Trouble::Stranger);
+                return self.lost(DeviceError::WrongId);
             }
         }
-        News::Nothing
+        GyroReading::None
     }
 
     /// At least a tick, in which nothing is asked.
@@ -276,7 +276,7 @@ impl Mpu6050 {
             .map_or(1, |setting| setting.rest.max(1))
     }
 
-    fn rate(&mut self, word: [u8; 2]) -> News {
+    fn rate(&mut self, word: [u8; 2]) -> GyroReading {
         self.misses = 0;
         self.same = if word == self.last {
             self.same.saturating_add(1)
@@ -285,60 +285,58 @@ impl Mpu6050 {
         };
         self.last = word;
         if self.same >= SAME {
-            return self.lost(Trouble::Frozen);
+            return self.lost(DeviceError::Frozen);
         }
         // Told again should it be lost again, but not before it has shown that it lives.
         if self.same == 0 {
             self.told = None;
             self.pause = SHORTEST_PAUSE;
         }
-        News::Rate(i16::from_be_bytes(word))
+        GyroReading::Rate(i16::from_be_bytes(word))
     }
 
-    fn lost(&mut self, trouble: Trouble) -> News {
+    fn lost(&mut self, trouble: DeviceError) -> GyroReading {
         self.stage = Stage::Wait(self.pause);
         self.pause = (self.pause * 2).min(LONGEST_PAUSE);
         if self.told == Some(trouble) {
-            return News::Nothing;
+            return GyroReading::None;
         }
         self.told = Some(trouble);
-        News::Lost(trouble)
+        GyroReading::Lost(trouble)
     }
 
-    fn order(&self) -> Order {
+    fn order(&self) -> BusRequest {
         match self.stage {
-            Stage::Wait(_) | Stage::Settle(..) => Order::Rest,
-            Stage::Identify => Order::Read {
+            Stage::Wait(_) | Stage::Settle(..) => BusRequest::Idle,
+            Stage::Identify => BusRequest::Read {
                 register: WHO_AM_I,
                 count: 1,
             },
-            Stage::Set(nth) => {
-                SETUP
-                    .get(usize::from(nth))
-                    .map_or(Order::Rest, |setting| Order::Write {
-                        register: setting.register,
-                        value: setting.value,
-                    })
-            }
+            Stage::Set(nth) => SETUP
+                .get(usize::from(nth))
+                .map_or(BusRequest::Idle, |setting| BusRequest::Write {
+                    register: setting.register,
+                    value: setting.value,
+                }),
             // CONFIG and GYRO_CONFIG, which follows it.
-            Stage::Verify => Order::Read {
+            Stage::Verify => BusRequest::Read {
                 register: CONFIG,
                 count: 2,
             },
-            Stage::Stream => Order::Read {
+            Stage::Stream => BusRequest::Read {
                 register: GYRO_ZOUT,
                 count: 2,
             },
             // Nine pulses; then data low while the clock is, and up after it: a stop.
-            Stage::Free(edge) if edge < EDGES => Order::Hold {
+            Stage::Free(edge) if edge < EDGES => BusRequest::DriveLines {
                 clock: edge & 1 == 1,
                 data: true,
             },
-            Stage::Free(edge) => Order::Hold {
+            Stage::Free(edge) => BusRequest::DriveLines {
                 clock: edge > EDGES,
                 data: edge > EDGES + 1,
             },
-            Stage::Attach => Order::Attach,
+            Stage::Attach => BusRequest::ReleaseLines,
         }
     }
 }

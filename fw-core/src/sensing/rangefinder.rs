@@ -15,9 +15,9 @@
 //!
 //! | the line | reading | on the wire |
 //! |---|---|---|
-//! | rises, falls within the time of 2500 mm | [`Echo::At`] | its code |
-//! | up for longer than that, 38 ms where nothing echoes | [`Echo::Late`], then [`Echo::OutOfRange`] | 0xFFFF |
-//! | never rises, never falls, or falls at once | [`Echo::Late`], then [`Echo::Missing`] | 0xFFFF |
+//! | rises, falls within the time of 2500 mm | [`Echo::Distance`] | its code |
+//! | up for longer than that, 38 ms where nothing echoes | [`Echo::TimedOut`], then [`Echo::OutOfRange`] | 0xFFFF |
+//! | never rises, never falls, or falls at once | [`Echo::TimedOut`], then [`Echo::Missing`] | 0xFFFF |
 
 #[cfg(feature = "acoustics")]
 use fixed::types::I16F16;
@@ -47,12 +47,12 @@ const ASSUMED: u64 = 343_000;
 pub enum Echo {
     /// Not measured yet.
     #[default]
-    None,
+    NotMeasured,
     /// An object, 20 ..= 2500 mm away.
-    At(Millimetres),
+    Distance(Millimetres),
     /// Nothing within range has answered the last trigger; whether for want of an object or of a
     /// sensor shows when its line falls, or does not until the next trigger.
-    Late,
+    TimedOut,
     /// An echo longer than 2500 mm's: nothing within range.
     OutOfRange,
     /// The last trigger got no answer, or an impossible one: broken or not connected.
@@ -71,29 +71,29 @@ pub struct Reading {
 
 /// How a sensor's triggers ended since the start; each count stays at its largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct EchoStats {
     /// With a distance.
-    pub heard: u32,
+    pub hits: u32,
     /// With nothing within range.
     pub out_of_range: u32,
     /// Without an answer.
     pub missing: u32,
-    /// Without an answer in a row, the last one among them; at most 255.
-    pub row: u8,
+    /// Without an answer in a consecutive_misses, the last one among them; at most 255.
+    pub consecutive_misses: u8,
 }
 
-impl Tally {
+impl EchoStats {
     fn count(&mut self, echo: Echo) {
         let count = match echo {
-            Echo::At(_) => &mut self.heard,
+            Echo::Distance(_) => &mut self.hits,
             Echo::OutOfRange => &mut self.out_of_range,
             Echo::Missing => &mut self.missing,
             // No end yet.
-            Echo::None | Echo::Late => return,
+            Echo::NotMeasured | Echo::TimedOut => return,
         };
         *count = count.saturating_add(1);
-        self.row = match echo {
-            Echo::Missing => self.row.saturating_add(1),
+        self.consecutive_misses = match echo {
+            Echo::Missing => self.consecutive_misses.saturating_add(1),
             _ => 0,
         };
     }
@@ -104,7 +104,7 @@ struct Sensor {
     /// When it was triggered and where it pointed, until its echo arrives.
     awaited: Option<(Micros, u16)>,
     reading: Reading,
-    tally: Tally,
+    stats: EchoStats,
 }
 
 impl Sensor {
@@ -112,7 +112,7 @@ impl Sensor {
     fn settle(&mut self, echo: Echo, bearing: u16) {
         // Where nobody tells of it nobody counts.
         if cfg!(feature = "acoustics") {
-            self.tally.count(echo);
+            self.stats.count(echo);
         }
         self.reading = Reading { echo, bearing };
     }
@@ -129,7 +129,7 @@ pub struct Rangefinders {
     current: u8,
     /// Millimetres of distance per microsecond of echo, 32 fractional bits.
     pace: u64,
-    /// Whom [`Self::take_news`] has still to name, bit n the n-th.
+    /// Whom [`Self::take_updated`] has still to name, bit n the n-th.
     news: u8,
 }
 
@@ -141,14 +141,14 @@ impl Rangefinders {
         const NEVER: Sensor = Sensor {
             awaited: None,
             reading: Reading {
-                echo: Echo::None,
+                echo: Echo::NotMeasured,
                 bearing: 0,
             },
-            tally: Tally {
-                heard: 0,
+            stats: EchoStats {
+                hits: 0,
                 out_of_range: 0,
                 missing: 0,
-                row: 0,
+                consecutive_misses: 0,
             },
         };
         Self {
@@ -183,7 +183,7 @@ impl Rangefinders {
             if let Some((_, bearing)) = sensor.awaited {
                 silent = true;
                 if self.since == LISTEN {
-                    sensor.settle(Echo::Late, bearing);
+                    sensor.settle(Echo::TimedOut, bearing);
                     self.news |= 1 << self.current;
                 }
             }
@@ -237,31 +237,31 @@ impl Rangefinders {
         } else if distance > FARTHEST {
             Echo::OutOfRange
         } else {
-            Echo::At(Millimetres(I32F32::from_bits(distance)))
+            Echo::Distance(Millimetres(I32F32::from_bits(distance)))
         };
         sensor.settle(echo, bearing);
         self.news |= 1 << which as u8;
     }
 
     /// Nobody knows where they point: what they said and what is still on its way means nothing.
-    pub fn forget(&mut self) {
+    pub fn invalidate(&mut self) {
         for sensor in &mut self.sensors {
             sensor.awaited = None;
-            sensor.reading.echo = Echo::None;
+            sensor.reading.echo = Echo::NotMeasured;
         }
         self.news = 0b111;
     }
 
-    /// One whose reading or tally may not be what it was when it was named here last, the front one
+    /// One whose reading or stats may not be what it was when it was named here last, the front one
     /// before the others; nothing once all have been named.
-    pub fn take_news(&mut self) -> Option<Rangefinder> {
+    pub fn take_updated(&mut self) -> Option<Rangefinder> {
         let which = Rangefinder::ALL.get(self.news.trailing_zeros() as usize)?;
         self.news &= self.news - 1;
         Some(*which)
     }
 
     /// The last reading with its bearing, which is the front one's own and the robot's else. It is at
-    /// most one cycle old: what is not renewed becomes [`Echo::Late`] and then [`Echo::Missing`].
+    /// most one cycle old: what is not renewed becomes [`Echo::TimedOut`] and then [`Echo::Missing`].
     #[must_use]
     pub fn reading(&self, which: Rangefinder) -> Reading {
         self.sensors
@@ -273,17 +273,17 @@ impl Rangefinders {
     #[must_use]
     pub fn distance(&self, which: Rangefinder) -> Option<Millimetres> {
         match self.reading(which).echo {
-            Echo::At(distance) => Some(distance),
-            Echo::None | Echo::Late | Echo::OutOfRange | Echo::Missing => None,
+            Echo::Distance(distance) => Some(distance),
+            Echo::NotMeasured | Echo::TimedOut | Echo::OutOfRange | Echo::Missing => None,
         }
     }
 
     /// How its triggers ended so far.
     #[must_use]
-    pub fn tally(&self, which: Rangefinder) -> Tally {
+    pub fn stats(&self, which: Rangefinder) -> EchoStats {
         self.sensors
             .get(which as usize)
-            .map_or_else(Tally::default, |sensor| sensor.tally)
+            .map_or_else(EchoStats::default, |sensor| sensor.stats)
     }
 }
 

@@ -6,7 +6,7 @@
 use crate::{duty, go, percent, Bench};
 use fw_core::eeprom::{Platform, FIELDS};
 use fw_core::robot::{Outputs, Rangefinder};
-use fw_core::sensing::mpu6050::{Order, Outcome};
+use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::wire::{fault, CellCode, Command, Mode, Report, State};
 use std::f64::consts::{PI, TAU};
 
@@ -235,9 +235,9 @@ fn the_gyroscope_is_asked_if_the_configuration_says_so() {
     let orders = |change: Change| {
         let mut bench = bench(Mode::Normal, change);
         let asked = |bench: &mut Bench| {
-            let order = bench.robot.on_gyro(Outcome::Done, &mut bench.log);
+            let order = bench.robot.on_gyro(BusResult::Done, &mut bench.log);
             bench.tick();
-            order != Order::Rest
+            order != BusRequest::Idle
         };
         (0..20).filter(|_| asked(&mut bench)).count()
     };

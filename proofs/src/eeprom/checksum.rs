@@ -4,7 +4,7 @@
 
 use fw_core::eeprom::crc32;
 
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// CRC-32/ISO-HDLC as the catalogue defines it, bit by bit: reflected, initial value and final
 /// exclusive-or all ones, polynomial 0x04C11DB7.
@@ -50,7 +50,7 @@ pub fn every_register_is_reached(register: u32) -> Seen {
         .case(1, register == u32::MAX)
 }
 
-crate::theorems! {
+crate::properties! {
     T3 checksum32_is_the_catalogues(bytes: [u8; 4]) {
         cases ["zero", "all ones"];
         needs [every_register_is_reached];

@@ -7,7 +7,7 @@ use fw_core::wire::Mode;
 
 use super::accepted::AcceptedConfig;
 use super::image::{first_image, mend};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// The promise, written out independently of the field table.
 #[must_use]
@@ -98,7 +98,7 @@ pub fn decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: 
         .case(1, decoded.is_err())
 }
 
-crate::theorems! {
+crate::properties! {
     T5 accepted_configuration_is_bounded(config: AcceptedConfig) {
         cases ["other than the first board's", "at the end of a range"];
         kani any_gains [unwind(66)] = (AcceptedConfig::of_any_gains(),);

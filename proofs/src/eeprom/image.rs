@@ -6,7 +6,7 @@ use fw_core::eeprom::{
 };
 
 use super::accepted::AcceptedConfig;
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Where page 0x03 begins, and where what it defines ends.
 const PLATFORM: usize = 0x300;
@@ -184,7 +184,7 @@ pub fn image_burst_is_rejected(start: u16, pattern: u32, filler: u8) -> Seen {
         .case(2, start / 8 < KEY.len())
 }
 
-crate::theorems! {
+crate::properties! {
     T3 configuration_survives_the_image(config: AcceptedConfig, filler: u8) {
         cases ["a servo", "eight cells", "one cell"];
         sampled 50_000;

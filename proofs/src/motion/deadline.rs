@@ -9,7 +9,7 @@ use fw_core::units::Micros;
 use fw_core::wire::{fault, Order, State};
 
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Ticks come at least this often, microseconds: half the clock's range. The control tick is timed
 /// by hardware every 10 ms, and the watchdog resets what does not tick.
@@ -213,7 +213,7 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
     Seen::NOTHING.case(0, now.0 < fresh.0).case(1, gaps[0] > 0)
 }
 
-crate::theorems! {
+crate::properties! {
     T8 silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) {
         cases ["it was driving", "a fault blocks as well", "across the clock's wrap"];
         kani proof [unwind(4)];

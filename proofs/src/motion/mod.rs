@@ -10,10 +10,10 @@
 //! | [`controller`] | T5: the pose controller |
 //! | [`deadline`] | T8: silence stops the robot |
 
-pub mod controller;
 pub mod deadline;
+pub mod drive_monitor;
+pub mod mixer;
 pub mod odometry;
 pub mod pid;
-pub mod plausibility;
+pub mod pose_controller;
 pub mod trig;
-pub mod wheels;

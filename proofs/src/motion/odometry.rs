@@ -7,7 +7,7 @@ use fw_core::motion::Odometry;
 use fw_core::units::Turns;
 
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Samples that follow each other: what the counters grew by, both encoders.
 pub type Path = [u8; 48];
@@ -177,7 +177,7 @@ pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], 
         .case(1, pose.x.0 < -10_000)
 }
 
-crate::theorems! {
+crate::properties! {
     T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
         needs [accepted_configuration_is_bounded];

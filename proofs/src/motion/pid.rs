@@ -9,7 +9,7 @@ use fw_core::eeprom::Gains;
 use fw_core::motion::pid::Pid;
 
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// A regulator in a state that it can reach: any integral within its limit.
 fn regulator(gains: &Gains, limit: i32, integral: i32) -> Pid {
@@ -327,7 +327,7 @@ fn coarse_gains() -> Gains {
     }
 }
 
-crate::theorems! {
+crate::properties! {
     T7 step_stays_within_the_limit(
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
     ) {

@@ -5,7 +5,7 @@
 use fw_core::motion::trig::{direction, sin_cos};
 use fw_core::units::Turns;
 
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Phases of one block.
 pub const BLOCK: u32 = 1 << 10;
@@ -72,7 +72,7 @@ pub fn direction_is_accurate(x: i64, y: i64) -> Seen {
         .case(2, x.unsigned_abs() < 100 && y.unsigned_abs() < 100)
 }
 
-crate::theorems! {
+crate::properties! {
     T6 sine_and_cosine_are_accurate(block: u32) {
         cases ["a sine near its bound", "a cosine near its bound"];
         exhaustive (0..1 << 20).map(|block: u32| (block.wrapping_sub(1 << 19),));

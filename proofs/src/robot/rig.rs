@@ -5,7 +5,7 @@ use fw_core::double::Double;
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
 use fw_core::robot::{leds, Drive, Outputs, Rangefinder, Robot, Sample, BLOCKING};
-use fw_core::sensing::mpu6050::{self, Order, Outcome};
+use fw_core::sensing::mpu6050::{self, BusRequest, BusResult};
 use fw_core::sensing::Calibration;
 use fw_core::units::Micros;
 use fw_core::wire::{
@@ -14,7 +14,7 @@ use fw_core::wire::{
 };
 
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// The cases of [`robot_obeys_whatever_happens`](super::robot_obeys_whatever_happens).
 const DROVE: u32 = 0;
@@ -70,18 +70,18 @@ impl Part {
 
     /// What becomes of an order when the robot turned by `turn` in the last tick, 2⁻³², and by `apart`
     /// least significant bits more.
-    fn answer(&mut self, order: Order, turn: i32, apart: i32) -> Outcome {
+    fn answer(&mut self, order: BusRequest, turn: i32, apart: i32) -> BusResult {
         self.noise = (self.noise + 3) % 7;
         match order {
-            Order::Write { register, value } => {
+            BusRequest::Write { register, value } => {
                 match register {
                     mpu6050::CONFIG => self.settings[0] = value,
                     mpu6050::GYRO_CONFIG => self.settings[1] = value,
                     _ => {}
                 }
-                Outcome::Done
+                BusResult::Done
             }
-            Order::Read { register, .. } => Outcome::Bytes(match register {
+            BusRequest::Read { register, .. } => BusResult::Bytes(match register {
                 mpu6050::WHO_AM_I => [mpu6050::IDENTITY, 0],
                 mpu6050::CONFIG => self.settings,
                 _ => {
@@ -91,7 +91,9 @@ impl Part {
                     i16::try_from(rate).unwrap_or(end).to_be_bytes()
                 }
             }),
-            Order::Rest | Order::Hold { .. } | Order::Attach => Outcome::Done,
+            BusRequest::Idle | BusRequest::DriveLines { .. } | BusRequest::ReleaseLines => {
+                BusResult::Done
+            }
         }
     }
 }
@@ -106,7 +108,7 @@ pub struct Rig {
     pi: PiLink,
     part: Part,
     /// What became of the gyroscope's last order.
-    outcome: Outcome,
+    outcome: BusResult,
     log: Log,
     now: Micros,
     sample: Sample,
@@ -153,7 +155,7 @@ impl Rig {
             encoders: Odometry::new(&config.0.platform, sample.left, sample.right),
             pi: PiLink::new(setup),
             part: Part::default(),
-            outcome: Outcome::Done,
+            outcome: BusResult::Done,
             log: Log::new(),
             now,
             sample,
@@ -290,10 +292,10 @@ impl Rig {
     /// Something else became of the gyroscope's order.
     pub fn upset(&mut self, events: &mut Events<'_>) {
         self.outcome = match events.byte() % 4 {
-            0 => Outcome::NoAcknowledge,
-            1 => Outcome::Stuck,
-            2 => Outcome::Done,
-            _ => Outcome::Bytes(events.word().to_le_bytes()),
+            0 => BusResult::Nack,
+            1 => BusResult::Timeout,
+            2 => BusResult::Done,
+            _ => BusResult::Bytes(events.word().to_le_bytes()),
         };
     }
 
@@ -354,12 +356,12 @@ impl Rig {
     }
 
     /// Nothing is asked of a gyroscope that is not there, nor in the tuning modes.
-    fn order_is_right(&self, order: Order) {
+    fn order_is_right(&self, order: BusRequest) {
         let drives = matches!(
             self.setup.mode,
             Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep
         );
-        assert!(order == Order::Rest || drives && self.config.0.platform.gyro);
+        assert!(order == BusRequest::Idle || drives && self.config.0.platform.gyro);
     }
 
     fn outputs_are_right(&mut self, outputs: &Outputs) {

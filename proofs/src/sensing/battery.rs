@@ -7,7 +7,7 @@ use fw_core::sensing::Battery;
 use fw_core::units::Volts;
 
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// The ADC's words, one a tap.
 pub type Words = [u16; 8];
@@ -243,7 +243,7 @@ pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
         .case(2, tuned == Some(0))
 }
 
-crate::theorems! {
+crate::properties! {
     T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
         cases ["a cell beside one of 0 V", "eight cells"];
         needs [accepted_configuration_is_bounded];

@@ -4,20 +4,20 @@ use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
 use fw_core::motion::{Delta, Odometry};
 use fw_core::robot::{Robot, Sample};
-use fw_core::sensing::gyro::{hundredths, Correction, Event, Gyro, BIAS_MOST};
-use fw_core::sensing::mpu6050::{Mpu6050, News, Order, Outcome};
+use fw_core::sensing::gyro::{hundredths, Correction, Event, GyroFusion, BIAS_MOST};
+use fw_core::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
 use fw_core::wire::{fault, Mode};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
-impl Input for Outcome {
+impl Input for BusResult {
     fn draw(source: &mut impl Source) -> Self {
         match source.bits8() % 8 {
             0 => Self::Done,
-            1 => Self::NoAcknowledge,
-            2 => Self::Stuck,
+            1 => Self::Nack,
+            2 => Self::Timeout,
             // Who it is, its settings, and a rate are the two bytes that matter.
             3 => Self::Bytes([0x68, source.bits8()]),
             4 => Self::Bytes([3, 8]),
@@ -68,7 +68,7 @@ impl Input for Tick {
     }
 }
 
-fn step(gyro: &mut Gyro, tick: Tick) -> (Correction, Option<Event>) {
+fn step(gyro: &mut GyroFusion, tick: Tick) -> (Correction, Option<Event>) {
     let delta = Delta {
         left: tick.left,
         right: tick.right.into(),
@@ -78,7 +78,7 @@ fn step(gyro: &mut Gyro, tick: Tick) -> (Correction, Option<Event>) {
     gyro.step(tick.reading, &delta, tick.turn)
 }
 
-fn bounded(gyro: &Gyro) {
+fn bounded(gyro: &GyroFusion) {
     if let Some(bias) = gyro.bias() {
         assert!(bias.abs() <= BIAS_MOST << 8);
         assert!(hundredths(bias).abs() <= 4_000);
@@ -88,7 +88,7 @@ fn bounded(gyro: &Gyro) {
 /// No readings, turns or counts overflow anything; the bias keeps its bounds, and there is never a
 /// correction before there is one.
 pub fn any_readings_are_safe(ticks: Row<Tick, 3>) -> Seen {
-    let mut gyro = Gyro::new();
+    let mut gyro = GyroFusion::new();
     let mut seen = Seen::NOTHING;
     for tick in ticks.0 {
         let (correction, event) = step(&mut gyro, tick);
@@ -111,7 +111,7 @@ pub fn any_readings_after_a_rest_are_safe(
     repeat: u8,
     ticks: Row<Tick, 8>,
 ) -> Seen {
-    let mut gyro = Gyro::new();
+    let mut gyro = GyroFusion::new();
     let rest = Tick {
         reading: Some(bias),
         turn: 0,
@@ -153,7 +153,7 @@ pub fn any_readings_after_a_rest_are_safe(
             }
             added = added.wrapping_add(correction.heading.into());
             match event {
-                Some(Event::Gripping(total)) => {
+                Some(Event::SlipEnded(total)) => {
                     // Modulo a turn, as headings are.
                     #[allow(clippy::cast_possible_truncation, reason = "modulo a turn")]
                     let same = total as i32 == added as i32;
@@ -161,12 +161,12 @@ pub fn any_readings_after_a_rest_are_safe(
                     seen = seen.case(3, true);
                     added = 0;
                 }
-                Some(Event::GaveUp) => {
+                Some(Event::SlipTimedOut) => {
                     trusted = false;
                     added = 0;
                     seen = seen.case(4, true);
                 }
-                Some(Event::Believed) => trusted = true,
+                Some(Event::Trusted) => trusted = true,
                 _ => {}
             }
         }
@@ -175,22 +175,22 @@ pub fn any_readings_after_a_rest_are_safe(
 }
 
 /// What a part that is as it should be answers.
-fn good(order: Order) -> Outcome {
+fn good(order: BusRequest) -> BusResult {
     match order {
-        Order::Read { register: 0x75, .. } => Outcome::Bytes([0x68, 0]),
-        Order::Read { register: 0x1A, .. } => Outcome::Bytes([3, 8]),
-        Order::Read { .. } => Outcome::Bytes([0, 1]),
-        _ => Outcome::Done,
+        BusRequest::Read { register: 0x75, .. } => BusResult::Bytes([0x68, 0]),
+        BusRequest::Read { register: 0x1A, .. } => BusResult::Bytes([3, 8]),
+        BusRequest::Read { .. } => BusResult::Bytes([0, 1]),
+        _ => BusResult::Done,
     }
 }
 
 /// However far a good part has come, whatever the bus answers from then on: every tick has an order, a
 /// write goes to a register of the set-up and to no other, and a rate is told only when two bytes were
 /// read.
-pub fn conversation_is_total(good_ticks: u8, outcomes: Row<Outcome, 16>, repeat: u8) -> Seen {
+pub fn conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repeat: u8) -> Seen {
     let mut mpu = Mpu6050::new();
     let mut seen = Seen::NOTHING;
-    let mut order = Order::Rest;
+    let mut order = BusRequest::Idle;
     for _ in 0..good_ticks % 64 {
         (order, _) = mpu.step(good(order));
     }
@@ -198,23 +198,23 @@ pub fn conversation_is_total(good_ticks: u8, outcomes: Row<Outcome, 16>, repeat:
         for _ in 0..=repeat % 32 {
             let (order, news) = mpu.step(outcome);
             match order {
-                Order::Write { register, .. } => {
+                BusRequest::Write { register, .. } => {
                     assert!(matches!(register, 0x19..=0x1B | 0x6B));
                     seen = seen.case(0, true);
                 }
-                Order::Read { register, count } => {
+                BusRequest::Read { register, count } => {
                     assert!(matches!((register, count), (0x75, 1) | (0x1A | 0x47, 2)));
                 }
-                Order::Hold { .. } => seen = seen.case(1, true),
-                Order::Rest | Order::Attach => {}
+                BusRequest::DriveLines { .. } => seen = seen.case(1, true),
+                BusRequest::Idle | BusRequest::ReleaseLines => {}
             }
             match news {
-                News::Rate(raw) => {
-                    assert!(outcome == Outcome::Bytes(raw.to_be_bytes()));
+                GyroReading::Rate(raw) => {
+                    assert!(outcome == BusResult::Bytes(raw.to_be_bytes()));
                     seen = seen.case(2, true);
                 }
-                News::Lost(_) => seen = seen.case(3, true),
-                News::Nothing => {}
+                GyroReading::Lost(_) => seen = seen.case(3, true),
+                GyroReading::None => {}
             }
         }
     }
@@ -226,10 +226,10 @@ pub fn conversation_is_total(good_ticks: u8, outcomes: Row<Outcome, 16>, repeat:
 /// one without it never asks for the bus.
 pub fn without_a_rate_the_encoders_tell(
     config: AcceptedConfig,
-    outcome: Outcome,
+    outcome: BusResult,
     steps: [(u8, u8); 24],
 ) -> Seen {
-    if matches!(outcome, Outcome::Bytes(_)) {
+    if matches!(outcome, BusResult::Bytes(_)) {
         return Seen::NOTHING.case(0, true);
     }
     let mut plain: Config = config.0;
@@ -246,7 +246,7 @@ pub fn without_a_rate_the_encoders_tell(
             sample.now = sample.now.after(10_000);
             sample.left = sample.left.wrapping_add_signed(i32::from(left) - 128);
             sample.right = sample.right.wrapping_add_signed(i16::from(right) - 128);
-            assert!(alone.on_gyro(outcome, &mut log) == Order::Rest);
+            assert!(alone.on_gyro(outcome, &mut log) == BusRequest::Idle);
             let _ = with.on_gyro(outcome, &mut log);
             let (a, b) = (
                 alone.on_tick(sample, &[], &mut log),
@@ -286,7 +286,7 @@ pub fn any_correction_is_safe(
         heading: heading as i32,
         tick: tick as i32,
     };
-    odometry.slipped(correction, &delta);
+    odometry.apply_slip(correction, &delta);
     let is = odometry.pose();
     assert!(is.heading.0 == was.heading.0.wrapping_add(heading));
     let moved = is.x != was.x || is.y != was.y;
@@ -296,7 +296,7 @@ pub fn any_correction_is_safe(
         .case(1, !moved && correction.tick != 0)
 }
 
-crate::theorems! {
+crate::properties! {
     T5 any_readings_are_safe(ticks: Row<Tick, 3>) {
         cases ["nothing read", "the end of the range", "half a turn in a tick"];
         kani proof [unwind(33)];
@@ -311,14 +311,14 @@ crate::theorems! {
         ];
         sampled 100_000;
     }
-    T5 conversation_is_total(good_ticks: u8, outcomes: Row<Outcome, 16>, repeat: u8) {
+    T5 conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repeat: u8) {
         cases ["set up", "the bus was freed", "a rate", "lost"];
         // From before its last three settings on, through them, their check, and the first rates.
         kani settling [unwind(30)] = (28, any(), 0);
         sampled 100_000;
     }
     T6 without_a_rate_the_encoders_tell(
-        config: AcceptedConfig, outcome: Outcome, steps: [(u8, u8); 24]
+        config: AcceptedConfig, outcome: BusResult, steps: [(u8, u8); 24]
     ) {
         cases ["it answered", "and its absence is a fault", "the robot moved"];
         needs [accepted_configuration_is_bounded];

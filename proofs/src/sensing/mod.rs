@@ -11,5 +11,5 @@
 pub mod battery;
 pub mod gyro;
 pub mod rangefinder;
-pub mod sweep;
-pub mod thermometer;
+pub mod servo_scan;
+pub mod temperature;

@@ -7,7 +7,7 @@ use fw_core::units::Micros;
 use fw_core::wire::DistanceCode;
 
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// 2500 mm and 20 mm, 2⁻³² mm (document, 5.1.4; the sensor's data sheet).
 const FARTHEST: i64 = 2500 << 32;
@@ -45,7 +45,7 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let believable = delay <= 3_000 && width <= 1 << 20;
     let way = i64::from(width.min(1 << 20)) * PACE;
     match reading {
-        Echo::At(distance) => {
+        Echo::Distance(distance) => {
             let bits = distance.0.to_bits();
             assert!(believable && width >= 117);
             assert!((NEAREST..=FARTHEST).contains(&bits));
@@ -53,11 +53,11 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
         }
         Echo::OutOfRange => assert!(believable && way + i64::from(width) > FARTHEST),
         Echo::Missing => assert!(believable && width < 117),
-        Echo::None => assert!(!believable),
-        Echo::Late => panic!("no time has passed"),
+        Echo::NotMeasured => assert!(!believable),
+        Echo::TimedOut => panic!("no time has passed"),
     }
     let far = matches!(reading, Echo::OutOfRange);
-    let at = matches!(reading, Echo::At(_));
+    let at = matches!(reading, Echo::Distance(_));
     assert!(at == all.distance(Rangefinder::Front).is_some());
     Seen::NOTHING
         .case(0, at)
@@ -138,7 +138,7 @@ pub fn missing_edge_is_no_distance(
     assert!(front_again);
     let front = all.reading(Rangefinder::Front).echo;
     assert!(answered || front == Echo::Missing);
-    assert!(!answered || matches!(front, Echo::At(_)));
+    assert!(!answered || matches!(front, Echo::Distance(_)));
     Seen::NOTHING.case(0, awaited).case(1, answered)
 }
 
@@ -221,7 +221,7 @@ pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays:
             }
         }
         let reading = all.reading(Rangefinder::Front);
-        if let Echo::At(distance) = reading.echo {
+        if let Echo::Distance(distance) = reading.echo {
             let ping = (distance.0.to_bits() / PACE - 999) / 100;
             let of = usize::try_from(ping)
                 .ok()
@@ -251,7 +251,7 @@ pub fn any_temperature_is_safe(celsius: i32, width: u32) -> Seen {
         .case(1, celsius < -(40 << 16))
 }
 
-crate::theorems! {
+crate::properties! {
     T9 echo_is_its_distance(trigger: Micros, delay: u32, width: u32) {
         cases ["a distance", "out of range", "edges from before the trigger", "across the wrap"];
         kani proof [unwind(4)];

@@ -6,7 +6,7 @@ use fw_core::wire::{parse_command, parse_report, write_command, write_report, Mo
 use fw_core::wire::{Command, Report};
 
 use super::table::{table, Frame};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// CRC-16/IBM-3740 as the catalogue defines it, bit by bit: initial value 0xFFFF, polynomial
 /// 0x1021, not reflected, no final exclusive-or.
@@ -175,7 +175,7 @@ fn triples() -> impl Iterator<Item = (Mode, u8, u8, u8)> {
     })
 }
 
-crate::theorems! {
+crate::properties! {
     T1 checksum_of_a_word_is_the_catalogues(bytes: [u8; 4]) {
         cases ["a low one", "a high one"];
         kani proof [unwind(9)];

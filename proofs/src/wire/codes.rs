@@ -5,7 +5,7 @@ use fw_core::units::{Millimetres, Pose, Turns, Volts};
 use fw_core::wire::code::{bearing, bearing_code};
 use fw_core::wire::{CellCode, DistanceCode, PoseCode};
 
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 fn pose_of(x: i64, y: i64, heading: u32) -> Pose {
     Pose {
@@ -203,7 +203,7 @@ pub fn distance_out_of_range_is_nothing(bits: i64) -> Seen {
         .case(2, inside && code != DistanceCode::NONE)
 }
 
-crate::theorems! {
+crate::properties! {
     T2 length_code_round_trips(code: i32) {
         cases ["1 m", "the end of the range"];
         exhaustive (0..=i32::MAX).map(|code| (code,));

@@ -6,7 +6,7 @@ use fw_core::wire::{
 };
 
 use super::table::{is_fresh, table, word, Frame};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Whether both cells of a configuration and of a frame can exist.
 fn cell_exists(cell: CellCode, setup: Setup) -> bool {
@@ -393,7 +393,7 @@ fn any_setup(mode: Mode) -> Setup {
     }
 }
 
-crate::theorems! {
+crate::properties! {
     T2 command_survives_the_wire(setup: Setup, command: Command, earlier: u8) {
         cases ["the first frame", "a later frame"];
         kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any());

@@ -6,7 +6,7 @@ use fw_core::wire::{parse_command, parse_report, FrameError, Mode, Reason};
 use super::table::{
     command_is_right, command_says, is_fresh, report_is_right, report_says, table, word, Frame,
 };
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// In a mode without guard the STM takes a frame of the Pi exactly when the table allows it, and
 /// understands by it what the table says.
@@ -148,7 +148,7 @@ fn lengths() -> impl Iterator<Item = (Mode, Context, [u8; LONGER], u8, u16)> {
     })
 }
 
-crate::theorems! {
+crate::properties! {
     T1 command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
         cases ["taken", "wrong key", "a cell that is not configured"];
         kani normal [unwind(12)] = (Mode::Normal, any(), any());

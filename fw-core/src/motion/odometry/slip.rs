@@ -13,7 +13,7 @@ impl Odometry {
     /// names the wheel that slipped; where it may be either, what both lost cancels. Half the
     /// difference of the wheels' ways is π·track for a turn, and half of a wheel's own way is the most
     /// that its slip can take.
-    pub fn slipped(&mut self, correction: Correction, delta: &Delta) {
+    pub fn apply_slip(&mut self, correction: Correction, delta: &Delta) {
         self.heading = self
             .heading
             .wrapping_add(i64::from(correction.heading) << 32);
@@ -123,13 +123,13 @@ mod tests {
         };
         for tick in [i32::MAX, i32::MIN] {
             let mut odometry = straight.clone();
-            odometry.slipped(correction(tick), &rolled);
+            odometry.apply_slip(correction(tick), &rolled);
             assert_eq!(odometry.y, straight.y);
             let back = straight.x - odometry.x;
             assert!((back - half).abs() < half / 1000, "{back} {half}");
         }
         let mut odometry = straight.clone();
-        odometry.slipped(correction(0), &rolled);
+        odometry.apply_slip(correction(0), &rolled);
         assert_eq!(odometry.x, straight.x);
     }
 }

@@ -285,7 +285,7 @@ fn a_wheel_that_spins_on_the_spot_leaves_the_robot_where_the_other_one_took_it()
                 let delta = rolled(&mut believed, &mut a, left, right);
                 let apart = if left_spins { left } else { -right };
                 let tick = turn(f64::from(apart));
-                believed.slipped(
+                believed.apply_slip(
                     Correction {
                         heading: tick,
                         tick,
@@ -313,7 +313,7 @@ fn a_robot_that_is_held_keeps_its_heading_and_one_that_is_turned_takes_it() {
     for _ in 0..100 {
         let delta = rolled(&mut odometry, &mut at, -10, 10);
         let tick = -delta.turn;
-        odometry.slipped(
+        odometry.apply_slip(
             Correction {
                 heading: tick,
                 tick,
@@ -328,7 +328,7 @@ fn a_robot_that_is_held_keeps_its_heading_and_one_that_is_turned_takes_it() {
         tick: 1 << 26,
     };
     let before = odometry.pose();
-    odometry.slipped(quarter, &delta);
+    odometry.apply_slip(quarter, &delta);
     let after = odometry.pose();
     assert_eq!(after.heading.from_nearest(before.heading), 1 << 30);
     assert_eq!((after.x, after.y), (before.x, before.y), "no wheel rolled");

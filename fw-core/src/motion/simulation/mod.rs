@@ -16,10 +16,10 @@ use std::f64::consts::{PI, TAU};
 
 use plant::{MotorInput, MotorParams, Params, Room, Sides, World};
 
-use super::controller::Controller;
+use super::drive_monitor::DriveMonitor;
+use super::mixer::Wheels;
 use super::odometry::{Delta, Odometry};
-use super::plausibility::Plausibility;
-use super::wheels::Wheels;
+use super::pose_controller::PoseController;
 use crate::eeprom::{first_board, Config};
 use crate::robot::Drive;
 use crate::units::{Duty, Millimetres, Pose, Turns};
@@ -30,9 +30,9 @@ use fixed::types::I32F32;
 struct Robot {
     world: World,
     odometry: Odometry,
-    controller: Controller,
+    controller: PoseController,
     wheels: Wheels,
-    watch: Plausibility,
+    watch: DriveMonitor,
     /// Everything that looked wrong so far.
     faults: u16,
     /// Counts that the wheels were rolled forward from outside.
@@ -82,9 +82,9 @@ impl Robot {
         Self {
             world,
             odometry: Odometry::new(&config.platform, 0, 0),
-            controller: Controller::new(config),
+            controller: PoseController::new(config),
             wheels: Wheels::BRAKE,
-            watch: Plausibility::new(&config.platform),
+            watch: DriveMonitor::new(&config.platform),
             faults: 0,
             rolled: (0, 0),
         }

@@ -27,7 +27,7 @@ fn no_pose_target_or_reading_overflows_whatever_the_configuration() {
         config.platform.limit_right = 1;
         config.platform.position_tolerance = 200 + (chance() % 65_000) as u16;
         config.platform.rotation_tolerance = 8 + (chance() % 0x1FF8) as u16;
-        let mut controller = Controller::new(&config);
+        let mut controller = PoseController::new(&config);
         let pick = |a: u64, b: u64| {
             let bits = match a % 5 {
                 0 => i64::MIN,

@@ -9,7 +9,7 @@ extern crate std;
 /// A robot whose wheels are turned by hand, and a part that answers.
 struct Turned {
     bench: Bench,
-    outcome: Outcome,
+    outcome: BusResult,
     noise: u8,
     absent: bool,
     settings: [u8; 2],
@@ -19,7 +19,7 @@ impl Turned {
     fn new(mode: Mode) -> Self {
         Self {
             bench: Bench::with(mode, |platform| platform.gyro = true),
-            outcome: Outcome::Done,
+            outcome: BusResult::Done,
             noise: 0,
             absent: false,
             settings: [0; 2],
@@ -28,7 +28,7 @@ impl Turned {
 
     /// A tick in which the robot turns at `rate` (least significant bits) and its wheels say `counts`
     /// forward each way. The order that came of it.
-    fn tick(&mut self, rate: i16, left: i32, right: i16) -> Order {
+    fn tick(&mut self, rate: i16, left: i32, right: i16) -> BusRequest {
         let order = self.bench.robot.on_gyro(self.outcome, &mut self.bench.log);
         // Both encoders of the first board count down going forward.
         self.bench.sample.left = self.bench.sample.left.wrapping_add_signed(-left);
@@ -39,26 +39,30 @@ impl Turned {
         self.bench.log.sent(sent);
         self.noise = (self.noise + 3) % 7;
         self.outcome = match order {
-            Order::Rest | Order::Hold { .. } | Order::Attach => Outcome::Done,
-            _ if self.absent => Outcome::NoAcknowledge,
-            Order::Write {
+            BusRequest::Idle | BusRequest::DriveLines { .. } | BusRequest::ReleaseLines => {
+                BusResult::Done
+            }
+            _ if self.absent => BusResult::Nack,
+            BusRequest::Write {
                 register: 0x1A,
                 value,
             } => {
                 self.settings[0] = value;
-                Outcome::Done
+                BusResult::Done
             }
-            Order::Write {
+            BusRequest::Write {
                 register: 0x1B,
                 value,
             } => {
                 self.settings[1] = value;
-                Outcome::Done
+                BusResult::Done
             }
-            Order::Write { .. } => Outcome::Done,
-            Order::Read { register: 0x75, .. } => Outcome::Bytes([0x68, 0]),
-            Order::Read { register: 0x1A, .. } => Outcome::Bytes(self.settings),
-            Order::Read { .. } => Outcome::Bytes((rate + 77 + i16::from(self.noise)).to_be_bytes()),
+            BusRequest::Write { .. } => BusResult::Done,
+            BusRequest::Read { register: 0x75, .. } => BusResult::Bytes([0x68, 0]),
+            BusRequest::Read { register: 0x1A, .. } => BusResult::Bytes(self.settings),
+            BusRequest::Read { .. } => {
+                BusResult::Bytes((rate + 77 + i16::from(self.noise)).to_be_bytes())
+            }
         };
         order
     }
@@ -156,8 +160,8 @@ fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() 
     let mut plain = Turned::new(Mode::GuardedNormal);
     plain.bench = Bench::with(Mode::GuardedNormal, |_| {});
     for _ in 0..500 {
-        assert_eq!(tuning.tick(0, 0, 0), Order::Rest);
-        assert_eq!(plain.tick(0, 0, 0), Order::Rest);
+        assert_eq!(tuning.tick(0, 0, 0), BusRequest::Idle);
+        assert_eq!(plain.tick(0, 0, 0), BusRequest::Idle);
     }
     assert_eq!(plain.bench.robot.faults(), 0);
 }
@@ -165,32 +169,36 @@ fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() 
 #[test]
 fn every_event_is_one_line_of_its_level() {
     for (event, level, text) in [
-        (Event::Rested(0), 'I', "gyro: bias 0.00 deg/s"),
-        (Event::Rested(-16_768), 'I', "gyro: bias -1.00 deg/s"),
-        (Event::Believed, 'I', "gyro: agrees with the wheels"),
-        (Event::Slipping, 'W', "slip: the heading follows the gyro"),
+        (Event::BiasUpdated(0), 'I', "gyro: bias 0.00 deg/s"),
+        (Event::BiasUpdated(-16_768), 'I', "gyro: bias -1.00 deg/s"),
+        (Event::Trusted, 'I', "gyro: agrees with the wheels"),
         (
-            Event::Gripping(1 << 30),
+            Event::SlipStarted,
+            'W',
+            "slip: the heading follows the gyro",
+        ),
+        (
+            Event::SlipEnded(1 << 30),
             'I',
             "slip over: heading corrected by 90.00 deg",
         ),
         (
-            Event::Gripping(-(1 << 29)),
+            Event::SlipEnded(-(1 << 29)),
             'I',
             "slip over: heading corrected by -45.00 deg",
         ),
         (
-            Event::Gripping(5 << 32),
+            Event::SlipEnded(5 << 32),
             'I',
             "slip over: heading corrected by 1800.00 deg",
         ),
         (
-            Event::GaveUp,
+            Event::SlipTimedOut,
             'W',
             "gyro: slip too long to be true, encoders alone",
         ),
         (
-            Event::Doubted,
+            Event::Mismatch,
             'W',
             "gyro: contradicts the wheels, encoders alone",
         ),

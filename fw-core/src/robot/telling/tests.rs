@@ -206,31 +206,31 @@ fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
 #[test]
 fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_with_the_first() {
     let mut telling = Telling::new(0);
-    let mut tally = Tally {
-        heard: 11,
+    let mut stats = EchoStats {
+        hits: 11,
         out_of_range: 22,
         missing: 30,
-        row: 0,
+        consecutive_misses: 0,
     };
     let mut lines = Vec::new();
     for row in [0, 1, 2, 0, 1, 2, 3, 4, 255, 0, 0, 1] {
-        tally.missing += u32::from(row > 0);
-        tally.row = row;
-        lines.extend(told(|log| telling.rangefinder(Left, &tally, log)));
+        stats.missing += u32::from(row > 0);
+        stats.consecutive_misses = row;
+        lines.extend(told(|log| telling.rangefinder(Left, &stats, log)));
     }
-    // Two and two before the third in a row, and two after it.
+    // Two and two before the third in a consecutive_misses, and two after it.
     assert_eq!(
         lines,
         [
-            "W: left rangefinder silent: heard 11, out of range 22, missing 35",
-            "W: left rangefinder answers: heard 11, out of range 22, missing 37",
+            "W: left rangefinder silent: hits 11, out of range 22, missing 35",
+            "W: left rangefinder answers: hits 11, out of range 22, missing 37",
         ]
     );
     // Each on its own.
-    tally.row = 3;
-    assert_eq!(told(|log| telling.rangefinder(Left, &tally, log)).len(), 1);
-    assert_eq!(told(|log| telling.rangefinder(Front, &tally, log)).len(), 1);
-    assert_eq!(told(|log| telling.rangefinder(Front, &tally, log)), NOTHING);
+    stats.consecutive_misses = 3;
+    assert_eq!(told(|log| telling.rangefinder(Left, &stats, log)).len(), 1);
+    assert_eq!(told(|log| telling.rangefinder(Front, &stats, log)).len(), 1);
+    assert_eq!(told(|log| telling.rangefinder(Front, &stats, log)), NOTHING);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::*;
 /// A robot whose wheels roll as they are told, beside a controller that is told the same.
 struct Course {
     bench: Bench,
-    controller: Controller,
+    controller: PoseController,
     ticks: u32,
 }
 
@@ -13,7 +13,7 @@ impl Course {
     fn new() -> Self {
         Self {
             bench: Bench::new(Mode::Normal),
-            controller: Controller::new(&first_board()),
+            controller: PoseController::new(&first_board()),
             ticks: 0,
         }
     }

@@ -106,7 +106,7 @@ fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
         .robot
         .on_echo(Rangefinder::Front, rise, rise.after(10_000));
     match bench.robot.rangefinders.reading(Rangefinder::Front).echo {
-        Echo::At(distance) => distance.0.to_num(),
+        Echo::Distance(distance) => distance.0.to_num(),
         echo => panic!("{echo:?}"),
     }
 }

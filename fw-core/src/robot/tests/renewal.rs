@@ -76,7 +76,7 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
                 }
                 let text = transmitted(&mut bench.log);
                 for (which, told) in Rangefinder::ALL.into_iter().zip(&mut silent) {
-                    let row = bench.robot.tally(which).row;
+                    let row = bench.robot.stats(which).consecutive_misses;
                     // Three in a row make one silent, an answer ends it.
                     let due = if *told { row == 0 } else { row >= 3 };
                     let line = std::format!("{} rangefinder", which.name());
@@ -89,7 +89,7 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
                 let rise = triggered[which as usize].after(delay);
                 bench.robot.on_echo(which, rise, rise.after(width));
                 let echo = bench.robot.rangefinders.reading(which).echo;
-                distances += usize::from(matches!(echo, Echo::At(_)));
+                distances += usize::from(matches!(echo, Echo::Distance(_)));
             }
             // Driven for long by wheels that do as they like it would stop for good.
             Event::Frame => drop(bench.frame(&Command {

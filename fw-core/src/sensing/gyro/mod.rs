@@ -44,7 +44,7 @@ const PROOF: i64 = 10 * DEGREE;
 /// Ticks within which it must be turned: a bias that drifted by 0.5 °/s is 1.5° by then.
 const STRETCH: u16 = 300;
 /// Proofs in a row that fail before it is said.
-const DOUBTS: u8 = 3;
+const MAX_MISMATCHES: u8 = 3;
 /// Readings beyond this are at the end of the range: the robot turns faster than 499 °/s.
 const SATURATED: i16 = 32_700;
 /// Ticks without a reading over which the rate is taken as it was.
@@ -65,30 +65,30 @@ pub struct Correction {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// The bias is known for the first time since it was found, 2⁻⁸ least significant bits.
-    Rested(i32),
+    BiasUpdated(i32),
     /// It agreed with the encoders: from now on it guards the heading.
-    Believed,
+    Trusted,
     /// A wheel slips.
-    Slipping,
+    SlipStarted,
     /// It grips again; what was added to the heading, 2⁻³² turns.
-    Gripping(i64),
+    SlipEnded(i64),
     /// It slipped too long to be true.
-    GaveUp,
+    SlipTimedOut,
     /// It turns otherwise than the wheels, time and again.
-    Doubted,
+    Mismatch,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Trust {
     /// What both turned in the stretch under way, 2⁻³² turns, how many ticks it is long, and how many
     /// stretches in a row did not agree.
-    Untried {
+    Unverified {
         wheels: i64,
         gyro: i64,
         ticks: u16,
-        doubts: u8,
+        mismatches: u8,
     },
-    Believed,
+    Trusted,
     Slipping {
         quiet: u8,
         ticks: u16,
@@ -97,18 +97,18 @@ enum Trust {
 }
 
 /// A new stretch.
-const fn untried(doubts: u8) -> Trust {
-    Trust::Untried {
+const fn unverified(mismatches: u8) -> Trust {
+    Trust::Unverified {
         wheels: 0,
         gyro: 0,
         ticks: 0,
-        doubts,
+        mismatches,
     }
 }
 
 /// The watcher.
 #[derive(Clone, Copy, Debug)]
-pub struct Gyro {
+pub struct GyroFusion {
     bias: Bias,
     window: Window,
     trust: Trust,
@@ -117,20 +117,20 @@ pub struct Gyro {
     age: u8,
 }
 
-impl Default for Gyro {
+impl Default for GyroFusion {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Gyro {
+impl GyroFusion {
     /// Nothing seen yet.
     #[must_use]
     pub const fn new() -> Self {
         Self {
             bias: Bias::new(),
             window: Window::new(),
-            trust: untried(0),
+            trust: unverified(0),
             raw: 0,
             age: STALE,
         }
@@ -182,7 +182,7 @@ impl Gyro {
         if moved || self.age != 0 || self.is_slipping() {
             self.bias.disturb();
         } else if self.bias.rest(self.raw) {
-            return (nothing, self.bias.get().map(Event::Rested));
+            return (nothing, self.bias.get().map(Event::BiasUpdated));
         }
         let Some(bias) = self.bias.get() else {
             return (nothing, None);
@@ -191,46 +191,46 @@ impl Gyro {
         let apart = gyro.wrapping_sub(turn);
         self.window.push(apart, turn);
         match self.trust {
-            Trust::Untried { .. } => (nothing, self.prove(gyro, turn)),
-            Trust::Believed => self.watch(apart),
+            Trust::Unverified { .. } => (nothing, self.prove(gyro, turn)),
+            Trust::Trusted => self.watch(apart),
             Trust::Slipping { .. } => self.follow(apart, turn, moved),
         }
     }
 
     /// Not believed yet.
     fn prove(&mut self, gyro: i32, turn: i32) -> Option<Event> {
-        let Trust::Untried {
+        let Trust::Unverified {
             wheels,
             gyro: before,
             ticks,
-            doubts,
+            mismatches,
         } = self.trust
         else {
             return None;
         };
         if self.bias.at_rest() || ticks >= STRETCH {
-            self.trust = untried(doubts);
+            self.trust = unverified(mismatches);
             return None;
         }
         // Each gains at most half a turn a tick.
         let (wheels, gyro) = (wheels + i64::from(turn), before + i64::from(gyro));
         if wheels.abs() < PROOF {
-            self.trust = Trust::Untried {
+            self.trust = Trust::Unverified {
                 wheels,
                 gyro,
                 ticks: ticks + 1,
-                doubts,
+                mismatches,
             };
             return None;
         }
         if (gyro - wheels).abs() <= SLACK + (wheels.abs() >> SHARE) {
             self.window = Window::new();
-            self.trust = Trust::Believed;
-            return Some(Event::Believed);
+            self.trust = Trust::Trusted;
+            return Some(Event::Trusted);
         }
-        let doubts = doubts.saturating_add(1);
-        self.trust = untried(doubts);
-        (doubts == DOUBTS).then_some(Event::Doubted)
+        let mismatches = mismatches.saturating_add(1);
+        self.trust = unverified(mismatches);
+        (mismatches == MAX_MISMATCHES).then_some(Event::Mismatch)
     }
 
     /// Both agreed so far.
@@ -250,7 +250,7 @@ impl Gyro {
             heading: all as i32,
             tick: apart,
         };
-        (correction, Some(Event::Slipping))
+        (correction, Some(Event::SlipStarted))
     }
 
     /// The wheels do not tell how the robot turns.
@@ -281,8 +281,8 @@ impl Gyro {
         }
         if ticks >= LONGEST {
             self.window = Window::new();
-            self.trust = untried(0);
-            return (correction, Some(Event::GaveUp));
+            self.trust = unverified(0);
+            return (correction, Some(Event::SlipTimedOut));
         }
         (correction, None)
     }
@@ -293,8 +293,8 @@ impl Gyro {
             return None;
         };
         self.window = Window::new();
-        self.trust = Trust::Believed;
-        Some(Event::Gripping(added))
+        self.trust = Trust::Trusted;
+        Some(Event::SlipEnded(added))
     }
 }
 

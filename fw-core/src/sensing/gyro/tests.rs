@@ -12,7 +12,7 @@ use std::vec::Vec;
 
 /// A robot that turns by `truth` and wheels that say `wheels`, degrees a tick, and a part with errors.
 struct Bench {
-    gyro: Gyro,
+    gyro: GyroFusion,
     bias: f64,
     scale: f64,
     chance: u64,
@@ -36,7 +36,7 @@ fn delta(moved: bool, turn: i32) -> Delta {
 impl Bench {
     fn new() -> Self {
         Self {
-            gyro: Gyro::new(),
+            gyro: GyroFusion::new(),
             bias: -7.3,
             scale: 1.03,
             chance: 1,
@@ -99,7 +99,7 @@ impl Bench {
         bench.run(50, 0.0, 0.0);
         assert!(matches!(
             bench.events[..],
-            [Event::Rested(_), Event::Believed]
+            [Event::BiasUpdated(_), Event::Trusted]
         ));
         bench.events.clear();
         bench
@@ -179,7 +179,7 @@ fn a_slipping_wheel_is_seen_and_the_heading_keeps_within_the_scale_of_what_was_t
         let allowed = 0.03 * (truth.abs() * 100.0 + 42.0 * 0.3) + 0.15;
         assert!(off.abs() < allowed, "{truth} {wheels}: {off:.3}°");
         assert!(
-            matches!(bench.events[..], [Event::Slipping, Event::Gripping(_)]),
+            matches!(bench.events[..], [Event::SlipStarted, Event::SlipEnded(_)]),
             "{:?}",
             bench.events
         );
@@ -207,7 +207,7 @@ fn a_robot_turned_by_hand_is_followed_as_long_as_it_takes() {
     assert!((bench.added - 300.0).abs() < 9.5, "{}", bench.added);
     assert!(matches!(
         bench.events[..],
-        [Event::Slipping, Event::Gripping(_)]
+        [Event::SlipStarted, Event::SlipEnded(_)]
     ));
 }
 
@@ -217,13 +217,13 @@ fn wheels_that_spin_for_two_seconds_are_believed_again_whatever_the_sensor_says(
     bench.run(1_000, 0.0, 0.8);
     assert!(matches!(
         bench.events[..],
-        [Event::Slipping, Event::GaveUp, Event::Doubted]
+        [Event::SlipStarted, Event::SlipTimedOut, Event::Mismatch]
     ));
     let added = bench.added;
     bench.run(1_000, 0.0, 0.8);
     assert_eq!(bench.added, added);
     bench.run(60, 0.8, 0.8);
-    assert_eq!(bench.events.pop(), Some(Event::Believed));
+    assert_eq!(bench.events.pop(), Some(Event::Trusted));
 }
 
 #[test]
@@ -237,9 +237,9 @@ fn one_mounted_upside_down_or_on_its_side_is_never_believed() {
             bench.run(100, -0.9, -0.9);
         }
         assert_eq!(bench.added, 0.0);
-        let doubted = |event: &&Event| **event == Event::Doubted;
+        let doubted = |event: &&Event| **event == Event::Mismatch;
         assert_eq!(bench.events.iter().filter(doubted).count(), 1, "told once");
-        assert!(!bench.events.contains(&Event::Believed));
+        assert!(!bench.events.contains(&Event::Trusted));
     }
 }
 
@@ -281,7 +281,7 @@ fn a_missing_reading_or_two_change_little() {
 fn what_is_lost_begins_anew() {
     let mut bench = Bench::believed();
     bench.run(20, 0.7, 0.0);
-    assert!(matches!(bench.gyro.lost(), Some(Event::Gripping(_))));
+    assert!(matches!(bench.gyro.lost(), Some(Event::SlipEnded(_))));
     assert_eq!((bench.gyro.bias(), bench.gyro.lost()), (None, None));
 }
 
@@ -294,7 +294,7 @@ fn a_turn_is_believed_as_soon_as_it_is_10_degrees_long() {
     for tick in 1..=10 {
         let reading = bench.reading(1.0);
         let (_, event) = bench.gyro.step(Some(reading), &delta(true, degree), degree);
-        assert_eq!(event, (tick == 10).then_some(Event::Believed), "{tick}");
+        assert_eq!(event, (tick == 10).then_some(Event::Trusted), "{tick}");
     }
 }
 
@@ -312,7 +312,7 @@ fn a_turn_that_takes_longer_than_three_seconds_or_rests_in_between_proves_nothin
     }
     assert!(bench.events.is_empty(), "{:?}", bench.events);
     bench.run(101, 0.1, 0.1);
-    assert_eq!(bench.events, [Event::Believed]);
+    assert_eq!(bench.events, [Event::Trusted]);
 }
 
 #[test]

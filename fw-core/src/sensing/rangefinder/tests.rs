@@ -88,17 +88,19 @@ fn what_nothing_answers_is_late_at_20_ms_and_out_of_range_or_missing_later() {
             }
             seen.push(rangefinders.reading(Front).echo);
         }
-        assert!(seen[..7].iter().all(|echo| matches!(echo, Echo::At(_))));
-        assert_eq!(seen[7..9], [Echo::Late; 2]);
+        assert!(seen[..7]
+            .iter()
+            .all(|echo| matches!(echo, Echo::Distance(_))));
+        assert_eq!(seen[7..9], [Echo::TimedOut; 2]);
         let last = if answers {
             Echo::OutOfRange
         } else {
             Echo::Missing
         };
         assert_eq!(seen[11], last);
-        let tally = rangefinders.tally(Front);
+        let stats = rangefinders.stats(Front);
         let told = if answers { (1, 1, 0) } else { (1, 0, 1) };
-        assert_eq!((tally.heard, tally.out_of_range, tally.missing), told);
+        assert_eq!((stats.hits, stats.out_of_range, stats.missing), told);
     }
 }
 
@@ -107,14 +109,14 @@ fn what_nothing_answers_is_late_at_20_ms_and_out_of_range_or_missing_later() {
 fn nobody_knowing_where_they_point_takes_every_reading_back() {
     let mut rangefinders = triggered(Micros(0));
     rangefinders.echo(Front, Micros(500), Micros(5_500));
-    rangefinders.forget();
-    assert_eq!(rangefinders.reading(Front).echo, Echo::None);
+    rangefinders.invalidate();
+    assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
     let mut rangefinders = triggered(Micros(0));
-    rangefinders.forget();
+    rangefinders.invalidate();
     rangefinders.echo(Front, Micros(500), Micros(5_500));
     assert_eq!(
         rangefinders.reading(Front).echo,
-        Echo::None,
+        Echo::NotMeasured,
         "on its way then"
     );
 }
@@ -125,7 +127,7 @@ fn every_width_is_a_distance_within_a_thousandth_of_a_millimetre_or_says_why_not
     for width in 0..70_000u32 {
         let truth = f64::from(width) * 0.1715;
         match measured(width) {
-            Echo::At(Millimetres(d)) => {
+            Echo::Distance(Millimetres(d)) => {
                 assert!(width >= SHORTEST && truth <= 2500.0, "{width}");
                 assert!((d.to_num::<f64>() - truth).abs() < 1e-3, "{width} {d}");
                 assert!(d > last, "monotone");
@@ -133,7 +135,7 @@ fn every_width_is_a_distance_within_a_thousandth_of_a_millimetre_or_says_why_not
             }
             Echo::OutOfRange => assert!(truth > 2499.999, "{width}"),
             Echo::Missing => assert!(width < SHORTEST, "{width}"),
-            Echo::None | Echo::Late => panic!("{width}"),
+            Echo::NotMeasured | Echo::TimedOut => panic!("{width}"),
         }
     }
 }
@@ -172,11 +174,11 @@ fn sound_is_taken_at_what_the_air_carries_it_from_40_below_to_85_above() {
 #[test]
 fn each_that_has_news_is_named_once_the_front_one_first() {
     let mut rangefinders = Rangefinders::new(3);
-    assert_eq!(rangefinders.take_news(), None);
+    assert_eq!(rangefinders.take_updated(), None);
     let mut named = Vec::new();
-    rangefinders.forget();
+    rangefinders.invalidate();
     for _ in 0..4 {
-        named.push(rangefinders.take_news());
+        named.push(rangefinders.take_updated());
     }
     assert_eq!(named, [Some(Front), Some(Right), Some(Left), None]);
 }
@@ -195,7 +197,7 @@ fn an_echo_may_last_up_to_a_second_and_says_then_that_nothing_is_in_range() {
     // 2²⁰ µs.
     let mut rangefinders = triggered(Micros(0));
     rangefinders.echo(Front, Micros(500), Micros(500 + 1_048_577));
-    assert_eq!(rangefinders.reading(Front).echo, Echo::None);
+    assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
     rangefinders.echo(Front, Micros(500), Micros(500 + 1_048_576));
     assert_eq!(rangefinders.reading(Front).echo, Echo::OutOfRange);
 }
@@ -203,7 +205,7 @@ fn an_echo_may_last_up_to_a_second_and_says_then_that_nothing_is_in_range() {
 #[test]
 fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
     let mut rangefinders = Rangefinders::new(3);
-    assert_eq!(rangefinders.reading(Right).echo, Echo::None);
+    assert_eq!(rangefinders.reading(Right).echo, Echo::NotMeasured);
     for k in 0..60u32 {
         let now = Micros(k * TICK);
         let answers = k >= 30;
@@ -214,7 +216,10 @@ fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
         }
         if (10..30).contains(&k) {
             let echo = rangefinders.reading(Right).echo;
-            assert!(matches!(echo, Echo::Late | Echo::Missing), "{k} {echo:?}");
+            assert!(
+                matches!(echo, Echo::TimedOut | Echo::Missing),
+                "{k} {echo:?}"
+            );
             assert_eq!(rangefinders.distance(Right), None);
         }
         if k > 37 {
@@ -238,7 +243,7 @@ fn an_edge_of_another_trigger_never_becomes_a_distance() {
         rangefinders.echo(Front, Micros(rise), Micros(fall));
         assert_eq!(
             rangefinders.reading(Front).echo,
-            Echo::None,
+            Echo::NotMeasured,
             "{rise} {fall}"
         );
         // The right one still counts, across the clock's wrap.
@@ -255,5 +260,5 @@ fn one_trigger_gives_one_reading_and_none_gives_none() {
     rangefinders.echo(Front, Micros(2_000), Micros(4_000));
     assert_eq!(rangefinders.reading(Front).echo, first);
     rangefinders.echo(Left, Micros(500), Micros(1_500));
-    assert_eq!(rangefinders.reading(Left).echo, Echo::None);
+    assert_eq!(rangefinders.reading(Left).echo, Echo::NotMeasured);
 }

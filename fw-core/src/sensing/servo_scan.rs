@@ -55,7 +55,7 @@ enum Phase {
 /// The servo of the front rangefinder, if there is one.
 // Requirement: DOC-2.2-3
 #[derive(Clone, Debug)]
-pub struct Sweep {
+pub struct ServoScan {
     phase: Phase,
     /// Whether it sweeps; else it is parked straight ahead.
     sweeps: bool,
@@ -73,7 +73,7 @@ pub struct Sweep {
     frame: u8,
 }
 
-impl Sweep {
+impl ServoScan {
     /// A servo at rest. It sweeps or turns the sensor straight ahead; without one the sensor always
     /// points there.
     // Requirement: WIRE-platform-6
@@ -154,7 +154,7 @@ impl Sweep {
     /// Where the sensor points, turn × 0x10000, if it stands there: the only time to trigger it.
     // Requirement: WIRE-bearing-2
     #[must_use]
-    pub fn aim(&self) -> Option<u16> {
+    pub fn settled_bearing(&self) -> Option<u16> {
         match self.phase {
             Phase::Parked => Some(self.front),
             Phase::Still => Some(self.bearing()),

@@ -3,7 +3,7 @@
 use super::*;
 
 /// The first tick's outputs, the target so far ahead and to the left and turned by so many degrees.
-fn first(controller: &Controller, stand: (f64, f64, f64), target: (f64, f64, f64)) -> Wheels {
+fn first(controller: &PoseController, stand: (f64, f64, f64), target: (f64, f64, f64)) -> Wheels {
     let mut controller = controller.clone();
     controller.set_target(seen_from(stand, target));
     let (x, y, heading) = stand;
@@ -149,7 +149,7 @@ fn farther_than_ten_metres_is_as_far() {
 #[test]
 fn on_the_way_the_derivative_counts_from_rest() {
     // 1 % per degree a tick, behind a filter of four ticks.
-    let mut controller = Controller::new(&gains(0.0, 0.0, 1.0));
+    let mut controller = PoseController::new(&gains(0.0, 0.0, 1.0));
     controller.set_target(pose(0.0, 1000.0, 90.0));
     let mut filtered = 0.0;
     for _ in 0..40 {

@@ -44,7 +44,7 @@ fn degrees(bearing: u16) -> f64 {
 
 /// Runs for `ticks` with an echo for every trigger: tick, bearing and the servo's true angle of each.
 fn swept(platform: &Platform, ticks: u32, stands_at: f64) -> Vec<(u32, u16, f64)> {
-    let mut sweep = Sweep::new(platform, true);
+    let mut sweep = ServoScan::new(platform, true);
     let mut rangefinders = Rangefinders::new(1);
     let mut servo = Servo {
         at: stands_at,
@@ -54,10 +54,13 @@ fn swept(platform: &Platform, ticks: u32, stands_at: f64) -> Vec<(u32, u16, f64)
     for k in 0..ticks {
         let now = Micros(k * 10_000);
         let pulse = sweep.tick(true);
-        if rangefinders.tick(now, sweep.aim()) == Some(Front) {
+        if rangefinders.tick(now, sweep.settled_bearing()) == Some(Front) {
             sweep.triggered();
             rangefinders.echo(Front, now.after(500), now.after(500 + 1000));
-            assert!(matches!(rangefinders.reading(Front).echo, Echo::At(_)));
+            assert!(matches!(
+                rangefinders.reading(Front).echo,
+                Echo::Distance(_)
+            ));
             all.push((k, rangefinders.reading(Front).bearing, servo.at));
         }
         servo.tick(pulse);
@@ -117,10 +120,10 @@ fn travel_direction_and_mount_are_the_configurations() {
 
 #[test]
 fn pulses_are_20_ms_apart_and_1_to_2_ms_long() {
-    let mut sweep = Sweep::new(&platform(), true);
+    let mut sweep = ServoScan::new(&platform(), true);
     for k in 0..1000 {
         let pulse = sweep.tick(true);
-        if sweep.aim().is_some() {
+        if sweep.settled_bearing().is_some() {
             sweep.triggered();
         }
         assert_eq!(pulse.is_some(), k % 2 == 0, "{k}");
@@ -131,13 +134,13 @@ fn pulses_are_20_ms_apart_and_1_to_2_ms_long() {
 // Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn nothing_turns_before_somebody_talks_to_it_nor_after() {
-    let mut sweep = Sweep::new(&platform(), true);
+    let mut sweep = ServoScan::new(&platform(), true);
     for live in [false, true, false] {
         for _ in 0..200 {
             let pulse = sweep.tick(live);
             assert!(live || pulse.is_none());
-            assert!(live || sweep.is_off() && sweep.aim().is_none());
-            if sweep.aim().is_some() {
+            assert!(live || sweep.is_off() && sweep.settled_bearing().is_none());
+            if sweep.settled_bearing().is_some() {
                 sweep.triggered();
             }
         }
@@ -146,32 +149,36 @@ fn nothing_turns_before_somebody_talks_to_it_nor_after() {
     assert!(sweep.tick(true).is_some());
     for k in 1..=u32::from(ANYWHERE) {
         sweep.tick(true);
-        assert_eq!(sweep.aim().is_some(), k == u32::from(ANYWHERE), "{k}");
+        assert_eq!(
+            sweep.settled_bearing().is_some(),
+            k == u32::from(ANYWHERE),
+            "{k}"
+        );
     }
 }
 
 // Requirement: WIRE-servo-3
 #[test]
 fn in_any_other_mode_it_turns_straight_ahead_once_and_rests() {
-    let mut sweep = Sweep::new(&platform(), false);
-    assert!(sweep.tick(false).is_none() && sweep.aim().is_none());
+    let mut sweep = ServoScan::new(&platform(), false);
+    assert!(sweep.tick(false).is_none() && sweep.settled_bearing().is_none());
     let pulses: Vec<u16> = (0..100).filter_map(|_| sweep.tick(true)).collect();
     assert_eq!(pulses, [1500; 25]);
-    assert_eq!(sweep.aim(), Some(0));
+    assert_eq!(sweep.settled_bearing(), Some(0));
     assert!(sweep.tick(false).is_none() && !sweep.is_off());
-    assert_eq!(sweep.aim(), Some(0), "and stays there");
+    assert_eq!(sweep.settled_bearing(), Some(0), "and stays there");
 }
 
 #[test]
 fn without_a_servo_it_always_points_ahead() {
-    let mut sweep = Sweep::new(&Platform::FIRST_BOARD, false);
-    assert_eq!((sweep.tick(true), sweep.aim()), (None, Some(0)));
+    let mut sweep = ServoScan::new(&Platform::FIRST_BOARD, false);
+    assert_eq!((sweep.tick(true), sweep.settled_bearing()), (None, Some(0)));
 }
 
 #[test]
 fn however_late_a_trigger_comes_the_servo_has_its_time_before_and_the_echo_after_it() {
     for late in 0..6 {
-        let mut sweep = Sweep::new(&platform(), true);
+        let mut sweep = ServoScan::new(&platform(), true);
         let (mut told, mut told_at, mut stood, mut triggered_at) = (0, 0, 0, 0);
         let mut looks = 0;
         for k in 0..400_u32 {
@@ -181,7 +188,7 @@ fn however_late_a_trigger_comes_the_servo_has_its_time_before_and_the_echo_after
                 assert!(looks == 0 || k - triggered_at >= 2, "{late}: {k}");
                 (told, told_at) = (width, k);
             }
-            if sweep.aim().is_some() {
+            if sweep.settled_bearing().is_some() {
                 // From the beginning of its first pulse at a bearing, 40 ms, as its plan says.
                 assert!(k - told_at >= u32::from(STEP), "{late}: {k}");
                 stood += 1;

@@ -13,8 +13,8 @@
 //! wheel was driven like that before, and at most 1.27 s after anything else. Between 20 and 25 % it
 //! takes longer. Nothing is judged below that, or while braked or coasting.
 
+use super::mixer::Wheels;
 use super::odometry::Delta;
-use super::wheels::Wheels;
 use crate::eeprom::Platform;
 use crate::robot::Drive;
 use crate::wire::fault;
@@ -111,7 +111,7 @@ impl Watch {
 
 /// Both wheels.
 #[derive(Clone, Debug)]
-pub struct Plausibility {
+pub struct DriveMonitor {
     left: Watch,
     right: Watch,
     /// Counts that make a turning wheel.
@@ -120,7 +120,7 @@ pub struct Plausibility {
     most: i32,
 }
 
-impl Plausibility {
+impl DriveMonitor {
     /// Nothing seen yet.
     #[must_use]
     pub fn new(platform: &Platform) -> Self {

@@ -3,13 +3,13 @@
 use fixed::types::{I16F16, I32F32};
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
-use fw_core::motion::{Controller, Delta, Wheels};
+use fw_core::motion::{Delta, PoseController, Wheels};
 use fw_core::robot::Drive;
 use fw_core::units::{Millimetres, Pose, Turns};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// A tick as the controller sees it: where the robot is and what its wheels did, in agreement or not.
 #[derive(Clone, Copy, Debug, Default)]
@@ -55,7 +55,7 @@ pub fn any_pose_is_safe(
     let Some(config) = config.bounded() else {
         return Seen::NOTHING;
     };
-    let mut controller = Controller::new(&config);
+    let mut controller = PoseController::new(&config);
     controller.set_target(target);
     assert!(controller.moving());
     let mut seen = Seen::NOTHING;
@@ -72,7 +72,7 @@ pub fn any_pose_is_safe(
     seen
 }
 
-crate::theorems! {
+crate::properties! {
     T5 any_pose_is_safe(
         config: AcceptedConfig, target: Pose, ticks: [(Tick, ()); 8], count: u8
     ) {

@@ -48,7 +48,7 @@ fn after_a_halt_nothing_is_left_of_the_integrals() {
     config.forward.i = Double(0.5_f64.to_bits());
     config.rotation.i = Double(0.5_f64.to_bits());
     let (target, here) = (pose(30.0, 3.0, 10.0), pose(0.0, 0.0, 0.0));
-    let mut fresh = Controller::new(&config);
+    let mut fresh = PoseController::new(&config);
     fresh.set_target(target);
     let mut controller = fresh.clone();
     let first = fresh.drive(&here, &rolling(0.0, 0.0));

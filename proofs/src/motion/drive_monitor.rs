@@ -11,14 +11,14 @@
 //!   a start, however it was driven before, never within [`EARLIEST`].
 
 use fw_core::eeprom::Platform;
-use fw_core::motion::{Delta, Plausibility, Wheels};
+use fw_core::motion::{Delta, DriveMonitor, Wheels};
 use fw_core::robot::Drive;
 use fw_core::units::Duty;
 use fw_core::wire::fault;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Ticks without which nothing is said of a wheel that stands: half a second.
 pub const WINDOW: u8 = 50;
@@ -65,8 +65,8 @@ impl Figures {
         }
     }
 
-    fn watch(self) -> Plausibility {
-        Plausibility::new(&Platform {
+    fn watch(self) -> DriveMonitor {
+        DriveMonitor::new(&Platform {
             counts_per_turn: self.turn,
             dead_zone_left: self.dead_zones[0],
             dead_zone_right: self.dead_zones[1],
@@ -387,7 +387,7 @@ impl Input for Wheels {
     }
 }
 
-crate::theorems! {
+crate::properties! {
     T14 jump_is_noticed_at_once(
         figures: Figures, before: (Wheels, (i32, i32)), told: Wheels, counts: (i32, i32)
     ) {

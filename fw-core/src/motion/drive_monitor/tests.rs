@@ -43,7 +43,7 @@ fn rolled(side: Side, counts: i32) -> Delta {
 /// What is said of each of so many ticks: which one, and the fault. The wheel rolls `counts` in the tick
 /// after each of them, and stands otherwise.
 fn said(side: Side, beyond: i16, counts: i32, ticks: usize) -> std::vec::Vec<(usize, u16)> {
-    let mut watch = Plausibility::new(&first_board().platform);
+    let mut watch = DriveMonitor::new(&first_board().platform);
     let mut said = std::vec::Vec::new();
     let mut rolls = 0;
     for tick in 0..ticks {
@@ -120,7 +120,7 @@ fn a_jump_is_more_than_a_tenth_of_a_turn_in_a_tick_of_either_wheel_either_way() 
     for side in [Left, Right] {
         for way in [1, -1] {
             let faults = |counts: i32| {
-                let mut watch = Plausibility::new(&first_board().platform);
+                let mut watch = DriveMonitor::new(&first_board().platform);
                 watch.step(&Wheels::BRAKE, &rolled(side, counts * way))
             };
             assert_eq!(faults(most), 0, "{side:?}");
@@ -131,7 +131,7 @@ fn a_jump_is_more_than_a_tenth_of_a_turn_in_a_tick_of_either_wheel_either_way() 
 
 #[test]
 fn a_brake_begins_everything_anew() {
-    let mut watch = Plausibility::new(&first_board().platform);
+    let mut watch = DriveMonitor::new(&first_board().platform);
     let stands = Delta::default();
     for round in 0..20 {
         for tick in 0..59 {

@@ -3,7 +3,7 @@
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
 use fw_core::eeprom::Platform;
-use fw_core::motion::wheels::{Mixer, Wheels};
+use fw_core::motion::mixer::{Mixer, Wheels};
 use fw_core::motion::Delta;
 use fw_core::robot::Drive;
 
@@ -11,7 +11,7 @@ use fixed::types::I16F16;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// How a mixer came to know its wheels: it drove straight on, and each rolled so many counts a tick.
 #[derive(Clone, Copy, Debug)]
@@ -295,7 +295,7 @@ fn of_any_limits() -> AcceptedConfig {
     AcceptedConfig(config)
 }
 
-crate::theorems! {
+crate::properties! {
     T7 duty_keeps_its_wheels_limit(
         config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {

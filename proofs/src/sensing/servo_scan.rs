@@ -2,11 +2,11 @@
 //! taken before the servo stands where the reading's bearing says.
 
 use fw_core::robot::Rangefinder;
-use fw_core::sensing::{Rangefinders, Sweep};
+use fw_core::sensing::{Rangefinders, ServoScan};
 use fw_core::units::Micros;
 
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// Ticks that are told one by one whether somebody talks to the robot; after each word, all alike.
 const WORD: u32 = 16;
@@ -58,7 +58,7 @@ pub fn servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, 
         travel: signed,
     };
     servo.told = servo.at;
-    let mut sweep = Sweep::new(platform, sweeps);
+    let mut sweep = ServoScan::new(platform, sweeps);
     let mut all = Rangefinders::new(1);
     let (mut triggers, mut last_pulse, mut last_bearing, mut repeated) = (0, None, None, false);
     for tick in 0..64 * WORD {
@@ -78,7 +78,7 @@ pub fn servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, 
             }
         }
         let now = Micros(tick * 10_000);
-        if all.tick(now, sweep.aim()) == Some(Rangefinder::Front) {
+        if all.tick(now, sweep.settled_bearing()) == Some(Rangefinder::Front) {
             sweep.triggered();
             all.echo(Rangefinder::Front, now.after(500), now.after(9_500));
             let bearing = all.reading(Rangefinder::Front).bearing;
@@ -116,7 +116,7 @@ fn figures() -> impl Iterator<Item = fw_core::eeprom::Config> {
     })
 }
 
-crate::theorems! {
+crate::properties! {
     T9 servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, live: u64) {
         cases ["swept to and fro", "parked", "nobody talks to it", "interrupted"];
         needs [accepted_configuration_is_bounded];

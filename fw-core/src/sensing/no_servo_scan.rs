@@ -4,13 +4,13 @@ use crate::eeprom::Platform;
 
 /// The mount of the front rangefinder.
 #[derive(Clone, Debug)]
-pub struct Sweep;
+pub struct ServoScan;
 
 #[allow(
     clippy::unused_self,
     reason = "the servo's own functions, for a robot without one"
 )]
-impl Sweep {
+impl ServoScan {
     /// The mount.
     #[must_use]
     pub const fn new(_platform: &Platform, _sweeps: bool) -> Self {
@@ -24,7 +24,7 @@ impl Sweep {
 
     /// It may always be triggered.
     #[must_use]
-    pub const fn aim(&self) -> Option<u16> {
+    pub const fn settled_bearing(&self) -> Option<u16> {
         Some(0)
     }
 

@@ -3,7 +3,7 @@
 use fw_core::sensing::{Calibration, Thermometer};
 
 use crate::input::{Input, Source};
-use crate::theorem::Seen;
+use crate::property::Seen;
 
 /// As the data sheet has the part typically.
 const TYPICAL: Calibration = Calibration {
@@ -80,7 +80,7 @@ pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
         .case(1, one.is_some() != two.is_some())
 }
 
-crate::theorems! {
+crate::properties! {
     T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
         cases ["a temperature", "a reading out of range", "a factory's words out of range"];
         kani proof [unwind(3)];

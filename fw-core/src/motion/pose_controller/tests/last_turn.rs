@@ -3,8 +3,8 @@
 use super::*;
 
 /// Set down so far before the target, with so many degrees missing.
-fn set_down(config: &Config, before: f64, missing: f64) -> (Controller, Pose) {
-    let mut controller = Controller::new(config);
+fn set_down(config: &Config, before: f64, missing: f64) -> (PoseController, Pose) {
+    let mut controller = PoseController::new(config);
     controller.set_target(pose(500.0, -200.0, 170.0));
     let (s, c) = f64::to_radians(170.0 - missing).sin_cos();
     let here = pose(500.0 - before * c, -200.0 - before * s, 170.0 - missing);
@@ -129,7 +129,7 @@ fn a_count_of_either_wheel_is_rest_and_two_begin_the_50_ms_anew() {
 }
 
 /// After a try that ended `before` the target; it starts the next from its place.
-fn tried_once(before: f64) -> Controller {
+fn tried_once(before: f64) -> PoseController {
     let config = gains(1.0, 1.0, 0.0);
     let (mut controller, here) = set_down(&config, before, 0.0);
     for _ in 0..5 {
@@ -142,7 +142,7 @@ fn tried_once(before: f64) -> Controller {
 }
 
 /// Whether it then settles so far before the target with so many degrees missing.
-fn settles(controller: &Controller, before: f64, missing: f64) -> bool {
+fn settles(controller: &PoseController, before: f64, missing: f64) -> bool {
     let mut controller = controller.clone();
     // To the place first.
     let (_, there) = set_down(&gains(1.0, 1.0, 0.0), 0.0, 0.0);

@@ -16,7 +16,7 @@ fn counts(left: i32, right: i32) -> Delta {
 }
 
 /// On the last bit of the way, the target so far ahead, the nose `off` by so much, 2⁻³² turns.
-fn stuck(ahead: f64, off: i32) -> (Controller, Pose) {
+fn stuck(ahead: f64, off: i32) -> (PoseController, Pose) {
     let target = pose(1000.0, 0.0, 0.0);
     let controller = closing(&gains(0.0, 0.0, 0.0), target, pose(970.0, 0.0, 0.0));
     let mut here = pose(1000.0 - ahead, 0.0, 0.0);
@@ -108,7 +108,7 @@ fn on_the_way_and_on_the_last_turn_it_is_pushed_round_and_not_ahead() {
         (pose(0.0, 0.0, 0.0), 40.0),
         (pose(0.0, 0.0, 0.0), -40.0),
     ] {
-        let mut controller = Controller::new(&gains(0.0, 0.0, 0.0));
+        let mut controller = PoseController::new(&gains(0.0, 0.0, 0.0));
         controller.set_target(target);
         for ticks in 1..=100 {
             let wheels = controller.drive(&pose(0.0, 0.0, -off), &STILL);

@@ -20,18 +20,18 @@
 //! opposes is turning faster or slower than planned. Gains that are heavily damped, as the first
 //! board's are, would else creep through the last 20° for two seconds.
 
-mod nudge;
-mod view;
+mod stiction;
+mod tracking_error;
 
 use fixed::types::I16F16;
 
+use super::mixer::{Mixer, Wheels};
 use super::odometry::Delta;
 use super::pid::Pid;
-use super::wheels::{Mixer, Wheels};
 use crate::eeprom::Config;
 use crate::units::{Duty, Pose, Turns};
-use nudge::{Nudge, Plan, Rate};
-use view::{View, UNIT};
+use stiction::{Nudge, Plan, Rate};
+use tracking_error::{View, UNIT};
 
 /// 1 mm as the view measures it.
 const MM: i32 = 1 << UNIT;
@@ -77,7 +77,7 @@ enum Phase {
 
 /// The pose controller.
 #[derive(Clone, Debug)]
-pub struct Controller {
+pub struct PoseController {
     forward: Pid,
     rotation: Pid,
     speed: Rate,
@@ -100,7 +100,7 @@ pub struct Controller {
     held: Option<Turns>,
 }
 
-impl Controller {
+impl PoseController {
     /// Braked, without a target.
     #[must_use]
     pub fn new(config: &Config) -> Self {

@@ -3,7 +3,7 @@
 use super::*;
 
 /// Holding at the target, in the middle or where a try widened the tolerances.
-fn holding(tries: u8) -> (Controller, Pose) {
+fn holding(tries: u8) -> (PoseController, Pose) {
     let mut controller = controller(1.0, 1.0);
     let target = pose(500.0, -200.0, 170.0);
     controller.set_target(target);

@@ -42,7 +42,7 @@ fn tuning_the_movement_holds_the_angle_at_which_it_began_until_it_is_told_zero()
     assert_eq!(tune(0, 177.5), Wheels::BRAKE);
     assert_outputs(tune(4000, 177.5), 40.0, 0.0);
     // Another strategy in between ends it, too.
-    let mut controller = Controller::new(&gains(1.0, 1.0, 0.0));
+    let mut controller = PoseController::new(&gains(1.0, 1.0, 0.0));
     let duty = Duty::saturating(4000);
     let _ = controller.tune_move(duty, &pose(0.0, 0.0, 0.0), &STILL);
     let _ = controller.drive(&pose(0.0, 0.0, 0.0), &STILL);
@@ -53,7 +53,7 @@ fn tuning_the_movement_holds_the_angle_at_which_it_began_until_it_is_told_zero()
 #[test]
 fn tuning_the_movement_damps_a_turn() {
     // 1 % per degree a tick, behind a filter of four ticks.
-    let mut controller = Controller::new(&gains(0.0, 0.0, 1.0));
+    let mut controller = PoseController::new(&gains(0.0, 0.0, 1.0));
     let mut filtered = 0.0;
     for _ in 0..30 {
         let here = Pose::default();

@@ -1,12 +1,12 @@
 //! What a theorem is and how it is declared.
 //!
 //! A property is a plain function of its inputs that panics where it does not hold and returns
-//! which of its declared cases this evaluation met ([`Seen`]). [`theorems!`](crate::theorems!)
+//! which of its declared cases this evaluation met ([`Seen`]). [`properties!`](crate::properties!)
 //! turns it into
 //!
 //! - a Kani harness per `kani` line, with a `kani::cover!` per case;
 //! - a test per `exhaustive`, `stepped` or `sampled` line, which fails when a case was never met;
-//! - an entry of [`THEOREMS`](crate::THEOREMS), whose `run` a fuzz target can feed.
+//! - an entry of [`PROPERTIES`](crate::PROPERTIES), whose `run` a fuzz target can feed.
 //!
 //! No harness assumes anything: where a property needs a precondition it computes it, says nothing
 //! when it does not hold, and the cases show that enough is left. A precondition that an earlier
@@ -42,7 +42,7 @@ impl Seen {
 
 /// A declared theorem.
 #[derive(Clone, Copy, Debug)]
-pub struct Theorem {
+pub struct Property {
     /// `T1`, `T2`, … as in `docs/proofs.md`.
     pub number: &'static str,
     /// The module path of the property.
@@ -63,7 +63,7 @@ pub struct Theorem {
     pub run: fn(&mut Bytes<'_>) -> Seen,
 }
 
-impl Theorem {
+impl Property {
     /// Its Kani harnesses by the names that `cargo kani --exact --harness` takes.
     pub fn kani_names(&self) -> impl Iterator<Item = String> + '_ {
         let area = self.area.trim_start_matches("proofs::");
@@ -74,10 +74,10 @@ impl Theorem {
     }
 }
 
-/// Declares the theorems of one area; see the [module](crate::theorem).
+/// Declares the theorems of one area; see the [module](crate::property).
 ///
 /// ```text
-/// theorems! {
+/// properties! {
 ///     T9 missing_edge_is_no_distance(width: u32, lost: bool) {
 ///         cases ["a distance", "no distance"];
 ///         needs [some_other_theorem];                  // optional
@@ -89,20 +89,20 @@ impl Theorem {
 /// }
 /// ```
 #[macro_export]
-macro_rules! theorems {
+macro_rules! properties {
     ($($number:ident $name:ident $inputs:tt $body:tt)*) => {
-        $($crate::theorem_parts! { $name $inputs $body })*
+        $($crate::property_parts! { $name $inputs $body })*
 
         /// The theorems of this area.
-        pub const THEOREMS: &[$crate::theorem::Theorem] =
-            &[$($crate::theorem_entry! { $number $name $inputs $body }),*];
+        pub const PROPERTIES: &[$crate::property::Property] =
+            &[$($crate::property_entry! { $number $name $inputs $body }),*];
     };
 }
 
 /// One entry of an area's table.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! theorem_entry {
+macro_rules! property_entry {
     ($number:ident $name:ident ($($input:ident : $type:ty),* $(,)?) {
         cases [$($case:literal),+ $(,)?];
         $(needs [$($need:ident),+ $(,)?];)?
@@ -111,7 +111,7 @@ macro_rules! theorem_entry {
         $(stepped $some:expr;)?
         $(sampled $count:expr;)?
     }) => {
-        $crate::theorem::Theorem {
+        $crate::property::Property {
             number: stringify!($number),
             area: module_path!(),
             name: stringify!($name),
@@ -132,7 +132,7 @@ macro_rules! theorem_entry {
 /// The harnesses and tests of one theorem.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! theorem_parts {
+macro_rules! property_parts {
     ($name:ident $inputs:tt {
         cases $cases:tt;
         $(needs $needs:tt;)?
@@ -150,28 +150,28 @@ macro_rules! theorem_parts {
             mod harness {
                 use super::super::*;
                 use $crate::input::any;
-                $($crate::theorem_harness! { $name $inputs $cases $harness $attributes $(= $values)? })*
+                $($crate::property_harness! { $name $inputs $cases $harness $attributes $(= $values)? })*
             }
 
             $(
                 #[cfg(all(test, not(kani)))]
                 #[test]
                 fn exhaustive() {
-                    $crate::theorem_loop! { $name $inputs $cases ($all) }
+                    $crate::property_loop! { $name $inputs $cases ($all) }
                 }
             )?
             $(
                 #[cfg(all(test, not(kani)))]
                 #[test]
                 fn stepped() {
-                    $crate::theorem_loop! { $name $inputs $cases ($some) }
+                    $crate::property_loop! { $name $inputs $cases ($some) }
                 }
             )?
             $(
                 #[cfg(all(test, not(kani)))]
                 #[test]
                 fn sampled() {
-                    $crate::theorem_sample! { $name $inputs $cases $count }
+                    $crate::property_sample! { $name $inputs $cases $count }
                 }
             )?
         }
@@ -181,9 +181,9 @@ macro_rules! theorem_parts {
 /// One Kani harness: arbitrary inputs, then one cover per case.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! theorem_harness {
+macro_rules! property_harness {
     ($name:ident ($($input:ident : $type:ty),*) $cases:tt $harness:ident $attributes:tt) => {
-        $crate::theorem_harness! {
+        $crate::property_harness! {
             $name ($($input : $type),*) $cases $harness $attributes = ($(any::<$type>(),)*)
         }
     };
@@ -209,9 +209,9 @@ macro_rules! theorem_harness {
 /// A test over a written-out set of inputs.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! theorem_loop {
+macro_rules! property_loop {
     ($name:ident ($($input:ident : $type:ty),*) [$($case:literal),+ $(,)?] $all:expr) => {
-        let mut seen = $crate::theorem::Seen::NOTHING;
+        let mut seen = $crate::property::Seen::NOTHING;
         for ($($input,)*) in $all {
             seen = seen.and($name($($input),*));
         }
@@ -222,7 +222,7 @@ macro_rules! theorem_loop {
 /// A test over drawn inputs, shrunk by proptest when one fails.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! theorem_sample {
+macro_rules! property_sample {
     ($name:ident ($($input:ident : $type:ty),*) [$($case:literal),+ $(,)?] $count:expr) => {
         $crate::sampled::sample(
             $count,

@@ -15,7 +15,7 @@ fn a_robot_that_rests_holds_as_one_that_always_looks() {
         word ^= word << 17;
         word % of
     };
-    let mut controller = Controller::new(&first_board());
+    let mut controller = PoseController::new(&first_board());
     let mut looking = controller.clone();
     let (mut target, mut pose) = (Pose::default(), Pose::default());
     let (mut spared, mut left) = (0, 0);

@@ -39,8 +39,8 @@ fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
 /// Half a degree of the configuration, in 2⁻³² turns.
 const TOLERANCE: i32 = 91 << 16;
 
-fn controller(forward: f64, rotation: f64) -> Controller {
-    Controller::new(&gains(forward, rotation, 0.0))
+fn controller(forward: f64, rotation: f64) -> PoseController {
+    PoseController::new(&gains(forward, rotation, 0.0))
 }
 
 /// Forward and rotation, percent, of which the motors were told; nothing if they were braked.
@@ -109,8 +109,8 @@ const STANDS: [(f64, f64, f64); 4] = [
 ];
 
 /// Set down at `from`, with the last bit of the way before it.
-fn closing(config: &Config, target: Pose, from: Pose) -> Controller {
-    let mut controller = Controller::new(config);
+fn closing(config: &Config, target: Pose, from: Pose) -> PoseController {
+    let mut controller = PoseController::new(config);
     controller.set_target(target);
     let _ = controller.drive(&from, &rolling(0.0, 0.0));
     assert!(matches!(controller.phase, Phase::Close { .. }));
