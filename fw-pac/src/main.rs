@@ -17,7 +17,7 @@
 //! | [`memory`] | what the compiler calls to copy and to fill |
 //! | [`exti`] | edges, and everybody's priority |
 //! | [`robot`] | events into the core, outputs to the registers |
-//! | [`safe`], [`trial`] | where everything that must not happen ends |
+//! | [`safe`], [`fault_injection`] | where everything that must not happen ends |
 #![no_std]
 #![no_main]
 #![allow(
@@ -38,6 +38,7 @@ mod dma;
 mod eeprom;
 mod encoders;
 mod exti;
+mod fault_injection;
 mod gpio;
 #[cfg(feature = "gyro")]
 mod gyro;
@@ -55,7 +56,6 @@ mod safe;
 mod servo;
 mod spi;
 mod time;
-mod trial;
 mod uart;
 mod watchdog;
 

@@ -9,7 +9,7 @@ use crate::gyro;
 use crate::motors::Motors;
 use crate::rangefinders::Echo;
 use crate::uart::Uart;
-use crate::{adc, leds, rangefinders, spi, time, trial, watchdog};
+use crate::{adc, fault_injection, leds, rangefinders, spi, time, watchdog};
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{compiler_fence, Ordering};
@@ -213,7 +213,7 @@ impl Body {
         }
         self.answer();
         watchdog::ticked();
-        trial::tick();
+        fault_injection::tick();
         #[cfg(feature = "test-hand")]
         crate::hand::tick();
     }

@@ -9,9 +9,6 @@ use twin::{Board, Options};
 pub const ELF: &str = "ROBOT_ELF";
 /// Environment variable with the path of the ELF that panics on purpose.
 pub const ELF_PANIC: &str = "ROBOT_ELF_PANIC";
-/// Environment variable with the path of the ELF without its optional parts.
-pub const ELF_MINIMAL: &str = "ROBOT_ELF_MINIMAL";
-
 /// Environment variable with the path of the ELF that overflows its stack on purpose.
 pub const ELF_OVERFLOW: &str = "ROBOT_ELF_OVERFLOW";
 
@@ -32,7 +29,6 @@ pub fn elf(variable: &str) -> Vec<u8> {
         || {
             let name = match variable {
                 ELF_PANIC => "fw-pac-test-panic.elf",
-                ELF_MINIMAL => "fw-pac-minimal.elf",
                 _ => "fw-pac.elf",
             };
             PathBuf::from(env!("CARGO_MANIFEST_DIR"))

@@ -5,7 +5,6 @@ use std::process::Command;
 
 use super::{passed, stack, Context, Verdict};
 use crate::error::{failed, Result};
-use crate::firmware::Edition;
 use crate::numbers::Report;
 use crate::robot::{self, cargo_with_board};
 use crate::shell;
@@ -17,7 +16,6 @@ pub fn unit(context: &mut Context) -> Result<Verdict> {
 pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
     let panic = context.built_with("test-panic")?.path;
     let overflow = context.built_with("test-overflow")?.path;
-    let minimal = context.edition(Edition::Minimal)?.path.clone();
     let elf = context.image()?.path.clone();
     let packages = [
         "test",
@@ -30,7 +28,6 @@ pub fn in_the_loop(context: &mut Context) -> Result<Verdict> {
     let mut command = cargo_with_board(&context.place, &packages)?;
     command
         .env("ROBOT_ELF", elf)
-        .env("ROBOT_ELF_MINIMAL", minimal)
         .env("ROBOT_ELF_PANIC", panic)
         .env("ROBOT_ELF_OVERFLOW", overflow);
     run(&mut command)
