@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn the_manual_lists_every_exit_code() {
-        let manual = include_str!("../../docs/host-link.md");
+        let manual = include_str!("../../docs/pilot.md");
         for (exit, _) in Exit::ALL {
             assert!(
                 manual.contains(&format!("\n| {} | ", exit.code())),
