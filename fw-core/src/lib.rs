@@ -18,8 +18,8 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod binary64;
 pub mod divide;
-pub mod double;
 pub mod eeprom;
 pub mod log;
 pub mod motion;

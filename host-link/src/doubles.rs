@@ -8,7 +8,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{first_board, Image, IMAGE_LEN};
 use fw_core::wire::{Command, Mode, PoseCode, Report, Setup, StmLink, MAX_FRAME};
 use std::cell::RefCell;
@@ -198,7 +198,7 @@ impl Board {
             };
         }
         self.drive.percent = f64::from_bits(command.percent.0);
-        self.report.measurement = Double(self.drive.position.to_bits());
+        self.report.measurement = Binary64(self.drive.position.to_bits());
         if command.tune.voltage != 0 && self.speaks {
             let tuned = format!(
                 "I{:05}: tuned tap {}: upper resistor 33120 ohm\n",

@@ -11,7 +11,7 @@ use crate::snapshot::Snapshot;
 use crate::statistics::Statistics;
 use crate::{eeprom, reset};
 use embedded_hal::delay::DelayNs;
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
 use fw_core::wire::position::Position;
 use fw_core::wire::status::Status;
@@ -254,7 +254,7 @@ impl<'m, W: Wires> Session<'m, W> {
         Command {
             expected: wish.go.map(Place::code).unwrap_or_default(),
             apply: wish.go.is_some(),
-            percent: Double(wish.percent.to_bits()),
+            percent: Binary64(wish.percent.to_bits()),
             tune: wish.tune.unwrap_or(CellCode { cell, voltage: 0 }),
             clear_faults: wish.clear_faults,
             order: wish.order,

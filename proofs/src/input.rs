@@ -245,7 +245,7 @@ macro_rules! structures {
     )*};
 }
 
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{Divider, Platform};
 use fw_core::units::{Micros, Turns};
 use fw_core::wire::strategy::Context;
@@ -263,7 +263,7 @@ macro_rules! wrappers {
     )*};
 }
 
-impl Input for Double {
+impl Input for Binary64 {
     fn draw(source: &mut impl Source) -> Self {
         Self(source.double())
     }

@@ -27,7 +27,7 @@
     reason = "a property owns its inputs: whoever drew them is done with them"
 )]
 
-pub mod double;
+pub mod binary64;
 pub mod eeprom;
 pub mod input;
 pub mod log;
@@ -50,7 +50,7 @@ pub const PROPERTIES: &[&[Property]] = &[
     wire::checksum::PROPERTIES,
     wire::link::PROPERTIES,
     wire::codes::PROPERTIES,
-    double::PROPERTIES,
+    binary64::PROPERTIES,
     eeprom::image::PROPERTIES,
     eeprom::checksum::PROPERTIES,
     eeprom::contract::PROPERTIES,

@@ -2,7 +2,7 @@
 
 mod rig;
 
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::log::Log;
 use fw_core::robot::{Drive, Robot, Sample};
 use fw_core::units::{Micros, Pose};
@@ -105,7 +105,7 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
     let mut after = None;
     for tick in 0..=drive_monitor::FROM_REST + 20 {
         let command = Command {
-            percent: Double::from_scaled(percent.into(), 0),
+            percent: Binary64::from_scaled(percent.into(), 0),
             ..Command::default()
         };
         let mut frame = [0; MAX_FRAME];

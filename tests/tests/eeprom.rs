@@ -36,8 +36,8 @@ fn before() -> Image {
 fn wanted() -> Image {
     let mut config = first_board();
     config.mode = Mode::GuardedNormal;
-    config.forward.p = fw_core::double::Double(7.3_f64.to_bits());
-    config.rotation.d = fw_core::double::Double(49.9_f64.to_bits());
+    config.forward.p = fw_core::binary64::Binary64(7.3_f64.to_bits());
+    config.rotation.d = fw_core::binary64::Binary64(49.9_f64.to_bits());
     Settings {
         config,
         platform_page: false,

@@ -185,7 +185,7 @@ fn read(image: &Image, field: &Field) -> u64 {
         Kind::U8 => u8::from_le_bytes(array(image, field.address)).into(),
         Kind::U16 => u16::from_le_bytes(array(image, field.address)).into(),
         Kind::U32 => u32::from_le_bytes(array(image, field.address)).into(),
-        Kind::Double => u64::from_le_bytes(array(image, field.address)),
+        Kind::Binary64 => u64::from_le_bytes(array(image, field.address)),
     }
 }
 

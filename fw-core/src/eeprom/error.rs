@@ -1,7 +1,7 @@
 //! A rejected configuration: page, address, field, value, and what is accepted.
 
 use super::{Accepted, KEY};
-use crate::double::{Double, DoubleError};
+use crate::binary64::{Binary64, Binary64Error};
 use crate::log::Line;
 use crate::wire::Mode;
 
@@ -28,7 +28,7 @@ pub enum Value {
     /// An integer.
     Whole(u32),
     /// A double.
-    Number(Double),
+    Number(Binary64),
     /// A checksum.
     Checksum(u32),
 }
@@ -39,18 +39,18 @@ fn key(line: &mut Line, key: &[u8; 10]) {
     }
 }
 
-fn number(line: &mut Line, value: Double) {
+fn number(line: &mut Line, value: Binary64) {
     match value.to_fixed() {
         Ok(fixed) => {
             line.fixed(fixed, 6);
         }
-        Err(DoubleError::NotANumber) => {
+        Err(Binary64Error::NotANumber) => {
             line.text("NaN");
         }
-        Err(DoubleError::Infinite) => {
+        Err(Binary64Error::Infinite) => {
             line.text("infinity");
         }
-        Err(DoubleError::OutOfRange) => {
+        Err(Binary64Error::OutOfRange) => {
             line.text("a double of bits 0x")
                 .hex((value.0 >> 32) as u32, 8)
                 .hex((value.0 & 0xFFFF_FFFF) as u32, 8);

@@ -10,7 +10,7 @@
 
 use super::error::Value;
 use super::Config;
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::wire::Mode;
 use fixed::types::I32F32;
 
@@ -24,7 +24,7 @@ pub enum Kind {
     /// Four bytes.
     U32,
     /// IEEE-754 binary64, eight bytes.
-    Double,
+    Binary64,
 }
 
 impl Kind {
@@ -35,7 +35,7 @@ impl Kind {
             Self::U8 => 1,
             Self::U16 => 2,
             Self::U32 => 4,
-            Self::Double => 8,
+            Self::Binary64 => 8,
         }
     }
 
@@ -80,7 +80,7 @@ impl Accepted {
         match self {
             Self::Mode => u8::try_from(raw).is_ok_and(|code| Mode::from_code(code).is_some()),
             Self::Whole { min, max } => (u64::from(min)..=u64::from(max)).contains(&raw),
-            Self::Number { min, max } => Double(raw)
+            Self::Number { min, max } => Binary64(raw)
                 .to_fixed()
                 .is_ok_and(|number| (min..=max).contains(&number)),
             Self::Checksum(sum) => raw == u64::from(sum),
@@ -130,7 +130,7 @@ impl Field {
     #[must_use]
     pub const fn value(&self, raw: u64) -> Value {
         match self.kind {
-            Kind::Double => Value::Number(Double(raw)),
+            Kind::Binary64 => Value::Number(Binary64(raw)),
             Kind::U8 | Kind::U16 | Kind::U32 => Value::Whole(raw as u32),
         }
     }
@@ -202,14 +202,14 @@ macro_rules! divider_field {
 
 macro_rules! double_field {
     (row $address:literal, $name:literal, $unit:literal, $accepted:expr, $($path:tt)+) => {
-        row($address, $name, $unit, Kind::Double, &$accepted, 0)
+        row($address, $name, $unit, Kind::Binary64, &$accepted, 0)
     };
     (get $config:ident, $name:literal, $unit:literal, $accepted:expr, $($path:tt)+) => {
         $config.$($path)+.0
     };
     (set $config:ident, $raw:ident, $name:literal, $unit:literal, $accepted:expr,
      $($path:tt)+) => {
-        $config.$($path)+ = Double($raw)
+        $config.$($path)+ = Binary64($raw)
     };
 }
 

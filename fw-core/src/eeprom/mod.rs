@@ -36,7 +36,7 @@ pub use crc32::crc32;
 pub use error::{ConfigError, Value};
 pub use field::{Accepted, Field, Kind, FIELDS};
 
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::wire::Mode;
 
 /// Bytes of the image that carry a meaning: pages 0x00 to 0x03.
@@ -61,7 +61,7 @@ pub struct Config {
     /// 0x0203: 1 ..= 8.
     pub cells: u8,
     /// 0x0204: volts at the ADC pin that read as `adc_max_word`.
-    pub adc_max_voltage: Double,
+    pub adc_max_voltage: Binary64,
     /// 0x020C.
     pub adc_max_word: u32,
     /// 0x0210: one divider per battery tap; tap n is the sum of cells 1 to n.
@@ -74,13 +74,13 @@ pub struct Config {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gains {
     /// Proportional.
-    pub p: Double,
+    pub p: Binary64,
     /// Integral, per sample.
-    pub i: Double,
+    pub i: Binary64,
     /// Derivative, per sample.
-    pub d: Double,
+    pub d: Binary64,
     /// Back-calculation factor.
-    pub anti_windup: Double,
+    pub anti_windup: Binary64,
 }
 
 /// A voltage divider's resistors, in ohms.
@@ -237,19 +237,19 @@ pub const fn first_board() -> Config {
         key_from_stm: 0x5A,
         mode: Mode::Normal,
         forward: Gains {
-            p: Double(6.5088_f64.to_bits()),
-            i: Double(0.073_412_f64.to_bits()),
-            d: Double(106.72_f64.to_bits()),
-            anti_windup: Double(0.3_f64.to_bits()),
+            p: Binary64(6.5088_f64.to_bits()),
+            i: Binary64(0.073_412_f64.to_bits()),
+            d: Binary64(106.72_f64.to_bits()),
+            anti_windup: Binary64(0.3_f64.to_bits()),
         },
         rotation: Gains {
-            p: Double(1.3686_f64.to_bits()),
-            i: Double(0.009_326_3_f64.to_bits()),
-            d: Double(50.209_f64.to_bits()),
-            anti_windup: Double(1.4_f64.to_bits()),
+            p: Binary64(1.3686_f64.to_bits()),
+            i: Binary64(0.009_326_3_f64.to_bits()),
+            d: Binary64(50.209_f64.to_bits()),
+            anti_windup: Binary64(1.4_f64.to_bits()),
         },
         cells: 2,
-        adc_max_voltage: Double(3.3_f64.to_bits()),
+        adc_max_voltage: Binary64(3.3_f64.to_bits()),
         adc_max_word: 4095,
         dividers,
         platform: Platform::FIRST_BOARD,

@@ -59,7 +59,7 @@ fn original_by_hand() -> Image {
 }
 
 fn by_hand() -> Config {
-    let double = |value: f64| Double(value.to_bits());
+    let double = |value: f64| Binary64(value.to_bits());
     let gains = |p, i, d, anti_windup| Gains {
         p: double(p),
         i: double(i),
@@ -202,7 +202,7 @@ fn an_error_reads_as_one_sentence() {
             sum ^ 0x8000_0000
         )
     );
-    let huge = Value::Number(Double(0x7E37_E43C_8800_759C));
+    let huge = Value::Number(Binary64(0x7E37_E43C_8800_759C));
     let error = ConfigError {
         value: huge,
         ..rejection(&BLANK)
@@ -267,7 +267,7 @@ fn every_field_is_accepted_at_its_ends_and_rejected_beyond_them() {
                 (inside, below.into_iter().chain(above).collect())
             }
             Accepted::Number { min, max } => {
-                let double = |fixed| Double::from_fixed(fixed).0;
+                let double = |fixed| Binary64::from_fixed(fixed).0;
                 let step = I32F32::from_bits(1 << 10);
                 let odd = [
                     f64::NAN,
@@ -467,7 +467,7 @@ fn config() -> impl Strategy<Value = Config> {
             } else if let Accepted::Number { min, max } = *field.accepted {
                 let span = (max - min).to_bits() as usize;
                 let fixed = I32F32::from_bits(min.to_bits() + within.index(span) as i64);
-                field.set(&mut config, Double::from_fixed(fixed).0);
+                field.set(&mut config, Binary64::from_fixed(fixed).0);
             }
         }
         if config.platform.limit_left < config.platform.dead_zone_left {

@@ -17,7 +17,7 @@
 use fixed::types::I16F16;
 
 use super::trig::{split, upper};
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::eeprom::Gains;
 
 /// Largest factor that fits; the EEPROM's are at most 10 000.
@@ -33,7 +33,7 @@ struct Factor {
 impl Factor {
     /// The nearest of 32 fractional bits; 0 for what is no number or beyond 2³¹, which no accepted
     /// configuration holds.
-    fn new(value: Double) -> Self {
+    fn new(value: Binary64) -> Self {
         let (low, high) = split(Self::bits(value) << 16);
         Self { low, high }
     }
@@ -41,7 +41,7 @@ impl Factor {
     /// 32 fractional bits.
     // At start-up only: once in flash is enough.
     #[inline(never)]
-    fn bits(value: Double) -> i64 {
+    fn bits(value: Binary64) -> i64 {
         value.to_scaled(32).unwrap_or(0).clamp(-LARGEST, LARGEST)
     }
 

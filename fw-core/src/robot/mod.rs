@@ -19,7 +19,7 @@ mod telling;
 pub use io::{leds, Drive, Outputs, Rangefinder, Sample};
 pub use supervisor::{Intent, Permit, Supervisor, BLOCKING};
 
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
 use crate::motion::{Delta, DriveMonitor, Odometry, PoseController, StopDeadline, Wheels};
@@ -472,7 +472,7 @@ impl Robot {
 
 /// The Pi's percent as a duty: the wire accepts nothing beyond ±100.
 #[inline(never)]
-fn percent(percent: Double) -> Duty {
+fn percent(percent: Binary64) -> Duty {
     // 2⁻³² %, and hundredths of a percent, to the nearest.
     let bits = percent
         .to_scaled(32)

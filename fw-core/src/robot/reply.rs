@@ -2,7 +2,7 @@
 //! a reply, which must be there before the next frame, only copies them.
 
 use super::{Measure, Robot};
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::robot::Rangefinder;
 use crate::units::Pose;
 use crate::wire::{CellCode, DistanceCode, PoseCode, MAX_FRAME};
@@ -75,11 +75,11 @@ impl Robot {
 
     /// Rotation in degrees or displacement in millimetres since reset.
     // Requirement: WIRE-modes-3, WIRE-modes-4
-    pub(super) fn measurement(&self) -> Double {
+    pub(super) fn measurement(&self) -> Binary64 {
         match self.measure {
-            Measure::Pose => Double::default(),
-            Measure::Rotation => Double::from_scaled(self.turned.saturating_mul(360), 32),
-            Measure::Displacement => Double::from_scaled(self.travelled, 16),
+            Measure::Pose => Binary64::default(),
+            Measure::Rotation => Binary64::from_scaled(self.turned.saturating_mul(360), 32),
+            Measure::Displacement => Binary64::from_scaled(self.travelled, 16),
         }
     }
 }

@@ -250,7 +250,7 @@ fn guarded_stop_and_resume_are_orders() {
 fn tuning_sets_the_constant_duty_logs_every_sample_and_needs_zero_after_a_stop() {
     let mut bench = Bench::new(Mode::TuneRotate);
     let fifty = Command {
-        percent: Double(50.0_f64.to_bits()),
+        percent: Binary64(50.0_f64.to_bits()),
         ..Command::default()
     };
     bench.frame(&fifty);

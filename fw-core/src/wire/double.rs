@@ -6,7 +6,7 @@
 use super::error::Reason;
 use super::strategy::{Context, Duties, Fault, Input, Output};
 use super::{Command, Report};
-use crate::double::Double as Binary64;
+use crate::binary64::Binary64;
 
 /// Sends a percentage one way and a measurement the other.
 #[derive(Debug)]

@@ -49,7 +49,7 @@ pub use error::{Cause, FrameError, Reason};
 pub use link::{LinkCounters, PiLink, Setup, StmLink};
 pub use strategy::Strategy;
 
-use crate::double::Double;
+use crate::binary64::Binary64;
 
 /// The longest frame of any mode, in bytes.
 pub const MAX_FRAME: usize = 26;
@@ -136,7 +136,7 @@ pub struct Command {
     /// Whether `expected` is to be driven to from now on.
     pub apply: bool,
     /// Tuning modes: percent to set on the engines, −100 ..= 100.
-    pub percent: Double,
+    pub percent: Binary64,
     /// Reference voltage of a cell being tuned; voltage 0 = no tuning.
     pub tune: CellCode,
     /// Guarded modes.
@@ -153,7 +153,7 @@ pub struct Report {
     /// Where the robot believes it is.
     pub pose: PoseCode,
     /// Tuning modes: rotation in degrees or displacement in millimetres.
-    pub measurement: Double,
+    pub measurement: Binary64,
     /// One cell a frame, in turn.
     pub cell: CellCode,
     /// Front, right, left; in the sweep mode the first is the swept one.

@@ -1,7 +1,7 @@
 //! The register map: addresses, types, names, units, accepted ranges, the first board's values.
 
 use crate::table::{number, rows, Row};
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::rule::RULES;
 use fw_core::eeprom::{
     encode, first_board, Accepted, Field, Kind, CRC_ADDRESS, FIELDS, IMAGE_LEN, KEY, PLATFORM_LEN,
@@ -35,7 +35,7 @@ fn kind(kind: Kind) -> &'static str {
         Kind::U8 => "u8",
         Kind::U16 => "u16",
         Kind::U32 => "u32",
-        Kind::Double => "double",
+        Kind::Binary64 => "double",
     }
 }
 
@@ -50,7 +50,7 @@ fn value(row: &Row) -> u64 {
     let text = row.get("first board");
     if row.get("type") == "double" {
         let number: f64 = text.parse().expect("a number");
-        Double(number.to_bits()).0
+        Binary64(number.to_bits()).0
     } else {
         number(text)
     }

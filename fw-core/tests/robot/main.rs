@@ -92,7 +92,7 @@ fn go(x_mm: i32, hundredths: u16) -> Command {
 /// To set on the engines, in a tuning mode.
 fn percent(percent: f64) -> Command {
     Command {
-        percent: fw_core::double::Double(percent.to_bits()),
+        percent: fw_core::binary64::Binary64(percent.to_bits()),
         ..Command::default()
     }
 }

@@ -1,7 +1,7 @@
 //! EEPROM images: accepted ones in both directions, rejected ones with what they name.
 
 use crate::json::{file, hex, list, number, text, Value};
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{
     self, decode, encode, encode_original, first_board, Config, Field, Image, FIELDS, IMAGE_LEN,
 };
@@ -93,7 +93,7 @@ fn each_rejected_image_names_address_field_and_value() {
             eeprom::Value::Whole(whole) | eeprom::Value::Checksum(whole) => {
                 raw(value) == u64::from(whole)
             }
-            eeprom::Value::Number(Double(bits)) => raw(value) == bits,
+            eeprom::Value::Number(Binary64(bits)) => raw(value) == bits,
         };
         assert!(expected, "{name}: {error}, not {value}");
     }

@@ -1,6 +1,6 @@
 //! The vectors' files, and their values as the core's types.
 
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::wire::{
     Cause, CellCode, Command, DistanceCode, FrameError, Mode, Order, PoseCode, Report, Sequence,
     Setup, State,
@@ -151,10 +151,10 @@ fn cell(values: &Value) -> CellCode {
     }
 }
 
-fn double(values: &Value) -> Double {
+fn double(values: &Value) -> Binary64 {
     match &values["double"] {
-        Value::Null => Double::default(),
-        value => Double(number(value.as_str().expect("bits"))),
+        Value::Null => Binary64::default(),
+        value => Binary64(number(value.as_str().expect("bits"))),
     }
 }
 

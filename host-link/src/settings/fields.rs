@@ -1,7 +1,7 @@
 //! The one table of the configuration file: key, EEPROM address, unit, meaning, and the place in
 //! [`Config`]. Reading, writing and the messages all follow from it.
 
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{Config, Divider};
 use fw_core::wire::Mode;
 
@@ -23,7 +23,7 @@ pub(super) enum Access {
     /// An angle in degrees, stored as turn × 0x10000.
     Bearing(fn(&mut Config) -> &mut u16),
     /// A number, stored as it is.
-    Double(fn(&mut Config) -> &mut Double),
+    Binary64(fn(&mut Config) -> &mut Binary64),
 }
 
 /// One field.
@@ -97,7 +97,7 @@ macro_rules! gain {
             $key,
             $address,
             $help,
-            Access::Double(|c| &mut c.$pid.$factor),
+            Access::Binary64(|c| &mut c.$pid.$factor),
         )
     };
 }
@@ -199,7 +199,7 @@ static SCALARS: [Field; 14] = [
         "battery.adc_max_v",
         0x0204,
         "volts at the ADC pin that read as adc_max_word",
-        Access::Double(|c| &mut c.adc_max_voltage),
+        Access::Binary64(|c| &mut c.adc_max_voltage),
     ),
     field(
         "battery.adc_max_word",

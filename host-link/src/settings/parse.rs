@@ -3,7 +3,7 @@
 use super::fields::{self, Access, Field};
 use super::{number, Settings};
 use crate::error::Error;
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{self, Config};
 use fw_core::wire::Mode;
 use std::fmt::Write;
@@ -142,7 +142,7 @@ fn set(field: &Field, config: &mut Config, value: &DeValue<'_>) -> Result<(), St
             *place(config) = number::code(real(value)?, scale, u32::MAX)?;
         }
         Access::Bearing(place) => *place(config) = number::bearing(real(value)?)?,
-        Access::Double(place) => *place(config) = Double(real(value)?.to_bits()),
+        Access::Binary64(place) => *place(config) = Binary64(real(value)?.to_bits()),
     }
     Ok(())
 }

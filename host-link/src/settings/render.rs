@@ -96,7 +96,7 @@ fn value(field: &Field, config: &mut Config) -> String {
         Access::ScaledLong(scale, place) => number::text(*place(config), scale),
         Access::Bearing(place) => number::bearing_text(*place(config)),
         // `{:?}` is the shortest text that reads back as the same double, always with a point.
-        Access::Double(place) => format!("{:?}", f64::from_bits(place(config).0)),
+        Access::Binary64(place) => format!("{:?}", f64::from_bits(place(config).0)),
     }
 }
 

@@ -140,7 +140,7 @@ struct Figures {
 
 impl From<&Gains> for Figures {
     fn from(gains: &Gains) -> Self {
-        let number = |double: fw_core::double::Double| f64::from_bits(double.0);
+        let number = |double: fw_core::binary64::Binary64| f64::from_bits(double.0);
         Self {
             p: number(gains.p),
             i: number(gains.i),

@@ -13,7 +13,7 @@ use super::fit::Model;
 use super::record::TICK_S;
 use super::Axis;
 use fixed::types::I16F16;
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::Gains;
 use fw_core::motion::pid::Pid;
 use serde::Serialize;
@@ -26,7 +26,7 @@ const INTEGRAL_LAGS: f64 = 10.0;
 pub fn propose(model: &Model, damping: f64, present: &Gains) -> Gains {
     let lag = model.lag_s.max(TICK_S);
     let p = 1.0 / (4.0 * damping * damping * lag * model.gain);
-    let double = |value: f64| Double(value.to_bits());
+    let double = |value: f64| Binary64(value.to_bits());
     Gains {
         p: double(round(p)),
         i: double(round(p * TICK_S / (INTEGRAL_LAGS * lag))),

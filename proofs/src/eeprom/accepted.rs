@@ -2,7 +2,7 @@
 //! every field's range.
 
 use fixed::types::I32F32;
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{first_board, Accepted, Config, Field, FIELDS};
 #[cfg(kani)]
 use fw_core::eeprom::{Gains, Platform};
@@ -150,7 +150,7 @@ fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
                 2..=5 => low + ((anything % (span + 1)) >> (shape >> 3 << 1)),
                 _ => low + anything % (span + 1),
             };
-            Double::from_fixed(I32F32::from_bits(i64::try_from(bits).unwrap_or(0))).0
+            Binary64::from_fixed(I32F32::from_bits(i64::try_from(bits).unwrap_or(0))).0
         }
         Accepted::Mode => Mode::draw(source).code().into(),
         Accepted::Key | Accepted::Checksum(_) | Accepted::Rule(_) => 0,

@@ -1,7 +1,7 @@
 //! T5: what an accepted configuration promises. Every property downstream that takes a configuration
 //! for granted takes only what is written here.
 
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{check, decode, first_board, Config, Gains};
 use fw_core::wire::Mode;
 
@@ -13,12 +13,12 @@ use crate::property::Seen;
 #[must_use]
 pub fn is_bounded(config: &Config) -> bool {
     let platform = &config.platform;
-    let number = |double: Double, low: i64, high: i64| {
+    let number = |double: Binary64, low: i64, high: i64| {
         double
             .to_scaled(32)
             .is_ok_and(|value| low <= value && value <= high)
     };
-    let factor = |double: Double| number(double, 0, 10_000 << 32);
+    let factor = |double: Binary64| number(double, 0, 10_000 << 32);
     let gains = |gains: &Gains| {
         factor(gains.p) && factor(gains.i) && factor(gains.d) && factor(gains.anti_windup)
     };

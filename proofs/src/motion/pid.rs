@@ -2,7 +2,7 @@
 //! time.
 
 use fixed::types::I16F16;
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
 use fw_core::eeprom::Gains;
@@ -75,7 +75,7 @@ struct Factors {
 impl Factors {
     /// Nothing where one of them is none that is accepted.
     fn of(gains: &Gains) -> Option<Self> {
-        let factor = |of: Double| {
+        let factor = |of: Binary64| {
             let factor = of.to_scaled(32).ok()?;
             (0..=10_000 << 32).contains(&factor).then_some(factor)
         };
@@ -290,9 +290,9 @@ impl Input for Gains {
         let factor = |source: &mut _| {
             if accepted {
                 let large = i64::from(u32::draw(source)) << 13;
-                Double::from_scaled(large >> (u8::draw(source) % 40), 32)
+                Binary64::from_scaled(large >> (u8::draw(source) % 40), 32)
             } else {
-                Double::draw(source)
+                Binary64::draw(source)
             }
         };
         Self {
@@ -317,7 +317,7 @@ fn coarse(bits: u32) -> i32 {
 fn coarse_gains() -> Gains {
     let factor = || {
         let bits: u16 = crate::input::any();
-        Double((bits as u64) << 50 & !(1 << 63))
+        Binary64((bits as u64) << 50 & !(1 << 63))
     };
     Gains {
         p: factor(),

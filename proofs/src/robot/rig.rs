@@ -1,7 +1,7 @@
 //! A robot, the other end of its link and its parts, driven by a script of bytes; and what must be true
 //! of it after each event.
 
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
 use fw_core::robot::{leds, Drive, Outputs, Rangefinder, Robot, Sample, BLOCKING};
@@ -220,7 +220,7 @@ impl Rig {
                 rotation: u16::from(events.byte()) << 7,
             },
             apply: kind & 4 != 0,
-            percent: Double(percent.to_bits()),
+            percent: Binary64(percent.to_bits()),
             tune: CellCode {
                 cell: kind % self.setup.cells,
                 voltage: if kind & 8 == 0 { 0 } else { 800 },

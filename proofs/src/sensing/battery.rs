@@ -1,7 +1,7 @@
 //! T10: the battery's voltages are total, right and monotone, and its cells all get their turn.
 
 use fixed::types::U16F16;
-use fw_core::double::Double;
+use fw_core::binary64::Binary64;
 use fw_core::eeprom::{first_board, Config, Divider};
 use fw_core::sensing::Battery;
 use fw_core::units::Volts;
@@ -194,7 +194,7 @@ pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
 /// Whatever the full scale, the largest word and a divider are, accepted or not: no words overflow
 /// anything, and no voltage comes of words that are 0.
 pub fn any_divider_is_safe(
-    full_scale: Double,
+    full_scale: Binary64,
     largest: u32,
     ohms: (u32, u32),
     words: [u16; 2],
@@ -276,7 +276,7 @@ crate::properties! {
         exhaustive (0..=u8::MAX).flat_map(|ticks| [(ticks, false), (ticks, true)]);
     }
     T5 any_divider_is_safe(
-        full_scale: Double, largest: u32, ohms: (u32, u32), words: [u16; 2]
+        full_scale: Binary64, largest: u32, ohms: (u32, u32), words: [u16; 2]
     ) {
         cases ["beyond what a voltage can say", "a voltage", "a division by nothing"];
         kani proof [unwind(66)];

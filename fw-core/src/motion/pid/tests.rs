@@ -6,7 +6,7 @@ use super::*;
 use crate::eeprom::first_board;
 
 fn gains(p: f64, i: f64, d: f64, anti_windup: f64) -> Gains {
-    let double = |v: f64| Double(v.to_bits());
+    let double = |v: f64| Binary64(v.to_bits());
     Gains {
         p: double(p),
         i: double(i),
@@ -62,7 +62,7 @@ fn a_factor_times_a_value_is_the_product_over_the_whole_range_of_accepted_factor
             3.0,
             32767.99,
         ] {
-            let got = Factor::new(Double(f64::to_bits(factor))).times(fixed(value).to_bits());
+            let got = Factor::new(Binary64(f64::to_bits(factor))).times(fixed(value).to_bits());
             let truth = factor * fixed(value).to_num::<f64>();
             let error = (got as f64 / 4_294_967_296.0 - truth).abs();
             assert!(
@@ -82,12 +82,12 @@ fn no_double_makes_a_factor_that_overflows() {
         } else {
             u64::from(chance.word() as u32) << 32 | u64::from(chance.word() as u32)
         };
-        let factor = Factor::new(Double(bits));
+        let factor = Factor::new(Binary64(bits));
         for value in [i32::MIN, -1, 0, 1, i32::MAX, chance.word()] {
             assert!(factor.times(value).abs() < 1 << 61);
         }
         for not in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, 1e-310] {
-            assert_eq!(Factor::new(Double(not.to_bits())).times(i32::MAX), 0);
+            assert_eq!(Factor::new(Binary64(not.to_bits())).times(i32::MAX), 0);
         }
     }
 }

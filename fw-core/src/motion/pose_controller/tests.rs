@@ -11,7 +11,7 @@ mod targets;
 mod tuning;
 
 use super::*;
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::eeprom::{first_board, Gains};
 use crate::motion::simulation::pose;
 use crate::robot::Drive;
@@ -19,10 +19,10 @@ use crate::robot::Drive;
 /// With P alone, and D for the rotation: percent per millimetre, per degree, per degree a tick.
 fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
     let gains = |p: f64, d: f64| Gains {
-        p: Double(p.to_bits()),
-        i: Double::default(),
-        d: Double(d.to_bits()),
-        anti_windup: Double::default(),
+        p: Binary64(p.to_bits()),
+        i: Binary64::default(),
+        d: Binary64(d.to_bits()),
+        anti_windup: Binary64::default(),
     };
     let mut config = first_board();
     config.forward = gains(forward, 0.0);

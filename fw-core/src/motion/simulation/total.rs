@@ -14,7 +14,7 @@ fn no_pose_target_or_reading_overflows_whatever_the_configuration() {
     };
     for round in 0..400u64 {
         let mut config = first_board();
-        let double = |v: f64| crate::double::Double(v.to_bits());
+        let double = |v: f64| crate::binary64::Binary64(v.to_bits());
         let gain = [0.0, 1e-9, 1.3, 1e4];
         for gains in [&mut config.forward, &mut config.rotation] {
             gains.p = double(gain[chance() as usize % 4]);

@@ -79,7 +79,7 @@ fn straight_on_the_unequal_wheels_agree_within_eight_percent_after_a_second() {
 
 #[test]
 fn other_gains_do_as_well() {
-    let double = |v: f64| crate::double::Double(v.to_bits());
+    let double = |v: f64| crate::binary64::Binary64(v.to_bits());
     let mut config = first_board();
     (config.rotation.p, config.rotation.i) = (double(4.0), double(0.02));
     config.rotation.d = double(80.0);
@@ -91,7 +91,7 @@ fn other_gains_do_as_well() {
 #[test]
 fn wheels_that_stick_longer_than_is_known_arrive_even_without_an_integral() {
     // By 5 %: outputs below that move nothing, and only the push of a robot that rests grows.
-    let none = crate::double::Double::default();
+    let none = crate::binary64::Binary64::default();
     let mut config = first_board();
     config.platform.dead_zone_left -= 500;
     config.platform.dead_zone_right -= 500;

@@ -6,7 +6,7 @@ use std::vec::Vec;
 
 fn of(percent: f64) -> Command {
     Command {
-        percent: Double(percent.to_bits()),
+        percent: Binary64(percent.to_bits()),
         ..Command::default()
     }
 }
@@ -26,7 +26,7 @@ fn a_percentage_is_the_nearest_hundredth() {
         (100.0, 10_000),
         (-100.0, -10_000),
     ] {
-        let duty = percent(Double(f64::to_bits(said)));
+        let duty = percent(Binary64(f64::to_bits(said)));
         assert_eq!(duty, Duty::saturating(hundredths), "{said}");
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::eeprom::first_board;
 
 /// The words that the first board's ADC gives for two cells.
@@ -57,7 +57,7 @@ fn every_configuration_that_is_accepted_reads_every_word_without_overflow() {
                 (1, 10_000_000),
                 (10_000_000, 10_000_000),
             ] {
-                config.adc_max_voltage = Double(f64::to_bits(volts));
+                config.adc_max_voltage = Binary64(f64::to_bits(volts));
                 config.adc_max_word = word;
                 config.dividers = [Divider { upper, lower }; 8];
                 for read_word in [0, 1, 4095, 65_535] {

@@ -1,7 +1,7 @@
 //! What a frame that is not right gets.
 
 use super::{setup, Mode, CONTEXT, GUARDED};
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::wire::crc::crc16;
 use crate::wire::strategy::{Context, Input};
 use crate::wire::{
@@ -227,7 +227,7 @@ fn a_percentage_must_be_finite_and_within_a_hundred() {
         }
         let parse = |value: f64| {
             let command = Command {
-                percent: Double(value.to_bits()),
+                percent: Binary64(value.to_bits()),
                 ..Command::default()
             };
             parse_command(mode, &CONTEXT, &command_frame(mode, &command), 0)
@@ -235,7 +235,7 @@ fn a_percentage_must_be_finite_and_within_a_hundred() {
                 .map_err(|error| error.reason)
         };
         for value in accepted {
-            assert_eq!(parse(value), Ok(Double(value.to_bits())));
+            assert_eq!(parse(value), Ok(Binary64(value.to_bits())));
         }
         for value in out {
             assert_eq!(parse(value), Err(Reason::PercentOutOfRange));
@@ -246,7 +246,7 @@ fn a_percentage_must_be_finite_and_within_a_hundred() {
         // A measurement only has to be finite.
         for value in [accepted[4], out[2], not[0], not[2]] {
             let report = Report {
-                measurement: Double(value.to_bits()),
+                measurement: Binary64(value.to_bits()),
                 ..Report::default()
             };
             let parsed = parse_report(mode, &CONTEXT, &report_frame(mode, &report), 0);
@@ -292,7 +292,7 @@ fn busy_frames(mode: Mode) -> (Vec<u8>, Vec<u8>) {
         clear_faults: 0x1234,
         order: Order::Stop,
         apply: true,
-        percent: Double(12.5_f64.to_bits()),
+        percent: Binary64(12.5_f64.to_bits()),
         tune: CellCode {
             cell: 1,
             voltage: 801,
@@ -303,7 +303,7 @@ fn busy_frames(mode: Mode) -> (Vec<u8>, Vec<u8>) {
         faults: 0x4321,
         state: State::Stopped,
         bearing: 0x8421,
-        measurement: Double(12.5_f64.to_bits()),
+        measurement: Binary64(12.5_f64.to_bits()),
         ..Report::default()
     };
     (command_frame(mode, &command), report_frame(mode, &report))

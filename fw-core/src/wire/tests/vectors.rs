@@ -2,7 +2,7 @@
 //! that an error made both in writing and in parsing still shows.
 
 use super::{setup, Mode};
-use crate::double::Double;
+use crate::binary64::Binary64;
 use crate::wire::{
     CellCode, Command, DistanceCode, Order, PiLink, PoseCode, Report, Sequence, State, StmLink,
     MAX_FRAME,
@@ -108,7 +108,7 @@ fn a_normal_report_is_the_documents_bytes() {
 fn a_tuning_command_is_the_documents_bytes() {
     // −37.5: sign, 1.171875 · 2⁵, so 0xC042C00000000000, last byte first.
     let command = Command {
-        percent: Double((-37.5_f64).to_bits()),
+        percent: Binary64((-37.5_f64).to_bits()),
         ..Command::default()
     };
     for mode in [Mode::TuneRotate, Mode::TuneMove] {
@@ -121,7 +121,7 @@ fn a_tuning_command_is_the_documents_bytes() {
 fn a_tuning_report_is_the_documents_bytes() {
     // 123.25 = 1.92578125 · 2⁶: 0x405ED00000000000.
     let report = Report {
-        measurement: Double(123.25_f64.to_bits()),
+        measurement: Binary64(123.25_f64.to_bits()),
         cell: report().cell,
         ..Report::default()
     };
@@ -149,7 +149,7 @@ fn guarded_commands_add_sequence_status_and_checksum() {
         "96 01 00 80 01 02 FF FE 1D C0 00 74 CB B1 92 34 23 48 00 00 00 00 00 00 5C 23",
     );
     let tune = Command {
-        percent: Double((-37.5_f64).to_bits()),
+        percent: Binary64((-37.5_f64).to_bits()),
         ..Command::default()
     };
     let heard = Command {
@@ -191,7 +191,7 @@ fn guarded_reports_add_sequence_status_and_checksum() {
         "5A 01 00 08 41 02 FF FE 1D C0 00 74 CB B1 12 34 23 48 66 66 FF FF 00 00 39 02",
     );
     let tune = Report {
-        measurement: Double(123.25_f64.to_bits()),
+        measurement: Binary64(123.25_f64.to_bits()),
         cell: report().cell,
         state: State::Ready,
         ..Report::default()

@@ -45,8 +45,8 @@ fn the_same_target_again_changes_nothing_and_another_begins_anew() {
 #[test]
 fn after_a_halt_nothing_is_left_of_the_integrals() {
     let mut config = gains(0.1, 0.1, 0.0);
-    config.forward.i = Double(0.5_f64.to_bits());
-    config.rotation.i = Double(0.5_f64.to_bits());
+    config.forward.i = Binary64(0.5_f64.to_bits());
+    config.rotation.i = Binary64(0.5_f64.to_bits());
     let (target, here) = (pose(30.0, 3.0, 10.0), pose(0.0, 0.0, 0.0));
     let mut fresh = PoseController::new(&config);
     fresh.set_target(target);

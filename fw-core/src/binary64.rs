@@ -23,11 +23,11 @@ use fixed::types::I32F32;
 
 /// A binary64 as its 64 bits; `f64::to_bits` makes one, `f64::from_bits` reads one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Double(pub u64);
+pub struct Binary64(pub u64);
 
 /// Why a binary64 has no fixed-point equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DoubleError {
+pub enum Binary64Error {
     /// Not a number.
     NotANumber,
     /// Plus or minus infinity.
@@ -47,7 +47,7 @@ const SPECIAL: u64 = 0x7FF << FRACTION_BITS;
 /// what the last bit of the fraction is worth.
 const BIAS: i32 = 1023 + FRACTION_BITS as i32;
 
-impl Double {
+impl Binary64 {
     /// Whether it is neither NaN nor infinite.
     #[inline]
     #[must_use]
@@ -67,15 +67,15 @@ impl Double {
     ///
     /// # Errors
     /// NaN, infinite, or beyond ±2⁶³ after scaling.
-    pub const fn to_scaled(self, fraction_bits: u8) -> Result<i64, DoubleError> {
+    pub const fn to_scaled(self, fraction_bits: u8) -> Result<i64, Binary64Error> {
         let negative = self.0 & SIGN != 0;
         let field = (self.magnitude() >> FRACTION_BITS) as i32;
         let fraction = self.0 & (LEADING - 1);
         if !self.is_finite() {
             return Err(if fraction == 0 {
-                DoubleError::Infinite
+                Binary64Error::Infinite
             } else {
-                DoubleError::NotANumber
+                Binary64Error::NotANumber
             });
         }
         // Subnormal numbers have no leading one and the exponent of the smallest normal ones.
@@ -87,7 +87,7 @@ impl Double {
         let shift = field.wrapping_sub(BIAS).wrapping_add(fraction_bits as i32);
         let magnitude = if shift > 11 {
             // A subnormal never gets here: its exponent is far below what 255 fraction bits lift.
-            return Err(DoubleError::OutOfRange);
+            return Err(Binary64Error::OutOfRange);
         } else if shift >= 0 {
             // 53 bits, up by at most 11: 64.
             significand << shift
@@ -112,7 +112,7 @@ impl Double {
         } else if negative && magnitude == SIGN {
             Ok(i64::MIN)
         } else {
-            Err(DoubleError::OutOfRange)
+            Err(Binary64Error::OutOfRange)
         }
     }
 
@@ -120,7 +120,7 @@ impl Double {
     ///
     /// # Errors
     /// NaN, infinite, or beyond ±2³¹.
-    pub fn to_fixed(self) -> Result<I32F32, DoubleError> {
+    pub fn to_fixed(self) -> Result<I32F32, Binary64Error> {
         self.to_scaled(32).map(I32F32::from_bits)
     }
 
@@ -163,37 +163,37 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn scaled(value: f64, bits: u8) -> Result<i64, DoubleError> {
-        Double(value.to_bits()).to_scaled(bits)
+    fn scaled(value: f64, bits: u8) -> Result<i64, Binary64Error> {
+        Binary64(value.to_bits()).to_scaled(bits)
     }
 
     /// The nearest integer to value · 2^bits, by the host's own arithmetic: scaling by a power of
     /// two is exact unless it leaves binary64's range, which 63 bits cannot do upwards and which
     /// downwards does not happen.
-    fn by_float(value: f64, bits: u8) -> Result<i64, DoubleError> {
+    fn by_float(value: f64, bits: u8) -> Result<i64, Binary64Error> {
         if value.is_nan() {
-            return Err(DoubleError::NotANumber);
+            return Err(Binary64Error::NotANumber);
         }
         if value.is_infinite() {
-            return Err(DoubleError::Infinite);
+            return Err(Binary64Error::Infinite);
         }
         let nearest = (value * 2_f64.powi(bits.into())).round_ties_even();
         if (-9_223_372_036_854_775_808.0..9_223_372_036_854_775_808.0).contains(&nearest) {
             Ok(nearest as i64)
         } else {
-            Err(DoubleError::OutOfRange)
+            Err(Binary64Error::OutOfRange)
         }
     }
 
     #[test]
     fn what_is_not_a_number_is_named() {
-        assert_eq!(scaled(f64::NAN, 32), Err(DoubleError::NotANumber));
-        assert_eq!(scaled(-f64::NAN, 32), Err(DoubleError::NotANumber));
-        assert_eq!(scaled(f64::INFINITY, 32), Err(DoubleError::Infinite));
-        assert_eq!(scaled(f64::NEG_INFINITY, 32), Err(DoubleError::Infinite));
+        assert_eq!(scaled(f64::NAN, 32), Err(Binary64Error::NotANumber));
+        assert_eq!(scaled(-f64::NAN, 32), Err(Binary64Error::NotANumber));
+        assert_eq!(scaled(f64::INFINITY, 32), Err(Binary64Error::Infinite));
+        assert_eq!(scaled(f64::NEG_INFINITY, 32), Err(Binary64Error::Infinite));
         assert_eq!(
-            Double(0x7FF0_0000_0000_0001).to_scaled(0),
-            Err(DoubleError::NotANumber)
+            Binary64(0x7FF0_0000_0000_0001).to_scaled(0),
+            Err(Binary64Error::NotANumber)
         );
     }
 
@@ -201,11 +201,14 @@ mod tests {
     fn the_ends_of_the_range_are_exact() {
         let end = 2_f64.powi(31);
         assert_eq!(scaled(-end, 32), Ok(i64::MIN));
-        assert_eq!(scaled(end, 32), Err(DoubleError::OutOfRange));
+        assert_eq!(scaled(end, 32), Err(Binary64Error::OutOfRange));
         assert_eq!(scaled(end.next_down(), 32), Ok(i64::MAX - 1023));
-        assert_eq!(scaled((-end).next_down(), 32), Err(DoubleError::OutOfRange));
-        assert_eq!(scaled(f64::MAX, 0), Err(DoubleError::OutOfRange));
-        assert_eq!(scaled(f64::MAX, 255), Err(DoubleError::OutOfRange));
+        assert_eq!(
+            scaled((-end).next_down(), 32),
+            Err(Binary64Error::OutOfRange)
+        );
+        assert_eq!(scaled(f64::MAX, 0), Err(Binary64Error::OutOfRange));
+        assert_eq!(scaled(f64::MAX, 255), Err(Binary64Error::OutOfRange));
     }
 
     #[test]
@@ -245,7 +248,7 @@ mod tests {
     fn the_first_boards_factors_are_what_they_say() {
         assert_eq!(scaled(6.5088, 32), Ok(27_955_083_136));
         assert_eq!(
-            Double(106.75_f64.to_bits()).to_fixed(),
+            Binary64(106.75_f64.to_bits()).to_fixed(),
             Ok(I32F32::lit("106.75"))
         );
     }
@@ -275,20 +278,20 @@ mod tests {
             for value in [value, value >> cut] {
                 // The conversion rounds to the nearest, ties to even; the scaling is exact.
                 let expected = value as f64 / 2_f64.powi(bits.into());
-                prop_assert_eq!(Double::from_scaled(value, bits).0, expected.to_bits());
+                prop_assert_eq!(Binary64::from_scaled(value, bits).0, expected.to_bits());
             }
         }
 
         #[test]
         fn fifty_three_bits_go_there_and_back(value in -1_i64 << 53..=1 << 53, bits in 0_u8..64) {
-            prop_assert_eq!(Double::from_scaled(value, bits).to_scaled(bits), Ok(value));
+            prop_assert_eq!(Binary64::from_scaled(value, bits).to_scaled(bits), Ok(value));
             let fixed = I32F32::from_bits(value);
-            prop_assert_eq!(Double::from_fixed(fixed).to_fixed(), Ok(fixed));
+            prop_assert_eq!(Binary64::from_fixed(fixed).to_fixed(), Ok(fixed));
         }
 
         #[test]
         fn any_pattern_is_decoded(pattern in any::<u64>(), bits in any::<u8>()) {
-            let value = Double(pattern);
+            let value = Binary64(pattern);
             prop_assert_eq!(value.is_finite(), f64::from_bits(pattern).is_finite());
             prop_assert!(value.is_finite() || value.to_scaled(bits).is_err());
         }

@@ -1,6 +1,6 @@
 //! T4: every binary64 to the nearest fixed-point number or a named error, and back.
 
-use fw_core::double::{Double, DoubleError};
+use fw_core::binary64::{Binary64, Binary64Error};
 
 use crate::property::Seen;
 
@@ -18,8 +18,8 @@ const fn parts(bits: u64) -> (u64, i32) {
 /// The result is the integer nearest to the number times 2^`fraction_bits`, the even one of two, or
 /// the error that says why there is none.
 // Requirement: DOC-5.1.2-1
-pub fn decoding_is_nearest(double: Double, fraction_bits: u8) -> Seen {
-    let Double(bits) = double;
+pub fn decoding_is_nearest(double: Binary64, fraction_bits: u8) -> Seen {
+    let Binary64(bits) = double;
     let decoded = double.to_scaled(fraction_bits);
     let (significand, exponent) = parts(bits);
     let special = bits >> 52 & 0x7FF == 0x7FF;
@@ -28,9 +28,9 @@ pub fn decoding_is_nearest(double: Double, fraction_bits: u8) -> Seen {
         assert!(
             decoded
                 == Err(if infinite {
-                    DoubleError::Infinite
+                    Binary64Error::Infinite
                 } else {
-                    DoubleError::NotANumber
+                    Binary64Error::NotANumber
                 })
         );
         return Seen::NOTHING.case(0, infinite).case(1, !infinite);
@@ -38,7 +38,7 @@ pub fn decoding_is_nearest(double: Double, fraction_bits: u8) -> Seen {
     let negative = bits >> 63 == 1;
     let shift = exponent + i32::from(fraction_bits);
     let Ok(value) = decoded else {
-        assert!(decoded == Err(DoubleError::OutOfRange));
+        assert!(decoded == Err(Binary64Error::OutOfRange));
         // Too large whichever way it is rounded: a magnitude of 2⁶³, and not −2⁶³ itself.
         assert!(shift >= 11 || (shift > 0 && significand >> (63 - shift) != 0));
         assert!(!(negative && shift == 11 && significand == 1 << 52));
@@ -66,7 +66,7 @@ pub fn decoding_is_nearest(double: Double, fraction_bits: u8) -> Seen {
 
 /// A fixed-point number that has at most 53 significant bits is a double exactly, and back itself.
 pub fn encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) -> Seen {
-    let back = Double::from_scaled(value, fraction_bits).to_scaled(fraction_bits);
+    let back = Binary64::from_scaled(value, fraction_bits).to_scaled(fraction_bits);
     let magnitude = value.unsigned_abs();
     if magnitude >> 53 == 0 {
         assert!(back == Ok(value));
@@ -86,7 +86,7 @@ pub fn encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) -> Seen {
 }
 
 crate::properties! {
-    T4 decoding_is_nearest(double: Double, fraction_bits: u8) {
+    T4 decoding_is_nearest(double: Binary64, fraction_bits: u8) {
         cases [
             "infinite", "not a number", "out of range", "exact", "below the last place", "rounded"
         ];
