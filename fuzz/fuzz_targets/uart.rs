@@ -4,7 +4,7 @@
 
 use host_link::log::{Line, Lines};
 use libfuzzer_sys::fuzz_target;
-use pilot::tune::record::Recorder;
+use pilot::tune::samples::Recorder;
 use robot_fuzz::Bytes;
 
 fuzz_target!(|data: &[u8]| {

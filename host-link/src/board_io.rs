@@ -2,7 +2,7 @@
 //! buses, the virtual board and the doubles of the tests.
 
 use crate::error::Error;
-use crate::tape::Tape;
+use crate::ground_truth::Tape;
 use crate::uart::Source;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};

@@ -1,7 +1,7 @@
 //! Driving to a pose, and from pose to pose. Whatever ends a drive early stops the robot.
 
+use crate::board_io::Wires;
 use crate::error::Error;
-use crate::machine::Wires;
 use crate::pose::Place;
 use crate::session::{has_position, Session, Wish};
 use crate::snapshot::Snapshot;

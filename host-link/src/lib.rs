@@ -1,16 +1,16 @@
 //! The Raspberry Pi side of the robot: EEPROM, SPI link, log and drive, over embedded-hal 1.0.
 //!
-//! Everything here works on a [`machine::Machine`]: the handles of the wires between the Pi and the
+//! Everything here works on a [`board_io::Machine`]: the handles of the wires between the Pi and the
 //! board. Where they come from is a feature:
 //!
 //! | feature | brings |
 //! |---|---|
-//! | `linux` | [`machine::Machine`] on spidev, i2c-dev and gpiochip of a Raspberry Pi |
-//! | `doubles` | [`machine::Machine`] in memory, with faults at any call, for tests |
+//! | `linux` | [`board_io::Machine`] on spidev, i2c-dev and gpiochip of a Raspberry Pi |
+//! | `mock` | [`board_io::Machine`] in memory, with faults at any call, for tests |
 //!
 //! | module | idea |
 //! |---|---|
-//! | [`machine`] | the wires, as handles; Ctrl-C as a flag |
+//! | [`board_io`] | the wires, as handles; Ctrl-C as a flag |
 //! | [`reset`] | RESET and `STM_READY` |
 //! | [`eeprom`] | the EEPROM and its bus, taken and always given back |
 //! | [`settings`] | the configuration file |
@@ -25,22 +25,22 @@
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
-mod acquaintance;
-#[cfg(any(test, feature = "doubles"))]
-pub mod doubles;
+pub mod board_io;
 pub mod drive;
 pub mod eeprom;
 pub mod error;
+pub mod ground_truth;
 pub mod link;
 #[cfg(feature = "linux")]
 pub mod linux;
 pub mod log;
-pub mod machine;
+#[cfg(any(test, feature = "mock"))]
+pub mod mock_board;
+mod mode_check;
 pub mod pose;
 pub mod reset;
 pub mod session;
 pub mod settings;
 pub mod snapshot;
 pub mod statistics;
-pub mod tape;
 pub mod uart;

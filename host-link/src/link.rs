@@ -1,7 +1,7 @@
 //! One frame per chip-select: what goes out, what comes back, and the statistics of this end.
 
+use crate::board_io::Clock;
 use crate::error::Error;
-use crate::machine::Clock;
 use crate::statistics::{Causes, Statistics};
 use embedded_hal::spi::SpiDevice;
 use fw_core::eeprom::Config;

@@ -4,8 +4,8 @@
 //! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
 //! down.
 
+use crate::board_io::{Clock, Interrupt, Machine, Wires};
 use crate::error::Error;
-use crate::machine::{Clock, Interrupt, Machine, Wires};
 use crate::uart::Tty;
 use embedded_hal::digital::{ErrorType, OutputPin};
 use linux_embedded_hal::gpio_cdev::{Chip, Line, LineHandle, LineRequestFlags};

@@ -1,8 +1,8 @@
 //! In-memory doubles of the wires, to make every single call fail in turn. How the real board
 //! behaves is tested on the virtual one.
 
+use crate::board_io::{Clock, Interrupt, Machine, Wires};
 use crate::error::Error;
-use crate::machine::{Clock, Interrupt, Machine, Wires};
 use crate::uart::Source;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};

@@ -1,7 +1,7 @@
 //! Resetting the STM and waiting for it (board: RESET low 100 ms, then released; `STM_READY`).
 
+use crate::board_io::{persist, Machine, Wires};
 use crate::error::Error;
-use crate::machine::{persist, Machine, Wires};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};
 

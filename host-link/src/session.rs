@@ -1,11 +1,11 @@
 //! A conversation with the robot: paced frames, the walk over the battery's cells, the latest of
 //! everything, and noticing silence.
 
-use crate::acquaintance::Acquaintance;
+use crate::board_io::{Clock, Machine, Wires};
 use crate::error::Error;
 use crate::link::Link;
 use crate::log::{Line, Lines};
-use crate::machine::{Clock, Machine, Wires};
+use crate::mode_check::Acquaintance;
 use crate::pose::Place;
 use crate::snapshot::Snapshot;
 use crate::statistics::Statistics;
@@ -363,7 +363,7 @@ const HALT_FRAMES: usize = 10;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doubles::machine;
+    use crate::mock_board::machine;
     use crate::settings::Settings;
     use fw_core::eeprom::{first_board, Divider, Image};
 

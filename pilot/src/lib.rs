@@ -2,20 +2,20 @@
 //!
 //! | module | idea |
 //! |---|---|
-//! | [`tour`] | way-point files |
+//! | [`waypoints`] | way-point files |
 //! | [`mode`] | another mode on both ends |
 //! | [`hints`] | what counters and faults mean, in sentences |
 //! | [`tune`] | steps, model, gains, dividers |
 //! | [`calibrate`] | wheel diameters and track from measured runs |
-//! | [`survey`] | mapping while driving; recordings |
+//! | [`mapping`] | mapping while driving; recordings |
 //! | `virtual_board` | the firmware's ELF on the virtual board (feature `virtual`) |
 #![forbid(unsafe_code)]
 
 pub mod calibrate;
 pub mod hints;
+pub mod mapping;
 pub mod mode;
-pub mod survey;
-pub mod tour;
 pub mod tune;
 #[cfg(feature = "virtual")]
 pub mod virtual_board;
+pub mod waypoints;

@@ -229,7 +229,7 @@ fn look(line: &str) -> Result<Look, String> {
         time_us: time
             .parse()
             .map_err(|_| format!("time_us = {time}: accepted is a whole number from 0 on"))?,
-        pose: crate::tour::place(x, y, rotation)?,
+        pose: crate::waypoints::place(x, y, rotation)?,
         ranges_mm: [
             maybe("front_mm", front)?,
             maybe("right_mm", right)?,

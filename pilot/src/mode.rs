@@ -1,10 +1,10 @@
 //! Changing the mode on both ends without leaving the program.
 
-use crate::tune::mode::with_config;
+use crate::tune::temporary_mode::with_config;
 use fw_core::wire::Mode;
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::{self, journal::Journal, Programmed, Step};
 use host_link::error::Error;
-use host_link::machine::{Machine, Wires};
 use host_link::session::Session;
 use host_link::settings;
 

@@ -2,11 +2,11 @@
 //! buses. Its EEPROM lives in a file from run to run; the robot starts anew each time.
 
 use embedded_hal::i2c::{self, ErrorType, Operation};
+use host_link::board_io::{Clock, Interrupt, Machine, Wires};
 use host_link::eeprom::image;
 use host_link::error::Error;
-use host_link::machine::{Clock, Interrupt, Machine, Wires};
-use host_link::tape::Spot;
-use host_link::tape::Tape;
+use host_link::ground_truth::Spot;
+use host_link::ground_truth::Tape;
 use host_link::uart::Source;
 use plant::{Chassis, Pose, Rng, Room};
 use std::fmt::Write;

@@ -2,17 +2,17 @@
 //! EEPROM; somebody who sees only where it stands measures.
 
 use fw_core::eeprom::encode;
+use host_link::board_io::{Interrupt, Machine};
 use host_link::drive::Terms;
 use host_link::eeprom;
-use host_link::machine::{Interrupt, Machine};
 use host_link::pose::Place;
 use host_link::session::Session;
 use host_link::settings::decode;
 use pilot::calibrate::distance::{self, Measured};
-use pilot::calibrate::geometry::Geometry;
-use pilot::calibrate::path::Path;
 use pilot::calibrate::run::{run, square, straight};
 use pilot::calibrate::umbmark::{self, Run, Score};
+use pilot::calibrate::wheel_geometry::Geometry;
+use pilot::calibrate::wheel_path::Path;
 use pilot::virtual_board::{machine, VirtualWires};
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;

@@ -8,11 +8,11 @@ use std::path::PathBuf;
 
 use fw_core::eeprom::{first_board, Image, IMAGE_LEN};
 use fw_core::wire::Mode;
+use host_link::board_io::{Interrupt, Machine};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{repair, Repaired};
 use host_link::eeprom::{program, Programmed};
 use host_link::error::Error;
-use host_link::machine::{Interrupt, Machine};
 use host_link::session::Session;
 use host_link::settings::Settings;
 use pilot::virtual_board::{self, VirtualWires};

@@ -2,8 +2,8 @@
 
 use fw_core::eeprom::{first_board, Config};
 use fw_core::wire::{chain, Mode, Strategy};
+use host_link::board_io::Interrupt;
 use host_link::error::Error;
-use host_link::machine::Interrupt;
 use host_link::session::{Session, Wish, RATE_HZ, STRANGER_FRAMES};
 use host_link::settings::Settings;
 use pilot::mode;

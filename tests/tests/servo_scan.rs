@@ -5,7 +5,7 @@ use fw_core::eeprom::{first_board, Config};
 use fw_core::wire::{Command, Mode, PiLink, Report, Setup, MAX_FRAME};
 use host_link::settings::Settings;
 use host_link::snapshot::distance_mm;
-use pilot::survey::{mapper_config, Look, Survey};
+use pilot::mapping::{mapper_config, Look, Survey};
 use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
 use twin::plant::{Params, Room};

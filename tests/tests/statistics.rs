@@ -3,7 +3,7 @@
 
 use fw_core::eeprom::first_board;
 use fw_core::wire::{frame_len, Cause, Mode};
-use host_link::machine::Interrupt;
+use host_link::board_io::Interrupt;
 use host_link::session::{Session, Wish, RATE_HZ};
 use host_link::settings::Settings;
 use pilot::virtual_board;

@@ -1,9 +1,9 @@
 //! Tuning end to end: the Pi's steps and fit against the virtual motors, whose figures are known.
 
+use host_link::board_io::Interrupt;
 use host_link::eeprom;
-use host_link::machine::Interrupt;
 use host_link::session::Session;
-use pilot::tune::{battery, fit, mode, step, Axis};
+use pilot::tune::{battery, drive_model, step_response, temporary_mode, Axis};
 use pilot::virtual_board::machine;
 use plant::MotorParams;
 use robot_tests::reference::original_image;
@@ -34,17 +34,17 @@ fn slope() -> f64 {
     f64::midpoint(speeds[0], speeds[1])
 }
 
-fn tuned(axis: Axis) -> fit::Model {
+fn tuned(axis: Axis) -> drive_model::Model {
     let rig = rig();
     let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
     let original = eeprom::read(&mut machine).expect("the EEPROM");
-    let plan = step::Plan {
+    let plan = step_response::Plan {
         levels: vec![50.0, 75.0, 100.0],
         hold_s: 1.2,
         rest_s: 0.8,
         travel: axis.travel(),
     };
-    let recorder = mode::with(
+    let recorder = temporary_mode::with(
         &mut machine,
         &original,
         axis.mode(),
@@ -52,7 +52,7 @@ fn tuned(axis: Axis) -> fit::Model {
         1000,
         |machine, config| {
             let mut session = Session::with_config(machine, config, 40);
-            step::run(&mut session, &plan, |_| {})
+            step_response::run(&mut session, &plan, |_| {})
         },
     )
     .expect("the steps");
@@ -60,7 +60,7 @@ fn tuned(axis: Axis) -> fit::Model {
     assert_eq!(recorder.lost(), 0);
     assert!(rig.motors_off());
     rig.assert_modelled();
-    fit::fit(&fit::steps(recorder.samples())).expect("a model")
+    drive_model::fit(&drive_model::steps(recorder.samples())).expect("a model")
 }
 
 // Requirement: DOC-5.2.2-2, DOC-5.2.3-4, WIRE-log-8

@@ -1,8 +1,8 @@
 //! Whatever ends a drive early, the robot's last orders are to stand where it is.
 
 use super::*;
-use crate::doubles::{machine, Board, Doubles, Mishap};
-use crate::machine::Machine;
+use crate::board_io::Machine;
+use crate::mock_board::{machine, Board, Doubles, Mishap};
 use crate::settings::Settings;
 use fw_core::eeprom::first_board;
 use fw_core::wire::{Command, Mode, Order, State};

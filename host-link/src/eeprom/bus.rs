@@ -1,9 +1,9 @@
 //! The EEPROM's bus is taken from the STM and given back on every path: success, error, Ctrl-C and
 //! panic. The guard is the only way to the chip, and dropping it restores everything.
 
-use super::part;
+use super::chip;
+use crate::board_io::{persist, Machine, Wires};
 use crate::error::Error;
-use crate::machine::{persist, Machine, Wires};
 use crate::reset;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};
@@ -96,7 +96,7 @@ impl<'m, W: Wires> Bus<'m, W> {
     /// # Errors
     /// [`Error::Eeprom`], [`Error::Interrupted`].
     pub fn read(&mut self, address: u16, out: &mut [u8]) -> Result<(), Error> {
-        part::read(self.machine, address, out)
+        chip::read(self.machine, address, out)
     }
 
     /// Lifts the write protection.
@@ -128,7 +128,7 @@ impl<'m, W: Wires> Bus<'m, W> {
     /// [`Error::Eeprom`], [`Error::Verify`], [`Error::Interrupted`].
     pub fn write_burst(&mut self, address: usize, data: &[u8]) -> Result<(), Error> {
         let address = u16::try_from(address).unwrap_or(u16::MAX);
-        part::write_burst(self.machine, address, data)
+        chip::write_burst(self.machine, address, data)
     }
 
     /// Protection set, bus with the STM, STM reset and ready awaited, as the purpose asks.

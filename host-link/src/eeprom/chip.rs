@@ -3,8 +3,8 @@
 //! (AT24C512C and AT24CS64 data sheets, "acknowledge polling").
 
 use super::image::differences;
+use crate::board_io::{Machine, Wires};
 use crate::error::Error;
-use crate::machine::{Machine, Wires};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::I2c;
 use fw_core::eeprom::Image;

@@ -3,19 +3,19 @@
 //! | file | idea |
 //! |---|---|
 //! | [`bus`] | the bus is taken, and given back on every path: the guard |
-//! | [`part`] | the chip: bursts, write cycles, read-back |
+//! | [`chip`] | the chip: bursts, write cycles, read-back |
 //! | [`journal`] | what stood there before, kept on disk while a write runs |
 //! | [`repair`] | what a killed run left, found and repaired |
 //! | [`image`] | images in files, and the difference between two |
 
 pub mod bus;
+pub mod chip;
 pub mod image;
 pub mod journal;
-pub mod part;
 pub mod repair;
 
+use crate::board_io::{Machine, Wires};
 use crate::error::Error;
-use crate::machine::{Machine, Wires};
 use bus::Purpose;
 use fw_core::eeprom::{Image, IMAGE_LEN};
 use journal::Journal;
@@ -82,7 +82,7 @@ pub fn program<W: Wires>(
         let mut before = [0; IMAGE_LEN];
         bus.read(0, &mut before)?;
         watch(Step::Before(&before));
-        let bursts = part::bursts(&before, image);
+        let bursts = chip::bursts(&before, image);
         let bytes = bursts.iter().map(ExactSizeIterator::len).sum();
         if !bursts.is_empty() {
             if let Some(journal) = journal {
@@ -99,7 +99,7 @@ pub fn program<W: Wires>(
         }
         let mut after = [0; IMAGE_LEN];
         bus.read(0, &mut after)?;
-        part::verify(image, &after)?;
+        chip::verify(image, &after)?;
         if let Some(journal) = journal {
             journal.written()?;
         }

@@ -3,8 +3,8 @@
 
 use super::journal::Journal;
 use super::{image, program};
+use crate::board_io::{persist, Machine, Wires};
 use crate::error::Error;
-use crate::machine::{persist, Machine, Wires};
 use crate::reset;
 use embedded_hal::digital::InputPin;
 

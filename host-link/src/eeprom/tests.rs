@@ -3,8 +3,8 @@
 
 use super::repair::{repair, Repaired};
 use super::*;
-use crate::doubles::{again, machine, Board, Mishap};
 use crate::error::Error;
+use crate::mock_board::{again, machine, Board, Mishap};
 use crate::settings::Settings;
 use fw_core::eeprom::{first_board, IMAGE_LEN};
 use std::panic::{catch_unwind, AssertUnwindSafe};
@@ -20,7 +20,7 @@ fn wanted() -> Image {
 }
 
 fn write(
-    machine: &mut crate::machine::Machine<crate::doubles::Doubles>,
+    machine: &mut crate::board_io::Machine<crate::mock_board::Doubles>,
 ) -> Result<Programmed, Error> {
     program(machine, &wanted(), 100, None, |_| {})
 }
@@ -172,7 +172,7 @@ fn an_absent_eeprom_is_an_error_within_a_second() {
         ),
         "{error:?}"
     );
-    assert!(crate::machine::Clock::micros(&mut machine.clock) < 1_000_000);
+    assert!(crate::board_io::Clock::micros(&mut machine.clock) < 1_000_000);
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn what_any_failure_left_is_whole_after_the_next_start() {
             {
                 let mut board = board.borrow_mut();
                 board.mishap = None;
-                board.interrupt = crate::machine::Interrupt::new();
+                board.interrupt = crate::board_io::Interrupt::new();
             }
             let repaired = repair(&mut again(&board), &journal, true, 100).unwrap();
             let board = board.borrow();

@@ -6,9 +6,9 @@
 //!
 //! Track and diameters are scaled together: rotations stay as they are, for `umbmark` to correct.
 
-use super::fit::least;
-use super::geometry::Geometry;
-use super::path::{Path, Spot};
+use super::least_squares::least;
+use super::wheel_geometry::Geometry;
+use super::wheel_path::{Path, Spot};
 use serde::Serialize;
 
 /// Largest change of the scale accepted.

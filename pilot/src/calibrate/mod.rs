@@ -6,19 +6,19 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`geometry`] | the three figures, and which of them no robot has |
-//! | [`path`] | what the robot believed it drove, and where other figures say that ends |
+//! | [`wheel_geometry`] | the three figures, and which of them no robot has |
+//! | [`wheel_path`] | what the robot believed it drove, and where other figures say that ends |
 //! | [`distance`] | a straight drive: the scale of everything |
 //! | [`umbmark`] | squares both ways (Borenstein and Feng): the wheels' ratio and the track |
-//! | [`fit`] | the two figures that explain the ends best |
+//! | [`least_squares`] | the two figures that explain the ends best |
 //! | [`run`] | the drives themselves, bounded, and stopped whatever happens |
 
 pub mod distance;
-pub mod fit;
-pub mod geometry;
-pub mod path;
+pub mod least_squares;
 pub mod run;
 pub mod umbmark;
+pub mod wheel_geometry;
+pub mod wheel_path;
 
 #[cfg(test)]
 mod tests;

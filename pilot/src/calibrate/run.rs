@@ -1,11 +1,11 @@
 //! The drives. They go from pose to pose as [`drive`](host_link::drive) does, and end with the robot stopped
 //! on every path; here the way is recorded, and a robot that leaves it is stopped.
 
-use super::geometry::Geometry;
-use super::path::Path;
+use super::wheel_geometry::Geometry;
+use super::wheel_path::Path;
+use host_link::board_io::Wires;
 use host_link::drive::{follow, Terms};
 use host_link::error::Error;
-use host_link::machine::Wires;
 use host_link::pose::Place;
 use host_link::session::Session;
 

@@ -2,16 +2,16 @@
 //! and the truth is integrated from the same turns of the wheels, apart from the code under test.
 
 use super::distance::{self, Measured};
-use super::geometry::Geometry;
-use super::path::{Path, Spot};
 use super::run::{self, square, straight};
 use super::umbmark::{self, Run};
+use super::wheel_geometry::Geometry;
+use super::wheel_path::{Path, Spot};
 use fw_core::eeprom::first_board;
 use fw_core::wire::Mode;
-use host_link::doubles::{machine, Board, Doubles, Mishap};
+use host_link::board_io::Machine;
 use host_link::drive::Terms;
 use host_link::error::Error;
-use host_link::machine::Machine;
+use host_link::mock_board::{machine, Board, Doubles, Mishap};
 use host_link::pose::Place;
 use host_link::session::Session;
 use host_link::settings::Settings;

@@ -4,12 +4,12 @@
 //! One way round alone cannot tell them apart, they may even cancel.
 //!
 //! The paper's two formulas hold for small angles. They are reported as the first-order estimate; what
-//! is written comes from [`fit`](super::fit): the track and the ratio with which the very paths that the
+//! is written comes from [`least_squares`](super::least_squares): the track and the ratio with which the very paths that the
 //! wheels rolled end where they were measured.
 
-use super::fit::least;
-use super::geometry::Geometry;
-use super::path::{Path, Spot};
+use super::least_squares::least;
+use super::wheel_geometry::Geometry;
+use super::wheel_path::{Path, Spot};
 use serde::Serialize;
 use std::f64::consts::FRAC_PI_2;
 

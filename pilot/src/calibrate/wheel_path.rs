@@ -1,9 +1,9 @@
 //! What the robot believed it drove, as what its wheels rolled: with other diameters and another
 //! track the same turns of the wheels end elsewhere.
 
-use super::geometry::Geometry;
+use super::wheel_geometry::Geometry;
+pub use host_link::ground_truth::Spot;
 use host_link::pose::Place;
-pub use host_link::tape::Spot;
 use serde::{Deserialize, Serialize};
 
 /// A run.

@@ -8,9 +8,9 @@ use host_link::error::{Error, Exit};
 use host_link::pose::Place;
 use host_link::{reset, session};
 use pilot::calibrate::distance::Measured;
-use pilot::tune::step::Plan;
+use pilot::tune::step_response::Plan;
 use pilot::tune::Axis;
-use pilot::{mode, tour};
+use pilot::{mode, waypoints};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -345,7 +345,7 @@ impl Goto {
     /// # Errors
     /// [`Error::Usage`] names the argument and its range.
     pub fn target(&self) -> Result<Place, Error> {
-        tour::place(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
+        waypoints::place(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
     }
 }
 

@@ -1,11 +1,11 @@
 //! Which robot: opens the machine that the options choose, and runs one job on it.
 
 use super::args::Robot;
-use super::report::Output;
+use super::output::Output;
+use host_link::board_io::{Interrupt, Machine, Wires};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{self, Repaired};
 use host_link::error::{Error, Exit};
-use host_link::machine::{Interrupt, Machine, Wires};
 use host_link::reset;
 use serde::Serialize;
 use std::fs::{self, File, TryLockError};

@@ -1,12 +1,12 @@
 //! `goto` and `tour`.
 
 use super::args::{Robot, TermsArgs};
-use super::place::Job;
-use super::report::Output;
+use super::connection::Job;
+use super::output::Output;
+use host_link::board_io::{Machine, Wires};
 use host_link::drive;
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::pose::Place;
 use host_link::session::Session;
 use host_link::statistics::Statistics;

@@ -1,12 +1,12 @@
 //! `eeprom …`.
 
 use super::args::{Eeprom, Robot};
-use super::place::{self, Job};
-use super::report::Output;
+use super::connection::{self, Job};
+use super::output::Output;
 use fw_core::eeprom::{first_board, Image};
-use host_link::eeprom::{self, image, journal::Journal, part, Step};
+use host_link::board_io::{Machine, Wires};
+use host_link::eeprom::{self, chip, image, journal::Journal, Step};
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::settings::{changes, render, Change, Settings};
 use serde::Serialize;
 use std::fmt::Write;
@@ -100,7 +100,7 @@ fn get(file: Option<&Path>, robot: &Robot) -> Result<Image, Error> {
     }
     match file {
         Some(file) => load(file),
-        None => place::with_machine(robot, Read),
+        None => connection::with_machine(robot, Read),
     }
 }
 
@@ -234,7 +234,7 @@ impl Difference {
         };
         Self {
             bytes: stretches.iter().map(|(first, last)| last - first + 1).sum(),
-            bursts: part::bursts(present, wanted).len(),
+            bursts: chip::bursts(present, wanted).len(),
             fields,
             rejected,
             stretches,
@@ -270,7 +270,7 @@ impl Difference {
 
 /// Shows the difference, then writes it.
 fn put(wanted: &Image, dry_run: bool, robot: &Robot, output: Output) -> Result<Exit, Error> {
-    place::with_machine(
+    connection::with_machine(
         robot,
         Put {
             wanted,

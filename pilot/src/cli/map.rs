@@ -1,35 +1,35 @@
 //! `map`: driven or from a recording.
 
 use super::args::{Map, Robot};
-use super::place::{self, Job};
-use super::report::Output;
+use super::connection::{self, Job};
+use super::output::Output;
 use fw_core::eeprom::first_board;
+use host_link::board_io::{Machine, Wires};
 use host_link::drive;
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::pose::Place;
 use host_link::session::Session;
 use host_link::statistics::Statistics;
-use pilot::survey::{self, Files, Look, Survey};
-use pilot::tour;
+use pilot::mapping::{self, Files, Look, Survey};
+use pilot::waypoints;
 use serde::Serialize;
 
 /// Runs the command.
 pub fn run(map: &Map, robot: &Robot, output: Output) -> Result<Exit, Error> {
     match (&map.tour, &map.from) {
         (_, Some(recording)) => {
-            let looks = survey::load_recording(recording)?;
+            let looks = mapping::load_recording(recording)?;
             let mut survey =
-                Survey::new(survey::mapper_config(&first_board(), f64::from(map.cell)));
+                Survey::new(mapping::mapper_config(&first_board(), f64::from(map.cell)));
             for look in &looks {
                 survey.take(look);
             }
             finish(map, &survey, None, output)
         }
         (Some(way), None) => {
-            let way = tour::load(way)?;
-            place::with_machine(
+            let way = waypoints::load(way)?;
+            connection::with_machine(
                 robot,
                 Drive {
                     way,
@@ -58,7 +58,7 @@ impl Job for Drive<'_> {
     fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Exit, Error> {
         let mut session = Session::open(machine, self.robot.rate, self.robot.ready_timeout)?;
         let output = self.output;
-        let config = survey::mapper_config(session.config(), f64::from(self.map.cell));
+        let config = mapping::mapper_config(session.config(), f64::from(self.map.cell));
         let mut survey = Survey::new(config);
         let outcome = drive::tour(
             &mut session,

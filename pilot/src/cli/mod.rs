@@ -1,22 +1,22 @@
 //! The command-line program: arguments in, one report and one exit code out.
 
 mod args;
-mod ask;
 mod calibrate;
+mod connection;
 mod drive;
 mod eeprom;
 mod map;
 mod mode;
 mod monitor;
-mod place;
-mod report;
+mod output;
+mod prompt;
 mod status;
 mod tune;
 
 use args::{Arguments, Command};
 use clap::Parser;
 use host_link::error::{Error, Exit};
-use report::Output;
+use output::Output;
 use std::process::ExitCode;
 
 /// Runs the program.
@@ -52,8 +52,8 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
     let robot = &arguments.robot;
     match &arguments.command {
         Command::Eeprom { command } => eeprom::run(command, robot, output),
-        Command::Reset => place::with_machine(robot, place::Reset { robot, output }),
-        Command::Mode { mode } => place::with_machine(
+        Command::Reset => connection::with_machine(robot, connection::Reset { robot, output }),
+        Command::Mode { mode } => connection::with_machine(
             robot,
             mode::Change {
                 mode: *mode,
@@ -61,7 +61,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
                 output,
             },
         ),
-        Command::Monitor(monitor) => place::with_machine(
+        Command::Monitor(monitor) => connection::with_machine(
             robot,
             monitor::Watch {
                 monitor,
@@ -69,7 +69,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
                 output,
             },
         ),
-        Command::Status(status) => place::with_machine(
+        Command::Status(status) => connection::with_machine(
             robot,
             status::Look {
                 status,
@@ -79,7 +79,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         ),
         Command::Goto(goto) => {
             let way = vec![goto.target()?];
-            place::with_machine(
+            connection::with_machine(
                 robot,
                 drive::Drive {
                     way,
@@ -90,8 +90,8 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
             )
         }
         Command::Tour(tour) => {
-            let way = pilot::tour::load(&tour.file)?;
-            place::with_machine(
+            let way = pilot::waypoints::load(&tour.file)?;
+            connection::with_machine(
                 robot,
                 drive::Drive {
                     way,

@@ -1,13 +1,13 @@
 //! `mode`: another mode on both ends.
 
 use super::args::Robot;
-use super::place::Job;
-use super::report::Output;
+use super::connection::Job;
+use super::output::Output;
 use fw_core::wire::Mode;
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::Step;
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::snapshot::Snapshot;
 use pilot::mode;
 use serde::Serialize;

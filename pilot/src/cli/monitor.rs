@@ -1,11 +1,11 @@
 //! `monitor`: everything the robot reports, live.
 
 use super::args::{Monitor, Robot};
-use super::place::Job;
-use super::report::Output;
+use super::connection::Job;
+use super::output::Output;
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::session::{Session, Wish};
 use host_link::snapshot::Snapshot;
 use host_link::statistics::{Causes, Statistics, StmStatistics};

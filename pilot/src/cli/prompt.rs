@@ -1,8 +1,8 @@
 //! Questions to the person at the terminal. Ctrl-C answers every one of them.
 
-use super::report::Output;
+use super::output::Output;
+use host_link::board_io::Interrupt;
 use host_link::error::Error;
-use host_link::machine::Interrupt;
 use std::io::{self, BufRead, IsTerminal};
 use std::sync::mpsc::{channel, RecvTimeoutError};
 use std::thread;

@@ -1,12 +1,12 @@
 //! `status`: some frames that ask for nothing, then everything that is known of robot and link.
 
 use super::args::{Robot, Status};
+use super::connection::Job;
 use super::monitor;
-use super::place::Job;
-use super::report::Output;
+use super::output::Output;
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::{self, journal::Journal};
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::reset;
 use host_link::session::{Session, Wish};
 use host_link::settings;

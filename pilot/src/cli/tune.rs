@@ -1,16 +1,16 @@
 //! `tune …`.
 
 use super::args::{Consent, Robot, StepArgs, Tune};
-use super::ask;
-use super::place::{self, Job};
-use super::report::Output;
+use super::connection::{self, Job};
+use super::output::Output;
+use super::prompt;
 use fw_core::eeprom::{Gains, Image};
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::session::Session;
 use host_link::settings::{changes, Change, Settings};
-use pilot::tune::{battery, files, fit, gains, mode, step, Axis};
+use pilot::tune::{battery, drive_model, export, gains, step_response, temporary_mode, Axis};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -25,13 +25,13 @@ pub fn run(command: &Tune, robot: &Robot, output: Output) -> Result<Exit, Error>
         output,
     };
     match command {
-        Tune::Rotate(arguments) => place::with_machine(robot, steps(Axis::Rotate, arguments)),
-        Tune::Move(arguments) => place::with_machine(robot, steps(Axis::Move, arguments)),
+        Tune::Rotate(arguments) => connection::with_machine(robot, steps(Axis::Rotate, arguments)),
+        Tune::Move(arguments) => connection::with_machine(robot, steps(Axis::Move, arguments)),
         Tune::Battery {
             cell,
             volts,
             consent,
-        } => place::with_machine(
+        } => connection::with_machine(
             robot,
             Tap {
                 cell: *cell,
@@ -42,7 +42,7 @@ pub fn run(command: &Tune, robot: &Robot, output: Output) -> Result<Exit, Error>
                 output,
             },
         ),
-        Tune::Rollback => place::with_machine(
+        Tune::Rollback => connection::with_machine(
             robot,
             Rollback {
                 kept: &kept,
@@ -64,14 +64,14 @@ pub(super) struct Kept {
 impl Kept {
     pub fn of(robot: &Robot) -> Self {
         Self {
-            mode: Journal::new(place::kept(robot, place::TUNE_MODE)),
-            before: place::kept(robot, "tune.before"),
+            mode: Journal::new(connection::kept(robot, connection::TUNE_MODE)),
+            before: connection::kept(robot, "tune.before"),
         }
     }
 
     /// Restores what a killed measurement left.
     pub fn repair<W: Wires>(&self, machine: &mut Machine<W>, timeout: u32) -> Result<bool, Error> {
-        mode::repair(machine, &self.mode, timeout)
+        temporary_mode::repair(machine, &self.mode, timeout)
     }
 }
 
@@ -92,7 +92,7 @@ pub(super) fn apply<W: Wires>(
     let question = "Write this to the EEPROM?";
     if changes.is_empty()
         || dry_run
-        || !(yes || ask::whether(question, &machine.interrupt, output)?)
+        || !(yes || prompt::whether(question, &machine.interrupt, output)?)
     {
         return Ok((changes, false));
     }
@@ -153,7 +153,7 @@ impl From<&Gains> for Figures {
 #[derive(Serialize)]
 struct Tuned {
     axis: Axis,
-    model: fit::Model,
+    model: drive_model::Model,
     samples: usize,
     lost: u32,
     present: Figures,
@@ -178,7 +178,7 @@ impl Job for Steps<'_> {
         let original = eeprom::read(machine)?;
         let mut config = Settings::from_image(&original)?.config;
         let rate = self.robot.rate.max(SLOWEST_HZ);
-        let recorder = mode::with(
+        let recorder = temporary_mode::with(
             machine,
             &original,
             axis.mode(),
@@ -186,18 +186,18 @@ impl Job for Steps<'_> {
             timeout,
             |machine, config| {
                 let mut session = Session::with_config(machine, config, rate);
-                step::run(&mut session, &plan, |percent| {
+                step_response::run(&mut session, &plan, |percent| {
                     output.remark(&format!("step of {percent} %"));
                 })
             },
         )?;
         let samples = recorder.samples();
         let stem = arguments.stem(axis);
-        let csv = files::save_csv(&stem, axis, samples)?;
-        let steps = fit::steps(samples);
-        let model = fit::fit(&steps).map_err(|what| {
+        let csv = export::save_csv(&stem, axis, samples)?;
+        let steps = drive_model::steps(samples);
+        let model = drive_model::fit(&steps).map_err(|what| {
             // The picture shows what went wrong; that it could not be drawn matters less.
-            let _ = files::save_picture(&stem, axis, samples, None);
+            let _ = export::save_picture(&stem, axis, samples, None);
             Error::Tuning(format!("{what} (see {})", csv.display()))
         })?;
         let present = *axis.gains(&mut config);
@@ -208,14 +208,15 @@ impl Job for Steps<'_> {
         );
         let before = gains::predict(axis, &model, &present);
         let after = gains::predict(axis, &model, &proposed);
-        let picture = files::save_picture(
+        let picture = export::save_picture(
             &stem,
             axis,
             samples,
             Some((&model, &steps, &before, &after)),
         )?;
         output.remark(&told(axis, &model, &before, &after));
-        let wanted = mode::with_config(&original, |config| *axis.gains(config) = proposed)?;
+        let wanted =
+            temporary_mode::with_config(&original, |config| *axis.gains(config) = proposed)?;
         let (changes, written) = apply(
             machine,
             (&original, &wanted),
@@ -257,7 +258,7 @@ const SLOWEST_HZ: u32 = 20;
 
 fn told(
     axis: Axis,
-    model: &fit::Model,
+    model: &drive_model::Model,
     before: &gains::Response,
     after: &gains::Response,
 ) -> String {
@@ -311,7 +312,7 @@ impl Job for Tap<'_> {
         let original = eeprom::read(machine)?;
         let mut session = Session::open(machine, self.robot.rate, timeout)?;
         let upper_ohm = battery::ask(&mut session, self.cell, self.volts)?;
-        let wanted = mode::with_config(&original, |config| {
+        let wanted = temporary_mode::with_config(&original, |config| {
             if let Some(tap) = config.dividers.get_mut(usize::from(self.cell) - 1) {
                 tap.upper = upper_ohm;
             }

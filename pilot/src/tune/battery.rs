@@ -2,9 +2,9 @@
 //! computes the upper resistor that would have shown it exactly, and says so in its log.
 
 use fw_core::wire::CellCode;
+use host_link::board_io::Wires;
 use host_link::error::Error;
 use host_link::log::{Line, Lines};
-use host_link::machine::Wires;
 use host_link::session::{Session, Wish};
 
 /// The largest voltage of the wire, volts: 0x1FFF.

@@ -6,7 +6,7 @@
 //! is searched for, to the least residual. At least two levels of duty are needed to tell gain from
 //! dead zone.
 
-use super::record::Sample;
+use super::samples::Sample;
 use serde::Serialize;
 
 /// The drive.

@@ -1,8 +1,8 @@
 //! What a tuning leaves: the samples as CSV, and input, response and prediction as a picture.
 
-use super::fit::{replay, Model, Step};
+use super::drive_model::{replay, Model, Step};
 use super::gains::Response;
-use super::record::Sample;
+use super::samples::Sample;
 use super::Axis;
 use host_link::eeprom::image;
 use host_link::error::Error;

@@ -9,8 +9,8 @@
 //! end. Per sample of 10 ms, as the EEPROM has it, `D` is a hundred times as large as per second.
 //! The anti wind-up factor stays as it is.
 
-use super::fit::Model;
-use super::record::TICK_S;
+use super::drive_model::Model;
+use super::samples::TICK_S;
 use super::Axis;
 use fixed::types::I16F16;
 use fw_core::binary64::Binary64;

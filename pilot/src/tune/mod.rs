@@ -3,21 +3,21 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`record`] | the log's 100 Hz samples on one time base |
-//! | [`step`] | the steps, bounded, and stopped whatever happens |
-//! | [`mode`] | the EEPROM's mode changed for the steps, and restored whatever happens |
-//! | [`fit`] | gain, dead zone and two equal lags from the samples |
+//! | [`samples`] | the log's 100 Hz samples on one time base |
+//! | [`step_response`] | the steps, bounded, and stopped whatever happens |
+//! | [`temporary_mode`] | the EEPROM's mode changed for the steps, and restored whatever happens |
+//! | [`drive_model`] | gain, dead zone and two equal lags from the samples |
 //! | [`gains`] | a PID for that model, and what it will do |
-//! | [`files`] | samples as CSV, and everything as a picture |
+//! | [`export`] | samples as CSV, and everything as a picture |
 //! | [`battery`] | the upper resistor that the STM proposes |
 
 pub mod battery;
-pub mod files;
-pub mod fit;
+pub mod drive_model;
+pub mod export;
 pub mod gains;
-pub mod mode;
-pub mod record;
-pub mod step;
+pub mod samples;
+pub mod step_response;
+pub mod temporary_mode;
 
 #[cfg(test)]
 mod tests;

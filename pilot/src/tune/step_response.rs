@@ -2,9 +2,9 @@
 //! ends them early, the robot is told zero percent and then nothing more, so that its stop deadline
 //! holds the motors.
 
-use super::record::Recorder;
+use super::samples::Recorder;
+use host_link::board_io::Wires;
 use host_link::error::Error;
-use host_link::machine::Wires;
 use host_link::session::{Session, Wish};
 
 /// Which steps.

@@ -4,9 +4,9 @@
 use super::Axis;
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::Mode;
+use host_link::board_io::{Interrupt, Machine, Wires};
 use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
-use host_link::machine::{Interrupt, Machine, Wires};
 use host_link::settings::{self, Settings};
 
 /// An image with another configuration in it; what the configuration does not define stays.

@@ -3,12 +3,12 @@
 
 use super::*;
 use fw_core::eeprom::{first_board, Image};
-use host_link::doubles::{machine, Board, Doubles, Mishap};
+use host_link::board_io::Machine;
 use host_link::error::Error;
-use host_link::machine::Machine;
+use host_link::mock_board::{machine, Board, Doubles, Mishap};
 use host_link::session::Session;
 use host_link::settings::Settings;
-use record::{Recorder, Sample};
+use samples::{Recorder, Sample};
 use std::panic::{catch_unwind, AssertUnwindSafe};
 
 fn original() -> Image {
@@ -19,8 +19,8 @@ fn original() -> Image {
     .image()
 }
 
-fn plan() -> step::Plan {
-    step::Plan {
+fn plan() -> step_response::Plan {
+    step_response::Plan {
         levels: vec![50.0, 100.0],
         hold_s: 0.5,
         rest_s: 0.3,
@@ -28,8 +28,8 @@ fn plan() -> step::Plan {
     }
 }
 
-fn tune(machine: &mut Machine<Doubles>, plan: &step::Plan) -> Result<Recorder, Error> {
-    mode::with(
+fn tune(machine: &mut Machine<Doubles>, plan: &step_response::Plan) -> Result<Recorder, Error> {
+    temporary_mode::with(
         machine,
         &original(),
         Mode::TuneRotate,
@@ -37,7 +37,7 @@ fn tune(machine: &mut Machine<Doubles>, plan: &step::Plan) -> Result<Recorder, E
         100,
         |machine, config| {
             let mut session = Session::with_config(machine, config, 40);
-            step::run(&mut session, plan, |_| {})
+            step_response::run(&mut session, plan, |_| {})
         },
     )
 }
@@ -66,12 +66,12 @@ fn steps_give_the_drive_of_the_doubles() {
     let (board, mut machine) = machine(&original(), None);
     let recorder = tune(&mut machine, &plan()).unwrap();
     assert_as_before(&board.borrow(), None);
-    let steps = fit::steps(recorder.samples());
+    let steps = drive_model::steps(recorder.samples());
     assert_eq!(
         steps.iter().map(|step| step.percent).collect::<Vec<_>>(),
         [50.0, -50.0, 100.0, -100.0]
     );
-    let model = fit::fit(&steps).unwrap();
+    let model = drive_model::fit(&steps).unwrap();
     assert!((model.gain - 2.0).abs() < 0.02, "{model:?}");
     assert!((model.dead_zone - 20.0).abs() < 0.5, "{model:?}");
     assert!((model.lag_s - 0.15).abs() < 0.003, "{model:?}");
@@ -132,18 +132,24 @@ fn buses_that_die_leave_an_error_that_says_so() {
 fn a_killed_tuning_is_repaired_but_what_was_written_since_stays() {
     let path = std::env::temp_dir().join(format!("host-link-note-{}", std::process::id()));
     let note = host_link::eeprom::journal::Journal::new(&path);
-    let borrowed = mode::with_config(&original(), |config| config.mode = Mode::TuneMove).unwrap();
-    let newer = mode::with_config(&original(), |config| config.mode = Mode::GuardedNormal).unwrap();
+    let borrowed =
+        temporary_mode::with_config(&original(), |config| config.mode = Mode::TuneMove).unwrap();
+    let newer =
+        temporary_mode::with_config(&original(), |config| config.mode = Mode::GuardedNormal)
+            .unwrap();
     let mut half_written = original();
     half_written[0x0C] = 0x77;
     for (present, repaired) in [(borrowed, true), (half_written, true), (newer, false)] {
         note.begin(&original()).unwrap();
         let (board, mut machine) = machine(&present, None);
-        assert_eq!(mode::repair(&mut machine, &note, 100), Ok(repaired));
+        assert_eq!(
+            temporary_mode::repair(&mut machine, &note, 100),
+            Ok(repaired)
+        );
         let expected = if repaired { original() } else { present };
         assert!(board.borrow().memory == expected);
         assert!(!note.unfinished());
-        assert_eq!(mode::repair(&mut machine, &note, 100), Ok(false));
+        assert_eq!(temporary_mode::repair(&mut machine, &note, 100), Ok(false));
     }
 }
 
@@ -181,13 +187,13 @@ fn without_a_log_there_is_no_step() {
 #[test]
 fn a_step_ends_at_its_travel() {
     let (board, mut machine) = machine(&original(), None);
-    let plan = step::Plan {
+    let plan = step_response::Plan {
         travel: 20.0,
         hold_s: 2.0,
         ..plan()
     };
     let recorder = tune(&mut machine, &plan).unwrap();
-    for step in fit::steps(recorder.samples()) {
+    for step in drive_model::steps(recorder.samples()) {
         let furthest = step.way.last().unwrap().1.abs();
         // A frame's delay at full speed.
         assert!(furthest < 20.0 + 160.0 * 0.05, "{furthest}");
@@ -197,28 +203,28 @@ fn a_step_ends_at_its_travel() {
 
 #[test]
 fn plans_that_are_not_safe_are_refused() {
-    let refused = |plan: step::Plan| assert!(plan.check().is_err(), "{plan:?}");
-    refused(step::Plan {
+    let refused = |plan: step_response::Plan| assert!(plan.check().is_err(), "{plan:?}");
+    refused(step_response::Plan {
         hold_s: 10.0,
         ..plan()
     });
-    refused(step::Plan {
+    refused(step_response::Plan {
         hold_s: f64::NAN,
         ..plan()
     });
-    refused(step::Plan {
+    refused(step_response::Plan {
         travel: f64::INFINITY,
         ..plan()
     });
-    refused(step::Plan {
+    refused(step_response::Plan {
         levels: vec![50.0, 120.0],
         ..plan()
     });
-    refused(step::Plan {
+    refused(step_response::Plan {
         levels: vec![50.0, f64::NAN],
         ..plan()
     });
-    refused(step::Plan {
+    refused(step_response::Plan {
         levels: vec![50.0],
         ..plan()
     });
@@ -226,7 +232,7 @@ fn plans_that_are_not_safe_are_refused() {
 
 /// Steps of a known drive, with noise of ±`noise`.
 fn synthetic(gain: f64, dead_zone: f64, lag: f64, noise: f64) -> Vec<Sample> {
-    let known = fit::Model {
+    let known = drive_model::Model {
         gain,
         dead_zone,
         lag_s: lag,
@@ -270,11 +276,13 @@ fn the_fit_recovers_known_drives() {
         (5.0, 0.0, 0.05),
         (0.3, 45.0, 0.4),
     ] {
-        let model = fit::fit(&fit::steps(&synthetic(gain, dead_zone, lag, 0.0))).unwrap();
+        let model =
+            drive_model::fit(&drive_model::steps(&synthetic(gain, dead_zone, lag, 0.0))).unwrap();
         assert!((model.gain / gain - 1.0).abs() < 1e-3, "{model:?}");
         assert!((model.dead_zone - dead_zone).abs() < 0.05, "{model:?}");
         assert!((model.lag_s / lag - 1.0).abs() < 1e-3, "{model:?}");
-        let model = fit::fit(&fit::steps(&synthetic(gain, dead_zone, lag, 0.1))).unwrap();
+        let model =
+            drive_model::fit(&drive_model::steps(&synthetic(gain, dead_zone, lag, 0.1))).unwrap();
         assert!((model.gain / gain - 1.0).abs() < 0.05, "noisy: {model:?}");
         assert!((model.lag_s / lag - 1.0).abs() < 0.1, "noisy: {model:?}");
     }
@@ -288,13 +296,13 @@ fn lost_samples_cost_the_fit_nothing() {
         index += 1;
         index % 7 != 3
     });
-    let model = fit::fit(&fit::steps(&samples)).unwrap();
+    let model = drive_model::fit(&drive_model::steps(&samples)).unwrap();
     assert!((model.gain - 1.73).abs() < 0.01, "{model:?}");
 }
 
 #[test]
 fn what_is_no_drive_is_refused_with_a_reason() {
-    assert!(fit::fit(&[]).is_err());
+    assert!(drive_model::fit(&[]).is_err());
     let still: Vec<Sample> = synthetic(1.73, 20.1, 0.144, 0.0)
         .into_iter()
         .map(|sample| Sample {
@@ -302,7 +310,9 @@ fn what_is_no_drive_is_refused_with_a_reason() {
             ..sample
         })
         .collect();
-    assert!(fit::fit(&fit::steps(&still)).unwrap_err().contains("moved"));
+    assert!(drive_model::fit(&drive_model::steps(&still))
+        .unwrap_err()
+        .contains("moved"));
     let reversed: Vec<Sample> = synthetic(1.73, 20.1, 0.144, 0.0)
         .into_iter()
         .map(|sample| Sample {
@@ -310,16 +320,16 @@ fn what_is_no_drive_is_refused_with_a_reason() {
             ..sample
         })
         .collect();
-    assert!(fit::fit(&fit::steps(&reversed)).is_err());
+    assert!(drive_model::fit(&drive_model::steps(&reversed)).is_err());
     let nonsense: Vec<Sample> = synthetic(1.73, 20.1, 0.144, 500.0);
-    assert!(fit::fit(&fit::steps(&nonsense)).is_err());
+    assert!(drive_model::fit(&drive_model::steps(&nonsense)).is_err());
 }
 
 #[test]
 fn proposed_gains_settle_with_the_overshoot_of_their_damping() {
     for axis in [Axis::Rotate, Axis::Move] {
         for (gain, lag) in [(1.0, 0.1), (1.8, 0.15), (3.0, 0.2)] {
-            let model = fit::Model {
+            let model = drive_model::Model {
                 gain,
                 dead_zone: 20.0,
                 lag_s: lag,

@@ -1,17 +1,17 @@
 //! `calibrate distance`: a straight line against a tape measure.
 
-use super::floor::Floor;
+use super::measurement::Floor;
 use crate::cli::args::DistanceArgs;
-use crate::cli::place::{self, Job};
+use crate::cli::connection::{self, Job};
 use crate::cli::tune::ending;
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::{image, journal::Journal};
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::settings::Change;
 use pilot::calibrate::distance::{self, Measured, Scale};
-use pilot::calibrate::geometry::Geometry;
-use pilot::calibrate::path::Path;
 use pilot::calibrate::run::straight;
+use pilot::calibrate::wheel_geometry::Geometry;
+use pilot::calibrate::wheel_path::Path;
 use serde::Serialize;
 use std::fs;
 
@@ -45,7 +45,7 @@ fn beyond(path: &Path, measured: &Measured) -> f64 {
 impl Distance<'_> {
     /// The path of an earlier drive, for a measurement given on the command line.
     fn earlier(&self, present: &Geometry) -> Result<Path, Error> {
-        let file = place::kept(self.floor.robot, "distance.json");
+        let file = connection::kept(self.floor.robot, "distance.json");
         let text = fs::read_to_string(&file).map_err(|cause| Error::unreadable(&file, &cause))?;
         let path: Path = serde_json::from_str(&text)
             .map_err(|cause| Error::content(&file, cause.line(), cause.to_string()))?;
@@ -62,7 +62,7 @@ impl Distance<'_> {
     fn driven<W: Wires>(&self, machine: &mut Machine<W>) -> Result<Path, Error> {
         let length = self.arguments.length;
         let path = self.floor.drive(machine, &straight(length))?;
-        let file = place::kept(self.floor.robot, "distance.json");
+        let file = connection::kept(self.floor.robot, "distance.json");
         let text = serde_json::to_string(&path).unwrap_or_default();
         image::save(&file, text.as_bytes())?;
         Ok(path)

@@ -1,21 +1,21 @@
 //! What every calibration does: asks, drives, measures, writes.
 
 use crate::cli::args::{measured, MeasureWith, Measuring, Robot};
-use crate::cli::report::Output;
+use crate::cli::output::Output;
 use crate::cli::tune::{apply, Kept};
-use crate::cli::{ask, monitor};
+use crate::cli::{monitor, prompt};
 use fw_core::eeprom::{encode, Image};
+use host_link::board_io::{Machine, Wires};
 use host_link::drive::Terms;
 use host_link::eeprom::{self, journal::Journal};
 use host_link::error::Error;
-use host_link::machine::{Machine, Wires};
 use host_link::pose::Place;
 use host_link::session::Session;
 use host_link::settings::{decode, Change};
 use pilot::calibrate::distance::Measured;
-use pilot::calibrate::geometry::Geometry;
-use pilot::calibrate::path::Path;
 use pilot::calibrate::run;
+use pilot::calibrate::wheel_geometry::Geometry;
+use pilot::calibrate::wheel_path::Path;
 
 /// The robot on the floor, and who measures there.
 #[derive(Clone, Copy)]
@@ -64,7 +64,7 @@ impl<'a> Floor<'a> {
     /// Asks before anything moves.
     pub fn agreed<W: Wires>(&self, machine: &Machine<W>, what: &str) -> Result<(), Error> {
         let question = format!("{what} Keep hands off the wheels, Ctrl-C stops it. Drive?");
-        if self.measuring.yes || ask::whether(&question, &machine.interrupt, self.output)? {
+        if self.measuring.yes || prompt::whether(&question, &machine.interrupt, self.output)? {
             return Ok(());
         }
         Err(Error::Usage("nothing was driven: nobody agreed".into()))
@@ -92,7 +92,7 @@ impl<'a> Floor<'a> {
                 tape.put_back();
                 Ok(())
             }
-            _ => ask::until(
+            _ => prompt::until(
                 "Lift the robot back on its marks, facing as at the start, and press Enter.",
                 &machine.interrupt,
                 self.output,
@@ -115,7 +115,7 @@ impl<'a> Floor<'a> {
                     left_mm: Some(spot.left_mm),
                 })
             }
-            _ => ask::until(question, &machine.interrupt, self.output, measured),
+            _ => prompt::until(question, &machine.interrupt, self.output, measured),
         }
     }
 
@@ -151,6 +151,6 @@ impl<'a> Floor<'a> {
     pub fn verifies<W: Wires>(&self, machine: &Machine<W>) -> Result<bool, Error> {
         let question = "Put the robot back on its marks. Drive once more to see how good it is?";
         Ok(!self.measuring.no_verify
-            && (self.measuring.yes || ask::whether(question, &machine.interrupt, self.output)?))
+            && (self.measuring.yes || prompt::whether(question, &machine.interrupt, self.output)?))
     }
 }

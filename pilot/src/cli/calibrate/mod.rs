@@ -1,16 +1,16 @@
 //! `calibrate …`.
 
 mod distance;
-mod floor;
+mod measurement;
 mod umbmark;
 
 use super::args::{Calibrate, Robot};
-use super::place;
-use super::report::Output;
+use super::connection;
+use super::output::Output;
 use super::tune::{Kept, Rollback};
 use distance::Distance;
-use floor::Floor;
 use host_link::error::{Error, Exit};
+use measurement::Floor;
 use pilot::calibrate::run::check;
 use umbmark::Umbmark;
 
@@ -21,14 +21,14 @@ pub fn run(command: &Calibrate, robot: &Robot, output: Output) -> Result<Exit, E
         Calibrate::Distance(arguments) => {
             check("a length of", arguments.length)?;
             let floor = Floor::new(&arguments.measuring, robot, output, kept)?;
-            place::with_machine(robot, Distance { arguments, floor })
+            connection::with_machine(robot, Distance { arguments, floor })
         }
         Calibrate::Umbmark(arguments) => {
             check("a side of", arguments.side)?;
             let floor = Floor::new(&arguments.measuring, robot, output, kept)?;
-            place::with_machine(robot, Umbmark { arguments, floor })
+            connection::with_machine(robot, Umbmark { arguments, floor })
         }
-        Calibrate::Rollback => place::with_machine(
+        Calibrate::Rollback => connection::with_machine(
             robot,
             Rollback {
                 kept,

@@ -1,17 +1,17 @@
 //! `calibrate umbmark`: squares both ways, after Borenstein and Feng.
 
-use super::floor::Floor;
+use super::measurement::Floor;
 use crate::cli::args::UmbmarkArgs;
-use crate::cli::place::Job;
+use crate::cli::connection::Job;
 use crate::cli::tune::ending;
+use host_link::board_io::{Machine, Wires};
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
-use host_link::machine::{Machine, Wires};
 use host_link::settings::Change;
-use pilot::calibrate::geometry::Geometry;
-use pilot::calibrate::path::Spot;
 use pilot::calibrate::run::square;
 use pilot::calibrate::umbmark::{self, Estimate, Run, Score};
+use pilot::calibrate::wheel_geometry::Geometry;
+use pilot::calibrate::wheel_path::Spot;
 use serde::Serialize;
 
 pub struct Umbmark<'a> {

@@ -14,15 +14,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use std::{env, fs};
 
+use host_link::board_io::{Interrupt, Machine};
 use host_link::drive::{self, Terms};
 use host_link::eeprom;
-use host_link::machine::{Interrupt, Machine};
 use host_link::pose::Place;
 use host_link::session::{Session, RATE_HZ};
 use host_link::settings::Settings;
 use host_link::statistics::Statistics;
 use mapper::{map_iou, map_plot, Agreement, Segment};
-use pilot::survey::{mapper_config, Look, Survey};
+use pilot::mapping::{mapper_config, Look, Survey};
 use pilot::virtual_board::{self, VirtualWires};
 use pose_error::Trail;
 use report::Report;
