@@ -5,13 +5,13 @@
 
 use fw_core::eeprom::{check, first_board, Config, FIELDS};
 use fw_core::log::Log;
-use fw_core::robot::{Drive, Rangefinder, Robot, Sample};
+use fw_core::robot::{Robot, Sample};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::sensing::Calibration;
-use fw_core::units::Micros;
 use fw_core::wire::{Mode, MAX_FRAME};
 use libfuzzer_sys::fuzz_target;
 use robot_fuzz::{frame, Bytes};
+use fw_core::types::{Faults, Micros, MotorCommand, RangefinderId};
 
 /// A tick and what the clock of a tick may be late, in microseconds.
 const SLACK: u32 = 20_000;
@@ -110,14 +110,14 @@ impl Bench {
                 self.frame(&received);
             }
             6 => {
-                let which = Rangefinder::ALL[usize::from(high) % 3];
+                let which = RangefinderId::ALL[usize::from(high) % 3];
                 let [rise, fall] = [bytes.array(), bytes.array()].map(u16::from_le_bytes);
                 let rise = self.now.after(rise.into());
                 self.robot.on_echo(which, rise, rise.after(fall.into()));
             }
             7 => {
                 let [rise, fall] = [bytes.array(), bytes.array()].map(u32::from_le_bytes);
-                let which = Rangefinder::ALL[usize::from(high) % 3];
+                let which = RangefinderId::ALL[usize::from(high) % 3];
                 self.robot.on_echo(which, Micros(rise), Micros(fall));
             }
             8 => {
@@ -136,7 +136,7 @@ impl Bench {
                 let tap = usize::from(high) % self.words.len();
                 self.words[tap] = u16::from_le_bytes(bytes.array());
                 self.robot.on_lost_frames(high.into(), &mut self.log);
-                self.robot.raise(u16::from(bytes.byte()), &mut self.log);
+                self.robot.raise(Faults::from_bits(u16::from(bytes.byte())), &mut self.log);
             }
             _ => self.log.sent(usize::from(high) * 16),
         }
@@ -157,7 +157,7 @@ impl Bench {
         let outputs = self.robot.on_tick(self.sample, &self.words, &mut self.log);
         if self.silent > self.deadline.saturating_add(SLACK) {
             for drive in [outputs.left, outputs.right] {
-                assert!(!matches!(drive, Drive::Run(_)), "driving without a frame");
+                assert!(!matches!(drive, MotorCommand::Run(_)), "driving without a frame");
             }
             assert!(outputs.servo.is_none(), "a servo held without a frame");
         }

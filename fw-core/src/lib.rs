@@ -11,7 +11,7 @@
 //! | [`sensing`] | battery, rangefinders, gyroscope |
 //! | [`robot`] | one value, one method per event |
 //! | [`log`] | the UART log's lines and their queue |
-//! | [`units`] | the physical units at every public boundary |
+//! | [`types`] | units, pose, faults, motor commands, rangefinder ids |
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -25,5 +25,5 @@ pub mod log;
 pub mod motion;
 pub mod robot;
 pub mod sensing;
-pub mod units;
+pub mod types;
 pub mod wire;

@@ -209,7 +209,7 @@ impl Wire {
         let command = Command {
             expected: self.pose(),
             apply: self.random.next() & 1 != 0,
-            clear_faults: self.random.next() as u16,
+            clear_faults: fw_core::types::Faults::from_bits(self.random.next() as u16),
             ..Command::default()
         };
         let mut out = [0; MAX_FRAME];

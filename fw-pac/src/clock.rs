@@ -3,7 +3,7 @@
 //!
 //! Both ways end at the same SYSCLK, so every timer and baud rate below is right on either; the
 //! internal oscillator is merely less exact (±1 % at room temperature, DS10314 table 39), and the
-//! robot says so with [`fw_core::wire::fault::CLOCK_FALLBACK`].
+//! robot says so with [`fw_core::types::Faults::CLOCK_FALLBACK`].
 //!
 //! A crystal that dies later is caught by the clock security system: the hardware falls back to the
 //! bare HSI at 16 MHz, with which neither the PWM nor the µs clock nor the baud rate would be right,

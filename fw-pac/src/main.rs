@@ -66,7 +66,8 @@ use clock::Source;
 use fw_core::eeprom::{Capabilities, ConfigError};
 use fw_core::log::{Level, Log};
 use fw_core::robot::Robot;
-use fw_core::wire::{fault, State};
+use fw_core::types::Faults;
+use fw_core::wire::State;
 
 /// The optional parts of this build.
 const CAPABILITIES: Capabilities = Capabilities {
@@ -132,11 +133,11 @@ fn main() -> ! {
     let mut robot = Robot::new(&config, cortex_m::interrupt::free(time::sample));
     if source == Source::Internal {
         // Requirement: WIRE-fault-1
-        robot.raise(fault::CLOCK_FALLBACK, log);
+        robot.raise(Faults::CLOCK_FALLBACK, log);
     }
     if restart.is_fault() {
         // Requirement: WIRE-fault-11
-        robot.raise(fault::RESTARTED, log);
+        robot.raise(Faults::RESTARTED, log);
     }
     #[cfg(feature = "acoustics")]
     robot.calibrate(adc::calibration());

@@ -15,8 +15,7 @@
 use crate::board::{LEFT_EN, LEFT_IN1, LEFT_IN2, RIGHT_EN, RIGHT_IN1, RIGHT_IN2};
 use crate::clock::APB1_TIMER_HZ;
 use crate::gpio::{Driver, Pin, Pull};
-use fw_core::robot::Drive;
-use fw_core::units::Duty;
+use fw_core::types::{Duty, MotorCommand};
 use stm32f4::stm32f411 as pac;
 
 /// The enables' chopping frequency, hertz: inaudible, and within the L298's 40 kHz.
@@ -77,7 +76,7 @@ impl Motors {
 
     /// Drives both motors.
     // Requirement: DOC-2.3-2
-    pub fn set(&mut self, left: Drive, right: Drive) {
+    pub fn set(&mut self, left: MotorCommand, right: MotorCommand) {
         let timer = registers();
         let (left_inputs, left_duty) = decode(left);
         let (right_inputs, right_duty) = decode(right);
@@ -113,11 +112,11 @@ fn registers() -> &'static pac::tim4::RegisterBlock {
 
 /// Inputs and compare value: 0 never rises, `PERIOD` (one above the reload) never falls.
 #[inline]
-fn decode(drive: Drive) -> (Inputs, u16) {
+fn decode(drive: MotorCommand) -> (Inputs, u16) {
     match drive {
-        Drive::Coast => (Inputs::Low, 0),
-        Drive::Brake => (Inputs::Low, PERIOD as u16),
-        Drive::Run(duty) => {
+        MotorCommand::Coast => (Inputs::Low, 0),
+        MotorCommand::Brake => (Inputs::Low, PERIOD as u16),
+        MotorCommand::Run(duty) => {
             let hundredths = duty.hundredths();
             let inputs = match hundredths {
                 1.. => Inputs::Forward,

@@ -9,15 +9,14 @@ use crate::gpio::{Driver, Pin, Pull};
 use crate::{exti, time};
 use core::cell::Cell;
 use cortex_m::interrupt::{free, CriticalSection, Mutex};
-use fw_core::robot::Rangefinder;
-use fw_core::units::Micros;
+use fw_core::types::{Micros, RangefinderId};
 use stm32f4::stm32f411::interrupt;
 
 /// One echo, on the robot's clock.
 #[derive(Clone, Copy)]
 pub struct Echo {
     /// Whose.
-    pub which: Rangefinder,
+    pub which: RangefinderId,
     /// The edge up: the burst has left.
     pub rise: Micros,
     /// The edge down: it came back.
@@ -37,7 +36,7 @@ enum Progress {
     Heard(Micros, Micros),
 }
 
-/// In the order of [`Rangefinder`].
+/// In the order of [`RangefinderId`].
 static PROGRESS: Mutex<[Cell<Progress>; 3]> = Mutex::new([
     Cell::new(Progress::Idle),
     Cell::new(Progress::Idle),
@@ -56,7 +55,7 @@ pub fn start() {
 }
 
 /// Sends one sensor's pulse and listens to it until its echo is over or it is triggered anew.
-pub fn trigger(which: Rangefinder) {
+pub fn trigger(which: RangefinderId) {
     free(|token| PROGRESS.borrow(token)[which as usize].set(Progress::Triggered));
     let (trigger, _) = pins(which);
     time::pulse(|| trigger.high());
@@ -81,23 +80,23 @@ pub fn take(token: &CriticalSection) -> Option<Echo> {
         progress.set(Progress::Idle);
         Some(Echo { which, rise, fall })
     };
-    heard(Rangefinder::Front)
-        .or_else(|| heard(Rangefinder::Right))
-        .or_else(|| heard(Rangefinder::Left))
+    heard(RangefinderId::Front)
+        .or_else(|| heard(RangefinderId::Right))
+        .or_else(|| heard(RangefinderId::Left))
 }
 
 // Requirement: DOC-2.2-1
-const fn pins(which: Rangefinder) -> (Pin, Pin) {
+const fn pins(which: RangefinderId) -> (Pin, Pin) {
     match which {
-        Rangefinder::Front => (TRIGGER_FRONT, ECHO_FRONT),
-        Rangefinder::Right => (TRIGGER_RIGHT, ECHO_RIGHT),
-        Rangefinder::Left => (TRIGGER_LEFT, ECHO_LEFT),
+        RangefinderId::Front => (TRIGGER_FRONT, ECHO_FRONT),
+        RangefinderId::Right => (TRIGGER_RIGHT, ECHO_RIGHT),
+        RangefinderId::Left => (TRIGGER_LEFT, ECHO_LEFT),
     }
 }
 
 /// An edge of one sensor's echo, at `at`.
 #[inline]
-fn edge(which: Rangefinder, at: Micros) {
+fn edge(which: RangefinderId, at: Micros) {
     let (_, echo) = pins(which);
     let high = echo.is_high();
     free(|token| {
@@ -117,19 +116,19 @@ fn edge(which: Rangefinder, at: Micros) {
 fn EXTI0() {
     let at = time::now();
     exti::clear(0);
-    edge(Rangefinder::Right, at);
+    edge(RangefinderId::Right, at);
 }
 
 #[interrupt]
 fn EXTI9_5() {
     let at = time::now();
     exti::clear(9);
-    edge(Rangefinder::Front, at);
+    edge(RangefinderId::Front, at);
 }
 
 #[interrupt]
 fn EXTI15_10() {
     let at = time::now();
     exti::clear(12);
-    edge(Rangefinder::Left, at);
+    edge(RangefinderId::Left, at);
 }

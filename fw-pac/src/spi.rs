@@ -56,7 +56,7 @@ use crate::gpio::{Driver, Pull};
 use crate::{exti, time};
 use core::cell::UnsafeCell;
 use cortex_m::interrupt::{free, CriticalSection, Mutex};
-use fw_core::units::Micros;
+use fw_core::types::Micros;
 use fw_core::wire::MAX_FRAME;
 use stm32f4::stm32f411 as pac;
 use stm32f4::stm32f411::interrupt;

@@ -12,7 +12,7 @@ use core::cell::Cell;
 use cortex_m::interrupt::{free, CriticalSection, Mutex};
 use cortex_m::peripheral::NVIC;
 use fw_core::robot::Sample;
-use fw_core::units::Micros;
+use fw_core::types::Micros;
 use stm32f4::stm32f411::{self as pac, interrupt, Interrupt};
 
 /// Microseconds from tick to tick: the core's 100 Hz.

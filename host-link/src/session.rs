@@ -13,10 +13,11 @@ use crate::{eeprom, reset};
 use embedded_hal::delay::DelayNs;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
+use fw_core::types::Faults;
 use fw_core::wire::position::Position;
 use fw_core::wire::status::Status;
 use fw_core::wire::strategy::Duties;
-use fw_core::wire::{chain, fault, CellCode, Command, Mode, Order, Report, State};
+use fw_core::wire::{chain, CellCode, Command, Mode, Order, Report, State};
 
 /// Frames per second unless told otherwise (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
@@ -37,7 +38,7 @@ pub struct Wish {
     /// Guarded modes.
     pub order: Order,
     /// Guarded modes: latched faults to clear.
-    pub clear_faults: u16,
+    pub clear_faults: Faults,
     /// Tuning modes: duty, percent, −100 to 100.
     pub percent: f64,
     /// A cell and the reference voltage it is tuned to; then it takes the place of the walk.
@@ -298,12 +299,12 @@ impl<'m, W: Wires> Session<'m, W> {
         let mut state = report.state;
         let mut faults = report.faults;
         for _ in 0..RESUME_FRAMES {
-            if state != State::Stopped && faults & fault::LINK_LOST == 0 {
+            if state != State::Stopped && !faults.intersects(Faults::LINK_LOST) {
                 break;
             }
             let wish = Wish {
                 order: Order::Resume,
-                clear_faults: fault::LINK_LOST,
+                clear_faults: Faults::LINK_LOST,
                 ..Wish::default()
             };
             if let Some(report) = self.exchange(&wish)? {
@@ -317,7 +318,7 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// [`Error::Fault`].
-    pub fn refuse(&self, state: State, faults: u16) -> Result<(), Error> {
+    pub fn refuse(&self, state: State, faults: Faults) -> Result<(), Error> {
         if has_status(self.config.mode) && matches!(state, State::Stopped | State::Faulted) {
             return Err(Error::Fault {
                 state: crate::snapshot::state_name(state),

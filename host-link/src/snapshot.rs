@@ -4,7 +4,8 @@ use crate::pose::Place;
 use crate::session::{has_position, has_status};
 use crate::statistics::{Statistics, StmStatistics};
 use fw_core::eeprom::Config;
-use fw_core::wire::{fault, DistanceCode, Mode, Report, State};
+use fw_core::types::Faults;
+use fw_core::wire::{DistanceCode, Mode, Report, State};
 use serde::Serialize;
 
 /// Full scale of a distance code, millimetres (document, 5.1.4).
@@ -102,28 +103,8 @@ pub const fn state_name(state: State) -> &'static str {
     }
 }
 
-/// The words of the latched faults.
+/// The names of the latched faults.
 #[must_use]
-pub fn fault_names(faults: u16) -> Vec<&'static str> {
-    const NAMES: [(u16, &str); 14] = [
-        (fault::LINK_LOST, "link-lost"),
-        (fault::CLOCK_FALLBACK, "clock-fallback"),
-        (fault::FRAME_REJECTED, "frame-rejected"),
-        (fault::BATTERY_LOW, "battery-low"),
-        (fault::BATTERY_CUTOFF, "battery-cutoff"),
-        (fault::LEFT_STALLED, "left-stalled"),
-        (fault::RIGHT_STALLED, "right-stalled"),
-        (fault::ENCODER_JUMP, "encoder-jump"),
-        (fault::LEFT_REVERSED, "left-reversed"),
-        (fault::RIGHT_REVERSED, "right-reversed"),
-        (fault::LOG_DROPPED, "log-dropped"),
-        (fault::RESTARTED, "restarted"),
-        (fault::SLIP, "slip"),
-        (fault::GYRO_LOST, "gyro-lost"),
-    ];
-    NAMES
-        .iter()
-        .filter(|(bit, _)| faults & bit != 0)
-        .map(|&(_, name)| name)
-        .collect()
+pub fn fault_names(faults: Faults) -> Vec<&'static str> {
+    faults.iter().map(|fault| fault.name).collect()
 }

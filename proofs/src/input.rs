@@ -247,7 +247,7 @@ macro_rules! structures {
 
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::{Divider, Platform};
-use fw_core::units::{Micros, Turns};
+use fw_core::types::{Faults, Micros, Turns};
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
     CellCode, Command, DistanceCode, Mode, Order, PoseCode, Report, Sequence, Setup, State,
@@ -266,6 +266,12 @@ macro_rules! wrappers {
 impl Input for Binary64 {
     fn draw(source: &mut impl Source) -> Self {
         Self(source.double())
+    }
+}
+
+impl Input for Faults {
+    fn draw(source: &mut impl Source) -> Self {
+        Self::from_bits(Input::draw(source))
     }
 }
 

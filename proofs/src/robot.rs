@@ -4,13 +4,13 @@ mod rig;
 
 use fw_core::binary64::Binary64;
 use fw_core::log::Log;
-use fw_core::robot::{Drive, Robot, Sample};
-use fw_core::units::{Micros, Pose};
-use fw_core::wire::{fault, frame_len, Command, Mode, PiLink, Setup, State, MAX_FRAME};
+use fw_core::robot::{Robot, Sample};
+use fw_core::wire::{frame_len, Command, Mode, PiLink, Setup, State, MAX_FRAME};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::motion::drive_monitor;
 use crate::property::Seen;
+use fw_core::types::{Faults, Micros, MotorCommand, Pose};
 pub use rig::Script;
 use rig::{Events, Rig};
 
@@ -56,8 +56,8 @@ pub fn first_sample_moves_nothing(
     let mut robot = Robot::new(&config.0, first);
     let outputs = robot.on_tick(first, &[], &mut log);
     assert!(robot.pose() == Pose::default());
-    assert!(robot.faults() & WHEELS == 0);
-    assert!(outputs.left == Drive::Coast && outputs.right == Drive::Coast);
+    assert!(!robot.faults().intersects(WHEELS));
+    assert!(outputs.left == MotorCommand::Coast && outputs.right == MotorCommand::Coast);
     let next = Sample {
         now: now.after(10_000),
         left: left.wrapping_add(rolled.into()),
@@ -72,11 +72,11 @@ pub fn first_sample_moves_nothing(
 }
 
 /// What is found at the wheels.
-const WHEELS: u16 = fault::LEFT_STALLED
-    | fault::RIGHT_STALLED
-    | fault::LEFT_REVERSED
-    | fault::RIGHT_REVERSED
-    | fault::ENCODER_JUMP;
+const WHEELS: Faults = Faults::LEFT_STALLED
+    .union(Faults::RIGHT_STALLED)
+    .union(Faults::LEFT_REVERSED)
+    .union(Faults::RIGHT_REVERSED)
+    .union(Faults::ENCODER_JUMP);
 
 /// A robot whose wheels do not turn is stopped in time: told to turn from a start, by any percentage,
 /// it brakes and is faulted after [`EARLIEST`](drive_monitor::EARLIEST) ticks at the earliest, and after
@@ -113,10 +113,10 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
         robot.on_frame(&frame, len, sample.now, &mut log);
         let outputs = robot.on_tick(sample, &[], &mut log);
         sample.now = sample.now.after(10_000);
-        let accused = robot.faults() & WHEELS != 0;
+        let accused = robot.faults().intersects(WHEELS);
         if accused {
             assert!(robot.state() == State::Faulted);
-            assert!(outputs.left == Drive::Brake && outputs.right == Drive::Brake);
+            assert!(outputs.left == MotorCommand::Brake && outputs.right == MotorCommand::Brake);
             // The first tick only told them: so many have been judged.
             after = after.or(Some(tick));
         }

@@ -1,8 +1,7 @@
 //! The units' own arithmetic.
 
-use fw_core::units::{Duty, Micros, Turns};
-
 use crate::property::Seen;
+use fw_core::types::{Duty, Micros, Turns};
 
 /// A span is measured right wherever the clock wraps.
 pub fn span_survives_the_wrap(start: Micros, span: u32) -> Seen {

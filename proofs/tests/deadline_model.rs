@@ -12,8 +12,8 @@ use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{Intent, Permit, Supervisor};
-use fw_core::units::Micros;
-use fw_core::wire::{fault, Order};
+use fw_core::types::{Faults, Micros};
+use fw_core::wire::Order;
 use proofs::search::{search, Model};
 
 const DEADLINE_MS: u16 = 100;
@@ -30,7 +30,7 @@ const START: u64 = (1 << 32) - 3 * PERIOD;
 const TICKS: u8 = 7;
 const FRAMES: u8 = 3;
 /// A fault that blocks.
-const FAULT: u16 = fault::LEFT_STALLED;
+const FAULT: Faults = Faults::LEFT_STALLED;
 
 /// What a fresh frame says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,7 +54,11 @@ impl Word {
                 Self::Resume => Order::Resume,
                 Self::Alive | Self::Cured => Order::None,
             },
-            clear: if self == Self::Cured { u16::MAX } else { 0 },
+            clear: if self == Self::Cured {
+                Faults::ALL_BITS
+            } else {
+                Faults::NONE
+            },
         }
     }
 }

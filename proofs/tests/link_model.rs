@@ -11,7 +11,7 @@ use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{Intent, Permit, Supervisor};
-use fw_core::units::Micros;
+use fw_core::types::Micros;
 use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FRAME};
 use proofs::search::{search, Model};
 

@@ -2,7 +2,8 @@
 //! wrong with the part.
 
 use fw_core::eeprom::{encode, first_board, Config, IMAGE_LEN};
-use fw_core::wire::{fault, Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_FRAME};
+use fw_core::types::Faults;
+use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_FRAME};
 use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::Room;
@@ -169,9 +170,12 @@ fn a_wheel_that_slips_for_a_second_costs_the_heading_less_than_a_degree_with_the
     assert!(degrees_without >= 20.0, "{degrees_without:.2}°");
     // It drove on to where it should be, in truth.
     assert!(target.0.hypot(target.1 - 1500.0) < 40.0, "{target:?}");
-    let faults = with.last.faults & (fault::SLIP | fault::GYRO_LOST);
-    assert_eq!(faults, fault::SLIP, "{}", with.log());
-    assert_eq!(without.last.faults & (fault::SLIP | fault::GYRO_LOST), 0);
+    let faults = with.last.faults & (Faults::SLIP | Faults::GYRO_LOST);
+    assert_eq!(faults, Faults::SLIP, "{}", with.log());
+    assert!(!without
+        .last
+        .faults
+        .intersects(Faults::SLIP | Faults::GYRO_LOST));
     let log = with.log();
     let bias: f64 = log
         .split("gyro: bias ")
@@ -204,7 +208,10 @@ fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
     for robot in [&mut with, &mut without] {
         let (mm, degrees) = robot.off();
         assert!(mm < 0.5 && degrees < 0.05, "{mm} mm, {degrees}°");
-        assert_eq!(robot.last.faults & (fault::SLIP | fault::GYRO_LOST), 0);
+        assert!(!robot
+            .last
+            .faults
+            .intersects(Faults::SLIP | Faults::GYRO_LOST));
     }
     assert!(with.log().contains("gyro: agrees"), "{}", with.log());
     assert!(!with.log().contains("slip"), "{}", with.log());
@@ -225,7 +232,7 @@ fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
     assert!(degrees < 2.5, "{degrees}°\n{}", with.log());
     let back = with.truth().2 - held.2;
     assert!(back.abs() < 3.5, "{back}°\n{}", with.log());
-    assert_ne!(with.last.faults & fault::SLIP, 0);
+    assert!(with.last.faults.intersects(Faults::SLIP));
 }
 
 /// How one drive with something wrong went.
@@ -257,8 +264,8 @@ fn broken(mpu: Option<Mpu6050Params>, breaks: impl FnOnce(&Robot), told: &str) -
         assert!(late < 5_000, "{told}: a tick {late} ns off");
     }
     assert_eq!(robot.rejected, 0, "{told}");
-    let faults = robot.last.faults & (fault::SLIP | fault::GYRO_LOST);
-    assert_eq!(faults, fault::GYRO_LOST, "{told}\n{}", robot.log());
+    let faults = robot.last.faults & (Faults::SLIP | Faults::GYRO_LOST);
+    assert_eq!(faults, Faults::GYRO_LOST, "{told}\n{}", robot.log());
     assert!(robot.log().contains(told), "{told}\n{}", robot.log());
     assert!(robot.log().contains("encoders alone"), "{}", robot.log());
     assert!(robot.rig.board.resets().is_empty());

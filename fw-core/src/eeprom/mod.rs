@@ -37,7 +37,7 @@ pub use error::{ConfigError, Value};
 pub use field::{Accepted, Field, Kind, FIELDS};
 
 use crate::binary64::Binary64;
-use crate::wire::Mode;
+use crate::wire::{Mode, Setup};
 
 /// Bytes of the image that carry a meaning: pages 0x00 to 0x03.
 pub const IMAGE_LEN: usize = 0x400;
@@ -217,6 +217,17 @@ impl Divider {
         upper: u32::MAX,
         lower: u32::MAX,
     };
+}
+
+impl From<&Config> for Setup {
+    fn from(config: &Config) -> Self {
+        Self {
+            mode: config.mode,
+            key_from_pi: config.key_from_pi,
+            key_from_stm: config.key_from_stm,
+            cells: config.cells,
+        }
+    }
 }
 
 /// The first board as it ran: what a new EEPROM starts from.

@@ -1,7 +1,6 @@
 //! The stop deadline: no fresh valid frame for the configured time, no motion.
 
-use crate::units::Micros;
-
+use crate::types::Micros;
 /// Watches how long the last fresh valid frame is ago. Once run out it stays so until a fresh
 /// frame, however long that takes: the clock's wrap after 71.6 minutes never makes silence fresh.
 ///

@@ -13,11 +13,8 @@
 //! wheel was driven like that before, and at most 1.27 s after anything else. Between 20 and 25 % it
 //! takes longer. Nothing is judged below that, or while braked or coasting.
 
-use super::mixer::Wheels;
-use super::odometry::Delta;
 use crate::eeprom::Platform;
-use crate::robot::Drive;
-use crate::wire::fault;
+use crate::types::{Delta, Faults, MotorCommand, MotorCommands};
 
 /// Duty beyond the dead zone from which on a wheel must turn, hundredths of a percent, 8 fractional
 /// bits.
@@ -44,8 +41,8 @@ struct Watch {
 /// The bits of [`fault`] that a wheel can earn.
 #[derive(Clone, Copy, Debug)]
 struct Suspicion {
-    stalled: u16,
-    reversed: u16,
+    stalled: Faults,
+    reversed: Faults,
 }
 
 impl Watch {
@@ -61,15 +58,15 @@ impl Watch {
     }
 
     /// Bits of [`fault`], 0 if all is well.
-    fn step(&mut self, told: Drive, counts: i32, least: i32) -> u16 {
-        let Drive::Run(duty) = told else {
+    fn step(&mut self, told: MotorCommand, counts: i32, least: i32) -> Faults {
+        let MotorCommand::Run(duty) = told else {
             *self = Self {
                 lagged: [0; 2],
                 ticks: 0,
                 counts: 0,
                 ..*self
             };
-            return 0;
+            return Faults::NONE;
         };
         let duty = i32::from(duty.hundredths());
         let duty = if self.reversed { -duty } else { duty };
@@ -87,14 +84,14 @@ impl Watch {
         if driven < MUST_TURN {
             self.ticks = 0;
             self.counts = 0;
-            return 0;
+            return Faults::NONE;
         }
         // A jump is another fault; here it only must not overflow.
         let counts = counts.clamp(-0x8000, 0x8000);
         self.counts += if told > 0 { counts } else { -counts };
         self.ticks += 1;
         if self.ticks < WINDOW {
-            return 0;
+            return Faults::NONE;
         }
         let turned = self.counts;
         self.ticks = 0;
@@ -104,7 +101,7 @@ impl Watch {
         } else if turned < least {
             self.suspicion.stalled
         } else {
-            0
+            Faults::NONE
         }
     }
 }
@@ -130,16 +127,16 @@ impl DriveMonitor {
                 platform.dead_zone_left,
                 platform.motor_left_reversed,
                 Suspicion {
-                    stalled: fault::LEFT_STALLED,
-                    reversed: fault::LEFT_REVERSED,
+                    stalled: Faults::LEFT_STALLED,
+                    reversed: Faults::LEFT_REVERSED,
                 },
             ),
             right: Watch::new(
                 platform.dead_zone_right,
                 platform.motor_right_reversed,
                 Suspicion {
-                    stalled: fault::RIGHT_STALLED,
-                    reversed: fault::RIGHT_REVERSED,
+                    stalled: Faults::RIGHT_STALLED,
+                    reversed: Faults::RIGHT_REVERSED,
                 },
             ),
             least: (turn / 128).max(2),
@@ -151,11 +148,11 @@ impl DriveMonitor {
     /// [`fault`], 0 if all is well.
     // Requirement: WIRE-status-3
     #[must_use]
-    pub fn step(&mut self, told: &Wheels, delta: &Delta) -> u16 {
+    pub fn step(&mut self, told: &MotorCommands, delta: &Delta) -> Faults {
         let mut faults = self.left.step(told.left, delta.left, self.least)
             | self.right.step(told.right, delta.right, self.least);
         if delta.left.saturating_abs() > self.most || delta.right.saturating_abs() > self.most {
-            faults |= fault::ENCODER_JUMP;
+            faults |= Faults::ENCODER_JUMP;
         }
         faults
     }

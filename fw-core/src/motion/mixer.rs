@@ -9,28 +9,9 @@
 
 use fixed::types::I16F16;
 
-use super::odometry::Delta;
 use crate::divide::ratio;
 use crate::eeprom::Platform;
-use crate::robot::Drive;
-use crate::units::Duty;
-
-/// What both bridges are told.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wheels {
-    /// The left motor.
-    pub left: Drive,
-    /// The right motor.
-    pub right: Drive,
-}
-
-impl Wheels {
-    /// Both motors shorted.
-    pub const BRAKE: Self = Self {
-        left: Drive::Brake,
-        right: Drive::Brake,
-    };
-}
+use crate::types::{Delta, Duty, MotorCommand, MotorCommands};
 
 /// 1 %, 2⁻¹⁶.
 const PERCENT: i32 = 1 << 16;
@@ -172,7 +153,7 @@ impl Mixer {
     /// Forward and counter-clockwise rotation, percent.
     // Requirement: WIRE-eeprom-6
     #[must_use]
-    pub fn mix(&mut self, forward: I16F16, rotation: I16F16) -> Wheels {
+    pub fn mix(&mut self, forward: I16F16, rotation: I16F16) -> MotorCommands {
         let rotation = rotation.to_bits().min(self.reach).max(-self.reach);
         let room = self.reach - rotation.abs();
         let forward = forward.to_bits().min(room).max(-room);
@@ -185,7 +166,7 @@ impl Mixer {
     /// modes measure must be the motors, not our compensation.
     // Requirement: WIRE-eeprom-6
     #[must_use]
-    pub fn raw(&mut self, left: i32, right: i32) -> Wheels {
+    pub fn raw(&mut self, left: i32, right: i32) -> MotorCommands {
         self.stand();
         self.wheels(
             left.min(self.limit_left).max(-self.limit_left),
@@ -195,9 +176,9 @@ impl Mixer {
 
     /// Both motors braked.
     #[must_use]
-    pub fn brake(&mut self) -> Wheels {
+    pub fn brake(&mut self) -> MotorCommands {
         self.stand();
-        Wheels::BRAKE
+        MotorCommands::BRAKE
     }
 
     /// The motors are not driven: what they do now says nothing about them.
@@ -206,11 +187,11 @@ impl Mixer {
         self.right.effective = 0;
     }
 
-    fn wheels(&self, left: i32, right: i32) -> Wheels {
+    fn wheels(&self, left: i32, right: i32) -> MotorCommands {
         let run = |duty: i32, reversed: bool| {
-            Drive::Run(Duty::saturating(if reversed { -duty } else { duty }))
+            MotorCommand::Run(Duty::saturating(if reversed { -duty } else { duty }))
         };
-        Wheels {
+        MotorCommands {
             left: run(left, self.left_reversed),
             right: run(right, self.right_reversed),
         }

@@ -18,6 +18,5 @@ pub mod trig;
 
 pub use deadline::StopDeadline;
 pub use drive_monitor::DriveMonitor;
-pub use mixer::Wheels;
-pub use odometry::{Delta, Odometry};
+pub use odometry::Odometry;
 pub use pose_controller::PoseController;

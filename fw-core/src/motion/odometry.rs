@@ -29,21 +29,7 @@ use fixed::types::{I16F16, I32F32};
 use super::trig::{nearest, plus, split, upper, Reduced};
 use crate::divide::div_rem;
 use crate::eeprom::Platform;
-use crate::units::{Millimetres, Pose, Turns};
-
-/// What the wheels did in one tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Delta {
-    /// Counts the left wheel rolled, forward positive.
-    pub left: i32,
-    /// Counts the right wheel rolled, forward positive, −32 768 ..= 32 768.
-    pub right: i32,
-    /// Millimetres the axle's centre moved along its path; what lies beyond the range becomes its end,
-    /// to 0.001 mm.
-    pub travel: I16F16,
-    /// How far the robot turned, 2⁻³² turns, counter-clockwise positive.
-    pub turn: i32,
-}
+use crate::types::{Delta, Millimetres, Pose, Turns};
 
 /// A factor of counts, `high·2³² + low`.
 #[derive(Clone, Copy, Debug)]

@@ -25,11 +25,10 @@ mod tracking_error;
 
 use fixed::types::I16F16;
 
-use super::mixer::{Mixer, Wheels};
-use super::odometry::Delta;
+use super::mixer::Mixer;
 use super::pid::Pid;
 use crate::eeprom::Config;
-use crate::units::{Duty, Pose, Turns};
+use crate::types::{Delta, Duty, MotorCommands, Pose, Turns};
 use stiction::{Nudge, Plan, Rate};
 use tracking_error::{View, UNIT};
 
@@ -170,7 +169,7 @@ impl PoseController {
     /// One tick: `pose` and `delta` are the odometry's after this tick's counters.
     // Requirement: DOC-5.2.1-1, DOC-6.0.2-2
     #[must_use]
-    pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> Wheels {
+    pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> MotorCommands {
         self.mixer.observe(delta);
         self.held = None;
         let speed = self.speed.step(delta.travel);
@@ -294,7 +293,7 @@ impl PoseController {
     /// no PID and no compensation. Zero brakes.
     // Requirement: DOC-5.2.2-1, WIRE-modes-3
     #[must_use]
-    pub fn tune_rotate(&mut self, duty: Duty) -> Wheels {
+    pub fn tune_rotate(&mut self, duty: Duty) -> MotorCommands {
         self.halt();
         if duty == Duty::ZERO {
             return self.mixer.brake();
@@ -307,7 +306,7 @@ impl PoseController {
     /// angle at which this began. Zero brakes and forgets the angle.
     // Requirement: DOC-5.2.3-1, WIRE-modes-4
     #[must_use]
-    pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> Wheels {
+    pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> MotorCommands {
         self.phase = Phase::Idle;
         if duty == Duty::ZERO {
             self.held = None;

@@ -13,8 +13,7 @@
 //! | `Reduced`'s cosine | ≤ 3.6e-10 | likewise, all 2³² |
 //! | [`direction`] | ≤ 8e-6 turns | test below |
 
-use crate::units::Turns;
-
+use crate::types::Turns;
 /// High word of a product, floor.
 #[inline]
 const fn high(a: u32, b: u32) -> u32 {

@@ -3,10 +3,9 @@
 
 use super::Robot;
 use crate::log::{Level, Log};
-use crate::motion::Delta;
 use crate::sensing::gyro::{self, Event, GyroFusion};
 use crate::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
-use crate::wire::fault;
+use crate::types::{Delta, Faults, HeadingCorrection};
 
 /// Who watches over the heading.
 #[derive(Clone, Debug)]
@@ -68,20 +67,20 @@ impl Robot {
         let correction;
         (correction, events[1]) = guard.gyro.step(reading, &self.delta, turn);
         guard.added = correction.tick;
-        if correction != gyro::Correction::default() {
+        if correction != HeadingCorrection::default() {
             self.odometry.apply_slip(correction, &self.delta);
         }
         for event in events.into_iter().flatten() {
             match event {
                 Event::Trusted => guard.lost = false,
                 Event::SlipTimedOut | Event::Mismatch => guard.lost = true,
-                Event::SlipStarted => self.supervisor.raise(fault::SLIP),
+                Event::SlipStarted => self.supervisor.raise(Faults::SLIP),
                 Event::BiasUpdated(_) | Event::SlipEnded(_) => {}
             }
             tell(event, log);
         }
         if guard.lost {
-            self.supervisor.raise(fault::GYRO_LOST);
+            self.supervisor.raise(Faults::GYRO_LOST);
         }
         order
     }

@@ -1,19 +1,7 @@
 //! What the registers hand to the robot and what the robot hands back.
 
-use crate::units::{Duty, Micros};
+use crate::types::{Micros, MotorCommand, RangefinderId};
 use crate::wire::State;
-
-/// What a motor's bridge is told.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Drive {
-    /// Enable low: the wheel turns freely. What a reset leaves and what every failure ends in.
-    #[default]
-    Coast,
-    /// Both inputs alike, enable high: the motor is shorted and stops by itself.
-    Brake,
-    /// Duty and direction.
-    Run(Duty),
-}
 
 /// The raw readings of one 100 Hz tick, latched together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,41 +14,15 @@ pub struct Sample {
     pub right: u16,
 }
 
-/// A rangefinder, in the order of the frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rangefinder {
-    /// Trig3, Echo3.
-    Front = 0,
-    /// Trig2, Echo2.
-    Right = 1,
-    /// Trig1, Echo1.
-    Left = 2,
-}
-
-impl Rangefinder {
-    /// All of them, in the order of the frame.
-    pub const ALL: [Self; 3] = [Self::Front, Self::Right, Self::Left];
-
-    /// Its word.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Front => "front",
-            Self::Right => "right",
-            Self::Left => "left",
-        }
-    }
-}
-
 /// What a tick tells the registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
     /// The left motor.
-    pub left: Drive,
+    pub left: MotorCommand,
     /// The right motor.
-    pub right: Drive,
+    pub right: MotorCommand,
     /// The rangefinder to trigger now, if it is one's turn.
-    pub trigger: Option<Rangefinder>,
+    pub trigger: Option<RangefinderId>,
     /// The one pulse to send the servo now, microseconds high, if it is time for one. A servo that is
     /// sent none has no force.
     pub servo: Option<u16>,

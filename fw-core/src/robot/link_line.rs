@@ -5,7 +5,7 @@
 //! reader notices a digit that the wire took.
 
 use crate::log::{Level, Line, Log};
-use crate::units::Micros;
+use crate::types::Micros;
 use crate::wire::{Cause, LinkCounters};
 
 /// Whether the line is built in.

@@ -16,21 +16,20 @@ mod reply;
 mod supervisor;
 mod telling;
 
-pub use io::{leds, Drive, Outputs, Rangefinder, Sample};
-pub use supervisor::{Intent, Permit, Supervisor, BLOCKING};
+pub use io::{leds, Outputs, Sample};
+pub use supervisor::{Intent, Permit, Supervisor};
 
 use crate::binary64::Binary64;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
-use crate::motion::{Delta, DriveMonitor, Odometry, PoseController, StopDeadline, Wheels};
+use crate::motion::{DriveMonitor, Odometry, PoseController, StopDeadline};
 use crate::sensing::battery::MAX_CELLS;
 use crate::sensing::{Battery, EchoStats, Rangefinders, ServoScan};
 #[cfg(feature = "acoustics")]
 use crate::sensing::{Calibration, Thermometer};
-use crate::units::{Duty, Micros, Pose};
+use crate::types::{Delta, Duty, Faults, Micros, MotorCommands, Pose, RangefinderId};
 use crate::wire::{
-    fault, CellCode, Command, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State,
-    StmLink,
+    CellCode, Command, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State, StmLink,
 };
 #[cfg(feature = "gyro")]
 use guard::Guard;
@@ -88,7 +87,7 @@ pub struct Robot {
     controller: PoseController,
     plausibility: DriveMonitor,
     /// What the motors have been told since the last tick.
-    told: Wheels,
+    told: MotorCommands,
     battery: Battery,
     rangefinders: Rangefinders,
     servo_scan: ServoScan,
@@ -135,7 +134,7 @@ impl Robot {
             guard: Guard::new(),
             controller: PoseController::new(config),
             plausibility: DriveMonitor::new(platform),
-            told: Wheels::default(),
+            told: MotorCommands::default(),
             battery: Battery::new(config),
             // The sweep is of one, which then need not wait for the others.
             rangefinders: Rangefinders::new(if cfg!(feature = "sweep") && sweeps {
@@ -179,7 +178,7 @@ impl Robot {
         // Requirement: WIRE-fault-10
         if self.dropped != log.dropped() {
             self.dropped = log.dropped();
-            self.raise(fault::LOG_DROPPED, log);
+            self.raise(Faults::LOG_DROPPED, log);
         }
 
         // Requirement: WIRE-deadline-3
@@ -190,10 +189,10 @@ impl Robot {
             Want::Constant(duty) => duty != Duty::ZERO,
         };
         let wheels = match self.supervisor.on_tick(sample.now, wanted, busy) {
-            Permit::Coast => Wheels::default(),
+            Permit::Coast => MotorCommands::default(),
             Permit::Brake => {
                 self.stand();
-                Wheels::BRAKE
+                MotorCommands::BRAKE
             }
             Permit::Drive => self.drive(&pose),
         };
@@ -219,7 +218,7 @@ impl Robot {
     /// The servo's pulse and the rangefinder to trigger. Nobody talks to the robot, or a fault has
     /// stopped it: the servo rests.
     // Requirement: WIRE-servo-1
-    fn look(&mut self, now: Micros) -> (Option<u16>, Option<Rangefinder>) {
+    fn look(&mut self, now: Micros) -> (Option<u16>, Option<RangefinderId>) {
         let live = self.supervisor.attended(now) && self.supervisor.state() != State::Faulted;
         let servo = self.servo_scan.tick(live);
         if self.servo_scan.is_off() {
@@ -228,7 +227,7 @@ impl Robot {
         let trigger = self
             .rangefinders
             .tick(now, self.servo_scan.settled_bearing());
-        if trigger == Some(Rangefinder::Front) {
+        if trigger == Some(RangefinderId::Front) {
             self.servo_scan.triggered();
         }
         (servo, trigger)
@@ -248,9 +247,9 @@ impl Robot {
         }
     }
 
-    fn drive(&mut self, pose: &Pose) -> Wheels {
+    fn drive(&mut self, pose: &Pose) -> MotorCommands {
         match (self.want, self.measure) {
-            (Want::Nothing, _) => Wheels::default(),
+            (Want::Nothing, _) => MotorCommands::default(),
             (Want::Target, _) => {
                 if !self.controller.moving() && !self.controller.arrived() {
                     // Halted since the target was set.
@@ -362,7 +361,7 @@ impl Robot {
     // Requirement: WIRE-chain-2, WIRE-fault-2, WIRE-rejected-4
     #[cold]
     fn on_rejected(&mut self, error: FrameError) {
-        self.supervisor.raise(fault::FRAME_REJECTED);
+        self.supervisor.raise(Faults::FRAME_REJECTED);
         self.telling.rejected(error);
     }
 
@@ -370,7 +369,7 @@ impl Robot {
     // Requirement: WIRE-spi-3
     pub fn on_lost_frames(&mut self, frames: u32, log: &mut Log) {
         self.link.overrun(frames);
-        self.supervisor.raise(fault::FRAME_REJECTED);
+        self.supervisor.raise(Faults::FRAME_REJECTED);
         log.line(Level::Warn, |line| {
             line.int(frames.into())
                 .text(" frames came too fast and were lost");
@@ -378,7 +377,7 @@ impl Robot {
     }
 
     /// An echo of the rangefinder triggered last: both edges on the robot's clock.
-    pub fn on_echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
+    pub fn on_echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
         self.rangefinders.echo(which, rise, fall);
         self.sense_range(which);
     }
@@ -400,16 +399,16 @@ impl Robot {
 
     /// Latches faults that the registers found.
     #[inline]
-    pub fn raise(&mut self, faults: u16, log: &mut Log) {
-        if faults & !self.supervisor.faults() != 0 {
+    pub fn raise(&mut self, faults: Faults, log: &mut Log) {
+        if !faults.difference(self.supervisor.faults()).is_empty() {
             self.latch(faults, log);
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn latch(&mut self, faults: u16, log: &mut Log) {
-        telling::faults(faults & !self.supervisor.faults(), log);
+    fn latch(&mut self, faults: Faults, log: &mut Log) {
+        telling::faults(faults.difference(self.supervisor.faults()), log);
         self.supervisor.raise(faults);
     }
 
@@ -428,9 +427,9 @@ impl Robot {
         self.supervisor.state()
     }
 
-    /// Latched faults, bits of [`fault`].
+    /// Latched faults, see [`Faults::TABLE`].
     #[must_use]
-    pub const fn faults(&self) -> u16 {
+    pub const fn faults(&self) -> Faults {
         self.supervisor.faults()
     }
 
@@ -443,7 +442,7 @@ impl Robot {
 
     /// How a rangefinder's triggers ended so far.
     #[must_use]
-    pub fn stats(&self, which: Rangefinder) -> EchoStats {
+    pub fn stats(&self, which: RangefinderId) -> EchoStats {
         self.rangefinders.stats(which)
     }
 
@@ -486,12 +485,13 @@ fn percent(percent: Binary64) -> Duty {
 const PERCENT_100: i64 = 100 << 32;
 
 // Requirement: WIRE-fault-3, WIRE-fault-4
-const fn battery_faults(battery: &Battery) -> u16 {
-    let low = if battery.low() { fault::BATTERY_LOW } else { 0 };
-    let empty = if battery.empty() {
-        fault::BATTERY_CUTOFF
-    } else {
-        0
-    };
-    low | empty
+const fn battery_faults(battery: &Battery) -> Faults {
+    let mut faults = Faults::NONE;
+    if battery.low() {
+        faults = faults.union(Faults::BATTERY_LOW);
+    }
+    if battery.empty() {
+        faults = faults.union(Faults::BATTERY_CUTOFF);
+    }
+    faults
 }

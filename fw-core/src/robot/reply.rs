@@ -3,8 +3,7 @@
 
 use super::{Measure, Robot};
 use crate::binary64::Binary64;
-use crate::robot::Rangefinder;
-use crate::units::Pose;
+use crate::types::{Pose, RangefinderId};
 use crate::wire::{CellCode, DistanceCode, PoseCode, MAX_FRAME};
 
 impl Robot {
@@ -22,8 +21,8 @@ impl Robot {
 
     /// A distance, and with the front one's the bearing that it was taken at.
     // Requirement: WIRE-bearing-3
-    pub(super) fn sense_range(&mut self, which: Rangefinder) {
-        if cfg!(feature = "sweep") && which == Rangefinder::Front {
+    pub(super) fn sense_range(&mut self, which: RangefinderId) {
+        if cfg!(feature = "sweep") && which == RangefinderId::Front {
             self.said.bearing = self.rangefinders.reading(which).bearing;
         }
         if let Some(range) = self.said.ranges.get_mut(which as usize) {

@@ -4,16 +4,8 @@
 //! [`Permit`] of the tick. Everything that can move a wheel asks it; nothing else decides.
 
 use crate::motion::StopDeadline;
-use crate::units::Micros;
-use crate::wire::{fault, Order, State};
-
-/// Faults that keep the motors off until they are cleared, by the Pi in guarded modes, else by reset.
-pub const BLOCKING: u16 = fault::BATTERY_CUTOFF
-    | fault::LEFT_STALLED
-    | fault::RIGHT_STALLED
-    | fault::ENCODER_JUMP
-    | fault::LEFT_REVERSED
-    | fault::RIGHT_REVERSED;
+use crate::types::{Faults, Micros};
+use crate::wire::{Order, State};
 
 /// What a fresh valid frame asks of the supervisor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +16,7 @@ pub struct Intent {
     /// Guarded modes.
     pub order: Order,
     /// Guarded modes: faults to clear.
-    pub clear: u16,
+    pub clear: Faults,
 }
 
 /// What a tick may do with the motors.
@@ -45,7 +37,7 @@ pub struct Supervisor {
     /// A fresh frame has arrived since the reset: from then on silence means something.
     linked: bool,
     state: State,
-    faults: u16,
+    faults: Faults,
     /// Stopped, by the deadline, by order or by a fault; only an explicit word ends it.
     halted: bool,
 }
@@ -58,7 +50,7 @@ impl Supervisor {
             deadline,
             linked: false,
             state: State::Ready,
-            faults: 0,
+            faults: Faults::NONE,
             halted: false,
         }
     }
@@ -75,18 +67,18 @@ impl Supervisor {
         self.halted
     }
 
-    /// Latched faults, bits of [`fault`].
+    /// Latched faults, see [`Faults::TABLE`].
     #[must_use]
-    pub const fn faults(&self) -> u16 {
+    pub const fn faults(&self) -> Faults {
         self.faults
     }
 
     /// Latches faults. A blocking one takes effect at once: the next permit is [`Permit::Brake`], even
     /// if the Pi clears the fault before that; leaving the stop takes a word.
     // Requirement: WIRE-status-1
-    pub const fn raise(&mut self, faults: u16) {
-        self.faults |= faults;
-        if self.faults & BLOCKING != 0 {
+    pub const fn raise(&mut self, faults: Faults) {
+        self.faults = self.faults.union(faults);
+        if self.faults.intersects(Faults::BLOCKING) {
             self.state = State::Faulted;
             self.halted = true;
         }
@@ -107,14 +99,14 @@ impl Supervisor {
         self.check_deadline(now);
         self.deadline.fresh(now);
         self.linked = true;
-        self.faults &= !intent.clear;
+        self.faults = self.faults.difference(intent.clear);
         match intent.order {
             Order::Stop => self.halted = true,
             Order::Resume => self.halted = false,
             Order::None => {
                 if intent.resumes {
                     if self.halted {
-                        self.faults &= !fault::LINK_LOST;
+                        self.faults = self.faults.difference(Faults::LINK_LOST);
                     }
                     self.halted = false;
                 }
@@ -127,7 +119,7 @@ impl Supervisor {
     // Requirement: WIRE-status-5
     pub fn on_tick(&mut self, now: Micros, wanted: bool, busy: bool) -> Permit {
         self.check_deadline(now);
-        if self.faults & BLOCKING != 0 {
+        if self.faults.intersects(Faults::BLOCKING) {
             // Whatever was under way is over: clearing the fault must not move the robot.
             self.halted = true;
             self.state = State::Faulted;
@@ -153,7 +145,7 @@ impl Supervisor {
     fn check_deadline(&mut self, now: Micros) {
         if self.linked && self.deadline.expired(now) && !self.halted {
             self.halted = true;
-            self.faults |= fault::LINK_LOST;
+            self.faults |= Faults::LINK_LOST;
         }
     }
 }
@@ -166,18 +158,11 @@ mod tests {
     const APPLY: Intent = Intent {
         resumes: true,
         order: Order::None,
-        clear: 0,
+        clear: Faults::NONE,
     };
 
     fn supervisor() -> Supervisor {
         Supervisor::new(StopDeadline::new(250))
-    }
-
-    #[test]
-    fn an_empty_battery_and_what_is_wrong_with_a_wheel_keep_the_motors_off() {
-        // As the table of the faults numbers them.
-        let bits = (0..16).filter(|bit| BLOCKING >> bit & 1 == 1);
-        assert!(bits.eq([4, 5, 6, 7, 8, 9]));
     }
 
     // Requirement: WIRE-deadline-3
@@ -188,7 +173,7 @@ mod tests {
             let now = Micros(second.wrapping_mul(1_000_000));
             assert_eq!(s.on_tick(now, false, false), Permit::Coast);
         }
-        assert_eq!((s.state(), s.faults()), (State::Ready, 0));
+        assert_eq!((s.state(), s.faults()), (State::Ready, Faults::NONE));
     }
 
     #[test]
@@ -222,7 +207,7 @@ mod tests {
         let order = |order| Intent {
             resumes: false,
             order,
-            clear: 0,
+            clear: Faults::NONE,
         };
         assert!(!s.halted());
         s.on_fresh(Micros(0), order(Order::Stop));
@@ -231,7 +216,7 @@ mod tests {
         assert!(s.halted());
         s.on_fresh(Micros(2), order(Order::Resume));
         assert!(!s.halted());
-        s.raise(fault::BATTERY_CUTOFF);
+        s.raise(Faults::BATTERY_CUTOFF);
         assert!(s.halted());
     }
 
@@ -251,7 +236,7 @@ mod tests {
             assert_eq!(s.on_tick(at(DEADLINE_US - 1), true, true), Permit::Drive);
             assert_eq!(s.state(), State::Moving);
             assert_eq!(s.on_tick(at(DEADLINE_US), true, true), Permit::Brake);
-            assert_eq!((s.state(), s.faults()), (State::Stopped, fault::LINK_LOST));
+            assert_eq!((s.state(), s.faults()), (State::Stopped, Faults::LINK_LOST));
             // It stays so however long the silence lasts, the clock's wraps included.
             for tick in 1..1_000_u32 {
                 let later = at(DEADLINE_US).after(tick.wrapping_mul(17_000_000));
@@ -289,7 +274,7 @@ mod tests {
         assert_eq!(s.on_tick(now, true, true), Permit::Drive);
         assert_eq!(
             s.faults(),
-            0,
+            Faults::NONE,
             "in Normal the resume is also what clears the latch"
         );
 
@@ -304,7 +289,7 @@ mod tests {
         assert_eq!(s.on_tick(now, true, true), Permit::Drive);
         assert_eq!(
             s.faults(),
-            fault::LINK_LOST,
+            Faults::LINK_LOST,
             "guarded: latched until cleared"
         );
     }
@@ -327,11 +312,11 @@ mod tests {
     #[test]
     fn every_blocking_fault_brakes_and_clearing_it_alone_does_not_move_the_robot() {
         for bit in 0..16 {
-            let fault = 1 << bit;
+            let fault = Faults::from_bits(1 << bit);
             let mut s = supervisor();
             s.on_fresh(Micros(0), APPLY);
             s.raise(fault);
-            if fault & BLOCKING == 0 {
+            if !fault.intersects(Faults::BLOCKING) {
                 assert_eq!(s.on_tick(Micros(1), true, true), Permit::Drive);
                 continue;
             }

@@ -2,11 +2,10 @@
 
 use crate::log::{Level, Line, Log};
 #[cfg(feature = "acoustics")]
-use crate::robot::Rangefinder;
 #[cfg(feature = "acoustics")]
 use crate::sensing::EchoStats;
-use crate::units::Duty;
-use crate::wire::{fault, FrameError, PoseCode, State};
+use crate::types::{Duty, Faults, RangefinderId};
+use crate::wire::{FrameError, PoseCode, State};
 
 /// Ticks without a line about rejected frames after one: a broken wire must not fill the log.
 const QUIET_TICKS: u16 = 100;
@@ -65,7 +64,7 @@ impl Telling {
     /// line.
     // Requirement: WIRE-log-9
     #[cfg(feature = "acoustics")]
-    pub(super) fn rangefinder(&mut self, which: Rangefinder, stats: &EchoStats, log: &mut Log) {
+    pub(super) fn rangefinder(&mut self, which: RangefinderId, stats: &EchoStats, log: &mut Log) {
         let Some(told) = self.silent.get_mut(which as usize) else {
             return;
         };
@@ -105,7 +104,7 @@ impl Telling {
     /// Once a tick: a line for a change of state, for the rejected frames kept back so far, or for a
     /// new target; one at a time, a line is the longest thing that a tick does. Whether there was one.
     // Requirement: DOC-2.1-3
-    pub(super) fn state(&mut self, state: State, faults: u16, log: &mut Log) -> bool {
+    pub(super) fn state(&mut self, state: State, faults: Faults, log: &mut Log) -> bool {
         self.quiet = self.quiet.saturating_sub(1);
         if state != self.state {
             self.state = state;
@@ -113,7 +112,7 @@ impl Telling {
                 State::Booting => (Level::Info, "booting"),
                 State::Ready => (Level::Info, "ready"),
                 State::Moving => (Level::Info, "moving"),
-                State::Stopped if faults & fault::LINK_LOST != 0 => {
+                State::Stopped if faults.intersects(Faults::LINK_LOST) => {
                     (Level::Warn, "stopped: no fresh frame in time")
                 }
                 State::Stopped => (Level::Warn, "stopped"),
@@ -172,10 +171,16 @@ impl Telling {
     }
 }
 
-/// Faults that were not latched before.
-pub(super) fn faults(new: u16, log: &mut Log) {
-    for (bit, level, text) in FAULTS {
-        if new & bit != 0 {
+/// Lines of faults that were not latched before: errors for those that stop the motors.
+pub(super) fn faults(new: Faults, log: &mut Log) {
+    for (bit, text) in LINES.into_iter().enumerate() {
+        let fault = Faults::from_bits(1 << bit);
+        if new.intersects(fault) && !text.is_empty() {
+            let level = if fault.intersects(Faults::BLOCKING) {
+                Level::Error
+            } else {
+                Level::Warn
+            };
             log.line(level, |line| {
                 line.text(text);
             });
@@ -183,11 +188,24 @@ pub(super) fn faults(new: u16, log: &mut Log) {
     }
 }
 
+/// Each fault's log line by its bit, empty for none: the part of the table that the firmware needs.
+const LINES: [&str; Faults::TABLE.len()] = {
+    let mut lines = [""; Faults::TABLE.len()];
+    let mut bit = 0;
+    while bit < lines.len() {
+        if let Some(line) = Faults::TABLE[bit].log_line {
+            lines[bit] = line;
+        }
+        bit += 1;
+    }
+    lines
+};
+
 /// A rangefinder that fell silent or answers again, and how its triggers ended so far.
 #[cfg(feature = "acoustics")]
 #[cold]
 #[inline(never)]
-fn rangefinder(which: Rangefinder, stats: &EchoStats, log: &mut Log) {
+fn rangefinder(which: RangefinderId, stats: &EchoStats, log: &mut Log) {
     log.line(Level::Warn, |line| {
         line.text(which.name())
             .text(if stats.consecutive_misses > 0 {
@@ -229,27 +247,6 @@ pub(super) fn pose(line: &mut Line, code: &PoseCode) {
         .decimal((i64::from(code.rotation) * 36_000) >> 15, 2)
         .text(" deg");
 }
-
-/// Every fault as its line.
-const FAULTS: [(u16, Level, &str); 9] = [
-    (
-        fault::CLOCK_FALLBACK,
-        Level::Warn,
-        "no crystal: running from the internal oscillator",
-    ),
-    (fault::BATTERY_LOW, Level::Warn, "battery low: charge it"),
-    (
-        fault::BATTERY_CUTOFF,
-        Level::Error,
-        "battery empty: motors off",
-    ),
-    (fault::LEFT_STALLED, Level::Error, "left wheel stalled"),
-    (fault::RIGHT_STALLED, Level::Error, "right wheel stalled"),
-    (fault::ENCODER_JUMP, Level::Error, "an encoder jumped"),
-    (fault::LEFT_REVERSED, Level::Error, "left wheel reversed"),
-    (fault::RIGHT_REVERSED, Level::Error, "right wheel reversed"),
-    (fault::RESTARTED, Level::Warn, "restarted after a failure"),
-];
 
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,7 @@ use fixed::types::U16F16;
 
 use crate::divide::div_rem;
 use crate::eeprom::{Config, Divider};
-use crate::units::Volts;
+use crate::types::Volts;
 
 /// Most cells of a battery (document, 6.0.3).
 pub const MAX_CELLS: usize = 8;

@@ -19,12 +19,10 @@
 //! | up for longer than that, 38 ms where nothing echoes | [`Echo::TimedOut`], then [`Echo::OutOfRange`] | 0xFFFF |
 //! | never rises, never falls, or falls at once | [`Echo::TimedOut`], then [`Echo::Missing`] | 0xFFFF |
 
+use crate::types::{Micros, Millimetres, RangefinderId};
 #[cfg(feature = "acoustics")]
 use fixed::types::I16F16;
 use fixed::types::I32F32;
-
-use crate::robot::Rangefinder;
-use crate::units::{Micros, Millimetres};
 
 /// Largest distance (document, 5.1.4), 2⁻³² mm.
 const FARTHEST: i64 = 2500 << 32;
@@ -172,7 +170,7 @@ impl Rangefinders {
     /// Every 10 ms: which one to trigger now, the front one pointing to `aim` (turn × 0x10000), and
     /// none while that is not known. A sensor that has not answered its last trigger by the next is
     /// [`Echo::Missing`].
-    pub fn tick(&mut self, now: Micros, aim: Option<u16>) -> Option<Rangefinder> {
+    pub fn tick(&mut self, now: Micros, aim: Option<u16>) -> Option<RangefinderId> {
         self.since = self.since.saturating_add(1);
         let slot = match self.count {
             0 => return None,
@@ -203,16 +201,16 @@ impl Rangefinders {
         self.since = 0;
         self.current = which;
         Some(match which {
-            0 => Rangefinder::Front,
-            1 => Rangefinder::Right,
-            _ => Rangefinder::Left,
+            0 => RangefinderId::Front,
+            1 => RangefinderId::Right,
+            _ => RangefinderId::Left,
         })
     }
 
     /// An echo's two edges. One that no trigger asked for, or whose edges cannot belong to the last
     /// trigger, is ignored: a missing edge never becomes a distance.
     // Requirement: WIRE-distance-1
-    pub fn echo(&mut self, which: Rangefinder, rise: Micros, fall: Micros) {
+    pub fn echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
         let pace = if cfg!(feature = "acoustics") {
             self.pace
         } else {
@@ -254,8 +252,8 @@ impl Rangefinders {
 
     /// One whose reading or stats may not be what it was when it was named here last, the front one
     /// before the others; nothing once all have been named.
-    pub fn take_updated(&mut self) -> Option<Rangefinder> {
-        let which = Rangefinder::ALL.get(self.news.trailing_zeros() as usize)?;
+    pub fn take_updated(&mut self) -> Option<RangefinderId> {
+        let which = RangefinderId::ALL.get(self.news.trailing_zeros() as usize)?;
         self.news &= self.news - 1;
         Some(*which)
     }
@@ -263,7 +261,7 @@ impl Rangefinders {
     /// The last reading with its bearing, which is the front one's own and the robot's else. It is at
     /// most one cycle old: what is not renewed becomes [`Echo::TimedOut`] and then [`Echo::Missing`].
     #[must_use]
-    pub fn reading(&self, which: Rangefinder) -> Reading {
+    pub fn reading(&self, which: RangefinderId) -> Reading {
         self.sensors
             .get(which as usize)
             .map_or_else(Reading::default, |sensor| sensor.reading)
@@ -271,7 +269,7 @@ impl Rangefinders {
 
     /// The distance, where there is one.
     #[must_use]
-    pub fn distance(&self, which: Rangefinder) -> Option<Millimetres> {
+    pub fn distance(&self, which: RangefinderId) -> Option<Millimetres> {
         match self.reading(which).echo {
             Echo::Distance(distance) => Some(distance),
             Echo::NotMeasured | Echo::TimedOut | Echo::OutOfRange | Echo::Missing => None,
@@ -280,7 +278,7 @@ impl Rangefinders {
 
     /// How its triggers ended so far.
     #[must_use]
-    pub fn stats(&self, which: Rangefinder) -> EchoStats {
+    pub fn stats(&self, which: RangefinderId) -> EchoStats {
         self.sensors
             .get(which as usize)
             .map_or_else(EchoStats::default, |sensor| sensor.stats)

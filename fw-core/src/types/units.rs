@@ -1,4 +1,4 @@
-//! Physical units. A bare number never crosses a public boundary.
+//! Physical units.
 
 use fixed::types::{I32F32, U16F16};
 
@@ -74,23 +74,12 @@ impl Duty {
     }
 }
 
-/// Where the robot is, or should be: x ahead of and y to the left of where it was switched on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Pose {
-    /// Along the axis the robot faced at reset.
-    pub x: Millimetres,
-    /// To the left of that axis.
-    pub y: Millimetres,
-    /// Counter-clockwise from that axis.
-    pub heading: Turns,
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_duty_is_what_was_asked_for_or_all_there_is() {
+    fn duty_saturating_beyond_full_clamps() {
         for asked in -20_001..=20_001 {
             let duty = Duty::saturating(asked).hundredths();
             assert_eq!(i32::from(duty), asked.clamp(-10_000, 10_000));

@@ -8,7 +8,7 @@
 )]
 
 use super::{CellCode, DistanceCode, PoseCode};
-use crate::units::{Millimetres, Pose, Turns, Volts};
+use crate::types::{Millimetres, Pose, Turns, Volts};
 use fixed::types::{I32F32, U16F16};
 
 impl PoseCode {

@@ -9,7 +9,6 @@ use super::{
     parse_command, parse_report, parse_whole, write_command, write_report, Cause, Command,
     FrameError, Mode, Reason, Report, Sequence, MAX_FRAME,
 };
-use crate::eeprom::Config;
 
 /// What both ends need to know to understand each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,17 +21,6 @@ pub struct Setup {
     pub key_from_stm: u8,
     /// Battery cells, 1 ..= 8.
     pub cells: u8,
-}
-
-impl From<&Config> for Setup {
-    fn from(config: &Config) -> Self {
-        Self {
-            mode: config.mode,
-            key_from_pi: config.key_from_pi,
-            key_from_stm: config.key_from_stm,
-            cells: config.cells,
-        }
-    }
 }
 
 /// Frames of the other end, counted. Counters stop at their largest value.

@@ -50,6 +50,7 @@ pub use link::{LinkCounters, PiLink, Setup, StmLink};
 pub use strategy::Strategy;
 
 use crate::binary64::Binary64;
+use crate::types::Faults;
 
 /// The longest frame of any mode, in bytes.
 pub const MAX_FRAME: usize = 26;
@@ -142,7 +143,7 @@ pub struct Command {
     /// Guarded modes.
     pub sequence: Sequence,
     /// Guarded modes: latched fault bits to clear.
-    pub clear_faults: u16,
+    pub clear_faults: Faults,
     /// Guarded modes.
     pub order: Order,
 }
@@ -162,42 +163,10 @@ pub struct Report {
     pub bearing: u16,
     /// Guarded modes.
     pub sequence: Sequence,
-    /// Guarded modes: latched faults, bits of [`fault`].
-    pub faults: u16,
+    /// Guarded modes: latched faults, see [`Faults::TABLE`].
+    pub faults: Faults,
     /// Guarded modes.
     pub state: State,
-}
-
-/// Bits of [`Report::faults`].
-pub mod fault {
-    /// No fresh valid frame within the stop deadline.
-    pub const LINK_LOST: u16 = 1 << 0;
-    /// The HSE crystal did not start; the clock runs from the HSI.
-    pub const CLOCK_FALLBACK: u16 = 1 << 1;
-    /// A frame was rejected or lost since the bit was cleared.
-    pub const FRAME_REJECTED: u16 = 1 << 2;
-    /// A cell is below the warning voltage.
-    pub const BATTERY_LOW: u16 = 1 << 3;
-    /// A cell is below the cut-off voltage; the motors stay off.
-    pub const BATTERY_CUTOFF: u16 = 1 << 4;
-    /// The left wheel does not follow its duty.
-    pub const LEFT_STALLED: u16 = 1 << 5;
-    /// The right wheel does not follow its duty.
-    pub const RIGHT_STALLED: u16 = 1 << 6;
-    /// An encoder jumped by more than a wheel can turn in a tick.
-    pub const ENCODER_JUMP: u16 = 1 << 7;
-    /// A left wheel turned against its duty.
-    pub const LEFT_REVERSED: u16 = 1 << 8;
-    /// A right wheel turned against its duty.
-    pub const RIGHT_REVERSED: u16 = 1 << 9;
-    /// The log queue dropped lines.
-    pub const LOG_DROPPED: u16 = 1 << 10;
-    /// The watchdog, a panic or a fault restarted the firmware.
-    pub const RESTARTED: u16 = 1 << 11;
-    /// A wheel slipped, or the robot was turned by force: the heading followed the gyroscope.
-    pub const SLIP: u16 = 1 << 12;
-    /// The configuration wants a gyroscope and there is none to rely on: encoders alone.
-    pub const GYRO_LOST: u16 = 1 << 13;
 }
 
 #[cfg(test)]

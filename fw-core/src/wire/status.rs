@@ -10,6 +10,7 @@
 use super::error::Reason;
 use super::strategy::{Context, Duties, Fault, Input, Output};
 use super::{Command, Order, Report, State};
+use crate::types::Faults;
 
 /// Sends faults and state one way, clearing and orders the other.
 #[derive(Debug)]
@@ -18,16 +19,16 @@ pub struct Status;
 /// Bits, and the input that stands before the last byte.
 // Requirement: WIRE-status-2
 #[inline]
-fn parse<'a>(input: &mut Input<'a>) -> Result<(u16, Input<'a>), Fault> {
+fn parse<'a>(input: &mut Input<'a>) -> Result<(Faults, Input<'a>), Fault> {
     let mut part = input.part::<3>()?;
-    let bits = u16::from_be_bytes(part.take()?);
+    let bits = Faults::from_bits(u16::from_be_bytes(part.take()?));
     Ok((bits, part))
 }
 
 // Requirement: WIRE-status-4
 #[inline]
-fn write(output: &mut Output<'_>, bits: u16, code: u8) {
-    output.put(bits.to_be_bytes());
+fn write(output: &mut Output<'_>, bits: Faults, code: u8) {
+    output.put(bits.bits().to_be_bytes());
     output.put([code]);
 }
 

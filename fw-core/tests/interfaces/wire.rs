@@ -1,9 +1,10 @@
 //! Modes, strategies, faults, states, orders, causes, examples.
 
-use crate::table::{rows, Row};
-use fw_core::robot::{leds, BLOCKING};
+use crate::table::rows;
+use fw_core::robot::leds;
+use fw_core::types::Faults;
 use fw_core::wire::{
-    chain, fault, frame_len, Cause, Mode, Order, PiLink, Setup, State, StmLink, Strategy,
+    chain, frame_len, Cause, Mode, Order, PiLink, Setup, State, StmLink, Strategy,
 };
 use serde_json::Value;
 
@@ -54,47 +55,27 @@ fn the_strategies_have_these_names_and_lengths() {
     }
 }
 
-/// The constants of `wire::fault` by their names, from the source: a new one cannot be missed.
-fn faults_in_source() -> Vec<(String, u16)> {
-    let source = include_str!("../../src/wire/mod.rs");
-    let (_, module) = source.split_once("pub mod fault {").expect("the module");
-    let (module, _) = module.split_once("\n}").expect("its end");
-    let constants = module.lines().filter_map(|line| {
-        let (name, bit) = line
-            .trim()
-            .strip_prefix("pub const ")?
-            .split_once(": u16 = 1 << ")?;
-        let bit: u16 = bit.strip_suffix(';')?.parse().ok()?;
-        Some((name.to_owned(), bit))
-    });
-    let constants: Vec<_> = constants.collect();
-    assert_eq!(constants.len(), module.matches("pub const ").count());
-    constants
-}
-
 // Requirement: WIRE-status-1
 #[test]
-fn the_fault_bits_are_these_and_these_of_them_keep_the_motors_off() {
-    let rows = rows(&["bit", "fault", "meaning", "motors"]);
-    let listed: Vec<_> = rows
-        .iter()
-        .map(|row| {
-            (
-                row.get("fault").to_owned(),
-                u16::try_from(row.number("bit")).unwrap(),
-            )
-        })
-        .collect();
-    assert_eq!(listed, faults_in_source());
-    // The source's text is the code's value.
-    assert_eq!((fault::LINK_LOST, fault::RESTARTED), (1 << 0, 1 << 11));
-    let off = |row: &Row| match row.get("motors") {
-        "off" => 1 << row.number("bit"),
-        "" => 0,
-        other => panic!("{other}"),
-    };
-    let blocking: u64 = rows.iter().map(off).sum();
-    assert_eq!(blocking, u64::from(BLOCKING));
+fn fault_table_matches_document() {
+    let rows = rows(&["bit", "fault", "meaning", "motors", "raised in"]);
+    assert_eq!(rows.len(), Faults::TABLE.len());
+    for (row, fault) in rows.iter().zip(Faults::TABLE) {
+        assert_eq!(1 << row.number("bit"), u64::from(fault.faults.bits()));
+        let name = row.get("fault").to_lowercase().replace('_', "-");
+        assert_eq!(name, fault.name);
+        assert_eq!(row.get("meaning"), fault.text);
+        let motors = if fault.blocking { "off" } else { "" };
+        assert_eq!(row.get("motors"), motors, "{name}");
+        assert_eq!(row.get("raised in"), fault.raised_in);
+        let path = format!("{}/../{}", env!("CARGO_MANIFEST_DIR"), fault.raised_in);
+        let source =
+            std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+        assert!(
+            source.contains(&format!("Faults::{}", row.get("fault"))),
+            "{path}"
+        );
+    }
 }
 
 // Requirement: WIRE-status-2, WIRE-status-6

@@ -1,13 +1,14 @@
 //! Faults that no part of the robot notices, but the robot as a whole.
 
 use crate::{percent, Bench};
-use fw_core::wire::{fault, Command, Mode};
+use fw_core::types::Faults;
+use fw_core::wire::{Command, Mode};
 
 // Requirement: WIRE-fault-10, WIRE-log-2
 #[test]
 fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
     let mut bench = Bench::new(Mode::GuardedTuneRotate, |_| {});
-    let lost = |bench: &Bench| bench.robot.faults() & fault::LOG_DROPPED != 0;
+    let lost = |bench: &Bench| bench.robot.faults().intersects(Faults::LOG_DROPPED);
     // A line a tick, and nobody takes them: 1 KiB is full within half a second.
     for _ in 0..100 {
         bench.frame(&percent(0.0));
@@ -23,10 +24,10 @@ fn dropped_lines_are_a_fault_and_after_it_was_cleared_only_new_ones_are() {
     // The last tick's own lines.
     bench.tick();
     let report = bench.frame(&Command {
-        clear_faults: fault::LOG_DROPPED,
+        clear_faults: Faults::LOG_DROPPED,
         ..Command::default()
     });
-    assert_ne!(report.faults & fault::LOG_DROPPED, 0, "the Pi is told");
+    assert!(report.faults.intersects(Faults::LOG_DROPPED));
     for _ in 0..100 {
         bench.frame(&percent(0.0));
         bench.tick();

@@ -6,8 +6,8 @@ mod platform;
 
 use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
-use fw_core::robot::{Drive, Outputs, Robot, Sample};
-use fw_core::units::Micros;
+use fw_core::robot::{Outputs, Robot, Sample};
+use fw_core::types::{Micros, MotorCommand};
 use fw_core::wire::{Command, Mode, PiLink, PoseCode, Report, Setup, MAX_FRAME};
 
 /// Microseconds from tick to tick.
@@ -98,9 +98,9 @@ fn percent(percent: f64) -> Command {
 }
 
 /// A motor's duty in hundredths of a percent; 0 for one that is not driven.
-fn duty(drive: Drive) -> i32 {
+fn duty(drive: MotorCommand) -> i32 {
     match drive {
-        Drive::Run(duty) => duty.hundredths().into(),
-        Drive::Brake | Drive::Coast => 0,
+        MotorCommand::Run(duty) => duty.hundredths().into(),
+        MotorCommand::Brake | MotorCommand::Coast => 0,
     }
 }

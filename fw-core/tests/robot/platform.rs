@@ -5,9 +5,10 @@
 
 use crate::{duty, go, percent, Bench};
 use fw_core::eeprom::{Platform, FIELDS};
-use fw_core::robot::{Outputs, Rangefinder};
+use fw_core::robot::Outputs;
 use fw_core::sensing::mpu6050::{BusRequest, BusResult};
-use fw_core::wire::{fault, CellCode, Command, Mode, Report, State};
+use fw_core::types::{Faults, RangefinderId};
+use fw_core::wire::{CellCode, Command, Mode, Report, State};
 use std::f64::consts::{PI, TAU};
 
 type Change = fn(&mut Platform);
@@ -183,7 +184,7 @@ fn swept(change: Change) -> Vec<(u16, u16)> {
         bench.frame(&Command::default());
         let Outputs { servo, trigger, .. } = bench.tick();
         if let Some(which) = trigger {
-            assert_eq!(which, Rangefinder::Front);
+            assert_eq!(which, RangefinderId::Front);
             let rise = bench.sample.now.after(500);
             bench.robot.on_echo(which, rise, rise.after(6_000));
             let mut report = Report::default();
@@ -326,18 +327,21 @@ fn the_battery_warns_and_cuts_off_where_the_page_says() {
         for _ in 0..200 {
             bench.tick();
         }
-        bench.robot.faults() & (fault::BATTERY_LOW | fault::BATTERY_CUTOFF)
+        bench.robot.faults() & (Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF)
     };
-    assert_eq!(faults(|_| {}), 0);
-    assert_eq!(faults(|platform| platform.battery_warn = 3590), 0);
+    assert_eq!(faults(|_| {}), Faults::NONE);
+    assert_eq!(
+        faults(|platform| platform.battery_warn = 3590),
+        Faults::NONE
+    );
     assert_eq!(
         faults(|platform| platform.battery_warn = 3610),
-        fault::BATTERY_LOW
+        Faults::BATTERY_LOW
     );
     let cut = |platform: &mut Platform| {
         (platform.battery_warn, platform.battery_cutoff) = (3610, 3610);
     };
-    assert_eq!(faults(cut), fault::BATTERY_LOW | fault::BATTERY_CUTOFF);
+    assert_eq!(faults(cut), Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF);
     // 0 is off, however empty the cells are.
     let mut off = bench(Mode::Normal, |platform| {
         (platform.battery_warn, platform.battery_cutoff) = (0, 0);
@@ -349,10 +353,10 @@ fn the_battery_warns_and_cuts_off_where_the_page_says() {
             bench.tick();
         }
     }
-    let both = fault::BATTERY_LOW | fault::BATTERY_CUTOFF;
+    let both = Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF;
     assert_eq!(
         (off.robot.faults() & both, on.robot.faults() & both),
-        (0, both)
+        (Faults::NONE, both)
     );
 }
 

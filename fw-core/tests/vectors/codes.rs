@@ -3,7 +3,7 @@
 use crate::json::{bytes, file, int, list, text, Value};
 use fixed::types::{I32F32, U0F32, U16F16};
 use fw_core::eeprom::crc32;
-use fw_core::units::{Millimetres, Pose, Turns, Volts};
+use fw_core::types::{Millimetres, Pose, Turns, Volts};
 use fw_core::wire::{code, crc::crc16, CellCode, DistanceCode, PoseCode};
 
 fn millimetres(text: &str) -> Millimetres {

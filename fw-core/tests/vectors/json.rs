@@ -1,6 +1,7 @@
 //! The vectors' files, and their values as the core's types.
 
 use fw_core::binary64::Binary64;
+use fw_core::types::Faults;
 use fw_core::wire::{
     Cause, CellCode, Command, DistanceCode, FrameError, Mode, Order, PoseCode, Report, Sequence,
     Setup, State,
@@ -174,7 +175,7 @@ pub fn command(values: &Value) -> Command {
         percent: double(values),
         tune: cell(values),
         sequence: sequence(values),
-        clear_faults: maybe(values, "clear_faults").unwrap_or_default(),
+        clear_faults: Faults::from_bits(maybe(values, "clear_faults").unwrap_or_default()),
         order: match &values["order"] {
             Value::Null => Order::default(),
             Value::String(word) => match word.as_str() {
@@ -203,7 +204,7 @@ pub fn report(values: &Value) -> Report {
         ],
         bearing: maybe(values, "bearing").unwrap_or_default(),
         sequence: sequence(values),
-        faults: maybe(values, "faults").unwrap_or_default(),
+        faults: Faults::from_bits(maybe(values, "faults").unwrap_or_default()),
         state: match &values["state"] {
             Value::Null => State::default(),
             word => (0..=u8::MAX)

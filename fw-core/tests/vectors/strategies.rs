@@ -4,7 +4,7 @@ use crate::json::{
     bytes, command, file, hex, int, is_command, is_written, list, maybe, report, text, Value,
 };
 use fixed::types::{I32F32, U0F32, U16F16};
-use fw_core::units::{Millimetres, Pose, Turns, Volts};
+use fw_core::types::{Millimetres, Pose, Turns, Volts};
 use fw_core::wire::code::bearing_code;
 use fw_core::wire::strategy::{Context, Input, Output};
 use fw_core::wire::{

@@ -127,7 +127,7 @@ fn a_robot_with_other_keys_is_found_out_within_ten_frames() {
 fn a_faulted_robot_is_not_driven() {
     let (board, mut machine) = machine(&config(Mode::GuardedNormal).image(), None);
     board.borrow_mut().report.state = State::Faulted;
-    board.borrow_mut().report.faults = fw_core::wire::fault::BATTERY_CUTOFF;
+    board.borrow_mut().report.faults = fw_core::types::Faults::BATTERY_CUTOFF;
     let error = drive(&mut machine).unwrap_err();
     assert!(
         matches!(&error, Error::Fault { faults, .. } if faults == "battery-cutoff"),

@@ -4,12 +4,12 @@
 //! tick of any kind at any time; then what must follow is demanded.
 
 use fw_core::motion::StopDeadline;
-use fw_core::robot::{Intent, Permit, Supervisor, BLOCKING};
-use fw_core::units::Micros;
-use fw_core::wire::{fault, Order, State};
+use fw_core::robot::{Intent, Permit, Supervisor};
+use fw_core::wire::{Order, State};
 
 use crate::input::{Input, Source};
 use crate::property::Seen;
+use fw_core::types::{Faults, Micros};
 
 /// Ticks come at least this often, microseconds: half the clock's range. The control tick is timed
 /// by hardware every 10 ms, and the watchdog resets what does not tick.
@@ -25,7 +25,7 @@ pub struct Past {
     /// When it came.
     pub at: Micros,
     /// Faults raised.
-    pub faults: u16,
+    pub faults: Faults,
     /// A tick after that time.
     pub tick: Option<u32>,
 }
@@ -80,7 +80,7 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
     let permit = supervisor.on_tick(fresh.after(silence), true, true);
     assert!(permit == Permit::Brake);
     assert!(supervisor.halted());
-    let blocked = supervisor.faults() & BLOCKING != 0;
+    let blocked = supervisor.faults().intersects(Faults::BLOCKING);
     assert!(
         supervisor.state()
             == if blocked {
@@ -89,7 +89,7 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
                 State::Stopped
             }
     );
-    assert!(in_time != Permit::Drive || supervisor.faults() & fault::LINK_LOST != 0);
+    assert!(in_time != Permit::Drive || supervisor.faults().intersects(Faults::LINK_LOST));
     Seen::NOTHING
         .case(0, in_time == Permit::Drive)
         .case(1, blocked)
@@ -99,7 +99,7 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
 /// Once stopped, nothing but a fresh frame lets it move again: no tick at any time, however many and
 /// however the clock stands, and no fault.
 // Requirement: WIRE-deadline-2
-pub fn stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: bool) -> Seen {
+pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) -> Seen {
     let mut supervisor = past.supervisor();
     if !supervisor.halted() {
         return Seen::NOTHING;
@@ -111,7 +111,7 @@ pub fn stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: boo
     assert!(supervisor.halted());
     assert!(supervisor.faults() & raised == raised);
     Seen::NOTHING
-        .case(0, supervisor.faults() & fault::LINK_LOST != 0)
+        .case(0, supervisor.faults().intersects(Faults::LINK_LOST))
         .case(1, supervisor.state() == State::Stopped)
         .case(2, supervisor.state() == State::Faulted)
 }
@@ -131,7 +131,7 @@ pub fn only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32
         Order::None => intent.resumes,
         Order::Stop => false,
     };
-    let blocked = supervisor.faults() & BLOCKING != 0;
+    let blocked = supervisor.faults().intersects(Faults::BLOCKING);
     if !word || blocked {
         assert!(permit == Permit::Brake);
     }
@@ -146,14 +146,14 @@ pub fn only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32
 // Requirement: WIRE-status-1
 pub fn fault_brakes_even_if_cleared_at_once(
     past: Past,
-    raised: u16,
+    raised: Faults,
     fresh: Micros,
-    clear: u16,
+    clear: Faults,
     after: u32,
 ) -> Seen {
     let mut supervisor = past.supervisor();
     supervisor.raise(raised);
-    if supervisor.faults() & BLOCKING == 0 {
+    if !supervisor.faults().intersects(Faults::BLOCKING) {
         return Seen::NOTHING;
     }
     let cured = Intent {
@@ -179,7 +179,7 @@ pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32
     let apply = Intent {
         resumes: true,
         order: Order::Resume,
-        clear: 0,
+        clear: Faults::NONE,
     };
     supervisor.on_fresh(fresh, apply);
     supervisor.on_fresh(fresh.after(silence), Intent::default());
@@ -195,7 +195,7 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
     let apply = Intent {
         resumes: true,
         order: Order::Resume,
-        clear: 0,
+        clear: Faults::NONE,
     };
     let mut supervisor = Supervisor::new(StopDeadline::new(deadline));
     supervisor.on_fresh(fresh, apply);
@@ -209,7 +209,7 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
         assert!(supervisor.on_tick(now, true, true) == Permit::Drive);
         supervisor.on_fresh(now, Intent::default());
     }
-    assert!(supervisor.faults() == 0 && supervisor.state() == State::Moving);
+    assert!(supervisor.faults().is_empty() && supervisor.state() == State::Moving);
     Seen::NOTHING.case(0, now.0 < fresh.0).case(1, gaps[0] > 0)
 }
 
@@ -219,7 +219,7 @@ crate::properties! {
         kani proof [unwind(4)];
         sampled 500_000;
     }
-    T8 stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: bool) {
+    T8 stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) {
         cases ["for a lost link", "stopped", "faulted"];
         kani proof [unwind(4)];
         sampled 500_000;
@@ -230,7 +230,7 @@ crate::properties! {
         sampled 500_000;
     }
     T8 fault_brakes_even_if_cleared_at_once(
-        past: Past, raised: u16, fresh: Micros, clear: u16, after: u32
+        past: Past, raised: Faults, fresh: Micros, clear: Faults, after: u32
     ) {
         cases ["still latched", "cleared"];
         kani proof [unwind(4)];

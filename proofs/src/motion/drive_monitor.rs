@@ -11,14 +11,12 @@
 //!   a start, however it was driven before, never within [`EARLIEST`].
 
 use fw_core::eeprom::Platform;
-use fw_core::motion::{Delta, DriveMonitor, Wheels};
-use fw_core::robot::Drive;
-use fw_core::units::Duty;
-use fw_core::wire::fault;
+use fw_core::motion::DriveMonitor;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
 use crate::property::Seen;
+use fw_core::types::{Delta, Duty, Faults, MotorCommand, MotorCommands};
 
 /// Ticks without which nothing is said of a wheel that stands: half a second.
 pub const WINDOW: u8 = 50;
@@ -87,8 +85,8 @@ impl Figures {
     }
 
     /// What a wheel is driven by, forward positive: its duty beyond the dead zone.
-    fn beyond(self, wheel: usize, drive: Drive) -> i32 {
-        let Drive::Run(duty) = drive else {
+    fn beyond(self, wheel: usize, drive: MotorCommand) -> i32 {
+        let MotorCommand::Run(duty) = drive else {
             return 0;
         };
         let duty = i32::from(duty.hundredths());
@@ -101,9 +99,9 @@ impl Figures {
     }
 
     /// The duty that drives a wheel by `beyond`.
-    fn duty(self, wheel: usize, beyond: i32) -> Drive {
+    fn duty(self, wheel: usize, beyond: i32) -> MotorCommand {
         let duty = (beyond.abs() + i32::from(self.dead_zones[wheel])) * beyond.signum();
-        Drive::Run(Duty::saturating(if self.reversed[wheel] {
+        MotorCommand::Run(Duty::saturating(if self.reversed[wheel] {
             -duty
         } else {
             duty
@@ -112,12 +110,12 @@ impl Figures {
 }
 
 /// The faults of each wheel.
-const STALLED: [u16; 2] = [fault::LEFT_STALLED, fault::RIGHT_STALLED];
-const REVERSED: [u16; 2] = [fault::LEFT_REVERSED, fault::RIGHT_REVERSED];
+const STALLED: [Faults; 2] = [Faults::LEFT_STALLED, Faults::RIGHT_STALLED];
+const REVERSED: [Faults; 2] = [Faults::LEFT_REVERSED, Faults::RIGHT_REVERSED];
 
 /// Both wheels, of which one does something and the other rests.
-fn one_of(wheel: usize, drive: Drive, counts: i32) -> (Wheels, Delta) {
-    let (mut told, mut delta) = (Wheels::BRAKE, Delta::default());
+fn one_of(wheel: usize, drive: MotorCommand, counts: i32) -> (MotorCommands, Delta) {
+    let (mut told, mut delta) = (MotorCommands::BRAKE, Delta::default());
     if wheel == 0 {
         (told.left, delta.left) = (drive, counts);
     } else {
@@ -131,8 +129,8 @@ fn one_of(wheel: usize, drive: Drive, counts: i32) -> (Wheels, Delta) {
 // Requirement: WIRE-status-3
 pub fn jump_is_noticed_at_once(
     figures: Figures,
-    before: (Wheels, (i32, i32)),
-    told: Wheels,
+    before: (MotorCommands, (i32, i32)),
+    told: MotorCommands,
     counts: (i32, i32),
 ) -> Seen {
     let mut watch = figures.watch();
@@ -146,9 +144,9 @@ pub fn jump_is_noticed_at_once(
     let faults = watch.step(&told, &delta(counts));
     let most = figures.most().unsigned_abs();
     let jumps = counts.0.unsigned_abs() > most || counts.1.unsigned_abs() > most;
-    assert!((faults & fault::ENCODER_JUMP != 0) == jumps);
+    assert!(faults.intersects(Faults::ENCODER_JUMP) == jumps);
     // Two ticks say nothing about a wheel that stands.
-    assert!(faults & !fault::ENCODER_JUMP == 0);
+    assert!(faults.difference(Faults::ENCODER_JUMP).is_empty());
     Seen::NOTHING
         .case(0, jumps)
         .case(1, !jumps && counts.0 != 0)
@@ -160,14 +158,14 @@ type Whiles = [u8; 60];
 
 impl Figures {
     /// A duty, often one near what decides.
-    fn some_duty(self, wheel: usize, byte: u8) -> Drive {
+    fn some_duty(self, wheel: usize, byte: u8) -> MotorCommand {
         let sign = if byte & 1 == 0 { 1 } else { -1 };
         match byte >> 1 {
-            0 => Drive::Coast,
-            1 => Drive::Brake,
+            0 => MotorCommand::Coast,
+            1 => MotorCommand::Brake,
             2..=31 => self.duty(wheel, sign * (IDLE + i32::from(byte) - 32)),
             32..=63 => self.duty(wheel, sign * 10_000),
-            _ => Drive::Run(Duty::saturating((i32::from(byte) - 128) * 79)),
+            _ => MotorCommand::Run(Duty::saturating((i32::from(byte) - 128) * 79)),
         }
     }
 
@@ -228,13 +226,13 @@ pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) ->
     let mut watch = figures.watch();
     let mut witnesses = [Witness::default(), Witness::default()];
     let least = i64::from(figures.least());
-    let (mut seen, mut exonerated) = (0, false);
+    let (mut seen, mut exonerated) = (Faults::NONE, false);
     for event in whiles.chunks_exact(5) {
         for tick in 0..event[0] {
             let told = [1, 3].map(|at| figures.some_duty(at / 2, event[at]));
             let counts = [2, 4].map(|at| figures.some_counts(event[at], tick));
             let faults = watch.step(
-                &Wheels {
+                &MotorCommands {
                     left: told[0],
                     right: told[1],
                 },
@@ -247,23 +245,23 @@ pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) ->
             for wheel in 0..2 {
                 let beyond = figures.beyond(wheel, told[wheel]);
                 let sum = witnesses[wheel].step(beyond, counts[wheel]);
-                if faults & STALLED[wheel] != 0 {
+                if faults.intersects(STALLED[wheel]) {
                     assert!(sum.is_some_and(|sum| -least < sum && sum < least));
                 }
-                if faults & REVERSED[wheel] != 0 {
+                if faults.intersects(REVERSED[wheel]) {
                     assert!(sum.is_some_and(|sum| sum <= -least));
                 }
                 exonerated |= sum == Some(least);
             }
             let jumps = counts.iter().any(|counts| counts.abs() > figures.most());
-            assert!((faults & fault::ENCODER_JUMP != 0) == jumps);
+            assert!(faults.intersects(Faults::ENCODER_JUMP) == jumps);
             seen |= faults;
         }
     }
     Seen::NOTHING
-        .case(0, seen & fault::LEFT_STALLED != 0)
-        .case(1, seen & fault::RIGHT_REVERSED != 0)
-        .case(2, seen & fault::ENCODER_JUMP != 0)
+        .case(0, seen.intersects(Faults::LEFT_STALLED))
+        .case(1, seen.intersects(Faults::RIGHT_REVERSED))
+        .case(2, seen.intersects(Faults::ENCODER_JUMP))
         .case(3, exonerated)
 }
 
@@ -315,14 +313,14 @@ pub fn broken_wheel_is_noticed_in_time(
         _ => Past::Anything,
     };
     let mut watch = figures.watch();
-    let mut step = |drive: Drive, counts: i32| {
+    let mut step = |drive: MotorCommand, counts: i32| {
         let (told, delta) = one_of(wheel, drive, counts);
         watch.step(&told, &delta)
     };
     if past == Past::Driving {
         // A healthy wheel, and the fault anywhere in the code's window.
         for _ in 0..100 + usize::from(whiles[0]) {
-            assert!(step(drive, way * figures.least()) == 0);
+            assert!(step(drive, way * figures.least()).is_empty());
         }
     } else {
         for event in whiles.chunks_exact(3) {
@@ -333,7 +331,10 @@ pub fn broken_wheel_is_noticed_in_time(
         }
     }
     if past == Past::Rest {
-        let _ = step([Drive::Brake, Drive::Coast][usize::from(whiles[0] & 1)], 0);
+        let _ = step(
+            [MotorCommand::Brake, MotorCommand::Coast][usize::from(whiles[0] & 1)],
+            0,
+        );
     }
     let (back, tremble) = broken;
     let expected = if back {
@@ -353,7 +354,7 @@ pub fn broken_wheel_is_noticed_in_time(
             stood = at;
             counts
         };
-        if step(drive, counts) & expected != 0 {
+        if step(drive, counts).intersects(expected) {
             after = after.or(Some(tick + 1));
         }
     }
@@ -373,12 +374,12 @@ pub fn broken_wheel_is_noticed_in_time(
         .case(5, past == Past::Rest && after == Some(EARLIEST))
 }
 
-impl Input for Wheels {
+impl Input for MotorCommands {
     fn draw(source: &mut impl Source) -> Self {
         let drive = |source: &mut _| match u8::draw(source) % 4 {
-            0 => Drive::Coast,
-            1 => Drive::Brake,
-            _ => Drive::Run(Duty::saturating(i16::draw(source).into())),
+            0 => MotorCommand::Coast,
+            1 => MotorCommand::Brake,
+            _ => MotorCommand::Run(Duty::saturating(i16::draw(source).into())),
         };
         Self {
             left: drive(source),
@@ -389,7 +390,7 @@ impl Input for Wheels {
 
 crate::properties! {
     T14 jump_is_noticed_at_once(
-        figures: Figures, before: (Wheels, (i32, i32)), told: Wheels, counts: (i32, i32)
+        figures: Figures, before: (MotorCommands, (i32, i32)), told: MotorCommands, counts: (i32, i32)
     ) {
         cases ["a jump", "no jump", "the longest"];
         kani proof [unwind(4)];

@@ -3,15 +3,14 @@
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
 use fw_core::eeprom::Platform;
-use fw_core::motion::mixer::{Mixer, Wheels};
-use fw_core::motion::Delta;
-use fw_core::robot::Drive;
+use fw_core::motion::mixer::Mixer;
 
 use fixed::types::I16F16;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
 use crate::property::Seen;
+use fw_core::types::{Delta, MotorCommand, MotorCommands};
 
 /// How a mixer came to know its wheels: it drove straight on, and each rolled so many counts a tick.
 #[derive(Clone, Copy, Debug)]
@@ -89,8 +88,8 @@ impl Input for Driven {
 }
 
 /// The duty of a motor that runs, forward positive, hundredths of a percent.
-fn forward_duty(drive: Drive, reversed: bool) -> i32 {
-    let Drive::Run(duty) = drive else {
+fn forward_duty(drive: MotorCommand, reversed: bool) -> i32 {
+    let MotorCommand::Run(duty) = drive else {
         panic!("a motor that was given an output does not run: {drive:?}");
     };
     let duty = i32::from(duty.hundredths());
@@ -102,7 +101,7 @@ fn forward_duty(drive: Drive, reversed: bool) -> i32 {
 }
 
 /// Both of them.
-fn duties(wheels: Wheels, platform: &Platform) -> [i32; 2] {
+fn duties(wheels: MotorCommands, platform: &Platform) -> [i32; 2] {
     [
         forward_duty(wheels.left, platform.motor_left_reversed),
         forward_duty(wheels.right, platform.motor_right_reversed),
@@ -162,7 +161,7 @@ pub fn raw_duty_is_what_was_asked(
     for ((asked, limit), duty) in [left, right].into_iter().zip(limits(&platform)).zip(duties) {
         assert!(duty == asked.clamp(-limit, limit));
     }
-    assert!(mixer.brake() == Wheels::BRAKE);
+    assert!(mixer.brake() == MotorCommands::BRAKE);
     Seen::NOTHING
         .case(0, duties[0] == left && duties[1] == right)
         .case(1, duties[0] != left)

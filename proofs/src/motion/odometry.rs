@@ -4,10 +4,10 @@
 use fw_core::eeprom::first_board;
 use fw_core::eeprom::Platform;
 use fw_core::motion::Odometry;
-use fw_core::units::Turns;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
+use fw_core::types::Turns;
 
 /// Samples that follow each other: what the counters grew by, both encoders.
 pub type Path = [u8; 48];

@@ -3,13 +3,12 @@
 use fixed::types::{I16F16, I32F32};
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
-use fw_core::motion::{Delta, PoseController, Wheels};
-use fw_core::robot::Drive;
-use fw_core::units::{Millimetres, Pose, Turns};
+use fw_core::motion::PoseController;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
 use crate::property::Seen;
+use fw_core::types::{Delta, Millimetres, MotorCommand, MotorCommands, Pose, Turns};
 
 /// A tick as the controller sees it: where the robot is and what its wheels did, in agreement or not.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,8 +60,8 @@ pub fn any_pose_is_safe(
     let mut seen = Seen::NOTHING;
     for (tick, ()) in ticks.into_iter().take(usize::from(count % 9)) {
         let wheels = controller.drive(&tick.pose, &tick.delta);
-        let brakes = wheels == Wheels::BRAKE;
-        let runs = |drive: Drive| matches!(drive, Drive::Run(_));
+        let brakes = wheels == MotorCommands::BRAKE;
+        let runs = |drive: MotorCommand| matches!(drive, MotorCommand::Run(_));
         assert!(brakes || runs(wheels.left) && runs(wheels.right));
         seen = seen
             .case(0, brakes)

@@ -3,9 +3,9 @@
 //! The references are binary64, good to 1e-15; no harness runs them, every phase is tried instead.
 
 use fw_core::motion::trig::{direction, sin_cos};
-use fw_core::units::Turns;
 
 use crate::property::Seen;
+use fw_core::types::Turns;
 
 /// Phases of one block.
 pub const BLOCK: u32 = 1 << 10;

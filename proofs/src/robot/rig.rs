@@ -4,17 +4,17 @@
 use fw_core::binary64::Binary64;
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
-use fw_core::robot::{leds, Drive, Outputs, Rangefinder, Robot, Sample, BLOCKING};
+use fw_core::robot::{leds, Outputs, Robot, Sample};
 use fw_core::sensing::mpu6050::{self, BusRequest, BusResult};
 use fw_core::sensing::Calibration;
-use fw_core::units::Micros;
 use fw_core::wire::{
-    self, fault, frame_len, CellCode, Command, DistanceCode, Mode, PiLink, PoseCode, Report, Setup,
-    State, MAX_FRAME,
+    self, frame_len, CellCode, Command, DistanceCode, Mode, PiLink, PoseCode, Report, Setup, State,
+    MAX_FRAME,
 };
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
+use fw_core::types::{Faults, Micros, MotorCommand, RangefinderId};
 
 /// The cases of [`robot_obeys_whatever_happens`](super::robot_obeys_whatever_happens).
 const DROVE: u32 = 0;
@@ -114,7 +114,7 @@ pub struct Rig {
     sample: Sample,
     last: [u8; MAX_FRAME],
     /// The rangefinder triggered last, and when.
-    triggered: (Rangefinder, Micros),
+    triggered: (RangefinderId, Micros),
     /// When the robot last took a frame, if it ever did.
     fresh: Option<Micros>,
     /// The robot has told of a slip, or was told of one.
@@ -160,7 +160,7 @@ impl Rig {
             now,
             sample,
             last: [0; MAX_FRAME],
-            triggered: (Rangefinder::Front, now),
+            triggered: (RangefinderId::Front, now),
             fresh: None,
             slipped: false,
             seen: Seen::NOTHING,
@@ -230,7 +230,11 @@ impl Rig {
                 1..=3 => wire::Order::Resume,
                 _ => wire::Order::None,
             },
-            clear_faults: if kind & 0x80 == 0 { 0 } else { u16::MAX },
+            clear_faults: if kind & 0x80 == 0 {
+                Faults::NONE
+            } else {
+                Faults::ALL_BITS
+            },
             ..Command::default()
         };
         let len = self.pi.send(&command, &mut self.last);
@@ -240,7 +244,7 @@ impl Rig {
     /// An echo, of the last trigger more often than not.
     pub fn echo(&mut self, events: &mut Events<'_>) {
         let choice = usize::from(events.byte() % 8);
-        let which = Rangefinder::ALL.get(choice).copied();
+        let which = RangefinderId::ALL.get(choice).copied();
         let which = which.unwrap_or(self.triggered.0);
         let rise = self.triggered.1.after(u32::from(events.byte()) * 16);
         let fall = rise.after(u32::from(events.byte()) * 128);
@@ -268,7 +272,7 @@ impl Rig {
     }
 
     pub fn fault(&mut self, events: &mut Events<'_>) {
-        let fault = 1 << (events.byte() & 0xF);
+        let fault = Faults::from_bits(1 << (events.byte() & 0xF));
         self.robot.raise(fault, &mut self.log);
         self.robot
             .on_lost_frames(u32::from(events.byte()), &mut self.log);
@@ -337,7 +341,7 @@ impl Rig {
         let order = self.robot.on_gyro(self.outcome, &mut self.log);
         self.order_is_right(order);
         // Only a command clears it.
-        self.slipped |= self.robot.faults() & fault::SLIP != 0;
+        self.slipped |= self.robot.faults().intersects(Faults::SLIP);
         let delta = self.encoders.step(self.sample.left, self.sample.right);
         self.outcome = self.part.answer(order, delta.turn, apart);
         let word = u16::from(word) << 4;
@@ -366,14 +370,14 @@ impl Rig {
 
     fn outputs_are_right(&mut self, outputs: &Outputs) {
         let platform = &self.config.0.platform;
-        let braked = outputs.left == Drive::Brake && outputs.right == Drive::Brake;
+        let braked = outputs.left == MotorCommand::Brake && outputs.right == MotorCommand::Brake;
         let state = self.robot.state();
         assert!(outputs.leds == leds(state) && state != State::Booting);
         for (drive, limit) in [
             (outputs.left, platform.limit_left),
             (outputs.right, platform.limit_right),
         ] {
-            if let Drive::Run(duty) = drive {
+            if let MotorCommand::Run(duty) = drive {
                 assert!(duty.hundredths().unsigned_abs() <= limit);
                 assert!(self.fresh.is_some());
                 self.seen = self.seen.case(DROVE, true);
@@ -388,7 +392,7 @@ impl Rig {
             assert!(braked && matches!(state, State::Stopped | State::Faulted));
             self.seen = self.seen.case(STOPPED, self.seen.has(DROVE));
         }
-        if self.robot.faults() & BLOCKING != 0 {
+        if self.robot.faults().intersects(Faults::BLOCKING) {
             assert!(braked && state == State::Faulted);
         }
         assert!(state != State::Stopped || braked);

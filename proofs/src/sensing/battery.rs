@@ -4,10 +4,10 @@ use fixed::types::U16F16;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::{first_board, Config, Divider};
 use fw_core::sensing::Battery;
-use fw_core::units::Volts;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
+use fw_core::types::Volts;
 
 /// The ADC's words, one a tap.
 pub type Words = [u16; 8];

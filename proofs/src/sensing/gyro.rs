@@ -2,15 +2,16 @@
 
 use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
-use fw_core::motion::{Delta, Odometry};
+use fw_core::motion::Odometry;
 use fw_core::robot::{Robot, Sample};
-use fw_core::sensing::gyro::{hundredths, Correction, Event, GyroFusion, BIAS_MOST};
+use fw_core::sensing::gyro::{hundredths, Event, GyroFusion, BIAS_MOST};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
-use fw_core::wire::{fault, Mode};
+use fw_core::wire::Mode;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
 use crate::property::Seen;
+use fw_core::types::{Delta, Faults, HeadingCorrection};
 
 impl Input for BusResult {
     fn draw(source: &mut impl Source) -> Self {
@@ -68,7 +69,7 @@ impl Input for Tick {
     }
 }
 
-fn step(gyro: &mut GyroFusion, tick: Tick) -> (Correction, Option<Event>) {
+fn step(gyro: &mut GyroFusion, tick: Tick) -> (HeadingCorrection, Option<Event>) {
     let delta = Delta {
         left: tick.left,
         right: tick.right.into(),
@@ -92,7 +93,9 @@ pub fn any_readings_are_safe(ticks: Row<Tick, 3>) -> Seen {
     let mut seen = Seen::NOTHING;
     for tick in ticks.0 {
         let (correction, event) = step(&mut gyro, tick);
-        assert!(gyro.bias().is_none() && correction == Correction::default() && event.is_none());
+        assert!(
+            gyro.bias().is_none() && correction == HeadingCorrection::default() && event.is_none()
+        );
         bounded(&gyro);
         seen = seen
             .case(0, tick.reading.is_none())
@@ -145,11 +148,11 @@ pub fn any_readings_after_a_rest_are_safe(
             let was_slipping = gyro.is_slipping();
             let (correction, event) = step(&mut gyro, tick);
             bounded(&gyro);
-            assert!(trusted || correction == Correction::default());
+            assert!(trusted || correction == HeadingCorrection::default());
             if was_slipping || gyro.is_slipping() {
                 seen = seen.case(2, true);
             } else {
-                assert!(correction == Correction::default());
+                assert!(correction == HeadingCorrection::default());
             }
             added = added.wrapping_add(correction.heading.into());
             match event {
@@ -253,15 +256,18 @@ pub fn without_a_rate_the_encoders_tell(
                 with.on_tick(sample, &[], &mut log),
             );
             assert!(a == b && alone.pose() == with.pose());
-            assert!(with.faults() & fault::SLIP == 0 && alone.faults() & fault::GYRO_LOST == 0);
+            assert!(
+                !with.faults().intersects(Faults::SLIP)
+                    && !alone.faults().intersects(Faults::GYRO_LOST)
+            );
         }
     }
     Seen::NOTHING
-        .case(1, with.faults() & fault::GYRO_LOST != 0)
+        .case(1, with.faults().intersects(Faults::GYRO_LOST))
         .case(2, with.pose() != first_pose())
 }
 
-fn first_pose() -> fw_core::units::Pose {
+fn first_pose() -> fw_core::types::Pose {
     Robot::new(&first_board(), Sample::default()).pose()
 }
 
@@ -282,7 +288,7 @@ pub fn any_correction_is_safe(
         clippy::cast_possible_wrap,
         reason = "every pattern is a turn of either sign"
     )]
-    let correction = Correction {
+    let correction = HeadingCorrection {
         heading: heading as i32,
         tick: tick as i32,
     };

@@ -1,13 +1,12 @@
 //! T9: an echo is its distance, and nothing else ever is one.
 
 use fixed::types::I16F16;
-use fw_core::robot::Rangefinder;
 use fw_core::sensing::{Echo, Rangefinders};
-use fw_core::units::Micros;
 use fw_core::wire::DistanceCode;
 
 use crate::input::{Input, Source};
 use crate::property::Seen;
+use fw_core::types::{Micros, RangefinderId};
 
 /// 2500 mm and 20 mm, 2⁻³² mm (document, 5.1.4; the sensor's data sheet).
 const FARTHEST: i64 = 2500 << 32;
@@ -15,7 +14,7 @@ const NEAREST: i64 = 20 << 32;
 /// Half a millimetre's way of sound in a microsecond at 343 m/s, 2⁻³² mm: 0.1715 mm.
 const PACE: i64 = (343_i64 << 32) / 2000;
 
-impl Input for Rangefinder {
+impl Input for RangefinderId {
     fn draw(source: &mut impl Source) -> Self {
         match source.bits8() % 3 {
             0 => Self::Front,
@@ -31,7 +30,7 @@ const AHEAD: Option<u16> = Some(0);
 /// The front sensor, triggered at `trigger` and nothing heard yet.
 fn triggered(trigger: Micros) -> Rangefinders {
     let mut all = Rangefinders::new(3);
-    assert!(all.tick(trigger, AHEAD) == Some(Rangefinder::Front));
+    assert!(all.tick(trigger, AHEAD) == Some(RangefinderId::Front));
     all
 }
 
@@ -40,8 +39,8 @@ fn triggered(trigger: Micros) -> Rangefinders {
 pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let mut all = triggered(trigger);
     let rise = trigger.after(delay);
-    all.echo(Rangefinder::Front, rise, rise.after(width));
-    let reading = all.reading(Rangefinder::Front).echo;
+    all.echo(RangefinderId::Front, rise, rise.after(width));
+    let reading = all.reading(RangefinderId::Front).echo;
     let believable = delay <= 3_000 && width <= 1 << 20;
     let way = i64::from(width.min(1 << 20)) * PACE;
     match reading {
@@ -58,7 +57,7 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     }
     let far = matches!(reading, Echo::OutOfRange);
     let at = matches!(reading, Echo::Distance(_));
-    assert!(at == all.distance(Rangefinder::Front).is_some());
+    assert!(at == all.distance(RangefinderId::Front).is_some());
     Seen::NOTHING
         .case(0, at)
         .case(1, far)
@@ -71,8 +70,8 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
 pub fn code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let mut all = triggered(trigger);
     let rise = trigger.after(delay);
-    all.echo(Rangefinder::Front, rise, rise.after(width));
-    let distance = all.distance(Rangefinder::Front);
+    all.echo(RangefinderId::Front, rise, rise.after(width));
+    let distance = all.distance(RangefinderId::Front);
     let none = DistanceCode::from_distance(distance) == DistanceCode::NONE;
     assert!(none == distance.is_none());
     Seen::NOTHING
@@ -85,8 +84,8 @@ pub fn code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, widt
 pub fn distance_is_monotone(width: u32) -> Seen {
     let distance = |width: u32| {
         let mut all = triggered(Micros(0));
-        all.echo(Rangefinder::Front, Micros(500), Micros(500 + width));
-        all.distance(Rangefinder::Front)
+        all.echo(RangefinderId::Front, Micros(500), Micros(500 + width));
+        all.distance(RangefinderId::Front)
     };
     if width >= 1 << 20 {
         return Seen::NOTHING;
@@ -107,7 +106,7 @@ pub fn distance_is_monotone(width: u32) -> Seen {
 /// edges; and one that does not answer is missing by its next trigger, never a distance.
 // Requirement: WIRE-distance-1
 pub fn missing_edge_is_no_distance(
-    which: Rangefinder,
+    which: RangefinderId,
     trigger: Micros,
     rise: Micros,
     fall: Micros,
@@ -116,13 +115,13 @@ pub fn missing_edge_is_no_distance(
     let mut all = triggered(trigger);
     if answered {
         all.echo(
-            Rangefinder::Front,
+            RangefinderId::Front,
             trigger.after(500),
             trigger.after(500 + 5_000),
         );
     }
     let before = all.reading(which);
-    let awaited = which == Rangefinder::Front && !answered;
+    let awaited = which == RangefinderId::Front && !answered;
     if !awaited {
         all.echo(which, rise, fall);
         assert!(all.reading(which) == before);
@@ -132,11 +131,11 @@ pub fn missing_edge_is_no_distance(
     for _ in 0..9 {
         if !front_again {
             now = now.after(10_000);
-            front_again = all.tick(now, AHEAD) == Some(Rangefinder::Front);
+            front_again = all.tick(now, AHEAD) == Some(RangefinderId::Front);
         }
     }
     assert!(front_again);
-    let front = all.reading(Rangefinder::Front).echo;
+    let front = all.reading(RangefinderId::Front).echo;
     assert!(answered || front == Echo::Missing);
     assert!(!answered || matches!(front, Echo::Distance(_)));
     Seen::NOTHING.case(0, awaited).case(1, answered)
@@ -216,11 +215,11 @@ pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays:
             // In its own tick, or in one of the next.
             if (delays >> (2 * tick)) % 4 == 0 {
                 let width = 1_000 + 100 * u32::try_from(ping).unwrap_or(0);
-                all.echo(Rangefinder::Front, at.after(500), at.after(500 + width));
+                all.echo(RangefinderId::Front, at.after(500), at.after(500 + width));
                 awaited = None;
             }
         }
-        let reading = all.reading(Rangefinder::Front);
+        let reading = all.reading(RangefinderId::Front);
         if let Echo::Distance(distance) = reading.echo {
             let ping = (distance.0.to_bits() / PACE - 999) / 100;
             let of = usize::try_from(ping)
@@ -241,8 +240,8 @@ pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays:
 pub fn any_temperature_is_safe(celsius: i32, width: u32) -> Seen {
     let mut all = triggered(Micros(0));
     all.set_temperature(Some(I16F16::from_bits(celsius)));
-    all.echo(Rangefinder::Front, Micros(0), Micros(width));
-    let distance = all.distance(Rangefinder::Front);
+    all.echo(RangefinderId::Front, Micros(0), Micros(width));
+    let distance = all.distance(RangefinderId::Front);
     if let Some(distance) = distance {
         assert!(distance.0 > 0 && distance.0 <= 2500);
     }
@@ -269,7 +268,7 @@ crate::properties! {
         exhaustive (0..1 << 20).map(|width| (width,));
     }
     T9 missing_edge_is_no_distance(
-        which: Rangefinder, trigger: Micros, rise: Micros, fall: Micros, answered: bool
+        which: RangefinderId, trigger: Micros, rise: Micros, fall: Micros, answered: bool
     ) {
         cases ["nothing was heard", "it had answered"];
         kani proof [unwind(11)];

@@ -1,12 +1,11 @@
 //! T9: the servo of the swept rangefinder. Nothing turns while nobody talks to the robot, and no reading is
 //! taken before the servo stands where the reading's bearing says.
 
-use fw_core::robot::Rangefinder;
 use fw_core::sensing::{Rangefinders, ServoScan};
-use fw_core::units::Micros;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
+use fw_core::types::{Micros, RangefinderId};
 
 /// Ticks that are told one by one whether somebody talks to the robot; after each word, all alike.
 const WORD: u32 = 16;
@@ -78,10 +77,10 @@ pub fn servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, 
             }
         }
         let now = Micros(tick * 10_000);
-        if all.tick(now, sweep.settled_bearing()) == Some(Rangefinder::Front) {
+        if all.tick(now, sweep.settled_bearing()) == Some(RangefinderId::Front) {
             sweep.triggered();
-            all.echo(Rangefinder::Front, now.after(500), now.after(9_500));
-            let bearing = all.reading(Rangefinder::Front).bearing;
+            all.echo(RangefinderId::Front, now.after(500), now.after(9_500));
+            let bearing = all.reading(RangefinderId::Front).bearing;
             let said = bearing.wrapping_sub(platform.bearings[0]);
             let said = i16::from_ne_bytes(said.to_ne_bytes());
             // Half a turn is half a turn either way.

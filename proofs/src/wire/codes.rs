@@ -1,11 +1,11 @@
 //! T2: codes of the wire to units and back: the nearest code, saturating, monotone.
 
 use fixed::types::{I32F32, U16F16};
-use fw_core::units::{Millimetres, Pose, Turns, Volts};
 use fw_core::wire::code::{bearing, bearing_code};
 use fw_core::wire::{CellCode, DistanceCode, PoseCode};
 
 use crate::property::Seen;
+use fw_core::types::{Millimetres, Pose, Turns, Volts};
 
 fn pose_of(x: i64, y: i64, heading: u32) -> Pose {
     Pose {

@@ -198,11 +198,11 @@ pub fn command_says(mode: Mode, frame: &Frame, command: &Command) -> bool {
                 own: frame[1],
                 seen: frame[2],
             })
-            && command.clear_faults == word(frame, 3)
+            && command.clear_faults.bits() == word(frame, 3)
             && command.order == order
     } else {
         command.sequence == default.sequence
-            && command.clear_faults == 0
+            && command.clear_faults.is_empty()
             && command.order == default.order
     };
     driven && guard && command.tune == cell(frame, table.battery)
@@ -233,10 +233,12 @@ pub fn report_says(mode: Mode, frame: &Frame, report: &Report) -> bool {
                 own: frame[1],
                 seen: frame[2],
             })
-            && report.faults == word(frame, 3)
+            && report.faults.bits() == word(frame, 3)
             && report.state == state
     } else {
-        report.sequence == default.sequence && report.faults == 0 && report.state == default.state
+        report.sequence == default.sequence
+            && report.faults.is_empty()
+            && report.state == default.state
     };
     let (first, count) = table.ranges;
     let range = |which: usize| {

@@ -4,7 +4,6 @@
 #![forbid(unsafe_code)]
 
 use fw_core::eeprom::Platform;
-use fw_core::units::Turns;
 use odometry_bench::{every_way, Course, Tick, Way, ON_CORE};
 
 #[path = "../../../fw-core/src/motion/odometry/tests/exact.rs"]
@@ -15,6 +14,7 @@ use odometry_bench::{every_way, Course, Tick, Way, ON_CORE};
 mod exact;
 
 use exact::{Exact, Twofold};
+use fw_core::types::Turns;
 
 /// A course of a kilometre and where it ends.
 struct Kilometre {

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::eeprom::first_board;
-use crate::units::Duty;
 
 /// A wheel of the first board: which of a pair is it?
 #[derive(Clone, Copy, Debug)]
@@ -11,19 +10,20 @@ enum Side {
     Right,
 }
 
+use crate::types::Duty;
 use Side::{Left, Right};
 
 /// What the bridges are told where one wheel shall go forward with so many hundredths of a percent beyond
 /// its dead zone, backwards if they are negative, and the other is braked.
-fn told(side: Side, beyond: i16) -> Wheels {
+fn told(side: Side, beyond: i16) -> MotorCommands {
     let platform = first_board().platform;
     let (dead_zone, reversed) = match side {
         Left => (platform.dead_zone_left, platform.motor_left_reversed),
         Right => (platform.dead_zone_right, platform.motor_right_reversed),
     };
     let duty = i32::from(beyond) + i32::from(dead_zone) * i32::from(beyond.signum());
-    let run = Drive::Run(Duty::saturating(if reversed { -duty } else { duty }));
-    let mut wheels = Wheels::BRAKE;
+    let run = MotorCommand::Run(Duty::saturating(if reversed { -duty } else { duty }));
+    let mut wheels = MotorCommands::BRAKE;
     match side {
         Left => wheels.left = run,
         Right => wheels.right = run,
@@ -42,14 +42,14 @@ fn rolled(side: Side, counts: i32) -> Delta {
 
 /// What is said of each of so many ticks: which one, and the fault. The wheel rolls `counts` in the tick
 /// after each of them, and stands otherwise.
-fn said(side: Side, beyond: i16, counts: i32, ticks: usize) -> std::vec::Vec<(usize, u16)> {
+fn said(side: Side, beyond: i16, counts: i32, ticks: usize) -> std::vec::Vec<(usize, Faults)> {
     let mut watch = DriveMonitor::new(&first_board().platform);
     let mut said = std::vec::Vec::new();
     let mut rolls = 0;
     for tick in 0..ticks {
         let faults = watch.step(&told(side, beyond), &rolled(side, rolls));
         rolls = 0;
-        if faults != 0 {
+        if !faults.is_empty() {
             said.push((tick, faults));
             rolls = counts;
         }
@@ -57,17 +57,17 @@ fn said(side: Side, beyond: i16, counts: i32, ticks: usize) -> std::vec::Vec<(us
     said
 }
 
-const fn stalled(side: Side) -> u16 {
+const fn stalled(side: Side) -> Faults {
     match side {
-        Left => fault::LEFT_STALLED,
-        Right => fault::RIGHT_STALLED,
+        Left => Faults::LEFT_STALLED,
+        Right => Faults::RIGHT_STALLED,
     }
 }
 
-const fn reversed(side: Side) -> u16 {
+const fn reversed(side: Side) -> Faults {
     match side {
-        Left => fault::LEFT_REVERSED,
-        Right => fault::RIGHT_REVERSED,
+        Left => Faults::LEFT_REVERSED,
+        Right => Faults::RIGHT_REVERSED,
     }
 }
 
@@ -121,10 +121,10 @@ fn a_jump_is_more_than_a_tenth_of_a_turn_in_a_tick_of_either_wheel_either_way() 
         for way in [1, -1] {
             let faults = |counts: i32| {
                 let mut watch = DriveMonitor::new(&first_board().platform);
-                watch.step(&Wheels::BRAKE, &rolled(side, counts * way))
+                watch.step(&MotorCommands::BRAKE, &rolled(side, counts * way))
             };
-            assert_eq!(faults(most), 0, "{side:?}");
-            assert_eq!(faults(most + 1), fault::ENCODER_JUMP, "{side:?}");
+            assert_eq!(faults(most), Faults::NONE, "{side:?}");
+            assert_eq!(faults(most + 1), Faults::ENCODER_JUMP, "{side:?}");
         }
     }
 }
@@ -135,8 +135,12 @@ fn a_brake_begins_everything_anew() {
     let stands = Delta::default();
     for round in 0..20 {
         for tick in 0..59 {
-            assert_eq!(watch.step(&told(Left, 5000), &stands), 0, "{round} {tick}");
+            assert_eq!(
+                watch.step(&told(Left, 5000), &stands),
+                Faults::NONE,
+                "{round} {tick}"
+            );
         }
-        assert_eq!(watch.step(&Wheels::BRAKE, &stands), 0);
+        assert_eq!(watch.step(&MotorCommands::BRAKE, &stands), Faults::NONE);
     }
 }

@@ -150,7 +150,7 @@ fn a_duty_is_the_nearest_hundredth() {
         (-10.006, -1001),
     ] {
         let wheels = mixer().mix(percent(forward), percent(0.0));
-        let run = Drive::Run(Duty::saturating(hundredths));
+        let run = MotorCommand::Run(Duty::saturating(hundredths));
         let platform = first_board().platform;
         assert!(!platform.motor_left_reversed || !platform.motor_right_reversed);
         let straight = if platform.motor_left_reversed {

@@ -1,9 +1,8 @@
 //! What the counters got wrong because a wheel slipped.
 
-use super::{within, Delta, Odometry, NEAREST};
+use super::{within, Odometry, NEAREST};
 use crate::motion::trig::sin_cos;
-use crate::sensing::gyro::Correction;
-use crate::units::Turns;
+use crate::types::{Delta, HeadingCorrection, Turns};
 
 impl Odometry {
     /// The robot turned otherwise than the last tick's counters say, which were `delta`.
@@ -13,7 +12,7 @@ impl Odometry {
     /// names the wheel that slipped; where it may be either, what both lost cancels. Half the
     /// difference of the wheels' ways is π·track for a turn, and half of a wheel's own way is the most
     /// that its slip can take.
-    pub fn apply_slip(&mut self, correction: Correction, delta: &Delta) {
+    pub fn apply_slip(&mut self, correction: HeadingCorrection, delta: &Delta) {
         self.heading = self
             .heading
             .wrapping_add(i64::from(correction.heading) << 32);
@@ -117,9 +116,9 @@ mod tests {
             ..Delta::default()
         };
         let half = straight.left.half.times(100, 0) >> 2;
-        let correction = |tick| Correction {
+        let correction = |tick| HeadingCorrection {
             tick,
-            ..Correction::default()
+            ..HeadingCorrection::default()
         };
         for tick in [i32::MAX, i32::MIN] {
             let mut odometry = straight.clone();

@@ -13,7 +13,7 @@ mod exact;
 use std::println;
 
 use super::*;
-use crate::sensing::gyro::Correction;
+use crate::types::HeadingCorrection;
 use exact::{Exact, Twofold};
 
 /// Both, over the same counts, and what they differ by.
@@ -286,7 +286,7 @@ fn a_wheel_that_spins_on_the_spot_leaves_the_robot_where_the_other_one_took_it()
                 let apart = if left_spins { left } else { -right };
                 let tick = turn(f64::from(apart));
                 believed.apply_slip(
-                    Correction {
+                    HeadingCorrection {
                         heading: tick,
                         tick,
                     },
@@ -314,7 +314,7 @@ fn a_robot_that_is_held_keeps_its_heading_and_one_that_is_turned_takes_it() {
         let delta = rolled(&mut odometry, &mut at, -10, 10);
         let tick = -delta.turn;
         odometry.apply_slip(
-            Correction {
+            HeadingCorrection {
                 heading: tick,
                 tick,
             },
@@ -323,7 +323,7 @@ fn a_robot_that_is_held_keeps_its_heading_and_one_that_is_turned_takes_it() {
     }
     assert!(odometry.pose().heading.from_nearest(Turns(0)).abs() < 200);
     let delta = rolled(&mut odometry, &mut at, 0, 0);
-    let quarter = Correction {
+    let quarter = HeadingCorrection {
         heading: 1 << 30,
         tick: 1 << 26,
     };

@@ -14,7 +14,7 @@ use super::*;
 use crate::binary64::Binary64;
 use crate::eeprom::{first_board, Gains};
 use crate::motion::simulation::pose;
-use crate::robot::Drive;
+use crate::types::MotorCommand;
 
 /// With P alone, and D for the rotation: percent per millimetre, per degree, per degree a tick.
 fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
@@ -44,13 +44,13 @@ fn controller(forward: f64, rotation: f64) -> PoseController {
 }
 
 /// Forward and rotation, percent, of which the motors were told; nothing if they were braked.
-fn outputs(wheels: Wheels) -> Option<(f64, f64)> {
-    let Wheels {
-        left: Drive::Run(left),
-        right: Drive::Run(right),
+fn outputs(wheels: MotorCommands) -> Option<(f64, f64)> {
+    let MotorCommands {
+        left: MotorCommand::Run(left),
+        right: MotorCommand::Run(right),
     } = wheels
     else {
-        assert_eq!(wheels, Wheels::BRAKE);
+        assert_eq!(wheels, MotorCommands::BRAKE);
         return None;
     };
     let (left, right) = (f64::from(left.hundredths()), f64::from(right.hundredths()));
@@ -58,7 +58,7 @@ fn outputs(wheels: Wheels) -> Option<(f64, f64)> {
 }
 
 #[track_caller]
-fn assert_outputs(wheels: Wheels, forward: f64, rotation: f64) {
+fn assert_outputs(wheels: MotorCommands, forward: f64, rotation: f64) {
     let (is_forward, is_rotation) = outputs(wheels).expect("it is driven");
     // A hundredth of a percent is what a duty is rounded to.
     assert!(

@@ -1,9 +1,8 @@
 //! The target in the robot's own frame.
 
 use super::BRAKING;
-use crate::motion::odometry::Delta;
 use crate::motion::trig::{direction, sin_cos};
-use crate::units::Pose;
+use crate::types::{Delta, Pose};
 
 /// Where the target lies as the robot sees it.
 #[derive(Clone, Copy, Debug)]

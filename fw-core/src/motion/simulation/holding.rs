@@ -25,7 +25,7 @@ fn at_rest_it_brakes_and_stays() {
     let before = robot.world.pose();
     for _ in 0..6000 {
         robot.drive();
-        assert!(robot.controller.arrived() && robot.wheels == Wheels::BRAKE);
+        assert!(robot.controller.arrived() && robot.wheels == MotorCommands::BRAKE);
     }
     assert_eq!(robot.world.pose(), before);
 }
@@ -35,7 +35,7 @@ fn at_rest_it_brakes_and_stays() {
 fn the_same_target_again_changes_nothing_and_none_brakes() {
     let mut robot = Robot::new(&first_board(), Params::default());
     settle(&mut robot, 10);
-    assert!(robot.wheels == Wheels::BRAKE && !robot.controller.moving());
+    assert!(robot.wheels == MotorCommands::BRAKE && !robot.controller.moving());
     robot.controller.set_target(pose(500.0, 0.0, 0.0));
     for _ in 0..300 {
         // As frames do, 40 times a second and more.
@@ -45,7 +45,7 @@ fn the_same_target_again_changes_nothing_and_none_brakes() {
     assert!(robot.controller.moving() && robot.world.pose().x_mm > 150.0);
     robot.controller.halt();
     settle(&mut robot, 1);
-    assert_eq!(robot.wheels, Wheels::BRAKE);
+    assert_eq!(robot.wheels, MotorCommands::BRAKE);
     settle(&mut robot, 100);
     assert!(!robot.controller.arrived() && !robot.controller.moving());
     assert_all_good(&[robot.go(500.0, 0.0, 0.0, 60.0)]);
@@ -73,9 +73,9 @@ fn no_limit_of_a_wheel_is_exceeded() {
     robot.controller.set_target(pose(2000.0, 1000.0, 90.0));
     for _ in 0..3000 {
         robot.drive();
-        let within = |drive: Drive, limit: u16| match drive {
-            Drive::Run(duty) => duty.hundredths().unsigned_abs() <= limit,
-            Drive::Brake | Drive::Coast => true,
+        let within = |drive: MotorCommand, limit: u16| match drive {
+            MotorCommand::Run(duty) => duty.hundredths().unsigned_abs() <= limit,
+            MotorCommand::Brake | MotorCommand::Coast => true,
         };
         assert!(within(robot.wheels.left, 6000) && within(robot.wheels.right, 4500));
     }

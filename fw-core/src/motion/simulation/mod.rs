@@ -17,13 +17,10 @@ use std::f64::consts::{PI, TAU};
 use plant::{MotorInput, MotorParams, Params, Room, Sides, World};
 
 use super::drive_monitor::DriveMonitor;
-use super::mixer::Wheels;
-use super::odometry::{Delta, Odometry};
+use super::odometry::Odometry;
 use super::pose_controller::PoseController;
 use crate::eeprom::{first_board, Config};
-use crate::robot::Drive;
-use crate::units::{Duty, Millimetres, Pose, Turns};
-use crate::wire::fault;
+use crate::types::{Delta, Duty, Faults, Millimetres, MotorCommand, MotorCommands, Pose, Turns};
 use fixed::types::I32F32;
 
 /// One robot on an open floor.
@@ -31,10 +28,10 @@ struct Robot {
     world: World,
     odometry: Odometry,
     controller: PoseController,
-    wheels: Wheels,
+    wheels: MotorCommands,
     watch: DriveMonitor,
     /// Everything that looked wrong so far.
-    faults: u16,
+    faults: Faults,
     /// Counts that the wheels were rolled forward from outside.
     rolled: (i64, i64),
 }
@@ -54,11 +51,11 @@ struct Trip {
     hunts: u32,
 }
 
-fn input(drive: Drive) -> MotorInput {
+fn input(drive: MotorCommand) -> MotorInput {
     match drive {
-        Drive::Coast => MotorInput::COAST,
-        Drive::Brake => MotorInput::BRAKE,
-        Drive::Run(duty) => MotorInput::run(f64::from(duty.hundredths()) / 1e4),
+        MotorCommand::Coast => MotorInput::COAST,
+        MotorCommand::Brake => MotorInput::BRAKE,
+        MotorCommand::Run(duty) => MotorInput::run(f64::from(duty.hundredths()) / 1e4),
     }
 }
 
@@ -83,9 +80,9 @@ impl Robot {
             world,
             odometry: Odometry::new(&config.platform, 0, 0),
             controller: PoseController::new(config),
-            wheels: Wheels::BRAKE,
+            wheels: MotorCommands::BRAKE,
             watch: DriveMonitor::new(&config.platform),
-            faults: 0,
+            faults: Faults::NONE,
             rolled: (0, 0),
         }
     }
@@ -156,7 +153,7 @@ impl Robot {
                 trip.hunts += 1;
             }
         }
-        assert_eq!(self.faults, 0, "nothing is broken");
+        assert_eq!(self.faults, Faults::NONE);
         let now = self.world.pose();
         trip.position = (now.x_mm - x).hypot(now.y_mm - y);
         trip.rotation = around(now.heading_rad - degrees.to_radians())

@@ -8,10 +8,16 @@ fn tuning_the_rotation_sets_the_motors_against_each_other_and_nothing_else() {
     for percent in [30, -60, 100] {
         let duty = Duty::saturating(percent * 100);
         let wheels = robot.controller.tune_rotate(duty);
-        assert_eq!(wheels.right, Drive::Run(duty));
-        assert_eq!(wheels.left, Drive::Run(Duty::saturating(-percent * 100)));
+        assert_eq!(wheels.right, MotorCommand::Run(duty));
+        assert_eq!(
+            wheels.left,
+            MotorCommand::Run(Duty::saturating(-percent * 100))
+        );
     }
-    assert_eq!(robot.controller.tune_rotate(Duty::ZERO), Wheels::BRAKE);
+    assert_eq!(
+        robot.controller.tune_rotate(Duty::ZERO),
+        MotorCommands::BRAKE
+    );
 }
 
 // Requirement: DOC-5.2.3-1
@@ -31,7 +37,7 @@ fn tuning_the_movement_keeps_the_angle_with_the_rotation_pid() {
         assert!(now.heading_rad.to_degrees().abs() < 12.0, "{now:?}");
         let (pose, delta) = robot.tick();
         let wheels = robot.controller.tune_move(Duty::ZERO, &pose, &delta);
-        assert_eq!(wheels, Wheels::BRAKE);
+        assert_eq!(wheels, MotorCommands::BRAKE);
     }
 }
 

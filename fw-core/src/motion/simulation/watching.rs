@@ -3,14 +3,14 @@
 use super::*;
 
 /// What is noticed of a fault while driving to a far pose, and after how many seconds.
-fn noticed(config: &Config, params: Params, spoil: impl Fn(&mut Robot)) -> (u16, f64) {
+fn noticed(config: &Config, params: Params, spoil: impl Fn(&mut Robot)) -> (Faults, f64) {
     let mut robot = Robot::new(config, params);
     robot.controller.set_target(pose(3000.0, 0.0, 0.0));
     settle(&mut robot, 200);
-    robot.faults = 0;
+    robot.faults = Faults::NONE;
     let start = robot.world.time_s();
     spoil(&mut robot);
-    while robot.faults == 0 && robot.world.time_s() - start < 5.0 {
+    while robot.faults.is_empty() && robot.world.time_s() - start < 5.0 {
         robot.drive();
     }
     (robot.faults, robot.world.time_s() - start)
@@ -19,23 +19,26 @@ fn noticed(config: &Config, params: Params, spoil: impl Fn(&mut Robot)) -> (u16,
 #[test]
 fn a_blocked_wheel_and_a_dead_encoder_are_noticed_within_a_second() {
     type Spoil = fn(&mut Robot);
-    let spoils: [(Spoil, u16); 4] = [
-        (|r| r.world.faults.jammed.left = true, fault::LEFT_STALLED),
-        (|r| r.world.faults.jammed.right = true, fault::RIGHT_STALLED),
+    let spoils: [(Spoil, Faults); 4] = [
+        (|r| r.world.faults.jammed.left = true, Faults::LEFT_STALLED),
+        (
+            |r| r.world.faults.jammed.right = true,
+            Faults::RIGHT_STALLED,
+        ),
         (
             |r| r.world.faults.dead_encoder.left = true,
-            fault::LEFT_STALLED,
+            Faults::LEFT_STALLED,
         ),
         (
             |r| r.world.faults.dead_encoder.right = true,
-            fault::RIGHT_STALLED,
+            Faults::RIGHT_STALLED,
         ),
     ];
     for (spoil, expected) in spoils {
         let (faults, seconds) = noticed(&first_board(), Params::default(), spoil);
         assert!(
-            faults & expected != 0 && seconds <= 1.0,
-            "{faults:#x} {seconds}"
+            faults.intersects(expected) && seconds <= 1.0,
+            "{faults:?} {seconds}"
         );
     }
 }
@@ -45,7 +48,7 @@ fn a_robot_against_a_wall_is_noticed_within_a_second() {
     let (faults, seconds) = noticed(&first_board(), Params::default(), |r| {
         r.world.faults.jammed = Sides::new(true, true);
     });
-    assert!(faults != 0 && seconds <= 1.0, "{faults:#x} {seconds}");
+    assert!(!faults.is_empty() && seconds <= 1.0, "{faults:?} {seconds}");
 }
 
 #[test]
@@ -57,7 +60,7 @@ fn a_wheel_wired_backwards_is_noticed_at_the_first_move() {
         config.platform.motor_right_reversed = !left;
         let mut robot = Robot::new(&config, Params::default());
         let mut ticks = 0;
-        while robot.faults == 0 && ticks < 200 {
+        while robot.faults.is_empty() && ticks < 200 {
             let (pose, delta) = robot.tick();
             robot.wheels = robot
                 .controller
@@ -65,11 +68,11 @@ fn a_wheel_wired_backwards_is_noticed_at_the_first_move() {
             ticks += 1;
         }
         let expected = if left {
-            fault::LEFT_REVERSED
+            Faults::LEFT_REVERSED
         } else {
-            fault::RIGHT_REVERSED
+            Faults::RIGHT_REVERSED
         };
-        assert!(robot.faults & expected != 0, "{:#x}", robot.faults);
+        assert!(robot.faults.intersects(expected), "{:?}", robot.faults);
     }
 }
 
@@ -80,7 +83,7 @@ fn an_encoder_that_jumps_is_noticed_at_once() {
             r.rolled.1 += by;
         });
         assert!(
-            faults & fault::ENCODER_JUMP != 0 && seconds < 0.015,
+            faults.intersects(Faults::ENCODER_JUMP) && seconds < 0.015,
             "{seconds}"
         );
     }
@@ -98,6 +101,6 @@ fn full_reversals_and_all_tuning_steps_look_right_on_a_weak_battery_too() {
                 robot.wheels = robot.controller.tune_rotate(Duty::saturating(duty));
             }
         }
-        assert_eq!(robot.faults, 0);
+        assert_eq!(robot.faults, Faults::NONE);
     }
 }

@@ -91,8 +91,8 @@ fn a_slip_is_a_fault_that_keeps_nothing_off_and_the_heading_survives_it() {
     let before = robot.heading_deg();
     assert!((before - 30.0).abs() < 0.1, "{before}");
     assert_eq!(
-        robot.bench.robot.faults() & (fault::SLIP | fault::GYRO_LOST),
-        0
+        robot.bench.robot.faults() & (Faults::SLIP | Faults::GYRO_LOST),
+        Faults::NONE
     );
     // Straight on by the wheels, and the robot turns by 60°.
     robot.ticks(100, SPIN, 20, 20);
@@ -100,7 +100,7 @@ fn a_slip_is_a_fault_that_keeps_nothing_off_and_the_heading_survives_it() {
     let turned = robot.heading_deg() - before;
     assert!((turned - 60.0).abs() < 0.5, "{turned}");
     let faults = robot.bench.robot.faults();
-    assert_eq!(faults & (fault::SLIP | fault::GYRO_LOST), fault::SLIP);
+    assert_eq!(faults & (Faults::SLIP | Faults::GYRO_LOST), Faults::SLIP);
     assert_ne!(robot.bench.robot.state(), State::Faulted);
 }
 
@@ -133,16 +133,16 @@ fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
     let mut robot = Turned::new(Mode::GuardedNormal);
     robot.absent = true;
     robot.ticks(100, 0, 0, 0);
-    assert_ne!(robot.bench.robot.faults() & fault::GYRO_LOST, 0);
+    assert!(robot.bench.robot.faults().intersects(Faults::GYRO_LOST));
     let clear = Command {
-        clear_faults: u16::MAX,
+        clear_faults: Faults::ALL_BITS,
         ..Command::default()
     };
     robot.bench.frame(&clear);
     robot.tick(0, 0, 0);
     assert_ne!(
-        robot.bench.robot.faults() & fault::GYRO_LOST,
-        0,
+        robot.bench.robot.faults() & Faults::GYRO_LOST,
+        Faults::NONE,
         "still lost"
     );
     robot.absent = false;
@@ -150,7 +150,7 @@ fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
     robot.ticks(50, SPIN, -10, 10);
     robot.bench.frame(&clear);
     robot.tick(0, 0, 0);
-    assert_eq!(robot.bench.robot.faults() & fault::GYRO_LOST, 0);
+    assert!(!robot.bench.robot.faults().intersects(Faults::GYRO_LOST));
 }
 
 // Requirement: WIRE-platform-7
@@ -163,7 +163,7 @@ fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() 
         assert_eq!(tuning.tick(0, 0, 0), BusRequest::Idle);
         assert_eq!(plain.tick(0, 0, 0), BusRequest::Idle);
     }
-    assert_eq!(plain.bench.robot.faults(), 0);
+    assert!(plain.bench.robot.faults().is_empty());
 }
 
 #[test]

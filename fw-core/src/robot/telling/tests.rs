@@ -4,7 +4,7 @@ extern crate std;
 
 use super::*;
 use crate::log::tests::transmitted;
-use crate::robot::Rangefinder::{Front, Left};
+use crate::types::RangefinderId::{Front, Left};
 use crate::wire::Reason;
 use fixed::types::I16F16;
 use std::string::String;
@@ -39,23 +39,27 @@ fn stale(found: u8) -> FrameError {
 fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look() {
     let mut telling = Telling::new(0);
     for (state, faults, line) in [
-        (State::Ready, 0, "I: ready"),
-        (State::Moving, 0, "I: moving"),
-        (State::Stopped, 0, "W: stopped"),
-        (State::Ready, 0, "I: ready"),
+        (State::Ready, Faults::NONE, "I: ready"),
+        (State::Moving, Faults::NONE, "I: moving"),
+        (State::Stopped, Faults::NONE, "W: stopped"),
+        (State::Ready, Faults::NONE, "I: ready"),
         (
             State::Stopped,
-            fault::LINK_LOST | fault::SLIP,
+            Faults::LINK_LOST | Faults::SLIP,
             "W: stopped: no fresh frame in time",
         ),
         (
             State::Faulted,
-            fault::ENCODER_JUMP,
+            Faults::ENCODER_JUMP,
             "E: faulted: motors off",
         ),
         // An order to stop, whatever else is latched.
-        (State::Stopped, !fault::LINK_LOST, "W: stopped"),
-        (State::Booting, 0, "I: booting"),
+        (
+            State::Stopped,
+            Faults::ALL_BITS.difference(Faults::LINK_LOST),
+            "W: stopped",
+        ),
+        (State::Booting, Faults::NONE, "I: booting"),
     ] {
         let mut due = false;
         let lines = told(|log| due = telling.state(state, faults, log));
@@ -78,7 +82,7 @@ fn a_broken_wire_tells_of_the_first_frame_and_counts_the_others_once_a_second() 
             telling.rejected(stale(1));
             telling.rejected(stale(2));
         }
-        let due = telling.state(State::Booting, 0, &mut log);
+        let due = telling.state(State::Booting, Faults::NONE, &mut log);
         let said = said(&mut log);
         assert_eq!(due, !said.is_empty());
         lines.extend(said.into_iter().map(|line| (tick, line)));
@@ -98,14 +102,14 @@ fn a_broken_wire_tells_of_the_first_frame_and_counts_the_others_once_a_second() 
 fn after_a_second_of_silence_a_rejected_frame_is_told_of_itself_again() {
     let mut telling = Telling::new(0);
     telling.rejected(stale(1));
-    let lines = told(|log| _ = telling.state(State::Booting, 0, log));
+    let lines = told(|log| _ = telling.state(State::Booting, Faults::NONE, log));
     assert_eq!(lines.len(), 1);
     for _ in 0..QUIET_TICKS {
-        let lines = told(|log| _ = telling.state(State::Booting, 0, log));
+        let lines = told(|log| _ = telling.state(State::Booting, Faults::NONE, log));
         assert_eq!(lines, NOTHING);
     }
     telling.rejected(stale(2));
-    let lines = told(|log| _ = telling.state(State::Booting, 0, log));
+    let lines = told(|log| _ = telling.state(State::Booting, Faults::NONE, log));
     assert_eq!(lines.len(), 1);
     assert!(lines[0].starts_with("W: frame rejected: "), "{lines:?}");
 }
@@ -123,7 +127,7 @@ fn a_state_goes_before_a_rejected_frame_and_that_before_a_target() {
     });
     let mut lines = Vec::new();
     for _ in 0..4 {
-        let now = told(|log| _ = telling.state(State::Ready, 0, log));
+        let now = told(|log| _ = telling.state(State::Ready, Faults::NONE, log));
         assert!(now.len() <= 1);
         lines.extend(now);
     }
@@ -183,12 +187,12 @@ fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
     let bits = [1, 3, 4, 5, 6, 7, 8, 9, 11];
     let mut all = Vec::new();
     for bit in 0..16 {
-        let told = told(|log| faults(1 << bit, log));
+        let told = told(|log| faults(Faults::from_bits(1 << bit), log));
         let place = bits.iter().position(|&own| own == bit);
         let expected: Vec<String> = place
             .map(|place| {
                 // What keeps the motors off is an error.
-                let blocks = crate::robot::BLOCKING & 1 << bit != 0;
+                let blocks = Faults::BLOCKING.intersects(Faults::from_bits(1 << bit));
                 std::format!("{}: {}", if blocks { 'E' } else { 'W' }, lines[place])
             })
             .into_iter()
@@ -197,9 +201,9 @@ fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
         all.extend(told);
     }
     let mut log = Log::<1024>::new();
-    faults(u16::MAX, &mut log);
+    faults(Faults::ALL_BITS, &mut log);
     assert_eq!(said(&mut log), all);
-    faults(0, &mut log);
+    faults(Faults::NONE, &mut log);
     assert_eq!(said(&mut log), NOTHING);
 }
 

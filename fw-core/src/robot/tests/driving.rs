@@ -19,13 +19,13 @@ impl Course {
     }
 
     /// A tick: what the motors are told.
-    fn tick(&mut self) -> [Drive; 2] {
+    fn tick(&mut self) -> [MotorCommand; 2] {
         self.ticks += 1;
         let outputs = self.bench.tick();
         // 50 counts a tick at full duty; the first board's encoders count down going forward.
         let roll = |drive| match drive {
-            Drive::Run(duty) => -duty.hundredths() / 200,
-            Drive::Coast | Drive::Brake => 0,
+            MotorCommand::Run(duty) => -duty.hundredths() / 200,
+            MotorCommand::Coast | MotorCommand::Brake => 0,
         };
         let Sample { left, right, .. } = &mut self.bench.sample;
         *left = left.wrapping_add_signed(roll(outputs.left).into());
@@ -34,7 +34,7 @@ impl Course {
     }
 
     /// What the controller says in the tick that was.
-    fn said(&mut self) -> [Drive; 2] {
+    fn said(&mut self) -> [MotorCommand; 2] {
         let robot = &self.bench.robot;
         let wheels = self.controller.drive(&robot.pose(), &robot.delta);
         [wheels.left, wheels.right]
@@ -72,11 +72,11 @@ fn the_motors_follow_the_last_target_that_was_applied_and_no_other() {
 fn a_target_where_the_robot_stands_is_held() {
     let mut course = Course::new();
     course.bench.frame(&Command::default());
-    assert_eq!(course.tick(), [Drive::Coast; 2], "not applied");
+    assert_eq!(course.tick(), [MotorCommand::Coast; 2], "not applied");
     course.controller.set_target(Pose::default());
     // Braked once it has arrived, not rolling freely.
     course.follow(&go(0), 20);
-    assert_eq!(course.tick(), [Drive::Brake; 2]);
+    assert_eq!(course.tick(), [MotorCommand::Brake; 2]);
     assert_eq!(course.bench.robot.state(), State::Ready);
 }
 
@@ -92,7 +92,7 @@ fn after_a_stop_it_begins_from_rest() {
         if tick < 24 {
             assert_eq!(told, course.said());
         } else {
-            assert_eq!(told, [Drive::Brake; 2]);
+            assert_eq!(told, [MotorCommand::Brake; 2]);
             course.controller.halt();
         }
     }

@@ -14,14 +14,14 @@ fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
     let counters = bench.robot.counters();
     assert_eq!((counters.overrun, counters.accepted), (5, 1));
     assert_eq!(counters.frames(), 6);
-    assert_eq!(bench.robot.faults(), fault::FRAME_REJECTED);
+    assert_eq!(bench.robot.faults(), Faults::FRAME_REJECTED);
     assert_eq!(
         bench.log(),
         "W00000: 3 frames came too fast and were lost\n\
          W00001: 2 frames came too fast and were lost\n"
     );
     let report = bench.frame(&Command::default());
-    assert_eq!(report.faults, fault::FRAME_REJECTED, "the Pi is told");
+    assert_eq!(report.faults, Faults::FRAME_REJECTED, "the Pi is told");
 }
 
 #[test]
@@ -30,17 +30,19 @@ fn a_fault_is_latched_and_told_of_once() {
         let mut bench = Bench::new(Mode::GuardedNormal);
         let told = |log: &Log| log.pending().split(|&byte| byte == b'\n').count();
         let mut log = Log::<1024>::new();
-        telling::faults(1 << bit, &mut log);
+        telling::faults(Faults::from_bits(1 << bit), &mut log);
         let lines = told(&log);
         for _ in 0..3 {
-            bench.robot.raise(1 << bit, &mut bench.log);
-            assert_eq!(bench.robot.faults(), 1 << bit);
+            bench
+                .robot
+                .raise(Faults::from_bits(1 << bit), &mut bench.log);
+            assert_eq!(bench.robot.faults(), Faults::from_bits(1 << bit));
             assert_eq!(told(&bench.log), lines, "{bit}");
         }
         // All others beside it, of which each is told of, and this one is not again.
-        bench.robot.raise(u16::MAX, &mut bench.log);
-        assert_eq!(bench.robot.faults(), u16::MAX);
-        telling::faults(!(1 << bit), &mut log);
+        bench.robot.raise(Faults::ALL_BITS, &mut bench.log);
+        assert_eq!(bench.robot.faults(), Faults::ALL_BITS);
+        telling::faults(Faults::from_bits(!(1 << bit)), &mut log);
         assert_eq!(told(&bench.log), told(&log), "{bit}");
     }
 }
@@ -48,21 +50,21 @@ fn a_fault_is_latched_and_told_of_once() {
 #[test]
 fn all_faults_at_once_are_latched() {
     let mut bench = Bench::new(Mode::Normal);
-    bench.robot.raise(u16::MAX, &mut bench.log);
-    assert_eq!(bench.robot.faults(), u16::MAX);
+    bench.robot.raise(Faults::ALL_BITS, &mut bench.log);
+    assert_eq!(bench.robot.faults(), Faults::ALL_BITS);
 }
 
 #[test]
 fn a_fault_that_is_latched_already_changes_nothing() {
     let mut bench = Bench::new(Mode::GuardedNormal);
-    bench.robot.raise(fault::ENCODER_JUMP, &mut bench.log);
+    bench.robot.raise(Faults::ENCODER_JUMP, &mut bench.log);
     bench.frame(&Command {
         order: crate::wire::Order::Resume,
         ..Command::default()
     });
     let before = bench.robot.supervisor;
     assert!(!before.halted(), "until the tick that finds the fault");
-    for again in [0, fault::ENCODER_JUMP] {
+    for again in [Faults::NONE, Faults::ENCODER_JUMP] {
         bench.robot.raise(again, &mut bench.log);
         assert_eq!(bench.robot.supervisor, before);
     }
@@ -73,12 +75,12 @@ fn a_fault_that_is_latched_already_changes_nothing() {
 fn lines_that_the_log_has_dropped_are_a_fault_of_the_next_tick_until_it_is_cleared() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     let clear = Command {
-        clear_faults: u16::MAX,
+        clear_faults: Faults::ALL_BITS,
         ..Command::default()
     };
     for dropped in [1, 2, 7] {
         bench.tick();
-        assert_eq!(bench.robot.faults(), 0);
+        assert!(bench.robot.faults().is_empty());
         let before = bench.log.dropped();
         // Each is of nine bytes, and there is room for some hundred.
         for _ in 0..200 {
@@ -88,7 +90,7 @@ fn lines_that_the_log_has_dropped_are_a_fault_of_the_next_tick_until_it_is_clear
         }
         for _ in 0..3 {
             bench.tick();
-            assert_eq!(bench.robot.faults(), fault::LOG_DROPPED);
+            assert_eq!(bench.robot.faults(), Faults::LOG_DROPPED);
         }
         let _ = transmitted(&mut bench.log);
         bench.frame(&clear);
@@ -99,13 +101,13 @@ fn lines_that_the_log_has_dropped_are_a_fault_of_the_next_tick_until_it_is_clear
 fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
     let trigger = (0..10).find_map(|_| {
         let which = bench.tick().trigger?;
-        (which == Rangefinder::Front).then_some(bench.sample.now)
+        (which == RangefinderId::Front).then_some(bench.sample.now)
     });
     let rise = trigger.expect("its turn").after(500);
     bench
         .robot
-        .on_echo(Rangefinder::Front, rise, rise.after(10_000));
-    match bench.robot.rangefinders.reading(Rangefinder::Front).echo {
+        .on_echo(RangefinderId::Front, rise, rise.after(10_000));
+    match bench.robot.rangefinders.reading(RangefinderId::Front).echo {
         Echo::Distance(distance) => distance.0.to_num(),
         echo => panic!("{echo:?}"),
     }

@@ -13,13 +13,13 @@ enum Event {
     /// Counts that the wheels rolled, and what the ADC says.
     Tick(i8, i8, [u16; 2]),
     /// Microseconds from the trigger to the rise, and from there to the fall.
-    Echo(Rangefinder, u32, u32),
+    Echo(RangefinderId, u32, u32),
     Frame,
     Temperature(u16),
 }
 
 fn event() -> impl Strategy<Value = Event> {
-    let which = prop::sample::select(&Rangefinder::ALL[..]);
+    let which = prop::sample::select(&RangefinderId::ALL[..]);
     // Distances, nothing within range, and what no object makes.
     let width = prop_oneof![117..15_000_u32, Just(38_000), 0..117_u32, Just(1 << 21)];
     let step = prop_oneof![Just(0_i8), any::<i8>()];
@@ -40,9 +40,9 @@ fn anew(robot: &Robot) -> Report {
         pose: PoseCode::from_pose(&robot.odometry.pose()),
         measurement: robot.measurement(),
         cell: CellCode::from_volts(robot.cell, volts),
-        ranges: Rangefinder::ALL
+        ranges: RangefinderId::ALL
             .map(|which| DistanceCode::from_distance(robot.rangefinders.distance(which))),
-        bearing: robot.rangefinders.reading(Rangefinder::Front).bearing,
+        bearing: robot.rangefinders.reading(RangefinderId::Front).bearing,
         faults: robot.faults(),
         state: robot.state(),
         ..Report::default()
@@ -75,7 +75,7 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
                     triggered[which as usize] = bench.sample.now;
                 }
                 let text = transmitted(&mut bench.log);
-                for (which, told) in Rangefinder::ALL.into_iter().zip(&mut silent) {
+                for (which, told) in RangefinderId::ALL.into_iter().zip(&mut silent) {
                     let row = bench.robot.stats(which).consecutive_misses;
                     // Three in a row make one silent, an answer ends it.
                     let due = if *told { row == 0 } else { row >= 3 };

@@ -14,7 +14,7 @@ fn swept(bench: &mut Bench, ticks: u32, frame_every: u32) -> (Vec<u16>, u32) {
         let outputs = bench.tick();
         pulses += u32::from(outputs.servo.is_some());
         if let Some(which) = outputs.trigger {
-            assert_eq!(which, Rangefinder::Front);
+            assert_eq!(which, RangefinderId::Front);
             let rise = bench.sample.now.after(500);
             bench.robot.on_echo(which, rise, rise.after(1_000));
             bearings.push(bench.robot.said.bearing);
@@ -54,6 +54,6 @@ fn it_rests_in_silence_and_once_a_fault_has_stopped_the_robot() {
     assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "silence");
     let (bearings, _) = swept(&mut bench, 150, 10);
     assert!(!bearings.is_empty(), "talked to again");
-    bench.robot.raise(fault::LEFT_STALLED, &mut bench.log);
+    bench.robot.raise(Faults::LEFT_STALLED, &mut bench.log);
     assert_eq!(swept(&mut bench, 100, 10), (Vec::new(), 0), "faulted");
 }

@@ -22,7 +22,7 @@ mod bias;
 mod window;
 
 use super::mpu6050::LSB_PER_DEGREE_TENTHS;
-use crate::motion::Delta;
+use crate::types::{Delta, HeadingCorrection};
 use bias::Bias;
 pub use bias::MOST as BIAS_MOST;
 use window::Window;
@@ -51,15 +51,6 @@ const SATURATED: i16 = 32_700;
 const STALE: u8 = 5;
 /// Turn of a tick, 2⁻³² turns, of one least significant bit: 2³² ÷ (65.5 · 36 000), 2⁻¹⁴.
 const TURN: i64 = ((10_i64 << 46) / LSB_PER_DEGREE_TENTHS as i64 + 18_000) / 36_000;
-
-/// What the gyroscope adds to the heading.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Correction {
-    /// To the heading, 2⁻³² turns: the tick's, and what was caught up on.
-    pub heading: i32,
-    /// The tick's alone.
-    pub tick: i32,
-}
 
 /// What happened, for the log and the faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,8 +153,8 @@ impl GyroFusion {
         reading: Option<i16>,
         delta: &Delta,
         turn: i32,
-    ) -> (Correction, Option<Event>) {
-        let nothing = Correction::default();
+    ) -> (HeadingCorrection, Option<Event>) {
+        let nothing = HeadingCorrection::default();
         match reading {
             Some(raw) if raw.saturating_abs() < SATURATED => {
                 self.raw = raw;
@@ -234,11 +225,11 @@ impl GyroFusion {
     }
 
     /// Both agreed so far.
-    fn watch(&mut self, apart: i32) -> (Correction, Option<Event>) {
+    fn watch(&mut self, apart: i32) -> (HeadingCorrection, Option<Event>) {
         let limit = SLACK + (self.window.turned() >> SHARE) as i64;
         let all = self.window.apart();
         if all.abs() <= limit {
-            return (Correction::default(), None);
+            return (HeadingCorrection::default(), None);
         }
         self.trust = Trust::Slipping {
             quiet: 0,
@@ -246,7 +237,7 @@ impl GyroFusion {
             added: all,
         };
         // Modulo a turn, as a heading is.
-        let correction = Correction {
+        let correction = HeadingCorrection {
             heading: all as i32,
             tick: apart,
         };
@@ -254,14 +245,14 @@ impl GyroFusion {
     }
 
     /// The wheels do not tell how the robot turns.
-    fn follow(&mut self, apart: i32, turn: i32, moved: bool) -> (Correction, Option<Event>) {
+    fn follow(&mut self, apart: i32, turn: i32, moved: bool) -> (HeadingCorrection, Option<Event>) {
         let Trust::Slipping {
             quiet,
             ticks,
             added,
         } = self.trust
         else {
-            return (Correction::default(), None);
+            return (HeadingCorrection::default(), None);
         };
         let agrees = i64::from(apart).abs() <= TICK_SLACK + (i64::from(turn).abs() >> SHARE);
         let quiet = if agrees { quiet + 1 } else { 0 };
@@ -272,7 +263,7 @@ impl GyroFusion {
             ticks,
             added,
         };
-        let correction = Correction {
+        let correction = HeadingCorrection {
             heading: apart,
             tick: apart,
         };

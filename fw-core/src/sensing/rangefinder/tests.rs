@@ -4,12 +4,12 @@ extern crate std;
 
 use super::*;
 use std::vec::Vec;
-use Rangefinder::{Front, Left, Right};
+use RangefinderId::{Front, Left, Right};
 
 const TICK: u32 = 10_000;
 const AHEAD: Option<u16> = Some(0);
 
-fn triggers(count: u8, ticks: u32) -> Vec<(u32, Rangefinder)> {
+fn triggers(count: u8, ticks: u32) -> Vec<(u32, RangefinderId)> {
     let mut rangefinders = Rangefinders::new(count);
     (0..ticks)
         .filter_map(|k| Some((k, rangefinders.tick(Micros(k * TICK), AHEAD)?)))

@@ -3,9 +3,9 @@
 extern crate std;
 
 use super::*;
-use crate::robot::Rangefinder::Front;
 use crate::sensing::{Echo, Rangefinders};
-use crate::units::Micros;
+use crate::types::Micros;
+use crate::types::RangefinderId::Front;
 use std::vec::Vec;
 
 fn platform() -> Platform {

@@ -2,6 +2,7 @@
 
 use super::{setup, Mode, CONTEXT, GUARDED};
 use crate::binary64::Binary64;
+use crate::types::Faults;
 use crate::wire::crc::crc16;
 use crate::wire::strategy::{Context, Input};
 use crate::wire::{
@@ -139,7 +140,7 @@ fn codes_too_large_for_their_bits_do_not_spill_into_others() {
     command.expected.rotation = 0xFFFF;
     let frame = command_frame(Mode::Normal, &command);
     assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
-    let cell = CellCode::from_volts(0xFA, crate::units::Volts::default());
+    let cell = CellCode::from_volts(0xFA, crate::types::Volts::default());
     assert_eq!(cell.cell, 2);
 }
 
@@ -289,7 +290,7 @@ fn orders_and_states_that_do_not_exist_are_rejected_at_their_byte() {
 /// A guarded frame in which every field is neither all zeros nor all ones.
 fn busy_frames(mode: Mode) -> (Vec<u8>, Vec<u8>) {
     let command = Command {
-        clear_faults: 0x1234,
+        clear_faults: Faults::from_bits(0x1234),
         order: Order::Stop,
         apply: true,
         percent: Binary64(12.5_f64.to_bits()),
@@ -300,7 +301,7 @@ fn busy_frames(mode: Mode) -> (Vec<u8>, Vec<u8>) {
         ..Command::default()
     };
     let report = Report {
-        faults: 0x4321,
+        faults: Faults::from_bits(0x4321),
         state: State::Stopped,
         bearing: 0x8421,
         measurement: Binary64(12.5_f64.to_bits()),

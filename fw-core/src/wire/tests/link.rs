@@ -1,6 +1,7 @@
 //! Sequence numbers and counters of both ends.
 
 use super::{setup, Mode, GUARDED};
+use crate::types::Faults;
 use crate::wire::sequence::newer;
 use crate::wire::{
     chain, Cause, Command, FrameError, PiLink, Reason, Report, State, StmLink, MAX_FRAME,
@@ -149,14 +150,14 @@ fn a_reply_sent_anew_keeps_its_number_and_a_new_one_gets_the_next() {
         let (mut first, mut fresher, mut next) = ([0; 26], [0; 26], [0; 26]);
         let len = stm.send(&Report::default(), &mut first);
         let report = Report {
-            faults: 5,
+            faults: Faults::from_bits(5),
             ..Report::default()
         };
         assert_eq!(stm.resend(&report, &mut fresher), len);
         stm.send(&report, &mut next);
         assert_eq!((first[1], fresher[1], next[1]), (1, 1, 2));
         let mut pi = PiLink::new(setup(mode));
-        assert_eq!(pi.receive(&fresher[..len]).unwrap().faults, 5);
+        assert_eq!(pi.receive(&fresher[..len]).unwrap().faults.bits(), 5);
         assert!(pi.receive(&first[..len]).is_err());
         assert!(pi.receive(&next[..len]).is_ok());
     }

@@ -3,6 +3,7 @@
 
 use super::{setup, Mode};
 use crate::binary64::Binary64;
+use crate::types::Faults;
 use crate::wire::{
     CellCode, Command, DistanceCode, Order, PiLink, PoseCode, Report, Sequence, State, StmLink,
     MAX_FRAME,
@@ -134,7 +135,7 @@ fn a_tuning_report_is_the_documents_bytes() {
 #[test]
 fn guarded_commands_add_sequence_status_and_checksum() {
     let normal = Command {
-        clear_faults: 0x8001,
+        clear_faults: Faults::from_bits(0x8001),
         order: Order::Resume,
         ..command()
     };
@@ -176,7 +177,7 @@ fn guarded_commands_add_sequence_status_and_checksum() {
 #[test]
 fn guarded_reports_add_sequence_status_and_checksum() {
     let normal = Report {
-        faults: 0x0841,
+        faults: Faults::from_bits(0x0841),
         state: State::Moving,
         ..report()
     };

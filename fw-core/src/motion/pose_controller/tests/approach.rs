@@ -3,7 +3,11 @@
 use super::*;
 
 /// The first tick's outputs, the target so far ahead and to the left and turned by so many degrees.
-fn first(controller: &PoseController, stand: (f64, f64, f64), target: (f64, f64, f64)) -> Wheels {
+fn first(
+    controller: &PoseController,
+    stand: (f64, f64, f64),
+    target: (f64, f64, f64),
+) -> MotorCommands {
     let mut controller = controller.clone();
     controller.set_target(seen_from(stand, target));
     let (x, y, heading) = stand;

@@ -54,7 +54,7 @@ fn what_is_not_answered_is_braked_and_the_next_arrival_has_the_old_tolerances_ag
     let (mut controller, target) = holding(1);
     let aside = seen_from((500.0, -200.0, 170.0), (3.5, 0.0, 0.0));
     for _ in 0..10 {
-        assert_eq!(controller.drive(&aside, &STILL), Wheels::BRAKE);
+        assert_eq!(controller.drive(&aside, &STILL), MotorCommands::BRAKE);
         assert!(controller.arrived());
     }
     let away = seen_from((500.0, -200.0, 170.0), (30.0, 0.0, 0.0));

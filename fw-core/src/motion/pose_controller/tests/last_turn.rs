@@ -65,7 +65,7 @@ fn it_brakes_as_soon_as_it_would_stop_at_the_place_and_within_three_quarters_of_
                 let (mut controller, here) = set_down(&config, before * way, missing * turned);
                 let wheels = controller.drive(&here, &rolling(travel * way, turn * turned));
                 assert_eq!(
-                    wheels == Wheels::BRAKE,
+                    wheels == MotorCommands::BRAKE,
                     brakes,
                     "{before} {travel} {missing} {turn}, {way} {turned}"
                 );
@@ -84,7 +84,7 @@ fn an_arrival_is_50_ms_within_both_tolerances_and_at_rest() {
             assert_eq!(controller.arrived(), tick == 5, "{tick}");
             assert_eq!(controller.moving(), tick < 5, "{tick}");
         }
-        assert_eq!(controller.drive(&here, &STILL), Wheels::BRAKE);
+        assert_eq!(controller.drive(&here, &STILL), MotorCommands::BRAKE);
     }
     // 0.51° is not within half a degree.
     let (mut controller, here) = set_down(&config, 0.0, 0.51);

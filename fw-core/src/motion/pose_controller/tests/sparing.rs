@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::eeprom::first_board;
-use crate::units::Millimetres;
+use crate::types::Millimetres;
 use fixed::types::I32F32;
 
 /// Holding its place, left alone, nudged and pushed, beside one that looks at its target every tick.

@@ -6,7 +6,10 @@ use super::*;
 fn without_a_target_it_brakes_wherever_it_is() {
     let mut controller = controller(1.0, 1.0);
     for here in [pose(0.0, 0.0, 0.0), pose(500.0, 20.0, 90.0)] {
-        assert_eq!(controller.drive(&here, &rolling(1.0, 1.0)), Wheels::BRAKE);
+        assert_eq!(
+            controller.drive(&here, &rolling(1.0, 1.0)),
+            MotorCommands::BRAKE
+        );
         assert!(!controller.arrived() && !controller.moving());
     }
     controller.set_target(pose(0.0, 0.0, 0.0));
@@ -14,7 +17,7 @@ fn without_a_target_it_brakes_wherever_it_is() {
     controller.halt();
     assert_eq!(
         controller.drive(&pose(500.0, 0.0, 0.0), &STILL),
-        Wheels::BRAKE
+        MotorCommands::BRAKE
     );
     assert!(!controller.arrived() && !controller.moving());
 }

@@ -2,10 +2,10 @@
 
 use super::*;
 
-fn run(left: i32, right: i32) -> Wheels {
-    Wheels {
-        left: Drive::Run(Duty::saturating(left)),
-        right: Drive::Run(Duty::saturating(right)),
+fn run(left: i32, right: i32) -> MotorCommands {
+    MotorCommands {
+        left: MotorCommand::Run(Duty::saturating(left)),
+        right: MotorCommand::Run(Duty::saturating(right)),
     }
 }
 
@@ -18,10 +18,13 @@ fn tuning_the_rotation_is_the_bare_duty_on_the_right_and_its_opposite_on_the_lef
         let wheels = controller.tune_rotate(Duty::saturating(duty));
         assert_eq!(wheels, run(-duty, duty));
     }
-    assert_eq!(controller.tune_rotate(Duty::ZERO), Wheels::BRAKE);
+    assert_eq!(controller.tune_rotate(Duty::ZERO), MotorCommands::BRAKE);
     // Nor is there a target any more.
     assert!(!controller.moving());
-    assert_eq!(controller.drive(&Pose::default(), &STILL), Wheels::BRAKE);
+    assert_eq!(
+        controller.drive(&Pose::default(), &STILL),
+        MotorCommands::BRAKE
+    );
 }
 
 // Requirement: DOC-5.2.3-1
@@ -39,7 +42,7 @@ fn tuning_the_movement_holds_the_angle_at_which_it_began_until_it_is_told_zero()
     assert_outputs(tune(4000, -179.5), 40.0, -1.5);
     assert_outputs(tune(4000, 177.5), 40.0, 1.5);
     assert_outputs(tune(-4000, 177.5), -40.0, 1.5);
-    assert_eq!(tune(0, 177.5), Wheels::BRAKE);
+    assert_eq!(tune(0, 177.5), MotorCommands::BRAKE);
     assert_outputs(tune(4000, 177.5), 40.0, 0.0);
     // Another strategy in between ends it, too.
     let mut controller = PoseController::new(&gains(1.0, 1.0, 0.0));

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::motion::simulation::pose;
-use crate::units::Turns;
+use crate::types::Turns;
 use fixed::types::I16F16;
 
 /// Millimetres.

@@ -1,0 +1,66 @@
+//! What odometry, controllers and gyroscope exchange, and what the bridges are driven with.
+
+use super::{Duty, Millimetres, Turns};
+use fixed::types::I16F16;
+
+/// Position and heading: x ahead of and y to the left of where the robot was at reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pose {
+    /// Along the axis the robot faced at reset.
+    pub x: Millimetres,
+    /// To the left of that axis.
+    pub y: Millimetres,
+    /// Counter-clockwise from that axis.
+    pub heading: Turns,
+}
+
+/// Wheel and robot motion of one 10 ms tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Delta {
+    /// Counts the left wheel rolled, forward positive.
+    pub left: i32,
+    /// Counts the right wheel rolled, forward positive, −32 768 ..= 32 768.
+    pub right: i32,
+    /// Millimetres the axle's centre moved along its path, saturating; error at most 0.001 mm.
+    pub travel: I16F16,
+    /// Turn of the robot, 2⁻³² turns, counter-clockwise positive.
+    pub turn: i32,
+}
+
+/// What the gyroscope adds to the heading of the encoders, 2⁻³² turns, counter-clockwise positive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HeadingCorrection {
+    /// To the heading: this tick's share and the ticks before the slip was detected.
+    pub heading: i32,
+    /// This tick's share alone.
+    pub tick: i32,
+}
+
+/// What one motor's bridge is driven with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MotorCommand {
+    /// Enable low: the wheel turns freely. The state after a reset and after every failure.
+    #[default]
+    Coast,
+    /// Both inputs alike, enable high: the motor is shorted.
+    Brake,
+    /// Duty and direction.
+    Run(Duty),
+}
+
+/// What both bridges are driven with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MotorCommands {
+    /// The left motor.
+    pub left: MotorCommand,
+    /// The right motor.
+    pub right: MotorCommand,
+}
+
+impl MotorCommands {
+    /// Both motors shorted.
+    pub const BRAKE: Self = Self {
+        left: MotorCommand::Brake,
+        right: MotorCommand::Brake,
+    };
+}
