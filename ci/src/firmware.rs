@@ -116,9 +116,6 @@ pub fn build_in(
     ];
     let target_word = target_dir.to_string_lossy();
     words.extend(["--target-dir", &target_word]);
-    if edition == Edition::Minimal {
-        words.push("--no-default-features");
-    }
     if !features.is_empty() {
         words.extend(["--features", features]);
     }

@@ -9,9 +9,7 @@
 use crate::board::{CELL_1, CELL_2, TAPS};
 use crate::dma::{control, Stream};
 use core::cell::UnsafeCell;
-#[cfg(feature = "acoustics")]
 use core::sync::atomic::{AtomicU8, Ordering};
-#[cfg(feature = "acoustics")]
 use fw_core::sensing::Calibration;
 use stm32f4::stm32f411 as pac;
 
@@ -32,16 +30,13 @@ fn registers() -> &'static pac::adc1::RegisterBlock {
 }
 
 /// Ticks from one temperature to the next: about a second, as slow as air is.
-#[cfg(feature = "acoustics")]
 const TEMPERATURE_TICKS: u8 = 100;
 
 /// Ticks to the next temperature, the robot's priority's own; none to the first.
-#[cfg(feature = "acoustics")]
 static WAIT: AtomicU8 = AtomicU8::new(0);
 
 /// What the factory measured of this part's sensor and reference (DS10314, temperature sensor and
 /// internal reference voltage calibration values).
-#[cfg(feature = "acoustics")]
 pub fn calibration() -> Calibration {
     let word = |address: usize| {
         // SAFETY: aligned half-words of the system memory, which is always readable.
@@ -61,12 +56,12 @@ pub fn start() {
     // SAFETY: boot runs alone; the common block belongs to the one converter there is.
     unsafe { &*pac::ADC_COMMON::ptr() }.ccr().write(|w| {
         w.adcpre().div4();
-        w.tsvrefe().bit(cfg!(feature = "acoustics"))
+        w.tsvrefe().set_bit()
     });
     let adc = registers();
     adc.cr1().write(|w| {
         w.scan().set_bit();
-        w.jauto().bit(cfg!(feature = "acoustics"))
+        w.jauto().set_bit()
     });
     adc.smpr2().write(|w| {
         w.smp0().cycles480();
@@ -78,20 +73,17 @@ pub fn start() {
         w.sq1().bits(0);
         w.sq2().bits(1)
     });
-    #[cfg(feature = "acoustics")]
-    {
-        adc.smpr1().write(|w| {
-            w.smp17().cycles480();
-            w.smp18().cycles480()
-        });
-        // The last `jl` + 1 of the four places, in order.
-        // SAFETY: channels 17 and 18 exist.
-        adc.jsqr().write(|w| unsafe {
-            w.jl().bits(1);
-            w.jsq3().bits(18);
-            w.jsq4().bits(17)
-        });
-    }
+    adc.smpr1().write(|w| {
+        w.smp17().cycles480();
+        w.smp18().cycles480()
+    });
+    // The last `jl` + 1 of the four places, in order.
+    // SAFETY: channels 17 and 18 exist.
+    adc.jsqr().write(|w| unsafe {
+        w.jl().bits(1);
+        w.jsq3().bits(18);
+        w.jsq4().bits(17)
+    });
     adc.cr2().write(|w| w.adon().set_bit());
 }
 
@@ -131,7 +123,6 @@ pub fn words() -> Option<[u16; TAPS]> {
 }
 
 /// The words of the chip's temperature sensor and of its reference, once a second; for every tick.
-#[cfg(feature = "acoustics")]
 pub fn temperature() -> Option<(u16, u16)> {
     let wait = WAIT.load(Ordering::Relaxed);
     if wait > 0 {

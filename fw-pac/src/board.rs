@@ -68,7 +68,6 @@ pub const ECHO_LEFT: Pin = Pin::new(Port::C, 12);
 pub const TRIGGER_LEFT: Pin = Pin::new(Port::C, 11);
 
 /// The swept rangefinder's servo, TIM1 CH1.
-#[cfg(feature = "sweep")]
 pub const SERVO: Pin = Pin::new(Port::A, 8);
 
 /// `STM_READY`: high once configured; the board pulls it down.

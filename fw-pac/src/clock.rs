@@ -134,7 +134,6 @@ pub fn enable_peripherals() {
         w.spi1en().set_bit();
         w.syscfgen().set_bit()
     });
-    #[cfg(feature = "sweep")]
     rcc.apb2enr().modify(|_, w| w.tim1en().set_bit());
     // Read back: a peripheral answers two bus cycles after its clock is enabled (ES0287, 2.2.7).
     let _ = rcc.apb2enr().read();

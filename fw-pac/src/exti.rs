@@ -66,7 +66,6 @@ pub fn start(nvic: &mut NVIC, scb: &mut SCB) {
         ] {
             NVIC::unmask(handler);
         }
-        #[cfg(feature = "gyro")]
         for handler in [
             Interrupt::I2C1_EV,
             Interrupt::I2C1_ER,

@@ -40,7 +40,6 @@ mod encoders;
 mod exti;
 mod fault_injection;
 mod gpio;
-#[cfg(feature = "gyro")]
 mod gyro;
 #[cfg(feature = "test-hand")]
 mod hand;
@@ -52,7 +51,6 @@ mod rangefinders;
 mod reset;
 mod robot;
 mod safe;
-#[cfg(feature = "sweep")]
 mod servo;
 mod spi;
 mod time;
@@ -63,17 +61,11 @@ use crate::gpio::Driver;
 use crate::motors::Motors;
 use crate::uart::Uart;
 use clock::Source;
-use fw_core::eeprom::{Capabilities, ConfigError};
+use fw_core::eeprom::ConfigError;
 use fw_core::log::{Level, Log};
 use fw_core::robot::Robot;
 use fw_core::types::Faults;
 use fw_core::wire::State;
-
-/// The optional parts of this build.
-const CAPABILITIES: Capabilities = Capabilities {
-    sweep: cfg!(feature = "sweep"),
-    gyro: cfg!(feature = "gyro"),
-};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -81,7 +73,6 @@ fn main() -> ! {
     cortex_m::interrupt::disable();
     clock::enable_peripherals();
     motors::force_off();
-    #[cfg(feature = "sweep")]
     servo::force_off();
     board::READY.low();
     board::READY.output(Driver::PushPull);
@@ -120,9 +111,6 @@ fn main() -> ! {
         Ok(config) => config,
         Err(error) => refuse(&error, log, idle),
     };
-    if let Err(error) = CAPABILITIES.meet(&config) {
-        refuse(&error, log, idle);
-    }
     if usize::from(config.cells) > board::TAPS {
         log.line(Level::Warn, |line| {
             line.text("more cells than this board has taps");
@@ -139,11 +127,9 @@ fn main() -> ! {
         // Requirement: WIRE-fault-11
         robot.raise(Faults::RESTARTED, log);
     }
-    #[cfg(feature = "acoustics")]
     robot.calibrate(adc::calibration());
     adc::start();
     rangefinders::start();
-    #[cfg(feature = "sweep")]
     if config.platform.servo {
         servo::start();
     }

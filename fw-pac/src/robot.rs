@@ -4,7 +4,6 @@
 //! above them uses slots and never touches what is here, and thread level hands it over once, before
 //! the interrupts are enabled. That is the whole locking there is.
 
-#[cfg(feature = "gyro")]
 use crate::gyro;
 use crate::motors::Motors;
 use crate::rangefinders::Echo;
@@ -188,7 +187,6 @@ impl Body {
         self.stand_by();
         let words = adc::words();
         let taps = words.as_ref().map_or(&[][..], |words| &words[..]);
-        #[cfg(feature = "gyro")]
         // SAFETY: the robot's priority.
         unsafe {
             let order = self.robot.on_gyro(gyro::take(), log);
@@ -200,14 +198,12 @@ impl Body {
             self.leds = outputs.leds;
             leds::show(outputs.leds);
         }
-        #[cfg(feature = "sweep")]
         if let Some(width) = outputs.servo {
             crate::servo::pulse(width);
         }
         if let Some(which) = outputs.trigger {
             rangefinders::trigger(which);
         }
-        #[cfg(feature = "acoustics")]
         if let Some((sensor, reference)) = adc::temperature() {
             self.robot.on_temperature(sensor, reference, log);
         }

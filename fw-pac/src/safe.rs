@@ -27,7 +27,6 @@ pub fn halt(why: &[u8]) -> ! {
     // Boot may not have come to it yet.
     clock::enable_peripherals();
     motors::force_off();
-    #[cfg(feature = "sweep")]
     crate::servo::force_off();
     READY.low();
     READY.output(Driver::PushPull);

@@ -8,7 +8,6 @@
 //! | [`field`] | the one table: address, type, name, unit, accepted range of every field |
 //! | [`rule`] | what fields must hold together |
 //! | [`decode`](fn@decode), [`encode`](fn@encode), [`check`](fn@check) | along these tables |
-//! | [`Capabilities`] | which configurations ask for a part that a firmware was built without |
 //! | [`error`] | which field was rejected, what it held, what is accepted |
 //! | [`crc32`](fn@crc32) | the checksum of page 0x03 |
 
@@ -23,14 +22,12 @@
     )
 )]
 
-mod capabilities;
 mod codec;
 mod crc32;
 pub mod error;
 pub mod field;
 pub mod rule;
 
-pub use capabilities::Capabilities;
 pub use codec::{check, decode, encode, encode_original, CRC_ADDRESS, KEY, PLATFORM_LEN};
 pub use crc32::crc32;
 pub use error::{ConfigError, Value};

@@ -21,7 +21,6 @@
 //! MLA), and so is each step of a polynomial (SMMLAR). A step takes some 140 instructions;
 //! `cargo xtask figures` counts them.
 
-#[cfg(feature = "gyro")]
 mod slip;
 
 use fixed::types::{I16F16, I32F32};
@@ -114,7 +113,6 @@ pub struct Odometry {
     left_counter: u32,
     right_counter: u16,
     /// Half the difference of the wheels' ways in a turn on the spot: π·track, 2⁻⁴⁰ mm.
-    #[cfg(feature = "gyro")]
     turning: u64,
     /// 2⁻⁶⁴ turns, [`NEAREST`] ahead.
     heading: i64,
@@ -143,7 +141,6 @@ impl Odometry {
             ),
             left_counter: left,
             right_counter: right,
-            #[cfg(feature = "gyro")]
             turning: (PI >> 2) / 1000 * u64::from(platform.track),
             heading: NEAREST,
             x: 0,

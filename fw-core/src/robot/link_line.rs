@@ -8,8 +8,6 @@ use crate::log::{Level, Line, Log};
 use crate::types::Micros;
 use crate::wire::{Cause, LinkCounters};
 
-/// Whether the line is built in.
-const TOLD: bool = cfg!(any(test, feature = "link-line"));
 /// Ticks from one line to the next.
 const PERIOD: u8 = 100;
 
@@ -62,9 +60,7 @@ impl LinkLine {
     /// A frame was accepted.
     #[inline]
     pub(super) fn frame(&mut self, at: Micros) {
-        if TOLD {
-            self.gap.frame(at);
-        }
+        self.gap.frame(at);
     }
 
     /// Once a tick, and `busy` in one that has said something else: a line where one is due and
@@ -79,11 +75,9 @@ impl LinkLine {
         counters: &LinkCounters,
         log: &mut Log,
     ) {
-        if TOLD {
-            self.quiet = self.quiet.saturating_sub(1);
-            if self.quiet == 0 && !busy {
-                self.due(now, numbered, counters, log);
-            }
+        self.quiet = self.quiet.saturating_sub(1);
+        if self.quiet == 0 && !busy {
+            self.due(now, numbered, counters, log);
         }
     }
 

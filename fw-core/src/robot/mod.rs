@@ -8,7 +8,6 @@
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 //! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
-#[cfg(feature = "gyro")]
 mod guard;
 mod io;
 mod link_line;
@@ -25,13 +24,11 @@ use crate::log::{Level, Log};
 use crate::motion::{DriveMonitor, Odometry, PoseController, StopDeadline};
 use crate::sensing::battery::MAX_CELLS;
 use crate::sensing::{Battery, EchoStats, Rangefinders, ServoScan};
-#[cfg(feature = "acoustics")]
 use crate::sensing::{Calibration, Thermometer};
 use crate::types::{Delta, Duty, Faults, Micros, MotorCommands, Pose, RangefinderId};
 use crate::wire::{
     CellCode, Command, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State, StmLink,
 };
-#[cfg(feature = "gyro")]
 use guard::Guard;
 use link_line::LinkLine;
 use telling::Telling;
@@ -80,9 +77,7 @@ pub struct Robot {
     odometry: Odometry,
     delta: Delta,
     /// The configuration wants a gyroscope, and the mode can use one.
-    #[cfg(feature = "gyro")]
     guarded: bool,
-    #[cfg(feature = "gyro")]
     guard: Guard,
     controller: PoseController,
     plausibility: DriveMonitor,
@@ -91,7 +86,6 @@ pub struct Robot {
     battery: Battery,
     rangefinders: Rangefinders,
     servo_scan: ServoScan,
-    #[cfg(feature = "acoustics")]
     thermometer: Thermometer,
     want: Want,
     target: PoseCode,
@@ -128,22 +122,15 @@ impl Robot {
             odometry: Odometry::new(platform, first.left, first.right),
             delta: Delta::default(),
             // Requirement: WIRE-platform-7
-            #[cfg(feature = "gyro")]
             guarded: platform.gyro && matches!(Measure::of(config.mode), Measure::Pose),
-            #[cfg(feature = "gyro")]
             guard: Guard::new(),
             controller: PoseController::new(config),
             plausibility: DriveMonitor::new(platform),
             told: MotorCommands::default(),
             battery: Battery::new(config),
             // The sweep is of one, which then need not wait for the others.
-            rangefinders: Rangefinders::new(if cfg!(feature = "sweep") && sweeps {
-                1
-            } else {
-                platform.rangefinders
-            }),
+            rangefinders: Rangefinders::new(if sweeps { 1 } else { platform.rangefinders }),
             servo_scan: ServoScan::new(platform, sweeps),
-            #[cfg(feature = "acoustics")]
             thermometer: Thermometer::new(Calibration::UNWRITTEN),
             want: Want::Nothing,
             target: PoseCode::default(),
@@ -162,7 +149,6 @@ impl Robot {
     // Requirement: DOC-4.1-2
     pub fn on_tick(&mut self, sample: Sample, adc_words: &[u16], log: &mut Log) -> Outputs {
         self.delta = self.odometry.step(sample.left, sample.right);
-        #[cfg(feature = "gyro")]
         self.guard.add_to(&mut self.delta);
         self.travelled = self
             .travelled
@@ -201,7 +187,6 @@ impl Robot {
         let (servo, trigger) = self.look(sample.now);
         while let Some(which) = self.rangefinders.take_updated() {
             self.sense_range(which);
-            #[cfg(feature = "acoustics")]
             self.telling
                 .rangefinder(which, &self.rangefinders.stats(which), log);
         }
@@ -270,11 +255,9 @@ impl Robot {
     /// Nothing of a rejected frame takes effect; the stop deadline keeps running.
     #[inline]
     pub fn on_frame(&mut self, buffer: &[u8], clocked: usize, now: Micros, log: &mut Log) {
-        if cfg!(feature = "straight") {
-            if let Some(command) = self.link.receive_whole(buffer, clocked) {
-                self.on_command(&command, now, log);
-                return;
-            }
+        if let Some(command) = self.link.receive_whole(buffer, clocked) {
+            self.on_command(&command, now, log);
+            return;
         }
         self.on_doubtful_frame(buffer, clocked, now, log);
     }
@@ -383,14 +366,12 @@ impl Robot {
     }
 
     /// The factory's words for the temperature sensor; without them sound is taken at 343 m/s.
-    #[cfg(feature = "acoustics")]
     pub fn calibrate(&mut self, calibration: Calibration) {
         self.thermometer = Thermometer::new(calibration);
     }
 
     /// The words of the chip's temperature sensor and of its voltage reference, once a second or so:
     /// how fast sound travels from now on.
-    #[cfg(feature = "acoustics")]
     pub fn on_temperature(&mut self, sensor: u16, reference: u16, log: &mut Log) {
         let air = self.thermometer.read(sensor, reference);
         self.rangefinders.set_temperature(air);

@@ -22,7 +22,7 @@ impl Robot {
     /// A distance, and with the front one's the bearing that it was taken at.
     // Requirement: WIRE-bearing-3
     pub(super) fn sense_range(&mut self, which: RangefinderId) {
-        if cfg!(feature = "sweep") && which == RangefinderId::Front {
+        if which == RangefinderId::Front {
             self.said.bearing = self.rangefinders.reading(which).bearing;
         }
         if let Some(range) = self.said.ranges.get_mut(which as usize) {

@@ -1,8 +1,6 @@
 //! What the robot says in its log, and how often.
 
 use crate::log::{Level, Line, Log};
-#[cfg(feature = "acoustics")]
-#[cfg(feature = "acoustics")]
 use crate::sensing::EchoStats;
 use crate::types::{Duty, Faults, RangefinderId};
 use crate::wire::{FrameError, PoseCode, State};
@@ -13,7 +11,6 @@ const QUIET_TICKS: u16 = 100;
 const TICK_MS: u16 = 10;
 
 /// Triggers in a consecutive_misses without an answer before a line says so.
-#[cfg(feature = "acoustics")]
 const SILENT: u8 = 3;
 
 /// What has been told, and when the next telling is due.
@@ -34,10 +31,8 @@ pub(super) struct Telling {
     period: u16,
     until_pose: u16,
     /// Which rangefinders do not answer, as told.
-    #[cfg(feature = "acoustics")]
     silent: [bool; 3],
     /// Whether the temperature was known at the last telling, if there was one.
-    #[cfg(feature = "acoustics")]
     warm: Option<bool>,
 }
 
@@ -52,9 +47,7 @@ impl Telling {
             quiet: 0,
             period: period.div_ceil(TICK_MS),
             until_pose: 0,
-            #[cfg(feature = "acoustics")]
             silent: [false; 3],
-            #[cfg(feature = "acoustics")]
             warm: None,
         }
     }
@@ -63,7 +56,6 @@ impl Telling {
     /// consecutive_misses, and when it answers again. One that answers without an object in range is no matter for a
     /// line.
     // Requirement: WIRE-log-9
-    #[cfg(feature = "acoustics")]
     pub(super) fn rangefinder(&mut self, which: RangefinderId, stats: &EchoStats, log: &mut Log) {
         let Some(told) = self.silent.get_mut(which as usize) else {
             return;
@@ -79,7 +71,6 @@ impl Telling {
 
     /// The first temperature, and every change between knowing one and not.
     // Requirement: WIRE-log-10
-    #[cfg(feature = "acoustics")]
     pub(super) fn temperature(&mut self, air: Option<fixed::types::I16F16>, log: &mut Log) {
         if self.warm.replace(air.is_some()) == Some(air.is_some()) {
             return;
@@ -202,7 +193,6 @@ const LINES: [&str; Faults::TABLE.len()] = {
 };
 
 /// A rangefinder that fell silent or answers again, and how its triggers ended so far.
-#[cfg(feature = "acoustics")]
 #[cold]
 #[inline(never)]
 fn rangefinder(which: RangefinderId, stats: &EchoStats, log: &mut Log) {

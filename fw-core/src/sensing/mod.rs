@@ -12,9 +12,7 @@ pub mod battery;
 pub mod gyro;
 pub mod mpu6050;
 pub mod rangefinder;
-#[cfg_attr(not(feature = "sweep"), path = "no_servo_scan.rs")]
 pub mod servo_scan;
-#[cfg(feature = "acoustics")]
 pub mod temperature;
 
 pub use battery::Battery;
@@ -22,5 +20,4 @@ pub use gyro::GyroFusion;
 pub use mpu6050::Mpu6050;
 pub use rangefinder::{Echo, EchoStats, Rangefinders, Reading};
 pub use servo_scan::ServoScan;
-#[cfg(feature = "acoustics")]
 pub use temperature::{Calibration, Thermometer};

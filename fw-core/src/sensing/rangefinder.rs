@@ -20,7 +20,6 @@
 //! | never rises, never falls, or falls at once | [`Echo::TimedOut`], then [`Echo::Missing`] | 0xFFFF |
 
 use crate::types::{Micros, Millimetres, RangefinderId};
-#[cfg(feature = "acoustics")]
 use fixed::types::I16F16;
 use fixed::types::I32F32;
 
@@ -108,10 +107,7 @@ struct Sensor {
 impl Sensor {
     /// What became of a trigger at `bearing`.
     fn settle(&mut self, echo: Echo, bearing: u16) {
-        // Where nobody tells of it nobody counts.
-        if cfg!(feature = "acoustics") {
-            self.stats.count(echo);
-        }
+        self.stats.count(echo);
         self.reading = Reading { echo, bearing };
     }
 }
@@ -162,7 +158,6 @@ impl Rangefinders {
 
     /// Sound travels at 331.3 + 0.606·T m/s; `celsius` counts from −40 to 85. Without one it is assumed
     /// to travel at 343 m/s.
-    #[cfg(feature = "acoustics")]
     pub fn set_temperature(&mut self, celsius: Option<I16F16>) {
         self.pace = pace(celsius.map_or(ASSUMED, speed));
     }
@@ -211,11 +206,6 @@ impl Rangefinders {
     /// trigger, is ignored: a missing edge never becomes a distance.
     // Requirement: WIRE-distance-1
     pub fn echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
-        let pace = if cfg!(feature = "acoustics") {
-            self.pace
-        } else {
-            pace(ASSUMED)
-        };
         let Some(sensor) = self.sensors.get_mut(which as usize) else {
             return;
         };
@@ -229,7 +219,7 @@ impl Rangefinders {
             return;
         }
         sensor.awaited = None;
-        let distance = (u64::from(width) * pace) as i64;
+        let distance = (u64::from(width) * self.pace) as i64;
         let echo = if width < SHORTEST {
             Echo::Missing
         } else if distance > FARTHEST {
@@ -286,7 +276,6 @@ impl Rangefinders {
 }
 
 /// Speed of sound in air, mm/s; 307 to 383 m/s from −40 to 85 °C.
-#[cfg(feature = "acoustics")]
 fn speed(celsius: I16F16) -> u64 {
     let celsius = i64::from(celsius.to_bits()).clamp(-40 << 16, 85 << 16);
     (331_300 + ((celsius * 606) >> 16)).unsigned_abs()

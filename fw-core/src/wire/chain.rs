@@ -138,10 +138,6 @@ macro_rules! modes {
             report: &Report,
             frame: &mut [u8; MAX_FRAME],
         ) -> usize {
-            // A firmware without the servo refuses a configuration in this mode: no code for it.
-            if cfg!(not(feature = "sweep")) && matches!(mode, Mode::GuardedSweep) {
-                return 0;
-            }
             let mut output = Output::new(frame);
             match mode {
                 $(Mode::$mode => {

@@ -21,10 +21,8 @@ pub struct Crc;
 #[inline]
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
-    if cfg!(feature = "straight") {
-        if let Ok(bytes) = bytes.try_into() {
-            return of_24(bytes);
-        }
+    if let Ok(bytes) = bytes.try_into() {
+        return of_24(bytes);
     }
     of_any(bytes)
 }
