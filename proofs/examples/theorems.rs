@@ -1,6 +1,6 @@
-//! Lists the theorems, one a line, tab-separated: number, area, property, harnesses, covers, tests,
-//! what it needs; or, with `--harnesses`, every Kani harness by the name that Kani gives it. The gates
-//! hold their floors against the one and what was checked against the other.
+//! Lists theorems (decided for all inputs) and sampled properties, one a line, tab-separated: kind,
+//! group, area, name, number of harnesses, covers, tests, properties it needs. With `--harnesses`:
+//! every Kani harness by the name that Kani gives it.
 
 use proofs::property::Property;
 
@@ -11,10 +11,11 @@ fn main() {
         }
         return;
     }
-    println!("theorem\tarea\tproperty\tharnesses\tcovers\ttests\tneeds");
+    println!("kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds");
     for property in proofs::properties() {
         println!(
-            "{}\t{}\t{}\t{}\t{}\t{}\t{}",
+            "{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}",
+            property.kind,
             property.number,
             property.area,
             property.name,

@@ -86,7 +86,7 @@ pub fn encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) -> Seen {
 }
 
 crate::properties! {
-    T4 decoding_is_nearest(double: Binary64, fraction_bits: u8) {
+    theorem T4 decoding_is_nearest(double: Binary64, fraction_bits: u8) {
         cases [
             "infinite", "not a number", "out of range", "exact", "below the last place", "rounded"
         ];
@@ -95,7 +95,7 @@ crate::properties! {
         kani any_scale [unwind(4)] = (any(), any());
         sampled 2_000_000;
     }
-    T4 encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) {
+    theorem T4 encoding_is_exact_up_to_53_bits(value: i64, fraction_bits: u8) {
         cases ["exact", "exact though long", "rounded", "rounded out of range"];
         kani q32 [unwind(4)] = (any(), 32);
         kani any_scale [unwind(4)] = (any(), any());

@@ -1,20 +1,31 @@
-//! Where a property's inputs come from: Kani's arbitrary values, a fuzzer's bytes, a sampler's.
+//! Sources of a property's inputs: Kani's arbitrary values, a fuzzer's bytes, a sampler's bytes.
 
-/// Something inputs can be drawn from.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "a source returns no more bits than asked for"
+)]
+
+/// A source of inputs.
 pub trait Source {
-    /// The next 8 bits.
-    fn bits8(&mut self) -> u8;
-    /// The next 16 bits.
-    fn bits16(&mut self) -> u16;
-    /// The next 32 bits.
-    fn bits32(&mut self) -> u32;
-    /// The next 64 bits.
-    fn bits64(&mut self) -> u64;
+    /// The next 8, 16, 32 or 64 bits.
+    fn bits(&mut self, width: u32) -> u64;
     /// The next `N` bytes.
     fn bytes<const N: usize>(&mut self) -> [u8; N];
-    /// The next binary64.
+    /// The next binary64, as its bits.
     fn double(&mut self) -> u64 {
-        self.bits64()
+        self.bits(64)
+    }
+    /// The next 8 bits.
+    fn bits8(&mut self) -> u8 {
+        self.bits(8) as u8
+    }
+    /// The next 16 bits.
+    fn bits16(&mut self) -> u16 {
+        self.bits(16) as u16
+    }
+    /// The next 32 bits.
+    fn bits32(&mut self) -> u32 {
+        self.bits(32) as u32
     }
 }
 
@@ -38,24 +49,20 @@ pub struct Symbolic;
 
 #[cfg(kani)]
 impl Source for Symbolic {
-    fn bits8(&mut self) -> u8 {
-        kani::any()
-    }
-    fn bits16(&mut self) -> u16 {
-        kani::any()
-    }
-    fn bits32(&mut self) -> u32 {
-        kani::any()
-    }
-    fn bits64(&mut self) -> u64 {
-        kani::any()
+    fn bits(&mut self, width: u32) -> u64 {
+        match width {
+            8 => kani::any::<u8>().into(),
+            16 => kani::any::<u16>().into(),
+            32 => kani::any::<u32>().into(),
+            _ => kani::any(),
+        }
     }
     fn bytes<const N: usize>(&mut self) -> [u8; N] {
         kani::any()
     }
 }
 
-/// Bytes as they come, then zeros: what a fuzzer feeds.
+/// The given bytes, then zeros: a fuzzer's input.
 #[derive(Clone, Debug)]
 pub struct Bytes<'a>(&'a [u8]);
 
@@ -68,30 +75,21 @@ impl<'a> Bytes<'a> {
 }
 
 impl Source for Bytes<'_> {
-    fn bits8(&mut self) -> u8 {
-        u8::from_le_bytes(self.bytes())
-    }
-    fn bits16(&mut self) -> u16 {
-        u16::from_le_bytes(self.bytes())
-    }
-    fn bits32(&mut self) -> u32 {
-        u32::from_le_bytes(self.bytes())
-    }
-    fn bits64(&mut self) -> u64 {
-        u64::from_le_bytes(self.bytes())
+    fn bits(&mut self, width: u32) -> u64 {
+        (0..width / 8).fold(0, |bits, at| {
+            bits | u64::from(self.bytes::<1>()[0]) << (8 * at)
+        })
     }
     fn bytes<const N: usize>(&mut self) -> [u8; N] {
         let (taken, rest) = self.0.split_at(self.0.len().min(N));
         self.0 = rest;
         let mut bytes = [0; N];
-        for (to, from) in bytes.iter_mut().zip(taken) {
-            *to = *from;
-        }
+        bytes[..taken.len()].copy_from_slice(taken);
         bytes
     }
 }
 
-/// Bytes read so that the edges of every type come up often: what sampling feeds.
+/// Bytes read so that the edges of every type are frequent: a sampler's input.
 #[derive(Clone, Debug)]
 pub struct Biased<'a>(Bytes<'a>);
 
@@ -102,16 +100,17 @@ impl<'a> Biased<'a> {
         Self(Bytes(bytes))
     }
 
-    /// Whether all bytes have been drawn: from here on everything is zero.
+    /// Whether all bytes have been drawn: everything after them is zero.
     #[must_use]
     pub const fn is_spent(&self) -> bool {
         self.0 .0.is_empty()
     }
+}
 
+impl Source for Biased<'_> {
     /// An edge, a small number of either sign, a power of two and its neighbours, or anything.
-    fn shaped(&mut self, width: u32) -> u64 {
+    fn bits(&mut self, width: u32) -> u64 {
         let shape = self.0.bits8();
-        let all = u64::MAX >> (64 - width);
         let value = match shape {
             0 => 0,
             1..=31 => 1 << (u32::from(self.0.bits8()) % width),
@@ -119,68 +118,49 @@ impl<'a> Biased<'a> {
             48..=63 => !(1 << (u32::from(self.0.bits8()) % width)),
             64..=79 => u64::from(self.0.bits8()),
             80..=95 => !u64::from(self.0.bits8()),
-            96..=127 => self.0.bits64() >> (u32::from(self.0.bits8()) % width),
-            _ => self.0.bits64(),
+            96..=127 => self.0.bits(64) >> (u32::from(self.0.bits8()) % width),
+            _ => self.0.bits(64),
         };
-        value & all
-    }
-}
-
-impl Source for Biased<'_> {
-    #[allow(clippy::cast_possible_truncation, reason = "shaped to its width")]
-    fn bits8(&mut self) -> u8 {
-        self.shaped(8) as u8
-    }
-    #[allow(clippy::cast_possible_truncation, reason = "shaped to its width")]
-    fn bits16(&mut self) -> u16 {
-        self.shaped(16) as u16
-    }
-    #[allow(clippy::cast_possible_truncation, reason = "shaped to its width")]
-    fn bits32(&mut self) -> u32 {
-        self.shaped(32) as u32
-    }
-    fn bits64(&mut self) -> u64 {
-        self.shaped(64)
+        value & u64::MAX >> (64 - width)
     }
     fn bytes<const N: usize>(&mut self) -> [u8; N] {
         self.0.bytes()
     }
-    /// Often a special number or one whose size means something to the robot; uniform bits are nearly
-    /// all far too large or far too small.
+    /// Often a special number or one of a magnitude that the robot uses; uniform bits are nearly
+    /// always far too large or far too small.
     fn double(&mut self) -> u64 {
         let exponent = match self.0.bits8() {
             0..=15 => 0,
             16..=23 => 1,
             24..=31 => 0x7FE,
             32..=47 => 0x7FF,
-            48..=79 => self.0.bits64(),
+            48..=79 => self.0.bits(64),
             _ => (1023 - 80) + u64::from(self.0.bits8() % 160),
         };
-        self.shaped(52) | (exponent & 0x7FF) << 52 | u64::from(self.0.bits8() & 1) << 63
+        self.bits(52) | (exponent & 0x7FF) << 52 | u64::from(self.0.bits8() & 1) << 63
     }
 }
 
 macro_rules! integers {
-    ($($unsigned:ty, $signed:ty, $bits:ident;)*) => {$(
+    ($($unsigned:ty, $signed:ty;)*) => {$(
         impl Input for $unsigned {
             fn draw(source: &mut impl Source) -> Self {
-                source.$bits()
+                source.bits(Self::BITS) as $unsigned
             }
         }
         impl Input for $signed {
-            #[allow(clippy::cast_possible_wrap, reason = "every pattern is a value")]
             fn draw(source: &mut impl Source) -> Self {
-                source.$bits() as $signed
+                source.bits(Self::BITS) as $signed
             }
         }
     )*};
 }
 
 integers! {
-    u8, i8, bits8;
-    u16, i16, bits16;
-    u32, i32, bits32;
-    u64, i64, bits64;
+    u8, i8;
+    u16, i16;
+    u32, i32;
+    u64, i64;
 }
 
 impl Input for bool {

@@ -1,22 +1,33 @@
-//! The theorems: each a property written once, decided by Kani, by exhaustion or by sampling.
+//! Properties of `fw-core`, each written once and decided by Kani, by exhaustion or by sampling.
 //!
-//! `cargo kani` in this folder (or `cargo kani -p proofs` in the root) runs every harness;
-//! `cargo test -p proofs` runs every test of the same properties; `docs/proofs.md` says what each
-//! theorem claims, how it is decided, under which bounds, and what is not proven.
+//! ```
+//! use proofs::wire::codes::distance_code_is_nearest;
 //!
-//! | module | theorems |
+//! // A property is a function of its inputs; it panics where it does not hold.
+//! let seen = distance_code_is_nearest(0x1234);
+//! assert_ne!(seen, proofs::property::Seen::NOTHING);
+//!
+//! let theorems = proofs::properties().filter(|property| property.kind == "theorem");
+//! println!("{} properties are decided for all inputs", theorems.count());
+//! ```
+//!
+//! `cargo kani -p proofs` runs every harness, `cargo test -p proofs` every test of the same
+//! properties; `cargo run -p proofs --example theorems` lists them. `docs/proofs.md` states bounds,
+//! cost, and what is not proven.
+//!
+//! | module | properties |
 //! |---|---|
-//! | [`units`] | the units' own arithmetic: what the others rest on |
+//! | [`units`] | T0: arithmetic of the units |
 //! | [`wire`] | T1, T2: frames, links, codes |
-//! | [`double`] | T4: binary64 to fixed point and back |
-//! | [`eeprom`] | T3, T5: the image and what an accepted configuration promises |
-//! | [`motion`] | T5 to T8, T14: heading, position, regulators, controller, wheels, stop deadline |
-//! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders and battery |
+//! | [`binary64`] | T4: binary64 to fixed point and back |
+//! | [`eeprom`] | T3, T5: the image, bounds of an accepted configuration |
+//! | [`motion`] | T5 to T8, T14: heading, position, controllers, mixer, drive monitor, stop deadline |
+//! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders, battery |
 //! | [`log`] | T13: the log's queue |
 //! | [`robot`] | T5, T8, T14: the whole robot under any order of events |
-//! | [`property`] | how a property is declared |
-//! | [`input`] | where inputs come from |
-//! | [`search`] | the explicit-state search of the models in `tests/` |
+//! | [`property`] | declaration of properties |
+//! | [`input`] | sources of inputs |
+//! | [`search`] | explicit-state search, used by the models in `tests/` |
 #![forbid(unsafe_code)]
 #![allow(
     clippy::missing_panics_doc,
@@ -24,7 +35,7 @@
 )]
 #![allow(
     clippy::needless_pass_by_value,
-    reason = "a property owns its inputs: whoever drew them is done with them"
+    reason = "a property owns the inputs drawn for it"
 )]
 
 pub mod binary64;
@@ -43,7 +54,7 @@ pub mod wire;
 
 use property::Property;
 
-/// The theorems of every area.
+/// The properties of every area.
 pub const PROPERTIES: &[&[Property]] = &[
     units::PROPERTIES,
     wire::parsing::PROPERTIES,
@@ -70,29 +81,28 @@ pub const PROPERTIES: &[&[Property]] = &[
     robot::PROPERTIES,
 ];
 
-/// Every theorem, area by area.
+/// Every property, area by area.
 pub fn properties() -> impl Iterator<Item = &'static Property> {
     PROPERTIES.iter().copied().flatten()
 }
 
-/// One theorem on the inputs that `bytes` hold: the first two bytes choose it, the rest are its inputs.
-/// For fuzzing. Panics where the theorem does not hold.
+/// For fuzzing: the first two bytes select a property, the rest are its inputs. Panics where the
+/// property does not hold.
 pub fn run(bytes: &[u8]) {
-    let Some((choice, rest)) = bytes.split_first_chunk() else {
+    let Some((selector, rest)) = bytes.split_first_chunk() else {
         return;
     };
-    if let Some(property) = chosen(*choice) {
+    if let Some(property) = select(*selector) {
         let _ = (property.run)(&mut input::Bytes::new(rest));
     }
 }
 
-/// The theorem that a choice stands for: the one whose name, hashed with it, comes to most. A new theorem
-/// so takes a few choices from each of the others and leaves the rest alone: what a fuzzer has learned
-/// goes on meaning what it meant.
-fn chosen(choice: [u8; 2]) -> Option<&'static Property> {
+/// Rendezvous hashing: the property whose name, hashed with the selector, gives the largest value. A
+/// new property takes a few selectors from each of the others, so a corpus keeps its meaning.
+fn select(selector: [u8; 2]) -> Option<&'static Property> {
     properties().max_by_key(|property| {
         // FNV-1a.
-        let bytes = choice.iter().chain(property.name.as_bytes());
+        let bytes = selector.iter().chain(property.name.as_bytes());
         bytes.fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01B3)
         })
@@ -104,12 +114,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_property_can_be_chosen() {
-        let mut never: Vec<_> = properties().map(|property| property.name).collect();
-        for choice in 0..8192_u16 {
-            let chosen = chosen(choice.to_le_bytes()).unwrap();
-            never.retain(|&name| name != chosen.name);
+    fn every_property_has_a_selector() {
+        let mut missing: Vec<_> = properties().map(|property| property.name).collect();
+        for selector in 0..8192_u16 {
+            let selected = select(selector.to_le_bytes()).unwrap();
+            missing.retain(|&name| name != selected.name);
         }
-        assert!(never.is_empty(), "{never:?}");
+        assert!(missing.is_empty(), "{missing:?}");
     }
 }

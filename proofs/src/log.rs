@@ -232,18 +232,18 @@ fn scripts(length: u32) -> impl Iterator<Item = ([u8; 24],)> {
 }
 
 crate::properties! {
-    T13 log_never_tears_a_line(script: [u8; 24]) {
+    property T13 log_never_tears_a_line(script: [u8; 24]) {
         cases ["lines were dropped", "none were", "many went through"];
-        exhaustive scripts(7);
+        stepped scripts(7);
         sampled 100_000;
     }
-    T13 line_leaves_as_it_entered(first: u8, number: u32) {
+    property T13 line_leaves_as_it_entered(first: u8, number: u32) {
         cases ["0F", "A9"];
         kani wrapped_between_digits [unwind(37)] = (6, any());
         kani wrapped_behind_the_line [unwind(37)] = (4, any());
-        exhaustive (0..16).flat_map(|first| (0..256).map(move |number| (first, number)));
+        stepped (0..16).flat_map(|first| (0..256).map(move |number| (first, number)));
     }
-    T13 three_lines_fit_or_are_counted(sent: [u8; 2]) {
+    theorem T13 three_lines_fit_or_are_counted(sent: [u8; 2]) {
         cases ["all fit", "one was dropped"];
         exhaustive (0..=u16::MAX).map(|sent| (sent.to_le_bytes(),));
     }

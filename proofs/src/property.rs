@@ -1,20 +1,21 @@
-//! What a theorem is and how it is declared.
+//! Declaration of properties.
 //!
-//! A property is a plain function of its inputs that panics where it does not hold and returns
-//! which of its declared cases this evaluation met ([`Seen`]). [`properties!`](crate::properties!)
-//! turns it into
+//! A property is a plain function of its inputs that panics where it does not hold and returns the
+//! declared cases that this evaluation met ([`Seen`]). [`properties!`](crate::properties!) makes of
+//! it a Kani harness per `kani` line with a `kani::cover!` per case; a test per `exhaustive`,
+//! `stepped` or `sampled` line, which fails when a case was never met; and an entry of
+//! [`PROPERTIES`](crate::PROPERTIES), whose `run` a fuzz target can feed.
 //!
-//! - a Kani harness per `kani` line, with a `kani::cover!` per case;
-//! - a test per `exhaustive`, `stepped` or `sampled` line, which fails when a case was never met;
-//! - an entry of [`PROPERTIES`](crate::PROPERTIES), whose `run` a fuzz target can feed.
+//! A `theorem` is decided for all its inputs: by Kani harnesses that together leave no input fixed, or
+//! by an `exhaustive` test. A `property` is sampled; its Kani harnesses decide a part of the inputs.
 //!
-//! No harness assumes anything: where a property needs a precondition it computes it, says nothing
-//! when it does not hold, and the cases show that enough is left. A precondition that an earlier
-//! stage guarantees is named under `needs` with the theorem that proves it.
+//! No harness assumes anything: a property computes its precondition and returns
+//! [`Seen::NOTHING`] where it does not hold. A precondition that an earlier stage guarantees is named
+//! under `needs` with the property that establishes it.
 
 use crate::input::Bytes;
 
-/// The cases of a property that one evaluation, or several, met.
+/// Set of the declared cases that one or several evaluations met.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[must_use]
 pub struct Seen(u32);
@@ -23,7 +24,7 @@ impl Seen {
     /// No case: the property's precondition does not hold.
     pub const NOTHING: Self = Self(0);
 
-    /// Adds case `number` (its place in the declaration, below 32) if `met`.
+    /// Adds case `number` (its index in the declaration, below 32) if `met`.
     pub const fn case(self, number: u32, met: bool) -> Self {
         Self(self.0 | (met as u32) << (number & 31))
     }
@@ -34,16 +35,18 @@ impl Seen {
         self.0 >> (number & 31) & 1 != 0
     }
 
-    /// Both.
+    /// The union.
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 }
 
-/// A declared theorem.
+/// A declared property.
 #[derive(Clone, Copy, Debug)]
 pub struct Property {
-    /// `T1`, `T2`, … as in `docs/proofs.md`.
+    /// `theorem` (decided for all inputs) or `property` (sampled).
+    pub kind: &'static str,
+    /// `T1`, `T2`, …: the group in `docs/proofs.md`.
     pub number: &'static str,
     /// The module path of the property.
     pub area: &'static str,
@@ -51,13 +54,13 @@ pub struct Property {
     pub name: &'static str,
     /// The types of its inputs.
     pub inputs: &'static [&'static str],
-    /// What each case is; every one must be reachable.
+    /// Description of each case; every one must be reachable.
     pub cases: &'static [&'static str],
     /// Its Kani harnesses, as `name::harness`.
     pub harnesses: &'static [&'static str],
     /// Its tests: `exhaustive`, `stepped` or `sampled`.
     pub tests: &'static [&'static str],
-    /// Theorems that establish what this one takes for granted.
+    /// Properties that establish its preconditions.
     pub needs: &'static [&'static str],
     /// The property on inputs drawn from bytes: for fuzzing.
     pub run: fn(&mut Bytes<'_>) -> Seen,
@@ -74,13 +77,13 @@ impl Property {
     }
 }
 
-/// Declares the theorems of one area; see the [module](crate::property).
+/// Declares the properties of one area; see the [module](crate::property).
 ///
 /// ```text
 /// properties! {
-///     T9 missing_edge_is_no_distance(width: u32, lost: bool) {
+///     theorem T9 missing_edge_is_no_distance(width: u32, lost: bool) {
 ///         cases ["a distance", "no distance"];
-///         needs [some_other_theorem];                  // optional
+///         needs [another_property];                     // optional
 ///         kani proof [unwind(2)];                      // every input arbitrary
 ///         kani lost [unwind(2)] = (any(), true);       // some inputs fixed
 ///         exhaustive (0..=40_000).map(|width| (width, false));
@@ -90,12 +93,12 @@ impl Property {
 /// ```
 #[macro_export]
 macro_rules! properties {
-    ($($number:ident $name:ident $inputs:tt $body:tt)*) => {
+    ($($kind:ident $number:ident $name:ident $inputs:tt $body:tt)*) => {
         $($crate::property_parts! { $name $inputs $body })*
 
-        /// The theorems of this area.
+        /// The properties of this area.
         pub const PROPERTIES: &[$crate::property::Property] =
-            &[$($crate::property_entry! { $number $name $inputs $body }),*];
+            &[$($crate::property_entry! { $kind $number $name $inputs $body }),*];
     };
 }
 
@@ -103,7 +106,7 @@ macro_rules! properties {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! property_entry {
-    ($number:ident $name:ident ($($input:ident : $type:ty),* $(,)?) {
+    ($kind:ident $number:ident $name:ident ($($input:ident : $type:ty),* $(,)?) {
         cases [$($case:literal),+ $(,)?];
         $(needs [$($need:ident),+ $(,)?];)?
         $(kani $harness:ident $attributes:tt $(= $values:expr)?;)*
@@ -112,6 +115,7 @@ macro_rules! property_entry {
         $(sampled $count:expr;)?
     }) => {
         $crate::property::Property {
+            kind: stringify!($kind),
             number: stringify!($number),
             area: module_path!(),
             name: stringify!($name),
@@ -129,7 +133,7 @@ macro_rules! property_entry {
     };
 }
 
-/// The harnesses and tests of one theorem.
+/// The harnesses and tests of one property.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! property_parts {
@@ -206,7 +210,7 @@ macro_rules! property_harness {
     };
 }
 
-/// A test over a written-out set of inputs.
+/// A test over an enumerated set of inputs.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! property_loop {
@@ -219,7 +223,7 @@ macro_rules! property_loop {
     };
 }
 
-/// A test over drawn inputs, shrunk by proptest when one fails.
+/// A test over drawn inputs.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! property_sample {

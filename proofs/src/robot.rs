@@ -139,19 +139,19 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
 }
 
 crate::properties! {
-    T6 first_sample_moves_nothing(
+    property T6 first_sample_moves_nothing(
         config: AcceptedConfig, now: Micros, left: u32, right: u16, rolled: u8
     ) {
         cases ["counters that stand anywhere", "the left counter wrapped", "nothing rolled"];
         needs [accepted_configuration_is_bounded];
         sampled 50_000;
     }
-    T14 blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) {
+    property T14 blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) {
         cases ["as late as can be", "at full drive", "too little to tell"];
         needs [accepted_configuration_is_bounded, broken_wheel_is_noticed_in_time];
         sampled 20_000;
     }
-    T8 robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) {
+    property T8 robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) {
         cases ["it drove", "it drove and silence stopped it", "a fault stopped it", "it rejected a frame",
             "its heading followed the gyroscope", "a distance through air of another temperature"];
         needs [accepted_configuration_is_bounded];

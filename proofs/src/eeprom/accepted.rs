@@ -124,7 +124,7 @@ impl AcceptedConfig {
 
 /// Bits that `field` accepts: both ends of its range often, all of it sometimes; `shape` is below 128.
 fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
-    let anything = source.bits64();
+    let anything = source.bits(64);
     match *field.accepted {
         Accepted::Whole { min, max } => {
             let largest = match field.kind.len() {

@@ -51,7 +51,7 @@ pub fn every_register_is_reached(register: u32) -> Seen {
 }
 
 crate::properties! {
-    T3 checksum32_is_the_catalogues(bytes: [u8; 4]) {
+    theorem T3 checksum32_is_the_catalogues(bytes: [u8; 4]) {
         cases ["zero", "all ones"];
         needs [every_register_is_reached];
         kani proof [unwind(9)];
@@ -59,7 +59,7 @@ crate::properties! {
             .chain(ENDS)
             .map(|bytes| (bytes.to_le_bytes(),));
     }
-    T3 every_register_is_reached(register: u32) {
+    theorem T3 every_register_is_reached(register: u32) {
         cases ["zero", "all ones"];
         kani proof [unwind(33)];
         stepped (0..=u32::MAX).step_by(255).map(|register| (register,));

@@ -99,7 +99,7 @@ pub fn decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: 
 }
 
 crate::properties! {
-    T5 accepted_configuration_is_bounded(config: AcceptedConfig) {
+    theorem T5 accepted_configuration_is_bounded(config: AcceptedConfig) {
         cases ["other than the first board's", "at the end of a range"];
         kani any_gains [unwind(66)] = (AcceptedConfig::of_any_gains(),);
         kani any_battery [unwind(66)] = (AcceptedConfig::of_any_battery(),);
@@ -107,7 +107,7 @@ crate::properties! {
         kani any_mode [unwind(66)] = (AcceptedConfig::of_any_mode(),);
         sampled 50_000;
     }
-    T5 decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: u64) {
+    property T5 decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: u64) {
         cases ["accepted", "rejected"];
         stepped (0x0C..0x338_u16).flat_map(|at| {
             (0..=255).step_by(5).map(move |byte: u64| (at, byte, 0, 0x8C7B_6A59_4837_2615))

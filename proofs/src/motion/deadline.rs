@@ -214,34 +214,43 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
 }
 
 crate::properties! {
-    T8 silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) {
+    theorem T8 silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) {
         cases ["it was driving", "a fault blocks as well", "across the clock's wrap"];
         kani proof [unwind(4)];
         sampled 500_000;
     }
+<<<<<<< HEAD
     T8 stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) {
+=======
+    theorem T8 stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: bool) {
+>>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
         cases ["for a lost link", "stopped", "faulted"];
         kani proof [unwind(4)];
         sampled 500_000;
     }
-    T8 only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) {
+    theorem T8 only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) {
         cases ["resumed", "no word", "a word against a fault"];
         kani proof [unwind(4)];
         sampled 500_000;
     }
+<<<<<<< HEAD
     T8 fault_brakes_even_if_cleared_at_once(
         past: Past, raised: Faults, fresh: Micros, clear: Faults, after: u32
+=======
+    theorem T8 fault_brakes_even_if_cleared_at_once(
+        past: Past, raised: u16, fresh: Micros, clear: u16, after: u32
+>>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
     ) {
         cases ["still latched", "cleared"];
         kani proof [unwind(4)];
         sampled 300_000;
     }
-    T8 late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32) {
+    theorem T8 late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32) {
         cases ["stopped", "faulted"];
         kani proof [unwind(4)];
         sampled 300_000;
     }
-    T8 fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) {
+    theorem T8 fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) {
         cases ["across the clock's wrap", "some time later"];
         kani proof [unwind(3)];
         sampled 100_000;

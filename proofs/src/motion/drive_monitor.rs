@@ -389,19 +389,24 @@ impl Input for MotorCommands {
 }
 
 crate::properties! {
+<<<<<<< HEAD
     T14 jump_is_noticed_at_once(
         figures: Figures, before: (MotorCommands, (i32, i32)), told: MotorCommands, counts: (i32, i32)
+=======
+    theorem T14 jump_is_noticed_at_once(
+        figures: Figures, before: (Wheels, (i32, i32)), told: Wheels, counts: (i32, i32)
+>>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
     ) {
         cases ["a jump", "no jump", "the longest"];
         kani proof [unwind(4)];
         sampled 300_000;
     }
-    T14 healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) {
+    property T14 healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) {
         cases ["one stood", "one turned back", "one jumped", "one turned just enough"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;
     }
-    T14 broken_wheel_is_noticed_in_time(
+    property T14 broken_wheel_is_noticed_in_time(
         config: AcceptedConfig, past: (u8, [u8; 15]), beyond: u16, forward: bool, broken: (bool, [u8; 16])
     ) {
         cases [

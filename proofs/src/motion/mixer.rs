@@ -295,7 +295,7 @@ fn of_any_limits() -> AcceptedConfig {
 }
 
 crate::properties! {
-    T7 duty_keeps_its_wheels_limit(
+    property T7 duty_keeps_its_wheels_limit(
         config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
         cases ["at a limit", "on the spot", "nothing asked"];
@@ -305,7 +305,7 @@ crate::properties! {
             (AcceptedConfig(first_board()), Driven::far_enough(any(), any()), any(), any());
         sampled 100_000;
     }
-    T7 raw_duty_is_what_was_asked(
+    property T7 raw_duty_is_what_was_asked(
         config: AcceptedConfig, driven: Driven, left: i32, right: i32
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
@@ -314,7 +314,7 @@ crate::properties! {
             (AcceptedConfig::of_any_platform(), Driven::NOT, any(), any());
         sampled 100_000;
     }
-    T7 compensation_is_monotone(
+    property T7 compensation_is_monotone(
         config: AcceptedConfig, driven: Driven, less: i32, more: i32
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
@@ -323,14 +323,14 @@ crate::properties! {
             (AcceptedConfig(first_board()), Driven::NOT, any(), any());
         sampled 100_000;
     }
-    T7 rotation_goes_first(
+    property T7 rotation_goes_first(
         config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
         cases ["forward gave way", "even the rotation is cut", "both fit"];
         needs [accepted_configuration_is_bounded, shares_keep_their_range];
         sampled 100_000;
     }
-    T7 shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) {
+    property T7 shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) {
         cases ["they differed", "the left wheel is stronger", "the right wheel is stronger"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;

@@ -178,27 +178,27 @@ pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], 
 }
 
 crate::properties! {
-    T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
+    property T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
         needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }
-    T6 heading_returns(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
+    property T6 heading_returns(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["it had turned", "it had not"];
         needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }
-    T6 tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) {
+    property T6 tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) {
         cases ["it had turned", "the left counter wrapped", "the right one fell"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
-    T6 step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) {
+    property T6 step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) {
         cases ["turns faster than anything does", "straight on", "a sharp turn"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
-    T5 any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) {
+    property T5 any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) {
         cases ["far ahead", "far behind"];
         needs [accepted_configuration_is_bounded];
         kani on_first_board [unwind(66)] = (AcceptedConfig(first_board()), any(), 1);

@@ -328,7 +328,7 @@ fn coarse_gains() -> Gains {
 }
 
 crate::properties! {
-    T7 step_stays_within_the_limit(
+    property T7 step_stays_within_the_limit(
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
     ) {
         cases ["at the upper limit", "at the lower limit", "between"];
@@ -340,12 +340,12 @@ crate::properties! {
             (coarse_gains(), 50 << 16, any(), i32::from(any::<i16>()), i32::from(any::<i16>()));
         sampled 500_000;
     }
-    T7 limit_change_cuts_the_integral(gains: Gains, before: i32, integral: i32, after: i32) {
+    property T7 limit_change_cuts_the_integral(gains: Gains, before: i32, integral: i32, after: i32) {
         cases ["cut", "kept"];
         kani forward [unwind(4)] = (first_board().forward, any(), any(), any());
         sampled 100_000;
     }
-    T7 saturation_ends_at_once(
+    property T7 saturation_ends_at_once(
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
     ) {
         cases ["from the upper limit", "from the lower limit", "from the other side"];
@@ -355,7 +355,7 @@ crate::properties! {
             (first_board().forward, 100 << 16, any(), 0, any());
         sampled 500_000;
     }
-    T7 windup_is_shed_in_time(
+    property T7 windup_is_shed_in_time(
         gains: Gains, limit: i32, integral: i32, error: i32, samples: u8
     ) {
         cases ["down to what fits", "down to nothing", "less than there was"];
@@ -365,7 +365,7 @@ crate::properties! {
             (first_board().rotation, 50 << 16, coarse(8), coarse(8), 1);
         sampled 200_000;
     }
-    T7 integral_turns_in_time(
+    property T7 integral_turns_in_time(
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32, samples: u8
     ) {
         cases ["spent", "on its way", "held at the limit by the rate"];
@@ -373,7 +373,7 @@ crate::properties! {
             (first_board().rotation, 50 << 16, coarse(8), coarse(4), coarse(12), 1);
         sampled 500_000;
     }
-    T7 far_errors_are_not_integrated(
+    property T7 far_errors_are_not_integrated(
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
     ) {
         cases ["kept", "nearer to zero"];
@@ -381,7 +381,7 @@ crate::properties! {
             (first_board().forward, 100 << 16, any(), any(), 0);
         sampled 300_000;
     }
-    T7 sequence_stays_within_the_limit(
+    property T7 sequence_stays_within_the_limit(
         gains: Gains, limit: i32, errors: [u8; 64], scale: u8
     ) {
         cases ["reaches it", "stays below"];

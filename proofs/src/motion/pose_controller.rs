@@ -72,7 +72,7 @@ pub fn any_pose_is_safe(
 }
 
 crate::properties! {
-    T5 any_pose_is_safe(
+    property T5 any_pose_is_safe(
         config: AcceptedConfig, target: Pose, ticks: [(Tick, ()); 8], count: u8
     ) {
         cases ["there already", "far behind", "counts that no wheel makes"];

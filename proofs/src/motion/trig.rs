@@ -73,17 +73,17 @@ pub fn direction_is_accurate(x: i64, y: i64) -> Seen {
 }
 
 crate::properties! {
-    T6 sine_and_cosine_are_accurate(block: u32) {
+    theorem T6 sine_and_cosine_are_accurate(block: u32) {
         cases ["a sine near its bound", "a cosine near its bound"];
         exhaustive (0..1 << 20).map(|block: u32| (block.wrapping_sub(1 << 19),));
     }
-    T6 quarter_turn_only_swaps(phase: Turns) {
+    theorem T6 quarter_turn_only_swaps(phase: Turns) {
         cases ["beyond an eighth of a turn", "a full cosine"];
         exhaustive (0..1 << 30).map(|phase| (Turns(phase),));
     }
-    T6 direction_is_accurate(x: i64, y: i64) {
+    property T6 direction_is_accurate(x: i64, y: i64) {
         cases ["no vector", "the longest", "a short one"];
-        exhaustive (-200..=200).flat_map(|x| (-200..=200).map(move |y| (x, y))).chain([
+        stepped (-200..=200).flat_map(|x| (-200..=200).map(move |y| (x, y))).chain([
             (i64::MIN, 0), (0, i64::MIN), (i64::MIN, i64::MIN), (i64::MAX, i64::MIN)
         ]);
         sampled 300_000;

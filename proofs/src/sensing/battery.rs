@@ -244,50 +244,55 @@ pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
 }
 
 crate::properties! {
-    T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
+    property T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
         cases ["a cell beside one of 0 V", "eight cells"];
         needs [accepted_configuration_is_bounded];
         sampled 50_000;
     }
-    T10 voltage_is_the_dividers(config: AcceptedConfig, word: u16) {
+    property T10 voltage_is_the_dividers(config: AcceptedConfig, word: u16) {
         cases ["beyond what a voltage can say", "a voltage"];
         needs [accepted_configuration_is_bounded];
         sampled 200_000;
     }
-    T10 voltage_is_monotone(word: u16) {
+    theorem T10 voltage_is_monotone(word: u16) {
         cases ["a higher voltage", "the same voltage"];
         exhaustive (0..=u16::MAX).map(|word| (word,));
     }
-    T10 filter_never_overshoots(before: u16, after: u16, samples: u8) {
+    property T10 filter_never_overshoots(before: u16, after: u16, samples: u8) {
         cases ["rising", "falling"];
         sampled 50_000;
     }
-    T10 walk_covers_every_cell(cells: u8) {
+    theorem T10 walk_covers_every_cell(cells: u8) {
         cases ["none", "eight", "too many"];
         exhaustive (0..=u8::MAX).map(|cells| (cells,));
     }
-    T10 tuned_divider_shows_the_reference(config: AcceptedConfig, word: u16, reference: u32) {
+    property T10 tuned_divider_shows_the_reference(config: AcceptedConfig, word: u16, reference: u32) {
         cases ["nothing to tune", "tuned"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
-    T10 cutoff_takes_half_a_second(ticks: u8, supervised: bool) {
+    theorem T10 cutoff_takes_half_a_second(ticks: u8, supervised: bool) {
         cases ["cut off", "not yet"];
         exhaustive (0..=u8::MAX).flat_map(|ticks| [(ticks, false), (ticks, true)]);
     }
+<<<<<<< HEAD
     T5 any_divider_is_safe(
         full_scale: Binary64, largest: u32, ohms: (u32, u32), words: [u16; 2]
+=======
+    theorem T5 any_divider_is_safe(
+        full_scale: Double, largest: u32, ohms: (u32, u32), words: [u16; 2]
+>>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
     ) {
         cases ["beyond what a voltage can say", "a voltage", "a division by nothing"];
         kani proof [unwind(66)];
         sampled 200_000;
     }
-    T5 any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) {
+    theorem T5 any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) {
         cases ["nothing to compare", "a larger resistor", "no resistor"];
         kani proof [unwind(66)];
         sampled 200_000;
     }
-    T10 first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) {
+    theorem T10 first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) {
         cases ["the first cell is higher", "the second tap is not above the first"];
         kani proof [unwind(66)];
         sampled 100_000;

@@ -303,12 +303,12 @@ pub fn any_correction_is_safe(
 }
 
 crate::properties! {
-    T5 any_readings_are_safe(ticks: Row<Tick, 3>) {
+    theorem T5 any_readings_are_safe(ticks: Row<Tick, 3>) {
         cases ["nothing read", "the end of the range", "half a turn in a tick"];
         kani proof [unwind(33)];
         sampled 100_000;
     }
-    T5 any_readings_after_a_rest_are_safe(
+    property T5 any_readings_after_a_rest_are_safe(
         bias: i16, believed: bool, repeat: u8, ticks: Row<Tick, 8>
     ) {
         cases [
@@ -317,20 +317,20 @@ crate::properties! {
         ];
         sampled 100_000;
     }
-    T5 conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repeat: u8) {
+    property T5 conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repeat: u8) {
         cases ["set up", "the bus was freed", "a rate", "lost"];
         // From before its last three settings on, through them, their check, and the first rates.
         kani settling [unwind(30)] = (28, any(), 0);
         sampled 100_000;
     }
-    T6 without_a_rate_the_encoders_tell(
+    property T6 without_a_rate_the_encoders_tell(
         config: AcceptedConfig, outcome: BusResult, steps: [(u8, u8); 24]
     ) {
         cases ["it answered", "and its absence is a fault", "the robot moved"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;
     }
-    T5 any_correction_is_safe(
+    property T5 any_correction_is_safe(
         config: AcceptedConfig, before: (u32, u16), counters: (u32, u16), heading: u32, tick: u32
     ) {
         cases ["a wheel slipped", "no wheel can have"];

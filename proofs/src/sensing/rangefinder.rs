@@ -251,30 +251,35 @@ pub fn any_temperature_is_safe(celsius: i32, width: u32) -> Seen {
 }
 
 crate::properties! {
-    T9 echo_is_its_distance(trigger: Micros, delay: u32, width: u32) {
+    theorem T9 echo_is_its_distance(trigger: Micros, delay: u32, width: u32) {
         cases ["a distance", "out of range", "edges from before the trigger", "across the wrap"];
         kani proof [unwind(4)];
-        exhaustive (0..=(1 << 20) + 2).map(|width| (Micros(u32::MAX - 300), 400, width))
+        stepped (0..=(1 << 20) + 2).map(|width| (Micros(u32::MAX - 300), 400, width))
             .chain([(Micros(7), u32::MAX, 500)]);
         sampled 500_000;
     }
-    T9 code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, width: u32) {
+    theorem T9 code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, width: u32) {
         cases ["nothing", "a distance", "almost 2500 mm"];
         kani proof [unwind(4)];
-        exhaustive (0..=(1 << 20) + 2).map(|width| (Micros(0), 400, width));
+        stepped (0..=(1 << 20) + 2).map(|width| (Micros(0), 400, width));
     }
-    T9 distance_is_monotone(width: u32) {
+    theorem T9 distance_is_monotone(width: u32) {
         cases ["a distance", "none"];
         exhaustive (0..1 << 20).map(|width| (width,));
     }
+<<<<<<< HEAD
     T9 missing_edge_is_no_distance(
         which: RangefinderId, trigger: Micros, rise: Micros, fall: Micros, answered: bool
+=======
+    theorem T9 missing_edge_is_no_distance(
+        which: Rangefinder, trigger: Micros, rise: Micros, fall: Micros, answered: bool
+>>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
     ) {
         cases ["nothing was heard", "it had answered"];
         kani proof [unwind(11)];
         sampled 300_000;
     }
-    T9 sensors_take_turns(count: u8, answers: u64, allowed: u64) {
+    property T9 sensors_take_turns(count: u8, answers: u64, allowed: u64) {
         cases ["none fitted", "three that answer", "three that do not", "a servo on its way"];
         stepped (0..=u8::MAX).flat_map(|count| {
             (0..100_u64).flat_map(move |n| {
@@ -285,11 +290,11 @@ crate::properties! {
             })
         });
     }
-    T9 reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) {
+    property T9 reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) {
         cases ["a distance", "after several triggers", "none was answered"];
         sampled 200_000;
     }
-    T5 any_temperature_is_safe(celsius: i32, width: u32) {
+    theorem T5 any_temperature_is_safe(celsius: i32, width: u32) {
         cases ["a distance", "colder than anything"];
         kani proof [unwind(4)];
         sampled 300_000;

@@ -116,7 +116,7 @@ fn figures() -> impl Iterator<Item = fw_core::eeprom::Config> {
 }
 
 crate::properties! {
-    T9 servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, live: u64) {
+    property T9 servo_stands_where_the_reading_says(config: AcceptedConfig, stands: u16, live: u64) {
         cases ["swept to and fro", "parked", "nobody talks to it", "interrupted"];
         needs [accepted_configuration_is_bounded];
         stepped figures().flat_map(|config| {

@@ -81,7 +81,7 @@ pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
 }
 
 crate::properties! {
-    T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
+    theorem T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
         cases ["a temperature", "a reading out of range", "a factory's words out of range"];
         kani proof [unwind(3)];
         stepped (700..=1300_u16).step_by(60).flat_map(|cold| (150..=350).step_by(50).flat_map(move |span| {
@@ -97,7 +97,7 @@ crate::properties! {
         )]);
         sampled 100_000;
     }
-    T9 temperature_is_monotone(sensor: u16, reference: u16) {
+    theorem T9 temperature_is_monotone(sensor: u16, reference: u16) {
         cases ["two temperatures", "the end of the range"];
         exhaustive (1260..=1810_u16).flat_map(|reference| (0..4096_u16).map(move |sensor| (sensor, reference)));
     }

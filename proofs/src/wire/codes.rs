@@ -204,60 +204,60 @@ pub fn distance_out_of_range_is_nothing(bits: i64) -> Seen {
 }
 
 crate::properties! {
-    T2 length_code_round_trips(code: i32) {
+    theorem T2 length_code_round_trips(code: i32) {
         cases ["1 m", "the end of the range"];
         exhaustive (0..=i32::MAX).map(|code| (code,));
     }
-    T2 length_code_is_nearest(bits: i64) {
+    theorem T2 length_code_is_nearest(bits: i64) {
         cases ["beyond the top", "beyond the bottom", "a tie"];
         kani proof [unwind(4)];
         sampled 1_000_000;
     }
-    T2 length_code_is_monotone(one: i64, other: i64) {
+    property T2 length_code_is_monotone(one: i64, other: i64) {
         cases ["equal codes", "a higher code"];
         needs [length_code_is_nearest];
         sampled 300_000;
     }
-    T2 rotation_code_is_nearest(heading: u32) {
+    theorem T2 rotation_code_is_nearest(heading: u32) {
         cases ["just below a turn is 0", "exact"];
         kani proof [unwind(4)];
-        exhaustive (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
+        stepped (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
             [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
         });
     }
-    T2 bearing_code_is_nearest(heading: u32) {
+    theorem T2 bearing_code_is_nearest(heading: u32) {
         cases ["just below a turn is 0", "exact"];
         kani proof [unwind(4)];
-        exhaustive (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
+        stepped (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
             [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
         });
     }
-    T2 voltage_code_round_trips(cell: u8, voltage: u16) {
+    theorem T2 voltage_code_round_trips(cell: u8, voltage: u16) {
         cases ["no voltage", "the highest voltage"];
         kani proof [unwind(4)];
         exhaustive (0..=8).flat_map(|cell| (0..=0x2000).map(move |voltage| (cell, voltage)));
     }
-    T2 voltage_code_is_nearest(cell: u8, bits: u32) {
+    theorem T2 voltage_code_is_nearest(cell: u8, bits: u32) {
         cases ["beyond the top", "rounded up", "nothing"];
         kani proof [unwind(4)];
         stepped (0..=u32::MAX).step_by(61).map(|bits| (3, bits));
         sampled 300_000;
     }
-    T2 voltage_code_is_monotone(one: u32, other: u32) {
+    theorem T2 voltage_code_is_monotone(one: u32, other: u32) {
         cases ["equal codes", "a higher code"];
         kani proof [unwind(4)];
         sampled 300_000;
     }
-    T2 distance_code_is_nearest(code: u16) {
+    theorem T2 distance_code_is_nearest(code: u16) {
         cases ["0 mm", "nothing valid", "the farthest"];
         needs [distance_code_is_total];
         exhaustive (0..=u16::MAX).map(|code| (code,));
     }
-    T2 distance_code_is_total(one: i64, other: i64) {
+    property T2 distance_code_is_total(one: i64, other: i64) {
         cases ["negative", "too far", "two distances in range"];
         sampled 1_000_000;
     }
-    T2 distance_out_of_range_is_nothing(bits: i64) {
+    theorem T2 distance_out_of_range_is_nothing(bits: i64) {
         cases ["negative", "too far", "in range"];
         kani proof [unwind(4)];
         sampled 300_000;

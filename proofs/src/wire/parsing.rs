@@ -149,21 +149,21 @@ fn lengths() -> impl Iterator<Item = (Mode, Context, [u8; LONGER], u8, u16)> {
 }
 
 crate::properties! {
-    T1 command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+    theorem T1 command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
         cases ["taken", "wrong key", "a cell that is not configured"];
         kani normal [unwind(12)] = (Mode::Normal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any());
         kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any());
         sampled 200_000;
     }
-    T1 report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+    theorem T1 report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
         cases ["taken", "wrong key", "a cell that is not configured"];
         kani normal [unwind(12)] = (Mode::Normal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any());
         kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any());
         sampled 200_000;
     }
-    T1 guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+    theorem T1 guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
         cases ["right but perhaps for its checksum", "wrong key", "stale", "no such order"];
         kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
@@ -171,7 +171,7 @@ crate::properties! {
         kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any());
         sampled 200_000;
     }
-    T1 guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
+    theorem T1 guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
         cases ["right but perhaps for its checksum", "wrong key", "stale", "no such state"];
         kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
@@ -179,7 +179,7 @@ crate::properties! {
         kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any());
         sampled 200_000;
     }
-    T1 odd_length_is_rejected(
+    theorem T1 odd_length_is_rejected(
         mode: Mode, context: Context, frame: [u8; LONGER], len: u8, beyond: u16
     ) {
         cases ["short", "long in the buffer", "long beyond it"];
