@@ -43,12 +43,13 @@ pub fn floors(context: &mut Context) -> Result<Verdict> {
     }
     let Counts {
         theorems,
+        sampled,
         harnesses,
         covers,
         tests,
     } = counts;
     passed(format!(
-        "{theorems} theorems, {harnesses} harnesses, {covers} covers, {tests} tests"
+        "{theorems} theorems, {sampled} sampled properties, {harnesses} harnesses, {covers} covers, {tests} tests"
     ))
 }
 
@@ -56,6 +57,7 @@ pub fn floors(context: &mut Context) -> Result<Verdict> {
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Counts {
     theorems: u32,
+    sampled: u32,
     harnesses: u32,
     covers: u32,
     tests: u32,
@@ -74,8 +76,8 @@ impl Counts {
                 .position(|&found| found == name)
                 .ok_or_else(missing)
         };
-        let (harnesses, covers, tests) =
-            (column("harnesses")?, column("covers")?, column("tests")?);
+        let (kind, harnesses) = (column("kind")?, column("harnesses")?);
+        let (covers, tests) = (column("covers")?, column("tests")?);
         let mut counts = Self::default();
         for row in rows {
             let number = |at: usize| {
@@ -83,7 +85,9 @@ impl Counts {
                     .and_then(|cell| cell.parse().ok())
                     .unwrap_or(0_u32)
             };
-            counts.theorems += 1;
+            let theorem = row.get(kind) == Some(&"theorem");
+            counts.theorems += u32::from(theorem);
+            counts.sampled += u32::from(!theorem);
             counts.harnesses += number(harnesses);
             counts.covers += number(covers);
             let named = row.get(tests).map_or(0, |cell| {
@@ -97,6 +101,7 @@ impl Counts {
     fn get(&self, key: &str) -> Option<u32> {
         match key {
             "theorems" => Some(self.theorems),
+            "sampled" => Some(self.sampled),
             "harnesses" => Some(self.harnesses),
             "covers" => Some(self.covers),
             "tests" => Some(self.tests),
@@ -184,14 +189,15 @@ mod tests {
 
     #[test]
     fn the_theorems_columns_are_summed_by_name() {
-        let list = "theorem\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n\
-                    T0\tunits\ta\t1\t3\texhaustive,sampled\t\n\
-                    T1\twire\tb\t2\t4\t\ta\n";
+        let list = "kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n\
+                    theorem\tT0\tunits\ta\t1\t3\texhaustive,sampled\t\n\
+                    property\tT1\twire\tb\t2\t4\t\ta\n";
         let counts = Counts::of(list).unwrap();
         assert_eq!(
             counts,
             Counts {
-                theorems: 2,
+                theorems: 1,
+                sampled: 1,
                 harnesses: 3,
                 covers: 7,
                 tests: 2

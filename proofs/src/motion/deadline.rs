@@ -219,11 +219,7 @@ crate::properties! {
         kani proof [unwind(4)];
         sampled 500_000;
     }
-<<<<<<< HEAD
-    T8 stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) {
-=======
-    theorem T8 stop_lasts(past: Past, one: Micros, raised: u16, two: Micros, wanted: bool) {
->>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
+    theorem T8 stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) {
         cases ["for a lost link", "stopped", "faulted"];
         kani proof [unwind(4)];
         sampled 500_000;
@@ -233,13 +229,8 @@ crate::properties! {
         kani proof [unwind(4)];
         sampled 500_000;
     }
-<<<<<<< HEAD
-    T8 fault_brakes_even_if_cleared_at_once(
-        past: Past, raised: Faults, fresh: Micros, clear: Faults, after: u32
-=======
     theorem T8 fault_brakes_even_if_cleared_at_once(
-        past: Past, raised: u16, fresh: Micros, clear: u16, after: u32
->>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
+        past: Past, raised: Faults, fresh: Micros, clear: Faults, after: u32
     ) {
         cases ["still latched", "cleared"];
         kani proof [unwind(4)];

@@ -389,13 +389,8 @@ impl Input for MotorCommands {
 }
 
 crate::properties! {
-<<<<<<< HEAD
-    T14 jump_is_noticed_at_once(
-        figures: Figures, before: (MotorCommands, (i32, i32)), told: MotorCommands, counts: (i32, i32)
-=======
     theorem T14 jump_is_noticed_at_once(
-        figures: Figures, before: (Wheels, (i32, i32)), told: Wheels, counts: (i32, i32)
->>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
+        figures: Figures, before: (MotorCommands, (i32, i32)), told: MotorCommands, counts: (i32, i32)
     ) {
         cases ["a jump", "no jump", "the longest"];
         kani proof [unwind(4)];

@@ -275,13 +275,8 @@ crate::properties! {
         cases ["cut off", "not yet"];
         exhaustive (0..=u8::MAX).flat_map(|ticks| [(ticks, false), (ticks, true)]);
     }
-<<<<<<< HEAD
-    T5 any_divider_is_safe(
-        full_scale: Binary64, largest: u32, ohms: (u32, u32), words: [u16; 2]
-=======
     theorem T5 any_divider_is_safe(
-        full_scale: Double, largest: u32, ohms: (u32, u32), words: [u16; 2]
->>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
+        full_scale: Binary64, largest: u32, ohms: (u32, u32), words: [u16; 2]
     ) {
         cases ["beyond what a voltage can say", "a voltage", "a division by nothing"];
         kani proof [unwind(66)];

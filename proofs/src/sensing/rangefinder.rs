@@ -267,13 +267,8 @@ crate::properties! {
         cases ["a distance", "none"];
         exhaustive (0..1 << 20).map(|width| (width,));
     }
-<<<<<<< HEAD
-    T9 missing_edge_is_no_distance(
-        which: RangefinderId, trigger: Micros, rise: Micros, fall: Micros, answered: bool
-=======
     theorem T9 missing_edge_is_no_distance(
-        which: Rangefinder, trigger: Micros, rise: Micros, fall: Micros, answered: bool
->>>>>>> b70b619 (Tell theorems from sampled properties; sample with fastrand instead of an own proptest strategy)
+        which: RangefinderId, trigger: Micros, rise: Micros, fall: Micros, answered: bool
     ) {
         cases ["nothing was heard", "it had answered"];
         kani proof [unwind(11)];
