@@ -298,7 +298,8 @@ const fn turn_of(raw: i16, bias: i32) -> i32 {
 /// Hundredths of a degree per second of a bias.
 #[must_use]
 pub const fn hundredths(bias: i32) -> i64 {
-    bias as i64 * 1000 / (LSB_PER_DEGREE_TENTHS as i64 * 256)
+    // 655 · 256 / 1000 = 4192 / 25: a 32-bit division, which the core has.
+    (bias.saturating_mul(25) / (LSB_PER_DEGREE_TENTHS as i32 * 32 / 5)) as i64
 }
 
 #[cfg(test)]
