@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(folder.join("map.png"), map_plot::map(grid)?)?;
     fs::write(folder.join("map.pgm"), ros::pgm(grid))?;
     fs::write(folder.join("map.yaml"), ros::yaml(grid, "map.pgm"))?;
-    let overlay = map_plot::trajectory(grid, &drive.believed, &drive.truth, &drive.walls)?;
+    let overlay = map_plot::trajectory(grid, &drive.estimate, &drive.truth, &drive.walls)?;
     fs::write(folder.join("trajectory.png"), overlay)?;
     println!(
         "path {:.1} m in {:.0} s",

@@ -1,6 +1,8 @@
-//! The map: square cells with the logarithm of the odds that something is there.
+//! The map: square cells with the log-odds of being occupied.
 
-/// What a cell is taken for.
+use crate::Point;
+
+/// State of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cell {
     /// Probability above [`Grid::OCCUPIED`].
@@ -25,7 +27,7 @@ pub struct Grid {
 
 /// The grid grows by this many cells at a time.
 const GROWTH: i32 = 32;
-/// Farthest cell from the origin: 25 m at 25 mm. Readings beyond are of a robot that is lost.
+/// Farthest cell from the origin: 25 m at 25 mm. Readings beyond come from a lost robot.
 const FARTHEST: i32 = 2000;
 /// Log-odds are limited to ± this, so that a changed world can still change the map.
 const LIMIT: f32 = 6.0;
@@ -66,23 +68,23 @@ impl Grid {
         self.rows
     }
 
-    /// The lower left corner of the whole grid, mm.
+    /// The lower left corner of the whole grid.
     #[must_use]
-    pub fn origin_mm(&self) -> (f64, f64) {
-        (
+    pub fn origin(&self) -> Point {
+        Point::new(
             f64::from(self.first.0) * self.cell_mm,
             f64::from(self.first.1) * self.cell_mm,
         )
     }
 
-    /// Middle of the cell in this column and row, mm.
+    /// Middle of the cell in this column and row.
     #[must_use]
     #[allow(clippy::cast_precision_loss)] // at most 4000
-    pub fn middle_mm(&self, column: usize, row: usize) -> (f64, f64) {
-        let (x, y) = self.origin_mm();
-        (
-            x + (column as f64 + 0.5) * self.cell_mm,
-            y + (row as f64 + 0.5) * self.cell_mm,
+    pub fn middle(&self, column: usize, row: usize) -> Point {
+        let origin = self.origin();
+        Point::new(
+            origin.x_mm + (column as f64 + 0.5) * self.cell_mm,
+            origin.y_mm + (row as f64 + 0.5) * self.cell_mm,
         )
     }
 
@@ -102,7 +104,7 @@ impl Grid {
         1.0 - 1.0 / (1.0 + self.log_odds(column, row).exp())
     }
 
-    /// What the cell is taken for.
+    /// State of the cell in this column and row.
     #[must_use]
     pub fn cell(&self, column: usize, row: usize) -> Cell {
         let probability = self.probability(column, row);
@@ -112,6 +114,19 @@ impl Grid {
             Cell::Free
         } else {
             Cell::Unknown
+        }
+    }
+
+    /// State of the cell at a point; unknown outside the grid.
+    #[must_use]
+    pub fn cell_at(&self, point: Point) -> Cell {
+        let index = |mm: f64, first: i32| usize::try_from(self.number(mm) - first);
+        match (
+            index(point.x_mm, self.first.0),
+            index(point.y_mm, self.first.1),
+        ) {
+            (Ok(column), Ok(row)) => self.cell(column, row),
+            _ => Cell::Unknown,
         }
     }
 
@@ -199,41 +214,37 @@ impl Grid {
 mod tests {
     use super::*;
 
-    fn at(grid: &mut Grid, x: f64, y: f64) -> (usize, usize) {
-        let (columns, rows) = grid.cover(x..x, y..y);
+    fn cover_point(grid: &mut Grid, x_mm: f64, y_mm: f64) -> (usize, usize) {
+        let (columns, rows) = grid.cover(x_mm..x_mm, y_mm..y_mm);
         (columns.start, rows.start)
     }
 
     #[test]
-    fn growing_keeps_what_was_written_where_it_was() {
+    fn growing_keeps_evidence_in_place() {
         let mut grid = Grid::new(25.0);
-        let (column, row) = at(&mut grid, 10.0, 10.0);
+        let (column, row) = cover_point(&mut grid, 10.0, 10.0);
         grid.add(column, row, 2.0);
-        at(&mut grid, -3000.0, -100.0);
-        at(&mut grid, 100.0, 5000.0);
-        let (column, row) = at(&mut grid, 10.0, 10.0);
+        cover_point(&mut grid, -3000.0, -100.0);
+        cover_point(&mut grid, 100.0, 5000.0);
+        let (column, row) = cover_point(&mut grid, 10.0, 10.0);
         assert!((grid.log_odds(column, row) - 2.0).abs() < 1e-6);
-        assert_eq!(
-            grid.cells()
-                .filter(|&(c, r)| grid.log_odds(c, r) != 0.0)
-                .count(),
-            1
-        );
-        let (x, y) = grid.middle_mm(column, row);
-        assert!((x - 12.5).abs() < 1e-9 && (y - 12.5).abs() < 1e-9);
+        let written = |&(c, r): &(usize, usize)| grid.log_odds(c, r) != 0.0;
+        assert_eq!(grid.cells().filter(written).count(), 1);
+        let middle = grid.middle(column, row);
+        assert!(middle.distance_mm(Point::new(12.5, 12.5)) < 1e-9);
     }
 
     #[test]
-    fn a_lost_robot_does_not_eat_the_memory() {
+    fn size_is_limited_for_any_coordinates() {
         let mut grid = Grid::new(25.0);
         grid.cover(-1e9..f64::NAN, 0.0..f64::INFINITY);
         assert!(grid.columns() * grid.rows() <= 4100 * 4100);
     }
 
     #[test]
-    fn log_odds_saturate_and_decide_the_cell() {
+    fn log_odds_saturate_and_decide_state() {
         let mut grid = Grid::new(25.0);
-        let (column, row) = at(&mut grid, 0.0, 0.0);
+        let (column, row) = cover_point(&mut grid, 0.0, 0.0);
         assert_eq!(grid.cell(column, row), Cell::Unknown);
         for _ in 0..100 {
             grid.add(column, row, 1.0);

@@ -1,170 +1,119 @@
-//! Curves over time, drawn: panels one above the other, each with its scale.
+//! Curves over time as a PNG file: panels one above the other, each with its own scale.
 
-use crate::canvas::{Canvas, Colour};
-use crate::map_plot::PictureError;
+use plotters::prelude::*;
+
+use crate::png_canvas::{legend, png, Area, Drawn, FONT, INK, TEXT_PX};
+use crate::PlotError;
 
 /// One curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// Its name in the legend: capitals, digits, space, point and hyphen are drawn.
+    /// Its name in the legend.
     pub name: String,
-    /// Its points; one that is not finite lifts the pen.
+    /// Its points (x, y); one that is not finite interrupts the line.
     pub points: Vec<(f64, f64)>,
 }
 
 /// One panel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// What its axes are.
+    /// What its axes show.
     pub title: String,
-    /// Its curves, the first undermost.
+    /// Its curves; later ones are drawn over earlier ones.
     pub curves: Vec<Curve>,
 }
 
-const PAPER: Colour = [252, 252, 250];
-const INK: Colour = [40, 44, 52];
-const GRID: Colour = [224, 226, 230];
-const COLOURS: [Colour; 4] = [[20, 110, 220], [214, 96, 40], [30, 160, 70], [150, 60, 170]];
-
-const WIDTH: usize = 1200;
-const HEIGHT: usize = 300;
-const LEFT: usize = 100;
-const RIGHT: usize = 30;
-const TOP: usize = 44;
-const BOTTOM: usize = 36;
+const COLOURS: [RGBColor; 4] = [
+    RGBColor(20, 110, 220),
+    RGBColor(214, 96, 40),
+    RGBColor(30, 160, 70),
+    RGBColor(150, 60, 170),
+];
+const WIDTH: u32 = 1300;
+const PANEL_HEIGHT: u32 = 380;
 
 /// The panels as a PNG file.
 ///
 /// # Errors
-/// If the encoder refuses.
-pub fn draw(panels: &[Panel]) -> Result<Vec<u8>, PictureError> {
-    let height = (TOP + HEIGHT + BOTTOM) * panels.len().max(1);
-    let mut canvas = Canvas::new(LEFT + WIDTH + RIGHT, height, PAPER);
-    for (index, panel) in panels.iter().enumerate() {
-        draw_panel(&mut canvas, index * (TOP + HEIGHT + BOTTOM) + TOP, panel);
-    }
-    canvas.png().map_err(PictureError)
+/// If the plot cannot be drawn or encoded.
+pub fn draw(panels: &[Panel]) -> Result<Vec<u8>, PlotError> {
+    let rows = panels.len().max(1);
+    let height = PANEL_HEIGHT * u32::try_from(rows).unwrap_or(1);
+    png(WIDTH, height, |area| {
+        let areas = area.split_evenly((rows, 1));
+        panels
+            .iter()
+            .zip(&areas)
+            .try_for_each(|(panel, area)| draw_panel(area, panel))
+    })
 }
 
-/// One axis: from `low` to `high`, with a mark every `step`.
-struct Axis {
-    low: f64,
-    high: f64,
-    step: f64,
-}
+fn draw_panel(area: &Area<'_>, panel: &Panel) -> Drawn {
+    let (head, body) = area.split_vertically(36);
+    let style = TextStyle::from((FONT, TEXT_PX + 2)).color(&INK);
+    head.draw(&Text::new(panel.title.clone(), (70, 12), style.clone()))?;
+    let title_px = i32::try_from(area.estimate_text_size(&panel.title, &style)?.0)?;
+    let names = panel.curves.iter().map(|curve| curve.name.as_str());
+    let entries: Vec<_> = names.zip(COLOURS.into_iter().cycle()).collect();
+    legend(&head, 70 + title_px + 40, 13, &entries)?;
 
-impl Axis {
-    /// Around all finite values, with some five marks.
-    fn around(values: impl Iterator<Item = f64>) -> Self {
-        let (mut low, mut high) = (f64::MAX, f64::MIN);
-        for value in values.filter(|value| value.is_finite()) {
-            (low, high) = (low.min(value), high.max(value));
-        }
-        if low > high {
-            (low, high) = (0.0, 1.0);
-        }
-        let span = (high - low).max(1e-9);
-        let decade = 10f64.powf((span / 5.0).log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0]
-            .into_iter()
-            .map(|part| part * decade)
-            .find(|step| span / step <= 6.0)
-            .unwrap_or(10.0 * decade);
-        Self {
-            low: (low / step).floor() * step,
-            high: ((high / step).floor() + 1.0) * step,
-            step,
-        }
-    }
-
-    /// 0 at the low end, 1 at the high end.
-    fn part(&self, value: f64) -> f64 {
-        (value - self.low) / (self.high - self.low)
-    }
-
-    fn marks(&self) -> impl Iterator<Item = f64> + '_ {
-        (0..=12_u8)
-            .map(|index| self.low + f64::from(index) * self.step)
-            .take_while(|mark| *mark <= self.high + self.step * 0.01)
-    }
-
-    fn label(&self, mark: f64) -> String {
-        let decimals = usize::from(self.step < 1.0) + usize::from(self.step < 0.1);
-        format!("{:.decimals$}", mark + 0.0)
-    }
-}
-
-#[allow(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss
-)] // pixels
-fn draw_panel(canvas: &mut Canvas, top: usize, panel: &Panel) {
     let points = || panel.curves.iter().flat_map(|curve| &curve.points);
-    let across = Axis::around(points().map(|point| point.0));
-    let up = Axis::around(points().map(|point| point.1));
-    let pixel = |(x, y): (f64, f64)| {
-        (
-            LEFT as f64 + across.part(x) * WIDTH as f64,
-            top as f64 + (1.0 - up.part(y)) * HEIGHT as f64,
-        )
-    };
-    for mark in across.marks() {
-        let x = pixel((mark, up.low)).0 as usize;
-        canvas.fill(x, top, 1, HEIGHT, GRID);
-        canvas.text(
-            x.saturating_sub(8),
-            top + HEIGHT + 10,
-            3,
-            &across.label(mark),
-            INK,
-        );
-    }
-    for mark in up.marks() {
-        let y = pixel((across.low, mark)).1 as usize;
-        canvas.fill(LEFT, y, WIDTH, 1, GRID);
-        canvas.text(6, y.saturating_sub(7), 3, &up.label(mark), INK);
-    }
-    canvas.fill(LEFT, top, 2, HEIGHT, INK);
-    canvas.fill(LEFT, top + HEIGHT, WIDTH, 2, INK);
-    let mut x = LEFT + canvas.text(LEFT, top - 26, 3, &panel.title, INK) + 40;
+    let mut chart = ChartBuilder::on(&body)
+        .margin_right(24)
+        .x_label_area_size(36)
+        .y_label_area_size(70)
+        .build_cartesian_2d(
+            range(points().map(|point| point.0)),
+            range(points().map(|point| point.1)),
+        )?;
+    chart
+        .configure_mesh()
+        .label_style(TextStyle::from((FONT, TEXT_PX)).color(&INK))
+        .axis_style(INK)
+        .light_line_style(TRANSPARENT)
+        .draw()?;
     for (curve, colour) in panel.curves.iter().zip(COLOURS.into_iter().cycle()) {
-        canvas.fill(x, top - 22, 26, 6, colour);
-        x += 34 + canvas.text(x + 34, top - 26, 3, &curve.name, INK) + 24;
-        let mut last: Option<(f64, f64)> = None;
-        for &point in &curve.points {
-            let here = (point.0.is_finite() && point.1.is_finite()).then(|| pixel(point));
-            if let (Some(from), Some(to)) = (last, here) {
-                canvas.line(from, to, 2.5, colour);
-            }
-            last = here;
+        let finite = |point: &(f64, f64)| point.0.is_finite() && point.1.is_finite();
+        for line in curve.points.split(|point| !finite(point)) {
+            chart.draw_series(LineSeries::new(
+                line.iter().copied(),
+                colour.stroke_width(2),
+            ))?;
         }
     }
+    Ok(())
+}
+
+/// The range of all finite values with a margin, never empty.
+fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    let (low, high) = values
+        .filter(|value| value.is_finite())
+        .map(|value| (value, value))
+        .reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
+        .unwrap_or((0.0, 1.0));
+    let margin = ((high - low) * 0.03).max(1e-6);
+    low - margin..high + margin
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::png_canvas::decode;
 
     #[test]
-    fn marks_are_round_and_reach_around_every_value() {
-        let axis = Axis::around([-3.0, 96.5, f64::NAN].into_iter());
-        assert!(axis.low <= -3.0 && axis.high >= 96.5);
-        let labels: Vec<String> = axis.marks().map(|mark| axis.label(mark)).collect();
-        assert_eq!(labels, ["-20", "0", "20", "40", "60", "80", "100"]);
-    }
-
-    #[test]
-    fn nothing_and_a_single_value_are_still_pictures() {
-        let one = Panel {
-            title: "T".into(),
+    fn empty_and_degenerate_panels_are_drawn() {
+        let panel = Panel {
+            title: "speed, mm/s".into(),
             curves: vec![Curve {
-                name: "A".into(),
-                points: vec![(1.0, 1.0), (f64::NAN, 0.0), (2.0, 1.0)],
+                name: "measured".into(),
+                points: vec![(1.0, 1.0), (f64::NAN, 0.0), (2.0, 1.0), (3.0, 1.0)],
             }],
         };
-        for panels in [&[][..], &[one]] {
-            assert!(draw(panels).unwrap().starts_with(b"\x89PNG"));
-        }
+        let (_, height, _) = decode(&draw(&[]).unwrap());
+        assert_eq!(height, PANEL_HEIGHT);
+        let (_, height, pixels) = decode(&draw(&[panel.clone(), panel]).unwrap());
+        assert_eq!(height, 2 * PANEL_HEIGHT);
+        let RGBColor(r, g, b) = COLOURS[0];
+        assert!(pixels.chunks(3).any(|pixel| pixel == [r, g, b]));
     }
 }

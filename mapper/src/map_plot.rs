@@ -1,277 +1,215 @@
-//! The map drawn: by itself, and with the way driven.
+//! The map as a PNG file, alone or under the path driven.
 
-use crate::canvas::{Canvas, Colour};
-use crate::{Cell, Grid, Pose, Segment};
+use plotters::prelude::*;
 
-const OCCUPIED: Colour = [28, 32, 40];
-const FREE: Colour = [252, 252, 250];
-const UNKNOWN: Colour = [205, 208, 212];
-const PAPER: Colour = [236, 238, 240];
-const INK: Colour = [40, 44, 52];
-const WALL: Colour = [214, 96, 40];
-const BELIEVED: Colour = [20, 110, 220];
-const TRUE: Colour = [30, 160, 70];
-const START: Colour = [190, 30, 90];
+use crate::png_canvas::{legend, png, FONT, INK, TEXT_PX};
+use crate::{Cell, Grid, PlotError, Point, Pose2, Segment};
+
+const OCCUPIED: RGBColor = RGBColor(28, 32, 40);
+const FREE: RGBColor = RGBColor(252, 252, 250);
+const UNKNOWN: RGBColor = RGBColor(205, 208, 212);
+const WALL: RGBColor = RGBColor(214, 96, 40);
+const ESTIMATE: RGBColor = RGBColor(20, 110, 220);
+const TRUTH: RGBColor = RGBColor(30, 160, 70);
+const START: RGBColor = RGBColor(190, 30, 90);
 
 /// Pixels per cell.
-const ZOOM: usize = 5;
-/// Paper around the map, and its strip for the legend, pixels.
-const BORDER: usize = 24;
-const STRIP: usize = 64;
+const ZOOM: f64 = 5.0;
+/// Room for the legend above, the labels of the axes and the margin at the right, pixels.
+const HEAD_PX: u32 = 40;
+const LABELS_PX: u32 = 52;
+const MARGIN_PX: u32 = 16;
 
-/// A picture could not be encoded; the text is the encoder's.
-#[derive(Debug)]
-pub struct PictureError(pub(crate) png::EncodingError);
-
-impl std::fmt::Display for PictureError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the map's picture could not be encoded: {}", self.0)
-    }
-}
-
-impl std::error::Error for PictureError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        Some(&self.0)
-    }
-}
-
-/// The map as a PNG file: dark = occupied, white = free, grey between, with a scale and a legend.
+/// The map as a PNG file: dark = occupied, white = free, grey in between; axes in metres.
 ///
 /// # Errors
-/// If the encoder refuses (a picture of more pixels than PNG allows).
-pub fn map(grid: &Grid) -> Result<Vec<u8>, PictureError> {
-    let sheet = Sheet::new(grid, &[]);
-    let legend = [("OCCUPIED", OCCUPIED), ("FREE", FREE), ("UNKNOWN", UNKNOWN)];
-    sheet.finish(&legend)
+/// If the plot cannot be drawn or encoded.
+pub fn map(grid: &Grid) -> Result<Vec<u8>, PlotError> {
+    let names = [("occupied", OCCUPIED), ("free", FREE), ("unknown", UNKNOWN)];
+    Layers {
+        grid,
+        walls: &[],
+        paths: &[],
+    }
+    .draw(&names)
 }
 
-/// The map, paler, under the believed path, the true path and the true walls (all in the grid's
-/// frame), as a PNG file. What is not known is given empty.
+/// The map under the estimated path, the true path and the true walls (all in the grid's frame), as
+/// a PNG file. What is not known is given empty.
 ///
 /// # Errors
-/// If the encoder refuses (a picture of more pixels than PNG allows).
+/// If the plot cannot be drawn or encoded.
 pub fn trajectory(
     grid: &Grid,
-    believed: &[Pose],
-    truth: &[Pose],
+    estimate: &[Pose2],
+    truth: &[Pose2],
     walls: &[Segment],
-) -> Result<Vec<u8>, PictureError> {
-    let mut corners: Vec<(f64, f64)> = believed
-        .iter()
-        .chain(truth)
-        .map(|pose| (pose.x_mm, pose.y_mm))
-        .collect();
-    corners.extend(
-        walls
-            .iter()
-            .flat_map(|wall| [(wall.x1, wall.y1), (wall.x2, wall.y2)]),
-    );
-    let mut sheet = Sheet::new(grid, &corners);
-    for wall in walls {
-        sheet.line((wall.x1, wall.y1), (wall.x2, wall.y2), 2.0, WALL);
+) -> Result<Vec<u8>, PlotError> {
+    Layers {
+        grid,
+        walls,
+        paths: &[(truth, TRUTH, 5), (estimate, ESTIMATE, 2)],
     }
-    sheet.path(truth, 5.0, TRUE);
-    sheet.path(believed, 2.0, BELIEVED);
-    if let Some(start) = believed.first().or(truth.first()) {
-        let nose = (
-            start.x_mm + 150.0 * start.heading_rad.cos(),
-            start.y_mm + 150.0 * start.heading_rad.sin(),
-        );
-        let at = (start.x_mm, start.y_mm);
-        sheet.line(at, at, 12.0, START);
-        sheet.line(at, nose, 3.0, START);
-    }
-    let legend = [
-        ("BELIEVED", BELIEVED),
-        ("TRUE PATH", TRUE),
-        ("TRUE WALLS", WALL),
-        ("START", START),
-        ("MAP", OCCUPIED),
-    ];
-    sheet.finish(&legend)
+    .draw(&[
+        ("estimated path", ESTIMATE),
+        ("true path", TRUTH),
+        ("true walls", WALL),
+        ("start", START),
+        ("map", OCCUPIED),
+    ])
 }
 
-/// A canvas with the map on it, and the way from millimetres to pixels.
-struct Sheet {
-    canvas: Canvas,
-    cell_mm: f64,
-    /// The map's left edge and top edge, mm.
-    left: f64,
-    top: f64,
-    height: usize,
+/// What is drawn, from the bottom to the top.
+struct Layers<'a> {
+    grid: &'a Grid,
+    walls: &'a [Segment],
+    /// Poses, colour and width in pixels.
+    paths: &'a [(&'a [Pose2], RGBColor, u32)],
 }
 
-impl Sheet {
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss
-    )] // metres of room
-    fn new(grid: &Grid, corners: &[(f64, f64)]) -> Self {
-        let cell = grid.cell_mm();
+impl Layers<'_> {
+    /// The lower left corner, and the columns and rows of all that is to be seen.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // metres of room
+    fn extent(&self) -> (Point, u32, u32) {
+        let (grid, cell) = (self.grid, self.grid.cell_mm());
         let known = grid
             .cells()
             .filter(|&(column, row)| grid.cell(column, row) != Cell::Unknown)
-            .map(|(column, row)| grid.middle_mm(column, row));
-        let (mut low, mut high) = ((f64::MAX, f64::MAX), (f64::MIN, f64::MIN));
-        for (x, y) in known.chain(corners.iter().copied()) {
-            low = (low.0.min(x), low.1.min(y));
-            high = (high.0.max(x), high.1.max(y));
-        }
-        if low.0 > high.0 {
-            (low, high) = ((-500.0, -500.0), (500.0, 500.0));
-        }
-        let down = |mm: f64| (mm / cell).floor() * cell - 4.0 * cell;
-        let (left, bottom) = (down(low.0), down(low.1));
-        let columns = ((high.0 - left) / cell) as usize + 5;
-        let rows = ((high.1 - bottom) / cell) as usize + 5;
-        let top = bottom + f64::from(u32::try_from(rows).unwrap_or(u32::MAX)) * cell;
-        let height = rows * ZOOM;
-        let canvas = Canvas::new(
-            (columns * ZOOM + 2 * BORDER).max(960),
-            height + 2 * BORDER + STRIP,
-            PAPER,
-        );
-        let mut sheet = Self {
-            canvas,
-            cell_mm: cell,
-            left,
-            top,
-            height,
-        };
-        sheet
-            .canvas
-            .fill(BORDER, BORDER, columns * ZOOM, height, UNKNOWN);
-        for (column, row) in grid.cells() {
-            if grid.log_odds(column, row) == 0.0 {
-                continue;
-            }
-            let (x, y) = sheet.pixel(grid.middle_mm(column, row));
-            let half = ZOOM as f64 / 2.0;
-            if x < BORDER as f64 || y < BORDER as f64 {
-                continue;
-            }
-            let colour = shade(grid.probability(column, row));
-            let (x, y) = ((x - half).round() as usize, (y - half).round() as usize);
-            if x + ZOOM <= BORDER + columns * ZOOM && y + ZOOM <= BORDER + height {
-                sheet.canvas.fill(x, y, ZOOM, ZOOM, colour);
-            }
-        }
-        sheet
-    }
-
-    #[allow(clippy::cast_precision_loss)] // pixels
-    fn pixel(&self, (x, y): (f64, f64)) -> (f64, f64) {
-        let zoom = ZOOM as f64 / self.cell_mm;
+            .map(|(column, row)| grid.middle(column, row));
+        let walls = self.walls.iter().flat_map(|wall| [wall.from, wall.to]);
+        let paths = self.paths.iter().flat_map(|path| path.0);
+        let (low, high) = known
+            .chain(walls)
+            .chain(paths.map(Pose2::position))
+            .map(|point| (point, point))
+            .reduce(|(low, high), (p, _)| {
+                (
+                    Point::new(low.x_mm.min(p.x_mm), low.y_mm.min(p.y_mm)),
+                    Point::new(high.x_mm.max(p.x_mm), high.y_mm.max(p.y_mm)),
+                )
+            })
+            .unwrap_or((Point::new(-500.0, -500.0), Point::new(500.0, 500.0)));
+        let down = |mm: f64| ((mm / cell).floor() - 4.0) * cell;
+        let corner = Point::new(down(low.x_mm), down(low.y_mm));
+        let cells = |from: f64, to: f64| ((to - from) / cell) as u32 + 5;
         (
-            BORDER as f64 + (x - self.left) * zoom,
-            BORDER as f64 + (self.top - y) * zoom,
+            corner,
+            cells(corner.x_mm, high.x_mm),
+            cells(corner.y_mm, high.y_mm),
         )
     }
 
-    fn line(&mut self, from: (f64, f64), to: (f64, f64), width: f64, colour: Colour) {
-        self.canvas
-            .line(self.pixel(from), self.pixel(to), width, colour);
-    }
-
-    fn path(&mut self, poses: &[Pose], width: f64, colour: Colour) {
-        // Pieces of at least 5 mm: shorter ones only blur.
-        let mut from: Option<&Pose> = None;
-        for (index, pose) in poses.iter().enumerate() {
-            let Some(last) = from else {
-                from = Some(pose);
-                continue;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // pixels
+    fn draw(&self, names: &[(&str, RGBColor)]) -> Result<Vec<u8>, PlotError> {
+        let (grid, cell_m) = (self.grid, self.grid.cell_mm() / 1000.0);
+        let (corner, columns, rows) = self.extent();
+        let metres = |point: Point| (point.x_mm / 1000.0, point.y_mm / 1000.0);
+        let pixels = |cells: u32| (f64::from(cells) * ZOOM) as u32;
+        let width = pixels(columns) + LABELS_PX + MARGIN_PX;
+        let height = pixels(rows) + HEAD_PX + LABELS_PX + MARGIN_PX / 2;
+        png(width.max(800), height, |area| {
+            legend(area, LABELS_PX.cast_signed(), 12, names)?;
+            let (left, bottom) = metres(corner);
+            let (_, body) = area.split_vertically(HEAD_PX);
+            let (body, _) = body.split_horizontally(width);
+            let mut chart = ChartBuilder::on(&body)
+                .margin_right(MARGIN_PX)
+                .margin_bottom(MARGIN_PX / 2)
+                .x_label_area_size(LABELS_PX)
+                .y_label_area_size(LABELS_PX)
+                .build_cartesian_2d(
+                    left..left + f64::from(columns) * cell_m,
+                    bottom..bottom + f64::from(rows) * cell_m,
+                )?;
+            chart.plotting_area().fill(&UNKNOWN)?;
+            let known = |&(column, row): &(usize, usize)| grid.log_odds(column, row) != 0.0;
+            chart.draw_series(grid.cells().filter(known).map(|(column, row)| {
+                let (x, y) = metres(grid.middle(column, row));
+                let half = cell_m / 2.0;
+                let corners = [(x - half, y - half), (x + half, y + half)];
+                Rectangle::new(corners, shade(grid.probability(column, row)).filled())
+            }))?;
+            chart
+                .configure_mesh()
+                .disable_mesh()
+                .label_style(TextStyle::from((FONT, TEXT_PX)).color(&INK))
+                .axis_style(INK)
+                .x_desc("x (m)")
+                .y_desc("y (m)")
+                .draw()?;
+            let line = |segment: &Segment, style: ShapeStyle| {
+                PathElement::new([metres(segment.from), metres(segment.to)], style)
             };
-            let way = (pose.x_mm - last.x_mm).hypot(pose.y_mm - last.y_mm);
-            if way >= 5.0 || index + 1 == poses.len() {
-                self.line(
-                    (last.x_mm, last.y_mm),
-                    (pose.x_mm, pose.y_mm),
-                    width,
-                    colour,
-                );
-                from = Some(pose);
+            let walls = self.walls.iter();
+            chart.draw_series(walls.map(|wall| line(wall, WALL.stroke_width(2))))?;
+            for (poses, colour, width) in self.paths {
+                let steps = thinned(poses);
+                let steps = steps.windows(2).map(|ends| Segment::new(ends[0], ends[1]));
+                chart.draw_series(steps.map(|step| line(&step, colour.stroke_width(*width))))?;
             }
-        }
-    }
-
-    /// Adds scale and legend, and encodes.
-    #[allow(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss
-    )]
-    fn finish(mut self, legend: &[(&str, Colour)]) -> Result<Vec<u8>, PictureError> {
-        let y = self.height + BORDER + STRIP / 2;
-        let metre = (1000.0 / self.cell_mm * ZOOM as f64) as usize;
-        self.canvas.fill(BORDER, y, metre, 4, INK);
-        self.canvas.fill(BORDER, y - 6, 3, 16, INK);
-        self.canvas.fill(BORDER + metre, y - 6, 3, 16, INK);
-        self.canvas
-            .text(BORDER + metre / 2 - 16, y + 12, 3, "1 M", INK);
-        let mut x = BORDER + metre + 32;
-        for (name, colour) in legend {
-            self.canvas.fill(x, y - 8, 20, 20, INK);
-            self.canvas.fill(x + 1, y - 7, 18, 18, *colour);
-            x += 28 + self.canvas.text(x + 28, y - 5, 3, name, INK) + 12;
-        }
-        self.canvas.png().map_err(PictureError)
+            if let Some(start) = self.paths.iter().find_map(|path| path.0.first()) {
+                let nose = Segment::new(start.position(), start.point_at(150.0, 0.0));
+                let arrow = line(&nose, START.stroke_width(3));
+                chart.draw_series([arrow])?;
+                let at = metres(start.position());
+                chart.draw_series([Circle::new(at, 6, START.filled())])?;
+            }
+            Ok(())
+        })
     }
 }
 
-/// From white (surely free) over grey to dark (surely occupied).
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between two bytes
-fn shade(probability: f32) -> Colour {
-    let (from, to, part) = if probability < 0.5 {
+/// The path in steps of at least 10 mm: shorter ones only blur.
+fn thinned(poses: &[Pose2]) -> Vec<Point> {
+    let mut points: Vec<Point> = poses.iter().map(Pose2::position).collect();
+    points.dedup_by(|point, last| point.distance_mm(*last) < 10.0);
+    points
+}
+
+/// From white (free) over grey (unknown) to dark (occupied).
+fn shade(probability: f32) -> RGBColor {
+    let (from, to, share) = if probability < 0.5 {
         (FREE, UNKNOWN, probability * 2.0)
     } else {
         (UNKNOWN, OCCUPIED, probability * 2.0 - 1.0)
     };
-    std::array::from_fn(|i| {
-        (f32::from(from[i]) + part * (f32::from(to[i]) - f32::from(from[i]))).round() as u8
-    })
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between two bytes
+    let mix = |a: u8, b: u8| (f32::from(a) + share * (f32::from(b) - f32::from(a))).round() as u8;
+    RGBColor(mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Cone;
+    use crate::png_canvas::decode;
+    use crate::SonarModel;
 
-    fn decode(file: &[u8]) -> (u32, u32, Vec<u8>) {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(file))
-            .read_info()
-            .unwrap();
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut pixels).unwrap();
-        (info.width, info.height, pixels)
-    }
-
-    fn has(pixels: &[u8], colour: Colour) -> bool {
-        pixels.chunks(3).any(|pixel| pixel == colour)
+    fn has(pixels: &[u8], RGBColor(r, g, b): RGBColor) -> bool {
+        pixels.chunks(3).any(|pixel| pixel == [r, g, b])
     }
 
     #[test]
-    fn pictures_decode_and_show_what_they_were_given() {
+    fn plots_show_every_layer_given() {
         let mut grid = Grid::new(25.0);
         for _ in 0..20 {
-            Cone::default().echo(&mut grid, &Pose::default(), 800.0);
+            SonarModel::default().enter_echo(&mut grid, &Pose2::default(), 800.0);
         }
         let (width, height, pixels) = decode(&map(&grid).unwrap());
-        assert!(width >= 960 && height > 100);
+        assert!(width >= 800 && height > 100);
         assert!(has(&pixels, UNKNOWN) && has(&pixels, INK) && !has(&pixels, WALL));
 
-        let way = [
-            Pose::default(),
-            Pose::new(400.0, 0.0, 0.0),
-            Pose::new(400.0, 300.0, 1.0),
+        let path = [
+            Pose2::default(),
+            Pose2::new(400.0, 0.0, 0.0),
+            Pose2::new(400.0, 300.0, 1.0),
         ];
-        let wall = [Segment::new(900.0, -400.0, 900.0, 400.0)];
-        let (_, _, pixels) = decode(&trajectory(&grid, &way, &way, &wall).unwrap());
-        assert!(has(&pixels, WALL) && has(&pixels, BELIEVED) && has(&pixels, START));
+        let wall = Segment::new(Point::new(900.0, -400.0), Point::new(900.0, 400.0));
+        let (_, _, pixels) = decode(&trajectory(&grid, &path, &path, &[wall]).unwrap());
+        assert!([WALL, ESTIMATE, START].iter().all(|&c| has(&pixels, c)));
     }
 
     #[test]
-    fn an_empty_map_is_still_a_picture() {
+    fn empty_map_is_drawn() {
         let (width, height, _) = decode(&map(&Grid::new(25.0)).unwrap());
         assert!(width > 100 && height > 100);
     }

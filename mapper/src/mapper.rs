@@ -1,7 +1,7 @@
-//! From reports to the map.
+//! The map from reported poses and ranges.
 
-use crate::range_filter::{Filter, Gate, Reading, Verdict};
-use crate::{Cone, Grid, Mount, Pose};
+use crate::range_filter::{Gate, RangeFilter, Reading, Verdict};
+use crate::{Grid, Mount, Pose2, SonarModel};
 
 /// How a map is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,9 +10,9 @@ pub struct Config {
     pub cell_mm: f64,
     /// The rangefinders, in the order their ranges are given in.
     pub mounts: Vec<Mount>,
-    /// The sensors' cone and the weights of the evidence.
-    pub cone: Cone,
-    /// Nearest and farthest range believed, mm.
+    /// The sensors' beam and the weights of the evidence.
+    pub sonar: SonarModel,
+    /// Nearest and farthest range accepted, mm.
     pub limits_mm: (f64, f64),
     /// Difference at rest that two successive readings of one surface may have, mm.
     pub gate_mm: f64,
@@ -24,22 +24,22 @@ impl Default for Config {
         Self {
             cell_mm: 25.0,
             mounts: Mount::first_board().to_vec(),
-            cone: Cone::default(),
+            sonar: SonarModel::default(),
             limits_mm: (30.0, 2490.0),
             gate_mm: 40.0,
         }
     }
 }
 
-/// What became of the readings.
+/// Number of readings by outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Echoes entered into the map.
     pub echoes: u64,
-    /// Believed silences entered into the map.
+    /// Silences entered into the map.
     pub silences: u64,
-    /// Readings that stood alone and were dropped.
-    pub alone: u64,
+    /// Isolated readings, dropped.
+    pub outliers: u64,
     /// Repeats of a measurement, and readings outside the limits.
     pub ignored: u64,
 }
@@ -48,9 +48,9 @@ pub struct Counters {
 #[derive(Clone, Debug)]
 pub struct Mapper {
     config: Config,
-    filters: Vec<Filter>,
-    /// Bearing and range of the last swept reading.
-    swept: Option<(f64, Option<f64>)>,
+    filters: Vec<RangeFilter>,
+    /// Bearing and range of the last scanned reading.
+    scanned: Option<(f64, Option<f64>)>,
     grid: Grid,
     counters: Counters,
 }
@@ -64,36 +64,36 @@ impl Mapper {
             limits_mm: config.limits_mm,
         };
         Self {
-            filters: vec![Filter::new(gate); config.mounts.len()],
-            swept: None,
+            filters: vec![RangeFilter::new(gate); config.mounts.len()],
+            scanned: None,
             grid: Grid::new(config.cell_mm),
             config,
             counters: Counters::default(),
         }
     }
 
-    /// Takes one report: the believed pose and the latest range of every rangefinder in the order
+    /// Takes one report: the estimated pose and the latest range of every rangefinder in the order
     /// of [`Config::mounts`], mm, `None` = no echo or out of range. Give every report once, repeats
-    /// of a measurement included; further ranges than mounts are not looked at.
-    pub fn observe(&mut self, pose: &Pose, ranges_mm: &[Option<f64>]) {
+    /// of a measurement included; ranges without a mount are ignored.
+    pub fn observe(&mut self, pose: &Pose2, ranges_mm: &[Option<f64>]) {
         for (index, range_mm) in ranges_mm.iter().enumerate() {
             if let Some(mount) = self.config.mounts.get(index) {
                 let reading = Reading {
-                    sensor: mount.on(pose),
+                    sensor: mount.sensor_pose(pose),
                     range_mm: *range_mm,
                 };
                 let verdict = self.filters[index].take(reading);
-                self.settle(verdict);
+                self.enter(verdict);
             }
         }
     }
 
-    /// Takes one reading of a swept rangefinder that looked along `bearing_rad` when it measured;
-    /// otherwise like [`Mapper::observe`]. A repeat of the last bearing with the last range is the same
-    /// measurement: no two in turn share a bearing.
-    pub fn observe_swept(
+    /// Takes one reading of a rangefinder on a servo, measured along `bearing_rad`; otherwise like
+    /// [`Mapper::observe`]. A repeat of the last bearing and range is the same measurement:
+    /// successive measurements differ in their bearing.
+    pub fn observe_scan(
         &mut self,
-        pose: &Pose,
+        pose: &Pose2,
         sensor: usize,
         bearing_rad: f64,
         range_mm: Option<f64>,
@@ -104,37 +104,33 @@ impl Mapper {
                 ..*mount
             };
             let again =
-                self.swept.replace((bearing_rad, range_mm)) == Some((bearing_rad, range_mm));
+                self.scanned.replace((bearing_rad, range_mm)) == Some((bearing_rad, range_mm));
             let verdict = if again {
                 Verdict::Ignored
             } else {
                 self.filters[sensor].take_new(Reading {
-                    sensor: mount.on(pose),
+                    sensor: mount.sensor_pose(pose),
                     range_mm,
                 })
             };
-            self.settle(verdict);
+            self.enter(verdict);
         }
     }
 
-    fn settle(&mut self, verdict: Verdict) {
+    fn enter(&mut self, verdict: Verdict) {
         match verdict {
-            Verdict::Waiting => {}
+            Verdict::Pending => {}
             Verdict::Ignored => self.counters.ignored += 1,
-            Verdict::Alone => self.counters.alone += 1,
-            Verdict::Believed(Reading {
-                sensor,
-                range_mm: Some(range),
-            }) => {
-                self.counters.echoes += 1;
-                self.config.cone.echo(&mut self.grid, &sensor, range);
-            }
-            Verdict::Believed(Reading {
-                sensor,
-                range_mm: None,
-            }) => {
-                self.counters.silences += 1;
-                self.config.cone.silence(&mut self.grid, &sensor);
+            Verdict::Outlier => self.counters.outliers += 1,
+            Verdict::Accepted(Reading { sensor, range_mm }) => {
+                let (sonar, grid) = (&self.config.sonar, &mut self.grid);
+                if let Some(range) = range_mm {
+                    self.counters.echoes += 1;
+                    sonar.enter_echo(grid, &sensor, range);
+                } else {
+                    self.counters.silences += 1;
+                    sonar.enter_silence(grid, &sensor);
+                }
             }
         }
     }
@@ -145,7 +141,7 @@ impl Mapper {
         &self.grid
     }
 
-    /// What became of the readings so far.
+    /// Number of readings by outcome so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters

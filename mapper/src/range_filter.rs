@@ -1,89 +1,89 @@
-//! Which readings are believed.
+//! Which readings enter the map.
 //!
 //! One value per rangefinder arrives with every frame, but a rangefinder measures only a few times
-//! per second: the same value again is the same measurement again, at a pose it does not belong to.
-//! And an ultrasonic sensor now and then hears something else: another sensor's echo, a second
-//! reflection, a slamming door. Such a reading stands alone, while a real surface is seen again by
-//! the next one, as far as the robot has moved and turned in between. So each new reading waits for
-//! its successor and is believed if its predecessor or its successor agrees.
+//! per second: the same value again is the same measurement at an outdated pose. And an ultrasonic
+//! sensor occasionally receives another source of sound or a multi-path echo. Such an outlier is
+//! isolated, while a real surface is measured again as far as the robot has moved and turned in
+//! between. So each new reading is held until its successor arrives, and accepted if its
+//! predecessor or its successor agrees.
 
-use crate::Pose;
+use crate::Pose2;
 
 /// Limits of the agreement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Gate {
     /// Difference allowed at rest, mm.
     pub still_mm: f64,
-    /// Nearest and farthest reading believed, mm.
+    /// Nearest and farthest reading accepted, mm.
     pub limits_mm: (f64, f64),
 }
 
 /// One measurement and the sensor's pose at the time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reading {
-    pub sensor: Pose,
+    pub sensor: Pose2,
     pub range_mm: Option<f64>,
 }
 
-/// What became of a reading.
+/// The outcome of a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Verdict {
     /// Nothing to decide yet.
-    Waiting,
-    /// The previous reading is believed.
-    Believed(Reading),
-    /// The previous reading stood alone.
-    Alone,
+    Pending,
+    /// The previous reading is accepted.
+    Accepted(Reading),
+    /// The previous reading is isolated.
+    Outlier,
     /// The same measurement again, or one outside the sensor's limits.
     Ignored,
 }
 
 /// The filter of one rangefinder.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Filter {
+pub(crate) struct RangeFilter {
     gate: Gate,
     before: Option<Reading>,
-    waiting: Option<Reading>,
+    pending: Option<Reading>,
 }
 
 /// A reading without an echo is new when the sensor has moved this far, mm, or turned this far,
 /// radians.
 const SILENT_MOVE: (f64, f64) = (30.0, 0.05);
 
-impl Filter {
+impl RangeFilter {
     pub(crate) const fn new(gate: Gate) -> Self {
         Self {
             gate,
             before: None,
-            waiting: None,
+            pending: None,
         }
     }
 
     /// Takes the latest value of the rangefinder, which may be the last measurement again.
     // Requirement: DOC-2.2-4
     pub(crate) fn take(&mut self, reading: Reading) -> Verdict {
-        if self.waiting.is_some_and(|last| is_repeat(&last, &reading)) {
+        if self.pending.is_some_and(|last| is_repeat(&last, &reading)) {
             return Verdict::Ignored;
         }
         self.take_new(reading)
     }
 
-    /// Takes a value that is known to be of a measurement of its own.
+    /// Takes a value of a new measurement.
     pub(crate) fn take_new(&mut self, reading: Reading) -> Verdict {
-        let believable = reading
+        let within = reading
             .range_mm
             .is_none_or(|range| range >= self.gate.limits_mm.0 && range <= self.gate.limits_mm.1);
-        if !believable {
+        if !within {
             return Verdict::Ignored;
         }
-        let Some(last) = self.waiting.replace(reading) else {
-            return Verdict::Waiting;
+        let Some(last) = self.pending.replace(reading) else {
+            return Verdict::Pending;
         };
         let before = self.before.replace(last);
         if before.is_some_and(|before| self.agree(&before, &last)) || self.agree(&last, &reading) {
-            Verdict::Believed(last)
+            Verdict::Accepted(last)
         } else {
-            Verdict::Alone
+            Verdict::Outlier
         }
     }
 
@@ -102,10 +102,8 @@ impl Filter {
     }
 }
 
-fn between(a: &Pose, b: &Pose) -> (f64, f64) {
-    let moved = (a.x_mm - b.x_mm).hypot(a.y_mm - b.y_mm);
-    let turn = (a.heading_rad - b.heading_rad).rem_euclid(std::f64::consts::TAU);
-    (moved, turn.min(std::f64::consts::TAU - turn))
+fn between(a: &Pose2, b: &Pose2) -> (f64, f64) {
+    (a.distance_mm(b), a.turn_to_rad(b).abs())
 }
 
 #[allow(clippy::float_cmp)] // the same code of the wire decodes to the same number
@@ -124,84 +122,77 @@ fn is_repeat(last: &Reading, now: &Reading) -> bool {
 mod tests {
     use super::*;
 
-    fn filter() -> Filter {
-        Filter::new(Gate {
+    fn reading(x_mm: f64, range_mm: Option<f64>) -> Reading {
+        Reading {
+            sensor: Pose2::new(x_mm, 0.0, 0.0),
+            range_mm,
+        }
+    }
+
+    fn filter() -> RangeFilter {
+        RangeFilter::new(Gate {
             still_mm: 40.0,
             limits_mm: (30.0, 2490.0),
         })
     }
 
-    fn at(x: f64, range_mm: Option<f64>) -> Reading {
-        Reading {
-            sensor: Pose::new(x, 0.0, 0.0),
-            range_mm,
+    // Requirement: DOC-2.2-4
+    #[test]
+    fn filter_accepts_readings_that_a_neighbour_confirms() {
+        // Sensor's x and range, mm; a range of 0 is a missing echo.
+        let still = |ranges: &[f64]| ranges.iter().map(|&r| (0.0, r)).collect::<Vec<_>>();
+        for (name, readings, expected) in [
+            (
+                "outlier is dropped, its neighbours stay",
+                still(&[1000.0, 1001.0, 350.0, 999.0, 1002.0, 1003.0]),
+                &[1000.0, 1001.0, 999.0, 1002.0][..],
+            ),
+            (
+                "edge of a surface is kept on both sides",
+                still(&[1000.0, 1001.0, 400.0, 401.0, 402.0]),
+                &[1000.0, 1001.0, 400.0, 401.0],
+            ),
+            (
+                "repeated value is the same measurement",
+                vec![(0.0, 500.0), (9.0, 500.0), (18.0, 500.5)],
+                &[500.0],
+            ),
+            (
+                "single missing echo is dropped",
+                vec![(0.0, 500.0), (40.0, 0.0), (80.0, 501.0), (90.0, 502.0)],
+                &[501.0],
+            ),
+            (
+                "lasting silence is accepted",
+                vec![(0.0, 0.0), (40.0, 0.0), (80.0, 0.0)],
+                &[0.0, 0.0],
+            ),
+            (
+                "the robot's own motion explains the change",
+                vec![(0.0, 1000.0), (300.0, 700.0), (600.0, 400.0)],
+                &[1000.0, 700.0],
+            ),
+        ] {
+            let mut filter = filter();
+            let accepted: Vec<f64> = readings
+                .into_iter()
+                .filter_map(|(x_mm, range)| {
+                    let range_mm = (range > 0.0).then_some(range);
+                    match filter.take(reading(x_mm, range_mm)) {
+                        Verdict::Accepted(reading) => Some(reading.range_mm.unwrap_or(0.0)),
+                        _ => None,
+                    }
+                })
+                .collect();
+            assert_eq!(accepted, expected, "{name}");
         }
     }
 
-    fn believed(readings: &[Reading]) -> Vec<f64> {
+    #[test]
+    fn readings_outside_limits_are_ignored() {
         let mut filter = filter();
-        readings
-            .iter()
-            .filter_map(|reading| match filter.take(*reading) {
-                Verdict::Believed(reading) => Some(reading.range_mm.unwrap_or(-1.0)),
-                _ => None,
-            })
-            .collect()
-    }
-
-    // Requirement: DOC-2.2-4
-    #[test]
-    fn a_lone_wild_reading_is_dropped_and_its_neighbours_stay() {
-        let ranges = [1000.0, 1001.0, 350.0, 999.0, 1002.0, 1003.0];
-        let readings: Vec<Reading> = ranges.iter().map(|r| at(0.0, Some(*r))).collect();
-        assert_eq!(believed(&readings), [1000.0, 1001.0, 999.0, 1002.0]);
-    }
-
-    #[test]
-    fn the_edge_of_a_surface_is_kept_on_both_sides() {
-        let ranges = [1000.0, 1001.0, 400.0, 401.0, 402.0];
-        let readings: Vec<Reading> = ranges.iter().map(|r| at(0.0, Some(*r))).collect();
-        assert_eq!(believed(&readings), [1000.0, 1001.0, 400.0, 401.0]);
-    }
-
-    #[test]
-    fn a_repeated_value_is_the_same_measurement() {
-        let readings = [
-            at(0.0, Some(500.0)),
-            at(9.0, Some(500.0)),
-            at(18.0, Some(500.5)),
-        ];
-        assert_eq!(believed(&readings), [500.0]);
-    }
-
-    #[test]
-    fn a_single_missing_echo_is_not_believed_but_a_lasting_silence_is() {
-        let one = [
-            at(0.0, Some(500.0)),
-            at(40.0, None),
-            at(80.0, Some(501.0)),
-            at(90.0, Some(502.0)),
-        ];
-        assert_eq!(believed(&one), [501.0]);
-        let lasting = [at(0.0, None), at(40.0, None), at(80.0, None)];
-        assert_eq!(believed(&lasting), [-1.0, -1.0]);
-    }
-
-    #[test]
-    fn readings_outside_the_limits_are_ignored() {
-        let mut filter = filter();
-        assert_eq!(filter.take(at(0.0, Some(20.0))), Verdict::Ignored);
-        assert_eq!(filter.take(at(0.0, Some(f64::NAN))), Verdict::Ignored);
-        assert_eq!(filter.take(at(0.0, Some(2500.0))), Verdict::Ignored);
-    }
-
-    #[test]
-    fn what_the_robots_own_motion_explains_agrees() {
-        let readings = [
-            at(0.0, Some(1000.0)),
-            at(300.0, Some(700.0)),
-            at(600.0, Some(400.0)),
-        ];
-        assert_eq!(believed(&readings), [1000.0, 700.0]);
+        for range in [20.0, f64::NAN, 2500.0] {
+            assert_eq!(filter.take(reading(0.0, Some(range))), Verdict::Ignored);
+        }
     }
 }

@@ -1,20 +1,19 @@
-//! What one reading of an ultrasonic rangefinder says about the cells in its cone.
+//! Inverse sensor model of an ultrasonic rangefinder: the evidence of one reading for the cells in
+//! its cone.
 //!
 //! The sensor reports the nearest return of its cone. So
-//! - everything in the cone that is clearly nearer is free: surest on the axis, less towards the
-//!   rim, where a surface that reflects the sound away is more easily missed, and less with
-//!   distance;
-//! - somewhere on the arc at that distance is the thing that returned the echo: more likely near
-//!   the axis, and more likely where the map does not know the arc to be free already. That last
-//!   weight is what keeps the arcs from smearing corners and doorways;
-//! - no echo at all is weak evidence of free space, and of the nearer part only: soft, oblique or
-//!   small things return nothing.
+//! - everything in the cone that is clearly nearer is free, with a weight that falls towards the
+//!   rim, where a surface may reflect the sound away, and with distance;
+//! - the reflector lies on the arc at that distance: more likely near the axis, and more likely
+//!   where the map is not yet free, which keeps arcs from smearing corners and doorways;
+//! - no echo is weak evidence of free space in the nearer part: soft, oblique or small objects
+//!   return nothing.
 
-use crate::{Grid, Pose};
+use crate::{Grid, Pose2};
 
 /// The beam and the weights of the evidence (log-odds).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cone {
+pub struct SonarModel {
     /// Half the opening angle, radians.
     pub half_angle_rad: f64,
     /// Evidence of "free" per reading on the axis near the sensor.
@@ -27,11 +26,11 @@ pub struct Cone {
     pub arc_per_mm: f64,
     /// Range at which a reading's evidence has fallen to half, mm.
     pub half_weight_mm: f64,
-    /// What a missing echo frees, mm, at a fifth of the evidence.
+    /// Range that a missing echo frees, mm, at a fifth of the evidence.
     pub silent_mm: f64,
 }
 
-impl Default for Cone {
+impl Default for SonarModel {
     /// The US-015's cone of ±15°; the weights were chosen on simulated drives.
     fn default() -> Self {
         Self {
@@ -46,9 +45,9 @@ impl Default for Cone {
     }
 }
 
-impl Cone {
-    /// Enters one echo from `range` mm, heard by a sensor at `sensor`.
-    pub fn echo(&self, grid: &mut Grid, sensor: &Pose, range: f64) {
+impl SonarModel {
+    /// Enters an echo at `range` mm, received by a sensor at `sensor`.
+    pub fn enter_echo(&self, grid: &mut Grid, sensor: &Pose2, range: f64) {
         let arc = self.arc_mm + self.arc_per_mm * range;
         self.sweep(grid, sensor, range + arc, |distance| {
             if distance < range - 1.5 * arc {
@@ -62,19 +61,19 @@ impl Cone {
     }
 
     /// Enters a reading without an echo.
-    pub fn silence(&self, grid: &mut Grid, sensor: &Pose) {
+    pub fn enter_silence(&self, grid: &mut Grid, sensor: &Pose2) {
         self.sweep(grid, sensor, self.silent_mm, |_| Evidence::Free(0.2));
     }
 
-    fn sweep(&self, grid: &mut Grid, sensor: &Pose, reach: f64, judge: impl Fn(f64) -> Evidence) {
+    fn sweep(&self, grid: &mut Grid, sensor: &Pose2, reach: f64, judge: impl Fn(f64) -> Evidence) {
         let (columns, rows) = self.cover(grid, sensor, reach);
         let (sin, cos) = sensor.heading_rad.sin_cos();
         let mut arc = Vec::new();
         let mut likeliest = 0f32;
         for row in rows {
             for column in columns.clone() {
-                let (x, y) = grid.middle_mm(column, row);
-                let (dx, dy) = (x - sensor.x_mm, y - sensor.y_mm);
+                let middle = grid.middle(column, row);
+                let (dx, dy) = (middle.x_mm - sensor.x_mm, middle.y_mm - sensor.y_mm);
                 let (ahead, aside) = (dx * cos + dy * sin, dy * cos - dx * sin);
                 let off_axis = aside.atan2(ahead) / self.half_angle_rad;
                 let distance = ahead.hypot(aside);
@@ -111,22 +110,22 @@ impl Cone {
     fn cover(
         &self,
         grid: &mut Grid,
-        sensor: &Pose,
+        sensor: &Pose2,
         reach: f64,
     ) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
-        let (mut x0, mut x1) = (sensor.x_mm, sensor.x_mm);
-        let (mut y0, mut y1) = (sensor.y_mm, sensor.y_mm);
-        for part in [-1.0, -0.5, 0.0, 0.5, 1.0] {
-            let (sin, cos) = (sensor.heading_rad + part * self.half_angle_rad).sin_cos();
+        let (mut low, mut high) = (sensor.position(), sensor.position());
+        for share in [-1.0, -0.5, 0.0, 0.5, 1.0] {
+            let heading_rad = sensor.heading_rad + share * self.half_angle_rad;
+            let ray = Pose2 {
+                heading_rad,
+                ..*sensor
+            };
             // A little more than the reach covers the arc's bulge between these five points.
-            let (x, y) = (
-                sensor.x_mm + 1.02 * reach * cos,
-                sensor.y_mm + 1.02 * reach * sin,
-            );
-            (x0, x1) = (x0.min(x), x1.max(x));
-            (y0, y1) = (y0.min(y), y1.max(y));
+            let end = ray.point_at(1.02 * reach, 0.0);
+            (low.x_mm, high.x_mm) = (low.x_mm.min(end.x_mm), high.x_mm.max(end.x_mm));
+            (low.y_mm, high.y_mm) = (low.y_mm.min(end.y_mm), high.y_mm.max(end.y_mm));
         }
-        grid.cover(x0..x1, y0..y1)
+        grid.cover(low.x_mm..high.x_mm, low.y_mm..high.y_mm)
     }
 }
 
@@ -144,58 +143,54 @@ fn narrow(weight: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Cell;
+    use crate::{Cell, Point};
 
-    fn cell(grid: &mut Grid, x: f64, y: f64) -> Cell {
-        let (columns, rows) = grid.cover(x..x, y..y);
-        grid.cell(columns.start, rows.start)
+    fn cell(grid: &Grid, x_mm: f64, y_mm: f64) -> Cell {
+        grid.cell_at(Point::new(x_mm, y_mm))
     }
 
     #[test]
-    fn echoes_free_the_cone_and_occupy_the_arc() {
-        let (mut grid, cone) = (Grid::new(25.0), Cone::default());
+    fn echoes_free_cone_and_occupy_arc() {
+        let (mut grid, model) = (Grid::new(25.0), SonarModel::default());
         for _ in 0..10 {
-            cone.echo(&mut grid, &Pose::default(), 1000.0);
+            model.enter_echo(&mut grid, &Pose2::default(), 1000.0);
         }
-        assert_eq!(cell(&mut grid, 500.0, 0.0), Cell::Free);
-        assert_eq!(cell(&mut grid, 1000.0, 0.0), Cell::Occupied);
-        assert_eq!(cell(&mut grid, 1100.0, 0.0), Cell::Unknown);
-        assert_eq!(cell(&mut grid, 500.0, 300.0), Cell::Unknown);
-        assert_eq!(cell(&mut grid, -100.0, 0.0), Cell::Unknown);
+        for (x, y, expected) in [
+            (500.0, 0.0, Cell::Free),
+            (1000.0, 0.0, Cell::Occupied),
+            (1100.0, 0.0, Cell::Unknown),
+            (500.0, 300.0, Cell::Unknown),
+            (-100.0, 0.0, Cell::Unknown),
+        ] {
+            assert_eq!(cell(&grid, x, y), expected, "{x} {y}");
+        }
     }
 
     #[test]
-    fn an_arc_prefers_the_cells_that_are_not_known_free() {
-        let (mut grid, cone) = (Grid::new(25.0), Cone::default());
-        // Seen from the side, the axis is free; the echo must come from the arc's upper part.
+    fn arc_avoids_cells_known_free() {
+        let (mut grid, model) = (Grid::new(25.0), SonarModel::default());
+        // Seen from the side, the axis is free; the echo comes from the arc's upper part.
+        let aside = Pose2::new(1000.0, -600.0, std::f64::consts::FRAC_PI_2);
         for _ in 0..10 {
-            cone.echo(
-                &mut grid,
-                &Pose::new(1000.0, -600.0, std::f64::consts::FRAC_PI_2),
-                720.0,
-            );
+            model.enter_echo(&mut grid, &aside, 720.0);
         }
         for _ in 0..10 {
-            cone.echo(&mut grid, &Pose::default(), 1000.0);
+            model.enter_echo(&mut grid, &Pose2::default(), 1000.0);
         }
-        assert_ne!(cell(&mut grid, 1000.0, 0.0), Cell::Occupied);
-        assert_eq!(cell(&mut grid, 990.0, 120.0), Cell::Occupied);
+        assert_ne!(cell(&grid, 1000.0, 0.0), Cell::Occupied);
+        assert_eq!(cell(&grid, 990.0, 120.0), Cell::Occupied);
     }
 
     #[test]
-    fn silence_frees_only_the_nearer_part_and_occupies_nothing() {
-        let (mut grid, cone) = (Grid::new(25.0), Cone::default());
-        cone.silence(&mut grid, &Pose::default());
-        assert_eq!(cell(&mut grid, 300.0, 0.0), Cell::Unknown);
+    fn silence_frees_nearer_part_and_occupies_nothing() {
+        let (mut grid, model) = (Grid::new(25.0), SonarModel::default());
+        model.enter_silence(&mut grid, &Pose2::default());
+        assert_eq!(cell(&grid, 300.0, 0.0), Cell::Unknown);
         for _ in 0..60 {
-            cone.silence(&mut grid, &Pose::default());
+            model.enter_silence(&mut grid, &Pose2::default());
         }
-        assert_eq!(cell(&mut grid, 300.0, 0.0), Cell::Free);
-        assert_eq!(cell(&mut grid, 1600.0, 0.0), Cell::Unknown);
-        let occupied = grid
-            .cells()
-            .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied)
-            .count();
-        assert_eq!(occupied, 0);
+        assert_eq!(cell(&grid, 300.0, 0.0), Cell::Free);
+        assert_eq!(cell(&grid, 1600.0, 0.0), Cell::Unknown);
+        assert!(grid.cells().all(|(c, r)| grid.cell(c, r) != Cell::Occupied));
     }
 }

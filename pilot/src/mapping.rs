@@ -75,7 +75,7 @@ impl Survey {
         match look.bearing_deg {
             Some(bearing) => {
                 self.mapper
-                    .observe_swept(&pose, 0, bearing.to_radians(), look.ranges_mm[0]);
+                    .observe_scan(&pose, 0, bearing.to_radians(), look.ranges_mm[0]);
             }
             None => self.mapper.observe(&pose, &look.ranges_mm),
         }
@@ -120,7 +120,7 @@ impl Survey {
             pgm: with(".pgm"),
             yaml: with(".yaml"),
         };
-        let believed: Vec<mapper::Pose> = self.trace.iter().map(|&place| pose(place)).collect();
+        let believed: Vec<mapper::Pose2> = self.trace.iter().map(|&place| pose(place)).collect();
         let grid = self.mapper.grid();
         let png =
             map_plot::trajectory(grid, &believed, &[], &[]).map_err(|cause| Error::Unwritable {
@@ -144,8 +144,8 @@ impl Survey {
 }
 
 /// The pose as the mapper takes it.
-fn pose(place: Place) -> mapper::Pose {
-    mapper::Pose::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
+fn pose(place: Place) -> mapper::Pose2 {
+    mapper::Pose2::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
 }
 
 /// The mapper's settings for a configuration: its rangefinders and their bearings.

@@ -8,7 +8,7 @@ use host_link::error::Error;
 use host_link::ground_truth::Spot;
 use host_link::ground_truth::Tape;
 use host_link::uart::Source;
-use plant::{Chassis, Pose, Rng, Room};
+use plant::{Chassis, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
@@ -77,7 +77,7 @@ impl Source for VirtualUart {
 /// A person with a tape beside the virtual robot.
 struct Person {
     board: Board,
-    marks: Pose,
+    marks: Pose2,
     chance: Rng,
 }
 
@@ -95,13 +95,13 @@ impl Tape for Person {
     fn put_back(&mut self) {
         let marks = self.marks;
         self.board.world(move |world| {
-            let back = marks.seen_from(&world.pose());
-            world.push(back.x_mm, back.y_mm, back.heading_rad);
+            let back = marks.relative_to(&world.pose());
+            world.push(&back);
         });
     }
 
     fn measure(&mut self, deviation_mm: f64) -> Spot {
-        let true_end = self.board.truth().pose.seen_from(&self.marks);
+        let true_end = self.board.truth().pose.relative_to(&self.marks);
         let mut read = |mm: f64| mm + deviation_mm * self.chance.normal();
         Spot {
             ahead_mm: read(true_end.x_mm),

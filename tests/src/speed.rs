@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use plant::{Pose, Room};
+use plant::{Pose2, Room};
 use twin::components::spi_master::pack;
 use twin::trace::{Event, What};
 use twin::{Options, Step};
@@ -47,7 +47,7 @@ fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
     for cell in 2..usize::from(CELLS) {
         image[0x0210 + 8 * cell..][..8].copy_from_slice(&divider);
     }
-    let start = Pose {
+    let start = Pose2 {
         x_mm: 0.0,
         y_mm: 0.0,
         heading_rad: 0.0,
@@ -151,8 +151,9 @@ pub fn endurance(
         replies.extend(pack(&bits).chunks(frame.len()).map(NormalReply::of));
         // How far the robot has come since the pose it reported last is how old that is.
         let truth = rig.board.truth();
-        let speed =
-            (truth.wheel_deg_s.0 + truth.wheel_deg_s.1) / 720.0 * std::f64::consts::PI * 80.0;
+        let speed = (truth.wheel_deg_s.left + truth.wheel_deg_s.right) / 720.0
+            * std::f64::consts::PI
+            * 80.0;
         if speed < 50.0 {
             return Err(format!("the robot does not drive: {truth:?}").into());
         }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use embedded_hal::spi::SpiDevice;
+use twin::plant::Sides;
 use twin::{Board, Options};
 
 /// Environment variable with the path of the release ELF; `cargo xtask` sets it.
@@ -127,7 +128,7 @@ impl Rig {
     /// Whether both motors get nothing.
     #[must_use]
     pub fn motors_off(&self) -> bool {
-        self.board.truth().duty == (0.0, 0.0)
+        self.board.truth().duty == Sides::default()
     }
 
     /// Fails where the firmware touched something that no model covers.

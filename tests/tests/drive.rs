@@ -21,10 +21,10 @@ fn drive(x: f64, y: f64, degrees: f64, seconds: u64) -> (f64, f64, u32) {
     let truth = rig.board.truth();
     let still = truth.wheel_deg_s;
     assert!(
-        still.0.abs() < 0.5 && still.1.abs() < 0.5,
+        still.left.abs() < 0.5 && still.right.abs() < 0.5,
         "not at rest: {still:?}"
     );
-    let pose = truth.pose.seen_from(&rig.board.world(|w| w.room().start));
+    let pose = truth.pose.relative_to(&rig.board.world(|w| w.room().start));
     let off = (pose.heading_rad.to_degrees() - degrees + 180.0).rem_euclid(360.0) - 180.0;
     (
         (pose.x_mm - x).hypot(pose.y_mm - y),

@@ -70,7 +70,7 @@ fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
     let reply = rig.keep_sending(&normal_frame(300_000, 0, 0x1000, true), 8_000_000);
     let reply = NormalReply::of(&reply);
     let (start, end) = (rig.board.world(|w| w.room().start), rig.board.truth().pose);
-    let truth = end.seen_from(&start);
+    let truth = end.relative_to(&start);
     assert!((f64::from(reply.x) / 1000.0 - truth.x_mm).abs() < 1.0);
     assert!((f64::from(reply.y) / 1000.0 - truth.y_mm).abs() < 1.0);
     let degrees = f64::from(reply.rotation) * 360.0 / 32768.0;
@@ -94,7 +94,7 @@ fn a_frame_without_the_apply_bit_leaves_the_target_as_it_is() {
     let _ = rig.keep_sending(&normal_frame(200_000, 0, 0, true), 100_000);
     let _ = rig.keep_sending(&normal_frame(-200_000, 0, 0x4000, false), 6_000_000);
     let start = rig.board.world(|w| w.room().start);
-    let pose = rig.board.truth().pose.seen_from(&start);
+    let pose = rig.board.truth().pose.relative_to(&start);
     assert!((pose.x_mm - 200.0).abs() < 5.0, "{pose:?}");
     assert!(pose.heading_rad.to_degrees().abs() < 1.0, "{pose:?}");
 }
@@ -187,7 +187,7 @@ fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
     assert!(rig.board.is_ready(), "{}", rig.log());
     let reply = rig.keep_sending(&tuning_frame(60.0), 1_000_000);
     let truth = rig.board.truth();
-    assert!((truth.duty.0 + 0.6).abs() < 0.01 && (truth.duty.1 - 0.6).abs() < 0.01);
+    assert!((truth.duty.left + 0.6).abs() < 0.01 && (truth.duty.right - 0.6).abs() < 0.01);
     assert_eq!(reply[0], KEY_STM);
     let mut double = [0; 8];
     double.copy_from_slice(&reply[1..9]);
@@ -217,7 +217,7 @@ fn tune_move_drives_straight_and_reports_the_displacement() {
     let measured = f64::from_le_bytes(double);
     let pose = rig.board.truth().pose;
     let start = rig.board.world(|w| w.room().start);
-    let truth = pose.seen_from(&start);
+    let truth = pose.relative_to(&start);
     assert!(
         measured < -20.0 && (measured - truth.x_mm).abs() < 5.0,
         "{measured} and {truth:?}"

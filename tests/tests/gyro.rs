@@ -6,7 +6,7 @@ use fw_core::types::Faults;
 use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_FRAME};
 use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
-use twin::plant::Room;
+use twin::plant::{Room, Sides};
 use twin::trace::What;
 use twin::{Mpu6050Fault, Mpu6050Params, Options};
 
@@ -92,7 +92,7 @@ impl Robot {
 
     fn truth(&self) -> Pose {
         let start = self.rig.board.world(|world| world.room().start);
-        let pose = self.rig.board.truth().pose.seen_from(&start);
+        let pose = self.rig.board.truth().pose.relative_to(&start);
         (pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
     }
 
@@ -112,7 +112,7 @@ impl Robot {
     fn off(&mut self) -> (f64, f64) {
         for _ in 0..40 {
             self.stand(100);
-            let (left, right) = self.rig.board.truth().wheel_deg_s;
+            let Sides { left, right } = self.rig.board.truth().wheel_deg_s;
             if left.abs().max(right.abs()) < 0.05 {
                 break;
             }

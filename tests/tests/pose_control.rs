@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::test_board::Rig;
-use twin::plant::{MotorInput, MotorParams, Params, Pose, Room, Sides, World};
+use twin::plant::{MotorInput, MotorParams, Params, Pose2, Room, Sides, World};
 use twin::Options;
 
 /// Half the track, millimetres.
@@ -22,9 +22,9 @@ fn around(radians: f64) -> f64 {
 
 /// Seconds until both wheels rolled so far at full duty, from rest.
 fn roll_s(params: &Params, way_mm: f64) -> f64 {
-    let mut world = World::new(params.clone(), Room::default(), Pose::default(), 1);
+    let mut world = World::new(params.clone(), Room::default(), Pose2::default(), 1);
     loop {
-        let (left, right) = world.wheel_phase();
+        let Sides { left, right } = world.wheel_phase();
         if left.abs().min(right.abs()) * COUNT_MM >= way_mm {
             return world.time_s();
         }
@@ -65,7 +65,7 @@ impl Goal {
     }
 
     /// Millimetres and degrees off, and millimetres beyond it on the way there.
-    fn off(&self, pose: &Pose) -> (f64, f64, f64) {
+    fn off(&self, pose: &Pose2) -> (f64, f64, f64) {
         let (x, y) = self.at();
         let (dx, dy) = (pose.x_mm - x, pose.y_mm - y);
         let turn = around(pose.heading_rad - self.rotation.to_radians());
@@ -107,7 +107,7 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
         let (mm, degrees, beyond) = goal.off(&truth.pose);
         trip.overshoot_mm = trip.overshoot_mm.max(beyond);
         (trip.off_mm, trip.off_deg) = (mm, degrees);
-        still = if truth.wheel_deg_s == (0.0, 0.0) {
+        still = if truth.wheel_deg_s == Sides::default() {
             still + 1
         } else {
             0

@@ -6,6 +6,7 @@ use fw_core::wire::State;
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
 use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
+use twin::plant::Sides;
 use twin::{Board, Options, ResetBy};
 
 fn driving() -> Rig {
@@ -27,7 +28,10 @@ fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
     rig.board.run_us(1_000_000);
     assert!(rig.motors_off());
     let speed = rig.board.truth().wheel_deg_s;
-    assert!(speed.0.abs() < 0.1 && speed.1.abs() < 0.1, "{speed:?}");
+    assert!(
+        speed.left.abs() < 0.1 && speed.right.abs() < 0.1,
+        "{speed:?}"
+    );
     assert!(rig.log().contains("stop"), "{}", rig.log());
     assert_eq!(rig.board.leds(), leds(State::Stopped));
     let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 300_000);
@@ -203,7 +207,7 @@ fn it_warns_and_cuts_off_where_page_3_says_and_stays_stopped_when_the_battery_re
         }
         assert!(lowest(&rig) > cutoff, "{} V", lowest(&rig));
     }
-    assert_eq!(rig.board.truth().wheel_deg_s, (0.0, 0.0));
+    assert_eq!(rig.board.truth().wheel_deg_s, Sides::default());
 }
 
 // Requirement: WIRE-ready-3

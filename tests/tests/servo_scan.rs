@@ -5,10 +5,11 @@ use fw_core::eeprom::{first_board, Config};
 use fw_core::wire::{Command, Mode, PiLink, Report, Setup, MAX_FRAME};
 use host_link::settings::Settings;
 use host_link::snapshot::distance_mm;
+use mapper::Point;
 use pilot::mapping::{mapper_config, Look, Survey};
 use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
-use twin::plant::{Params, Room};
+use twin::plant::Params;
 use twin::{Board, Options};
 
 fn config(change: impl FnOnce(&mut Config)) -> Config {
@@ -266,14 +267,11 @@ fn the_sweep_draws_the_room_around_the_robot() {
     // 12 s of 16.7 readings a second; repeats are told apart.
     assert!(counters.echoes > 90, "{counters:?}");
     assert!(
-        counters.echoes + counters.silences + counters.alone < 200,
+        counters.echoes + counters.silences + counters.outliers < 200,
         "{counters:?}"
     );
     // The first board's start looks along +x of its own frame: what was seen must be where walls are.
-    let (room, start): (Room, _) = swept
-        .rig
-        .board
-        .world(|w| (w.room().clone(), w.room().start));
+    let room = swept.rig.board.world(|world| world.room().clone());
     let grid = survey.mapper().grid();
     let (mut right, mut wrong, mut ahead) = (0, 0, [0; 3]);
     for row in 0..grid.rows() {
@@ -281,10 +279,9 @@ fn the_sweep_draws_the_room_around_the_robot() {
             if grid.probability(column, row) < 0.7 {
                 continue;
             }
-            let (x, y) = grid.middle_mm(column, row);
-            let (rx, ry) = start.point(x, y);
+            let Point { x_mm: x, y_mm: y } = grid.middle(column, row);
             // Within the cone's half width of a wall: an arc is drawn where only a point of it is.
-            let near = room.clearance(rx, ry);
+            let near = room.clearance_mm(room.start.point_at(x, y));
             let allowed = 60.0 + 0.27 * x.hypot(y);
             if near <= allowed {
                 right += 1;

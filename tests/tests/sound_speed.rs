@@ -2,7 +2,7 @@
 
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::test_board::Rig;
-use twin::plant::{Params, Pose, Room};
+use twin::plant::{Params, Pose2, Room};
 use twin::Options;
 
 /// No noise and no outliers, in air of `celsius`, the chip `over` K warmer.
@@ -30,7 +30,7 @@ fn rig(room: Room, params: Params, factory_words: Option<[u16; 3]>) -> Rig {
     let mut options = Options {
         eeprom: Some(original_image()),
         room,
-        start: Some(Pose::default()),
+        start: Some(Pose2::default()),
         params,
         ..Options::default()
     };

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-use plant::{Params, Pose, Room, World};
+use plant::{Params, Pose2, Room, Sides, World};
 use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
 use rigless::soc::Width;
@@ -31,7 +31,7 @@ pub struct Options {
     /// The room.
     pub room: Room,
     /// Where the robot stands in it; the room's own start when `None`.
-    pub start: Option<Pose>,
+    pub start: Option<Pose2>,
     /// Motors, battery, chassis and rangefinders.
     pub params: Params,
     /// The EEPROM's first bytes, erased past their end; `None`: no EEPROM is fitted.
@@ -68,11 +68,11 @@ pub struct Truth {
     /// Nanoseconds of virtual time.
     pub at_ns: u64,
     /// Where it is, in the room's frame: millimetres and radians.
-    pub pose: Pose,
-    /// The wheels' speeds (left, right), °/s, positive forward.
-    pub wheel_deg_s: (f64, f64),
-    /// What the bridge applies to the motors (left, right), −1..=1; 0 with the brake on.
-    pub duty: (f64, f64),
+    pub pose: Pose2,
+    /// The wheels' speeds, °/s, positive forward.
+    pub wheel_deg_s: Sides<f64>,
+    /// What the bridge applies to the motors, −1..=1; 0 with the brake on.
+    pub duty: Sides<f64>,
     /// The battery's taps against ground, volts.
     pub battery_v: [f64; 2],
     /// Length of the path so far, millimetres.
@@ -268,8 +268,8 @@ impl Board {
                 at_ns: scene.now,
                 pose,
                 wheel_deg_s,
-                duty: (duty(pinout::LEFT_BRIDGE), duty(pinout::RIGHT_BRIDGE)),
-                battery_v: around.world.battery_taps(),
+                duty: Sides::new(duty(pinout::LEFT_BRIDGE), duty(pinout::RIGHT_BRIDGE)),
+                battery_v: around.world.battery().taps(),
                 path_mm: around.world.path_mm(),
                 collisions: around.world.collisions(),
             }

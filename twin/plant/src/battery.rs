@@ -1,4 +1,4 @@
-//! The 2-cell lithium-polymer battery and the two dividers the ADC measures it through.
+//! The 2-cell lithium-polymer battery, and the two dividers in front of the ADC.
 
 /// A resistive divider in front of an ADC pin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,46 +17,40 @@ impl Divider {
     }
 }
 
-/// What the battery is made of.
+/// Parameters of the battery.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatteryParams {
-    /// Charge that a full cell gives, ampere hours.
+    /// Charge of a full cell, ampere hours.
     pub capacity_ah: f64,
     /// State of charge of each cell at the start, 0..=1, cell 1 (at ground) first.
     pub charge: [f64; 2],
-    /// Inner resistance of one cell, ohm.
+    /// Internal resistance of one cell, ohm.
     pub cell_ohm: f64,
-    /// What the Pi and the logic draw all the time, ampere.
+    /// Constant current of the Pi and the logic, ampere.
     pub idle_a: f64,
     /// The dividers of `CELL_1` and `CELL_2`.
     pub dividers: [Divider; 2],
 }
 
 impl Default for BatteryParams {
-    /// The first board's dividers; capacity, resistance (an aged 1500 mAh pack with its leads) and
-    /// idle current (a Pi 3B+ through its regulator) are choices.
+    /// The first board's dividers. Capacity, resistance (an aged 1500 mAh pack with its leads) and
+    /// idle current (a Pi 3B+ through its regulator) are assumptions.
     fn default() -> Self {
+        let divider = |upper_ohm, lower_ohm| Divider {
+            upper_ohm,
+            lower_ohm,
+        };
         Self {
             capacity_ah: 1.5,
             charge: [0.85, 0.84],
             cell_ohm: 0.06,
             idle_a: 0.5,
-            dividers: [
-                Divider {
-                    upper_ohm: 10_000.0,
-                    lower_ohm: 33_000.0,
-                },
-                Divider {
-                    upper_ohm: 33_000.0,
-                    lower_ohm: 22_000.0,
-                },
-            ],
+            dividers: [divider(10_000.0, 33_000.0), divider(33_000.0, 22_000.0)],
         }
     }
 }
 
-/// Open-circuit voltage of a cell at 0, 10, .. 100 % charge: the usual shape of the chemistry,
-/// 3.0 V empty to 4.2 V full.
+/// Open-circuit voltage of a cell at 0, 10, .. 100 % charge: the usual shape of the chemistry.
 const OPEN_CIRCUIT: [f64; 11] = [
     3.00, 3.61, 3.69, 3.73, 3.77, 3.80, 3.84, 3.91, 3.98, 4.08, 4.20,
 ];
@@ -80,56 +74,30 @@ impl Battery {
         }
     }
 
-    /// Draws `motors_a` ampere on top of the idle current for `dt` seconds.
-    pub fn step(&mut self, dt: f64, motors_a: f64) {
+    /// Draws `motors_a` ampere on top of the idle current for `dt_s` seconds.
+    pub fn step(&mut self, dt_s: f64, motors_a: f64) {
         self.current_a = self.params.idle_a + motors_a;
-        let used = self.current_a * dt / (3600.0 * self.params.capacity_ah);
-        for charge in &mut self.charge {
-            *charge = (*charge - used).clamp(0.0, 1.0);
-        }
+        let used = self.current_a * dt_s / (3600.0 * self.params.capacity_ah);
+        self.charge = self.charge.map(|charge| (charge - used).clamp(0.0, 1.0));
     }
 
-    /// Voltage of each cell under the present load, cell 1 first.
-    #[must_use]
-    pub fn cells(&self) -> [f64; 2] {
-        self.charge
-            .map(|charge| (open_circuit(charge) - self.current_a * self.params.cell_ohm).max(0.0))
-    }
-
-    /// Voltages against ground of `CELL_1` and `CELL_2`: tap n is the sum of the cells up to n.
+    /// Voltages against ground of `CELL_1` and `CELL_2` under the present load: tap n is the sum of
+    /// the cells up to n.
     #[must_use]
     pub fn taps(&self) -> [f64; 2] {
-        let [one, two] = self.cells();
+        let drop = self.current_a * self.params.cell_ohm;
+        let [one, two] = self
+            .charge
+            .map(|charge| (open_circuit(charge) - drop).max(0.0));
         [one, one + two]
     }
 
-    /// Voltage of the whole battery under the present load.
-    #[must_use]
-    pub fn voltage(&self) -> f64 {
-        self.taps()[1]
-    }
-
-    /// Voltages at the ADC pins. At more than 8.25 V the second exceeds the ADC's 3.3 V; clipping
-    /// is the ADC's.
+    /// Voltages at the ADC pins. The second exceeds the ADC's 3.3 V above 8.25 V; clipping is the
+    /// ADC's.
     #[must_use]
     pub fn pins(&self) -> [f64; 2] {
         let taps = self.taps();
-        [
-            self.params.dividers[0].pin(taps[0]),
-            self.params.dividers[1].pin(taps[1]),
-        ]
-    }
-
-    /// Present current out of the battery, ampere.
-    #[must_use]
-    pub fn current_a(&self) -> f64 {
-        self.current_a
-    }
-
-    /// State of charge of each cell, 0..=1.
-    #[must_use]
-    pub fn charge(&self) -> [f64; 2] {
-        self.charge
+        std::array::from_fn(|cell| self.params.dividers[cell].pin(taps[cell]))
     }
 }
 
@@ -137,8 +105,8 @@ impl Battery {
 fn open_circuit(charge: f64) -> f64 {
     let place = charge.clamp(0.0, 1.0) * 10.0;
     let below = (place as usize).min(9);
-    let part = place - f64::from(u8::try_from(below).unwrap_or(9));
-    OPEN_CIRCUIT[below] + part * (OPEN_CIRCUIT[below + 1] - OPEN_CIRCUIT[below])
+    let share = place - f64::from(u8::try_from(below).unwrap_or(9));
+    OPEN_CIRCUIT[below] + share * (OPEN_CIRCUIT[below + 1] - OPEN_CIRCUIT[below])
 }
 
 #[cfg(test)]
@@ -146,49 +114,36 @@ mod tests {
     use super::*;
 
     fn with_charge(charge: f64) -> Battery {
-        let params = BatteryParams {
+        Battery::new(BatteryParams {
             charge: [charge; 2],
             idle_a: 0.0,
             ..BatteryParams::default()
-        };
-        Battery::new(params)
+        })
     }
 
     #[test]
-    fn open_circuit_spans_six_to_eight_point_four_volts() {
-        assert!((with_charge(1.0).voltage() - 8.4).abs() < 1e-9);
-        assert!((with_charge(0.0).voltage() - 6.0).abs() < 1e-9);
-        let mut last = 0.0;
-        for percent in 0..=100 {
-            let volts = open_circuit(f64::from(percent) / 100.0);
-            assert!(volts > last);
-            last = volts;
-        }
+    fn open_circuit_voltage_rises_from_3_0_to_4_2() {
+        assert!((with_charge(1.0).taps()[1] - 8.4).abs() < 1e-9);
+        assert!((with_charge(0.0).taps()[1] - 6.0).abs() < 1e-9);
+        let volts = (0..=100).map(|percent| open_circuit(f64::from(percent) / 100.0));
+        assert!(volts.is_sorted_by(|a, b| a < b));
     }
 
     #[test]
-    fn load_sags_and_rest_recovers() {
-        let mut battery = with_charge(0.5);
-        let rested = battery.voltage();
-        battery.step(0.001, 2.0);
-        assert!((rested - battery.voltage() - 2.0 * 2.0 * 0.06).abs() < 1e-3);
-        battery.step(0.001, 0.0);
-        assert!((rested - battery.voltage()).abs() < 1e-3);
-    }
-
-    #[test]
-    fn the_charge_drawn_is_current_times_time() {
+    fn load_sags_voltage_and_uses_charge() {
         let mut battery = with_charge(1.0);
-        for _ in 0..3600 {
-            battery.step(1.0, 0.75);
-        }
-        assert!((battery.charge()[0] - 0.5).abs() < 1e-9);
+        let rested = battery.taps()[1];
+        battery.step(0.001, 2.0);
+        assert!((rested - battery.taps()[1] - 2.0 * 2.0 * 0.06).abs() < 1e-3);
+        battery.step(0.001, 0.0);
+        assert!((rested - battery.taps()[1]).abs() < 1e-3);
+        battery.step(3600.0, 0.75);
+        assert!((battery.charge[0] - 0.5).abs() < 1e-5);
     }
 
     #[test]
-    fn pins_see_the_taps_through_their_dividers() {
-        let battery = with_charge(0.5);
-        let [one, two] = battery.pins();
+    fn pins_show_taps_behind_their_dividers() {
+        let [one, two] = with_charge(0.5).pins();
         assert!((one - 3.80 * 33.0 / 43.0).abs() < 1e-9);
         assert!((two - 7.60 * 22.0 / 55.0).abs() < 1e-9);
     }

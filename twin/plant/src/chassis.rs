@@ -1,11 +1,13 @@
-//! Wheels and track: how turning wheels move the robot.
+//! Wheels, encoders and track: how turning wheels move the robot.
 
-use crate::{Pose, Sides};
+use std::f64::consts::PI;
+
+use crate::{Pose2, Sides};
 
 /// The mechanical figures of a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chassis {
-    /// True wheel diameters, mm. Unequal ones are an odometry error for the firmware to live with.
+    /// True wheel diameters, mm.
     pub wheel_diameter_mm: Sides<f64>,
     /// True distance between the wheels' contact lines, mm.
     pub track_mm: f64,
@@ -13,13 +15,13 @@ pub struct Chassis {
     pub counts_per_turn: f64,
     /// Which way each encoder counts when its wheel rolls forward: +1 or −1.
     pub encoder_sign: Sides<f64>,
-    /// Radius of the circle about the middle of the axle that the body fits in, mm.
+    /// Radius of the body's bounding circle about the middle of the axle, mm.
     pub radius_mm: f64,
 }
 
 impl Default for Chassis {
     /// The first board: 80 mm, 125 mm, 3840 counts, both encoders counting down going forward.
-    /// The body's radius is a choice.
+    /// The body's radius is an assumption.
     fn default() -> Self {
         Self {
             wheel_diameter_mm: Sides::new(80.0, 80.0),
@@ -35,26 +37,20 @@ impl Chassis {
     /// Millimetres that the wheels roll when they turn by these degrees.
     #[must_use]
     pub fn travel(&self, turned_deg: Sides<f64>) -> Sides<f64> {
-        let per_degree = std::f64::consts::PI / 360.0;
-        Sides::new(
-            turned_deg.left * self.wheel_diameter_mm.left * per_degree,
-            turned_deg.right * self.wheel_diameter_mm.right * per_degree,
-        )
+        let wheels = turned_deg.zip(self.wheel_diameter_mm);
+        wheels.map(|(degrees, diameter)| degrees * diameter * PI / 360.0)
     }
 
     /// Encoder counts, signed as the encoders count, for wheels that turn by these degrees.
     #[must_use]
     pub fn counts(&self, turned_deg: Sides<f64>) -> Sides<f64> {
-        let per_degree = self.counts_per_turn / 360.0;
-        Sides::new(
-            turned_deg.left * per_degree * self.encoder_sign.left,
-            turned_deg.right * per_degree * self.encoder_sign.right,
-        )
+        let wheels = turned_deg.zip(self.encoder_sign);
+        wheels.map(|(degrees, sign)| degrees * sign * self.counts_per_turn / 360.0)
     }
 
     /// The pose after the wheels rolled these millimetres.
     #[must_use]
-    pub fn roll(&self, pose: &Pose, travel: Sides<f64>) -> Pose {
-        pose.rolled(travel.left, travel.right, self.track_mm)
+    pub fn roll(&self, pose: &Pose2, travel: Sides<f64>) -> Pose2 {
+        pose.advance_arc(travel.left, travel.right, self.track_mm)
     }
 }

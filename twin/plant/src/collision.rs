@@ -1,55 +1,55 @@
-//! The robot's body against the room.
+//! Contact of the robot's body with the room.
 
-use crate::{Pose, Room};
+use crate::{Pose2, Room};
 
-/// The robot ran into something.
+/// A contact of the body with an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Collision {
-    /// When, seconds since the world began.
+    /// Seconds since the start of the run.
     pub time_s: f64,
     /// Where the robot was.
-    pub pose: Pose,
+    pub pose: Pose2,
 }
 
-/// A touch ends when the body is this far from everything, mm.
-const TOUCH_ENDS_MM: f64 = 5.0;
+/// A contact ends at this clearance, mm.
+const CONTACT_ENDS_MM: f64 = 5.0;
 
-/// Watches the body's distance from everything.
+/// Detects contact, and counts each lasting contact once.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Contact {
-    /// Travel for which the room need not be asked again: the body was this far from everything.
+pub(crate) struct CollisionDetector {
+    /// Travel for which the room need not be queried again: the last clearance.
     free_mm: f64,
-    touching: bool,
-    collisions: u32,
-    first: Option<Collision>,
+    in_contact: bool,
+    pub(crate) count: u32,
+    pub(crate) first: Option<Collision>,
 }
 
-impl Contact {
-    /// Whether a body of this radius, moving from `from` to `to`, goes (deeper) into something.
+impl CollisionDetector {
+    /// Whether a body of this radius, moving from `from` to `to`, penetrates an obstacle (further).
     pub(crate) fn blocks(
         &mut self,
         room: &Room,
         radius_mm: f64,
-        from: &Pose,
-        to: &Pose,
+        from: &Pose2,
+        to: &Pose2,
         time_s: f64,
     ) -> bool {
-        self.free_mm -= (to.x_mm - from.x_mm).hypot(to.y_mm - from.y_mm);
+        self.free_mm -= from.distance_mm(to);
         if self.free_mm > 0.0 {
             return false;
         }
-        let clearance = room.clearance(to.x_mm, to.y_mm);
+        let clearance = room.clearance_mm(to.position());
         self.free_mm = clearance - radius_mm;
         if self.free_mm >= 0.0 {
-            self.touching &= self.free_mm < TOUCH_ENDS_MM;
+            self.in_contact &= self.free_mm < CONTACT_ENDS_MM;
             return false;
         }
-        if clearance > room.clearance(from.x_mm, from.y_mm) {
-            return false; // it is backing out
+        if clearance > room.clearance_mm(from.position()) {
+            return false; // backing out
         }
-        if !self.touching {
-            self.touching = true;
-            self.collisions += 1;
+        if !self.in_contact {
+            self.in_contact = true;
+            self.count += 1;
             self.first.get_or_insert(Collision {
                 time_s,
                 pose: *from,
@@ -58,16 +58,8 @@ impl Contact {
         true
     }
 
-    /// Something else moved the body: look again at the next motion.
-    pub(crate) fn moved_by_force(&mut self) {
+    /// The body was moved other than by its wheels: queries the room at the next motion.
+    pub(crate) fn invalidate(&mut self) {
         self.free_mm = 0.0;
-    }
-
-    pub(crate) fn collisions(&self) -> u32 {
-        self.collisions
-    }
-
-    pub(crate) fn first(&self) -> Option<Collision> {
-        self.first
     }
 }

@@ -1,14 +1,26 @@
-//! Motors, wheels, encoders, battery, room and rangefinders of the virtual robot.
+//! Physical model of the virtual robot: motors, wheels, encoders, battery, room and rangefinders.
 //!
-//! Pure models, no I/O: [`World`] holds the physical state and is advanced by [`World::step`] with
-//! what the bridge applies to the motors; everything the board can sense is read back from it.
-//! Every run is reproducible from its seed.
+//! ```
+//! use plant::{MotorInput, Params, Room, World, FRONT};
+//!
+//! let room = Room::two_rooms();
+//! let start = room.start;
+//! let mut world = World::new(Params::default(), room, start, 1);
+//! for _ in 0..1000 {
+//!     world.step(0.001, MotorInput::run(0.75), MotorInput::run(0.75));
+//! }
+//! assert!(world.path_mm() > 50.0);
+//! let front_mm = world.range_mm(FRONT).expect("an echo");
+//! assert!((front_mm - world.true_range_mm(FRONT).unwrap()).abs() < 20.0);
+//! ```
+//!
+//! [`World`] holds the physical state. [`World::step`] advances it with what the bridge applies to
+//! the motors; everything the board can sense is read back from it. There is no I/O, and a run is
+//! reproducible from its seed.
 //!
 //! # Conventions
 //! - Lengths in millimetres, angles in radians unless a name says `_deg`, times in seconds unless a
-//!   name says `_us`, voltages in volts.
-//! - World frame: right-handed; heading counter-clockwise positive, 0 along +x. In the robot's own
-//!   frame x is ahead and y to the left.
+//!   name says `_us`, voltages in volts. Frames are those of [`geometry`].
 //! - A positive duty drives the wheel forward. The encoders of the first board count *down* going
 //!   forward ([`Chassis::encoder_sign`]).
 #![forbid(unsafe_code)]
@@ -16,47 +28,31 @@
 mod battery;
 mod chassis;
 mod collision;
-mod encoder;
 mod faults;
 mod motor;
-mod pose;
 mod rangefinder;
 mod rng;
 pub mod room;
 mod servo;
+mod sides;
 mod world;
 
 pub use battery::{Battery, BatteryParams, Divider};
 pub use chassis::Chassis;
 pub use collision::Collision;
 pub use faults::Faults;
+pub use geometry::{Mount, Pose2};
 pub use motor::{Motor, MotorInput, MotorParams};
-pub use pose::Pose;
-pub use rangefinder::{speed_of_sound_mm_per_us, Mount, RangefinderParams};
+pub use rangefinder::RangefinderParams;
 pub use rng::Rng;
 pub use room::Room;
 pub use servo::{Servo, ServoParams};
+pub use sides::Sides;
 pub use world::{Params, World};
 
-/// The front rangefinder's index, in the order of the frame.
+/// Index of the front rangefinder, in the order of the frame.
 pub const FRONT: usize = 0;
-/// The right rangefinder's index.
+/// Index of the right rangefinder.
 pub const RIGHT: usize = 1;
-/// The left rangefinder's index.
+/// Index of the left rangefinder.
 pub const LEFT: usize = 2;
-
-/// One thing for each side of the robot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sides<T> {
-    /// The left one.
-    pub left: T,
-    /// The right one.
-    pub right: T,
-}
-
-impl<T> Sides<T> {
-    /// A pair from its two halves.
-    pub const fn new(left: T, right: T) -> Self {
-        Self { left, right }
-    }
-}

@@ -5,17 +5,17 @@
 //! `target = curve(|duty|)`, `drive' = (target − drive)/lag`, `speed' = (drive − speed)/lag`.
 //! The curve is zero below the dead zone and straight between the speeds at 50, 75 and 100 %: the
 //! "gain · (|duty| − dead zone)" of the first board's notes, with a gain of its own for each part,
-//! because the left motor's speed rises far more than in proportion above 75 %. What the drive
-//! does not overcome of the dry friction (all of it at duty 0, nothing from the dead zone on)
+//! because the left motor's speed rises far more than in proportion above 75 %. The share of the dry
+//! friction that the drive does not overcome (all of it at duty 0, none from the dead zone on)
 //! decelerates the wheel at `friction_deg_s2` and brings it to a full stop.
 //!
 //! # Where the figures come from
 //! Least-squares fit to steps of ±50, ±75 and ±100 % for 1.3 s to 4 s, followed by coasting to
 //! rest, logged on the first board at 100 Hz: one set of parameters per motor for all six logs.
 //! Worst residuals over the whole of a log: left 3.3 % in the final angle and 10.2° RMS, right 2.4 %
-//! and 11.0° RMS. What remains is the board's own scatter (the same duty forward and backward
+//! and 11.0° RMS. The rest is the board's own scatter (the same duty forward and backward
 //! differs by 5 %). The dead zones are the board's notes'; nominal supply, breakaway, brake and
-//! winding figures are choices.
+//! winding figures are assumptions.
 
 /// What the bridge applies to one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -171,12 +171,12 @@ impl Motor {
             self.drive += (target - self.drive) * (dt / p.lag_s).min(1.0);
             self.speed += (self.drive - self.speed) * (dt / p.lag_s).min(1.0);
         }
-        let unovercome = if pull < p.dead_zone {
+        let unbalanced = if pull < p.dead_zone {
             1.0 - pull / p.dead_zone
         } else {
             0.0
         };
-        let lost = p.friction_deg_s2 * unovercome * dt;
+        let lost = p.friction_deg_s2 * unbalanced * dt;
         if lost > 0.0 && self.speed.abs() <= lost {
             self.speed = 0.0;
             self.drive = 0.0;
@@ -188,7 +188,7 @@ impl Motor {
     }
 
     /// Current out of the battery, averaged over the PWM's period, ampere. A motor that runs faster
-    /// than it is driven returns nothing: the bridge's diodes burn it.
+    /// than it is driven returns none: the bridge's diodes dissipate it.
     fn draw(&self, input: MotorInput, applied: f64) -> f64 {
         if input.brake {
             return 0.0;
@@ -213,7 +213,7 @@ impl Motor {
         self.current_a
     }
 
-    /// Stops the wheel at once: it ran into something.
+    /// Stops the wheel at once.
     pub fn block(&mut self) {
         self.speed = 0.0;
         self.drive = 0.0;
@@ -224,117 +224,80 @@ impl Motor {
 mod tests {
     use super::*;
 
-    /// Final angle after `on` seconds at `duty` and coasting to rest, at nominal supply.
-    fn stepped(params: MotorParams, duty: f64, on: f64) -> f64 {
-        let mut motor = Motor::new(params);
-        let mut angle = 0.0;
-        let mut time = 0.0;
-        while time < on + 2.0 {
-            let input = if time < on {
-                MotorInput::run(duty)
-            } else {
-                MotorInput::COAST
-            };
-            angle += motor.step(0.001, input, params.nominal_v);
-            time += 0.001;
-        }
-        assert!(motor.speed_deg_s().abs() < f64::EPSILON, "still turning");
-        angle
+    const LEFT: MotorParams = MotorParams::first_board_left();
+    const RIGHT: MotorParams = MotorParams::first_board_right();
+
+    /// Degrees turned in `ms` milliseconds at nominal supply.
+    fn run(motor: &mut Motor, input: MotorInput, ms: u32) -> f64 {
+        let volts = motor.params.nominal_v;
+        (0..ms).map(|_| motor.step(0.001, input, volts)).sum()
     }
 
-    /// Duty, seconds it was applied and final wheel angle in degrees, as measured.
-    const LEFT: [(f64, f64, f64); 6] = [
-        (0.5, 3.70, 335.0),
-        (0.75, 2.45, 350.0),
-        (1.0, 2.08, 515.0),
-        (-0.5, 4.00, -381.0),
-        (-0.75, 2.45, -329.0),
-        (-1.0, 1.27, -302.0),
-    ];
-    const RIGHT: [(f64, f64, f64); 6] = [
-        (0.5, 3.70, 466.0),
-        (0.75, 2.45, 555.0),
-        (1.0, 2.08, 654.0),
-        (-0.5, 4.00, -484.0),
-        (-0.75, 2.45, -547.0),
-        (-1.0, 1.27, -392.0),
-    ];
-
     #[test]
-    fn final_angles_of_the_measured_steps_are_met_within_five_percent() {
-        for (params, steps) in [
-            (MotorParams::first_board_left(), LEFT),
-            (MotorParams::first_board_right(), RIGHT),
-        ] {
-            for (duty, on, measured) in steps {
-                let angle = stepped(params, duty, on);
-                assert!(
-                    (angle / measured - 1.0).abs() < 0.05,
-                    "{duty}: {angle} for {measured}"
-                );
+    fn measured_steps_end_within_five_percent() {
+        // Duty, milliseconds it was applied and final wheel angle in degrees, as measured.
+        let left = [
+            (0.5, 3700, 335.0),
+            (0.75, 2450, 350.0),
+            (1.0, 2080, 515.0),
+            (-0.5, 4000, -381.0),
+            (-0.75, 2450, -329.0),
+            (-1.0, 1270, -302.0),
+        ];
+        let right = [
+            (0.5, 3700, 466.0),
+            (0.75, 2450, 555.0),
+            (1.0, 2080, 654.0),
+            (-0.5, 4000, -484.0),
+            (-0.75, 2450, -547.0),
+            (-1.0, 1270, -392.0),
+        ];
+        for (params, steps) in [(LEFT, left), (RIGHT, right)] {
+            for (duty, on_ms, measured) in steps {
+                let mut motor = Motor::new(params);
+                let driven = run(&mut motor, MotorInput::run(duty), on_ms);
+                let angle = driven + run(&mut motor, MotorInput::COAST, 2000);
+                assert!(motor.speed_deg_s().abs() < f64::EPSILON, "still turning");
+                let ratio = angle / measured;
+                assert!((ratio - 1.0).abs() < 0.05, "{duty}: {angle} for {measured}");
             }
         }
     }
 
     #[test]
-    fn a_duty_below_the_breakaway_never_starts_a_wheel() {
-        let params = MotorParams::first_board_left();
-        let mut motor = Motor::new(params);
-        for _ in 0..1000 {
-            assert!(motor.step(0.001, MotorInput::run(0.175), params.nominal_v) == 0.0);
-        }
+    fn duty_below_breakaway_keeps_wheel_turning_but_never_starts_it() {
+        let mut motor = Motor::new(LEFT);
+        assert!(run(&mut motor, MotorInput::run(0.175), 1000) == 0.0);
         assert!(motor.current_a() > 0.0);
-        for _ in 0..1000 {
-            motor.step(0.001, MotorInput::run(0.2), params.nominal_v);
-        }
+        run(&mut motor, MotorInput::run(0.2), 1000);
         assert!(motor.speed_deg_s() > 1.0);
-        // Once turning, what would not have started it keeps it turning.
-        for _ in 0..3000 {
-            motor.step(0.001, MotorInput::run(0.175), params.nominal_v);
-        }
+        run(&mut motor, MotorInput::run(0.175), 3000);
         assert!(motor.speed_deg_s() > 1.0);
     }
 
     #[test]
-    fn the_brake_stops_far_shorter_than_coasting() {
-        let params = MotorParams::first_board_right();
-        let way = |input| {
-            let mut motor = Motor::new(params);
-            for _ in 0..1500 {
-                motor.step(0.001, MotorInput::run(1.0), params.nominal_v);
-            }
-            (0..2000)
-                .map(|_| motor.step(0.001, input, params.nominal_v))
-                .sum::<f64>()
+    fn brake_stops_three_times_shorter_than_coasting() {
+        let stopping_deg = |input| {
+            let mut motor = Motor::new(RIGHT);
+            run(&mut motor, MotorInput::run(1.0), 1500);
+            run(&mut motor, input, 2000)
         };
-        assert!(way(MotorInput::BRAKE) * 3.0 < way(MotorInput::COAST));
+        assert!(stopping_deg(MotorInput::BRAKE) * 3.0 < stopping_deg(MotorInput::COAST));
     }
 
     #[test]
-    fn speed_follows_the_voltage_left_after_the_bridge() {
-        let params = MotorParams::first_board_right();
-        let speed = |volts| {
-            let mut motor = Motor::new(params);
+    fn steady_speed_follows_voltage_behind_bridge_and_sign_of_duty() {
+        let speed = |duty: f64, volts: f64| {
+            let mut motor = Motor::new(RIGHT);
+            run(&mut motor, MotorInput::run(-duty), 1000);
             for _ in 0..3000 {
-                motor.step(0.001, MotorInput::run(1.0), volts);
+                motor.step(0.001, MotorInput::run(duty), volts);
             }
             motor.speed_deg_s()
         };
-        assert!((speed(7.4) - 331.06).abs() < 0.1);
-        assert!(speed(8.4) > speed(7.4) && speed(6.0) < speed(7.4) && speed(1.9).abs() < 1e-9);
-    }
-
-    #[test]
-    fn reversing_passes_through_rest_and_reaches_the_opposite_speed() {
-        let params = MotorParams::first_board_left();
-        let mut motor = Motor::new(params);
-        for _ in 0..3000 {
-            motor.step(0.001, MotorInput::run(0.75), params.nominal_v);
-        }
-        let forward = motor.speed_deg_s();
-        for _ in 0..3000 {
-            motor.step(0.001, MotorInput::run(-0.75), params.nominal_v);
-        }
-        assert!((forward + motor.speed_deg_s()).abs() < 0.1);
+        assert!((speed(1.0, 7.4) - 331.06).abs() < 0.1);
+        assert!((speed(-1.0, 7.4) + 331.06).abs() < 0.1);
+        assert!(speed(1.0, 8.4) > speed(1.0, 7.4) && speed(1.0, 6.0) < speed(1.0, 7.4));
+        assert!(speed(1.0, 1.9).abs() < 1e-9);
     }
 }

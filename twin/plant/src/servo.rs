@@ -1,4 +1,4 @@
-//! A hobby servo: turns towards the angle of the last pulse, as fast as it can and no faster.
+//! A hobby servo: turns towards the angle of the last pulse with limited speed.
 
 /// The figures of a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -8,28 +8,28 @@ pub struct ServoParams {
     pub travel_rad: f64,
     /// Largest speed, radians per second.
     pub slew_rad_s: f64,
-    /// Time constant of the last bit of a turn, seconds.
+    /// Time constant of settling at the target, seconds.
     pub settle_s: f64,
-    /// A pulse nearer to where it stands than this, microseconds, moves it no further.
+    /// Dead band around the target, microseconds of pulse width.
     pub dead_band_us: f64,
-    /// Seconds without a pulse until it gives up its force.
-    pub patience_s: f64,
+    /// Seconds without a pulse until the motor is released.
+    pub timeout_s: f64,
 }
 
 impl Default for ServoParams {
-    /// ±90°, 60° in 0.15 s, as small servos have at 4.8 V; the rest is a choice within what they show.
+    /// ±90°, 60° in 0.15 s, as small servos at 4.8 V; the rest is typical of such parts.
     fn default() -> Self {
         Self {
             travel_rad: std::f64::consts::PI,
             slew_rad_s: 400f64.to_radians(),
             settle_s: 0.003,
             dead_band_us: 1.0,
-            patience_s: 0.05,
+            timeout_s: 0.05,
         }
     }
 }
 
-/// Pulses outside of these, microseconds, are no pulses.
+/// Pulse widths outside of these, microseconds, are ignored.
 const PULSES_US: (f64, f64) = (800.0, 2200.0);
 
 /// A servo.
@@ -43,7 +43,7 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// A servo in the middle of its travel that nobody has sent a pulse.
+    /// A released servo in the middle of its travel.
     #[must_use]
     pub const fn new(params: ServoParams) -> Self {
         Self {
@@ -67,7 +67,7 @@ impl Servo {
         self.since_s += dt_s;
         let error = self.target_rad - self.angle_rad;
         let dead = self.params.dead_band_us / 1000.0 * self.params.travel_rad.abs();
-        if self.since_s > self.params.patience_s || error.abs() < dead {
+        if self.since_s > self.params.timeout_s || error.abs() < dead {
             return;
         }
         let eased = error * (1.0 - (-dt_s / self.params.settle_s).exp());
@@ -75,21 +75,15 @@ impl Servo {
         self.angle_rad += eased.clamp(-most, most);
     }
 
-    /// Where it stands, radians counter-clockwise from the middle of its travel.
+    /// Angle, radians counter-clockwise from the middle of its travel.
     #[must_use]
     pub const fn angle_rad(&self) -> f64 {
         self.angle_rad
     }
 
-    /// Somebody turns it by hand.
+    /// Turns it from outside.
     pub const fn force(&mut self, angle_rad: f64) {
         self.angle_rad = angle_rad;
-    }
-
-    /// Its figures.
-    #[must_use]
-    pub const fn params(&self) -> &ServoParams {
-        &self.params
     }
 }
 
@@ -97,48 +91,41 @@ impl Servo {
 mod tests {
     use super::*;
 
-    /// Sends pulses of `width_us` 50 times a second for `ms`.
-    fn run(servo: &mut Servo, width_us: f64, ms: u32) {
+    /// Sends pulses of `width_us` 50 times a second for `ms`; the angle then, degrees.
+    fn run(servo: &mut Servo, width_us: f64, ms: u32) -> f64 {
         for k in 0..ms {
             if k % 20 == 0 {
                 servo.pulse(width_us);
             }
             servo.step(0.001);
         }
+        servo.angle_rad().to_degrees()
     }
 
     #[test]
-    fn it_takes_a_quarter_of_a_second_for_90_degrees_and_a_little_to_settle() {
+    fn turn_takes_slew_time_and_settling() {
         let mut servo = Servo::new(ServoParams::default());
-        run(&mut servo, 2000.0, 200);
-        let on_its_way = servo.angle_rad().to_degrees();
-        assert!((75.0..85.0).contains(&on_its_way), "{on_its_way}");
-        run(&mut servo, 2000.0, 50);
-        assert!((servo.angle_rad().to_degrees() - 90.0).abs() < 0.5);
-        run(&mut servo, 1000.0, 500);
-        assert!((servo.angle_rad().to_degrees() + 90.0).abs() < 0.5);
-    }
-
-    #[test]
-    fn ten_degrees_take_a_good_25_ms() {
+        let turning = run(&mut servo, 2000.0, 200);
+        assert!((75.0..85.0).contains(&turning), "{turning}");
+        assert!((run(&mut servo, 2000.0, 50) - 90.0).abs() < 0.5);
+        assert!((run(&mut servo, 1000.0, 500) + 90.0).abs() < 0.5);
+        let ten_degrees = 1500.0 + 1000.0 / 18.0;
         let mut servo = Servo::new(ServoParams::default());
-        run(&mut servo, 1500.0 + 1000.0 / 18.0, 20);
-        assert!(servo.angle_rad().to_degrees() < 8.1);
-        run(&mut servo, 1500.0 + 1000.0 / 18.0, 18);
-        assert!((servo.angle_rad().to_degrees() - 10.0).abs() < 0.3);
+        assert!(run(&mut servo, ten_degrees, 20) < 8.1);
+        assert!((run(&mut servo, ten_degrees, 18) - 10.0).abs() < 0.3);
     }
 
     #[test]
-    fn without_pulses_it_stands_and_a_wrong_pulse_is_none() {
+    fn missing_or_invalid_pulses_leave_angle_unchanged() {
         let mut servo = Servo::new(ServoParams::default());
         run(&mut servo, 2000.0, 50);
         for _ in 0..500 {
             servo.step(0.001);
         }
-        let stands = servo.angle_rad();
-        assert!(stands.to_degrees() < 45.0);
-        run(&mut servo, 300.0, 500);
-        run(&mut servo, 5000.0, 500);
-        assert!((servo.angle_rad() - stands).abs() < 1e-12);
+        let stopped_at = servo.angle_rad().to_degrees();
+        assert!(stopped_at < 45.0);
+        for invalid_us in [300.0, 5000.0] {
+            assert!((run(&mut servo, invalid_us, 500) - stopped_at).abs() < 1e-9);
+        }
     }
 }

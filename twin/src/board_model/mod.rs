@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use plant::{Pose, World};
+use plant::{Pose2, Sides, World};
 use rigless::device::Level;
 use rigless::soc::stm32f427::peripherals::adc::Channel;
 use rigless::time::VirtualNanos;
@@ -57,7 +57,7 @@ pub struct Ping {
     /// Where it looked, radians counter-clockwise from the robot's own heading.
     pub bearing_rad: f64,
     /// Where the robot stood, in the room's frame.
-    pub robot: Pose,
+    pub robot: Pose2,
     /// The range that a sensor without errors would have said, millimetres.
     pub range_mm: Option<f64>,
 }
@@ -99,8 +99,8 @@ pub struct Surroundings {
 /// The pose and the wheels' speeds at an instant.
 #[derive(Clone, Copy, Debug)]
 struct Moment {
-    pose: Pose,
-    wheels: (f64, f64),
+    pose: Pose2,
+    wheels: Sides<f64>,
 }
 
 impl Moment {
@@ -119,9 +119,10 @@ impl Surroundings {
     /// The surroundings of a board that stands in `world`.
     #[must_use]
     pub fn new(world: World, i2c: SharedBus) -> Self {
-        let (left, right) = world.wheel_counts();
+        let counts = world.wheel_counts();
         Self {
             before: Moment::of(&world),
+            counts: [counts.left, counts.right],
             world,
             i2c,
             spi: SpiMaster::default(),
@@ -130,7 +131,6 @@ impl Surroundings {
             outputs: Vec::new(),
             selects: VecDeque::new(),
             encoders: Default::default(),
-            counts: [left, right],
             told: [[Level::Low; 2]; 2],
             rangers: Default::default(),
             pings: Vec::new(),
@@ -188,7 +188,7 @@ impl Surroundings {
     fn show_analog(&self, chip: &mut Stm32f411) {
         let centi_celsius = (self.world.chip_temperature_c() * 100.0).round() as i32;
         chip.adc.set_temperature(centi_celsius);
-        for (channel, volts) in (0..).zip(self.world.adc_pin_voltages()) {
+        for (channel, volts) in (0..).zip(self.world.battery().pins()) {
             let channel = Channel::new(channel).expect("two of sixteen channels");
             chip.adc
                 .set_input(channel, (volts * 1000.0).round().max(0.0) as u32);
@@ -226,21 +226,18 @@ impl Surroundings {
     /// The true pose and the wheels' speeds (left, right), °/s, at `now`, which lies within the
     /// piece the world has been moved along already.
     #[must_use]
-    pub fn at(&self, now: u64) -> (Pose, (f64, f64)) {
+    pub fn at(&self, now: u64) -> (Pose2, Sides<f64>) {
         let after = Moment::of(&self.world);
         let left = u32::try_from(self.next_tick.saturating_sub(now)).unwrap_or(u32::MAX);
         let share = (1.0 - f64::from(left) / TICK_LENGTH).clamp(0.0, 1.0);
         let between = |from: f64, to: f64| from + (to - from) * share;
         let (a, b) = (self.before, after);
-        let pose = Pose::new(
+        let pose = Pose2::new(
             between(a.pose.x_mm, b.pose.x_mm),
             between(a.pose.y_mm, b.pose.y_mm),
             between(a.pose.heading_rad, b.pose.heading_rad),
         );
-        let wheels = (
-            between(a.wheels.0, b.wheels.0),
-            between(a.wheels.1, b.wheels.1),
-        );
+        let wheels = a.wheels.zip(b.wheels).map(|(a, b)| between(a, b));
         (pose, wheels)
     }
 
@@ -455,8 +452,8 @@ impl Surroundings {
         self.before = Moment::of(&self.world);
         self.world.step(TICK_S, left, right);
         let after = self.world.wheel_phase();
-        self.encoders[0].plan(start, TICK_NS, before.0, after.0);
-        self.encoders[1].plan(start, TICK_NS, before.1, after.1);
+        self.encoders[0].plan(start, TICK_NS, before.left, after.left);
+        self.encoders[1].plan(start, TICK_NS, before.right, after.right);
         self.show_analog(chip);
     }
 }

@@ -100,7 +100,7 @@ fn the_timers_count_what_the_wheels_do() {
     // To rest, so that what the wheels have done the board has shown.
     bench.write(GPIOB + BSRR, 1 << 24 | 1 << 25);
     bench.run(2_000_000_000);
-    let (left, right) = bench.board.robot.around.world.wheel_counts();
+    let Sides { left, right } = bench.board.robot.around.world.wheel_counts();
     assert!(left > 500 && right < -500, "{left} {right}");
     let counted = |bench: &mut Bench, timer: u64| bench.read(timer + 0x24);
     let low = |count: i64, mask: u64| count.cast_unsigned() & mask;

@@ -75,7 +75,7 @@ fn around(radians: f64) -> f64 {
 
 impl Robot {
     fn new(config: &Config, params: Params) -> Self {
-        let world = World::new(params, Room::default(), plant::Pose::default(), 1);
+        let world = World::new(params, Room::default(), plant::Pose2::default(), 1);
         Self {
             world,
             odometry: Odometry::new(&config.platform, 0, 0),
@@ -90,7 +90,7 @@ impl Robot {
     fn tick(&mut self) -> (Pose, Delta) {
         self.world
             .step(0.01, input(self.wheels.left), input(self.wheels.right));
-        let (left, right) = self.world.wheel_counts();
+        let Sides { left, right } = self.world.wheel_counts();
         // The first board's encoders count down going forward.
         let (left, right) = (left - self.rolled.0, right - self.rolled.1);
         let delta = self.odometry.step(left as u32, right as u16);
@@ -106,15 +106,8 @@ impl Robot {
         let (left, right) = (counts(left) * 0.09375, counts(right) * 0.09375);
         let per_degree = 80.0 * PI / 360.0;
         let (l, r) = (left * per_degree, right * per_degree);
-        let pose = self.world.pose().rolled(l, r, 125.0);
-        let from = self.world.pose();
-        let (s, c) = from.heading_rad.sin_cos();
-        let (dx, dy) = (pose.x_mm - from.x_mm, pose.y_mm - from.y_mm);
-        self.world.push(
-            dx * c + dy * s,
-            dy * c - dx * s,
-            pose.heading_rad - from.heading_rad,
-        );
+        self.world
+            .push(&plant::Pose2::default().advance_arc(l, r, 125.0));
     }
 
     fn drive(&mut self) {

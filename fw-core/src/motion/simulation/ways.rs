@@ -71,7 +71,7 @@ fn straight_on_the_unequal_wheels_agree_within_eight_percent_after_a_second() {
     settle(&mut robot, 100);
     for _ in 0..1000 {
         robot.drive();
-        let (left, right) = robot.world.wheel_speeds_deg_s();
+        let plant::Sides { left, right } = robot.world.wheel_speeds_deg_s();
         assert!((left / right - 1.0).abs() < 0.08, "{left} {right}");
         assert!(robot.world.pose().y_mm.abs() < 10.0);
     }

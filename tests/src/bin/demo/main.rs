@@ -21,7 +21,7 @@ use host_link::pose::Place;
 use host_link::session::{Session, RATE_HZ};
 use host_link::settings::Settings;
 use host_link::statistics::Statistics;
-use mapper::{map_iou, map_plot, Agreement, Segment};
+use mapper::{map_iou, map_plot, MapScore};
 use pilot::mapping::{mapper_config, Look, Survey};
 use pilot::virtual_board::{self, VirtualWires};
 use pose_error::Trail;
@@ -108,7 +108,7 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
     let reset_to_ready_ms = configure(&mut machine)?;
     println!(
         "3/5  drive {:.1} m through {} way-points",
-        room.tour_length() / 1000.0,
+        room.tour_length_mm() / 1000.0,
         room.tour.len()
     );
     let drive = drive_tour(&mut machine, &board, &room)?;
@@ -246,14 +246,9 @@ fn drive_tour(
 }
 
 /// Leaves the map, the trajectory and the log; how well the map agrees with the true walls.
-fn draw(
-    drive: &Drive,
-    board: &Board,
-    room: &Room,
-    out: &Path,
-) -> Result<Agreement, Box<dyn Error>> {
+fn draw(drive: &Drive, board: &Board, room: &Room, out: &Path) -> Result<MapScore, Box<dyn Error>> {
     // The robot's frame: where it stood at its reset.
-    let walls = segments(&room.seen_from_start());
+    let walls = room.relative_to_start().visible_surfaces();
     let grid = drive.survey.mapper().grid();
     drive.survey.save_map(&out.join("map"))?;
     fs::write(out.join("map.png"), map_plot::map(grid)?)?;
@@ -264,19 +259,12 @@ fn draw(
     Ok(map_iou(grid, &walls, TOLERANCE_MM))
 }
 
-fn place(pose: twin::plant::Pose) -> Place {
+fn place(pose: twin::plant::Pose2) -> Place {
     Place {
         x_mm: pose.x_mm,
         y_mm: pose.y_mm,
         rotation_deg: pose.heading_rad.to_degrees(),
     }
-}
-
-fn segments(room: &Room) -> Vec<Segment> {
-    room.visible_surfaces()
-        .iter()
-        .map(|s| Segment::new(s.x1, s.y1, s.x2, s.y2))
-        .collect()
 }
 
 #[allow(clippy::cast_precision_loss)] // exact below 285 years

@@ -2,7 +2,7 @@
 
 use host_link::pose::Place;
 use robot_tests::test_board::TIM5_CCR1;
-use twin::plant::{Room, Sides};
+use twin::plant::{Pose2, Room};
 use twin::trace::What;
 use twin::Board;
 
@@ -12,9 +12,9 @@ const NEAREST_NS: u64 = 80_000;
 
 /// Belief and truth, report by report.
 pub struct Trail {
-    start: twin::plant::Pose,
-    pub believed: Vec<mapper::Pose>,
-    pub true_path: Vec<mapper::Pose>,
+    start: Pose2,
+    pub believed: Vec<Pose2>,
+    pub true_path: Vec<Pose2>,
     pub worst_mm: f64,
     pub worst_deg: f64,
     pub last_mm: f64,
@@ -73,7 +73,7 @@ impl Trail {
             .unwrap_or(0);
         #[allow(clippy::cast_precision_loss)] // some ten milliseconds
         let back_s = -(age_ns as f64) / 1e9;
-        let turned = Sides::new(now.wheel_deg_s.0 * back_s, now.wheel_deg_s.1 * back_s);
+        let turned = now.wheel_deg_s.map(|speed| speed * back_s);
         let then = board.world(move |world| {
             let chassis = world.params().chassis;
             chassis.roll(&world.pose(), chassis.travel(turned))
@@ -91,8 +91,8 @@ impl Trail {
     }
 
     /// A true pose in the robot's own frame.
-    fn place(&self, pose: &twin::plant::Pose) -> Place {
-        let pose = pose.seen_from(&self.start);
+    fn place(&self, pose: &Pose2) -> Place {
+        let pose = pose.relative_to(&self.start);
         Place {
             x_mm: pose.x_mm,
             y_mm: pose.y_mm,
@@ -101,6 +101,6 @@ impl Trail {
     }
 }
 
-fn mapped(place: Place) -> mapper::Pose {
-    mapper::Pose::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
+fn mapped(place: Place) -> Pose2 {
+    Pose2::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
 }

@@ -9,9 +9,12 @@
 //! way x y angle                   the next way-point of the tour
 //! ```
 
-use super::Room;
-use crate::Pose;
 use std::fmt;
+
+use geometry::{Point, Segment};
+
+use super::Room;
+use crate::Pose2;
 
 /// What is wrong with a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,7 +23,7 @@ pub enum Problem {
     UnknownWord(String),
     /// A word that should be a finite number is none.
     NotANumber(String),
-    /// The wrong count of numbers follows the first word: what is expected, what came.
+    /// The wrong number of numbers follows the first word: what is expected, how many came.
     Count(&'static str, usize),
     /// A width, depth or radius that is not positive, or a wall of no length.
     Size(&'static str),
@@ -28,7 +31,7 @@ pub enum Problem {
     SecondStart,
 }
 
-/// A room file's first error.
+/// The first error of a room file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParseError {
     /// The line, from 1.
@@ -61,22 +64,18 @@ impl Room {
     /// Reads a room from its text.
     ///
     /// # Errors
-    /// The first line that is no room's, with what to do about it.
+    /// The first malformed line, and how to correct it.
     pub fn parse(text: &str) -> Result<Self, ParseError> {
         let mut room = Self::default();
         let mut started = false;
-        for (index, line) in text.lines().enumerate() {
-            let content = line.split('#').next().unwrap_or_default();
+        for (line, content) in (1..).zip(text.lines()) {
+            let content = content.split('#').next().unwrap_or_default();
             let mut words = content.split_whitespace();
-            if let Some(word) = words.next() {
-                let numbers = words.map(number).collect::<Result<Vec<f64>, Problem>>();
-                room = numbers
-                    .and_then(|numbers| room.with_line(word, &numbers, &mut started))
-                    .map_err(|problem| ParseError {
-                        line: index + 1,
-                        problem,
-                    })?;
-            }
+            let Some(word) = words.next() else { continue };
+            let numbers = words.map(number).collect::<Result<Vec<f64>, Problem>>();
+            room = numbers
+                .and_then(|numbers| room.with_line(word, &numbers, &mut started))
+                .map_err(|problem| ParseError { line, problem })?;
         }
         Ok(room)
     }
@@ -88,51 +87,41 @@ impl Room {
         started: &mut bool,
     ) -> Result<Self, Problem> {
         let count = |expected| Problem::Count(expected, numbers.len());
-        match word {
-            "wall" => {
-                if numbers.len() < 4 || !numbers.len().is_multiple_of(2) {
-                    return Err(count("wall x1 y1 x2 y2, then x y of each further point"));
-                }
-                let points: Vec<(f64, f64)> = numbers.chunks(2).map(|p| (p[0], p[1])).collect();
+        let positive = |sizes: &[f64], what| {
+            let all = sizes.iter().all(|&size| size > 0.0);
+            all.then_some(()).ok_or(Problem::Size(what))
+        };
+        match (word, numbers) {
+            ("wall", [_, _, _, _, ..]) if numbers.len().is_multiple_of(2) => {
+                let points: Vec<Point> = numbers
+                    .chunks(2)
+                    .map(|point| Point::new(point[0], point[1]))
+                    .collect();
                 for ends in points.windows(2) {
-                    let ((x1, y1), (x2, y2)) = (ends[0], ends[1]);
-                    if (x2 - x1).hypot(y2 - y1) <= 0.0 {
-                        return Err(Problem::Size("a wall's length"));
-                    }
-                    self = self.with_wall(x1, y1, x2, y2);
+                    positive(&[ends[0].distance_mm(ends[1])], "a wall's length")?;
+                    self.segments.push(Segment::new(ends[0], ends[1]));
                 }
-                Ok(self)
             }
-            "box" => {
-                let (x, y, width, depth, angle) = match *numbers {
-                    [x, y, width, depth] => (x, y, width, depth, 0.0),
-                    [x, y, width, depth, angle] => (x, y, width, depth, angle.to_radians()),
-                    _ => return Err(count("box x y width depth, then its angle if turned")),
-                };
-                if width <= 0.0 || depth <= 0.0 {
-                    return Err(Problem::Size("a box's width or depth"));
-                }
-                Ok(self.with_box(x, y, width, depth, angle))
+            ("wall", _) => return Err(count("wall x1 y1 x2 y2, then x y of each further point")),
+            ("box", &[x, y, width, depth, ref angle @ ..]) if angle.len() < 2 => {
+                positive(&[width, depth], "a box's width or depth")?;
+                let angle = angle.first().map_or(0.0, |angle| angle.to_radians());
+                self = self.with_box(&Pose2::new(x, y, angle), width, depth);
             }
-            "circle" => match *numbers {
-                [_, _, radius] if radius <= 0.0 => Err(Problem::Size("a circle's radius")),
-                [x, y, radius] => Ok(self.with_circle(x, y, radius)),
-                _ => Err(count("circle x y radius")),
-            },
-            "start" => {
-                if std::mem::replace(started, true) {
-                    return Err(Problem::SecondStart);
-                }
-                self.start = pose(numbers).ok_or_else(|| count("start x y angle"))?;
-                Ok(self)
+            ("box", _) => return Err(count("box x y width depth, then its angle if turned")),
+            ("circle", &[x, y, radius]) => {
+                positive(&[radius], "a circle's radius")?;
+                self = self.with_circle(Point::new(x, y), radius);
             }
-            "way" => {
-                self.tour
-                    .push(pose(numbers).ok_or_else(|| count("way x y angle"))?);
-                Ok(self)
-            }
-            other => Err(Problem::UnknownWord(other.to_owned())),
+            ("circle", _) => return Err(count("circle x y radius")),
+            ("start", _) if std::mem::replace(started, true) => return Err(Problem::SecondStart),
+            ("start", &[x, y, angle]) => self.start = Pose2::new(x, y, angle.to_radians()),
+            ("start", _) => return Err(count("start x y angle")),
+            ("way", &[x, y, angle]) => self.tour.push(Pose2::new(x, y, angle.to_radians())),
+            ("way", _) => return Err(count("way x y angle")),
+            (other, _) => return Err(Problem::UnknownWord(other.to_owned())),
         }
+        Ok(self)
     }
 }
 
@@ -143,16 +132,8 @@ fn number(word: &str) -> Result<f64, Problem> {
     }
 }
 
-fn pose(numbers: &[f64]) -> Option<Pose> {
-    match *numbers {
-        [x, y, angle] => Some(Pose::new(x, y, angle.to_radians())),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::{Circle, Segment};
     use super::*;
 
     #[test]
@@ -161,34 +142,39 @@ mod tests {
             "# a room\nwall 0 0 100 0 100 50\nbox 10 20 4 2 90 # turned\n\ncircle 1 2 3\nstart 1 2 180\nway 5 6 -90\nway 7 8 0\n",
         )
         .unwrap();
-        assert_eq!(room.segments.len(), 6);
-        assert_eq!(room.segments[1], Segment::new(100.0, 0.0, 100.0, 50.0));
-        assert!(room.segments[2..]
-            .iter()
-            .any(|s| (s.x1 - 11.0).abs() < 1e-9));
-        assert_eq!(
-            room.circles,
-            [Circle {
-                x: 1.0,
-                y: 2.0,
-                radius: 3.0
-            }]
-        );
-        assert_eq!(room.start, Pose::new(1.0, 2.0, std::f64::consts::PI));
+        let walls = Room::default()
+            .with_wall(0.0, 0.0, 100.0, 0.0)
+            .with_wall(100.0, 0.0, 100.0, 50.0);
+        assert_eq!(room.segments[..2], walls.segments);
+        let (low, high) = Room {
+            segments: room.segments[2..].to_vec(),
+            ..Room::default()
+        }
+        .bounds();
+        assert!(low.distance_mm(Point::new(9.0, 18.0)) < 1e-9);
+        assert!(high.distance_mm(Point::new(11.0, 22.0)) < 1e-9);
+        let pillar = Room::default().with_circle(Point::new(1.0, 2.0), 3.0);
+        assert_eq!(room.circles, pillar.circles);
+        assert_eq!(room.start, Pose2::new(1.0, 2.0, std::f64::consts::PI));
         assert_eq!(room.tour.len(), 2);
     }
 
     #[test]
-    fn errors_name_the_line_and_what_to_do() {
-        let says = |text: &str| Room::parse(text).unwrap_err().to_string();
-        assert!(says("wall 0 0 1 1\nwal 0 0 1 1").starts_with("line 2: `wal` begins no line"));
-        assert!(says("wall 0 0 1").contains("3 numbers: write `wall x1"));
-        assert!(says("wall 1 1 1 1").contains("length: make it greater"));
-        assert!(says("\n\nbox 0 0 -1 2").starts_with("line 3: a box's width"));
-        assert!(says("circle 0 0 zero").contains("`zero` is not a finite number"));
-        assert!(says("circle 0 0 inf").contains("`inf` is not a finite number"));
-        assert!(says("circle 0 0 0").contains("radius"));
-        assert!(says("start 0 0 0\nstart 0 0 0").starts_with("line 2: a second start"));
-        assert!(says("way 0 0").contains("write `way x y angle`"));
+    fn errors_name_line_and_correction() {
+        for (text, expected) in [
+            ("wall 0 0 1 1\nwal 0 0 1 1", "line 2: `wal` begins no line"),
+            ("wall 0 0 1", "3 numbers: write `wall x1"),
+            ("wall 1 1 1 1", "length: make it greater"),
+            ("\n\nbox 0 0 -1 2", "line 3: a box's width"),
+            ("box 0 0 1 2 3 4", "6 numbers: write `box"),
+            ("circle 0 0 zero", "`zero` is not a finite number"),
+            ("circle 0 0 inf", "`inf` is not a finite number"),
+            ("circle 0 0 0", "radius"),
+            ("start 0 0 0\nstart 0 0 0", "line 2: a second start"),
+            ("way 0 0", "write `way x y angle`"),
+        ] {
+            let message = Room::parse(text).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
     }
 }

@@ -1,25 +1,25 @@
 //! The room the robot drives in: walls, furniture, a start pose and a tour.
 
 mod format;
-mod shape;
 mod visible;
 
 pub use format::{ParseError, Problem};
-pub use shape::{Circle, Hit, Segment};
 
-use crate::Pose;
+use geometry::{Circle, Point, RayHit, Segment};
 
-/// A room in its own frame (the world frame), mm and radians.
+use crate::Pose2;
+
+/// A room in its own frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Room {
     /// Straight surfaces: walls, and the sides of boxes.
     pub segments: Vec<Segment>,
     /// Round obstacles.
     pub circles: Vec<Circle>,
-    /// Where the robot is put down.
-    pub start: Pose,
-    /// The tour: poses to drive to, one after the other.
-    pub tour: Vec<Pose>,
+    /// Where the robot starts.
+    pub start: Pose2,
+    /// The tour: poses to drive to, in order.
+    pub tour: Vec<Pose2>,
 }
 
 /// The text of the default room, an example of the format.
@@ -28,128 +28,111 @@ pub const DEFAULT_ROOM: &str = include_str!("../../rooms/two-rooms.room");
 impl Room {
     /// Two rooms of together 6 m by 4 m, joined by a doorway of 0.9 m, with furniture and a pillar,
     /// and a tour of more than 25 m along their walls. It starts at the origin heading along x, so
-    /// that odometry reset at the start speaks of the same frame.
+    /// the frame of an odometry reset at the start is the room's own.
     ///
     /// # Panics
-    /// Never: the text is part of the program and a test reads it.
+    /// Never: a test reads the text.
     #[must_use]
     pub fn two_rooms() -> Self {
         Self::parse(DEFAULT_ROOM).expect("the default room is well-formed")
     }
 
-    /// Adds a wall between two points.
+    /// Adds a wall between two points, mm.
     #[must_use]
     pub fn with_wall(mut self, x1: f64, y1: f64, x2: f64, y2: f64) -> Self {
-        self.segments.push(Segment::new(x1, y1, x2, y2));
+        let wall = Segment::new(Point::new(x1, y1), Point::new(x2, y2));
+        self.segments.push(wall);
         self
     }
 
-    /// Adds a box of `width` along its own x and `depth` along its own y, centred on (`x`, `y`) and
-    /// turned by `angle` radians.
+    /// Adds a box of `width` along the x and `depth` along the y of its `centre`, mm.
     #[must_use]
-    pub fn with_box(mut self, x: f64, y: f64, width: f64, depth: f64, angle: f64) -> Self {
-        let centre = Pose::new(x, y, angle);
-        let (w, d) = (width / 2.0, depth / 2.0);
-        let corners = [
-            centre.point(w, d),
-            centre.point(-w, d),
-            centre.point(-w, -d),
-            centre.point(w, -d),
-        ];
-        for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
-            self.segments.push(Segment::new(from.0, from.1, to.0, to.1));
-        }
+    pub fn with_box(mut self, centre: &Pose2, width: f64, depth: f64) -> Self {
+        let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
+            .map(|(x, y)| centre.point_at(x * width / 2.0, y * depth / 2.0));
+        let sides = (0..4).map(|nth| Segment::new(corners[nth], corners[(nth + 1) % 4]));
+        self.segments.extend(sides);
         self
     }
 
     /// Adds a pillar.
     #[must_use]
-    pub fn with_circle(mut self, x: f64, y: f64, radius: f64) -> Self {
-        self.circles.push(Circle { x, y, radius });
+    pub fn with_circle(mut self, centre: Point, radius_mm: f64) -> Self {
+        self.circles.push(Circle { centre, radius_mm });
         self
     }
 
-    /// The first surface that the ray from (`x`, `y`) in direction `heading` (radians) meets.
+    /// The first surface on the ray from `from` along its heading.
     #[must_use]
-    pub fn cast(&self, x: f64, y: f64, heading: f64) -> Option<Hit> {
-        let (uy, ux) = heading.sin_cos();
-        let straight = self.segments.iter().filter_map(|s| s.hit(x, y, ux, uy));
-        let round = self.circles.iter().filter_map(|c| c.hit(x, y, ux, uy));
+    pub fn cast(&self, from: &Pose2) -> Option<RayHit> {
+        let (origin, direction) = (from.position(), from.direction());
+        let straight = self.segments.iter().map(|s| s.ray_hit(origin, direction));
+        let round = self.circles.iter().map(|c| c.ray_hit(origin, direction));
         straight
             .chain(round)
-            .min_by(|a, b| a.distance.total_cmp(&b.distance))
+            .flatten()
+            .min_by(|a, b| a.distance_mm.total_cmp(&b.distance_mm))
     }
 
     /// Distance from a point to the nearest surface, mm; infinite in an empty room.
     #[must_use]
-    pub fn clearance(&self, x: f64, y: f64) -> f64 {
-        let straight = self.segments.iter().map(|s| s.distance(x, y));
-        let round = self.circles.iter().map(|c| c.distance(x, y));
+    pub fn clearance_mm(&self, point: Point) -> f64 {
+        let straight = self.segments.iter().map(|s| s.distance_mm(point));
+        let round = self.circles.iter().map(|c| c.distance_mm(point));
         straight.chain(round).fold(f64::INFINITY, f64::min)
     }
 
-    /// Smallest and largest x and y of all surfaces: (`x_min`, `y_min`, `x_max`, `y_max`), mm. All
-    /// zero in an empty room.
+    /// Corners of the bounding box of all surfaces: smallest and largest x and y. Both zero in an
+    /// empty room.
     #[must_use]
-    pub fn bounds(&self) -> (f64, f64, f64, f64) {
-        let straight = self
-            .segments
-            .iter()
-            .flat_map(|s| [(s.x1, s.y1), (s.x2, s.y2)]);
+    pub fn bounds(&self) -> (Point, Point) {
+        let straight = self.segments.iter().flat_map(|s| [s.from, s.to]);
         let round = self.circles.iter().flat_map(|c| {
-            [
-                (c.x - c.radius, c.y - c.radius),
-                (c.x + c.radius, c.y + c.radius),
-            ]
+            let corner = |by| Point::new(c.centre.x_mm + by, c.centre.y_mm + by);
+            [corner(-c.radius_mm), corner(c.radius_mm)]
         });
         straight
             .chain(round)
-            .fold(None, |bounds: Option<(f64, f64, f64, f64)>, (x, y)| {
-                let (x0, y0, x1, y1) = bounds.unwrap_or((x, y, x, y));
-                Some((x0.min(x), y0.min(y), x1.max(x), y1.max(y)))
+            .map(|point| (point, point))
+            .reduce(|(low, high), (point, _)| {
+                (
+                    Point::new(low.x_mm.min(point.x_mm), low.y_mm.min(point.y_mm)),
+                    Point::new(high.x_mm.max(point.x_mm), high.y_mm.max(point.y_mm)),
+                )
             })
             .unwrap_or_default()
     }
 
-    /// The same room in the frame of its start: the start is the origin, heading along x. That is
-    /// the frame of an odometry that was reset there, and of the map it makes.
+    /// The same room in the frame of its start: the frame of an odometry reset there, and of the
+    /// map made with it.
     #[must_use]
-    pub fn seen_from_start(&self) -> Self {
-        let origin = self.start;
-        let point = |x, y| {
-            let seen = Pose::new(x, y, 0.0).seen_from(&origin);
-            (seen.x_mm, seen.y_mm)
-        };
-        let straight = self.segments.iter().map(|s| {
-            let ((x1, y1), (x2, y2)) = (point(s.x1, s.y1), point(s.x2, s.y2));
-            Segment::new(x1, y1, x2, y2)
-        });
-        let round = self.circles.iter().map(|c| {
-            let (x, y) = point(c.x, c.y);
-            Circle {
-                x,
-                y,
-                radius: c.radius,
-            }
-        });
+    pub fn relative_to_start(&self) -> Self {
+        let relative = |pose: &Pose2| pose.relative_to(&self.start);
+        let point = |p: Point| relative(&Pose2::new(p.x_mm, p.y_mm, 0.0)).position();
         Self {
-            segments: straight.collect(),
-            circles: round.collect(),
-            start: Pose::default(),
-            tour: self.tour.iter().map(|way| way.seen_from(&origin)).collect(),
+            segments: self
+                .segments
+                .iter()
+                .map(|s| Segment::new(point(s.from), point(s.to)))
+                .collect(),
+            circles: self
+                .circles
+                .iter()
+                .map(|c| Circle {
+                    centre: point(c.centre),
+                    ..*c
+                })
+                .collect(),
+            start: Pose2::default(),
+            tour: self.tour.iter().map(relative).collect(),
         }
     }
 
-    /// Length of the tour from the start through every way-point on straight lines, mm.
+    /// Length of the tour from the start, in straight lines, mm.
     #[must_use]
-    pub fn tour_length(&self) -> f64 {
-        let mut at = self.start;
-        let mut length = 0.0;
-        for way in &self.tour {
-            length += (way.x_mm - at.x_mm).hypot(way.y_mm - at.y_mm);
-            at = *way;
-        }
-        length
+    pub fn tour_length_mm(&self) -> f64 {
+        let starts = std::iter::once(&self.start).chain(&self.tour);
+        starts.zip(&self.tour).map(|(a, b)| a.distance_mm(b)).sum()
     }
 }
 
@@ -158,54 +141,51 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_rooms_tour_is_long_and_keeps_clear_of_everything() {
+    fn default_tour_is_long_and_clear_of_obstacles() {
         let room = Room::two_rooms();
-        assert_eq!(room.start, Pose::default());
-        assert!(room.tour_length() >= 25_000.0, "{}", room.tour_length());
-        let mut at = room.start;
-        for way in &room.tour {
+        assert_eq!(room.start, Pose2::default());
+        assert!(room.tour_length_mm() >= 25_000.0);
+        let mut at = room.start.position();
+        for goal in &room.tour {
             for step in 0..=200 {
-                let part = f64::from(step) / 200.0;
-                let x = at.x_mm + part * (way.x_mm - at.x_mm);
-                let y = at.y_mm + part * (way.y_mm - at.y_mm);
+                let point = at.lerp(goal.position(), f64::from(step) / 200.0);
                 // 100 mm of robot and 150 mm to spare.
-                assert!(
-                    room.clearance(x, y) > 250.0,
-                    "{x} {y}: {}",
-                    room.clearance(x, y)
-                );
+                assert!(room.clearance_mm(point) > 250.0, "{point:?}");
             }
-            at = *way;
+            at = goal.position();
         }
     }
 
     #[test]
-    fn seen_from_its_start_a_room_looks_the_same_to_the_robot() {
+    fn room_relative_to_start_looks_the_same_from_there() {
         let text = "wall 0 0 900 0 900 700\ncircle 300 500 50\nstart 400 200 90\nway 400 300 180";
         let room = Room::parse(text).unwrap();
-        let own = room.seen_from_start();
-        assert_eq!(own.start, Pose::default());
-        assert!((own.tour[0].x_mm - 100.0).abs() < 1e-9 && own.tour[0].y_mm.abs() < 1e-9);
+        let relative = room.relative_to_start();
+        assert!(relative.tour[0].distance_mm(&Pose2::new(100.0, 0.0, 0.0)) < 1e-9);
         for turn in 0..36 {
-            let bearing = f64::from(turn) / 6.0;
-            let there = room.cast(400.0, 200.0, room.start.heading_rad + bearing);
-            let here = own.cast(0.0, 0.0, bearing);
-            let distance = |hit: Option<Hit>| hit.map_or(-1.0, |hit| hit.distance);
+            let bearing = Pose2::new(0.0, 0.0, f64::from(turn) / 6.0);
+            let (there, here) = (
+                room.cast(&room.start.compose(&bearing)),
+                relative.cast(&bearing),
+            );
+            let distance = |hit: Option<RayHit>| hit.map_or(-1.0, |hit| hit.distance_mm);
             assert!((distance(there) - distance(here)).abs() < 1e-6);
         }
     }
 
     #[test]
-    fn a_cast_ray_meets_the_nearest_of_all_surfaces() {
+    fn cast_ray_meets_nearest_of_all_surfaces() {
         let room = Room::default()
             .with_wall(500.0, -500.0, 500.0, 500.0)
-            .with_box(300.0, 0.0, 100.0, 200.0, 0.0)
-            .with_circle(150.0, 0.0, 10.0);
-        assert!((room.cast(0.0, 0.0, 0.0).unwrap().distance - 140.0).abs() < 1e-9);
-        assert!((room.cast(0.0, 50.0, 0.0).unwrap().distance - 250.0).abs() < 1e-9);
-        assert!((room.cast(0.0, 150.0, 0.0).unwrap().distance - 500.0).abs() < 1e-9);
-        assert_eq!(room.cast(0.0, 0.0, 3.0), None);
-        assert!((room.clearance(150.0, 30.0) - 20.0).abs() < 1e-9);
-        assert_eq!(room.bounds(), (140.0, -500.0, 500.0, 500.0));
+            .with_box(&Pose2::new(300.0, 0.0, 0.0), 100.0, 200.0)
+            .with_circle(Point::new(150.0, 0.0), 10.0);
+        for (y, expected) in [(0.0, 140.0), (50.0, 250.0), (150.0, 500.0)] {
+            let hit = room.cast(&Pose2::new(0.0, y, 0.0)).unwrap();
+            assert!((hit.distance_mm - expected).abs() < 1e-9);
+        }
+        assert_eq!(room.cast(&Pose2::new(0.0, 0.0, 3.0)), None);
+        assert!((room.clearance_mm(Point::new(150.0, 30.0)) - 20.0).abs() < 1e-9);
+        let bounds = (Point::new(140.0, -500.0), Point::new(500.0, 500.0));
+        assert_eq!(room.bounds(), bounds);
     }
 }
