@@ -370,7 +370,7 @@ fn print_stack(place: &Place, forced: Option<Way>, words: &Words) -> Result<()> 
     let features = words.option("--features").unwrap_or("");
     let elf = build(place, forced, words.edition(), features)?.path;
     let bytes = std::fs::read(&elf).of(elf.display())?;
-    stack::print(&stack::worst_case(&bytes)?);
+    println!("{}", stack::worst_case(&bytes)?);
     Ok(())
 }
 

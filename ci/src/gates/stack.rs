@@ -16,7 +16,7 @@ pub fn stack(context: &mut Context) -> Result<Verdict> {
     for edition in Edition::ALL {
         let report = worst_case(context, edition)?;
         println!("  {}", edition.name());
-        stack::print(&report);
+        println!("{report}");
         let (worst, reserved) = (report.worst(), report.reserved);
         if worst > reserved {
             return failed(format!(
@@ -44,7 +44,7 @@ pub fn stack(context: &mut Context) -> Result<Verdict> {
     passed(format!("at most {}", told[0]))
 }
 
-fn worst_case(context: &mut Context, edition: Edition) -> Result<stack::Report> {
+fn worst_case(context: &mut Context, edition: Edition) -> Result<stack_bound::Report> {
     let path = context.edition(edition)?.path.clone();
     let bytes = std::fs::read(&path).of(path.display())?;
     stack::worst_case(&bytes)

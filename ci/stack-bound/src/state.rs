@@ -1,79 +1,75 @@
-//! What is known of the registers and of the stack at one instruction.
+//! What is known of the core registers and of the stack before one instruction.
 
 use std::collections::BTreeMap;
 
-use super::thumb::{Registers, What, LR, PC, SP};
+use crate::decode::{Effect, LR, PC, Registers, SP};
 
-/// More possible values than this are as good as none known.
-const MOST: usize = 64;
+/// With more possible words than this a value counts as unknown.
+const MAX_WORDS: usize = 64;
+
+/// The registers a compiler preserves across a call, AAPCS32, 6.1.1: r4 to r11.
+const CALLEE_SAVED: std::ops::RangeInclusive<u8> = 4..=11;
 
 /// What a register may hold.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Value {
-    /// Anything.
+    /// Any word.
     #[default]
     Unknown,
     /// What this register held at the routine's entry.
-    Entry(u8),
-    /// One of these words.
+    AtEntry(u8),
+    /// One of these words, ascending.
     OneOf(Vec<u32>),
-    /// Some row of the table there, four bytes each. Which one nobody knows.
+    /// The address of some row, four bytes each, of the table there.
     RowOf(u32),
-    /// The stack pointer's value at entry, plus this.
+    /// The stack pointer at entry plus this.
     Stack(i32),
 }
 
 impl Value {
-    /// This very word.
     pub fn word(word: u32) -> Self {
         Self::OneOf(vec![word])
     }
 
-    /// What is true of both.
+    fn words(mut words: Vec<u32>) -> Self {
+        words.sort_unstable();
+        words.dedup();
+        if words.len() <= MAX_WORDS {
+            Self::OneOf(words)
+        } else {
+            Self::Unknown
+        }
+    }
+
+    /// What holds of both.
     pub fn join(&self, other: &Self) -> Self {
         match (self, other) {
             (one, another) if one == another => one.clone(),
             (Self::OneOf(one), Self::OneOf(another)) => {
-                let mut all = [one.as_slice(), another].concat();
-                all.sort_unstable();
-                all.dedup();
-                if all.len() <= MOST {
-                    Self::OneOf(all)
-                } else {
-                    Self::Unknown
-                }
+                Self::words([one.as_slice(), another].concat())
             }
             _ => Self::Unknown,
         }
     }
 
-    /// Every word changed, or none where that is not known.
-    pub fn map(&self, change: impl Fn(u32) -> Option<u32>) -> Self {
-        match self {
-            Self::OneOf(words) => {
-                let words: Option<Vec<u32>> = words.iter().map(|&word| change(word)).collect();
-                words.map_or(Self::Unknown, |mut words| {
-                    words.sort_unstable();
-                    words.dedup();
-                    Self::OneOf(words)
-                })
-            }
-            _ => Self::Unknown,
-        }
+    /// Every possible word mapped; unknown where one of them has no image.
+    pub fn map(&self, image: impl Fn(u32) -> Option<u32>) -> Self {
+        let Self::OneOf(words) = self else {
+            return Self::Unknown;
+        };
+        let images: Option<Vec<u32>> = words.iter().map(|&word| image(word)).collect();
+        images.map_or(Self::Unknown, Self::words)
     }
 
-    /// Of the words, those for which `holds`; `None` where there is none.
-    pub fn only(&self, holds: impl Fn(u32) -> bool) -> Option<Self> {
-        match self {
-            Self::OneOf(words) => {
-                let left: Vec<u32> = words.iter().copied().filter(|&word| holds(word)).collect();
-                (!left.is_empty()).then_some(Self::OneOf(left))
-            }
-            other => Some(other.clone()),
-        }
+    /// Without the words for which `holds` is false; `None` where none remains.
+    pub fn retain(&self, holds: impl Fn(u32) -> bool) -> Option<Self> {
+        let Self::OneOf(words) = self else {
+            return Some(self.clone());
+        };
+        let kept: Vec<u32> = words.iter().copied().filter(|&word| holds(word)).collect();
+        (!kept.is_empty()).then_some(Self::OneOf(kept))
     }
 
-    /// The sum of both.
     pub fn sum(&self, other: &Self) -> Self {
         match (self, other) {
             (one, Self::OneOf(words)) | (Self::OneOf(words), one) => {
@@ -84,11 +80,10 @@ impl Value {
         }
     }
 
-    /// This plus `offset`.
     pub fn plus(&self, offset: i32) -> Self {
         match self {
             Self::Stack(at) => Self::Stack(at.saturating_add(offset)),
-            Self::Unknown | Self::Entry(_) | Self::RowOf(_) => Self::Unknown,
+            Self::Unknown | Self::AtEntry(_) | Self::RowOf(_) => Self::Unknown,
             Self::OneOf(_) => self.map(|word| Some(word.wrapping_add_signed(offset))),
         }
     }
@@ -97,28 +92,34 @@ impl Value {
 /// Before an instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct State {
-    /// Where the stack pointer is, from where it was at entry: never positive.
+    /// The stack pointer relative to the routine's entry, bytes: never positive.
     pub depth: i32,
-    /// Whether it was set anew to the stack's beginning: `depth` then counts from there.
-    pub fresh: bool,
-    /// r0 to r12, and the link register as the last.
+    /// Whether the stack pointer was set to the top of the stack: `depth` counts from there.
+    pub restarted: bool,
+    /// r0 to r12 and the link register.
     registers: [Value; 14],
-    /// What pushes left, by its place from entry.
+    /// Words that pushes have stored, by address relative to the entry.
     saved: BTreeMap<i32, Value>,
 }
 
 impl State {
     /// At a routine's first instruction.
     pub fn entry() -> Self {
-        let register = |nth| u8::try_from(nth).unwrap_or(u8::MAX);
+        const NUMBERS: [u8; 14] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, LR];
         Self {
             depth: 0,
-            fresh: false,
-            registers: std::array::from_fn(|nth| {
-                Value::Entry(if nth == 13 { LR } else { register(nth) })
-            }),
+            restarted: false,
+            registers: NUMBERS.map(Value::AtEntry),
             saved: BTreeMap::new(),
         }
+    }
+
+    /// At the top of an emptied stack: what lay on the old one is not used again.
+    pub fn restart() -> Self {
+        let mut state = Self::entry();
+        state.forget(Registers::MAX);
+        state.restarted = true;
+        state
     }
 
     fn slot(register: u8) -> Option<usize> {
@@ -129,7 +130,6 @@ impl State {
         }
     }
 
-    /// What a register may hold.
     pub fn get(&self, register: u8) -> Value {
         match (register, Self::slot(register)) {
             (SP, _) => Value::Stack(self.depth),
@@ -138,30 +138,28 @@ impl State {
         }
     }
 
-    /// It holds this now.
     pub fn set(&mut self, register: u8, value: Value) {
         if let Some(slot) = Self::slot(register) {
             self.registers[slot] = value;
         }
     }
 
-    /// These hold anything now.
     pub fn forget(&mut self, list: Registers) {
         for register in each(list) {
             self.set(register, Value::Unknown);
         }
     }
 
-    /// Those of r4 to r11 that do not hold what they held at entry.
-    pub fn spoilt(&self) -> Registers {
-        let spoilt = (4..=11).filter(|&register| self.get(register) != Value::Entry(register));
-        spoilt.fold(0, |list, register| list | 1 << register)
+    /// The callee-saved registers that do not hold their value at entry.
+    pub fn clobbered(&self) -> Registers {
+        let changed =
+            CALLEE_SAVED.filter(|&register| self.get(register) != Value::AtEntry(register));
+        changed.fold(0, |list, register| list | 1 << register)
     }
 
-    /// What holds whichever way the instruction was reached; `None` where the stack's depth depends
-    /// on the way.
+    /// What holds on both ways here; `None` where the stack's depth differs between them.
     pub fn join(&self, other: &Self) -> Option<Self> {
-        if (self.depth, self.fresh) != (other.depth, other.fresh) {
+        if (self.depth, self.restarted) != (other.depth, other.restarted) {
             return None;
         }
         let mut joined = self.clone();
@@ -175,7 +173,6 @@ impl State {
         Some(joined)
     }
 
-    /// The stack pointer goes down and a list is stored.
     pub fn push(&mut self, list: Registers, bytes: u32) {
         self.depth = self.depth.saturating_sub_unsigned(bytes);
         for (at, register) in (self.depth..).step_by(4).zip(each(list)) {
@@ -183,60 +180,59 @@ impl State {
         }
     }
 
-    /// A list is loaded and the stack pointer goes up.
     pub fn pop(&mut self, list: Registers, bytes: u32) {
         for (at, register) in (self.depth..).step_by(4).zip(each(list)) {
             let value = self.saved.get(&at).cloned().unwrap_or_default();
             self.set(register, value);
         }
-        self.rise(self.depth.saturating_add_unsigned(bytes));
+        self.set_depth(self.depth.saturating_add_unsigned(bytes));
     }
 
-    /// The stack pointer is there now.
-    pub fn rise(&mut self, depth: i32) {
+    pub fn set_depth(&mut self, depth: i32) {
         self.depth = depth;
         self.saved.retain(|&at, _| at >= depth);
     }
 
-    /// What a word popped into the program counter is worth: where it was pushed from.
+    /// The value that a pop of `list` loads into the program counter.
     pub fn popped_pc(&self, list: Registers) -> Value {
         let below = (list & !(1 << PC)).count_ones();
         let at = self.depth.saturating_add_unsigned(4 * below);
         self.saved.get(&at).cloned().unwrap_or_default()
     }
 
-    /// Carries out what changes values alone; `false` for anything that moves the flow or the stack.
-    pub fn step(&mut self, what: What, word: impl Fn(u32) -> Option<u32>) -> bool {
-        match what {
-            What::Plain { writes } | What::Float { writes } => self.forget(writes),
-            What::Compare | What::CompareWord { .. } | What::Store { .. } => {}
-            What::Constant { rd, value } => self.set(rd, Value::word(value)),
-            What::Top { rd, half } => {
+    /// Applies an effect on register values and pushed words; `false` for anything that redirects
+    /// the flow or sets the stack pointer. `word` reads constants.
+    pub fn apply(&mut self, effect: Effect, word: impl Fn(u32) -> Option<u32>) -> bool {
+        match effect {
+            Effect::Other(writes) => self.forget(writes),
+            Effect::Compare | Effect::CompareConstant(..) | Effect::Store(..) => {}
+            Effect::Set(rd, value) => self.set(rd, Value::word(value)),
+            Effect::SetTop(rd, half) => {
                 let top = u32::from(half) << 16;
                 let value = self.get(rd).map(|low| Some(low & 0xFFFF | top));
                 self.set(rd, value);
             }
-            What::Move { rd, rm } if rd != SP => self.set(rd, self.get(rm)),
-            What::Add { rd, rn, offset } if rd != SP => self.set(rd, self.get(rn).plus(offset)),
-            What::Sum { rd, rn, rm } if rd != SP => {
+            Effect::Move(rd, rm) if rd != SP => self.set(rd, self.get(rm)),
+            Effect::Add(rd, rn, offset) if rd != SP => self.set(rd, self.get(rn).plus(offset)),
+            Effect::AddRegister(rd, rn, rm) if rd != SP => {
                 self.set(rd, self.get(rn).sum(&self.get(rm)));
             }
-            What::Row { rd, rn, .. } => {
+            Effect::AddScaled(rd, rn) => {
                 let row = match self.get(rn) {
                     Value::OneOf(words) if words.len() == 1 => Value::RowOf(words[0]),
                     _ => Value::Unknown,
                 };
                 self.set(rd, row);
             }
-            What::Literal { rt, address } => {
+            Effect::LoadLiteral(rt, address) => {
                 self.set(rt, word(address).map_or(Value::Unknown, Value::word));
             }
-            What::Load { rt, rn, offset } => {
+            Effect::Load(rt, rn, offset) => {
                 let value = self.get(rn).plus(offset).map(word);
                 self.set(rt, value);
             }
-            What::Push { list, bytes } => self.push(list, bytes),
-            What::Pop { list, bytes } if list & 1 << PC == 0 => self.pop(list, bytes),
+            Effect::Push(list, bytes) => self.push(list, bytes),
+            Effect::Pop(list, bytes) if list & 1 << PC == 0 => self.pop(list, bytes),
             _ => return false,
         }
         true

@@ -1,0 +1,486 @@
+//! One routine, followed from its first instruction on every path to its returns: its own depth,
+//! and what it calls from which depth.
+//!
+//! A jump out of a function (a tail call, outlined code) is followed with the stack as it is, so
+//! function boundaries do not matter. What cannot be followed is an error.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::decode::{CALLER_SAVED, Effect, LR, PC, Registers, SP, it_block};
+use crate::jump_table;
+use crate::program::Program;
+use crate::state::{State, Value};
+use crate::{Error, Options};
+
+/// Code addresses that a caller holds in registers which the callee jumps through.
+type Arguments = BTreeMap<u8, Vec<u32>>;
+
+/// Why a routine has no summary.
+#[derive(Debug)]
+enum Failure {
+    /// It calls or jumps through a register that its caller has to supply.
+    Needs(u8),
+    /// It has no bound.
+    Unbounded(Error),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self::Unbounded(error)
+    }
+}
+
+type Result<T> = std::result::Result<T, Failure>;
+
+/// What a caller needs to know of a routine and of everything it calls.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Bytes of stack below the entry, callees included.
+    pub worst: u32,
+    /// The deepest chain of calls, outermost first, with each routine's own bytes.
+    pub chain: Vec<(u32, u32)>,
+    /// Bytes below the top of the stack where the routine resets the stack pointer.
+    pub restarted: u32,
+    /// Whether it ever returns.
+    pub returns: bool,
+    /// Callee-saved registers that it does not restore.
+    pub clobbers: Registers,
+    /// Whether it uses the floating-point unit.
+    pub float: bool,
+}
+
+/// Computes summaries, each routine once per set of arguments.
+pub struct Analysis<'a> {
+    program: &'a Program,
+    options: &'a Options,
+    done: BTreeMap<(u32, Arguments), Summary>,
+    /// The registers that a routine was found to need.
+    needs: BTreeMap<u32, BTreeSet<u8>>,
+    /// The chain of calls under analysis, outermost first.
+    open: Vec<u32>,
+    /// The bytes stored at known addresses; two values where the byte is unknown.
+    pub stores: BTreeMap<u32, BTreeSet<u8>>,
+}
+
+/// What remains of an IT block: of each instruction whether it runs, or `None` for either.
+type Pending = Vec<Option<bool>>;
+
+impl<'a> Analysis<'a> {
+    pub fn of(program: &'a Program, options: &'a Options) -> Self {
+        Self {
+            program,
+            options,
+            done: BTreeMap::new(),
+            needs: BTreeMap::new(),
+            open: Vec::new(),
+            stores: BTreeMap::new(),
+        }
+    }
+
+    /// The routine at `entry` as a handler: the hardware calls it.
+    pub fn handler(&mut self, entry: u32) -> std::result::Result<Summary, Error> {
+        self.routine(entry, &Arguments::new())
+            .map_err(|failure| match failure {
+                Failure::Unbounded(error) => error,
+                Failure::Needs(register) => Error::Unbounded {
+                    routine: self.program.name(entry),
+                    at: entry,
+                    why: format!("call through r{register}, which no caller sets"),
+                },
+            })
+    }
+
+    fn routine(&mut self, entry: u32, arguments: &Arguments) -> Result<Summary> {
+        let key = (entry, arguments.clone());
+        if let Some(known) = self.done.get(&key) {
+            return Ok(known.clone());
+        }
+        if let Some(from) = self.open.iter().position(|&open| open == entry) {
+            let cycle = self.open[from..].iter().chain([&entry]);
+            let names = cycle.map(|&at| self.program.name(at)).collect();
+            return Err(Error::Recursion(names).into());
+        }
+        self.open.push(entry);
+        let summary = Walk::through(self, entry, arguments);
+        self.open.pop();
+        if let Err(Failure::Needs(register)) = summary {
+            self.needs.entry(entry).or_default().insert(register);
+        }
+        let summary = summary?;
+        self.done.insert(key, summary.clone());
+        Ok(summary)
+    }
+
+    /// How many routines have a summary.
+    pub fn routines(&self) -> usize {
+        self.done.len()
+    }
+}
+
+struct Walk<'w, 'a> {
+    analysis: &'w mut Analysis<'a>,
+    entry: u32,
+    arguments: &'w Arguments,
+    /// The state before each instruction; inside an IT block one per way through it.
+    states: BTreeMap<(u32, Pending), State>,
+    todo: Vec<(u32, Pending)>,
+    own: u32,
+    summary: Summary,
+}
+
+impl<'w, 'a> Walk<'w, 'a> {
+    fn through(
+        analysis: &'w mut Analysis<'a>,
+        entry: u32,
+        arguments: &'w Arguments,
+    ) -> Result<Summary> {
+        let mut walk = Self {
+            analysis,
+            entry,
+            arguments,
+            states: BTreeMap::new(),
+            todo: Vec::new(),
+            own: 0,
+            summary: Summary::default(),
+        };
+        walk.reach(entry, Vec::new(), State::entry(), entry)?;
+        while let Some((at, pending)) = walk.todo.pop() {
+            if let Some(state) = walk.states.get(&(at, pending.clone())).cloned() {
+                walk.instruction(at, &pending, state)?;
+            }
+        }
+        let mut summary = walk.summary;
+        if summary.chain.is_empty() || walk.own >= summary.worst {
+            summary.worst = walk.own;
+            summary.chain.clear();
+        }
+        summary.chain.insert(0, (entry, walk.own));
+        Ok(summary)
+    }
+
+    fn program(&self) -> &'a Program {
+        self.analysis.program
+    }
+
+    fn unbounded<T>(&self, at: u32, why: &str) -> Result<T> {
+        Err(Failure::Unbounded(Error::Unbounded {
+            routine: self.program().name(self.entry),
+            at,
+            why: format!("{why} ({})", self.program().name(at)),
+        }))
+    }
+
+    /// Merges `state` into what is known before `to`, reached from `from`.
+    fn reach(&mut self, to: u32, pending: Pending, state: State, from: u32) -> Result<()> {
+        if self.program().instruction(to).is_none() {
+            return self.unbounded(from, "the flow leaves the code");
+        }
+        if state.depth > 0 {
+            return self.unbounded(from, "more is popped than was pushed");
+        }
+        let used = state.depth.unsigned_abs();
+        if state.restarted {
+            self.summary.restarted = self.summary.restarted.max(used);
+        } else {
+            self.own = self.own.max(used);
+        }
+        let key = (to, pending);
+        let next = match self.states.get(&key) {
+            None => state,
+            Some(known) => match known.join(&state) {
+                None => return self.unbounded(to, "the frame size depends on the path"),
+                Some(joined) if joined == *known => return Ok(()),
+                Some(joined) => joined,
+            },
+        };
+        self.states.insert(key.clone(), next);
+        self.todo.push(key);
+        Ok(())
+    }
+
+    fn instruction(&mut self, at: u32, pending: &[Option<bool>], state: State) -> Result<()> {
+        let Some(instruction) = self.program().instruction(at) else {
+            return self.unbounded(at, "the flow leaves the code");
+        };
+        let next = at + instruction.length;
+        self.summary.float |= instruction.float;
+        if let Effect::IfThen(mask) = instruction.effect {
+            for condition in [true, false] {
+                let pending = it_block(mask).map(|then| Some(then == condition));
+                self.reach(next, pending.collect(), state.clone(), at)?;
+            }
+            return Ok(());
+        }
+        let (runs, mut rest) = match pending.split_first() {
+            None => (Some(true), Vec::new()),
+            Some((&runs, rest)) => (runs, rest.to_vec()),
+        };
+        let compares = matches!(
+            instruction.effect,
+            Effect::Compare | Effect::CompareConstant(..)
+        );
+        if compares && runs != Some(false) {
+            // New flags: the rest of the block may run or not.
+            rest.fill(None);
+        }
+        if runs != Some(true) {
+            self.reach(next, rest.clone(), state.clone(), at)?;
+        }
+        if runs != Some(false) {
+            self.execute(at, instruction.effect, state, next, rest)?;
+        }
+        Ok(())
+    }
+
+    fn execute(
+        &mut self,
+        at: u32,
+        effect: Effect,
+        mut state: State,
+        next: u32,
+        rest: Pending,
+    ) -> Result<()> {
+        if let Effect::Store(rt, rn, offset, bytes) = effect {
+            self.record_store(&state, rt, &state.get(rn).plus(offset), bytes);
+        }
+        let program = self.program();
+        if let (Effect::CompareConstant(rn, value), true) = (effect, rest.is_empty())
+            && let Some(branch) = program.instruction(next)
+            && let Effect::Branch(to, Some(condition)) = branch.effect
+        {
+            let targets = [to, next + branch.length];
+            return self.compare(next, (rn, value), condition, &state, targets);
+        }
+        if state.apply(effect, |address| program.word(address)) {
+            return self.reach(next, rest, state, at);
+        }
+        match effect {
+            Effect::Jump(to) => self.reach(to, Vec::new(), state, at),
+            Effect::Branch(to, _) => {
+                self.reach(to, Vec::new(), state.clone(), at)?;
+                self.reach(next, rest, state, at)
+            }
+            Effect::Call(to) => self.call(at, &[to], state, next, rest),
+            Effect::CallRegister(rm) => {
+                let targets = self.targets(at, &state.get(rm))?;
+                self.call(at, &targets, state, next, rest)
+            }
+            Effect::JumpRegister(rm) if state.get(rm) == Value::AtEntry(LR) => {
+                self.leave(at, &state)
+            }
+            Effect::JumpRegister(rm) => {
+                let targets = self.targets(at, &state.get(rm))?;
+                self.jump(at, targets.iter().map(|target| target & !1), &state)
+            }
+            Effect::Pop(list, bytes) => {
+                if state.popped_pc(list) != Value::AtEntry(LR) {
+                    return self.unbounded(at, "a return to an unknown address");
+                }
+                state.pop(list & !(1 << PC), bytes);
+                self.leave(at, &state)
+            }
+            Effect::TableJump(rn, halfwords) => {
+                let base = match state.get(rn) {
+                    Value::OneOf(words) if words.len() == 1 => words[0],
+                    _ if rn == PC => at + 4,
+                    _ => return self.unbounded(at, "a jump through an unknown table"),
+                };
+                match jump_table::offsets(program, at, base, halfwords) {
+                    Ok(targets) => self.jump(at, targets.into_iter(), &state),
+                    Err(why) => self.unbounded(at, why),
+                }
+            }
+            Effect::Trap => Ok(()),
+            Effect::Move(SP, rm) => self.set_stack(at, &state.get(rm), state, next, rest),
+            Effect::Add(_, rn, offset) => {
+                let value = state.get(rn).plus(offset);
+                self.set_stack(at, &value, state, next, rest)
+            }
+            Effect::AddRegister(_, rn, rm) => {
+                let value = state.get(rn).sum(&state.get(rm));
+                self.set_stack(at, &value, state, next, rest)
+            }
+            Effect::SetMainStack(rn) => {
+                if state.get(rn) != Value::word(program.stack.end) {
+                    return self.unbounded(at, "the stack pointer is set to an unknown value");
+                }
+                self.reach(next, rest, State::restart(), at)
+            }
+            _ => self.unbounded(at, "an unsupported instruction"),
+        }
+    }
+
+    fn jump(&mut self, at: u32, to: impl Iterator<Item = u32>, state: &State) -> Result<()> {
+        for target in to {
+            self.reach(target, Vec::new(), state.clone(), at)?;
+        }
+        Ok(())
+    }
+
+    /// The targets of a call or jump through a register.
+    fn targets(&self, at: u32, value: &Value) -> Result<Vec<u32>> {
+        let program = self.program();
+        if let Value::OneOf(words) = value {
+            return Ok(words.clone());
+        }
+        if let Value::RowOf(table) = value {
+            let rows = jump_table::branches(program, *table);
+            if rows.is_empty() {
+                return self.unbounded(at, "a jump into a table without branches");
+            }
+            return Ok(rows);
+        }
+        let name = program.name(self.entry);
+        let stated = self.analysis.options.calls.iter();
+        let stated =
+            stated.filter(|(caller, _)| name == **caller || name.ends_with(&format!("::{caller}")));
+        let stated: Vec<u32> = stated
+            .flat_map(|(_, callees)| callees)
+            .flat_map(|callee| program.functions(callee))
+            .collect();
+        match (value, stated.is_empty()) {
+            (_, false) => Ok(stated),
+            (Value::AtEntry(register), _) => match self.arguments.get(register) {
+                Some(words) => Ok(words.clone()),
+                None => Err(Failure::Needs(*register)),
+            },
+            _ => self.unbounded(at, "an indirect call to an unknown address"),
+        }
+    }
+
+    /// The summary of the routine at `entry`, with the arguments it needs taken from `state`.
+    fn callee(&mut self, at: u32, entry: u32, state: &State) -> Result<Summary> {
+        loop {
+            let needs = self.analysis.needs.get(&entry).cloned().unwrap_or_default();
+            let mut arguments = Arguments::new();
+            for register in needs {
+                arguments.insert(register, self.targets(at, &state.get(register))?);
+            }
+            match self.analysis.routine(entry, &arguments) {
+                Err(Failure::Needs(register)) if !arguments.contains_key(&register) => {}
+                known => return known,
+            }
+        }
+    }
+
+    /// A comparison with a constant and the conditional branch behind it, at `at`: each way is
+    /// followed with the values that take it.
+    fn compare(
+        &mut self,
+        at: u32,
+        (rn, constant): (u8, u32),
+        condition: u8,
+        state: &State,
+        [taken, behind]: [u32; 2],
+    ) -> Result<()> {
+        for (to, branches) in [(taken, true), (behind, false)] {
+            let value = state.get(rn);
+            if let Some(value) = value.retain(|word| holds(condition, word, constant) == branches) {
+                let mut state = state.clone();
+                state.set(rn, value);
+                self.reach(to, Vec::new(), state, at)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records a write to a known address, byte by byte.
+    fn record_store(&mut self, state: &State, rt: u8, to: &Value, bytes: u8) {
+        let Value::OneOf(addresses) = to else {
+            return;
+        };
+        for (address, nth) in addresses
+            .iter()
+            .flat_map(|address| (0..bytes).map(move |nth| (address, nth)))
+        {
+            let at = address.wrapping_add(u32::from(nth));
+            let stored = self.analysis.stores.entry(at).or_default();
+            match state.get(rt) {
+                Value::OneOf(words) => {
+                    let bytes = words
+                        .iter()
+                        .map(|word| word.to_le_bytes()[usize::from(nth)]);
+                    stored.extend(bytes);
+                }
+                _ => stored.extend([0, u8::MAX]),
+            }
+        }
+    }
+
+    fn set_stack(
+        &mut self,
+        at: u32,
+        value: &Value,
+        mut state: State,
+        next: u32,
+        rest: Pending,
+    ) -> Result<()> {
+        let Value::Stack(depth) = *value else {
+            return self.unbounded(at, "a frame of unknown size");
+        };
+        state.set_depth(depth);
+        self.reach(next, rest, state, at)
+    }
+
+    fn call(
+        &mut self,
+        at: u32,
+        callees: &[u32],
+        mut state: State,
+        next: u32,
+        rest: Pending,
+    ) -> Result<()> {
+        let (mut returns, mut clobbers) = (false, CALLER_SAVED);
+        for callee in callees {
+            let callee = callee & !1;
+            if self.program().instruction(callee).is_none() {
+                return self.unbounded(at, "a call of what is no code");
+            }
+            let known = self.callee(at, callee, &state)?;
+            let used = state.depth.unsigned_abs() + known.worst;
+            let summary = &mut self.summary;
+            if state.restarted {
+                summary.restarted = summary.restarted.max(used);
+            } else if used > summary.worst {
+                summary.worst = used;
+                summary.chain.clone_from(&known.chain);
+            }
+            summary.restarted = summary.restarted.max(known.restarted);
+            summary.float |= known.float;
+            returns |= known.returns;
+            clobbers |= known.clobbers;
+        }
+        if !returns {
+            return Ok(());
+        }
+        state.forget(clobbers);
+        self.reach(next, rest, state, at)
+    }
+
+    fn leave(&mut self, at: u32, state: &State) -> Result<()> {
+        if state.depth != 0 {
+            return self.unbounded(at, "a return with words left on the stack");
+        }
+        self.summary.returns = true;
+        self.summary.clobbers |= state.clobbered();
+        Ok(())
+    }
+}
+
+/// Whether a condition holds after `one` was compared with `other` (A7.3).
+fn holds(condition: u8, one: u32, other: u32) -> bool {
+    let (difference, borrow) = one.overflowing_sub(other);
+    let (_, overflow) = one.cast_signed().overflowing_sub(other.cast_signed());
+    let negative = difference >> 31 == 1;
+    let equal = difference == 0;
+    let held = match condition >> 1 {
+        0 => equal,
+        1 => !borrow,
+        2 => negative,
+        3 => overflow,
+        4 => !borrow && !equal,
+        5 => negative == overflow,
+        _ => negative == overflow && !equal,
+    };
+    held == (condition & 1 == 0)
+}
