@@ -3,7 +3,7 @@
 use object::read::elf::ElfFile32;
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags};
 
-use crate::error::{Error, Result};
+use crate::error::{Context, Result};
 
 /// A 32-bit ELF in memory.
 pub struct Elf<'a> {
@@ -25,11 +25,8 @@ const RAM: std::ops::Range<u64> = 0x2000_0000..0x2002_0000;
 const SHF_ALLOC: u64 = 2;
 
 impl<'a> Elf<'a> {
-    /// # Errors
-    /// Where these bytes are no 32-bit ELF.
     pub fn parse(bytes: &'a [u8]) -> Result<Self> {
-        let file = ElfFile32::parse(bytes)
-            .map_err(|error| Error::Failed(format!("the firmware is no readable ELF: {error}")))?;
+        let file = ElfFile32::parse(bytes).context("the firmware is no readable ELF")?;
         Ok(Self { bytes, file })
     }
 
@@ -63,18 +60,13 @@ impl<'a> Elf<'a> {
     }
 
     /// What is wrong with the vector table: entries that can be taken but are not handled.
-    ///
-    /// # Errors
-    /// Where there is no table at the start of the flash.
     pub fn bad_vectors(&self) -> Result<Vec<String>> {
-        let table = self.file.sections().find(|section| {
+        let mut tables = self.file.sections().filter(|section| {
             allocated(section) && section.address() == FLASH.start && section.size() >= 64
         });
-        let words = table.and_then(|table| table.data().ok());
-        let words = words.ok_or_else(|| {
-            Error::Failed("no vector table at the start of the flash (0x08000000)".into())
-        })?;
-        let words = words.chunks_exact(4);
+        let table = tables.next().and_then(|table| table.data().ok());
+        let table = table.context("no vector table at the start of the flash (0x08000000)")?;
+        let words = table.chunks_exact(4);
         let words = words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
         Ok(judge_vectors(&words.collect::<Vec<_>>()))
     }
@@ -122,80 +114,43 @@ fn judge_vectors(words: &[u32]) -> Vec<String> {
 
 /// A kind of code that must not be in the release ELF.
 pub struct Banned {
-    /// Why not.
-    pub what: &'static str,
-    /// Pieces of mangled names, of the old and of the new mangling.
-    pub pieces: &'static [&'static str],
+    /// What it is.
+    pub name: &'static str,
+    /// Pieces of mangled names, of the old and of the new mangling, parted by blanks.
+    pieces: &'static str,
 }
 
 /// Everything a proven core has no use for.
 // Requirement: DOC-3.1-2
 pub const BANNED: [Banned; 4] = [
     Banned {
-        what: "a panic path",
-        pieces: &[
-            "4core9panicking",
-            "rust_begin_unwind",
-            "_fail17h",
-            "unwrap_failed",
-            "expect_failed",
-            "slice_error_fail",
-            "10panic_impl",
-        ],
+        name: "a panic path",
+        pieces: "4core9panicking rust_begin_unwind _fail17h unwrap_failed expect_failed \
+                 slice_error_fail 10panic_impl",
     },
     Banned {
-        what: "text formatting",
-        pieces: &["4core3fmt", "3fmt9Formatter", "3fmt5write"],
+        name: "text formatting",
+        pieces: "4core3fmt 3fmt9Formatter 3fmt5write",
     },
     Banned {
-        what: "a software floating-point helper",
-        pieces: &[
-            "__aeabi_d",
-            "__aeabi_f2d",
-            "__aeabi_i2d",
-            "__aeabi_ui2d",
-            "__aeabi_l2d",
-            "__aeabi_ul2d",
-            "__aeabi_cd",
-            "__aeabi_f",
-            "__adddf3",
-            "__subdf3",
-            "__muldf3",
-            "__divdf3",
-            "__extendsfdf2",
-            "__truncdfsf2",
-            "__floatsidf",
-            "__floatunsidf",
-            "__floatdidf",
-            "__floatundidf",
-            "__fixdfsi",
-            "__fixdfdi",
-            "__fixunsdfsi",
-            "__fixunsdfdi",
-            "__gedf2",
-            "__ledf2",
-            "__eqdf2",
-            "__unorddf2",
-        ],
+        name: "a software floating-point helper",
+        pieces: "__aeabi_d __aeabi_f2d __aeabi_i2d __aeabi_ui2d __aeabi_l2d __aeabi_ul2d \
+                 __aeabi_cd __aeabi_f __adddf3 __subdf3 __muldf3 __divdf3 __extendsfdf2 \
+                 __truncdfsf2 __floatsidf __floatunsidf __floatdidf __floatundidf __fixdfsi \
+                 __fixdfdi __fixunsdfsi __fixunsdfdi __gedf2 __ledf2 __eqdf2 __unorddf2",
     },
     Banned {
-        what: "a heap",
-        pieces: &[
-            "__rust_alloc",
-            "__rust_dealloc",
-            "__rg_alloc",
-            "5alloc5",
-            "_5alloc",
-            "malloc",
-        ],
+        name: "a heap",
+        pieces: "__rust_alloc __rust_dealloc __rg_alloc 5alloc5 _5alloc malloc",
     },
 ];
 
 impl Banned {
     /// The symbols of this kind.
     pub fn among<'a>(&self, symbols: &[&'a str]) -> Vec<&'a str> {
-        let hit = |symbol: &&&str| self.pieces.iter().any(|piece| symbol.contains(piece));
-        symbols.iter().filter(hit).copied().collect()
+        let mut found = symbols.to_vec();
+        found.retain(|symbol| self.pieces.split(' ').any(|piece| symbol.contains(piece)));
+        found
     }
 }
 
@@ -205,7 +160,7 @@ mod tests {
 
     // Requirement: WIRE-safe-1
     #[test]
-    fn a_full_table_is_good_and_a_hole_in_it_is_not() {
+    fn vector_table_with_a_hole_is_named() {
         let mut words = vec![0x0800_0201; VECTORS];
         words[0] = 0x2002_0000;
         for (entry, word) in words.iter_mut().enumerate() {
@@ -216,21 +171,13 @@ mod tests {
         assert!(judge_vectors(&words).is_empty());
         words[16 + 35] = 0;
         words[3] = 0x0800_0200;
-        assert_eq!(
-            judge_vectors(&words).len(),
-            2,
-            "{:?}",
-            judge_vectors(&words)
-        );
-        assert_eq!(
-            judge_vectors(&words[..90]).len(),
-            3,
-            "a short table is said to be short"
-        );
+        assert_eq!(judge_vectors(&words).len(), 2);
+        // One more finding: the table is too short.
+        assert_eq!(judge_vectors(&words[..90]).len(), 3);
     }
 
     #[test]
-    fn the_stack_must_start_in_ram_and_aligned() {
+    fn stack_start_outside_ram_or_unaligned_is_named() {
         let mut words = vec![0x0800_0201; VECTORS];
         for start in [0, 0x0800_0000, 0x2001_fffc, 0x2002_0008] {
             words[0] = start;
@@ -240,7 +187,7 @@ mod tests {
 
     // Requirement: DOC-3.1-2
     #[test]
-    fn banned_names_are_found_in_both_manglings() {
+    fn banned_symbol_is_found_in_both_manglings() {
         let symbols = [
             "_ZN4core9panicking9panic_fmt17h0123456789abcdefE",
             "_RNvNtCs1234_4core9panicking5panic",
@@ -250,10 +197,7 @@ mod tests {
             "__aeabi_uldivmod",
             "_RNvCs_6fw_pac4main",
         ];
-        let found: Vec<_> = BANNED
-            .iter()
-            .map(|kind| kind.among(&symbols).len())
-            .collect();
+        let found = BANNED.each_ref().map(|kind| kind.among(&symbols).len());
         assert_eq!(found, [2, 1, 1, 0]);
     }
 }

@@ -2,164 +2,99 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::arm::Arm;
-use crate::elf::Elf;
-use crate::error::{failed, Of, Result};
-use crate::place::Place;
-use crate::shell;
-
-/// Which of the two firmwares.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Edition {
-    /// Every optional part, fast where it counts.
-    #[default]
-    Full,
-    /// No optional part, small throughout, for 32 KiB of flash.
-    Minimal,
-}
-
-impl Edition {
-    /// What is built and checked.
-    pub const ALL: [Self; 1] = [Self::Full];
-
-    /// The ELF's name without its extension.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Full => "fw-pac",
-            Self::Minimal => "fw-pac-minimal",
-        }
-    }
-
-    /// Its section in `ci/budget.toml`.
-    pub const fn budget(self) -> &'static str {
-        match self {
-            Self::Full => "firmware.at_most",
-            Self::Minimal => "minimal_firmware.at_most",
-        }
-    }
-
-    const fn profile(self) -> &'static str {
-        match self {
-            Self::Full => "firmware",
-            Self::Minimal => "firmware-minimal",
-        }
-    }
-
-    /// What the compiler is told beside the profile: the core it runs on, and for the minimal one
-    /// to inline only where that makes the code smaller.
-    const fn flags(self) -> &'static [&'static str] {
-        match self {
-            Self::Full => &["-C", "target-cpu=cortex-m4"],
-            Self::Minimal => &[
-                "-C",
-                "target-cpu=cortex-m4",
-                "-C",
-                "llvm-args=-inline-threshold=0",
-            ],
-        }
-    }
-}
+use crate::elf::{Elf, Sizes};
+use crate::error::{ensure, Context, Result};
+use crate::process;
+use crate::toolchain::{Toolchain, TARGET};
+use crate::workspace::Workspace;
 
 /// A built ELF, kept apart from builds with other features.
 pub struct Image {
-    /// The file.
     pub path: PathBuf,
-    /// What it occupies.
-    pub sizes: crate::elf::Sizes,
+    pub sizes: Sizes,
 }
 
-/// Builds the firmware of this workspace with `features` beside those of its edition (comma-separated,
-/// `""` for what is flashed).
-///
-/// # Errors
-/// Where cargo fails or the ELF cannot be read.
-pub fn build(place: &Place, arm: &Arm, edition: Edition, features: &str) -> Result<Image> {
-    let built = build_in(place, arm, &place.root, &arm.target_dir, edition, features)?;
-    let mut name = String::from(edition.name());
-    for feature in features.split(',').filter(|feature| !feature.is_empty()) {
-        name.push('-');
-        name.push_str(feature);
+impl Image {
+    pub fn bytes(&self) -> Result<Vec<u8>> {
+        std::fs::read(&self.path).with_context(|| self.path.display().to_string())
     }
-    // Cargo keeps one file whatever the features: a copy per set of features stays valid.
-    let path = arm.target_dir.join("elf").join(format!("{name}.elf"));
-    shell::copy(&built, &path)?;
-    let bytes = std::fs::read(&path).of(path.display())?;
-    let sizes = Elf::parse(&bytes)?.sizes();
-    println!(
-        "firmware: {}: flash {} bytes, static RAM {} bytes",
-        place.short(&path),
-        sizes.flash,
-        sizes.ram
-    );
-    Ok(Image { path, sizes })
 }
 
-/// Builds the firmware of the workspace in `root`, into `target_dir`; where cargo left the ELF.
-///
-/// # Errors
-/// Where cargo fails.
+/// Builds the firmware of this workspace with `features` (comma-separated, `""` for what is flashed).
+pub fn build(workspace: &Workspace, toolchain: &Toolchain, features: &str) -> Result<Image> {
+    let built = build_in(
+        workspace,
+        toolchain,
+        &workspace.root,
+        &toolchain.target_dir,
+        features,
+    )?;
+    let parts =
+        std::iter::once("fw-pac").chain(features.split(',').filter(|name| !name.is_empty()));
+    let name = parts.collect::<Vec<_>>().join("-");
+    // Cargo keeps one file whatever the features: a copy per set of features stays valid.
+    let path = toolchain.target_dir.join(format!("elf/{name}.elf"));
+    copy(&built, &path)?;
+    let mut image = Image {
+        path,
+        sizes: Sizes::default(),
+    };
+    image.sizes = Elf::parse(&image.bytes()?)?.sizes();
+    let (file, Sizes { flash, ram }) = (workspace.relative(&image.path), image.sizes);
+    println!("firmware: {file}: flash {flash} bytes, static RAM {ram} bytes");
+    Ok(image)
+}
+
+/// Builds the firmware of the workspace in `root` into `target_dir`; returns where cargo left the ELF.
 pub fn build_in(
-    place: &Place,
-    arm: &Arm,
+    workspace: &Workspace,
+    toolchain: &Toolchain,
     root: &Path,
     target_dir: &Path,
-    edition: Edition,
     features: &str,
 ) -> Result<PathBuf> {
-    let mut words = vec![
-        "build",
-        "--locked",
-        "--package",
-        "fw-pac",
-        "--profile",
-        edition.profile(),
-    ];
-    let target_word = target_dir.to_string_lossy();
-    words.extend(["--target-dir", &target_word]);
-    if !features.is_empty() {
-        words.extend(["--features", features]);
-    }
-    shell::run(&mut arm.cargo(place, root, &words, &flags(arm, root, edition)))?;
-    let elf = target_dir
-        .join(crate::arm::TARGET)
-        .join(edition.profile())
-        .join("fw-pac");
-    if elf.is_file() {
-        Ok(elf)
-    } else {
-        failed(format!("cargo built no {}", elf.display()))
-    }
+    let words = "build --locked --package fw-pac --profile firmware";
+    let mut cargo = toolchain.cargo(workspace, root, words, &flags(toolchain, root));
+    cargo
+        .arg("--target-dir")
+        .arg(target_dir)
+        .args(["--features", features]);
+    process::run(cargo)?;
+    let elf = target_dir.join(TARGET).join("firmware/fw-pac");
+    ensure!(elf.is_file(), "cargo built no {}", elf.display());
+    Ok(elf)
 }
 
-/// The compiler's flags: the edition's own, and every path of this machine under a name that is the
-/// same on all.
-fn flags(arm: &Arm, root: &Path, edition: Edition) -> Vec<String> {
-    let mut names: Vec<(PathBuf, String)> = vec![(cargo_home(), "/cargo".into())];
+/// The compiler's flags: the core it builds for, and a name that is the same on every machine for
+/// every path of this one.
+fn flags(toolchain: &Toolchain, root: &Path) -> Vec<String> {
+    let mut names = vec![(cargo_home(), "/cargo"), (root.to_path_buf(), "/robot")];
+    names.extend(toolchain.remap.iter().cloned());
     // Each registry's folder carries a hash of its address: give it a name without.
     let registries = std::fs::read_dir(cargo_home().join("registry/src"));
-    for folder in registries.into_iter().flatten().flatten() {
-        names.push((folder.path(), "/registry".into()));
-    }
-    names.extend(
-        arm.remap
-            .iter()
-            .map(|(from, to)| (from.clone(), (*to).to_owned())),
-    );
-    names.push((root.to_path_buf(), "/robot".into()));
+    let registries = registries.into_iter().flatten().flatten();
+    names.extend(registries.map(|folder| (folder.path(), "/registry")));
     // rustc takes the last prefix that fits, so the longest must come last.
     names.sort_by_key(|(from, _)| from.as_os_str().len());
-    let renamed = names
-        .iter()
-        .map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display()));
-    let own = edition.flags().iter().map(|&flag| flag.to_owned());
-    own.chain(renamed).collect()
+    let mut flags = vec!["-Ctarget-cpu=cortex-m4".to_owned()];
+    flags.extend(
+        names
+            .iter()
+            .map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display())),
+    );
+    flags
 }
 
 /// Where cargo keeps its registry.
 pub fn cargo_home() -> PathBuf {
-    let home = || std::env::var_os("HOME").map(|home| Path::new(&home).join(".cargo"));
-    std::env::var_os("CARGO_HOME")
-        .map(PathBuf::from)
-        .or_else(home)
-        .unwrap_or_default()
+    let home = || Path::new(&std::env::var_os("HOME").unwrap_or_default()).join(".cargo");
+    std::env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from)
+}
+
+/// Copies `from` to `to`, making the folder of `to`.
+pub fn copy(from: &Path, to: &Path) -> Result<()> {
+    let copied = to.parent().map_or(Ok(()), std::fs::create_dir_all);
+    let copied = copied.and_then(|()| std::fs::copy(from, to));
+    copied.with_context(|| format!("{} to {}", from.display(), to.display()))?;
+    Ok(())
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use tinyjson::JsonValue;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Reads what `who` said.
 ///
@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 /// Where it is no JSON.
 pub fn parse(text: &str, who: &str) -> Result<JsonValue> {
     let value = text.parse::<JsonValue>();
-    value.map_err(|error| Error::Failed(format!("{who}: {error}")))
+    value.map_err(|error| crate::error::anyhow!(format!("{who}: {error}")))
 }
 
 /// The entries of a list; none where there is no list.

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use crate::error::{Of, Result};
+use crate::compat::Of;
+use crate::error::Result;
 use crate::shell;
 
 /// Makes `to` a copy of `root` without what was built; files that are equal are left alone and keep

@@ -6,7 +6,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::error::{failed, Error, Of, Result};
+use crate::compat::{failed, Of};
+use crate::error::{Error, Failure, Result};
 
 /// The command as one could type it, without its environment.
 pub fn shown(command: &Command) -> String {
@@ -38,9 +39,11 @@ fn ended(command: &Command, status: ExitStatus) -> Result<()> {
 fn cannot_start(command: &Command, error: &std::io::Error) -> Error {
     let program = command.get_program().to_string_lossy();
     if error.kind() == std::io::ErrorKind::NotFound {
-        Error::Missing(format!("{program} is not installed"))
+        Error::new(Failure::MissingProgram(format!(
+            "{program} is not installed"
+        )))
     } else {
-        Error::Failed(format!("{program} cannot be started: {error}"))
+        crate::error::anyhow!("{program} cannot be started: {error}")
     }
 }
 

@@ -1,18 +1,53 @@
-//! The stack bound of this robot's firmware.
+//! The stack bound of this robot's firmware, by `ci/stack-bound`.
 
-use stack_bound::{bound, Options, Report};
+use std::path::Path;
 
-use crate::error::{Error, Result};
+use crate::error::{ensure, Context, Result};
+use crate::process;
+use crate::workspace::Workspace;
 
-/// Computes the bound of an ELF for the STM32F411: 4 priority bits, RAM from `0x2000_0000`.
-///
-/// # Errors
-/// Names what has no bound, or why an overflow would not fault.
-pub fn worst_case(elf: &[u8]) -> Result<Report> {
-    let options = Options {
-        priority_bits: 4,
-        ram_start: Some(0x2000_0000),
-        ..Options::default()
-    };
-    bound(elf, &options).map_err(|error| Error::Failed(error.to_string()))
+/// The worst case of an ELF, bytes.
+pub struct Bound {
+    pub worst: u32,
+    pub reserved: u32,
+}
+
+/// Computes the bound of an ELF for the STM32F411, prints it with the calls that lead there. An error
+/// is what has no bound, or why an overflow would not fault.
+pub fn bound(workspace: &Workspace, elf: &Path) -> Result<Bound> {
+    let options = "--priority-bits 4 --ram-start 0x20000000";
+    let words = format!("run --quiet --package stack-bound -- {options}");
+    let mut stack_bound = workspace.cargo(&words);
+    stack_bound.arg(elf);
+    let (status, text) = process::tee(stack_bound, |_| true)?;
+    let bound = parse(&text);
+    ensure!(
+        bound.is_some() || !status.success(),
+        "stack-bound printed no bound"
+    );
+    bound.with_context(|| text.trim().lines().last().unwrap_or_default().to_owned())
+}
+
+/// `at most 4664 of 8192 bytes (…)`
+fn parse(text: &str) -> Option<Bound> {
+    let line = text
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("at most "))?;
+    let mut words = line.split(' ');
+    let worst = words.next()?.parse().ok()?;
+    let reserved = words.nth(1)?.parse().ok()?;
+    Some(Bound { worst, reserved })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bound_is_read_from_the_last_line() {
+        let text = "  thread  40 bytes\n  at most 4664 of 8192 bytes (5000 if every handler …), 9 routines\n";
+        let Bound { worst, reserved } = parse(text).unwrap();
+        assert_eq!((worst, reserved), (4664, 8192));
+        assert!(parse("stack-bound: recursion: a -> a\n").is_none());
+    }
 }

@@ -15,7 +15,8 @@
 
 use std::path::Path;
 
-use crate::error::{failed, Of, Result};
+use crate::compat::{failed, Of};
+use crate::error::Result;
 
 /// Who is asked whether it notices.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,13 +7,13 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use crate::arm::Arm;
+use crate::compat::Place;
+use crate::compat::{failed, Of};
 use crate::elf::{Elf, BANNED};
-use crate::error::{failed, Error, Of, Result};
-use crate::firmware::{self, Edition};
+use crate::error::Result;
+use crate::firmware;
 use crate::mirror::mirror;
-use crate::place::Place;
-use crate::robot::cargo_with_board;
+use crate::toolchain::Toolchain as Arm;
 use crate::{shell, stack};
 pub use list::Defect;
 use list::{Gate, Judge};
@@ -60,7 +60,7 @@ pub fn listed(place: &Place, defects: &[Defect]) -> Result<usize> {
 /// A copy of the workspace to spoil, with a target folder of its own.
 pub struct Bench<'a> {
     place: &'a Place,
-    arm: Option<Arm>,
+    arm: Option<&'a Arm>,
     root: PathBuf,
     target: PathBuf,
 }
@@ -74,7 +74,7 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     /// Names the file that cannot be copied.
-    pub fn set_up(place: &'a Place, arm: Option<Arm>) -> Result<Self> {
+    pub fn set_up(place: &'a Place, arm: Option<&'a Arm>) -> Result<Self> {
         let folder = place.target.join("defects");
         let root = folder.join("workspace");
         mirror(&place.root, &place.target, &root)?;
@@ -125,7 +125,7 @@ impl<'a> Bench<'a> {
 
     /// Runs tests of the copy; those that failed.
     fn tests(&self, which: &[&str], filter: &str) -> Result<Option<String>> {
-        let mut cargo = self.place.cargo();
+        let mut cargo = self.place.cargo("");
         cargo
             .current_dir(&self.root)
             .args(["test", "--locked", "--no-fail-fast"]);
@@ -141,13 +141,13 @@ impl<'a> Bench<'a> {
     }
 
     fn on_the_elf(&self, judge: &Judge) -> Result<Option<String>> {
-        let no_way = || Error::SetUp("no way to build the firmware".into());
+        let no_way = || crate::error::Failure::NoToolchain("no way to build the firmware".into());
         let arm = self.arm.as_ref().ok_or_else(no_way)?;
         let (root, target) = (&self.root, &self.target);
-        let elf = firmware::build_in(self.place, arm, root, target, Edition::Full, "")?;
+        let elf = firmware::build_in(self.place, arm, root, target, "")?;
         let bytes = std::fs::read(&elf).of(elf.display())?;
         match judge.gate {
-            Gate::Stack => Ok(stack::worst_case(&bytes)
+            Gate::Stack => Ok(stack::bound(self.place, &elf)
                 .err()
                 .map(|error| error.to_string())),
             Gate::Loop => {
@@ -161,7 +161,7 @@ impl<'a> Bench<'a> {
                     file,
                     filter,
                 ];
-                let mut cargo = cargo_with_board(self.place, &words)?;
+                let mut cargo = self.place.cargo_with_board(&words.join(" "))?;
                 failures(cargo.env("ROBOT_ELF", &elf))
             }
             _ => {
@@ -170,7 +170,7 @@ impl<'a> Bench<'a> {
                 let mut found = BANNED
                     .iter()
                     .filter(|kind| !kind.among(&symbols).is_empty());
-                Ok(found.next().map(|kind| kind.what.to_owned()))
+                Ok(found.next().map(|kind| kind.name.to_owned()))
             }
         }
     }
@@ -206,11 +206,11 @@ fn failures(command: &mut std::process::Command) -> Result<Option<String>> {
 ///
 /// # Errors
 /// Names those that nobody noticed.
-pub fn run(place: &Place, arm: Option<Arm>, only: &[String]) -> Result<()> {
+pub fn run(place: &Place, arm: Option<&Arm>, only: &[String]) -> Result<()> {
     let defects = all(place)?;
     let known = |name: &String| defects.iter().any(|defect| defect.name == *name);
     if let Some(unknown) = only.iter().find(|name| !known(name)) {
-        return Err(Error::Usage(format!("no defect is called {unknown}")));
+        return Err(crate::error::Failure::Usage(format!("no defect is called {unknown}")).into());
     }
     let bench = Bench::set_up(place, arm)?;
     let file = place.root.join(TABLE);

@@ -1,186 +1,114 @@
-//! Gates on the proofs: how many there are, Kani, the fuzz targets.
+//! Gates on the proofs and on what the tests notice: Kani, fuzz targets, mutants, seeded defects.
 
-use super::{passed, skipped, Context, Verdict};
+use serde_json::{Map, Value};
+
+use super::check_bars;
+use super::Outcome::{self, Passed, Skipped};
 use crate::defects::{self, Bench};
-use crate::error::{failed, Error, Result};
+use crate::error::{Context, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
-use crate::kani;
 use crate::mutants::{self, Said};
+use crate::session::Session;
 use crate::shard::Shard;
-use crate::shell;
+use crate::{coverage, kani, process};
 
 /// The theorems' table against its floors: a proof that went missing fails here.
-pub fn floors(context: &mut Context) -> Result<Verdict> {
-    let list = [
-        "run",
-        "--quiet",
-        "--package",
-        "proofs",
-        "--example",
-        "theorems",
-    ];
-    let text = shell::ask(context.place.cargo().args(list));
-    let Some(text) = text else {
-        return failed("`cargo run -p proofs --example theorems` failed");
+pub fn floors(session: &Session) -> Result<Outcome> {
+    let words = "run --quiet --package proofs --example theorems";
+    let list = process::output(session.workspace.cargo(words));
+    let counts = counts(&list.with_context(|| format!("`cargo {words}` failed"))?)?;
+    let figures = counts.iter().map(|(name, count)| format!("{count} {name}"));
+    let figures = figures.collect::<Vec<_>>().join(", ");
+    check_bars(session, "proofs", Value::Object(counts))?;
+    Ok(Passed(figures))
+}
+
+/// The rows of each kind, and the sums of the columns, by the names in the list's first line.
+fn counts(list: &str) -> Result<Map<String, Value>> {
+    let mut rows = list
+        .lines()
+        .map(|line| line.split('\t').collect::<Vec<_>>());
+    let head = rows.next().unwrap_or_default();
+    let rows: Vec<_> = rows.collect();
+    let column = |name: &str| {
+        let at = head.iter().position(|found| *found == name);
+        let at = at.with_context(|| format!("the theorems' list has no column {name}"))?;
+        Ok::<_, Error>(rows.iter().filter_map(move |row| row.get(at).copied()))
     };
-    let counts = Counts::of(&text)?;
-    let mut below = Vec::new();
-    for (key, floor) in context.budget()?.section("proofs.at_least") {
-        let Some(number) = counts.get(key) else {
-            return failed(format!("ci/budget.toml: proofs has no figure {key}"));
-        };
-        let number = f64::from(number);
-        if number < floor {
-            below.push(format!(
-                "{number} {key}, the floor of ci/budget.toml is {floor}"
-            ));
-        } else if number > floor {
-            println!("  {number} {key}: the floor of ci/budget.toml can be raised from {floor}");
-        }
+    let mut counts = Map::new();
+    let theorems = column("kind")?.filter(|kind| *kind == "theorem").count();
+    counts.insert("theorems".into(), theorems.into());
+    counts.insert("sampled".into(), (rows.len() - theorems).into());
+    for name in ["harnesses", "covers", "tests"] {
+        // A count, or names parted by commas.
+        let names = |cell: &str| cell.split(',').filter(|name| !name.is_empty()).count();
+        let sum: usize = column(name)?
+            .map(|cell| cell.parse().unwrap_or_else(|_| names(cell)))
+            .sum();
+        counts.insert(name.into(), sum.into());
     }
-    if !below.is_empty() {
-        return failed(below.join("; "));
-    }
-    let Counts {
-        theorems,
-        sampled,
-        harnesses,
-        covers,
-        tests,
-    } = counts;
-    passed(format!(
-        "{theorems} theorems, {sampled} sampled properties, {harnesses} harnesses, {covers} covers, {tests} tests"
-    ))
+    Ok(counts)
 }
 
-/// What `proofs` declares.
-#[derive(Debug, Default, PartialEq, Eq)]
-struct Counts {
-    theorems: u32,
-    sampled: u32,
-    harnesses: u32,
-    covers: u32,
-    tests: u32,
-}
-
-impl Counts {
-    /// Sums the columns of the theorems' list, by the names in its first line.
-    fn of(list: &str) -> Result<Self> {
-        let mut rows = list
-            .lines()
-            .map(|line| line.split('\t').collect::<Vec<_>>());
-        let head = rows.next().unwrap_or_default();
-        let column = |name: &str| {
-            let missing = || Error::Failed(format!("the theorems' list has no column {name}"));
-            head.iter()
-                .position(|&found| found == name)
-                .ok_or_else(missing)
-        };
-        let (kind, harnesses) = (column("kind")?, column("harnesses")?);
-        let (covers, tests) = (column("covers")?, column("tests")?);
-        let mut counts = Self::default();
-        for row in rows {
-            let number = |at: usize| {
-                row.get(at)
-                    .and_then(|cell| cell.parse().ok())
-                    .unwrap_or(0_u32)
-            };
-            let theorem = row.get(kind) == Some(&"theorem");
-            counts.theorems += u32::from(theorem);
-            counts.sampled += u32::from(!theorem);
-            counts.harnesses += number(harnesses);
-            counts.covers += number(covers);
-            let named = row.get(tests).map_or(0, |cell| {
-                cell.split(',').filter(|name| !name.is_empty()).count()
-            });
-            counts.tests += u32::try_from(named).unwrap_or(u32::MAX);
-        }
-        Ok(counts)
-    }
-
-    fn get(&self, key: &str) -> Option<u32> {
-        match key {
-            "theorems" => Some(self.theorems),
-            "sampled" => Some(self.sampled),
-            "harnesses" => Some(self.harnesses),
-            "covers" => Some(self.covers),
-            "tests" => Some(self.tests),
-            _ => None,
-        }
-    }
-}
-
-pub fn kani(context: &mut Context) -> Result<Verdict> {
-    match kani::version(&context.place) {
-        None => skipped(kani::MISSING),
-        Some(version) => {
-            let figure = kani::prove(&context.place, Shard::ALL)?;
-            passed(format!("{version}: {figure}"))
-        }
-    }
-}
-
-/// Every target on the same inputs each time, as far as the time goes; finding new ones is for the
-/// night.
-pub fn fuzz(context: &mut Context) -> Result<Verdict> {
-    // The corpora hold what long runs learned; new ground is for `cargo xtask fuzz` and the night.
-    const INPUTS: u32 = 500_000;
-    const SECONDS: u32 = 30;
-    let fuzzer = match Fuzzer::find(&context.place) {
-        Err(Error::Missing(reason)) => return skipped(reason),
-        found => found?,
+pub fn kani(session: &Session) -> Result<Outcome> {
+    let Some(version) = kani::version(&session.workspace) else {
+        return Ok(Skipped(kani::MISSING.into()));
     };
+    let figure = kani::prove(&session.workspace, Shard::ALL)?;
+    Ok(Passed(format!("{version}: {figure}")))
+}
+
+/// Every target on the same inputs each time, as far as the time goes; the nightly workflow looks for
+/// new ones.
+pub fn fuzz(session: &Session) -> Result<Outcome> {
+    let fuzzer = Fuzzer::find(&session.workspace)?;
     fuzzer.build()?;
-    let targets = fuzzer.targets()?;
-    let done = fuzzer.run_all(&targets, Effort::Inputs(INPUTS, SECONDS));
-    let mut broken = Vec::new();
-    let (mut executions, mut edges, mut least) = (0, 0, u64::MAX);
-    for (target, ran) in &done {
-        match ran {
-            Ok(figures) => {
-                println!("  {target}: {figures}");
-                executions += figures.executions;
-                edges += figures.edges;
-                least = least.min(figures.executions);
-            }
-            Err(error) => broken.push(error.to_string()),
-        }
-    }
-    if broken.is_empty() {
-        passed(format!(
-            "{} targets, {executions} executions, {least} at least, {edges} edges reached",
-            targets.len()
-        ))
-    } else {
-        failed(broken.join("; "))
-    }
+    Ok(Passed(fuzzer.run_all(
+        &fuzzer.targets()?,
+        Effort::Inputs(500_000, 30),
+    )?))
+}
+
+pub fn coverage(session: &Session) -> Result<Outcome> {
+    Ok(Passed(coverage::run(&session.workspace)?))
 }
 
 /// Every seeded defect fits the code, and the table says nothing that is no longer so; the samples
 /// are tried.
-pub fn defects(context: &mut Context) -> Result<Verdict> {
-    let all = defects::all(&context.place)?;
-    let listed = defects::listed(&context.place, &all)?;
-    let bench = Bench::set_up(&context.place, None)?;
+pub fn defects(session: &Session) -> Result<Outcome> {
+    let workspace = &session.workspace;
+    let all = defects::all(workspace)?;
+    let listed = defects::listed(workspace, &all)?;
+    let bench = Bench::set_up(workspace, None)?;
     let mut caught = Vec::new();
     for defect in all.iter().filter(|defect| defect.sample) {
         println!("  {}: {}", defect.name, defect.what);
         bench.try_one(defect)?;
         caught.push(defect.name.as_str());
     }
-    passed(format!(
-        "{} fit the code, {listed} in the table; caught again: {}",
-        all.len(),
-        caught.join(", ")
-    ))
+    let (all, caught) = (all.len(), caught.join(", "));
+    Ok(Passed(format!(
+        "{all} fit the code, {listed} in the table; caught again: {caught}"
+    )))
 }
 
-/// The mutants of the lines that changed in the core; all of them are for the night.
-pub fn mutants(context: &mut Context) -> Result<Verdict> {
-    match mutants::of_the_change(&context.place)? {
-        Said::Good(figure) => passed(figure),
-        Said::Nothing(reason) => skipped(reason),
-    }
+pub fn all_defects(session: &Session) -> Result<Outcome> {
+    defects::run(&session.workspace, session.toolchain().ok(), &[])?;
+    Ok(Passed(String::new()))
+}
+
+/// The mutants of the lines that changed in the core.
+pub fn mutants(session: &Session) -> Result<Outcome> {
+    Ok(match mutants::of_the_change(&session.workspace)? {
+        Said::Good(figure) => Passed(figure),
+        Said::Nothing(reason) => Skipped(reason),
+    })
+}
+
+/// All mutants of the core.
+pub fn all_mutants(session: &Session) -> Result<Outcome> {
+    mutants::run(&session.workspace, &mutants::Choice::default())?;
+    Ok(Passed(String::new()))
 }
 
 #[cfg(test)]
@@ -188,21 +116,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_theorems_columns_are_summed_by_name() {
+    fn columns_of_the_theorems_are_summed_by_name() {
         let list = "kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n\
                     theorem\tT0\tunits\ta\t1\t3\texhaustive,sampled\t\n\
                     property\tT1\twire\tb\t2\t4\t\ta\n";
-        let counts = Counts::of(list).unwrap();
-        assert_eq!(
-            counts,
-            Counts {
-                theorems: 1,
-                sampled: 1,
-                harnesses: 3,
-                covers: 7,
-                tests: 2
-            }
-        );
-        assert!(Counts::of("").is_err());
+        let expected = serde_json::json!({
+            "theorems": 1, "sampled": 1, "harnesses": 3, "covers": 7, "tests": 2
+        });
+        assert_eq!(Value::Object(counts(list).unwrap()), expected);
+        assert!(counts("").is_err());
     }
 }

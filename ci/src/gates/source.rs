@@ -1,192 +1,156 @@
-//! Gates on the source: format, lints, documentation, the oldest compiler.
+//! Gates on the source: format, lints, documentation, the oldest compiler, licences.
 
-use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use super::{passed, skipped, Context, Verdict};
-use crate::arm::{Way, TARGET};
-use crate::error::Result;
-use crate::robot::cargo_with_board;
-use crate::{shell, trace};
+use xshell::cmd;
+
+use super::Outcome::{self, Passed, Skipped};
+use crate::cargo_tool::CargoTool;
+use crate::error::{bail, Failure, Result};
+use crate::process;
+use crate::session::Session;
+use crate::toolchain::{apt_install, Provider, TARGET};
 
 /// The packages that need the virtual board's crate, and the feature that brings it to the Pi's.
-const BOARD: [&str; 8] = [
-    "--package",
-    "twin",
-    "--package",
-    "robot-tests",
-    "--package",
-    "pilot",
-    "--features",
-    "pilot/virtual",
-];
+const BOARD: &str = "--package twin --package robot-tests --package pilot --features pilot/virtual";
+/// The manifests of the workspaces with a lock file of their own.
+pub const WORKSPACES: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "tests/bench/Cargo.toml"];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
 const OLDEST: &str = "1.85";
 
-/// A rustup component that a machine may lack; tries to get it once.
-fn component(context: &Context, subcommand: &str, component: &str) -> bool {
-    let there = || shell::ask(context.place.cargo().args([subcommand, "--version"])).is_some();
-    there() || {
-        let mut add = Command::new("rustup");
-        add.args(["component", "add", component]);
-        shell::run_within(&mut add, Duration::from_mins(2)).is_ok() && there()
+const CARGO_DENY: CargoTool = CargoTool {
+    subcommand: "deny",
+    version: "0.20.2",
+};
+
+/// Requires a rustup component that a machine may lack; tries to get it once.
+fn require(session: &Session, subcommand: &str, component: &str) -> Result<()> {
+    let version = format!("{subcommand} --version");
+    let installed = || process::output(session.workspace.cargo(&version)).is_some();
+    let sh = session.workspace.shell()?;
+    let add = || {
+        process::run_within(
+            Duration::from_mins(2),
+            cmd!(sh, "rustup component add {component}"),
+        )
+    };
+    if !installed() && (add().is_err() || !installed()) {
+        bail!(Failure::MissingProgram(format!(
+            "{component} is not installed (`rustup component add {component}`)"
+        )));
     }
+    Ok(())
 }
 
-pub fn fmt(context: &mut Context) -> Result<Verdict> {
-    if !component(context, "fmt", "rustfmt") {
-        return skipped("rustfmt is not installed (`rustup component add rustfmt`)");
+pub fn fmt(session: &Session) -> Result<Outcome> {
+    require(session, "fmt", "rustfmt")?;
+    process::run(session.workspace.cargo("fmt --all --check"))?;
+    for manifest in &WORKSPACES[1..] {
+        let check = format!("fmt --manifest-path {manifest} --check");
+        process::run(session.workspace.cargo(&check))?;
     }
-    shell::run(context.place.cargo().args(["fmt", "--all", "--check"]))?;
-    for own in ["fuzz/Cargo.toml", "tests/bench/Cargo.toml"] {
-        let check = ["fmt", "--manifest-path", own, "--check"];
-        shell::run(context.place.cargo().args(check))?;
-    }
-    passed("")
+    Ok(Passed(String::new()))
 }
 
 /// What the core is checked against must not be edited by hand.
-pub fn vectors(context: &mut Context) -> Result<Verdict> {
-    if shell::ask(Command::new("python3").arg("--version")).is_none() {
-        return skipped("python3 is not installed");
+pub fn vectors(session: &Session) -> Result<Outcome> {
+    if !process::installed("python3") && apt_install(&session.workspace, &["python3"]).is_err() {
+        return Ok(Skipped("python3 is not installed".into()));
     }
-    let mut check = Command::new("python3");
-    check.current_dir(&context.place.root);
-    shell::run(check.args(["tests/vectors/generate.py", "--check"]))?;
-    passed("")
+    let sh = session.workspace.shell()?;
+    process::run(cmd!(sh, "python3 tests/vectors/generate.py --check"))?;
+    Ok(Passed(String::new()))
 }
 
-pub fn clippy(context: &mut Context) -> Result<Verdict> {
-    if !component(context, "clippy", "clippy") {
-        return skipped("clippy is not installed (`rustup component add clippy`)");
+pub fn clippy(session: &Session) -> Result<Outcome> {
+    require(session, "clippy", "clippy")?;
+    let workspace = &session.workspace;
+    let deny = "-- -D warnings";
+    process::run(workspace.cargo(&format!("clippy --all-targets {deny}")))?;
+    let no_float = "clippy --package fw-core --lib -- -D clippy::float_arithmetic";
+    process::run(workspace.cargo(no_float))?;
+    process::run(workspace.cargo(&format!("clippy --package pilot --features linux {deny}")))?;
+    let mut board = workspace.cargo_with_board(&format!("clippy --all-targets {BOARD}"))?;
+    board.args(deny.split(' '));
+    process::run(board)?;
+    for manifest in &WORKSPACES[1..] {
+        let words = format!("clippy --manifest-path {manifest} --target-dir");
+        let mut own = workspace.cargo(&words);
+        own.arg(workspace.target.join("clippy"))
+            .args(deny.split(' '));
+        process::run(own)?;
     }
-    let place = &context.place;
-    let deny = ["--", "-D", "warnings"];
-    shell::run(place.cargo().args(["clippy", "--all-targets"]).args(deny))?;
-    let no_float = [
-        "clippy",
-        "--package",
-        "fw-core",
-        "--lib",
-        "--",
-        "-D",
-        "clippy::float_arithmetic",
-    ];
-    shell::run(place.cargo().args(no_float))?;
-    shell::run(
-        place
-            .cargo()
-            .args(["clippy", "--package", "pilot", "--features", "linux"])
-            .args(deny),
-    )?;
-    let mut board = cargo_with_board(place, &["clippy", "--all-targets"])?;
-    shell::run(board.args(BOARD).args(deny))?;
-    if context.arm()?.way == Way::Debian {
+    if session.toolchain()?.provider == Provider::Debian {
         // Clippy belongs to the machine's compiler, which has no core for the target.
-        return passed("without fw-pac: the target is Debian's");
+        return Ok(Passed("without fw-pac: the target is Debian's".into()));
     }
-    let pac = ["clippy", "--package", "fw-pac", "--target", TARGET];
-    let reasons = ["-D", "clippy::undocumented_unsafe_blocks"];
-    for features in [&[][..], &["--no-default-features"]] {
-        let mut pac_clippy = context.place.cargo();
-        pac_clippy.args(pac).args(features).args(deny);
-        shell::run(pac_clippy.args(reasons))?;
-    }
-    passed("all packages")
+    let pac = format!("clippy --package fw-pac --target {TARGET} {deny}");
+    process::run(workspace.cargo(&format!("{pac} -D clippy::undocumented_unsafe_blocks")))?;
+    Ok(Passed("all packages".into()))
 }
 
-pub fn docs(context: &mut Context) -> Result<Verdict> {
-    let place = &context.place;
-    let deny = ("RUSTDOCFLAGS", "-D warnings");
-    shell::run(place.cargo().args(["doc", "--no-deps"]).env(deny.0, deny.1))?;
-    let mut board = cargo_with_board(place, &["doc", "--no-deps"])?;
-    shell::run(board.args(BOARD).env(deny.0, deny.1))?;
-    if context.arm()?.way == Way::Debian {
-        return passed("without fw-pac: the target is Debian's");
-    }
-    let pac = [
-        "doc",
-        "--no-deps",
-        "--package",
-        "fw-pac",
-        "--target",
-        TARGET,
-    ];
-    shell::run(context.place.cargo().args(pac).env(deny.0, deny.1))?;
-    passed("all packages")
-}
-
-pub fn msrv(context: &mut Context) -> Result<Verdict> {
-    let Some(cargo) = oldest_cargo() else {
-        return skipped(format!(
-            "no Rust {OLDEST} here (`rustup toolchain install {OLDEST}`)"
-        ));
+pub fn docs(session: &Session) -> Result<Outcome> {
+    let workspace = &session.workspace;
+    let run = |mut doc: Command| {
+        doc.env("RUSTDOCFLAGS", "-D warnings");
+        process::run(doc)
     };
-    let mut build = Command::new(cargo.program);
-    build.args(&cargo.words).current_dir(&context.place.root);
-    build.args([
+    run(workspace.cargo("doc --no-deps"))?;
+    run(workspace.cargo_with_board(&format!("doc --no-deps {BOARD}"))?)?;
+    if session.toolchain()?.provider == Provider::Debian {
+        return Ok(Passed("without fw-pac: the target is Debian's".into()));
+    }
+    run(workspace.cargo(&format!("doc --no-deps --package fw-pac --target {TARGET}")))?;
+    Ok(Passed("all packages".into()))
+}
+
+pub fn msrv(session: &Session) -> Result<Outcome> {
+    let sh = session.workspace.shell()?;
+    // The toolchain's own choice of compiler must win over the one this program runs under.
+    let cargo = || {
+        let cargo = cmd!(sh, "rustup run {OLDEST} cargo").env_remove("RUSTC");
+        cargo.env_remove("CARGO").env_remove("RUSTUP_TOOLCHAIN")
+    };
+    let installed = || process::output(cargo().arg("--version")).is_some();
+    if !installed() {
+        let install = cmd!(sh, "rustup toolchain install {OLDEST} --profile minimal");
+        let fetched = process::run_within(Duration::from_mins(5), install);
+        if fetched.is_err() || !installed() {
+            let install = format!("rustup toolchain install {OLDEST}");
+            return Ok(Skipped(format!("no Rust {OLDEST} here (`{install}`)")));
+        }
+    }
+    let check = [
         "check",
         "--locked",
         "--package",
         "fw-core",
         "--package",
         "proofs",
-    ]);
-    // The toolchain's own choice of compiler must win over the one this program runs under.
-    build
-        .env_remove("RUSTC")
-        .env_remove("CARGO")
-        .env_remove("RUSTUP_TOOLCHAIN");
-    build
-        .arg("--target-dir")
-        .arg(context.place.target.join("oldest"));
-    shell::run(&mut build)?;
-    passed(format!("Rust {OLDEST}"))
+    ];
+    let target = session.workspace.target.join("oldest");
+    process::run(cargo().args(check).arg("--target-dir").arg(target))?;
+    Ok(Passed(format!("Rust {OLDEST}")))
 }
 
-struct OldestCargo {
-    program: PathBuf,
-    words: Vec<&'static str>,
-}
-
-fn oldest_cargo() -> Option<OldestCargo> {
-    let run = ["run", OLDEST, "cargo"];
-    let there = || {
-        let mut cargo = Command::new("rustup");
-        shell::ask(
-            cargo
-                .args(run)
-                .arg("--version")
-                .env_remove("RUSTUP_TOOLCHAIN"),
-        )
-        .is_some()
-    };
-    if !shell::installed("rustup") {
-        return None;
+/// Licences, bans and sources of the dependencies.
+pub fn supply(session: &Session) -> Result<Outcome> {
+    let workspace = &session.workspace;
+    let found = CARGO_DENY.find(workspace)?;
+    for manifest in WORKSPACES {
+        let mut deny = CARGO_DENY.command(workspace, &found);
+        // Locked: what is committed is what is checked.
+        deny.args(["--locked", "--manifest-path", manifest]);
+        deny.args(["--config", "deny.toml", "check", "--hide-inclusion-graph"]);
+        // One list for all of them: not each has what is excepted.
+        deny.args(["--allow", "license-exception-not-encountered"]);
+        // Advisories need the network; the nightly workflow checks them.
+        deny.args(["bans", "licenses", "sources"]);
+        process::run(deny)?;
     }
-    if !there() {
-        let mut install = Command::new("rustup");
-        install.args(["toolchain", "install", OLDEST, "--profile", "minimal"]);
-        let fetched = shell::run_within(&mut install, Duration::from_mins(5));
-        if fetched.is_err() || !there() {
-            return None;
-        }
-    }
-    Some(OldestCargo {
-        program: "rustup".into(),
-        words: run.to_vec(),
-    })
-}
-
-/// Every requirement is met and checked, and every citation is of one.
-pub fn requirements(context: &mut Context) -> Result<Verdict> {
-    let all = trace::trace(&context.place)?;
-    let (code, checks) = all.values().fold((0, 0), |(code, checks), one| {
-        (code + one.code.len(), checks + one.checks.len())
-    });
-    passed(format!(
-        "{} requirements, cited {code} times above code and {checks} times above what checks it",
-        all.len()
-    ))
+    Ok(Passed(format!(
+        "bans, licenses, sources of {} workspaces",
+        WORKSPACES.len()
+    )))
 }

@@ -9,7 +9,8 @@
 //! A change of several lines, a whole function's body above all, has no `at`.
 
 use super::listed::Mutant;
-use crate::error::{failed, Result};
+use crate::compat::failed;
+use crate::error::Result;
 
 /// A mutant that may survive.
 #[derive(Debug, Default, PartialEq, Eq)]

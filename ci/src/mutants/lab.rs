@@ -8,8 +8,8 @@ use std::thread;
 use super::listed::Mutant;
 use super::runner::{Bench, Outcome, Outcomes, Runner, ALL, CORE};
 use super::switched::Switched;
+use crate::compat::Place;
 use crate::error::Result;
-use crate::place::Place;
 
 /// Fewer mutants than these are built one by one in less time than all at once.
 const FEW: usize = 8;

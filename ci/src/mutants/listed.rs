@@ -4,7 +4,8 @@ use std::path::Path;
 
 use tinyjson::JsonValue;
 
-use crate::error::{failed, Of, Result};
+use crate::compat::{failed, Of};
+use crate::error::Result;
 use crate::json;
 
 /// One mutant.

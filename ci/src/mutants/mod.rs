@@ -14,8 +14,9 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::error::{failed, Error, Of, Result};
-use crate::place::Place;
+use crate::compat::Place;
+use crate::compat::{failed, Of};
+use crate::error::Result;
 use crate::shard::Shard;
 use crate::shell;
 use excuses::Excuse;
@@ -32,18 +33,35 @@ const TABLE: &str = "docs/mutants.md";
 const SOURCES: &str = "fw-core/src";
 
 /// Which mutants to try, and how.
-#[derive(Default)]
+#[derive(clap::Args)]
 pub struct Choice {
     /// Those of files whose path contains one of these; empty for all.
+    #[arg(long = "file", value_name = "FILE", value_delimiter = ',')]
     pub files: Vec<String>,
     /// Those whose name contains one of these; empty for all.
+    #[arg(long, value_name = "TEXT", value_delimiter = ',')]
     pub only: Vec<String>,
     /// Every `n`th from the `i`th on.
+    #[arg(long, value_name = "K/N", default_value = "0/1")]
     pub shard: Shard,
     /// How many at a time.
+    #[arg(long, default_value_t = 1)]
     pub jobs: usize,
     /// By the quick tests beside the code alone. What survives these may be caught by others.
+    #[arg(long)]
     pub quick: bool,
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Self {
+            files: Vec::new(),
+            only: Vec::new(),
+            shard: Shard::ALL,
+            jobs: 1,
+            quick: false,
+        }
+    }
 }
 
 impl Choice {
@@ -105,7 +123,7 @@ pub fn run(place: &Place, choice: &Choice) -> Result<()> {
     let mut wrong = stale(&excuses, all);
     let chosen = choice.of(all);
     if chosen.is_empty() {
-        return Err(Error::Usage("no mutant is called so".into()));
+        return Err(crate::error::Failure::Usage("no mutant is called so".into()).into());
     }
     let mut files: Vec<&str> = chosen.iter().map(|mutant| mutant.file.as_str()).collect();
     files.dedup();
@@ -206,7 +224,9 @@ pub fn of_the_change(place: &Place) -> Result<Said> {
         ));
     };
     let runner = match Runner::find(place) {
-        Err(Error::Missing(why)) => return nothing(why),
+        Err(error) if crate::error::missing_program(&error).is_some() => {
+            return nothing(error.to_string())
+        }
         runner => runner?,
     };
     let listed = runner.list(None)?;

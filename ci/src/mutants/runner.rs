@@ -7,11 +7,12 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use super::listed::{self, Mutant};
-use crate::error::{failed, Of, Result};
+use crate::cargo_tool::{CargoTool as Tool, Found};
+use crate::compat::Place;
+use crate::compat::{failed, Of};
+use crate::error::Result;
 use crate::mirror::mirror;
-use crate::place::Place;
 use crate::shell;
-use crate::tool::{Found, Tool};
 
 const CARGO_MUTANTS: Tool = Tool {
     subcommand: "mutants",
@@ -276,7 +277,7 @@ impl<'r> Bench<'r> {
 
     /// Runs a stage's tests on the good code: how long its mutants may take.
     fn good(&self, stage: &Stage) -> Result<Duration> {
-        let mut tests = self.runner.place.cargo();
+        let mut tests = self.runner.place.cargo("");
         tests.current_dir(&self.root).arg("test");
         tests.arg("--target-dir").arg(&self.target);
         for package in stage.packages {

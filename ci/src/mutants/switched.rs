@@ -9,10 +9,11 @@ use std::time::{Duration, Instant};
 
 use super::listed::Mutant;
 use super::runner::{near, quick, Outcome, SETTINGS};
-use crate::error::{failed, Of, Result};
+use crate::compat::Place;
+use crate::compat::{failed, Of};
+use crate::error::Result;
 use crate::json;
 use crate::mirror::mirror;
-use crate::place::Place;
 use crate::shell;
 
 /// The program with the mutants.
@@ -39,7 +40,7 @@ impl Switched {
         std::fs::write(&file, list).of(file.display())?;
         let mut skipped = BTreeSet::new();
         loop {
-            let mut rewrite = place.cargo();
+            let mut rewrite = place.cargo("");
             rewrite.args(["run", "--quiet", "--locked", "--package", "switched", "--"]);
             rewrite.arg(&file).arg(&root).arg("fw-core");
             rewrite.args(skipped.iter().map(usize::to_string));
@@ -49,7 +50,7 @@ impl Switched {
             let numbers = put_in.lines().filter_map(|line| line.parse().ok());
             let numbers = numbers
                 .filter_map(|number: usize| Some((mutants.get(number - 1)?.name.clone(), number)));
-            let mut build = place.cargo();
+            let mut build = place.cargo("");
             build.current_dir(&root).args([
                 "test",
                 "--package",

@@ -1,0 +1,145 @@
+//! GDB: finding one that knows ARM, and having it load and compare an ELF.
+
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::error::{bail, Failure, Result};
+use crate::process;
+use crate::toolchain::apt_install;
+use crate::workspace::Workspace;
+
+/// Debuggers by name, the likeliest first.
+const NAMES: [&str; 3] = ["gdb-multiarch", "arm-none-eabi-gdb", "gdb"];
+
+/// A debugger for the robot's processor, installed where that is possible.
+pub fn find(workspace: &Workspace) -> Result<&'static str> {
+    let find = || NAMES.into_iter().find(|name| knows_arm(name));
+    if let Some(name) = find() {
+        return Ok(name);
+    }
+    let installed = apt_install(workspace, &["gdb-multiarch"]);
+    match (find(), installed) {
+        (Some(name), _) => Ok(name),
+        (None, installed) => bail!(Failure::MissingProgram(format!(
+            "no GDB for ARM here (install gdb-multiarch or arm-none-eabi-gdb; {})",
+            installed.map_or_else(|error| error.to_string(), |()| "it does not start".into())
+        ))),
+    }
+}
+
+/// `-nx -batch -ex WORD -ex WORD …`
+fn batch(name: &str, commands: &[&str]) -> Command {
+    let mut gdb = Command::new(name);
+    gdb.args(["-nx", "-batch"]);
+    gdb.args(commands.iter().flat_map(|command| ["-ex", *command]));
+    gdb
+}
+
+fn knows_arm(name: &str) -> bool {
+    // An unknown architecture is no error to GDB's exit code, and its wording changes.
+    let gdb = batch(name, &["set architecture arm", "show architecture"]);
+    process::output(gdb).is_some_and(|answer| answer.contains("\"arm\""))
+}
+
+/// Loads `elf` through the debug server at `address`, compares every section, resets the core and
+/// lets it run. [`Failure::Board`] where a section differs or GDB did not get through.
+pub fn load(name: &str, elf: &Path, address: &str) -> Result<()> {
+    let connect = format!("target extended-remote {address}");
+    let commands = [
+        "set confirm off",
+        "set pagination off",
+        "set remotetimeout 60",
+        &connect,
+        "load",
+        "compare-sections",
+        "monitor reset",
+        "echo running\\n",
+        "detach",
+    ];
+    let mut gdb = batch(name, &commands);
+    gdb.arg(elf);
+    let (status, text) = process::tee(gdb, |_| true)?;
+    match judge(status.success(), &text) {
+        Ok(sections) => println!("flash: {sections} sections compared, all alike"),
+        Err(reason) => bail!(Failure::Board(format!("not flashed: {reason}"))),
+    }
+    Ok(())
+}
+
+/// How many sections were compared, or what went wrong: GDB only prints it and goes on.
+fn judge(success: bool, text: &str) -> std::result::Result<usize, &str> {
+    const BAD: [&str; 4] = [
+        "Connection ",
+        "Remote connection closed",
+        "Remote communication error",
+        "MIS-MATCHED",
+    ];
+    let bad = |line: &&str| BAD.iter().any(|bad| line.contains(bad));
+    let sections = text.lines().filter(|line| line.starts_with("Section "));
+    match (text.lines().find(bad), sections.count()) {
+        (Some(line), _) => Err(line),
+        _ if !success => Err("GDB ended with an error"),
+        _ if !text.contains("Transfer rate") => Err("GDB loaded nothing"),
+        (None, 0) => Err("GDB compared no section"),
+        _ if !text.lines().any(|line| line == "running") => Err("GDB did not reach the reset"),
+        (None, sections) => Ok(sections),
+    }
+}
+
+/// Opens the debugger at the terminal on the server at `address`.
+pub fn open(name: &str, elf: &Path, address: &str) -> Result<()> {
+    let connect = format!("target extended-remote {address}");
+    let commands = [
+        &connect,
+        "load",
+        "monitor reset halt",
+        "maintenance flush register-cache",
+        "break main",
+    ];
+    let mut gdb = Command::new(name);
+    gdb.arg("-q")
+        .args(commands.iter().flat_map(|command| ["-ex", *command]));
+    gdb.arg(elf);
+    process::run(gdb)
+}
+
+/// Waits until the debug server at `address` listens, at most `limit`.
+pub fn wait_for(address: &str, limit: Duration) -> Result<()> {
+    let end = Instant::now() + limit;
+    while TcpStream::connect(address).is_err() {
+        if Instant::now() > end {
+            bail!(Failure::Board(format!("no debug server at {address}")));
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn load_counts_only_if_every_section_matches() {
+        let good = "\
+Loading section .vector_table, size 0x198 lma 0x8000000
+Transfer rate: 30 KB/sec, 5000 bytes/write.
+Section .vector_table, range 0x8000000 -- 0x8000198: matched.
+Section .text, range 0x8000198 -- 0x80021a0: matched.
+running
+";
+        assert_eq!(judge(true, good), Ok(2));
+        assert!(judge(false, good).is_err());
+        let spoiled = [
+            ("80021a0: matched.", "80021a0: MIS-MATCHED!"),
+            ("Transfer rate", ""),
+            ("running", ""),
+            ("Section ", ""),
+        ];
+        for (word, instead) in spoiled {
+            assert!(judge(true, &good.replace(word, instead)).is_err(), "{word}");
+        }
+    }
+}

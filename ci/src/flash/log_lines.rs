@@ -1,0 +1,103 @@
+//! The first lines of something that never ends: the robot's log.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::process::Command;
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::error::{Failure, Result};
+use crate::process;
+
+/// Lines as they come.
+pub struct Lines(Receiver<String>);
+
+impl Lines {
+    /// Reads `source` from now on, on a thread of its own.
+    pub fn read(source: impl Read + Send + 'static) -> Self {
+        let (sender, lines) = mpsc::channel();
+        thread::spawn(move || {
+            let lines = BufReader::new(source).split(b'\n');
+            for line in lines.map_while(std::io::Result::ok) {
+                let line = String::from_utf8_lossy(&line).trim_end().to_owned();
+                if sender.send(line).is_err() {
+                    break;
+                }
+            }
+        });
+        Self(lines)
+    }
+
+    /// A serial device at the log's rate.
+    pub fn read_serial(device: &str) -> Result<Self> {
+        let mut stty = Command::new("stty");
+        stty.args(["-F", device]);
+        stty.args("115200 cs8 -cstopb -parenb raw -echo".split(' '));
+        let board = |error: String| Failure::Board(format!("{device}: {error}"));
+        process::run_within(Duration::from_secs(5), stty)
+            .map_err(|error| board(error.to_string()))?;
+        let port = File::open(device).map_err(|error| board(error.to_string()))?;
+        Ok(Self::read(port))
+    }
+
+    /// Prints the first log lines: at most `most`, the first within `limit`, the others until there is
+    /// a pause. Returns how many there were.
+    pub fn print(&self, most: usize, limit: Duration) -> usize {
+        const PAUSE: Duration = Duration::from_secs(2);
+        let mut end = Instant::now() + limit;
+        let mut printed = 0;
+        while printed < most {
+            let Some(line) = self.next_before(end) else {
+                break;
+            };
+            if is_log(&line) {
+                println!("  {line}");
+                printed += 1;
+                end = Instant::now() + PAUSE;
+            }
+        }
+        printed
+    }
+
+    /// What follows `start` in the first line that begins with it, within `limit`.
+    pub fn find(&self, start: &str, limit: Duration) -> Option<String> {
+        let end = Instant::now() + limit;
+        loop {
+            if let Some(rest) = self.next_before(end)?.strip_prefix(start) {
+                return Some(rest.trim().to_owned());
+            }
+        }
+    }
+
+    fn next_before(&self, end: Instant) -> Option<String> {
+        let left = end.saturating_duration_since(Instant::now());
+        self.0.recv_timeout(left).ok()
+    }
+}
+
+/// Whether this is a line of the robot's log: `<I|W|E><count>: <text>`, five digits.
+fn is_log(line: &str) -> bool {
+    let bytes = line.as_bytes();
+    bytes.len() > 8
+        && b"IWE".contains(&bytes[0])
+        && bytes[1..6].iter().all(u8::is_ascii_digit)
+        && &bytes[6..8] == b": "
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn log_lines_are_found_among_others() {
+        let text =
+            "noise\ngdb: 127.0.0.1:3333\nI00000: a\r\nx\nI0012: short count\nX00012: level\n\
+                    I00012 colon\nI00012:\nW00001: b\n";
+        let lines = Lines::read(text.as_bytes());
+        let limit = Duration::from_secs(5);
+        let address = lines.find("gdb: ", limit);
+        assert_eq!(address.as_deref(), Some("127.0.0.1:3333"));
+        assert_eq!(lines.print(10, limit), 2);
+    }
+}
