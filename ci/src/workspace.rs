@@ -134,9 +134,8 @@ fn cargo() -> Command {
 fn rustc(words: &[&str]) -> Result<String> {
     let mut rustc = Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
     rustc.args(words);
-    let missing =
-        || Failure::MissingProgram("rustc does not answer; install Rust with rustup".into());
-    Ok(process::output(rustc).with_context(|| missing())?)
+    let missing = "rustc does not answer; install Rust with rustup";
+    process::output(rustc).context(Failure::MissingProgram(missing.into()))
 }
 
 fn metadata(root: &Path, manifest: &str, words: &[&str]) -> Result<Value> {

@@ -8,10 +8,10 @@ use fw_core::log::Log;
 use fw_core::robot::{Robot, Sample};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::sensing::Calibration;
+use fw_core::types::{Faults, Micros, MotorCommand, RangefinderId};
 use fw_core::wire::{Mode, MAX_FRAME};
 use libfuzzer_sys::fuzz_target;
 use robot_fuzz::{frame, Bytes};
-use fw_core::types::{Faults, Micros, MotorCommand, RangefinderId};
 
 /// A tick and what the clock of a tick may be late, in microseconds.
 const SLACK: u32 = 20_000;
@@ -136,7 +136,8 @@ impl Bench {
                 let tap = usize::from(high) % self.words.len();
                 self.words[tap] = u16::from_le_bytes(bytes.array());
                 self.robot.on_lost_frames(high.into(), &mut self.log);
-                self.robot.raise(Faults::from_bits(u16::from(bytes.byte())), &mut self.log);
+                self.robot
+                    .raise(Faults::from_bits(u16::from(bytes.byte())), &mut self.log);
             }
             _ => self.log.sent(usize::from(high) * 16),
         }
@@ -157,7 +158,10 @@ impl Bench {
         let outputs = self.robot.on_tick(self.sample, &self.words, &mut self.log);
         if self.silent > self.deadline.saturating_add(SLACK) {
             for drive in [outputs.left, outputs.right] {
-                assert!(!matches!(drive, MotorCommand::Run(_)), "driving without a frame");
+                assert!(
+                    !matches!(drive, MotorCommand::Run(_)),
+                    "driving without a frame"
+                );
             }
             assert!(outputs.servo.is_none(), "a servo held without a frame");
         }

@@ -29,7 +29,7 @@ pub struct Board {
     /// The UART's device, where it is wired to this machine
     #[arg(long, value_name = "DEVICE")]
     pub serial: Option<String>,
-    /// The SWD adapter, as OpenOCD names it
+    /// The SWD adapter, as `OpenOCD` names it
     #[arg(long, value_name = "NAME", default_value = "stlink")]
     pub interface: String,
 }
@@ -90,13 +90,11 @@ pub fn flash(workspace: &Workspace, elf: &Path, board: &Board) -> Result<()> {
         }
     }
     println!("flash: written, verified, reset");
-    match log {
-        Some(log) => print_log(&log),
-        None => {
-            println!("flash: `--serial /dev/ttyUSB0` (or where TX_STM is wired to) prints the log");
-            Ok(())
-        }
+    if let Some(log) = log {
+        return print_log(&log);
     }
+    println!("flash: `--serial /dev/ttyUSB0` (or where TX_STM is wired to) prints the log");
+    Ok(())
 }
 
 fn print_log(log: &Lines) -> Result<()> {
@@ -154,7 +152,9 @@ impl Drop for Server {
 
 /// The virtual board, switched on with its core held for the debugger.
 struct VirtualBoard {
-    _server: Server,
+    /// Ends the program when it is dropped.
+    #[expect(dead_code, reason = "held")]
+    server: Server,
     log: Lines,
     address: String,
 }
@@ -172,9 +172,8 @@ impl VirtualBoard {
         let address = address.context(Failure::Board(
             "the virtual board did not print the address of its debug server".into(),
         ))?;
-        let _server = server;
         Ok(Self {
-            _server,
+            server,
             log,
             address,
         })

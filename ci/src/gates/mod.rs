@@ -166,9 +166,9 @@ pub fn night(session: &Session, choice: &Choice) -> Result<bool> {
     run(session, choice, |when| (when == Night).then_some(true))
 }
 
-/// Runs the chosen gates, or all that `takes` names: `Some(false)` prints the gate as skipped. Prints
+/// Runs the chosen gates, or all that `chosen` takes: `Some(false)` prints the gate as skipped. Prints
 /// the table; returns whether none failed.
-fn run(session: &Session, choice: &Choice, takes: impl Fn(When) -> Option<bool>) -> Result<bool> {
+fn run(session: &Session, choice: &Choice, chosen: impl Fn(When) -> Option<bool>) -> Result<bool> {
     choice.check()?;
     let mut rows = Vec::new();
     for Gate {
@@ -178,14 +178,14 @@ fn run(session: &Session, choice: &Choice, takes: impl Fn(When) -> Option<bool>)
         run,
     } in &GATES
     {
-        let taken = if choice.only.is_empty() {
-            takes(*when)
+        let wanted = if choice.only.is_empty() {
+            chosen(*when)
         } else {
             choice.only.iter().any(|only| only == name).then_some(true)
         };
-        let Some(taken) = taken else { continue };
+        let Some(run_it) = wanted else { continue };
         let start = Instant::now();
-        let outcome = if taken {
+        let outcome = if run_it {
             println!("\n== {name}: {about}");
             run(session)
         } else {

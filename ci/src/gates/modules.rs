@@ -1,7 +1,7 @@
 //! The gate on modules: every Rust file belongs to some crate, and the top-level modules of a crate
 //! use each other in one direction only.
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet, VecDeque};
 use std::path::{Path, PathBuf};
 
 use proc_macro2::{TokenStream, TokenTree};
@@ -23,11 +23,11 @@ pub fn gate(session: &Session) -> Result<Outcome> {
         for package in workspace.packages(manifest)? {
             for target in list(&package["targets"]) {
                 let root = PathBuf::from(text(&target["src_path"]));
-                let crate_ = Crate::read(workspace, &root)?;
-                if let Some(cycle) = crate_.cycle() {
-                    findings.push(format!("{}: cycle {cycle}", workspace.relative(&root)));
-                }
-                compiled.extend(crate_.files);
+                let found = Crate::read(workspace, &root)?;
+                let cycles = found.cycles().into_iter();
+                let name = workspace.relative(&root);
+                findings.extend(cycles.map(|cycle| format!("{name}: cycle {cycle}")));
+                compiled.extend(found.files);
                 crates += 1;
             }
         }
@@ -123,22 +123,18 @@ impl Crate {
                         self.uses.entry(one.clone()).or_default();
                     }
                     let folder_of = folder.join(name.to_string());
-                    match body {
-                        TokenTree::Group(body) => {
-                            self.tokens(workspace, body.stream(), file, &folder_of, &inner)?;
-                        }
-                        _ => {
-                            let own = attributes
-                                .split_once("path = \"")
-                                .and_then(|(_, path)| path.split_once('"'));
-                            let beside = folder.join(format!("{name}.rs"));
-                            let at = match own {
-                                Some((own, _)) => file.parent().unwrap_or(folder).join(own),
-                                None if beside.is_file() => beside,
-                                None => folder_of.join("mod.rs"),
-                            };
-                            self.file(workspace, &at, &folder_of, &inner)?;
-                        }
+                    if let TokenTree::Group(body) = body {
+                        self.tokens(workspace, body.stream(), file, &folder_of, &inner)?;
+                    } else {
+                        let own = attributes.split_once("path = \"");
+                        let own = own.and_then(|(_, path)| path.split_once('"'));
+                        let beside = folder.join(format!("{name}.rs"));
+                        let at = match own {
+                            Some((own, _)) => file.parent().unwrap_or(folder).join(own),
+                            None if beside.is_file() => beside,
+                            None => folder_of.join("mod.rs"),
+                        };
+                        self.file(workspace, &at, &folder_of, &inner)?;
                     }
                     attributes.clear();
                     at += 2;
@@ -220,25 +216,35 @@ impl Crate {
         self.exports.retain(|name, module| name != module);
     }
 
-    /// A way from a module back to itself.
-    fn cycle(&self) -> Option<String> {
-        self.uses.keys().find_map(|start| {
-            let mut ways = vec![vec![start]];
-            let mut seen = HashSet::new();
-            while let Some(way) = ways.pop() {
-                let last = *way.last()?;
-                for next in self.uses.get(last).into_iter().flatten() {
-                    if next == start {
-                        let names: Vec<_> = way.iter().map(|name| name.as_str()).collect();
-                        return Some(format!("{} → {start}", names.join(" → ")));
-                    }
-                    if seen.insert(next) {
-                        ways.push([&way[..], &[next]].concat());
-                    }
+    /// Ways from a module back to itself, none of which shares a module with another.
+    fn cycles(&self) -> Vec<String> {
+        let mut cycles = Vec::new();
+        let mut reported = HashSet::new();
+        for start in self.uses.keys() {
+            let way = self.way_back(start);
+            if !way.is_empty() && way.iter().all(|module| reported.insert(*module)) {
+                cycles.push(format!("{} → {start}", way.join(" → ")));
+            }
+        }
+        cycles
+    }
+
+    /// A shortest way from a module back to itself, without its end; empty where there is none.
+    fn way_back<'a>(&'a self, start: &'a str) -> Vec<&'a str> {
+        let mut ways = VecDeque::from([vec![start]]);
+        let mut seen = HashSet::new();
+        while let Some(way) = ways.pop_front() {
+            let used = way.last().and_then(|last| self.uses.get(*last));
+            for next in used.into_iter().flatten() {
+                if next == start {
+                    return way;
+                }
+                if seen.insert(next) {
+                    ways.push_back([&way[..], &[next]].concat());
                 }
             }
-            None
-        })
+        }
+        Vec::new()
     }
 }
 
@@ -249,7 +255,7 @@ fn leaves(tokens: TokenStream, first: bool) -> Vec<String> {
         match token {
             TokenTree::Punct(comma) if comma.as_char() == ',' => names.extend(current.take()),
             TokenTree::Ident(word) if !first || current.is_none() => {
-                current = Some(word.to_string())
+                current = Some(word.to_string());
             }
             TokenTree::Group(group) if !first => {
                 current = None;
@@ -267,7 +273,7 @@ mod tests {
     use super::*;
     use crate::workspace::Workspace;
 
-    fn cycle(files: &[(&str, &str)]) -> (Option<String>, usize) {
+    fn cycles(files: &[(&str, &str)]) -> (Vec<String>, usize) {
         let mut workspace = Workspace::find().unwrap();
         let number = files.iter().map(|(_, text)| text.len()).sum::<usize>();
         workspace.root =
@@ -279,7 +285,7 @@ mod tests {
         }
         let found = Crate::read(&workspace, &workspace.root.join("lib.rs")).unwrap();
         std::fs::remove_dir_all(&workspace.root).unwrap();
-        (found.cycle(), found.files.len())
+        (found.cycles(), found.files.len())
     }
 
     #[test]
@@ -294,8 +300,8 @@ mod tests {
             "use crate::{B};",
             "mod c { use super::super::D; }",
         ] {
-            let (found, files) = cycle(&[root, ("a.rs", a), b, deep]);
-            assert_eq!((found.as_deref(), files), (Some("a → b → a"), 4), "{a}");
+            let found = cycles(&[root, ("a.rs", a), b, deep]);
+            assert_eq!(found, (vec!["a → b → a".to_owned()], 4), "{a}");
         }
         for a in [
             "use crate::a::c; use super::C;",
@@ -303,7 +309,7 @@ mod tests {
             "/// See [`crate::b`].\nstruct S;",
             "mod b { pub struct X; } use self::b::X;",
         ] {
-            assert_eq!(cycle(&[root, ("a.rs", a), b, deep]), (None, 4), "{a}");
+            assert_eq!(cycles(&[root, ("a.rs", a), b, deep]), (vec![], 4), "{a}");
         }
     }
 }

@@ -14,7 +14,7 @@ use crate::error::{anyhow, Context, Result};
 use crate::process;
 use crate::session::Session;
 use crate::toolchain::TARGET;
-use crate::workspace::{list, text, Workspace};
+use crate::workspace::{list, text};
 
 /// The one package that may be unsafe: it writes registers.
 const UNSAFE_PACKAGE: &str = "fw-pac";
