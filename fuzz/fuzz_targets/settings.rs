@@ -65,8 +65,8 @@ fn check(text: &str, touched: Option<usize>) {
                         assert!(line > touched, "{told}: a line that was good");
                     }
                 }
-                Error::Rejected { place, what } => {
-                    assert!(place.ends_with(')'), "no field is named: {told}");
+                Error::Rejected { location, what } => {
+                    assert!(location.ends_with(')'), "no field is named: {told}");
                     assert!(what.contains("accepted: "), "{told}");
                 }
                 other => panic!("{other}"),

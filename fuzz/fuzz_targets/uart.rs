@@ -2,24 +2,24 @@
 //! pieces make no difference, every line is counted once, and no number is beyond what the STM says.
 #![no_main]
 
-use host_link::log::{Line, Lines};
+use host_link::log::{LogLine, LogParser};
+use host_link::samples::SampleRecorder;
 use libfuzzer_sys::fuzz_target;
-use pilot::tune::samples::Recorder;
 use robot_fuzz::Bytes;
 
 fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes::new(data);
     let size = usize::from(bytes.byte()) + 1;
     let log = bytes.rest();
-    let mut whole = Lines::default();
+    let mut whole = LogParser::default();
     let lines = whole.feed(log);
-    let mut parts = Lines::default();
-    let pieced: Vec<Line> = log.chunks(size).flat_map(|part| parts.feed(part)).collect();
+    let mut parts = LogParser::default();
+    let pieced: Vec<LogLine> = log.chunks(size).flat_map(|part| parts.feed(part)).collect();
     assert!(lines == pieced, "pieces of {size} bytes read otherwise");
-    assert_eq!(whole.garbled(), parts.garbled());
+    assert_eq!(whole.malformed(), parts.malformed());
     let ends = log.iter().filter(|&&byte| byte == b'\n').count();
     assert_eq!(
-        lines.len() + usize::try_from(whole.garbled()).unwrap(),
+        lines.len() + usize::try_from(whole.malformed()).unwrap(),
         ends
     );
 
@@ -27,12 +27,12 @@ fuzz_target!(|data: &[u8]| {
     for line in &lines {
         assert!(line.number() < 100_000);
         match *line {
-            Line::Sample { percent, value, .. } => {
+            LogLine::Sample { percent, value, .. } => {
                 samples += 1;
                 assert!(percent.abs() <= 100.0 && value.is_finite());
             }
-            Line::Tuned { tap, .. } => assert!((1..=8).contains(&tap)),
-            Line::Link { link, .. } => {
+            LogLine::Tuned { tap, .. } => assert!((1..=8).contains(&tap)),
+            LogLine::Link { link, .. } => {
                 let sum = link
                     .accepted
                     .saturating_add(link.rejected)
@@ -41,10 +41,10 @@ fuzz_target!(|data: &[u8]| {
                 assert_eq!(link.rejected, link.causes.total());
                 assert!(link.recent_gap_us <= link.worst_gap_us);
             }
-            Line::Other { .. } => {}
+            LogLine::Other { .. } => {}
         }
     }
-    let mut recorder = Recorder::default();
+    let mut recorder = SampleRecorder::default();
     recorder.feed(log);
     let recorded = recorder.samples();
     assert_eq!(recorded.len(), samples);

@@ -1,14 +1,13 @@
-//! The wires between the Pi and the board, as embedded-hal handles: the same code drives the real
-//! buses, the virtual board and the doubles of the tests.
+//! The lines and buses between the Pi and the board, behind embedded-hal traits: the same code drives
+//! the Pi's own buses, the virtual board and the mock of the tests.
 
 use crate::error::Error;
-use crate::ground_truth::Tape;
-use crate::uart::Source;
+use crate::uart::LogSource;
 use embedded_hal::delay::DelayNs;
-use embedded_hal::digital::{InputPin, OutputPin};
-use embedded_hal::i2c::I2c;
-use embedded_hal::spi::SpiDevice;
-use std::fmt::Debug;
+use embedded_hal::digital::{self, InputPin, OutputPin};
+use embedded_hal::i2c::{self, I2c};
+use embedded_hal::spi::{self, SpiDevice};
+use std::fmt::{self, Debug};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 
@@ -19,91 +18,197 @@ pub trait Clock {
     fn micros(&mut self) -> u64;
 }
 
-/// The types of one machine's handles.
-pub trait Wires {
-    /// SPI device 0, mode 0: one transaction is one chip-select is one frame.
-    type Spi: SpiDevice;
-    /// The EEPROM's bus.
-    type I2c: I2c;
-    /// NRST: low holds the STM in reset, high *releases* the line (open drain), it never drives it.
-    type Reset: OutputPin;
-    /// SELECT: high = the Pi has the EEPROM's bus.
-    type Select: OutputPin;
-    /// `WP_EEPROM`: high = write-protected.
-    type Protect: OutputPin;
-    /// `STM_READY`: high = configured.
-    type Ready: InputPin;
-    /// Waiting.
-    type Delay: DelayNs;
-    /// Time.
-    type Clock: Clock;
-}
+/// An output line whose driver is not known here.
+pub type DynOutput = dyn OutputPin<Error = IoError>;
 
-/// One machine: the handles of [`Wires`].
+/// Everything that connects the Pi with one board.
 // Requirement: DOC-3.2-2
-pub struct Machine<W: Wires> {
-    /// The frame link.
-    pub spi: W::Spi,
+pub struct BoardIo {
+    /// SPI device 0, mode 0: one transaction is one chip-select is one frame.
+    pub spi: Box<dyn SpiDevice<Error = IoError>>,
     /// The EEPROM's bus.
-    pub i2c: W::I2c,
-    /// NRST, open drain.
-    pub reset: W::Reset,
-    /// The I2C switch.
-    pub select: W::Select,
-    /// Write protection.
-    pub protect: W::Protect,
-    /// Whether the STM is configured.
-    pub ready: W::Ready,
+    pub i2c: Box<dyn I2c<Error = IoError>>,
+    /// NRST: low holds the STM in reset, high *releases* the line (open drain), it never drives it.
+    pub reset: Box<DynOutput>,
+    /// SELECT of the I2C switch: high = the Pi has the EEPROM's bus.
+    pub select: Box<DynOutput>,
+    /// `WP_EEPROM`: high = write-protected.
+    pub protect: Box<DynOutput>,
+    /// `STM_READY`: high = configured.
+    pub ready: Box<dyn InputPin<Error = IoError>>,
     /// Waiting.
-    pub delay: W::Delay,
+    pub delay: Box<dyn DelayNs>,
     /// Time.
-    pub clock: W::Clock,
-    /// The STM's log.
-    pub uart: Box<dyn Source>,
-    /// Who measures on the floor, where nobody need be asked.
-    pub tape: Option<Box<dyn Tape>>,
-    /// Raised by Ctrl-C: every wait and every loop looks at it.
+    pub clock: Box<dyn Clock>,
+    /// The STM's UART log.
+    pub log: Box<dyn LogSource>,
+    /// Raised by Ctrl-C: every wait and every loop checks it.
     pub interrupt: Interrupt,
 }
 
-impl<W: Wires> Machine<W> {
-    /// Brings the lines this end drives to their place of rest: EEPROM protected, its bus with the
-    /// STM, reset released. A host-link that was killed may have left them elsewhere.
+impl BoardIo {
+    /// Drives the output lines to their idle levels: EEPROM protected, its bus with the STM, reset
+    /// released. A process that was killed may have left them elsewhere.
     ///
     /// # Errors
     /// [`Error::Pin`] names the line that cannot be driven.
-    pub fn rest(&mut self) -> Result<(), Error> {
-        persist(|| self.protect.set_high()).map_err(|cause| Error::Pin {
-            net: "WP_EEPROM",
-            cause,
-        })?;
-        persist(|| self.select.set_low()).map_err(|cause| Error::Pin {
-            net: "SELECT",
-            cause,
-        })?;
-        persist(|| self.reset.set_high()).map_err(|cause| Error::Pin {
-            net: "RESET",
-            cause,
-        })
+    pub fn set_idle(&mut self) -> Result<(), Error> {
+        self.set_protect(true)?;
+        self.set_select(false)?;
+        self.set_reset(false)
+    }
+
+    /// Sets (`true`) or lifts the EEPROM's write protection.
+    ///
+    /// # Errors
+    /// [`Error::Pin`].
+    pub fn set_protect(&mut self, protected: bool) -> Result<(), Error> {
+        drive(&mut *self.protect, "WP_EEPROM", protected)
+    }
+
+    /// Switches the EEPROM's bus to the Pi (`true`) or to the STM.
+    ///
+    /// # Errors
+    /// [`Error::Pin`].
+    pub fn set_select(&mut self, selected: bool) -> Result<(), Error> {
+        drive(&mut *self.select, "SELECT", selected)
+    }
+
+    /// Holds the STM in reset (`true`) or releases it.
+    ///
+    /// # Errors
+    /// [`Error::Pin`].
+    pub fn set_reset(&mut self, held: bool) -> Result<(), Error> {
+        drive(&mut *self.reset, "RESET", !held)
+    }
+
+    /// Whether `STM_READY` is high.
+    ///
+    /// # Errors
+    /// [`Error::Pin`].
+    pub fn is_ready(&mut self) -> Result<bool, Error> {
+        retry(|| self.ready.is_high()).map_err(|cause| pin_error("STM_READY", &cause))
     }
 }
 
-/// How often a line or a bus is tried before its failure counts.
+fn drive(line: &mut DynOutput, net: &'static str, high: bool) -> Result<(), Error> {
+    retry(|| line.set_state(high.into())).map_err(|cause| pin_error(net, &cause))
+}
+
+fn pin_error(net: &'static str, cause: &IoError) -> Error {
+    Error::Pin {
+        net,
+        cause: cause.to_string(),
+    }
+}
+
+/// How often a line is tried before its failure counts.
 const ATTEMPTS: usize = 3;
 
 /// Tries `act` up to three times: one disturbed system call must not leave a line where it is.
-pub(crate) fn persist<T, E: Debug>(mut act: impl FnMut() -> Result<T, E>) -> Result<T, String> {
-    let mut last = String::new();
-    for _ in 0..ATTEMPTS {
-        match act() {
-            Ok(value) => return Ok(value),
-            Err(cause) => last = format!("{cause:?}"),
+fn retry<T>(mut act: impl FnMut() -> Result<T, IoError>) -> Result<T, IoError> {
+    let mut outcome = act();
+    for _ in 1..ATTEMPTS {
+        if outcome.is_err() {
+            outcome = act();
         }
     }
-    Err(last)
+    outcome
 }
 
-/// A flag that a signal handler raises and every loop of this crate looks at.
+/// A driver's error as text: drivers of all kinds share one [`BoardIo`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct IoError(String);
+
+impl IoError {
+    /// The text of a driver's error.
+    pub fn new(cause: impl Debug) -> Self {
+        Self(format!("{cause:?}"))
+    }
+}
+
+impl fmt::Display for IoError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl digital::Error for IoError {
+    fn kind(&self) -> digital::ErrorKind {
+        digital::ErrorKind::Other
+    }
+}
+
+impl i2c::Error for IoError {
+    fn kind(&self) -> i2c::ErrorKind {
+        i2c::ErrorKind::Other
+    }
+}
+
+impl spi::Error for IoError {
+    fn kind(&self) -> spi::ErrorKind {
+        spi::ErrorKind::Other
+    }
+}
+
+/// A driver with its error type replaced by [`IoError`].
+pub struct Erased<T>(T);
+
+/// Makes a field of [`BoardIo`] of any embedded-hal driver.
+pub fn erase<T>(driver: T) -> Box<Erased<T>> {
+    Box::new(Erased(driver))
+}
+
+impl<T: digital::ErrorType> digital::ErrorType for Erased<T> {
+    type Error = IoError;
+}
+
+impl<T: OutputPin> OutputPin for Erased<T> {
+    fn set_low(&mut self) -> Result<(), IoError> {
+        self.0.set_low().map_err(IoError::new)
+    }
+
+    fn set_high(&mut self) -> Result<(), IoError> {
+        self.0.set_high().map_err(IoError::new)
+    }
+}
+
+impl<T: InputPin> InputPin for Erased<T> {
+    fn is_high(&mut self) -> Result<bool, IoError> {
+        self.0.is_high().map_err(IoError::new)
+    }
+
+    fn is_low(&mut self) -> Result<bool, IoError> {
+        self.0.is_low().map_err(IoError::new)
+    }
+}
+
+impl<T: i2c::ErrorType> i2c::ErrorType for Erased<T> {
+    type Error = IoError;
+}
+
+impl<T: I2c> I2c for Erased<T> {
+    fn transaction(
+        &mut self,
+        address: u8,
+        operations: &mut [i2c::Operation<'_>],
+    ) -> Result<(), IoError> {
+        let outcome = self.0.transaction(address, operations);
+        outcome.map_err(IoError::new)
+    }
+}
+
+impl<T: spi::ErrorType> spi::ErrorType for Erased<T> {
+    type Error = IoError;
+}
+
+impl<T: SpiDevice> SpiDevice for Erased<T> {
+    fn transaction(&mut self, operations: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
+        self.0.transaction(operations).map_err(IoError::new)
+    }
+}
+
+/// A flag that a signal handler raises and every loop of this crate checks.
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
@@ -114,7 +219,7 @@ impl Interrupt {
         Self::default()
     }
 
-    /// Asks whatever runs to end in an orderly way.
+    /// Requests an orderly end of whatever runs.
     pub fn raise(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

@@ -1,25 +1,24 @@
 //! Driving to a pose, and from pose to pose. Whatever ends a drive early stops the robot.
 
-use crate::board_io::Wires;
 use crate::error::Error;
-use crate::pose::Place;
-use crate::session::{has_position, Session, Wish};
+use crate::pose::Pose;
+use crate::session::{has_position, CommandRequest, Session};
 use crate::snapshot::Snapshot;
 use fw_core::wire::Report;
 use std::collections::VecDeque;
 
 /// When a drive counts as done.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Terms {
+pub struct ArrivalCriteria {
     /// How near the target, millimetres.
     pub tolerance_mm: f64,
     /// How near its rotation, degrees.
     pub tolerance_deg: f64,
-    /// Seconds the drive may take; none: [`Terms::allowance_s`] by its length.
+    /// Seconds the drive may take; none: [`ArrivalCriteria::allowance_s`] by its length.
     pub timeout_s: Option<f64>,
 }
 
-impl Default for Terms {
+impl Default for ArrivalCriteria {
     fn default() -> Self {
         Self {
             tolerance_mm: 5.0,
@@ -42,7 +41,7 @@ const REST_MM: f64 = 0.3;
 /// … and this, degrees.
 const REST_DEG: f64 = 0.1;
 
-impl Terms {
+impl ArrivalCriteria {
     /// Seconds a drive over `mm` may take when no time-out is given.
     #[must_use]
     pub fn allowance_s(&self, mm: f64) -> f64 {
@@ -54,7 +53,7 @@ impl Terms {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Arrival {
     /// Where the robot believes it stands.
-    pub pose: Place,
+    pub pose: Pose,
     /// Distance to the target, millimetres.
     pub off_mm: f64,
     /// Rotation to the target, degrees, signed.
@@ -63,19 +62,19 @@ pub struct Arrival {
     pub seconds: f64,
 }
 
-/// Drives to `target` and returns when the robot stands there within the terms and at rest.
+/// Drives to `target` and returns when the robot stands there within the criteria and at rest.
 /// `watch` is shown every valid report.
 ///
 /// # Errors
 /// Those of [`Session::exchange`]; [`Error::WrongMode`], [`Error::Fault`], [`Error::NotReached`].
 /// On each of them, and on a panic of `watch`, the robot is stopped first.
-pub fn go_to<W: Wires>(
-    session: &mut Session<'_, W>,
-    target: Place,
-    terms: &Terms,
+pub fn go_to(
+    session: &mut Session<'_>,
+    target: Pose,
+    criteria: &ArrivalCriteria,
     mut watch: impl FnMut(&Report, &Snapshot),
 ) -> Result<Arrival, Error> {
-    follow(session, target, terms, |session, report| {
+    follow(session, target, criteria, |session, report| {
         if let Some(report) = report {
             watch(report, session.snapshot());
         }
@@ -87,42 +86,44 @@ pub fn go_to<W: Wires>(
 ///
 /// # Errors
 /// Those of [`go_to`] and of `watch`; the robot is stopped first.
-pub fn follow<'m, W: Wires>(
-    session: &mut Session<'m, W>,
-    target: Place,
-    terms: &Terms,
-    mut watch: impl FnMut(&mut Session<'m, W>, Option<&Report>) -> Result<(), Error>,
+pub fn follow<'m>(
+    session: &mut Session<'m>,
+    target: Pose,
+    criteria: &ArrivalCriteria,
+    mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
     let mode = session.config().mode;
     if !has_position(mode) {
         return Err(Error::WrongMode {
             mode: mode.name(),
-            wanted: "position to drive to",
+            required: "position to drive to",
         });
     }
     session.resume()?;
     let begun_us = session.now_us();
     let from = session.snapshot().pose.unwrap_or_default();
-    let seconds = terms.allowance_s(from.distance_mm(target));
-    let wish = Wish {
+    let seconds = criteria.allowance_s(from.distance_mm(target));
+    let request = CommandRequest {
         go: Some(target),
-        ..Wish::default()
+        ..CommandRequest::default()
     };
-    let mut rest = Rest::default();
-    let mut moving = Moving {
+    let mut rest = RestDetector::default();
+    let mut moving = StopOnDrop {
         session,
         arrived: false,
     };
     loop {
-        let report = moving.session.exchange(&wish)?;
+        let report = moving.session.exchange(&request)?;
         watch(moving.session, report.as_ref())?;
         if let Some(report) = report {
-            moving.session.refuse(report.state, report.faults)?;
+            moving
+                .session
+                .ensure_drivable(report.state, report.faults)?;
             let snapshot = moving.session.snapshot();
-            let pose = Place::from_code(report.pose);
+            let pose = Pose::from_code(report.pose);
             let still = rest.settled(snapshot.time_us, pose);
-            let (off_mm, off_deg) = (pose.distance_mm(target), pose.turn_to_deg(target));
-            if still && off_mm <= terms.tolerance_mm && off_deg.abs() <= terms.tolerance_deg {
+            let (off_mm, off_deg) = (pose.distance_mm(target), pose.rotation_to_deg(target));
+            if still && off_mm <= criteria.tolerance_mm && off_deg.abs() <= criteria.tolerance_deg {
                 moving.arrived = true;
                 let seconds = seconds_since(begun_us, snapshot.time_us);
                 return Ok(Arrival {
@@ -139,7 +140,7 @@ pub fn follow<'m, W: Wires>(
             return Err(Error::NotReached {
                 seconds,
                 off_mm: pose.distance_mm(target),
-                off_deg: pose.turn_to_deg(target),
+                off_deg: pose.rotation_to_deg(target),
             });
         }
     }
@@ -150,15 +151,15 @@ pub fn follow<'m, W: Wires>(
 ///
 /// # Errors
 /// Those of [`go_to`].
-pub fn tour<W: Wires>(
-    session: &mut Session<'_, W>,
-    way: &[Place],
-    terms: &Terms,
+pub fn tour(
+    session: &mut Session<'_>,
+    way: &[Pose],
+    criteria: &ArrivalCriteria,
     mut watch: impl FnMut(&Report, &Snapshot),
     mut reached: impl FnMut(usize, &Arrival),
 ) -> Result<(), Error> {
     for (index, &target) in way.iter().enumerate() {
-        let arrival = go_to(session, target, terms, &mut watch)?;
+        let arrival = go_to(session, target, criteria, &mut watch)?;
         reached(index, &arrival);
     }
     Ok(())
@@ -170,28 +171,28 @@ fn seconds_since(begun_us: u64, now_us: u64) -> f64 {
 }
 
 /// A robot on its way: dropped before it arrived, it is stopped.
-struct Moving<'s, 'm, W: Wires> {
-    session: &'s mut Session<'m, W>,
+struct StopOnDrop<'s, 'm> {
+    session: &'s mut Session<'m>,
     arrived: bool,
 }
 
-impl<W: Wires> Drop for Moving<'_, '_, W> {
+impl Drop for StopOnDrop<'_, '_> {
     fn drop(&mut self) {
         if !self.arrived {
-            self.session.halt();
+            self.session.stop();
         }
     }
 }
 
 /// The poses of the last quarter of a second.
 #[derive(Default)]
-struct Rest(VecDeque<(u64, Place)>);
+struct RestDetector(VecDeque<(u64, Pose)>);
 
-impl Rest {
+impl RestDetector {
     /// Notes a pose; whether nothing moved since [`REST_US`] ago.
-    fn settled(&mut self, now_us: u64, pose: Place) -> bool {
-        let moved = |&(_, old): &(u64, Place)| {
-            old.distance_mm(pose) > REST_MM || old.turn_to_deg(pose).abs() > REST_DEG
+    fn settled(&mut self, now_us: u64, pose: Pose) -> bool {
+        let moved = |&(_, old): &(u64, Pose)| {
+            old.distance_mm(pose) > REST_MM || old.rotation_to_deg(pose).abs() > REST_DEG
         };
         if self.0.iter().any(moved) {
             self.0.clear();

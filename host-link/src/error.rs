@@ -1,76 +1,42 @@
 //! What can go wrong, as one sentence each, and the exit code a script can rely on.
 
-use std::fmt;
 use std::path::PathBuf;
 
-/// Exit codes of the `host-link` program. They are part of its interface and do not change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Exit {
-    /// Done.
-    Ok = 0,
-    /// `eeprom diff` found differences.
-    Differs = 1,
-    /// The command line is wrong.
-    Usage = 2,
-    /// An input file is missing, unreadable or wrong.
-    BadFile = 3,
-    /// The EEPROM or its bus failed.
-    Eeprom = 4,
-    /// The configuration was rejected.
-    Rejected = 5,
-    /// `STM_READY` did not rise in time.
-    NotReady = 6,
-    /// No valid frame came over the SPI link.
-    Link = 7,
-    /// The target was not reached in time.
-    NotReached = 8,
-    /// The robot reports a fault and refuses to drive.
-    Fault = 9,
-    /// A device of the computer (or the virtual board) could not be opened or failed.
-    Device = 10,
-    /// An output file could not be written.
-    Output = 11,
-    /// Another host-link holds the robot.
-    Busy = 12,
-    /// Tuning or calibration gave nothing to go by.
-    Tuning = 13,
-    /// Interrupted by Ctrl-C, SIGTERM or SIGHUP.
-    Interrupted = 130,
+macro_rules! exit_codes {
+    ($($name:ident = $code:literal, $meaning:literal;)+) => {
+        /// Exit codes of the program `robot`. They are part of its interface and do not change.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum Exit {
+            $(#[doc = $meaning] $name = $code,)+
+        }
+
+        impl Exit {
+            /// Every code with its meaning, ascending, for the help text and the manual.
+            pub const ALL: &[(Self, &str)] = &[$((Self::$name, $meaning)),+];
+        }
+    };
+}
+
+exit_codes! {
+    Ok = 0, "done";
+    Differs = 1, "`eeprom diff` found differences";
+    Usage = 2, "wrong command line";
+    BadFile = 3, "an input file is missing, unreadable or wrong";
+    Eeprom = 4, "the EEPROM or its bus failed";
+    Rejected = 5, "the configuration was rejected";
+    NotReady = 6, "STM_READY did not rise in time";
+    Link = 7, "no valid frame over the SPI link, or the STM runs another mode";
+    NotReached = 8, "the target was not reached in time";
+    Fault = 9, "the robot reports a fault that prevents driving";
+    Device = 10, "a device could not be opened or failed";
+    Output = 11, "an output file could not be written";
+    Busy = 12, "another `robot` process uses the robot";
+    Tuning = 13, "tuning or calibration has no usable result; nothing was changed";
+    Interrupted = 130, "interrupted (Ctrl-C, SIGTERM, SIGHUP)";
 }
 
 impl Exit {
-    /// Every code with its meaning, in order, for the help text and the documentation.
-    pub const ALL: [(Self, &'static str); 15] = [
-        (Self::Ok, "done"),
-        (Self::Differs, "`eeprom diff` found differences"),
-        (Self::Usage, "wrong command line"),
-        (
-            Self::BadFile,
-            "an input file is missing, unreadable or wrong",
-        ),
-        (Self::Eeprom, "the EEPROM or its bus failed"),
-        (Self::Rejected, "the configuration was rejected"),
-        (Self::NotReady, "STM_READY did not rise in time"),
-        (
-            Self::Link,
-            "no valid frame over the SPI link, or the STM runs another mode",
-        ),
-        (Self::NotReached, "the target was not reached in time"),
-        (
-            Self::Fault,
-            "the robot reports a fault and refuses to drive",
-        ),
-        (Self::Device, "a device could not be opened or failed"),
-        (Self::Output, "an output file could not be written"),
-        (Self::Busy, "another host-link holds the robot"),
-        (
-            Self::Tuning,
-            "tuning or calibration gave nothing to go by; nothing was changed",
-        ),
-        (Self::Interrupted, "interrupted (Ctrl-C, SIGTERM, SIGHUP)"),
-    ];
-
     /// The number the process ends with.
     #[must_use]
     pub const fn code(self) -> u8 {
@@ -79,12 +45,14 @@ impl Exit {
 }
 
 /// Everything that ends a command early. The text says what, where, and what to do next.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// An argument has no meaning.
+    #[error("{0}; see `robot help`")]
     Usage(String),
     /// A file could not be read.
+    #[error("cannot read {}: {cause}; check the path and its permissions", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -92,6 +60,7 @@ pub enum Error {
         cause: String,
     },
     /// A file's content is wrong.
+    #[error("{}{}: {what}", path.display(), line.map(|line| format!(", line {line}")).unwrap_or_default())]
     Content {
         /// The file.
         path: PathBuf,
@@ -101,6 +70,10 @@ pub enum Error {
         what: String,
     },
     /// The EEPROM did not acknowledge, or its bus failed.
+    #[error(
+        "the EEPROM failed while {doing} at 0x{address:04X} ({cause}); check that I2C is enabled, that it \
+         answers at 0x50, and repeat the command"
+    )]
     Eeprom {
         /// What was being done.
         doing: &'static str,
@@ -110,6 +83,10 @@ pub enum Error {
         cause: String,
     },
     /// The EEPROM does not hold what was written.
+    #[error(
+        "the EEPROM reads 0x{read:02X} at 0x{address:04X} where 0x{written:02X} was written; repeat the \
+         command, and replace the part if it happens again"
+    )]
     Verify {
         /// First address that differs.
         address: u16,
@@ -119,43 +96,63 @@ pub enum Error {
         read: u8,
     },
     /// A control line could not be driven or read.
+    #[error("the {net} line cannot be used ({cause}); check that no other program holds its GPIO")]
     Pin {
         /// The net's name.
         net: &'static str,
         /// The driver's reason.
         cause: String,
     },
-    /// After an EEPROM command a line could not be brought back to its place of rest.
+    /// After an EEPROM command a line could not be brought back to its idle level.
+    #[error(
+        "{}{step} failed ({cause}), so the EEPROM may be unprotected or its bus not with the STM; run \
+         `robot reset`, which repairs both",
+        first.as_ref().map(|first| format!("{first}; then ")).unwrap_or_default()
+    )]
     NotRestored {
         /// The step that failed.
         step: &'static str,
-        /// The driver's reason.
+        /// Its reason.
         cause: String,
         /// What had gone wrong before, if anything.
         first: Option<Box<Error>>,
     },
     /// The configuration is not acceptable.
+    #[error("configuration rejected {location}: {what}; correct it and run `robot eeprom write`")]
     Rejected {
         /// The address in the EEPROM, or the file with its line.
-        place: String,
+        location: String,
         /// Field, value and accepted range.
         what: String,
     },
     /// The mode in the EEPROM cannot do what was asked.
+    #[error(
+        "the EEPROM selects mode {mode}, which has no {required}; write a configuration whose mode has it"
+    )]
     WrongMode {
         /// The mode's name.
         mode: &'static str,
-        /// What was asked.
-        wanted: &'static str,
+        /// What the command needs.
+        required: &'static str,
     },
     /// `STM_READY` stayed low.
+    #[error(
+        "STM_READY stayed low for {waited_ms} ms: the STM rejects its configuration or does not run; run \
+         `robot eeprom check` and read the UART log"
+    )]
     NotReady {
         /// How long it was awaited, milliseconds.
         waited_ms: u32,
     },
     /// The SPI device itself failed.
+    #[error("the SPI device failed ({0}); check that SPI is enabled and --spi names it")]
     Spi(String),
     /// Frames go out, nothing valid comes back.
+    #[error(
+        "no valid frame from the STM for {ms} ms ({frames} sent; the last reply: {last}); check that \
+         STM_READY is high and that keys and mode in the EEPROM are those the STM booted with \
+         (`robot reset` makes it read them again)"
+    )]
     Silent {
         /// For how long, milliseconds.
         ms: u64,
@@ -165,15 +162,24 @@ pub enum Error {
         last: String,
     },
     /// Frames go out and come back, but the STM runs another chain or has other keys.
-    Stranger {
+    #[error(
+        "the STM does not answer in mode {mode} ({frames} frames, {reason}): it runs another mode or has \
+         other keys than the EEPROM holds now, or an SPI wire is disconnected; run `robot reset`, which \
+         makes it read the EEPROM again"
+    )]
+    ModeMismatch {
         /// The mode this end runs.
         mode: &'static str,
-        /// Frames it took to find out.
+        /// Frames until the mismatch was detected.
         frames: u64,
         /// What shows it.
-        why: String,
+        reason: String,
     },
     /// The robot did not come to rest at the target in time.
+    #[error(
+        "the robot did not come to rest at its target within {seconds:.1} s: {off_mm:.1} mm and \
+         {off_deg:.2} degrees are left; look for an obstacle or give --timeout a longer time"
+    )]
     NotReached {
         /// Seconds it was given.
         seconds: f64,
@@ -183,6 +189,10 @@ pub enum Error {
         off_deg: f64,
     },
     /// The robot stopped or faulted while it should drive.
+    #[error(
+        "the robot is {state} (faults: {faults}) and will not drive; remove the cause, then run \
+         `robot reset`"
+    )]
     Fault {
         /// Its state's name.
         state: &'static str,
@@ -190,6 +200,7 @@ pub enum Error {
         faults: String,
     },
     /// A device could not be opened.
+    #[error("cannot use {name} ({cause}); {advice}")]
     Device {
         /// Which.
         name: String,
@@ -199,22 +210,29 @@ pub enum Error {
         advice: String,
     },
     /// A file could not be written.
+    #[error("cannot write {}: {cause}; check the folder and its space", path.display())]
     Unwritable {
         /// The file.
         path: PathBuf,
         /// The system's reason.
         cause: String,
     },
-    /// Another program holds the lock.
+    /// Another process holds the lock.
+    #[error("another `robot` process uses the robot (lock {}); wait for it or end it", path.display())]
     Busy {
         /// The lock file.
         path: PathBuf,
     },
-    /// The steps or the log gave nothing to tune by.
+    /// The steps or the log give no model.
+    #[error("tuning has no usable result: {0}; gains and dividers are unchanged")]
     Tuning(String),
-    /// A run or its measurement gave nothing to calibrate by.
+    /// A run or its measurement gives no correction.
+    #[error("calibration has no usable result: {0}; diameters and track are unchanged")]
     Calibration(String),
     /// Ctrl-C, SIGTERM or SIGHUP.
+    #[error(
+        "interrupted; the robot stops, and the EEPROM is protected with its bus back at the STM"
+    )]
     Interrupted,
 }
 
@@ -228,7 +246,7 @@ impl Error {
             Self::Eeprom { .. } | Self::Verify { .. } | Self::NotRestored { .. } => Exit::Eeprom,
             Self::Rejected { .. } | Self::WrongMode { .. } => Exit::Rejected,
             Self::NotReady { .. } => Exit::NotReady,
-            Self::Spi(_) | Self::Silent { .. } | Self::Stranger { .. } => Exit::Link,
+            Self::Spi(_) | Self::Silent { .. } | Self::ModeMismatch { .. } => Exit::Link,
             Self::NotReached { .. } => Exit::NotReached,
             Self::Fault { .. } => Exit::Fault,
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
@@ -268,109 +286,6 @@ impl Error {
         }
     }
 }
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Usage(what) => write!(f, "{what}; see `host-link help`"),
-            Self::Unreadable { path, cause } => {
-                write!(f, "cannot read {}: {cause}; check the path and its permissions", path.display())
-            }
-            Self::Content { path, line, what } => {
-                write!(f, "{}", path.display())?;
-                if let Some(line) = line {
-                    write!(f, ", line {line}")?;
-                }
-                write!(f, ": {what}")
-            }
-            Self::Eeprom { doing, address, cause } => write!(
-                f,
-                "the EEPROM failed while {doing} at 0x{address:04X} ({cause}); check that I2C is enabled, \
-                 that it answers at 0x50, and repeat the command"
-            ),
-            Self::Verify { address, written, read } => write!(
-                f,
-                "the EEPROM reads 0x{read:02X} at 0x{address:04X} where 0x{written:02X} was written; repeat \
-                 the command, and replace the part if it happens again"
-            ),
-            Self::Pin { net, cause } => write!(
-                f,
-                "the {net} line cannot be used ({cause}); check that no other program holds its GPIO"
-            ),
-            Self::NotRestored { step, cause, first } => {
-                if let Some(first) = first {
-                    write!(f, "{first}; then ")?;
-                }
-                write!(
-                    f,
-                    "{step} failed ({cause}), so the EEPROM may be unprotected or its bus still taken; run \
-                     `host-link reset`, which repairs both"
-                )
-            }
-            Self::Rejected { place, what } => write!(
-                f,
-                "configuration rejected {place}: {what}; correct it and run `host-link eeprom write`"
-            ),
-            Self::WrongMode { mode, wanted } => write!(
-                f,
-                "the EEPROM selects mode {mode}, which has no {wanted}; write a configuration whose mode has it"
-            ),
-            Self::NotReady { waited_ms } => write!(
-                f,
-                "STM_READY stayed low for {waited_ms} ms: the STM refuses its configuration or does not run; \
-                 run `host-link eeprom check` and read the UART log"
-            ),
-            Self::Spi(cause) => {
-                write!(f, "the SPI device failed ({cause}); check that SPI is enabled and --spi names it")
-            }
-            Self::Silent { ms, frames, last } => write!(
-                f,
-                "no valid frame from the STM for {ms} ms ({frames} sent; the last reply: {last}); check that \
-                 STM_READY is high and that keys and mode in the EEPROM are those the STM booted with \
-                 (`host-link reset` makes it read them again)"
-            ),
-            Self::Stranger { mode, frames, why } => write!(
-                f,
-                "the STM does not answer in mode {mode} ({frames} frames, {why}): it runs another mode or has \
-                 other keys than the EEPROM holds now, or a wire of the SPI is off; run `host-link reset`, \
-                 which makes it read the EEPROM again"
-            ),
-            Self::NotReached { seconds, off_mm, off_deg } => write!(
-                f,
-                "the robot did not come to rest at its target within {seconds:.1} s: {off_mm:.1} mm and \
-                 {off_deg:.2} degrees are left; look for an obstacle or give --timeout a longer time"
-            ),
-            Self::Fault { state, faults } => write!(
-                f,
-                "the robot is {state} (faults: {faults}) and will not drive; remove the cause, then run \
-                 `host-link reset`"
-            ),
-            Self::Device { name, cause, advice } => write!(f, "cannot use {name} ({cause}); {advice}"),
-            Self::Unwritable { path, cause } => {
-                write!(f, "cannot write {}: {cause}; check the folder and its space", path.display())
-            }
-            Self::Busy { path } => write!(
-                f,
-                "another host-link holds the robot (lock {}); wait for it or end it",
-                path.display()
-            ),
-            Self::Tuning(what) => write!(
-                f,
-                "tuning gave nothing to go by: {what}; gains and dividers are as they were"
-            ),
-            Self::Calibration(what) => write!(
-                f,
-                "the calibration came to nothing: {what}; diameters and track are as they were"
-            ),
-            Self::Interrupted => write!(
-                f,
-                "interrupted; the robot stops, and the EEPROM is protected with its bus back at the STM"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for Error {}
 
 #[cfg(test)]
 mod tests {

@@ -1,12 +1,12 @@
 //! The Raspberry Pi side of the robot: EEPROM, SPI link, log and drive, over embedded-hal 1.0.
 //!
-//! Everything here works on a [`board_io::Machine`]: the handles of the wires between the Pi and the
+//! Everything here works on a [`board_io::BoardIo`]: the handles of the wires between the Pi and the
 //! board. Where they come from is a feature:
 //!
 //! | feature | brings |
 //! |---|---|
-//! | `linux` | [`board_io::Machine`] on spidev, i2c-dev and gpiochip of a Raspberry Pi |
-//! | `mock` | [`board_io::Machine`] in memory, with faults at any call, for tests |
+//! | `linux` | [`board_io::BoardIo`] on spidev, i2c-dev and gpiochip of a Raspberry Pi |
+//! | `mock` | [`board_io::BoardIo`] in memory, with faults at any call, for tests |
 //!
 //! | module | idea |
 //! |---|---|
@@ -29,7 +29,6 @@ pub mod board_io;
 pub mod drive;
 pub mod eeprom;
 pub mod error;
-pub mod ground_truth;
 pub mod link;
 #[cfg(feature = "linux")]
 pub mod linux;
@@ -39,6 +38,7 @@ pub mod mock_board;
 mod mode_check;
 pub mod pose;
 pub mod reset;
+pub mod samples;
 pub mod session;
 pub mod settings;
 pub mod snapshot;

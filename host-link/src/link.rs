@@ -1,8 +1,8 @@
 //! One frame per chip-select: what goes out, what comes back, and the statistics of this end.
 
-use crate::board_io::Clock;
+use crate::board_io::{Clock, IoError};
 use crate::error::Error;
-use crate::statistics::{Causes, Statistics};
+use crate::statistics::{LinkStatistics, RejectCounts};
 use embedded_hal::spi::SpiDevice;
 use fw_core::eeprom::Config;
 use fw_core::wire::{Command, FrameError, Mode, PiLink, Report, Setup, MAX_FRAME};
@@ -39,10 +39,10 @@ impl Link {
     /// # Errors
     /// [`Error::Spi`]: the bus itself failed; nothing is known about the frame.
     // Requirement: DOC-5-3
-    pub fn exchange<S: SpiDevice>(
+    pub fn exchange(
         &mut self,
-        spi: &mut S,
-        clock: &mut impl Clock,
+        spi: &mut dyn SpiDevice<Error = IoError>,
+        clock: &mut dyn Clock,
         command: &Command,
     ) -> Result<Result<Report, FrameError>, Error> {
         let mut out = [0; MAX_FRAME];
@@ -56,7 +56,7 @@ impl Link {
         let begun_us = clock.micros();
         self.round_trip.sent(begun_us);
         spi.transfer(back, out)
-            .map_err(|cause| Error::Spi(format!("{cause:?}")))?;
+            .map_err(|cause| Error::Spi(cause.to_string()))?;
         let ended_us = clock.micros();
         let transfer_us = ended_us.saturating_sub(begun_us);
         self.worst_transfer_us = self.worst_transfer_us.max(transfer_us);
@@ -75,14 +75,14 @@ impl Link {
 
     /// The counters so far.
     #[must_use]
-    pub fn statistics(&self) -> Statistics {
+    pub fn statistics(&self) -> LinkStatistics {
         let counters = self.end.counters();
         let numbered = self.mode.tells_fresh();
-        Statistics {
+        LinkStatistics {
             frames: self.frames,
             accepted: counters.accepted,
             rejected: counters.rejected_total(),
-            causes: Causes::from(counters),
+            causes: RejectCounts::from(counters),
             worst_gap_us: self.worst_gap_us,
             worst_transfer_us: self.worst_transfer_us,
             missed: numbered.then_some(counters.missed),

@@ -1,12 +1,12 @@
 //! The Raspberry Pi's own buses: spidev, i2c-dev and the GPIO character device.
 //!
-//! GPIO numbers are BCM's, of the first board. The lines' places of rest need no program: when this
+//! GPIO numbers are BCM's, of the first board. The lines' idle levels need no program: when this
 //! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
 //! down.
 
-use crate::board_io::{Clock, Interrupt, Machine, Wires};
+use crate::board_io::{erase, BoardIo, Clock, Interrupt};
 use crate::error::Error;
-use crate::uart::Tty;
+use crate::uart::SerialPort;
 use embedded_hal::digital::{ErrorType, OutputPin};
 use linux_embedded_hal::gpio_cdev::{Chip, Line, LineHandle, LineRequestFlags};
 use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
@@ -38,25 +38,11 @@ pub struct Devices {
     pub uart: PathBuf,
 }
 
-/// The types of the Pi's handles.
-pub struct LinuxWires;
-
-impl Wires for LinuxWires {
-    type Spi = SpidevDevice;
-    type I2c = I2cdev;
-    type Reset = OpenDrain;
-    type Select = CdevPin;
-    type Protect = CdevPin;
-    type Ready = CdevPin;
-    type Delay = Delay;
-    type Clock = Monotonic;
-}
-
-/// Opens everything. SELECT and `WP_EEPROM` are at their place of rest from the first moment on.
+/// Opens everything. SELECT and `WP_EEPROM` are at their idle levels from the first moment on.
 ///
 /// # Errors
 /// [`Error::Device`] names the device and what to do.
-pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<Machine<LinuxWires>, Error> {
+pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
     let mut chip = Chip::new(&devices.gpiochip)
         .map_err(|cause| device(&devices.gpiochip, &cause, GPIO_ADVICE))?;
     let mut pin = |net: &str, offset: u32, flags: LineRequestFlags, value: u8| {
@@ -89,17 +75,16 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<Machine<LinuxWire
     let i2c =
         I2cdev::new(&devices.i2c).map_err(|cause| device(&devices.i2c, &cause, I2C_ADVICE))?;
 
-    Ok(Machine {
-        spi,
-        i2c,
-        reset,
-        select,
-        protect,
-        ready,
-        delay: Delay,
-        clock: Monotonic(Instant::now()),
-        uart: Box::new(Tty::new(&devices.uart)),
-        tape: None,
+    Ok(BoardIo {
+        spi: erase(spi),
+        i2c: erase(i2c),
+        reset: erase(reset),
+        select: erase(select),
+        protect: erase(protect),
+        ready: erase(ready),
+        delay: Box::new(Delay),
+        clock: Box::new(Monotonic(Instant::now())),
+        log: Box::new(SerialPort::new(&devices.uart)),
         interrupt,
     })
 }

@@ -1,7 +1,7 @@
 //! The STM's log: `I00012: T 50.00 123.456`, taken apart line by line. A UART loses and garbles
 //! bytes, so any bytes are accepted and only whole lines of exactly the known form count.
 
-use crate::statistics::{Causes, StmStatistics};
+use crate::statistics::{RejectCounts, StmStatistics};
 use fw_core::wire::Cause;
 
 /// The longest line kept; the STM's are shorter.
@@ -9,7 +9,7 @@ const LONGEST: usize = 256;
 
 /// A line that could be read.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Line {
+pub enum LogLine {
     /// A sample of a tuning mode.
     Sample {
         /// The line's number, 0 to 99999.
@@ -43,7 +43,7 @@ pub enum Line {
     },
 }
 
-impl Line {
+impl LogLine {
     /// The line's number, which every line of the log takes: 0 to 99999 and again.
     #[must_use]
     pub const fn number(&self) -> u32 {
@@ -58,20 +58,20 @@ impl Line {
 
 /// Bytes → lines.
 #[derive(Clone, Debug, Default)]
-pub struct Lines {
+pub struct LogParser {
     partial: Vec<u8>,
-    garbled: u64,
+    malformed: u64,
 }
 
-impl Lines {
+impl LogParser {
     /// Takes bytes as they come, in pieces of any size; returns the lines they complete.
-    pub fn feed(&mut self, bytes: &[u8]) -> Vec<Line> {
+    pub fn feed(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         let mut lines = Vec::new();
         for &byte in bytes {
             if byte == b'\n' {
                 match parse(&self.partial) {
                     Some(line) => lines.push(line),
-                    None => self.garbled += 1,
+                    None => self.malformed += 1,
                 }
                 self.partial.clear();
             } else if self.partial.len() <= LONGEST {
@@ -82,15 +82,15 @@ impl Lines {
         lines
     }
 
-    /// Lines that were none of the log's.
+    /// LogParser that were none of the log's.
     #[must_use]
-    pub const fn garbled(&self) -> u64 {
-        self.garbled
+    pub const fn malformed(&self) -> u64 {
+        self.malformed
     }
 }
 
 /// One line without its end.
-fn parse(line: &[u8]) -> Option<Line> {
+fn parse(line: &[u8]) -> Option<LogLine> {
     if line.len() > LONGEST {
         return None;
     }
@@ -106,7 +106,7 @@ fn parse(line: &[u8]) -> Option<Line> {
         let (percent, value) = sample.split_once(' ')?;
         let percent = decimal(percent, 2).filter(|percent| percent.abs() <= 100.0)?;
         let value = decimal(value, 3)?;
-        return Some(Line::Sample {
+        return Some(LogLine::Sample {
             number,
             percent,
             value,
@@ -120,15 +120,15 @@ fn parse(line: &[u8]) -> Option<Line> {
         let ohm = whole(ohm)?;
         return (1..=8)
             .contains(&tap)
-            .then_some(Line::Tuned { number, tap, ohm });
+            .then_some(LogLine::Tuned { number, tap, ohm });
     }
     if let Some(text) = body.strip_prefix("L ") {
-        return Some(Line::Link {
+        return Some(LogLine::Link {
             number,
             link: link(text)?,
         });
     }
-    Some(Line::Other { number })
+    Some(LogLine::Other { number })
 }
 
 /// The numbers of a link's line. The frames must be the sum of what became of them: a lost digit
@@ -141,7 +141,7 @@ fn link(text: &str) -> Option<StmStatistics> {
     let [recent_gap_us, worst_gap_us] = [whole(next()?)?, whole(next()?)?];
     let behind = known(next()?).ok()?;
     let round_trip_frames = behind.map(u8::try_from).transpose().ok()?;
-    let mut causes = Causes::default();
+    let mut causes = RejectCounts::default();
     let mut left = Cause::ALL.into_iter();
     while let Some(name) = words.next() {
         let cause = left.find(|cause| cause.name() == name)?;
@@ -198,27 +198,27 @@ mod tests {
         I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n\
         I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n";
 
-    fn lines() -> Vec<Line> {
-        let sample = |number, percent, value| Line::Sample {
+    fn lines() -> Vec<LogLine> {
+        let sample = |number, percent, value| LogLine::Sample {
             number,
             percent,
             value,
         };
         vec![
-            Line::Other { number: 7 },
+            LogLine::Other { number: 7 },
             sample(8, -50.0, -0.034),
             sample(9, 0.0, 123_456.789),
-            Line::Tuned {
+            LogLine::Tuned {
                 number: 10,
                 tap: 2,
                 ohm: 33_120,
             },
-            Line::Other { number: 11 },
-            Line::Link {
+            LogLine::Other { number: 11 },
+            LogLine::Link {
                 number: 12,
                 link: disturbed(),
             },
-            Line::Link {
+            LogLine::Link {
                 number: 13,
                 link: StmStatistics {
                     frames: 40,
@@ -232,7 +232,7 @@ mod tests {
     }
 
     fn disturbed() -> StmStatistics {
-        let mut causes = Causes::default();
+        let mut causes = RejectCounts::default();
         causes.set(Cause::Stale, 1);
         causes.set(Cause::Crc, 3);
         StmStatistics {
@@ -256,8 +256,8 @@ mod tests {
         for from in 0..line.len() - 1 {
             for to in from + 1..line.len() {
                 let torn = [&line[..from], &line[to..]].concat();
-                for read in Lines::default().feed(&torn) {
-                    if let Line::Link { link, .. } = read {
+                for read in LogParser::default().feed(&torn) {
+                    if let LogLine::Link { link, .. } = read {
                         assert_eq!(counts(link), counts(disturbed()), "{from}..{to}");
                     }
                 }
@@ -273,22 +273,22 @@ mod tests {
             "L 42 40 1 2 25013 3600000 1 noise 1",
         ] {
             let line = format!("I00012: {wrong}\n");
-            let mut lines = Lines::default();
+            let mut lines = LogParser::default();
             assert_eq!(lines.feed(line.as_bytes()), [], "{wrong}");
-            assert_eq!(lines.garbled(), 1);
+            assert_eq!(lines.malformed(), 1);
         }
     }
 
     #[test]
     fn the_log_reads_the_same_in_pieces_of_any_size() {
         for size in 1..LOG.len() {
-            let mut parser = Lines::default();
-            let read: Vec<Line> = LOG
+            let mut parser = LogParser::default();
+            let read: Vec<LogLine> = LOG
                 .chunks(size)
                 .flat_map(|part| parser.feed(part))
                 .collect();
             assert_eq!(read, lines());
-            assert_eq!(parser.garbled(), 0);
+            assert_eq!(parser.malformed(), 0);
         }
     }
 
@@ -299,8 +299,8 @@ mod tests {
         for from in 0..line.len() - 1 {
             for to in from + 1..line.len() {
                 let torn = [&line[..from], &line[to..]].concat();
-                for read in Lines::default().feed(&torn) {
-                    if let Line::Sample {
+                for read in LogParser::default().feed(&torn) {
+                    if let LogLine::Sample {
                         number,
                         percent,
                         value,
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn two_lines_run_together_are_no_sample() {
-        let mut parser = Lines::default();
+        let mut parser = LogParser::default();
         assert_eq!(
             parser.feed(b"I00001: T 50.00 1.2I00002: T 50.00 3.400\n"),
             []
@@ -332,13 +332,13 @@ mod tests {
             parser.feed(b"I00001: T 50.00 1.200I00002: T 50.00 3.400\n"),
             []
         );
-        assert_eq!(parser.garbled(), 2);
+        assert_eq!(parser.malformed(), 2);
     }
 
     #[test]
     fn any_bytes_are_survived_and_the_next_line_is_read() {
         let mut state = 1_u32;
-        let mut parser = Lines::default();
+        let mut parser = LogParser::default();
         for _ in 0..2000 {
             let noise: Vec<u8> = (0..300)
                 .map(|_| {
@@ -360,11 +360,14 @@ mod tests {
 
     #[test]
     fn an_endless_line_takes_no_memory() {
-        let mut parser = Lines::default();
+        let mut parser = LogParser::default();
         for _ in 0..1000 {
             parser.feed(&[b'I'; 1000]);
         }
         assert!(parser.partial.len() <= LONGEST + 1);
-        assert_eq!(parser.feed(b"\nI00001: x\n"), [Line::Other { number: 1 }]);
+        assert_eq!(
+            parser.feed(b"\nI00001: x\n"),
+            [LogLine::Other { number: 1 }]
+        );
     }
 }

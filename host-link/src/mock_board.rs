@@ -1,9 +1,9 @@
 //! In-memory doubles of the wires, to make every single call fail in turn. How the real board
 //! behaves is tested on the virtual one.
 
-use crate::board_io::{Clock, Interrupt, Machine, Wires};
+use crate::board_io::{erase, BoardIo, Clock, Interrupt};
 use crate::error::Error;
-use crate::uart::Source;
+use crate::uart::LogSource;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
@@ -16,13 +16,13 @@ use std::rc::Rc;
 
 /// What happens at a chosen call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mishap {
+pub enum IoFault {
     /// This call fails, the next works again.
     FailOnce(usize),
     /// From this call on nothing answers on I2C and SPI; the lines still work.
-    BusesDie(usize),
+    BusesFail(usize),
     /// From this call on nothing works at all.
-    AllDies(usize),
+    AllFail(usize),
     /// The call panics.
     Panic(usize),
     /// Ctrl-C during this call.
@@ -31,9 +31,9 @@ pub enum Mishap {
 
 /// The board, as far as its wires show it.
 #[allow(clippy::struct_excessive_bools)] // so many lines
-pub struct Board {
+pub struct MockBoard {
     /// The fault to inject, if any.
-    pub mishap: Option<Mishap>,
+    pub fault: Option<IoFault>,
     /// Calls so far, over all handles.
     pub calls: usize,
     /// Level of `WP_EEPROM`.
@@ -51,12 +51,12 @@ pub struct Board {
     /// What the board reports in its next reply.
     pub report: Report,
     /// What the UART said and nobody read yet.
-    pub said: Vec<u8>,
+    pub log: Vec<u8>,
     /// Whether the log's wire is there.
-    pub speaks: bool,
-    /// Replies are garbled from this frame on.
-    pub deaf_from: usize,
-    drive: DriveDouble,
+    pub log_connected: bool,
+    /// Replies are malformed from this frame on.
+    pub garbled_from: usize,
+    drive: DriveModel,
     link: Option<StmLink>,
     now_us: u64,
     low_since_us: u64,
@@ -68,32 +68,32 @@ pub struct Board {
 
 /// The error of every double.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Broken;
+pub struct MockError;
 
-impl digital::Error for Broken {
+impl digital::Error for MockError {
     fn kind(&self) -> digital::ErrorKind {
         digital::ErrorKind::Other
     }
 }
 
-impl i2c::Error for Broken {
+impl i2c::Error for MockError {
     fn kind(&self) -> i2c::ErrorKind {
         i2c::ErrorKind::NoAcknowledge(i2c::NoAcknowledgeSource::Unknown)
     }
 }
 
-impl spi::Error for Broken {
+impl spi::Error for MockError {
     fn kind(&self) -> spi::ErrorKind {
         spi::ErrorKind::Other
     }
 }
 
 /// A board that outlives the processes on it.
-pub type Shared = Rc<RefCell<Board>>;
+pub type Shared = Rc<RefCell<MockBoard>>;
 
 /// A drive behind two lags: 2 per second and percent beyond 20 %, lags of 0.15 s.
 #[derive(Default)]
-struct DriveDouble {
+struct DriveModel {
     percent: f64,
     lagged: [f64; 2],
     position: f64,
@@ -101,7 +101,7 @@ struct DriveDouble {
     lines: u32,
 }
 
-impl DriveDouble {
+impl DriveModel {
     /// One tick of 10 ms, and its line of the log.
     fn tick(&mut self) -> String {
         let line = format!(
@@ -125,16 +125,16 @@ impl DriveDouble {
     }
 }
 
-impl Board {
-    fn call(&mut self, bus: bool) -> Result<(), Broken> {
+impl MockBoard {
+    fn call(&mut self, bus: bool) -> Result<(), MockError> {
         let call = self.calls;
         self.calls += 1;
-        match self.mishap {
-            Some(Mishap::FailOnce(at)) if call == at => Err(Broken),
-            Some(Mishap::BusesDie(at)) if call >= at && bus => Err(Broken),
-            Some(Mishap::AllDies(at)) if call >= at => Err(Broken),
-            Some(Mishap::Panic(at)) if call == at => panic!("a double was told to"),
-            Some(Mishap::Interrupt(at)) if call == at => {
+        match self.fault {
+            Some(IoFault::FailOnce(at)) if call == at => Err(MockError),
+            Some(IoFault::BusesFail(at)) if call >= at && bus => Err(MockError),
+            Some(IoFault::AllFail(at)) if call >= at => Err(MockError),
+            Some(IoFault::Panic(at)) if call == at => panic!("injected panic"),
+            Some(IoFault::Interrupt(at)) if call == at => {
                 self.interrupt.raise();
                 Ok(())
             }
@@ -147,12 +147,12 @@ impl Board {
     }
 
     /// One I2C write to the EEPROM.
-    fn write(&mut self, bytes: &[u8]) -> Result<(), Broken> {
+    fn write(&mut self, bytes: &[u8]) -> Result<(), MockError> {
         if !self.selected || self.now_us < self.busy_until_us {
-            return Err(Broken);
+            return Err(MockError);
         }
         let [high, low, data @ ..] = bytes else {
-            return Err(Broken);
+            return Err(MockError);
         };
         self.pointer = usize::from(u16::from_be_bytes([*high, *low]));
         if data.is_empty() {
@@ -169,9 +169,9 @@ impl Board {
         Ok(())
     }
 
-    fn read(&mut self, out: &mut [u8]) -> Result<(), Broken> {
+    fn read(&mut self, out: &mut [u8]) -> Result<(), MockError> {
         if !self.selected || self.now_us < self.busy_until_us {
-            return Err(Broken);
+            return Err(MockError);
         }
         for byte in out {
             *byte = self.memory[self.pointer % IMAGE_LEN];
@@ -199,16 +199,16 @@ impl Board {
         }
         self.drive.percent = f64::from_bits(command.percent.0);
         self.report.measurement = Binary64(self.drive.position.to_bits());
-        if command.tune.voltage != 0 && self.speaks {
+        if command.tune.voltage != 0 && self.log_connected {
             let tuned = format!(
                 "I{:05}: tuned tap {}: upper resistor 33120 ohm\n",
                 self.drive.lines % 100_000,
                 command.tune.cell + 1
             );
-            self.said.extend(tuned.as_bytes());
+            self.log.extend(tuned.as_bytes());
             self.drive.lines += 1;
         }
-        if self.commands.len() >= self.deaf_from {
+        if self.commands.len() >= self.garbled_from {
             back.fill(0xFF);
         }
         self.commands.push(command);
@@ -223,8 +223,8 @@ impl Board {
             self.drive.ticks += 1;
             if tunes && !self.in_reset && !self.selected {
                 let line = self.drive.tick();
-                if self.speaks {
-                    self.said.extend(line.as_bytes());
+                if self.log_connected {
+                    self.log.extend(line.as_bytes());
                 }
             }
         }
@@ -232,7 +232,7 @@ impl Board {
 }
 
 /// A handle of one wire.
-pub struct Wire<const WHICH: usize>(Shared);
+pub struct MockLine<const WHICH: usize>(Shared);
 
 const RESET: usize = 0;
 const SELECT: usize = 1;
@@ -240,12 +240,12 @@ const PROTECT: usize = 2;
 const READY: usize = 3;
 const BUS: usize = 4;
 
-impl<const WHICH: usize> digital::ErrorType for Wire<WHICH> {
-    type Error = Broken;
+impl<const WHICH: usize> digital::ErrorType for MockLine<WHICH> {
+    type Error = MockError;
 }
 
-impl<const WHICH: usize> Wire<WHICH> {
-    fn set(&mut self, high: bool) -> Result<(), Broken> {
+impl<const WHICH: usize> MockLine<WHICH> {
+    fn set(&mut self, high: bool) -> Result<(), MockError> {
         let mut board = self.0.borrow_mut();
         board.call(false)?;
         match WHICH {
@@ -254,9 +254,9 @@ impl<const WHICH: usize> Wire<WHICH> {
                 board.link = fw_core::eeprom::decode(&board.memory)
                     .ok()
                     .map(|config| StmLink::new(Setup::from(&config)));
-                board.drive = DriveDouble {
+                board.drive = DriveModel {
                     ticks: board.drive.ticks,
-                    ..DriveDouble::default()
+                    ..DriveModel::default()
                 };
                 if board.now_us - board.low_since_us >= 100_000 {
                     board.resets += 1;
@@ -274,34 +274,34 @@ impl<const WHICH: usize> Wire<WHICH> {
     }
 }
 
-impl<const WHICH: usize> OutputPin for Wire<WHICH> {
-    fn set_low(&mut self) -> Result<(), Broken> {
+impl<const WHICH: usize> OutputPin for MockLine<WHICH> {
+    fn set_low(&mut self) -> Result<(), MockError> {
         self.set(false)
     }
 
-    fn set_high(&mut self) -> Result<(), Broken> {
+    fn set_high(&mut self) -> Result<(), MockError> {
         self.set(true)
     }
 }
 
-impl InputPin for Wire<READY> {
-    fn is_high(&mut self) -> Result<bool, Broken> {
+impl InputPin for MockLine<READY> {
+    fn is_high(&mut self) -> Result<bool, MockError> {
         let mut board = self.0.borrow_mut();
         board.call(false)?;
         Ok(board.ready())
     }
 
-    fn is_low(&mut self) -> Result<bool, Broken> {
+    fn is_low(&mut self) -> Result<bool, MockError> {
         self.is_high().map(|high| !high)
     }
 }
 
-impl i2c::ErrorType for Wire<BUS> {
-    type Error = Broken;
+impl i2c::ErrorType for MockLine<BUS> {
+    type Error = MockError;
 }
 
-impl I2c for Wire<BUS> {
-    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), Broken> {
+impl I2c for MockLine<BUS> {
+    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), MockError> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
         assert_eq!(address, 0x50);
@@ -315,12 +315,12 @@ impl I2c for Wire<BUS> {
     }
 }
 
-impl spi::ErrorType for Wire<BUS> {
-    type Error = Broken;
+impl spi::ErrorType for MockLine<BUS> {
+    type Error = MockError;
 }
 
-impl SpiDevice for Wire<BUS> {
-    fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), Broken> {
+impl SpiDevice for MockLine<BUS> {
+    fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), MockError> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
         for part in parts {
@@ -332,44 +332,30 @@ impl SpiDevice for Wire<BUS> {
     }
 }
 
-impl DelayNs for Wire<BUS> {
+impl DelayNs for MockLine<BUS> {
     fn delay_ns(&mut self, ns: u32) {
         self.0.borrow_mut().pass(u64::from(ns / 1000));
     }
 }
 
-impl Clock for Wire<BUS> {
+impl Clock for MockLine<BUS> {
     fn micros(&mut self) -> u64 {
         self.0.borrow().now_us
     }
 }
 
-impl Source for Wire<BUS> {
-    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
-        Ok(std::mem::take(&mut self.0.borrow_mut().said))
+impl LogSource for MockLine<BUS> {
+    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+        Ok(std::mem::take(&mut self.0.borrow_mut().log))
     }
 }
 
-/// The doubles.
-pub struct Doubles;
-
-impl Wires for Doubles {
-    type Spi = Wire<BUS>;
-    type I2c = Wire<BUS>;
-    type Reset = Wire<RESET>;
-    type Select = Wire<SELECT>;
-    type Protect = Wire<PROTECT>;
-    type Ready = Wire<READY>;
-    type Delay = Wire<BUS>;
-    type Clock = Wire<BUS>;
-}
-
-/// A board whose EEPROM holds `memory`, and the machine that reaches it.
-pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubles>) {
+/// A board whose EEPROM holds `memory`, and the I/O that reaches it.
+pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
     let interrupt = Interrupt::new();
     let link = fw_core::eeprom::decode(memory).ok();
-    let board = Rc::new(RefCell::new(Board {
-        mishap,
+    let board = Rc::new(RefCell::new(MockBoard {
+        fault,
         calls: 0,
         protected: true,
         selected: false,
@@ -378,10 +364,10 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         memory: *memory,
         commands: Vec::new(),
         report: Report::default(),
-        said: Vec::new(),
-        speaks: true,
-        deaf_from: usize::MAX,
-        drive: DriveDouble::default(),
+        log: Vec::new(),
+        log_connected: true,
+        garbled_from: usize::MAX,
+        drive: DriveModel::default(),
         link: link.map(|config| StmLink::new(Setup::from(&config))),
         now_us: 0,
         low_since_us: 0,
@@ -389,24 +375,23 @@ pub fn machine(memory: &Image, mishap: Option<Mishap>) -> (Shared, Machine<Doubl
         pointer: 0,
         interrupt,
     }));
-    let machine = again(&board);
-    (board, machine)
+    let io = reconnect(&board);
+    (board, io)
 }
 
 /// Another process on the same board.
-pub fn again(board: &Shared) -> Machine<Doubles> {
+pub fn reconnect(board: &Shared) -> BoardIo {
     let interrupt = board.borrow().interrupt.clone();
-    Machine {
-        spi: Wire(board.clone()),
-        i2c: Wire(board.clone()),
-        reset: Wire(board.clone()),
-        select: Wire(board.clone()),
-        protect: Wire(board.clone()),
-        ready: Wire(board.clone()),
-        delay: Wire(board.clone()),
-        clock: Wire(board.clone()),
-        uart: Box::new(Wire::<BUS>(board.clone())),
-        tape: None,
+    BoardIo {
+        spi: erase(MockLine::<BUS>(board.clone())),
+        i2c: erase(MockLine::<BUS>(board.clone())),
+        reset: erase(MockLine::<RESET>(board.clone())),
+        select: erase(MockLine::<SELECT>(board.clone())),
+        protect: erase(MockLine::<PROTECT>(board.clone())),
+        ready: erase(MockLine::<READY>(board.clone())),
+        delay: Box::new(MockLine::<BUS>(board.clone())),
+        clock: Box::new(MockLine::<BUS>(board.clone())),
+        log: Box::new(MockLine::<BUS>(board.clone())),
         interrupt,
     }
 }

@@ -7,7 +7,7 @@
 //! Not to be told apart on the wire are `TuneRotatePID` and `TuneMovePID`, bare or guarded: their
 //! frames are the same. With a single cell nothing walks, and a bare tuning mode has nothing else.
 
-use crate::session::{has_position, STRANGER_FRAMES};
+use crate::session::{has_position, MODE_CHECK_FRAMES};
 use fw_core::eeprom::Config;
 use fw_core::wire::Report;
 
@@ -19,7 +19,7 @@ const LEAPS: u32 = 4;
 
 /// What the replies so far say of the other end.
 #[derive(Clone, Debug)]
-pub(crate) struct Acquaintance {
+pub(crate) struct ModeCheck {
     guarded: bool,
     position: bool,
     cells: u8,
@@ -31,7 +31,7 @@ pub(crate) struct Acquaintance {
     repeats: u32,
 }
 
-impl Acquaintance {
+impl ModeCheck {
     pub(crate) fn new(config: &Config) -> Self {
         Self {
             guarded: config.mode.tells_fresh(),
@@ -47,8 +47,8 @@ impl Acquaintance {
     }
 
     /// Whether enough was heard to trust that both ends run the same mode.
-    pub(crate) fn made(&self) -> bool {
-        self.replies >= if self.guarded { 1 } else { STRANGER_FRAMES }
+    pub(crate) fn is_confirmed(&self) -> bool {
+        self.replies >= if self.guarded { 1 } else { MODE_CHECK_FRAMES }
     }
 
     /// Looks at a reply that passed the chain.
@@ -62,11 +62,11 @@ impl Acquaintance {
         }
         let cell = report.cell.cell;
         self.walks |= *self.first.get_or_insert(cell) != cell;
-        if self.cells > 1 && !self.walks && self.replies >= STRANGER_FRAMES {
+        if self.cells > 1 && !self.walks && self.replies >= MODE_CHECK_FRAMES {
             return Err(format!("all of cell {} of {}", cell + 1, self.cells));
         }
         self.repeats += u32::from(self.position && repeats(report));
-        if self.replies == STRANGER_FRAMES && self.repeats == self.replies {
+        if self.replies == MODE_CHECK_FRAMES && self.repeats == self.replies {
             return Err("battery and distances are all one byte repeated".into());
         }
         let way = i64::from(report.pose.x) - i64::from(self.x_um);
@@ -110,9 +110,9 @@ mod tests {
         };
         let mut pi = PiLink::new(Setup::from(&config(pi_mode)));
         let mut stm = StmLink::new(Setup::from(&config(stm_mode)));
-        let mut acquaintance = Acquaintance::new(&config(pi_mode));
+        let mut mode_check = ModeCheck::new(&config(pi_mode));
         let mut accepted = 0;
-        for frame in 0..STRANGER_FRAMES {
+        for frame in 0..MODE_CHECK_FRAMES {
             let cell = u8::try_from(frame).unwrap() % cells;
             // 0x0320 and 0x031F: repeated, their last bytes pass for one cell and the other.
             let voltage = 800 - u16::from(cell);
@@ -130,7 +130,7 @@ mod tests {
                 continue;
             };
             accepted += 1;
-            if acquaintance.take(&report).is_err() {
+            if mode_check.take(&report).is_err() {
                 return true;
             }
         }
@@ -159,13 +159,13 @@ mod tests {
 
     #[test]
     fn a_robot_that_starts_anew_far_out_is_no_stranger() {
-        let mut acquaintance = Acquaintance::new(&first_board());
+        let mut mode_check = ModeCheck::new(&first_board());
         for frame in 0..40_u8 {
             let mut report = Report::default();
             report.cell.cell = frame % 2;
             report.pose.x = if frame < 20 { 1_500_000_000 } else { 0 };
-            assert_eq!(acquaintance.take(&report), Ok(()));
+            assert_eq!(mode_check.take(&report), Ok(()));
         }
-        assert!(acquaintance.made());
+        assert!(mode_check.is_confirmed());
     }
 }

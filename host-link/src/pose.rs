@@ -6,7 +6,7 @@ use serde::Serialize;
 /// A pose on the Pi. The document gives the axes: x ahead, y to the left of where the robot stood
 /// when it was switched on, rotation counter-clockwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Place {
+pub struct Pose {
     /// Millimetres.
     pub x_mm: f64,
     /// Millimetres.
@@ -16,12 +16,12 @@ pub struct Place {
 }
 
 /// Largest coordinate the wire carries, millimetres.
-pub const REACH_MM: f64 = 2_147_483.647;
+pub const MAX_COORDINATE_MM: f64 = 2_147_483.647;
 
 /// Codes per turn (document, 5.1.1: 15 bits).
 const TURN_CODES: f64 = 32_768.0;
 
-impl Place {
+impl Pose {
     /// A pose from the wire.
     #[must_use]
     pub fn from_code(code: PoseCode) -> Self {
@@ -32,7 +32,7 @@ impl Place {
         }
     }
 
-    /// The nearest code: coordinates saturate at ±[`REACH_MM`], the rotation wraps, and what rounds
+    /// The nearest code: coordinates saturate at ±[`MAX_COORDINATE_MM`], the rotation wraps, and what rounds
     /// to a whole turn is 0.
     #[must_use]
     pub fn code(self) -> PoseCode {
@@ -50,7 +50,7 @@ impl Place {
 
     /// This pose, given as seen from `origin`, in the frame that `origin` is in.
     #[must_use]
-    pub fn placed_at(self, origin: Self) -> Self {
+    pub fn in_frame_of(self, origin: Self) -> Self {
         let (sine, cosine) = origin.rotation_deg.to_radians().sin_cos();
         Self {
             x_mm: origin.x_mm + self.x_mm * cosine - self.y_mm * sine,
@@ -67,7 +67,7 @@ impl Place {
 
     /// Degrees from `self`'s rotation to `other`'s, the shortest way, −180 to below 180.
     #[must_use]
-    pub fn turn_to_deg(self, other: Self) -> f64 {
+    pub fn rotation_to_deg(self, other: Self) -> f64 {
         (other.rotation_deg - self.rotation_deg + 180.0).rem_euclid(360.0) - 180.0
     }
 }
@@ -76,8 +76,8 @@ impl Place {
 mod tests {
     use super::*;
 
-    fn at(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Place {
-        Place {
+    fn at(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Pose {
+        Pose {
             x_mm,
             y_mm,
             rotation_deg,
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn turns_take_the_shortest_way() {
-        assert!((at(0.0, 0.0, 350.0).turn_to_deg(at(0.0, 0.0, 10.0)) - 20.0).abs() < 1e-9);
-        assert!((at(0.0, 0.0, 10.0).turn_to_deg(at(0.0, 0.0, 350.0)) + 20.0).abs() < 1e-9);
+        assert!((at(0.0, 0.0, 350.0).rotation_to_deg(at(0.0, 0.0, 10.0)) - 20.0).abs() < 1e-9);
+        assert!((at(0.0, 0.0, 10.0).rotation_to_deg(at(0.0, 0.0, 350.0)) + 20.0).abs() < 1e-9);
     }
 }

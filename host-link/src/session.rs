@@ -1,16 +1,15 @@
 //! A conversation with the robot: paced frames, the walk over the battery's cells, the latest of
 //! everything, and noticing silence.
 
-use crate::board_io::{Clock, Machine, Wires};
+use crate::board_io::BoardIo;
 use crate::error::Error;
 use crate::link::Link;
-use crate::log::{Line, Lines};
-use crate::mode_check::Acquaintance;
-use crate::pose::Place;
+use crate::log::{LogLine, LogParser};
+use crate::mode_check::ModeCheck;
+use crate::pose::Pose;
 use crate::snapshot::Snapshot;
-use crate::statistics::Statistics;
+use crate::statistics::LinkStatistics;
 use crate::{eeprom, reset};
-use embedded_hal::delay::DelayNs;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
@@ -24,17 +23,17 @@ use fw_core::wire::{chain, CellCode, Command, Mode, Order, Report, State};
 pub const RATE_HZ: u32 = 40;
 
 /// Without a valid frame for this long the link counts as failed, microseconds.
-pub const SILENCE_US: u64 = 1_000_000;
+pub const SILENCE_TIMEOUT_US: u64 = 1_000_000;
 
 /// When not one of the first frames is understood, the two ends do not speak the same chain with the
-/// same keys: no need to wait for [`SILENCE_US`].
-pub const STRANGER_FRAMES: u32 = 10;
+/// same keys: no need to wait for [`SILENCE_TIMEOUT_US`].
+pub const MODE_CHECK_FRAMES: u32 = 10;
 
 /// What one frame is to say; [`Session`] adds the battery's walk and the sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wish {
+pub struct CommandRequest {
     /// Where to drive, if anywhere.
-    pub go: Option<Place>,
+    pub go: Option<Pose>,
     /// Guarded modes.
     pub order: Order,
     /// Guarded modes: latched faults to clear.
@@ -45,9 +44,9 @@ pub struct Wish {
     pub tune: Option<CellCode>,
 }
 
-/// A conversation over one [`Machine`].
-pub struct Session<'m, W: Wires> {
-    machine: &'m mut Machine<W>,
+/// A conversation over one [`BoardIo`].
+pub struct Session<'m> {
+    io: &'m mut BoardIo,
     config: Config,
     link: Link,
     period_us: u64,
@@ -57,9 +56,9 @@ pub struct Session<'m, W: Wires> {
     last_wrong: Option<String>,
     cell: u8,
     snapshot: Snapshot,
-    acquaintance: Acquaintance,
-    lines: Lines,
-    deaf: Option<String>,
+    mode_check: ModeCheck,
+    lines: LogParser,
+    log_error: Option<String>,
 }
 
 /// Whether the mode carries an expected and an actual pose.
@@ -78,28 +77,24 @@ pub fn has_status(mode: Mode) -> bool {
         .any(|strategy| strategy.name == Status::NAME)
 }
 
-impl<'m, W: Wires> Session<'m, W> {
+impl<'m> Session<'m> {
     /// Awaits `STM_READY`, reads the configuration the STM booted with from the EEPROM, and sets the
     /// link up by it.
     ///
     /// # Errors
     /// [`Error::NotReady`], those of [`eeprom::read`], [`Error::Rejected`], [`Error::Interrupted`].
     // Requirement: DOC-5.2-3
-    pub fn open(
-        machine: &'m mut Machine<W>,
-        rate_hz: u32,
-        ready_timeout_ms: u32,
-    ) -> Result<Self, Error> {
-        reset::await_ready(machine, ready_timeout_ms)?;
-        let image = eeprom::read(machine)?;
+    pub fn open(io: &'m mut BoardIo, rate_hz: u32, ready_timeout_ms: u32) -> Result<Self, Error> {
+        reset::await_ready(io, ready_timeout_ms)?;
+        let image = eeprom::read(io)?;
         let config = crate::settings::decode(&image)?;
-        Ok(Self::with_config(machine, config, rate_hz))
+        Ok(Self::with_config(io, config, rate_hz))
     }
 
     /// A session by a configuration that is known already. `rate_hz` 0 counts as 1.
     #[must_use]
-    pub fn with_config(machine: &'m mut Machine<W>, config: Config, rate_hz: u32) -> Self {
-        let now = machine.clock.micros();
+    pub fn with_config(io: &'m mut BoardIo, config: Config, rate_hz: u32) -> Self {
+        let now = io.clock.micros();
         Self {
             link: Link::new(&config),
             period_us: u64::from(1_000_000 / rate_hz.max(1)),
@@ -109,10 +104,10 @@ impl<'m, W: Wires> Session<'m, W> {
             last_wrong: None,
             cell: 0,
             snapshot: Snapshot::new(&config),
-            acquaintance: Acquaintance::new(&config),
-            lines: Lines::default(),
-            deaf: None,
-            machine,
+            mode_check: ModeCheck::new(&config),
+            lines: LogParser::default(),
+            log_error: None,
+            io,
             config,
         }
     }
@@ -131,43 +126,47 @@ impl<'m, W: Wires> Session<'m, W> {
 
     /// The link's counters.
     #[must_use]
-    pub fn statistics(&self) -> Statistics {
+    pub fn statistics(&self) -> LinkStatistics {
         self.link.statistics()
     }
 
-    /// Now, microseconds on the machine's clock.
+    /// Now, microseconds on the board's clock.
     pub fn now_us(&mut self) -> u64 {
-        self.machine.clock.micros()
+        self.io.clock.micros()
     }
 
     /// Waits for the next slot of the frame rate and exchanges one frame. `None`: the reply was
     /// rejected and is counted; the latest good values stay.
     ///
     /// # Errors
-    /// [`Error::Interrupted`], [`Error::Spi`], [`Error::Silent`] after [`SILENCE_US`] without a valid
-    /// reply, [`Error::Stranger`] when none of the first [`STRANGER_FRAMES`] was valid or they show
+    /// [`Error::Interrupted`], [`Error::Spi`], [`Error::Silent`] after [`SILENCE_TIMEOUT_US`] without a valid
+    /// reply, [`Error::ModeMismatch`] when none of the first [`MODE_CHECK_FRAMES`] was valid or they show
     /// that the STM runs another mode.
-    pub fn exchange(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
-        self.machine.interrupt.check()?;
-        self.exchange_regardless(wish)
+    pub fn exchange(&mut self, request: &CommandRequest) -> Result<Option<Report>, Error> {
+        self.io.interrupt.check()?;
+        self.exchange_uninterruptible(request)
     }
 
     /// [`Self::exchange`] that Ctrl-C does not stop: for the frames that stop the robot.
     // Requirement: WIRE-rejected-4
-    fn exchange_regardless(&mut self, wish: &Wish) -> Result<Option<Report>, Error> {
+    fn exchange_uninterruptible(
+        &mut self,
+        request: &CommandRequest,
+    ) -> Result<Option<Report>, Error> {
         self.pace();
-        let now_us = self.machine.clock.micros();
-        let command = self.command(wish);
+        let now_us = self.io.clock.micros();
+        let command = self.command(request);
         match self
             .link
-            .exchange(&mut self.machine.spi, &mut self.machine.clock, &command)?
+            .exchange(&mut *self.io.spi, &mut *self.io.clock, &command)?
         {
             Ok(report) => {
                 self.last_good_us = now_us;
                 self.unanswered = 0;
-                self.snapshot.take(now_us, &report, self.link.statistics());
-                if let Err(why) = self.acquaintance.take(&report) {
-                    return Err(self.stranger(why));
+                self.snapshot
+                    .update(now_us, &report, self.link.statistics());
+                if let Err(why) = self.mode_check.take(&report) {
+                    return Err(self.mode_mismatch(why));
                 }
                 Ok(Some(report))
             }
@@ -175,28 +174,28 @@ impl<'m, W: Wires> Session<'m, W> {
                 self.unanswered = self.unanswered.saturating_add(1);
                 self.last_wrong = Some(wrong.to_string());
                 let silent_us = now_us.saturating_sub(self.last_good_us);
-                if self.snapshot.link.accepted == 0 && self.unanswered >= STRANGER_FRAMES {
+                if self.snapshot.link.accepted == 0 && self.unanswered >= MODE_CHECK_FRAMES {
                     let last = self.last_wrong.clone().unwrap_or_default();
-                    return Err(self.stranger(format!("the last reply: {last}")));
+                    return Err(self.mode_mismatch(format!("the last reply: {last}")));
                 }
-                if silent_us >= SILENCE_US {
-                    return Err(self.silence());
+                if silent_us >= SILENCE_TIMEOUT_US {
+                    return Err(self.silent_error());
                 }
                 Ok(None)
             }
         }
     }
 
-    fn stranger(&self, why: String) -> Error {
-        Error::Stranger {
+    fn mode_mismatch(&self, reason: String) -> Error {
+        Error::ModeMismatch {
             mode: self.config.mode.name(),
             frames: self.statistics().frames,
-            why,
+            reason,
         }
     }
 
     /// The error of a link on which nothing valid arrives.
-    pub fn silence(&mut self) -> Error {
+    pub fn silent_error(&mut self) -> Error {
         let silent_us = self.now_us().saturating_sub(self.last_good_us);
         Error::Silent {
             ms: silent_us / 1000,
@@ -209,56 +208,56 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn log(&mut self) -> Result<Vec<u8>, Error> {
-        self.machine.uart.fresh()
+    pub fn read_log(&mut self) -> Result<Vec<u8>, Error> {
+        self.io.log.read_new()
     }
 
     /// Listens to the STM's log for its end of the link: [`Snapshot::stm`]. Where the log cannot be
-    /// read, nothing is heard: [`Self::deaf`] says why.
-    pub fn hear(&mut self) {
-        if self.deaf.is_some() {
+    /// read, nothing is heard: [`Self::log_error`] says why.
+    pub fn poll_log(&mut self) {
+        if self.log_error.is_some() {
             return;
         }
-        match self.machine.uart.fresh() {
+        match self.io.log.read_new() {
             Ok(bytes) => {
                 for line in self.lines.feed(&bytes) {
-                    if let Line::Link { link, .. } = line {
+                    if let LogLine::Link { link, .. } = line {
                         self.snapshot.stm = Some(link);
                     }
                 }
             }
-            Err(why) => self.deaf = Some(why.to_string()),
+            Err(why) => self.log_error = Some(why.to_string()),
         }
     }
 
     /// Why the STM's log cannot be heard, if so.
     #[must_use]
-    pub fn deaf(&self) -> Option<&str> {
-        self.deaf.as_deref()
+    pub fn log_error(&self) -> Option<&str> {
+        self.log_error.as_deref()
     }
 
     /// Waits for the next slot. Slots that were missed are not made up for.
     fn pace(&mut self) {
-        let now = self.machine.clock.micros();
+        let now = self.io.clock.micros();
         if let Ok(wait) = u32::try_from(self.next_us.saturating_sub(now)) {
             if wait > 0 {
-                self.machine.delay.delay_us(wait);
+                self.io.delay.delay_us(wait);
             }
         }
         self.next_us = self.next_us.max(now) + self.period_us;
     }
 
     // Requirement: DOC-5.2.1-4, WIRE-battery-1
-    fn command(&mut self, wish: &Wish) -> Command {
+    fn command(&mut self, request: &CommandRequest) -> Command {
         let cell = self.cell;
         self.cell = (cell + 1) % self.config.cells.max(1);
         Command {
-            expected: wish.go.map(Place::code).unwrap_or_default(),
-            apply: wish.go.is_some(),
-            percent: Binary64(wish.percent.to_bits()),
-            tune: wish.tune.unwrap_or(CellCode { cell, voltage: 0 }),
-            clear_faults: wish.clear_faults,
-            order: wish.order,
+            expected: request.go.map(Pose::code).unwrap_or_default(),
+            apply: request.go.is_some(),
+            percent: Binary64(request.percent.to_bits()),
+            tune: request.tune.unwrap_or(CellCode { cell, voltage: 0 }),
+            clear_faults: request.clear_faults,
+            order: request.order,
             ..Command::default()
         }
     }
@@ -267,9 +266,9 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// Those of [`Self::exchange`].
-    pub fn greet(&mut self) -> Result<Report, Error> {
+    pub fn wait_for_reply(&mut self) -> Result<Report, Error> {
         loop {
-            if let Some(report) = self.exchange(&Wish::default())? {
+            if let Some(report) = self.exchange(&CommandRequest::default())? {
                 return Ok(report);
             }
         }
@@ -279,9 +278,9 @@ impl<'m, W: Wires> Session<'m, W> {
     ///
     /// # Errors
     /// Those of [`Self::exchange`].
-    pub fn acquaint(&mut self) -> Result<(), Error> {
-        while !self.acquaintance.made() {
-            self.exchange(&Wish::default())?;
+    pub fn confirm_mode(&mut self) -> Result<(), Error> {
+        while !self.mode_check.is_confirmed() {
+            self.exchange(&CommandRequest::default())?;
         }
         Ok(())
     }
@@ -292,7 +291,7 @@ impl<'m, W: Wires> Session<'m, W> {
     /// # Errors
     /// Those of [`Self::exchange`]; [`Error::Fault`] if the robot stays stopped or is faulted.
     pub fn resume(&mut self) -> Result<(), Error> {
-        let report = self.greet()?;
+        let report = self.wait_for_reply()?;
         if !has_status(self.config.mode) {
             return Ok(());
         }
@@ -302,23 +301,23 @@ impl<'m, W: Wires> Session<'m, W> {
             if state != State::Stopped && !faults.intersects(Faults::LINK_LOST) {
                 break;
             }
-            let wish = Wish {
+            let request = CommandRequest {
                 order: Order::Resume,
                 clear_faults: Faults::LINK_LOST,
-                ..Wish::default()
+                ..CommandRequest::default()
             };
-            if let Some(report) = self.exchange(&wish)? {
+            if let Some(report) = self.exchange(&request)? {
                 (state, faults) = (report.state, report.faults);
             }
         }
-        self.refuse(state, faults)
+        self.ensure_drivable(state, faults)
     }
 
     /// In guarded modes: an error if the robot says that it will not drive.
     ///
     /// # Errors
     /// [`Error::Fault`].
-    pub fn refuse(&self, state: State, faults: Faults) -> Result<(), Error> {
+    pub fn ensure_drivable(&self, state: State, faults: Faults) -> Result<(), Error> {
         if has_status(self.config.mode) && matches!(state, State::Stopped | State::Faulted) {
             return Err(Error::Fault {
                 state: crate::snapshot::state_name(state),
@@ -331,23 +330,23 @@ impl<'m, W: Wires> Session<'m, W> {
     /// Stops the robot, whatever runs: in Normal mode it is told to be where it is, in guarded modes
     /// to brake; then this end falls silent and the stop deadline holds the motors.
     /// Ctrl-C does not cut this short.
-    pub fn halt(&mut self) {
-        for _ in 0..HALT_FRAMES {
-            let wish = if has_status(self.config.mode) {
-                Wish {
+    pub fn stop(&mut self) {
+        for _ in 0..STOP_FRAMES {
+            let request = if has_status(self.config.mode) {
+                CommandRequest {
                     order: Order::Stop,
-                    ..Wish::default()
+                    ..CommandRequest::default()
                 }
             } else {
                 let here = has_position(self.config.mode)
                     .then_some(self.snapshot.pose)
                     .flatten();
-                Wish {
+                CommandRequest {
                     go: here,
-                    ..Wish::default()
+                    ..CommandRequest::default()
                 }
             };
-            if let Err(Error::Spi(_)) = self.exchange_regardless(&wish) {
+            if let Err(Error::Spi(_)) = self.exchange_uninterruptible(&request) {
                 // Nothing more can be sent: the stop deadline does it.
                 return;
             }
@@ -359,12 +358,12 @@ impl<'m, W: Wires> Session<'m, W> {
 const RESUME_FRAMES: usize = 40;
 
 /// Frames of the stop. At 40 Hz a quarter of a second, in which the robot comes to rest.
-const HALT_FRAMES: usize = 10;
+const STOP_FRAMES: usize = 10;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mock_board::machine;
+    use crate::mock_board::mock_board;
     use crate::settings::Settings;
     use fw_core::eeprom::{first_board, Divider, Image};
 
@@ -386,18 +385,18 @@ mod tests {
     // Requirement: DOC-5.2.1-4, WIRE-battery-1
     #[test]
     fn frames_walk_all_cells_unless_one_is_tuned() {
-        let (board, mut machine) = machine(&image(2), None);
-        let mut session = Session::open(&mut machine, RATE_HZ, 100).unwrap();
+        let (board, mut io) = mock_board(&image(2), None);
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
         let tune = CellCode {
             cell: 1,
             voltage: 740,
         };
-        for wish in [None, None, Some(tune), Some(tune), None, None, None] {
-            let wish = Wish {
-                tune: wish,
-                ..Wish::default()
+        for request in [None, None, Some(tune), Some(tune), None, None, None] {
+            let request = CommandRequest {
+                tune: request,
+                ..CommandRequest::default()
             };
-            session.exchange(&wish).unwrap();
+            session.exchange(&request).unwrap();
         }
         let told: Vec<_> = board.borrow().commands.iter().map(|c| c.tune).collect();
         let walked = |cell| CellCode { cell, voltage: 0 };
@@ -408,20 +407,26 @@ mod tests {
     // Requirement: WIRE-rejected-1, WIRE-rejected-4
     #[test]
     fn a_rejected_reply_is_counted_by_its_cause_and_the_last_good_values_stay() {
-        let (board, mut machine) = machine(&image(2), None);
+        let (board, mut io) = mock_board(&image(2), None);
         board.borrow_mut().report.pose.x = 1_234_000;
-        let mut session = Session::open(&mut machine, RATE_HZ, 100).unwrap();
-        assert!(session.exchange(&Wish::default()).unwrap().is_some());
-        assert!(session.exchange(&Wish::default()).unwrap().is_some());
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        assert!(session
+            .exchange(&CommandRequest::default())
+            .unwrap()
+            .is_some());
+        assert!(session
+            .exchange(&CommandRequest::default())
+            .unwrap()
+            .is_some());
         let before = (session.snapshot().pose, session.snapshot().cells_v.clone());
         assert_eq!(before.0.map(|pose| pose.x_mm), Some(1234.0));
         {
             let mut board = board.borrow_mut();
             board.report.pose.x = 0;
-            board.deaf_from = 0;
+            board.garbled_from = 0;
         }
         for rejected in 1..=5 {
-            assert_eq!(session.exchange(&Wish::default()), Ok(None));
+            assert_eq!(session.exchange(&CommandRequest::default()), Ok(None));
             let statistics = session.statistics();
             assert_eq!((statistics.accepted, statistics.rejected), (2, rejected));
             assert_eq!(statistics.causes.get(fw_core::wire::Cause::Key), rejected);

@@ -1,8 +1,8 @@
 //! The latest of everything the robot reported, in physical units: what `monitor` shows.
 
-use crate::pose::Place;
+use crate::pose::Pose;
 use crate::session::{has_position, has_status};
-use crate::statistics::{Statistics, StmStatistics};
+use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
 use fw_core::wire::{DistanceCode, Mode, Report, State};
@@ -14,12 +14,12 @@ const FULL_SCALE_MM: f64 = 2500.0;
 /// The latest of everything. Fields the mode does not carry stay empty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Snapshot {
-    /// Microseconds on the machine's clock, of the latest valid frame.
+    /// Microseconds on the board's clock, of the latest valid frame.
     pub time_us: u64,
     /// The mode's name.
     pub mode: &'static str,
     /// Where the robot believes it is.
-    pub pose: Option<Place>,
+    pub pose: Option<Pose>,
     /// Tuning modes: rotation in degrees or displacement in millimetres.
     pub measurement: Option<f64>,
     /// Volts of each cell; none until its turn has come.
@@ -34,7 +34,7 @@ pub struct Snapshot {
     /// Guarded modes: names of the latched faults.
     pub faults: Vec<&'static str>,
     /// The link's counters at this end.
-    pub link: Statistics,
+    pub link: LinkStatistics,
     /// Those of the STM's end; none where its log is not heard.
     pub stm: Option<StmStatistics>,
     #[serde(skip)]
@@ -55,18 +55,18 @@ impl Snapshot {
             bearing_deg: None,
             state: None,
             faults: Vec::new(),
-            link: Statistics::default(),
+            link: LinkStatistics::default(),
             stm: None,
             kind: config.mode,
         }
     }
 
     /// Takes over what one report says.
-    pub fn take(&mut self, now_us: u64, report: &Report, statistics: Statistics) {
+    pub fn update(&mut self, now_us: u64, report: &Report, statistics: LinkStatistics) {
         self.time_us = now_us;
         self.link = statistics;
         if has_position(self.kind) {
-            self.pose = Some(Place::from_code(report.pose));
+            self.pose = Some(Pose::from_code(report.pose));
             self.ranges_mm = report.ranges.map(distance_mm);
         } else {
             self.measurement = Some(f64::from_bits(report.measurement.0));

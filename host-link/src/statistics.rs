@@ -5,9 +5,9 @@ use serde::{Serialize, Serializer};
 
 /// Rejected frames by cause. As JSON an object of those that occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Causes([u32; Cause::ALL.len()]);
+pub struct RejectCounts([u32; Cause::ALL.len()]);
 
-impl Causes {
+impl RejectCounts {
     /// Rejected for `cause`.
     #[must_use]
     pub fn get(&self, cause: Cause) -> u32 {
@@ -22,7 +22,7 @@ impl Causes {
     }
 
     /// Those that occurred, in the order of [`Cause::ALL`].
-    pub fn occurred(&self) -> impl Iterator<Item = (Cause, u32)> + '_ {
+    pub fn nonzero(&self) -> impl Iterator<Item = (Cause, u32)> + '_ {
         Cause::ALL
             .into_iter()
             .zip(self.0)
@@ -36,21 +36,21 @@ impl Causes {
     }
 }
 
-impl From<&LinkCounters> for Causes {
+impl From<&LinkCounters> for RejectCounts {
     fn from(counters: &LinkCounters) -> Self {
         Self(Cause::ALL.map(|cause| counters.rejected(cause)))
     }
 }
 
-impl Serialize for Causes {
+impl Serialize for RejectCounts {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.occurred().map(|(cause, count)| (cause.name(), count)))
+        serializer.collect_map(self.nonzero().map(|(cause, count)| (cause.name(), count)))
     }
 }
 
 /// The Pi's end: replies of the STM since the session began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Statistics {
+pub struct LinkStatistics {
     /// Frames exchanged.
     pub frames: u64,
     /// Replies that passed the whole chain.
@@ -58,7 +58,7 @@ pub struct Statistics {
     /// Replies rejected.
     pub rejected: u32,
     /// Replies rejected, by cause.
-    pub causes: Causes,
+    pub causes: RejectCounts,
     /// The longest time between two accepted replies, microseconds.
     pub worst_gap_us: u64,
     /// The longest transfer of one frame, from the system call to its return, microseconds.
@@ -86,7 +86,7 @@ pub struct StmStatistics {
     /// Frames rejected.
     pub rejected: u32,
     /// Frames rejected, by cause.
-    pub causes: Causes,
+    pub causes: RejectCounts,
     /// Frames that came too fast and were dropped unread.
     pub lost: u32,
     /// Frames the Pi numbered that were never accepted. Guarded modes only.
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn causes_are_an_object_of_those_that_occurred() {
-        let mut causes = Causes::default();
+        let mut causes = RejectCounts::default();
         causes.set(Cause::Crc, 3);
         causes.set(Cause::Short, u32::MAX);
         let json = serde_json::to_string(&causes).unwrap();

@@ -10,22 +10,22 @@ use std::thread;
 use std::time::Duration;
 
 /// The STM's log.
-pub trait Source {
+pub trait LogSource {
     /// The bytes that came since the last call; never waits.
     ///
     /// # Errors
     /// [`Error::Device`].
-    fn fresh(&mut self) -> Result<Vec<u8>, Error>;
+    fn read_new(&mut self) -> Result<Vec<u8>, Error>;
 }
 
 /// A serial device, 115200 baud, raw, as `stty` left it. It is opened when it is first read: what
 /// was said before is not kept.
-pub struct Tty {
+pub struct SerialPort {
     path: PathBuf,
     received: Option<Receiver<Result<Vec<u8>, String>>>,
 }
 
-impl Tty {
+impl SerialPort {
     /// The device's file.
     #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
@@ -36,8 +36,8 @@ impl Tty {
     }
 }
 
-impl Source for Tty {
-    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
+impl LogSource for SerialPort {
+    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
         let path = &self.path;
         let received = self.received.get_or_insert_with(|| listen(path));
         let mut fresh = Vec::new();
@@ -95,9 +95,9 @@ fn listen(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
 mod tests {
     use super::*;
 
-    fn listen_for(mut tty: Tty) -> Result<Vec<u8>, Error> {
+    fn listen_for(mut tty: SerialPort) -> Result<Vec<u8>, Error> {
         for _ in 0..500 {
-            let fresh = tty.fresh()?;
+            let fresh = tty.read_new()?;
             if !fresh.is_empty() {
                 return Ok(fresh);
             }
@@ -110,13 +110,16 @@ mod tests {
     fn what_a_device_says_arrives() {
         let path = std::env::temp_dir().join(format!("host-link-tty-{}", std::process::id()));
         std::fs::write(&path, b"I00000: boot\n").unwrap();
-        assert_eq!(listen_for(Tty::new(&path)).unwrap(), b"I00000: boot\n");
+        assert_eq!(
+            listen_for(SerialPort::new(&path)).unwrap(),
+            b"I00000: boot\n"
+        );
         std::fs::remove_file(path).unwrap();
     }
 
     #[test]
     fn a_device_that_is_not_there_is_an_error() {
-        let outcome = listen_for(Tty::new("/nowhere/at/all"));
+        let outcome = listen_for(SerialPort::new("/nowhere/at/all"));
         assert!(matches!(outcome, Err(Error::Device { .. })), "{outcome:?}");
     }
 }

@@ -3,11 +3,11 @@
 use fw_core::eeprom::Config;
 use fw_core::wire::Cause;
 use host_link::snapshot::Snapshot;
-use host_link::statistics::Causes;
+use host_link::statistics::RejectCounts;
 
 /// What is worth a look; nothing when all is well.
 #[must_use]
-pub fn of(snapshot: &Snapshot, config: &Config) -> Vec<String> {
+pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
     let mut hints = Vec::new();
     let link = &snapshot.link;
     rejected(&mut hints, "the Pi rejected replies", &link.causes);
@@ -36,7 +36,7 @@ pub fn of(snapshot: &Snapshot, config: &Config) -> Vec<String> {
     }
     if !snapshot.faults.is_empty() {
         hints.push(format!(
-            "latched faults: {}; in guarded modes a drive clears a lost link, `host-link reset` clears all",
+            "latched faults: {}; in guarded modes a drive clears a lost link, `robot reset` clears all",
             snapshot.faults.join(", ")
         ));
     }
@@ -50,25 +50,25 @@ fn gap(whose: &str, us: u64, deadline_ms: u64) -> String {
     )
 }
 
-fn rejected(hints: &mut Vec<String>, what: &str, causes: &Causes) {
-    for (cause, count) in causes.occurred() {
+fn rejected(hints: &mut Vec<String>, what: &str, causes: &RejectCounts) {
+    for (cause, count) in causes.nonzero() {
         hints.push(format!(
             "{what} ({} {count}): {}",
             cause.name(),
-            look(cause)
+            explanation(cause)
         ));
     }
 }
 
-/// What a cause points to.
-fn look(cause: Cause) -> &'static str {
+/// What a cause indicates.
+fn explanation(cause: Cause) -> &'static str {
     match cause {
         Cause::Short | Cause::Long => {
-            "the two ends run different modes (`host-link reset` makes the STM read the EEPROM again), or the \
+            "the two ends run different modes (`robot reset` makes the STM read the EEPROM again), or the \
              chip-select is disturbed"
         }
         Cause::Key => {
-            "the two ends have different keys (`host-link reset` makes the STM read the EEPROM again), or no \
+            "the two ends have different keys (`robot reset` makes the STM read the EEPROM again), or no \
              data comes over the wire"
         }
         Cause::Double => "the two ends run different modes, or the wire is noisy",
@@ -104,23 +104,23 @@ mod tests {
 
     #[test]
     fn a_good_link_needs_no_hint() {
-        assert_eq!(of(&well(), &first_board()), Vec::<String>::new());
+        assert_eq!(diagnose(&well(), &first_board()), Vec::<String>::new());
     }
 
     #[test]
     fn each_cause_at_each_end_is_explained() {
         for cause in Cause::ALL {
-            let mut causes = Causes::default();
+            let mut causes = RejectCounts::default();
             causes.set(cause, 3);
             let counted = format!("({} 3): ", cause.name());
             let mut snapshot = well();
             snapshot.link.causes = causes;
-            let hints = of(&snapshot, &first_board());
+            let hints = diagnose(&snapshot, &first_board());
             assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
             assert!(hints[0].starts_with("the Pi"));
             let mut snapshot = well();
             snapshot.stm.as_mut().unwrap().causes = causes;
-            let hints = of(&snapshot, &first_board());
+            let hints = diagnose(&snapshot, &first_board());
             assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
             assert!(hints[0].starts_with("the STM"));
         }
@@ -134,7 +134,7 @@ mod tests {
         let stm = snapshot.stm.as_mut().unwrap();
         (stm.recent_gap_us, stm.lost) = (125_000, 1);
         snapshot.faults = vec!["link-lost"];
-        let hints = of(&snapshot, &first_board()).join("\n");
+        let hints = diagnose(&snapshot, &first_board()).join("\n");
         for told in [
             "missed 2 replies",
             "the Pi's replies were up to 125 ms",

@@ -4,7 +4,7 @@
 use fw_core::eeprom::Config;
 use host_link::eeprom::image;
 use host_link::error::Error;
-use host_link::pose::Place;
+use host_link::pose::Pose;
 use host_link::snapshot::Snapshot;
 use mapper::{map_plot, ros, Mapper, Mount};
 use std::fs;
@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 
 /// One report as the mapper takes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
+pub struct RangeSample {
     /// Microseconds on the machine's clock.
     pub time_us: u64,
-    /// Where the robot believed it was.
-    pub pose: Place,
+    /// The reported pose.
+    pub pose: Pose,
     /// Front, right, left; in the sweep mode the first is the swept one. Millimetres.
     pub ranges_mm: [Option<f64>; 3],
     /// Sweep mode: the bearing of the first, degrees.
     pub bearing_deg: Option<f64>,
 }
 
-impl Look {
+impl RangeSample {
     /// What a snapshot holds for the mapper; none in a mode without poses.
     #[must_use]
     pub fn of(snapshot: &Snapshot) -> Option<Self> {
@@ -37,16 +37,16 @@ impl Look {
 }
 
 /// The map, the trace and the recording of one drive.
-pub struct Survey {
+pub struct Mapping {
     mapper: Mapper,
-    trace: Vec<Place>,
+    trace: Vec<Pose>,
     recording: String,
 }
 
 /// First line of a recording.
 const HEAD: &str = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg";
 
-/// The files a survey leaves.
+/// The files a mapping leaves.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Files {
     /// The picture with the trace.
@@ -57,8 +57,8 @@ pub struct Files {
     pub yaml: PathBuf,
 }
 
-impl Survey {
-    /// An empty survey.
+impl Mapping {
+    /// An empty mapping.
     #[must_use]
     pub fn new(config: mapper::Config) -> Self {
         Self {
@@ -70,17 +70,17 @@ impl Survey {
 
     /// Takes one report.
     // Requirement: DOC-1-2
-    pub fn take(&mut self, look: &Look) {
-        let pose = pose(look.pose);
-        match look.bearing_deg {
+    pub fn add(&mut self, sample: &RangeSample) {
+        let pose = mapper_pose(sample.pose);
+        match sample.bearing_deg {
             Some(bearing) => {
                 self.mapper
-                    .observe_scan(&pose, 0, bearing.to_radians(), look.ranges_mm[0]);
+                    .observe_scan(&pose, 0, bearing.to_radians(), sample.ranges_mm[0]);
             }
-            None => self.mapper.observe(&pose, &look.ranges_mm),
+            None => self.mapper.observe(&pose, &sample.ranges_mm),
         }
-        self.trace.push(look.pose);
-        self.recording.push_str(&line(look));
+        self.trace.push(sample.pose);
+        self.recording.push_str(&csv_line(sample));
     }
 
     /// The mapper.
@@ -89,9 +89,9 @@ impl Survey {
         &self.mapper
     }
 
-    /// Where the robot believed it was, report by report.
+    /// The reported poses, in order.
     #[must_use]
-    pub fn trace(&self) -> &[Place] {
+    pub fn trace(&self) -> &[Pose] {
         &self.trace
     }
 
@@ -110,20 +110,15 @@ impl Survey {
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
-        let with = |ending: &str| {
-            let mut name = stem.as_os_str().to_owned();
-            name.push(ending);
-            PathBuf::from(name)
-        };
         let files = Files {
-            png: with(".png"),
-            pgm: with(".pgm"),
-            yaml: with(".yaml"),
+            png: image::with_suffix(stem, ".png"),
+            pgm: image::with_suffix(stem, ".pgm"),
+            yaml: image::with_suffix(stem, ".yaml"),
         };
-        let believed: Vec<mapper::Pose2> = self.trace.iter().map(|&place| pose(place)).collect();
+        let odometry: Vec<mapper::Pose2> = self.trace.iter().copied().map(mapper_pose).collect();
         let grid = self.mapper.grid();
         let png =
-            map_plot::trajectory(grid, &believed, &[], &[]).map_err(|cause| Error::Unwritable {
+            map_plot::trajectory(grid, &odometry, &[], &[]).map_err(|cause| Error::Unwritable {
                 path: files.png.clone(),
                 cause: cause.to_string(),
             })?;
@@ -144,8 +139,8 @@ impl Survey {
 }
 
 /// The pose as the mapper takes it.
-fn pose(place: Place) -> mapper::Pose2 {
-    mapper::Pose2::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
+fn mapper_pose(pose: Pose) -> mapper::Pose2 {
+    mapper::Pose2::new(pose.x_mm, pose.y_mm, pose.rotation_deg.to_radians())
 }
 
 /// The mapper's settings for a configuration: its rangefinders and their bearings.
@@ -170,18 +165,18 @@ pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
     settings
 }
 
-fn line(look: &Look) -> String {
+fn csv_line(sample: &RangeSample) -> String {
     let number = |value: Option<f64>| value.map(|value| format!("{value:.3}")).unwrap_or_default();
-    let Place {
+    let Pose {
         x_mm,
         y_mm,
         rotation_deg,
-    } = look.pose;
-    let [front, right, left] = look.ranges_mm.map(number);
+    } = sample.pose;
+    let [front, right, left] = sample.ranges_mm.map(number);
     format!(
         "{},{x_mm:.3},{y_mm:.3},{rotation_deg:.3},{front},{right},{left},{}\n",
-        look.time_us,
-        number(look.bearing_deg)
+        sample.time_us,
+        number(sample.bearing_deg)
     )
 }
 
@@ -189,14 +184,14 @@ fn line(look: &Look) -> String {
 ///
 /// # Errors
 /// [`Error::Unreadable`]; [`Error::Content`] names the line.
-pub fn load_recording(path: &Path) -> Result<Vec<Look>, Error> {
+pub fn load_recording(path: &Path) -> Result<Vec<RangeSample>, Error> {
     let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
     parse_recording(&text).map_err(|(line, what)| Error::content(path, line, what))
 }
 
 /// # Errors
 /// The 1-based line and what is wrong.
-fn parse_recording(text: &str) -> Result<Vec<Look>, (usize, String)> {
+fn parse_recording(text: &str) -> Result<Vec<RangeSample>, (usize, String)> {
     let mut lines = (1..).zip(text.lines());
     match lines.next() {
         Some((_, head)) if head.trim() == HEAD => {}
@@ -204,11 +199,11 @@ fn parse_recording(text: &str) -> Result<Vec<Look>, (usize, String)> {
     }
     lines
         .filter(|(_, line)| !line.trim().is_empty())
-        .map(|(number, line)| look(line).map_err(|what| (number, what)))
+        .map(|(number, line)| parse_sample(line).map_err(|what| (number, what)))
         .collect()
 }
 
-fn look(line: &str) -> Result<Look, String> {
+fn parse_sample(line: &str) -> Result<RangeSample, String> {
     let words: Vec<&str> = line.trim().split(',').collect();
     let &[time, x, y, rotation, front, right, left, bearing] = words.as_slice() else {
         return Err(format!(
@@ -225,11 +220,11 @@ fn look(line: &str) -> Result<Look, String> {
             _ => Err(format!("{field} = {word}: accepted is a number or nothing")),
         }
     };
-    Ok(Look {
+    Ok(RangeSample {
         time_us: time
             .parse()
             .map_err(|_| format!("time_us = {time}: accepted is a whole number from 0 on"))?,
-        pose: crate::waypoints::place(x, y, rotation)?,
+        pose: crate::waypoints::parse_pose(x, y, rotation)?,
         ranges_mm: [
             maybe("front_mm", front)?,
             maybe("right_mm", right)?,
@@ -261,10 +256,10 @@ mod tests {
 
     #[test]
     fn a_recording_reads_back() {
-        let looks = [
-            Look {
+        let samples = [
+            RangeSample {
                 time_us: 25_000,
-                pose: Place {
+                pose: Pose {
                     x_mm: 1.5,
                     y_mm: -2.0,
                     rotation_deg: 90.0,
@@ -272,18 +267,18 @@ mod tests {
                 ranges_mm: [Some(1234.5), None, Some(80.0)],
                 bearing_deg: None,
             },
-            Look {
+            RangeSample {
                 time_us: 50_000,
-                pose: Place::default(),
+                pose: Pose::default(),
                 ranges_mm: [None; 3],
                 bearing_deg: Some(-45.0),
             },
         ];
-        let mut survey = Survey::new(mapper::Config::default());
-        for look in &looks {
-            survey.take(look);
+        let mut mapping = Mapping::new(mapper::Config::default());
+        for sample in &samples {
+            mapping.add(sample);
         }
-        assert_eq!(parse_recording(&survey.recording).unwrap(), looks);
+        assert_eq!(parse_recording(&mapping.recording).unwrap(), samples);
     }
 
     #[test]

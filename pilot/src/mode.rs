@@ -1,9 +1,9 @@
 //! Changing the mode on both ends without leaving the program.
 
-use crate::tune::temporary_mode::with_config;
+use crate::tune::temporary_mode::edit_config;
 use fw_core::wire::Mode;
-use host_link::board_io::{Machine, Wires};
-use host_link::eeprom::{self, journal::Journal, Programmed, Step};
+use host_link::board_io::BoardIo;
+use host_link::eeprom::{self, journal::Journal, Programmed, Progress};
 use host_link::error::Error;
 use host_link::session::Session;
 use host_link::settings;
@@ -36,13 +36,13 @@ pub fn parse(text: &str) -> Result<Mode, String> {
 }
 
 /// The mode was changed.
-pub struct Changed<'m, W: Wires> {
+pub struct Changed<'m> {
     /// The mode before.
     pub before: Mode,
     /// What was written.
     pub programmed: Programmed,
     /// The conversation in the new mode, after the first frames that show that both ends speak it.
-    pub session: Session<'m, W>,
+    pub session: Session<'m>,
 }
 
 /// Rewrites the mode in the EEPROM, resets the STM, sets this end up anew by what the EEPROM holds,
@@ -52,20 +52,20 @@ pub struct Changed<'m, W: Wires> {
 /// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::acquaint`];
 /// [`Error::Rejected`] if the EEPROM holds no acceptable configuration to begin with.
 // Requirement: DOC-5.2-2
-pub fn change<'m, W: Wires>(
-    machine: &'m mut Machine<W>,
+pub fn change<'m>(
+    io: &'m mut BoardIo,
     mode: Mode,
     rate_hz: u32,
     ready_timeout_ms: u32,
     journal: Option<&Journal>,
-    watch: impl FnMut(Step<'_>),
-) -> Result<Changed<'m, W>, Error> {
-    let present = eeprom::read(machine)?;
+    watch: impl FnMut(Progress<'_>),
+) -> Result<Changed<'m>, Error> {
+    let present = eeprom::read(io)?;
     let before = settings::decode(&present)?.mode;
-    let image = with_config(&present, |config| config.mode = mode)?;
-    let programmed = eeprom::program(machine, &image, ready_timeout_ms, journal, watch)?;
-    let mut session = Session::open(machine, rate_hz, ready_timeout_ms)?;
-    session.acquaint()?;
+    let image = edit_config(&present, |config| config.mode = mode)?;
+    let programmed = eeprom::program(io, &image, ready_timeout_ms, journal, watch)?;
+    let mut session = Session::open(io, rate_hz, ready_timeout_ms)?;
+    session.confirm_mode()?;
     Ok(Changed {
         before,
         programmed,

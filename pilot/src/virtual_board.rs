@@ -1,19 +1,18 @@
-//! The virtual board: the firmware's ELF on the emulated STM32, behind the same handles as the real
+//! The virtual board: the firmware's ELF on the emulated STM32, behind the same traits as the real
 //! buses. Its EEPROM lives in a file from run to run; the robot starts anew each time.
 
+use crate::ground_truth::{GroundTruth, Point};
 use embedded_hal::i2c::{self, ErrorType, Operation};
-use host_link::board_io::{Clock, Interrupt, Machine, Wires};
+use host_link::board_io::{erase, BoardIo, Clock, Interrupt};
 use host_link::eeprom::image;
 use host_link::error::Error;
-use host_link::ground_truth::Spot;
-use host_link::ground_truth::Tape;
-use host_link::uart::Source;
+use host_link::uart::LogSource;
 use plant::{Chassis, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use twin::hal::{Delay, I2c, I2cError, Pin, Spi, SpiTiming};
+use twin::hal::{I2c, I2cError, SpiTiming};
 use twin::Board;
 
 /// Which virtual board.
@@ -37,22 +36,8 @@ pub struct Options {
     pub uart_log: Option<PathBuf>,
 }
 
-/// The types of the virtual board's handles.
-pub struct VirtualWires;
-
-impl Wires for VirtualWires {
-    type Spi = Spi;
-    type I2c = KeptI2c;
-    type Reset = Pin;
-    type Select = Pin;
-    type Protect = Pin;
-    type Ready = Pin;
-    type Delay = Delay;
-    type Clock = VirtualClock;
-}
-
 /// Virtual time.
-pub struct VirtualClock(Board);
+struct VirtualClock(Board);
 
 impl Clock for VirtualClock {
     fn micros(&mut self) -> u64 {
@@ -66,32 +51,34 @@ struct VirtualUart {
     read: usize,
 }
 
-impl Source for VirtualUart {
-    fn fresh(&mut self) -> Result<Vec<u8>, Error> {
+impl LogSource for VirtualUart {
+    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
         let fresh = self.board.uart_from(self.read);
         self.read += fresh.len();
         Ok(fresh)
     }
 }
 
-/// A person with a tape beside the virtual robot.
-struct Person {
+/// Measures the virtual robot as a person with a tape does.
+pub struct SimulatedTape {
     board: Board,
     marks: Pose2,
-    chance: Rng,
+    rng: Rng,
 }
 
-impl Person {
-    fn new(board: &Board) -> Self {
+impl SimulatedTape {
+    /// The robot's position now becomes its marks.
+    #[must_use]
+    pub fn new(board: &Board) -> Self {
         Self {
             board: board.clone(),
             marks: board.truth().pose,
-            chance: Rng::new(1),
+            rng: Rng::new(1),
         }
     }
 }
 
-impl Tape for Person {
+impl GroundTruth for SimulatedTape {
     fn put_back(&mut self) {
         let marks = self.marks;
         self.board.world(move |world| {
@@ -100,10 +87,10 @@ impl Tape for Person {
         });
     }
 
-    fn measure(&mut self, deviation_mm: f64) -> Spot {
+    fn measure(&mut self, deviation_mm: f64) -> Point {
         let true_end = self.board.truth().pose.relative_to(&self.marks);
-        let mut read = |mm: f64| mm + deviation_mm * self.chance.normal();
-        Spot {
+        let mut read = |mm: f64| mm + deviation_mm * self.rng.normal();
+        Point {
             ahead_mm: read(true_end.x_mm),
             left_mm: read(true_end.y_mm),
         }
@@ -112,18 +99,18 @@ impl Tape for Person {
 
 /// The EEPROM's bus. Where the EEPROM lives in a file, each write cycle is in it at once, as it is in
 /// a real part whatever becomes of the Pi.
-pub struct KeptI2c {
+struct PersistentI2c {
     i2c: I2c,
     board: Board,
     file: Option<PathBuf>,
     writes: u64,
 }
 
-impl ErrorType for KeptI2c {
+impl ErrorType for PersistentI2c {
     type Error = I2cError;
 }
 
-impl i2c::I2c for KeptI2c {
+impl i2c::I2c for PersistentI2c {
     fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), I2cError> {
         self.i2c.transaction(address, parts)?;
         let Some(file) = &self.file else {
@@ -143,51 +130,57 @@ impl i2c::I2c for KeptI2c {
     }
 }
 
-/// A virtual board and the machine that reaches it.
-pub struct Opened {
-    /// The handles.
-    pub machine: Machine<VirtualWires>,
+/// A virtual board whose EEPROM lives in a file.
+pub struct VirtualBoard {
     /// The board itself: the truth, faults, the log.
     pub board: Board,
     eeprom_image: PathBuf,
     uart_log: Option<PathBuf>,
 }
 
-/// The handles of a board that stands already, for tests and the demo.
+/// The I/O of a board that exists already, for tests and the demo.
 #[must_use]
-pub fn machine(board: &Board, spi_hz: u32, interrupt: Interrupt) -> Machine<VirtualWires> {
-    Machine {
-        spi: board.spi_with(SpiTiming {
+pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
+    io_with(board, spi_hz, interrupt, None)
+}
+
+fn io_with(
+    board: &Board,
+    spi_hz: u32,
+    interrupt: Interrupt,
+    eeprom_file: Option<PathBuf>,
+) -> BoardIo {
+    BoardIo {
+        spi: erase(board.spi_with(SpiTiming {
             hz: spi_hz.into(),
             ..SpiTiming::default()
-        }),
-        i2c: KeptI2c {
+        })),
+        i2c: erase(PersistentI2c {
             i2c: board.i2c(),
             board: board.clone(),
-            file: None,
+            file: eeprom_file,
             writes: 0,
-        },
-        reset: board.pin_reset(),
-        select: board.pin_select(),
-        protect: board.pin_wp(),
-        ready: board.pin_ready(),
-        delay: board.delay(),
-        clock: VirtualClock(board.clone()),
-        uart: Box::new(VirtualUart {
+        }),
+        reset: erase(board.pin_reset()),
+        select: erase(board.pin_select()),
+        protect: erase(board.pin_wp()),
+        ready: erase(board.pin_ready()),
+        delay: Box::new(board.delay()),
+        clock: Box::new(VirtualClock(board.clone())),
+        log: Box::new(VirtualUart {
             board: board.clone(),
             read: 0,
         }),
-        tape: Some(Box::new(Person::new(board))),
         interrupt,
     }
 }
 
-/// Builds the board, boots the firmware on it and gives the handles.
+/// Builds the board, boots the firmware on it and gives its I/O.
 ///
 /// # Errors
 /// [`Error::Unreadable`] and [`Error::Content`] for the files, [`Error::Device`] if the firmware does
 /// not fit the board.
-pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
+pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, BoardIo), Error> {
     let elf = fs::read(&options.elf).map_err(|cause| match cause.kind() {
         ErrorKind::NotFound => Error::Device {
             name: format!("the firmware {}", options.elf.display()),
@@ -221,14 +214,14 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<Opened, Error> {
         cause: cause.to_string(),
         advice: "build the firmware with `cargo xtask firmware`".into(),
     })?;
-    let mut machine = machine(&board, options.spi_hz, interrupt);
-    machine.i2c.file = Some(options.eeprom_image.clone());
-    Ok(Opened {
-        machine,
+    let eeprom_file = Some(options.eeprom_image.clone());
+    let io = io_with(&board, options.spi_hz, interrupt, eeprom_file);
+    let virtual_board = VirtualBoard {
         board,
         eeprom_image: options.eeprom_image.clone(),
         uart_log: options.uart_log.clone(),
-    })
+    };
+    Ok((virtual_board, io))
 }
 
 fn load_room(path: &Path) -> Result<Room, Error> {
@@ -236,17 +229,17 @@ fn load_room(path: &Path) -> Result<Room, Error> {
     Room::parse(&text).map_err(|error| Error::content(path, None, error.to_string()))
 }
 
-/// Lines of the log shown when the STM refuses to start.
-const LAST_LINES: usize = 4;
+/// LogParser of the log shown when the STM refuses to start.
+const TAIL_LINES: usize = 4;
 
-impl Opened {
+impl VirtualBoard {
     /// The last lines of the STM's log, each marked as such.
     #[must_use]
-    pub fn last_words(&self) -> String {
+    pub fn log_tail(&self) -> String {
         let log = self.board.uart();
         let log = String::from_utf8_lossy(&log);
         let lines: Vec<&str> = log.lines().collect();
-        let from = lines.len().saturating_sub(LAST_LINES);
+        let from = lines.len().saturating_sub(TAIL_LINES);
         let mut words = String::new();
         for line in lines.iter().skip(from) {
             let _ = writeln!(words, "STM log: {line}");

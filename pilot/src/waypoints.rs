@@ -1,57 +1,57 @@
 //! Way-point files: one `x y deg` a line, millimetres and degrees, `#` begins a comment.
 
 use host_link::error::Error;
-use host_link::pose::{Place, REACH_MM};
+use host_link::pose::{Pose, MAX_COORDINATE_MM};
 use std::fs;
 use std::path::Path;
 
-/// Reads a way-point file.
+/// Reads a waypoints-point file.
 ///
 /// # Errors
 /// [`Error::Unreadable`]; [`Error::Content`] names the line.
-pub fn load(path: &Path) -> Result<Vec<Place>, Error> {
+pub fn load(path: &Path) -> Result<Vec<Pose>, Error> {
     let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
     parse(&text).map_err(|(line, what)| Error::content(path, line, what))
 }
 
 /// # Errors
 /// The 1-based line, if one is to blame, and what is wrong.
-pub fn parse(text: &str) -> Result<Vec<Place>, (Option<usize>, String)> {
-    let mut way = Vec::new();
+pub fn parse(text: &str) -> Result<Vec<Pose>, (Option<usize>, String)> {
+    let mut waypoints = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
         let content = line.split('#').next().unwrap_or_default();
         let words: Vec<&str> = content.split_whitespace().collect();
         match words.as_slice() {
             [] => {}
             [x, y, rotation] => {
-                way.push(place(x, y, rotation).map_err(|what| (Some(number), what))?);
+                waypoints.push(parse_pose(x, y, rotation).map_err(|what| (Some(number), what))?);
             }
             _ => {
                 let what = format!(
-                    "{} values where a way-point has three: x y rotation, in millimetres and degrees",
+                    "{} values where a waypoints-point has three: x y rotation, in millimetres and degrees",
                     words.len()
                 );
                 return Err((Some(number), what));
             }
         }
     }
-    if way.is_empty() {
+    if waypoints.is_empty() {
         return Err((
             None,
-            "no way-point: each line is `x y rotation`, in millimetres and degrees".into(),
+            "no waypoints-point: each line is `x y rotation`, in millimetres and degrees".into(),
         ));
     }
-    Ok(way)
+    Ok(waypoints)
 }
 
 /// A pose from three words.
 ///
 /// # Errors
 /// Names the word and the accepted range.
-pub fn place(x: &str, y: &str, rotation: &str) -> Result<Place, String> {
-    Ok(Place {
-        x_mm: number("x", x, REACH_MM, "mm")?,
-        y_mm: number("y", y, REACH_MM, "mm")?,
+pub fn parse_pose(x: &str, y: &str, rotation: &str) -> Result<Pose, String> {
+    Ok(Pose {
+        x_mm: number("x", x, MAX_COORDINATE_MM, "mm")?,
+        y_mm: number("y", y, MAX_COORDINATE_MM, "mm")?,
         rotation_deg: number("rotation", rotation, 36_000.0, "degrees")?,
     })
 }
@@ -72,11 +72,11 @@ mod tests {
 
     #[test]
     fn comments_and_blank_lines_are_skipped() {
-        let way = parse("# tour\n\n100 -20.5 90 # first\n0 0 0\n").unwrap();
-        assert_eq!(way.len(), 2);
+        let waypoints = parse("# tour\n\n100 -20.5 90 # first\n0 0 0\n").unwrap();
+        assert_eq!(waypoints.len(), 2);
         assert_eq!(
-            way[0],
-            Place {
+            waypoints[0],
+            Pose {
                 x_mm: 100.0,
                 y_mm: -20.5,
                 rotation_deg: 90.0

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
-use host_link::board_io::{Machine, Wires};
+use host_link::board_io::{erase, BoardIo, DynOutput, IoError};
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,7 +101,7 @@ impl<T> digital::ErrorType for Wire<T> {
     type Error = Trouble;
 }
 
-impl<T: OutputPin> OutputPin for Wire<T> {
+impl OutputPin for Wire<Box<DynOutput>> {
     fn set_low(&mut self) -> Result<(), Trouble> {
         self.calls.call(false)?;
         self.inner.set_low().map_err(|_| Trouble)
@@ -113,7 +113,7 @@ impl<T: OutputPin> OutputPin for Wire<T> {
     }
 }
 
-impl<T: InputPin> InputPin for Wire<T> {
+impl InputPin for Wire<Box<dyn InputPin<Error = IoError>>> {
     fn is_high(&mut self) -> Result<bool, Trouble> {
         self.calls.call(false)?;
         let high = self.inner.is_high().map_err(|_| Trouble)?;
@@ -132,7 +132,7 @@ impl<T> i2c::ErrorType for Wire<T> {
     type Error = Trouble;
 }
 
-impl<T: I2c> I2c for Wire<T> {
+impl I2c for Wire<Box<dyn I2c<Error = IoError>>> {
     fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), Trouble> {
         self.calls.call(true)?;
         self.inner.transaction(address, parts).map_err(|_| {
@@ -143,7 +143,7 @@ impl<T: I2c> I2c for Wire<T> {
 }
 
 /// Time passes only while the process lives.
-impl<T: DelayNs> DelayNs for Wire<T> {
+impl DelayNs for Wire<Box<dyn DelayNs>> {
     fn delay_ns(&mut self, ns: u32) {
         let plan = self.calls.0.borrow();
         if !matches!(plan.mishap, Mishap::Dies(at) if plan.calls > at) {
@@ -152,22 +152,9 @@ impl<T: DelayNs> DelayNs for Wire<T> {
     }
 }
 
-/// The types of [`with_mishap`].
-pub struct Troubled<W>(std::marker::PhantomData<W>);
-
-impl<W: Wires> Wires for Troubled<W> {
-    type Spi = W::Spi;
-    type I2c = Wire<W::I2c>;
-    type Reset = Wire<W::Reset>;
-    type Select = Wire<W::Select>;
-    type Protect = Wire<W::Protect>;
-    type Ready = Wire<W::Ready>;
-    type Delay = Wire<W::Delay>;
-    type Clock = W::Clock;
-}
-
-/// `machine` with a mishap ahead of it, and the count of its calls.
-pub fn with_mishap<W: Wires>(machine: Machine<W>, mishap: Mishap) -> (Machine<Troubled<W>>, Calls) {
+/// `io` with a mishap ahead of it, and the count of its calls.
+#[must_use]
+pub fn with_mishap(io: BoardIo, mishap: Mishap) -> (BoardIo, Calls) {
     fn wire<T>(inner: T, calls: &Calls) -> Wire<T> {
         Wire {
             inner,
@@ -179,18 +166,14 @@ pub fn with_mishap<W: Wires>(machine: Machine<W>, mishap: Mishap) -> (Machine<Tr
         calls: 0,
         waited: Vec::new(),
     })));
-    let troubled = Machine {
-        spi: machine.spi,
-        i2c: wire(machine.i2c, &calls),
-        reset: wire(machine.reset, &calls),
-        select: wire(machine.select, &calls),
-        protect: wire(machine.protect, &calls),
-        ready: wire(machine.ready, &calls),
-        delay: wire(machine.delay, &calls),
-        clock: machine.clock,
-        uart: machine.uart,
-        interrupt: machine.interrupt,
-        tape: machine.tape,
+    let faulty = BoardIo {
+        i2c: erase(wire(io.i2c, &calls)),
+        reset: erase(wire(io.reset, &calls)),
+        select: erase(wire(io.select, &calls)),
+        protect: erase(wire(io.protect, &calls)),
+        ready: erase(wire(io.ready, &calls)),
+        delay: Box::new(wire(io.delay, &calls)),
+        ..io
     };
-    (troubled, calls)
+    (faulty, calls)
 }

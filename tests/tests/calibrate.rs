@@ -2,18 +2,19 @@
 //! EEPROM; somebody who sees only where it stands measures.
 
 use fw_core::eeprom::encode;
-use host_link::board_io::{Interrupt, Machine};
-use host_link::drive::Terms;
+use host_link::board_io::{BoardIo, Interrupt};
+use host_link::drive::ArrivalCriteria;
 use host_link::eeprom;
-use host_link::pose::Place;
+use host_link::pose::Pose;
 use host_link::session::Session;
 use host_link::settings::decode;
 use pilot::calibrate::distance::{self, Measured};
 use pilot::calibrate::run::{run, square, straight};
-use pilot::calibrate::umbmark::{self, Run, Score};
-use pilot::calibrate::wheel_geometry::Geometry;
-use pilot::calibrate::wheel_path::Path;
-use pilot::virtual_board::{machine, VirtualWires};
+use pilot::calibrate::umbmark::{self, Score, SquareRun};
+use pilot::calibrate::wheel_geometry::WheelGeometry;
+use pilot::calibrate::wheel_path::WheelPath;
+use pilot::ground_truth::GroundTruth;
+use pilot::virtual_board::{board_io, SimulatedTape};
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
 use twin::plant::{Chassis, Params, Room, Sides};
@@ -21,7 +22,7 @@ use twin::Options;
 
 const SIDE_MM: f64 = 1000.0;
 
-fn rig(truth: &Geometry) -> Rig {
+fn rig(truth: &WheelGeometry) -> Rig {
     let rig = Rig::new(Options {
         // The first board's figures apply: 80 mm, 80 mm, 125 mm.
         eeprom: Some(original_image()),
@@ -40,28 +41,33 @@ fn rig(truth: &Geometry) -> Rig {
     rig
 }
 
-fn drive(machine: &mut Machine<VirtualWires>, way: &[Place]) -> Path {
-    machine.tape.as_mut().expect("a virtual robot").put_back();
-    let mut session = Session::open(machine, 40, 1000).expect("a session");
-    run(&mut session, way, &Terms::default(), |_| {}).expect("a run")
+/// The I/O of a virtual robot and the measurement of its true position.
+struct Robot {
+    io: BoardIo,
+    tape: SimulatedTape,
 }
 
-fn write(machine: &mut Machine<VirtualWires>, figures: &Geometry) {
-    let mut image = eeprom::read(machine).expect("the EEPROM");
+fn drive(robot: &mut Robot, way: &[Pose]) -> WheelPath {
+    robot.tape.put_back();
+    let mut session = Session::open(&mut robot.io, 40, 1000).expect("a session");
+    run(&mut session, way, &ArrivalCriteria::default(), |_| {}).expect("a run")
+}
+
+fn write(io: &mut BoardIo, figures: &WheelGeometry) {
+    let mut image = eeprom::read(io).expect("the EEPROM");
     let mut config = decode(&image).expect("a configuration");
-    figures.put(&mut config);
+    figures.apply_to(&mut config);
     encode(&config, &mut image);
-    eeprom::program(machine, &image, 1000, None, |_| {}).expect("written");
+    eeprom::program(io, &image, 1000, None, |_| {}).expect("written");
 }
 
-fn squares(machine: &mut Machine<VirtualWires>, runs: usize, deviation_mm: f64) -> Vec<Run> {
+fn squares(robot: &mut Robot, runs: usize, deviation_mm: f64) -> Vec<SquareRun> {
     (0..2 * runs)
         .map(|nth| {
             let clockwise = nth % 2 == 0;
-            let path = drive(machine, &square(SIDE_MM, clockwise));
-            let tape = machine.tape.as_mut().expect("a virtual robot");
-            let measured = tape.measure(deviation_mm);
-            Run {
+            let path = drive(robot, &square(SIDE_MM, clockwise));
+            let measured = robot.tape.measure(deviation_mm);
+            SquareRun {
                 clockwise,
                 path,
                 measured,
@@ -71,26 +77,33 @@ fn squares(machine: &mut Machine<VirtualWires>, runs: usize, deviation_mm: f64) 
 }
 
 /// Distance, then `UMBmark`; what the EEPROM holds in the end and how squares end then.
-fn calibrated(truth: &Geometry, length_mm: f64, deviation_mm: f64) -> (Geometry, Score, Score) {
+fn calibrated(
+    truth: &WheelGeometry,
+    length_mm: f64,
+    deviation_mm: f64,
+) -> (WheelGeometry, Score, Score) {
     let rig = rig(truth);
-    let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
-    let path = drive(&mut machine, &straight(length_mm));
-    let end = machine.tape.as_mut().expect("a tape").measure(deviation_mm);
+    let mut robot = Robot {
+        io: board_io(&rig.board, 8_000_000, Interrupt::new()),
+        tape: SimulatedTape::new(&rig.board),
+    };
+    let path = drive(&mut robot, &straight(length_mm));
+    let end = robot.tape.measure(deviation_mm);
     let measured = Measured {
         ahead_mm: end.ahead_mm,
         left_mm: Some(end.left_mm),
     };
     let scaled = distance::solve(&path, &measured).expect("a scale");
-    write(&mut machine, &scaled.figures);
+    write(&mut robot.io, &scaled.wheels);
 
     let runs = if deviation_mm > 0.0 { 3 } else { 1 };
-    let ends = squares(&mut machine, runs, deviation_mm);
+    let ends = squares(&mut robot, runs, deviation_mm);
     let estimate = umbmark::solve(&ends, SIDE_MM).expect("an estimate");
-    write(&mut machine, &estimate.figures);
+    write(&mut robot.io, &estimate.wheels);
 
-    let after = squares(&mut machine, 1, 0.0);
-    let image = eeprom::read(&mut machine).expect("the EEPROM");
-    let found = Geometry::of(&decode(&image).expect("a configuration"));
+    let after = squares(&mut robot, 1, 0.0);
+    let image = eeprom::read(&mut robot.io).expect("the EEPROM");
+    let found = WheelGeometry::from_config(&decode(&image).expect("a configuration"));
     rig.assert_modelled();
     assert_eq!(rig.board.truth().collisions, 0);
     (
@@ -106,7 +119,7 @@ fn assert_recovered(
     deviation_mm: f64,
     percent: f64,
 ) {
-    let truth = Geometry {
+    let truth = WheelGeometry {
         left_mm: 80.0 * (1.0 + left / 100.0),
         right_mm: 80.0 * (1.0 + right / 100.0),
         track_mm: 125.0 * (1.0 + track / 100.0),

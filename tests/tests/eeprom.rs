@@ -8,14 +8,14 @@ use std::path::PathBuf;
 
 use fw_core::eeprom::{first_board, Image, IMAGE_LEN};
 use fw_core::wire::Mode;
-use host_link::board_io::{Interrupt, Machine};
+use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{repair, Repaired};
 use host_link::eeprom::{program, Programmed};
 use host_link::error::Error;
 use host_link::session::Session;
 use host_link::settings::Settings;
-use pilot::virtual_board::{self, VirtualWires};
+use pilot::virtual_board;
 use robot_tests::io_faults::{with_mishap, Calls, Died, Mishap};
 use robot_tests::test_board::Rig;
 
@@ -62,8 +62,8 @@ impl Bench {
         }
     }
 
-    fn machine(&self) -> Machine<VirtualWires> {
-        virtual_board::machine(&self.rig.board, SPI_HZ, Interrupt::new())
+    fn machine(&self) -> BoardIo {
+        virtual_board::board_io(&self.rig.board, SPI_HZ, Interrupt::new())
     }
 
     /// The image of before. The STM runs by whichever it booted from.
@@ -113,7 +113,7 @@ impl Bench {
     #[track_caller]
     fn assert_runs(&self, mishap: Mishap) {
         let mut machine = self.machine();
-        let met = Session::open(&mut machine, RATE_HZ, READY_MS).and_then(|mut s| s.acquaint());
+        let met = Session::open(&mut machine, RATE_HZ, READY_MS).and_then(|mut s| s.confirm_mode());
         assert_eq!(met, Ok(()), "after {mishap:?}: {}", self.rig.log());
     }
 
@@ -176,7 +176,7 @@ fn a_process_that_dies_anywhere_is_repaired_by_the_next_run() {
         }
         died += 1;
         let repaired = bench.next_start(mishap);
-        undone += usize::from(matches!(repaired, Repaired::Undone { bytes } if bytes > 0));
+        undone += usize::from(matches!(repaired, Repaired::RolledBack { bytes } if bytes > 0));
         reset += usize::from(matches!(repaired, Repaired::Reset { .. }));
         let image = bench.image();
         let whole = image == before() || image == wanted();

@@ -4,7 +4,7 @@ use fw_core::eeprom::{first_board, Config};
 use fw_core::wire::{chain, Mode, Strategy};
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
-use host_link::session::{Session, Wish, RATE_HZ, STRANGER_FRAMES};
+use host_link::session::{CommandRequest, Session, MODE_CHECK_FRAMES, RATE_HZ};
 use host_link::settings::Settings;
 use pilot::mode;
 use pilot::virtual_board;
@@ -42,18 +42,18 @@ fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
     for &stm in Mode::ALL {
         let rig = booted(stm);
         for &pi in Mode::ALL {
-            let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+            let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
             let mut session = Session::with_config(&mut machine, config(pi), RATE_HZ);
-            let met = session.acquaint();
+            let met = session.confirm_mode();
             let pair = format!("Pi {}, STM {}", pi.name(), stm.name());
             if names(pi).eq(names(stm)) {
                 assert_eq!(met, Ok(()), "{pair}");
                 continue;
             }
-            let Err(Error::Stranger { mode, frames, .. }) = &met else {
+            let Err(Error::ModeMismatch { mode, frames, .. }) = &met else {
                 panic!("{pair}: {met:?}");
             };
-            assert!(*frames <= u64::from(STRANGER_FRAMES), "{pair}: {met:?}");
+            assert!(*frames <= u64::from(MODE_CHECK_FRAMES), "{pair}: {met:?}");
             assert_eq!(*mode, pi.name());
         }
         assert!(rig.log().contains("frame rejected"), "{}", rig.log());
@@ -65,7 +65,7 @@ fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
 #[test]
 fn the_mode_is_changed_on_both_ends_without_leaving_the_program() {
     let rig = booted(Mode::Normal);
-    let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+    let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
     let mut before = Mode::Normal;
     for &mode in Mode::ALL.iter().rev().chain([&Mode::GuardedNormal]) {
         let mut changed = mode::change(&mut machine, mode, RATE_HZ, READY_MS, None, |_| {})
@@ -73,7 +73,7 @@ fn the_mode_is_changed_on_both_ends_without_leaving_the_program() {
         assert_eq!(changed.before, before);
         assert!(changed.programmed.bytes > 0);
         assert_eq!(changed.session.config().mode, mode);
-        let report = changed.session.exchange(&Wish::default());
+        let report = changed.session.exchange(&CommandRequest::default());
         assert!(matches!(report, Ok(Some(_))), "{}: {report:?}", mode.name());
         let log = rig.log();
         let told = format!("configured, mode {}", mode.name());

@@ -6,7 +6,7 @@ use fw_core::wire::{Command, Mode, PiLink, Report, Setup, MAX_FRAME};
 use host_link::settings::Settings;
 use host_link::snapshot::distance_mm;
 use mapper::Point;
-use pilot::mapping::{mapper_config, Look, Survey};
+use pilot::mapping::{mapper_config, Mapping, RangeSample};
 use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
 use twin::plant::Params;
@@ -252,16 +252,16 @@ fn in_any_other_mode_a_servo_looks_straight_ahead_before_anything_is_measured() 
 #[test]
 fn the_sweep_draws_the_room_around_the_robot() {
     let mut swept = Swept::new(config(|_| {}), Params::default());
-    let mut survey = Survey::new(mapper_config(&swept.config, 25.0));
+    let mut survey = Mapping::new(mapper_config(&swept.config, 25.0));
     let config = swept.config.clone();
     for (at, report) in swept.frames(12_000_000) {
         let mut snapshot = host_link::snapshot::Snapshot::new(&config);
-        snapshot.take(
+        snapshot.update(
             at / 1000,
             &report,
-            host_link::statistics::Statistics::default(),
+            host_link::statistics::LinkStatistics::default(),
         );
-        survey.take(&Look::of(&snapshot).expect("a mode with poses"));
+        survey.add(&RangeSample::of(&snapshot).expect("a mode with poses"));
     }
     let counters = survey.mapper().counters();
     // 12 s of 16.7 readings a second; repeats are told apart.

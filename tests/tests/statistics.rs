@@ -4,7 +4,7 @@
 use fw_core::eeprom::first_board;
 use fw_core::wire::{frame_len, Cause, Mode};
 use host_link::board_io::Interrupt;
-use host_link::session::{Session, Wish, RATE_HZ};
+use host_link::session::{CommandRequest, Session, RATE_HZ};
 use host_link::settings::Settings;
 use pilot::virtual_board;
 use robot_tests::test_board::Rig;
@@ -33,14 +33,14 @@ fn booted(mode: Mode) -> (Rig, fw_core::eeprom::Config) {
 fn both_ends_count_what_was_on_the_wires_in_every_mode() {
     for &mode in Mode::ALL {
         let (rig, config) = booted(mode);
-        let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+        let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
         let mut session = Session::with_config(&mut machine, config.clone(), RATE_HZ);
-        let exchange = |session: &mut Session<_>, frames| {
+        let exchange = |session: &mut Session, frames| {
             for _ in 0..frames {
                 session
-                    .exchange(&Wish::default())
+                    .exchange(&CommandRequest::default())
                     .unwrap_or_else(|error| panic!("{}: {error}", mode.name()));
-                session.hear();
+                session.poll_log();
             }
         };
         exchange(&mut session, 10);
@@ -60,7 +60,7 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
         rig.board.run_us(100_000);
         exchange(&mut session, FRAMES);
         rig.board.run_us(20_000);
-        session.hear();
+        session.poll_log();
 
         let told = rig.log();
         let name = mode.name();
@@ -101,17 +101,19 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
 #[test]
 fn a_silent_link_leaves_the_log_alone() {
     let (rig, config) = booted(Mode::GuardedNormal);
-    let mut machine = virtual_board::machine(&rig.board, SPI_HZ, Interrupt::new());
+    let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
     let mut session = Session::with_config(&mut machine, config, RATE_HZ);
-    session.acquaint().expect("a good link");
+    session.confirm_mode().expect("a good link");
     rig.board.run_us(5_000_000);
     let lines = |log: &str| log.lines().filter(|line| line.contains(": L ")).count();
     assert_eq!(lines(&rig.log()), 1, "{}", rig.log());
     rig.board.run_us(5_000_000);
     assert_eq!(lines(&rig.log()), 1, "{}", rig.log());
-    session.exchange(&Wish::default()).expect("a good link");
+    session
+        .exchange(&CommandRequest::default())
+        .expect("a good link");
     rig.board.run_us(1_100_000);
-    session.hear();
+    session.poll_log();
     let stm = session.snapshot().stm.expect("a line");
     assert!(stm.worst_gap_us > 10_000_000, "{}", rig.log());
 }

@@ -4,7 +4,7 @@ use host_link::board_io::Interrupt;
 use host_link::eeprom;
 use host_link::session::Session;
 use pilot::tune::{battery, drive_model, step_response, temporary_mode, Axis};
-use pilot::virtual_board::machine;
+use pilot::virtual_board::board_io;
 use plant::MotorParams;
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
@@ -34,17 +34,17 @@ fn slope() -> f64 {
     f64::midpoint(speeds[0], speeds[1])
 }
 
-fn tuned(axis: Axis) -> drive_model::Model {
+fn tuned(axis: Axis) -> drive_model::DriveModel {
     let rig = rig();
-    let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
+    let mut machine = board_io(&rig.board, 8_000_000, Interrupt::new());
     let original = eeprom::read(&mut machine).expect("the EEPROM");
-    let plan = step_response::Plan {
+    let plan = step_response::StepPlan {
         levels: vec![50.0, 75.0, 100.0],
         hold_s: 1.2,
         rest_s: 0.8,
         travel: axis.travel(),
     };
-    let recorder = temporary_mode::with(
+    let recorder = temporary_mode::with_mode(
         &mut machine,
         &original,
         axis.mode(),
@@ -89,17 +89,17 @@ fn tuning_finds_the_virtual_motors_gain_and_lag() {
 #[test]
 fn tuning_the_battery_proposes_the_resistor_that_shows_the_reference() {
     let rig = rig();
-    let mut machine = machine(&rig.board, 8_000_000, Interrupt::new());
+    let mut machine = board_io(&rig.board, 8_000_000, Interrupt::new());
     let mut session = Session::open(&mut machine, 40, 1000).expect("a session");
     for _ in 0..40 {
         session
-            .exchange(&host_link::session::Wish::default())
+            .exchange(&host_link::session::CommandRequest::default())
             .expect("a frame");
     }
     let shown = session.snapshot().cells_v[0].expect("cell 1");
     let divider = session.config().dividers[0];
     let reference = shown * 0.9;
-    let ohm = battery::ask(&mut session, 1, reference).expect("a proposal");
+    let ohm = battery::measure_upper_resistor(&mut session, 1, reference).expect("a proposal");
     let whole = f64::from(divider.upper) + f64::from(divider.lower);
     let expected = whole * 0.9 - f64::from(divider.lower);
     // The ADC's noise and the wire's 5 mV.

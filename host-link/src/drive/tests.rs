@@ -1,8 +1,8 @@
 //! Whatever ends a drive early, the robot's last orders are to stand where it is.
 
 use super::*;
-use crate::board_io::Machine;
-use crate::mock_board::{machine, Board, Doubles, Mishap};
+use crate::board_io::BoardIo;
+use crate::mock_board::{mock_board, IoFault, MockBoard};
 use crate::settings::Settings;
 use fw_core::eeprom::first_board;
 use fw_core::wire::{Command, Mode, Order, State};
@@ -17,20 +17,20 @@ fn config(mode: Mode) -> Settings {
     }
 }
 
-const TARGET: Place = Place {
+const TARGET: Pose = Pose {
     x_mm: 1000.0,
     y_mm: -500.0,
     rotation_deg: 90.0,
 };
 
-fn drive(machine: &mut Machine<Doubles>) -> Result<Arrival, Error> {
-    let mut session = Session::open(machine, 40, 100)?;
-    go_to(&mut session, TARGET, &Terms::default(), |_, _| {})
+fn drive(io: &mut BoardIo) -> Result<Arrival, Error> {
+    let mut session = Session::open(io, 40, 100)?;
+    go_to(&mut session, TARGET, &ArrivalCriteria::default(), |_, _| {})
 }
 
 /// The last command keeps the robot where it is.
 #[track_caller]
-fn assert_told_to_stay(board: &Board) {
+fn assert_told_to_stay(board: &MockBoard) {
     let last: &Command = board.commands.last().expect("frames were sent");
     assert!(last.apply);
     assert_ne!(last.expected, TARGET.code());
@@ -39,8 +39,8 @@ fn assert_told_to_stay(board: &Board) {
 // Requirement: DOC-3.2-2
 #[test]
 fn a_drive_ends_at_its_target() {
-    let (_, mut machine) = machine(&config(Mode::Normal).image(), None);
-    let arrival = drive(&mut machine).unwrap();
+    let (_, mut io) = mock_board(&config(Mode::Normal).image(), None);
+    let arrival = drive(&mut io).unwrap();
     assert!(
         arrival.off_mm < 5.0 && arrival.off_deg.abs() < 1.0,
         "{arrival:?}"
@@ -49,8 +49,8 @@ fn a_drive_ends_at_its_target() {
 
 #[test]
 fn a_guarded_drive_resumes_first_and_ends_at_its_target() {
-    let (board, mut machine) = machine(&config(Mode::GuardedNormal).image(), None);
-    drive(&mut machine).unwrap();
+    let (board, mut io) = mock_board(&config(Mode::GuardedNormal).image(), None);
+    drive(&mut io).unwrap();
     assert!(board
         .borrow()
         .commands
@@ -60,30 +60,30 @@ fn a_guarded_drive_resumes_first_and_ends_at_its_target() {
 
 #[test]
 fn ctrl_c_stops_the_robot() {
-    let (board, mut machine) = machine(&config(Mode::Normal).image(), Some(Mishap::Interrupt(20)));
-    assert_eq!(drive(&mut machine), Err(Error::Interrupted));
+    let (board, mut io) = mock_board(&config(Mode::Normal).image(), Some(IoFault::Interrupt(20)));
+    assert_eq!(drive(&mut io), Err(Error::Interrupted));
     assert_told_to_stay(&board.borrow());
 }
 
 #[test]
 fn ctrl_c_brakes_a_guarded_robot() {
-    let (board, mut machine) = machine(
+    let (board, mut io) = mock_board(
         &config(Mode::GuardedNormal).image(),
-        Some(Mishap::Interrupt(20)),
+        Some(IoFault::Interrupt(20)),
     );
-    assert_eq!(drive(&mut machine), Err(Error::Interrupted));
+    assert_eq!(drive(&mut io), Err(Error::Interrupted));
     assert_eq!(board.borrow().commands.last().unwrap().order, Order::Stop);
 }
 
 #[test]
 fn a_panic_while_watching_stops_the_robot() {
-    let (board, mut machine) = machine(&config(Mode::Normal).image(), None);
+    let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
     let outcome = catch_unwind(AssertUnwindSafe(|| {
-        let mut session = Session::open(&mut machine, 40, 100).unwrap();
+        let mut session = Session::open(&mut io, 40, 100).unwrap();
         let mut reports = 0;
-        go_to(&mut session, TARGET, &Terms::default(), |_, _| {
+        go_to(&mut session, TARGET, &ArrivalCriteria::default(), |_, _| {
             reports += 1;
-            assert!(reports < 3, "on purpose");
+            assert!(reports < 3, "on access");
         })
     }));
     assert!(outcome.is_err());
@@ -92,43 +92,43 @@ fn a_panic_while_watching_stops_the_robot() {
 
 #[test]
 fn too_little_time_is_an_error_that_stops_the_robot() {
-    let (board, mut machine) = machine(&config(Mode::Normal).image(), None);
-    let mut session = Session::open(&mut machine, 40, 100).unwrap();
-    let terms = Terms {
+    let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
+    let mut session = Session::open(&mut io, 40, 100).unwrap();
+    let criteria = ArrivalCriteria {
         timeout_s: Some(0.1),
-        ..Terms::default()
+        ..ArrivalCriteria::default()
     };
-    let error = go_to(&mut session, TARGET, &terms, |_, _| {}).unwrap_err();
+    let error = go_to(&mut session, TARGET, &criteria, |_, _| {}).unwrap_err();
     assert!(matches!(error, Error::NotReached { .. }), "{error:?}");
     assert_told_to_stay(&board.borrow());
 }
 
 #[test]
 fn a_spi_device_that_fails_is_named() {
-    let (_, mut machine) = machine(&config(Mode::Normal).image(), Some(Mishap::BusesDie(20)));
-    assert!(matches!(drive(&mut machine), Err(Error::Spi(_))));
+    let (_, mut io) = mock_board(&config(Mode::Normal).image(), Some(IoFault::BusesFail(20)));
+    assert!(matches!(drive(&mut io), Err(Error::Spi(_))));
 }
 
 #[test]
 fn a_robot_with_other_keys_is_found_out_within_ten_frames() {
-    let (board, mut machine) = machine(&config(Mode::Normal).image(), None);
+    let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
     // The STM booted with another key than the EEPROM holds now.
     let mut other = config(Mode::Normal);
     other.config.key_from_stm = 0x11;
     board.borrow_mut().memory = other.image();
-    let error = drive(&mut machine).unwrap_err();
+    let error = drive(&mut io).unwrap_err();
     assert!(
-        matches!(&error, Error::Stranger { frames: 10, why, .. } if why.contains("key")),
+        matches!(&error, Error::ModeMismatch { frames: 10, reason, .. } if reason.contains("key")),
         "{error:?}"
     );
 }
 
 #[test]
 fn a_faulted_robot_is_not_driven() {
-    let (board, mut machine) = machine(&config(Mode::GuardedNormal).image(), None);
+    let (board, mut io) = mock_board(&config(Mode::GuardedNormal).image(), None);
     board.borrow_mut().report.state = State::Faulted;
     board.borrow_mut().report.faults = fw_core::types::Faults::BATTERY_CUTOFF;
-    let error = drive(&mut machine).unwrap_err();
+    let error = drive(&mut io).unwrap_err();
     assert!(
         matches!(&error, Error::Fault { faults, .. } if faults == "battery-cutoff"),
         "{error:?}"
@@ -138,19 +138,19 @@ fn a_faulted_robot_is_not_driven() {
 
 #[test]
 fn a_tuning_mode_cannot_be_driven() {
-    let (_, mut machine) = machine(&config(Mode::TuneRotate).image(), None);
-    assert!(matches!(drive(&mut machine), Err(Error::WrongMode { .. })));
+    let (_, mut io) = mock_board(&config(Mode::TuneRotate).image(), None);
+    assert!(matches!(drive(&mut io), Err(Error::WrongMode { .. })));
 }
 
 #[test]
 fn a_creeping_robot_is_not_at_rest() {
-    let mut rest = Rest::default();
+    let mut rest = RestDetector::default();
     let mut at_rest = false;
     for frame in 0..400_u32 {
         // 4 mm/s: below the limit from frame to frame, far above it over a quarter second.
-        let pose = Place {
+        let pose = Pose {
             x_mm: f64::from(frame) * 0.1,
-            ..Place::default()
+            ..Pose::default()
         };
         at_rest |= rest.settled(u64::from(frame) * 25_000, pose);
     }
@@ -159,7 +159,7 @@ fn a_creeping_robot_is_not_at_rest() {
 
 #[test]
 fn a_standing_robot_is_at_rest_after_a_quarter_second() {
-    let mut rest = Rest::default();
-    let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Place::default()));
+    let mut rest = RestDetector::default();
+    let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Pose::default()));
     assert_eq!(settled, Some(10));
 }

@@ -3,9 +3,8 @@
 //! (AT24C512C and AT24CS64 data sheets, "acknowledge polling").
 
 use super::image::differences;
-use crate::board_io::{Machine, Wires};
+use crate::board_io::{BoardIo, IoError};
 use crate::error::Error;
-use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::I2c;
 use fw_core::eeprom::Image;
 use std::ops::Range;
@@ -46,11 +45,13 @@ pub fn bursts(before: &Image, after: &Image) -> Vec<Range<usize>> {
     bursts
 }
 
+/// Compares what was written from the address `from` on with what was read back.
+///
 /// # Errors
 /// [`Error::Verify`] with the first byte that is not what was written.
 // Requirement: DOC-6-7
-pub fn verify(written: &Image, read: &Image) -> Result<(), Error> {
-    for ((address, &written), &read) in (0u16..).zip(written).zip(read) {
+pub fn verify(from: u16, written: &[u8], read: &[u8]) -> Result<(), Error> {
+    for ((address, &written), &read) in (from..).zip(written).zip(read) {
         if written != read {
             return Err(Error::Verify {
                 address,
@@ -64,14 +65,10 @@ pub fn verify(written: &Image, read: &Image) -> Result<(), Error> {
 
 /// Reads `out.len()` bytes from `address` on.
 // Requirement: DOC-6-8
-pub(super) fn read<W: Wires>(
-    machine: &mut Machine<W>,
-    address: u16,
-    out: &mut [u8],
-) -> Result<(), Error> {
+pub(super) fn read(io: &mut BoardIo, address: u16, out: &mut [u8]) -> Result<(), Error> {
     for (from, chunk) in (address..).step_by(READ).zip(out.chunks_mut(READ)) {
-        machine.interrupt.check()?;
-        retry(machine, "reading", from, |i2c| {
+        io.interrupt.check()?;
+        retry(io, "reading", from, |i2c| {
             i2c.write_read(ADDRESS, &from.to_be_bytes(), chunk)
         })?;
     }
@@ -79,70 +76,55 @@ pub(super) fn read<W: Wires>(
 }
 
 /// Writes one burst, waits for the end of its write cycle and reads it back.
-pub(super) fn write_burst<W: Wires>(
-    machine: &mut Machine<W>,
-    address: u16,
-    data: &[u8],
-) -> Result<(), Error> {
+pub(super) fn write_burst(io: &mut BoardIo, address: u16, data: &[u8]) -> Result<(), Error> {
     debug_assert!(data.len() <= BURST && usize::from(address) % BURST + data.len() <= BURST);
-    machine.interrupt.check()?;
+    io.interrupt.check()?;
     let mut message = Vec::with_capacity(2 + BURST);
     message.extend_from_slice(&address.to_be_bytes());
     message.extend_from_slice(data);
     // Writing the same bytes twice does no harm, so a disturbed transaction may be repeated.
-    retry(machine, "writing", address, |i2c| {
-        i2c.write(ADDRESS, &message)
-    })?;
-    await_cycle(machine, address)?;
+    retry(io, "writing", address, |i2c| i2c.write(ADDRESS, &message))?;
+    await_cycle(io, address)?;
     let mut back = [0; BURST];
     let back = back.get_mut(..data.len()).unwrap_or_default();
-    read(machine, address, back)?;
-    for ((address, &written), &read) in (address..).zip(data).zip(back.iter()) {
-        if written != read {
-            return Err(Error::Verify {
-                address,
-                written,
-                read,
-            });
-        }
-    }
-    Ok(())
+    read(io, address, back)?;
+    verify(address, data, back)
 }
 
 /// Polls until the part acknowledges its address again. Setting the address pointer starts no write.
-fn await_cycle<W: Wires>(machine: &mut Machine<W>, address: u16) -> Result<(), Error> {
+fn await_cycle(io: &mut BoardIo, address: u16) -> Result<(), Error> {
     let mut waited = 0;
     loop {
-        match machine.i2c.write(ADDRESS, &address.to_be_bytes()) {
+        match io.i2c.write(ADDRESS, &address.to_be_bytes()) {
             Ok(()) => return Ok(()),
             Err(cause) if waited >= CYCLE_TIMEOUT_US => {
                 return Err(Error::Eeprom {
                     doing: "waiting for a write cycle's end",
                     address,
-                    cause: format!("{cause:?}"),
+                    cause: cause.to_string(),
                 })
             }
-            Err(_) => machine.delay.delay_us(POLL_US),
+            Err(_) => io.delay.delay_us(POLL_US),
         }
         waited += POLL_US;
     }
 }
 
-/// Tries a transaction up to three times, a write cycle's time apart: the part may be busy with a
-/// cycle that somebody else began.
-fn retry<W: Wires>(
-    machine: &mut Machine<W>,
+/// Tries a transaction up to three times, a write cycle's time apart: the chip may be busy with a
+/// cycle that an earlier process began.
+fn retry(
+    io: &mut BoardIo,
     doing: &'static str,
     address: u16,
-    mut act: impl FnMut(&mut W::I2c) -> Result<(), <W::I2c as embedded_hal::i2c::ErrorType>::Error>,
+    mut act: impl FnMut(&mut dyn I2c<Error = IoError>) -> Result<(), IoError>,
 ) -> Result<(), Error> {
     let mut last = String::new();
     for _ in 0..ATTEMPTS {
-        match act(&mut machine.i2c) {
+        match act(&mut *io.i2c) {
             Ok(()) => return Ok(()),
-            Err(cause) => last = format!("{cause:?}"),
+            Err(cause) => last = cause.to_string(),
         }
-        machine.delay.delay_ms(5);
+        io.delay.delay_ms(5);
     }
     Err(Error::Eeprom {
         doing,

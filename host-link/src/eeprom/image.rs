@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Pages 0x00 to 0x02: what an original image has at least.
 pub const ORIGINAL_LEN: usize = 0x300;
@@ -40,8 +40,7 @@ pub fn load(path: &Path) -> Result<Image, Error> {
 /// # Errors
 /// [`Error::Unwritable`].
 pub fn save(path: &Path, image: &[u8]) -> Result<(), Error> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
+    let beside = with_suffix(path, ".new");
     let unwritable = |cause| Error::unwritable(path, &cause);
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(unwritable)?;
@@ -51,6 +50,14 @@ pub fn save(path: &Path, image: &[u8]) -> Result<(), Error> {
         .and_then(|()| file.sync_all())
         .map_err(unwritable)?;
     fs::rename(&beside, path).map_err(unwritable)
+}
+
+/// `path` with `suffix` added to its name.
+#[must_use]
+pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
 }
 
 /// Hexadecimal with addresses, sixteen bytes a line; lines of unwritten cells only are left out.

@@ -65,9 +65,7 @@ impl Journal {
     }
 
     fn reset_note(&self) -> PathBuf {
-        let mut name = self.0.as_os_str().to_owned();
-        name.push(".written");
-        name.into()
+        image::with_suffix(&self.0, ".written")
     }
 
     /// Whether a write was complete, but the STM perhaps not reset after it.

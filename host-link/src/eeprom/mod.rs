@@ -14,9 +14,9 @@ pub mod image;
 pub mod journal;
 pub mod repair;
 
-use crate::board_io::{Machine, Wires};
+use crate::board_io::BoardIo;
 use crate::error::Error;
-use bus::Purpose;
+use bus::BusAccess;
 use fw_core::eeprom::{Image, IMAGE_LEN};
 use journal::Journal;
 
@@ -24,8 +24,8 @@ use journal::Journal;
 ///
 /// # Errors
 /// [`Error::Eeprom`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotRestored`].
-pub fn read<W: Wires>(machine: &mut Machine<W>) -> Result<Image, Error> {
-    bus::with(machine, Purpose::Read, |bus| {
+pub fn read(io: &mut BoardIo) -> Result<Image, Error> {
+    bus::with(io, BusAccess::Read, |bus| {
         let mut image = [0; IMAGE_LEN];
         bus.read(0, &mut image)?;
         Ok(image)
@@ -48,7 +48,7 @@ pub struct Programmed {
 
 /// What [`program`] is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Step<'a> {
+pub enum Progress<'a> {
     /// What the EEPROM holds before anything changes.
     Before(&'a Image),
     /// A burst is written and read back.
@@ -70,36 +70,36 @@ pub enum Step<'a> {
 /// [`Error::NotRestored`], [`Error::Unwritable`] for the journal. Protection, bus and reset are
 /// restored before any of them is returned.
 // Requirement: DOC-2.1-1
-pub fn program<W: Wires>(
-    machine: &mut Machine<W>,
+pub fn program(
+    io: &mut BoardIo,
     image: &Image,
     ready_timeout_ms: u32,
     journal: Option<&Journal>,
-    mut watch: impl FnMut(Step<'_>),
+    mut watch: impl FnMut(Progress<'_>),
 ) -> Result<Programmed, Error> {
-    let purpose = Purpose::Write { ready_timeout_ms };
-    let outcome = bus::with(machine, purpose, |bus| {
+    let access = BusAccess::Write { ready_timeout_ms };
+    let outcome = bus::with(io, access, |bus| {
         let mut before = [0; IMAGE_LEN];
         bus.read(0, &mut before)?;
-        watch(Step::Before(&before));
+        watch(Progress::Before(&before));
         let bursts = chip::bursts(&before, image);
         let bytes = bursts.iter().map(ExactSizeIterator::len).sum();
         if !bursts.is_empty() {
             if let Some(journal) = journal {
                 journal.begin(&before)?;
             }
-            bus.unprotect()?;
+            bus.set_protect(false)?;
             let mut done = 0;
             for burst in &bursts {
                 bus.write_burst(burst.start, image.get(burst.clone()).unwrap_or(&[]))?;
                 done += burst.len();
-                watch(Step::Written { done, of: bytes });
+                watch(Progress::Written { done, of: bytes });
             }
-            bus.protect()?;
+            bus.set_protect(true)?;
         }
         let mut after = [0; IMAGE_LEN];
         bus.read(0, &mut after)?;
-        chip::verify(image, &after)?;
+        chip::verify(0, image, &after)?;
         if let Some(journal) = journal {
             journal.written()?;
         }

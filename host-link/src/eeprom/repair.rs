@@ -3,10 +3,9 @@
 
 use super::journal::Journal;
 use super::{image, program};
-use crate::board_io::{persist, Machine, Wires};
+use crate::board_io::BoardIo;
 use crate::error::Error;
 use crate::reset;
-use embedded_hal::digital::InputPin;
 
 /// What was repaired besides the lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +18,7 @@ pub enum Repaired {
         due: bool,
     },
     /// A write was cut short: what stood there before is written back, and the STM reset.
-    Undone {
+    RolledBack {
         /// Bytes that had been changed already.
         bytes: usize,
     },
@@ -32,29 +31,29 @@ pub enum Repaired {
 /// # Errors
 /// [`Error::Pin`]; with a journal, those of [`image::load`] and [`program`], but for
 /// [`Error::NotReady`]: what stood there before need not be acceptable.
-pub fn repair<W: Wires>(
-    machine: &mut Machine<W>,
+pub fn repair(
+    io: &mut BoardIo,
     journal: &Journal,
     killed: bool,
     ready_timeout_ms: u32,
 ) -> Result<Repaired, Error> {
-    machine.rest()?;
+    io.set_idle()?;
     if journal.unfinished() {
         let before = image::load(journal.path())?;
         let mut bytes = 0;
-        let outcome = program(machine, &before, ready_timeout_ms, Some(journal), |step| {
-            if let super::Step::Written { of, .. } = step {
+        let outcome = program(io, &before, ready_timeout_ms, Some(journal), |step| {
+            if let super::Progress::Written { of, .. } = step {
                 bytes = of;
             }
         });
         return match outcome {
-            Ok(_) | Err(Error::NotReady { .. }) => Ok(Repaired::Undone { bytes }),
+            Ok(_) | Err(Error::NotReady { .. }) => Ok(Repaired::RolledBack { bytes }),
             Err(error) => Err(error),
         };
     }
     let due = journal.reset_due();
-    if due || killed && !persist(|| machine.ready.is_high()).unwrap_or(false) {
-        reset::pulse(machine)?;
+    if due || killed && !io.is_ready().unwrap_or(false) {
+        reset::pulse(io)?;
         journal.end()?;
         return Ok(Repaired::Reset { due });
     }

@@ -86,7 +86,7 @@ impl Settings {
 /// [`Error::Rejected`] names address, field, value and accepted range.
 pub fn decode(image: &Image) -> Result<Config, Error> {
     let rejected = |what| Error::Rejected {
-        place: "in the EEPROM's image".into(),
+        location: "in the EEPROM's image".into(),
         what,
     };
     if image.iter().all(|&byte| byte == 0xFF) {

@@ -61,7 +61,7 @@ fn check(
             let _ = write!(place, " ({})", field.key);
         }
         Error::Rejected {
-            place,
+            location: place,
             what: error.to_string(),
         }
     })

@@ -231,8 +231,11 @@ mod tests {
         ] {
             let line = line_of(from);
             match complaint(from, to) {
-                Error::Rejected { place, .. } => {
-                    assert!(place.contains(&format!("line {line} ({key})")), "{place}");
+                Error::Rejected { location, .. } => {
+                    assert!(
+                        location.contains(&format!("line {line} ({key})")),
+                        "{location}"
+                    );
                 }
                 other => panic!("{other:?}"),
             }

@@ -1,14 +1,15 @@
-//! A drive that the robot took for straight, and where it truly ended: the scale of all three figures.
+//! A drive that odometry took for straight, and its true end: the scale of diameters and track.
 //!
-//! Wheels that are not as alike as the robot believes bend the way. Where the end's offset to the side
-//! was measured too, the bend is known, and with it how much longer the way was than the straight line
-//! between its ends; the wheels' ratio comes along. Without it the way is taken as straight.
+//! Wheels whose ratio is not the configured one bend the path. The measured offset to the side gives
+//! the bend, and with it the wheels' ratio and the length of the path. Without an offset the path is
+//! taken as straight.
 //!
 //! Track and diameters are scaled together: rotations stay as they are, for `umbmark` to correct.
 
-use super::least_squares::least;
-use super::wheel_geometry::Geometry;
-use super::wheel_path::{Path, Spot};
+use super::least_squares::fit_factors;
+use super::wheel_geometry::WheelGeometry;
+use super::wheel_path::WheelPath;
+use crate::ground_truth::Point;
 use serde::Serialize;
 
 /// Largest change of the scale accepted.
@@ -16,7 +17,7 @@ pub const ACCEPTED: f64 = 0.10;
 /// Largest change of the wheels' ratio accepted. A track that is wrong too makes it look larger.
 pub const ACCEPTED_RATIO: f64 = 0.15;
 
-/// Shortest drive that says anything, millimetres: a millimetre of the tape is half a percent of it.
+/// Shortest accepted drive, millimetres: a millimetre of the tape is half a percent of it.
 pub const SHORTEST_MM: f64 = 200.0;
 
 /// What a person measured.
@@ -28,31 +29,31 @@ pub struct Measured {
     pub left_mm: Option<f64>,
 }
 
-/// What follows.
+/// The correction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Scale {
-    /// Where the robot believed it ended.
-    pub believed: Spot,
+    /// The end by odometry.
+    pub odometry_end: Point,
     /// How much longer everything is.
     pub scale: f64,
     /// How much larger the right wheel is against the left; 1 where the offset was not measured.
     pub ratio: f64,
-    /// The figures that follow.
-    pub figures: Geometry,
+    /// The corrected wheels.
+    pub wheels: WheelGeometry,
 }
 
-/// The figures with which the path ends where it was measured.
+/// The wheels with which the path ends where it was measured.
 ///
 /// # Errors
 /// A sentence: what was measured and what is accepted.
 // Requirement: DOC-4.1-6
-pub fn solve(path: &Path, measured: &Measured) -> Result<Scale, String> {
-    let present = *path.believed();
-    let believed = path.end();
-    let length = believed.distance_mm();
+pub fn solve(path: &WheelPath, measured: &Measured) -> Result<Scale, String> {
+    let present = *path.wheels();
+    let odometry_end = path.odometry_end();
+    let length = odometry_end.distance_mm();
     if length < SHORTEST_MM {
         return Err(format!(
-            "the drive was {length:.0} mm long by its wheels; accepted is {SHORTEST_MM:.0} mm or more"
+            "the drive was {length:.0} mm long by odometry; accepted is {SHORTEST_MM:.0} mm or more"
         ));
     }
     let left_mm = measured.left_mm.unwrap_or(0.0);
@@ -66,12 +67,12 @@ pub fn solve(path: &Path, measured: &Measured) -> Result<Scale, String> {
     let (low, high) = (length * shortest, length * (1.0 + ACCEPTED));
     if !(low..=high).contains(&straight) || measured.ahead_mm <= 0.0 {
         return Err(format!(
-            "{straight:.1} mm were measured where the wheels say {length:.1} mm; accepted is {low:.0} to \
+            "{straight:.1} mm were measured, odometry has {length:.1} mm; accepted is {low:.0} to \
              {high:.0} mm. Did a wheel slip, or is the figure in another unit?"
         ));
     }
     let (scale, ratio) = if measured.left_mm.is_some() {
-        let fitted = least(
+        let fitted = fit_factors(
             |[scale, ratio]| {
                 let end = path.end_with(&present.scaled(scale).with_ratio(ratio));
                 vec![end.ahead_mm - measured.ahead_mm, end.left_mm - left_mm]
@@ -104,9 +105,9 @@ pub fn solve(path: &Path, measured: &Measured) -> Result<Scale, String> {
         }
     }
     Ok(Scale {
-        believed,
+        odometry_end,
         scale,
         ratio,
-        figures: present.scaled(scale).with_ratio(ratio),
+        wheels: present.scaled(scale).with_ratio(ratio),
     })
 }

@@ -1,22 +1,23 @@
-//! Synthetic drives: the wheels roll what carries the robot along its way by the figures it believes in,
+//! Synthetic drives: the wheels roll what carries the robot along its way by its configured wheels,
 //! and the truth is integrated from the same turns of the wheels, apart from the code under test.
 
 use super::distance::{self, Measured};
 use super::run::{self, square, straight};
-use super::umbmark::{self, Run};
-use super::wheel_geometry::Geometry;
-use super::wheel_path::{Path, Spot};
+use super::umbmark::{self, SquareRun};
+use super::wheel_geometry::WheelGeometry;
+use super::wheel_path::WheelPath;
+use crate::ground_truth::Point;
 use fw_core::eeprom::first_board;
 use fw_core::wire::Mode;
-use host_link::board_io::Machine;
-use host_link::drive::Terms;
+use host_link::board_io::BoardIo;
+use host_link::drive::ArrivalCriteria;
 use host_link::error::Error;
-use host_link::mock_board::{machine, Board, Doubles, Mishap};
-use host_link::pose::Place;
+use host_link::mock_board::{mock_board, IoFault, MockBoard};
+use host_link::pose::Pose;
 use host_link::session::Session;
 use host_link::settings::Settings;
 
-const FIRST_BOARD: Geometry = Geometry {
+const FIRST_BOARD: WheelGeometry = WheelGeometry {
     left_mm: 80.0,
     right_mm: 80.0,
     track_mm: 125.0,
@@ -24,12 +25,12 @@ const FIRST_BOARD: Geometry = Geometry {
 
 /// A robot that turns on the spot towards each place, drives there and turns to its rotation, exactly by
 /// its own belief. The path as it reports it (in the wire's codes), and where it truly ends.
-fn driven(believed: &Geometry, truth: &Geometry, way: &[Place]) -> (Path, Spot) {
-    let mut path = Path::new(*believed);
-    let mut here = Place::default();
+fn driven(configured: &WheelGeometry, truth: &WheelGeometry, way: &[Pose]) -> (WheelPath, Point) {
+    let mut path = WheelPath::new(*configured);
+    let mut here = Pose::default();
     let mut real = (0.0, 0.0, 0.0_f64);
-    path.take(here);
-    let mut roll = |here: &mut Place, ahead: f64, turn: f64| {
+    path.push(here);
+    let mut roll = |here: &mut Pose, ahead: f64, turn: f64| {
         // Fine steps, straight chords: as good as arcs.
         let pieces = 200.0;
         for _ in 0..200 {
@@ -38,41 +39,41 @@ fn driven(believed: &Geometry, truth: &Geometry, way: &[Place]) -> (Path, Spot) 
             here.x_mm += ds * middle.cos();
             here.y_mm += ds * middle.sin();
             here.rotation_deg += da.to_degrees();
-            let half = believed.track_mm / 2.0 * da;
-            let left = (ds - half) * truth.left_mm / believed.left_mm;
-            let right = (ds + half) * truth.right_mm / believed.right_mm;
+            let half = configured.track_mm / 2.0 * da;
+            let left = (ds - half) * truth.left_mm / configured.left_mm;
+            let right = (ds + half) * truth.right_mm / configured.right_mm;
             let true_turn = (right - left) / truth.track_mm;
             let true_middle = real.2 + true_turn / 2.0;
             real.0 += f64::midpoint(left, right) * true_middle.cos();
             real.1 += f64::midpoint(left, right) * true_middle.sin();
             real.2 += true_turn;
-            path.take(Place::from_code(here.code()));
+            path.push(Pose::from_code(here.code()));
         }
     };
     for there in way {
         let (dx, dy) = (there.x_mm - here.x_mm, there.y_mm - here.y_mm);
-        let bearing = Place {
+        let bearing = Pose {
             rotation_deg: dy.atan2(dx).to_degrees(),
             ..here
         };
-        let turn = here.turn_to_deg(bearing);
+        let turn = here.rotation_to_deg(bearing);
         roll(&mut here, 0.0, turn);
         roll(&mut here, dx.hypot(dy), 0.0);
-        let turn = here.turn_to_deg(*there);
+        let turn = here.rotation_to_deg(*there);
         roll(&mut here, 0.0, turn);
     }
-    let end = Spot {
+    let end = Point {
         ahead_mm: real.0,
         left_mm: real.1,
     };
     (path, end)
 }
 
-fn squares(believed: &Geometry, truth: &Geometry, side_mm: f64) -> Vec<Run> {
+fn squares(configured: &WheelGeometry, truth: &WheelGeometry, side_mm: f64) -> Vec<SquareRun> {
     [true, false]
         .map(|clockwise| {
-            let (path, measured) = driven(believed, truth, &square(side_mm, clockwise));
-            Run {
+            let (path, measured) = driven(configured, truth, &square(side_mm, clockwise));
+            SquareRun {
                 clockwise,
                 path,
                 measured,
@@ -81,7 +82,7 @@ fn squares(believed: &Geometry, truth: &Geometry, side_mm: f64) -> Vec<Run> {
         .into()
 }
 
-fn with_side(end: Spot) -> Measured {
+fn with_side(end: Point) -> Measured {
     Measured {
         ahead_mm: end.ahead_mm,
         left_mm: Some(end.left_mm),
@@ -89,7 +90,7 @@ fn with_side(end: Spot) -> Measured {
 }
 
 /// Largest relative difference of the three figures, percent.
-fn off_percent(found: &Geometry, truth: &Geometry) -> f64 {
+fn off_percent(found: &WheelGeometry, truth: &WheelGeometry) -> f64 {
     [
         found.left_mm / truth.left_mm,
         found.right_mm / truth.right_mm,
@@ -107,16 +108,16 @@ fn one_distance_and_two_squares_recover_figures_wrong_by_five_percent_in_any_mix
         for right in [-5.0, 0.0, 5.0] {
             for track in [-5.0, 0.0, 5.0] {
                 let off = |figure: f64, percent: f64| figure * (1.0 + percent / 100.0);
-                let truth = Geometry {
+                let truth = WheelGeometry {
                     left_mm: off(80.0, left),
                     right_mm: off(80.0, right),
                     track_mm: off(125.0, track),
                 };
                 let (path, end) = driven(&FIRST_BOARD, &truth, &straight(1000.0));
-                let scaled = distance::solve(&path, &with_side(end)).unwrap().figures;
+                let scaled = distance::solve(&path, &with_side(end)).unwrap().wheels;
                 let runs = squares(&scaled, &truth, 1000.0);
                 let found = umbmark::solve(&runs, 1000.0).unwrap();
-                let off = off_percent(&found.figures, &truth);
+                let off = off_percent(&found.wheels, &truth);
                 assert!(off < 0.02, "{left} {right} {track}: {off} % {found:?}");
                 assert!(found.residual_mm < 0.5, "{found:?}");
             }
@@ -126,7 +127,7 @@ fn one_distance_and_two_squares_recover_figures_wrong_by_five_percent_in_any_mix
 
 #[test]
 fn readings_a_few_millimetres_off_cost_as_much_as_the_estimate_says() {
-    let truth = Geometry {
+    let truth = WheelGeometry {
         left_mm: 79.2,
         right_mm: 80.6,
         track_mm: 127.0,
@@ -144,19 +145,19 @@ fn readings_a_few_millimetres_off_cost_as_much_as_the_estimate_says() {
     let found = umbmark::solve(&runs, 1000.0).unwrap();
     assert!((2.5..3.5).contains(&found.residual_mm), "{found:?}");
     assert!((4.0..6.0).contains(&found.score.clockwise.deviation_mm));
-    assert!(off_percent(&found.figures, &truth) < 0.02, "{found:?}");
+    assert!(off_percent(&found.wheels, &truth) < 0.02, "{found:?}");
     for deviation in [found.track_deviation, found.ratio_deviation] {
         assert!((1e-5..1e-3).contains(&deviation), "{found:?}");
     }
     // Three runs less: now the mean is off, by no more than four deviations.
     let found = umbmark::solve(&runs[..3], 1000.0).unwrap();
-    let track = (found.figures.track_mm / 127.0 - 1.0).abs();
+    let track = (found.wheels.track_mm / 127.0 - 1.0).abs();
     assert!(track < 4.0 * found.track_deviation, "{track} {found:?}");
 }
 
 #[test]
 fn for_small_errors_the_papers_formulas_agree() {
-    let truth = Geometry {
+    let truth = WheelGeometry {
         left_mm: 79.96,
         right_mm: 80.04,
         track_mm: 125.5,
@@ -177,7 +178,7 @@ fn without_an_offset_to_the_side_the_way_counts_as_straight() {
         left_mm: None,
     };
     let found = distance::solve(&path, &measured).unwrap();
-    assert!(off_percent(&found.figures, &truth) < 0.001, "{found:?}");
+    assert!(off_percent(&found.wheels, &truth) < 0.001, "{found:?}");
     assert!((found.ratio - 1.0).abs() < 1e-12);
 }
 
@@ -243,26 +244,31 @@ fn settings() -> Settings {
     }
 }
 
-fn drive(machine: &mut Machine<Doubles>) -> Result<Path, Error> {
-    let mut session = Session::open(machine, 40, 100)?;
-    run::run(&mut session, &straight(1000.0), &Terms::default(), |_| {})
+fn drive(io: &mut BoardIo) -> Result<WheelPath, Error> {
+    let mut session = Session::open(io, 40, 100)?;
+    run::run(
+        &mut session,
+        &straight(1000.0),
+        &ArrivalCriteria::default(),
+        |_| {},
+    )
 }
 
 /// The last order is to stand where the robot is.
-fn assert_told_to_stay(board: &Board) {
+fn assert_told_to_stay(board: &MockBoard) {
     let last = board.commands.last().expect("frames were sent");
     assert!(last.apply && last.expected.x < 1_000_000, "{last:?}");
 }
 
 #[test]
 fn ctrl_c_and_a_fifth_of_a_second_without_a_reply_stop_the_robot() {
-    let (board, mut machine) = machine(&settings().image(), Some(Mishap::Interrupt(30)));
-    assert_eq!(drive(&mut machine), Err(Error::Interrupted));
+    let (board, mut io) = mock_board(&settings().image(), Some(IoFault::Interrupt(30)));
+    assert_eq!(drive(&mut io), Err(Error::Interrupted));
     assert_told_to_stay(&board.borrow());
 
-    let (board, mut machine) = self::machine(&settings().image(), None);
-    board.borrow_mut().deaf_from = 6;
-    let error = drive(&mut machine).unwrap_err();
+    let (board, mut io) = mock_board(&settings().image(), None);
+    board.borrow_mut().garbled_from = 6;
+    let error = drive(&mut io).unwrap_err();
     assert!(
         matches!(error, Error::Silent { frames: 8, .. }),
         "{error:?}"

@@ -1,15 +1,16 @@
 //! `UMBmark` (J. Borenstein, L. Feng: Measurement and Correction of Systematic Odometry Errors in Mobile
 //! Robots, IEEE Transactions on Robotics and Automation 12, 1996): squares clockwise and
-//! counter-clockwise, and from the two clouds of ends the errors of the track and of the wheels' ratio.
+//! counter-clockwise, and from the two clusters of ends the errors of the track and of the wheels' ratio.
 //! One way round alone cannot tell them apart, they may even cancel.
 //!
 //! The paper's two formulas hold for small angles. They are reported as the first-order estimate; what
 //! is written comes from [`least_squares`](super::least_squares): the track and the ratio with which the very paths that the
 //! wheels rolled end where they were measured.
 
-use super::least_squares::least;
-use super::wheel_geometry::Geometry;
-use super::wheel_path::{Path, Spot};
+use super::least_squares::fit_factors;
+use super::wheel_geometry::WheelGeometry;
+use super::wheel_path::WheelPath;
+use crate::ground_truth::Point;
 use serde::Serialize;
 use std::f64::consts::FRAC_PI_2;
 
@@ -22,30 +23,40 @@ pub const ACCEPTED_RESIDUAL: f64 = 0.03;
 
 /// One square.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Run {
+pub struct SquareRun {
     /// Which way round.
     pub clockwise: bool,
     /// What the wheels rolled.
-    pub path: Path,
+    pub path: WheelPath,
     /// Where it ended.
-    pub measured: Spot,
+    pub measured: Point,
 }
 
-impl Run {
-    /// How far from where the robot believes it to be.
+impl SquareRun {
+    /// The measured end minus that of odometry.
     #[must_use]
-    pub fn error(&self) -> Spot {
-        self.measured.minus(self.path.end())
+    pub fn error(&self) -> Point {
+        self.measured.minus(self.path.odometry_end())
     }
 }
 
-/// The ends of one way round.
+/// The direction's word.
+#[must_use]
+pub const fn direction_name(clockwise: bool) -> &'static str {
+    if clockwise {
+        "clockwise"
+    } else {
+        "counter-clockwise"
+    }
+}
+
+/// The ends of the runs in one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Cloud {
+pub struct EndCluster {
     /// Runs.
     pub runs: usize,
     /// Mean of their errors: the centre of gravity.
-    pub centre: Spot,
+    pub centre: Point,
     /// Its distance from no error, millimetres.
     pub offset_mm: f64,
     /// Standard deviation of the ends about their centre, millimetres; 0 for a single run.
@@ -56,9 +67,9 @@ pub struct Cloud {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Score {
     /// Clockwise.
-    pub clockwise: Cloud,
+    pub clockwise: EndCluster,
     /// Counter-clockwise.
-    pub counter_clockwise: Cloud,
+    pub counter_clockwise: EndCluster,
     /// The paper's measure: the larger offset of the two, millimetres.
     pub worst_mm: f64,
 }
@@ -68,7 +79,7 @@ pub struct Score {
 pub struct Estimate {
     /// The ends as they were.
     pub score: Score,
-    /// The paper's figures, first order: true over configured track, true over configured ratio.
+    /// The paper's first-order estimates: true over configured track, true over configured ratio.
     pub first_order: [f64; 2],
     /// True over configured track, and its standard deviation.
     pub track: f64,
@@ -80,31 +91,27 @@ pub struct Estimate {
     pub ratio_deviation: f64,
     /// What is left unexplained, millimetres, root mean square.
     pub residual_mm: f64,
-    /// The figures that follow; the wheels' mean is as it was.
-    pub figures: Geometry,
+    /// The corrected wheels; their mean is unchanged.
+    pub wheels: WheelGeometry,
 }
 
-/// The clouds of both ways round.
+/// The clusters of both ways round.
 ///
 /// # Errors
 /// A sentence if one way round is missing.
-pub fn score(runs: &[Run]) -> Result<Score, String> {
-    let cloud = |clockwise: bool| {
-        let ends: Vec<Spot> = runs
+pub fn score(runs: &[SquareRun]) -> Result<Score, String> {
+    let cluster = |clockwise: bool| {
+        let ends: Vec<Point> = runs
             .iter()
             .filter(|run| run.clockwise == clockwise)
-            .map(Run::error)
+            .map(SquareRun::error)
             .collect();
-        Cloud::of(&ends).ok_or_else(|| {
-            let way = if clockwise {
-                "clockwise"
-            } else {
-                "counter-clockwise"
-            };
-            format!("no run {way}: both ways round are needed")
+        EndCluster::of(&ends).ok_or_else(|| {
+            let direction = direction_name(clockwise);
+            format!("no run {direction}: both directions are needed")
         })
     };
-    let (clockwise, counter_clockwise) = (cloud(true)?, cloud(false)?);
+    let (clockwise, counter_clockwise) = (cluster(true)?, cluster(false)?);
     Ok(Score {
         clockwise,
         counter_clockwise,
@@ -112,15 +119,15 @@ pub fn score(runs: &[Run]) -> Result<Score, String> {
     })
 }
 
-impl Cloud {
-    fn of(ends: &[Spot]) -> Option<Self> {
+impl EndCluster {
+    fn of(ends: &[Point]) -> Option<Self> {
         if ends.is_empty() {
             return None;
         }
         #[allow(clippy::cast_precision_loss)] // a handful
         let count = ends.len() as f64;
-        let mean = |of: fn(&Spot) -> f64| ends.iter().map(of).sum::<f64>() / count;
-        let centre = Spot {
+        let mean = |of: fn(&Point) -> f64| ends.iter().map(of).sum::<f64>() / count;
+        let centre = Point {
             ahead_mm: mean(|end| end.ahead_mm),
             left_mm: mean(|end| end.left_mm),
         };
@@ -156,25 +163,25 @@ fn first_order(score: &Score, side_mm: f64, track_mm: f64) -> [f64; 2] {
 ///
 /// # Errors
 /// A sentence: what was measured, what is accepted.
-pub fn solve(runs: &[Run], side_mm: f64) -> Result<Estimate, String> {
+pub fn solve(runs: &[SquareRun], side_mm: f64) -> Result<Estimate, String> {
     let score = score(runs)?;
-    let present = *runs.first().ok_or("no run")?.path.believed();
+    let present = *runs.first().ok_or("no run")?.path.wheels();
     for run in runs {
         let off = run.error().distance_mm();
         if off.is_nan() || off > 2.0 * side_mm {
             return Err(format!(
-                "an end was measured {:.0} mm ahead and {:.0} mm to the left, {off:.0} mm from where the robot \
-                 believes it is; accepted is at most twice the side of {side_mm:.0} mm",
+                "an end was measured {:.0} mm ahead and {:.0} mm to the left, {off:.0} mm from its odometry's \
+                 end; accepted is at most twice the side of {side_mm:.0} mm",
                 run.measured.ahead_mm, run.measured.left_mm
             ));
         }
     }
-    let fitted = least(
+    let fitted = fit_factors(
         |[track, ratio]| {
-            let figures = present.with_track(track).with_ratio(ratio);
+            let wheels = present.with_track(track).with_ratio(ratio);
             runs.iter()
                 .flat_map(|run| {
-                    let off = run.path.end_with(&figures).minus(run.measured);
+                    let off = run.path.end_with(&wheels).minus(run.measured);
                     [off.ahead_mm, off.left_mm]
                 })
                 .collect()
@@ -214,6 +221,6 @@ pub fn solve(runs: &[Run], side_mm: f64) -> Result<Estimate, String> {
         ratio,
         ratio_deviation: fitted.deviations[1],
         residual_mm: fitted.residual,
-        figures: present.with_track(track).with_ratio(ratio),
+        wheels: present.with_track(track).with_ratio(ratio),
     })
 }

@@ -3,9 +3,9 @@
 use fw_core::eeprom::Config;
 use serde::{Deserialize, Serialize};
 
-/// The figures that odometry needs, millimetres.
+/// The wheels as odometry needs them, millimetres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Geometry {
+pub struct WheelGeometry {
     /// Diameter of the left wheel.
     pub left_mm: f64,
     /// Diameter of the right wheel.
@@ -14,10 +14,10 @@ pub struct Geometry {
     pub track_mm: f64,
 }
 
-impl Geometry {
-    /// Those of a configuration.
+impl WheelGeometry {
+    /// The wheels of a configuration.
     #[must_use]
-    pub fn of(config: &Config) -> Self {
+    pub fn from_config(config: &Config) -> Self {
         let mm = |micrometres: u32| f64::from(micrometres) / 1000.0;
         Self {
             left_mm: mm(config.platform.wheel_diameter_left),
@@ -26,8 +26,8 @@ impl Geometry {
         }
     }
 
-    /// Writes them into a configuration, to the nearest micrometre.
-    pub fn put(&self, config: &mut Config) {
+    /// Writes them to a configuration, to the nearest micrometre.
+    pub fn apply_to(&self, config: &mut Config) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         // saturates; decode checks
         let micrometres = |mm: f64| (mm * 1000.0).round() as u32;

@@ -1,53 +1,53 @@
-//! What the robot believed it drove, as what its wheels rolled: with other diameters and another
-//! track the same turns of the wheels end elsewhere.
+//! A run as the distances that its wheels rolled: with other diameters and another track the same
+//! turns of the wheels end elsewhere.
 
-use super::wheel_geometry::Geometry;
-pub use host_link::ground_truth::Spot;
-use host_link::pose::Place;
+use super::wheel_geometry::WheelGeometry;
+use crate::ground_truth::Point;
+use host_link::pose::Pose;
 use serde::{Deserialize, Serialize};
 
-/// A run.
+/// The wheel distances of a run, report by report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Path {
-    /// The figures the robot believed in.
-    believed: Geometry,
-    /// Millimetres that the left and the right wheel rolled by those figures, report by report.
+pub struct WheelPath {
+    /// The wheels the robot was configured with.
+    wheels: WheelGeometry,
+    /// Millimetres that the left and the right wheel rolled by those wheels' figures.
     rolled: Vec<(f64, f64)>,
     #[serde(skip)]
-    last: Option<Place>,
+    last: Option<Pose>,
 }
 
-/// Reports closer together than this are one: it stood. Half the wire's rotation code is 0.005°.
-const STILL_MM: f64 = 0.002;
+/// Reports closer together than this are one. Half the wire's rotation code is 0.005°.
+const STANDSTILL_MM: f64 = 0.002;
 
-impl Path {
-    /// Of a robot that believes in these figures, where it stands.
+impl WheelPath {
+    /// An empty path of a robot configured with `wheels`.
     #[must_use]
-    pub const fn new(believed: Geometry) -> Self {
+    pub const fn new(wheels: WheelGeometry) -> Self {
         Self {
-            believed,
+            wheels,
             rolled: Vec::new(),
             last: None,
         }
     }
 
-    /// The next pose that it reported.
-    pub fn take(&mut self, now: Place) {
+    /// Adds the next reported pose.
+    pub fn push(&mut self, now: Pose) {
         let Some(before) = self.last else {
             self.last = Some(now);
             return;
         };
-        let turn = before.turn_to_deg(now).to_radians();
+        let turn = before.rotation_to_deg(now).to_radians();
         let middle = before.rotation_deg.to_radians() + turn / 2.0;
         let (dx, dy) = (now.x_mm - before.x_mm, now.y_mm - before.y_mm);
         let chord = dx * middle.cos() + dy * middle.sin();
-        let arc = chord / shortened(turn);
-        let across = self.believed.track_mm * turn / 2.0;
-        if arc.abs() + across.abs() < STILL_MM {
+        let arc = chord / chord_per_arc(turn);
+        let difference = self.wheels.track_mm * turn / 2.0;
+        if arc.abs() + difference.abs() < STANDSTILL_MM {
             // Kept as the last pose only when it moved, so that a creep adds up.
             return;
         }
-        self.rolled.push((arc - across, arc + across));
+        self.rolled.push((arc - difference, arc + difference));
         self.last = Some(now);
     }
 
@@ -57,42 +57,39 @@ impl Path {
         !self.rolled.is_empty()
     }
 
-    /// The figures the robot believed in.
+    /// The wheels the robot was configured with.
     #[must_use]
-    pub const fn believed(&self) -> &Geometry {
-        &self.believed
+    pub const fn wheels(&self) -> &WheelGeometry {
+        &self.wheels
     }
 
-    /// Where the robot believed it ended.
+    /// The end by the robot's own odometry.
     #[must_use]
-    pub fn end(&self) -> Spot {
-        self.end_with(&self.believed)
+    pub fn odometry_end(&self) -> Point {
+        self.end_with(&self.wheels)
     }
 
-    /// Where it ended if these are the true figures: every stretch an exact arc.
+    /// The end if the wheels are truly these: every piece an exact arc.
     #[must_use]
-    pub fn end_with(&self, figures: &Geometry) -> Spot {
-        let left = figures.left_mm / self.believed.left_mm;
-        let right = figures.right_mm / self.believed.right_mm;
-        let (mut x, mut y, mut heading) = (0.0, 0.0, 0.0_f64);
-        for (one, other) in &self.rolled {
-            let (one, other) = (one * left, other * right);
-            let turn = (other - one) / figures.track_mm;
-            let chord = f64::midpoint(one, other) * shortened(turn);
+    pub fn end_with(&self, wheels: &WheelGeometry) -> Point {
+        let left_scale = wheels.left_mm / self.wheels.left_mm;
+        let right_scale = wheels.right_mm / self.wheels.right_mm;
+        let (mut end, mut heading) = (Point::default(), 0.0_f64);
+        for (left, right) in &self.rolled {
+            let (left, right) = (left * left_scale, right * right_scale);
+            let turn = (right - left) / wheels.track_mm;
+            let chord = f64::midpoint(left, right) * chord_per_arc(turn);
             let (sine, cosine) = (heading + turn / 2.0).sin_cos();
-            x += chord * cosine;
-            y += chord * sine;
+            end.ahead_mm += chord * cosine;
+            end.left_mm += chord * sine;
             heading += turn;
         }
-        Spot {
-            ahead_mm: x,
-            left_mm: y,
-        }
+        end
     }
 }
 
-/// What part of its arc a chord is: sin(h)/h of half the turn.
-fn shortened(turn: f64) -> f64 {
+/// Length of a chord over that of its arc: sin(h)/h of half the turn, radians.
+fn chord_per_arc(turn: f64) -> f64 {
     let half = turn / 2.0;
     if half.abs() < 1e-3 {
         1.0 - half * half / 6.0

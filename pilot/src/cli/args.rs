@@ -3,12 +3,12 @@
 
 use clap::{Args, Parser, Subcommand};
 use fw_core::wire::Mode;
-use host_link::drive::Terms;
+use host_link::drive::ArrivalCriteria;
 use host_link::error::{Error, Exit};
-use host_link::pose::Place;
+use host_link::pose::Pose;
 use host_link::{reset, session};
 use pilot::calibrate::distance::Measured;
-use pilot::tune::step_response::Plan;
+use pilot::tune::step_response::StepPlan;
 use pilot::tune::Axis;
 use pilot::{mode, waypoints};
 use std::fmt::Write;
@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(long, global = true)]
     pub json: bool,
     #[command(flatten)]
-    pub robot: Robot,
+    pub board: BoardArgs,
 }
 
 fn exit_codes() -> String {
@@ -89,7 +89,7 @@ pub struct DistanceArgs {
     pub length: f64,
     /// Do not drive: this was measured after the latest `calibrate distance`, mm from start to end, and mm
     /// to the left of the line the robot faced (minus: to the right)
-    #[arg(long, value_name = "MM[,LEFT]", allow_hyphen_values = true, value_parser = measured)]
+    #[arg(long, value_name = "MM[,LEFT]", allow_hyphen_values = true, value_parser = parse_measured)]
     pub measured: Option<Measured>,
     #[command(flatten)]
     pub measuring: Measuring,
@@ -107,11 +107,11 @@ pub struct UmbmarkArgs {
     pub measuring: Measuring,
 }
 
-/// How a calibration measures, and what it may do without asking.
+/// How a calibration measures, and what it does without asking.
 #[derive(Args)]
 pub struct Measuring {
-    /// Who measures: you, or on the virtual robot somebody simulated
-    #[arg(long, value_name = "WHO", value_enum, default_value = "tape")]
+    /// Who measures: you, or on the virtual robot the simulation
+    #[arg(long, value_name = "BY", value_enum, default_value = "tape")]
     pub measure_with: MeasureWith,
     /// Standard deviation of the simulated readings, mm
     #[arg(long, value_name = "MM", default_value = "0", value_parser = deviation)]
@@ -131,8 +131,8 @@ pub struct Measuring {
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum MeasureWith {
     /// You, with a tape: the program asks
-    Tape,
-    /// Somebody simulated, who sees where the virtual robot stands
+    GroundTruth,
+    /// The simulation, which knows where the virtual robot stands
     Truth,
 }
 
@@ -144,7 +144,7 @@ fn deviation(text: &str) -> Result<f64, String> {
 }
 
 /// One or two numbers, separated by a comma or a blank.
-pub fn measured(text: &str) -> Result<Measured, String> {
+pub fn parse_measured(text: &str) -> Result<Measured, String> {
     let numbers: Result<Vec<f64>, _> = text
         .split([',', ' '])
         .filter(|word| !word.is_empty())
@@ -223,8 +223,8 @@ pub struct StepArgs {
 }
 
 impl StepArgs {
-    pub fn plan(&self, axis: Axis) -> Plan {
-        Plan {
+    pub fn plan(&self, axis: Axis) -> StepPlan {
+        StepPlan {
             levels: self.levels.clone(),
             hold_s: self.hold,
             rest_s: self.rest,
@@ -314,7 +314,7 @@ pub enum Eeprom {
 
 #[derive(Args)]
 pub struct Status {
-    /// For how long; the STM's log tells of its end once a second
+    /// For how long; the STM's log reports its end once a second
     #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = clap::value_parser!(u32).range(1..=600_000))]
     pub ms: u32,
 }
@@ -338,14 +338,14 @@ pub struct Goto {
     #[arg(allow_hyphen_values = true, value_name = "ROT")]
     pub rotation: String,
     #[command(flatten)]
-    pub terms: TermsArgs,
+    pub criteria: CriteriaArgs,
 }
 
 impl Goto {
     /// # Errors
     /// [`Error::Usage`] names the argument and its range.
-    pub fn target(&self) -> Result<Place, Error> {
-        waypoints::place(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
+    pub fn target(&self) -> Result<Pose, Error> {
+        waypoints::parse_pose(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
     }
 }
 
@@ -354,7 +354,7 @@ pub struct Tour {
     /// Way-points: one `x y rotation` a line, mm and degrees, # begins a comment
     pub file: PathBuf,
     #[command(flatten)]
-    pub terms: TermsArgs,
+    pub criteria: CriteriaArgs,
 }
 
 #[derive(Args)]
@@ -375,12 +375,12 @@ pub struct Map {
     #[arg(long, value_name = "MM", default_value_t = 25, value_parser = clap::value_parser!(u16).range(5..=500))]
     pub cell: u16,
     #[command(flatten)]
-    pub terms: TermsArgs,
+    pub criteria: CriteriaArgs,
 }
 
 /// When a drive counts as done.
 #[derive(Args)]
-pub struct TermsArgs {
+pub struct CriteriaArgs {
     /// How near a target counts as there, mm
     #[arg(long, value_name = "MM", default_value = "5", value_parser = positive)]
     pub tolerance_mm: f64,
@@ -392,9 +392,9 @@ pub struct TermsArgs {
     pub timeout: Option<f64>,
 }
 
-impl TermsArgs {
-    pub fn terms(&self) -> Terms {
-        Terms {
+impl CriteriaArgs {
+    pub fn criteria(&self) -> ArrivalCriteria {
+        ArrivalCriteria {
             tolerance_mm: self.tolerance_mm,
             tolerance_deg: self.tolerance_deg,
             timeout_s: self.timeout,
@@ -412,7 +412,7 @@ fn positive(text: &str) -> Result<f64, String> {
 /// Which robot, and how to reach it.
 #[derive(Args)]
 #[command(next_help_heading = "Robot")]
-pub struct Robot {
+pub struct BoardArgs {
     /// Frames per second
     #[arg(long, global = true, value_name = "HZ", default_value_t = session::RATE_HZ, value_parser = clap::value_parser!(u32).range(1..=2000))]
     pub rate: u32,
@@ -453,13 +453,13 @@ pub struct Robot {
     #[arg(long, global = true, value_name = "DIR", default_value = "/var/tmp")]
     pub state_dir: PathBuf,
     #[command(flatten)]
-    pub board: VirtualBoard,
+    pub virtual_board: VirtualBoardArgs,
 }
 
 /// The virtual board.
 #[derive(Args)]
 #[command(next_help_heading = "Virtual robot")]
-pub struct VirtualBoard {
+pub struct VirtualBoardArgs {
     /// Use the virtual board instead of this computer's buses
     #[arg(long = "virtual", global = true)]
     pub chosen: bool,
@@ -478,7 +478,7 @@ pub struct VirtualBoard {
     /// Seed of everything random
     #[arg(long, global = true, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// How warm the air is
+    /// Air temperature
     #[arg(
         long,
         global = true,
@@ -507,4 +507,29 @@ pub struct VirtualBoard {
     /// Write the STM's log to this file
     #[arg(long, global = true, value_name = "FILE")]
     pub uart_log: Option<PathBuf>,
+}
+
+#[cfg(feature = "virtual")]
+impl BoardArgs {
+    /// The virtual board that the options choose.
+    pub fn virtual_options(&self) -> pilot::virtual_board::Options {
+        let board = &self.virtual_board;
+        pilot::virtual_board::Options {
+            elf: board.elf.clone(),
+            room: board.room.clone(),
+            chassis: plant::Chassis {
+                wheel_diameter_mm: plant::Sides::new(
+                    board.true_diameter_left,
+                    board.true_diameter_right,
+                ),
+                track_mm: board.true_track,
+                ..plant::Chassis::default()
+            },
+            seed: board.seed,
+            air_c: board.air,
+            spi_hz: self.spi_hz,
+            eeprom_image: board.eeprom_image.clone(),
+            uart_log: board.uart_log.clone(),
+        }
+    }
 }

@@ -1,44 +1,181 @@
-//! Which robot: opens the machine that the options choose, and runs one job on it.
+//! The robot that the options choose: its lock, its I/O, and the repair of what a killed run left.
 
-use super::args::Robot;
+use super::args::BoardArgs;
 use super::output::Output;
-use host_link::board_io::{Interrupt, Machine, Wires};
+use host_link::board_io::{BoardIo, Interrupt};
+use host_link::eeprom::image;
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{self, Repaired};
-use host_link::error::{Error, Exit};
-use host_link::reset;
-use serde::Serialize;
+use host_link::error::Error;
+use host_link::session::Session;
+use pilot::ground_truth::GroundTruth;
 use std::fs::{self, File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Something to do with a machine, whichever it is.
-pub trait Job {
-    /// What comes of it.
-    type Result;
-
-    /// Does it.
-    fn run<W: Wires>(
-        self,
-        machine: &mut Machine<W>,
-        journal: &Journal,
-    ) -> Result<Self::Result, Error>;
+/// What every command has: the options that choose the robot, and the output.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    pub board: &'a BoardArgs,
+    pub output: Output,
 }
 
-/// Opens the chosen machine, holds its lock, repairs what a killed run left, and runs the job.
-pub fn with_machine<J: Job>(robot: &Robot, job: J) -> Result<J::Result, Error> {
-    let interrupt = interrupt()?;
-    if kept(robot, TUNE_MODE).exists() {
-        eprintln!(
-            "host-link: an earlier `tune` did not finish; its mode may still be in the EEPROM. The next \
-             `host-link tune` restores what was there (`tune rollback` does nothing else)."
-        );
+/// An open robot.
+pub struct Connection {
+    pub io: BoardIo,
+    /// Of an unfinished EEPROM write.
+    pub journal: Journal,
+    /// The virtual robot's true position.
+    pub truth: Option<Box<dyn GroundTruth>>,
+}
+
+impl Context<'_> {
+    /// Opens the chosen robot, holds its lock, repairs what a killed run left, and runs `job`.
+    ///
+    /// # Errors
+    /// Those of opening and of `job`.
+    pub fn with_board<T>(
+        self,
+        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let interrupt = interrupt()?;
+        if self.state_file(TUNE_MODE).exists() {
+            self.output.warn(
+                "an earlier `tune` did not finish; its mode may still be in the EEPROM. The next \
+                 `robot tune` restores what was there (`robot tune rollback` does nothing else).",
+            );
+        }
+        if self.board.virtual_board.chosen {
+            self.on_virtual_board(interrupt, job)
+        } else {
+            self.on_this_computer(interrupt, job)
+        }
     }
-    if robot.board.chosen {
-        on_virtual_board(robot, interrupt, job)
-    } else {
-        on_this_computer(robot, interrupt, job)
+
+    /// Reads the EEPROM and starts exchanging frames.
+    pub fn open_session<'io>(&self, io: &'io mut BoardIo) -> Result<Session<'io>, Error> {
+        Session::open(io, self.board.rate, self.board.ready_timeout)
+    }
+
+    /// Where something about this robot is kept from run to run.
+    pub fn state_file(&self, name: &str) -> PathBuf {
+        if self.board.virtual_board.chosen {
+            image::with_suffix(&self.board.virtual_board.eeprom_image, &format!(".{name}"))
+        } else {
+            self.board.state_dir.join(format!("robot-{name}"))
+        }
+    }
+
+    /// Runs the job on an open robot whose lock is held.
+    #[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
+    fn run<T>(
+        self,
+        connection: &mut Connection,
+        lock: &mut Lock,
+        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        if lock.killed {
+            let text = "the last run was killed; EEPROM protection and bus are restored";
+            self.output.warn(text);
+        }
+        let Connection { io, journal, .. } = connection;
+        let repaired = repair::repair(io, journal, lock.killed, self.board.ready_timeout)?;
+        lock.killed = false;
+        match repaired {
+            Repaired::Nothing => {}
+            Repaired::Reset { due: true } => self
+                .output
+                .warn("the EEPROM had been written; the STM has been reset to read it"),
+            Repaired::Reset { due: false } => {
+                self.output.warn("the STM was not ready and has been reset");
+            }
+            Repaired::RolledBack { bytes } => self.output.warn(&format!(
+                "an earlier EEPROM write did not finish and is undone: {bytes} bytes are what they were \
+                 before it, and the STM has been reset"
+            )),
+        }
+        job(connection)
+    }
+
+    #[cfg(feature = "linux")]
+    fn on_this_computer<T>(
+        self,
+        interrupt: Interrupt,
+        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        use host_link::linux::{open, Devices};
+        let board = self.board;
+        let mut lock = Lock::take(&board.state_dir.join("robot.lock"))?;
+        let devices = Devices {
+            spi: board.spi.clone(),
+            spi_hz: board.spi_hz,
+            i2c: board.i2c.clone(),
+            gpiochip: board.gpiochip.clone(),
+            uart: board.uart.clone(),
+        };
+        let mut connection = Connection {
+            io: open(&devices, interrupt)?,
+            journal: Journal::new(self.state_file("eeprom.before")),
+            truth: None,
+        };
+        self.run(&mut connection, &mut lock, job)
+    }
+
+    #[cfg(not(feature = "linux"))]
+    fn on_this_computer<T>(
+        self,
+        _: Interrupt,
+        _: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        Err(not_built(
+            "this computer's buses",
+            "linux",
+            " or give --virtual",
+        ))
+    }
+
+    #[cfg(feature = "virtual")]
+    fn on_virtual_board<T>(
+        self,
+        interrupt: Interrupt,
+        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        use pilot::virtual_board::{open, SimulatedTape};
+        let options = self.board.virtual_options();
+        let mut lock = Lock::take(&image::with_suffix(&options.eeprom_image, ".lock"))?;
+        let (virtual_board, io) = open(&options, interrupt)?;
+        let mut connection = Connection {
+            io,
+            journal: Journal::new(self.state_file("before")),
+            truth: Some(Box::new(SimulatedTape::new(&virtual_board.board))),
+        };
+        let outcome = self.run(&mut connection, &mut lock, job);
+        if let Err(Error::NotReady { .. }) = outcome {
+            self.output.message(virtual_board.log_tail().trim_end());
+        }
+        let closed = virtual_board.close();
+        outcome.and_then(|done| closed.map(|()| done))
+    }
+
+    #[cfg(not(feature = "virtual"))]
+    fn on_virtual_board<T>(
+        self,
+        _: Interrupt,
+        _: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        Err(not_built("the virtual board", "virtual", ""))
+    }
+}
+
+#[cfg(not(all(feature = "linux", feature = "virtual")))]
+fn not_built(name: &str, feature: &str, otherwise: &str) -> Error {
+    Error::Device {
+        name: name.into(),
+        cause: format!("this `robot` was built without the feature `{feature}`"),
+        advice: format!(
+            "build it with `cargo build --release -p pilot --features {feature}`{otherwise}"
+        ),
     }
 }
 
@@ -58,42 +195,12 @@ fn interrupt() -> Result<Interrupt, Error> {
     Ok(interrupt)
 }
 
-/// Runs the job on an opened machine whose lock is held.
-#[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
-fn work<W: Wires, J: Job>(
-    machine: &mut Machine<W>,
-    journal: &Journal,
-    lock: &mut Lock,
-    ready_timeout: u32,
-    job: J,
-) -> Result<J::Result, Error> {
-    if lock.killed {
-        eprintln!("host-link: the last run was killed; protection and bus are brought back");
-    }
-    let repaired = repair::repair(machine, journal, lock.killed, ready_timeout)?;
-    lock.killed = false;
-    match repaired {
-        Repaired::Nothing => {}
-        Repaired::Reset { due: true } => {
-            eprintln!("host-link: the EEPROM had been written; the STM has been reset to read it");
-        }
-        Repaired::Reset { due: false } => {
-            eprintln!("host-link: the STM was not ready and has been reset");
-        }
-        Repaired::Undone { bytes } => eprintln!(
-            "host-link: an earlier EEPROM write did not finish and is undone: {bytes} bytes are what they were \
-             before it, and the STM has been reset"
-        ),
-    }
-    job.run(machine, journal)
-}
-
-/// One host-link at a time talks to a robot. The lock goes when the file is closed, also by a kill;
-/// what stands in the file goes with an orderly end only.
+/// One process at a time uses a robot. The system releases the lock when the process ends, also by a
+/// kill; the file is emptied by an orderly end only.
 #[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
 struct Lock {
     file: File,
-    /// The last holder did not end in an orderly way, and that has not been repaired yet.
+    /// The last holder was killed, and that has not been repaired yet.
     killed: bool,
 }
 
@@ -104,12 +211,9 @@ impl Lock {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|cause| Error::unwritable(folder, &cause))?;
         }
-        let mut file = File::options()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(path)
-            .map_err(unwritable)?;
+        let mut options = File::options();
+        options.create(true).truncate(false).write(true);
+        let mut file = options.open(path).map_err(unwritable)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(Error::Busy { path: path.into() }),
@@ -130,132 +234,5 @@ impl Drop for Lock {
     }
 }
 
-/// `path` with something added to its name.
-fn beside(path: &Path, ending: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(ending);
-    name.into()
-}
-
 /// What the EEPROM held before a measurement changed its mode.
 pub const TUNE_MODE: &str = "tune-mode.before";
-
-/// Where something about this robot is kept from run to run.
-pub fn kept(robot: &Robot, name: &str) -> PathBuf {
-    if robot.board.chosen {
-        beside(&robot.board.eeprom_image, &format!(".{name}"))
-    } else {
-        robot.state_dir.join(format!("host-link-{name}"))
-    }
-}
-
-#[cfg(feature = "linux")]
-fn on_this_computer<J: Job>(
-    robot: &Robot,
-    interrupt: Interrupt,
-    job: J,
-) -> Result<J::Result, Error> {
-    use host_link::linux::{open, Devices};
-    let mut lock = Lock::take(&robot.state_dir.join("host-link.lock"))?;
-    let devices = Devices {
-        spi: robot.spi.clone(),
-        spi_hz: robot.spi_hz,
-        i2c: robot.i2c.clone(),
-        gpiochip: robot.gpiochip.clone(),
-        uart: robot.uart.clone(),
-    };
-    let mut machine = open(&devices, interrupt)?;
-    work(
-        &mut machine,
-        &Journal::new(robot.state_dir.join("host-link-eeprom.before")),
-        &mut lock,
-        robot.ready_timeout,
-        job,
-    )
-}
-
-#[cfg(not(feature = "linux"))]
-fn on_this_computer<J: Job>(_: &Robot, _: Interrupt, _: J) -> Result<J::Result, Error> {
-    Err(Error::Device {
-        name: "this computer's buses".into(),
-        cause: "this host-link was built without the feature `linux`".into(),
-        advice:
-            "build it with `cargo build --release -p host-link --features linux`, or give --virtual"
-                .into(),
-    })
-}
-
-#[cfg(feature = "virtual")]
-fn on_virtual_board<J: Job>(
-    robot: &Robot,
-    interrupt: Interrupt,
-    job: J,
-) -> Result<J::Result, Error> {
-    use pilot::virtual_board::{open, Options};
-    let board = &robot.board;
-    let mut lock = Lock::take(&beside(&board.eeprom_image, ".lock"))?;
-    let options = Options {
-        elf: board.elf.clone(),
-        room: board.room.clone(),
-        chassis: plant::Chassis {
-            wheel_diameter_mm: plant::Sides::new(
-                board.true_diameter_left,
-                board.true_diameter_right,
-            ),
-            track_mm: board.true_track,
-            ..plant::Chassis::default()
-        },
-        seed: board.seed,
-        air_c: board.air,
-        spi_hz: robot.spi_hz,
-        eeprom_image: board.eeprom_image.clone(),
-        uart_log: board.uart_log.clone(),
-    };
-    let mut opened = open(&options, interrupt)?;
-    let journal = Journal::new(beside(&board.eeprom_image, ".before"));
-    let outcome = work(
-        &mut opened.machine,
-        &journal,
-        &mut lock,
-        robot.ready_timeout,
-        job,
-    );
-    if let Err(Error::NotReady { .. }) = outcome {
-        eprint!("{}", opened.last_words());
-    }
-    let closed = opened.close();
-    outcome.and_then(|done| closed.map(|()| done))
-}
-
-#[cfg(not(feature = "virtual"))]
-fn on_virtual_board<J: Job>(_: &Robot, _: Interrupt, _: J) -> Result<J::Result, Error> {
-    Err(Error::Device {
-        name: "the virtual board".into(),
-        cause: "this host-link was built without the feature `virtual`".into(),
-        advice: "build it with `cargo build --release -p host-link --features virtual \
-                 --ignore-rust-version`"
-            .into(),
-    })
-}
-
-/// The command `reset`.
-pub struct Reset<'a> {
-    pub robot: &'a Robot,
-    pub output: Output,
-}
-
-impl Job for Reset<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Exit, Error> {
-        #[derive(Serialize)]
-        struct Done {
-            ready_ms: u32,
-        }
-        let ready_ms = reset::restart(machine, self.robot.ready_timeout)?;
-        self.output.result(&Done { ready_ms }, || {
-            format!("STM reset; ready after {ready_ms} ms")
-        });
-        Ok(Exit::Ok)
-    }
-}

@@ -1,52 +1,36 @@
 //! `goto` and `tour`.
 
-use super::args::{Robot, TermsArgs};
-use super::connection::Job;
-use super::output::Output;
-use host_link::board_io::{Machine, Wires};
-use host_link::drive;
-use host_link::eeprom::journal::Journal;
-use host_link::error::{Error, Exit};
-use host_link::pose::Place;
-use host_link::session::Session;
-use host_link::statistics::Statistics;
+use super::args::CriteriaArgs;
+use super::connection::Context;
+use super::monitor;
+use host_link::drive::{self, Arrival};
+use host_link::error::Error;
+use host_link::pose::Pose;
+use host_link::statistics::LinkStatistics;
 use serde::Serialize;
-
-/// The commands.
-pub struct Drive<'a> {
-    pub way: Vec<Place>,
-    pub terms: &'a TermsArgs,
-    pub robot: &'a Robot,
-    pub output: Output,
-}
 
 #[derive(Serialize)]
 struct Done {
-    arrivals: Vec<drive::Arrival>,
-    link: Statistics,
+    arrivals: Vec<Arrival>,
+    link: LinkStatistics,
 }
 
-impl Job for Drive<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Exit, Error> {
-        let mut session = Session::open(machine, self.robot.rate, self.robot.ready_timeout)?;
-        let output = self.output;
+/// Drives from way-point to way-point.
+pub fn run(waypoints: &[Pose], criteria: &CriteriaArgs, context: Context<'_>) -> Result<(), Error> {
+    let output = context.output;
+    context.with_board(|connection| {
+        let mut session = context.open_session(&mut connection.io)?;
         let mut arrivals = Vec::new();
         let outcome = drive::tour(
             &mut session,
-            &self.way,
-            &self.terms.terms(),
-            |_, snapshot| output.live(&super::monitor::line(snapshot)),
+            waypoints,
+            &criteria.criteria(),
+            |_, snapshot| output.live(&monitor::line(snapshot)),
             |index, arrival| {
                 output.live("");
-                if self.way.len() > 1 {
-                    output.remark(&format!(
-                        "{} of {}: {}",
-                        index + 1,
-                        self.way.len(),
-                        told(arrival)
-                    ));
+                if waypoints.len() > 1 {
+                    let summary = summary(arrival);
+                    output.message(&format!("{} of {}: {summary}", index + 1, waypoints.len()));
                 }
                 arrivals.push(*arrival);
             },
@@ -55,17 +39,17 @@ impl Job for Drive<'_> {
             output.end_live();
         }
         outcome?;
-        let done = Done {
-            arrivals,
-            link: session.statistics(),
-        };
-        output.result(&done, || done.arrivals.last().map(told).unwrap_or_default());
-        Ok(Exit::Ok)
-    }
+        let link = session.statistics();
+        let done = Done { arrivals, link };
+        output.result(&done, || {
+            done.arrivals.last().map(summary).unwrap_or_default()
+        });
+        Ok(())
+    })
 }
 
 /// An arrival as a sentence.
-pub fn told(arrival: &drive::Arrival) -> String {
+pub fn summary(arrival: &Arrival) -> String {
     let pose = arrival.pose;
     format!(
         "arrived at x {:.1} mm, y {:.1} mm, {:.2}° after {:.1} s ({:.1} mm and {:.2}° from the target)",

@@ -1,88 +1,61 @@
 //! `eeprom …`.
 
-use super::args::{Eeprom, Robot};
-use super::connection::{self, Job};
+use super::args::Eeprom;
+use super::connection::{Connection, Context};
 use super::output::Output;
 use fw_core::eeprom::{first_board, Image};
-use host_link::board_io::{Machine, Wires};
-use host_link::eeprom::{self, chip, image, journal::Journal, Step};
+use host_link::eeprom::{self, chip, image, Progress};
 use host_link::error::{Error, Exit};
 use host_link::settings::{changes, render, Change, Settings};
 use serde::Serialize;
+use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;
 
 /// Runs one of the commands.
-pub fn run(command: &Eeprom, robot: &Robot, output: Output) -> Result<Exit, Error> {
+pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
     match command {
-        Eeprom::Init { file, force } => init(file.as_deref(), *force, output),
-        Eeprom::Write { file, dry_run } => {
-            let wanted = Settings::load(file)?.image();
-            put(&wanted, *dry_run, robot, output)
-        }
-        Eeprom::Restore { file, dry_run } => {
-            let wanted = image::load(file)?;
-            put(&wanted, *dry_run, robot, output)
-        }
+        Eeprom::Init { file, force } => init(file.as_deref(), *force, context.output),
+        Eeprom::Write { file, dry_run } => put(&Settings::load(file)?.image(), *dry_run, context),
+        Eeprom::Restore { file, dry_run } => put(&image::load(file)?, *dry_run, context),
         Eeprom::Migrate { dry_run } => {
-            let present = get(None, robot)?;
-            let Settings { config, .. } = Settings::from_image(&present)?;
-            put(
-                &Settings {
-                    config,
-                    platform_page: true,
-                }
-                .image(),
-                *dry_run,
-                robot,
-                output,
-            )
+            let mut settings = Settings::from_image(&get(None, context)?)?;
+            settings.platform_page = true;
+            put(&settings.image(), *dry_run, context)
         }
-        Eeprom::Check { file } => {
-            let image = get(file.as_deref(), robot)?;
-            check(&image, output)
-        }
-        Eeprom::Dump { image, hex } => {
-            let image = get(image.as_deref(), robot)?;
-            dump(&image, *hex, output)
-        }
+        Eeprom::Check { file } => check(&get(file.as_deref(), context)?, context.output),
+        Eeprom::Dump { image, hex } => dump(&get(image.as_deref(), context)?, *hex, context.output),
         Eeprom::Diff { file, image } => {
             let wanted = load(file)?;
-            let present = get(image.as_deref(), robot)?;
-            let difference = Difference::between(&present, &wanted);
-            output.result(&difference, || difference.told());
-            Ok(if difference.bytes == 0 {
-                Exit::Ok
-            } else {
-                Exit::Differs
-            })
+            let difference = Difference::between(&get(image.as_deref(), context)?, &wanted);
+            let output = context.output;
+            output.result(&difference, || difference.summary());
+            if difference.bytes > 0 {
+                return Ok(Exit::Differs);
+            }
+            Ok(())
         }
         Eeprom::Backup { file, force } => {
-            spare(file, *force)?;
-            let present = get(None, robot)?;
-            image::save(file, &present)?;
-            output.result(
-                &Saved {
-                    bytes: present.len(),
-                },
-                || format!("{} bytes saved in {}", present.len(), file.display()),
-            );
-            Ok(Exit::Ok)
+            check_overwrite(file, *force)?;
+            let present = get(None, context)?;
+            let text = format!("{} bytes saved in {}", present.len(), file.display());
+            save(file, &present, text, context.output)
         }
-    }
+    }?;
+    Ok(Exit::Ok)
 }
 
-#[derive(Serialize)]
-struct Saved {
-    bytes: usize,
+/// Writes a file and reports it.
+fn save(file: &Path, bytes: &[u8], text: String, output: Output) -> Result<(), Error> {
+    image::save(file, bytes)?;
+    output.result(&json!({ "bytes": bytes.len() }), || text);
+    Ok(())
 }
 
 /// An image from a file: a configuration file by its ending, else bytes.
 fn load(file: &Path) -> Result<Image, Error> {
-    if file
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
-    {
+    let ending = file.extension().unwrap_or_default();
+    if ending.eq_ignore_ascii_case("toml") {
         Ok(Settings::load(file)?.image())
     } else {
         image::load(file)
@@ -90,22 +63,15 @@ fn load(file: &Path) -> Result<Image, Error> {
 }
 
 /// An image from a file, or from the robot.
-fn get(file: Option<&Path>, robot: &Robot) -> Result<Image, Error> {
-    struct Read;
-    impl Job for Read {
-        type Result = Image;
-        fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Image, Error> {
-            eeprom::read(machine)
-        }
-    }
+fn get(file: Option<&Path>, context: Context<'_>) -> Result<Image, Error> {
     match file {
         Some(file) => load(file),
-        None => connection::with_machine(robot, Read),
+        None => context.with_board(|connection| eeprom::read(&mut connection.io)),
     }
 }
 
-/// Refuses to overwrite a file.
-fn spare(file: &Path, force: bool) -> Result<(), Error> {
+/// An existing file is overwritten only by force.
+fn check_overwrite(file: &Path, force: bool) -> Result<(), Error> {
     if file.exists() && !force {
         let what = format!("{} exists; give --force to overwrite it", file.display());
         return Err(Error::Usage(what));
@@ -113,96 +79,60 @@ fn spare(file: &Path, force: bool) -> Result<(), Error> {
     Ok(())
 }
 
-fn init(file: Option<&Path>, force: bool, output: Output) -> Result<Exit, Error> {
+fn init(file: Option<&Path>, force: bool, output: Output) -> Result<(), Error> {
     let text = render(&Settings {
         config: first_board(),
         platform_page: true,
     });
     let Some(file) = file else {
-        output.result(&Text { toml: &text }, || text.clone());
-        return Ok(Exit::Ok);
+        output.result(&json!({ "toml": text }), || text.clone());
+        return Ok(());
     };
-    spare(file, force)?;
-    image::save(file, text.as_bytes())?;
-    output.result(&Saved { bytes: text.len() }, || {
-        format!(
-            "{} written; edit it, then run `host-link eeprom write {0}`",
-            file.display()
-        )
-    });
-    Ok(Exit::Ok)
+    check_overwrite(file, force)?;
+    let next = format!(
+        "{} written; edit it, then run `robot eeprom write {0}`",
+        file.display()
+    );
+    save(file, text.as_bytes(), next, output)
 }
 
-fn check(image: &Image, output: Output) -> Result<Exit, Error> {
-    #[derive(Serialize)]
-    struct Checked {
-        mode: &'static str,
-        cells: u8,
-        platform_page: bool,
-    }
+fn check(image: &Image, output: Output) -> Result<(), Error> {
     let Settings {
         config,
         platform_page,
     } = Settings::from_image(image)?;
-    let checked = Checked {
-        mode: config.mode.name(),
-        cells: config.cells,
-        platform_page,
-    };
+    let (mode, cells) = (config.mode.name(), config.cells);
+    let checked = json!({ "mode": mode, "cells": cells, "platform_page": platform_page });
     output.result(&checked, || {
         let page = if platform_page {
             "written"
         } else {
             "unwritten, the first board's figures apply"
         };
-        format!(
-            "accepted: mode {}, {} cells; page 0x03 is {page}",
-            config.mode.name(),
-            config.cells
-        )
+        format!("accepted: mode {mode}, {cells} cells; page 0x03 is {page}")
     });
-    Ok(Exit::Ok)
+    Ok(())
 }
 
-/// A configuration file's text.
-#[derive(Serialize)]
-struct Text<'a> {
-    toml: &'a str,
-}
-
-fn dump(image: &Image, hex: bool, output: Output) -> Result<Exit, Error> {
-    #[derive(Serialize)]
-    struct Bytes {
-        bytes: usize,
-        hex: String,
-    }
-    #[derive(Serialize)]
-    struct Dumped<'a> {
-        platform_page: bool,
-        settings: serde_json::Value,
-        #[serde(flatten)]
-        text: Text<'a>,
-    }
+fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
     if hex {
-        let bytes = Bytes {
-            bytes: image.len(),
-            hex: image.iter().fold(String::new(), |mut hex, byte| {
-                let _ = write!(hex, "{byte:02X}");
-                hex
-            }),
-        };
+        let digits = image.iter().fold(String::new(), |mut digits, byte| {
+            let _ = write!(digits, "{byte:02X}");
+            digits
+        });
+        let bytes = json!({ "bytes": image.len(), "hex": digits });
         output.result(&bytes, || image::hex(image));
-        return Ok(Exit::Ok);
+        return Ok(());
     }
     let settings = Settings::from_image(image)?;
-    let text = render(&settings);
-    let dumped = Dumped {
-        platform_page: settings.platform_page,
-        settings: settings.json(),
-        text: Text { toml: &text },
-    };
-    output.result(&dumped, || text.clone());
-    Ok(Exit::Ok)
+    let toml = render(&settings);
+    let dumped = json!({
+        "platform_page": settings.platform_page,
+        "settings": settings.json(),
+        "toml": toml,
+    });
+    output.result(&dumped, || toml.clone());
+    Ok(())
 }
 
 /// What writing an image changes.
@@ -241,7 +171,7 @@ impl Difference {
         }
     }
 
-    fn told(&self) -> String {
+    fn summary(&self) -> String {
         if self.bytes == 0 {
             return "no difference".into();
         }
@@ -268,26 +198,6 @@ impl Difference {
     }
 }
 
-/// Shows the difference, then writes it.
-fn put(wanted: &Image, dry_run: bool, robot: &Robot, output: Output) -> Result<Exit, Error> {
-    connection::with_machine(
-        robot,
-        Put {
-            wanted,
-            dry_run,
-            robot,
-            output,
-        },
-    )
-}
-
-struct Put<'a> {
-    wanted: &'a Image,
-    dry_run: bool,
-    robot: &'a Robot,
-    output: Output,
-}
-
 #[derive(Serialize)]
 struct Outcome {
     difference: Difference,
@@ -295,40 +205,30 @@ struct Outcome {
     ready_ms: Option<u32>,
 }
 
-impl Job for Put<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, journal: &Journal) -> Result<Exit, Error> {
-        let output = self.output;
-        if self.dry_run {
-            let difference = Difference::between(&eeprom::read(machine)?, self.wanted);
+/// Shows the difference, then writes it.
+fn put(wanted: &Image, dry_run: bool, context: Context<'_>) -> Result<(), Error> {
+    let output = context.output;
+    context.with_board(|Connection { io, journal, .. }| {
+        if dry_run {
             let done = Outcome {
-                difference,
+                difference: Difference::between(&eeprom::read(io)?, wanted),
                 written: false,
                 ready_ms: None,
             };
-            output.result(&done, || done.difference.told());
-            return Ok(Exit::Ok);
+            output.result(&done, || done.difference.summary());
+            return Ok(());
         }
-        let timeout = self.robot.ready_timeout;
-        let outcome =
-            eeprom::program(
-                machine,
-                self.wanted,
-                timeout,
-                Some(journal),
-                |step| match step {
-                    Step::Before(before) => {
-                        output.remark(&Difference::between(before, self.wanted).told());
-                    }
-                    Step::Written { done, of } => output.live(&format!("{done} of {of} bytes")),
-                },
-            );
+        let timeout = context.board.ready_timeout;
+        let outcome = eeprom::program(io, wanted, timeout, Some(journal), |step| {
+            if let Progress::Before(before) = step {
+                output.message(&Difference::between(before, wanted).summary());
+            }
+            output.progress(step);
+        });
         output.live("");
         let programmed = outcome?;
-        let difference = Difference::between(&programmed.before, self.wanted);
         let done = Outcome {
-            difference,
+            difference: Difference::between(&programmed.before, wanted),
             written: true,
             ready_ms: Some(programmed.ready_ms),
         };
@@ -338,6 +238,6 @@ impl Job for Put<'_> {
                 programmed.bytes, programmed.ready_ms
             )
         });
-        Ok(Exit::Ok)
-    }
+        Ok(())
+    })
 }

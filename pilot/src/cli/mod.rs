@@ -1,4 +1,4 @@
-//! The command-line program: arguments in, one report and one exit code out.
+//! The command line: arguments in, one report and one exit code out.
 
 mod args;
 mod calibrate;
@@ -15,7 +15,9 @@ mod tune;
 
 use args::{Arguments, Command};
 use clap::Parser;
+use connection::Context;
 use host_link::error::{Error, Exit};
+use host_link::reset;
 use output::Output;
 use std::process::ExitCode;
 
@@ -24,7 +26,7 @@ pub fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(problem) => {
-            // Help and version are no errors; clap knows where each belongs.
+            // Help and version are no errors; clap chooses the stream.
             let _ = problem.print();
             let exit = if problem.use_stderr() {
                 Exit::Usage
@@ -33,76 +35,45 @@ pub fn main() -> ExitCode {
             };
             if exit == Exit::Usage && std::env::args_os().any(|word| word == "--json") {
                 let what = problem.kind().to_string();
-                Output::new(true).failure(&Error::Usage(what));
+                Output::new(true).json_error(&Error::Usage(what));
             }
             return ExitCode::from(exit.code());
         }
     };
     let output = Output::new(arguments.json);
-    match run(&arguments, output) {
-        Ok(exit) => ExitCode::from(exit.code()),
-        Err(error) => {
-            output.error(&error);
-            ExitCode::from(error.exit().code())
-        }
-    }
+    let exit = run(&arguments, output).unwrap_or_else(|error| {
+        output.error(&error);
+        error.exit()
+    });
+    ExitCode::from(exit.code())
 }
 
 fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
-    let robot = &arguments.robot;
+    let context = Context {
+        board: &arguments.board,
+        output,
+    };
     match &arguments.command {
-        Command::Eeprom { command } => eeprom::run(command, robot, output),
-        Command::Reset => connection::with_machine(robot, connection::Reset { robot, output }),
-        Command::Mode { mode } => connection::with_machine(
-            robot,
-            mode::Change {
-                mode: *mode,
-                robot,
-                output,
-            },
+        Command::Eeprom { command } => return eeprom::run(command, context),
+        Command::Status(status) => return status::run(status, context),
+        Command::Reset => context.with_board(|connection| {
+            let ready_ms = reset::restart(&mut connection.io, context.board.ready_timeout)?;
+            output.result(&serde_json::json!({ "ready_ms": ready_ms }), || {
+                format!("STM reset; ready after {ready_ms} ms")
+            });
+            Ok(())
+        }),
+        Command::Mode { mode } => mode::run(*mode, context),
+        Command::Monitor(monitor) => monitor::run(monitor, context),
+        Command::Goto(goto) => drive::run(&[goto.target()?], &goto.criteria, context),
+        Command::Tour(tour) => drive::run(
+            &pilot::waypoints::load(&tour.file)?,
+            &tour.criteria,
+            context,
         ),
-        Command::Monitor(monitor) => connection::with_machine(
-            robot,
-            monitor::Watch {
-                monitor,
-                robot,
-                output,
-            },
-        ),
-        Command::Status(status) => connection::with_machine(
-            robot,
-            status::Look {
-                status,
-                robot,
-                output,
-            },
-        ),
-        Command::Goto(goto) => {
-            let way = vec![goto.target()?];
-            connection::with_machine(
-                robot,
-                drive::Drive {
-                    way,
-                    terms: &goto.terms,
-                    robot,
-                    output,
-                },
-            )
-        }
-        Command::Tour(tour) => {
-            let way = pilot::waypoints::load(&tour.file)?;
-            connection::with_machine(
-                robot,
-                drive::Drive {
-                    way,
-                    terms: &tour.terms,
-                    robot,
-                    output,
-                },
-            )
-        }
-        Command::Tune { command } => tune::run(command, robot, output),
-        Command::Calibrate { command } => calibrate::run(command, robot, output),
-        Command::Map(map) => map::run(map, robot, output),
-    }
+        Command::Tune { command } => tune::run(command, context),
+        Command::Calibrate { command } => calibrate::run(command, context),
+        Command::Map(map) => map::run(map, context),
+    }?;
+    Ok(Exit::Ok)
 }

@@ -1,23 +1,11 @@
 //! `mode`: another mode on both ends.
 
-use super::args::Robot;
-use super::connection::Job;
-use super::output::Output;
+use super::connection::{Connection, Context};
+use super::monitor;
 use fw_core::wire::Mode;
-use host_link::board_io::{Machine, Wires};
-use host_link::eeprom::journal::Journal;
-use host_link::eeprom::Step;
-use host_link::error::{Error, Exit};
+use host_link::error::Error;
 use host_link::snapshot::Snapshot;
-use pilot::mode;
 use serde::Serialize;
-
-/// The command.
-pub struct Change<'a> {
-    pub mode: Mode,
-    pub robot: &'a Robot,
-    pub output: Output,
-}
 
 #[derive(Serialize)]
 struct Done<'a> {
@@ -27,28 +15,17 @@ struct Done<'a> {
     report: &'a Snapshot,
 }
 
-impl Job for Change<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, journal: &Journal) -> Result<Exit, Error> {
-        let Robot {
-            rate,
-            ready_timeout,
-            ..
-        } = *self.robot;
-        let output = self.output;
-        let watch = |step: Step<'_>| {
-            if let Step::Written { done, of } = step {
-                output.live(&format!("{done} of {of} bytes"));
-            }
-        };
-        let changed = mode::change(
-            machine,
-            self.mode,
-            rate,
-            ready_timeout,
+/// Runs the command.
+pub fn run(mode: Mode, context: Context<'_>) -> Result<(), Error> {
+    let output = context.output;
+    context.with_board(|Connection { io, journal, .. }| {
+        let changed = pilot::mode::change(
+            io,
+            mode,
+            context.board.rate,
+            context.board.ready_timeout,
             Some(journal),
-            watch,
+            |step| output.progress(step),
         );
         output.live("");
         let changed = changed?;
@@ -61,14 +38,14 @@ impl Job for Change<'_> {
         output.result(&done, || {
             format!(
                 "mode {} -> {}: {} bytes written and read back; STM ready {} ms after its reset; both ends \
-                 speak it\n{}",
+                 use it\n{}",
                 done.before,
-                self.mode.name(),
+                mode.name(),
                 done.bytes,
                 done.ready_ms,
-                super::monitor::line(done.report)
+                monitor::line(done.report)
             )
         });
-        Ok(Exit::Ok)
-    }
+        Ok(())
+    })
 }

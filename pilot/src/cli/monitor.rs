@@ -1,58 +1,47 @@
 //! `monitor`: everything the robot reports, live.
 
-use super::args::{Monitor, Robot};
-use super::connection::Job;
-use super::output::Output;
-use host_link::board_io::{Machine, Wires};
-use host_link::eeprom::journal::Journal;
-use host_link::error::{Error, Exit};
-use host_link::session::{Session, Wish};
+use super::args::Monitor;
+use super::connection::Context;
+use host_link::error::Error;
+use host_link::session::CommandRequest;
 use host_link::snapshot::Snapshot;
-use host_link::statistics::{Causes, Statistics, StmStatistics};
+use host_link::statistics::{LinkStatistics, RejectCounts, StmStatistics};
 use std::fmt::Write;
 
-/// On a terminal the line changes this often, microseconds.
+/// Time between two lines for people, microseconds.
 const REFRESH_US: u64 = 100_000;
 
-/// The command.
-pub struct Watch<'a> {
-    pub monitor: &'a Monitor,
-    pub robot: &'a Robot,
-    pub output: Output,
-}
-
-impl Job for Watch<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Exit, Error> {
-        let mut session = Session::open(machine, self.robot.rate, self.robot.ready_timeout)?;
-        let output = self.output;
-        let mut left = self.monitor.count.unwrap_or(u64::MAX);
+/// Runs the command.
+pub fn run(monitor: &Monitor, context: Context<'_>) -> Result<(), Error> {
+    let output = context.output;
+    context.with_board(|connection| {
+        let mut session = context.open_session(&mut connection.io)?;
+        let mut remaining = monitor.count.unwrap_or(u64::MAX);
         let mut shown_us = 0;
-        while left > 0 {
-            let report = session.exchange(&Wish::default())?;
-            session.hear();
+        while remaining > 0 {
+            let report = session.exchange(&CommandRequest::default())?;
+            session.poll_log();
             if report.is_none() {
                 continue;
             }
-            left -= 1;
+            remaining -= 1;
             let snapshot = session.snapshot();
-            if output.is_live() {
-                if snapshot.time_us.saturating_sub(shown_us) >= REFRESH_US {
-                    shown_us = snapshot.time_us;
-                    output.live(&line(snapshot));
-                }
-            } else if output.is_json() || left == 0 || snapshot.time_us - shown_us >= REFRESH_US {
-                shown_us = snapshot.time_us;
+            let due = snapshot.time_us.saturating_sub(shown_us) >= REFRESH_US;
+            if output.is_live() && due {
+                output.live(&line(snapshot));
+            } else if !output.is_live() && (output.is_json() || remaining == 0 || due) {
                 output.result(snapshot, || line(snapshot));
+            } else {
+                continue;
             }
+            shown_us = snapshot.time_us;
         }
         if output.is_live() {
             output.live("");
             output.result(session.snapshot(), || line(session.snapshot()));
         }
-        Ok(Exit::Ok)
-    }
+        Ok(())
+    })
 }
 
 /// One line of everything.
@@ -111,7 +100,7 @@ pub fn robot(snapshot: &Snapshot) -> String {
 }
 
 /// The Pi's end of the link.
-pub fn pi(link: &Statistics) -> String {
+pub fn pi(link: &LinkStatistics) -> String {
     let mut text = frames(link.frames, link.rejected, &link.causes);
     if let Some(missed) = link.missed {
         let _ = write!(text, ", {missed} missed");
@@ -147,9 +136,9 @@ pub fn stm(link: &StmStatistics) -> String {
     text
 }
 
-fn frames(frames: u64, rejected: u32, causes: &Causes) -> String {
+fn frames(frames: u64, rejected: u32, causes: &RejectCounts) -> String {
     let mut text = format!("{frames} frames, {rejected} rejected");
-    for (cause, count) in causes.occurred() {
+    for (cause, count) in causes.nonzero() {
         let _ = write!(text, " {} {count}", cause.name());
     }
     text

@@ -1,22 +1,22 @@
-//! What the program says: sentences for people, JSON for scripts. Results go to standard output,
-//! progress and errors to standard error.
+//! Results on standard output, as a sentence or as JSON; progress and errors on standard error.
 
+use host_link::eeprom::Progress;
 use host_link::error::Error;
 use serde::Serialize;
 use std::io::{self, IsTerminal, Write};
 
-/// How to speak.
+/// The format of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct Output {
     json: bool,
-    live: bool,
+    terminal: bool,
 }
 
 impl Output {
     pub fn new(json: bool) -> Self {
         Self {
             json,
-            live: io::stderr().is_terminal(),
+            terminal: io::stderr().is_terminal(),
         }
     }
 
@@ -29,61 +29,66 @@ impl Output {
         }
     }
 
-    /// A line on standard output. A reader that went away is not this program's problem.
+    /// A line on standard output. A closed pipe is no error.
     fn line(text: &str) {
         let _ = writeln!(io::stdout().lock(), "{text}");
     }
 
-    /// A remark that is not the result.
-    #[allow(clippy::unused_self)] // how it is said may come to depend on `self`
-    pub fn remark(self, text: &str) {
+    /// A message that is not the result.
+    #[allow(clippy::unused_self)] // all output goes through `Output`
+    pub fn message(self, text: &str) {
         let _ = writeln!(io::stderr().lock(), "{text}");
+    }
+
+    /// A message with the program's name.
+    pub fn warn(self, text: &str) {
+        self.message(&format!("robot: {text}"));
     }
 
     /// A line that the next one overwrites, on a terminal only.
     pub fn live(self, text: &str) {
-        if self.live && !self.json {
+        if self.is_live() {
             let mut stderr = io::stderr().lock();
             let _ = write!(stderr, "\r\x1b[K{text}").and_then(|()| stderr.flush());
         }
     }
 
-    /// Ends the overwritten line.
+    /// Keeps the overwritten line.
     pub fn end_live(self) {
-        if self.live && !self.json {
+        if self.is_live() {
             let _ = writeln!(io::stderr().lock());
+        }
+    }
+
+    /// Shows how far an EEPROM write is.
+    pub fn progress(self, step: Progress<'_>) {
+        if let Progress::Written { done, of } = step {
+            self.live(&format!("{done} of {of} bytes"));
         }
     }
 
     /// Whether lines are overwritten.
     pub fn is_live(self) -> bool {
-        self.live && !self.json
+        self.terminal && !self.json
     }
 
-    /// Whether JSON is wanted.
+    /// Whether results are JSON.
     pub fn is_json(self) -> bool {
         self.json
     }
 
     /// The error that ends the program.
     pub fn error(self, error: &Error) {
-        self.remark(&format!("host-link: {error}"));
-        self.failure(error);
+        self.warn(&error.to_string());
+        self.json_error(error);
     }
 
-    /// Its JSON, where that is wanted.
-    pub fn failure(self, error: &Error) {
-        #[derive(Serialize)]
-        struct Failure {
-            error: String,
-            exit: u8,
-        }
+    /// The error as JSON, if results are JSON.
+    pub fn json_error(self, error: &Error) {
         if self.json {
-            let failure = Failure {
-                error: error.to_string(),
-                exit: error.exit().code(),
-            };
-            Self::line(&serde_json::to_string(&failure).unwrap_or_default());
+            let exit = error.exit().code();
+            let object = serde_json::json!({ "error": error.to_string(), "exit": exit });
+            Self::line(&object.to_string());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Questions to the person at the terminal. Ctrl-C answers every one of them.
+//! Questions at the terminal. Ctrl-C ends every one of them.
 
 use super::output::Output;
 use host_link::board_io::Interrupt;
@@ -8,60 +8,60 @@ use std::sync::mpsc::{channel, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-/// How often Ctrl-C is looked for while nobody answers.
-const LOOK: Duration = Duration::from_millis(50);
+/// Polling period of the Ctrl-C flag.
+const POLL: Duration = Duration::from_millis(50);
 
-/// Asks yes or no, no being the default; without a terminal nobody can agree.
+/// Asks yes or no, no being the default, also without a terminal.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
-pub fn whether(question: &str, interrupt: &Interrupt, output: Output) -> Result<bool, Error> {
+pub fn confirm(question: &str, interrupt: &Interrupt, output: Output) -> Result<bool, Error> {
     if !io::stdin().is_terminal() {
-        output.remark(&format!(
-            "{question} Nobody can be asked, standard input is no terminal; give --yes to agree beforehand"
+        output.message(&format!(
+            "{question} Cannot prompt: stdin is not a terminal; pass --yes."
         ));
         return Ok(false);
     }
-    output.remark(&format!("{question} [y/N]"));
-    let answer = line(interrupt)?;
+    output.message(&format!("{question} [y/N]"));
+    let answer = read_line(interrupt)?;
     Ok(matches!(answer.as_deref(), Some("y" | "Y" | "yes")))
 }
 
-/// Asks until the answer can be read, or none comes any more.
+/// Asks until `parse` accepts the answer.
 ///
 /// # Errors
 /// [`Error::Interrupted`]; [`Error::Usage`] at the end of the input.
-pub fn until<T>(
+pub fn ask<T>(
     question: &str,
     interrupt: &Interrupt,
     output: Output,
-    read: impl Fn(&str) -> Result<T, String>,
+    parse: impl Fn(&str) -> Result<T, String>,
 ) -> Result<T, Error> {
     loop {
-        output.remark(question);
-        let Some(answer) = line(interrupt)? else {
-            return Err(Error::Usage("no answer came".into()));
+        output.message(question);
+        let Some(answer) = read_line(interrupt)? else {
+            return Err(Error::Usage("standard input ended before an answer".into()));
         };
-        match read(&answer) {
+        match parse(&answer) {
             Ok(value) => return Ok(value),
-            Err(why) => output.remark(&why),
+            Err(why) => output.message(&why),
         }
     }
 }
 
-/// A line of the standard input without its blanks; none at its end. Read aside, so that Ctrl-C is seen.
-fn line(interrupt: &Interrupt) -> Result<Option<String>, Error> {
+/// A trimmed line of the standard input; none at its end. A thread reads it, so that Ctrl-C is seen.
+fn read_line(interrupt: &Interrupt) -> Result<Option<String>, Error> {
     let (sender, receiver) = channel();
     thread::spawn(move || {
         let mut line = String::new();
         let read = io::stdin().lock().read_line(&mut line);
         let answer = matches!(read, Ok(bytes) if bytes > 0).then(|| line.trim().to_owned());
-        // Nobody listens any more after Ctrl-C, and then nobody need.
+        // After Ctrl-C the receiver is gone.
         let _ = sender.send(answer);
     });
     loop {
         interrupt.check()?;
-        match receiver.recv_timeout(LOOK) {
+        match receiver.recv_timeout(POLL) {
             Ok(answer) => return Ok(answer),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Ok(None),

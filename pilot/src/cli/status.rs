@@ -1,93 +1,85 @@
-//! `status`: some frames that ask for nothing, then everything that is known of robot and link.
+//! `status`: some frames without a command, then everything known of robot and link.
 
-use super::args::{Robot, Status};
-use super::connection::Job;
+use super::args::Status;
+use super::connection::Context;
 use super::monitor;
-use super::output::Output;
-use host_link::board_io::{Machine, Wires};
-use host_link::eeprom::{self, journal::Journal};
+use host_link::board_io::BoardIo;
 use host_link::error::{Error, Exit};
-use host_link::reset;
-use host_link::session::{Session, Wish};
-use host_link::settings;
+use host_link::session::CommandRequest;
 use host_link::snapshot::Snapshot;
+use host_link::{eeprom, reset, settings};
 use pilot::hints;
 use serde::Serialize;
 
-/// The command.
-pub struct Look<'a> {
-    pub status: &'a Status,
-    pub robot: &'a Robot,
-    pub output: Output,
-}
-
 #[derive(Serialize)]
-struct Seen {
+struct Summary {
     /// `STM_READY`.
     ready: bool,
     #[serde(flatten)]
     report: Option<Snapshot>,
     stop_deadline_ms: Option<u16>,
     hints: Vec<String>,
-    /// What ended the look early.
+    /// What ended the exchange early.
     error: Option<String>,
     exit: u8,
 }
 
-impl Job for Look<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, _: &Journal) -> Result<Exit, Error> {
-        let (seen, exit) = match reset::await_ready(machine, self.robot.ready_timeout) {
-            Ok(_) => self.linked(machine)?,
-            Err(error @ Error::NotReady { .. }) => refused(machine, &error)?,
+/// Runs the command.
+pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
+    context.with_board(|connection| {
+        let io = &mut connection.io;
+        let (seen, exit) = match reset::await_ready(io, context.board.ready_timeout) {
+            Ok(_) => linked(io, status, context)?,
+            Err(error @ Error::NotReady { .. }) => not_ready(io, &error)?,
             Err(error) => return Err(error),
         };
-        self.output.result(&seen, || told(&seen));
+        context.output.result(&seen, || summary(&seen));
         Ok(exit)
-    }
+    })
 }
 
-impl Look<'_> {
-    fn linked<W: Wires>(&self, machine: &mut Machine<W>) -> Result<(Seen, Exit), Error> {
-        let mut session = Session::open(machine, self.robot.rate, self.robot.ready_timeout)?;
-        let ends_us = session.now_us() + u64::from(self.status.ms) * 1000;
-        let mut outcome = Ok(());
-        session.hear();
-        while outcome.is_ok() && session.now_us() < ends_us {
-            outcome = session.exchange(&Wish::default()).map(|_| ());
-            session.hear();
-        }
-        if outcome == Err(Error::Interrupted) {
-            return Err(Error::Interrupted);
-        }
-        let mut report = session.snapshot().clone();
-        report.link = session.statistics();
-        let mut hints = hints::of(&report, session.config());
-        if report.stm.is_none() {
-            hints.push(match session.deaf() {
+fn linked(
+    io: &mut BoardIo,
+    status: &Status,
+    context: Context<'_>,
+) -> Result<(Summary, Exit), Error> {
+    let mut session = context.open_session(io)?;
+    let ends_us = session.now_us() + u64::from(status.ms) * 1000;
+    let mut outcome = Ok(());
+    session.poll_log();
+    while outcome.is_ok() && session.now_us() < ends_us {
+        outcome = session.exchange(&CommandRequest::default()).map(|_| ());
+        session.poll_log();
+    }
+    if outcome == Err(Error::Interrupted) {
+        return Err(Error::Interrupted);
+    }
+    let mut report = session.snapshot().clone();
+    report.link = session.statistics();
+    let mut hints = hints::diagnose(&report, session.config());
+    if report.stm.is_none() {
+        hints.push(match session.log_error() {
                 Some(why) => format!("the STM's end of the link is not known: {why}"),
-                None => "the STM's end of the link is not known: its log said nothing of it (slide switch, --uart, \
-                         or a firmware that does not)"
+                None => "the STM's end of the link is not known: its log has no line of it (slide switch, --uart, \
+                         or a firmware without that line)"
                     .into(),
             });
-        }
-        let exit = outcome.as_ref().err().map_or(Exit::Ok, Error::exit);
-        let seen = Seen {
-            ready: true,
-            report: Some(report),
-            stop_deadline_ms: Some(session.config().platform.stop_deadline),
-            hints,
-            error: outcome.err().map(|error| error.to_string()),
-            exit: exit.code(),
-        };
-        Ok((seen, exit))
     }
+    let exit = outcome.as_ref().err().map_or(Exit::Ok, Error::exit);
+    let seen = Summary {
+        ready: true,
+        report: Some(report),
+        stop_deadline_ms: Some(session.config().platform.stop_deadline),
+        hints,
+        error: outcome.err().map(|error| error.to_string()),
+        exit: exit.code(),
+    };
+    Ok((seen, exit))
 }
 
 /// The STM does not start: what its EEPROM says about that.
-fn refused<W: Wires>(machine: &mut Machine<W>, error: &Error) -> Result<(Seen, Exit), Error> {
-    let hint = match settings::decode(&eeprom::read(machine)?) {
+fn not_ready(io: &mut BoardIo, error: &Error) -> Result<(Summary, Exit), Error> {
+    let hint = match settings::decode(&eeprom::read(io)?) {
         Ok(config) => format!(
             "the EEPROM holds a good configuration of mode {}: the STM does not run, or could not read it",
             config.mode.name()
@@ -95,7 +87,7 @@ fn refused<W: Wires>(machine: &mut Machine<W>, error: &Error) -> Result<(Seen, E
         Err(why) => why.to_string(),
     };
     let exit = error.exit();
-    let seen = Seen {
+    let seen = Summary {
         ready: false,
         report: None,
         stop_deadline_ms: None,
@@ -106,7 +98,7 @@ fn refused<W: Wires>(machine: &mut Machine<W>, error: &Error) -> Result<(Seen, E
     Ok((seen, exit))
 }
 
-fn told(seen: &Seen) -> String {
+fn summary(seen: &Summary) -> String {
     let mut lines = Vec::new();
     match &seen.report {
         None => lines.push("STM_READY is low".into()),

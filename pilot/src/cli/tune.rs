@@ -1,132 +1,90 @@
 //! `tune …`.
 
-use super::args::{Consent, Robot, StepArgs, Tune};
-use super::connection::{self, Job};
-use super::output::Output;
+use super::args::{Consent, StepArgs, Tune};
+use super::connection::{Connection, Context, TUNE_MODE};
 use super::prompt;
 use fw_core::eeprom::{Gains, Image};
-use host_link::board_io::{Machine, Wires};
+use host_link::board_io::BoardIo;
 use host_link::eeprom::{self, image, journal::Journal};
-use host_link::error::{Error, Exit};
+use host_link::error::Error;
 use host_link::session::Session;
 use host_link::settings::{changes, Change, Settings};
 use pilot::tune::{battery, drive_model, export, gains, step_response, temporary_mode, Axis};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use serde_json::json;
+use std::path::PathBuf;
 
 /// Runs one of the commands.
-pub fn run(command: &Tune, robot: &Robot, output: Output) -> Result<Exit, Error> {
-    let kept = Kept::of(robot);
-    let steps = |axis, arguments| Steps {
-        axis,
-        arguments,
-        kept: &kept,
-        robot,
-        output,
-    };
-    match command {
-        Tune::Rotate(arguments) => connection::with_machine(robot, steps(Axis::Rotate, arguments)),
-        Tune::Move(arguments) => connection::with_machine(robot, steps(Axis::Move, arguments)),
+pub fn run(command: &Tune, context: Context<'_>) -> Result<(), Error> {
+    context.with_board(|connection| match command {
+        Tune::Rotate(arguments) => steps(Axis::Rotate, arguments, connection, context),
+        Tune::Move(arguments) => steps(Axis::Move, arguments, connection, context),
         Tune::Battery {
             cell,
             volts,
             consent,
-        } => connection::with_machine(
-            robot,
-            Tap {
-                cell: *cell,
-                volts: *volts,
-                consent,
-                kept: &kept,
-                robot,
-                output,
-            },
-        ),
-        Tune::Rollback => connection::with_machine(
-            robot,
-            Rollback {
-                kept: &kept,
-                robot,
-                output,
-            },
-        ),
-    }
+        } => divider(*cell, *volts, consent, connection, context),
+        Tune::Rollback => rollback(connection, context),
+    })
 }
 
-/// What is kept on disk.
-pub(super) struct Kept {
-    /// The EEPROM before its mode was changed for a measurement; exists only meanwhile.
-    mode: Journal,
-    /// The EEPROM before the latest tuning or calibration was written.
-    before: PathBuf,
+/// Where the EEPROM's content before the latest tuning or calibration is kept.
+fn before_file(context: Context<'_>) -> PathBuf {
+    context.state_file("tune.before")
 }
 
-impl Kept {
-    pub fn of(robot: &Robot) -> Self {
-        Self {
-            mode: Journal::new(connection::kept(robot, connection::TUNE_MODE)),
-            before: connection::kept(robot, "tune.before"),
-        }
-    }
+/// Where the EEPROM's content before a change of mode is kept, while a measurement runs.
+fn mode_journal(context: Context<'_>) -> Journal {
+    Journal::new(context.state_file(TUNE_MODE))
+}
 
-    /// Restores what a killed measurement left.
-    pub fn repair<W: Wires>(&self, machine: &mut Machine<W>, timeout: u32) -> Result<bool, Error> {
-        temporary_mode::repair(machine, &self.mode, timeout)
-    }
+/// Restores what a killed measurement left.
+pub(super) fn restore_mode(io: &mut BoardIo, context: Context<'_>) -> Result<bool, Error> {
+    temporary_mode::restore_after_kill(io, &mode_journal(context), context.board.ready_timeout)
 }
 
 /// Shows what would change, asks, and writes it. Returns the changes and whether they were written.
-pub(super) fn apply<W: Wires>(
-    machine: &mut Machine<W>,
+pub(super) fn apply(
+    Connection { io, journal, .. }: &mut Connection,
     (before, wanted): (&Image, &Image),
     (yes, dry_run): (bool, bool),
-    (kept, journal): (&Kept, &Journal),
-    timeout: u32,
-    output: Output,
+    context: Context<'_>,
 ) -> Result<(Vec<Change>, bool), Error> {
+    let output = context.output;
     let changes = changes(
         &Settings::from_image(before)?,
         &Settings::from_image(wanted)?,
     );
-    tell(&changes, output);
+    show(&changes, context);
     let question = "Write this to the EEPROM?";
-    if changes.is_empty()
-        || dry_run
-        || !(yes || prompt::whether(question, &machine.interrupt, output)?)
+    if changes.is_empty() || dry_run || !(yes || prompt::confirm(question, &io.interrupt, output)?)
     {
         return Ok((changes, false));
     }
-    machine.interrupt.check()?;
-    image::save(&kept.before, before)?;
-    eeprom::program(machine, wanted, timeout, Some(journal), |_| {})?;
+    io.interrupt.check()?;
+    image::save(&before_file(context), before)?;
+    let timeout = context.board.ready_timeout;
+    eeprom::program(io, wanted, timeout, Some(journal), |_| {})?;
     Ok((changes, true))
 }
 
 /// Before and after.
-fn tell(changes: &[Change], output: Output) {
+fn show(changes: &[Change], context: Context<'_>) {
     for change in changes {
-        output.remark(&format!(
+        context.output.message(&format!(
             "0x{:04X} {}: {} -> {}",
             change.address, change.key, change.before, change.after
         ));
     }
 }
 
-/// How it ended, for people.
+/// The outcome in words.
 pub(super) fn ending(changes: &[Change], written: bool) -> &'static str {
     match (changes.is_empty(), written) {
         (true, _) => "nothing to change",
-        (false, true) => "written; `host-link tune rollback` brings back the old ones",
+        (false, true) => "written; `robot tune rollback` brings back the old ones",
         (false, false) => "not written",
     }
-}
-
-struct Steps<'a> {
-    axis: Axis,
-    arguments: &'a StepArgs,
-    kept: &'a Kept,
-    robot: &'a Robot,
-    output: Output,
 }
 
 /// Gains as numbers.
@@ -153,7 +111,7 @@ impl From<&Gains> for Figures {
 #[derive(Serialize)]
 struct Tuned {
     axis: Axis,
-    model: drive_model::Model,
+    model: drive_model::DriveModel,
     samples: usize,
     lost: u32,
     present: Figures,
@@ -166,99 +124,86 @@ struct Tuned {
     written: bool,
 }
 
-impl Job for Steps<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, journal: &Journal) -> Result<Exit, Error> {
-        let (axis, output, arguments) = (self.axis, self.output, self.arguments);
-        let timeout = self.robot.ready_timeout;
-        let plan = arguments.plan(axis);
-        plan.check()?;
-        self.kept.repair(machine, timeout)?;
-        let original = eeprom::read(machine)?;
-        let mut config = Settings::from_image(&original)?.config;
-        let rate = self.robot.rate.max(SLOWEST_HZ);
-        let recorder = temporary_mode::with(
-            machine,
-            &original,
-            axis.mode(),
-            Some(&self.kept.mode),
-            timeout,
-            |machine, config| {
-                let mut session = Session::with_config(machine, config, rate);
-                step_response::run(&mut session, &plan, |percent| {
-                    output.remark(&format!("step of {percent} %"));
-                })
-            },
-        )?;
-        let samples = recorder.samples();
-        let stem = arguments.stem(axis);
-        let csv = export::save_csv(&stem, axis, samples)?;
-        let steps = drive_model::steps(samples);
-        let model = drive_model::fit(&steps).map_err(|what| {
-            // The picture shows what went wrong; that it could not be drawn matters less.
-            let _ = export::save_picture(&stem, axis, samples, None);
-            Error::Tuning(format!("{what} (see {})", csv.display()))
-        })?;
-        let present = *axis.gains(&mut config);
-        let proposed = gains::propose(
-            &model,
-            arguments.damping.unwrap_or(axis.damping()),
-            &present,
-        );
-        let before = gains::predict(axis, &model, &present);
-        let after = gains::predict(axis, &model, &proposed);
-        let picture = export::save_picture(
-            &stem,
-            axis,
-            samples,
-            Some((&model, &steps, &before, &after)),
-        )?;
-        output.remark(&told(axis, &model, &before, &after));
-        let wanted =
-            temporary_mode::with_config(&original, |config| *axis.gains(config) = proposed)?;
-        let (changes, written) = apply(
-            machine,
-            (&original, &wanted),
-            (arguments.consent.yes, arguments.consent.dry_run),
-            (self.kept, journal),
-            timeout,
-            output,
-        )?;
-        let done = Tuned {
-            axis,
-            model,
-            samples: samples.len(),
-            lost: recorder.lost(),
-            present: (&present).into(),
-            proposed: (&proposed).into(),
-            predicted_present: before,
-            predicted: after,
-            csv,
-            picture,
-            changes,
-            written,
-        };
-        output.result(&done, || {
-            format!(
-                "gains {}; {} samples ({} lost) in {}, {}",
-                ending(&done.changes, written),
-                done.samples,
-                done.lost,
-                done.csv.display(),
-                done.picture.display()
-            )
-        });
-        Ok(Exit::Ok)
-    }
-}
-
-/// Slower frames would let the stop deadline end a step.
+/// Lower rates let the stop deadline end a step.
 const SLOWEST_HZ: u32 = 20;
 
-fn told(
+fn steps(
     axis: Axis,
-    model: &drive_model::Model,
+    arguments: &StepArgs,
+    connection: &mut Connection,
+    context: Context<'_>,
+) -> Result<(), Error> {
+    let output = context.output;
+    let io = &mut connection.io;
+    let plan = arguments.plan(axis);
+    plan.check()?;
+    restore_mode(io, context)?;
+    let original = eeprom::read(io)?;
+    let mut config = Settings::from_image(&original)?.config;
+    let rate = context.board.rate.max(SLOWEST_HZ);
+    let recorder = temporary_mode::with_mode(
+        io,
+        &original,
+        axis.mode(),
+        Some(&mode_journal(context)),
+        context.board.ready_timeout,
+        |io, config| {
+            let mut session = Session::with_config(io, config, rate);
+            step_response::run(&mut session, &plan, |percent| {
+                output.message(&format!("step of {percent} %"));
+            })
+        },
+    )?;
+    let samples = recorder.samples();
+    let stem = arguments.stem(axis);
+    let csv = export::save_csv(&stem, axis, samples)?;
+    let steps = drive_model::steps(samples);
+    let model = drive_model::fit(&steps).map_err(|what| {
+        // The picture shows what went wrong; an error in drawing it matters less.
+        let _ = export::save_picture(&stem, axis, samples, None);
+        Error::Tuning(format!("{what} (see {})", csv.display()))
+    })?;
+    let present = *axis.gains(&mut config);
+    let damping = arguments.damping.unwrap_or(axis.damping());
+    let proposed = gains::propose(&model, damping, &present);
+    let before = gains::predict(axis, &model, &present);
+    let after = gains::predict(axis, &model, &proposed);
+    let fitted = Some((&model, steps.as_slice(), &before, &after));
+    let picture = export::save_picture(&stem, axis, samples, fitted)?;
+    output.message(&summary(axis, &model, &before, &after));
+    let wanted = temporary_mode::edit_config(&original, |config| *axis.gains(config) = proposed)?;
+    let consent = (arguments.consent.yes, arguments.consent.dry_run);
+    let (changes, written) = apply(connection, (&original, &wanted), consent, context)?;
+    let done = Tuned {
+        axis,
+        model,
+        samples: samples.len(),
+        lost: recorder.lost(),
+        present: (&present).into(),
+        proposed: (&proposed).into(),
+        predicted_present: before,
+        predicted: after,
+        csv,
+        picture,
+        changes,
+        written,
+    };
+    output.result(&done, || {
+        format!(
+            "gains {}; {} samples ({} lost) in {}, {}",
+            ending(&done.changes, written),
+            done.samples,
+            done.lost,
+            done.csv.display(),
+            done.picture.display()
+        )
+    });
+    Ok(())
+}
+
+fn summary(
+    axis: Axis,
+    model: &drive_model::DriveModel,
     before: &gains::Response,
     after: &gains::Response,
 ) -> String {
@@ -286,112 +231,63 @@ fn told(
     )
 }
 
-struct Tap<'a> {
+/// Corrects the divider of a battery tap.
+fn divider(
     cell: u8,
     volts: f64,
-    consent: &'a Consent,
-    kept: &'a Kept,
-    robot: &'a Robot,
-    output: Output,
+    consent: &Consent,
+    connection: &mut Connection,
+    context: Context<'_>,
+) -> Result<(), Error> {
+    let io = &mut connection.io;
+    restore_mode(io, context)?;
+    let original = eeprom::read(io)?;
+    let mut session = context.open_session(io)?;
+    let upper_ohm = battery::measure_upper_resistor(&mut session, cell, volts)?;
+    let wanted = temporary_mode::edit_config(&original, |config| {
+        if let Some(tap) = config.dividers.get_mut(usize::from(cell) - 1) {
+            tap.upper = upper_ohm;
+        }
+    })?;
+    let consent = (consent.yes, consent.dry_run);
+    let (changes, written) = apply(connection, (&original, &wanted), consent, context)?;
+    let done = json!({
+        "cell": cell, "volts": volts, "upper_ohm": upper_ohm, "changes": changes, "written": written,
+    });
+    context.output.result(&done, || {
+        format!("tap {cell}: {upper_ohm} ohm {}", ending(&changes, written))
+    });
+    Ok(())
 }
 
-impl Job for Tap<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, journal: &Journal) -> Result<Exit, Error> {
-        #[derive(Serialize)]
-        struct Done {
-            cell: u8,
-            volts: f64,
-            upper_ohm: u32,
-            changes: Vec<Change>,
-            written: bool,
+/// Both `rollback` commands: tuning and calibration share one file, of the latest.
+pub(super) fn rollback(connection: &mut Connection, context: Context<'_>) -> Result<(), Error> {
+    let Connection { io, journal, .. } = connection;
+    let before = before_file(context);
+    let repaired_mode = restore_mode(io, context)?;
+    let rolled_back = !repaired_mode && before.exists();
+    if rolled_back {
+        let image = image::load(&before)?;
+        if let Ok(present) = Settings::from_image(&eeprom::read(io)?) {
+            show(&changes(&present, &Settings::from_image(&image)?), context);
         }
-        let timeout = self.robot.ready_timeout;
-        self.kept.repair(machine, timeout)?;
-        let original = eeprom::read(machine)?;
-        let mut session = Session::open(machine, self.robot.rate, timeout)?;
-        let upper_ohm = battery::ask(&mut session, self.cell, self.volts)?;
-        let wanted = temporary_mode::with_config(&original, |config| {
-            if let Some(tap) = config.dividers.get_mut(usize::from(self.cell) - 1) {
-                tap.upper = upper_ohm;
-            }
-        })?;
-        let (changes, written) = apply(
-            machine,
-            (&original, &wanted),
-            (self.consent.yes, self.consent.dry_run),
-            (self.kept, journal),
-            timeout,
-            self.output,
-        )?;
-        let done = Done {
-            cell: self.cell,
-            volts: self.volts,
-            upper_ohm,
-            changes,
-            written,
-        };
-        self.output.result(&done, || {
-            format!(
-                "tap {}: {upper_ohm} ohm {}",
-                self.cell,
-                ending(&done.changes, written)
-            )
-        });
-        Ok(Exit::Ok)
+        let timeout = context.board.ready_timeout;
+        eeprom::program(io, &image, timeout, Some(journal), |_| {})?;
+        std::fs::remove_file(&before).map_err(|cause| Error::unwritable(&before, &cause))?;
+    } else if !repaired_mode {
+        let what = format!(
+            "no tuning or calibration to roll back: {} does not exist",
+            before.display()
+        );
+        return Err(Error::Usage(what));
     }
-}
-
-/// Both `rollback` commands: tuning and calibration share one memory, of the latest.
-pub(super) struct Rollback<'a> {
-    pub kept: &'a Kept,
-    pub robot: &'a Robot,
-    pub output: Output,
-}
-
-impl Job for Rollback<'_> {
-    type Result = Exit;
-
-    fn run<W: Wires>(self, machine: &mut Machine<W>, journal: &Journal) -> Result<Exit, Error> {
-        #[derive(Serialize)]
-        struct Done {
-            repaired_mode: bool,
-            rolled_back: bool,
+    let done = json!({ "repaired_mode": repaired_mode, "rolled_back": rolled_back });
+    context.output.result(&done, || {
+        if repaired_mode {
+            "the EEPROM's mode that a killed tuning left is restored".into()
+        } else {
+            "the EEPROM is as it was before the latest tuning or calibration".into()
         }
-        let timeout = self.robot.ready_timeout;
-        let before: &Path = &self.kept.before;
-        let repaired_mode = self.kept.repair(machine, timeout)?;
-        let rolled_back = !repaired_mode && before.exists();
-        if rolled_back {
-            let image = image::load(before)?;
-            let present = eeprom::read(machine)?;
-            if let Ok(present) = Settings::from_image(&present) {
-                tell(
-                    &changes(&present, &Settings::from_image(&image)?),
-                    self.output,
-                );
-            }
-            eeprom::program(machine, &image, timeout, Some(journal), |_| {})?;
-            std::fs::remove_file(before).map_err(|cause| Error::unwritable(before, &cause))?;
-        } else if !repaired_mode {
-            let what = format!(
-                "no tuning or calibration to roll back: there is no {}",
-                before.display()
-            );
-            return Err(Error::Usage(what));
-        }
-        let done = Done {
-            repaired_mode,
-            rolled_back,
-        };
-        self.output.result(&done, || {
-            if repaired_mode {
-                "the EEPROM's mode that a killed tuning left is restored".into()
-            } else {
-                "the EEPROM is as it was before the latest tuning or calibration".into()
-            }
-        });
-        Ok(Exit::Ok)
-    }
+    });
+    Ok(())
 }

@@ -2,10 +2,9 @@
 //! computes the upper resistor that would have shown it exactly, and says so in its log.
 
 use fw_core::wire::CellCode;
-use host_link::board_io::Wires;
 use host_link::error::Error;
-use host_link::log::{Line, Lines};
-use host_link::session::{Session, Wish};
+use host_link::log::{LogLine, LogParser};
+use host_link::session::{CommandRequest, Session};
 
 /// The largest voltage of the wire, volts: 0x1FFF.
 pub const LARGEST_V: f64 = 40.955;
@@ -26,7 +25,11 @@ const WARM_UP: usize = 20;
 /// [`Error::Usage`] for a cell the robot does not have or a voltage beyond the wire's; those of
 /// [`Session::exchange`]; [`Error::Device`] of the log; [`Error::Tuning`] without an answer.
 // Requirement: DOC-5.1.3-4
-pub fn ask<W: Wires>(session: &mut Session<'_, W>, cell: u8, volts: f64) -> Result<u32, Error> {
+pub fn measure_upper_resistor(
+    session: &mut Session<'_>,
+    cell: u8,
+    volts: f64,
+) -> Result<u32, Error> {
     let cells = session.config().cells;
     if !(1..=cells).contains(&cell) {
         return Err(Error::Usage(format!(
@@ -34,24 +37,24 @@ pub fn ask<W: Wires>(session: &mut Session<'_, W>, cell: u8, volts: f64) -> Resu
         )));
     }
     let code = code(volts)?;
-    session.log()?;
+    session.read_log()?;
     for _ in 0..WARM_UP {
-        session.exchange(&Wish::default())?;
+        session.exchange(&CommandRequest::default())?;
     }
-    let wish = Wish {
+    let request = CommandRequest {
         tune: Some(CellCode {
             cell: cell - 1,
             voltage: code,
         }),
-        ..Wish::default()
+        ..CommandRequest::default()
     };
-    let mut lines = Lines::default();
+    let mut lines = LogParser::default();
     let mut answers = Vec::new();
     for _ in 0..FRAMES {
-        session.exchange(&wish)?;
-        for line in lines.feed(&session.log()?) {
+        session.exchange(&request)?;
+        for line in lines.feed(&session.read_log()?) {
             match line {
-                Line::Tuned { tap, ohm, .. } if tap == cell => answers.push(ohm),
+                LogLine::Tuned { tap, ohm, .. } if tap == cell => answers.push(ohm),
                 _ => {}
             }
         }

@@ -6,12 +6,12 @@
 //! is searched for, to the least residual. At least two levels of duty are needed to tell gain from
 //! dead zone.
 
-use super::samples::Sample;
+use host_link::samples::Sample;
 use serde::Serialize;
 
 /// The drive.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Model {
+pub struct DriveModel {
     /// Steady speed per percent beyond the dead zone, degrees or millimetres a second.
     pub gain: f64,
     /// Duty that moves nothing, percent.
@@ -74,7 +74,7 @@ pub fn way(t: f64, lag: f64) -> f64 {
     t - 2.0 * lag + (t + 2.0 * lag) * (-t / lag).exp()
 }
 
-impl Model {
+impl DriveModel {
     /// The way that the model says a step covers in `t` seconds.
     #[must_use]
     pub fn step_way(&self, percent: f64, t: f64) -> f64 {
@@ -95,7 +95,7 @@ const TOLERATED: f64 = 0.15;
 ///
 /// # Errors
 /// A sentence: too few steps or levels, nothing moved, or the model does not describe what happened.
-pub fn fit(steps: &[Step]) -> Result<Model, String> {
+pub fn fit(steps: &[Step]) -> Result<DriveModel, String> {
     let levels = |step: &Step| step.percent.abs();
     let low = steps.iter().map(levels).fold(f64::MAX, f64::min);
     let high = steps.iter().map(levels).fold(0.0, f64::max);
@@ -125,7 +125,7 @@ pub fn fit(steps: &[Step]) -> Result<Model, String> {
             "the model leaves {residual:.1} of at most {longest:.1} unexplained: was the robot held, or did it slip?"
         ));
     }
-    Ok(Model {
+    Ok(DriveModel {
         gain,
         dead_zone: dead_zone.max(0.0),
         lag_s,
@@ -189,7 +189,7 @@ fn linear(steps: &[Step], lag: f64) -> Option<Fitted> {
 
 /// The model's way beside the measured one, seconds and position; not-a-number between steps.
 #[must_use]
-pub fn replay(model: &Model, steps: &[Step]) -> Vec<(f64, f64)> {
+pub fn replay(model: &DriveModel, steps: &[Step]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     for step in steps {
         points.extend(step.way.iter().map(|&(t, _)| {

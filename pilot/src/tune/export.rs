@@ -1,11 +1,11 @@
 //! What a tuning leaves: the samples as CSV, and input, response and prediction as a picture.
 
-use super::drive_model::{replay, Model, Step};
+use super::drive_model::{replay, DriveModel, Step};
 use super::gains::Response;
-use super::samples::Sample;
 use super::Axis;
 use host_link::eeprom::image;
 use host_link::error::Error;
+use host_link::samples::Sample;
 use mapper::line_plot::{draw, Curve, Panel};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -26,19 +26,12 @@ pub fn csv(axis: Axis, samples: &[Sample]) -> String {
     text
 }
 
-/// `stem` with an ending.
-fn with(stem: &Path, ending: &str) -> PathBuf {
-    let mut name = stem.as_os_str().to_owned();
-    name.push(ending);
-    name.into()
-}
-
 /// Writes `stem`.csv.
 ///
 /// # Errors
 /// [`Error::Unwritable`].
 pub fn save_csv(stem: &Path, axis: Axis, samples: &[Sample]) -> Result<PathBuf, Error> {
-    let path = with(stem, ".csv");
+    let path = image::with_suffix(stem, ".csv");
     image::save(&path, csv(axis, samples).as_bytes())?;
     Ok(path)
 }
@@ -52,9 +45,9 @@ pub fn save_picture(
     stem: &Path,
     axis: Axis,
     samples: &[Sample],
-    fitted: Option<(&Model, &[Step], &Response, &Response)>,
+    fitted: Option<(&DriveModel, &[Step], &Response, &Response)>,
 ) -> Result<PathBuf, Error> {
-    let path = with(stem, ".png");
+    let path = image::with_suffix(stem, ".png");
     let png = draw(&panels(axis, samples, fitted)).map_err(|cause| Error::Unwritable {
         path: path.clone(),
         cause: cause.to_string(),
@@ -66,7 +59,7 @@ pub fn save_picture(
 fn panels(
     axis: Axis,
     samples: &[Sample],
-    fitted: Option<(&Model, &[Step], &Response, &Response)>,
+    fitted: Option<(&DriveModel, &[Step], &Response, &Response)>,
 ) -> Vec<Panel> {
     let curve = |name: &str, points: Vec<(f64, f64)>| Curve {
         name: name.into(),

@@ -9,13 +9,13 @@
 //! end. Per sample of 10 ms, as the EEPROM has it, `D` is a hundred times as large as per second.
 //! The anti wind-up factor stays as it is.
 
-use super::drive_model::Model;
-use super::samples::TICK_S;
+use super::drive_model::DriveModel;
 use super::Axis;
 use fixed::types::I16F16;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Gains;
 use fw_core::motion::pid::Pid;
+use host_link::samples::TICK_S;
 use serde::Serialize;
 
 /// The integral's time constant, in lags.
@@ -23,7 +23,7 @@ const INTEGRAL_LAGS: f64 = 10.0;
 
 /// Gains for the model; `present` gives the anti wind-up factor.
 #[must_use]
-pub fn propose(model: &Model, damping: f64, present: &Gains) -> Gains {
+pub fn propose(model: &DriveModel, damping: f64, present: &Gains) -> Gains {
     let lag = model.lag_s.max(TICK_S);
     let p = 1.0 / (4.0 * damping * damping * lag * model.gain);
     let double = |value: f64| Binary64(value.to_bits());
@@ -82,7 +82,7 @@ const FINE: u8 = 10;
 
 /// What the firmware's own regulator does with these gains and this drive, from rest.
 #[must_use]
-pub fn predict(axis: Axis, model: &Model, gains: &Gains) -> Response {
+pub fn predict(axis: Axis, model: &DriveModel, gains: &Gains) -> Response {
     let (target, tolerance, limit) = axis.trial();
     let reach = limit.min(100.0 - model.dead_zone);
     let mut pid = Pid::new(gains, I16F16::saturating_from_num(limit));

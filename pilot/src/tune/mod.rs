@@ -3,7 +3,6 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`samples`] | the log's 100 Hz samples on one time base |
 //! | [`step_response`] | the steps, bounded, and stopped whatever happens |
 //! | [`temporary_mode`] | the EEPROM's mode changed for the steps, and restored whatever happens |
 //! | [`drive_model`] | gain, dead zone and two equal lags from the samples |
@@ -15,7 +14,6 @@ pub mod battery;
 pub mod drive_model;
 pub mod export;
 pub mod gains;
-pub mod samples;
 pub mod step_response;
 pub mod temporary_mode;
 

@@ -2,14 +2,13 @@
 //! ends them early, the robot is told zero percent and then nothing more, so that its stop deadline
 //! holds the motors.
 
-use super::samples::Recorder;
-use host_link::board_io::Wires;
 use host_link::error::Error;
-use host_link::session::{Session, Wish};
+use host_link::samples::SampleRecorder;
+use host_link::session::{CommandRequest, Session};
 
 /// Which steps.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct StepPlan {
     /// Levels of duty, percent, 1 to 100; each goes one way and then the other.
     pub levels: Vec<f64>,
     /// Seconds of each step.
@@ -25,16 +24,16 @@ pub const LONGEST_S: f64 = 3.0;
 
 /// Frames in a row without a valid reply that end the steps: a fifth of a second at 40 Hz, less than
 /// the robot's own stop deadline.
-const DEAF_FRAMES: u32 = 8;
+const MAX_UNANSWERED: u32 = 8;
 
 /// In the tuning modes the log has a sample every 10 ms; without any for this long, microseconds,
 /// nothing is heard of it.
-const MUTE_US: u64 = 500_000;
+const LOG_TIMEOUT_US: u64 = 500_000;
 
 /// Beyond this multiple of the travel from where it all began, something is wrong.
-const STRAY: f64 = 2.0;
+const MAX_STRAY: f64 = 2.0;
 
-impl Plan {
+impl StepPlan {
     /// # Errors
     /// [`Error::Usage`] names the figure and what is accepted.
     pub fn check(&self) -> Result<(), Error> {
@@ -66,21 +65,21 @@ impl Plan {
 /// [`Error::Usage`] for a plan that is not accepted; those of [`Session::exchange`];
 /// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Tuning`] without
 /// samples in the log or when the robot strays. On each of them, and on a panic, it is stopped first.
-pub fn run<W: Wires>(
-    session: &mut Session<'_, W>,
-    plan: &Plan,
+pub fn run(
+    session: &mut Session<'_>,
+    plan: &StepPlan,
     mut watch: impl FnMut(f64),
-) -> Result<Recorder, Error> {
+) -> Result<SampleRecorder, Error> {
     plan.check()?;
-    let mut stepping = Stepping {
+    let mut stepping = StepRunner {
         session,
-        recorder: Recorder::default(),
+        recorder: SampleRecorder::default(),
         unanswered: 0,
-        heard_us: None,
+        sampled_us: None,
         origin: None,
     };
     // What the log said before belongs to no step.
-    stepping.session.log()?;
+    stepping.session.read_log()?;
     for level in &plan.levels {
         for percent in [*level, -level] {
             stepping.hold(0.0, plan.rest_s, plan.travel)?;
@@ -93,15 +92,15 @@ pub fn run<W: Wires>(
 }
 
 /// A robot under duty: dropped, it is told zero percent.
-struct Stepping<'s, 'm, W: Wires> {
-    session: &'s mut Session<'m, W>,
-    recorder: Recorder,
+struct StepRunner<'s, 'm> {
+    session: &'s mut Session<'m>,
+    recorder: SampleRecorder,
     unanswered: u32,
-    heard_us: Option<u64>,
+    sampled_us: Option<u64>,
     origin: Option<f64>,
 }
 
-impl<W: Wires> Stepping<'_, '_, W> {
+impl StepRunner<'_, '_> {
     /// `percent` for `seconds`, or until it went `travel` far.
     fn hold(&mut self, percent: f64, seconds: f64, travel: f64) -> Result<(), Error> {
         let begun_us = self.session.now_us();
@@ -112,18 +111,19 @@ impl<W: Wires> Stepping<'_, '_, W> {
             let samples = self.recorder.samples().len();
             self.listen()?;
             if self.recorder.samples().len() > samples {
-                self.heard_us = Some(now_us);
-            } else if now_us.saturating_sub(*self.heard_us.get_or_insert(now_us)) > MUTE_US {
+                self.sampled_us = Some(now_us);
+            } else if now_us.saturating_sub(*self.sampled_us.get_or_insert(now_us)) > LOG_TIMEOUT_US
+            {
                 return Err(Error::Tuning(
                     "no sample came from the STM's log; check its wire, the slide switch and --uart"
                         .into(),
                 ));
             }
             if let Some(value) = measured {
-                if (value - *self.origin.get_or_insert(value)).abs() > STRAY * travel {
+                if (value - *self.origin.get_or_insert(value)).abs() > MAX_STRAY * travel {
                     return Err(Error::Tuning(format!(
                         "the robot is further than {} from where it began",
-                        STRAY * travel
+                        MAX_STRAY * travel
                     )));
                 }
                 if percent != 0.0 && (value - *from.get_or_insert(value)).abs() >= travel {
@@ -139,30 +139,30 @@ impl<W: Wires> Stepping<'_, '_, W> {
 
     /// One frame; the measurement if the reply was valid.
     fn frame(&mut self, percent: f64) -> Result<Option<f64>, Error> {
-        let wish = Wish {
+        let request = CommandRequest {
             percent,
-            ..Wish::default()
+            ..CommandRequest::default()
         };
-        if self.session.exchange(&wish)?.is_some() {
+        if self.session.exchange(&request)?.is_some() {
             self.unanswered = 0;
             return Ok(self.session.snapshot().measurement);
         }
         self.unanswered += 1;
-        if self.unanswered >= DEAF_FRAMES {
-            return Err(self.session.silence());
+        if self.unanswered >= MAX_UNANSWERED {
+            return Err(self.session.silent_error());
         }
         Ok(None)
     }
 
     fn listen(&mut self) -> Result<(), Error> {
-        let bytes = self.session.log()?;
+        let bytes = self.session.read_log()?;
         self.recorder.feed(&bytes);
         Ok(())
     }
 }
 
-impl<W: Wires> Drop for Stepping<'_, '_, W> {
+impl Drop for StepRunner<'_, '_> {
     fn drop(&mut self) {
-        self.session.halt();
+        self.session.stop();
     }
 }

@@ -4,7 +4,7 @@
 use super::Axis;
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::Mode;
-use host_link::board_io::{Interrupt, Machine, Wires};
+use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
 use host_link::settings::{self, Settings};
@@ -13,7 +13,7 @@ use host_link::settings::{self, Settings};
 ///
 /// # Errors
 /// [`Error::Rejected`] for an image that is none.
-pub fn with_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Image, Error> {
+pub fn edit_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Image, Error> {
     let Settings {
         mut config,
         platform_page,
@@ -35,8 +35,8 @@ pub fn with_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Im
 ///
 /// # Errors
 /// Those of [`eeprom::read`] and [`eeprom::program`], and of the note's file.
-pub fn repair<W: Wires>(
-    machine: &mut Machine<W>,
+pub fn restore_after_kill(
+    io: &mut BoardIo,
     note: &Journal,
     ready_timeout_ms: u32,
 ) -> Result<bool, Error> {
@@ -44,23 +44,23 @@ pub fn repair<W: Wires>(
         return Ok(false);
     }
     let original = image::load(note.path())?;
-    let present = eeprom::read(machine)?;
+    let present = eeprom::read(io)?;
     // What does not decode was left half-written.
     let left = settings::decode(&present).is_err()
         || [Axis::Rotate, Axis::Move].into_iter().any(|axis| {
-            with_config(&original, |config| config.mode = axis.mode())
-                .is_ok_and(|borrowed| borrowed == present)
+            edit_config(&original, |config| config.mode = axis.mode())
+                .is_ok_and(|guard| guard == present)
         });
     if left {
-        eeprom::program(machine, &original, ready_timeout_ms, None, |_| {})?;
+        eeprom::program(io, &original, ready_timeout_ms, None, |_| {})?;
     }
     note.end()?;
     Ok(left)
 }
 
-/// The borrowed mode: dropped, the EEPROM holds `original` again and the STM has been reset.
-struct Borrowed<'m, W: Wires> {
-    machine: &'m mut Machine<W>,
+/// The guard mode: dropped, the EEPROM holds `original` again and the STM has been reset.
+struct ModeGuard<'m> {
+    io: &'m mut BoardIo,
     original: &'m Image,
     note: Option<&'m Journal>,
     ready_timeout_ms: u32,
@@ -73,56 +73,56 @@ struct Borrowed<'m, W: Wires> {
 /// # Errors
 /// Those of [`eeprom::program`] and of `work`; [`Error::NotRestored`] if the way back fails (it
 /// carries the error of `work`, if any).
-pub fn with<W: Wires, T>(
-    machine: &mut Machine<W>,
+pub fn with_mode<T>(
+    io: &mut BoardIo,
     original: &Image,
     mode: Mode,
     note: Option<&Journal>,
     ready_timeout_ms: u32,
-    work: impl FnOnce(&mut Machine<W>, Config) -> Result<T, Error>,
+    work: impl FnOnce(&mut BoardIo, Config) -> Result<T, Error>,
 ) -> Result<T, Error> {
-    let image = with_config(original, |config| config.mode = mode)?;
+    let image = edit_config(original, |config| config.mode = mode)?;
     let config = settings::decode(&image)?;
     if let Some(note) = note {
         note.begin(original)?;
     }
-    let mut borrowed = Borrowed {
-        machine,
+    let mut guard = ModeGuard {
+        io,
         original,
         note,
         ready_timeout_ms,
         restored: false,
     };
-    let outcome = eeprom::program(borrowed.machine, &image, ready_timeout_ms, None, |_| {})
-        .and_then(|_| work(borrowed.machine, config));
-    match (outcome, borrowed.restore()) {
+    let outcome = eeprom::program(guard.io, &image, ready_timeout_ms, None, |_| {})
+        .and_then(|_| work(guard.io, config));
+    match (outcome, guard.restore()) {
         (outcome, Ok(())) => outcome,
         (outcome, Err(error)) => Err(Error::NotRestored {
-            step: "bringing the EEPROM's mode back (`host-link tune rollback` tries again)",
+            step: "bringing the EEPROM's mode back (`robot tune rollback` tries again)",
             cause: error.to_string(),
             first: outcome.err().map(Box::new),
         }),
     }
 }
 
-impl<W: Wires> Borrowed<'_, W> {
+impl ModeGuard<'_> {
     fn restore(&mut self) -> Result<(), Error> {
         // A Ctrl-C that ended the work must not end this too.
-        let interrupt = std::mem::replace(&mut self.machine.interrupt, Interrupt::new());
+        let interrupt = std::mem::replace(&mut self.io.interrupt, Interrupt::new());
         let timeout = self.ready_timeout_ms;
-        let first = eeprom::program(self.machine, self.original, timeout, None, |_| {});
+        let first = eeprom::program(self.io, self.original, timeout, None, |_| {});
         let outcome = match first {
-            Err(_) => eeprom::program(self.machine, self.original, timeout, None, |_| {}),
+            Err(_) => eeprom::program(self.io, self.original, timeout, None, |_| {}),
             done => done,
         };
-        self.machine.interrupt = interrupt;
+        self.io.interrupt = interrupt;
         self.restored = true;
         outcome?;
         self.note.map_or(Ok(()), Journal::end)
     }
 }
 
-impl<W: Wires> Drop for Borrowed<'_, W> {
+impl Drop for ModeGuard<'_> {
     fn drop(&mut self) {
         if !self.restored {
             // Only on the way out of a panic, which is what will be reported.

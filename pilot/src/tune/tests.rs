@@ -3,12 +3,12 @@
 
 use super::*;
 use fw_core::eeprom::{first_board, Image};
-use host_link::board_io::Machine;
+use host_link::board_io::BoardIo;
 use host_link::error::Error;
-use host_link::mock_board::{machine, Board, Doubles, Mishap};
+use host_link::mock_board::{mock_board, IoFault, MockBoard};
+use host_link::samples::{Sample, SampleRecorder};
 use host_link::session::Session;
 use host_link::settings::Settings;
-use samples::{Recorder, Sample};
 use std::panic::{catch_unwind, AssertUnwindSafe};
 
 fn original() -> Image {
@@ -19,8 +19,8 @@ fn original() -> Image {
     .image()
 }
 
-fn plan() -> step_response::Plan {
-    step_response::Plan {
+fn plan() -> step_response::StepPlan {
+    step_response::StepPlan {
         levels: vec![50.0, 100.0],
         hold_s: 0.5,
         rest_s: 0.3,
@@ -28,43 +28,43 @@ fn plan() -> step_response::Plan {
     }
 }
 
-fn tune(machine: &mut Machine<Doubles>, plan: &step_response::Plan) -> Result<Recorder, Error> {
-    temporary_mode::with(
-        machine,
+fn tune(io: &mut BoardIo, plan: &step_response::StepPlan) -> Result<SampleRecorder, Error> {
+    temporary_mode::with_mode(
+        io,
         &original(),
         Mode::TuneRotate,
         None,
         100,
-        |machine, config| {
-            let mut session = Session::with_config(machine, config, 40);
+        |io, config| {
+            let mut session = Session::with_config(io, config, 40);
             step_response::run(&mut session, plan, |_| {})
         },
     )
 }
 
 #[track_caller]
-fn assert_as_before(board: &Board, mishap: Option<Mishap>) {
-    assert!(board.memory == original(), "EEPROM after {mishap:?}");
+fn assert_as_before(board: &MockBoard, fault: Option<IoFault>) {
+    assert!(board.memory == original(), "EEPROM after {fault:?}");
     assert!(
         board.protected && !board.selected && !board.in_reset,
-        "{mishap:?}"
+        "{fault:?}"
     );
     if let Some(last) = board.commands.last() {
-        assert_eq!(last.percent.0, 0, "{mishap:?}");
+        assert_eq!(last.percent.0, 0, "{fault:?}");
     }
 }
 
 fn calls() -> usize {
-    let (board, mut machine) = machine(&original(), None);
-    tune(&mut machine, &plan()).unwrap();
+    let (board, mut io) = mock_board(&original(), None);
+    tune(&mut io, &plan()).unwrap();
     let calls = board.borrow().calls;
     calls
 }
 
 #[test]
 fn steps_give_the_drive_of_the_doubles() {
-    let (board, mut machine) = machine(&original(), None);
-    let recorder = tune(&mut machine, &plan()).unwrap();
+    let (board, mut io) = mock_board(&original(), None);
+    let recorder = tune(&mut io, &plan()).unwrap();
     assert_as_before(&board.borrow(), None);
     let steps = drive_model::steps(recorder.samples());
     assert_eq!(
@@ -80,14 +80,14 @@ fn steps_give_the_drive_of_the_doubles() {
 #[test]
 fn ctrl_c_anywhere_stops_the_robot_and_restores_the_mode() {
     for at in (0..calls()).step_by(3) {
-        let mishap = Some(Mishap::Interrupt(at));
-        let (board, mut machine) = machine(&original(), mishap);
-        let outcome = tune(&mut machine, &plan());
-        assert_as_before(&board.borrow(), mishap);
+        let fault = Some(IoFault::Interrupt(at));
+        let (board, mut io) = mock_board(&original(), fault);
+        let outcome = tune(&mut io, &plan());
+        assert_as_before(&board.borrow(), fault);
         // Once the steps are over there is nothing left to interrupt.
         assert!(
             matches!(outcome, Ok(_) | Err(Error::Interrupted)),
-            "{mishap:?}"
+            "{fault:?}"
         );
     }
 }
@@ -96,21 +96,21 @@ fn ctrl_c_anywhere_stops_the_robot_and_restores_the_mode() {
 fn a_panic_anywhere_stops_the_robot_and_restores_the_mode() {
     // Not in the way back itself: a panic while a panic is handled ends the process.
     for at in (0..calls() - 150).step_by(3) {
-        let mishap = Some(Mishap::Panic(at));
-        let (board, mut machine) = machine(&original(), mishap);
-        let outcome = catch_unwind(AssertUnwindSafe(|| tune(&mut machine, &plan())));
-        assert!(outcome.is_err(), "{mishap:?}");
-        assert_as_before(&board.borrow(), mishap);
+        let fault = Some(IoFault::Panic(at));
+        let (board, mut io) = mock_board(&original(), fault);
+        let outcome = catch_unwind(AssertUnwindSafe(|| tune(&mut io, &plan())));
+        assert!(outcome.is_err(), "{fault:?}");
+        assert_as_before(&board.borrow(), fault);
     }
 }
 
 #[test]
 fn one_failing_call_anywhere_is_survived_or_stops_the_robot() {
     for at in (0..calls()).step_by(3) {
-        let mishap = Some(Mishap::FailOnce(at));
-        let (board, mut machine) = machine(&original(), mishap);
-        let _ = tune(&mut machine, &plan());
-        assert!(board.borrow().memory == original(), "{mishap:?}");
+        let fault = Some(IoFault::FailOnce(at));
+        let (board, mut io) = mock_board(&original(), fault);
+        let _ = tune(&mut io, &plan());
+        assert!(board.borrow().memory == original(), "{fault:?}");
         assert!(board.borrow().protected && !board.borrow().selected);
     }
 }
@@ -118,8 +118,8 @@ fn one_failing_call_anywhere_is_survived_or_stops_the_robot() {
 #[test]
 fn buses_that_die_leave_an_error_that_says_so() {
     for at in (0..calls()).step_by(7) {
-        let (board, mut machine) = machine(&original(), Some(Mishap::BusesDie(at)));
-        let outcome = tune(&mut machine, &plan());
+        let (board, mut io) = mock_board(&original(), Some(IoFault::BusesFail(at)));
+        let outcome = tune(&mut io, &plan());
         let board = board.borrow();
         assert!(board.protected && !board.selected && !board.in_reset);
         if board.memory != original() {
@@ -132,32 +132,35 @@ fn buses_that_die_leave_an_error_that_says_so() {
 fn a_killed_tuning_is_repaired_but_what_was_written_since_stays() {
     let path = std::env::temp_dir().join(format!("host-link-note-{}", std::process::id()));
     let note = host_link::eeprom::journal::Journal::new(&path);
-    let borrowed =
-        temporary_mode::with_config(&original(), |config| config.mode = Mode::TuneMove).unwrap();
+    let guard =
+        temporary_mode::edit_config(&original(), |config| config.mode = Mode::TuneMove).unwrap();
     let newer =
-        temporary_mode::with_config(&original(), |config| config.mode = Mode::GuardedNormal)
+        temporary_mode::edit_config(&original(), |config| config.mode = Mode::GuardedNormal)
             .unwrap();
     let mut half_written = original();
     half_written[0x0C] = 0x77;
-    for (present, repaired) in [(borrowed, true), (half_written, true), (newer, false)] {
+    for (present, repaired) in [(guard, true), (half_written, true), (newer, false)] {
         note.begin(&original()).unwrap();
-        let (board, mut machine) = machine(&present, None);
+        let (board, mut io) = mock_board(&present, None);
         assert_eq!(
-            temporary_mode::repair(&mut machine, &note, 100),
+            temporary_mode::restore_after_kill(&mut io, &note, 100),
             Ok(repaired)
         );
         let expected = if repaired { original() } else { present };
         assert!(board.borrow().memory == expected);
         assert!(!note.unfinished());
-        assert_eq!(temporary_mode::repair(&mut machine, &note, 100), Ok(false));
+        assert_eq!(
+            temporary_mode::restore_after_kill(&mut io, &note, 100),
+            Ok(false)
+        );
     }
 }
 
 #[test]
 fn a_link_lost_during_a_step_ends_it_within_a_fifth_of_a_second() {
-    let (board, mut machine) = machine(&original(), None);
-    board.borrow_mut().deaf_from = 20;
-    let outcome = tune(&mut machine, &plan());
+    let (board, mut io) = mock_board(&original(), None);
+    board.borrow_mut().garbled_from = 20;
+    let outcome = tune(&mut io, &plan());
     assert!(matches!(outcome, Err(Error::Silent { .. })), "{outcome:?}");
     let board = board.borrow();
     assert_as_before(&board, None);
@@ -172,11 +175,11 @@ fn a_link_lost_during_a_step_ends_it_within_a_fifth_of_a_second() {
 
 #[test]
 fn without_a_log_there_is_no_step() {
-    let (board, mut machine) = machine(&original(), None);
-    board.borrow_mut().speaks = false;
+    let (board, mut io) = mock_board(&original(), None);
+    board.borrow_mut().log_connected = false;
     let mut plan = plan();
     plan.rest_s = 0.8;
-    let outcome = tune(&mut machine, &plan);
+    let outcome = tune(&mut io, &plan);
     assert!(matches!(outcome, Err(Error::Tuning(_))), "{outcome:?}");
     let board = board.borrow();
     assert_as_before(&board, None);
@@ -186,13 +189,13 @@ fn without_a_log_there_is_no_step() {
 
 #[test]
 fn a_step_ends_at_its_travel() {
-    let (board, mut machine) = machine(&original(), None);
-    let plan = step_response::Plan {
+    let (board, mut io) = mock_board(&original(), None);
+    let plan = step_response::StepPlan {
         travel: 20.0,
         hold_s: 2.0,
         ..plan()
     };
-    let recorder = tune(&mut machine, &plan).unwrap();
+    let recorder = tune(&mut io, &plan).unwrap();
     for step in drive_model::steps(recorder.samples()) {
         let furthest = step.way.last().unwrap().1.abs();
         // A frame's delay at full speed.
@@ -203,28 +206,28 @@ fn a_step_ends_at_its_travel() {
 
 #[test]
 fn plans_that_are_not_safe_are_refused() {
-    let refused = |plan: step_response::Plan| assert!(plan.check().is_err(), "{plan:?}");
-    refused(step_response::Plan {
+    let refused = |plan: step_response::StepPlan| assert!(plan.check().is_err(), "{plan:?}");
+    refused(step_response::StepPlan {
         hold_s: 10.0,
         ..plan()
     });
-    refused(step_response::Plan {
+    refused(step_response::StepPlan {
         hold_s: f64::NAN,
         ..plan()
     });
-    refused(step_response::Plan {
+    refused(step_response::StepPlan {
         travel: f64::INFINITY,
         ..plan()
     });
-    refused(step_response::Plan {
+    refused(step_response::StepPlan {
         levels: vec![50.0, 120.0],
         ..plan()
     });
-    refused(step_response::Plan {
+    refused(step_response::StepPlan {
         levels: vec![50.0, f64::NAN],
         ..plan()
     });
-    refused(step_response::Plan {
+    refused(step_response::StepPlan {
         levels: vec![50.0],
         ..plan()
     });
@@ -232,7 +235,7 @@ fn plans_that_are_not_safe_are_refused() {
 
 /// Steps of a known drive, with noise of ±`noise`.
 fn synthetic(gain: f64, dead_zone: f64, lag: f64, noise: f64) -> Vec<Sample> {
-    let known = drive_model::Model {
+    let known = drive_model::DriveModel {
         gain,
         dead_zone,
         lag_s: lag,
@@ -329,7 +332,7 @@ fn what_is_no_drive_is_refused_with_a_reason() {
 fn proposed_gains_settle_with_the_overshoot_of_their_damping() {
     for axis in [Axis::Rotate, Axis::Move] {
         for (gain, lag) in [(1.0, 0.1), (1.8, 0.15), (3.0, 0.2)] {
-            let model = drive_model::Model {
+            let model = drive_model::DriveModel {
                 gain,
                 dead_zone: 20.0,
                 lag_s: lag,
@@ -352,18 +355,21 @@ fn proposed_gains_settle_with_the_overshoot_of_their_damping() {
 
 #[test]
 fn the_battery_s_resistor_comes_from_the_log() {
-    let (board, mut machine) = machine(&original(), None);
-    let mut session = Session::open(&mut machine, 40, 100).unwrap();
-    assert_eq!(battery::ask(&mut session, 2, 3.7), Ok(33_120));
+    let (board, mut io) = mock_board(&original(), None);
+    let mut session = Session::open(&mut io, 40, 100).unwrap();
+    assert_eq!(
+        battery::measure_upper_resistor(&mut session, 2, 3.7),
+        Ok(33_120)
+    );
     let asked = board.borrow().commands.last().unwrap().tune;
     assert_eq!((asked.cell, asked.voltage), (1, 740));
     for (cell, volts) in [(0, 3.7), (3, 3.7), (1, 0.0), (1, 41.0), (1, f64::NAN)] {
         assert!(matches!(
-            battery::ask(&mut session, cell, volts),
+            battery::measure_upper_resistor(&mut session, cell, volts),
             Err(Error::Usage(_))
         ));
     }
-    board.borrow_mut().speaks = false;
-    let mute = battery::ask(&mut session, 1, 3.7);
+    board.borrow_mut().log_connected = false;
+    let mute = battery::measure_upper_resistor(&mut session, 1, 3.7);
     assert!(matches!(mute, Err(Error::Tuning(_))), "{mute:?}");
 }

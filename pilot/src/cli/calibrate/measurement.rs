@@ -1,156 +1,130 @@
-//! What every calibration does: asks, drives, measures, writes.
+//! The steps that every calibration has: confirm, drive, measure, write.
 
-use crate::cli::args::{measured, MeasureWith, Measuring, Robot};
-use crate::cli::output::Output;
-use crate::cli::tune::{apply, Kept};
+use crate::cli::args::{parse_measured, MeasureWith, Measuring};
+use crate::cli::connection::{Connection, Context};
+use crate::cli::tune::{apply, restore_mode};
 use crate::cli::{monitor, prompt};
-use fw_core::eeprom::{encode, Image};
-use host_link::board_io::{Machine, Wires};
-use host_link::drive::Terms;
-use host_link::eeprom::{self, journal::Journal};
+use fw_core::eeprom::Image;
+use host_link::board_io::BoardIo;
+use host_link::drive::ArrivalCriteria;
+use host_link::eeprom;
 use host_link::error::Error;
-use host_link::pose::Place;
-use host_link::session::Session;
-use host_link::settings::{decode, Change};
+use host_link::pose::Pose;
+use host_link::settings::{Change, Settings};
 use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run;
-use pilot::calibrate::wheel_geometry::Geometry;
-use pilot::calibrate::wheel_path::Path;
+use pilot::calibrate::wheel_geometry::WheelGeometry;
+use pilot::calibrate::wheel_path::WheelPath;
 
-/// The robot on the floor, and who measures there.
+/// How the runs of a calibration are confirmed, driven and measured.
 #[derive(Clone, Copy)]
-pub struct Floor<'a> {
+pub struct Measurement<'a> {
     measuring: &'a Measuring,
-    pub robot: &'a Robot,
-    pub output: Output,
-    kept: &'a Kept,
+    pub context: Context<'a>,
 }
 
-impl<'a> Floor<'a> {
-    pub fn new(
-        measuring: &'a Measuring,
-        robot: &'a Robot,
-        output: Output,
-        kept: &'a Kept,
-    ) -> Result<Self, Error> {
+impl<'a> Measurement<'a> {
+    /// # Errors
+    /// [`Error::Usage`] for options that exclude each other.
+    pub fn new(measuring: &'a Measuring, context: Context<'a>) -> Result<Self, Error> {
         let truth = measuring.measure_with == MeasureWith::Truth;
-        if truth && !robot.board.chosen {
-            return Err(Error::Usage(
-                "--measure-with truth: only the virtual robot has somebody who sees the truth"
-                    .into(),
-            ));
+        if truth && !context.board.virtual_board.chosen {
+            let what =
+                "--measure-with truth needs --virtual: only the virtual robot knows the truth";
+            return Err(Error::Usage(what.into()));
         }
         if !truth && measuring.noise != 0.0 {
-            return Err(Error::Usage(
-                "--noise: a person's tape has its own; it is for --measure-with truth".into(),
-            ));
+            let what = "--noise needs --measure-with truth: a tape measure has its own noise";
+            return Err(Error::Usage(what.into()));
         }
-        Ok(Self {
-            measuring,
-            robot,
-            output,
-            kept,
-        })
+        Ok(Self { measuring, context })
     }
 
-    /// Mends what an earlier run left half done; the robot's image, and its figures.
-    pub fn begin<W: Wires>(&self, machine: &mut Machine<W>) -> Result<(Image, Geometry), Error> {
-        self.kept.repair(machine, self.robot.ready_timeout)?;
-        let original = eeprom::read(machine)?;
-        let before = Geometry::of(&decode(&original)?);
+    /// Restores what an earlier run left half done; the robot's image, and its wheels.
+    pub fn begin(&self, io: &mut BoardIo) -> Result<(Image, WheelGeometry), Error> {
+        restore_mode(io, self.context)?;
+        let original = eeprom::read(io)?;
+        let before = WheelGeometry::from_config(&Settings::from_image(&original)?.config);
         Ok((original, before))
     }
 
     /// Asks before anything moves.
-    pub fn agreed<W: Wires>(&self, machine: &Machine<W>, what: &str) -> Result<(), Error> {
+    pub fn confirm(&self, io: &BoardIo, what: &str) -> Result<(), Error> {
         let question = format!("{what} Keep hands off the wheels, Ctrl-C stops it. Drive?");
-        if self.measuring.yes || prompt::whether(&question, &machine.interrupt, self.output)? {
+        if self.measuring.yes || prompt::confirm(&question, &io.interrupt, self.context.output)? {
             return Ok(());
         }
-        Err(Error::Usage("nothing was driven: nobody agreed".into()))
+        Err(Error::Usage("not driven: not confirmed".into()))
     }
 
-    /// Drives `way`, from a new conversation: minutes may have passed since the last frame.
-    pub fn drive<W: Wires>(&self, machine: &mut Machine<W>, way: &[Place]) -> Result<Path, Error> {
-        let mut session = Session::open(machine, self.robot.rate, self.robot.ready_timeout)?;
-        let path = run::run(&mut session, way, &Terms::default(), |reached| {
-            if way.len() > 1 {
-                self.output
-                    .live(&format!("corner {reached} of {}", way.len()));
+    /// Drives the way-points in a new session: minutes may have passed since the last frame.
+    pub fn drive(&self, io: &mut BoardIo, waypoints: &[Pose]) -> Result<WheelPath, Error> {
+        let output = self.context.output;
+        let mut session = self.context.open_session(io)?;
+        let criteria = ArrivalCriteria::default();
+        let path = run::run(&mut session, waypoints, &criteria, |reached| {
+            if waypoints.len() > 1 {
+                output.live(&format!("corner {reached} of {}", waypoints.len()));
             }
         });
-        self.output.live("");
+        output.live("");
         let path = path?;
-        self.output.remark(&monitor::line(session.snapshot()));
+        output.message(&monitor::line(session.snapshot()));
         Ok(path)
     }
 
     /// Back to the marks.
-    pub fn put_back<W: Wires>(&self, machine: &mut Machine<W>) -> Result<(), Error> {
-        match (self.measuring.measure_with, &mut machine.tape) {
-            (MeasureWith::Truth, Some(tape)) => {
-                tape.put_back();
-                Ok(())
-            }
-            _ => prompt::until(
-                "Lift the robot back on its marks, facing as at the start, and press Enter.",
-                &machine.interrupt,
-                self.output,
-                |_| Ok(()),
-            ),
+    pub fn put_back(&self, connection: &mut Connection) -> Result<(), Error> {
+        if let (MeasureWith::Truth, Some(truth)) =
+            (self.measuring.measure_with, &mut connection.truth)
+        {
+            truth.put_back();
+            return Ok(());
         }
-    }
-
-    /// Where it stands, seen from the marks.
-    pub fn measure<W: Wires>(
-        &self,
-        machine: &mut Machine<W>,
-        question: &str,
-    ) -> Result<Measured, Error> {
-        match (self.measuring.measure_with, &mut machine.tape) {
-            (MeasureWith::Truth, Some(tape)) => {
-                let spot = tape.measure(self.measuring.noise);
-                Ok(Measured {
-                    ahead_mm: spot.ahead_mm,
-                    left_mm: Some(spot.left_mm),
-                })
-            }
-            _ => prompt::until(question, &machine.interrupt, self.output, measured),
-        }
-    }
-
-    /// The image with other figures; an original one gets its page 0x03 with them.
-    fn image(original: &Image, figures: &Geometry) -> Result<Image, Error> {
-        let mut config = decode(original)?;
-        figures.put(&mut config);
-        let mut wanted = *original;
-        encode(&config, &mut wanted);
-        decode(&wanted)?;
-        Ok(wanted)
-    }
-
-    /// Shows the figures, asks, and writes them.
-    pub fn write<W: Wires>(
-        &self,
-        machine: &mut Machine<W>,
-        original: &Image,
-        figures: &Geometry,
-        journal: &Journal,
-    ) -> Result<(Vec<Change>, bool), Error> {
-        apply(
-            machine,
-            (original, &Self::image(original, figures)?),
-            (self.measuring.yes, self.measuring.dry_run),
-            (self.kept, journal),
-            self.robot.ready_timeout,
-            self.output,
+        prompt::ask(
+            "Lift the robot back on its marks, facing as at the start, and press Enter.",
+            &connection.io.interrupt,
+            self.context.output,
+            |_| Ok(()),
         )
     }
 
+    /// Where it stands, seen from the marks.
+    pub fn measure(&self, connection: &mut Connection, question: &str) -> Result<Measured, Error> {
+        if let (MeasureWith::Truth, Some(truth)) =
+            (self.measuring.measure_with, &mut connection.truth)
+        {
+            let end = truth.measure(self.measuring.noise);
+            return Ok(Measured {
+                ahead_mm: end.ahead_mm,
+                left_mm: Some(end.left_mm),
+            });
+        }
+        let interrupt = &connection.io.interrupt;
+        prompt::ask(question, interrupt, self.context.output, parse_measured)
+    }
+
+    /// Shows the wheels' figures, asks, and writes them. An original image gets its page 0x03.
+    pub fn write(
+        &self,
+        connection: &mut Connection,
+        original: &Image,
+        wheels: &WheelGeometry,
+    ) -> Result<(Vec<Change>, bool), Error> {
+        let mut wanted = *original;
+        let mut config = Settings::from_image(original)?.config;
+        wheels.apply_to(&mut config);
+        fw_core::eeprom::encode(&config, &mut wanted);
+        Settings::from_image(&wanted)?;
+        let consent = (self.measuring.yes, self.measuring.dry_run);
+        apply(connection, (original, &wanted), consent, self.context)
+    }
+
     /// Whether to drive once more.
-    pub fn verifies<W: Wires>(&self, machine: &Machine<W>) -> Result<bool, Error> {
-        let question = "Put the robot back on its marks. Drive once more to see how good it is?";
+    pub fn verifies(&self, io: &BoardIo) -> Result<bool, Error> {
+        let question = "Put the robot back on its marks. Drive once more to verify?";
+        let output = self.context.output;
         Ok(!self.measuring.no_verify
-            && (self.measuring.yes || prompt::whether(question, &machine.interrupt, self.output)?))
+            && (self.measuring.yes || prompt::confirm(question, &io.interrupt, output)?))
     }
 }

@@ -4,37 +4,26 @@ mod distance;
 mod measurement;
 mod umbmark;
 
-use super::args::{Calibrate, Robot};
-use super::connection;
-use super::output::Output;
-use super::tune::{Kept, Rollback};
-use distance::Distance;
-use host_link::error::{Error, Exit};
-use measurement::Floor;
-use pilot::calibrate::run::check;
-use umbmark::Umbmark;
+use super::args::Calibrate;
+use super::connection::Context;
+use super::tune::rollback;
+use host_link::error::Error;
+use measurement::Measurement;
+use pilot::calibrate::run::check_length;
 
 /// Runs one of the commands.
-pub fn run(command: &Calibrate, robot: &Robot, output: Output) -> Result<Exit, Error> {
-    let kept = &Kept::of(robot);
+pub fn run(command: &Calibrate, context: Context<'_>) -> Result<(), Error> {
     match command {
         Calibrate::Distance(arguments) => {
-            check("a length of", arguments.length)?;
-            let floor = Floor::new(&arguments.measuring, robot, output, kept)?;
-            connection::with_machine(robot, Distance { arguments, floor })
+            check_length("a length of", arguments.length)?;
+            let measurement = Measurement::new(&arguments.measuring, context)?;
+            context.with_board(|connection| distance::run(arguments, measurement, connection))
         }
         Calibrate::Umbmark(arguments) => {
-            check("a side of", arguments.side)?;
-            let floor = Floor::new(&arguments.measuring, robot, output, kept)?;
-            connection::with_machine(robot, Umbmark { arguments, floor })
+            check_length("a side of", arguments.side)?;
+            let measurement = Measurement::new(&arguments.measuring, context)?;
+            context.with_board(|connection| umbmark::run(arguments, measurement, connection))
         }
-        Calibrate::Rollback => connection::with_machine(
-            robot,
-            Rollback {
-                kept,
-                robot,
-                output,
-            },
-        ),
+        Calibrate::Rollback => context.with_board(|connection| rollback(connection, context)),
     }
 }

@@ -14,16 +14,16 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use std::{env, fs};
 
-use host_link::board_io::{Interrupt, Machine};
-use host_link::drive::{self, Terms};
+use host_link::board_io::{BoardIo, Interrupt};
+use host_link::drive::{self, ArrivalCriteria};
 use host_link::eeprom;
-use host_link::pose::Place;
+use host_link::pose::Pose;
 use host_link::session::{Session, RATE_HZ};
 use host_link::settings::Settings;
-use host_link::statistics::Statistics;
+use host_link::statistics::LinkStatistics;
 use mapper::{map_iou, map_plot, MapScore};
-use pilot::mapping::{mapper_config, Look, Survey};
-use pilot::virtual_board::{self, VirtualWires};
+use pilot::mapping::{mapper_config, Mapping, RangeSample};
+use pilot::virtual_board;
 use pose_error::Trail;
 use report::Report;
 use robot_tests::stack::Stack;
@@ -104,7 +104,7 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
     println!("1/5  boot with a blank EEPROM");
     let (board, stack) = boot_blank(&elf, arguments.seed, &room)?;
     println!("2/5  write {CONFIGURATION} to the EEPROM");
-    let mut machine = virtual_board::machine(&board, SPI_HZ, Interrupt::new());
+    let mut machine = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
     let reset_to_ready_ms = configure(&mut machine)?;
     println!(
         "3/5  drive {:.1} m through {} way-points",
@@ -179,7 +179,7 @@ fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<(Board, Stack), Box<
 }
 
 /// Writes the first board's configuration as `host-link eeprom write` does; milliseconds to READY.
-fn configure(machine: &mut Machine<VirtualWires>) -> Result<u32, Box<dyn Error>> {
+fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
     let settings = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("..")
         .join(CONFIGURATION);
@@ -194,32 +194,28 @@ fn configure(machine: &mut Machine<VirtualWires>) -> Result<u32, Box<dyn Error>>
 
 /// What a drive leaves.
 struct Drive {
-    survey: Survey,
+    survey: Mapping,
     trail: Trail,
-    link: Statistics,
+    link: LinkStatistics,
     virtual_seconds: f64,
     wall_seconds: f64,
 }
 
-fn drive_tour(
-    machine: &mut Machine<VirtualWires>,
-    board: &Board,
-    room: &Room,
-) -> Result<Drive, Box<dyn Error>> {
+fn drive_tour(machine: &mut BoardIo, board: &Board, room: &Room) -> Result<Drive, Box<dyn Error>> {
     let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
-    let mut survey = Survey::new(mapper_config(session.config(), CELL_MM));
+    let mut survey = Mapping::new(mapper_config(session.config(), CELL_MM));
     let mut trail = Trail::new(board, room);
-    let way: Vec<Place> = room.tour.iter().map(|pose| place(*pose)).collect();
+    let way: Vec<Pose> = room.tour.iter().map(|pose| place(*pose)).collect();
     let begun_us = board.now_us();
     let begun = Instant::now();
     drive::tour(
         &mut session,
         &way,
-        &Terms::default(),
+        &ArrivalCriteria::default(),
         |_, snapshot| {
-            if let Some(look) = Look::of(snapshot) {
+            if let Some(look) = RangeSample::of(snapshot) {
                 trail.note(board, look.pose);
-                survey.take(&look);
+                survey.add(&look);
             }
         },
         |index, arrival| {
@@ -259,8 +255,8 @@ fn draw(drive: &Drive, board: &Board, room: &Room, out: &Path) -> Result<MapScor
     Ok(map_iou(grid, &walls, TOLERANCE_MM))
 }
 
-fn place(pose: twin::plant::Pose2) -> Place {
-    Place {
+fn place(pose: twin::plant::Pose2) -> Pose {
+    Pose {
         x_mm: pose.x_mm,
         y_mm: pose.y_mm,
         rotation_deg: pose.heading_rad.to_degrees(),

@@ -1,6 +1,6 @@
 //! Where the robot believed it was against where it was.
 
-use host_link::pose::Place;
+use host_link::pose::Pose;
 use robot_tests::test_board::TIM5_CCR1;
 use twin::plant::{Pose2, Room};
 use twin::trace::What;
@@ -49,7 +49,7 @@ impl Trail {
 
     /// The reply of a frame that has just ended. Its pose is that of the tick before the frame; the
     /// truth of that instant is the truth now, rolled back by the wheels' speeds.
-    pub fn note(&mut self, board: &Board, believed: Place) {
+    pub fn note(&mut self, board: &Board, believed: Pose) {
         self.ticks.extend(
             board
                 .take_events()
@@ -81,19 +81,19 @@ impl Trail {
         let truth = self.place(&then);
         let late = self.place(&now.pose);
         self.last_mm = believed.distance_mm(truth);
-        self.last_deg = believed.turn_to_deg(truth).abs();
+        self.last_deg = believed.rotation_to_deg(truth).abs();
         self.worst_mm = self.worst_mm.max(self.last_mm);
         self.worst_deg = self.worst_deg.max(self.last_deg);
         self.late_mm = self.late_mm.max(believed.distance_mm(late));
-        self.late_deg = self.late_deg.max(believed.turn_to_deg(late).abs());
+        self.late_deg = self.late_deg.max(believed.rotation_to_deg(late).abs());
         self.believed.push(mapped(believed));
         self.true_path.push(mapped(truth));
     }
 
     /// A true pose in the robot's own frame.
-    fn place(&self, pose: &Pose2) -> Place {
+    fn place(&self, pose: &Pose2) -> Pose {
         let pose = pose.relative_to(&self.start);
-        Place {
+        Pose {
             x_mm: pose.x_mm,
             y_mm: pose.y_mm,
             rotation_deg: pose.heading_rad.to_degrees(),
@@ -101,6 +101,6 @@ impl Trail {
     }
 }
 
-fn mapped(place: Place) -> Pose2 {
+fn mapped(place: Pose) -> Pose2 {
     Pose2::new(place.x_mm, place.y_mm, place.rotation_deg.to_radians())
 }

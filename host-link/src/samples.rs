@@ -1,15 +1,15 @@
 //! The log's samples on one time base. The STM says one line a tick; its line numbers tell how many
 //! were lost on the way.
 
-use host_link::log::{Line, Lines};
+use crate::log::{LogLine, LogParser};
 
 /// Seconds from one sample to the next.
 pub const TICK_S: f64 = 0.01;
 
-/// A gap of more lines than this is none: a number was garbled, or the STM started anew.
+/// A gap of more lines than this is none: a number was malformed, or the STM started anew.
 const LONGEST_GAP: u32 = 500;
 
-/// Line numbers wrap here.
+/// LogLine numbers wrap here.
 const NUMBERS: u32 = 100_000;
 
 /// One sample.
@@ -33,15 +33,15 @@ impl Sample {
 
 /// What was recorded.
 #[derive(Clone, Debug, Default)]
-pub struct Recorder {
-    lines: Lines,
+pub struct SampleRecorder {
+    lines: LogParser,
     last: Option<u32>,
     tick: u32,
     samples: Vec<Sample>,
     lost: u32,
 }
 
-impl Recorder {
+impl SampleRecorder {
     /// Takes bytes of the log.
     pub fn feed(&mut self, bytes: &[u8]) {
         for line in self.lines.feed(bytes) {
@@ -49,7 +49,7 @@ impl Recorder {
         }
     }
 
-    fn take(&mut self, line: &Line) {
+    fn take(&mut self, line: &LogLine) {
         let number = line.number();
         if let Some(last) = self.last.replace(number) {
             let gap = (number + NUMBERS - last - 1) % NUMBERS;
@@ -59,7 +59,7 @@ impl Recorder {
                 self.lost = self.lost.saturating_add(gap);
             }
         }
-        if let Line::Sample { percent, value, .. } = *line {
+        if let LogLine::Sample { percent, value, .. } = *line {
             if !self.samples.is_empty() {
                 self.tick = self.tick.saturating_add(1);
             }
@@ -84,7 +84,7 @@ impl Recorder {
         &self.samples
     }
 
-    /// Lines lost since the first sample.
+    /// LogParser lost since the first sample.
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn lost_lines_keep_their_time_and_other_lines_take_none() {
-        let mut recorder = Recorder::default();
+        let mut recorder = SampleRecorder::default();
         recorder.feed(
             b"I99990: T 0.00 0.000\nI99997: T 0.00 0.000\nI99998: ready\nI99999: T 50.00 0.000\n\
               I000x0: T 50.00 1.000\nI00001: T 50.00 2.000\nI40000: T 50.00 3.000\nI00003: T 50.00 4.000\n",
