@@ -315,11 +315,7 @@ fn dying_freezing_or_holding_the_bus_on_the_way_it_drives_by_its_encoders_and_sa
         later(Mpu6050Fault::Silent),
         "gyro: no answer at 0x68",
     );
-    let _ = broken(
-        fitted,
-        later(Mpu6050Fault::Frozen),
-        "gyro: its data stand still",
-    );
+    let _ = broken(fitted, later(Mpu6050Fault::Frozen), "gyro: data frozen");
     let hold = |pulses: u32| {
         move |robot: &Robot| {
             robot.rig.board.run_us(1_000_000);

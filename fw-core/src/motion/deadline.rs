@@ -1,10 +1,10 @@
 //! The stop deadline: no fresh valid frame for the configured time, no motion.
 
 use crate::types::Micros;
-/// Watches how long the last fresh valid frame is ago. Once run out it stays so until a fresh
-/// frame, however long that takes: the clock's wrap after 71.6 minutes never makes silence fresh.
+/// Time since the last fresh valid frame, limited. Expired, it stays so until a fresh frame: the
+/// clock's wrap after 71.6 minutes never makes silence fresh.
 ///
-/// [`Self::expired`] must be asked at least every 35 minutes; the control tick does every 10 ms.
+/// [`Self::expired`] must be called at least every 35 minutes; the control tick does every 10 ms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopDeadline {
     /// Microseconds, below 2³¹.
@@ -14,7 +14,7 @@ pub struct StopDeadline {
 }
 
 impl StopDeadline {
-    /// Run out from the start: nothing moves before the first frame. `milliseconds` up to 65 535.
+    /// Expired until the first frame.
     #[must_use]
     pub const fn new(milliseconds: u16) -> Self {
         Self {
@@ -30,10 +30,10 @@ impl StopDeadline {
         self.expired = false;
     }
 
-    /// Whether the time has run out by `now`, or had before.
+    /// Whether the deadline has expired, by `now` or earlier.
     ///
-    /// `now` may lie before the last frame by as much as half the clock's range: an interrupt that
-    /// read its clock first and ran later.
+    /// `now` may lie before the last frame by up to half the clock's range: an interrupt that reads
+    /// its clock first may run later.
     // Requirement: WIRE-deadline-1
     #[must_use]
     pub fn expired(&mut self, now: Micros) -> bool {
@@ -50,49 +50,36 @@ impl StopDeadline {
 mod tests {
     use super::*;
 
-    /// Silence from `start` on, asked every `every` µs: never fresh again once run out.
-    fn silence(start: u32, every: u32, asks: u32) {
+    /// `expired` every `period` µs after one frame: false up to the deadline, true ever after.
+    fn assert_silence(start: u32, period: u32, ticks: u32) {
         let mut deadline = StopDeadline::new(250);
         deadline.fresh(Micros(start));
-        let mut expired = false;
-        for k in 0..asks {
-            let now = Micros(start).after(k.wrapping_mul(every));
-            let is = deadline.expired(now);
-            assert!(is || !expired, "silence became fresh at {k}");
-            if u64::from(k) * u64::from(every) >= 250_000 {
-                assert!(is, "not run out at {k}");
-            } else {
-                assert!(!is, "ran out early at {k}");
-            }
-            expired = is;
+        for k in 0..ticks {
+            let now = Micros(start).after(k.wrapping_mul(period));
+            let due = u64::from(k) * u64::from(period) >= 250_000;
+            assert_eq!(deadline.expired(now), due, "tick {k} from {start}");
         }
     }
 
     #[test]
-    fn it_runs_out_after_its_time_and_stays_so_for_hours_across_the_clocks_wrap() {
-        for start in [
-            0,
-            1,
-            u32::MAX,
-            u32::MAX - 100_000,
-            1 << 31,
-            (1 << 31) - 125_000,
-        ] {
-            silence(start, 10_000, 1_500_000);
+    fn deadline_silence_expires_for_good_across_clock_wrap() {
+        for start in [0, 1, u32::MAX, u32::MAX - 100_000, 1 << 31] {
+            assert_silence(start, 10_000, 1_500_000);
         }
-        silence(7, 30 * 60 * 1_000_000, 100);
+        assert_silence((1 << 31) - 125_000, 10_000, 1_500_000);
+        assert_silence(7, 30 * 60 * 1_000_000, 100);
     }
 
     // Requirement: WIRE-deadline-3
     #[test]
-    fn nothing_moves_before_the_first_frame() {
+    fn deadline_before_first_frame_is_expired() {
         for now in [0, 1, 250_000, u32::MAX, 1 << 31] {
             assert!(StopDeadline::new(250).expired(Micros(now)));
         }
     }
 
     #[test]
-    fn fresh_frames_keep_it_alive_and_one_revives_it() {
+    fn deadline_fresh_frame_revives() {
         let mut deadline = StopDeadline::new(100);
         let mut now = Micros(u32::MAX - 1_000_000);
         for _ in 0..1000 {
@@ -100,18 +87,10 @@ mod tests {
             now = now.after(99_999);
             assert!(!deadline.expired(now));
         }
-        now = now.after(1);
-        assert!(deadline.expired(now));
+        assert!(deadline.expired(now.after(1)));
         deadline.fresh(now);
         assert!(!deadline.expired(now));
-    }
-
-    #[test]
-    fn a_tick_whose_clock_was_read_before_the_frames_does_not_stop_the_robot() {
-        for at in [0u32, 3, 1 << 31, u32::MAX] {
-            let mut deadline = StopDeadline::new(20);
-            deadline.fresh(Micros(at));
-            assert!(!deadline.expired(Micros(at.wrapping_sub(50))));
-        }
+        // A tick whose clock was read before the frame's.
+        assert!(!deadline.expired(Micros(now.0.wrapping_sub(50))));
     }
 }

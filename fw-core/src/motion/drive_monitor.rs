@@ -1,157 +1,146 @@
-//! Do the wheels do what they are told? A wheel that does not turn is blocked or its encoder is dead;
-//! one that turns the other way is wired backwards; one that jumps has a broken encoder. Any of
-//! them makes the pose worthless and the controller dangerous: it would push ever harder.
+//! Drive monitor: whether the wheels follow their commands. Any of these faults makes the pose
+//! worthless and the closed loop dangerous, because it would only drive harder.
 //!
-//! | fault | seen when | after |
+//! | fault | condition | latency |
 //! |---|---|---|
-//! | stalled | driven by 25 % beyond its dead zone, it turns less than 1/128 turn in half a second | below |
-//! | reversed | likewise, but it turns by that or more the other way | below |
-//! | jump | it turns by more than a tenth of a turn in a tick: 10 turns a second | at once |
+//! | stalled (blocked wheel, dead encoder) | driven by 25 % beyond its dead zone, it turns less than 1/128 turn in half a second | below |
+//! | reversed (wired backwards) | likewise, but it turns by that or more the other way | below |
+//! | jump (broken encoder) | it turns by more than a tenth of a turn in a tick: 10 turns a second | none |
 //!
-//! What the wheel is driven by is taken through two first-order lags, as the motor does, so that a
-//! start or a reversal is given its time: it takes 0.62 to 0.95 s from a start, at most 0.99 s where the
-//! wheel was driven like that before, and at most 1.27 s after anything else. Between 20 and 25 % it
-//! takes longer. Nothing is judged below that, or while braked or coasting.
+//! The drive passes two first-order lags, like the motor's, so that a start or a reversal has its
+//! time: the fault takes 0.62 to 0.95 s from a start, at most 0.99 s with a constant drive before, at
+//! most 1.27 s after anything else, and longer between 20 and 25 %. Below 20 %, braked or coasting,
+//! a wheel is not judged.
 
+use super::mixer::MotorLag;
 use crate::eeprom::Platform;
 use crate::types::{Delta, Faults, MotorCommand, MotorCommands};
 
-/// Duty beyond the dead zone from which on a wheel must turn, hundredths of a percent, 8 fractional
-/// bits.
-const MUST_TURN: i32 = 2000 << 8;
-/// Each lag, 2ⁿ ticks: 160 ms.
-const LAG: u32 = 4;
+/// Smallest duty beyond the dead zone that must turn a wheel, 2⁻⁸ hundredths of a percent.
+const MIN_DRIVE: i32 = 2000 << 8;
 /// Ticks over which a wheel is judged.
-const WINDOW: u8 = 50;
+const WINDOW_TICKS: u8 = 50;
 
-/// One wheel.
+/// Monitor of one wheel.
 #[derive(Clone, Copy, Debug)]
-struct Watch {
-    suspicion: Suspicion,
+struct WheelMonitor {
+    faults: WheelFaults,
     reversed: bool,
     /// Hundredths of a percent.
     dead_zone: i32,
-    /// Behind each lag, like [`MUST_TURN`].
-    lagged: [i32; 2],
+    /// In the unit of [`MIN_DRIVE`].
+    lag: MotorLag,
     ticks: u8,
     /// Counts in the direction of the duty since the window began.
     counts: i32,
 }
 
-/// The bits of [`fault`] that a wheel can earn.
+/// Fault bits of a wheel.
 #[derive(Clone, Copy, Debug)]
-struct Suspicion {
+struct WheelFaults {
     stalled: Faults,
     reversed: Faults,
 }
 
-impl Watch {
-    const fn new(dead_zone: u16, reversed: bool, suspicion: Suspicion) -> Self {
+impl WheelMonitor {
+    const fn new(dead_zone: u16, reversed: bool, faults: WheelFaults) -> Self {
         Self {
-            suspicion,
+            faults,
             reversed,
             dead_zone: dead_zone as i32,
-            lagged: [0; 2],
+            lag: MotorLag([0; 2]),
             ticks: 0,
             counts: 0,
         }
     }
 
-    /// Bits of [`fault`], 0 if all is well.
-    fn step(&mut self, told: MotorCommand, counts: i32, least: i32) -> Faults {
-        let MotorCommand::Run(duty) = told else {
-            *self = Self {
-                lagged: [0; 2],
-                ticks: 0,
-                counts: 0,
-                ..*self
-            };
+    /// The faults found in this tick.
+    fn step(&mut self, command: MotorCommand, counts: i32, min_counts: i32) -> Faults {
+        let MotorCommand::Run(duty) = command else {
+            self.lag = MotorLag::default();
+            (self.ticks, self.counts) = (0, 0);
             return Faults::NONE;
         };
         let duty = i32::from(duty.hundredths());
         let duty = if self.reversed { -duty } else { duty };
-        let beyond = (duty.abs() - self.dead_zone).max(0) << 8;
-        let beyond = if duty < 0 { -beyond } else { beyond };
-        self.lagged[0] += (beyond - self.lagged[0]) >> LAG;
-        self.lagged[1] += (self.lagged[0] - self.lagged[1]) >> LAG;
-        // The weaker of what it is told and what that has come to, where both agree.
-        let (told, came) = (beyond, self.lagged[1]);
-        let driven = if told > 0 {
-            told.min(came)
+        let drive = (duty.abs() - self.dead_zone).max(0) << 8;
+        let drive = if duty < 0 { -drive } else { drive };
+        // The weaker of the drive and the lagged drive, where both have the same sign.
+        let lagged = self.lag.step(drive);
+        let driven = if drive > 0 {
+            drive.min(lagged)
         } else {
-            -told.max(came)
+            -drive.max(lagged)
         };
-        if driven < MUST_TURN {
-            self.ticks = 0;
-            self.counts = 0;
+        if driven < MIN_DRIVE {
+            (self.ticks, self.counts) = (0, 0);
             return Faults::NONE;
         }
-        // A jump is another fault; here it only must not overflow.
+        // A jump is another fault; here it must not overflow.
         let counts = counts.clamp(-0x8000, 0x8000);
-        self.counts += if told > 0 { counts } else { -counts };
+        self.counts += if drive > 0 { counts } else { -counts };
         self.ticks += 1;
-        if self.ticks < WINDOW {
+        if self.ticks < WINDOW_TICKS {
             return Faults::NONE;
         }
-        let turned = self.counts;
         self.ticks = 0;
-        self.counts = 0;
-        if turned <= -least {
-            self.suspicion.reversed
-        } else if turned < least {
-            self.suspicion.stalled
-        } else {
-            Faults::NONE
+        match core::mem::take(&mut self.counts) {
+            turned if turned <= -min_counts => self.faults.reversed,
+            turned if turned < min_counts => self.faults.stalled,
+            _ => Faults::NONE,
         }
     }
 }
 
-/// Both wheels.
+/// The monitor of both wheels.
 #[derive(Clone, Debug)]
 pub struct DriveMonitor {
-    left: Watch,
-    right: Watch,
-    /// Counts that make a turning wheel.
-    least: i32,
-    /// Most counts a tick.
-    most: i32,
+    left: WheelMonitor,
+    right: WheelMonitor,
+    /// Fewest counts in a window of a wheel that turns.
+    min_counts: i32,
+    /// Most counts in a tick.
+    max_counts: i32,
 }
 
 impl DriveMonitor {
-    /// Nothing seen yet.
+    /// At rest, without a fault.
     #[must_use]
     pub fn new(platform: &Platform) -> Self {
         let turn = i32::from(platform.counts_per_turn);
         Self {
-            left: Watch::new(
+            left: WheelMonitor::new(
                 platform.dead_zone_left,
                 platform.motor_left_reversed,
-                Suspicion {
+                WheelFaults {
                     stalled: Faults::LEFT_STALLED,
                     reversed: Faults::LEFT_REVERSED,
                 },
             ),
-            right: Watch::new(
+            right: WheelMonitor::new(
                 platform.dead_zone_right,
                 platform.motor_right_reversed,
-                Suspicion {
+                WheelFaults {
                     stalled: Faults::RIGHT_STALLED,
                     reversed: Faults::RIGHT_REVERSED,
                 },
             ),
-            least: (turn / 128).max(2),
-            most: (turn / 10).max(10),
+            min_counts: (turn / 128).max(2),
+            max_counts: (turn / 10).max(10),
         }
     }
 
-    /// Every tick: what the bridges were told since the last one, and what the wheels did. Bits of
-    /// [`fault`], 0 if all is well.
+    /// Every tick, with the commands since the last one and the wheels' motion: the faults found.
     // Requirement: WIRE-status-3
     #[must_use]
-    pub fn step(&mut self, told: &MotorCommands, delta: &Delta) -> Faults {
-        let mut faults = self.left.step(told.left, delta.left, self.least)
-            | self.right.step(told.right, delta.right, self.least);
-        if delta.left.saturating_abs() > self.most || delta.right.saturating_abs() > self.most {
+    pub fn step(&mut self, commands: &MotorCommands, delta: &Delta) -> Faults {
+        let mut faults = self.left.step(commands.left, delta.left, self.min_counts)
+            | self
+                .right
+                .step(commands.right, delta.right, self.min_counts);
+        if delta.left.saturating_abs() > self.max_counts
+            || delta.right.saturating_abs() > self.max_counts
+        {
             faults |= Faults::ENCODER_JUMP;
         }
         faults

@@ -1,14 +1,14 @@
-//! Heading and position from the encoders' counters (document, 4.1).
+//! Odometry: heading and position from the encoders' counters (document, 4.1).
 //!
 //! Heading: `θ = K_R·n_R − K_L·n_L mod 1 turn`, each K the turn of one count in units of 2⁻⁶⁴ turns,
-//! n all the counts since the start. The product is formed count by count and modulo 2⁶⁴, which is
-//! the same number: nothing is rounded after K, so the heading never drifts, whatever the path.
+//! n all counts since the start. The products are summed count by count modulo 2⁶⁴, which is the same
+//! number: nothing is rounded after K, so the heading never drifts.
 //!
-//! Position: a tick moves the axle's centre along an arc. Its chord is `ΔS = S̄·(1 − ψ²/24 +
-//! ψ⁴/1920 − ψ⁶/322560)` (the document's 2R·sin ψ/2 without its division and without its second
-//! case for ψ = 0), in direction β + ψ/2, of which the upper 34 bits count, rounded.
+//! Position: a tick moves the axle's centre along an arc with the chord `ΔS = S̄·(1 − ψ²/24 +
+//! ψ⁴/1920 − ψ⁶/322560)` (the document's 2R·sin ψ/2 without division and without a case for ψ = 0),
+//! in direction β + ψ/2, rounded to 34 bits.
 //!
-//! | contribution, 1 km straight on | µm |
+//! | error contribution over 1 km straight on | µm |
 //! |---|---|
 //! | K, half of 2⁻⁶⁴ turns a count | 0.003 |
 //! | travel of a count, half of 2⁻⁴² mm | 0.002 |
@@ -16,10 +16,8 @@
 //! | sine and cosine | ≤ 0.5 together |
 //! | sums, two units of 2⁻⁴⁰ mm each | 0.001 |
 //!
-//! The worst of many headings is 0.35 µm. Numbers of 64 bits are kept, or split, as two *signed*
-//! words: then each of their products with a word is one instruction of the Cortex-M4 (SMULL, SMLAL,
-//! MLA), and so is each step of a polynomial (SMMLAR). A step takes some 140 instructions;
-//! `cargo xtask figures` counts them.
+//! Measured over many headings: at most 0.35 µm. Numbers of 64 bits are split into two *signed* words,
+//! whose products with a word are one instruction of the Cortex-M4 each (SMULL, SMLAL, MLA, SMMLAR).
 
 mod slip;
 
@@ -30,7 +28,7 @@ use crate::divide::div_rem;
 use crate::eeprom::Platform;
 use crate::types::{Delta, Millimetres, Pose, Turns};
 
-/// A factor of counts, `high·2³² + low`.
+/// A factor per count, `high·2³² + low`.
 #[derive(Clone, Copy, Debug)]
 struct PerCount {
     low: i32,
@@ -54,9 +52,9 @@ impl PerCount {
 /// One wheel's factors.
 #[derive(Clone, Copy, Debug)]
 struct Wheel {
-    /// −1 where the encoder counts down when the wheel rolls forward.
+    /// −1 if the encoder counts down while the wheel rolls forward.
     sign: i32,
-    /// What a count of this wheel alone turns the robot by, counter-clockwise, 2⁻⁶⁴ turns.
+    /// Turn of the robot per count of this wheel alone, counter-clockwise, 2⁻⁶⁴ turns.
     turn: PerCount,
     /// Half the wheel's travel per count, 2⁻⁴² mm, at most 2⁴⁶.
     half: PerCount,
@@ -65,7 +63,7 @@ struct Wheel {
 /// π, 42 fractional bits.
 const PI: u64 = 13_816_870_609_430;
 
-/// `n / d` of a whole, as 2⁻⁶⁴ of it, nearest, modulo the whole. `d` below 2⁶².
+/// Fractional part of `n / d`, nearest, 2⁻⁶⁴; `d` below 2⁶².
 fn fraction(n: u64, d: u64) -> u64 {
     let (_, mut rest) = div_rem(n, d);
     let mut quotient = 0u64;
@@ -85,7 +83,7 @@ fn fraction(n: u64, d: u64) -> u64 {
 impl Wheel {
     /// `right`: which side the wheel is on; rolling forward, the right one turns the robot
     /// counter-clockwise.
-    // At start-up only: once in flash is enough.
+    // Start-up only: one copy in flash.
     #[inline(never)]
     fn new(diameter: u32, reversed: bool, right: bool, platform: &Platform) -> Self {
         let counts = u64::from(platform.counts_per_turn.max(1));
@@ -105,18 +103,18 @@ impl Wheel {
 /// Larger wheels are taken as this, micrometres; a validated configuration has none.
 const MAX_DIAMETER: u32 = 1_250_000;
 
-/// Where the robot is. Arithmetic error of the position ≤ 1 µm per km of path; the heading is exact.
+/// The robot's pose. Arithmetic error of the position ≤ 1 µm per km of path; the heading is exact.
 #[derive(Clone, Debug)]
 pub struct Odometry {
     left: Wheel,
     right: Wheel,
     left_counter: u32,
     right_counter: u16,
-    /// Half the difference of the wheels' ways in a turn on the spot: π·track, 2⁻⁴⁰ mm.
-    turning: u64,
-    /// 2⁻⁶⁴ turns, [`NEAREST`] ahead.
+    /// Half the difference of the wheels' travels in a turn on the spot: π·track, 2⁻⁴⁰ mm.
+    half_travel_per_turn: u64,
+    /// 2⁻⁶⁴ turns, plus [`ROUNDING`].
     heading: i64,
-    /// 2⁻⁴⁰ mm, within ±[`FARTHEST`].
+    /// 2⁻⁴⁰ mm, within ±[`MAX_POSITION`].
     x: i64,
     y: i64,
 }
@@ -141,18 +139,17 @@ impl Odometry {
             ),
             left_counter: left,
             right_counter: right,
-            turning: (PI >> 2) / 1000 * u64::from(platform.track),
-            heading: NEAREST,
+            half_travel_per_turn: (PI >> 2) / 1000 * u64::from(platform.track),
+            heading: ROUNDING,
             x: 0,
             y: 0,
         }
     }
 
-    /// One tick's counters, both of which wrap. Between two ticks a wheel may turn by ±32 767 counts,
-    /// eight turns, and, for the position's stated accuracy, the robot by a sixteenth of a turn. Any
-    /// other input is as safe, only less accurate; the heading follows the left counter's whole
-    /// range.
-    // A function of its own in every build: its instructions are counted there.
+    /// One tick's counters, both of which wrap. Between two ticks a wheel may turn by ±32 767 counts
+    /// and, for the stated accuracy of the position, the robot by a sixteenth of a turn. Other input is
+    /// safe but less accurate.
+    // Not inlined: `cargo xtask figures` counts its instructions.
     // Requirement: DOC-4.1-1, WIRE-position-3
     #[inline(never)]
     pub fn step(&mut self, left: u32, right: u16) -> Delta {
@@ -173,25 +170,25 @@ impl Odometry {
         self.heading = self.heading.wrapping_add(turn);
         let turn = (turn >> 32) as i32;
 
-        // 2⁻⁴² mm, within ±2⁶² for counts within ±2¹⁵; what more of them make is of no use but safe.
+        // 2⁻⁴² mm, within ±2⁶² for counts within ±2¹⁵; beyond that meaningless but safe.
         let path = self
             .left
             .half
             .times(n_left, self.right.half.times(n_right, 0));
-        let way = Reduced::of(middle as u64);
+        let direction = Reduced::of(middle as u64);
         let short = shortening(turn);
         let (low, high) = split(path);
-        // In the frame of the quarter: ahead, and to the right.
-        let along = part(low, high, way.cosine, short);
-        let aside = part(low, high, way.minus_sine, short);
-        let (x, y) = match way.quarter {
-            0 => (self.x + along, self.y - aside),
-            1 => (self.x + aside, self.y + along),
-            2 => (self.x - along, self.y + aside),
-            _ => (self.x - aside, self.y - along),
+        // In the frame of the quadrant: ahead, and to the right.
+        let ahead = component(low, high, direction.cosine, short);
+        let right = component(low, high, direction.minus_sine, short);
+        let (x, y) = match direction.quarter {
+            0 => (self.x + ahead, self.y - right),
+            1 => (self.x + right, self.y + ahead),
+            2 => (self.x - ahead, self.y + right),
+            _ => (self.x - right, self.y - ahead),
         };
-        (self.x, self.y) = if beyond(x) | beyond(y) {
-            (within(x), within(y))
+        (self.x, self.y) = if out_of_range(x) | out_of_range(y) {
+            (saturated(x), saturated(y))
         } else {
             (x, y)
         };
@@ -210,19 +207,18 @@ impl Odometry {
         Pose {
             x: Millimetres(I32F32::from_bits((self.x >> 8) + ((self.x >> 7) & 1))),
             y: Millimetres(I32F32::from_bits((self.y >> 8) + ((self.y >> 7) & 1))),
-            heading: Turns((self.heading.wrapping_add((1 << 31) - NEAREST) >> 32) as u32),
+            heading: Turns((self.heading.wrapping_add((1 << 31) - ROUNDING) >> 32) as u32),
         }
     }
 }
 
-/// What is added to the heading before its upper 34 bits are taken for a direction: half of the
-/// last one's unit.
-const NEAREST: i64 = 1 << 29;
+/// Added to the heading so that truncating it to 34 bits rounds.
+const ROUNDING: i64 = 1 << 29;
 
-/// The part of a path, 2⁻⁴² mm in signed words, along an axis, 2⁻⁴⁰ mm, floor: times `cosine`, Q62,
-/// and shorter by its part `short`, Q32; below 2⁶¹.
+/// Component of a path, 2⁻⁴² mm in signed words, along an axis, 2⁻⁴⁰ mm, floor: times `cosine`, Q62,
+/// and times 1 + `short`, Q32; below 2⁶¹.
 #[inline]
-const fn part(low: i32, high: i32, cosine: i64, short: i32) -> i64 {
+const fn component(low: i32, high: i32, cosine: i64, short: i32) -> i64 {
     let (fine, coarse) = split(cosine);
     let coarse = plus(coarse, coarse, short);
     // Each below 2³⁰.
@@ -230,44 +226,44 @@ const fn part(low: i32, high: i32, cosine: i64, short: i32) -> i64 {
     rest as i64 + high as i64 * coarse as i64
 }
 
-/// The position's range: ±4.19 km, twice what the wire can say. A step is shorter than half of it,
-/// so no sum overflows.
-const FARTHEST: i64 = (1 << 62) - 1;
+/// Range of the position: ±4.19 km, twice the wire's. A step is shorter than half of it, so no sum
+/// overflows.
+const MAX_POSITION: i64 = (1 << 62) - 1;
 
 /// Whether a position is out of range.
 #[inline]
-const fn beyond(position: i64) -> bool {
+const fn out_of_range(position: i64) -> bool {
     // Its two upper bits differ.
     let high = (position >> 32) as i32;
     (high ^ (high << 1)) < 0
 }
 
-/// The nearest position there is.
+/// The nearest position in range.
 #[cold]
-const fn within(position: i64) -> i64 {
-    if !beyond(position) {
+const fn saturated(position: i64) -> i64 {
+    if !out_of_range(position) {
         position
     } else if position < 0 {
-        -FARTHEST - 1
+        -MAX_POSITION - 1
     } else {
-        FARTHEST
+        MAX_POSITION
     }
 }
 
-/// A path of 2⁻⁴² mm in 2⁻¹⁶ mm; one beyond the range of a word becomes its end, to 64 units.
+/// A path of 2⁻⁴² mm in 2⁻¹⁶ mm, floor, saturating to within 64 units.
 #[inline]
 fn narrow(path: i64) -> i32 {
     const END: i32 = 1 << 25;
     ((path >> 32) as i32).clamp(-END, END - 1) << 6 | (path as u32 >> 26) as i32
 }
 
-/// Minus what a chord lacks of its arc, relative: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in
-/// 2⁻³² turns; error ≤ 2.1e-10 up to a sixteenth of a turn. Beyond that it is only bounded, by 6 %.
+/// Chord over arc, less 1: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in 2⁻³² turns; error ≤ 2.1e-10
+/// up to a sixteenth of a turn, bounded by 6 % beyond.
 // Requirement: DOC-4.1-4
 #[inline]
 const fn shortening(turn: i32) -> i32 {
-    // Minus turns squared, Q35. Negative factors all along: a compiler that can tell a factor to be
-    // positive takes it for unsigned, and has no single instruction for a mixed product.
+    // −turns², Q35. All factors are negative: LLVM takes a factor that it knows to be positive for
+    // unsigned, and has no single instruction for a mixed product.
     let square = upper(turn << 2, (turn << 1).wrapping_neg());
     // (2π)⁶/322560 Q23, (2π)⁴/1920 Q26, (2π)²/24 Q29.
     let factor = plus(-54_475_112, square, -1_605_633);

@@ -1,24 +1,15 @@
-//! From the pose and the target to the motors: turn towards it, drive, turn to the final rotation,
-//! hold.
+//! Pose controller: from the pose and the target to the motor commands.
 //!
-//! - **Approach.** The rotation PID turns the nose to the target, the forward PID drives; forward
-//!   begins once the nose is within 30° and grows as it comes round, so the robot does not stop
-//!   between turning and driving. Backwards where that means less turning, but not farther than
-//!   1.5 m: the rangefinders look ahead and to the sides.
-//! - **Close.** From 40 mm on the bearing is not followed any more, it would swing round: the robot
-//!   keeps the bearing as it was there, and drives along it, either way; with the nose within 8° of
-//!   it. Done when that is so, slower than 20 mm/s and about to stop within half the tolerance.
-//! - **Final.** The rotation PID turns to the target's rotation, the forward PID holds the place. Both
-//!   motors brake as soon as the robot would come to rest within the tolerance of the place and
-//!   three quarters of the rotation's. Farther off than twice its tolerance it drives there anew.
-//! - **Hold.** Within both tolerances and at rest for 50 ms: both motors brake. A push beyond 1⅝
-//!   times the tolerance of the place, or 1⅗ times the rotation's, starts again. A try that ends
-//!   outside the tolerances widens them by a half, once, so that a robot that cannot do better does
-//!   not hunt for ever.
+//! | phase | control |
+//! |---|---|
+//! | approach | The rotation PID turns the nose to the target, the forward PID drives. Forward output begins with the bearing within [`HEADING_GATE`] and grows as it closes. In reverse where that means less turning, up to [`MAX_REVERSE`]: the rangefinders look ahead. |
+//! | final approach | From [`FINAL_APPROACH`] on the heading is held, because the bearing would swing; the forward PID drives either way, within [`FINAL_HEADING_GATE`]. Ends slow and about to stop within half the position tolerance. |
+//! | final rotation | The rotation PID turns to the target's heading, the forward PID holds the position. Brakes as soon as the robot would come to rest within the position tolerance and ¾ of the heading tolerance. Beyond twice the position tolerance: approach again. |
+//! | hold | Within both tolerances and at rest for 50 ms: braked. A disturbance beyond 1⅝ position tolerances or 1⅗ heading tolerances restarts. |
 //!
-//! From 40 mm on the rotation PID's derivative counts from a planned turn, not from rest: what it
-//! opposes is turning faster or slower than planned. Gains that are heavily damped, as the first
-//! board's are, would else creep through the last 20° for two seconds.
+//! An attempt that ends outside the tolerances widens them by a half, once, so that a robot that
+//! cannot do better does not hunt. From the final approach on the rotation PID's derivative acts on the
+//! deviation from a planned turn rate: heavily damped gains would else creep through the last 20°.
 
 mod stiction;
 mod tracking_error;
@@ -29,48 +20,49 @@ use super::mixer::Mixer;
 use super::pid::Pid;
 use crate::eeprom::Config;
 use crate::types::{Delta, Duty, MotorCommands, Pose, Turns};
-use stiction::{Nudge, Plan, Rate};
-use tracking_error::{View, UNIT};
+use stiction::{LowPass, RateProfile, StictionBoost};
+use tracking_error::{TrackingError, FRACTION_BITS};
 
-/// 1 mm as the view measures it.
-const MM: i32 = 1 << UNIT;
+/// 1 mm in the unit of [`TrackingError`].
+const MM: i32 = 1 << FRACTION_BITS;
 /// 1°, 2⁻³² turns.
 const DEGREE: i32 = 11_930_465;
 /// 2⁻³² turns.
 const HALF_TURN: i64 = 1 << 31;
-/// Bearing within which driving begins.
-const CONE: i32 = 30 * DEGREE;
-/// The same on the last bit.
-const NARROW: i32 = 8 * DEGREE;
-/// Distance from which on the heading stands still.
-const CLOSE: i32 = 40 * MM;
-/// Distance up to which the robot may back into its target.
-const BACK: i32 = 1500 * MM;
-/// What counts as slow, millimetres a tick.
+/// Largest heading error with forward output during the approach.
+const HEADING_GATE: i32 = 30 * DEGREE;
+/// The same during the final approach.
+const FINAL_HEADING_GATE: i32 = 8 * DEGREE;
+/// Distance at which the final approach begins.
+const FINAL_APPROACH: i32 = 40 * MM;
+/// Largest distance to a target that is approached in reverse.
+const MAX_REVERSE: i32 = 1500 * MM;
+/// Largest longitudinal error that the forward PID receives.
+const MAX_ERROR: i32 = 10_000 * MM;
+/// Largest speed at the end of the final approach, millimetres a tick.
 const SLOW: I16F16 = I16F16::lit("0.2");
-/// Ticks of the present speed that a braked wheel still rolls; the shorted motors' lag is 40 ms.
-const BRAKING: i32 = 4;
-/// Ticks within the tolerances and at rest that make an arrival.
-const SETTLED: u8 = 5;
-/// Smallest tolerances that the encoders can tell: 1 mm and 0.2°.
-const FINEST_POSITION: i32 = MM;
-const FINEST_ROTATION: i32 = DEGREE / 5;
-/// Largest output of each PID, percent. The first board's were ±50 each because it added them; here
-/// rotation goes first and forward takes what is left of the wheels' reach.
+/// Ticks of the present speed that a braked wheel rolls on; the shorted motors' time constant is 40 ms.
+const BRAKING_TICKS: i32 = 4;
+/// Ticks at rest within the tolerances that make an arrival.
+const SETTLING_TICKS: u8 = 5;
+/// Smallest tolerances that the encoders resolve: 1 mm and 0.2°.
+const MIN_POSITION_TOLERANCE: i32 = MM;
+const MIN_HEADING_TOLERANCE: i32 = DEGREE / 5;
+/// Largest output of each PID, percent; rotation has priority, forward gets the rest.
 const FORWARD_LIMIT: I16F16 = I16F16::lit("100");
 const ROTATION_LIMIT: I16F16 = I16F16::lit("50");
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// No target: braked.
+    /// Without a target: braked.
     Idle,
-    /// To the target, nose first or `backwards`.
-    Approach { backwards: bool },
-    /// The last bit, heading kept.
-    Close { heading: Turns },
-    /// On the spot to the final rotation.
-    Final,
-    /// There: braked.
+    Approach {
+        reverse: bool,
+    },
+    FinalApproach {
+        heading: Turns,
+    },
+    FinalRotation,
     Hold,
 }
 
@@ -79,24 +71,25 @@ enum Phase {
 pub struct PoseController {
     forward: Pid,
     rotation: Pid,
-    speed: Rate,
-    spin: Rate,
-    turning: Plan,
-    ahead: Nudge,
-    around: Nudge,
+    speed: LowPass,
+    turn_rate: LowPass,
+    planned_turn: RateProfile,
+    forward_boost: StictionBoost,
+    rotation_boost: StictionBoost,
     mixer: Mixer,
-    /// [`UNIT`]s.
+    /// Unit of [`TrackingError`].
     position_tolerance: i32,
     /// 2⁻³² turns.
-    rotation_tolerance: i32,
+    heading_tolerance: i32,
     target: Pose,
-    /// Where the robot was when it last looked at the target.
-    seen: Pose,
+    /// Pose of the last evaluation of the target.
+    last_pose: Pose,
     phase: Phase,
-    tries: u8,
-    settled: u8,
-    /// The angle that [`Self::tune_move`] holds, while it does.
-    held: Option<Turns>,
+    /// An attempt ended outside the tolerances.
+    widened: bool,
+    settled_ticks: u8,
+    /// Heading that [`Self::tune_move`] holds while active.
+    tuning_heading: Option<Turns>,
 }
 
 impl PoseController {
@@ -104,35 +97,34 @@ impl PoseController {
     #[must_use]
     pub fn new(config: &Config) -> Self {
         let platform = &config.platform;
-        let rotation_tolerance =
-            (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(FINEST_ROTATION);
+        let heading_tolerance =
+            (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(MIN_HEADING_TOLERANCE);
         // Requirement: WIRE-platform-11
-        let position_tolerance = (i32::from(platform.position_tolerance) << UNIT) / 1000;
+        let position_tolerance = (i32::from(platform.position_tolerance) << FRACTION_BITS) / 1000;
         Self {
             forward: Pid::new(&config.forward, FORWARD_LIMIT),
             rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
-            speed: Rate::default(),
-            spin: Rate::default(),
-            turning: Plan::default(),
-            ahead: Nudge::default(),
-            around: Nudge::default(),
+            speed: LowPass::default(),
+            turn_rate: LowPass::default(),
+            planned_turn: RateProfile::default(),
+            forward_boost: StictionBoost::default(),
+            rotation_boost: StictionBoost::default(),
             mixer: Mixer::new(platform),
-            position_tolerance: position_tolerance.max(FINEST_POSITION),
-            rotation_tolerance,
+            position_tolerance: position_tolerance.max(MIN_POSITION_TOLERANCE),
+            heading_tolerance,
             target: Pose::default(),
-            seen: Pose::default(),
+            last_pose: Pose::default(),
             phase: Phase::Idle,
-            tries: 0,
-            settled: 0,
-            held: None,
+            widened: false,
+            settled_ticks: 0,
+            tuning_heading: None,
         }
     }
 
-    /// Drive to `target` from now on. The same target again changes nothing.
+    /// Drives to `target` from now on. The same target again has no effect.
     pub fn set_target(&mut self, target: Pose) {
         if self.phase == Phase::Idle {
-            self.forward.reset();
-            self.rotation.reset();
+            self.reset_pids();
         } else if target == self.target {
             return;
         }
@@ -140,30 +132,35 @@ impl PoseController {
         self.start();
     }
 
-    /// Forget the target: brake until the next one.
+    /// Discards the target: brakes until the next one.
     pub fn halt(&mut self) {
         self.phase = Phase::Idle;
-        self.held = None;
-        self.mixer.stand();
+        self.tuning_heading = None;
+        self.mixer.stop_learning();
     }
 
-    /// Whether the robot is where it should be and holds there; false without a target.
+    /// Whether the robot holds the target's pose; false without a target.
     #[must_use]
     pub fn arrived(&self) -> bool {
         self.phase == Phase::Hold
     }
 
-    /// Whether there is a target that the robot is not at yet.
+    /// Whether there is a target that is not reached yet.
     #[must_use]
     pub fn moving(&self) -> bool {
         !matches!(self.phase, Phase::Idle | Phase::Hold)
     }
 
     fn start(&mut self) {
-        self.tries = 0;
-        self.settled = 0;
-        self.turning = Plan::default();
-        self.phase = Phase::Final;
+        self.widened = false;
+        self.settled_ticks = 0;
+        self.planned_turn = RateProfile::default();
+        self.phase = Phase::FinalRotation;
+    }
+
+    fn reset_pids(&mut self) {
+        self.forward.reset();
+        self.rotation.reset();
     }
 
     /// One tick: `pose` and `delta` are the odometry's after this tick's counters.
@@ -171,126 +168,134 @@ impl PoseController {
     #[must_use]
     pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> MotorCommands {
         self.mixer.observe(delta);
-        self.held = None;
+        self.tuning_heading = None;
         let speed = self.speed.step(delta.travel);
-        let spin = self.spin.step(degrees(delta.turn));
-        if self.phase == Phase::Idle {
+        let turn_rate = self.turn_rate.step(degrees(delta.turn));
+        if self.phase == Phase::Idle || self.phase == Phase::Hold && *pose == self.last_pose {
+            // From an unchanged pose the target asks for the same as in the last tick.
             return self.mixer.brake();
         }
-        if self.phase == Phase::Hold && *pose == self.seen {
-            // Seen from the same place as in the last tick the target asks for the same.
-            return self.mixer.brake();
-        }
-        self.seen = *pose;
-        let view = View::new(pose, &self.target);
-        let slack = 2 + i32::from(self.tries);
-        let near = (self.position_tolerance * slack) >> 1;
-        let straight = self.rotation_tolerance.saturating_mul(slack) / 2;
-        self.advance(&view, pose, delta, near, straight);
-        if self.phase == Phase::Final && view.stops(delta, near, straight / 4 * 3) {
-            return self.mixer.brake();
-        }
-        let (ahead, turn) = match self.phase {
+        self.last_pose = *pose;
+        let error = TrackingError::new(pose, &self.target);
+        let scale = 2 + i32::from(self.widened);
+        let position_tolerance = (self.position_tolerance * scale) >> 1;
+        let heading_tolerance = self.heading_tolerance.saturating_mul(scale) / 2;
+        self.update_phase(&error, pose, delta, position_tolerance, heading_tolerance);
+        let (distance, turn) = match self.phase {
             Phase::Idle | Phase::Hold => return self.mixer.brake(),
-            Phase::Approach { backwards } => {
-                let bearing = view.bearing(backwards);
-                (through(CONE, bearing, view.along), bearing)
+            Phase::Approach { reverse } => {
+                let bearing = error.bearing(reverse);
+                (gated(HEADING_GATE, bearing, error.longitudinal), bearing)
             }
-            Phase::Close { heading } => {
+            Phase::FinalApproach { heading } => {
                 let turn = heading.from_nearest(pose.heading);
-                (through(NARROW, turn, view.along), turn)
+                (gated(FINAL_HEADING_GATE, turn, error.longitudinal), turn)
             }
-            Phase::Final => (view.along, view.rotation),
+            Phase::FinalRotation => {
+                if error.stops_within(delta, position_tolerance, heading_tolerance / 4 * 3) {
+                    return self.mixer.brake();
+                }
+                (error.longitudinal, error.heading)
+            }
         };
         let moved = delta.left != 0 || delta.right != 0;
-        let off = turn.saturating_abs() > straight / 2;
-        let (ahead, turn) = (millimetres(ahead), degrees(turn));
-        let short = matches!(self.phase, Phase::Close { .. });
-        let forward = self.forward.step(ahead, speed) + self.ahead.step(ahead, short, moved);
-        let far = matches!(self.phase, Phase::Approach { .. });
-        let planned = self.turning.step(if far { I16F16::ZERO } else { turn });
-        let rotation =
-            self.rotation.step(turn, spin - planned) + self.around.step(turn, off, moved);
+        let misaligned = turn.saturating_abs() > heading_tolerance / 2;
+        let (distance, turn) = (millimetres(distance), degrees(turn));
+        let boosted = matches!(self.phase, Phase::FinalApproach { .. });
+        let forward =
+            self.forward.step(distance, speed) + self.forward_boost.step(distance, boosted, moved);
+        let approaching = matches!(self.phase, Phase::Approach { .. });
+        let planned = self
+            .planned_turn
+            .step(if approaching { I16F16::ZERO } else { turn });
+        let rotation = self.rotation.step(turn, turn_rate - planned)
+            + self.rotation_boost.step(turn, misaligned, moved);
         self.mixer.mix(forward, rotation)
     }
 
-    /// Which phase this tick is in.
-    fn advance(&mut self, view: &View, pose: &Pose, delta: &Delta, near: i32, straight: i32) {
-        let resting = delta.left.saturating_abs() <= 1 && delta.right.saturating_abs() <= 1;
-        let aligned = view.rotation.saturating_abs() <= straight;
+    fn update_phase(
+        &mut self,
+        error: &TrackingError,
+        pose: &Pose,
+        delta: &Delta,
+        position_tolerance: i32,
+        heading_tolerance: i32,
+    ) {
         match self.phase {
             Phase::Idle => {}
-            Phase::Approach { backwards } => {
-                if view.within(CLOSE) {
-                    self.phase = Self::close(view, pose, backwards);
+            Phase::Approach { reverse } => {
+                if error.within(FINAL_APPROACH) {
+                    self.phase = Self::final_approach(error, pose, reverse);
                 }
             }
-            Phase::Close { heading } => {
-                let aimed = heading.from_nearest(pose.heading).saturating_abs() < NARROW;
+            Phase::FinalApproach { heading } => {
+                let turn = heading.from_nearest(pose.heading).saturating_abs();
                 let slow = delta.travel.saturating_abs() <= SLOW;
-                let there = view
-                    .left_ahead(delta)
-                    .saturating_abs()
-                    .max(view.along.saturating_abs() >> 1)
-                    <= near >> 1;
-                if aimed && slow && there {
+                let remaining = error.after_braking(delta).saturating_abs();
+                let present = error.longitudinal.saturating_abs() >> 1;
+                if turn < FINAL_HEADING_GATE
+                    && slow
+                    && remaining.max(present) <= position_tolerance >> 1
+                {
                     self.forward.reset();
-                    self.phase = Phase::Final;
+                    self.phase = Phase::FinalRotation;
                 }
             }
-            Phase::Final => {
-                if !view.within(self.position_tolerance * 2) {
-                    self.approach(view, pose);
+            Phase::FinalRotation => {
+                let resting = delta.left.saturating_abs() <= 1 && delta.right.saturating_abs() <= 1;
+                let aligned = error.heading.saturating_abs() <= heading_tolerance;
+                if !error.within(self.position_tolerance * 2) {
+                    self.approach(error, pose);
                 } else if aligned && resting {
-                    self.settled += 1;
-                    if self.settled >= SETTLED {
-                        self.settled = 0;
-                        if view.within(near) {
+                    self.settled_ticks += 1;
+                    if self.settled_ticks >= SETTLING_TICKS {
+                        self.settled_ticks = 0;
+                        if error.within(position_tolerance) {
                             self.phase = Phase::Hold;
-                            self.forward.reset();
-                            self.rotation.reset();
+                            self.reset_pids();
                         } else {
-                            self.tries = 1;
-                            self.approach(view, pose);
+                            self.widened = true;
+                            self.approach(error, pose);
                         }
                     }
                 } else {
-                    self.settled = 0;
+                    self.settled_ticks = 0;
                 }
             }
             Phase::Hold => {
-                let turned = view.rotation.saturating_abs() > straight / 5 * 8;
-                if turned || !view.within(near + (near >> 1) + (near >> 3)) {
+                let turned = error.heading.saturating_abs() > heading_tolerance / 5 * 8;
+                let limit =
+                    position_tolerance + (position_tolerance >> 1) + (position_tolerance >> 3);
+                if turned || !error.within(limit) {
                     self.start();
                 }
             }
         }
     }
 
-    /// Chooses the way to go.
-    fn approach(&mut self, view: &View, pose: &Pose) {
-        // Tail first either turn is what the nose's lacks to half a turn: less together, where these
-        // come to more than that.
-        let nose = view.bearing(false);
-        let turns = i64::from(nose).abs() + i64::from(view.rotation.wrapping_sub(nose)).abs();
-        let backwards = view.within(BACK) && turns > HALF_TURN;
-        self.phase = if view.within(CLOSE) {
-            Self::close(view, pose, backwards)
+    /// Chooses nose or tail first.
+    fn approach(&mut self, error: &TrackingError, pose: &Pose) {
+        // In reverse either turn is half a turn less the nose's: less in all where these sum to more.
+        let nose = error.bearing(false);
+        let turns = i64::from(nose).abs() + i64::from(error.heading.wrapping_sub(nose)).abs();
+        let reverse = error.within(MAX_REVERSE) && turns > HALF_TURN;
+        self.phase = if error.within(FINAL_APPROACH) {
+            Self::final_approach(error, pose, reverse)
         } else {
-            Phase::Approach { backwards }
+            Phase::Approach { reverse }
         };
     }
 
-    /// The last bit: the bearing as it is now, for good.
-    fn close(view: &View, pose: &Pose, backwards: bool) -> Phase {
-        let bearing = view.bearing(backwards) as u32;
-        Phase::Close {
+    /// Holds the bearing of this moment.
+    fn final_approach(error: &TrackingError, pose: &Pose, reverse: bool) -> Phase {
+        let bearing = error.bearing(reverse) as u32;
+        Phase::FinalApproach {
             heading: Turns(pose.heading.0.wrapping_add(bearing)),
         }
     }
 
-    /// Tuning the rotation (document, 5.2.2): `duty` on the right motor, its opposite on the left,
-    /// no PID and no compensation. Zero brakes.
+    /// Rotation tuning (document, 5.2.2): `duty` on the right motor, its opposite on the left, no PID
+    /// and no compensation. Zero brakes.
     // Requirement: DOC-5.2.2-1, WIRE-modes-3
     #[must_use]
     pub fn tune_rotate(&mut self, duty: Duty) -> MotorCommands {
@@ -302,49 +307,39 @@ impl PoseController {
         self.mixer.raw(-duty, duty)
     }
 
-    /// Tuning the movement (document, 5.2.3): `duty` on both motors, and the rotation PID holds the
-    /// angle at which this began. Zero brakes and forgets the angle.
+    /// Movement tuning (document, 5.2.3): `duty` on both motors, and the rotation PID holds the
+    /// heading at which it began. Zero brakes and discards the heading.
     // Requirement: DOC-5.2.3-1, WIRE-modes-4
     #[must_use]
     pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> MotorCommands {
         self.phase = Phase::Idle;
         if duty == Duty::ZERO {
-            self.held = None;
+            self.tuning_heading = None;
             return self.mixer.brake();
         }
-        if self.held.is_none() {
+        if self.tuning_heading.is_none() {
             self.rotation.reset();
         }
-        let held = *self.held.get_or_insert(pose.heading);
-        let error = degrees(held.from_nearest(pose.heading));
-        let spin = self.spin.step(degrees(delta.turn));
-        let rotation = self.rotation.step(error, spin);
+        let heading = *self.tuning_heading.get_or_insert(pose.heading);
+        let error = degrees(heading.from_nearest(pose.heading));
+        let turn_rate = self.turn_rate.step(degrees(delta.turn));
+        let rotation = self.rotation.step(error, turn_rate);
         let rotation = (rotation.to_bits() * 25) >> 14;
         let duty = i32::from(duty.hundredths());
         self.mixer.raw(duty - rotation, duty + rotation)
     }
-
-    /// What the mixer learned of the wheels.
-    #[must_use]
-    pub const fn mixer(&self) -> &Mixer {
-        &self.mixer
-    }
 }
 
-/// How much of `along` to drive with the nose `off` by so much: all at 0, nothing from `cone` on.
-fn through(cone: i32, off: i32, along: i32) -> i32 {
-    // Both below 2¹⁶, so the quotient of one 32-bit division is the share in Q16.
-    let open = ((cone - off.saturating_abs()).max(0) >> 13) as u32;
-    let whole = (cone >> 13).max(1) as u32;
-    let share = ((open << 16) / whole) as i32;
-    ((i64::from(along.clamp(-FAR, FAR)) * i64::from(share)) >> 16) as i32
+/// `distance`, cut to ±[`MAX_ERROR`], times 1 − |`heading_error`| / `gate`; 0 beyond the gate.
+fn gated(gate: i32, heading_error: i32, distance: i32) -> i32 {
+    // Both below 2¹⁶, so the quotient of one 32-bit division is the factor in Q16.
+    let open = ((gate - heading_error.saturating_abs()).max(0) >> 13) as u32;
+    let factor = ((open << 16) / (gate >> 13).max(1) as u32) as i32;
+    ((i64::from(distance.clamp(-MAX_ERROR, MAX_ERROR)) * i64::from(factor)) >> 16) as i32
 }
 
-/// Further than this is as far.
-const FAR: i32 = 10_000 * MM;
-
-fn millimetres(value: i32) -> I16F16 {
-    I16F16::from_bits(value.clamp(-FAR, FAR) << (16 - UNIT))
+fn millimetres(distance: i32) -> I16F16 {
+    I16F16::from_bits(distance.clamp(-MAX_ERROR, MAX_ERROR) << (16 - FRACTION_BITS))
 }
 
 fn degrees(turns: i32) -> I16F16 {

@@ -1,10 +1,9 @@
-//! Sine, cosine and direction of fixed-point turns: no table, no division (but one in
-//! [`direction`]), no branch on the angle.
+//! Sine, cosine and direction of fixed-point turns: no table, no branch on the angle, one division, in
+//! [`direction`].
 //!
-//! A phase is reduced to the eighth of a turn on either side of the nearest quarter, where one
-//! polynomial gives the sine and one gives `1 − cos`. Both are minimax polynomials (Remez) in the
-//! square of the reduced phase, evaluated by Horner's rule on the rounded high words of signed
-//! 32 × 32-bit products: a step is one instruction (SMMLAR) of the Cortex-M4.
+//! A phase is reduced to the eighth of a turn on either side of the nearest quadrant. There one
+//! polynomial gives the sine and one gives `1 − cos`: minimax (Remez) in the square of the reduced
+//! phase, by Horner's rule on rounded high words of signed products, one instruction (SMMLAR) a step.
 //!
 //! | function | absolute error over all phases | source of the bound |
 //! |---|---|---|
@@ -46,15 +45,15 @@ pub(crate) const fn split(value: i64) -> (i32, i32) {
     (low, high)
 }
 
-/// A phase as the nearest quarter turn and sine and cosine of what is left, at most an eighth of a
-/// turn either way.
+/// A phase as the nearest quarter turn and sine and cosine of the remainder, at most an eighth of a turn
+/// either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Reduced {
     /// Quarter turns, 0 ..= 3.
     pub quarter: u32,
-    /// Minus the sine of what is left, Q62, within ±0.7072.
+    /// Minus the remainder's sine, Q62, within ±0.7072.
     pub minus_sine: i64,
-    /// Its cosine, Q62, 0.7071 ..= 1.
+    /// The remainder's cosine, Q62, 0.7071 ..= 1.
     pub cosine: i64,
 }
 
@@ -63,12 +62,11 @@ impl Reduced {
     #[inline]
     pub const fn of(phase: u64) -> Self {
         let quarter = ((phase >> 32) as u32).wrapping_add(1 << 29) >> 30;
-        // Eighths of a turn, Q31: the whole quarters are shifted out, and the sign bit is right.
+        // Eighths of a turn, Q31: shifting the quarters out leaves the right sign bit.
         let u = ((phase << 2) >> 32) as i32;
-        // Minus u² in Q30, so that 1 fits. Every product of it has two fractional bits less than its
-        // other factor, and the coefficients are written so that no step needs a shift. They are
-        // negative, too: a compiler that can tell a factor to be positive takes it for unsigned, and
-        // has no single instruction for a mixed product.
+        // −u², Q30, so that 1 fits: its products have two fractional bits less than the other factor, and
+        // the coefficients' formats follow, so that no step shifts. All are negative: LLVM takes a known
+        // positive factor for unsigned, and has no single instruction for a mixed product.
         let w = -nearest(u, u);
         // sin(π/4·u) = u·p(u²): Q39, Q37, Q35, Q33, Q31.
         let p = plus(-5_026_545, w, -169_985);
@@ -120,7 +118,7 @@ pub const fn direction(x: i64, y: i64) -> Turns {
     }
     // Both by the same shift to the top of a word: one 32-bit division gives the slope in Q16.
     let spare = long.leading_zeros();
-    // Its top bit is set already; saying so spares the compiler a check for zero.
+    // The top bit is set already; the `|` removes the compiler's check for zero.
     let divisor = ((long << spare) >> 48) as u32 | 1 << 15;
     let slope = ((short << spare) >> 32) as u32 / divisor;
     let slope = if slope > 0xFFFF { 0xFFFF } else { slope };
@@ -139,67 +137,41 @@ pub const fn direction(x: i64, y: i64) -> Turns {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::cast_precision_loss, reason = "the references are binary64")]
-    extern crate std;
     use super::*;
     use std::f64::consts::TAU;
 
-    fn turns_to_radians(phase: u32) -> f64 {
-        f64::from(phase) / 4_294_967_296.0 * TAU
-    }
+    const TURN: f64 = 4_294_967_296.0;
 
-    /// Every 101st phase of the reduced quarter, and of the others every 4099th: the reduction maps
-    /// them onto the same polynomial arguments.
-    fn phases() -> impl Iterator<Item = u32> {
-        let reduced = (0..1 << 30)
-            .step_by(101)
-            .map(|p: u32| p.wrapping_sub(1 << 29));
+    #[test]
+    fn sine_and_cosine_are_within_their_bounds() {
+        let reduced = (0..1 << 30).step_by(101);
+        let reduced = reduced.map(|phase: u32| phase.wrapping_sub(1 << 29));
         let all = (0..=u32::MAX).step_by(4099);
         let edges =
             (0..32u32).flat_map(|e| (0..5).map(move |k| (e << 27).wrapping_add(k).wrapping_sub(2)));
-        reduced.chain(all).chain(edges)
-    }
-
-    #[test]
-    fn sine_and_cosine_are_within_their_bound_on_every_phase() {
-        assert_within_their_bound(phases());
-    }
-
-    #[test]
-    fn sine_and_cosine_are_within_their_bound_all_around() {
-        assert_within_their_bound((0..=u32::MAX).step_by(0x0001_0003));
-    }
-
-    fn assert_within_their_bound(phases: impl Iterator<Item = u32>) {
         let mut worst = [0.0f64; 4];
-        for phase in phases {
-            // Just below a whole turn counts from zero, as its quarter does.
-            let angle = f64::from(phase as i32) / 4_294_967_296.0 * TAU;
+        for phase in reduced.chain(all).chain(edges) {
+            let angle = f64::from(phase as i32) / TURN * TAU;
             let (sine, cosine) = sin_cos(Turns(phase));
             let (s, c) = angle.sin_cos();
             worst[0] = worst[0].max((f64::from(sine) / 2_147_483_648.0 - s).abs());
             worst[1] = worst[1].max((f64::from(cosine) / 2_147_483_648.0 - c).abs());
-            // The upper 34 bits count: the two beyond a phase's own in turn.
-            let further = phase & 3;
-            let r = Reduced::of(u64::from(phase) << 32 | u64::from(further) << 30);
-            let rest = angle - f64::from(r.quarter) * TAU / 4.0
-                + f64::from(further) / 17_179_869_184.0 * TAU;
+            // The upper 34 bits count: two more than a phase has.
+            let extra = phase & 3;
+            let reduced = Reduced::of(u64::from(phase) << 32 | u64::from(extra) << 30);
+            let rest = angle - f64::from(reduced.quarter) * TAU / 4.0
+                + f64::from(extra) / (4.0 * TURN) * TAU;
             let (s, c) = rest.sin_cos();
-            worst[2] = worst[2].max((r.minus_sine as f64 / 2f64.powi(62) + s).abs());
-            worst[3] = worst[3].max((r.cosine as f64 / 2f64.powi(62) - c).abs());
+            worst[2] = worst[2].max((reduced.minus_sine as f64 / 2f64.powi(62) + s).abs());
+            worst[3] = worst[3].max((reduced.cosine as f64 / 2f64.powi(62) - c).abs());
         }
-        std::println!(
-            "sin {:e} cos {:e} reduced sine {:e} cosine {:e}",
-            worst[0],
-            worst[1],
-            worst[2],
-            worst[3]
-        );
+        std::println!("sine, cosine, reduced sine, reduced cosine: {worst:?}");
         assert!(worst[0] <= 5.8e-10 && worst[1] <= 5.8e-10);
         assert!(worst[2] <= 3.4e-10 && worst[3] <= 3.6e-10);
     }
 
     #[test]
-    fn sine_and_cosine_are_rounded_to_the_nearest_last_bit() {
+    fn sine_and_cosine_are_rounded_to_nearest() {
         for phase in (0..=u32::MAX).step_by(0x0010_0007) {
             let (sine, cosine) = sin_cos(Turns(phase));
             let fine = Reduced::of(u64::from(phase) << 32);
@@ -210,25 +182,23 @@ mod tests {
                 _ => (-fine.cosine, -fine.minus_sine),
             };
             for (rounded, fine) in [(sine, fine_sine), (cosine, fine_cosine)] {
-                let off = (i64::from(rounded) << 31) - fine;
-                // One itself does not fit.
-                let one = rounded.abs() == i32::MAX && off.abs() <= 1 << 31;
-                assert!(off.abs() <= 1 << 30 || one, "{phase:#x}: {off:#x}");
+                let error = ((i64::from(rounded) << 31) - fine).abs();
+                // 1 itself does not fit.
+                let one = rounded.abs() == i32::MAX && error <= 1 << 31;
+                assert!(error <= 1 << 30 || one, "{phase:#x}: {error:#x}");
             }
         }
     }
 
     #[test]
-    fn the_direction_of_a_vector_is_within_its_bound_all_around_at_every_length() {
+    fn direction_is_within_its_bound_at_every_length() {
         let mut worst = 0.0f64;
         for length in [3.0e4, 1.0e9, 4.0e15, 9.0e18] {
             for k in 0..100_000u32 {
-                let phase = k.wrapping_mul(42_949_673);
-                let (s, c) = turns_to_radians(phase).sin_cos();
+                let (s, c) = (f64::from(k.wrapping_mul(42_949_673)) / TURN * TAU).sin_cos();
                 let (x, y) = ((c * length) as i64, (s * length) as i64);
-                let true_turns = (y as f64).atan2(x as f64) / TAU;
-                let got = f64::from(direction(x, y).0 as i32) / 4_294_967_296.0;
-                let error = got - true_turns;
+                let error =
+                    f64::from(direction(x, y).0 as i32) / TURN - (y as f64).atan2(x as f64) / TAU;
                 worst = worst.max((error - error.round()).abs());
             }
         }
@@ -237,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn the_direction_is_total() {
+    fn direction_of_extreme_vectors_is_defined() {
         assert_eq!(direction(0, 0), Turns(0));
         assert_eq!(direction(i64::MIN, 0), Turns(1 << 31));
         assert_eq!(direction(0, i64::MIN), Turns(3 << 30));

@@ -53,7 +53,7 @@ impl Robot {
             GyroReading::Rate(raw) => Some(raw),
             GyroReading::None => None,
             GyroReading::Lost(trouble) => {
-                events[0] = guard.gyro.lost();
+                events[0] = guard.gyro.reset();
                 guard.lost = true;
                 log.line(Level::Warn, |line| {
                     line.text("gyro: ")
@@ -96,7 +96,7 @@ fn tell(event: Event, log: &mut Log) {
         match event {
             Event::BiasUpdated(bias) => line
                 .text("gyro: bias ")
-                .decimal(gyro::hundredths(bias), 2)
+                .decimal(gyro::hundredths(bias).into(), 2)
                 .text(" deg/s"),
             Event::Trusted => line.text("gyro: agrees with the wheels"),
             Event::SlipStarted => line.text("slip: the heading follows the gyro"),

@@ -1,8 +1,7 @@
-//! The battery: ADC words of the taps to voltages of the cells (document, 5.1.3 and 6.0.3).
+//! Battery: cell voltages from the ADC words of the taps (document, 5.1.3 and 6.0.3).
 //!
-//! Tap n reads the sum of cells 1 to n through its divider; cell n is tap n minus tap n − 1. All
-//! factors are worked out once; a reading is one multiplication and a shift, its arithmetic error
-//! half of 2⁻¹⁶ V.
+//! Tap n reads the sum of cells 1 to n through its divider; cell n is tap n minus tap n − 1. The factors
+//! are computed once; a reading is one multiplication and a shift, with an error of half of 2⁻¹⁶ V.
 
 use fixed::types::U16F16;
 
@@ -13,12 +12,12 @@ use crate::types::Volts;
 /// Most cells of a battery (document, 6.0.3).
 pub const MAX_CELLS: usize = 8;
 
-/// Time constant of the filter, 2ⁿ ticks: 80 ms keeps the PWM's ripple out.
-const FILTER: u32 = 3;
-/// Ticks below a threshold that count: half a second, longer than a motor's start.
-const PATIENCE: u8 = 50;
-/// How far above the warning a cell must be for the warning to end, 2⁻¹⁶ V: 50 mV.
-const RELIEF: u32 = 3277;
+/// Time constant of the filter, 2ⁿ ticks: 80 ms removes the PWM's ripple.
+const FILTER_SHIFT: u32 = 3;
+/// Ticks below a threshold until it takes effect: half a second, longer than a motor's start.
+const DEBOUNCE_TICKS: u8 = 50;
+/// Hysteresis of the warning, 2⁻¹⁶ V: 50 mV.
+const HYSTERESIS: u32 = 3277;
 
 /// `mantissa · 2⁻ᵉˣᵖᵒⁿᵉⁿᵗ`, the mantissa with its top bit set, or zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,7 +33,7 @@ impl Factor {
     };
 
     /// `value · 2⁻ᵉˣᵖᵒⁿᵉⁿᵗ`, to 32 bits.
-    // At start-up only: once in flash is enough.
+    // Start-up only: one copy in flash.
     #[inline(never)]
     const fn new(value: u64, exponent: i32) -> Self {
         if value == 0 {
@@ -47,7 +46,7 @@ impl Factor {
         }
     }
 
-    // At start-up only: once in flash is enough.
+    // Start-up only: one copy in flash.
     #[inline(never)]
     const fn times(self, value: u64) -> Self {
         let other = Self::new(value, 0);
@@ -57,8 +56,8 @@ impl Factor {
         )
     }
 
-    /// By zero, which no accepted configuration asks for, zero.
-    // At start-up only: once in flash is enough.
+    /// `self / value`; 0 for a division by zero, which no accepted configuration contains.
+    // Start-up only: one copy in flash.
     #[inline(never)]
     const fn over(self, value: u32) -> Self {
         if value == 0 {
@@ -73,14 +72,14 @@ impl Factor {
     const fn scale(self, word: u32) -> u32 {
         let product = self.mantissa as u64 * word as u64;
         if self.exponent > 32 && self.exponent < 64 {
-            // The usual one: the upper word says it all, the last bit shifted out rounds.
+            // The usual case: the upper word suffices, the last bit shifted out rounds.
             let twice = (product >> 32) as u32 >> (self.exponent - 33);
             return (twice >> 1) + (twice & 1);
         }
         self.scale_unusual(product)
     }
 
-    /// The same for the exponents that only odd configurations have.
+    /// [`Self::scale`] for the exponents of unusual configurations.
     #[cold]
     #[inline(never)]
     const fn scale_unusual(self, product: u64) -> u32 {
@@ -99,7 +98,7 @@ impl Factor {
     }
 }
 
-/// One tap: where its voltage comes from and what it was last.
+/// One tap: its factor and its filtered reading.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tap {
     /// 2⁻¹⁶ V per unit of the word.
@@ -107,18 +106,18 @@ struct Tap {
     divider: Divider,
     /// Filtered word, 12 fractional bits; `None` before the first.
     word: Option<u32>,
-    /// What it says, 2⁻¹⁶ V; 0 before the first.
+    /// 2⁻¹⁶ V; 0 before the first word.
     voltage: u32,
 }
 
 impl Tap {
-    /// A word of the ADC.
+    /// Filters a word of the ADC.
     #[inline]
     fn read(&mut self, word: u16) {
         let word = u32::from(word) << 12;
         let word = match self.word {
-            // Both below 2²⁸: no sum here can leave its type.
-            Some(old) => old + (word >> FILTER) - (old >> FILTER),
+            // Both below 2²⁸: no overflow.
+            Some(old) => old + (word >> FILTER_SHIFT) - (old >> FILTER_SHIFT),
             None => word,
         };
         self.word = Some(word);
@@ -130,7 +129,7 @@ impl Tap {
 #[derive(Clone, Debug)]
 pub struct Battery {
     taps: [Tap; MAX_CELLS],
-    /// Each cell's; 0 before its tap's first word.
+    /// Of each cell; 0 before its tap's first word.
     voltages: [Volts; MAX_CELLS],
     cells: u8,
     /// The cell that [`Self::walk`] shows next.
@@ -145,7 +144,7 @@ pub struct Battery {
 }
 
 impl Battery {
-    /// Nothing read yet.
+    /// Without a reading.
     // Requirement: DOC-6.0.3-2, WIRE-platform-10
     #[must_use]
     pub fn new(config: &Config) -> Self {
@@ -173,8 +172,8 @@ impl Battery {
         }
     }
 
-    /// One tick's ADC words, tap 1 first. A tap without a word stays unread: a board with fewer
-    /// ADC pins than cells does not count the missing ones as empty.
+    /// One tick's ADC words, tap 1 first. A tap without a word stays unread: on a board with fewer ADC
+    /// pins than cells the missing ones are not low.
     // Requirement: WIRE-eeprom-12
     pub fn sample(&mut self, words: &[u16]) {
         let mut words = words.iter();
@@ -184,28 +183,28 @@ impl Battery {
             if let Some(&word) = words.next() {
                 tap.read(word);
             } else if tap.word.is_none() {
-                // Nor has any tap after it been read.
+                // No later tap has been read either.
                 break;
             }
-            // A tap below the one before it, which only a broken divider shows, makes 0 V.
+            // 0 V for a tap below the one before it: a broken divider.
             let voltage = tap.voltage.saturating_sub(below);
             below = tap.voltage;
             lowest = lowest.min(voltage);
             *cell = Volts(U16F16::from_bits(voltage));
         }
         let below = |limit: u32| lowest < limit;
-        self.low_ticks = run(self.low_ticks, below(self.warn));
-        self.empty_ticks = run(self.empty_ticks, below(self.cutoff));
-        if self.low_ticks >= PATIENCE {
+        self.low_ticks = count_while(self.low_ticks, below(self.warn));
+        self.empty_ticks = count_while(self.empty_ticks, below(self.cutoff));
+        if self.low_ticks >= DEBOUNCE_TICKS {
             self.low = true;
-        } else if !below(self.warn.saturating_add(RELIEF)) {
+        } else if !below(self.warn.saturating_add(HYSTERESIS)) {
             self.low = false;
         }
-        // A battery recovers when its load goes: cut off stays until the restart.
-        self.empty |= self.empty_ticks >= PATIENCE;
+        // Latched: an unloaded battery recovers.
+        self.empty |= self.empty_ticks >= DEBOUNCE_TICKS;
     }
 
-    /// Voltage of tap `index`, 0 ..= 7, 0 V where nothing was read.
+    /// Voltage of tap `index`, 2⁻¹⁶ V; 0 before its first word.
     fn tap(&self, index: u8) -> u32 {
         self.taps
             .get(usize::from(index))
@@ -218,7 +217,7 @@ impl Battery {
         self.cells
     }
 
-    /// Every cell's voltage, the first one's first; 0 V before its tap's first word.
+    /// Voltage of every cell; 0 V before its tap's first word.
     #[inline]
     #[must_use]
     pub fn voltages(&self) -> &[Volts] {
@@ -226,7 +225,7 @@ impl Battery {
         self.voltages.get(..cells).unwrap_or_default()
     }
 
-    /// The voltage of cell `index`, 0 = the first; `None` for a cell the battery does not have.
+    /// Voltage of cell `index`, from 0; `None` beyond the last cell.
     #[inline]
     #[must_use]
     pub fn cell(&self, index: u8) -> Option<Volts> {
@@ -248,12 +247,10 @@ impl Battery {
         (index, self.cell(index).unwrap_or_default())
     }
 
-    /// Tuning (document, 5.1.3): a source of `reference` volts stands in for cell `index`, what
-    /// upper resistor, in ohms, would have shown it exactly? `None` where there is nothing to tune:
-    /// reference 0, no such cell, or a reading of 0.
+    /// Tuning (document, 5.1.3): the upper resistor, ohms, with which the reading of cell `index` is
+    /// `reference`, a source in place of the cell. `None` without a reference, a cell or a reading.
     ///
-    /// The divider's ratio is scaled, its lower resistor kept. Tune from cell 1 upwards: each builds
-    /// on the tap below.
+    /// The lower resistor is kept. Tune from cell 1 upwards: each cell depends on the tap below.
     // Requirement: DOC-5.1.3-3
     #[must_use]
     pub fn tune(&self, index: u8, reference: Volts) -> Option<u32> {
@@ -271,21 +268,21 @@ impl Battery {
         (tap.voltage != 0).then(|| whole.saturating_sub(lower))
     }
 
-    /// Whether a cell has been below the warning voltage for half a second; ends 50 mV above it.
+    /// Whether a cell was below the warning voltage for half a second; ends 50 mV above it.
     #[must_use]
     pub const fn low(&self) -> bool {
         self.low
     }
 
-    /// Whether a cell was below the cut-off voltage for half a second since the start.
+    /// Whether a cell was below the cut-off voltage for half a second; latched until the restart.
     #[must_use]
     pub const fn empty(&self) -> bool {
         self.empty
     }
 }
 
-/// How long a condition has been true, at most 255.
-const fn run(ticks: u8, now: bool) -> u8 {
+/// Consecutive ticks of a condition, at most 255.
+const fn count_while(ticks: u8, now: bool) -> u8 {
     if now {
         ticks.saturating_add(1)
     } else {

@@ -1,6 +1,4 @@
-//! What the robot senses beside its wheels: the battery's cells, the distance to what is around and
-//! where it looks for that, how warm the air is that carries the sound, and whether it turns as its
-//! wheels say.
+//! Sensors other than the encoders: battery, rangefinders and their servo, temperature, gyroscope.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,

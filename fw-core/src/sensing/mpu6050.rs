@@ -1,16 +1,15 @@
-//! The conversation with the MPU6050, one bus order a tick: who is there, wake it, set it up, read its
-//! rate of turn about the vertical for as long as it answers, and begin again when it does not.
+//! MPU6050 driver, one bus request a tick: identify, wake, set up, then read the rate about the vertical;
+//! start again when it stops answering.
 //!
-//! The driver carries an [`BusRequest`] out in the background of a tick and brings its [`BusResult`] with
-//! the next; it waits for nothing. Whatever the part or the bus does, every tick ends with an order
-//! and nothing else depends on it.
+//! The firmware executes a [`BusRequest`] in the background of a tick and returns its [`BusResult`] with
+//! the next; nothing blocks, whatever the part or the bus does.
 //!
 //! Registers and figures: MPU-6000/MPU-6050 Product Specification (PS-MPU-6000A) 3.4 and Register Map
 //! (RM-MPU-6000A) 4.2.
 
 /// The part's address with AD0 low (RM, `WHO_AM_I`).
 pub const ADDRESS: u8 = 0x68;
-/// What `WHO_AM_I` holds, whatever AD0 is.
+/// Content of `WHO_AM_I`, independent of AD0.
 pub const IDENTITY: u8 = 0x68;
 
 /// Sample rate divider.
@@ -26,51 +25,35 @@ pub const PWR_MGMT_1: u8 = 0x6B;
 /// Identity.
 pub const WHO_AM_I: u8 = 0x75;
 
-/// 42 Hz, 4.8 ms of delay: half the tick's rate, and the delay of half a tick that a tick's worth of
-/// encoder counts has too, so both tell of the same instant.
+/// 42 Hz with a delay of 4.8 ms: half the tick's rate, and the mean delay of a tick's encoder counts.
 const LOW_PASS: u8 = 3;
-/// ±500 °/s: the first board turns at 140 °/s at most, a hand easily at 300.
+/// ±500 °/s: the first board turns at 140 °/s at most, by hand at 300.
 const FULL_SCALE: u8 = 1 << 3;
-/// Least significant bits per °/s at that full scale, tenths (PS, 6.1).
+/// Tenths of an LSB per °/s at this full scale (PS, 6.1).
 pub const LSB_PER_DEGREE_TENTHS: u32 = 655;
 
-/// A write of the set-up, and how many ticks to leave the part alone after it.
-struct Setting {
-    register: u8,
-    value: u8,
-    rest: u8,
-}
-
-const fn setting(register: u8, value: u8, rest: u8) -> Setting {
-    Setting {
-        register,
-        value,
-        rest,
-    }
-}
-
-/// The set-up, in this order.
-const SETUP: [Setting; 5] = [
-    // Everything to its reset value; 100 ms (RM, 4.28 and 4.27).
-    setting(PWR_MGMT_1, 0x80, 11),
-    // Awake, clocked by the z gyroscope, as the manual recommends; 30 ms until it moves (PS, 6.1).
-    setting(PWR_MGMT_1, 0x03, 5),
-    setting(CONFIG, LOW_PASS, 0),
-    setting(GYRO_CONFIG, FULL_SCALE, 0),
-    // A sample every millisecond: what is read is never older.
-    setting(SMPLRT_DIV, 0, 3),
+/// Set-up sequence: register, value, ticks without a request after it, at least 1.
+const SETUP: [(u8, u8, u8); 5] = [
+    // Reset; 100 ms (RM, 4.28 and 4.27).
+    (PWR_MGMT_1, 0x80, 11),
+    // Awake, clocked by the z gyroscope, as the manual recommends; starts within 30 ms (PS, 6.1).
+    (PWR_MGMT_1, 0x03, 5),
+    (CONFIG, LOW_PASS, 1),
+    (GYRO_CONFIG, FULL_SCALE, 1),
+    // A sample every millisecond: no reading is older.
+    (SMPLRT_DIV, 0, 3),
 ];
 
-/// What the driver is to do until the next tick.
+/// Request to the bus for the time until the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusRequest {
-    /// Leave the bus alone.
+    /// No transfer.
     Idle,
     /// Write one register.
     Write {
         /// Its address.
         register: u8,
-        /// What it shall hold.
+        /// Its new content.
         value: u8,
     },
     /// Read `count`, 1 or 2, registers.
@@ -80,110 +63,107 @@ pub enum BusRequest {
         /// How many.
         count: u8,
     },
-    /// Take the lines from the interface and hold each low or let it go.
+    /// Drive the lines as GPIOs: each low or released.
     DriveLines {
-        /// SCL is let go.
+        /// SCL is released.
         clock: bool,
-        /// SDA is let go.
+        /// SDA is released.
         data: bool,
     },
-    /// Give the lines back to the interface, freshly reset.
+    /// Return the lines to the I2C interface after its reset.
     ReleaseLines,
 }
 
-/// What became of the last order.
+/// Result of the last request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusResult {
-    /// Carried out, or there was nothing to do.
+    /// Completed, or there was no transfer.
     #[default]
     Done,
-    /// These bytes were read; the second is 0 where only one was asked for.
+    /// The bytes read; the second is 0 if one was requested.
     Bytes([u8; 2]),
-    /// Nobody acknowledged.
+    /// Not acknowledged.
     Nack,
-    /// It is still under way after a whole tick, or could not begin: somebody holds a line.
+    /// Incomplete after a whole tick, or could not start: a line is held low.
     Timeout,
 }
 
-/// Why there is no rate.
+/// Reason why there is no rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceError {
-    /// Nothing acknowledges at 0x68.
+    /// No acknowledge at 0x68.
     NotResponding,
-    /// Something else answers there, or it did not keep its settings.
+    /// Another identity, or the settings were not kept.
     WrongId,
     /// A line is held low.
     BusHeld,
-    /// It answers, and always the same: a live gyroscope is noisy.
+    /// Constant data: a working gyroscope is noisy.
     Frozen,
 }
 
 impl DeviceError {
-    /// For the log.
+    /// Text for the log.
     #[must_use]
     pub const fn reason(self) -> &'static str {
         match self {
             Self::NotResponding => "no answer at 0x68",
             Self::WrongId => "not an MPU6050 at 0x68",
             Self::BusHeld => "I2C held",
-            Self::Frozen => "its data stand still",
+            Self::Frozen => "data frozen",
         }
     }
 }
 
-/// What a tick learned.
+/// News of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GyroReading {
     /// Nothing.
     None,
-    /// The rate about the vertical, least significant bits, counter-clockwise positive.
+    /// Rate about the vertical, LSB, counter-clockwise positive.
     Rate(i16),
-    /// It is lost; told once for each reason until it is found again.
+    /// The part is lost; reported once per reason until it recovers.
     Lost(DeviceError),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// Ticks until the part is asked who it is.
+    /// Ticks until it is identified.
     Wait(u16),
-    /// Asked who it is.
     Identify,
-    /// Setting number so was written.
+    /// Writes this step of the set-up.
     Set(u8),
-    /// Ticks until the next setting.
+    /// Step of the set-up, ticks until the next.
     Settle(u8, u8),
-    /// Asked for its settings.
     Verify,
-    /// Asked for the rate.
+    /// Reads the rate.
     Stream,
-    /// Clocking the bus out, edge by edge.
-    Free(u8),
-    /// The lines are being given back.
-    Attach,
+    /// Recovers the bus, edge by edge.
+    Recover(u8),
+    Release,
 }
 
-/// From power-up to a part that answers: 100 ms at most (PS, 6.3).
-const POWER_UP: u16 = 10;
-/// From one failed try to the next, ticks: doubled each time.
-const SHORTEST_PAUSE: u16 = 100;
-const LONGEST_PAUSE: u16 = 800;
-/// Reads in a row that may go unanswered; the rate is held meanwhile.
-const MISSES: u8 = 3;
-/// The same word so many times in a row is no gyroscope: its noise of 0.05 °/s rms (PS, 6.1) is three
-/// bits, so two words in a row agree one time in ten.
-const SAME: u8 = 50;
-/// Edges that free the bus: nine clock pulses, then a stop (UM10204, 3.1.16).
-const EDGES: u8 = 18;
+/// Ticks from power-up to the first request: 100 ms (PS, 6.3).
+const POWER_UP_TICKS: u16 = 10;
+/// Ticks between attempts, doubled each time.
+const MIN_PAUSE: u16 = 100;
+const MAX_PAUSE: u16 = 800;
+/// Consecutive failed reads that are tolerated.
+const MAX_MISSES: u8 = 3;
+/// Consecutive equal words that no working gyroscope sends: its noise of 0.05 °/s rms (PS, 6.1) is
+/// three bits, so one word in ten equals the last.
+const MAX_REPEATS: u8 = 50;
+/// Edges of the bus recovery: nine clock pulses, before a stop (UM10204, 3.1.16).
+const RECOVERY_EDGES: u8 = 18;
 
-/// The conversation.
+/// The driver.
 #[derive(Clone, Copy, Debug)]
 pub struct Mpu6050 {
     stage: Stage,
     pause: u16,
     misses: u8,
     last: [u8; 2],
-    same: u8,
-    told: Option<DeviceError>,
+    repeats: u8,
+    reported: Option<DeviceError>,
 }
 
 impl Default for Mpu6050 {
@@ -193,41 +173,39 @@ impl Default for Mpu6050 {
 }
 
 impl Mpu6050 {
-    /// Nothing said yet.
+    /// Waits for the part's power-up.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            stage: Stage::Wait(POWER_UP),
-            pause: SHORTEST_PAUSE,
+            stage: Stage::Wait(POWER_UP_TICKS),
+            pause: MIN_PAUSE,
             misses: 0,
             last: [0; 2],
-            same: 0,
-            told: None,
+            repeats: 0,
+            reported: None,
         }
     }
 
-    /// One tick: what became of the last order, and the next one.
-    pub fn step(&mut self, outcome: BusResult) -> (BusRequest, GyroReading) {
-        let news = self.hear(outcome);
-        (self.order(), news)
+    /// One tick: takes the result of the last request, gives the next.
+    pub fn step(&mut self, result: BusResult) -> (BusRequest, GyroReading) {
+        let reading = self.advance(result);
+        (self.request(), reading)
     }
 
-    /// Moves to the next stage.
-    fn hear(&mut self, outcome: BusResult) -> GyroReading {
-        match (self.stage, outcome) {
-            // By hand, the lines answer nothing.
-            (Stage::Free(edge), _) => {
-                self.stage = if edge < EDGES + 2 {
-                    Stage::Free(edge + 1)
+    fn advance(&mut self, result: BusResult) -> GyroReading {
+        match (self.stage, result) {
+            (Stage::Recover(edge), _) => {
+                self.stage = if edge < RECOVERY_EDGES + 2 {
+                    Stage::Recover(edge + 1)
                 } else {
-                    Stage::Attach
+                    Stage::Release
                 };
             }
-            (Stage::Attach, _) => self.stage = Stage::Wait(self.pause),
+            (Stage::Release, _) => self.stage = Stage::Wait(self.pause),
             (_, BusResult::Timeout) => {
-                let news = self.lost(DeviceError::BusHeld);
-                self.stage = Stage::Free(0);
-                return news;
+                let reading = self.lost(DeviceError::BusHeld);
+                self.stage = Stage::Recover(0);
+                return reading;
             }
             (Stage::Wait(ticks), _) => {
                 self.stage = if ticks > 1 {
@@ -239,7 +217,7 @@ impl Mpu6050 {
             (Stage::Stream, BusResult::Bytes(word)) => return self.rate(word),
             (Stage::Stream, _) => {
                 self.misses += 1;
-                if self.misses > MISSES {
+                if self.misses > MAX_MISSES {
                     return self.lost(DeviceError::NotResponding);
                 }
             }
@@ -247,7 +225,9 @@ impl Mpu6050 {
             (Stage::Identify, BusResult::Bytes([identity, _])) if identity == IDENTITY => {
                 self.stage = Stage::Set(0);
             }
-            (Stage::Set(nth), BusResult::Done) => self.stage = Stage::Settle(nth, self.rest(nth)),
+            (Stage::Set(nth), BusResult::Done) => {
+                self.stage = Stage::Settle(nth, settling_ticks(nth))
+            }
             (Stage::Settle(nth, rest), _) if rest > 1 => self.stage = Stage::Settle(nth, rest - 1),
             (Stage::Settle(nth, _), _) => {
                 self.stage = if usize::from(nth) + 1 < SETUP.len() {
@@ -259,7 +239,7 @@ impl Mpu6050 {
             (Stage::Verify, BusResult::Bytes([LOW_PASS, FULL_SCALE])) => {
                 self.stage = Stage::Stream;
                 self.misses = 0;
-                self.same = 0;
+                self.repeats = 0;
             }
             (Stage::Identify | Stage::Set(_) | Stage::Verify, _) => {
                 return self.lost(DeviceError::WrongId);
@@ -268,56 +248,46 @@ impl Mpu6050 {
         GyroReading::None
     }
 
-    /// At least a tick, in which nothing is asked.
-    fn rest(&self, nth: u8) -> u8 {
-        let _ = self;
-        SETUP
-            .get(usize::from(nth))
-            .map_or(1, |setting| setting.rest.max(1))
-    }
-
     fn rate(&mut self, word: [u8; 2]) -> GyroReading {
         self.misses = 0;
-        self.same = if word == self.last {
-            self.same.saturating_add(1)
+        self.repeats = if word == self.last {
+            self.repeats.saturating_add(1)
         } else {
             0
         };
         self.last = word;
-        if self.same >= SAME {
+        if self.repeats >= MAX_REPEATS {
             return self.lost(DeviceError::Frozen);
         }
-        // Told again should it be lost again, but not before it has shown that it lives.
-        if self.same == 0 {
-            self.told = None;
-            self.pause = SHORTEST_PAUSE;
+        // Reported again when it is lost again, but only after data that changed.
+        if self.repeats == 0 {
+            self.reported = None;
+            self.pause = MIN_PAUSE;
         }
         GyroReading::Rate(i16::from_be_bytes(word))
     }
 
-    fn lost(&mut self, trouble: DeviceError) -> GyroReading {
+    fn lost(&mut self, error: DeviceError) -> GyroReading {
         self.stage = Stage::Wait(self.pause);
-        self.pause = (self.pause * 2).min(LONGEST_PAUSE);
-        if self.told == Some(trouble) {
+        self.pause = (self.pause * 2).min(MAX_PAUSE);
+        if self.reported == Some(error) {
             return GyroReading::None;
         }
-        self.told = Some(trouble);
-        GyroReading::Lost(trouble)
+        self.reported = Some(error);
+        GyroReading::Lost(error)
     }
 
-    fn order(&self) -> BusRequest {
+    fn request(&self) -> BusRequest {
         match self.stage {
             Stage::Wait(_) | Stage::Settle(..) => BusRequest::Idle,
             Stage::Identify => BusRequest::Read {
                 register: WHO_AM_I,
                 count: 1,
             },
-            Stage::Set(nth) => SETUP
-                .get(usize::from(nth))
-                .map_or(BusRequest::Idle, |setting| BusRequest::Write {
-                    register: setting.register,
-                    value: setting.value,
-                }),
+            Stage::Set(nth) => match SETUP.get(usize::from(nth)) {
+                Some(&(register, value, _)) => BusRequest::Write { register, value },
+                None => BusRequest::Idle,
+            },
             // CONFIG and GYRO_CONFIG, which follows it.
             Stage::Verify => BusRequest::Read {
                 register: CONFIG,
@@ -327,18 +297,23 @@ impl Mpu6050 {
                 register: GYRO_ZOUT,
                 count: 2,
             },
-            // Nine pulses; then data low while the clock is, and up after it: a stop.
-            Stage::Free(edge) if edge < EDGES => BusRequest::DriveLines {
+            // Nine pulses, then a stop: data low with the clock, and released after it.
+            Stage::Recover(edge) if edge < RECOVERY_EDGES => BusRequest::DriveLines {
                 clock: edge & 1 == 1,
                 data: true,
             },
-            Stage::Free(edge) => BusRequest::DriveLines {
-                clock: edge > EDGES,
-                data: edge > EDGES + 1,
+            Stage::Recover(edge) => BusRequest::DriveLines {
+                clock: edge > RECOVERY_EDGES,
+                data: edge > RECOVERY_EDGES + 1,
             },
-            Stage::Attach => BusRequest::ReleaseLines,
+            Stage::Release => BusRequest::ReleaseLines,
         }
     }
+}
+
+/// Ticks without a request after a step of the set-up.
+fn settling_ticks(nth: u8) -> u8 {
+    SETUP.get(usize::from(nth)).map_or(1, |step| step.2)
 }
 
 #[cfg(test)]

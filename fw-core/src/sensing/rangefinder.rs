@@ -1,22 +1,20 @@
-//! Ultrasonic rangefinders (US-015): one at a time, at least 60 ms from one trigger of a sensor to
-//! its next, so that no sensor hears another's echo or its own last one.
+//! Ultrasonic rangefinders (US-015), triggered in turn, each at most every 60 ms, so that no sensor
+//! receives another's echo or its own last one.
 //!
-//! | sensors | a slot | each measures every |
+//! | sensors | slot | period of each |
 //! |---|---|---|
 //! | 1 | 60 ms | 60 ms |
 //! | 2 | 30 ms | 60 ms |
-//! | 3 | 20 ms, 30 ms where nothing answered | 60 to 90 ms |
+//! | 3 | 20 ms, 30 ms after a time-out | 60 to 90 ms |
 //!
-//! 60 ms is the part's own limit. What is within range, 2.5 m, has answered 20 ms after the trigger at
-//! any temperature; a sensor hears up to 4 m, and an echo from there, 26 ms late at −40 °C, must not
-//! meet the next sensor listening. So where nothing answered in 20 ms the next one waits until 30.
+//! 60 ms is the part's limit. An object within the range of 2.5 m has answered 20 ms after the trigger at
+//! any temperature. The part receives up to 4 m, and such an echo, after 26 ms at −40 °C, must not reach
+//! the next sensor: after a time-out the next trigger waits until 30 ms.
 //!
-//! What a sensor says of the line of its echo, and what it means:
-//!
-//! | the line | reading | on the wire |
+//! | echo line | reading | on the wire |
 //! |---|---|---|
 //! | rises, falls within the time of 2500 mm | [`Echo::Distance`] | its code |
-//! | up for longer than that, 38 ms where nothing echoes | [`Echo::TimedOut`], then [`Echo::OutOfRange`] | 0xFFFF |
+//! | high for longer, 38 ms without an echo | [`Echo::TimedOut`], then [`Echo::OutOfRange`] | 0xFFFF |
 //! | never rises, never falls, or falls at once | [`Echo::TimedOut`], then [`Echo::Missing`] | 0xFFFF |
 
 use crate::types::{Micros, Millimetres, RangefinderId};
@@ -24,58 +22,58 @@ use fixed::types::I16F16;
 use fixed::types::I32F32;
 
 /// Largest distance (document, 5.1.4), 2⁻³² mm.
-const FARTHEST: i64 = 2500 << 32;
-/// Shortest echo that an object makes, microseconds: 20 mm, the sensor's blind distance.
-const SHORTEST: u32 = 117;
+const MAX_DISTANCE: i64 = 2500 << 32;
+/// Shortest echo of an object, microseconds: 20 mm, the sensor's blind distance.
+const MIN_WIDTH: u32 = 117;
 /// Longest time from the trigger to the echo's rise, microseconds; the sensor takes below 1 ms. With
 /// the 16.3 ms of 2500 mm at −40 °C it is within the slot.
-const LATEST_RISE: u32 = 3_000;
+const MAX_RISE_DELAY: u32 = 3_000;
 /// Ticks from one trigger of a sensor to its next.
-const CYCLE: u8 = 6;
-/// Ticks until everything within range has answered a trigger: 20 ms.
-pub const LISTEN: u8 = 2;
-/// Ticks until no echo of a trigger can be heard any more: 8 m of way, 26 ms at −40 °C.
-const QUIET: u8 = 3;
-/// Speed of sound until a temperature is known, mm/s: as at 19 °C.
-const ASSUMED: u64 = 343_000;
+const CYCLE_TICKS: u8 = 6;
+/// Ticks until every object within range has answered a trigger: 20 ms.
+pub const LISTEN_TICKS: u8 = 2;
+/// Ticks until no echo of a trigger can arrive any more: 8 m of path, 26 ms at −40 °C.
+const QUIET_TICKS: u8 = 3;
+/// Speed of sound while no temperature is known, mm/s: at 19 °C.
+const DEFAULT_SPEED: u64 = 343_000;
 
-/// What a rangefinder says.
+/// Result of a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Echo {
     /// Not measured yet.
     #[default]
     NotMeasured,
-    /// An object, 20 ..= 2500 mm away.
+    /// An object at 20 ..= 2500 mm.
     Distance(Millimetres),
-    /// Nothing within range has answered the last trigger; whether for want of an object or of a
-    /// sensor shows when its line falls, or does not until the next trigger.
+    /// No echo from within range; [`Self::OutOfRange`] or [`Self::Missing`] follows when the line falls,
+    /// or at the next trigger.
     TimedOut,
-    /// An echo longer than 2500 mm's: nothing within range.
+    /// An echo longer than that of 2500 mm: no object within range.
     OutOfRange,
-    /// The last trigger got no answer, or an impossible one: broken or not connected.
+    /// No echo, or an impossible one: broken or not connected.
     Missing,
 }
 
-/// A reading and where the sensor pointed when it was triggered: never apart, so that no reading can
-/// come to a later bearing.
+/// A measurement with the bearing of its trigger: kept together, so that no measurement is assigned to a
+/// later bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reading {
-    /// What it says.
+    /// The result.
     pub echo: Echo,
-    /// Turn × 0x10000, counter-clockwise from straight ahead.
+    /// Bearing of the sensor at the trigger, turn × 0x10000, counter-clockwise from straight ahead.
     pub bearing: u16,
 }
 
-/// How a sensor's triggers ended since the start; each count stays at its largest.
+/// Results of a sensor's triggers since the start; every count saturates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EchoStats {
-    /// With a distance.
+    /// Distances.
     pub hits: u32,
-    /// With nothing within range.
+    /// Echoes from beyond the range.
     pub out_of_range: u32,
-    /// Without an answer.
+    /// Triggers without an echo.
     pub missing: u32,
-    /// Without an answer in a consecutive_misses, the last one among them; at most 255.
+    /// Triggers without an echo since the last echo.
     pub consecutive_misses: u8,
 }
 
@@ -85,7 +83,7 @@ impl EchoStats {
             Echo::Distance(_) => &mut self.hits,
             Echo::OutOfRange => &mut self.out_of_range,
             Echo::Missing => &mut self.missing,
-            // No end yet.
+            // Not a final result.
             Echo::NotMeasured | Echo::TimedOut => return,
         };
         *count = count.saturating_add(1);
@@ -98,15 +96,15 @@ impl EchoStats {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Sensor {
-    /// When it was triggered and where it pointed, until its echo arrives.
-    awaited: Option<(Micros, u16)>,
+    /// Time and bearing of the trigger, until its echo arrives.
+    pending: Option<(Micros, u16)>,
     reading: Reading,
     stats: EchoStats,
 }
 
 impl Sensor {
-    /// What became of a trigger at `bearing`.
-    fn settle(&mut self, echo: Echo, bearing: u16) {
+    /// Stores the result of a trigger at `bearing`.
+    fn record(&mut self, echo: Echo, bearing: u16) {
         self.stats.count(echo);
         self.reading = Reading { echo, bearing };
     }
@@ -118,82 +116,72 @@ pub struct Rangefinders {
     sensors: [Sensor; 3],
     count: u8,
     /// Ticks since the last trigger, at most 255.
-    since: u8,
-    /// The one triggered last.
+    ticks: u8,
+    /// Index of the sensor triggered last.
     current: u8,
-    /// Millimetres of distance per microsecond of echo, 32 fractional bits.
-    pace: u64,
-    /// Whom [`Self::take_updated`] has still to name, bit n the n-th.
-    news: u8,
+    /// Distance per echo time, 2⁻³² mm/µs.
+    mm_per_us: u64,
+    /// Bit mask of the sensors with unread updates.
+    updated: u8,
 }
 
 impl Rangefinders {
     /// The first `count`, 0 ..= 3, of front, right and left; sound at 343 m/s, as at 19 °C.
     // Requirement: WIRE-platform-4
     #[must_use]
-    pub const fn new(count: u8) -> Self {
-        const NEVER: Sensor = Sensor {
-            awaited: None,
-            reading: Reading {
-                echo: Echo::NotMeasured,
-                bearing: 0,
-            },
-            stats: EchoStats {
-                hits: 0,
-                out_of_range: 0,
-                missing: 0,
-                consecutive_misses: 0,
-            },
-        };
+    pub fn new(count: u8) -> Self {
         Self {
-            sensors: [NEVER; 3],
-            count: if count > 3 { 3 } else { count },
-            since: u8::MAX,
-            // The one before the front one's first turn.
+            sensors: [Sensor::default(); 3],
+            count: count.min(3),
+            ticks: u8::MAX,
+            // The front sensor is next.
             current: u8::MAX,
-            pace: pace(ASSUMED),
-            news: 0,
+            mm_per_us: mm_per_us(DEFAULT_SPEED),
+            updated: 0,
         }
     }
 
-    /// Sound travels at 331.3 + 0.606·T m/s; `celsius` counts from −40 to 85. Without one it is assumed
-    /// to travel at 343 m/s.
+    /// Speed of sound 331.3 + 0.606·T m/s at the temperature T, −40 to 85 °C; 343 m/s if unknown.
     pub fn set_temperature(&mut self, celsius: Option<I16F16>) {
-        self.pace = pace(celsius.map_or(ASSUMED, speed));
+        self.mm_per_us = mm_per_us(celsius.map_or(DEFAULT_SPEED, speed_of_sound));
     }
 
-    /// Every 10 ms: which one to trigger now, the front one pointing to `aim` (turn × 0x10000), and
-    /// none while that is not known. A sensor that has not answered its last trigger by the next is
-    /// [`Echo::Missing`].
-    pub fn tick(&mut self, now: Micros, aim: Option<u16>) -> Option<RangefinderId> {
-        self.since = self.since.saturating_add(1);
+    /// Every 10 ms: the sensor to trigger now, pointing at `bearing` (turn × 0x10000); none while the
+    /// bearing is unknown. A sensor without an echo by its next trigger becomes [`Echo::Missing`].
+    pub fn tick(&mut self, now: Micros, bearing: Option<u16>) -> Option<RangefinderId> {
+        self.ticks = self.ticks.saturating_add(1);
         let slot = match self.count {
             0 => return None,
-            count => CYCLE / count,
+            count => CYCLE_TICKS / count,
         };
-        let mut silent = false;
+        let mut timed_out = false;
         if let Some(sensor) = self.sensors.get_mut(usize::from(self.current)) {
-            if let Some((_, bearing)) = sensor.awaited {
-                silent = true;
-                if self.since == LISTEN {
-                    sensor.settle(Echo::TimedOut, bearing);
-                    self.news |= 1 << self.current;
+            if let Some((_, bearing)) = sensor.pending {
+                timed_out = true;
+                if self.ticks == LISTEN_TICKS {
+                    sensor.record(Echo::TimedOut, bearing);
+                    self.updated |= 1 << self.current;
                 }
             }
         }
-        if self.since < if silent { slot.max(QUIET) } else { slot } {
+        let slot = if timed_out {
+            slot.max(QUIET_TICKS)
+        } else {
+            slot
+        };
+        if self.ticks < slot {
             return None;
         }
-        let aim = aim?;
+        let bearing = bearing?;
         let which = self.current.wrapping_add(1);
         let which = if which < self.count { which } else { 0 };
         let sensor = self.sensors.get_mut(usize::from(which))?;
-        if let Some((_, bearing)) = sensor.awaited {
-            sensor.settle(Echo::Missing, bearing);
-            self.news |= 1 << which;
+        if let Some((_, bearing)) = sensor.pending {
+            sensor.record(Echo::Missing, bearing);
+            self.updated |= 1 << which;
         }
-        sensor.awaited = Some((now, aim));
-        self.since = 0;
+        sensor.pending = Some((now, bearing));
+        self.ticks = 0;
         self.current = which;
         Some(match which {
             0 => RangefinderId::Front,
@@ -202,54 +190,54 @@ impl Rangefinders {
         })
     }
 
-    /// An echo's two edges. One that no trigger asked for, or whose edges cannot belong to the last
-    /// trigger, is ignored: a missing edge never becomes a distance.
+    /// Both edges of an echo. Edges that cannot belong to the sensor's last trigger are ignored: a missing
+    /// edge never becomes a distance.
     // Requirement: WIRE-distance-1
     pub fn echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
         let Some(sensor) = self.sensors.get_mut(which as usize) else {
             return;
         };
-        let Some((trigger, bearing)) = sensor.awaited else {
+        let Some((trigger, bearing)) = sensor.pending else {
             return;
         };
         // Edges before the trigger wrap to far beyond these bounds.
         let delay = rise.since(trigger);
         let width = fall.since(rise);
-        if delay > LATEST_RISE || width > 1 << 20 {
+        if delay > MAX_RISE_DELAY || width > 1 << 20 {
             return;
         }
-        sensor.awaited = None;
-        let distance = (u64::from(width) * self.pace) as i64;
-        let echo = if width < SHORTEST {
+        sensor.pending = None;
+        let distance = (u64::from(width) * self.mm_per_us) as i64;
+        let echo = if width < MIN_WIDTH {
             Echo::Missing
-        } else if distance > FARTHEST {
+        } else if distance > MAX_DISTANCE {
             Echo::OutOfRange
         } else {
             Echo::Distance(Millimetres(I32F32::from_bits(distance)))
         };
-        sensor.settle(echo, bearing);
-        self.news |= 1 << which as u8;
+        sensor.record(echo, bearing);
+        self.updated |= 1 << which as u8;
     }
 
-    /// Nobody knows where they point: what they said and what is still on its way means nothing.
+    /// The bearing is unknown: discards all readings and pending triggers.
     pub fn invalidate(&mut self) {
         for sensor in &mut self.sensors {
-            sensor.awaited = None;
+            sensor.pending = None;
             sensor.reading.echo = Echo::NotMeasured;
         }
-        self.news = 0b111;
+        self.updated = 0b111;
     }
 
-    /// One whose reading or stats may not be what it was when it was named here last, the front one
-    /// before the others; nothing once all have been named.
+    /// Takes one sensor whose reading or statistics were updated, the front one first; `None` once all
+    /// updates are taken.
     pub fn take_updated(&mut self) -> Option<RangefinderId> {
-        let which = RangefinderId::ALL.get(self.news.trailing_zeros() as usize)?;
-        self.news &= self.news - 1;
+        let which = RangefinderId::ALL.get(self.updated.trailing_zeros() as usize)?;
+        self.updated &= self.updated - 1;
         Some(*which)
     }
 
-    /// The last reading with its bearing, which is the front one's own and the robot's else. It is at
-    /// most one cycle old: what is not renewed becomes [`Echo::TimedOut`] and then [`Echo::Missing`].
+    /// The last reading, at most one cycle old: without an echo it becomes [`Echo::TimedOut`] and then
+    /// [`Echo::Missing`].
     #[must_use]
     pub fn reading(&self, which: RangefinderId) -> Reading {
         self.sensors
@@ -257,7 +245,7 @@ impl Rangefinders {
             .map_or_else(Reading::default, |sensor| sensor.reading)
     }
 
-    /// The distance, where there is one.
+    /// The distance of the last reading, if it has one.
     #[must_use]
     pub fn distance(&self, which: RangefinderId) -> Option<Millimetres> {
         match self.reading(which).echo {
@@ -266,7 +254,7 @@ impl Rangefinders {
         }
     }
 
-    /// How its triggers ended so far.
+    /// Results of the sensor's triggers.
     #[must_use]
     pub fn stats(&self, which: RangefinderId) -> EchoStats {
         self.sensors
@@ -276,14 +264,13 @@ impl Rangefinders {
 }
 
 /// Speed of sound in air, mm/s; 307 to 383 m/s from −40 to 85 °C.
-fn speed(celsius: I16F16) -> u64 {
+fn speed_of_sound(celsius: I16F16) -> u64 {
     let celsius = i64::from(celsius.to_bits()).clamp(-40 << 16, 85 << 16);
     (331_300 + ((celsius * 606) >> 16)).unsigned_abs()
 }
 
-/// Half the way that sound of `speed` mm/s, below 400 m/s, goes in a microsecond, mm, 32 fractional
-/// bits.
-const fn pace(speed: u64) -> u64 {
+/// Half the path of sound at `speed`, below 400 000 mm/s, in a microsecond, 2⁻³² mm.
+const fn mm_per_us(speed: u64) -> u64 {
     // 2⁵³ / 2 000 000, for 2³² / 2 000 000 without a 64-bit division.
     (speed * 4_503_599_627) >> 21
 }

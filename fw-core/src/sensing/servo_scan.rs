@@ -1,54 +1,52 @@
-//! The servo that swings the front rangefinder: where it points, when it may measure, what it is told.
+//! Scan servo of the front rangefinder: bearing, pulse widths, and when the sensor may be triggered.
 //!
-//! A hobby servo turns to the angle that the width of a pulse names, 50 pulses a second, and says
-//! nothing back. So what it does is known from what it was told and from how long ago that was:
+//! A hobby servo turns to the angle that the pulse width encodes, 50 pulses a second, without feedback.
+//! Its position follows from the last pulses and the time since:
 //!
-//! | time after a trigger | what happens |
+//! | time after a trigger | event |
 //! |---|---|
-//! | 0 | the servo stands, the sensor is triggered: this reading's bearing |
-//! | 20 ms | everything within range has answered; the pulse of the next bearing begins |
-//! | 22 ms | the pulse is over at the latest: the servo turns, 10° in 25 ms |
+//! | 0 | the servo is settled, the sensor is triggered: bearing of this reading |
+//! | 20 ms | every object within range has answered; the pulse of the next bearing begins |
+//! | 22 ms | the pulse has ended; the servo turns 10° in 25 ms |
 //! | 47 to 60 ms | it settles |
-//! | 60 ms | the sensor is triggered anew, as soon as it allows |
+//! | 60 ms | next trigger |
 //!
-//! Nothing on the robot moves before somebody talks to it: pulses begin with the first fresh frame and
-//! end with the last one's deadline, and with a fault that stops the robot. Without pulses the servo
-//! has no force and stands; when they begin again it may stand anywhere, and nothing is measured
-//! before it has had the time for its whole travel.
+//! Pulses begin with the first fresh frame and end with the stop deadline or a blocking fault. Without
+//! pulses the servo is free to be moved, so after a pause the sensor is not triggered until the servo
+//! had the time for its whole travel.
 
-use super::rangefinder::LISTEN;
+use super::rangefinder::LISTEN_TICKS;
 use crate::eeprom::Platform;
 use core::num::NonZeroU16;
 
 /// Ticks from pulse to pulse: 50 Hz.
-const FRAME: u8 = 2;
-/// Microseconds of the pulse in the middle of the travel.
-const MIDDLE: u16 = 1500;
-/// Microseconds of the pulse on each side of that: 1.0 to 2.0 ms.
-const ASIDE: u16 = 500;
-/// The travel that a configuration's 0 stands for: half a turn.
+const PULSE_PERIOD: u8 = 2;
+/// Pulse width at the centre of the travel, microseconds.
+const CENTRE_WIDTH: u16 = 1500;
+/// Deviation of the pulse width at either end of the travel, microseconds.
+const HALF_SPAN: u16 = 500;
+/// Travel encoded as 0 in the configuration: half a turn.
 const HALF_TURN: u16 = 0x8000;
-/// Steps of a whole turn: none is longer than 10°.
-const STEPS_OF_A_TURN: u32 = 36;
-/// Ticks from the pulse of a new bearing until the servo stands there: 2 ms of pulse, 25 ms for 10° at
+/// Steps of a whole turn: 10° at most.
+const STEPS_PER_TURN: u32 = 36;
+/// Ticks from the pulse of a new bearing until the servo is settled: 2 ms of pulse, 25 ms for 10° at
 /// 60° in 0.15 s, 13 ms to settle.
-pub const STEP: u8 = 4;
-/// Ticks until it stands wherever it was before: 450 ms for 180°, and to settle.
+pub const STEP_TICKS: u8 = 4;
+/// Ticks until it is settled from anywhere: 450 ms for 180°, and to settle.
 // Requirement: WIRE-servo-2
-pub const ANYWHERE: u8 = 50;
+pub const FULL_TRAVEL_TICKS: u8 = 50;
 
-/// What the servo is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// No pulses: nobody knows where it stands.
+    /// Without pulses, position unknown.
     Off,
-    /// On its way, for so many ticks more.
+    /// Turning, for so many more ticks.
     Turning(u8),
-    /// It stands where it was told.
-    Still,
-    /// It stands, and the sensor listens for so many ticks more.
+    /// At its bearing.
+    Settled,
+    /// At its bearing, the sensor listens for so many more ticks.
     Listening(u8),
-    /// Straight ahead for good, without pulses.
+    /// Straight ahead permanently, without pulses.
     Parked,
 }
 
@@ -57,33 +55,33 @@ enum Phase {
 #[derive(Clone, Debug)]
 pub struct ServoScan {
     phase: Phase,
-    /// Whether it sweeps; else it is parked straight ahead.
-    sweeps: bool,
-    /// Bearing in the middle of the travel, turn × 0x10000.
-    front: u16,
-    /// Bearings from 1.0 to 2.0 ms, turn × 0x10000; negative where a longer pulse turns clockwise.
+    /// Scans; else it parks straight ahead.
+    scans: bool,
+    /// Bearing at the centre of the travel, turn × 0x10000.
+    centre: u16,
+    /// Change of bearing from 1.0 to 2.0 ms, turn × 0x10000; negative if a longer pulse turns clockwise.
     travel: i32,
-    /// The travel in so many steps.
+    /// Steps of the travel.
     steps: NonZeroU16,
     /// Steps from the 1.0 ms end.
-    at: u16,
-    /// Towards the 2.0 ms end.
-    up: bool,
+    position: u16,
+    /// Scans towards the 2.0 ms end.
+    ascending: bool,
     /// Ticks to the next pulse.
-    frame: u8,
+    next_pulse: u8,
 }
 
 impl ServoScan {
-    /// A servo at rest. It sweeps or turns the sensor straight ahead; without one the sensor always
-    /// points there.
+    /// Without pulses at first. The servo scans, or parks straight ahead; without a servo the sensor
+    /// always points there.
     // Requirement: WIRE-platform-6
     #[must_use]
-    pub fn new(platform: &Platform, sweeps: bool) -> Self {
+    pub fn new(platform: &Platform, scans: bool) -> Self {
         let travel = match platform.servo_travel {
             0 => HALF_TURN,
             travel => travel.min(HALF_TURN),
         };
-        let steps = (u32::from(travel) * STEPS_OF_A_TURN).div_ceil(1 << 16);
+        let steps = (u32::from(travel) * STEPS_PER_TURN).div_ceil(1 << 16);
         let travel = i32::from(travel);
         Self {
             phase: if platform.servo {
@@ -91,8 +89,8 @@ impl ServoScan {
             } else {
                 Phase::Parked
             },
-            sweeps,
-            front: platform.bearings[0],
+            scans,
+            centre: platform.bearings[0],
             travel: if platform.servo_reversed {
                 -travel
             } else {
@@ -100,14 +98,14 @@ impl ServoScan {
             },
             // 18 at most.
             steps: NonZeroU16::new(steps as u16).unwrap_or(NonZeroU16::MIN),
-            at: 0,
-            up: true,
-            frame: 0,
+            position: 0,
+            ascending: true,
+            next_pulse: 0,
         }
     }
 
-    /// Every 10 ms, `live` while somebody talks to a robot that nothing has stopped: the pulse to send
-    /// now, microseconds, if it is time for one.
+    /// Every 10 ms: the width of the pulse to send now, microseconds, if one is due. `live`: within the
+    /// stop deadline and without a blocking fault.
     // Requirement: WIRE-servo-1, WIRE-servo-3
     pub fn tick(&mut self, live: bool) -> Option<u16> {
         if self.phase == Phase::Parked {
@@ -117,78 +115,86 @@ impl ServoScan {
             self.phase = Phase::Off;
             return None;
         }
-        // A pulse ends long before the next tick, so a bearing changes between two of them.
-        let pulse_due = self.frame == 0 || self.phase == Phase::Off;
-        self.frame = if pulse_due { FRAME - 1 } else { self.frame - 1 };
+        let pulse_due = self.next_pulse == 0 || self.phase == Phase::Off;
+        self.next_pulse = if pulse_due {
+            PULSE_PERIOD - 1
+        } else {
+            self.next_pulse - 1
+        };
         self.phase = match self.phase {
             Phase::Off => {
-                self.at = 0;
-                self.up = true;
-                Phase::Turning(ANYWHERE)
+                self.position = 0;
+                self.ascending = true;
+                Phase::Turning(FULL_TRAVEL_TICKS)
             }
             Phase::Turning(left) if left > 1 => Phase::Turning(left - 1),
-            Phase::Turning(_) if self.sweeps => Phase::Still,
+            Phase::Turning(_) if self.scans => Phase::Settled,
             Phase::Turning(_) => Phase::Parked,
             Phase::Listening(left) if left > 1 => Phase::Listening(left - 1),
-            // Only with a pulse, or the servo would learn of it a tick later than the plan says.
+            // Only with a pulse: without one the servo would start a tick late.
             Phase::Listening(_) if pulse_due => {
                 self.step();
-                Phase::Turning(STEP)
+                Phase::Turning(STEP_TICKS)
             }
-            phase @ (Phase::Listening(_) | Phase::Still | Phase::Parked) => phase,
+            phase @ (Phase::Listening(_) | Phase::Settled | Phase::Parked) => phase,
         };
-        (pulse_due && self.phase != Phase::Parked).then(|| self.pulse())
+        (pulse_due && self.phase != Phase::Parked).then(|| self.pulse_width())
     }
 
-    /// The next bearing, back from the ends of the travel: no two readings in turn share one.
+    /// The next bearing, reversing at the ends of the travel: consecutive readings differ in it.
     // Requirement: WIRE-bearing-4, WIRE-bearing-5
     fn step(&mut self) {
-        if self.at >= self.steps.get() {
-            self.up = false;
-        } else if self.at == 0 {
-            self.up = true;
+        if self.position >= self.steps.get() {
+            self.ascending = false;
+        } else if self.position == 0 {
+            self.ascending = true;
         }
-        self.at = if self.up { self.at + 1 } else { self.at - 1 };
+        self.position = if self.ascending {
+            self.position + 1
+        } else {
+            self.position - 1
+        };
     }
 
-    /// Where the sensor points, turn × 0x10000, if it stands there: the only time to trigger it.
+    /// The sensor's bearing, turn × 0x10000, while it is settled and may be triggered.
     // Requirement: WIRE-bearing-2
     #[must_use]
     pub fn settled_bearing(&self) -> Option<u16> {
         match self.phase {
-            Phase::Parked => Some(self.front),
-            Phase::Still => Some(self.bearing()),
+            Phase::Parked => Some(self.centre),
+            Phase::Settled => Some(self.bearing()),
             Phase::Off | Phase::Turning(_) | Phase::Listening(_) => None,
         }
     }
 
-    /// Whether nobody knows where it points: what it measured before means nothing any more.
+    /// Whether the bearing is unknown: earlier readings are void.
     #[must_use]
     pub const fn is_off(&self) -> bool {
         matches!(self.phase, Phase::Off)
     }
 
-    /// The sensor was triggered: it keeps still until everything within range has answered.
+    /// The sensor was triggered: the servo rests until every object within range has answered.
     pub fn triggered(&mut self) {
-        if self.phase == Phase::Still {
-            self.phase = Phase::Listening(LISTEN);
+        if self.phase == Phase::Settled {
+            self.phase = Phase::Listening(LISTEN_TICKS);
         }
     }
 
-    /// Microseconds.
-    fn pulse(&self) -> u16 {
-        if !self.sweeps {
-            return MIDDLE;
+    /// Width of the pulse at the present position, microseconds.
+    fn pulse_width(&self) -> u16 {
+        if !self.scans {
+            return CENTRE_WIDTH;
         }
-        MIDDLE - ASIDE + (2 * ASIDE * self.at + self.steps.get() / 2) / self.steps
+        CENTRE_WIDTH - HALF_SPAN
+            + (2 * HALF_SPAN * self.position + self.steps.get() / 2) / self.steps
     }
 
-    /// What the pulse as it is sent stands for, turn × 0x10000.
+    /// Bearing encoded by the rounded pulse, turn × 0x10000.
     // Requirement: WIRE-platform-5
     fn bearing(&self) -> u16 {
-        let aside = i32::from(self.pulse()) - i32::from(MIDDLE);
-        let angle = aside * self.travel / (2 * i32::from(ASIDE));
-        self.front.wrapping_add(angle as u16)
+        let deviation = i32::from(self.pulse_width()) - i32::from(CENTRE_WIDTH);
+        let angle = deviation * self.travel / (2 * i32::from(HALF_SPAN));
+        self.centre.wrapping_add(angle as u16)
     }
 }
 

@@ -115,7 +115,7 @@ fn limits(platform: &Platform) -> [i32; 2] {
 
 /// A share is a quarter at least and 1 at most, and the weaker wheel's is 1.
 fn shares_are_in_range(mixer: &Mixer) -> bool {
-    let (left, right) = mixer.shares();
+    let (left, right) = mixer.gain_balance();
     left.min(right) >= I16F16::ONE / 4 && left.max(right) == I16F16::ONE
 }
 
@@ -224,7 +224,7 @@ pub fn rotation_goes_first(
     let Some((platform, mut mixer)) = driven_on(AcceptedConfig(config), driven) else {
         return Seen::NOTHING;
     };
-    let (left_share, right_share) = mixer.shares();
+    let (left_share, right_share) = mixer.gain_balance();
     let shares = [left_share.to_bits(), right_share.to_bits()].map(i64::from);
     let wheels = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
     let [left, right] = duties(wheels, &platform);
@@ -275,10 +275,10 @@ pub fn shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) -> Seen
             let _ = mixer.brake();
         }
         assert!(shares_are_in_range(&mixer));
-        let (left, right) = mixer.shares();
+        let (left, right) = mixer.gain_balance();
         learned |= left != right;
     }
-    let (left, right) = mixer.shares();
+    let (left, right) = mixer.gain_balance();
     Seen::NOTHING
         .case(0, learned)
         .case(1, left < I16F16::ONE)

@@ -1,4 +1,4 @@
-//! T6: heading and position from the encoders.
+//! T5 and T6: heading and position from the encoders.
 
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
@@ -9,19 +9,19 @@ use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
 use fw_core::types::Turns;
 
-/// Samples that follow each other: what the counters grew by, both encoders.
+/// Increments of both counters, sample by sample.
 pub type Path = [u8; 48];
 
-/// The counters after each sample of a path; `scale` stretches it.
+/// The increments of a path, times 2^`scale`.
 fn samples(path: &Path, scale: u8) -> impl Iterator<Item = (i32, i32)> + '_ {
     path.chunks_exact(2).map(move |pair| {
-        let grown = |byte: u8| (i32::from(byte) - 128) << (scale % 8);
-        (grown(pair[0]), grown(pair[1]))
+        let increment = |byte: u8| (i32::from(byte) - 128) << (scale % 8);
+        (increment(pair[0]), increment(pair[1]))
     })
 }
 
-/// The heading depends on where the counters are, not on how they came there: tick by tick along any
-/// path, the counters wrapping, or in two ticks there, it is the same to the last bit.
+/// The heading depends on the counters alone, not on the path: tick by tick, with wraps, or in one tick,
+/// it is equal to the last bit.
 // Requirement: DOC-4.1-5
 pub fn heading_never_drifts(
     config: AcceptedConfig,
@@ -45,7 +45,7 @@ pub fn heading_never_drifts(
         net_right += grown_right;
         let _ = slow.step(l, r);
     }
-    // What a 16-bit counter can show of one step.
+    // The range of a 16-bit counter in one step.
     if net_right.abs() > 32_767 {
         return Seen::NOTHING;
     }
@@ -57,41 +57,9 @@ pub fn heading_never_drifts(
         .case(2, r < right && net_right > 0)
 }
 
-/// Rolling back the way it came, tick by tick, the robot's heading is what it was, to the last bit;
-/// and counters that stand never move the pose.
-// Requirement: DOC-4.1-5
-pub fn heading_returns(
-    config: AcceptedConfig,
-    left: u32,
-    right: u16,
-    path: Path,
-    scale: u8,
-) -> Seen {
-    let mut odometry = Odometry::new(&config.0.platform, left, right);
-    let (mut l, mut r) = (left, right);
-    #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
-    let step = |r: u16, grown: i32| r.wrapping_add_signed(grown as i16);
-    for (grown_left, grown_right) in samples(&path, scale) {
-        (l, r) = (l.wrapping_add_signed(grown_left), step(r, grown_right));
-        let _ = odometry.step(l, r);
-    }
-    let away = odometry.pose();
-    assert!(odometry.step(l, r).turn == 0 && odometry.pose() == away);
-    for (grown_left, grown_right) in samples(&path, scale) {
-        (l, r) = (l.wrapping_add_signed(-grown_left), step(r, -grown_right));
-        let _ = odometry.step(l, r);
-    }
-    assert!((l, r) == (left, right));
-    assert!(odometry.pose().heading == Turns(0));
-    Seen::NOTHING
-        .case(0, away.heading != Turns(0))
-        .case(1, away.heading == Turns(0))
-}
-
-/// A tick anywhere and the tick back from there leave the heading as it was, to the last bit, wherever the
-/// counters wrap and however far the wheels turned: what a tick adds depends on its counts alone, and on
-/// their sign by its sign alone. So does any path that is rolled back, and the order is of no
-/// consequence, for all of it is added modulo a turn.
+/// A tick and its reverse restore the heading to the last bit, for any counters and wraps: a tick's turn
+/// depends on its counts alone and is odd in them, and turns add modulo a turn. So any path that is
+/// rolled back restores it, and counters that stand add nothing.
 // Requirement: DOC-4.1-5
 pub fn tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) -> Seen {
     let Some(config) = config.bounded() else {
@@ -101,7 +69,7 @@ pub fn tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u3
     let there = odometry.step(to.0, to.1);
     let away = odometry.pose().heading;
     let _ = odometry.step(from.0, from.1);
-    // What has no opposite of its size is not undone: half of the counters' range.
+    // Half of the counters' range has no opposite.
     if there.left == i32::MIN || there.right.abs() == 1 << 15 {
         return Seen::NOTHING;
     }
@@ -112,8 +80,8 @@ pub fn tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u3
         .case(2, to.1 < from.1 && there.right > 0)
 }
 
-/// One tick's way, for any two counts a wheel can make in it, against the document's exact arc in
-/// binary64 (4.3 to 4.7): within a millionth of a millimetre, the heading within 2⁻³² turns.
+/// One tick of any counts against the document's exact arc in binary64 (4.3 to 4.7): within 10⁻⁶ mm, the
+/// heading within 2⁻³² turns.
 // Requirement: DOC-4.1-3
 pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) -> Seen {
     use core::f64::consts::{PI, TAU};
@@ -123,7 +91,7 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
         ..config.0.platform
     };
     let mut odometry = Odometry::new(&platform, 0, 0);
-    // Any heading: the right wheel rolls, the left one stands.
+    // To any heading: the right wheel rolls, the left one stands.
     let _ = odometry.step(0, heading);
     let before = odometry.pose();
     let delta = odometry.step(
@@ -153,7 +121,7 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
     let (sine, cosine) = (beta + psi / 2.0).sin_cos();
     let dx = (after.x.0 - before.x.0).to_num::<f64>();
     let dy = (after.y.0 - before.y.0).to_num::<f64>();
-    // Half of 2⁻³² turns of the heading that the pose shows, and what sine and cosine may be off.
+    // The pose's heading is rounded to 2⁻³² turns; sine and cosine have their own error.
     let bound = 1e-6 + mean.abs() * 2e-9;
     assert!((dx - chord * cosine).abs() <= bound && (dy - chord * sine).abs() <= bound);
     Seen::NOTHING
@@ -161,7 +129,7 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
         .case(2, psi.abs() > 0.3)
 }
 
-/// Any counters at any time, on any accepted platform, and nothing overflows.
+/// No counters overflow anything on an accepted platform.
 pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
     let Some(config) = config.bounded() else {
         return Seen::NOTHING;
@@ -180,11 +148,6 @@ pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], 
 crate::properties! {
     property T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
-        needs [accepted_configuration_is_bounded];
-        sampled 30_000;
-    }
-    property T6 heading_returns(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
-        cases ["it had turned", "it had not"];
         needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }

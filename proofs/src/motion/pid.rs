@@ -1,5 +1,4 @@
-//! T7: the regulator's output and integral stay within its limit, whatever the factors, and leave it in
-//! time.
+//! T7: the PID's output and integral stay within its limit for all gains, and leave it in time.
 
 use fixed::types::I16F16;
 use fw_core::binary64::Binary64;
@@ -11,20 +10,20 @@ use fw_core::motion::pid::Pid;
 use crate::input::{Input, Source};
 use crate::property::Seen;
 
-/// A regulator in a state that it can reach: any integral within its limit.
-fn regulator(gains: &Gains, limit: i32, integral: i32) -> Pid {
+/// A PID in a reachable state: any integral within its limit.
+fn pid_with(gains: &Gains, limit: i32, integral: i32) -> Pid {
     let mut pid = Pid::new(gains, I16F16::from_bits(limit));
     pid.start_at(I16F16::from_bits(integral), I16F16::ZERO, I16F16::ZERO);
     pid
 }
 
-/// The limit as the regulator takes it: 0 to 100 %.
+/// The limit as the PID clamps it: 0 to 100 %.
 fn cut(limit: i32) -> i32 {
     limit.clamp(0, 100 << 16)
 }
 
-/// The inductive step: from any integral within the limit, any error and any rate, output and integral
-/// are within the limit again. Nothing overflows, for any factors.
+/// Inductive step: from any integral within the limit, with any error and rate, output and integral are
+/// within the limit. No overflow for any gains.
 pub fn step_stays_within_the_limit(
     gains: Gains,
     limit: i32,
@@ -32,7 +31,7 @@ pub fn step_stays_within_the_limit(
     error: i32,
     rate: i32,
 ) -> Seen {
-    let mut pid = regulator(&gains, limit, integral);
+    let mut pid = pid_with(&gains, limit, integral);
     let cut = cut(limit);
     assert!(pid.integral().to_bits().abs() <= cut);
     let output = pid
@@ -46,25 +45,7 @@ pub fn step_stays_within_the_limit(
         .case(2, output.abs() < cut && output != 0)
 }
 
-/// Changing the limit cuts the integral to it.
-pub fn limit_change_cuts_the_integral(
-    gains: Gains,
-    before: i32,
-    integral: i32,
-    after: i32,
-) -> Seen {
-    let mut pid = regulator(&gains, before, integral);
-    pid.set_limit(I16F16::from_bits(after));
-    let kept = pid.integral().to_bits();
-    assert!(kept.abs() <= cut(after));
-    pid.reset();
-    assert!(pid.integral() == 0);
-    Seen::NOTHING
-        .case(0, kept == cut(after) && kept > 0)
-        .case(1, kept.abs() < cut(after) && kept != 0)
-}
-
-/// The factors of a regulator as a configuration may hold them, 2⁻³².
+/// Accepted gains, 2⁻³².
 struct Factors {
     p: i64,
     i: i64,
@@ -93,9 +74,8 @@ impl Factors {
     }
 }
 
-/// Saturation ends with the first sample whose proportional and derivative parts together point back,
-/// by more than 1/512 %: whatever the integral holds, it cannot keep the output at its limit for one
-/// sample longer.
+/// Saturation ends with the first sample whose proportional and derivative parts sum to the opposite
+/// sign, by more than 1/512 %, whatever the integral.
 pub fn saturation_ends_at_once(
     gains: Gains,
     limit: i32,
@@ -113,7 +93,7 @@ pub fn saturation_ends_at_once(
     if !back || cut <= 1 << 10 {
         return Seen::NOTHING;
     }
-    let mut pid = regulator(&gains, limit, integral);
+    let mut pid = pid_with(&gains, limit, integral);
     let output = pid
         .step(I16F16::from_bits(error), I16F16::from_bits(rate))
         .to_bits();
@@ -128,13 +108,10 @@ pub fn saturation_ends_at_once(
         .case(2, others < 0 && integral < 0)
 }
 
-/// What the integral holds too much is shed in time: of n samples whose error stands and holds the
-/// output at its limit, each leaves a share of 1 − a of it, a the anti wind-up factor, and none where
-/// that is 1 or more: after n of them at most (1 − a)ⁿ is left, to 2⁻¹⁵ %. Too much is what the
-/// proportional part leaves no room for, down to an integral of zero.
-///
-/// The first board's forward regulator (0.3) has shed 99 % after 13 samples, its rotation regulator
-/// (1.4) all of it after one.
+/// The excess of the integral decays: n samples of a constant error that keeps the output at its limit
+/// leave at most (1 − a)ⁿ of it, to 2⁻¹⁵ %, a the anti wind-up factor, at most 1. The excess is the part
+/// of the integral beyond the headroom of the proportional part. On the first board 99 % are gone after
+/// 13 samples (forward, 0.3) and all after one (rotation, 1.4).
 pub fn windup_is_shed_in_time(
     gains: Gains,
     limit: i32,
@@ -151,12 +128,12 @@ pub fn windup_is_shed_in_time(
     let sign = error.signum();
     let cut = cut(limit);
     let error = I16F16::from_bits(error);
-    let mut pid = regulator(&gains, limit, integral);
-    // All in 2⁻¹⁶ %; the regulator takes 16 fractional bits of the anti wind-up factor.
+    let mut pid = pid_with(&gains, limit, integral);
+    // In 2⁻¹⁶ %; the PID uses 16 fractional bits of the anti wind-up factor.
     let proportional = proportional_part(&gains, error).to_bits() * sign;
-    let room = (cut - proportional).max(0);
+    let headroom = (cut - proportional).max(0);
     let shed = (factors.anti_windup >> 16).min(1 << 16);
-    let excess = |pid: &Pid| pid.integral().to_bits() * sign - room;
+    let excess = |pid: &Pid| pid.integral().to_bits() * sign - headroom;
     let before = excess(&pid);
     if before <= 0 {
         return Seen::NOTHING;
@@ -169,16 +146,15 @@ pub fn windup_is_shed_in_time(
             most -= ((i64::from(most) * shed) >> 16) as i32;
         }
         assert!(excess(&pid) <= most + 2);
-        // All the while the output stays where the error holds it.
         assert!(output * sign >= cut - 2);
     }
     Seen::NOTHING
-        .case(0, samples > 0 && room > 0)
-        .case(1, samples > 0 && room == 0)
+        .case(0, samples > 0 && headroom > 0)
+        .case(1, samples > 0 && headroom == 0)
         .case(2, samples > 0 && most < before)
 }
 
-/// What the proportional part alone makes of an error, up to 100 %.
+/// Output of the proportional part alone, up to 100 %.
 fn proportional_part(gains: &Gains, error: I16F16) -> I16F16 {
     let gains = Gains {
         p: gains.p,
@@ -187,10 +163,9 @@ fn proportional_part(gains: &Gains, error: I16F16) -> I16F16 {
     Pid::new(&gains, I16F16::lit("100")).step(error, I16F16::ZERO)
 }
 
-/// However full the integral, it turns in time: each sample whose error points back and is near (its
-/// proportional part is within a fifth of the limit) takes I · error out of it, whatever the rate, so
-/// that nothing is left after limit / (I · error) of them. Unless the output is at the other limit
-/// then: more cannot be asked for.
+/// Every sample whose error opposes the integral, with a proportional part within a fifth of the limit,
+/// reduces the integral by I · error, unless the output is at the other limit: the integral's sign changes
+/// after at most limit / (I · error) samples.
 pub fn integral_turns_in_time(
     gains: Gains,
     limit: i32,
@@ -203,10 +178,10 @@ pub fn integral_turns_in_time(
         return Seen::NOTHING;
     };
     let cut = cut(limit);
-    // The way the integral points, and the error does not.
+    // Sign of the integral, opposite to the error's.
     let sign = -error.signum();
     let proportional = factors.proportional(error);
-    let mut pid = regulator(&gains, limit, integral);
+    let mut pid = pid_with(&gains, limit, integral);
     let held = |pid: &Pid| i128::from(pid.integral().to_bits() * sign);
     let before = held(&pid);
     if sign == 0 || before <= 0 || proportional + 1 >= i128::from(cut / 5) {
@@ -233,8 +208,8 @@ pub fn integral_turns_in_time(
         .case(2, held_at_limit)
 }
 
-/// Nothing is gathered on the way: an error whose proportional part is beyond a fifth of the limit leaves
-/// the integral as it is, or nearer to zero.
+/// An error whose proportional part is beyond a fifth of the limit leaves the integral unchanged or
+/// nearer to zero.
 pub fn far_errors_are_not_integrated(
     gains: Gains,
     limit: i32,
@@ -248,44 +223,20 @@ pub fn far_errors_are_not_integrated(
     if factors.proportional(error) <= i128::from(cut(limit) / 5) {
         return Seen::NOTHING;
     }
-    let mut pid = regulator(&gains, limit, integral);
+    let mut pid = pid_with(&gains, limit, integral);
     let before = pid.integral().to_bits();
     let _ = pid.step(I16F16::from_bits(error), I16F16::from_bits(rate));
     let after = pid.integral().to_bits();
-    // Between the two, zero and what it was; the rest of a negative one is rounded down.
+    // Between zero and its value before, rounded down.
     assert!(before.min(0) <= after && after <= before.max(0));
     Seen::NOTHING
         .case(0, after == before && before != 0)
         .case(1, after != before)
 }
 
-/// Any sequence of errors and rates keeps the output within the limit.
-pub fn sequence_stays_within_the_limit(
-    gains: Gains,
-    limit: i32,
-    errors: [u8; 64],
-    scale: u8,
-) -> Seen {
-    let mut pid = Pid::new(&gains, I16F16::from_bits(limit));
-    let cut = cut(limit);
-    let mut reached = false;
-    for pair in errors.chunks_exact(2) {
-        let large = |byte: u8| (i32::from(byte) - 128) << (scale % 24);
-        let output = pid
-            .step(
-                I16F16::from_bits(large(pair[0])),
-                I16F16::from_bits(large(pair[1])),
-            )
-            .to_bits();
-        assert!(output.abs() <= cut && pid.integral().to_bits().abs() <= cut);
-        reached |= output.abs() == cut;
-    }
-    Seen::NOTHING.case(0, reached).case(1, !reached)
-}
-
 impl Input for Gains {
     fn draw(source: &mut impl Source) -> Self {
-        // Factors that a configuration may hold, from tiny to 8192, as often as any numbers at all.
+        // Accepted gains up to 8192 as often as any numbers.
         let accepted = bool::draw(source);
         let factor = |source: &mut _| {
             if accepted {
@@ -304,15 +255,14 @@ impl Input for Gains {
     }
 }
 
-/// A value of either sign whose last bits are 0, for what would else take the solver hours.
+/// A value whose last bits are 0: with more bits the solver takes hours.
 #[cfg(kani)]
 fn coarse(bits: u32) -> i32 {
     let value: i16 = crate::input::any();
     i32::from(value) << bits
 }
 
-/// Factors of every size with two bits of fraction: enough for every shift, small enough to
-/// multiply.
+/// Gains of every magnitude with two fractional bits, so that their products stay decidable.
 #[cfg(kani)]
 fn coarse_gains() -> Gains {
     let factor = || {
@@ -340,11 +290,6 @@ crate::properties! {
             (coarse_gains(), 50 << 16, any(), i32::from(any::<i16>()), i32::from(any::<i16>()));
         sampled 500_000;
     }
-    property T7 limit_change_cuts_the_integral(gains: Gains, before: i32, integral: i32, after: i32) {
-        cases ["cut", "kept"];
-        kani forward [unwind(4)] = (first_board().forward, any(), any(), any());
-        sampled 100_000;
-    }
     property T7 saturation_ends_at_once(
         gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
     ) {
@@ -358,7 +303,7 @@ crate::properties! {
     property T7 windup_is_shed_in_time(
         gains: Gains, limit: i32, integral: i32, error: i32, samples: u8
     ) {
-        cases ["down to what fits", "down to nothing", "less than there was"];
+        cases ["down to the headroom", "down to zero", "reduced"];
         kani first_board_forward [unwind(4)] =
             (first_board().forward, 100 << 16, any(), if any() { 8 << 16 } else { 20 << 16 }, 1);
         kani first_board_rotation [unwind(4)] =
@@ -380,11 +325,5 @@ crate::properties! {
         kani first_board_forward [unwind(4)] =
             (first_board().forward, 100 << 16, any(), any(), 0);
         sampled 300_000;
-    }
-    property T7 sequence_stays_within_the_limit(
-        gains: Gains, limit: i32, errors: [u8; 64], scale: u8
-    ) {
-        cases ["reaches it", "stays below"];
-        sampled 50_000;
     }
 }

@@ -4,7 +4,7 @@ use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
 use fw_core::robot::{Robot, Sample};
-use fw_core::sensing::gyro::{hundredths, Event, GyroFusion, BIAS_MOST};
+use fw_core::sensing::gyro::{hundredths, Event, GyroFusion, MAX_BIAS};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
 use fw_core::wire::Mode;
 
@@ -81,7 +81,7 @@ fn step(gyro: &mut GyroFusion, tick: Tick) -> (HeadingCorrection, Option<Event>)
 
 fn bounded(gyro: &GyroFusion) {
     if let Some(bias) = gyro.bias() {
-        assert!(bias.abs() <= BIAS_MOST << 8);
+        assert!(bias.abs() <= MAX_BIAS << 8);
         assert!(hundredths(bias).abs() <= 4_000);
     }
 }
@@ -124,7 +124,7 @@ pub fn any_readings_after_a_rest_are_safe(
     for _ in 0..84 {
         let _ = step(&mut gyro, rest);
     }
-    let known = i32::from(bias).abs() <= BIAS_MOST;
+    let known = i32::from(bias).abs() <= MAX_BIAS;
     assert!(gyro.bias().is_some() == known);
     if believed && known {
         // 1° a tick by both: 6550 least significant bits are 100 °/s.

@@ -6,20 +6,20 @@
 use fw_core::eeprom::Platform;
 use odometry_bench::{every_way, Course, Tick, Way, ON_CORE};
 
-#[path = "../../../fw-core/src/motion/odometry/tests/exact.rs"]
+#[path = "../../../fw-core/src/motion/odometry/tests/exact_arcs.rs"]
 #[allow(
     dead_code,
-    reason = "the heading is the odometry's own tests' business"
+    reason = "the tests of the odometry compare the heading too"
 )]
-mod exact;
+mod exact_arcs;
 
-use exact::{Exact, Twofold};
+use exact_arcs::ExactArcs;
 use fw_core::types::Turns;
 
 /// A course of a kilometre and where it ends.
 struct Kilometre {
     ticks: Vec<Tick>,
-    exact: Exact,
+    exact: ExactArcs,
 }
 
 impl Kilometre {
@@ -27,7 +27,7 @@ impl Kilometre {
         let platform = Platform::FIRST_BOARD;
         let per_count = f64::from(platform.wheel_diameter_left) / 1000.0 * std::f64::consts::PI
             / f64::from(platform.counts_per_turn);
-        let mut exact = Exact::new(platform);
+        let mut exact = ExactArcs::new(platform);
         let mut ticks = Vec::new();
         let mut path = 0.0;
         for tick in course {
@@ -44,9 +44,8 @@ impl Kilometre {
     /// Micrometres between a way's end of the course and the exact one.
     fn error<W: Way>(&self) -> f64 {
         let way = drive::<W>(&self.ticks);
-        let off = |found: f64, exact: Twofold| (Twofold(found, 0.0) - exact).0 * 1000.0;
         let (x, y) = way.position();
-        off(x, self.exact.x).hypot(off(y, self.exact.y))
+        self.exact.x.less(x).hypot(self.exact.y.less(y)) * 1000.0
     }
 }
 

@@ -1,14 +1,10 @@
-//! What the controller does in each phase, to its figures, one tick at a time. How well that drives is
-//! seen in `motion::simulation`.
+//! Each phase of the controller one tick at a time, to the last digit of its constants. Closed loops on
+//! the robot's model are in `motion::simulation`.
 
 mod approach;
-mod close;
-mod holding;
-mod last_turn;
-mod sparing;
-mod sticking;
-mod targets;
-mod tuning;
+mod final_phases;
+mod hold;
+mod stiction;
 
 use super::*;
 use crate::binary64::Binary64;
@@ -16,7 +12,8 @@ use crate::eeprom::{first_board, Gains};
 use crate::motion::simulation::pose;
 use crate::types::MotorCommand;
 
-/// With P alone, and D for the rotation: percent per millimetre, per degree, per degree a tick.
+/// The first board with P alone, and D for the rotation: percent per millimetre, per degree, per degree a
+/// tick. Without dead zones the commands are sum and difference of the outputs.
 fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
     let gains = |p: f64, d: f64| Gains {
         p: Binary64(p.to_bits()),
@@ -27,47 +24,48 @@ fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
     let mut config = first_board();
     config.forward = gains(forward, 0.0);
     config.rotation = gains(rotation, damping);
-    // Then the motors are told the sum and the difference of the outputs.
     config.platform.dead_zone_left = 0;
     config.platform.dead_zone_right = 0;
-    // 3 mm, and half a degree but for 0.0001°.
+    // 3 mm, and half a degree less 0.0001°.
     assert_eq!(config.platform.position_tolerance, 3000);
     assert_eq!(config.platform.rotation_tolerance, 91);
     config
 }
 
-/// Half a degree of the configuration, in 2⁻³² turns.
-const TOLERANCE: i32 = 91 << 16;
+/// The configured heading tolerance, 2⁻³² turns.
+const HEADING_TOLERANCE: i32 = 91 << 16;
 
 fn controller(forward: f64, rotation: f64) -> PoseController {
     PoseController::new(&gains(forward, rotation, 0.0))
 }
 
-/// Forward and rotation, percent, of which the motors were told; nothing if they were braked.
-fn outputs(wheels: MotorCommands) -> Option<(f64, f64)> {
+/// Forward and rotation output, percent; `None` if braked.
+fn outputs(commands: MotorCommands) -> Option<(f64, f64)> {
     let MotorCommands {
         left: MotorCommand::Run(left),
         right: MotorCommand::Run(right),
-    } = wheels
+    } = commands
     else {
-        assert_eq!(wheels, MotorCommands::BRAKE);
+        assert_eq!(commands, MotorCommands::BRAKE);
         return None;
     };
     let (left, right) = (f64::from(left.hundredths()), f64::from(right.hundredths()));
     Some(((left + right) / 200.0, (right - left) / 200.0))
 }
 
+/// A duty is rounded to a hundredth of a percent.
+const ROUNDING: f64 = 0.011;
+
 #[track_caller]
-fn assert_outputs(wheels: MotorCommands, forward: f64, rotation: f64) {
-    let (is_forward, is_rotation) = outputs(wheels).expect("it is driven");
-    // A hundredth of a percent is what a duty is rounded to.
+fn assert_outputs(commands: MotorCommands, forward: f64, rotation: f64) {
+    let (f, r) = outputs(commands).expect("it is driven");
     assert!(
-        (is_forward - forward).abs() < 0.011 && (is_rotation - rotation).abs() < 0.011,
-        "{is_forward} {is_rotation} instead of {forward} {rotation}"
+        (f - forward).abs() < ROUNDING && (r - rotation).abs() < ROUNDING,
+        "{f} {r} instead of {forward} {rotation}"
     );
 }
 
-/// No count: the robot rests.
+/// No count: at rest.
 const STILL: Delta = Delta {
     left: 0,
     right: 0,
@@ -75,7 +73,7 @@ const STILL: Delta = Delta {
     turn: 0,
 };
 
-/// Millimetres ahead and degrees in a tick. The counts are on the spot, and not at rest.
+/// Not at rest, with a travel in millimetres and a turn in degrees.
 fn rolling(travel: f64, turn: f64) -> Delta {
     Delta {
         left: -9,
@@ -85,13 +83,24 @@ fn rolling(travel: f64, turn: f64) -> Delta {
     }
 }
 
+fn counts(left: i32, right: i32) -> Delta {
+    Delta {
+        left,
+        right,
+        ..STILL
+    }
+}
+
 /// Degrees as 2⁻³² turns.
 fn turns(degrees: f64) -> i32 {
     (degrees / 360.0 * 4_294_967_296.0).round() as i32
 }
 
-/// What lies so far ahead of and to the left of a pose, and is turned by so many degrees from it.
-fn seen_from((x, y, heading): (f64, f64, f64), (ahead, left, rotation): (f64, f64, f64)) -> Pose {
+/// x, y, heading: millimetres and degrees.
+type Stand = (f64, f64, f64);
+
+/// The pose ahead of, to the left of and turned from a stand.
+fn seen_from((x, y, heading): Stand, (ahead, left, rotation): Stand) -> Pose {
     let (s, c) = heading.to_radians().sin_cos();
     pose(
         x + ahead * c - left * s,
@@ -100,19 +109,122 @@ fn seen_from((x, y, heading): (f64, f64, f64), (ahead, left, rotation): (f64, f6
     )
 }
 
-/// Places and headings to try a scene from: headings wrap, and nothing depends on where it is.
-const STANDS: [(f64, f64, f64); 4] = [
+/// Results are independent of the place and of the heading's wrap.
+const STANDS: [Stand; 3] = [
     (0.0, 0.0, 0.0),
     (-300.0, 7000.0, 179.9),
     (12_000.0, -5.5, -90.0),
-    (-40.0, -80.0, 293.0),
 ];
 
-/// Set down at `from`, with the last bit of the way before it.
-fn closing(config: &Config, target: Pose, from: Pose) -> PoseController {
-    let mut controller = PoseController::new(config);
+#[test]
+fn controller_without_target_brakes() {
+    let mut controller = controller(1.0, 1.0);
+    for here in [pose(0.0, 0.0, 0.0), pose(500.0, 20.0, 90.0)] {
+        let commands = controller.drive(&here, &rolling(1.0, 1.0));
+        assert_eq!(commands, MotorCommands::BRAKE);
+        assert!(!controller.arrived() && !controller.moving());
+    }
+    controller.set_target(pose(0.0, 0.0, 0.0));
+    assert!(controller.moving() && !controller.arrived());
+    controller.halt();
+    let commands = controller.drive(&pose(500.0, 0.0, 0.0), &STILL);
+    assert_eq!(commands, MotorCommands::BRAKE);
+    assert!(!controller.arrived() && !controller.moving());
+}
+
+#[test]
+fn target_repeated_has_no_effect_and_changed_restarts() {
+    let (target, other) = (pose(100.0, 50.0, -45.0), pose(100.0, 50.0, -45.1));
+    for (new, arrival) in [(target, 5), (other, 8)] {
+        let mut controller = controller(1.0, 1.0);
+        controller.set_target(target);
+        for tick in 1..=8 {
+            let _ = controller.drive(&target, &STILL);
+            assert_eq!(controller.arrived(), tick >= arrival, "{tick}");
+            if tick == 3 {
+                controller.set_target(new);
+            }
+        }
+        controller.set_target(new);
+        assert!(controller.arrived());
+        controller.halt();
+        controller.set_target(new);
+        assert!(controller.moving());
+    }
+}
+
+#[test]
+fn halt_clears_the_integrals() {
+    let mut config = gains(0.1, 0.1, 0.0);
+    config.forward.i = Binary64(0.5_f64.to_bits());
+    config.rotation.i = Binary64(0.5_f64.to_bits());
+    let (target, here) = (pose(30.0, 3.0, 10.0), pose(0.0, 0.0, 0.0));
+    let mut fresh = PoseController::new(&config);
+    fresh.set_target(target);
+    let mut controller = fresh.clone();
+    let first = fresh.drive(&here, &rolling(0.0, 0.0));
+    for _ in 0..20 {
+        let _ = controller.drive(&here, &rolling(0.0, 0.0));
+    }
+    assert_ne!(controller.drive(&here, &rolling(0.0, 0.0)), first);
+    controller.halt();
     controller.set_target(target);
-    let _ = controller.drive(&from, &rolling(0.0, 0.0));
-    assert!(matches!(controller.phase, Phase::Close { .. }));
-    controller
+    assert_eq!(controller.drive(&here, &rolling(0.0, 0.0)), first);
+}
+
+// Requirement: DOC-5.2.2-1
+#[test]
+fn tune_rotate_sets_opposite_duties_and_discards_the_target() {
+    let mut controller = controller(1.0, 1.0);
+    controller.set_target(pose(1000.0, 0.0, 0.0));
+    for duty in [1, -1, 3000, -10_000, 10_000] {
+        let [duty, opposite] = [duty, -duty].map(Duty::saturating);
+        let commands = controller.tune_rotate(duty);
+        assert_eq!(commands.left, MotorCommand::Run(opposite));
+        assert_eq!(commands.right, MotorCommand::Run(duty));
+    }
+    let commands = controller.tune_rotate(Duty::ZERO);
+    assert_eq!(commands, MotorCommands::BRAKE);
+    assert!(!controller.moving());
+    let commands = controller.drive(&Pose::default(), &STILL);
+    assert_eq!(commands, MotorCommands::BRAKE);
+}
+
+// Requirement: DOC-5.2.3-1
+#[test]
+fn tune_move_holds_the_first_heading_until_zero() {
+    let mut controller = controller(1.0, 1.0);
+    controller.set_target(pose(1000.0, 0.0, 0.0));
+    let mut tune = |duty, degrees| {
+        let here = pose(3.0, 4.0, degrees);
+        controller.tune_move(Duty::saturating(duty), &here, &STILL)
+    };
+    assert_outputs(tune(4000, 179.0), 40.0, 0.0);
+    // Across the heading's wrap, and in reverse.
+    assert_outputs(tune(4000, -179.5), 40.0, -1.5);
+    assert_outputs(tune(4000, 177.5), 40.0, 1.5);
+    assert_outputs(tune(-4000, 177.5), -40.0, 1.5);
+    assert_eq!(tune(0, 177.5), MotorCommands::BRAKE);
+    assert_outputs(tune(4000, 177.5), 40.0, 0.0);
+    let _ = controller.drive(&pose(0.0, 0.0, 0.0), &STILL);
+    let here = pose(0.0, 0.0, 90.0);
+    let commands = controller.tune_move(Duty::saturating(4000), &here, &STILL);
+    assert_outputs(commands, 40.0, 0.0);
+}
+
+/// 1 % per degree a tick, behind a filter of four ticks.
+#[test]
+fn derivative_opposes_the_filtered_turn_rate() {
+    let mut tuning = PoseController::new(&gains(0.0, 0.0, 1.0));
+    let mut approach = tuning.clone();
+    approach.set_target(pose(0.0, 1000.0, 90.0));
+    let here = Pose::default();
+    let mut filtered = 0.0;
+    for _ in 0..40 {
+        filtered += (2.0 - filtered) / 4.0;
+        let commands = tuning.tune_move(Duty::saturating(3000), &here, &rolling(0.0, 2.0));
+        assert_outputs(commands, 30.0, -filtered);
+        let commands = approach.drive(&here, &rolling(0.0, 2.0));
+        assert_outputs(commands, 0.0, -filtered);
+    }
 }

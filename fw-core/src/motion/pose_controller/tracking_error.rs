@@ -1,80 +1,79 @@
-//! The target in the robot's own frame.
+//! The target in the robot's frame.
 
-use super::BRAKING;
+use super::BRAKING_TICKS;
 use crate::motion::trig::{direction, sin_cos};
 use crate::types::{Delta, Pose};
 
-/// Where the target lies as the robot sees it.
+/// Fractional bits of a tracking error's lengths in millimetres: resolution 8 µm, range 8 km.
+pub(super) const FRACTION_BITS: u32 = 7;
+
+/// Target pose less actual pose, in the robot's frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
-    /// [`UNIT`]s ahead.
-    pub along: i32,
-    /// [`UNIT`]s to the left.
-    pub across: i32,
-    /// 2⁻³² turns to the final rotation.
-    pub rotation: i32,
+pub(super) struct TrackingError {
+    /// Ahead, 2⁻⁷ mm.
+    pub longitudinal: i32,
+    /// To the left, 2⁻⁷ mm.
+    pub lateral: i32,
+    /// Counter-clockwise, 2⁻³² turns.
+    pub heading: i32,
 }
 
-/// Fractional bits of a view's lengths in millimetres: 8 µm, an eighth of what a count of the first
-/// board's encoders is worth, up to 8 km.
-pub(super) const UNIT: u32 = 7;
-
-/// From `pose` to `target` along one axis, 2⁻³² mm each, cut to ±2³⁰ [`UNIT`]s.
+/// Difference along one axis, both 2⁻³² mm, in 2⁻⁷ mm and cut to ±2³⁰ of these.
 #[inline]
-fn way(target: i64, pose: i64) -> i32 {
-    // Of halves, so that no difference overflows.
-    let way = (target >> 1) - (pose >> 1);
-    let whole = ((way >> 32) as i32).clamp(-(1 << 22), (1 << 22) - 1);
-    whole << (UNIT + 1) | (way as u32 >> (31 - UNIT)) as i32
+fn difference(target: i64, pose: i64) -> i32 {
+    // Of halves, so that it does not overflow.
+    let half = (target >> 1) - (pose >> 1);
+    let whole = ((half >> 32) as i32).clamp(-(1 << 22), (1 << 22) - 1);
+    whole << (FRACTION_BITS + 1) | (half as u32 >> (31 - FRACTION_BITS)) as i32
 }
 
-impl View {
-    /// Total: poses may lie anywhere.
+impl TrackingError {
+    /// Total: the poses may lie anywhere.
     pub fn new(pose: &Pose, target: &Pose) -> Self {
-        let x = i64::from(way(target.x.0.to_bits(), pose.x.0.to_bits()));
-        let y = i64::from(way(target.y.0.to_bits(), pose.y.0.to_bits()));
+        let x = i64::from(difference(target.x.0.to_bits(), pose.x.0.to_bits()));
+        let y = i64::from(difference(target.y.0.to_bits(), pose.y.0.to_bits()));
         let (sine, cosine) = sin_cos(pose.heading);
         let (sine, cosine) = (i64::from(sine), i64::from(cosine));
-        // Turned by any angle, a vector of ±2³⁰ is within ±2³¹, and its square below 2⁶².
+        // A rotated vector of ±2³⁰ is within ±2³¹, and its square below 2⁶².
         Self {
-            along: ((x * cosine + y * sine) >> 31) as i32,
-            across: ((y * cosine - x * sine) >> 31) as i32,
-            rotation: target.heading.from_nearest(pose.heading),
+            longitudinal: ((x * cosine + y * sine) >> 31) as i32,
+            lateral: ((y * cosine - x * sine) >> 31) as i32,
+            heading: target.heading.from_nearest(pose.heading),
         }
     }
 
-    /// Not farther than `distance`, [`UNIT`]s.
+    /// Whether the target is at most `distance`, 2⁻⁷ mm, away.
     pub fn within(&self, distance: i32) -> bool {
         let square = |side: i32| i64::from(side) * i64::from(side);
-        square(self.along) + square(self.across) <= square(distance)
+        square(self.longitudinal) + square(self.lateral) <= square(distance)
     }
 
-    /// What would be left ahead if both motors braked now, [`UNIT`]s.
-    pub fn left_ahead(&self, delta: &Delta) -> i32 {
-        let rolls = delta.travel.to_bits().saturating_mul(BRAKING) >> (16 - UNIT);
-        self.along.saturating_sub(rolls)
+    /// Longitudinal error that remains if both motors brake now, 2⁻⁷ mm.
+    pub fn after_braking(&self, delta: &Delta) -> i32 {
+        let rolls = delta.travel.to_bits().saturating_mul(BRAKING_TICKS) >> (16 - FRACTION_BITS);
+        self.longitudinal.saturating_sub(rolls)
     }
 
-    /// Whether the robot, braked now, would come to rest within `near`, [`UNIT`]s, and `straight`,
+    /// Whether the robot, braked now, comes to rest within `distance`, 2⁻⁷ mm, and `angle`,
     /// 2⁻³² turns, of the target.
-    pub fn stops(&self, delta: &Delta, near: i32, straight: i32) -> bool {
-        let left = self
-            .rotation
-            .saturating_sub(delta.turn.saturating_mul(BRAKING));
-        self.within(near)
-            && self.left_ahead(delta).saturating_abs() <= near
-            && left.saturating_abs() <= straight
+    pub fn stops_within(&self, delta: &Delta, distance: i32, angle: i32) -> bool {
+        let heading = self
+            .heading
+            .saturating_sub(delta.turn.saturating_mul(BRAKING_TICKS));
+        self.within(distance)
+            && self.after_braking(delta).saturating_abs() <= distance
+            && heading.saturating_abs() <= angle
     }
 
-    /// What the nose, or the tail, must turn by to point there, 2⁻³² turns.
-    pub fn bearing(&self, backwards: bool) -> i32 {
-        let (along, across) = (i64::from(self.along), i64::from(self.across));
-        let nose = if backwards {
-            direction(-along, -across)
+    /// Turn that points the nose, or in `reverse` the tail, at the target, 2⁻³² turns.
+    pub fn bearing(&self, reverse: bool) -> i32 {
+        let (x, y) = (i64::from(self.longitudinal), i64::from(self.lateral));
+        let bearing = if reverse {
+            direction(-x, -y)
         } else {
-            direction(along, across)
+            direction(x, y)
         };
-        nose.0 as i32
+        bearing.0 as i32
     }
 }
 

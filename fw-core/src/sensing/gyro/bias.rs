@@ -1,84 +1,83 @@
-//! What the gyroscope says when nothing turns.
+//! Bias of the gyroscope: its mean rate at rest.
 //!
-//! Its zero may be off by 20 °/s, and by as much again over the temperature (PS-MPU-6000A, 6.1), so
-//! the rate is worth nothing until it has been seen at rest. At rest means: no count on either wheel
-//! for [`SETTLE`] ticks and then for a whole block, in which the rate keeps within [`SPREAD`]. Every
-//! such block replaces the bias: what warms up between two stops is the only drift there is.
+//! The zero-rate output may be off by 20 °/s, and by as much again over temperature (PS-MPU-6000A, 6.1).
+//! At rest means: no count on either wheel for [`SETTLING_TICKS`] and then for a block of samples, whose
+//! rates are within [`MAX_SPREAD`]. Every such block replaces the bias, so it drifts only between stops.
 
-/// Ticks without a count before a block begins: the body has stopped swaying, the filter has settled.
-const SETTLE: u8 = 20;
-/// Samples of a block, a power of two: 0.64 s. Their mean's noise is 0.05 °/s ÷ 8.
-pub(super) const BLOCK: u8 = 64;
-/// Largest spread within a block, least significant bits: 1 °/s, twenty times the noise's deviation.
-pub(super) const SPREAD: i32 = 66;
-/// Largest bias believed, least significant bits: 40 °/s, both of the data sheet's figures together.
-pub const MOST: i32 = 2_620;
+/// Ticks without a count before a block: the body and the filter settle.
+const SETTLING_TICKS: u8 = 20;
+/// Samples of a block: 0.64 s. The noise of their mean is 0.05 °/s ÷ 8.
+const BLOCK: u8 = 64;
+/// Largest spread within a block, LSB: 1 °/s, twenty times the noise's deviation.
+const MAX_SPREAD: i32 = 66;
+/// Largest bias accepted, LSB: 40 °/s, the sum of the data sheet's figures.
+pub const MAX_BIAS: i32 = 2_620;
 
-/// The bias and the block under way.
+/// The bias and the present block.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bias {
-    /// 2⁻⁸ least significant bits, within ±[`MOST`].
-    known: Option<i32>,
-    still: u8,
+    /// 2⁻⁸ LSB, within ±[`MAX_BIAS`].
+    bias: Option<i32>,
+    rest_ticks: u8,
     sum: i32,
-    least: i16,
-    most: i16,
+    min: i16,
+    max: i16,
 }
 
 impl Bias {
     pub const fn new() -> Self {
         Self {
-            known: None,
-            still: 0,
+            bias: None,
+            rest_ticks: 0,
             sum: 0,
-            least: 0,
-            most: 0,
+            min: 0,
+            max: 0,
         }
     }
 
-    /// 2⁻⁸ least significant bits; nothing before the first rest.
+    /// 2⁻⁸ LSB; `None` before the first rest.
     pub const fn get(&self) -> Option<i32> {
-        self.known
+        self.bias
     }
 
-    /// Whether the wheels have stood long enough.
+    /// Whether the wheels stand long enough for a block.
     pub const fn at_rest(&self) -> bool {
-        self.still >= SETTLE
+        self.rest_ticks >= SETTLING_TICKS
     }
 
-    /// Something moved, or a sample is missing.
+    /// A wheel moved, or a sample is missing.
     pub const fn disturb(&mut self) {
-        self.still = 0;
+        self.rest_ticks = 0;
     }
 
-    /// A tick's rate, the wheels standing. Whether a bias was found that there was none before.
+    /// A tick's rate with the wheels standing. Whether this is the first bias.
     pub fn rest(&mut self, raw: i16) -> bool {
-        if self.still < SETTLE {
-            self.still += 1;
-            (self.sum, self.least, self.most) = (0, raw, raw);
+        if self.rest_ticks < SETTLING_TICKS {
+            self.rest_ticks += 1;
+            (self.sum, self.min, self.max) = (0, raw, raw);
             return false;
         }
         self.sum += i32::from(raw);
-        self.least = self.least.min(raw);
-        self.most = self.most.max(raw);
-        self.still += 1;
-        if self.still < SETTLE + BLOCK {
+        self.min = self.min.min(raw);
+        self.max = self.max.max(raw);
+        self.rest_ticks += 1;
+        if self.rest_ticks < SETTLING_TICKS + BLOCK {
             return false;
         }
-        let found = self.block();
-        self.still = SETTLE;
-        (self.sum, self.least, self.most) = (0, raw, raw);
-        found
+        let first = self.end_block();
+        self.rest_ticks = SETTLING_TICKS;
+        (self.sum, self.min, self.max) = (0, raw, raw);
+        first
     }
 
-    fn block(&mut self) -> bool {
+    fn end_block(&mut self) -> bool {
         // 64 samples: the sum is the mean in 2⁻⁶.
         let mean = self.sum << 2;
-        if i32::from(self.most) - i32::from(self.least) > SPREAD || mean.abs() > MOST << 8 {
+        if i32::from(self.max) - i32::from(self.min) > MAX_SPREAD || mean.abs() > MAX_BIAS << 8 {
             return false;
         }
-        let first = self.known.is_none();
-        self.known = Some(mean);
+        let first = self.bias.is_none();
+        self.bias = Some(mean);
         first
     }
 }

@@ -1,22 +1,20 @@
-//! Does the robot turn as its wheels say? The gyroscope watches; the encoders tell the heading.
+//! Fuses the gyroscope into the heading while a wheel slips.
 //!
-//! The encoders' heading is exact as long as the wheels grip, and a gyroscope's is not: its scale is
-//! 3 % off, its zero drifts. So the heading takes nothing from the gyroscope until the two come
-//! apart further than all of that can explain. Then a wheel slips, or somebody turns the robot, and
-//! from there on, the way they had come apart in the window included, the heading turns as the
-//! gyroscope does until both agree again. What was added stays added; the heading is the encoders'
-//! plus one offset, as exact as before. Without a slip the offset is 0 and the heading is the
-//! encoders' to the last bit.
+//! The encoders' heading is exact while the wheels grip; the gyroscope's is not: its scale is 3 % off and
+//! its zero drifts. So the heading is the encoders' until both differ by more than these errors explain.
+//! Then a wheel slips or the robot is turned by force, and from there on, including the difference in
+//! the window, the heading follows the gyroscope until both agree again. The sum of the corrections
+//! remains as an offset; without a slip it is 0 and the heading is the encoders' to the last bit.
 //!
-//! | what | figure | why |
+//! | condition | threshold | reason |
 //! |---|---|---|
-//! | slip begins | 1° + ⅛ of what the wheels turned, apart within 0.32 s | ⅛: scale 3 % and 2 % over temperature (PS-MPU-6000A, 6.1), a track 3 % off, and a quarter of a tick between the two. 1°: a bias that drifted by 1 °/s is 0.3°, a bump or a count's play the rest |
-//! | slip ends | ten ticks in a row within 0.1° + ⅛ of the tick's turn | a tenth of a second longer than the slip |
-//! | not seen | a slip that turns the robot by less than 3 °/s + ⅛ of what the wheels say | it may be bias or scale |
-//! | given up | two seconds of slip on turning wheels | a robot that is held must not turn its wheels for ever because a sensor says that it stands |
-//! | believed | once it agreed with the encoders over a turn of 10° | one that is mounted upside down, on its side, or set up wrongly never touches the heading |
+//! | slip starts | difference beyond 1° + ⅛ of the wheels' turn within 0.32 s | ⅛: scale 3 %, 2 % over temperature (PS-MPU-6000A, 6.1), track 3 % and a quarter of a tick between both. 1°: a bias drift of 1 °/s is 0.3°, the rest for bumps and backlash |
+//! | slip ends | ten consecutive ticks within 0.1° + ⅛ of the tick's turn | |
+//! | not detected | a slip below 3 °/s + ⅛ of the wheels' turn | may be bias or scale |
+//! | timed out | two seconds of slip with turning wheels | a robot that is held must not turn its wheels for ever because of a sensor |
+//! | trusted | after agreeing with the encoders over a turn of 10° | a gyroscope mounted upside down or set up wrongly never affects the heading |
 //!
-//! A robot that is only turned by a hand, wheels standing, is followed for as long as it takes.
+//! A robot turned by hand with its wheels standing is followed without a time limit.
 
 mod bias;
 mod window;
@@ -24,55 +22,55 @@ mod window;
 use super::mpu6050::LSB_PER_DEGREE_TENTHS;
 use crate::types::{Delta, HeadingCorrection};
 use bias::Bias;
-pub use bias::MOST as BIAS_MOST;
+pub use bias::MAX_BIAS;
 use window::Window;
 
 /// 1°, 2⁻³² turns.
 const DEGREE: i64 = 11_930_465;
-/// What may come apart in the window beside the share, 2⁻³² turns.
-const SLACK: i64 = DEGREE;
+/// Difference allowed in the window beside the share, 2⁻³² turns.
+const WINDOW_SLACK: i64 = DEGREE;
 /// The same in a tick.
 const TICK_SLACK: i64 = DEGREE / 10;
-/// Share of the turn that they may differ by, 2⁻ⁿ.
-const SHARE: u32 = 3;
-/// Ticks in a row that agree and end a slip.
-const QUIET: u8 = 10;
-/// Ticks of slip on turning wheels until it is not believed.
-const LONGEST: u16 = 200;
-/// A turn over which it must have agreed.
-const PROOF: i64 = 10 * DEGREE;
-/// Ticks within which it must be turned: a bias that drifted by 0.5 °/s is 1.5° by then.
-const STRETCH: u16 = 300;
-/// Proofs in a row that fail before it is said.
+/// Difference allowed as a share of the turn, 2⁻ⁿ.
+const SHARE_SHIFT: u32 = 3;
+/// Consecutive ticks of agreement that end a slip.
+const AGREEING_TICKS: u8 = 10;
+/// Ticks of slip with turning wheels before the time-out.
+const MAX_SLIP_TICKS: u16 = 200;
+/// Turn over which both must agree before the gyroscope is trusted.
+const VERIFICATION_TURN: i64 = 10 * DEGREE;
+/// Ticks within which this turn must happen: a bias drift of 0.5 °/s is 1.5° by then.
+const MAX_VERIFICATION_TICKS: u16 = 300;
+/// Consecutive failed verifications before [`Event::Mismatch`].
 const MAX_MISMATCHES: u8 = 3;
-/// Readings beyond this are at the end of the range: the robot turns faster than 499 °/s.
+/// Readings from here on are at the end of the range: 499 °/s.
 const SATURATED: i16 = 32_700;
-/// Ticks without a reading over which the rate is taken as it was.
-const STALE: u8 = 5;
-/// Turn of a tick, 2⁻³² turns, of one least significant bit: 2³² ÷ (65.5 · 36 000), 2⁻¹⁴.
-const TURN: i64 = ((10_i64 << 46) / LSB_PER_DEGREE_TENTHS as i64 + 18_000) / 36_000;
+/// Ticks without a reading until the last rate expires.
+const STALE_TICKS: u8 = 5;
+/// Turn in a tick per LSB, 2⁻³² turns: 2³² ÷ (65.5 · 36 000), 2⁻¹⁴.
+const TURN_PER_LSB: i64 = ((10_i64 << 46) / LSB_PER_DEGREE_TENTHS as i64 + 18_000) / 36_000;
 
-/// What happened, for the log and the faults.
+/// Changes of state, for the log and the faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// The bias is known for the first time since it was found, 2⁻⁸ least significant bits.
+    /// First bias since the start or a loss, 2⁻⁸ LSB.
     BiasUpdated(i32),
-    /// It agreed with the encoders: from now on it guards the heading.
+    /// The gyroscope agreed with the encoders: slip detection is active.
     Trusted,
-    /// A wheel slips.
+    /// The heading follows the gyroscope.
     SlipStarted,
-    /// It grips again; what was added to the heading, 2⁻³² turns.
+    /// The heading follows the encoders again; sum of the corrections, 2⁻³² turns.
     SlipEnded(i64),
-    /// It slipped too long to be true.
+    /// The slip lasted implausibly long: the gyroscope is unverified again.
     SlipTimedOut,
-    /// It turns otherwise than the wheels, time and again.
+    /// The gyroscope repeatedly contradicts the encoders.
     Mismatch,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Trust {
-    /// What both turned in the stretch under way, 2⁻³² turns, how many ticks it is long, and how many
-    /// stretches in a row did not agree.
+    /// Turns of both during the present verification, 2⁻³² turns, its ticks, and the consecutive
+    /// verifications that failed before.
     Unverified {
         wheels: i64,
         gyro: i64,
@@ -81,13 +79,15 @@ enum Trust {
     },
     Trusted,
     Slipping {
-        quiet: u8,
+        agreeing_ticks: u8,
+        /// With turning wheels.
         ticks: u16,
-        added: i64,
+        /// Sum of the corrections, 2⁻³² turns.
+        corrected: i64,
     },
 }
 
-/// A new stretch.
+/// Starts a verification.
 const fn unverified(mismatches: u8) -> Trust {
     Trust::Unverified {
         wheels: 0,
@@ -97,7 +97,7 @@ const fn unverified(mismatches: u8) -> Trust {
     }
 }
 
-/// The watcher.
+/// Slip detection and heading correction.
 #[derive(Clone, Copy, Debug)]
 pub struct GyroFusion {
     bias: Bias,
@@ -115,7 +115,7 @@ impl Default for GyroFusion {
 }
 
 impl GyroFusion {
-    /// Nothing seen yet.
+    /// Without a bias.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -123,7 +123,7 @@ impl GyroFusion {
             window: Window::new(),
             trust: unverified(0),
             raw: 0,
-            age: STALE,
+            age: STALE_TICKS,
         }
     }
 
@@ -133,21 +133,21 @@ impl GyroFusion {
         matches!(self.trust, Trust::Slipping { .. })
     }
 
-    /// The bias, 2⁻⁸ least significant bits, within ±[`BIAS_MOST`] of them; `None` before a rest.
+    /// 2⁻⁸ LSB, within ±[`MAX_BIAS`]; `None` before the first rest.
     #[must_use]
     pub const fn bias(&self) -> Option<i32> {
         self.bias.get()
     }
 
-    /// It may be another one when it answers again, or have lost its zero.
-    pub fn lost(&mut self) -> Option<Event> {
-        let event = self.release();
+    /// The sensor is lost: restarts without a bias. An active slip ends.
+    pub fn reset(&mut self) -> Option<Event> {
+        let event = self.end_slip();
         *self = Self::new();
         event
     }
 
-    /// A tick: the reading taken just after its counters, `None` if there is none, and what the
-    /// encoders say happened in it, `turn` of which in 2⁻³² turns.
+    /// One tick: the reading taken just after its counters, LSB, if there is one; the encoders' `delta`, and
+    /// their `turn`, 2⁻³² turns.
     pub fn step(
         &mut self,
         reading: Option<i16>,
@@ -160,14 +160,14 @@ impl GyroFusion {
                 self.raw = raw;
                 self.age = 0;
             }
-            // How fast it turned nobody knows: what came apart so far is not to be blamed on a wheel.
-            Some(_) => self.age = STALE,
-            None => self.age = self.age.saturating_add(1).min(STALE),
+            // Rate unknown: the difference so far is not attributed to a wheel.
+            Some(_) => self.age = STALE_TICKS,
+            None => self.age = self.age.saturating_add(1).min(STALE_TICKS),
         }
-        if self.age >= STALE {
+        if self.age >= STALE_TICKS {
             self.bias.disturb();
             self.window = Window::new();
-            return (nothing, self.release());
+            return (nothing, self.end_slip());
         }
         let moved = delta.left != 0 || delta.right != 0;
         if moved || self.age != 0 || self.is_slipping() {
@@ -179,33 +179,33 @@ impl GyroFusion {
             return (nothing, None);
         };
         let gyro = turn_of(self.raw, bias);
-        let apart = gyro.wrapping_sub(turn);
-        self.window.push(apart, turn);
+        let difference = gyro.wrapping_sub(turn);
+        self.window.push(difference, turn);
         match self.trust {
-            Trust::Unverified { .. } => (nothing, self.prove(gyro, turn)),
-            Trust::Trusted => self.watch(apart),
-            Trust::Slipping { .. } => self.follow(apart, turn, moved),
+            Trust::Unverified { .. } => (nothing, self.verify(gyro, turn)),
+            Trust::Trusted => self.detect(difference),
+            Trust::Slipping { .. } => self.correct(difference, turn, moved),
         }
     }
 
-    /// Not believed yet.
-    fn prove(&mut self, gyro: i32, turn: i32) -> Option<Event> {
+    /// While unverified.
+    fn verify(&mut self, gyro: i32, turn: i32) -> Option<Event> {
         let Trust::Unverified {
             wheels,
-            gyro: before,
+            gyro: gyro_before,
             ticks,
             mismatches,
         } = self.trust
         else {
             return None;
         };
-        if self.bias.at_rest() || ticks >= STRETCH {
+        if self.bias.at_rest() || ticks >= MAX_VERIFICATION_TICKS {
             self.trust = unverified(mismatches);
             return None;
         }
         // Each gains at most half a turn a tick.
-        let (wheels, gyro) = (wheels + i64::from(turn), before + i64::from(gyro));
-        if wheels.abs() < PROOF {
+        let (wheels, gyro) = (wheels + i64::from(turn), gyro_before + i64::from(gyro));
+        if wheels.abs() < VERIFICATION_TURN {
             self.trust = Trust::Unverified {
                 wheels,
                 gyro,
@@ -214,7 +214,7 @@ impl GyroFusion {
             };
             return None;
         }
-        if (gyro - wheels).abs() <= SLACK + (wheels.abs() >> SHARE) {
+        if (gyro - wheels).abs() <= WINDOW_SLACK + (wheels.abs() >> SHARE_SHIFT) {
             self.window = Window::new();
             self.trust = Trust::Trusted;
             return Some(Event::Trusted);
@@ -224,53 +224,59 @@ impl GyroFusion {
         (mismatches == MAX_MISMATCHES).then_some(Event::Mismatch)
     }
 
-    /// Both agreed so far.
-    fn watch(&mut self, apart: i32) -> (HeadingCorrection, Option<Event>) {
-        let limit = SLACK + (self.window.turned() >> SHARE) as i64;
-        let all = self.window.apart();
-        if all.abs() <= limit {
+    /// While the wheels grip.
+    fn detect(&mut self, difference: i32) -> (HeadingCorrection, Option<Event>) {
+        let limit = WINDOW_SLACK + (self.window.turned() >> SHARE_SHIFT) as i64;
+        let total = self.window.difference();
+        if total.abs() <= limit {
             return (HeadingCorrection::default(), None);
         }
         self.trust = Trust::Slipping {
-            quiet: 0,
+            agreeing_ticks: 0,
             ticks: 0,
-            added: all,
+            corrected: total,
         };
         // Modulo a turn, as a heading is.
         let correction = HeadingCorrection {
-            heading: all as i32,
-            tick: apart,
+            heading: total as i32,
+            tick: difference,
         };
         (correction, Some(Event::SlipStarted))
     }
 
-    /// The wheels do not tell how the robot turns.
-    fn follow(&mut self, apart: i32, turn: i32, moved: bool) -> (HeadingCorrection, Option<Event>) {
+    /// While a wheel slips.
+    fn correct(
+        &mut self,
+        difference: i32,
+        turn: i32,
+        moved: bool,
+    ) -> (HeadingCorrection, Option<Event>) {
         let Trust::Slipping {
-            quiet,
+            agreeing_ticks,
             ticks,
-            added,
+            corrected,
         } = self.trust
         else {
             return (HeadingCorrection::default(), None);
         };
-        let agrees = i64::from(apart).abs() <= TICK_SLACK + (i64::from(turn).abs() >> SHARE);
-        let quiet = if agrees { quiet + 1 } else { 0 };
+        let agrees =
+            i64::from(difference).abs() <= TICK_SLACK + (i64::from(turn).abs() >> SHARE_SHIFT);
+        let agreeing_ticks = if agrees { agreeing_ticks + 1 } else { 0 };
         let ticks = ticks.saturating_add(moved.into());
-        let added = added.saturating_add(apart.into());
+        let corrected = corrected.saturating_add(difference.into());
         self.trust = Trust::Slipping {
-            quiet,
+            agreeing_ticks,
             ticks,
-            added,
+            corrected,
         };
         let correction = HeadingCorrection {
-            heading: apart,
-            tick: apart,
+            heading: difference,
+            tick: difference,
         };
-        if quiet >= QUIET {
-            return (correction, self.release());
+        if agreeing_ticks >= AGREEING_TICKS {
+            return (correction, self.end_slip());
         }
-        if ticks >= LONGEST {
+        if ticks >= MAX_SLIP_TICKS {
             self.window = Window::new();
             self.trust = unverified(0);
             return (correction, Some(Event::SlipTimedOut));
@@ -278,28 +284,27 @@ impl GyroFusion {
         (correction, None)
     }
 
-    /// Ends a slip, if there is one. What the window holds has been added already.
-    fn release(&mut self) -> Option<Event> {
-        let Trust::Slipping { added, .. } = self.trust else {
+    /// Ends a slip, if there is one. The window's difference is part of the corrections already.
+    fn end_slip(&mut self) -> Option<Event> {
+        let Trust::Slipping { corrected, .. } = self.trust else {
             return None;
         };
         self.window = Window::new();
         self.trust = Trust::Trusted;
-        Some(Event::SlipEnded(added))
+        Some(Event::SlipEnded(corrected))
     }
 }
 
-/// A reading as the turn of a tick, 2⁻³² turns: at most 6.3° either way.
+/// Turn in a tick, 2⁻³² turns, within ±6.3°.
 const fn turn_of(raw: i16, bias: i32) -> i32 {
     // Below 2²⁴ times below 2²⁵, and 22 fractional bits.
-    (((((raw as i32) << 8) - bias) as i64 * TURN + (1 << 21)) >> 22) as i32
+    (((((raw as i32) << 8) - bias) as i64 * TURN_PER_LSB + (1 << 21)) >> 22) as i32
 }
 
-/// Hundredths of a degree per second of a bias.
+/// A bias of 2⁻⁸ LSB, within ±[`MAX_BIAS`], in hundredths of a degree per second.
 #[must_use]
-pub const fn hundredths(bias: i32) -> i64 {
-    // 655 · 256 / 1000 = 4192 / 25: a 32-bit division, which the core has.
-    (bias.saturating_mul(25) / (LSB_PER_DEGREE_TENTHS as i32 * 32 / 5)) as i64
+pub const fn hundredths(bias: i32) -> i32 {
+    bias * 1000 / (LSB_PER_DEGREE_TENTHS as i32 * 256)
 }
 
 #[cfg(test)]

@@ -1,20 +1,14 @@
-//! A part played by hand: registers that remember, and everything that can go wrong.
-
-extern crate std;
+//! The driver against a model of the part, its bus and their failures.
 
 use super::*;
 use std::vec::Vec;
 
-/// The part as far as the conversation sees it.
-#[allow(
-    clippy::struct_excessive_bools,
-    reason = "what can be wrong, each on its own"
-)]
+/// Model of the part.
 struct Part {
     registers: [u8; 128],
     absent: bool,
+    /// SDA is held low, until so many more clock pulses.
     held: bool,
-    /// Clock pulses until it lets go.
     pulses: u8,
     noise: u8,
     frozen: bool,
@@ -22,28 +16,14 @@ struct Part {
 }
 
 impl Part {
-    fn new() -> Self {
-        let mut part = Self {
-            registers: [0; 128],
-            absent: false,
-            held: false,
-            pulses: 0,
-            noise: 0,
-            frozen: false,
-            clock: true,
-        };
-        part.reset();
-        part
-    }
-
     fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[usize::from(PWR_MGMT_1)] = 0x40;
         self.registers[usize::from(WHO_AM_I)] = IDENTITY;
     }
 
-    fn carry_out(&mut self, order: BusRequest) -> BusResult {
-        match order {
+    fn execute(&mut self, request: BusRequest) -> BusResult {
+        match request {
             BusRequest::Idle | BusRequest::ReleaseLines => BusResult::Done,
             BusRequest::DriveLines { clock, .. } => {
                 if clock && !self.clock && self.pulses > 0 {
@@ -71,212 +51,193 @@ impl Part {
                     self.registers[usize::from(GYRO_ZOUT) + 1] = self.noise;
                 }
                 let at = usize::from(register);
-                BusResult::Bytes(match count {
-                    1 => [self.registers[at], 0],
-                    _ => [self.registers[at], self.registers[at + 1]],
-                })
+                let second = if count == 1 {
+                    0
+                } else {
+                    self.registers[at + 1]
+                };
+                BusResult::Bytes([self.registers[at], second])
             }
         }
     }
 }
 
-/// So many ticks of conversation: what was learned, by tick, and what was ordered.
-fn talk(
-    mpu: &mut Mpu6050,
-    part: &mut Part,
-    outcome: &mut BusResult,
-    ticks: u32,
-) -> (Vec<(u32, GyroReading)>, Vec<BusRequest>) {
-    let mut news = Vec::new();
-    let mut orders = Vec::new();
-    for tick in 0..ticks {
-        let (order, heard) = mpu.step(*outcome);
-        *outcome = part.carry_out(order);
-        if heard != GyroReading::None {
-            news.push((tick, heard));
+/// Driver and part, with what the last ticks gave.
+struct Bus {
+    driver: Mpu6050,
+    part: Part,
+    result: BusResult,
+    requests: Vec<BusRequest>,
+    rates: Vec<usize>,
+    losses: Vec<DeviceError>,
+}
+
+impl Bus {
+    fn new() -> Self {
+        let mut part = Part {
+            registers: [0; 128],
+            absent: false,
+            held: false,
+            pulses: 0,
+            noise: 0,
+            frozen: false,
+            clock: true,
+        };
+        part.reset();
+        Self {
+            driver: Mpu6050::new(),
+            part,
+            result: BusResult::Done,
+            requests: Vec::new(),
+            rates: Vec::new(),
+            losses: Vec::new(),
         }
-        orders.push(order);
     }
-    (news, orders)
-}
 
-fn rates(news: &[(u32, GyroReading)]) -> usize {
-    news.iter()
-        .filter(|(_, news)| matches!(news, GyroReading::Rate(_)))
-        .count()
-}
+    fn streaming() -> Self {
+        let mut bus = Self::new();
+        bus.run(100);
+        assert_eq!(bus.rates.last(), Some(&99));
+        bus
+    }
 
-fn losses(news: &[(u32, GyroReading)]) -> Vec<DeviceError> {
-    news.iter()
-        .filter_map(|(_, news)| match news {
-            GyroReading::Lost(trouble) => Some(*trouble),
-            _ => None,
-        })
-        .collect()
-}
-
-#[test]
-fn a_part_that_answers_is_set_up_and_read_every_tick_from_then_on() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 200);
-    let first = news.first().expect("it streams").0;
-    assert!(first < 50, "half a second is enough: {first}");
-    assert_eq!(rates(&news), 200 - first as usize);
-    assert!(orders[..9].iter().all(|order| *order == BusRequest::Idle));
-    assert_eq!(part.registers[usize::from(PWR_MGMT_1)], 3, "awake");
-    assert_eq!(part.registers[usize::from(CONFIG)], LOW_PASS);
-    assert_eq!(part.registers[usize::from(GYRO_CONFIG)], FULL_SCALE);
+    fn run(&mut self, ticks: usize) {
+        self.requests.clear();
+        self.rates.clear();
+        self.losses.clear();
+        for tick in 0..ticks {
+            let (request, reading) = self.driver.step(self.result);
+            self.result = self.part.execute(request);
+            self.requests.push(request);
+            match reading {
+                GyroReading::Rate(_) => self.rates.push(tick),
+                GyroReading::Lost(error) => self.losses.push(error),
+                GyroReading::None => {}
+            }
+        }
+    }
 }
 
 #[test]
-fn an_absent_part_is_told_once_asked_ever_more_rarely_and_found_when_it_comes() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    part.absent = true;
-    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 6_000);
-    assert_eq!(losses(&news), [DeviceError::NotResponding]);
-    let asked = orders
-        .iter()
-        .filter(|order| **order != BusRequest::Idle)
-        .count();
-    assert!((8..=12).contains(&asked), "{asked} tries in a minute");
-    part.absent = false;
-    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 1_000);
-    assert!(rates(&news) > 100);
-    part.absent = true;
-    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 1_000);
-    assert_eq!(
-        losses(&news),
-        [DeviceError::NotResponding],
-        "lost anew, told anew"
-    );
-}
-
-#[test]
-fn after_power_up_it_is_asked_set_up_step_by_step_and_given_its_time_after_each() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    let (_, orders) = talk(&mut mpu, &mut part, &mut outcome, 60);
-    // What is ordered in a tick is carried out before the next: 100 ms until it answers.
-    let identify = BusRequest::Read {
-        register: WHO_AM_I,
-        count: 1,
-    };
+fn set_up_has_its_order_times_and_values() {
+    let mut bus = Bus::new();
+    bus.run(60);
+    // 100 ms until the part answers.
     let mut expected = std::vec![BusRequest::Idle; 9];
-    expected.push(identify);
-    let write = |register, value| BusRequest::Write { register, value };
-    for (order, rests) in [
-        // 100 ms and one tick, for the order may be carried out at its end.
-        (write(PWR_MGMT_1, 0x80), 11),
-        // 30 ms, and two ticks more.
-        (write(PWR_MGMT_1, 0x03), 5),
-        // The low-pass of 42 Hz and ±500 °/s, which it is asked for below.
-        (write(CONFIG, 3), 1),
-        (write(GYRO_CONFIG, 0x08), 1),
-        (write(SMPLRT_DIV, 0), 3),
+    let read = |register, count| BusRequest::Read { register, count };
+    expected.push(read(WHO_AM_I, 1));
+    for (register, value, rest) in [
+        // Reset 100 ms, wake-up 30 ms; a request may be executed at the end of its tick.
+        (PWR_MGMT_1, 0x80, 11),
+        (PWR_MGMT_1, 0x03, 5),
+        (CONFIG, 3, 1),
+        (GYRO_CONFIG, 0x08, 1),
+        (SMPLRT_DIV, 0, 3),
     ] {
-        expected.push(order);
-        expected.extend(core::iter::repeat_n(BusRequest::Idle, rests));
+        expected.push(BusRequest::Write { register, value });
+        expected.extend(core::iter::repeat_n(BusRequest::Idle, rest));
     }
-    let read = |register| BusRequest::Read { register, count: 2 };
-    expected.push(read(CONFIG));
-    expected.resize(60, read(GYRO_ZOUT));
-    assert_eq!(orders, expected);
+    expected.push(read(CONFIG, 2));
+    let first = expected.len();
+    expected.resize(60, read(GYRO_ZOUT, 2));
+    assert_eq!(bus.requests, expected);
+    assert_eq!(bus.rates, Vec::from_iter(first + 1..60));
+    assert_eq!(bus.part.registers[usize::from(PWR_MGMT_1)], 3);
+    assert_eq!(bus.part.registers[usize::from(CONFIG)], LOW_PASS);
+    assert_eq!(bus.part.registers[usize::from(GYRO_CONFIG)], FULL_SCALE);
 }
 
 #[test]
-fn an_absent_part_is_asked_after_one_second_two_four_and_eight() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    part.absent = true;
-    let (_, orders) = talk(&mut mpu, &mut part, &mut outcome, 3_300);
-    let asked: Vec<usize> = (0..orders.len())
-        .filter(|&tick| orders[tick] != BusRequest::Idle)
-        .collect();
-    let apart: Vec<usize> = asked.windows(2).map(|two| two[1] - two[0]).collect();
-    // A tick in which the answer is missed comes before each pause.
-    assert_eq!(apart, [101, 201, 401, 801, 801, 801]);
+fn absent_part_is_reported_once_and_retried_ever_more_rarely() {
+    let mut bus = Bus::new();
+    bus.part.absent = true;
+    bus.run(3_300);
+    assert_eq!(bus.losses, [DeviceError::NotResponding]);
+    let active = |&tick: &usize| bus.requests[tick] != BusRequest::Idle;
+    let tries: Vec<usize> = (0..3_300).filter(active).collect();
+    let pauses: Vec<usize> = tries.windows(2).map(|two| two[1] - two[0]).collect();
+    assert_eq!(pauses, [101, 201, 401, 801, 801, 801]);
+    bus.part.absent = false;
+    bus.run(1_000);
+    assert!(bus.rates.len() > 100);
+    bus.part.absent = true;
+    bus.run(1_000);
+    assert_eq!(bus.losses, [DeviceError::NotResponding]);
 }
 
 #[test]
-fn every_trouble_says_what_it_is() {
-    for (trouble, text) in [
+fn three_missed_reads_are_tolerated() {
+    let mut bus = Bus::streaming();
+    bus.part.absent = true;
+    bus.run(3);
+    assert!(bus.losses.is_empty());
+    bus.part.absent = false;
+    bus.run(10);
+    assert_eq!(bus.rates.len(), 9);
+}
+
+#[test]
+fn wrong_identity_is_never_written_to() {
+    let mut bus = Bus::new();
+    bus.part.registers[usize::from(WHO_AM_I)] = 0x70;
+    bus.run(1_000);
+    assert_eq!(bus.losses, [DeviceError::WrongId]);
+    assert!(bus.rates.is_empty());
+    let write = |request: &BusRequest| matches!(request, BusRequest::Write { .. });
+    assert!(!bus.requests.iter().any(write));
+}
+
+#[test]
+fn frozen_or_restarted_part_is_set_up_again() {
+    let mut bus = Bus::streaming();
+    bus.part.frozen = true;
+    bus.run(400);
+    assert_eq!(bus.losses, [DeviceError::Frozen]);
+    let (register, value) = (PWR_MGMT_1, 0x80);
+    let reset = BusRequest::Write { register, value };
+    assert!(bus.requests.contains(&reset));
+    bus.part.frozen = false;
+    bus.run(1_000);
+    bus.part.reset();
+    bus.run(400);
+    assert_eq!(bus.losses, [DeviceError::Frozen]);
+    assert_eq!(bus.rates.last(), Some(&399));
+}
+
+#[test]
+fn held_bus_is_recovered_with_nine_pulses_and_a_stop() {
+    let mut bus = Bus::streaming();
+    (bus.part.held, bus.part.pulses) = (true, 9);
+    bus.run(300);
+    assert_eq!(bus.losses, [DeviceError::BusHeld]);
+    let lines = |request: &BusRequest| match request {
+        BusRequest::DriveLines { clock, data } => Some((*clock, *data)),
+        _ => None,
+    };
+    let lines: Vec<_> = bus.requests.iter().filter_map(lines).collect();
+    let mut expected = [(false, true), (true, true)].repeat(9);
+    expected.extend([(false, false), (true, false), (true, true)]);
+    assert_eq!(lines, expected);
+    assert!(bus.requests.contains(&BusRequest::ReleaseLines));
+    assert_eq!(bus.rates.last(), Some(&299));
+}
+
+#[test]
+fn bus_held_permanently_is_reported_once() {
+    let mut bus = Bus::new();
+    bus.part.held = true;
+    bus.run(10_000);
+    assert_eq!(bus.losses, [DeviceError::BusHeld]);
+}
+
+#[test]
+fn device_error_has_its_text() {
+    for (error, text) in [
         (DeviceError::NotResponding, "no answer at 0x68"),
         (DeviceError::WrongId, "not an MPU6050 at 0x68"),
         (DeviceError::BusHeld, "I2C held"),
-        (DeviceError::Frozen, "its data stand still"),
+        (DeviceError::Frozen, "data frozen"),
     ] {
-        assert_eq!(trouble.reason(), text);
+        assert_eq!(error.reason(), text);
     }
-}
-
-#[test]
-fn a_missed_read_or_three_lose_nothing() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    let _ = talk(&mut mpu, &mut part, &mut outcome, 100);
-    part.absent = true;
-    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 3);
-    assert!(losses(&news).is_empty());
-    part.absent = false;
-    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 10);
-    assert_eq!(rates(&news), 9);
-}
-
-#[test]
-fn a_stranger_is_left_alone() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    part.registers[usize::from(WHO_AM_I)] = 0x70;
-    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 1_000);
-    assert_eq!(losses(&news), [DeviceError::WrongId]);
-    assert_eq!(rates(&news), 0);
-    let writes = |order: &&BusRequest| matches!(order, BusRequest::Write { .. });
-    assert_eq!(orders.iter().filter(writes).count(), 0);
-}
-
-#[test]
-fn a_part_that_stands_still_is_reset_and_one_that_fell_asleep_wakes() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    let _ = talk(&mut mpu, &mut part, &mut outcome, 100);
-    part.frozen = true;
-    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 400);
-    assert_eq!(losses(&news), [DeviceError::Frozen]);
-    let reset = BusRequest::Write {
-        register: PWR_MGMT_1,
-        value: 0x80,
-    };
-    assert!(orders.contains(&reset));
-    part.frozen = false;
-    let _ = talk(&mut mpu, &mut part, &mut outcome, 1_000);
-    // Its supply failed for a moment.
-    part.reset();
-    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 400);
-    assert_eq!(losses(&news), [DeviceError::Frozen]);
-    assert!(matches!(news.last(), Some((399, GyroReading::Rate(_)))));
-}
-
-#[test]
-fn a_held_bus_is_clocked_out_edge_by_edge_and_ends_with_a_stop() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    let _ = talk(&mut mpu, &mut part, &mut outcome, 100);
-    (part.held, part.pulses) = (true, 9);
-    let (news, orders) = talk(&mut mpu, &mut part, &mut outcome, 300);
-    assert_eq!(losses(&news), [DeviceError::BusHeld]);
-    let lines: Vec<_> = orders
-        .iter()
-        .filter_map(|order| match order {
-            BusRequest::DriveLines { clock, data } => Some((*clock, *data)),
-            _ => None,
-        })
-        .collect();
-    let pulse = [(false, true), (true, true)];
-    let mut expected: Vec<_> = core::iter::repeat_n(pulse, 9).flatten().collect();
-    expected.extend([(false, false), (true, false), (true, true)]);
-    assert_eq!(lines, expected);
-    assert!(orders.contains(&BusRequest::ReleaseLines));
-    assert!(matches!(news.last(), Some((299, GyroReading::Rate(_)))));
-}
-
-#[test]
-fn a_bus_held_for_good_is_told_once() {
-    let (mut mpu, mut part, mut outcome) = (Mpu6050::new(), Part::new(), BusResult::Done);
-    part.held = true;
-    let (news, _) = talk(&mut mpu, &mut part, &mut outcome, 10_000);
-    assert_eq!(losses(&news), [DeviceError::BusHeld]);
 }

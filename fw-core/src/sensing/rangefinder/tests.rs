@@ -1,6 +1,4 @@
-//! Every width, every schedule, every edge that is not the sensor's.
-
-extern crate std;
+//! Schedule and edges; widths and statistics over all inputs are properties in `proofs`.
 
 use super::*;
 use std::vec::Vec;
@@ -9,60 +7,47 @@ use RangefinderId::{Front, Left, Right};
 const TICK: u32 = 10_000;
 const AHEAD: Option<u16> = Some(0);
 
-fn triggers(count: u8, ticks: u32) -> Vec<(u32, RangefinderId)> {
-    let mut rangefinders = Rangefinders::new(count);
-    (0..ticks)
-        .filter_map(|k| Some((k, rangefinders.tick(Micros(k * TICK), AHEAD)?)))
-        .collect()
-}
-
-/// One that has just been triggered at `at`.
+/// The front sensor, triggered at `at`.
 fn triggered(at: Micros) -> Rangefinders {
     let mut rangefinders = Rangefinders::new(1);
     assert_eq!(rangefinders.tick(at, AHEAD), Some(Front));
     rangefinders
 }
 
-fn measured(width: u32) -> Echo {
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.echo(Front, Micros(500), Micros(500).after(width));
-    rangefinders.reading(Front).echo
-}
-
-#[test]
-fn they_take_turns_and_each_measures_every_60_ms_while_they_answer() {
-    for count in 1..=3u8 {
-        let mut rangefinders = Rangefinders::new(count);
-        let mut all = Vec::new();
-        for k in 0..600 {
-            let now = Micros(k * TICK);
-            if let Some(which) = rangefinders.tick(now, AHEAD) {
-                all.push((k, which));
-                // From 2.5 m, as late as can be.
+/// Tick and sensor of each trigger in 6 s.
+fn triggers(count: u8, answers: bool) -> Vec<(u32, RangefinderId)> {
+    let mut rangefinders = Rangefinders::new(count);
+    let mut all = Vec::new();
+    for k in 0..600 {
+        let now = Micros(k * TICK);
+        if let Some(which) = rangefinders.tick(now, AHEAD) {
+            all.push((k, which));
+            if answers {
+                // From 2.5 m, with the largest delay.
                 rangefinders.echo(which, now.after(3_000), now.after(3_000 + 14_577));
             }
         }
-        for which in [Front, Right, Left].into_iter().take(usize::from(count)) {
-            let own: Vec<u32> = all.iter().filter(|t| t.1 == which).map(|t| t.0).collect();
-            assert!(own.len() == 100, "{count} {which:?} {}", own.len());
-            assert!(own.windows(2).all(|w| w[1] - w[0] == 6));
+    }
+    all
+}
+
+#[test]
+fn sensors_take_turns_in_their_slots() {
+    assert!(triggers(0, true).is_empty());
+    for (count, answered, timed_out) in [(1, 6, 6), (2, 3, 3), (3, 2, 3)] {
+        for (answers, slot) in [(true, answered), (false, timed_out)] {
+            let all = triggers(count, answers);
+            assert!(all.windows(2).all(|w| w[1].0 - w[0].0 == slot), "{count}");
+            let turns = [Front, Right, Left];
+            for (n, &(_, which)) in all.iter().enumerate() {
+                assert_eq!(which, turns[n % usize::from(count)]);
+            }
         }
-        let apart = u32::from(6 / count);
-        assert!(all.windows(2).all(|w| w[1].0 - w[0].0 == apart));
-    }
-    assert!(triggers(0, 600).is_empty());
-}
-
-#[test]
-fn where_nothing_answers_the_next_one_waits_until_no_echo_can_be_on_its_way() {
-    for (count, slot) in [(1, 6), (2, 3), (3, 3)] {
-        let all = triggers(count, 600);
-        assert!(all.windows(2).all(|w| w[1].0 - w[0].0 == slot), "{count}");
     }
 }
 
 #[test]
-fn a_sensor_that_may_not_be_triggered_is_not_and_the_others_wait() {
+fn unknown_bearing_defers_the_trigger() {
     let mut rangefinders = Rangefinders::new(3);
     for k in 0..20 {
         assert_eq!(rangefinders.tick(Micros(k * TICK), None), None);
@@ -74,191 +59,110 @@ fn a_sensor_that_may_not_be_triggered_is_not_and_the_others_wait() {
 }
 
 #[test]
-fn what_nothing_answers_is_late_at_20_ms_and_out_of_range_or_missing_later() {
-    for answers in [true, false] {
+fn missing_echo_times_out_at_20_ms_before_its_cause_is_known() {
+    for (answers, last, expected) in [
+        (true, Echo::OutOfRange, (1, 1, 0)),
+        (false, Echo::Missing, (1, 0, 1)),
+    ] {
         let mut rangefinders = triggered(Micros(0));
         rangefinders.echo(Front, Micros(500), Micros(5_500));
         let mut seen = Vec::new();
         for k in 1..=12 {
-            let now = Micros(k * TICK);
-            rangefinders.tick(now, AHEAD);
+            rangefinders.tick(Micros(k * TICK), AHEAD);
             if k == 10 && answers {
-                // A US-015 that hears nothing lets go after 38 ms.
+                // A US-015 without an echo lowers its line after 38 ms.
                 rangefinders.echo(Front, Micros(60_500), Micros(98_500));
             }
             seen.push(rangefinders.reading(Front).echo);
         }
-        assert!(seen[..7]
-            .iter()
-            .all(|echo| matches!(echo, Echo::Distance(_))));
+        let measured = |echo: &Echo| matches!(echo, Echo::Distance(_));
+        assert!(seen[..7].iter().all(measured));
         assert_eq!(seen[7..9], [Echo::TimedOut; 2]);
-        let last = if answers {
-            Echo::OutOfRange
-        } else {
-            Echo::Missing
-        };
         assert_eq!(seen[11], last);
         let stats = rangefinders.stats(Front);
-        let told = if answers { (1, 1, 0) } else { (1, 0, 1) };
-        assert_eq!((stats.hits, stats.out_of_range, stats.missing), told);
+        assert_eq!((stats.hits, stats.out_of_range, stats.missing), expected);
+        assert_eq!(stats.consecutive_misses, u8::from(!answers));
     }
 }
 
 // Requirement: WIRE-servo-1
 #[test]
-fn nobody_knowing_where_they_point_takes_every_reading_back() {
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.echo(Front, Micros(500), Micros(5_500));
-    rangefinders.invalidate();
-    assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.invalidate();
-    rangefinders.echo(Front, Micros(500), Micros(5_500));
-    assert_eq!(
-        rangefinders.reading(Front).echo,
-        Echo::NotMeasured,
-        "on its way then"
-    );
-}
-
-#[test]
-fn every_width_is_a_distance_within_a_thousandth_of_a_millimetre_or_says_why_not() {
-    let mut last = I32F32::ZERO;
-    for width in 0..70_000u32 {
-        let truth = f64::from(width) * 0.1715;
-        match measured(width) {
-            Echo::Distance(Millimetres(d)) => {
-                assert!(width >= SHORTEST && truth <= 2500.0, "{width}");
-                assert!((d.to_num::<f64>() - truth).abs() < 1e-3, "{width} {d}");
-                assert!(d > last, "monotone");
-                last = d;
-            }
-            Echo::OutOfRange => assert!(truth > 2499.999, "{width}"),
-            Echo::Missing => assert!(width < SHORTEST, "{width}"),
-            Echo::NotMeasured | Echo::TimedOut => panic!("{width}"),
+fn invalidate_discards_readings_and_pending_triggers() {
+    for measured in [true, false] {
+        let mut rangefinders = triggered(Micros(0));
+        if measured {
+            rangefinders.echo(Front, Micros(500), Micros(5_500));
+            assert_eq!(rangefinders.take_updated(), Some(Front));
         }
+        assert_eq!(rangefinders.take_updated(), None);
+        rangefinders.invalidate();
+        rangefinders.echo(Front, Micros(500), Micros(5_500));
+        assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
+        let updated = [(); 4].map(|()| rangefinders.take_updated());
+        assert_eq!(updated, [Some(Front), Some(Right), Some(Left), None]);
     }
 }
 
 #[test]
-fn warm_air_carries_sound_faster() {
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.set_temperature(Some(I16F16::from_num(30)));
-    rangefinders.echo(Front, Micros(500), Micros(10_500));
-    let distance = rangefinders.distance(Front).unwrap().0.to_num::<f64>();
-    assert!((distance - 1747.4).abs() < 0.01, "{distance}");
-}
-
-#[test]
-fn sound_is_taken_at_what_the_air_carries_it_from_40_below_to_85_above() {
-    let mut rangefinders = Rangefinders::new(1);
+fn distance_follows_the_temperature_from_40_below_to_85() {
     for celsius in -50..=95 {
-        let now = Micros(100_000).after((celsius + 50) as u32 * 6 * TICK);
-        let trigger = (0..6).find_map(|k| {
-            let now = now.after(k * TICK);
-            rangefinders.tick(now, AHEAD).map(|_| now)
-        });
-        let rise = trigger.expect("once in 60 ms").after(500);
+        let mut rangefinders = triggered(Micros(0));
         rangefinders.set_temperature(Some(I16F16::from_num(celsius)));
-        rangefinders.echo(Front, rise, rise.after(10_000));
+        rangefinders.echo(Front, Micros(500), Micros(10_500));
         let distance = rangefinders.distance(Front).unwrap().0.to_num::<f64>();
-        // Half of 10 ms of way; beyond the ends the air is taken to be as warm as there.
         let speed = 331.3 + 0.606 * f64::from(celsius.clamp(-40, 85));
-        assert!(
-            (distance - speed * 5.0).abs() < 0.01,
-            "{celsius}: {distance}"
-        );
-    }
-}
-
-#[test]
-fn each_that_has_news_is_named_once_the_front_one_first() {
-    let mut rangefinders = Rangefinders::new(3);
-    assert_eq!(rangefinders.take_updated(), None);
-    let mut named = Vec::new();
-    rangefinders.invalidate();
-    for _ in 0..4 {
-        named.push(rangefinders.take_updated());
-    }
-    assert_eq!(named, [Some(Front), Some(Right), Some(Left), None]);
-}
-
-#[test]
-fn an_echo_may_begin_up_to_3_ms_after_its_trigger() {
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.echo(Front, Micros(3_001), Micros(8_001));
-    assert_eq!(rangefinders.distance(Front), None);
-    rangefinders.echo(Front, Micros(3_000), Micros(8_000));
-    assert!(rangefinders.distance(Front).is_some());
-}
-
-#[test]
-fn an_echo_may_last_up_to_a_second_and_says_then_that_nothing_is_in_range() {
-    // 2²⁰ µs.
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.echo(Front, Micros(500), Micros(500 + 1_048_577));
-    assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
-    rangefinders.echo(Front, Micros(500), Micros(500 + 1_048_576));
-    assert_eq!(rangefinders.reading(Front).echo, Echo::OutOfRange);
-}
-
-#[test]
-fn a_sensor_that_does_not_answer_is_missing_after_a_cycle_and_comes_back() {
-    let mut rangefinders = Rangefinders::new(3);
-    assert_eq!(rangefinders.reading(Right).echo, Echo::NotMeasured);
-    for k in 0..60u32 {
-        let now = Micros(k * TICK);
-        let answers = k >= 30;
-        if let Some(which) = rangefinders.tick(now, AHEAD) {
-            if which != Right || answers {
-                rangefinders.echo(which, now.after(600), now.after(6_600));
-            }
-        }
-        if (10..30).contains(&k) {
-            let echo = rangefinders.reading(Right).echo;
-            assert!(
-                matches!(echo, Echo::TimedOut | Echo::Missing),
-                "{k} {echo:?}"
-            );
-            assert_eq!(rangefinders.distance(Right), None);
-        }
-        if k > 37 {
-            assert!(rangefinders.distance(Right).is_some());
-        }
+        assert!((distance - speed * 5.0).abs() < 0.01, "{celsius}");
     }
 }
 
 // Requirement: WIRE-distance-1
 #[test]
-fn an_edge_of_another_trigger_never_becomes_a_distance() {
+fn edges_that_no_trigger_explains_are_ignored() {
     let at = Micros(u32::MAX - 2_000);
-    for (rise, fall) in [
-        // Both before the trigger; the rise before it; the fall before the rise; far too late.
-        (at.0.wrapping_sub(9_000), at.0.wrapping_sub(3_000)),
-        (at.0.wrapping_sub(1), at.0.wrapping_add(5_000)),
-        (at.0.wrapping_add(700), at.0.wrapping_add(699)),
-        (at.0.wrapping_add(3_001), at.0.wrapping_add(10_000)),
+    for (rise, fall, echo) in [
+        // Both before the trigger; the rise before it; the fall before the rise.
+        (-9_000, -3_000, Echo::NotMeasured),
+        (-1, 5_000, Echo::NotMeasured),
+        (700, 699, Echo::NotMeasured),
+        // Later than 3 ms, longer than 2²⁰ µs.
+        (3_001, 10_000, Echo::NotMeasured),
+        (500, 500 + 1_048_577, Echo::NotMeasured),
+        (500, 500 + 1_048_576, Echo::OutOfRange),
     ] {
         let mut rangefinders = triggered(at);
-        rangefinders.echo(Front, Micros(rise), Micros(fall));
-        assert_eq!(
-            rangefinders.reading(Front).echo,
-            Echo::NotMeasured,
-            "{rise} {fall}"
-        );
-        // The right one still counts, across the clock's wrap.
-        rangefinders.echo(Front, at.after(500), at.after(6_500));
-        assert!(rangefinders.distance(Front).is_some());
+        let time = |offset: i32| Micros(at.0.wrapping_add_signed(offset));
+        rangefinders.echo(Front, time(rise), time(fall));
+        assert_eq!(rangefinders.reading(Front).echo, echo, "{rise} {fall}");
+        if echo == Echo::NotMeasured {
+            // The right edges still count, across the clock's wrap.
+            rangefinders.echo(Front, time(3_000), time(9_000));
+            assert!(rangefinders.distance(Front).is_some());
+        }
+        // One trigger gives one reading, and none gives none.
+        let first = rangefinders.reading(Front).echo;
+        rangefinders.echo(Front, time(500), time(2_500));
+        rangefinders.echo(Left, time(500), time(1_500));
+        assert_eq!(rangefinders.reading(Front).echo, first);
+        assert_eq!(rangefinders.reading(Left).echo, Echo::NotMeasured);
     }
 }
 
 #[test]
-fn one_trigger_gives_one_reading_and_none_gives_none() {
-    let mut rangefinders = triggered(Micros(0));
-    rangefinders.echo(Front, Micros(500), Micros(1_500));
-    let first = rangefinders.reading(Front).echo;
-    rangefinders.echo(Front, Micros(2_000), Micros(4_000));
-    assert_eq!(rangefinders.reading(Front).echo, first);
-    rangefinders.echo(Left, Micros(500), Micros(1_500));
-    assert_eq!(rangefinders.reading(Left).echo, Echo::NotMeasured);
+fn silent_sensor_is_missing_after_a_cycle_and_recovers() {
+    let mut rangefinders = Rangefinders::new(3);
+    for k in 0..60u32 {
+        let now = Micros(k * TICK);
+        if let Some(which) = rangefinders.tick(now, AHEAD) {
+            if which != Right || k >= 30 {
+                rangefinders.echo(which, now.after(600), now.after(6_600));
+            }
+        }
+        let echo = rangefinders.reading(Right).echo;
+        match k {
+            0..2 => assert_eq!(echo, Echo::NotMeasured),
+            10..30 => assert!(matches!(echo, Echo::TimedOut | Echo::Missing), "{k}"),
+            38.. => assert!(rangefinders.distance(Right).is_some()),
+            _ => {}
+        }
+    }
 }

@@ -1,0 +1,95 @@
+//! Stiction boost: with zero gains it is the whole output.
+
+use super::*;
+
+/// The boost after so many ticks at rest: from the fourth on a quarter of a percent more each tick.
+fn boost(ticks: u32) -> f64 {
+    (f64::from(ticks.saturating_sub(3)) / 4.0).min(15.0)
+}
+
+/// In the final approach, the target so far ahead, mm, with a heading error, 2⁻³² turns.
+fn stuck(ahead: f64, heading_error: i32) -> (PoseController, Pose) {
+    let mut controller = PoseController::new(&gains(0.0, 0.0, 0.0));
+    controller.set_target(pose(1000.0, 0.0, 0.0));
+    let _ = controller.drive(&pose(970.0, 0.0, 0.0), &rolling(0.0, 0.0));
+    assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+    let mut here = pose(1000.0 - ahead, 0.0, 0.0);
+    here.heading = Turns((heading_error as u32).wrapping_neg());
+    (controller, here)
+}
+
+#[test]
+fn boost_in_the_final_approach_pushes_both_axes() {
+    for (ahead, error) in [(20.0, 5.0), (20.0, -5.0), (-20.0, 5.0)] {
+        let (mut controller, here) = stuck(ahead, turns(error));
+        for ticks in 1..=100 {
+            let commands = controller.drive(&here, &STILL);
+            let boost = boost(ticks);
+            assert_outputs(commands, boost.copysign(ahead), boost.copysign(error));
+        }
+    }
+}
+
+#[test]
+fn boost_restarts_after_a_count_of_either_wheel() {
+    for (left, right) in [(1, 0), (-1, 0), (0, 1), (0, -1), (5, -5)] {
+        let (mut controller, here) = stuck(20.0, turns(5.0));
+        for _ in 0..20 {
+            let _ = controller.drive(&here, &STILL);
+        }
+        assert_outputs(controller.drive(&here, &STILL), boost(21), boost(21));
+        let commands = controller.drive(&here, &counts(left, right));
+        assert_outputs(commands, 0.0, 0.0);
+        for ticks in 1..=10 {
+            let commands = controller.drive(&here, &STILL);
+            assert_outputs(commands, boost(ticks), boost(ticks));
+        }
+    }
+}
+
+#[test]
+fn boost_forward_needs_an_open_gate_and_a_distance() {
+    for (ahead, error, side) in [
+        (20.0, 8 * DEGREE, 1.0),
+        (-20.0, 8 * DEGREE, 1.0),
+        (-20.0, turns(-20.0), -1.0),
+        (0.0, 0, 0.0),
+    ] {
+        let (mut controller, here) = stuck(ahead, error);
+        // A travel without counts keeps the phase.
+        let slipping = Delta {
+            travel: I16F16::ONE,
+            ..STILL
+        };
+        for ticks in 1..=20 {
+            let commands = controller.drive(&here, &slipping);
+            assert_outputs(commands, 0.0, boost(ticks) * side);
+        }
+    }
+}
+
+#[test]
+fn boost_of_the_rotation_needs_half_the_heading_tolerance() {
+    let half = HEADING_TOLERANCE / 2;
+    for (error, enabled) in [(0, 0.0), (half, 0.0), (half + 1, 1.0)] {
+        for (error, enabled) in [(error, enabled), (-error, -enabled)] {
+            let (mut controller, here) = stuck(20.0, error);
+            for ticks in 1..=10 {
+                let commands = controller.drive(&here, &STILL);
+                assert_outputs(commands, boost(ticks), boost(ticks) * enabled);
+            }
+        }
+    }
+}
+
+#[test]
+fn boost_in_approach_and_final_rotation_is_of_the_rotation_alone() {
+    for (x, error) in [(1000.0, 5.0), (1000.0, -5.0), (0.0, 40.0), (0.0, -40.0)] {
+        let mut controller = PoseController::new(&gains(0.0, 0.0, 0.0));
+        controller.set_target(pose(x, 0.0, 0.0));
+        for ticks in 1..=100 {
+            let commands = controller.drive(&pose(0.0, 0.0, -error), &STILL);
+            assert_outputs(commands, 0.0, boost(ticks).copysign(error));
+        }
+    }
+}
