@@ -292,14 +292,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_of_exit_codes_is_ascending_and_so_without_doubles() {
+    fn exit_codes_are_ascending() {
         assert!(Exit::ALL
             .windows(2)
             .all(|pair| pair[0].0.code() < pair[1].0.code()));
     }
 
     #[test]
-    fn the_manual_lists_every_exit_code() {
+    fn exit_codes_are_in_the_manual() {
         let manual = include_str!("../../docs/pilot.md");
         for (exit, _) in Exit::ALL {
             assert!(

@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_round_trip_is_from_the_frame_to_the_reply_that_confirms_it_first() {
+    fn round_trip_ends_at_first_confirming_reply() {
         let mut trip = RoundTrip::default();
         let mut at = 0;
         let mut frame = |trip: &mut RoundTrip, seen| {

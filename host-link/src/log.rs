@@ -250,7 +250,7 @@ mod tests {
 
     // Requirement: WIRE-log-3
     #[test]
-    fn a_link_line_that_lost_bytes_never_miscounts_a_frame() {
+    fn link_line_with_lost_bytes_never_miscounts() {
         let line = b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n";
         let counts = |link: StmStatistics| (link.frames, link.accepted, link.lost, link.causes);
         for from in 0..line.len() - 1 {
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_log_reads_the_same_in_pieces_of_any_size() {
+    fn log_in_pieces_of_any_size_reads_same() {
         for size in 1..LOG.len() {
             let mut parser = LogParser::default();
             let read: Vec<LogLine> = LOG
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_lost_anywhere_never_make_another_sample() {
+    fn lost_bytes_never_make_another_sample() {
         // A number may lose a digit unseen before its point; everything else must be noticed.
         let line = b"I00008: T -50.00 -0.034\n";
         for from in 0..line.len() - 1 {
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn two_lines_run_together_are_no_sample() {
+    fn merged_lines_are_malformed() {
         let mut parser = LogParser::default();
         assert_eq!(
             parser.feed(b"I00001: T 50.00 1.2I00002: T 50.00 3.400\n"),
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn any_bytes_are_survived_and_the_next_line_is_read() {
+    fn line_after_noise_is_read() {
         let mut state = 1_u32;
         let mut parser = LogParser::default();
         for _ in 0..2000 {
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn an_endless_line_takes_no_memory() {
+    fn endless_line_takes_no_memory() {
         let mut parser = LogParser::default();
         for _ in 0..1000 {
             parser.feed(&[b'I'; 1000]);

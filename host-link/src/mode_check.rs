@@ -101,7 +101,7 @@ mod tests {
     };
 
     /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi found out.
-    fn found_out(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {
+    fn is_detected(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {
         let config = |mode| {
             let mut config = first_board();
             config.mode = mode;
@@ -138,27 +138,33 @@ mod tests {
     }
 
     #[test]
-    fn every_other_chain_is_found_out_within_ten_frames() {
+    fn other_chain_is_detected_within_ten_frames() {
         for &pi in Mode::ALL {
             for &stm in Mode::ALL {
                 let same = chain(pi)
                     .iter()
                     .map(|strategy| strategy.name)
                     .eq(chain(stm).iter().map(|strategy| strategy.name));
-                assert_eq!(found_out(pi, stm, 2), !same, "{} {}", pi.name(), stm.name());
+                assert_eq!(
+                    is_detected(pi, stm, 2),
+                    !same,
+                    "{} {}",
+                    pi.name(),
+                    stm.name()
+                );
             }
         }
     }
 
     #[test]
-    fn with_one_cell_others_are_found_out_in_normal_mode() {
-        assert!(found_out(Mode::Normal, Mode::GuardedNormal, 1));
-        assert!(found_out(Mode::Normal, Mode::TuneMove, 1));
-        assert!(!found_out(Mode::Normal, Mode::Normal, 1));
+    fn other_chain_with_one_cell_is_detected_in_normal() {
+        assert!(is_detected(Mode::Normal, Mode::GuardedNormal, 1));
+        assert!(is_detected(Mode::Normal, Mode::TuneMove, 1));
+        assert!(!is_detected(Mode::Normal, Mode::Normal, 1));
     }
 
     #[test]
-    fn a_robot_that_starts_anew_far_out_is_no_stranger() {
+    fn robot_reset_far_from_origin_is_no_mismatch() {
         let mut mode_check = ModeCheck::new(&first_board());
         for frame in 0..40_u8 {
             let mut report = Report::default();

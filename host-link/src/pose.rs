@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_are_nearest_saturate_and_wrap() {
+    fn pose_codes_round_saturate_and_wrap() {
         assert_eq!(
             at(1.0, -2.5, 90.0).code(),
             PoseCode {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_take_the_shortest_way() {
+    fn rotation_difference_takes_shortest_way() {
         assert!((at(0.0, 0.0, 350.0).rotation_to_deg(at(0.0, 0.0, 10.0)) - 20.0).abs() < 1e-9);
         assert!((at(0.0, 0.0, 10.0).rotation_to_deg(at(0.0, 0.0, 350.0)) + 20.0).abs() < 1e-9);
     }

@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lost_lines_keep_their_time_and_other_lines_take_none() {
+    fn lost_lines_keep_sample_times() {
         let mut recorder = SampleRecorder::default();
         recorder.feed(
             b"I99990: T 0.00 0.000\nI99997: T 0.00 0.000\nI99998: ready\nI99999: T 50.00 0.000\n\

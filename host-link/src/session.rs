@@ -384,7 +384,7 @@ mod tests {
 
     // Requirement: DOC-5.2.1-4, WIRE-battery-1
     #[test]
-    fn frames_walk_all_cells_unless_one_is_tuned() {
+    fn frames_cycle_cells_unless_one_is_tuned() {
         let (board, mut io) = mock_board(&image(2), None);
         let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
         let tune = CellCode {
@@ -406,7 +406,7 @@ mod tests {
 
     // Requirement: WIRE-rejected-1, WIRE-rejected-4
     #[test]
-    fn a_rejected_reply_is_counted_by_its_cause_and_the_last_good_values_stay() {
+    fn rejected_reply_is_counted_and_keeps_last_values() {
         let (board, mut io) = mock_board(&image(2), None);
         board.borrow_mut().report.pose.x = 1_234_000;
         let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();

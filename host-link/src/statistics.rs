@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_are_an_object_of_those_that_occurred() {
+    fn reject_counts_serialize_nonzero_causes() {
         let mut causes = RejectCounts::default();
         causes.set(Cause::Crc, 3);
         causes.set(Cause::Short, u32::MAX);

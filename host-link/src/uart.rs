@@ -107,8 +107,8 @@ mod tests {
     }
 
     #[test]
-    fn what_a_device_says_arrives() {
-        let path = std::env::temp_dir().join(format!("host-link-tty-{}", std::process::id()));
+    fn serial_port_bytes_arrive() {
+        let path = std::env::temp_dir().join(format!("robot-tty-{}", std::process::id()));
         std::fs::write(&path, b"I00000: boot\n").unwrap();
         assert_eq!(
             listen_for(SerialPort::new(&path)).unwrap(),
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_is_not_there_is_an_error() {
+    fn serial_port_missing_is_an_error() {
         let outcome = listen_for(SerialPort::new("/nowhere/at/all"));
         assert!(matches!(outcome, Err(Error::Device { .. })), "{outcome:?}");
     }

@@ -103,12 +103,12 @@ mod tests {
     }
 
     #[test]
-    fn a_good_link_needs_no_hint() {
+    fn hints_good_link_has_none() {
         assert_eq!(diagnose(&well(), &first_board()), Vec::<String>::new());
     }
 
     #[test]
-    fn each_cause_at_each_end_is_explained() {
+    fn hints_explain_each_cause_at_each_end() {
         for cause in Cause::ALL {
             let mut causes = RejectCounts::default();
             causes.set(cause, 3);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_near_the_deadline_lost_frames_and_faults_are_named() {
+    fn hints_name_gaps_lost_frames_and_faults() {
         let mut snapshot = well();
         snapshot.link.worst_gap_us = 125_000;
         snapshot.link.missed = Some(2);

@@ -240,7 +240,7 @@ mod tests {
 
     // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
     #[test]
-    fn the_map_takes_as_many_rangefinders_as_are_fitted_and_their_bearings() {
+    fn mapper_config_takes_fitted_rangefinders() {
         let mut config = fw_core::eeprom::first_board();
         let degrees = |config: &Config| {
             let mounts = mapper_config(config, 10.0).mounts;
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_reads_back() {
+    fn recording_reads_back() {
         let samples = [
             RangeSample {
                 time_us: 25_000,
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_recording_names_its_line() {
+    fn recording_error_names_line() {
         assert_eq!(parse_recording("x\n").unwrap_err().0, 1);
         assert_eq!(
             parse_recording(&format!("{HEAD}\n1,2,3\n")).unwrap_err().0,

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_and_numbers_are_modes() {
+    fn mode_parse_accepts_names_and_numbers() {
         for &mode in Mode::ALL {
             assert_eq!(parse(mode.name()), Ok(mode));
             assert_eq!(parse(&mode.code().to_string()), Ok(mode));

@@ -5,7 +5,10 @@ use host_link::pose::{Pose, MAX_COORDINATE_MM};
 use std::fs;
 use std::path::Path;
 
-/// Reads a waypoints-point file.
+/// Largest rotation accepted, degrees.
+pub const MAX_ROTATION_DEG: f64 = 36_000.0;
+
+/// Reads a way-point file.
 ///
 /// # Errors
 /// [`Error::Unreadable`]; [`Error::Content`] names the line.
@@ -28,7 +31,7 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, (Option<usize>, String)> {
             }
             _ => {
                 let what = format!(
-                    "{} values where a waypoints-point has three: x y rotation, in millimetres and degrees",
+                    "{} values where a way-point has three: x y rotation, in millimetres and degrees",
                     words.len()
                 );
                 return Err((Some(number), what));
@@ -38,7 +41,7 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, (Option<usize>, String)> {
     if waypoints.is_empty() {
         return Err((
             None,
-            "no waypoints-point: each line is `x y rotation`, in millimetres and degrees".into(),
+            "no way-point: each line is `x y rotation`, in millimetres and degrees".into(),
         ));
     }
     Ok(waypoints)
@@ -52,7 +55,7 @@ pub fn parse_pose(x: &str, y: &str, rotation: &str) -> Result<Pose, String> {
     Ok(Pose {
         x_mm: number("x", x, MAX_COORDINATE_MM, "mm")?,
         y_mm: number("y", y, MAX_COORDINATE_MM, "mm")?,
-        rotation_deg: number("rotation", rotation, 36_000.0, "degrees")?,
+        rotation_deg: number("rotation", rotation, MAX_ROTATION_DEG, "degrees")?,
     })
 }
 
@@ -71,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comments_and_blank_lines_are_skipped() {
+    fn waypoints_skip_comments_and_blank_lines() {
         let waypoints = parse("# tour\n\n100 -20.5 90 # first\n0 0 0\n").unwrap();
         assert_eq!(waypoints.len(), 2);
         assert_eq!(
@@ -85,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_line_is_named() {
+    fn waypoints_error_names_line() {
         assert_eq!(parse("0 0 0\n1 2\n").unwrap_err().0, Some(2));
         assert_eq!(parse("0 0 0\n\n1 nan 2\n").unwrap_err().0, Some(3));
         assert_eq!(parse("inf 0 0").unwrap_err().0, Some(1));

@@ -1,4 +1,4 @@
-//! Whatever ends a drive early, the robot's last orders are to stand where it is.
+//! Whatever ends a drive early, the last command keeps the robot where it is.
 
 use super::*;
 use crate::board_io::BoardIo;
@@ -30,7 +30,7 @@ fn drive(io: &mut BoardIo) -> Result<Arrival, Error> {
 
 /// The last command keeps the robot where it is.
 #[track_caller]
-fn assert_told_to_stay(board: &MockBoard) {
+fn assert_holds_position(board: &MockBoard) {
     let last: &Command = board.commands.last().expect("frames were sent");
     assert!(last.apply);
     assert_ne!(last.expected, TARGET.code());
@@ -38,60 +38,49 @@ fn assert_told_to_stay(board: &MockBoard) {
 
 // Requirement: DOC-3.2-2
 #[test]
-fn a_drive_ends_at_its_target() {
-    let (_, mut io) = mock_board(&config(Mode::Normal).image(), None);
-    let arrival = drive(&mut io).unwrap();
-    assert!(
-        arrival.off_mm < 5.0 && arrival.off_deg.abs() < 1.0,
-        "{arrival:?}"
-    );
+fn drive_ends_at_its_target() {
+    for mode in [Mode::Normal, Mode::GuardedNormal] {
+        let (board, mut io) = mock_board(&config(mode).image(), None);
+        let arrival = drive(&mut io).unwrap();
+        assert!(arrival.off_mm < 5.0, "{arrival:?}");
+        assert!(arrival.off_deg.abs() < 1.0, "{arrival:?}");
+        let board = board.borrow();
+        let mut orders = board.commands.iter().map(|command| command.order);
+        assert!(orders.all(|order| order != Order::Stop));
+    }
 }
 
 #[test]
-fn a_guarded_drive_resumes_first_and_ends_at_its_target() {
-    let (board, mut io) = mock_board(&config(Mode::GuardedNormal).image(), None);
-    drive(&mut io).unwrap();
-    assert!(board
-        .borrow()
-        .commands
-        .iter()
-        .all(|command| command.order != Order::Stop));
+fn drive_interrupt_stops_robot() {
+    for mode in [Mode::Normal, Mode::GuardedNormal] {
+        let fault = Some(IoFault::Interrupt(20));
+        let (board, mut io) = mock_board(&config(mode).image(), fault);
+        assert_eq!(drive(&mut io), Err(Error::Interrupted));
+        if mode == Mode::Normal {
+            assert_holds_position(&board.borrow());
+        } else {
+            assert_eq!(board.borrow().commands.last().unwrap().order, Order::Stop);
+        }
+    }
 }
 
 #[test]
-fn ctrl_c_stops_the_robot() {
-    let (board, mut io) = mock_board(&config(Mode::Normal).image(), Some(IoFault::Interrupt(20)));
-    assert_eq!(drive(&mut io), Err(Error::Interrupted));
-    assert_told_to_stay(&board.borrow());
-}
-
-#[test]
-fn ctrl_c_brakes_a_guarded_robot() {
-    let (board, mut io) = mock_board(
-        &config(Mode::GuardedNormal).image(),
-        Some(IoFault::Interrupt(20)),
-    );
-    assert_eq!(drive(&mut io), Err(Error::Interrupted));
-    assert_eq!(board.borrow().commands.last().unwrap().order, Order::Stop);
-}
-
-#[test]
-fn a_panic_while_watching_stops_the_robot() {
+fn drive_panic_in_callback_stops_robot() {
     let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         let mut session = Session::open(&mut io, 40, 100).unwrap();
         let mut reports = 0;
         go_to(&mut session, TARGET, &ArrivalCriteria::default(), |_, _| {
             reports += 1;
-            assert!(reports < 3, "on access");
+            assert!(reports < 3, "on purpose");
         })
     }));
     assert!(outcome.is_err());
-    assert_told_to_stay(&board.borrow());
+    assert_holds_position(&board.borrow());
 }
 
 #[test]
-fn too_little_time_is_an_error_that_stops_the_robot() {
+fn drive_timeout_stops_robot() {
     let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
     let mut session = Session::open(&mut io, 40, 100).unwrap();
     let criteria = ArrivalCriteria {
@@ -100,17 +89,17 @@ fn too_little_time_is_an_error_that_stops_the_robot() {
     };
     let error = go_to(&mut session, TARGET, &criteria, |_, _| {}).unwrap_err();
     assert!(matches!(error, Error::NotReached { .. }), "{error:?}");
-    assert_told_to_stay(&board.borrow());
+    assert_holds_position(&board.borrow());
 }
 
 #[test]
-fn a_spi_device_that_fails_is_named() {
+fn drive_spi_failure_is_reported() {
     let (_, mut io) = mock_board(&config(Mode::Normal).image(), Some(IoFault::BusesFail(20)));
     assert!(matches!(drive(&mut io), Err(Error::Spi(_))));
 }
 
 #[test]
-fn a_robot_with_other_keys_is_found_out_within_ten_frames() {
+fn drive_key_mismatch_detected_within_ten_frames() {
     let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
     // The STM booted with another key than the EEPROM holds now.
     let mut other = config(Mode::Normal);
@@ -124,7 +113,7 @@ fn a_robot_with_other_keys_is_found_out_within_ten_frames() {
 }
 
 #[test]
-fn a_faulted_robot_is_not_driven() {
+fn drive_of_faulted_robot_is_rejected() {
     let (board, mut io) = mock_board(&config(Mode::GuardedNormal).image(), None);
     board.borrow_mut().report.state = State::Faulted;
     board.borrow_mut().report.faults = fw_core::types::Faults::BATTERY_CUTOFF;
@@ -137,13 +126,13 @@ fn a_faulted_robot_is_not_driven() {
 }
 
 #[test]
-fn a_tuning_mode_cannot_be_driven() {
+fn drive_in_tuning_mode_is_rejected() {
     let (_, mut io) = mock_board(&config(Mode::TuneRotate).image(), None);
     assert!(matches!(drive(&mut io), Err(Error::WrongMode { .. })));
 }
 
 #[test]
-fn a_creeping_robot_is_not_at_rest() {
+fn rest_creeping_robot_is_not_at_rest() {
     let mut rest = RestDetector::default();
     let mut at_rest = false;
     for frame in 0..400_u32 {
@@ -158,7 +147,7 @@ fn a_creeping_robot_is_not_at_rest() {
 }
 
 #[test]
-fn a_standing_robot_is_at_rest_after_a_quarter_second() {
+fn rest_standing_robot_rests_after_quarter_second() {
     let mut rest = RestDetector::default();
     let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Pose::default()));
     assert_eq!(settled, Some(10));

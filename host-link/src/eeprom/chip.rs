@@ -140,7 +140,7 @@ mod tests {
 
     // Requirement: WIRE-eeprom-5
     #[test]
-    fn bursts_cover_every_difference_and_never_cross_a_boundary() {
+    fn bursts_cover_differences_within_boundaries() {
         let before = [0xFF; IMAGE_LEN];
         let mut after = before;
         for at in [0, 31, 32, 95, 96, 97, 0x3FF] {
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_images_need_no_burst() {
+    fn bursts_of_equal_images_are_empty() {
         assert!(bursts(&[7; IMAGE_LEN], &[7; IMAGE_LEN]).is_empty());
     }
 }

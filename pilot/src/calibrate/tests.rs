@@ -103,7 +103,7 @@ fn off_percent(found: &WheelGeometry, truth: &WheelGeometry) -> f64 {
 
 // Requirement: DOC-4.1-6
 #[test]
-fn one_distance_and_two_squares_recover_figures_wrong_by_five_percent_in_any_mix() {
+fn distance_and_squares_recover_five_percent_errors() {
     for left in [-5.0, 0.0, 5.0] {
         for right in [-5.0, 0.0, 5.0] {
             for track in [-5.0, 0.0, 5.0] {
@@ -126,7 +126,7 @@ fn one_distance_and_two_squares_recover_figures_wrong_by_five_percent_in_any_mix
 }
 
 #[test]
-fn readings_a_few_millimetres_off_cost_as_much_as_the_estimate_says() {
+fn noisy_readings_stay_within_estimated_deviation() {
     let truth = WheelGeometry {
         left_mm: 79.2,
         right_mm: 80.6,
@@ -156,7 +156,7 @@ fn readings_a_few_millimetres_off_cost_as_much_as_the_estimate_says() {
 }
 
 #[test]
-fn for_small_errors_the_papers_formulas_agree() {
+fn small_errors_agree_with_paper_formulas() {
     let truth = WheelGeometry {
         left_mm: 79.96,
         right_mm: 80.04,
@@ -170,7 +170,7 @@ fn for_small_errors_the_papers_formulas_agree() {
 }
 
 #[test]
-fn without_an_offset_to_the_side_the_way_counts_as_straight() {
+fn distance_without_side_offset_is_taken_as_straight() {
     let truth = FIRST_BOARD.scaled(1.03);
     let (path, end) = driven(&FIRST_BOARD, &truth, &straight(1000.0));
     let measured = Measured {
@@ -183,7 +183,7 @@ fn without_an_offset_to_the_side_the_way_counts_as_straight() {
 }
 
 #[test]
-fn a_distance_no_wheels_can_have_is_refused_with_what_is_accepted() {
+fn implausible_distance_is_rejected_with_range() {
     let (path, _) = driven(&FIRST_BOARD, &FIRST_BOARD, &straight(1000.0));
     let at = |ahead_mm, left_mm| distance::solve(&path, &Measured { ahead_mm, left_mm });
     for (ahead, left) in [
@@ -208,7 +208,7 @@ fn a_distance_no_wheels_can_have_is_refused_with_what_is_accepted() {
 }
 
 #[test]
-fn squares_that_contradict_each_other_or_go_one_way_only_are_refused() {
+fn inconsistent_or_one_way_squares_are_rejected() {
     let good = squares(&FIRST_BOARD, &FIRST_BOARD, 1000.0);
     let one_way = umbmark::solve(&good[..1], 1000.0).unwrap_err();
     assert!(one_way.contains("no run counter-clockwise"), "{one_way}");
@@ -226,7 +226,7 @@ fn squares_that_contradict_each_other_or_go_one_way_only_are_refused() {
 }
 
 #[test]
-fn a_track_wrong_by_a_fifth_is_refused() {
+fn track_wrong_by_fifth_is_rejected() {
     let truth = FIRST_BOARD.with_track(1.2);
     let why = umbmark::solve(&squares(&FIRST_BOARD, &truth, 1000.0), 1000.0).unwrap_err();
     assert!(
@@ -254,17 +254,17 @@ fn drive(io: &mut BoardIo) -> Result<WheelPath, Error> {
     )
 }
 
-/// The last order is to stand where the robot is.
-fn assert_told_to_stay(board: &MockBoard) {
+/// The last command keeps the robot where it is.
+fn assert_holds_position(board: &MockBoard) {
     let last = board.commands.last().expect("frames were sent");
     assert!(last.apply && last.expected.x < 1_000_000, "{last:?}");
 }
 
 #[test]
-fn ctrl_c_and_a_fifth_of_a_second_without_a_reply_stop_the_robot() {
+fn run_interrupt_or_lost_link_stops_robot() {
     let (board, mut io) = mock_board(&settings().image(), Some(IoFault::Interrupt(30)));
     assert_eq!(drive(&mut io), Err(Error::Interrupted));
-    assert_told_to_stay(&board.borrow());
+    assert_holds_position(&board.borrow());
 
     let (board, mut io) = mock_board(&settings().image(), None);
     board.borrow_mut().garbled_from = 6;
@@ -273,7 +273,7 @@ fn ctrl_c_and_a_fifth_of_a_second_without_a_reply_stop_the_robot() {
         matches!(error, Error::Silent { frames: 8, .. }),
         "{error:?}"
     );
-    // 6 heard, 8 not, and the 10 of the stop.
+    // 6 answered, 8 not, and the 10 of the stop.
     assert_eq!(board.borrow().commands.len(), 24);
-    assert_told_to_stay(&board.borrow());
+    assert_holds_position(&board.borrow());
 }

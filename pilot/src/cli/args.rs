@@ -1,17 +1,19 @@
 //! The command line.
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
-use clap::{Args, Parser, Subcommand};
+use clap::{value_parser, Args, Parser, Subcommand};
 use fw_core::wire::Mode;
 use host_link::drive::ArrivalCriteria;
-use host_link::error::{Error, Exit};
-use host_link::pose::Pose;
+use host_link::error::Exit;
+use host_link::pose::{Pose, MAX_COORDINATE_MM};
 use host_link::{reset, session};
 use pilot::calibrate::distance::Measured;
+use pilot::mode;
 use pilot::tune::step_response::StepPlan;
 use pilot::tune::Axis;
-use pilot::{mode, waypoints};
+use pilot::waypoints::MAX_ROTATION_DEG;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 /// Configures, drives and maps with the robot, real or virtual.
@@ -101,7 +103,7 @@ pub struct UmbmarkArgs {
     #[arg(long, value_name = "MM", default_value = "1000")]
     pub side: f64,
     /// Squares each way
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=10))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u8).range(1..=10))]
     pub runs: u8,
     #[command(flatten)]
     pub measuring: Measuring,
@@ -114,7 +116,7 @@ pub struct Measuring {
     #[arg(long, value_name = "BY", value_enum, default_value = "tape")]
     pub measure_with: MeasureWith,
     /// Standard deviation of the simulated readings, mm
-    #[arg(long, value_name = "MM", default_value = "0", value_parser = deviation)]
+    #[arg(long, value_name = "MM", default_value = "0", value_parser = number(0.0..=100.0))]
     pub noise: f64,
     /// Drive and write without asking
     #[arg(long)]
@@ -134,13 +136,6 @@ pub enum MeasureWith {
     GroundTruth,
     /// The simulation, which knows where the virtual robot stands
     Truth,
-}
-
-fn deviation(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=100.0).contains(&value) => Ok(value),
-        _ => Err("accepted is 0 to 100".into()),
-    }
 }
 
 /// One or two numbers, separated by a comma or a blank.
@@ -213,7 +208,7 @@ pub struct StepArgs {
     #[arg(long, value_name = "WAY")]
     pub travel: Option<f64>,
     /// Damping of the loop to propose gains for, 1 = no overshoot; 0.8 to rotate, 0.5 to move without it
-    #[arg(long, value_name = "ZETA", value_parser = damping)]
+    #[arg(long, value_name = "ZETA", value_parser = number(0.3..=3.0))]
     pub damping: Option<f64>,
     /// Files to write, without their endings .csv and .png; tune-rotate or tune-move without it
     #[arg(long, value_name = "STEM")]
@@ -238,13 +233,6 @@ impl StepArgs {
             Axis::Move => "tune-move",
         };
         self.out.clone().unwrap_or_else(|| name.into())
-    }
-}
-
-fn damping(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.3..=3.0).contains(&value) => Ok(value),
-        _ => Err("accepted is 0.3 to 3".into()),
     }
 }
 
@@ -315,37 +303,41 @@ pub enum Eeprom {
 #[derive(Args)]
 pub struct Status {
     /// For how long; the STM's log reports its end once a second
-    #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = clap::value_parser!(u32).range(1..=600_000))]
+    #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = value_parser!(u32).range(1..=600_000))]
     pub ms: u32,
 }
 
 #[derive(Args)]
 pub struct Monitor {
     /// End after this many valid reports
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
     pub count: Option<u64>,
 }
 
 #[derive(Args)]
+#[command(allow_negative_numbers = true)]
 pub struct Goto {
     /// Millimetres ahead of where the robot was switched on
-    #[arg(allow_hyphen_values = true)]
-    pub x: String,
+    #[arg(value_parser = number(-MAX_COORDINATE_MM..=MAX_COORDINATE_MM))]
+    pub x: f64,
     /// Millimetres to the left of where the robot was switched on
-    #[arg(allow_hyphen_values = true)]
-    pub y: String,
+    #[arg(value_parser = number(-MAX_COORDINATE_MM..=MAX_COORDINATE_MM))]
+    pub y: f64,
     /// Degrees, counter-clockwise
-    #[arg(allow_hyphen_values = true, value_name = "ROT")]
-    pub rotation: String,
+    #[arg(value_name = "ROT", value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
+    pub rotation: f64,
     #[command(flatten)]
     pub criteria: CriteriaArgs,
 }
 
 impl Goto {
-    /// # Errors
-    /// [`Error::Usage`] names the argument and its range.
-    pub fn target(&self) -> Result<Pose, Error> {
-        waypoints::parse_pose(&self.x, &self.y, &self.rotation).map_err(Error::Usage)
+    /// The pose to drive to.
+    pub fn target(&self) -> Pose {
+        Pose {
+            x_mm: self.x,
+            y_mm: self.y,
+            rotation_deg: self.rotation,
+        }
     }
 }
 
@@ -372,7 +364,7 @@ pub struct Map {
     #[arg(long, value_name = "STEM", default_value = "map")]
     pub out: PathBuf,
     /// Size of a map cell, mm
-    #[arg(long, value_name = "MM", default_value_t = 25, value_parser = clap::value_parser!(u16).range(5..=500))]
+    #[arg(long, value_name = "MM", default_value_t = 25, value_parser = value_parser!(u16).range(5..=500))]
     pub cell: u16,
     #[command(flatten)]
     pub criteria: CriteriaArgs,
@@ -381,14 +373,14 @@ pub struct Map {
 /// When a drive counts as done.
 #[derive(Args)]
 pub struct CriteriaArgs {
-    /// How near a target counts as there, mm
-    #[arg(long, value_name = "MM", default_value = "5", value_parser = positive)]
+    /// Largest distance from a target, mm
+    #[arg(long, value_name = "MM", default_value = "5", value_parser = number(SMALLEST..=1e6))]
     pub tolerance_mm: f64,
-    /// How near a target's rotation counts as there, degrees
-    #[arg(long, value_name = "DEG", default_value = "1", value_parser = positive)]
+    /// Largest difference from a target's rotation, degrees
+    #[arg(long, value_name = "DEG", default_value = "1", value_parser = number(SMALLEST..=1e6))]
     pub tolerance_deg: f64,
     /// Time for each target, seconds; by its distance without it
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = number(SMALLEST..=1e6))]
     pub timeout: Option<f64>,
 }
 
@@ -402,10 +394,17 @@ impl CriteriaArgs {
     }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value <= 1e6 => Ok(value),
-        _ => Err("accepted is a number above 0 up to 1000000".into()),
+/// Smallest tolerance, time or length.
+const SMALLEST: f64 = 1e-3;
+
+/// A number within a range.
+fn number(
+    range: RangeInclusive<f64>,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| match text.parse::<f64>() {
+        // NaN is in no range.
+        Ok(value) if range.contains(&value) => Ok(value),
+        _ => Err(format!("accepted is {} to {}", range.start(), range.end())),
     }
 }
 
@@ -414,43 +413,28 @@ fn positive(text: &str) -> Result<f64, String> {
 #[command(next_help_heading = "Robot")]
 pub struct BoardArgs {
     /// Frames per second
-    #[arg(long, global = true, value_name = "HZ", default_value_t = session::RATE_HZ, value_parser = clap::value_parser!(u32).range(1..=2000))]
+    #[arg(long, global = true, default_value_t = session::RATE_HZ, value_parser = value_parser!(u32).range(1..=2000))]
     pub rate: u32,
     /// How long to await STM_READY, ms
-    #[arg(long, global = true, value_name = "MS", default_value_t = reset::READY_TIMEOUT_MS, value_parser = clap::value_parser!(u32).range(1..=600_000))]
+    #[arg(long, global = true, default_value_t = reset::READY_TIMEOUT_MS, value_parser = value_parser!(u32).range(1..=600_000))]
     pub ready_timeout: u32,
     /// SPI device
-    #[arg(
-        long,
-        global = true,
-        value_name = "PATH",
-        default_value = "/dev/spidev0.0"
-    )]
+    #[arg(long, global = true, default_value = "/dev/spidev0.0")]
     pub spi: PathBuf,
     /// SPI clock, Hz
-    #[arg(long, global = true, value_name = "HZ", default_value_t = 8_000_000, value_parser = clap::value_parser!(u32).range(1_000..=25_000_000))]
+    #[arg(long, global = true, default_value_t = 8_000_000, value_parser = value_parser!(u32).range(1_000..=25_000_000))]
     pub spi_hz: u32,
     /// I2C device
-    #[arg(long, global = true, value_name = "PATH", default_value = "/dev/i2c-1")]
+    #[arg(long, global = true, default_value = "/dev/i2c-1")]
     pub i2c: PathBuf,
     /// GPIO chip
-    #[arg(
-        long,
-        global = true,
-        value_name = "PATH",
-        default_value = "/dev/gpiochip0"
-    )]
+    #[arg(long, global = true, default_value = "/dev/gpiochip0")]
     pub gpiochip: PathBuf,
-    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` listen
-    #[arg(
-        long,
-        global = true,
-        value_name = "PATH",
-        default_value = "/dev/serial0"
-    )]
+    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` read it
+    #[arg(long, global = true, default_value = "/dev/serial0")]
     pub uart: PathBuf,
     /// Folder of the lock and of the journal of an unfinished EEPROM write
-    #[arg(long, global = true, value_name = "DIR", default_value = "/var/tmp")]
+    #[arg(long, global = true, default_value = "/var/tmp")]
     pub state_dir: PathBuf,
     #[command(flatten)]
     pub virtual_board: VirtualBoardArgs,
@@ -467,45 +451,38 @@ pub struct VirtualBoardArgs {
     #[arg(
         long,
         global = true,
-        value_name = "FILE",
         env = "ROBOT_ELF",
         default_value = "target/elf/fw-pac.elf"
     )]
     pub elf: PathBuf,
     /// Room to stand in; the default room without it
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true)]
     pub room: Option<PathBuf>,
     /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    #[arg(long, global = true, default_value_t = 1)]
     pub seed: u64,
-    /// Air temperature
+    /// Air temperature, °C
     #[arg(
         long,
         global = true,
-        value_name = "CELSIUS",
         default_value_t = 20,
         allow_negative_numbers = true
     )]
     pub air: i16,
     /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
-    #[arg(
-        long,
-        global = true,
-        value_name = "FILE",
-        default_value = "target/virtual/eeprom.bin"
-    )]
+    #[arg(long, global = true, default_value = "target/virtual/eeprom.bin")]
     pub eeprom_image: PathBuf,
     /// True diameter of the virtual left wheel, mm, whatever the EEPROM says
-    #[arg(long, global = true, value_name = "MM", default_value = "80", value_parser = positive)]
+    #[arg(long, global = true, default_value = "80", value_parser = number(SMALLEST..=1e6))]
     pub true_diameter_left: f64,
     /// True diameter of the virtual right wheel, mm
-    #[arg(long, global = true, value_name = "MM", default_value = "80", value_parser = positive)]
+    #[arg(long, global = true, default_value = "80", value_parser = number(SMALLEST..=1e6))]
     pub true_diameter_right: f64,
     /// True track of the virtual robot, mm
-    #[arg(long, global = true, value_name = "MM", default_value = "125", value_parser = positive)]
+    #[arg(long, global = true, default_value = "125", value_parser = number(SMALLEST..=1e6))]
     pub true_track: f64,
     /// Write the STM's log to this file
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true)]
     pub uart_log: Option<PathBuf>,
 }
 

@@ -65,7 +65,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         }),
         Command::Mode { mode } => mode::run(*mode, context),
         Command::Monitor(monitor) => monitor::run(monitor, context),
-        Command::Goto(goto) => drive::run(&[goto.target()?], &goto.criteria, context),
+        Command::Goto(goto) => drive::run(&[goto.target()], &goto.criteria, context),
         Command::Tour(tour) => drive::run(
             &pilot::waypoints::load(&tour.file)?,
             &tour.criteria,

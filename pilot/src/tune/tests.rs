@@ -1,9 +1,10 @@
-//! The steps against doubles: whatever fails, the robot is told zero percent last and the EEPROM
-//! holds what it held. And the fit on a drive that is known.
+//! Steps against the mock board: whatever fails, the last command is zero percent and the EEPROM is
+//! restored. And the fit on a known drive.
 
 use super::*;
 use fw_core::eeprom::{first_board, Image};
 use host_link::board_io::BoardIo;
+use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
 use host_link::mock_board::{mock_board, IoFault, MockBoard};
 use host_link::samples::{Sample, SampleRecorder};
@@ -42,35 +43,25 @@ fn tune(io: &mut BoardIo, plan: &step_response::StepPlan) -> Result<SampleRecord
     )
 }
 
+/// The EEPROM and its lines are as before the tuning; the last command is zero percent.
 #[track_caller]
-fn assert_as_before(board: &MockBoard, fault: Option<IoFault>) {
+fn assert_restored(board: &MockBoard, fault: Option<IoFault>) {
     assert!(board.memory == original(), "EEPROM after {fault:?}");
-    assert!(
-        board.protected && !board.selected && !board.in_reset,
-        "{fault:?}"
-    );
+    assert!(board.protected && !board.selected, "{fault:?}");
+    assert!(!board.in_reset, "{fault:?}");
     if let Some(last) = board.commands.last() {
         assert_eq!(last.percent.0, 0, "{fault:?}");
     }
 }
 
-fn calls() -> usize {
-    let (board, mut io) = mock_board(&original(), None);
-    tune(&mut io, &plan()).unwrap();
-    let calls = board.borrow().calls;
-    calls
-}
-
 #[test]
-fn steps_give_the_drive_of_the_doubles() {
+fn tuning_known_drive_recovers_model() {
     let (board, mut io) = mock_board(&original(), None);
     let recorder = tune(&mut io, &plan()).unwrap();
-    assert_as_before(&board.borrow(), None);
+    assert_restored(&board.borrow(), None);
     let steps = drive_model::steps(recorder.samples());
-    assert_eq!(
-        steps.iter().map(|step| step.percent).collect::<Vec<_>>(),
-        [50.0, -50.0, 100.0, -100.0]
-    );
+    let levels: Vec<_> = steps.iter().map(|step| step.percent).collect();
+    assert_eq!(levels, [50.0, -50.0, 100.0, -100.0]);
     let model = drive_model::fit(&steps).unwrap();
     assert!((model.gain - 2.0).abs() < 0.02, "{model:?}");
     assert!((model.dead_zone - 20.0).abs() < 0.5, "{model:?}");
@@ -78,117 +69,98 @@ fn steps_give_the_drive_of_the_doubles() {
 }
 
 #[test]
-fn ctrl_c_anywhere_stops_the_robot_and_restores_the_mode() {
-    for at in (0..calls()).step_by(3) {
-        let fault = Some(IoFault::Interrupt(at));
-        let (board, mut io) = mock_board(&original(), fault);
-        let outcome = tune(&mut io, &plan());
-        assert_as_before(&board.borrow(), fault);
-        // Once the steps are over there is nothing left to interrupt.
-        assert!(
-            matches!(outcome, Ok(_) | Err(Error::Interrupted)),
-            "{fault:?}"
-        );
-    }
-}
-
-#[test]
-fn a_panic_anywhere_stops_the_robot_and_restores_the_mode() {
-    // Not in the way back itself: a panic while a panic is handled ends the process.
-    for at in (0..calls() - 150).step_by(3) {
-        let fault = Some(IoFault::Panic(at));
-        let (board, mut io) = mock_board(&original(), fault);
-        let outcome = catch_unwind(AssertUnwindSafe(|| tune(&mut io, &plan())));
-        assert!(outcome.is_err(), "{fault:?}");
-        assert_as_before(&board.borrow(), fault);
-    }
-}
-
-#[test]
-fn one_failing_call_anywhere_is_survived_or_stops_the_robot() {
-    for at in (0..calls()).step_by(3) {
-        let fault = Some(IoFault::FailOnce(at));
-        let (board, mut io) = mock_board(&original(), fault);
-        let _ = tune(&mut io, &plan());
-        assert!(board.borrow().memory == original(), "{fault:?}");
-        assert!(board.borrow().protected && !board.borrow().selected);
-    }
-}
-
-#[test]
-fn buses_that_die_leave_an_error_that_says_so() {
-    for at in (0..calls()).step_by(7) {
-        let (board, mut io) = mock_board(&original(), Some(IoFault::BusesFail(at)));
-        let outcome = tune(&mut io, &plan());
-        let board = board.borrow();
-        assert!(board.protected && !board.selected && !board.in_reset);
-        if board.memory != original() {
-            assert!(matches!(outcome, Err(Error::NotRestored { .. })), "{at}");
+fn tuning_fault_at_any_call_restores_eeprom() {
+    let (board, mut io) = mock_board(&original(), None);
+    tune(&mut io, &plan()).unwrap();
+    let calls = board.borrow().calls;
+    for at in (0..calls).step_by(3) {
+        for fault in [
+            IoFault::Interrupt(at),
+            IoFault::Panic(at),
+            IoFault::FailOnce(at),
+            IoFault::BusesFail(at),
+        ] {
+            // A panic on the way back, while a panic is handled, ends the process.
+            if matches!(fault, IoFault::Panic(at) if at + 150 >= calls) {
+                continue;
+            }
+            let (board, mut io) = mock_board(&original(), Some(fault));
+            let outcome = catch_unwind(AssertUnwindSafe(|| tune(&mut io, &plan())));
+            let board = board.borrow();
+            match (fault, outcome) {
+                // After the last step there is nothing left to interrupt.
+                (IoFault::Interrupt(_), Ok(Ok(_) | Err(Error::Interrupted)))
+                | (IoFault::Panic(_), Err(_)) => assert_restored(&board, Some(fault)),
+                (IoFault::FailOnce(_), Ok(_)) => {
+                    assert!(board.memory == original(), "{fault:?}");
+                    assert!(board.protected && !board.selected);
+                }
+                (IoFault::BusesFail(_), Ok(outcome)) => {
+                    assert!(board.protected && !board.selected && !board.in_reset);
+                    if board.memory != original() {
+                        assert!(matches!(outcome, Err(Error::NotRestored { .. })), "{at}");
+                    }
+                }
+                (fault, outcome) => panic!("{fault:?}: {:?}", outcome.map(|done| done.err())),
+            }
         }
     }
 }
 
 #[test]
-fn a_killed_tuning_is_repaired_but_what_was_written_since_stays() {
-    let path = std::env::temp_dir().join(format!("host-link-note-{}", std::process::id()));
-    let note = host_link::eeprom::journal::Journal::new(&path);
-    let guard =
-        temporary_mode::edit_config(&original(), |config| config.mode = Mode::TuneMove).unwrap();
-    let newer =
-        temporary_mode::edit_config(&original(), |config| config.mode = Mode::GuardedNormal)
-            .unwrap();
+fn killed_tuning_is_restored_unless_eeprom_rewritten() {
+    let path = std::env::temp_dir().join(format!("robot-tune-journal-{}", std::process::id()));
+    let journal = Journal::new(&path);
+    let with_mode = |mode| temporary_mode::edit_config(&original(), |config| config.mode = mode);
     let mut half_written = original();
     half_written[0x0C] = 0x77;
-    for (present, repaired) in [(guard, true), (half_written, true), (newer, false)] {
-        note.begin(&original()).unwrap();
+    for (present, restored) in [
+        (with_mode(Mode::TuneMove).unwrap(), true),
+        (half_written, true),
+        (with_mode(Mode::GuardedNormal).unwrap(), false),
+    ] {
+        journal.begin(&original()).unwrap();
         let (board, mut io) = mock_board(&present, None);
-        assert_eq!(
-            temporary_mode::restore_after_kill(&mut io, &note, 100),
-            Ok(repaired)
-        );
-        let expected = if repaired { original() } else { present };
+        let mut restore = || temporary_mode::restore_after_kill(&mut io, &journal, 100);
+        assert_eq!(restore(), Ok(restored));
+        let expected = if restored { original() } else { present };
         assert!(board.borrow().memory == expected);
-        assert!(!note.unfinished());
-        assert_eq!(
-            temporary_mode::restore_after_kill(&mut io, &note, 100),
-            Ok(false)
-        );
+        assert!(!journal.unfinished());
+        assert_eq!(restore(), Ok(false));
     }
 }
 
 #[test]
-fn a_link_lost_during_a_step_ends_it_within_a_fifth_of_a_second() {
+fn step_link_lost_ends_within_eight_frames() {
     let (board, mut io) = mock_board(&original(), None);
     board.borrow_mut().garbled_from = 20;
     let outcome = tune(&mut io, &plan());
     assert!(matches!(outcome, Err(Error::Silent { .. })), "{outcome:?}");
     let board = board.borrow();
-    assert_as_before(&board, None);
-    let under_duty = board
-        .commands
-        .iter()
-        .skip(20)
-        .filter(|command| f64::from_bits(command.percent.0) != 0.0)
-        .count();
-    assert!(under_duty <= 8, "{under_duty}");
+    assert_restored(&board, None);
+    let lost = board.commands.iter().skip(20);
+    let under_duty = lost.filter(|command| f64::from_bits(command.percent.0) != 0.0);
+    assert!(under_duty.count() <= 8);
 }
 
 #[test]
-fn without_a_log_there_is_no_step() {
+fn step_without_log_is_not_started() {
     let (board, mut io) = mock_board(&original(), None);
     board.borrow_mut().log_connected = false;
-    let mut plan = plan();
-    plan.rest_s = 0.8;
+    let plan = step_response::StepPlan {
+        rest_s: 0.8,
+        ..plan()
+    };
     let outcome = tune(&mut io, &plan);
     assert!(matches!(outcome, Err(Error::Tuning(_))), "{outcome:?}");
     let board = board.borrow();
-    assert_as_before(&board, None);
-    let moved = |command: &fw_core::wire::Command| f64::from_bits(command.percent.0) != 0.0;
-    assert!(!board.commands.iter().any(moved));
+    assert_restored(&board, None);
+    let mut duties = board.commands.iter().map(|command| command.percent.0);
+    assert!(duties.all(|bits| f64::from_bits(bits) == 0.0));
 }
 
 #[test]
-fn a_step_ends_at_its_travel() {
+fn step_ends_at_its_travel() {
     let (board, mut io) = mock_board(&original(), None);
     let plan = step_response::StepPlan {
         travel: 20.0,
@@ -201,98 +173,81 @@ fn a_step_ends_at_its_travel() {
         // A frame's delay at full speed.
         assert!(furthest < 20.0 + 160.0 * 0.05, "{furthest}");
     }
-    assert_as_before(&board.borrow(), None);
+    assert_restored(&board.borrow(), None);
 }
 
 #[test]
-fn plans_that_are_not_safe_are_refused() {
-    let refused = |plan: step_response::StepPlan| assert!(plan.check().is_err(), "{plan:?}");
-    refused(step_response::StepPlan {
-        hold_s: 10.0,
-        ..plan()
-    });
-    refused(step_response::StepPlan {
-        hold_s: f64::NAN,
-        ..plan()
-    });
-    refused(step_response::StepPlan {
-        travel: f64::INFINITY,
-        ..plan()
-    });
-    refused(step_response::StepPlan {
-        levels: vec![50.0, 120.0],
-        ..plan()
-    });
-    refused(step_response::StepPlan {
-        levels: vec![50.0, f64::NAN],
-        ..plan()
-    });
-    refused(step_response::StepPlan {
-        levels: vec![50.0],
-        ..plan()
-    });
+fn step_plan_out_of_range_is_rejected() {
+    let edits: [fn(&mut step_response::StepPlan); 6] = [
+        |plan| plan.hold_s = 10.0,
+        |plan| plan.hold_s = f64::NAN,
+        |plan| plan.travel = f64::INFINITY,
+        |plan| plan.levels = vec![50.0, 120.0],
+        |plan| plan.levels = vec![50.0, f64::NAN],
+        |plan| plan.levels = vec![50.0],
+    ];
+    for edit in edits {
+        let mut plan = plan();
+        edit(&mut plan);
+        assert!(plan.check().is_err(), "{plan:?}");
+    }
 }
 
 /// Steps of a known drive, with noise of ±`noise`.
-fn synthetic(gain: f64, dead_zone: f64, lag: f64, noise: f64) -> Vec<Sample> {
+fn synthetic(gain: f64, dead_zone: f64, lag_s: f64, noise: f64) -> Vec<Sample> {
     let known = drive_model::DriveModel {
         gain,
         dead_zone,
-        lag_s: lag,
+        lag_s,
         residual: 0.0,
         steps: 0,
     };
-    let (mut samples, mut tick, mut at) = (Vec::new(), 0_u32, 0.0);
-    let mut seed = 1_u32;
-    let mut scatter = move || {
-        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (f64::from(seed) / f64::from(u32::MAX) - 0.5) * 2.0 * noise
+    let (mut samples, mut at, mut seed) = (Vec::new(), 0.0, 1_u32);
+    let mut push = |percent: f64, value: f64| {
+        let tick = u32::try_from(samples.len()).unwrap();
+        samples.push(Sample {
+            tick,
+            percent,
+            value,
+        });
     };
     for percent in [50.0, -50.0, 75.0, -75.0, 100.0, -100.0] {
-        for _ in 0..30 {
-            samples.push(Sample {
-                tick,
-                percent: 0.0,
-                value: at,
-            });
-            tick += 1;
-        }
+        (0..30).for_each(|_| push(0.0, at));
         let from = at;
         for since in 0..120_u32 {
-            at = from + known.step_way(percent, f64::from(since) * 0.01) + scatter();
-            samples.push(Sample {
-                tick,
-                percent,
-                value: at,
-            });
-            tick += 1;
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let scatter = (f64::from(seed) / f64::from(u32::MAX) - 0.5) * 2.0 * noise;
+            at = from + known.step_way(percent, f64::from(since) * 0.01) + scatter;
+            push(percent, at);
         }
     }
     samples
 }
 
 #[test]
-fn the_fit_recovers_known_drives() {
+fn drive_model_fit_recovers_known_drives() {
     for (gain, dead_zone, lag) in [
         (1.73, 20.1, 0.144),
         (1.89, 20.1, 0.146),
         (5.0, 0.0, 0.05),
         (0.3, 45.0, 0.4),
     ] {
-        let model =
-            drive_model::fit(&drive_model::steps(&synthetic(gain, dead_zone, lag, 0.0))).unwrap();
+        let fit = |noise| {
+            let samples = synthetic(gain, dead_zone, lag, noise);
+            drive_model::fit(&drive_model::steps(&samples)).unwrap()
+        };
+        let model = fit(0.0);
         assert!((model.gain / gain - 1.0).abs() < 1e-3, "{model:?}");
         assert!((model.dead_zone - dead_zone).abs() < 0.05, "{model:?}");
         assert!((model.lag_s / lag - 1.0).abs() < 1e-3, "{model:?}");
-        let model =
-            drive_model::fit(&drive_model::steps(&synthetic(gain, dead_zone, lag, 0.1))).unwrap();
+        let model = fit(0.1);
         assert!((model.gain / gain - 1.0).abs() < 0.05, "noisy: {model:?}");
         assert!((model.lag_s / lag - 1.0).abs() < 0.1, "noisy: {model:?}");
     }
 }
 
 #[test]
-fn lost_samples_cost_the_fit_nothing() {
+fn drive_model_fit_survives_lost_samples() {
     let mut samples = synthetic(1.73, 20.1, 0.144, 0.0);
     let mut index = 0;
     samples.retain(|_| {
@@ -304,32 +259,22 @@ fn lost_samples_cost_the_fit_nothing() {
 }
 
 #[test]
-fn what_is_no_drive_is_refused_with_a_reason() {
+fn drive_model_fit_rejects_implausible_steps() {
+    let fit = |edit: fn(f64) -> f64, noise| {
+        let mut samples = synthetic(1.73, 20.1, 0.144, noise);
+        for sample in &mut samples {
+            sample.value = edit(sample.value);
+        }
+        drive_model::fit(&drive_model::steps(&samples))
+    };
     assert!(drive_model::fit(&[]).is_err());
-    let still: Vec<Sample> = synthetic(1.73, 20.1, 0.144, 0.0)
-        .into_iter()
-        .map(|sample| Sample {
-            value: 3.0,
-            ..sample
-        })
-        .collect();
-    assert!(drive_model::fit(&drive_model::steps(&still))
-        .unwrap_err()
-        .contains("moved"));
-    let reversed: Vec<Sample> = synthetic(1.73, 20.1, 0.144, 0.0)
-        .into_iter()
-        .map(|sample| Sample {
-            value: -sample.value,
-            ..sample
-        })
-        .collect();
-    assert!(drive_model::fit(&drive_model::steps(&reversed)).is_err());
-    let nonsense: Vec<Sample> = synthetic(1.73, 20.1, 0.144, 500.0);
-    assert!(drive_model::fit(&drive_model::steps(&nonsense)).is_err());
+    assert!(fit(|_| 3.0, 0.0).unwrap_err().contains("moved"));
+    assert!(fit(|value| -value, 0.0).is_err());
+    assert!(fit(|value| value, 500.0).is_err());
 }
 
 #[test]
-fn proposed_gains_settle_with_the_overshoot_of_their_damping() {
+fn proposed_gains_settle_with_small_overshoot() {
     for axis in [Axis::Rotate, Axis::Move] {
         for (gain, lag) in [(1.0, 0.1), (1.8, 0.15), (3.0, 0.2)] {
             let model = drive_model::DriveModel {
@@ -354,7 +299,7 @@ fn proposed_gains_settle_with_the_overshoot_of_their_damping() {
 }
 
 #[test]
-fn the_battery_s_resistor_comes_from_the_log() {
+fn upper_resistor_is_read_from_log() {
     let (board, mut io) = mock_board(&original(), None);
     let mut session = Session::open(&mut io, 40, 100).unwrap();
     assert_eq!(
