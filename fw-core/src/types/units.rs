@@ -3,7 +3,7 @@
 use fixed::types::{I32F32, U16F16};
 
 /// An instant on the robot's clock: microseconds, wrapping every 71.6 minutes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Micros(pub u32);
 
 impl Micros {

@@ -35,6 +35,7 @@ pub mod crc;
 pub mod distance;
 pub mod double;
 pub mod error;
+pub mod handover;
 pub mod key;
 pub mod link;
 pub mod position;

@@ -1,0 +1,222 @@
+//! Owners of the SPI's DMA buffers, between the wire, the chip-select interrupt and the robot.
+//!
+//! Receiving: one buffer is the DMA's, at most one holds a frame that awaits the robot, at most one is
+//! claimed (the robot reads it in place). A frame that ends while another awaits the robot replaces it
+//! and is counted.
+//!
+//! Sending: one buffer is armed (the DMA may read it), at most one is the standby, the third is free for
+//! the robot to build in. Replies are numbered. The rising edge of chip-select ends the frame that carried
+//! the armed reply n; the standby, reply n + 1, is armed at once. The answer to that frame replaces it
+//! only within [`SWAP_WINDOW_US`] of the rising edge, while the wire is idle by agreement: no reply is
+//! ever changed under a running clock, whatever the set-up time of the Pi. An answer that comes later is
+//! dropped; the next frame then carries the standby, which does not yet acknowledge that frame.
+
+use crate::types::Micros;
+
+/// Receive buffers.
+pub const RX_BUFFERS: u8 = 3;
+/// Transmit buffers.
+pub const TX_BUFFERS: u8 = 3;
+
+/// Least time from a rising edge of chip-select to the next falling edge, µs (docs/interfaces.md).
+pub const GAP_US: u32 = 20;
+/// Microseconds after the rising edge within which the armed reply may be replaced. What is left of
+/// [`GAP_US`] covers the interrupt's latency and the time to arm, at 60 instructions a microsecond.
+pub const SWAP_WINDOW_US: u32 = 12;
+
+/// A frame in its buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ReceivedFrame {
+    /// Receive buffer, below [`RX_BUFFERS`].
+    pub buffer: u8,
+    /// Bytes clocked, at most a receive buffer's.
+    pub clocked: u8,
+    /// The rising edge of chip-select.
+    pub at: Micros,
+}
+
+/// A reply in its buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Reply {
+    /// Transmit buffer, below [`TX_BUFFERS`].
+    pub buffer: u8,
+    /// Its number, see [`crate::robot::Robot::encode_reply`].
+    pub number: u32,
+}
+
+/// The buffers that the DMA uses for the next frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct DmaBuffers {
+    /// Receive buffer.
+    pub receive: u8,
+    /// Transmit buffer.
+    pub transmit: u8,
+}
+
+/// A frame that the robot took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ClaimedFrame {
+    /// The frame.
+    pub frame: ReceivedFrame,
+    /// Frames replaced unread since the last claim.
+    pub lost: u32,
+    /// Where to build the answer, and its number.
+    pub answer: Reply,
+}
+
+/// The owner of each buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Handover {
+    receiving: u8,
+    ended: Option<ReceivedFrame>,
+    claimed: Option<ReceivedFrame>,
+    lost: u32,
+    armed: Reply,
+    /// A frame has carried the armed reply.
+    transmitted: bool,
+    standby: Option<Reply>,
+}
+
+impl Handover {
+    /// Reply `first` armed in transmit buffer 0, receive buffer 0 empty.
+    #[must_use]
+    pub const fn new(first: u32) -> Self {
+        Self {
+            receiving: 0,
+            ended: None,
+            claimed: None,
+            lost: 0,
+            armed: Reply {
+                buffer: 0,
+                number: first,
+            },
+            transmitted: false,
+            standby: None,
+        }
+    }
+
+    /// The DMA's buffers.
+    #[inline]
+    #[must_use]
+    pub const fn dma_buffers(&self) -> DmaBuffers {
+        DmaBuffers {
+            receive: self.receiving,
+            transmit: self.armed.buffer,
+        }
+    }
+
+    /// Ends a frame of `clocked` bytes at the rising edge of chip-select; returns the next frame's
+    /// buffers.
+    // Requirement: WIRE-spi-3
+    #[inline]
+    pub fn end_frame(&mut self, clocked: u8, at: Micros) -> DmaBuffers {
+        match self.standby.take() {
+            Some(standby) => {
+                self.armed = standby;
+                self.transmitted = false;
+            }
+            None => self.transmitted = true,
+        }
+        let buffer = self.receiving;
+        let replaced = self.ended.replace(ReceivedFrame {
+            buffer,
+            clocked,
+            at,
+        });
+        if replaced.is_some() {
+            self.lost = self.lost.saturating_add(1);
+        }
+        let claimed = self.claimed.map_or(buffer, |frame| frame.buffer);
+        self.receiving = other(buffer, claimed);
+        self.dma_buffers()
+    }
+
+    /// When the frame that [`Self::claim`] would return ended.
+    #[inline]
+    #[must_use]
+    pub fn ended_at(&self) -> Option<Micros> {
+        self.ended.map(|frame| frame.at)
+    }
+
+    /// The frame that ended last, for the robot to read in place until [`Self::answer`].
+    #[inline]
+    pub fn claim(&mut self) -> Option<ClaimedFrame> {
+        let frame = self.ended.take()?;
+        self.claimed = Some(frame);
+        Some(ClaimedFrame {
+            frame,
+            lost: core::mem::take(&mut self.lost),
+            answer: Reply {
+                buffer: self.free(),
+                number: self.due(),
+            },
+        })
+    }
+
+    /// Returns the claimed frame's buffer and takes its answer. The buffers to arm where the answer
+    /// replaces the armed reply: at `now` the wire is idle.
+    // Requirement: WIRE-spi-6
+    #[inline]
+    pub fn answer(&mut self, answer: Reply, now: Micros) -> Option<DmaBuffers> {
+        let claimed = self.claimed.take()?;
+        if answer.number != self.due() {
+            return None;
+        }
+        if self.ended.is_none() && now.since(claimed.at) <= SWAP_WINDOW_US {
+            self.armed = answer;
+            self.transmitted = false;
+            self.standby = self
+                .standby
+                .filter(|standby| standby.number != answer.number);
+            return Some(self.dma_buffers());
+        }
+        if self.transmitted {
+            self.standby = Some(answer);
+        }
+        None
+    }
+
+    /// Where to build the reply after the armed one, and its number.
+    #[inline]
+    #[must_use]
+    pub fn next_reply(&self) -> Reply {
+        Reply {
+            buffer: self.free(),
+            number: self.armed.number.wrapping_add(1),
+        }
+    }
+
+    /// Takes the reply after the armed one as the standby; drops it where its turn is over.
+    #[inline]
+    pub fn stand_by(&mut self, reply: Reply) {
+        if reply.number == self.armed.number.wrapping_add(1) {
+            self.standby = Some(reply);
+        }
+    }
+
+    /// The number of the reply that the next frame should carry.
+    #[inline]
+    fn due(&self) -> u32 {
+        self.armed.number.wrapping_add(u32::from(self.transmitted))
+    }
+
+    /// A transmit buffer that is neither armed nor standby. It stays so while the robot builds in it: a
+    /// rising edge may arm the standby, which frees another one.
+    #[inline]
+    fn free(&self) -> u8 {
+        let standby = self.standby.map_or(self.armed.buffer, |reply| reply.buffer);
+        other(self.armed.buffer, standby)
+    }
+}
+
+/// Of buffers 0, 1 and 2 one that is neither `a` nor `b`.
+#[inline]
+const fn other(a: u8, b: u8) -> u8 {
+    if a != 0 && b != 0 {
+        0
+    } else if a != 1 && b != 1 {
+        1
+    } else {
+        2
+    }
+}
