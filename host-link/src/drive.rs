@@ -1,4 +1,4 @@
-//! Driving to a pose, and from pose to pose. Whatever ends a drive early stops the robot.
+//! Driving to a pose, and from pose to pose. Every early end of a drive stops the robot.
 
 use crate::error::Error;
 use crate::pose::Pose;
@@ -52,7 +52,7 @@ impl ArrivalCriteria {
 /// A drive that ended at its target.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Arrival {
-    /// Where the robot believes it stands.
+    /// The reported pose.
     pub pose: Pose,
     /// Distance to the target, millimetres.
     pub off_mm: f64,
@@ -63,7 +63,7 @@ pub struct Arrival {
 }
 
 /// Drives to `target` and returns when the robot stands there within the criteria and at rest.
-/// `watch` is shown every valid report.
+/// `watch` gets every valid report.
 ///
 /// # Errors
 /// Those of [`Session::exchange`]; [`Error::WrongMode`], [`Error::Fault`], [`Error::NotReached`].
@@ -82,7 +82,7 @@ pub fn go_to(
     })
 }
 
-/// [`go_to`] whose `watch` is told of frames without a valid reply too, and may end the drive.
+/// [`go_to`] whose `watch` is also called for frames without a valid reply, and may end the drive.
 ///
 /// # Errors
 /// Those of [`go_to`] and of `watch`; the robot is stopped first.
@@ -104,7 +104,7 @@ pub fn follow<'m>(
     let from = session.snapshot().pose.unwrap_or_default();
     let seconds = criteria.allowance_s(from.distance_mm(target));
     let request = CommandRequest {
-        go: Some(target),
+        target: Some(target),
         ..CommandRequest::default()
     };
     let mut rest = RestDetector::default();
@@ -146,7 +146,7 @@ pub fn follow<'m>(
     }
 }
 
-/// Drives the way-points in turn, coming to rest at each. `reached` is told the index and the
+/// Drives the way-points in turn, coming to rest at each. `reached` gets the index and the
 /// arrival of each.
 ///
 /// # Errors
@@ -170,7 +170,7 @@ fn seconds_since(begun_us: u64, now_us: u64) -> f64 {
     now_us.saturating_sub(begun_us) as f64 / 1e6
 }
 
-/// A robot on its way: dropped before it arrived, it is stopped.
+/// Stops the robot when dropped before it arrived.
 struct StopOnDrop<'s, 'm> {
     session: &'s mut Session<'m>,
     arrived: bool,

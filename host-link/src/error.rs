@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 macro_rules! exit_codes {
     ($($name:ident = $code:literal, $meaning:literal;)+) => {
+        #[allow(clippy::doc_markdown)] // the meanings are help text, too
         /// Exit codes of the program `robot`. They are part of its interface and do not change.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]

@@ -1,27 +1,92 @@
-//! The Raspberry Pi side of the robot: EEPROM, SPI link, log and drive, over embedded-hal 1.0.
+//! The Pi's end of the lines and buses to the robot: EEPROM, SPI link, UART log and drives, over
+//! embedded-hal 1.0.
 //!
-//! Everything here works on a [`board_io::BoardIo`]: the handles of the wires between the Pi and the
-//! board. Where they come from is a feature:
+//! A frame over any [`SpiDevice`](embedded_hal::spi::SpiDevice), here one with a canned reply:
+//!
+//! ```
+//! use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+//! use fw_core::wire::Command;
+//! use host_link::board_io::{erase, Clock};
+//! use host_link::link::Link;
+//! use host_link::pose::Pose;
+//! use host_link::settings::Settings;
+//!
+//! struct FakeStm;
+//!
+//! impl ErrorType for FakeStm {
+//!     type Error = std::convert::Infallible;
+//! }
+//!
+//! impl SpiDevice for FakeStm {
+//!     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Self::Error> {
+//!         for operation in operations {
+//!             if let Operation::Transfer(reply, command) = operation {
+//!                 assert_eq!(command[..5], [0x96, 0x00, 0x0F, 0x42, 0x40]); // key, x = 1000 mm
+//!                 reply.copy_from_slice(&[
+//!                     0x5A, // key
+//!                     0x00, 0x07, 0xA1, 0x20, 0x00, 0x00, 0x00, 0x00, 0x20, 0x00, // x, y, rotation
+//!                     0x03, 0x0C, // cell 0
+//!                     0xFF, 0xFF, 0x66, 0x66, 0xFF, 0xFF, // front, right, left
+//!                 ]);
+//!             }
+//!         }
+//!         Ok(())
+//!     }
+//! }
+//!
+//! struct FakeClock;
+//!
+//! impl Clock for FakeClock {
+//!     fn micros(&mut self) -> u64 {
+//!         0
+//!     }
+//! }
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let settings = Settings::load("config/first-board.toml".as_ref())?;
+//! let mut link = Link::new(&settings.config);
+//! let target = Pose { x_mm: 1000.0, ..Pose::default() };
+//! let command = Command { expected: target.code(), apply: true, ..Command::default() };
+//! let report = link.exchange(&mut *erase(FakeStm), &mut FakeClock, &command)?;
+//! let pose = Pose::from_code(report.expect("an accepted reply").pose);
+//! assert_eq!((pose.x_mm, pose.rotation_deg), (500.0, 90.0));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The configuration in an EEPROM image, as [`eeprom::read`] returns it:
+//!
+//! ```
+//! use host_link::settings::{render, Settings};
+//!
+//! # fn main() -> Result<(), host_link::error::Error> {
+//! let image = Settings::load("config/first-board.toml".as_ref())?.image();
+//! let settings = Settings::from_image(&image)?;
+//! println!("{}", render(&settings));
+//! # Ok(())
+//! # }
+//! ```
 //!
 //! | feature | brings |
 //! |---|---|
 //! | `linux` | [`board_io::BoardIo`] on spidev, i2c-dev and gpiochip of a Raspberry Pi |
 //! | `mock` | [`board_io::BoardIo`] in memory, with faults at any call, for tests |
 //!
-//! | module | idea |
+//! | module | content |
 //! |---|---|
-//! | [`board_io`] | the wires, as handles; Ctrl-C as a flag |
+//! | [`board_io`] | lines and buses of one board; Ctrl-C as a flag |
 //! | [`reset`] | RESET and `STM_READY` |
-//! | [`eeprom`] | the EEPROM and its bus, taken and always given back |
+//! | [`eeprom`] | the EEPROM and the guard of its bus |
 //! | [`settings`] | the configuration file |
-//! | [`link`] | one frame out, one frame back, counted |
-//! | [`statistics`] | what each end counts |
-//! | [`session`] | paced frames, the latest of everything, silence noticed |
-//! | [`drive`] | to a pose, along a tour; stopped whatever happens |
-//! | [`pose`] | millimetres and degrees ↔ the wire |
-//! | [`snapshot`] | what `monitor` shows |
-//! | [`uart`] | the STM's log, as bytes |
-//! | [`log`] | and line by line, whatever arrives |
+//! | [`link`] | the exchange of one frame, counted |
+//! | [`statistics`] | the counters of both ends |
+//! | [`session`] | paced frames, the latest reports, detection of a lost link |
+//! | [`drive`] | to a pose, along a tour; stopped on every path |
+//! | [`pose`] | millimetres and degrees from and to the wire's codes |
+//! | [`snapshot`] | the latest values in physical units |
+//! | [`uart`] | the STM's log as bytes |
+//! | [`log`] | the STM's log as lines |
+//! | [`samples`] | the log's tuning samples on one time base |
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 

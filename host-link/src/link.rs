@@ -1,4 +1,4 @@
-//! One frame per chip-select: what goes out, what comes back, and the statistics of this end.
+//! The exchange of one frame per chip-select, and the statistics of this end.
 
 use crate::board_io::{Clock, IoError};
 use crate::error::Error;
@@ -19,7 +19,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// The end that the configuration asks for: its mode's chain, its keys, its cells.
+    /// The end for a configuration: its mode's chain, its keys, its cells.
     #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
@@ -33,8 +33,8 @@ impl Link {
         }
     }
 
-    /// Sends `command` and returns the STM's frame of the same transfer: `Err` inside says what was
-    /// wrong with it.
+    /// Sends `command` and returns the STM's frame of the same transfer; the inner `Err` is the reason of
+    /// its rejection.
     ///
     /// # Errors
     /// [`Error::Spi`]: the bus itself failed; nothing is known about the frame.

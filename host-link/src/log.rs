@@ -1,5 +1,5 @@
-//! The STM's log: `I00012: T 50.00 123.456`, taken apart line by line. A UART loses and garbles
-//! bytes, so any bytes are accepted and only whole lines of exactly the known form count.
+//! Parser of the STM's log, line by line: `I00012: T 50.00 123.456`. A UART loses and corrupts bytes, so
+//! any bytes are accepted and only lines of exactly the known form count.
 
 use crate::statistics::{RejectCounts, StmStatistics};
 use fw_core::wire::Cause;
@@ -33,7 +33,7 @@ pub enum LogLine {
     Link {
         /// The line's number.
         number: u32,
-        /// What it says.
+        /// The counters.
         link: StmStatistics,
     },
     /// Any other line of the log.
@@ -56,7 +56,7 @@ impl LogLine {
     }
 }
 
-/// Bytes → lines.
+/// Splits bytes into lines.
 #[derive(Clone, Debug, Default)]
 pub struct LogParser {
     partial: Vec<u8>,
@@ -82,7 +82,7 @@ impl LogParser {
         lines
     }
 
-    /// LogParser that were none of the log's.
+    /// Lines that do not have the log's form.
     #[must_use]
     pub const fn malformed(&self) -> u64 {
         self.malformed
@@ -131,8 +131,7 @@ fn parse(line: &[u8]) -> Option<LogLine> {
     Some(LogLine::Other { number })
 }
 
-/// The numbers of a link's line. The frames must be the sum of what became of them: a lost digit
-/// shows.
+/// The numbers of a link line. A lost digit is detected: the frames are the sum of the other counts.
 fn link(text: &str) -> Option<StmStatistics> {
     let mut words = text.split(' ');
     let mut next = || words.next();

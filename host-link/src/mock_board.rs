@@ -1,5 +1,5 @@
-//! In-memory doubles of the wires, to make every single call fail in turn. How the real board
-//! behaves is tested on the virtual one.
+//! A board in memory behind [`BoardIo`], with a fault at any chosen call. The real board's behaviour is
+//! tested on the virtual one.
 
 use crate::board_io::{erase, BoardIo, Clock, Interrupt};
 use crate::error::Error;
@@ -14,7 +14,7 @@ use fw_core::wire::{Command, Mode, PoseCode, Report, Setup, StmLink, MAX_FRAME};
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// What happens at a chosen call.
+/// A fault at a chosen call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IoFault {
     /// This call fails, the next works again.
@@ -29,7 +29,7 @@ pub enum IoFault {
     Interrupt(usize),
 }
 
-/// The board, as far as its wires show it.
+/// The board as seen through its lines and buses.
 #[allow(clippy::struct_excessive_bools)] // so many lines
 pub struct MockBoard {
     /// The fault to inject, if any.
@@ -50,7 +50,7 @@ pub struct MockBoard {
     pub commands: Vec<Command>,
     /// What the board reports in its next reply.
     pub report: Report,
-    /// What the UART said and nobody read yet.
+    /// Unread bytes of the UART log.
     pub log: Vec<u8>,
     /// Whether the log's wire is there.
     pub log_connected: bool,
@@ -66,7 +66,7 @@ pub struct MockBoard {
     pub interrupt: Interrupt,
 }
 
-/// The error of every double.
+/// The error of every mock driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MockError;
 
@@ -88,7 +88,7 @@ impl spi::Error for MockError {
     }
 }
 
-/// A board that outlives the processes on it.
+/// A board that outlives its connections.
 pub type Shared = Rc<RefCell<MockBoard>>;
 
 /// A drive behind two lags: 2 per second and percent beyond 20 %, lags of 0.15 s.
@@ -180,7 +180,7 @@ impl MockBoard {
         Ok(())
     }
 
-    /// One frame; every frame the robot has gone half the way to where it should be.
+    /// One frame; in every frame the robot covers half of its distance to the target.
     fn frame(&mut self, back: &mut [u8], out: &[u8]) {
         let Some(link) = &mut self.link else { return };
         self.report.cell.cell = (self.report.cell.cell + 1) % first_board().cells;
@@ -214,7 +214,7 @@ impl MockBoard {
         self.commands.push(command);
     }
 
-    /// Time passes: what the drive does in a tuning mode, and says.
+    /// Advances time: motion and log of the drive in a tuning mode.
     fn pass(&mut self, us: u64) {
         self.now_us += us;
         let tunes = fw_core::eeprom::decode(&self.memory)
@@ -231,7 +231,7 @@ impl MockBoard {
     }
 }
 
-/// A handle of one wire.
+/// The driver of one line or bus.
 pub struct MockLine<const WHICH: usize>(Shared);
 
 const RESET: usize = 0;
@@ -351,6 +351,7 @@ impl LogSource for MockLine<BUS> {
 }
 
 /// A board whose EEPROM holds `memory`, and the I/O that reaches it.
+#[must_use]
 pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
     let interrupt = Interrupt::new();
     let link = fw_core::eeprom::decode(memory).ok();
@@ -379,7 +380,7 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
     (board, io)
 }
 
-/// Another process on the same board.
+/// A second connection to the same board.
 pub fn reconnect(board: &Shared) -> BoardIo {
     let interrupt = board.borrow().interrupt.clone();
     BoardIo {

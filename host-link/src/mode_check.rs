@@ -1,33 +1,33 @@
-//! Whether the other end runs the same mode. In guarded modes every reply proves it by its
-//! checksum. The document's modes have nothing of the kind. There a longer frame's beginning can pass
-//! for a shorter one, but the cell of the battery strategy does not walk, and what passes for a
-//! position leaps with the other end's frame counter; and a shorter frame can pass for a longer
-//! one, but its last byte repeats to the end.
+//! Detects that the other end runs another mode. In guarded modes the checksum of a reply proves the
+//! mode; the document's modes have no checksum. There the beginning of a longer frame can pass for a
+//! shorter one, but the battery's cell index is constant, and the position jumps with the other end's
+//! frame counter; and a shorter frame can pass for a longer one, but its last byte repeats to the end.
 //!
-//! Not to be told apart on the wire are `TuneRotatePID` and `TuneMovePID`, bare or guarded: their
-//! frames are the same. With a single cell nothing walks, and a bare tuning mode has nothing else.
+//! `TuneRotatePID` and `TuneMovePID`, bare or guarded, have the same frames and cannot be
+//! distinguished. With a single cell the cell index is always constant, and a bare tuning mode has no
+//! other evidence.
 
 use crate::session::{has_position, MODE_CHECK_FRAMES};
 use fw_core::eeprom::Config;
 use fw_core::wire::Report;
 
-/// A robot does not go this far between two frames, micrometres.
-const LEAP_UM: u64 = 10_000_000;
+/// More than a robot drives between two frames, micrometres.
+const JUMP_UM: u64 = 10_000_000;
 
-/// A reset puts the robot back to zero in one leap; so many in a row are none.
-const LEAPS: u32 = 4;
+/// A reset makes one jump of the position; so many in a row are no reset.
+const MAX_JUMPS: u32 = 4;
 
-/// What the replies so far say of the other end.
+/// The evidence of the replies so far.
 #[derive(Clone, Debug)]
 pub(crate) struct ModeCheck {
     guarded: bool,
     position: bool,
     cells: u8,
     first: Option<u8>,
-    walks: bool,
+    cell_changes: bool,
     replies: u32,
     x_um: i32,
-    leaps: u32,
+    jumps: u32,
     repeats: u32,
 }
 
@@ -38,55 +38,55 @@ impl ModeCheck {
             position: has_position(config.mode),
             cells: config.cells,
             first: None,
-            walks: false,
+            cell_changes: false,
             replies: 0,
             x_um: 0,
-            leaps: 0,
+            jumps: 0,
             repeats: 0,
         }
     }
 
-    /// Whether enough was heard to trust that both ends run the same mode.
+    /// Whether enough replies show that both ends run the same mode.
     pub(crate) fn is_confirmed(&self) -> bool {
         self.replies >= if self.guarded { 1 } else { MODE_CHECK_FRAMES }
     }
 
-    /// Looks at a reply that passed the chain.
+    /// Checks a reply that passed the chain.
     ///
     /// # Errors
     /// What shows that the other end runs another mode.
-    pub(crate) fn take(&mut self, report: &Report) -> Result<(), String> {
+    pub(crate) fn update(&mut self, report: &Report) -> Result<(), String> {
         self.replies = self.replies.saturating_add(1);
         if self.guarded {
             return Ok(());
         }
         let cell = report.cell.cell;
-        self.walks |= *self.first.get_or_insert(cell) != cell;
-        if self.cells > 1 && !self.walks && self.replies >= MODE_CHECK_FRAMES {
+        self.cell_changes |= *self.first.get_or_insert(cell) != cell;
+        if self.cells > 1 && !self.cell_changes && self.replies >= MODE_CHECK_FRAMES {
             return Err(format!("all of cell {} of {}", cell + 1, self.cells));
         }
         self.repeats += u32::from(self.position && repeats(report));
         if self.replies == MODE_CHECK_FRAMES && self.repeats == self.replies {
             return Err("battery and distances are all one byte repeated".into());
         }
-        let way = i64::from(report.pose.x) - i64::from(self.x_um);
+        let step = i64::from(report.pose.x) - i64::from(self.x_um);
         self.x_um = report.pose.x;
-        if way.unsigned_abs() < LEAP_UM {
-            self.leaps = 0;
+        if step.unsigned_abs() < JUMP_UM {
+            self.jumps = 0;
         } else {
-            self.leaps += 1;
+            self.jumps += 1;
         }
-        if self.leaps >= LEAPS {
+        if self.jumps >= MAX_JUMPS {
             return Err(format!(
                 "positions {} m apart from frame to frame",
-                way / 1_000_000
+                step / 1_000_000
             ));
         }
         Ok(())
     }
 }
 
-/// Whether battery and distances are the same two bytes: nobody has four such readings.
+/// Whether battery and distances are the same two bytes, which four real readings are not.
 fn repeats(report: &Report) -> bool {
     let battery = u16::from(report.cell.cell) << 13 | report.cell.voltage;
     report.ranges.iter().all(|range| range.0 == battery)
@@ -100,7 +100,7 @@ mod tests {
         chain, frame_len, CellCode, Command, Mode, PiLink, Setup, StmLink, MAX_FRAME,
     };
 
-    /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi found out.
+    /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi detects it.
     fn is_detected(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {
         let config = |mode| {
             let mut config = first_board();
@@ -130,7 +130,7 @@ mod tests {
                 continue;
             };
             accepted += 1;
-            if mode_check.take(&report).is_err() {
+            if mode_check.update(&report).is_err() {
                 return true;
             }
         }
@@ -170,7 +170,7 @@ mod tests {
             let mut report = Report::default();
             report.cell.cell = frame % 2;
             report.pose.x = if frame < 20 { 1_500_000_000 } else { 0 };
-            assert_eq!(mode_check.take(&report), Ok(()));
+            assert_eq!(mode_check.update(&report), Ok(()));
         }
         assert!(mode_check.is_confirmed());
     }

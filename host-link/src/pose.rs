@@ -33,10 +33,10 @@ impl Pose {
     }
 
     /// The nearest code: coordinates saturate at ±[`MAX_COORDINATE_MM`], the rotation wraps, and what rounds
-    /// to a whole turn is 0.
+    /// to a full turn is 0.
     #[must_use]
     pub fn code(self) -> PoseCode {
-        #[allow(clippy::cast_possible_truncation)] // `as` saturates, which is what is wanted
+        #[allow(clippy::cast_possible_truncation)] // `as` saturates
         let micrometres = |mm: f64| (mm * 1000.0).round() as i32;
         let turn = self.rotation_deg.rem_euclid(360.0) / 360.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 ..= 0x8000

@@ -1,15 +1,15 @@
-//! The log's samples on one time base. The STM says one line a tick; its line numbers tell how many
-//! were lost on the way.
+//! The log's samples on one time base. The STM writes one line a tick; gaps in the line numbers count
+//! the lost lines.
 
 use crate::log::{LogLine, LogParser};
 
 /// Seconds from one sample to the next.
 pub const TICK_S: f64 = 0.01;
 
-/// A gap of more lines than this is none: a number was malformed, or the STM started anew.
+/// A longer gap means a malformed number or a restarted STM, not lost lines.
 const LONGEST_GAP: u32 = 500;
 
-/// LogLine numbers wrap here.
+/// Line numbers wrap here.
 const NUMBERS: u32 = 100_000;
 
 /// One sample.
@@ -84,7 +84,7 @@ impl SampleRecorder {
         &self.samples
     }
 
-    /// LogParser lost since the first sample.
+    /// Lines lost since the first sample.
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost

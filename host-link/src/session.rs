@@ -1,5 +1,5 @@
-//! A conversation with the robot: paced frames, the walk over the battery's cells, the latest of
-//! everything, and noticing silence.
+//! A session with the robot: paced frames, the cycle over the battery's cells, the latest of all
+//! reports, and the detection of a lost link.
 
 use crate::board_io::BoardIo;
 use crate::error::Error;
@@ -18,33 +18,33 @@ use fw_core::wire::status::Status;
 use fw_core::wire::strategy::Duties;
 use fw_core::wire::{chain, CellCode, Command, Mode, Order, Report, State};
 
-/// Frames per second unless told otherwise (document, 5.2.2: 40 Hz).
+/// Default frames per second (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
 pub const RATE_HZ: u32 = 40;
 
 /// Without a valid frame for this long the link counts as failed, microseconds.
 pub const SILENCE_TIMEOUT_US: u64 = 1_000_000;
 
-/// When not one of the first frames is understood, the two ends do not speak the same chain with the
-/// same keys: no need to wait for [`SILENCE_TIMEOUT_US`].
+/// When none of the first frames is valid, the two ends run other chains or keys: reported at once,
+/// without waiting for [`SILENCE_TIMEOUT_US`].
 pub const MODE_CHECK_FRAMES: u32 = 10;
 
-/// What one frame is to say; [`Session`] adds the battery's walk and the sequence.
+/// The command of one frame; [`Session`] adds the battery's cell and the sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommandRequest {
     /// Where to drive, if anywhere.
-    pub go: Option<Pose>,
+    pub target: Option<Pose>,
     /// Guarded modes.
     pub order: Order,
     /// Guarded modes: latched faults to clear.
     pub clear_faults: Faults,
     /// Tuning modes: duty, percent, −100 to 100.
     pub percent: f64,
-    /// A cell and the reference voltage it is tuned to; then it takes the place of the walk.
+    /// A cell and the reference voltage it is tuned to, instead of the cycle over the cells.
     pub tune: Option<CellCode>,
 }
 
-/// A conversation over one [`BoardIo`].
+/// A session over one [`BoardIo`].
 pub struct Session<'m> {
     io: &'m mut BoardIo,
     config: Config,
@@ -165,7 +165,7 @@ impl<'m> Session<'m> {
                 self.unanswered = 0;
                 self.snapshot
                     .update(now_us, &report, self.link.statistics());
-                if let Err(why) = self.mode_check.take(&report) {
+                if let Err(why) = self.mode_check.update(&report) {
                     return Err(self.mode_mismatch(why));
                 }
                 Ok(Some(report))
@@ -204,7 +204,7 @@ impl<'m> Session<'m> {
         }
     }
 
-    /// What the STM's log said since it was last asked for.
+    /// The bytes of the STM's log since the last call.
     ///
     /// # Errors
     /// [`Error::Device`].
@@ -212,8 +212,8 @@ impl<'m> Session<'m> {
         self.io.log.read_new()
     }
 
-    /// Listens to the STM's log for its end of the link: [`Snapshot::stm`]. Where the log cannot be
-    /// read, nothing is heard: [`Self::log_error`] says why.
+    /// Reads the STM's log for the counters of its end: [`Snapshot::stm`]. A failure ends the reading and
+    /// is kept in [`Self::log_error`].
     pub fn poll_log(&mut self) {
         if self.log_error.is_some() {
             return;
@@ -230,13 +230,13 @@ impl<'m> Session<'m> {
         }
     }
 
-    /// Why the STM's log cannot be heard, if so.
+    /// Why the STM's log cannot be read, if so.
     #[must_use]
     pub fn log_error(&self) -> Option<&str> {
         self.log_error.as_deref()
     }
 
-    /// Waits for the next slot. Slots that were missed are not made up for.
+    /// Waits for the next slot. Missed slots are skipped.
     fn pace(&mut self) {
         let now = self.io.clock.micros();
         if let Ok(wait) = u32::try_from(self.next_us.saturating_sub(now)) {
@@ -252,8 +252,8 @@ impl<'m> Session<'m> {
         let cell = self.cell;
         self.cell = (cell + 1) % self.config.cells.max(1);
         Command {
-            expected: request.go.map(Pose::code).unwrap_or_default(),
-            apply: request.go.is_some(),
+            expected: request.target.map(Pose::code).unwrap_or_default(),
+            apply: request.target.is_some(),
             percent: Binary64(request.percent.to_bits()),
             tune: request.tune.unwrap_or(CellCode { cell, voltage: 0 }),
             clear_faults: request.clear_faults,
@@ -262,7 +262,7 @@ impl<'m> Session<'m> {
         }
     }
 
-    /// Exchanges frames that ask for nothing until one valid report is there.
+    /// Exchanges frames without a command until a valid report arrives.
     ///
     /// # Errors
     /// Those of [`Self::exchange`].
@@ -274,7 +274,7 @@ impl<'m> Session<'m> {
         }
     }
 
-    /// Exchanges frames that ask for nothing until both ends are known to speak the same mode.
+    /// Exchanges frames without a command until both ends are known to run the same mode.
     ///
     /// # Errors
     /// Those of [`Self::exchange`].
@@ -313,7 +313,7 @@ impl<'m> Session<'m> {
         self.ensure_drivable(state, faults)
     }
 
-    /// In guarded modes: an error if the robot says that it will not drive.
+    /// In guarded modes: an error if the robot reports that it is stopped or faulted.
     ///
     /// # Errors
     /// [`Error::Fault`].
@@ -327,9 +327,9 @@ impl<'m> Session<'m> {
         Ok(())
     }
 
-    /// Stops the robot, whatever runs: in Normal mode it is told to be where it is, in guarded modes
-    /// to brake; then this end falls silent and the stop deadline holds the motors.
-    /// Ctrl-C does not cut this short.
+    /// Stops the robot: in Normal mode its own pose becomes the target, in guarded modes it is ordered to
+    /// brake; without further frames the stop deadline holds the motors.
+    /// Ctrl-C does not end this early.
     pub fn stop(&mut self) {
         for _ in 0..STOP_FRAMES {
             let request = if has_status(self.config.mode) {
@@ -342,7 +342,7 @@ impl<'m> Session<'m> {
                     .then_some(self.snapshot.pose)
                     .flatten();
                 CommandRequest {
-                    go: here,
+                    target: here,
                     ..CommandRequest::default()
                 }
             };
@@ -398,10 +398,10 @@ mod tests {
             };
             session.exchange(&request).unwrap();
         }
-        let told: Vec<_> = board.borrow().commands.iter().map(|c| c.tune).collect();
-        let walked = |cell| CellCode { cell, voltage: 0 };
-        assert_eq!(told[..4], [walked(0), walked(1), tune, tune]);
-        assert_eq!(told[4..], [walked(0), walked(1), walked(0)]);
+        let sent: Vec<_> = board.borrow().commands.iter().map(|c| c.tune).collect();
+        let cycled = |cell| CellCode { cell, voltage: 0 };
+        assert_eq!(sent[..4], [cycled(0), cycled(1), tune, tune]);
+        assert_eq!(sent[4..], [cycled(0), cycled(1), cycled(0)]);
     }
 
     // Requirement: WIRE-rejected-1, WIRE-rejected-4

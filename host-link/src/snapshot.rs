@@ -18,7 +18,7 @@ pub struct Snapshot {
     pub time_us: u64,
     /// The mode's name.
     pub mode: &'static str,
-    /// Where the robot believes it is.
+    /// The reported pose.
     pub pose: Option<Pose>,
     /// Tuning modes: rotation in degrees or displacement in millimetres.
     pub measurement: Option<f64>,
@@ -35,7 +35,7 @@ pub struct Snapshot {
     pub faults: Vec<&'static str>,
     /// The link's counters at this end.
     pub link: LinkStatistics,
-    /// Those of the STM's end; none where its log is not heard.
+    /// The counters of the STM's end; none without its log.
     pub stm: Option<StmStatistics>,
     #[serde(skip)]
     kind: Mode,
@@ -61,7 +61,7 @@ impl Snapshot {
         }
     }
 
-    /// Takes over what one report says.
+    /// Takes over one report.
     pub fn update(&mut self, now_us: u64, report: &Report, statistics: LinkStatistics) {
         self.time_us = now_us;
         self.link = statistics;

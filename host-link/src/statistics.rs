@@ -63,11 +63,11 @@ pub struct LinkStatistics {
     pub worst_gap_us: u64,
     /// The longest transfer of one frame, from the system call to its return, microseconds.
     pub worst_transfer_us: u64,
-    /// Replies the STM numbered that never arrived whole. Guarded modes only: the document's frames
-    /// have no number.
+    /// Numbered replies of the STM that never arrived complete. Guarded modes only: the document's
+    /// frames have no number.
     pub missed: Option<u32>,
     /// Frames sent that the STM had not confirmed in its latest reply; 1 is the least. Guarded modes
-    /// only: nothing in the document's frames tells which frame a reply answers.
+    /// only: the document's frames do not identify the frame that a reply answers.
     pub round_trip_frames: Option<u8>,
     /// From the begin of the transfer of a frame to the end of the one whose reply confirms it,
     /// microseconds: the latest. Guarded modes only.
@@ -76,7 +76,7 @@ pub struct LinkStatistics {
     pub worst_round_trip_us: Option<u64>,
 }
 
-/// The STM's end, as its log tells it: frames of the Pi since the STM's reset, whoever sent them.
+/// The STM's end, from its log: frames of the Pi since the STM's reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct StmStatistics {
     /// Frames that arrived.

@@ -1,5 +1,4 @@
-//! Where the STM's log comes from: a serial device that is configured already, or the virtual
-//! board's UART.
+//! Sources of the STM's log: a serial device that is configured already, or the virtual board's UART.
 
 use crate::error::Error;
 use std::fs::File;
@@ -18,8 +17,8 @@ pub trait LogSource {
     fn read_new(&mut self) -> Result<Vec<u8>, Error>;
 }
 
-/// A serial device, 115200 baud, raw, as `stty` left it. It is opened when it is first read: what
-/// was said before is not kept.
+/// A serial device, 115200 baud, raw, as `stty` left it. It is opened at the first read; earlier bytes
+/// are lost.
 pub struct SerialPort {
     path: PathBuf,
     received: Option<Receiver<Result<Vec<u8>, String>>>,
@@ -39,7 +38,7 @@ impl SerialPort {
 impl LogSource for SerialPort {
     fn read_new(&mut self) -> Result<Vec<u8>, Error> {
         let path = &self.path;
-        let received = self.received.get_or_insert_with(|| listen(path));
+        let received = self.received.get_or_insert_with(|| spawn_reader(path));
         let mut fresh = Vec::new();
         for bytes in received.try_iter() {
             fresh.extend(bytes.map_err(|cause| Error::Device {
@@ -56,12 +55,11 @@ impl LogSource for SerialPort {
     }
 }
 
-/// A serial device that has nothing to say is looked at again after this.
-const PAUSE: Duration = Duration::from_millis(2);
+/// Polling period of a serial device without bytes.
+const POLL: Duration = Duration::from_millis(2);
 
-/// Reads in a thread of its own, because reading a serial device waits. The thread ends with the
-/// receiver or with the program.
-fn listen(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
+/// Reads in a thread, because reading a serial device blocks. The thread ends with the receiver.
+fn spawn_reader(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
     let (sender, receiver) = channel();
     let path = path.to_owned();
     thread::spawn(move || {
@@ -76,7 +74,7 @@ fn listen(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
         loop {
             let read = match file.read(&mut buffer) {
                 Ok(0) => {
-                    thread::sleep(PAUSE);
+                    thread::sleep(POLL);
                     Ok(Vec::new())
                 }
                 Ok(len) => Ok(buffer.get(..len).unwrap_or_default().to_vec()),
@@ -95,13 +93,13 @@ fn listen(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
 mod tests {
     use super::*;
 
-    fn listen_for(mut tty: SerialPort) -> Result<Vec<u8>, Error> {
+    fn read_for(mut tty: SerialPort) -> Result<Vec<u8>, Error> {
         for _ in 0..500 {
             let fresh = tty.read_new()?;
             if !fresh.is_empty() {
                 return Ok(fresh);
             }
-            thread::sleep(PAUSE);
+            thread::sleep(POLL);
         }
         Ok(Vec::new())
     }
@@ -110,16 +108,13 @@ mod tests {
     fn serial_port_bytes_arrive() {
         let path = std::env::temp_dir().join(format!("robot-tty-{}", std::process::id()));
         std::fs::write(&path, b"I00000: boot\n").unwrap();
-        assert_eq!(
-            listen_for(SerialPort::new(&path)).unwrap(),
-            b"I00000: boot\n"
-        );
+        assert_eq!(read_for(SerialPort::new(&path)).unwrap(), b"I00000: boot\n");
         std::fs::remove_file(path).unwrap();
     }
 
     #[test]
     fn serial_port_missing_is_an_error() {
-        let outcome = listen_for(SerialPort::new("/nowhere/at/all"));
+        let outcome = read_for(SerialPort::new("/nowhere/at/all"));
         assert!(matches!(outcome, Err(Error::Device { .. })), "{outcome:?}");
     }
 }

@@ -1,11 +1,11 @@
-//! What counters and faults mean, in sentences that say what to look at.
+//! What counters and faults indicate, as sentences with what to check.
 
 use fw_core::eeprom::Config;
 use fw_core::wire::Cause;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::RejectCounts;
 
-/// What is worth a look; nothing when all is well.
+/// What to check; empty when all is well.
 #[must_use]
 pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
     let mut hints = Vec::new();
@@ -75,7 +75,9 @@ fn explanation(cause: Cause) -> &'static str {
         Cause::Cell => {
             "the two ends have different numbers of cells or different modes, or the wire is noisy"
         }
-        Cause::Stale => "frames were repeated, or an end started anew, which the fourth frame mends",
+        Cause::Stale => {
+            "frames were repeated, or an end restarted, from which the fourth frame recovers"
+        }
         Cause::Status => "the two ends are of different versions, or the wire is noisy",
         Cause::Crc => {
             "the wire is noisy (shorten it, or lower --spi-hz), or the two ends run different modes"
@@ -135,14 +137,14 @@ mod tests {
         (stm.recent_gap_us, stm.lost) = (125_000, 1);
         snapshot.faults = vec!["link-lost"];
         let hints = diagnose(&snapshot, &first_board()).join("\n");
-        for told in [
+        for expected in [
             "missed 2 replies",
             "the Pi's replies were up to 125 ms",
             "lost 1 frames",
             "the STM's frames were up to 125 ms",
             "link-lost",
         ] {
-            assert!(hints.contains(told), "{told}: {hints}");
+            assert!(hints.contains(expected), "{expected}: {hints}");
         }
     }
 }

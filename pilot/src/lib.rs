@@ -1,13 +1,21 @@
-//! What the program `robot` does for people: drive tours, map, tune, calibrate.
+//! The jobs of the program `robot`: tours, maps, tuning and calibration. Its commands are in `cli`.
 //!
-//! | module | idea |
+//! ```
+//! use pilot::waypoints;
+//!
+//! // Millimetres, millimetres, degrees.
+//! let tour = waypoints::parse("1000 0 90   # to the door\n0 0 0   # and back").unwrap();
+//! assert_eq!(tour[0].distance_mm(tour[1]), 1000.0);
+//! ```
+//!
+//! | module | content |
 //! |---|---|
 //! | [`waypoints`] | way-point files |
 //! | [`mode`] | another mode on both ends |
-//! | [`hints`] | what counters and faults mean, in sentences |
+//! | [`hints`] | what counters and faults indicate |
 //! | [`tune`] | steps, model, gains, dividers |
 //! | [`calibrate`] | wheel diameters and track from measured runs |
-//! | [`ground_truth`] | where a run truly ended |
+//! | [`ground_truth`] | the true end of a run |
 //! | [`mapping`] | mapping while driving; recordings |
 //! | `virtual_board` | the firmware's ELF on the virtual board (feature `virtual`) |
 #![forbid(unsafe_code)]

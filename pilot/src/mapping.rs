@@ -6,7 +6,7 @@ use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::snapshot::Snapshot;
-use mapper::{map_plot, ros, Mapper, Mount};
+use mapper::{Mapper, Mount, map_plot, ros};
 use std::fs;
 use std::path::{Path, PathBuf};
 

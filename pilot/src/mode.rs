@@ -3,7 +3,7 @@
 use crate::tune::temporary_mode::edit_config;
 use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
-use host_link::eeprom::{self, journal::Journal, Programmed, Progress};
+use host_link::eeprom::{self, Programmed, Progress, journal::Journal};
 use host_link::error::Error;
 use host_link::session::Session;
 use host_link::settings;
@@ -41,12 +41,12 @@ pub struct Changed<'m> {
     pub before: Mode,
     /// What was written.
     pub programmed: Programmed,
-    /// The conversation in the new mode, after the first frames that show that both ends speak it.
+    /// The session in the new mode, after the first frames that show that both ends run it.
     pub session: Session<'m>,
 }
 
-/// Rewrites the mode in the EEPROM, resets the STM, sets this end up anew by what the EEPROM holds,
-/// and exchanges frames until both ends are known to speak the new mode.
+/// Rewrites the mode in the EEPROM, resets the STM, opens a new session by the EEPROM's content, and
+/// exchanges frames until both ends are known to run the new mode.
 ///
 /// # Errors
 /// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::acquaint`];

@@ -1,9 +1,9 @@
 //! The virtual board: the firmware's ELF on the emulated STM32, behind the same traits as the real
-//! buses. Its EEPROM lives in a file from run to run; the robot starts anew each time.
+//! buses. Its EEPROM lives in a file from run to run; the robot boots in each run.
 
 use crate::ground_truth::{GroundTruth, Point};
 use embedded_hal::i2c::{self, ErrorType, Operation};
-use host_link::board_io::{erase, BoardIo, Clock, Interrupt};
+use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::uart::LogSource;
@@ -12,8 +12,8 @@ use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use twin::hal::{I2c, I2cError, SpiTiming};
 use twin::Board;
+use twin::hal::{I2c, I2cError, SpiTiming};
 
 /// Which virtual board.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub struct Options {
     pub elf: PathBuf,
     /// A room file; the default room without it.
     pub room: Option<PathBuf>,
-    /// The true wheels and the true track, whatever the EEPROM says of them.
+    /// The true wheels and the true track, independent of the EEPROM.
     pub chassis: Chassis,
     /// Seed of everything random.
     pub seed: u64,
@@ -97,8 +97,7 @@ impl GroundTruth for SimulatedTape {
     }
 }
 
-/// The EEPROM's bus. Where the EEPROM lives in a file, each write cycle is in it at once, as it is in
-/// a real part whatever becomes of the Pi.
+/// The EEPROM's bus. Each write cycle goes to the EEPROM's file at once: a killed process loses none.
 struct PersistentI2c {
     i2c: I2c,
     board: Board,
@@ -122,7 +121,7 @@ impl i2c::I2c for PersistentI2c {
             Some((part.writes(), part.bytes().to_vec()))
         })?;
         if let Some((writes, bytes)) = fresh {
-            // The close at the run's end says if the file cannot be written.
+            // A file that cannot be written is reported by `close`.
             let _ = image::save(file, &bytes);
             self.writes = writes;
         }
@@ -229,7 +228,7 @@ fn load_room(path: &Path) -> Result<Room, Error> {
     Room::parse(&text).map_err(|error| Error::content(path, None, error.to_string()))
 }
 
-/// LogParser of the log shown when the STM refuses to start.
+/// Lines of the log shown when the STM does not start.
 const TAIL_LINES: usize = 4;
 
 impl VirtualBoard {

@@ -1,7 +1,7 @@
 //! Way-point files: one `x y deg` a line, millimetres and degrees, `#` begins a comment.
 
 use host_link::error::Error;
-use host_link::pose::{Pose, MAX_COORDINATE_MM};
+use host_link::pose::{MAX_COORDINATE_MM, Pose};
 use std::fs;
 use std::path::Path;
 

@@ -42,7 +42,7 @@ fn tuned(axis: Axis) -> drive_model::DriveModel {
         levels: vec![50.0, 75.0, 100.0],
         hold_s: 1.2,
         rest_s: 0.8,
-        travel: axis.travel(),
+        travel: axis.default_travel(),
     };
     let recorder = temporary_mode::with_mode(
         &mut machine,

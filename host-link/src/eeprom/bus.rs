@@ -1,5 +1,5 @@
-//! The EEPROM's bus is taken from the STM and given back on every path: success, error, Ctrl-C and
-//! panic. The guard is the only way to the chip, and dropping it restores everything.
+//! Guard of the EEPROM's bus: taken from the STM and returned on every path (success, error, Ctrl-C,
+//! panic). Only the guard accesses the chip, and dropping it restores everything.
 
 use super::chip;
 use crate::board_io::BoardIo;
@@ -19,11 +19,11 @@ pub enum BusAccess {
     },
 }
 
-/// After SELECT has changed, microseconds: a byte on the wires at 100 kHz ends.
+/// Wait after a change of SELECT, microseconds: a byte in transfer at 100 kHz ends.
 const SETTLE_US: u32 = 200;
 
-/// The taken bus. [`EepromBus::release`] returns it and tells how that went; dropping it does the same
-/// in silence.
+/// The taken bus. [`EepromBus::release`] returns it and reports failures; dropping it returns it without
+/// a report.
 pub struct EepromBus<'b> {
     io: &'b mut BoardIo,
     access: BusAccess,

@@ -35,7 +35,7 @@ pub fn load(path: &Path) -> Result<Image, Error> {
     Ok(image)
 }
 
-/// Writes an image, whole or not at all: into a file beside it, which then takes its name.
+/// Writes a file atomically: to a temporary file, which is then renamed.
 ///
 /// # Errors
 /// [`Error::Unwritable`].

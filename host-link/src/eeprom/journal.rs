@@ -1,5 +1,5 @@
-//! What stood in the EEPROM before a write, kept on disk while the write runs: if the process is
-//! killed half-way, the next one finds it and brings the old content back.
+//! The EEPROM's content before a write, kept on disk during the write: if the process is killed, the
+//! next one restores it.
 
 use super::image;
 use crate::error::Error;
@@ -8,7 +8,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The journal's place.
+/// A journal file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Journal(PathBuf);
 
@@ -25,7 +25,7 @@ impl Journal {
         &self.0
     }
 
-    /// Notes `before`. An older note stays: it is the last content that was whole.
+    /// Saves `before`. An older journal stays: it is the last complete content.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
@@ -36,8 +36,7 @@ impl Journal {
         image::save(&self.0, before)
     }
 
-    /// The write is complete and read back: what stood there before is no longer wanted, but the STM
-    /// has yet to be reset.
+    /// The write is complete and read back, but the STM is not yet reset.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
@@ -45,15 +44,15 @@ impl Journal {
         if !self.0.exists() {
             return Ok(());
         }
-        fs::rename(&self.0, self.reset_note()).map_err(|cause| Error::unwritable(&self.0, &cause))
+        fs::rename(&self.0, self.reset_marker()).map_err(|cause| Error::unwritable(&self.0, &cause))
     }
 
-    /// Forgets everything: the STM has been reset after a complete write.
+    /// Removes the journal: the STM has been reset after a complete write.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn end(&self) -> Result<(), Error> {
-        for path in [&self.0, &self.reset_note()] {
+        for path in [&self.0, &self.reset_marker()] {
             match fs::remove_file(path) {
                 Err(cause) if cause.kind() != ErrorKind::NotFound => {
                     return Err(Error::unwritable(path, &cause));
@@ -64,17 +63,17 @@ impl Journal {
         Ok(())
     }
 
-    fn reset_note(&self) -> PathBuf {
+    fn reset_marker(&self) -> PathBuf {
         image::with_suffix(&self.0, ".written")
     }
 
-    /// Whether a write was complete, but the STM perhaps not reset after it.
+    /// Whether a write was complete but possibly not followed by a reset.
     #[must_use]
     pub fn reset_due(&self) -> bool {
-        self.reset_note().exists()
+        self.reset_marker().exists()
     }
 
-    /// Whether a write was cut short since the last one that ended.
+    /// Whether the latest write did not end.
     #[must_use]
     pub fn unfinished(&self) -> bool {
         self.0.exists()

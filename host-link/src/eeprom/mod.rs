@@ -1,11 +1,11 @@
-//! The configuration EEPROM: taking its bus from the STM, reading, writing, and giving it all back.
+//! The configuration EEPROM: taking its bus from the STM, reading, writing, and returning it.
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`bus`] | the bus is taken, and given back on every path: the guard |
+//! | [`bus`] | the guard of the bus |
 //! | [`chip`] | the chip: bursts, write cycles, read-back |
-//! | [`journal`] | what stood there before, kept on disk while a write runs |
-//! | [`repair`] | what a killed run left, found and repaired |
+//! | [`journal`] | the content before a write, kept on disk during the write |
+//! | [`repair`] | repair of what a killed run left |
 //! | [`image`] | images in files, and the difference between two |
 
 pub mod bus;
@@ -46,7 +46,7 @@ pub struct Programmed {
     pub ready_ms: u32,
 }
 
-/// What [`program`] is about.
+/// The progress of [`program`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress<'a> {
     /// What the EEPROM holds before anything changes.
@@ -63,7 +63,7 @@ pub enum Progress<'a> {
 /// Writes what differs of pages 0x00 to 0x03, reads all of it back, restores protection and bus,
 /// resets the STM and awaits `STM_READY`.
 ///
-/// `watch` is told what the EEPROM holds before anything changes, and how far the writing is.
+/// `watch` gets the EEPROM's content before anything changes, and the progress of the write.
 ///
 /// # Errors
 /// [`Error::Eeprom`], [`Error::Verify`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotReady`],

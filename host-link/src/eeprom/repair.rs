@@ -1,5 +1,5 @@
-//! What a killed run left behind, found and repaired at the next start: the lines brought to rest,
-//! a write that was cut short undone, an STM that lost its EEPROM while booting reset.
+//! Repair of what a killed run left, at the next start: idle lines, an incomplete write undone, an STM
+//! that lost its EEPROM while booting reset.
 
 use super::journal::Journal;
 use super::{image, program};
@@ -17,20 +17,19 @@ pub enum Repaired {
         /// A write had been completed just before; otherwise the STM was not ready.
         due: bool,
     },
-    /// A write was cut short: what stood there before is written back, and the STM reset.
+    /// An incomplete write: the content before it is written back, and the STM reset.
     RolledBack {
         /// Bytes that had been changed already.
         bytes: usize,
     },
 }
 
-/// Brings the lines to rest. If `journal` shows that a write was cut short, writes back what stood
-/// there before. If the journal shows that a reset was due, or the last run was `killed` and the STM
+/// Sets the lines idle. If `journal` shows an incomplete write, writes the content before it back. If the journal shows that a reset was due, or the last run was `killed` and the STM
 /// is not ready, resets it: it may have been reading its configuration when the bus was taken.
 ///
 /// # Errors
 /// [`Error::Pin`]; with a journal, those of [`image::load`] and [`program`], but for
-/// [`Error::NotReady`]: what stood there before need not be acceptable.
+/// [`Error::NotReady`]: the restored content need not be acceptable.
 pub fn repair(
     io: &mut BoardIo,
     journal: &Journal,

@@ -72,10 +72,10 @@ fn write_fault_at_any_call_leaves_lines_idle() {
             assert_idle(&board, Some(fault));
             assert_eq!(board.resets, 1, "after {fault:?}");
             match (fault, outcome) {
-                (IoFault::Panic(_), Err(_)) => {}
                 // One disturbed call is survived everywhere.
                 (_, Ok(Ok(_))) => assert!(board.memory == wanted(), "{fault:?}"),
-                (IoFault::BusesFail(_), Ok(Err(Error::Eeprom { .. })))
+                (IoFault::Panic(_), Err(_))
+                | (IoFault::BusesFail(_), Ok(Err(Error::Eeprom { .. })))
                 | (IoFault::Interrupt(_), Ok(Err(Error::Interrupted))) => {}
                 (fault, outcome) => panic!("{fault:?}: {:?}", outcome.ok()),
             }

@@ -58,7 +58,7 @@ pub fn solve(path: &WheelPath, measured: &Measured) -> Result<Scale, String> {
     }
     let left_mm = measured.left_mm.unwrap_or(0.0);
     let straight = measured.ahead_mm.hypot(left_mm);
-    // A bend that was measured too makes the straight line shorter than the way.
+    // A bend that was measured too makes the straight line shorter than the path.
     let shortest = if measured.left_mm.is_some() {
         0.5
     } else {

@@ -1,21 +1,21 @@
 //! The drives. They go from pose to pose as [`drive`](host_link::drive) does, and end with the robot stopped
-//! on every path; here the way is recorded, and a robot that leaves it is stopped.
+//! on every path; the path is recorded, and a robot that leaves it is stopped.
 
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
-use host_link::drive::{follow, ArrivalCriteria};
+use host_link::drive::{ArrivalCriteria, follow};
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::Session;
 
-/// How far from the straight line between two corners the robot may believe itself, millimetres.
+/// Largest reported distance from the straight line between two corners, millimetres.
 const MAX_CROSS_TRACK_MM: f64 = 150.0;
 
 /// Frames in a row without a valid reply that end a run: a fifth of a second at 40 Hz, less than the
 /// robot's own stop deadline.
 const MAX_UNANSWERED: u32 = 8;
 
-/// Shortest and longest way of a drive or of a square's side, millimetres.
+/// Shortest and longest drive or side of a square, millimetres.
 pub const LENGTHS_MM: (f64, f64) = (300.0, 5000.0);
 
 /// A straight drive, seen from where the robot stands.
@@ -45,16 +45,16 @@ const fn pose(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Pose {
     }
 }
 
-/// Drives `way`, which is seen from where the robot stands, and returns the path. `reached` is told how
-/// many of its places are done.
+/// Drives `waypoints`, seen from where the robot stands, and returns the path. `reached` gets how many
+/// of them are done.
 ///
 /// # Errors
-/// [`Error::Usage`] for ways that are too short or too long; those of [`host_link::drive::go_to`];
+/// [`Error::Usage`] for lengths out of range; those of [`host_link::drive::go_to`];
 /// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Calibration`] if the
-/// robot leaves its way. On each of them, and on a panic, it is stopped first.
+/// robot leaves its path. On each of them, and on a panic, it is stopped first.
 pub fn run(
     session: &mut Session<'_>,
-    way: &[Pose],
+    waypoints: &[Pose],
     criteria: &ArrivalCriteria,
     mut reached: impl FnMut(usize),
 ) -> Result<WheelPath, Error> {
@@ -66,7 +66,7 @@ pub fn run(
     let mut path = WheelPath::new(WheelGeometry::from_config(session.config()));
     path.push(start);
     let mut from = start;
-    for (index, there) in way.iter().enumerate() {
+    for (index, there) in waypoints.iter().enumerate() {
         let target = there.in_frame_of(start);
         let mut unanswered = 0;
         follow(session, target, criteria, |session, report| {
@@ -106,7 +106,7 @@ fn cross_track_mm(from: Pose, to: Pose, pose: Pose) -> f64 {
 }
 
 /// # Errors
-/// [`Error::Usage`] names the way and what is accepted.
+/// [`Error::Usage`] names the length and what is accepted.
 pub fn check_length(what: &str, mm: f64) -> Result<(), Error> {
     let (low, high) = LENGTHS_MM;
     if (low..=high).contains(&mm) {

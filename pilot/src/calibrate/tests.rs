@@ -1,4 +1,4 @@
-//! Synthetic drives: the wheels roll what carries the robot along its way by its configured wheels,
+//! Synthetic drives: the wheels roll what takes the robot along its path by its configured wheels,
 //! and the truth is integrated from the same turns of the wheels, apart from the code under test.
 
 use super::distance::{self, Measured};
@@ -12,7 +12,7 @@ use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
 use host_link::drive::ArrivalCriteria;
 use host_link::error::Error;
-use host_link::mock_board::{mock_board, IoFault, MockBoard};
+use host_link::mock_board::{IoFault, MockBoard, mock_board};
 use host_link::pose::Pose;
 use host_link::session::Session;
 use host_link::settings::Settings;
@@ -134,7 +134,7 @@ fn noisy_readings_stay_within_estimated_deviation() {
     };
     let scaled = FIRST_BOARD.scaled((79.2 + 80.6) / 160.0);
     let mut runs = Vec::new();
-    // Three millimetres each way, in every mix: their mean is none.
+    // Three millimetres in every combination: their mean is zero.
     for (ahead, left) in [(3.0, 3.0), (-3.0, 3.0), (3.0, -3.0), (-3.0, -3.0)] {
         for mut run in squares(&scaled, &truth, 1000.0) {
             run.measured.ahead_mm += ahead;
@@ -202,9 +202,11 @@ fn implausible_distance_is_rejected_with_range() {
     }
     assert!(at(1099.0, None).is_ok() && at(901.0, None).is_ok());
     let (short, end) = driven(&FIRST_BOARD, &FIRST_BOARD, &straight(150.0));
-    assert!(distance::solve(&short, &with_side(end))
-        .unwrap_err()
-        .contains("200 mm"));
+    assert!(
+        distance::solve(&short, &with_side(end))
+            .unwrap_err()
+            .contains("200 mm")
+    );
 }
 
 #[test]

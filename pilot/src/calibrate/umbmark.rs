@@ -1,7 +1,7 @@
 //! `UMBmark` (J. Borenstein, L. Feng: Measurement and Correction of Systematic Odometry Errors in Mobile
 //! Robots, IEEE Transactions on Robotics and Automation 12, 1996): squares clockwise and
 //! counter-clockwise, and from the two clusters of ends the errors of the track and of the wheels' ratio.
-//! One way round alone cannot tell them apart, they may even cancel.
+//! One direction alone cannot separate them, they may even cancel.
 //!
 //! The paper's two formulas hold for small angles. They are reported as the first-order estimate; what
 //! is written comes from [`least_squares`](super::least_squares): the track and the ratio with which the very paths that the
@@ -24,7 +24,7 @@ pub const ACCEPTED_RESIDUAL: f64 = 0.03;
 /// One square.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SquareRun {
-    /// Which way round.
+    /// The direction.
     pub clockwise: bool,
     /// What the wheels rolled.
     pub path: WheelPath,
@@ -74,7 +74,7 @@ pub struct Score {
     pub worst_mm: f64,
 }
 
-/// What follows.
+/// The correction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     /// The ends as they were.
@@ -89,16 +89,16 @@ pub struct Estimate {
     pub ratio: f64,
     /// Standard deviation of it.
     pub ratio_deviation: f64,
-    /// What is left unexplained, millimetres, root mean square.
+    /// Root mean square of the residuals, millimetres.
     pub residual_mm: f64,
     /// The corrected wheels; their mean is unchanged.
     pub wheels: WheelGeometry,
 }
 
-/// The clusters of both ways round.
+/// The clusters of both directions.
 ///
 /// # Errors
-/// A sentence if one way round is missing.
+/// A sentence if one direction is missing.
 pub fn score(runs: &[SquareRun]) -> Result<Score, String> {
     let cluster = |clockwise: bool| {
         let ends: Vec<Point> = runs

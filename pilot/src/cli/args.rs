@@ -1,16 +1,16 @@
 //! The command line.
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
-use clap::{value_parser, Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, value_parser};
 use fw_core::wire::Mode;
 use host_link::drive::ArrivalCriteria;
 use host_link::error::Exit;
-use host_link::pose::{Pose, MAX_COORDINATE_MM};
+use host_link::pose::{MAX_COORDINATE_MM, Pose};
 use host_link::{reset, session};
 use pilot::calibrate::distance::Measured;
 use pilot::mode;
-use pilot::tune::step_response::StepPlan;
 use pilot::tune::Axis;
+use pilot::tune::step_response::StepPlan;
 use pilot::waypoints::MAX_ROTATION_DEG;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
@@ -52,7 +52,7 @@ pub enum Command {
         #[arg(value_parser = mode::parse)]
         mode: Mode,
     },
-    /// Exchange some frames and show what is known: state, faults, battery, both ends of the link; nothing moves
+    /// Exchange frames without a command and show state, faults, battery and both ends of the link
     Status(Status),
     /// Show pose, cells, ranges and the link's counters, live
     Monitor(Monitor),
@@ -129,7 +129,7 @@ pub struct Measuring {
     pub no_verify: bool,
 }
 
-/// Who measures.
+/// The source of a measurement.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum MeasureWith {
     /// You, with a tape: the program asks
@@ -190,7 +190,7 @@ pub struct Consent {
 
 #[derive(Args)]
 pub struct StepArgs {
-    /// Duties, percent; each goes one way and then the other
+    /// Duties, percent; each in both directions
     #[arg(
         long,
         value_name = "PERCENT,…",
@@ -205,7 +205,7 @@ pub struct StepArgs {
     #[arg(long, value_name = "S", default_value = "0.8")]
     pub rest: f64,
     /// A step ends when it went this far, degrees or mm; 360 degrees or 300 mm without it
-    #[arg(long, value_name = "WAY")]
+    #[arg(long, value_name = "TRAVEL")]
     pub travel: Option<f64>,
     /// Damping of the loop to propose gains for, 1 = no overshoot; 0.8 to rotate, 0.5 to move without it
     #[arg(long, value_name = "ZETA", value_parser = number(0.3..=3.0))]
@@ -223,7 +223,7 @@ impl StepArgs {
             levels: self.levels.clone(),
             hold_s: self.hold,
             rest_s: self.rest,
-            travel: self.travel.unwrap_or(axis.travel()),
+            travel: self.travel.unwrap_or(axis.default_travel()),
         }
     }
 
@@ -472,7 +472,7 @@ pub struct VirtualBoardArgs {
     /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
     #[arg(long, global = true, default_value = "target/virtual/eeprom.bin")]
     pub eeprom_image: PathBuf,
-    /// True diameter of the virtual left wheel, mm, whatever the EEPROM says
+    /// True diameter of the virtual left wheel, mm, independent of the EEPROM
     #[arg(long, global = true, default_value = "80", value_parser = number(SMALLEST..=1e6))]
     pub true_diameter_left: f64,
     /// True diameter of the virtual right wheel, mm

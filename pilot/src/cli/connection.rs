@@ -104,7 +104,7 @@ impl Context<'_> {
         interrupt: Interrupt,
         job: impl FnOnce(&mut Connection) -> Result<T, Error>,
     ) -> Result<T, Error> {
-        use host_link::linux::{open, Devices};
+        use host_link::linux::{Devices, open};
         let board = self.board;
         let mut lock = Lock::take(&board.state_dir.join("robot.lock"))?;
         let devices = Devices {
@@ -141,7 +141,7 @@ impl Context<'_> {
         interrupt: Interrupt,
         job: impl FnOnce(&mut Connection) -> Result<T, Error>,
     ) -> Result<T, Error> {
-        use pilot::virtual_board::{open, SimulatedTape};
+        use pilot::virtual_board::{SimulatedTape, open};
         let options = self.board.virtual_options();
         let mut lock = Lock::take(&image::with_suffix(&options.eeprom_image, ".lock"))?;
         let (virtual_board, io) = open(&options, interrupt)?;

@@ -3,10 +3,10 @@
 use super::args::Eeprom;
 use super::connection::{Connection, Context};
 use super::output::Output;
-use fw_core::eeprom::{first_board, Image};
-use host_link::eeprom::{self, chip, image, Progress};
+use fw_core::eeprom::{Image, first_board};
+use host_link::eeprom::{self, Progress, chip, image};
 use host_link::error::{Error, Exit};
-use host_link::settings::{changes, render, Change, Settings};
+use host_link::settings::{Change, Settings, changes, render};
 use serde::Serialize;
 use serde_json::json;
 use std::fmt::Write;

@@ -4,7 +4,7 @@ use super::output::Output;
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
 use std::io::{self, BufRead, IsTerminal};
-use std::sync::mpsc::{channel, RecvTimeoutError};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 

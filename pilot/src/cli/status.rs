@@ -77,7 +77,7 @@ fn linked(
     Ok((seen, exit))
 }
 
-/// The STM does not start: what its EEPROM says about that.
+/// The STM does not start: checks its EEPROM for the reason.
 fn not_ready(io: &mut BoardIo, error: &Error) -> Result<(Summary, Exit), Error> {
     let hint = match settings::decode(&eeprom::read(io)?) {
         Ok(config) => format!(

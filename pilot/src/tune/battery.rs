@@ -1,5 +1,5 @@
 //! Tuning a battery tap (document, 5.1.3): a reference voltage stands in for the cell, the STM
-//! computes the upper resistor that would have shown it exactly, and says so in its log.
+//! computes the upper resistor that would have shown it exactly, and logs it.
 
 use fw_core::wire::CellCode;
 use host_link::error::Error;
@@ -15,10 +15,10 @@ const ANSWERS: usize = 15;
 /// Frames in which they must have come.
 const FRAMES: usize = 80;
 
-/// Lets the STM measure before it is asked, frames.
+/// Frames before the first request.
 const WARM_UP: usize = 20;
 
-/// Asks for the upper resistor of `cell` (1 to 8) with `volts` at it; the median of fifteen answers,
+/// Measures the upper resistor of `cell` (1 to 8) with `volts` at it; the median of fifteen answers,
 /// ohm.
 ///
 /// # Errors

@@ -1,9 +1,9 @@
 //! A model of the drive from its steps: `speed = gain · (|duty| − dead zone)` through two equal
 //! first-order lags.
 //!
-//! From rest the way covered is `K · (t − 2τ + (t + 2τ)·e^(−t/τ))` with `K` the steady speed. For a
+//! From rest the travel is `K · (t − 2τ + (t + 2τ)·e^(−t/τ))` with `K` the steady speed. For a
 //! given lag τ that is linear in gain and gain · dead zone: ordinary least squares. The lag itself
-//! is searched for, to the least residual. At least two levels of duty are needed to tell gain from
+//! is searched for the least residual. Two levels of duty are needed to separate gain and
 //! dead zone.
 
 use host_link::samples::Sample;
@@ -24,7 +24,7 @@ pub struct DriveModel {
     pub steps: usize,
 }
 
-/// One step: duty held, and the way covered since it began.
+/// One step: duty held, and the travel since it began.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// When it began, seconds.
@@ -33,8 +33,8 @@ pub struct Step {
     pub from: f64,
     /// Duty, percent, not 0.
     pub percent: f64,
-    /// Seconds since it began, and the way covered.
-    pub way: Vec<(f64, f64)>,
+    /// Seconds since it began, and the travel.
+    pub travel: Vec<(f64, f64)>,
 }
 
 /// Samples a step has at least.
@@ -56,30 +56,30 @@ pub fn steps(samples: &[Sample]) -> Vec<Step> {
                     begun_s: now.seconds(),
                     from: now.value,
                     percent: now.percent,
-                    way: vec![(0.0, 0.0)],
+                    travel: vec![(0.0, 0.0)],
                 });
             }
         } else if let Some(step) = steps.last_mut().filter(|_| open) {
-            step.way
+            step.travel
                 .push((now.seconds() - step.begun_s, now.value - step.from));
         }
     }
-    steps.retain(|step| step.way.len() >= SHORTEST);
+    steps.retain(|step| step.travel.len() >= SHORTEST);
     steps
 }
 
-/// The way covered after `t` seconds of steady speed 1, through two lags of `lag` seconds.
+/// The travel after `t` seconds at steady speed 1, through two lags of `lag` seconds.
 #[must_use]
-pub fn way(t: f64, lag: f64) -> f64 {
+pub fn unit_travel(t: f64, lag: f64) -> f64 {
     t - 2.0 * lag + (t + 2.0 * lag) * (-t / lag).exp()
 }
 
 impl DriveModel {
-    /// The way that the model says a step covers in `t` seconds.
+    /// The model's travel of a step after `t` seconds.
     #[must_use]
-    pub fn step_way(&self, percent: f64, t: f64) -> f64 {
+    pub fn step_travel(&self, percent: f64, t: f64) -> f64 {
         let speed = self.gain * (percent.abs() - self.dead_zone);
-        speed.copysign(percent) * way(t, self.lag_s)
+        speed.copysign(percent) * unit_travel(t, self.lag_s)
     }
 }
 
@@ -88,8 +88,8 @@ const LAGS: (f64, f64) = (0.01, 1.0);
 /// Lags tried before the search closes in.
 const TRIES: u8 = 60;
 
-/// Part of the longest way that may stay unexplained.
-const TOLERATED: f64 = 0.15;
+/// Largest residual, as a part of the longest travel.
+const MAX_RESIDUAL: f64 = 0.15;
 
 /// Fits the model.
 ///
@@ -107,22 +107,22 @@ pub fn fit(steps: &[Step]) -> Result<DriveModel, String> {
     }
     let longest = steps
         .iter()
-        .flat_map(|step| &step.way)
-        .map(|(_, way)| way.abs())
+        .flat_map(|step| &step.travel)
+        .map(|(_, travel)| travel.abs())
         .fold(0.0, f64::max);
     if longest < 1.0 {
         return Err(format!("nothing moved ({longest:.3} at most)"));
     }
-    let (gain, offset, lag_s, residual) = closest(steps).ok_or("the steps fit no model")?;
+    let (gain, offset, lag_s, residual) = search_lag(steps).ok_or("the steps fit no model")?;
     let dead_zone = -offset / gain;
     if gain.is_nan() || gain <= 0.0 || !(-20.0..high).contains(&dead_zone) {
         return Err(format!(
-            "the steps give a gain of {gain:.3} and a dead zone of {dead_zone:.1} %: no drive is like that"
+            "the steps give a gain of {gain:.3} and a dead zone of {dead_zone:.1} %: accepted is a positive gain and a dead zone below the highest level"
         ));
     }
-    if residual > TOLERATED * longest {
+    if residual > MAX_RESIDUAL * longest {
         return Err(format!(
-            "the model leaves {residual:.1} of at most {longest:.1} unexplained: was the robot held, or did it slip?"
+            "the model leaves {residual:.1} of at most {longest:.1} unexplained; check that the robot was not held and did not slip"
         ));
     }
     Ok(DriveModel {
@@ -137,7 +137,7 @@ pub fn fit(steps: &[Step]) -> Result<DriveModel, String> {
 type Fitted = (f64, f64, f64, f64);
 
 /// Gain, −gain · dead zone, lag and residual of the lag with the least residual.
-fn closest(steps: &[Step]) -> Option<Fitted> {
+fn search_lag(steps: &[Step]) -> Option<Fitted> {
     let ratio = (LAGS.1 / LAGS.0).powf(1.0 / f64::from(TRIES));
     let coarse = (0..=TRIES)
         .map(|index| LAGS.0 * ratio.powi(index.into()))
@@ -160,8 +160,8 @@ fn closest(steps: &[Step]) -> Option<Fitted> {
 fn linear(steps: &[Step], lag: f64) -> Option<Fitted> {
     let rows = || {
         steps.iter().flat_map(move |step| {
-            step.way.iter().map(move |&(t, measured)| {
-                let unit = way(t, lag).copysign(step.percent);
+            step.travel.iter().map(move |&(t, measured)| {
+                let unit = unit_travel(t, lag).copysign(step.percent);
                 (unit * step.percent.abs(), unit, measured)
             })
         })
@@ -187,15 +187,15 @@ fn linear(steps: &[Step], lag: f64) -> Option<Fitted> {
     Some((gain, offset, lag, (squares / count).sqrt()))
 }
 
-/// The model's way beside the measured one, seconds and position; not-a-number between steps.
+/// The model's position beside the measured one, seconds and position; not-a-number between steps.
 #[must_use]
 pub fn replay(model: &DriveModel, steps: &[Step]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     for step in steps {
-        points.extend(step.way.iter().map(|&(t, _)| {
+        points.extend(step.travel.iter().map(|&(t, _)| {
             (
                 step.begun_s + t,
-                step.from + model.step_way(step.percent, t),
+                step.from + model.step_travel(step.percent, t),
             )
         }));
         points.push((f64::NAN, f64::NAN));

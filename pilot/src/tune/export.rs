@@ -1,12 +1,12 @@
-//! What a tuning leaves: the samples as CSV, and input, response and prediction as a picture.
+//! The files of a tuning: the samples as CSV; input, response and prediction as a picture.
 
-use super::drive_model::{replay, DriveModel, Step};
-use super::gains::Response;
 use super::Axis;
+use super::drive_model::{DriveModel, Step, replay};
+use super::gains::Response;
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::samples::Sample;
-use mapper::line_plot::{draw, Curve, Panel};
+use mapper::line_plot::{Curve, Panel, draw};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub fn save_csv(stem: &Path, axis: Axis, samples: &[Sample]) -> Result<PathBuf, 
     Ok(path)
 }
 
-/// Writes `stem`.png: duty; the way measured and the model's; the predicted response with the
+/// Writes `stem`.png: duty; measured and modelled position; the predicted response with the
 /// present gains and with those proposed.
 ///
 /// # Errors
@@ -72,9 +72,9 @@ fn panels(
             .collect()
     };
     let unit = axis.unit().to_uppercase();
-    let mut way = vec![curve("MEASURED", of(|sample| sample.value))];
+    let mut position = vec![curve("MEASURED", of(|sample| sample.value))];
     if let Some((model, steps, ..)) = fitted {
-        way.push(curve("MODEL", replay(model, steps)));
+        position.push(curve("MODEL", replay(model, steps)));
     }
     let mut panels = vec![
         Panel {
@@ -83,15 +83,15 @@ fn panels(
         },
         Panel {
             title: format!("RESPONSE {unit} OVER SECONDS"),
-            curves: way,
+            curves: position,
         },
     ];
     if let Some((.., before, after)) = fitted {
         panels.push(Panel {
             title: format!("PREDICTED {unit} OVER SECONDS"),
             curves: vec![
-                curve("PROPOSED GAINS", after.way.clone()),
-                curve("PRESENT GAINS", before.way.clone()),
+                curve("PROPOSED GAINS", after.curve.clone()),
+                curve("PRESENT GAINS", before.curve.clone()),
             ],
         });
     }

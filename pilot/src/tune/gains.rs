@@ -1,4 +1,4 @@
-//! A PID for a fitted drive, and what it will do.
+//! A PID for a fitted drive, and its predicted response.
 //!
 //! # The rule
 //! Seen from the duty beyond the dead zone, which the firmware compensates, the drive is
@@ -9,8 +9,8 @@
 //! end. Per sample of 10 ms, as the EEPROM has it, `D` is a hundred times as large as per second.
 //! The anti wind-up factor stays as it is.
 
-use super::drive_model::DriveModel;
 use super::Axis;
+use super::drive_model::DriveModel;
 use fixed::types::I16F16;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Gains;
@@ -40,7 +40,7 @@ fn round(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
 }
 
-/// What a loop does with a new set-point.
+/// The step response of a loop.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Response {
     /// The set-point, degrees or millimetres.
@@ -49,13 +49,13 @@ pub struct Response {
     pub overshoot: f64,
     /// Seconds after which it stays within the tolerance; none: not within the time.
     pub settled_s: Option<f64>,
-    /// The way over the time.
+    /// Position over time.
     #[serde(skip)]
-    pub way: Vec<(f64, f64)>,
+    pub curve: Vec<(f64, f64)>,
 }
 
 impl Axis {
-    /// The damping unless told otherwise. Forward may be brisker: most of a way is driven at the
+    /// The default damping. Forward may be lower: most of a distance is driven at the
     /// limit, which keeps the overshoot small, and the last millimetres need force against friction.
     #[must_use]
     pub const fn damping(self) -> f64 {
@@ -67,7 +67,7 @@ impl Axis {
 
     /// The set-point of a prediction, the tolerance that counts as settled, and the largest output
     /// that the firmware gives the loop, percent.
-    const fn trial(self) -> (f64, f64, f64) {
+    const fn prediction_case(self) -> (f64, f64, f64) {
         match self {
             Self::Rotate => (90.0, 1.0, 50.0),
             Self::Move => (300.0, 5.0, 100.0),
@@ -83,7 +83,7 @@ const FINE: u8 = 10;
 /// What the firmware's own regulator does with these gains and this drive, from rest.
 #[must_use]
 pub fn predict(axis: Axis, model: &DriveModel, gains: &Gains) -> Response {
-    let (target, tolerance, limit) = axis.trial();
+    let (target, tolerance, limit) = axis.prediction_case();
     let reach = limit.min(100.0 - model.dead_zone);
     let mut pid = Pid::new(gains, I16F16::saturating_from_num(limit));
     let (mut position, mut speed, mut drive, mut last) = (0.0, 0.0, 0.0, 0.0);
@@ -116,6 +116,6 @@ pub fn predict(axis: Axis, model: &DriveModel, gains: &Gains) -> Response {
         target,
         overshoot,
         settled_s,
-        way: points,
+        curve: points,
     }
 }

@@ -3,11 +3,11 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | [`step_response`] | the steps, bounded, and stopped whatever happens |
-//! | [`temporary_mode`] | the EEPROM's mode changed for the steps, and restored whatever happens |
+//! | [`step_response`] | the steps, bounded, and stopped on every path |
+//! | [`temporary_mode`] | the EEPROM's mode changed for the steps, and restored on every path |
 //! | [`drive_model`] | gain, dead zone and two equal lags from the samples |
-//! | [`gains`] | a PID for that model, and what it will do |
-//! | [`export`] | samples as CSV, and everything as a picture |
+//! | [`gains`] | a PID for that model, and its predicted response |
+//! | [`export`] | samples as CSV, results as a picture |
 //! | [`battery`] | the upper resistor that the STM proposes |
 
 pub mod battery;
@@ -53,9 +53,9 @@ impl Axis {
         }
     }
 
-    /// How far one step may go unless told otherwise, in its unit.
+    /// Default travel of one step, in its unit.
     #[must_use]
-    pub const fn travel(self) -> f64 {
+    pub const fn default_travel(self) -> f64 {
         match self {
             Self::Rotate => 360.0,
             Self::Move => 300.0,

@@ -1,6 +1,5 @@
-//! The steps: constant duty for a bounded time and way, rest in between, the log recorded. Whatever
-//! ends them early, the robot is told zero percent and then nothing more, so that its stop deadline
-//! holds the motors.
+//! Step responses: constant duty for a bounded time and travel, rest in between, the log recorded. Every
+//! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
 use host_link::error::Error;
 use host_link::samples::SampleRecorder;
@@ -9,7 +8,7 @@ use host_link::session::{CommandRequest, Session};
 /// Which steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepPlan {
-    /// Levels of duty, percent, 1 to 100; each goes one way and then the other.
+    /// Levels of duty, percent, 1 to 100; each in both directions.
     pub levels: Vec<f64>,
     /// Seconds of each step.
     pub hold_s: f64,
@@ -26,11 +25,10 @@ pub const LONGEST_S: f64 = 3.0;
 /// the robot's own stop deadline.
 const MAX_UNANSWERED: u32 = 8;
 
-/// In the tuning modes the log has a sample every 10 ms; without any for this long, microseconds,
-/// nothing is heard of it.
+/// Time-out of the log, microseconds: in the tuning modes it has a sample every 10 ms.
 const LOG_TIMEOUT_US: u64 = 500_000;
 
-/// Beyond this multiple of the travel from where it all began, something is wrong.
+/// Largest distance from the start of the steps, in multiples of the travel.
 const MAX_STRAY: f64 = 2.0;
 
 impl StepPlan {
@@ -59,12 +57,12 @@ impl StepPlan {
     }
 }
 
-/// Makes the steps and returns the record. `watch` is told each duty as its step begins.
+/// Runs the steps and returns the record. `watch` gets each duty as its step begins.
 ///
 /// # Errors
 /// [`Error::Usage`] for a plan that is not accepted; those of [`Session::exchange`];
 /// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Tuning`] without
-/// samples in the log or when the robot strays. On each of them, and on a panic, it is stopped first.
+/// samples in the log or when the robot goes too far. On each of them, and on a panic, it is stopped first.
 pub fn run(
     session: &mut Session<'_>,
     plan: &StepPlan,
@@ -78,7 +76,7 @@ pub fn run(
         sampled_us: None,
         origin: None,
     };
-    // What the log said before belongs to no step.
+    // Earlier lines of the log belong to no step.
     stepping.session.read_log()?;
     for level in &plan.levels {
         for percent in [*level, -level] {
@@ -91,7 +89,7 @@ pub fn run(
     Ok(std::mem::take(&mut stepping.recorder))
 }
 
-/// A robot under duty: dropped, it is told zero percent.
+/// Commands zero percent when dropped.
 struct StepRunner<'s, 'm> {
     session: &'s mut Session<'m>,
     recorder: SampleRecorder,

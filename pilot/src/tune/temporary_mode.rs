@@ -1,5 +1,5 @@
 //! The EEPROM's mode changed for a measurement, and restored on every path: success, error, Ctrl-C
-//! and panic. If the process is killed, a note on disk lets the next one restore it.
+//! and panic. If the process is killed, a journal on disk lets the next one restore it.
 
 use super::Axis;
 use fw_core::eeprom::{Config, Image};
@@ -29,67 +29,67 @@ pub fn edit_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Im
     Ok(changed)
 }
 
-/// Restores the EEPROM that a killed measurement left, by its `note`. An EEPROM that was written
-/// since, by anything else, stays as it is. Returns whether it was restored; without a note nothing
+/// Restores the EEPROM that a killed measurement left, by its `journal`. An EEPROM that was written
+/// since, by anything else, stays as it is. Returns whether it was restored; without a journal file nothing
 /// is done.
 ///
 /// # Errors
-/// Those of [`eeprom::read`] and [`eeprom::program`], and of the note's file.
+/// Those of [`eeprom::read`] and [`eeprom::program`], and of the journal's file.
 pub fn restore_after_kill(
     io: &mut BoardIo,
-    note: &Journal,
+    journal: &Journal,
     ready_timeout_ms: u32,
 ) -> Result<bool, Error> {
-    if !note.unfinished() {
+    if !journal.unfinished() {
         return Ok(false);
     }
-    let original = image::load(note.path())?;
+    let original = image::load(journal.path())?;
     let present = eeprom::read(io)?;
     // What does not decode was left half-written.
     let left = settings::decode(&present).is_err()
         || [Axis::Rotate, Axis::Move].into_iter().any(|axis| {
             edit_config(&original, |config| config.mode = axis.mode())
-                .is_ok_and(|guard| guard == present)
+                .is_ok_and(|changed| changed == present)
         });
     if left {
         eeprom::program(io, &original, ready_timeout_ms, None, |_| {})?;
     }
-    note.end()?;
+    journal.end()?;
     Ok(left)
 }
 
-/// The guard mode: dropped, the EEPROM holds `original` again and the STM has been reset.
+/// Writes `original` back and resets the STM when dropped.
 struct ModeGuard<'m> {
     io: &'m mut BoardIo,
     original: &'m Image,
-    note: Option<&'m Journal>,
+    journal: Option<&'m Journal>,
     ready_timeout_ms: u32,
     restored: bool,
 }
 
 /// Puts the STM into `mode`, runs `work`, and brings the EEPROM back to `original`. Ctrl-C cuts
-/// `work` short, not the way back. `note` keeps the original on disk meanwhile.
+/// `work` short, not the restoring. `journal` keeps the original on disk meanwhile.
 ///
 /// # Errors
-/// Those of [`eeprom::program`] and of `work`; [`Error::NotRestored`] if the way back fails (it
+/// Those of [`eeprom::program`] and of `work`; [`Error::NotRestored`] if restoring fails (it
 /// carries the error of `work`, if any).
 pub fn with_mode<T>(
     io: &mut BoardIo,
     original: &Image,
     mode: Mode,
-    note: Option<&Journal>,
+    journal: Option<&Journal>,
     ready_timeout_ms: u32,
     work: impl FnOnce(&mut BoardIo, Config) -> Result<T, Error>,
 ) -> Result<T, Error> {
     let image = edit_config(original, |config| config.mode = mode)?;
     let config = settings::decode(&image)?;
-    if let Some(note) = note {
-        note.begin(original)?;
+    if let Some(journal) = journal {
+        journal.begin(original)?;
     }
     let mut guard = ModeGuard {
         io,
         original,
-        note,
+        journal,
         ready_timeout_ms,
         restored: false,
     };
@@ -98,7 +98,7 @@ pub fn with_mode<T>(
     match (outcome, guard.restore()) {
         (outcome, Ok(())) => outcome,
         (outcome, Err(error)) => Err(Error::NotRestored {
-            step: "bringing the EEPROM's mode back (`robot tune rollback` tries again)",
+            step: "restoring the EEPROM's mode (`robot tune rollback` tries again)",
             cause: error.to_string(),
             first: outcome.err().map(Box::new),
         }),
@@ -118,7 +118,7 @@ impl ModeGuard<'_> {
         self.io.interrupt = interrupt;
         self.restored = true;
         outcome?;
-        self.note.map_or(Ok(()), Journal::end)
+        self.journal.map_or(Ok(()), Journal::end)
     }
 }
 

@@ -2,15 +2,15 @@
 //! restored. And the fit on a known drive.
 
 use super::*;
-use fw_core::eeprom::{first_board, Image};
+use fw_core::eeprom::{Image, first_board};
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
-use host_link::mock_board::{mock_board, IoFault, MockBoard};
+use host_link::mock_board::{IoFault, MockBoard, mock_board};
 use host_link::samples::{Sample, SampleRecorder};
 use host_link::session::Session;
 use host_link::settings::Settings;
-use std::panic::{catch_unwind, AssertUnwindSafe};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 fn original() -> Image {
     Settings {
@@ -101,7 +101,7 @@ fn tuning_fault_at_any_call_restores_eeprom() {
                         assert!(matches!(outcome, Err(Error::NotRestored { .. })), "{at}");
                     }
                 }
-                (fault, outcome) => panic!("{fault:?}: {:?}", outcome.map(|done| done.err())),
+                (fault, outcome) => panic!("{fault:?}: {:?}", outcome.map(Result::err)),
             }
         }
     }
@@ -169,7 +169,7 @@ fn step_ends_at_its_travel() {
     };
     let recorder = tune(&mut io, &plan).unwrap();
     for step in drive_model::steps(recorder.samples()) {
-        let furthest = step.way.last().unwrap().1.abs();
+        let furthest = step.travel.last().unwrap().1.abs();
         // A frame's delay at full speed.
         assert!(furthest < 20.0 + 160.0 * 0.05, "{furthest}");
     }
@@ -217,7 +217,7 @@ fn synthetic(gain: f64, dead_zone: f64, lag_s: f64, noise: f64) -> Vec<Sample> {
         for since in 0..120_u32 {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let scatter = (f64::from(seed) / f64::from(u32::MAX) - 0.5) * 2.0 * noise;
-            at = from + known.step_way(percent, f64::from(since) * 0.01) + scatter;
+            at = from + known.step_travel(percent, f64::from(since) * 0.01) + scatter;
             push(percent, at);
         }
     }

@@ -16,8 +16,7 @@ use serde::Serialize;
 use std::fs;
 use std::path::PathBuf;
 
-const QUESTION: &str =
-    "How many mm is the middle of the axle ahead of where it began, and how many to the left of the line it \
+const QUESTION: &str = "How many mm is the middle of the axle ahead of where it began, and how many to the left of the line it \
      faced there (minus: behind, to the right)? For example: 997.5,-12";
 
 #[derive(Serialize)]

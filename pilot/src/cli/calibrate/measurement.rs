@@ -1,6 +1,6 @@
 //! The steps that every calibration has: confirm, drive, measure, write.
 
-use crate::cli::args::{parse_measured, MeasureWith, Measuring};
+use crate::cli::args::{MeasureWith, Measuring, parse_measured};
 use crate::cli::connection::{Connection, Context};
 use crate::cli::tune::{apply, restore_mode};
 use crate::cli::{monitor, prompt};

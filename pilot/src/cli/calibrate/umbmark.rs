@@ -7,13 +7,12 @@ use crate::cli::tune::ending;
 use host_link::error::Error;
 use host_link::settings::Change;
 use pilot::calibrate::run::square;
-use pilot::calibrate::umbmark::{self, direction_name, Estimate, Score, SquareRun};
+use pilot::calibrate::umbmark::{self, Estimate, Score, SquareRun, direction_name};
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::ground_truth::Point;
 use serde::Serialize;
 
-const QUESTION: &str =
-    "How many mm is the middle of the axle ahead of where it began, and how many to the left (minus: \
+const QUESTION: &str = "How many mm is the middle of the axle ahead of where it began, and how many to the left (minus: \
      behind, to the right)? For example: -15,22";
 
 #[derive(Serialize)]
