@@ -54,7 +54,7 @@ pub fn build_in(
     features: &str,
 ) -> Result<PathBuf> {
     let words = "build --locked --package fw-pac --profile firmware";
-    let mut cargo = toolchain.cargo(workspace, root, words, &flags(toolchain, root));
+    let mut cargo = toolchain.cargo(workspace, root, words, &flags(workspace, toolchain, root)?);
     cargo
         .arg("--target-dir")
         .arg(target_dir)
@@ -67,7 +67,7 @@ pub fn build_in(
 
 /// The compiler's flags: the core it builds for, and a name that is the same on every machine for
 /// every path of this one.
-fn flags(toolchain: &Toolchain, root: &Path) -> Vec<String> {
+fn flags(workspace: &Workspace, toolchain: &Toolchain, root: &Path) -> Result<Vec<String>> {
     let mut names = vec![(cargo_home(), "/cargo"), (root.to_path_buf(), "/robot")];
     names.extend(toolchain.remap.iter().cloned());
     // Each registry's folder carries a hash of its address: give it a name without.
@@ -76,13 +76,22 @@ fn flags(toolchain: &Toolchain, root: &Path) -> Vec<String> {
     names.extend(registries.map(|folder| (folder.path(), "/registry")));
     // rustc takes the last prefix that fits, so the longest must come last.
     names.sort_by_key(|(from, _)| from.as_os_str().len());
-    let mut flags = vec!["-Ctarget-cpu=cortex-m4".to_owned()];
+    let mut flags = target_flags(workspace)?;
     flags.extend(
         names
             .iter()
             .map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display())),
     );
-    flags
+    Ok(flags)
+}
+
+/// The target's flags of `.cargo/config.toml`, which a plain `cargo build` takes by itself and
+/// [`Toolchain::cargo`] replaces.
+pub fn target_flags(workspace: &Workspace) -> Result<Vec<String>> {
+    let text = workspace.read(".cargo/config.toml")?;
+    let config: toml::Table = text.parse().context(".cargo/config.toml")?;
+    let flags = config["target"][TARGET]["rustflags"].clone();
+    flags.try_into().context(".cargo/config.toml: rustflags")
 }
 
 /// Where cargo keeps its registry.

@@ -168,9 +168,8 @@ fn run(cli: Cli) -> Result<ExitCode> {
             println!("demo: see {}", workspace.relative(&out));
         }
         Command::Figures { arguments } => {
-            let reference = session.build(programs::REFERENCE_CODEC)?.path;
             let elf = &session.image()?.path;
-            let out = programs::figures(workspace, elf, &reference, &arguments)?;
+            let out = programs::figures(workspace, session.toolchain()?, elf, &arguments)?;
             println!("figures: see {}", workspace.relative(&out));
         }
         Command::Bench => programs::bench(workspace, session.toolchain()?)?,

@@ -4,12 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::error::{Context, Result};
-use crate::process;
 use crate::toolchain::{Toolchain, TARGET};
 use crate::workspace::Workspace;
-
-/// The feature of the build that the figures compare with.
-pub const REFERENCE_CODEC: &str = "test-hand";
+use crate::{firmware, process};
 
 /// Drives the default room, with `more` arguments of the demo program; returns the folder it leaves.
 pub fn demo(workspace: &Workspace, elf: &Path, more: &[String]) -> Result<PathBuf> {
@@ -22,19 +19,20 @@ pub fn demo(workspace: &Workspace, elf: &Path, more: &[String]) -> Result<PathBu
     Ok(out)
 }
 
-/// Measures the release ELF, and `reference`, the same with the frame's reference codec in it, with
-/// `more` arguments of the figures program; returns the report it leaves.
+/// Measures the release ELF, and the reference codec of `tests/bench` beside it, with `more` arguments of
+/// the figures program; returns the report it leaves.
 pub fn figures(
     workspace: &Workspace,
+    toolchain: &Toolchain,
     elf: &Path,
-    reference: &Path,
     more: &[String],
 ) -> Result<PathBuf> {
+    let reference = bench_on_core(workspace, toolchain, "reference-codec")?;
     let out = workspace.target.join("figures.json");
     remove(&out)?;
     let mut figures = robot_tests(workspace, "figures")?;
     figures.arg("--elf").arg(elf).arg("--out").arg(&out);
-    figures.arg("--hand").arg(reference).args(more);
+    figures.arg("--reference").arg(reference).args(more);
     process::run(figures)?;
     Ok(out)
 }
@@ -81,18 +79,23 @@ pub fn pilot(workspace: &Workspace, elf: &Path, arguments: &[String]) -> Result<
         .unwrap_or(1))
 }
 
+/// Builds a program of `tests/bench` for the robot's core, as the firmware is built; returns its ELF.
+fn bench_on_core(workspace: &Workspace, toolchain: &Toolchain, program: &str) -> Result<PathBuf> {
+    let root = workspace.root.join("tests/bench");
+    let target = toolchain.target_dir.join("bench");
+    let words = format!("build --locked --release --bin {program}");
+    let flags = firmware::target_flags(workspace)?;
+    let mut cargo = toolchain.cargo(workspace, &root, &words, &flags);
+    cargo.arg("--target-dir").arg(&target);
+    process::run(cargo)?;
+    Ok(target.join(TARGET).join("release").join(program))
+}
+
 /// Compares the odometry with others (`tests/bench`): builds what is compared for the core and for the
 /// host, runs both and prints the table.
 pub fn bench(workspace: &Workspace, toolchain: &Toolchain) -> Result<()> {
     let root = workspace.root.join("tests/bench");
-    let target = toolchain.target_dir.join("bench");
-    let flags = ["-Ctarget-cpu=cortex-m4".to_owned()];
-    let words = "build --locked --release --bin on-core";
-    let mut on_core = toolchain.cargo(workspace, &root, words, &flags);
-    on_core.arg("--target-dir").arg(&target);
-    process::run(on_core)?;
-    let elf = target.join(TARGET).join("release/on-core");
-
+    let elf = bench_on_core(workspace, toolchain, "on-core")?;
     let target = workspace.target.join("bench");
     let mut on_host = workspace.cargo("build --locked --release --bin on-host");
     on_host.current_dir(&root).arg("--target-dir").arg(&target);

@@ -1,41 +1,29 @@
 //! Battery taps: ADC1 scans IN0 and IN1 shortly before each tick, DMA2 stream 4 takes the words. The
 //! chip's temperature sensor and voltage reference, IN18 and IN17, follow every scan as its injected
-//! group: they have registers of their own, no DMA, and nothing to disturb the taps with.
+//! group, which has registers of its own and does not disturb the taps.
 //!
 //! The sampling time is the longest, 480 cycles of 25 MHz = 19 µs a channel: the taps' dividers are
 //! 7.7 kΩ and 13 kΩ at their outputs, and DS10314 equation 1 would let 50 kΩ settle in it; the sensor
-//! and the reference want 10 µs.
+//! and the reference need 10 µs.
 
 use crate::board::{CELL_1, CELL_2, TAPS};
-use crate::dma::{control, Stream};
-use core::cell::UnsafeCell;
+use crate::dma::{control, Buffer, Stream};
+use crate::registers::Registers;
 use core::sync::atomic::{AtomicU8, Ordering};
 use fw_core::sensing::Calibration;
-use stm32f4::stm32f411 as pac;
+use stm32f4::stm32f411::{ADC1, ADC_COMMON};
 
 type Dma = Stream<2, 4>;
 
-struct Words(UnsafeCell<[u16; TAPS]>);
-
-// SAFETY: the DMA writes the words between `begin` and its completion; the program reads them only
-// once the stream says complete, and by volatile copies.
-unsafe impl Sync for Words {}
-
-static WORDS: Words = Words(UnsafeCell::new([0; TAPS]));
-
-fn registers() -> &'static pac::adc1::RegisterBlock {
-    // SAFETY: the registers are at this address for as long as the part is powered. After boot,
-    // `begin` is their only user.
-    unsafe { &*pac::ADC1::ptr() }
-}
+static WORDS: Buffer<{ 2 * TAPS }> = Buffer::new();
 
 /// Ticks from one temperature to the next: about a second, as slow as air is.
 const TEMPERATURE_TICKS: u8 = 100;
 
-/// Ticks to the next temperature, the robot's priority's own; none to the first.
+/// Ticks to the next temperature; for the robot's priority alone.
 static WAIT: AtomicU8 = AtomicU8::new(0);
 
-/// What the factory measured of this part's sensor and reference (DS10314, temperature sensor and
+/// Factory calibration words of this part's sensor and reference (DS10314, temperature sensor and
 /// internal reference voltage calibration values).
 pub fn calibration() -> Calibration {
     let word = |address: usize| {
@@ -53,12 +41,11 @@ pub fn calibration() -> Calibration {
 pub fn start() {
     CELL_1.analog();
     CELL_2.analog();
-    // SAFETY: boot runs alone; the common block belongs to the one converter there is.
-    unsafe { &*pac::ADC_COMMON::ptr() }.ccr().write(|w| {
+    ADC_COMMON::registers().ccr().write(|w| {
         w.adcpre().div4();
         w.tsvrefe().set_bit()
     });
-    let adc = registers();
+    let adc = ADC1::registers();
     adc.cr1().write(|w| {
         w.scan().set_bit();
         w.jauto().set_bit()
@@ -68,43 +55,40 @@ pub fn start() {
         w.smp1().cycles480()
     });
     adc.sqr1().write(|w| w.l().set(TAPS as u8 - 1));
-    // SAFETY: channels 0 and 1 exist.
-    adc.sqr3().write(|w| unsafe {
-        w.sq1().bits(0);
-        w.sq2().bits(1)
-    });
     adc.smpr1().write(|w| {
         w.smp17().cycles480();
         w.smp18().cycles480()
     });
-    // The last `jl` + 1 of the four places, in order.
-    // SAFETY: channels 17 and 18 exist.
-    adc.jsqr().write(|w| unsafe {
-        w.jl().bits(1);
-        w.jsq3().bits(18);
-        w.jsq4().bits(17)
-    });
+    // SAFETY: the channels exist. The injected group is the last `jl` + 1 of its four places.
+    unsafe {
+        adc.sqr3().write(|w| {
+            w.sq1().bits(0);
+            w.sq2().bits(1)
+        });
+        adc.jsqr().write(|w| {
+            w.jl().bits(1);
+            w.jsq3().bits(18);
+            w.jsq4().bits(17)
+        });
+    }
+    Dma::connect(adc.dr().as_ptr());
     adc.cr2().write(|w| w.adon().set_bit());
 }
 
-/// Starts one scan; 40 µs, and 40 more for the chip's own channels. Every scan sets the stream up anew, so an overrun or a lost request
-/// costs one scan and never swaps the taps.
+/// Starts one scan: 40 µs, and 40 more for the chip's own channels. Every scan sets the stream up anew,
+/// so an overrun or a lost request costs one scan and never swaps the taps.
 #[inline]
 pub fn begin() {
-    let adc = registers();
+    let adc = ADC1::registers();
     Dma::stop();
     adc.cr2().write(|w| w.adon().set_bit());
     // A 0 clears, OVR among them, and there is nothing to keep.
     adc.sr().reset();
-    // SAFETY: the words are static, as many as the count, and read only after completion.
-    unsafe {
-        Dma::start(
-            adc.dr().as_ptr() as u32,
-            WORDS.0.get() as u32,
-            TAPS as u16,
-            control::channel(0) | control::READ | control::HALF_WORDS | control::MEDIUM,
-        );
-    }
+    Dma::fill(
+        &WORDS,
+        TAPS as u16,
+        control::channel(0) | control::HALF_WORDS | control::MEDIUM,
+    );
     adc.cr2().write(|w| {
         w.adon().set_bit();
         w.dma().set_bit()
@@ -118,18 +102,23 @@ pub fn begin() {
 
 /// The words of the scan begun last, taps in order; `None` until it has completed.
 pub fn words() -> Option<[u16; TAPS]> {
-    // SAFETY: the stream has completed, so nobody writes the words until the next `begin`.
-    Dma::complete().then(|| unsafe { WORDS.0.get().read_volatile() })
+    Dma::complete().then(|| {
+        let [cell_1_low, cell_1_high, cell_2_low, cell_2_high] = WORDS.get();
+        [
+            u16::from_le_bytes([cell_1_low, cell_1_high]),
+            u16::from_le_bytes([cell_2_low, cell_2_high]),
+        ]
+    })
 }
 
-/// The words of the chip's temperature sensor and of its reference, once a second; for every tick.
+/// The words of the chip's temperature sensor and of its reference, once a second; called each tick.
 pub fn temperature() -> Option<(u16, u16)> {
     let wait = WAIT.load(Ordering::Relaxed);
     if wait > 0 {
         WAIT.store(wait - 1, Ordering::Relaxed);
         return None;
     }
-    let adc = registers();
+    let adc = ADC1::registers();
     // Set once both are done; `begin` clears it.
     if adc.sr().read().jeoc().bit_is_clear() {
         return None;

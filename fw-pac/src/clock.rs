@@ -12,7 +12,8 @@
 //! it is sent off again. Going on driving through the change was decided against: for its duration
 //! nobody could say how long a microsecond is.
 
-use stm32f4::stm32f411 as pac;
+use crate::registers::Registers;
+use stm32f4::stm32f411::{flash, rcc, FLASH, PWR, RCC};
 
 /// SYSCLK, AHB and APB2, hertz.
 pub const APB2_HZ: u32 = 100_000_000;
@@ -41,13 +42,12 @@ const POLLS: u32 = 2_000;
 /// Called once, at boot, on the HSI that the reset selects.
 // Requirement: DOC-2.3-1
 pub fn start() -> Option<Source> {
-    // SAFETY: boot runs alone, before any interrupt; nothing else holds these registers yet.
-    let (rcc, pwr, flash) = unsafe { (&*pac::RCC::ptr(), &*pac::PWR::ptr(), &*pac::FLASH::ptr()) };
+    let (rcc, pwr, flash) = (RCC::registers(), PWR::registers(), FLASH::registers());
     rcc.apb1enr().modify(|_, w| w.pwren().set_bit());
     // Read back: a peripheral answers two bus cycles after its clock is enabled (ES0287, 2.2.7).
     let _ = rcc.apb1enr().read();
-    // SAFETY: 0b11 is scale 1, which 100 MHz needs (RM0383, 5.4.1).
-    pwr.cr().modify(|_, w| unsafe { w.vos().bits(0b11) });
+    // 100 MHz needs scale 1 (RM0383, 5.4.1).
+    pwr.cr().modify(|_, w| w.vos().scale1());
 
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     let crystal = poll(CRYSTAL_POLLS, || rcc.cr().read().hserdy().bit_is_set());
@@ -68,7 +68,7 @@ pub fn start() -> Option<Source> {
 }
 
 /// 2 MHz into the PLL × 100 / 2; the 48 MHz output (÷ 5) is unused.
-fn lock(rcc: &pac::rcc::RegisterBlock, source: Source) -> bool {
+fn lock(rcc: &rcc::RegisterBlock, source: Source) -> bool {
     let (divider, from_crystal) = match source {
         Source::Crystal => (4, true),
         Source::Internal => (8, false),
@@ -86,7 +86,7 @@ fn lock(rcc: &pac::rcc::RegisterBlock, source: Source) -> bool {
 }
 
 /// Three wait states first (RM0383, table 5), then the bus dividers, then the switch.
-fn switch(rcc: &pac::rcc::RegisterBlock, flash: &pac::flash::RegisterBlock) -> Option<()> {
+fn switch(rcc: &rcc::RegisterBlock, flash: &flash::RegisterBlock) -> Option<()> {
     flash.acr().write(|w| {
         w.latency().ws3();
         w.prften().set_bit();
@@ -112,8 +112,7 @@ fn poll(polls: u32, ready: impl Fn() -> bool) -> bool {
 
 /// Feeds the clock to every peripheral the firmware uses.
 pub fn enable_peripherals() {
-    // SAFETY: boot runs alone, before any interrupt.
-    let rcc = unsafe { &*pac::RCC::ptr() };
+    let rcc = RCC::registers();
     rcc.ahb1enr().modify(|_, w| {
         w.gpioaen().set_bit();
         w.gpioben().set_bit();

@@ -2,22 +2,25 @@
 //!
 //! | stream | channel | carries | interrupt |
 //! |---|---|---|---|
-//! | DMA1 S0 | 1 | I2C1 RX: EEPROM → image; later the gyroscope's rate | polled at boot; complete, at the robot's priority |
-//! | DMA2 S0 | 3 | SPI1 RX: frame from the Pi | none, the chip-select's rise ends it |
+//! | DMA1 S0 | 1 | I2C1 RX: EEPROM image; later the gyroscope's rate | polled at boot; complete, at the robot's priority |
+//! | DMA2 S0 | 3 | SPI1 RX: frame from the Pi | none, ended by the rising edge of chip-select |
 //! | DMA2 S3 | 3 | SPI1 TX: frame to the Pi | none |
 //! | DMA2 S4 | 0 | ADC1: battery taps | none, read at the tick |
 //! | DMA2 S7 | 4 | USART1 TX: log | complete, at the robot's priority |
 //!
-//! All of them are in RM0383's request map (9.3.3, tables 27 and 28).
+//! All of them are in RM0383's request map (9.3.3, tables 27 and 28). Each stream has one owner, and the
+//! flag-clear registers ignore zeros, so owners of different streams do not disturb each other.
 
+use crate::registers::Registers;
+use core::cell::UnsafeCell;
 use core::sync::atomic::{fence, Ordering};
-use stm32f4::stm32f411 as pac;
+use stm32f4::stm32f411::{dma2, DMA1, DMA2};
 
 /// A stream, fixed at compile time: controller 1 or 2, stream 0 ..= 7.
 // Requirement: DOC-3.3-1, DOC-3.3-2, DOC-3.3-3
 pub struct Stream<const CONTROLLER: u8, const STREAM: usize>;
 
-/// What a stream's control register says beside its channel.
+/// Bits of a stream's control register.
 pub mod control {
     /// Stream on.
     pub const EN: u32 = 1 << 0;
@@ -25,21 +28,40 @@ pub mod control {
     pub const TEIE: u32 = 1 << 2;
     /// Interrupt when complete.
     pub const TCIE: u32 = 1 << 4;
-    /// Peripheral to memory.
-    pub const READ: u32 = 0b00 << 6;
-    /// Memory to peripheral.
-    pub const WRITE: u32 = 0b01 << 6;
+    /// Memory to peripheral; otherwise peripheral to memory.
+    pub const SEND: u32 = 0b01 << 6;
     /// The memory address advances.
     pub const MINC: u32 = 1 << 10;
     /// 16 bits at both ends.
     pub const HALF_WORDS: u32 = 0b01 << 11 | 0b01 << 13;
-    /// Before the others.
+    /// Highest priority among the streams of the controller.
     pub const VERY_HIGH: u32 = 0b11 << 16;
-    /// After the others of importance.
+    /// Second lowest priority.
     pub const MEDIUM: u32 = 0b01 << 16;
     /// The request line, 0 ..= 7.
     pub const fn channel(number: u32) -> u32 {
         number << 25
+    }
+}
+
+/// Static memory that a stream fills and the program copies.
+#[repr(align(4))]
+pub struct Buffer<const N: usize>(UnsafeCell<[u8; N]>);
+
+// SAFETY: the program reads the bytes by volatile copies alone and never holds a reference to them.
+unsafe impl<const N: usize> Sync for Buffer<N> {}
+
+impl<const N: usize> Buffer<N> {
+    /// Zeros.
+    pub const fn new() -> Self {
+        Self(UnsafeCell::new([0; N]))
+    }
+
+    /// The bytes; consistent once the stream that fills them has completed or been stopped.
+    #[inline]
+    pub fn get(&self) -> [u8; N] {
+        // SAFETY: always initialised; every pattern is a value.
+        unsafe { self.0.get().read_volatile() }
     }
 }
 
@@ -56,56 +78,66 @@ impl<const CONTROLLER: u8, const STREAM: usize> Stream<CONTROLLER, STREAM> {
     const COMPLETE: u32 = 0b10_0000 << Self::SHIFT;
 
     #[inline]
-    fn controller() -> &'static pac::dma1::RegisterBlock {
-        let address = match CONTROLLER {
-            1 => pac::DMA1::ptr(),
-            _ => pac::DMA2::ptr(),
-        };
-        // SAFETY: the controller's registers are at this address for as long as the part is
-        // powered. Each stream has one owner in this firmware, the flag-clear registers ignore the
-        // bits written as 0, so owners of different streams never disturb each other.
-        unsafe { &*address }
-    }
-
-    /// Starts `count` transfers between the data register at `peripheral` and `memory`.
-    ///
-    /// # Safety
-    /// `memory` must stay valid for `count` items, and nobody may write it (for [`control::READ`]:
-    /// touch it) until the stream has been stopped or has completed.
-    #[inline]
-    pub unsafe fn start(peripheral: u32, memory: u32, count: u16, settings: u32) {
-        // SAFETY: the caller's promise.
-        unsafe {
-            Self::connect(peripheral);
-            Self::restart(memory, count, settings);
+    fn controller() -> &'static dma2::RegisterBlock {
+        match CONTROLLER {
+            1 => DMA1::registers(),
+            _ => DMA2::registers(),
         }
     }
 
-    /// Names the peripheral's end, for every [`Self::restart`] from now on; with the stream stopped.
-    ///
-    /// # Safety
-    /// `peripheral` must be the address of a data register.
+    /// Sets the peripheral's data register by its address, for every transfer from now on; with the
+    /// stream stopped.
     #[inline]
-    pub unsafe fn connect(peripheral: u32) {
+    pub fn connect(data_register: *mut impl Sized) {
         let stream = Self::controller().st(STREAM);
-        // SAFETY: the caller's promise.
-        stream.par().write(|w| unsafe { w.bits(peripheral) });
+        // SAFETY: without EN the address has no effect; a transfer is `receive`'s responsibility.
+        unsafe { stream.par().write(|w| w.pa().bits(data_register as u32)) };
     }
 
-    /// [`Self::start`] at the peripheral connected last.
+    /// Sends `bytes`, at most 65 535, which must stay unchanged until the stream has completed or been
+    /// stopped: otherwise the peripheral gets the changed ones.
+    #[inline]
+    pub fn send(bytes: &[u8], settings: u32) {
+        // SAFETY: the stream only reads memory.
+        unsafe {
+            Self::start(
+                bytes.as_ptr() as u32,
+                bytes.len() as u16,
+                settings | control::SEND,
+            );
+        }
+    }
+
+    /// Fills `buffer` with `items` transfers of `settings`' width, at most as many as it holds.
+    #[inline]
+    pub fn fill<const N: usize>(buffer: &'static Buffer<N>, items: u16, settings: u32) {
+        let width = 1 + u16::from(settings & control::HALF_WORDS != 0);
+        // SAFETY: a static buffer made for this, and no more items than it has room for.
+        unsafe { Self::receive(buffer.0.get(), items.min(N as u16 / width), settings) };
+    }
+
+    /// Starts `items` transfers into `memory`.
     ///
     /// # Safety
-    /// As [`Self::start`]; the stream must have been connected.
+    /// `memory` must hold that many items, and the program must not touch them until the stream has
+    /// completed or been stopped.
     #[inline]
-    pub unsafe fn restart(memory: u32, count: u16, settings: u32) {
-        let controller = Self::controller();
-        let stream = controller.st(STREAM);
+    pub unsafe fn receive(memory: *mut impl Sized, items: u16, settings: u32) {
+        // SAFETY: the caller's promise.
+        unsafe { Self::start(memory as u32, items, settings) };
+    }
+
+    /// # Safety
+    /// As [`Self::receive`], where `settings` has no [`control::SEND`].
+    #[inline]
+    unsafe fn start(memory: u32, items: u16, settings: u32) {
+        let stream = Self::controller().st(STREAM);
         Self::clear();
-        // SAFETY: `settings` is composed of `control`'s fields alone and the address is the
-        // caller's promise.
+        stream.ndtr().write(|w| w.ndt().set(items));
+        // SAFETY: `settings` is composed of `control`'s fields alone and the address is the caller's
+        // promise.
         unsafe {
-            stream.m0ar().write(|w| w.bits(memory));
-            stream.ndtr().write(|w| w.bits(u32::from(count)));
+            stream.m0ar().write(|w| w.m0a().bits(memory));
             // Every store to the buffer is in memory before the stream may read it.
             fence(Ordering::SeqCst);
             stream
@@ -119,10 +151,7 @@ impl<const CONTROLLER: u8, const STREAM: usize> Stream<CONTROLLER, STREAM> {
     #[inline]
     pub fn stop() {
         let stream = Self::controller().st(STREAM);
-        // SAFETY: the register as it is, less EN.
-        stream
-            .cr()
-            .modify(|r, w| unsafe { w.bits(r.bits() & !control::EN) });
+        stream.cr().modify(|_, w| w.en().clear_bit());
         for _ in 0..64 {
             if stream.cr().read().en().bit_is_clear() {
                 break;
@@ -143,7 +172,7 @@ impl<const CONTROLLER: u8, const STREAM: usize> Stream<CONTROLLER, STREAM> {
         Self::flags() & Self::COMPLETE != 0
     }
 
-    /// Whether the bus refused an access; the stream has stopped itself.
+    /// Whether a transfer error has stopped the stream.
     #[inline]
     pub fn failed() -> bool {
         Self::flags() & Self::ERROR != 0

@@ -1,6 +1,17 @@
-//! Pins: one word of configuration each, and single-instruction set, clear and read.
+//! GPIO pins: configuration at boot, single-access set, clear and read afterwards.
+//!
+//! Running code writes BSRR and reads IDR, both single accesses. The read-modify-write of the other
+//! registers happens at boot, in the robot's priority (the two I2C pins during bus recovery) and in the
+//! final safe state.
 
-use stm32f4::stm32f411 as pac;
+use crate::registers::Registers;
+use stm32f4::stm32f411::gpioh::moder::MODE as Mode;
+use stm32f4::stm32f411::{gpioh, GPIOA, GPIOB, GPIOC};
+
+/// Output stage: push-pull, or open drain, which drives low only.
+pub use stm32f4::stm32f411::gpioh::otyper::OUTPUT_TYPE as Driver;
+/// Internal pull resistor, about 40 kΩ.
+pub use stm32f4::stm32f411::gpioh::pupdr::PULL as Pull;
 
 /// A GPIO port of the 64-pin package.
 #[derive(Clone, Copy)]
@@ -13,26 +24,6 @@ pub enum Port {
     C,
 }
 
-/// What holds an input when nobody drives it.
-#[derive(Clone, Copy)]
-pub enum Pull {
-    /// The board or the other end does.
-    None = 0b00,
-    /// About 40 kΩ to 3.3 V.
-    Up = 0b01,
-    /// About 40 kΩ to ground.
-    Down = 0b10,
-}
-
-/// How an output drives.
-#[derive(Clone, Copy)]
-pub enum Driver {
-    /// High and low.
-    PushPull = 0,
-    /// Low only.
-    OpenDrain = 1,
-}
-
 /// One pin.
 #[derive(Clone, Copy)]
 pub struct Pin {
@@ -43,46 +34,43 @@ pub struct Pin {
 impl Pin {
     /// Pin `bit` (0 ..= 15) of `port`.
     pub const fn new(port: Port, bit: u8) -> Self {
-        Self {
-            port,
-            bit: bit & 15,
-        }
+        Self { port, bit }
     }
 
-    /// All ports share one layout; the PAC types them apart for their reset values alone.
+    /// The bit number; the mask shows the compiler that it is in range.
     #[inline]
-    fn registers(self) -> &'static pac::gpioh::RegisterBlock {
+    const fn bit(self) -> u8 {
+        self.bit & 15
+    }
+
+    #[inline]
+    fn registers(self) -> &'static gpioh::RegisterBlock {
         let address = match self.port {
-            Port::A => pac::GPIOA::ptr().cast(),
-            Port::B => pac::GPIOB::ptr().cast(),
-            Port::C => pac::GPIOC::ptr(),
+            Port::A => core::ptr::from_ref(GPIOA::registers()).cast(),
+            Port::B => core::ptr::from_ref(GPIOB::registers()).cast(),
+            Port::C => GPIOC::ptr(),
         };
-        // SAFETY: the port's registers are at this address for as long as the part is powered.
-        // Running code writes BSRR and reads IDR, both single accesses; the read-modify-write of the
-        // others happens at boot, at the robot's priority (the two I2C pins, when a bus that is held
-        // is clocked out), and in the final safe state.
+        // SAFETY: all ports have one layout; the PAC types them apart for their reset values alone.
         unsafe { &*address }
     }
 
     /// Drives the pin high (releases it, open drain).
     #[inline]
     pub fn high(self) {
-        // SAFETY: every value of BSRR is defined; a set bit sets its pin and no other.
         self.registers()
             .bsrr()
-            .write(|w| unsafe { w.bits(1 << self.bit) });
+            .write(|w| w.bs(self.bit()).set_bit());
     }
 
     /// Drives the pin low.
     #[inline]
     pub fn low(self) {
-        // SAFETY: every value of BSRR is defined; bit 16 + n clears pin n and no other.
         self.registers()
             .bsrr()
-            .write(|w| unsafe { w.bits(0x1_0000 << self.bit) });
+            .write(|w| w.br(self.bit()).set_bit());
     }
 
-    /// High or low.
+    /// Drives the pin to `level`.
     #[inline]
     pub fn set(self, level: bool) {
         if level {
@@ -95,78 +83,64 @@ impl Pin {
     /// The level on the pin, whatever its function.
     #[inline]
     pub fn is_high(self) -> bool {
-        self.registers().idr().read().bits() >> self.bit & 1 != 0
+        self.registers().idr().read().bits() >> self.bit() & 1 != 0
     }
 
     /// Makes the pin an input.
     pub fn input(self, pull: Pull) {
         self.pull(pull);
-        self.mode(0b00);
+        self.mode(Mode::Input);
     }
 
     /// Makes the pin an output; set its level first.
     pub fn output(self, driver: Driver) {
         self.driver(driver);
-        self.mode(0b01);
+        self.mode(Mode::Output);
     }
 
-    /// Hands the pin to alternate function `function` (0 ..= 15), RM0383 figure 17.
+    /// Connects the pin to alternate function `function` (0 ..= 15), RM0383 figure 17.
     pub fn alternate(self, function: u8, driver: Driver, pull: Pull) {
-        let shift = u32::from(self.bit & 7) * 4;
-        let field = |old: u32| old & !(0xF << shift) | u32::from(function & 15) << shift;
         self.driver(driver);
         self.pull(pull);
         let port = self.registers();
-        // SAFETY: both registers are sixteen whole fields of four bits, each value a function.
-        unsafe {
-            if self.bit < 8 {
-                port.afrl().modify(|r, w| w.bits(field(r.bits())));
-            } else {
-                port.afrh().modify(|r, w| w.bits(field(r.bits())));
-            }
+        let (field, function) = (self.bit() & 7, function & 15);
+        if self.bit() < 8 {
+            port.afrl().modify(|_, w| w.afr(field).set(function));
+        } else {
+            port.afrh().modify(|_, w| w.afr(field).set(function));
         }
-        self.mode(0b10);
+        self.mode(Mode::Alternate);
     }
 
-    /// Disconnects the digital side for the ADC.
+    /// Disconnects the digital side, for the ADC.
     pub fn analog(self) {
-        self.pull(Pull::None);
-        self.mode(0b11);
+        self.pull(Pull::Floating);
+        self.mode(Mode::Analog);
     }
 
-    /// Edges of a few nanoseconds, for the SPI's data out.
+    /// Sets the edge rate to "fast": a few nanoseconds, for the SPI's data output.
     pub fn fast(self) {
-        // SAFETY: sixteen whole fields of two bits.
-        self.registers()
-            .ospeedr()
-            .modify(|r, w| unsafe { w.bits(self.pair(r.bits(), 0b10)) });
+        let port = self.registers();
+        port.ospeedr()
+            .modify(|_, w| w.ospeedr(self.bit()).high_speed());
     }
 
     #[inline]
-    fn mode(self, mode: u32) {
-        // SAFETY: sixteen whole fields of two bits.
-        self.registers()
-            .moder()
-            .modify(|r, w| unsafe { w.bits(self.pair(r.bits(), mode)) });
+    fn mode(self, mode: Mode) {
+        let port = self.registers();
+        port.moder()
+            .modify(|_, w| w.moder(self.bit()).variant(mode));
     }
 
     fn pull(self, pull: Pull) {
-        // SAFETY: sixteen whole fields of two bits; 0b11 is reserved and `Pull` cannot say it.
-        self.registers()
-            .pupdr()
-            .modify(|r, w| unsafe { w.bits(self.pair(r.bits(), pull as u32)) });
+        let port = self.registers();
+        port.pupdr()
+            .modify(|_, w| w.pupdr(self.bit()).variant(pull));
     }
 
     fn driver(self, driver: Driver) {
-        // SAFETY: sixteen single bits.
-        self.registers().otyper().modify(|r, w| unsafe {
-            w.bits(r.bits() & !(1 << self.bit) | (driver as u32) << self.bit)
-        });
-    }
-
-    #[inline]
-    fn pair(self, old: u32, value: u32) -> u32 {
-        let shift = u32::from(self.bit) * 2;
-        old & !(0b11 << shift) | value << shift
+        let port = self.registers();
+        port.otyper()
+            .modify(|_, w| w.ot(self.bit()).variant(driver));
     }
 }

@@ -1,21 +1,22 @@
-//! I2C1, master, 400 kHz, at boot: one blocking read by DMA, with a time-out on every step, and what
-//! frees a bus that a slave holds. After boot the interface is the gyroscope's.
+//! I2C1, master, 400 kHz, at boot: one blocking read by DMA, with a time-out on every step, and the
+//! recovery of a bus that a slave holds. After boot the interface is the gyroscope's.
 
 use crate::board::{SCL, SDA};
 use crate::clock::APB1_MHZ;
 use crate::dma::{control, Stream};
 use crate::gpio::{Driver, Pull};
+use crate::registers::Registers;
 use crate::time;
-use stm32f4::stm32f411 as pac;
+use stm32f4::stm32f411::{i2c1, I2C1};
 
 type Dma = Stream<1, 0>;
 
 /// Why a read failed.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Error {
-    /// Somebody holds SDA or SCL low.
+    /// SDA or SCL is held low.
     Busy,
-    /// Nobody acknowledged the device's address, or a byte of the register's.
+    /// No acknowledge of the device's address or of a byte of the register's.
     NoAcknowledge,
     /// A step took longer than it can, or the interface saw a misplaced edge.
     Stuck,
@@ -24,25 +25,25 @@ pub enum Error {
 /// One step of a transfer is at most two bytes, 45 µs at 400 kHz; a slave may stretch it.
 const STEP: u32 = 1_000;
 
-/// Between two looks at the DMA, microseconds.
+/// Between two polls of the DMA, microseconds.
 const POLL: u32 = 100;
 
-/// The interface.
-pub fn registers() -> &'static pac::i2c1::RegisterBlock {
-    // SAFETY: the registers are at this address for as long as the part is powered; boot, which runs
-    // alone, uses them and after it the gyroscope's driver at the robot's priority.
-    unsafe { &*pac::I2C1::ptr() }
+/// Writes CR2: the bus clock of the peripheral, and what `bits` enables.
+pub fn enable(bits: impl FnOnce(&mut i2c1::cr2::W) -> &mut i2c1::cr2::W) {
+    // SAFETY: 50 MHz is within 2 ..= 50 (RM0383, 18.6.2).
+    I2C1::registers()
+        .cr2()
+        .write(|w| bits(unsafe { w.freq().bits(APB1_MHZ) }));
 }
 
 /// Resets the interface and sets it up: fast mode, tlow/thigh 2.
 pub fn start() {
-    let i2c = registers();
-    SCL.alternate(4, Driver::OpenDrain, Pull::None);
-    SDA.alternate(4, Driver::OpenDrain, Pull::None);
+    let i2c = I2C1::registers();
+    SCL.alternate(4, Driver::OpenDrain, Pull::Floating);
+    SDA.alternate(4, Driver::OpenDrain, Pull::Floating);
     i2c.cr1().write(|w| w.swrst().set_bit());
     i2c.cr1().reset();
-    // SAFETY: 50 MHz is within 2 ..= 50 (RM0383, 18.6.2).
-    i2c.cr2().write(|w| unsafe { w.freq().bits(APB1_MHZ) });
+    enable(|w| w);
     // 3 × 42 periods of 20 ns: 397 kHz.
     // SAFETY: at least 1 in fast mode (RM0383, 18.6.8).
     i2c.ccr().write(|w| unsafe {
@@ -60,18 +61,12 @@ pub fn start() {
 /// # Errors
 /// See [`Error`]; the bus has been given a STOP where the interface still could.
 // Requirement: DOC-6-1
-pub fn read(
-    device: u8,
-    register: u16,
-    into: &'static mut [u8],
-    idle: impl FnMut(),
-) -> Result<(), Error> {
+pub fn read(device: u8, register: u16, into: &mut [u8], idle: impl FnMut()) -> Result<(), Error> {
     let result = transfer(device, register, into, idle);
-    let i2c = registers();
+    let i2c = I2C1::registers();
     Dma::stop();
     i2c.cr1().modify(|_, w| w.stop().set_bit());
-    // SAFETY: the set-up value; DMA off.
-    i2c.cr2().write(|w| unsafe { w.freq().bits(APB1_MHZ) });
+    enable(|w| w);
     if !time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear()) {
         return result.and(Err(Error::Stuck));
     }
@@ -81,10 +76,10 @@ pub fn read(
 fn transfer(
     device: u8,
     register: u16,
-    into: &'static mut [u8],
+    into: &mut [u8],
     mut idle: impl FnMut(),
 ) -> Result<(), Error> {
-    let i2c = registers();
+    let i2c = I2C1::registers();
     if !time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear()) {
         return Err(Error::Busy);
     }
@@ -98,28 +93,24 @@ fn transfer(
     step(|sr| sr.btf().bit_is_set())?;
 
     let count = u16::try_from(into.len()).map_err(|_| Error::Stuck)?;
-    // SAFETY: the buffer is static and exclusively ours; nobody looks at it before `read` has
-    // stopped the stream.
+    Dma::connect(i2c.dr().as_ptr());
+    // SAFETY: `into` is borrowed exclusively until `read` has stopped the stream.
     unsafe {
-        Dma::start(
-            i2c.dr().as_ptr() as u32,
-            into.as_mut_ptr() as u32,
+        Dma::receive(
+            into.as_mut_ptr(),
             count,
-            control::channel(1) | control::READ | control::VERY_HIGH,
+            control::channel(1) | control::VERY_HIGH,
         );
     }
     // LAST: the interface refuses the acknowledge of the DMA's last byte by itself.
-    i2c.cr2().modify(|_, w| {
-        w.dmaen().set_bit();
-        w.last().set_bit()
-    });
+    enable(|w| w.dmaen().set_bit().last().set_bit());
     address(device << 1 | 1)?;
     // 22.5 µs a byte, and as much again for stretching.
     let limit = u32::from(count) * 45 + STEP;
     let mut outcome = Ok(());
     let ended = time::wait(limit, || {
         idle();
-        time::doze(POLL);
+        time::sleep(POLL);
         let sr = i2c.sr1().read();
         if Dma::failed() || sr.berr().bit_is_set() || sr.arlo().bit_is_set() {
             outcome = Err(Error::Stuck);
@@ -131,7 +122,7 @@ fn transfer(
 
 /// START and the address byte, up to its acknowledge.
 fn address(byte: u8) -> Result<(), Error> {
-    let i2c = registers();
+    let i2c = I2C1::registers();
     i2c.cr1().modify(|_, w| {
         w.ack().set_bit();
         w.start().set_bit()
@@ -144,9 +135,9 @@ fn address(byte: u8) -> Result<(), Error> {
     Ok(())
 }
 
-/// Waits for a flag, watching for what may come instead.
-fn step(reached: impl Fn(&pac::i2c1::sr1::R) -> bool) -> Result<(), Error> {
-    let i2c = registers();
+/// Waits for a flag or an error.
+fn step(reached: impl Fn(&i2c1::sr1::R) -> bool) -> Result<(), Error> {
+    let i2c = I2C1::registers();
     let mut outcome = Err(Error::Stuck);
     time::wait(STEP, || {
         let sr = i2c.sr1().read();
@@ -167,10 +158,10 @@ fn step(reached: impl Fn(&pac::i2c1::sr1::R) -> bool) -> Result<(), Error> {
     outcome
 }
 
-/// Frees a bus on which a slave was interrupted in mid-byte: clocks it until it lets SDA go, nine
-/// times at most, then a STOP (UM10204, 3.1.16), then starts the interface anew.
+/// Frees a bus on which a slave was interrupted in mid-byte: clocks it until it releases SDA, nine
+/// times at most, then a STOP (UM10204, 3.1.16), then restarts the interface.
 pub fn recover() {
-    registers().cr1().reset();
+    I2C1::registers().cr1().reset();
     SCL.high();
     SDA.high();
     SCL.output(Driver::OpenDrain);
@@ -202,7 +193,7 @@ fn half_period() {
 }
 
 impl Error {
-    /// For the log.
+    /// Text for the log.
     pub const fn reason(self) -> &'static str {
         match self {
             Self::Busy => "I2C held low",

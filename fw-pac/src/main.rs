@@ -1,23 +1,23 @@
 //! The firmware of the STM32F411RE: registers, DMA and interrupts around `fw-core`, which decides.
 //!
-//! | module | peripheral |
+//! | module | content |
 //! |---|---|
+//! | [`registers`], [`priority`] | access to peripherals, ownership by interrupt priority |
 //! | [`clock`] | RCC, PWR, flash: 100 MHz |
 //! | [`gpio`], [`board`] | pins, and the board's names for them |
 //! | [`dma`] | one stream |
-//! | [`watchdog`] | IWDG |
+//! | [`watchdog`], [`reset`] | IWDG, reset cause |
+//! | [`time`], [`tick`] | TIM5: microseconds; tick |
 //! | [`uart`] | USART1: the log |
-//! | [`time`] | TIM5: microseconds, tick |
-//! | [`i2c`], [`eeprom`] | I2C1: the configuration |
-//! | `gyro` | I2C1 after boot: the MPU6050 |
+//! | [`i2c`], [`eeprom`], [`gyro`] | I2C1: the configuration at boot, the MPU6050 afterwards |
 //! | [`spi`] | SPI1: frames |
 //! | [`encoders`], [`motors`] | TIM2, TIM3; TIM4 and the bridges |
-//! | [`rangefinders`], [`adc`], [`leds`] | what it senses and shows |
-//! | `servo` | TIM1: where the swept rangefinder looks |
-//! | [`memory`] | what the compiler calls to copy and to fill |
-//! | [`exti`] | edges, and everybody's priority |
-//! | [`robot`] | events into the core, outputs to the registers |
-//! | [`safe`], [`fault_injection`] | where everything that must not happen ends |
+//! | [`rangefinders`], [`servo`], [`adc`], [`leds`] | sensors, TIM1, LEDs |
+//! | [`exti`] | edges |
+//! | [`app`] | events into the core, outputs to the registers |
+//! | [`interrupts`] | every handler and its priority |
+//! | [`memory`] | memcpy and memset |
+//! | [`safe_state`], [`fault_injection`] | the end of every failure |
 #![no_std]
 #![no_main]
 #![allow(
@@ -32,6 +32,7 @@ compile_error!(
 );
 
 mod adc;
+mod app;
 mod board;
 mod clock;
 mod dma;
@@ -41,36 +42,62 @@ mod exti;
 mod fault_injection;
 mod gpio;
 mod gyro;
-#[cfg(feature = "test-hand")]
-mod hand;
 mod i2c;
+mod interrupts;
 mod leds;
 mod memory;
 mod motors;
+mod priority;
 mod rangefinders;
+mod registers;
 mod reset;
-mod robot;
-mod safe;
+mod safe_state;
 mod servo;
 mod spi;
+mod tick;
 mod time;
 mod uart;
 mod watchdog;
 
+use crate::app::{App, Drivers, EncodeReply, APP};
 use crate::gpio::Driver;
+use crate::gyro::Gyro;
 use crate::motors::Motors;
+use crate::priority::{RobotLevel, Slot};
+use crate::spi::SpiSlave;
 use crate::uart::Uart;
 use clock::Source;
-use fw_core::eeprom::ConfigError;
+use fw_core::eeprom::{Config, ConfigError};
 use fw_core::log::{Level, Log};
-use fw_core::robot::Robot;
+use fw_core::robot::{Robot, Sample};
 use fw_core::types::Faults;
 use fw_core::wire::State;
+use stm32f4::stm32f411::SPI1;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    // Boot runs alone; an interrupt enabled in the NVIC only wakes it from its dozes.
+    // Boot runs alone; an interrupt enabled in the NVIC only wakes it from its naps.
     cortex_m::interrupt::disable();
+    // SAFETY: boot's one token; `interrupts::enable` takes it.
+    let mut token = unsafe { RobotLevel::new() };
+    boot(APP.borrow(&mut token));
+    interrupts::enable(token);
+    // Requirement: WIRE-ready-1
+    board::READY.high();
+    loop {
+        watchdog::feed_if_ticked();
+        cortex_m::asm::wfi();
+    }
+}
+
+/// From reset to a configured robot. Without a clock or a configuration it never returns.
+fn boot(app: &mut App) {
+    let App {
+        log,
+        image,
+        robot,
+        drivers,
+    } = app;
     clock::enable_peripherals();
     motors::force_off();
     servo::force_off();
@@ -80,36 +107,25 @@ fn main() -> ! {
     leds::start();
     leds::show(fw_core::robot::leds(State::Booting));
     let Some(source) = clock::start() else {
-        safe::halt(b"\nE: no clock, motors off\n");
+        safe_state::halt(b"\nE: no clock, motors off\n");
     };
     watchdog::feed();
     time::start();
-    // SAFETY: boot runs alone, and `log` ends with it.
-    let log = unsafe { robot::boot_log() };
     let mut uart = Uart::start();
     let restart = reset::cause();
     log.line(Level::Info, |line| {
         line.text("boot after ").text(restart.name());
     });
-    let mut idle = |log: &mut Log| {
-        watchdog::feed();
-        // SAFETY: the log is static.
-        unsafe { uart.service(log) };
-    };
 
-    // SAFETY: boot's one call.
-    let image = match unsafe { eeprom::read(log, &mut idle) } {
-        Ok(image) => image,
-        Err(error) => {
-            log.line(Level::Error, |line| {
-                line.text("no configuration: ").text(error.reason());
-            });
-            stand_by(log, idle);
-        }
-    };
+    if let Err(error) = eeprom::read(image, log, |log| idle(&mut uart, log)) {
+        log.line(Level::Error, |line| {
+            line.text("no configuration: ").text(error.reason());
+        });
+        stand_by(log, uart);
+    }
     let config = match fw_core::eeprom::decode(image) {
         Ok(config) => config,
-        Err(error) => refuse(&error, log, idle),
+        Err(error) => reject(&error, log, uart),
     };
     if usize::from(config.cells) > board::TAPS {
         log.line(Level::Warn, |line| {
@@ -118,7 +134,20 @@ fn main() -> ! {
     }
 
     encoders::start();
-    let mut robot = Robot::new(&config, cortex_m::interrupt::free(time::sample));
+    adc::start();
+    rangefinders::start();
+    if config.platform.servo {
+        servo::start();
+    }
+    let robot = build(robot, &config, cortex_m::interrupt::free(tick::sample));
+    let Drivers { spi, uart, .. } = drivers.insert(Drivers {
+        // SAFETY: boot's one call.
+        spi: SpiSlave::new(unsafe { SPI1::steal() }),
+        motors: Motors::start(),
+        gyro: Gyro::IDLE,
+        uart,
+        leds: 0,
+    });
     if source == Source::Internal {
         // Requirement: WIRE-fault-1
         robot.raise(Faults::CLOCK_FALLBACK, log);
@@ -128,70 +157,50 @@ fn main() -> ! {
         robot.raise(Faults::RESTARTED, log);
     }
     robot.calibrate(adc::calibration());
-    adc::start();
-    rangefinders::start();
-    if config.platform.servo {
-        servo::start();
-    }
-    let motors = Motors::start();
     leds::show(fw_core::robot::leds(robot.state()));
-    // SAFETY: boot's one call; the interrupts are disabled.
-    unsafe { spi::start(|reply| robot.next_reply(reply)) };
+    spi.start(|number, reply| robot.encode_reply(number, reply));
     log.line(Level::Info, |line| {
         line.text("configured, mode ").text(config.mode.name());
     });
     if config.platform.log_baud != uart::BOOT_BAUD {
-        // What has been said so far was for readers at the boot's rate.
+        // The lines so far are for readers at the boot's rate.
         time::wait(1_000_000, || {
-            idle(log);
+            idle(uart, log);
             log.pending().is_empty()
         });
         uart.set_rate(config.platform.log_baud);
     }
-    // SAFETY: the interrupts are disabled, and boot's `log` is not used again.
-    unsafe {
-        robot::install(robot::Body {
-            robot,
-            reply: 0,
-            motors,
-            leds: 0,
-            uart,
-        });
-    }
-    // SAFETY: nobody else takes the core's peripherals.
-    let mut core = unsafe { cortex_m::Peripherals::steal() };
-    exti::start(&mut core.NVIC, &mut core.SCB);
-    time::start_ticks();
-    // SAFETY: every handler's state is in place.
-    unsafe { cortex_m::interrupt::enable() };
-    // Requirement: WIRE-ready-1
-    board::READY.high();
-
-    loop {
-        watchdog::feed_if_ticked();
-        cortex_m::asm::wfi();
-    }
 }
 
-/// How long boot sleeps between two looks, microseconds: the watchdog waits 68 ms at least.
-const DOZE: u32 = 5_000;
+fn build<'a>(slot: &'a mut Slot<Robot>, config: &Config, first: Sample) -> &'a mut Robot {
+    slot.insert(Robot::new(config, first))
+}
 
-/// This configuration is not for this robot.
-fn refuse(error: &ConfigError, log: &mut Log, idle: impl FnMut(&mut Log)) -> ! {
+/// Keeps the watchdog fed and the log flowing while boot waits.
+fn idle(uart: &mut Uart, log: &mut Log) {
+    watchdog::feed();
+    uart.service(log);
+}
+
+/// Between two turns of [`stand_by`], microseconds: the watchdog waits 68 ms at least.
+const NAP: u32 = 5_000;
+
+/// Reports a configuration that is not for this robot.
+fn reject(error: &ConfigError, log: &mut Log, uart: Uart) -> ! {
     log.line(Level::Error, |line| {
         line.text("configuration rejected: ");
         error.log(line);
     });
-    stand_by(log, idle)
+    stand_by(log, uart)
 }
 
 /// READY stays low and the motors off; the log goes out. Only a reset leaves, as the Pi does after
 /// writing the EEPROM.
 // Requirement: WIRE-eeprom-3
-fn stand_by(log: &mut Log, mut idle: impl FnMut(&mut Log)) -> ! {
+fn stand_by(log: &mut Log, mut uart: Uart) -> ! {
     leds::show(fw_core::robot::leds(State::Faulted));
     loop {
-        idle(log);
-        time::doze(DOZE);
+        idle(&mut uart, log);
+        time::sleep(NAP);
     }
 }

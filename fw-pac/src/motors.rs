@@ -15,8 +15,9 @@
 use crate::board::{LEFT_EN, LEFT_IN1, LEFT_IN2, RIGHT_EN, RIGHT_IN1, RIGHT_IN2};
 use crate::clock::APB1_TIMER_HZ;
 use crate::gpio::{Driver, Pin, Pull};
+use crate::registers::Registers;
 use fw_core::types::{Duty, MotorCommand};
-use stm32f4::stm32f411 as pac;
+use stm32f4::stm32f411::TIM4;
 
 /// The enables' chopping frequency, hertz: inaudible, and within the L298's 40 kHz.
 const PWM_HZ: u32 = 20_000;
@@ -31,7 +32,7 @@ const _: () = assert!(
 /// 2 µs: the L298's slowest turn-off is 1.5 µs (source current turn-off delay, datasheet table).
 const DEAD_TIME_CYCLES: u32 = 200;
 
-/// What the pins of one motor say.
+/// Levels of one motor's direction inputs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Inputs {
     /// Both low.
@@ -42,7 +43,7 @@ enum Inputs {
     Backward,
 }
 
-/// Both bridges, and what their inputs were last told.
+/// Both bridges, with the levels last applied to their inputs.
 pub struct Motors {
     left: Inputs,
     right: Inputs,
@@ -51,7 +52,7 @@ pub struct Motors {
 impl Motors {
     /// Starts the PWM with both motors coasting.
     pub fn start() -> Self {
-        let timer = registers();
+        let timer = TIM4::registers();
         timer.ccmr2_output().write(|w| {
             w.oc3m().pwm_mode1();
             w.oc4m().pwm_mode1()
@@ -66,7 +67,7 @@ impl Motors {
         });
         timer.cr1().write(|w| w.cen().set_bit());
         for pin in [RIGHT_EN, LEFT_EN] {
-            pin.alternate(2, Driver::PushPull, Pull::None);
+            pin.alternate(2, Driver::PushPull, Pull::Floating);
         }
         Self {
             left: Inputs::Low,
@@ -74,10 +75,10 @@ impl Motors {
         }
     }
 
-    /// Drives both motors.
+    /// Applies both commands.
     // Requirement: DOC-2.3-2
     pub fn set(&mut self, left: MotorCommand, right: MotorCommand) {
-        let timer = registers();
+        let timer = TIM4::registers();
         let (left_inputs, left_duty) = decode(left);
         let (right_inputs, right_duty) = decode(right);
         let turn_left = left_inputs != self.left;
@@ -102,12 +103,6 @@ impl Motors {
         timer.ccr3().write(|w| w.ccr().set(right_duty));
         timer.ccr4().write(|w| w.ccr().set(left_duty));
     }
-}
-
-fn registers() -> &'static pac::tim4::RegisterBlock {
-    // SAFETY: the registers are at this address for as long as the part is powered; `Motors` is
-    // their one user until the safe state takes them over for good.
-    unsafe { &*pac::TIM4::ptr() }
 }
 
 /// Inputs and compare value: 0 never rises, `PERIOD` (one above the reload) never falls.
@@ -147,8 +142,8 @@ fn apply(inputs: Inputs, in1: Pin, in2: Pin) {
     }
 }
 
-/// The motors' pins as the reset should have left them: enables and inputs low, driven. The first
-/// thing boot does and the first thing every failure does; needs no more than the ports' clocks.
+/// Drives the enables and the inputs low, whatever the timer does: the first action of boot and of the
+/// safe state. Needs only the ports' clocks.
 pub fn force_off() {
     for pin in [RIGHT_EN, LEFT_EN, RIGHT_IN1, RIGHT_IN2, LEFT_IN1, LEFT_IN2] {
         pin.low();

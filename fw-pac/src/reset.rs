@@ -1,41 +1,41 @@
-//! Why the part was reset (RM0383, 6.3.21).
+//! Reset cause (RM0383, 6.3.21).
 
-use stm32f4::stm32f411 as pac;
+use crate::registers::Registers;
+use stm32f4::stm32f411::RCC;
 
-/// The most telling of the flags.
+/// Reset cause, the most specific of the flags.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// Power came up.
+    /// Power-on or brown-out.
     Power,
     /// NRST: the Pi or the button.
     Pin,
-    /// The independent watchdog: the firmware hung or ended in the safe state.
+    /// A watchdog: the firmware hung or ended in the safe state.
     Watchdog,
-    /// The firmware itself, in the safe state with a dead watchdog, or a debugger.
+    /// Software: the safe state without a working watchdog, or a debugger.
     Software,
 }
 
 impl Cause {
-    /// For the log.
+    /// Text for the log.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Power => "power-on",
             Self::Pin => "reset by pin",
-            Self::Watchdog => "the watchdog's reset",
-            Self::Software => "its own reset",
+            Self::Watchdog => "watchdog reset",
+            Self::Software => "software reset",
         }
     }
 
-    /// Whether the firmware failed before.
+    /// Whether the firmware failed before the reset.
     pub const fn is_fault(self) -> bool {
         matches!(self, Self::Watchdog | Self::Software)
     }
 }
 
-/// Reads the cause and clears it for the next time.
+/// Reads the cause and clears the flags.
 pub fn cause() -> Cause {
-    // SAFETY: boot runs alone.
-    let rcc = unsafe { &*pac::RCC::ptr() };
+    let rcc = RCC::registers();
     let flags = rcc.csr().read();
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
     // Every internal reset pulls the pin too, so the pin comes last.

@@ -4,24 +4,19 @@ use crate::board::{RX, TX};
 use crate::clock::APB2_HZ;
 use crate::dma::{control, Stream};
 use crate::gpio::{Driver, Pull};
-use crate::{robot, time};
+use crate::registers::Registers;
+use crate::time;
 use fw_core::log::Log;
-use stm32f4::stm32f411 as pac;
-use stm32f4::stm32f411::interrupt;
+use stm32f4::stm32f411::USART1;
 
 type Dma = Stream<2, 7>;
 
-/// What the log is read at until the configuration is known, baud.
+/// The log's rate until the configuration is known, baud.
 pub const BOOT_BAUD: u32 = 115_200;
 
-fn registers() -> &'static pac::usart1::RegisterBlock {
-    // SAFETY: the registers are at this address for as long as the part is powered; `Uart` is their
-    // one user until the safe state sends its last words by polling.
-    unsafe { &*pac::USART1::ptr() }
-}
-
-/// The transmitter, and how much of the log it has in hand.
+/// The transmitter.
 pub struct Uart {
+    /// Bytes of the log that the DMA is sending.
     sending: usize,
 }
 
@@ -29,10 +24,11 @@ impl Uart {
     /// Starts the transmitter at [`BOOT_BAUD`].
     // Requirement: WIRE-log-4
     pub fn start() -> Self {
-        TX.alternate(7, Driver::PushPull, Pull::Up);
-        RX.alternate(7, Driver::PushPull, Pull::Up);
+        TX.alternate(7, Driver::PushPull, Pull::PullUp);
+        RX.alternate(7, Driver::PushPull, Pull::PullUp);
         set_baud(BOOT_BAUD);
-        let usart = registers();
+        let usart = USART1::registers();
+        Dma::connect(usart.dr().as_ptr());
         usart.cr3().write(|w| w.dmat().set_bit());
         usart.cr1().write(|w| {
             w.ue().set_bit();
@@ -41,14 +37,12 @@ impl Uart {
         Self { sending: 0 }
     }
 
-    /// Retires what has been sent and sends on. Never waits; works polled or from the interrupt.
-    ///
-    /// # Safety
-    /// `log` must be the same one in the same place for good: the DMA reads it.
-    pub unsafe fn service(&mut self, log: &mut Log) {
+    /// Retires what has been sent and starts the next transfer. Never waits; polled at boot, called by
+    /// the stream's interrupt and after each event later. The log keeps pending bytes unchanged.
+    pub fn service(&mut self, log: &mut Log) {
         if self.sending > 0 {
             if Dma::failed() {
-                // The stream stopped at a word the bus refused: give the rest up, not the log.
+                // The transfer error has stopped the stream: drop the rest of these bytes.
                 Dma::stop();
             } else if !Dma::complete() {
                 return;
@@ -58,25 +52,11 @@ impl Uart {
             Dma::clear();
         }
         let pending = log.pending();
-        let count = pending.len().min(usize::from(u16::MAX));
-        if count > 0 {
-            // TC must tell of this transfer's end, not of the one before (RM0383, 19.3.13); a 1
-            // leaves the other flags alone.
-            // SAFETY: a 1 never sets a flag.
-            registers()
-                .sr()
-                .write(|w| unsafe { w.bits(u16::MAX) }.tc().clear_bit());
-            // SAFETY: the bytes lie in the log, which stays where it is (the caller's promise) and
-            // keeps pending bytes unchanged until `sent` retires them.
-            unsafe {
-                Dma::start(
-                    registers().dr().as_ptr() as u32,
-                    pending.as_ptr() as u32,
-                    count as u16,
-                    control::channel(4) | control::WRITE | control::TCIE | control::TEIE,
-                );
-            }
-            self.sending = count;
+        if !pending.is_empty() {
+            // TC must show the end of this transfer, not of the one before (RM0383, 19.3.13).
+            USART1::registers().sr().write(|w| w.tc().clear_bit());
+            Dma::send(pending, control::channel(4) | control::TCIE | control::TEIE);
+            self.sending = pending.len();
         }
     }
 
@@ -84,7 +64,8 @@ impl Uart {
     // Requirement: WIRE-log-4
     pub fn set_rate(&mut self, baud: u32) {
         if self.sending == 0 {
-            time::wait(10_000, || registers().sr().read().tc().bit_is_set());
+            let usart = USART1::registers();
+            time::wait(10_000, || usart.sr().read().tc().bit_is_set());
         }
         set_baud(baud);
     }
@@ -96,17 +77,18 @@ fn set_baud(baud: u32) {
         .checked_div(baud)
         .unwrap_or(APB2_HZ / BOOT_BAUD)
         .clamp(16, 0xFFFF);
-    // SAFETY: 12 bits of mantissa and 4 of fraction, at least 1.0 (RM0383, 19.3.4).
-    registers()
-        .brr()
-        .write(|w| unsafe { w.bits(divider as u16) });
+    // 12 bits of mantissa and 4 of fraction, at least 1.0 (RM0383, 19.3.4).
+    USART1::registers().brr().write(|w| {
+        w.div_mantissa().set((divider >> 4) as u16);
+        w.div_fraction().set((divider & 15) as u8)
+    });
 }
 
 /// Sends `text` without DMA or interrupts, for the safe state. Bounded: gives up where the
-/// transmitter does not take a byte, as when boot has not come to starting it.
-pub fn last_words(text: &[u8]) {
+/// transmitter does not take a byte, as before boot has started it.
+pub fn write_blocking(text: &[u8]) {
     Dma::stop();
-    let usart = registers();
+    let usart = USART1::registers();
     for byte in text {
         // A character of 115200 baud takes 87 µs = 8700 cycles, a poll at least 5.
         for _ in 0..4_000 {
@@ -116,9 +98,4 @@ pub fn last_words(text: &[u8]) {
         }
         usart.dr().write(|w| w.dr().set(u16::from(*byte)));
     }
-}
-
-#[interrupt]
-fn DMA2_STREAM7() {
-    robot::log_sent();
 }

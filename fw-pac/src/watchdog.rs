@@ -1,27 +1,22 @@
-//! The independent watchdog (RM0383, 15): the last thing that still works when nothing else does.
+//! The independent watchdog (RM0383, 15).
 //!
-//! It runs from its own oscillator and is fed only by `main`'s loop, and only when the
-//! robot's tick has completed since the last feeding: a dead tick, a handler that never returns, and
-//! a main loop that never runs all end in a reset, and a reset is motors off.
+//! It runs from its own oscillator. After boot only the idle loop feeds it, and only if a tick has
+//! completed since: a lost tick, a handler that does not return and an idle loop that does not run all
+//! end in a reset, which turns the motors off.
 
+use crate::registers::Registers;
 use core::sync::atomic::{AtomicBool, Ordering};
-use stm32f4::stm32f411 as pac;
+use stm32f4::stm32f411::IWDG;
 
 /// Counts of the LSI divided by 16: 100 ms at the typical 32 kHz, 68 to 188 ms over its tolerance.
 const RELOAD: u16 = 200;
 
-/// The robot's priority has completed a tick since the last feeding.
+/// A tick has completed since the last feeding.
 static TICKED: AtomicBool = AtomicBool::new(false);
 
-fn registers() -> &'static pac::iwdg::RegisterBlock {
-    // SAFETY: the registers are at this address for as long as the part is powered; after boot only
-    // the single store of the key remains.
-    unsafe { &*pac::IWDG::ptr() }
-}
-
-/// Starts it; there is no way to stop it again.
+/// Starts the watchdog; only a reset stops it.
 pub fn start() {
-    let watchdog = registers();
+    let watchdog = IWDG::registers();
     watchdog.kr().write(|w| w.key().start());
     watchdog.kr().write(|w| w.key().unlock());
     watchdog.pr().write(|w| w.pr().divide_by16());
@@ -36,17 +31,17 @@ pub fn start() {
     feed();
 }
 
-/// Gives another 100 ms. At boot the bounded waits call it; afterwards [`feed_if_ticked`] alone.
+/// Restarts the 100 ms; after boot only by [`feed_if_ticked`].
 pub fn feed() {
-    registers().kr().write(|w| w.key().feed());
+    IWDG::registers().kr().write(|w| w.key().feed());
 }
 
-/// The tick's half of the feeding.
+/// Reports a completed tick.
 pub fn ticked() {
     TICKED.store(true, Ordering::Release);
 }
 
-/// The main loop's half of the feeding.
+/// Feeds if a tick has completed since the last feeding; for the idle loop.
 // Requirement: WIRE-safe-2
 pub fn feed_if_ticked() {
     if TICKED.swap(false, Ordering::AcqRel) {

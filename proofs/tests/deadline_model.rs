@@ -1,5 +1,5 @@
 //! T8, every order of the clock, the ticks and the frames around the stop deadline: the core's own
-//! supervisor, handed what the interrupts stamped, as `fw-pac/src/robot.rs` does.
+//! supervisor, handed what the interrupts stamped, as `fw-pac/src/app.rs` does.
 //!
 //! A frame's end and a tick are stamped when they happen and wait, one of each, until the robot comes to
 //! them; then the older goes first. What must follow is worked out at once, when they happen, from the

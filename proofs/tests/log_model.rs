@@ -1,5 +1,5 @@
 //! T13, every interleaving of whoever writes the log and of what sends it: the core's own queue between
-//! the robot's priority and the DMA of USART1, as `fw-pac/src/uart.rs` and `fw-pac/src/robot.rs` use it.
+//! the robot's priority and the DMA of USART1, as `fw-pac/src/uart.rs` and `fw-pac/src/app.rs` use it.
 //!
 //! The queue is the code's own. The transmitter is a model of `Uart::service`: registers cannot run here.
 //! Its steps are that function's accesses to a register or to the queue, one by one; before and

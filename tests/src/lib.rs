@@ -5,12 +5,12 @@
 //! | [`test_board`] | the release ELF on the virtual board, and its wires byte by byte |
 //! | [`io_faults`] | wires on which a chosen call goes wrong |
 //! | [`reference`] | EEPROM images and frames written by hand from the document's tables |
-//! | [`speed`] | how fast frames may come, for how long, and what a torn one costs |
+//! | [`throughput`] | how fast frames may come, for how long, and what a torn one costs |
 //! | [`stack`] | how much of its stack the firmware has used |
 #![forbid(unsafe_code)]
 
 pub mod io_faults;
 pub mod reference;
-pub mod speed;
 pub mod stack;
 pub mod test_board;
+pub mod throughput;

@@ -60,11 +60,8 @@ pub fn demo(session: &Session) -> Result<Outcome> {
 
 pub fn figures(session: &Session) -> Result<Outcome> {
     let out = session.workspace.target.join("figures.json");
-    let (elf, reference) = (
-        &session.image()?.path,
-        session.build(programs::REFERENCE_CODEC)?.path,
-    );
-    let ran = programs::figures(&session.workspace, elf, &reference, &[]);
+    let elf = &session.image()?.path;
+    let ran = programs::figures(&session.workspace, session.toolchain()?, elf, &[]);
     let (bars, report) = check_report(session, "figures", &out, ran)?;
     let (used, worst) = check_stack_use(session, &report)?;
     let figure = |key| report.figure(key).unwrap_or(f64::NAN);

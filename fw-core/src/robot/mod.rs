@@ -109,6 +109,7 @@ pub struct Robot {
 impl Robot {
     /// A configured robot, standing, its pose zero: `first` is where the counters stand now.
     // Requirement: DOC-3.2-1
+    #[inline(never)]
     #[must_use]
     pub fn new(config: &Config, first: Sample) -> Self {
         let platform = &config.platform;

@@ -1,4 +1,4 @@
-//! How fast frames may come, for how long, and what a torn one costs.
+//! The link's throughput: sustained frame rates, a long run, and what a torn frame costs.
 
 use std::error::Error;
 
@@ -11,35 +11,39 @@ use crate::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
 use crate::test_board::{Rig, TIM5_CCR1};
 
 /// The tick's period, nanoseconds.
-pub const TICK_NS: u64 = 10_000_000;
-/// From the chip-select's fall to the first clock, and from the last to its rise, nanoseconds.
-pub const SETUP_NS: u64 = 1_000;
+const TICK_NS: u64 = 10_000_000;
+/// From the fall of chip-select to the first clock, and from the last to its rise, nanoseconds.
+const SETUP_NS: u64 = 1_000;
 /// Shortest pause between two frames, nanoseconds.
-pub const GAP_NS: u64 = 20_000;
+const GAP_NS: u64 = 20_000;
 /// Bytes of a Normal frame.
-pub const NORMAL: u64 = 19;
-/// Cells of the battery here: replies walk through them, so an odd and large number shows one that
-/// came twice and one that never came.
+const NORMAL: u64 = 19;
+/// Frame rates tried by [`sustained`], frames a second.
+const RATES: [u64; 9] = [
+    2_000, 5_000, 8_000, 10_000, 12_000, 16_000, 20_000, 24_000, 28_000,
+];
+/// Cells of the battery: replies take them in turn, so a large odd number shows a repeated and a missing
+/// reply.
 const CELLS: u8 = 7;
 
-/// What a long run at a high rate showed.
+/// Result of [`long_run`].
 #[derive(Clone, Copy, Debug)]
-pub struct Endurance {
+pub struct LongRun {
     /// Frames sent.
     pub frames: u64,
     /// Frames rejected or overrun, and replies that were repeated, left out or not whole.
     pub lost: u64,
-    /// Replies that carried the data of a tick before the last but one.
+    /// Replies with data older than the last tick but one.
     pub stale: u64,
-    /// Ticks that passed meanwhile.
-    pub ticks: u64,
     /// The oldest data of a reply at the fall of its chip-select, microseconds since their tick.
     pub oldest_us: f64,
-    /// Worst distance of two ticks from the period, microseconds: without a frame, and under them.
-    pub jitter_us: (f64, f64),
+    /// Worst distance of two ticks from the period, microseconds.
+    pub jitter_us: f64,
+    /// The same before the first frame.
+    pub jitter_without_frames_us: f64,
 }
 
-/// A robot in a corridor so long that it can drive straight on for the whole run.
+/// A robot in a corridor long enough to drive straight on for the whole run.
 fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
     let mut image = image_in_mode(0);
     image[0x0203] = CELLS;
@@ -70,47 +74,39 @@ fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
     }
 }
 
-/// Frames at a fixed period.
+/// The shortest period of Normal frames at a clock of `hz`, nanoseconds.
 #[must_use]
-pub fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<Step> {
-    let bits = Step::bytes(frame, hz);
-    let rest = period.saturating_sub(2 * SETUP_NS + bits.duration());
-    (0..count)
-        .flat_map(|_| {
-            [
-                Step::Select(true),
-                Step::Wait(SETUP_NS),
-                bits.clone(),
-                Step::Wait(SETUP_NS),
-                Step::Select(false),
-                Step::Wait(rest),
-            ]
-        })
-        .collect()
+pub fn shortest_period(hz: u64) -> u64 {
+    2 * SETUP_NS + NORMAL * 8_000_000_000 / hz + GAP_NS
 }
 
-/// When the ticks were, and when the chip-select fell.
-fn times(events: &[Event]) -> (Vec<u64>, Vec<u64>) {
-    let at = |wanted: fn(&What) -> bool| {
-        let found = events.iter().filter(move |event| wanted(&event.what));
-        found.map(|event| event.at_ns).collect()
-    };
-    (
-        at(|what| {
-            matches!(
-                what,
-                What::Wrote {
-                    address: TIM5_CCR1,
-                    ..
-                }
-            )
-        }),
-        at(|what| *what == What::Select(true)),
-    )
+/// Frames at a fixed period.
+fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<Step> {
+    let bits = Step::bytes(frame, hz);
+    let rest = period.saturating_sub(2 * SETUP_NS + bits.duration());
+    let one = [
+        Step::Select(true),
+        Step::Wait(SETUP_NS),
+        bits,
+        Step::Wait(SETUP_NS),
+        Step::Select(false),
+        Step::Wait(rest),
+    ];
+    (0..count).flat_map(|_| one.clone()).collect()
+}
+
+/// The times of the events that `wanted` selects, nanoseconds.
+fn times(events: &[Event], wanted: fn(&What) -> bool) -> Vec<u64> {
+    let found = events.iter().filter(|event| wanted(&event.what));
+    found.map(|event| event.at_ns).collect()
+}
+
+fn is_tick(what: &What) -> bool {
+    matches!(what, What::Wrote { address, .. } if *address == TIM5_CCR1)
 }
 
 /// The worst distance of two neighbours from the tick's period, microseconds.
-fn jitter_us(ticks: &[u64]) -> f64 {
+fn worst_jitter_us(ticks: &[u64]) -> f64 {
     let worst = ticks
         .windows(2)
         .map(|pair| (pair[1] - pair[0]).abs_diff(TICK_NS))
@@ -120,22 +116,72 @@ fn jitter_us(ticks: &[u64]) -> f64 {
     worst / 1000.0
 }
 
+/// The worst distance of two ticks from their period under back-to-back frames at 8 MHz, microseconds.
+///
+/// # Errors
+/// Where the emulation ends.
+pub fn jitter_us(rig: &Rig) -> Result<f64, Box<dyn Error>> {
+    rig.board.follow_writes(TIM5_CCR1);
+    let period = shortest_period(8_000_000);
+    let frame = normal_frame(500_000, 0, 0, true);
+    for _ in 0..20 {
+        let steps = burst(&frame, 8_000_000, period, 50_000_000 / period);
+        rig.board.spi_raw(steps)?;
+    }
+    Ok(worst_jitter_us(&times(&rig.board.take_events(), is_tick)))
+}
+
+/// The highest frame rate at a clock of `hz` at which `lossless(hz, rate)` holds.
+///
+/// # Errors
+/// Where `lossless` fails.
+pub fn sustained(
+    hz: u64,
+    lossless: impl Fn(u64, u64) -> Result<bool, Box<dyn Error>>,
+) -> Result<u64, Box<dyn Error>> {
+    let mut best = 0;
+    for rate in RATES {
+        if 1_000_000_000 / rate < shortest_period(hz) || !lossless(hz, rate)? {
+            break;
+        }
+        best = rate;
+    }
+    Ok(best)
+}
+
+/// Whether a second of frames passes without one lost, rejected, repeated or torn, driving meanwhile.
+///
+/// # Errors
+/// Where the emulation ends.
+pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
+    let frame = normal_frame(500_000, 0, 0, true);
+    let mut last = None;
+    for _ in 0..10 {
+        let steps = burst(&frame, hz, 1_000_000_000 / rate, rate / 10);
+        for bytes in pack(&rig.board.spi_raw(steps)?).chunks(frame.len()) {
+            let reply = NormalReply::of(bytes);
+            // The cells take turns: the same one again is an old reply.
+            let fresh = last.replace(reply.cell) != Some(reply.cell);
+            if reply.key != KEY_STM || reply.not_used || reply.cell > 1 || !fresh {
+                return Ok(false);
+            }
+        }
+    }
+    rig.board.run_us(50_000);
+    let log = rig.log();
+    Ok(!log.contains("rejected") && !log.contains("lost") && !rig.motors_off())
+}
+
 /// `rate` Normal frames a second at a clock of `hz` for `seconds` virtual seconds, driving straight on
 /// meanwhile so that every tick's data is new.
 ///
 /// # Errors
 /// Where the robot does not start or does not drive.
-pub fn endurance(
-    elf: &[u8],
-    hz: u64,
-    rate: u64,
-    seconds: u64,
-) -> Result<Endurance, Box<dyn Error>> {
+pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun, Box<dyn Error>> {
     let rig = in_a_corridor(elf)?;
     rig.board.follow_writes(TIM5_CCR1);
     rig.board.run_us(2_000_000);
-    let (ticks, _) = times(&rig.board.take_events());
-    let quiet = jitter_us(&ticks);
+    let quiet = worst_jitter_us(&times(&rig.board.take_events(), is_tick));
 
     let frame = normal_frame(20_000_000, 0, 0, true);
     let _ = rig.keep_sending(&frame, 1_500_000);
@@ -162,18 +208,22 @@ pub fn endurance(
             .map_or(0.0, |reply| f64::from(reply.x) / 1000.0);
         behind_us = behind_us.max((truth.pose.x_mm - reported) / speed * 1e6);
     }
-    let (ticks, falls) = times(&rig.board.take_events());
+    let events = rig.board.take_events();
+    let (ticks, falls) = (
+        times(&events, is_tick),
+        times(&events, |what| *what == What::Select(true)),
+    );
     // A tick, and some for the odometry's error.
     if falls.len() != replies.len() || behind_us > 12_500.0 {
         return Err(format!("{} frames, {behind_us} µs behind", falls.len()).into());
     }
-    let mut seen = Endurance {
+    let mut seen = LongRun {
         frames: replies.len() as u64,
         lost: 0,
         stale: 0,
-        ticks: ticks.len() as u64,
         oldest_us: 0.0,
-        jitter_us: (quiet, jitter_us(&ticks)),
+        jitter_us: worst_jitter_us(&ticks),
+        jitter_without_frames_us: quiet,
     };
     follow(&replies, &falls, &ticks, &mut seen);
     rig.board.run_us(2_100_000);
@@ -182,9 +232,9 @@ pub fn endurance(
 }
 
 /// Goes through the replies. The robot drives, so every tick has a pose of its own and a pose that a
-/// reply shows for the first time is that of the last tick before it: this is what [`endurance`] checks
+/// reply shows for the first time is that of the last tick before it: this is what [`long_run`] checks
 /// against the truth ten times a second.
-fn follow(replies: &[NormalReply], falls: &[u64], ticks: &[u64], seen: &mut Endurance) {
+fn follow(replies: &[NormalReply], falls: &[u64], ticks: &[u64], seen: &mut LongRun) {
     let mut before: Option<&NormalReply> = None;
     // Of the pose shown: the number of its tick.
     let mut of_tick = None;
@@ -221,9 +271,9 @@ fn dropped(log: &str) -> u64 {
     dropped
 }
 
-/// Torn frames and what they took with them.
+/// Result of [`torn_frames`].
 #[derive(Clone, Copy, Debug)]
-pub struct Tears {
+pub struct TornFrames {
     /// Frames torn: one after every number of bits that is not the whole frame.
     pub torn: u64,
     /// Frames lost, the torn ones included.
@@ -234,11 +284,11 @@ pub struct Tears {
 ///
 /// # Errors
 /// Where the robot does not start.
-pub fn tears(elf: &[u8], hz: u64, rate: u64) -> Result<Tears, Box<dyn Error>> {
+pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> Result<TornFrames, Box<dyn Error>> {
     let rig = in_a_corridor(elf)?;
     rig.board.run_us(100_000);
     let frame = normal_frame(0, 0, 0, false);
-    let mut seen = Tears { torn: 0, lost: 0 };
+    let mut seen = TornFrames { torn: 0, lost: 0 };
     let mut before = None;
     for bits in 0..8 * frame.len() {
         let Step::Bits { mut mosi, .. } = Step::bytes(&frame, hz) else {

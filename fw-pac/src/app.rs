@@ -1,0 +1,210 @@
+//! Everything the robot's priority owns, and its event loop: slots in, core, registers out.
+//!
+//! `PendSV`, the log's DMA and the I2C interrupts share priority 2, so none preempts another; higher
+//! priorities store into slots and never touch what is here.
+
+use crate::gyro::Gyro;
+use crate::motors::Motors;
+use crate::priority::{Owned, Slot};
+use crate::rangefinders::{self, Echo};
+use crate::spi::{Claim, SpiSlave};
+use crate::uart::Uart;
+use crate::{adc, fault_injection, leds, servo, tick, watchdog};
+use core::sync::atomic::{AtomicU32, Ordering};
+use cortex_m::interrupt::free;
+use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::log::Log;
+use fw_core::robot::{Robot, Sample};
+use fw_core::wire::MAX_FRAME;
+
+/// What the robot's priority owns.
+pub static APP: Owned<2, App> = Owned::new(App {
+    log: Log::new(),
+    image: [0; IMAGE_LEN],
+    robot: Slot::EMPTY,
+    drivers: Slot::EMPTY,
+});
+
+/// See [`APP`].
+pub struct App {
+    /// The log, in use from the first moment of boot.
+    pub log: Log,
+    /// The EEPROM's bytes, for boot.
+    pub image: Image,
+    /// Every decision; constructed in place by boot once there is a configuration.
+    pub robot: Slot<Robot>,
+    /// The robot's drivers, from the same moment on.
+    pub drivers: Slot<Drivers>,
+}
+
+/// What turns the robot's outputs into registers.
+// Requirement: DOC-3.2-2
+pub struct Drivers {
+    /// The link to the Pi.
+    pub spi: SpiSlave,
+    /// Both bridges.
+    pub motors: Motors,
+    /// The gyroscope's bus.
+    pub gyro: Gyro,
+    /// The log's transmitter.
+    pub uart: Uart,
+    /// The LEDs' pattern shown last.
+    pub leds: u8,
+}
+
+/// An event for the robot.
+enum Event<'a> {
+    Echo(Echo),
+    Frame(Claim<'a>),
+    Tick(Sample),
+}
+
+/// An echo, or else the older of a frame and a tick, so that the core's clock never runs backwards. Both
+/// are compared and one is taken within one masked stretch, and handlers store theirs within another, so
+/// none with an earlier time comes in between.
+#[inline]
+fn next_event(spi: &mut SpiSlave) -> Option<Event<'_>> {
+    free(|token| {
+        if let Some(echo) = rangefinders::take(token) {
+            return Some(Event::Echo(echo));
+        }
+        let tick_first = match (spi.ended_at(token), tick::latched_at(token)) {
+            (Some(frame), Some(tick)) => tick.since(frame) > u32::MAX / 2,
+            (frame, _) => frame.is_none(),
+        };
+        if tick_first {
+            tick::take(token).map(Event::Tick)
+        } else {
+            spi.claim(token).map(Event::Frame)
+        }
+    })
+}
+
+impl App {
+    /// Handles every pending event, then the log.
+    #[inline]
+    pub fn process_events(&mut self) {
+        let (Some(robot), Some(drivers)) = (self.robot.get(), self.drivers.get()) else {
+            return;
+        };
+        let log = &mut self.log;
+        while let Some(event) = next_event(&mut drivers.spi) {
+            match event {
+                Event::Echo(Echo { which, rise, fall }) => robot.on_echo(which, rise, fall),
+                Event::Frame(frame) => on_frame(robot, frame, log),
+                Event::Tick(sample) => drivers.on_tick(robot, sample, log),
+            }
+        }
+        drivers.uart.service(log);
+    }
+
+    /// The log's transfer has ended.
+    pub fn service_log(&mut self) {
+        if let Some(drivers) = self.drivers.get() {
+            drivers.uart.service(&mut self.log);
+        }
+    }
+
+    /// Passes an interrupt of the gyroscope's bus on.
+    pub fn on_gyro(&mut self, handle: fn(&mut Gyro)) {
+        if let Some(drivers) = self.drivers.get() {
+            handle(&mut drivers.gyro);
+        }
+    }
+}
+
+/// A frame ended: parsed, then answered.
+#[inline]
+fn on_frame(robot: &mut Robot, mut frame: Claim, log: &mut Log) {
+    exchange(robot, &mut frame, log);
+    let lost = frame.lost;
+    frame.answer();
+    if lost > 0 {
+        robot.on_lost_frames(lost, log);
+    }
+}
+
+/// A frame's effect and its reply, without a register. Its own symbol, so that its instructions can be
+/// counted.
+// Requirement: DOC-5-3
+#[inline(never)]
+#[export_name = "robot_frame"]
+fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
+    let number = frame.reply.due;
+    let (clocked, at) = (frame.clocked(), frame.at());
+    let (bytes, reply) = frame.buffers();
+    robot.on_frame(bytes, clocked, at, log);
+    robot.encode_reply(number, reply);
+}
+
+impl Drivers {
+    /// Builds the due reply anew, from the newest data.
+    // Requirement: WIRE-spi-6
+    fn refresh_reply(&mut self, robot: &mut Robot) {
+        let mut buffer = self.spi.free_tx_buffer();
+        let number = buffer.due;
+        robot.encode_reply(number, buffer.bytes());
+        buffer.submit(number);
+    }
+
+    /// Builds the reply for a frame that ends while the robot is busy: the one after the due reply, or the
+    /// due one where a frame has ended and still awaits the robot.
+    fn prepare_standby(&mut self, robot: &mut Robot) {
+        let mut buffer = self.spi.free_tx_buffer();
+        let number = buffer.due.wrapping_add(u32::from(!buffer.transmitted));
+        robot.encode_reply(number, buffer.bytes());
+        buffer.submit(number);
+    }
+
+    /// The 100 Hz tick. Its own symbol, so that its instructions can be counted.
+    #[inline(never)]
+    #[export_name = "robot_tick"]
+    fn on_tick(&mut self, robot: &mut Robot, sample: Sample, log: &mut Log) {
+        self.prepare_standby(robot);
+        let request = robot.on_gyro(self.gyro.take(), log);
+        self.gyro.begin(request);
+        let words = adc::words();
+        let taps = words.as_ref().map_or(&[][..], |words| &words[..]);
+        let outputs = robot.on_tick(sample, taps, log);
+        self.motors.set(outputs.left, outputs.right);
+        if outputs.leds != self.leds {
+            self.leds = outputs.leds;
+            leds::show(outputs.leds);
+        }
+        if let Some(width) = outputs.servo {
+            servo::pulse(width);
+        }
+        if let Some(which) = outputs.trigger {
+            rangefinders::trigger(which);
+        }
+        if let Some((sensor, reference)) = adc::temperature() {
+            robot.on_temperature(sensor, reference, log);
+        }
+        self.refresh_reply(robot);
+        watchdog::ticked();
+        fault_injection::tick();
+    }
+}
+
+/// The reply as a function of its number.
+pub trait EncodeReply {
+    /// Writes reply `number`, counted from 1; returns its length.
+    fn encode_reply(&mut self, number: u32, out: &mut [u8; MAX_FRAME]) -> usize;
+}
+
+impl EncodeReply for Robot {
+    fn encode_reply(&mut self, number: u32, out: &mut [u8; MAX_FRAME]) -> usize {
+        static CURRENT: AtomicU32 = AtomicU32::new(0);
+        let mut current = CURRENT.load(Ordering::Relaxed);
+        while number.wrapping_sub(current) > 1 {
+            self.reply_gone();
+            current = current.wrapping_add(1);
+        }
+        CURRENT.store(current, Ordering::Relaxed);
+        if number == current {
+            self.refresh_reply(out)
+        } else {
+            self.following_reply(out)
+        }
+    }
+}

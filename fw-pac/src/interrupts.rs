@@ -1,0 +1,96 @@
+//! The interrupt handlers and their priorities.
+//!
+//! | priority | handler | does |
+//! |---|---|---|
+//! | −2, −1 | NMI, HardFault, and any unexpected interrupt | [`crate::safe_state`], for good |
+//! | 0 | EXTI4 | end of a frame: swaps the SPI's buffers |
+//! | 1 | TIM5, EXTI0, EXTI9_5, EXTI15_10 | latch the tick, time the echoes |
+//! | 2 | PendSV, DMA2_STREAM7, I2C1_EV, I2C1_ER, DMA1_STREAM0 | the robot: frames, echoes, ticks, log, gyroscope |
+//! | thread | `main` | feeds the watchdog, sleeps |
+
+use crate::app::APP;
+use crate::gyro::Gyro;
+use crate::priority::{Capture, FrameEnd, RobotLevel};
+use crate::{exti, rangefinders, spi, tick, time};
+use cortex_m::peripheral::scb::SystemHandler;
+use cortex_m::peripheral::{Peripherals, NVIC, SCB};
+use cortex_m_rt::exception;
+use fw_core::types::RangefinderId;
+use stm32f4::stm32f411::{interrupt, Interrupt};
+
+/// Defines the handlers, each with the token of its priority, and `enable_all`, which sets exactly
+/// these priorities.
+macro_rules! handlers {
+    ($($name:ident: $priority:ident => $body:expr;)*) => {
+        $(
+            #[interrupt]
+            fn $name() {
+                // SAFETY: `enable_all` gives this handler this priority.
+                let mut token = unsafe { $priority::new() };
+                let body: fn(&mut $priority) = $body;
+                body(&mut token);
+            }
+        )*
+
+        /// One store after the other and no loop: `cargo xtask stack` reads the levels from them.
+        fn enable_all(nvic: &mut NVIC) {
+            $(
+                // SAFETY: interrupts are masked, and the tokens' owners are in place.
+                unsafe { nvic.set_priority(Interrupt::$name, $priority::NVIC) };
+                // Boot's polling leaves some of them pending.
+                NVIC::unpend(Interrupt::$name);
+                // SAFETY: as above.
+                unsafe { NVIC::unmask(Interrupt::$name) };
+            )*
+        }
+    };
+}
+
+// Requirement: DOC-3.1-1
+handlers! {
+    EXTI4: FrameEnd => |token| {
+        let at = time::now();
+        exti::clear(exti::FRAME);
+        spi::end_frame(at, &token.critical_section());
+        SCB::set_pendsv();
+    };
+    TIM5: Capture => |_| tick::on_timer();
+    EXTI0: Capture => |_| on_edge(RangefinderId::Right, exti::ECHO_RIGHT);
+    EXTI9_5: Capture => |_| on_edge(RangefinderId::Front, exti::ECHO_FRONT);
+    EXTI15_10: Capture => |_| on_edge(RangefinderId::Left, exti::ECHO_LEFT);
+    DMA2_STREAM7: RobotLevel => |token| APP.borrow(token).service_log();
+    I2C1_EV: RobotLevel => |token| APP.borrow(token).on_gyro(Gyro::on_event);
+    I2C1_ER: RobotLevel => |token| APP.borrow(token).on_gyro(Gyro::on_error);
+    DMA1_STREAM0: RobotLevel => |token| APP.borrow(token).on_gyro(Gyro::on_received);
+}
+
+#[inline]
+fn on_edge(which: RangefinderId, line: u8) {
+    let at = time::now();
+    exti::clear(line);
+    rangefinders::on_edge(which, at);
+}
+
+// Requirement: DOC-2.1-6
+#[exception]
+fn PendSV() {
+    // SAFETY: `enable` gives this handler this priority.
+    let mut token = unsafe { RobotLevel::new() };
+    APP.borrow(&mut token).process_events();
+}
+
+/// Enables every interrupt. Takes the token with which boot used what is the handlers' from here on.
+pub fn enable(_: RobotLevel) {
+    // SAFETY: interrupts are masked; no one else uses the core's peripherals.
+    let mut core = unsafe { Peripherals::steal() };
+    exti::start();
+    // SAFETY: as `enable_all`.
+    unsafe {
+        core.SCB
+            .set_priority(SystemHandler::PendSV, RobotLevel::NVIC);
+    }
+    enable_all(&mut core.NVIC);
+    tick::start();
+    // SAFETY: what every handler uses is in place.
+    unsafe { cortex_m::interrupt::enable() };
+}

@@ -1,0 +1,91 @@
+//! Ownership by interrupt priority, checked by the compiler.
+//!
+//! A handler gets the token of its priority from `interrupts::handlers!`, and only that token opens what
+//! belongs to the priority. Handlers of one priority never preempt each other, so there is one borrow at
+//! a time. Boot, which runs with interrupts masked, holds the robot's token until it enables them.
+
+use core::cell::UnsafeCell;
+use core::marker::PhantomData;
+use core::mem::MaybeUninit;
+use cortex_m::interrupt::CriticalSection;
+
+/// Proof of running at NVIC priority `LEVEL`, the lower the more urgent. Zero-sized, not to be copied
+/// and not to be sent to another priority.
+pub struct Priority<const LEVEL: u8>(PhantomData<*mut ()>);
+
+/// The end of an SPI frame: preempted by nothing but the safe state.
+pub type FrameEnd = Priority<0>;
+/// Timestamps of ticks and echoes.
+pub type Capture = Priority<1>;
+/// Everything that touches the robot's state.
+pub type RobotLevel = Priority<2>;
+
+impl<const LEVEL: u8> Priority<LEVEL> {
+    /// The number in the NVIC's registers: four bits are implemented, at the top.
+    pub const NVIC: u8 = LEVEL << 4;
+
+    /// # Safety
+    /// Within a handler of this priority, once; or in boot with interrupts masked, once.
+    pub const unsafe fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl FrameEnd {
+    /// The highest priority is as good as masked.
+    #[inline]
+    #[allow(clippy::unused_self, reason = "the token is the proof")]
+    pub fn critical_section(&self) -> CriticalSection {
+        // SAFETY: only what ends in the safe state preempts it.
+        unsafe { CriticalSection::new() }
+    }
+}
+
+/// A static that priority `LEVEL` owns.
+pub struct Owned<const LEVEL: u8, T>(UnsafeCell<T>);
+
+// SAFETY: `borrow` is the only access and needs the token, of which one exists at a time.
+unsafe impl<const LEVEL: u8, T> Sync for Owned<LEVEL, T> {}
+
+impl<const LEVEL: u8, T> Owned<LEVEL, T> {
+    /// The static's first value.
+    pub const fn new(value: T) -> Self {
+        Self(UnsafeCell::new(value))
+    }
+
+    /// The value, for as long as the token is borrowed.
+    #[inline]
+    pub fn borrow<'a>(&'static self, _: &'a mut Priority<LEVEL>) -> &'a mut T {
+        // SAFETY: the token is borrowed exclusively for 'a, and a static has one address.
+        unsafe { &mut *self.0.get() }
+    }
+}
+
+/// A value that boot constructs in place; all zeros until then, so that it needs no flash.
+pub struct Slot<T> {
+    value: MaybeUninit<T>,
+    present: bool,
+}
+
+impl<T> Slot<T> {
+    /// Without a value.
+    pub const EMPTY: Self = Self {
+        value: MaybeUninit::uninit(),
+        present: false,
+    };
+
+    /// Stores a value, without dropping an earlier one.
+    #[inline]
+    pub fn insert(&mut self, value: T) -> &mut T {
+        self.present = true;
+        self.value.write(value)
+    }
+
+    /// The value, once there is one.
+    #[inline]
+    pub fn get(&mut self) -> Option<&mut T> {
+        // SAFETY: `present` follows the first `insert`.
+        self.present
+            .then(|| unsafe { self.value.assume_init_mut() })
+    }
+}
