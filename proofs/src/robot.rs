@@ -148,7 +148,7 @@ crate::properties! {
     }
     property T14 blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) {
         cases ["as late as can be", "at full drive", "too little to tell"];
-        needs [accepted_configuration_is_bounded, broken_wheel_is_noticed_in_time];
+        needs [accepted_configuration_is_bounded, broken_wheel_is_detected_in_time];
         sampled 20_000;
     }
     property T8 robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) {

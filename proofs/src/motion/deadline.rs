@@ -1,7 +1,6 @@
-//! T8: silence stops the robot, and only an explicit word starts it again.
+//! T8: silence stops the robot, and only an explicit command restarts it.
 //!
-//! A supervisor is brought into every state it can be in by a fresh frame, an order, a fault and a
-//! tick of any kind at any time; then what must follow is demanded.
+//! A fresh frame, a fault and a tick of any kind and time reach every state of a supervisor.
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{Intent, Permit, Supervisor};
@@ -11,22 +10,22 @@ use crate::input::{Input, Source};
 use crate::property::Seen;
 use fw_core::types::{Faults, Micros};
 
-/// Ticks come at least this often, microseconds: half the clock's range. The control tick is timed
-/// by hardware every 10 ms, and the watchdog resets what does not tick.
+/// Largest time between ticks, microseconds: half the clock's range. The hardware's tick is 10 ms, and
+/// the watchdog enforces it.
 pub const TICKS_WITHIN: u32 = 1 << 31;
 
-/// What may have happened to a supervisor before.
+/// History of a supervisor.
 #[derive(Clone, Copy, Debug)]
 pub struct Past {
     /// The configured deadline, ms.
     pub deadline: u16,
     /// A first fresh frame.
     pub first: Option<Intent>,
-    /// When it came.
+    /// Its time.
     pub at: Micros,
     /// Faults raised.
     pub faults: Faults,
-    /// A tick after that time.
+    /// A tick so many microseconds after it.
     pub tick: Option<u32>,
 }
 
@@ -66,8 +65,8 @@ impl Past {
     }
 }
 
-/// After a fresh frame at any time, whatever else happened, the first tick at or after the deadline
-/// brakes, says so, and latches why; wherever the clock wraps.
+/// After a fresh frame, the first tick at or after the deadline brakes and latches the fault, for any
+/// history and across the clock's wrap.
 // Requirement: WIRE-deadline-1
 pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
@@ -96,17 +95,16 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
         .case(2, fresh.after(silence).0 < fresh.0)
 }
 
-/// Once stopped, nothing but a fresh frame lets it move again: no tick at any time, however many and
-/// however the clock stands, and no fault.
+/// A stop ends only with a fresh frame: not with any tick, clock value or fault.
 // Requirement: WIRE-deadline-2
-pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) -> Seen {
+pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, requested: bool) -> Seen {
     let mut supervisor = past.supervisor();
     if !supervisor.halted() {
         return Seen::NOTHING;
     }
     let first = supervisor.on_tick(one, true, true);
     supervisor.raise(raised);
-    let second = supervisor.on_tick(two, wanted, true);
+    let second = supervisor.on_tick(two, requested, true);
     assert!(first == Permit::Brake && second == Permit::Brake);
     assert!(supervisor.halted());
     assert!(supervisor.faults() & raised == raised);
@@ -116,33 +114,38 @@ pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: 
         .case(2, supervisor.state() == State::Faulted)
 }
 
-/// A stopped robot moves again only when a fresh frame says so in words: apply, 0 % or resume; and
-/// never while a blocking fault is latched.
+/// A stop ends only with an explicit command in a fresh frame (apply, 0 % or resume), and never while a
+/// blocking fault is latched.
 // Requirement: WIRE-deadline-2
-pub fn only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) -> Seen {
+pub fn only_an_explicit_command_resumes(
+    past: Past,
+    fresh: Micros,
+    intent: Intent,
+    after: u32,
+) -> Seen {
     let mut supervisor = past.supervisor();
     if !supervisor.halted() {
         return Seen::NOTHING;
     }
     supervisor.on_fresh(fresh, intent);
     let permit = supervisor.on_tick(fresh.after(after), true, true);
-    let word = match intent.order {
+    let command = match intent.order {
         Order::Resume => true,
         Order::None => intent.resumes,
         Order::Stop => false,
     };
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
-    if !word || blocked {
+    if !command || blocked {
         assert!(permit == Permit::Brake);
     }
     Seen::NOTHING
         .case(0, permit == Permit::Drive)
-        .case(1, !word)
-        .case(2, word && blocked)
+        .case(1, !command)
+        .case(2, command && blocked)
 }
 
-/// A blocking fault brakes, and having it cleared before the next tick does not undo that: it takes
-/// a word, as after any stop.
+/// A blocking fault brakes even if it is cleared before the next tick: like any stop it ends with an
+/// explicit command.
 // Requirement: WIRE-status-1
 pub fn fault_brakes_even_if_cleared_at_once(
     past: Past,
@@ -168,7 +171,7 @@ pub fn fault_brakes_even_if_cleared_at_once(
         .case(1, supervisor.state() == State::Stopped)
 }
 
-/// A frame that comes too late does not undo the stop, even before the tick that would have noticed.
+/// A frame after the deadline does not undo the stop, even before the next tick.
 // Requirement: WIRE-deadline-2
 pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
@@ -189,7 +192,7 @@ pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32
         .case(1, supervisor.state() == State::Faulted)
 }
 
-/// Until the deadline a healthy link lets the robot drive: the stop is no accident waiting to happen.
+/// Frames within the deadline never stop the robot.
 pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) -> Seen {
     let allowed = u32::from(deadline) * 1000;
     let apply = Intent {
@@ -219,13 +222,13 @@ crate::properties! {
         kani proof [unwind(4)];
         sampled 500_000;
     }
-    theorem T8 stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, wanted: bool) {
+    theorem T8 stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, requested: bool) {
         cases ["for a lost link", "stopped", "faulted"];
         kani proof [unwind(4)];
         sampled 500_000;
     }
-    theorem T8 only_a_word_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) {
-        cases ["resumed", "no word", "a word against a fault"];
+    theorem T8 only_an_explicit_command_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) {
+        cases ["resumed", "no command", "a command against a fault"];
         kani proof [unwind(4)];
         sampled 500_000;
     }

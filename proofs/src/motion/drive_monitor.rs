@@ -1,14 +1,14 @@
-//! T14: a wheel that does not do what it is told is noticed in time, and one that does never is.
+//! T14: a wheel that does not follow its command is detected in time, a healthy one never accused.
 //!
-//! What a wheel must do is written out here once more, without the code's windows and lags:
+//! The specification, independent of the code's windows and lags:
 //!
-//! - It is *driven* by what its duty has beyond the dead zone. It *stands* while it turns by less than
-//!   1/128 turn, it turns *back* where it turns by more than that against its duty.
-//! - Told at least 25 % beyond its dead zone, one way, a wheel that stands or turns back is noticed
-//!   within [`FROM_REST`] ticks of a start, within [`WHILE_DRIVING`] where the duty has not changed for
-//!   some time, and within [`AFTER_ANYTHING`] whatever it was told before.
-//! - Never without [`WINDOW`] ticks in a row in each of which it was told 20 % at least, one way; after
-//!   a start, however it was driven before, never within [`EARLIEST`].
+//! - A wheel is *driven* by its duty beyond the dead zone. It *stands* while it turns by less than 1/128
+//!   turn; it is *reversed* where it turns by more than that against its duty.
+//! - Driven by at least 25 % in one direction, a wheel that stands or is reversed is detected within
+//!   [`FROM_REST`] ticks of a start, within [`WHILE_DRIVING`] if the drive was constant before, and within
+//!   [`AFTER_ANYTHING`] in any case.
+//! - Never without [`WINDOW`] consecutive ticks driven by at least 20 % in one direction; after a start
+//!   never within [`EARLIEST`].
 
 use fw_core::eeprom::Platform;
 use fw_core::motion::DriveMonitor;
@@ -18,33 +18,33 @@ use crate::input::{Input, Source};
 use crate::property::Seen;
 use fw_core::types::{Delta, Duty, Faults, MotorCommand, MotorCommands};
 
-/// Ticks without which nothing is said of a wheel that stands: half a second.
+/// Fewest ticks before a standing wheel is judged: half a second.
 pub const WINDOW: u8 = 50;
-/// Ticks from a start to the fault, at least: full drive needs 13 to count.
+/// Fewest ticks from a start to the fault: full drive passes the lags in 13.
 pub const EARLIEST: u8 = 62;
-/// Ticks from a start to the fault, at most.
+/// Most ticks from a start to the fault.
 pub const FROM_REST: u8 = 95;
-/// Ticks to the fault where the wheel has been driven like that for a second, at most.
+/// Most ticks to the fault after a second of the same drive.
 pub const WHILE_DRIVING: u8 = 99;
-/// Ticks to the fault at most, even against full drive the other way.
+/// Most ticks to the fault, even after full drive in the other direction.
 pub const AFTER_ANYTHING: u8 = 127;
-/// Duty beyond the dead zone from which on these times hold, hundredths of a percent.
+/// Smallest drive for which these times hold, hundredths of a percent.
 pub const DRIVEN: i32 = 2500;
-/// Duty beyond the dead zone below which nothing is ever said of a wheel that stands.
+/// Drive below which a standing wheel is never judged.
 pub const IDLE: i32 = 2000;
 
-/// The wheels' figures of a platform.
+/// The monitor's parameters of a platform.
 #[derive(Clone, Copy, Debug)]
-pub struct Figures {
+pub struct Parameters {
     /// Encoder counts of a turn.
     pub turn: u16,
     /// Hundredths of a percent.
     pub dead_zones: [u16; 2],
-    /// A positive duty drives backwards.
+    /// A positive duty drives backward.
     pub reversed: [bool; 2],
 }
 
-impl Input for Figures {
+impl Input for Parameters {
     fn draw(source: &mut impl Source) -> Self {
         Self {
             turn: Input::draw(source),
@@ -54,7 +54,7 @@ impl Input for Figures {
     }
 }
 
-impl Figures {
+impl Parameters {
     fn of(platform: &Platform) -> Self {
         Self {
             turn: platform.counts_per_turn,
@@ -63,7 +63,7 @@ impl Figures {
         }
     }
 
-    fn watch(self) -> DriveMonitor {
+    fn monitor(self) -> DriveMonitor {
         DriveMonitor::new(&Platform {
             counts_per_turn: self.turn,
             dead_zone_left: self.dead_zones[0],
@@ -74,17 +74,17 @@ impl Figures {
         })
     }
 
-    /// Counts of 1/128 turn: a wheel that turns by less stands.
+    /// Counts of 1/128 turn.
     fn least(self) -> i32 {
         i32::from(self.turn / 128).max(2)
     }
 
-    /// Counts of a tenth of a turn: more in a tick is a jump.
+    /// Counts of a tenth of a turn.
     fn most(self) -> i32 {
         i32::from(self.turn / 10).max(10)
     }
 
-    /// What a wheel is driven by, forward positive: its duty beyond the dead zone.
+    /// Duty of a wheel beyond the dead zone, forward positive.
     fn beyond(self, wheel: usize, drive: MotorCommand) -> i32 {
         let MotorCommand::Run(duty) = drive else {
             return 0;
@@ -113,39 +113,39 @@ impl Figures {
 const STALLED: [Faults; 2] = [Faults::LEFT_STALLED, Faults::RIGHT_STALLED];
 const REVERSED: [Faults; 2] = [Faults::LEFT_REVERSED, Faults::RIGHT_REVERSED];
 
-/// Both wheels, of which one does something and the other rests.
+/// Command and motion of one wheel; the other one rests.
 fn one_of(wheel: usize, drive: MotorCommand, counts: i32) -> (MotorCommands, Delta) {
-    let (mut told, mut delta) = (MotorCommands::BRAKE, Delta::default());
+    let (mut command, mut delta) = (MotorCommands::BRAKE, Delta::default());
     if wheel == 0 {
-        (told.left, delta.left) = (drive, counts);
+        (command.left, delta.left) = (drive, counts);
     } else {
-        (told.right, delta.right) = (drive, counts);
+        (command.right, delta.right) = (drive, counts);
     }
-    (told, delta)
+    (command, delta)
 }
 
-/// An encoder that jumps is noticed in that tick, whatever was before, and nothing else is a jump: more
-/// than a tenth of a turn. Nothing overflows for any duties, counts and figures.
+/// An encoder jump is reported in its tick, and nothing but more than a tenth of a turn is a jump. No
+/// overflow for any commands, counts and parameters.
 // Requirement: WIRE-status-3
-pub fn jump_is_noticed_at_once(
-    figures: Figures,
+pub fn jump_is_detected_at_once(
+    parameters: Parameters,
     before: (MotorCommands, (i32, i32)),
-    told: MotorCommands,
+    command: MotorCommands,
     counts: (i32, i32),
 ) -> Seen {
-    let mut watch = figures.watch();
+    let mut monitor = parameters.monitor();
     let delta = |(left, right): (i32, i32)| Delta {
         left,
         right,
         ..Delta::default()
     };
     let (first, rolled) = before;
-    let _ = watch.step(&first, &delta(rolled));
-    let faults = watch.step(&told, &delta(counts));
-    let most = figures.most().unsigned_abs();
+    let _ = monitor.step(&first, &delta(rolled));
+    let faults = monitor.step(&command, &delta(counts));
+    let most = parameters.most().unsigned_abs();
     let jumps = counts.0.unsigned_abs() > most || counts.1.unsigned_abs() > most;
     assert!(faults.intersects(Faults::ENCODER_JUMP) == jumps);
-    // Two ticks say nothing about a wheel that stands.
+    // Two ticks are too few to judge a wheel.
     assert!(faults.difference(Faults::ENCODER_JUMP).is_empty());
     Seen::NOTHING
         .case(0, jumps)
@@ -153,11 +153,11 @@ pub fn jump_is_noticed_at_once(
         .case(2, counts.0 == i32::MIN)
 }
 
-/// What happens to both wheels for a while, 5 bytes each time: how long, and each wheel's duty and counts.
-type Whiles = [u8; 60];
+/// Phases of 5 bytes: duration, and each wheel's duty and counts.
+type Phases = [u8; 60];
 
-impl Figures {
-    /// A duty, often one near what decides.
+impl Parameters {
+    /// A command, often near a threshold.
     fn some_duty(self, wheel: usize, byte: u8) -> MotorCommand {
         let sign = if byte & 1 == 0 { 1 } else { -1 };
         match byte >> 1 {
@@ -169,12 +169,12 @@ impl Figures {
         }
     }
 
-    /// Counts of a tick, often such that a window's sum is near what decides.
+    /// Counts of a tick, often with a window's sum near a threshold.
     fn some_counts(self, byte: u8, tick: u8) -> i32 {
         let sign = if byte & 1 == 0 { 1 } else { -1 };
         let least = self.least();
         let share = |sum: i32| {
-            // `sum` in [`WINDOW`] ticks, as even as whole counts can be.
+            // `sum` distributed evenly over [`WINDOW`] ticks.
             let (tick, window) = (i32::from(tick % WINDOW), i32::from(WINDOW));
             sum * (tick + 1) / window - sum * tick / window
         };
@@ -189,25 +189,25 @@ impl Figures {
     }
 }
 
-/// What must be so for a wheel to be accused: [`WINDOW`] ticks in a row of one way.
+/// Precondition of a fault: [`WINDOW`] consecutive ticks in one direction.
 #[derive(Clone, Debug, Default)]
 struct Witness {
-    /// Which way it was told [`IDLE`] at least, without a break.
-    way: i32,
-    /// Counts this way since then, after each tick.
+    /// Direction in which it is driven by [`IDLE`] at least, without interruption.
+    direction: i32,
+    /// Counts in this direction since then, after each tick.
     sums: Vec<i64>,
 }
 
 impl Witness {
-    /// A tick, and the sum of the window that ends with it if it was driven that long.
+    /// One tick: the sum of the window that ends with it, if it is complete.
     fn step(&mut self, beyond: i32, counts: i32) -> Option<i64> {
-        if beyond.abs() < IDLE || beyond.signum() != self.way {
+        if beyond.abs() < IDLE || beyond.signum() != self.direction {
             self.sums.clear();
-            self.way = beyond.signum();
+            self.direction = beyond.signum();
         }
         if beyond.abs() >= IDLE {
             let before = self.sums.last().copied().unwrap_or_default();
-            self.sums.push(before + i64::from(counts * self.way));
+            self.sums.push(before + i64::from(counts * self.direction));
         }
         let last = self.sums.last()?;
         let begin = self.sums.len().checked_sub(usize::from(WINDOW))?;
@@ -216,25 +216,24 @@ impl Witness {
     }
 }
 
-/// Nothing is said of a wheel that does what it is told: a wheel is accused of standing only if it was
-/// told 20 % beyond its dead zone, one way, in each of the last 50 ticks and turned by less than 1/128
-/// turn in them; of turning back only if it turned by that much the other way. Whatever both wheels
-/// are told and do, for as long as one likes.
+/// A wheel is reported as stalled only if it was driven by at least 20 % in one direction in each of the
+/// last 50 ticks and turned by less than 1/128 turn in them; as reversed only if it turned by that in
+/// the other direction. For any commands and motions of both wheels.
 // Requirement: WIRE-status-3
-pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) -> Seen {
-    let figures = Figures::of(&config.0.platform);
-    let mut watch = figures.watch();
+pub fn healthy_wheel_raises_no_fault(config: AcceptedConfig, phases: Phases) -> Seen {
+    let parameters = Parameters::of(&config.0.platform);
+    let mut monitor = parameters.monitor();
     let mut witnesses = [Witness::default(), Witness::default()];
-    let least = i64::from(figures.least());
-    let (mut seen, mut exonerated) = (Faults::NONE, false);
-    for event in whiles.chunks_exact(5) {
-        for tick in 0..event[0] {
-            let told = [1, 3].map(|at| figures.some_duty(at / 2, event[at]));
-            let counts = [2, 4].map(|at| figures.some_counts(event[at], tick));
-            let faults = watch.step(
+    let least = i64::from(parameters.least());
+    let (mut seen, mut just_enough) = (Faults::NONE, false);
+    for phase in phases.chunks_exact(5) {
+        for tick in 0..phase[0] {
+            let command = [1, 3].map(|at| parameters.some_duty(at / 2, phase[at]));
+            let counts = [2, 4].map(|at| parameters.some_counts(phase[at], tick));
+            let faults = monitor.step(
                 &MotorCommands {
-                    left: told[0],
-                    right: told[1],
+                    left: command[0],
+                    right: command[1],
                 },
                 &Delta {
                     left: counts[0],
@@ -243,7 +242,7 @@ pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) ->
                 },
             );
             for wheel in 0..2 {
-                let beyond = figures.beyond(wheel, told[wheel]);
+                let beyond = parameters.beyond(wheel, command[wheel]);
                 let sum = witnesses[wheel].step(beyond, counts[wheel]);
                 if faults.intersects(STALLED[wheel]) {
                     assert!(sum.is_some_and(|sum| -least < sum && sum < least));
@@ -251,9 +250,9 @@ pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) ->
                 if faults.intersects(REVERSED[wheel]) {
                     assert!(sum.is_some_and(|sum| sum <= -least));
                 }
-                exonerated |= sum == Some(least);
+                just_enough |= sum == Some(least);
             }
-            let jumps = counts.iter().any(|counts| counts.abs() > figures.most());
+            let jumps = counts.iter().any(|counts| counts.abs() > parameters.most());
             assert!(faults.intersects(Faults::ENCODER_JUMP) == jumps);
             seen |= faults;
         }
@@ -262,15 +261,15 @@ pub fn healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) ->
         .case(0, seen.intersects(Faults::LEFT_STALLED))
         .case(1, seen.intersects(Faults::RIGHT_REVERSED))
         .case(2, seen.intersects(Faults::ENCODER_JUMP))
-        .case(3, exonerated)
+        .case(3, just_enough)
 }
 
-/// What a wheel did before it broke.
+/// History of a wheel before its failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Past {
-    /// Anything, and then it was braked or let go for a tick: this is a start.
+    /// Anything, then braked or coasting for a tick: a start.
     Rest,
-    /// It was driven as it is now for a second, and turned.
+    /// The same drive for a second, turning.
     Driving,
     /// Anything.
     Anything,
@@ -286,70 +285,70 @@ impl Past {
     }
 }
 
-/// A wheel that stands, or whose encoder does, is noticed in time, and so is one that turns the wrong
-/// way: within [`FROM_REST`], [`WHILE_DRIVING`] or [`AFTER_ANYTHING`] ticks, as its past was, and its
-/// encoder may tremble. From a start never within [`EARLIEST`].
+/// A blocked or reversed wheel or a dead encoder is reported within [`FROM_REST`], [`WHILE_DRIVING`] or
+/// [`AFTER_ANYTHING`] ticks, depending on its history, even with jitter of the encoder; from a start
+/// never within [`EARLIEST`].
 // Requirement: WIRE-status-3
-pub fn broken_wheel_is_noticed_in_time(
+pub fn broken_wheel_is_detected_in_time(
     config: AcceptedConfig,
     past: (u8, [u8; 15]),
     beyond: u16,
     forward: bool,
     broken: (bool, [u8; 16]),
 ) -> Seen {
-    let mut figures = Figures::of(&config.0.platform);
-    let (kind, whiles) = past;
+    let mut parameters = Parameters::of(&config.0.platform);
+    let (kind, phases) = past;
     let wheel = usize::from(kind & 1);
-    // A wheel that can be driven that much.
-    figures.dead_zones[wheel] = figures.dead_zones[wheel].min(7500);
-    let room = 10_000 - i32::from(figures.dead_zones[wheel]);
-    let way = if forward { 1 } else { -1 };
-    let beyond = way * (DRIVEN + i32::from(beyond) % (room - DRIVEN + 1));
-    let drive = figures.duty(wheel, beyond);
-    assert!(figures.beyond(wheel, drive) == beyond);
+    // A dead zone that leaves enough duty.
+    parameters.dead_zones[wheel] = parameters.dead_zones[wheel].min(7500);
+    let room = 10_000 - i32::from(parameters.dead_zones[wheel]);
+    let direction = if forward { 1 } else { -1 };
+    let beyond = direction * (DRIVEN + i32::from(beyond) % (room - DRIVEN + 1));
+    let drive = parameters.duty(wheel, beyond);
+    assert!(parameters.beyond(wheel, drive) == beyond);
     let past = match kind >> 1 & 3 {
         0 => Past::Rest,
         1 => Past::Driving,
         _ => Past::Anything,
     };
-    let mut watch = figures.watch();
+    let mut monitor = parameters.monitor();
     let mut step = |drive: MotorCommand, counts: i32| {
-        let (told, delta) = one_of(wheel, drive, counts);
-        watch.step(&told, &delta)
+        let (command, delta) = one_of(wheel, drive, counts);
+        monitor.step(&command, &delta)
     };
     if past == Past::Driving {
-        // A healthy wheel, and the fault anywhere in the code's window.
-        for _ in 0..100 + usize::from(whiles[0]) {
-            assert!(step(drive, way * figures.least()).is_empty());
+        // A healthy wheel, with the failure anywhere in the code's window.
+        for _ in 0..100 + usize::from(phases[0]) {
+            assert!(step(drive, direction * parameters.least()).is_empty());
         }
     } else {
-        for event in whiles.chunks_exact(3) {
-            for tick in 0..event[0] {
-                let drive = figures.some_duty(wheel, event[1]);
-                let _ = step(drive, figures.some_counts(event[2], tick));
+        for phase in phases.chunks_exact(3) {
+            for tick in 0..phase[0] {
+                let drive = parameters.some_duty(wheel, phase[1]);
+                let _ = step(drive, parameters.some_counts(phase[2], tick));
             }
         }
     }
     if past == Past::Rest {
         let _ = step(
-            [MotorCommand::Brake, MotorCommand::Coast][usize::from(whiles[0] & 1)],
+            [MotorCommand::Brake, MotorCommand::Coast][usize::from(phases[0] & 1)],
             0,
         );
     }
-    let (back, tremble) = broken;
+    let (back, jitter) = broken;
     let expected = if back {
         REVERSED[wheel]
     } else {
         STALLED[wheel]
     };
-    let (least, mut stood) = (figures.least(), 0);
+    let (least, mut stood) = (parameters.least(), 0);
     let mut after = None;
     for tick in 0..past.within() {
         let counts = if back {
-            -way * least
+            -direction * least
         } else {
-            // Anywhere within less than 1/128 turn.
-            let at = i32::from(tremble[usize::from(tick) % tremble.len()]) % least;
+            // Jitter of less than 1/128 turn.
+            let at = i32::from(jitter[usize::from(tick) % jitter.len()]) % least;
             let counts = at - stood;
             stood = at;
             counts
@@ -389,25 +388,24 @@ impl Input for MotorCommands {
 }
 
 crate::properties! {
-    theorem T14 jump_is_noticed_at_once(
-        figures: Figures, before: (MotorCommands, (i32, i32)), told: MotorCommands, counts: (i32, i32)
+    theorem T14 jump_is_detected_at_once(
+        parameters: Parameters, before: (MotorCommands, (i32, i32)), command: MotorCommands, counts: (i32, i32)
     ) {
         cases ["a jump", "no jump", "the longest"];
         kani proof [unwind(4)];
         sampled 300_000;
     }
-    property T14 healthy_wheels_are_not_accused(config: AcceptedConfig, whiles: Whiles) {
-        cases ["one stood", "one turned back", "one jumped", "one turned just enough"];
+    property T14 healthy_wheel_raises_no_fault(config: AcceptedConfig, phases: Phases) {
+        cases ["one stalled", "one reversed", "one jumped", "one turned just enough"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;
     }
-    property T14 broken_wheel_is_noticed_in_time(
+    property T14 broken_wheel_is_detected_in_time(
         config: AcceptedConfig, past: (u8, [u8; 15]), beyond: u16, forward: bool, broken: (bool, [u8; 16])
     ) {
         cases [
-            "as late as can be from a start", "as late as can be while driving",
-            "as late as can be after anything", "it turned back", "it stood",
-            "as early as can be from a start"
+            "the latest from a start", "the latest while driving", "the latest after anything",
+            "reversed", "stalled", "the earliest from a start"
         ];
         needs [accepted_configuration_is_bounded];
         sampled 50_000;

@@ -1,4 +1,4 @@
-//! T7: what the motors are told keeps each wheel's limit, whatever the mixer has learned.
+//! T7: motor commands keep each wheel's limit for every identified gain.
 
 #[cfg(kani)]
 use fw_core::eeprom::first_board;
@@ -12,12 +12,12 @@ use crate::input::{Input, Source};
 use crate::property::Seen;
 use fw_core::types::{Delta, MotorCommand, MotorCommands};
 
-/// How a mixer came to know its wheels: it drove straight on, and each rolled so many counts a tick.
+/// History of a mixer: driving straight on with constant counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven {
-    /// For so long.
+    /// Duration.
     pub ticks: u8,
-    /// Told so much, 2⁻¹⁶ %.
+    /// Output, 2⁻¹⁶ %.
     pub forward: i32,
     /// Counts a tick.
     pub left: i16,
@@ -26,7 +26,7 @@ pub struct Driven {
 }
 
 impl Driven {
-    /// Just switched on.
+    /// None.
     #[cfg(kani)]
     const NOT: Self = Self {
         ticks: 0,
@@ -35,7 +35,7 @@ impl Driven {
         right: 0,
     };
 
-    /// At three quarters of full drive, just until what was learned counts for the first time.
+    /// At three quarters of full drive, until the first identification.
     #[cfg(kani)]
     const fn far_enough(left: i16, right: i16) -> Self {
         Self {
@@ -61,7 +61,7 @@ impl Driven {
     }
 }
 
-/// A platform that keeps what an accepted one does, and its mixer, driven so.
+/// A platform within the bounds of an accepted one, and its mixer with this history.
 fn driven_on(config: AcceptedConfig, driven: Driven) -> Option<(Platform, Mixer)> {
     let platform = config.bounded()?.platform;
     Some((platform, driven.mixer(&platform)))
@@ -69,7 +69,7 @@ fn driven_on(config: AcceptedConfig, driven: Driven) -> Option<(Platform, Mixer)
 
 impl Input for Driven {
     fn draw(source: &mut impl Source) -> Self {
-        // Counts that a wheel makes as often as any.
+        // Realistic counts as often as any.
         let counts = |source: &mut _| {
             let any = i16::draw(source);
             if bool::draw(source) {
@@ -90,7 +90,7 @@ impl Input for Driven {
 /// The duty of a motor that runs, forward positive, hundredths of a percent.
 fn forward_duty(drive: MotorCommand, reversed: bool) -> i32 {
     let MotorCommand::Run(duty) = drive else {
-        panic!("a motor that was given an output does not run: {drive:?}");
+        panic!("not driven: {drive:?}");
     };
     let duty = i32::from(duty.hundredths());
     if reversed {
@@ -101,10 +101,10 @@ fn forward_duty(drive: MotorCommand, reversed: bool) -> i32 {
 }
 
 /// Both of them.
-fn duties(wheels: MotorCommands, platform: &Platform) -> [i32; 2] {
+fn duties(commands: MotorCommands, platform: &Platform) -> [i32; 2] {
     [
-        forward_duty(wheels.left, platform.motor_left_reversed),
-        forward_duty(wheels.right, platform.motor_right_reversed),
+        forward_duty(commands.left, platform.motor_left_reversed),
+        forward_duty(commands.right, platform.motor_right_reversed),
     ]
 }
 
@@ -113,14 +113,13 @@ fn limits(platform: &Platform) -> [i32; 2] {
     [platform.limit_left.into(), platform.limit_right.into()]
 }
 
-/// A share is a quarter at least and 1 at most, and the weaker wheel's is 1.
-fn shares_are_in_range(mixer: &Mixer) -> bool {
+/// Both factors are within ¼ ..= 1, and the weaker wheel's is 1.
+fn gain_balance_is_in_range(mixer: &Mixer) -> bool {
     let (left, right) = mixer.gain_balance();
     left.min(right) >= I16F16::ONE / 4 && left.max(right) == I16F16::ONE
 }
 
-/// No output, however large, is a duty beyond its wheel's limit, whatever has been learned of the
-/// wheels, and that is a share in its range; no output at all is a duty of zero.
+/// No output makes a duty beyond the wheel's limit, for any identified gains; output 0 is duty 0.
 // Requirement: WIRE-eeprom-6
 pub fn duty_keeps_its_wheels_limit(
     config: AcceptedConfig,
@@ -131,9 +130,9 @@ pub fn duty_keeps_its_wheels_limit(
     let Some((platform, mut mixer)) = driven_on(config, driven) else {
         return Seen::NOTHING;
     };
-    assert!(shares_are_in_range(&mixer));
-    let wheels = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
-    let duties = duties(wheels, &platform);
+    assert!(gain_balance_is_in_range(&mixer));
+    let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
+    let duties = duties(commands, &platform);
     let [left, right] = limits(&platform);
     assert!(duties[0].abs() <= left && duties[1].abs() <= right);
     if forward == 0 && rotation == 0 {
@@ -145,10 +144,9 @@ pub fn duty_keeps_its_wheels_limit(
         .case(2, forward == 0 && rotation == 0)
 }
 
-/// The constant duties of the tuning modes are held within each wheel's limit and are else what the Pi
-/// asked for: nothing is added for the dead zone, nothing that was learned counts.
+/// Duties of the tuning modes are limited per wheel and else exact, without compensation.
 // Requirement: DOC-5.2.2-1, WIRE-eeprom-6
-pub fn raw_duty_is_what_was_asked(
+pub fn raw_duty_is_exact_within_limits(
     config: AcceptedConfig,
     driven: Driven,
     left: i32,
@@ -158,8 +156,8 @@ pub fn raw_duty_is_what_was_asked(
         return Seen::NOTHING;
     };
     let duties = duties(mixer.raw(left, right), &platform);
-    for ((asked, limit), duty) in [left, right].into_iter().zip(limits(&platform)).zip(duties) {
-        assert!(duty == asked.clamp(-limit, limit));
+    for ((requested, limit), duty) in [left, right].into_iter().zip(limits(&platform)).zip(duties) {
+        assert!(duty == requested.clamp(-limit, limit));
     }
     assert!(mixer.brake() == MotorCommands::BRAKE);
     Seen::NOTHING
@@ -168,8 +166,8 @@ pub fn raw_duty_is_what_was_asked(
         .case(2, duties[1] != right)
 }
 
-/// More output is never less duty, in the dead zone and across it; an output that a wheel's share
-/// leaves 1 % of has passed the dead zone.
+/// The duty is monotone in the output, in the dead zone and across it; from 1 % of scaled output on it
+/// exceeds the dead zone.
 pub fn compensation_is_monotone(
     config: AcceptedConfig,
     driven: Driven,
@@ -183,8 +181,8 @@ pub fn compensation_is_monotone(
         return Seen::NOTHING;
     };
     let straight = |output: i32| {
-        let wheels = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
-        duties(wheels, &platform)
+        let commands = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
+        duties(commands, &platform)
     };
     let (low, high) = (straight(less), straight(more));
     assert!(low[0] <= high[0] && low[1] <= high[1]);
@@ -192,12 +190,12 @@ pub fn compensation_is_monotone(
         i32::from(platform.dead_zone_left),
         i32::from(platform.dead_zone_right),
     ];
-    // A wheel's share is a quarter at least, and both must have the room.
-    let roomy = limits(&platform)
+    // A factor is at least a quarter, and both wheels need the headroom.
+    let enough = limits(&platform)
         .into_iter()
         .zip(dead_zones)
         .all(|(limit, dead_zone)| limit - dead_zone >= 400);
-    let moves = roomy && more >= 4 << 16;
+    let moves = enough && more >= 4 << 16;
     if moves {
         assert!(high[0] >= dead_zones[0] && high[1] >= dead_zones[1]);
     }
@@ -207,10 +205,9 @@ pub fn compensation_is_monotone(
         .case(2, low[0] > 0 && low[0] < high[0])
 }
 
-/// Rotation goes first: the robot turns as it should wherever the wheels can follow that at all, and
-/// forward gets what they have left, in the same proportion on both. On a platform without dead
-/// zones, where duties show the outputs; to 0.03 %.
-pub fn rotation_goes_first(
+/// Rotation has priority: it is exact up to the largest output, and forward gets the headroom, in the same
+/// proportion on both wheels. On a platform without dead zones, to 0.03 %.
+pub fn rotation_has_priority(
     config: AcceptedConfig,
     driven: Driven,
     forward: i32,
@@ -224,41 +221,40 @@ pub fn rotation_goes_first(
     let Some((platform, mut mixer)) = driven_on(AcceptedConfig(config), driven) else {
         return Seen::NOTHING;
     };
-    let (left_share, right_share) = mixer.gain_balance();
-    let shares = [left_share.to_bits(), right_share.to_bits()].map(i64::from);
-    let wheels = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
-    let [left, right] = duties(wheels, &platform);
-    // Twice hundredths of a percent, from here on.
-    let output = |duty: i32, share: i64| (i64::from(duty) << 17) / share;
-    let (left, right) = (output(left, shares[0]), output(right, shares[1]));
+    let (left_balance, right_balance) = mixer.gain_balance();
+    let balance = [left_balance.to_bits(), right_balance.to_bits()].map(i64::from);
+    let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
+    let [left, right] = duties(commands, &platform);
+    // From here on in half hundredths of a percent.
+    let output = |duty: i32, balance: i64| (i64::from(duty) << 17) / balance;
+    let (left, right) = (output(left, balance[0]), output(right, balance[1]));
     let (ahead, turn) = ((left + right) >> 1, (right - left) >> 1);
-    let reach = limits(&platform)
+    let max_output = limits(&platform)
         .into_iter()
-        .zip(shares)
-        .map(|(limit, share)| output(limit, share))
+        .zip(balance)
+        .map(|(limit, balance)| output(limit, balance))
         .fold(2 * 10_000, i64::min);
     let twice = |percent: i32| (i64::from(percent) * 200) >> 16;
-    let wanted_turn = twice(rotation).clamp(-reach, reach);
-    let room = reach - wanted_turn.abs();
-    let wanted_ahead = twice(forward).clamp(-room, room);
-    assert!((turn - wanted_turn).abs() <= 6 && (ahead - wanted_ahead).abs() <= 6);
+    let expected_turn = twice(rotation).clamp(-max_output, max_output);
+    let headroom = max_output - expected_turn.abs();
+    let expected_ahead = twice(forward).clamp(-headroom, headroom);
+    assert!((turn - expected_turn).abs() <= 6 && (ahead - expected_ahead).abs() <= 6);
     Seen::NOTHING
-        .case(0, twice(forward).abs() > room && room > 100)
-        .case(1, twice(rotation).abs() > reach)
+        .case(0, twice(forward).abs() > headroom && headroom > 100)
+        .case(1, twice(rotation).abs() > max_output)
         .case(
             2,
-            wanted_ahead == twice(forward) && wanted_turn == twice(rotation),
+            expected_ahead == twice(forward) && expected_turn == twice(rotation),
         )
 }
 
-/// Whatever the wheels did while whatever they were told: nothing overflows, a share is a quarter at
-/// least and 1 at most, and the weaker wheel's is 1.
-pub fn shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) -> Seen {
+/// For any outputs and motions no overflow, both factors within ¼ ..= 1, and the weaker wheel's is 1.
+pub fn gain_balance_stays_in_range(config: AcceptedConfig, script: [u8; 64]) -> Seen {
     let mut mixer = Mixer::new(&config.0.platform);
-    let mut learned = false;
+    let mut identified = false;
     for event in script.chunks_exact(4) {
         let [kind, output, left, right] = [event[0], event[1], event[2], event[3]];
-        // Up to what 16-bit and 32-bit counters can show, and some time of each.
+        // Up to the range of the counters.
         let large = |byte: u8| (i32::from(byte) - 128) << (kind % 25);
         let percent = I16F16::from_bits((i32::from(output) - 128) << 16);
         let delta = Delta {
@@ -274,13 +270,13 @@ pub fn shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) -> Seen
         if kind % 16 == 0 {
             let _ = mixer.brake();
         }
-        assert!(shares_are_in_range(&mixer));
+        assert!(gain_balance_is_in_range(&mixer));
         let (left, right) = mixer.gain_balance();
-        learned |= left != right;
+        identified |= left != right;
     }
     let (left, right) = mixer.gain_balance();
     Seen::NOTHING
-        .case(0, learned)
+        .case(0, identified)
         .case(1, left < I16F16::ONE)
         .case(2, right < I16F16::ONE)
 }
@@ -298,14 +294,14 @@ crate::properties! {
     property T7 duty_keeps_its_wheels_limit(
         config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
-        cases ["at a limit", "on the spot", "nothing asked"];
-        needs [accepted_configuration_is_bounded, shares_keep_their_range];
+        cases ["at a limit", "on the spot", "no output"];
+        needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
         kani any_limits [unwind(4)] = (of_any_limits(), Driven::NOT, any(), any());
-        kani any_shares [unwind(24)] =
+        kani any_gains [unwind(24)] =
             (AcceptedConfig(first_board()), Driven::far_enough(any(), any()), any(), any());
         sampled 100_000;
     }
-    property T7 raw_duty_is_what_was_asked(
+    property T7 raw_duty_is_exact_within_limits(
         config: AcceptedConfig, driven: Driven, left: i32, right: i32
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
@@ -318,19 +314,19 @@ crate::properties! {
         config: AcceptedConfig, driven: Driven, less: i32, more: i32
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
-        needs [accepted_configuration_is_bounded, shares_keep_their_range];
+        needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
         kani unlearned [unwind(4)] =
             (AcceptedConfig(first_board()), Driven::NOT, any(), any());
         sampled 100_000;
     }
-    property T7 rotation_goes_first(
+    property T7 rotation_has_priority(
         config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
-        cases ["forward gave way", "even the rotation is cut", "both fit"];
-        needs [accepted_configuration_is_bounded, shares_keep_their_range];
+        cases ["forward reduced", "rotation limited", "both fit"];
+        needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
         sampled 100_000;
     }
-    property T7 shares_keep_their_range(config: AcceptedConfig, script: [u8; 64]) {
+    property T7 gain_balance_stays_in_range(config: AcceptedConfig, script: [u8; 64]) {
         cases ["they differed", "the left wheel is stronger", "the right wheel is stronger"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;

@@ -1,13 +1,13 @@
-//! T5 to T8, T14: where the robot is, its regulators, its wheels, and the stop deadline.
+//! T5 to T8, T14: pose, controllers, mixer, drive monitor and stop deadline.
 //!
-//! | module | theorems |
+//! | module | properties |
 //! |---|---|
 //! | [`trig`] | T6: sine, cosine and direction |
-//! | [`odometry`] | T6: heading and position |
-//! | [`pid`] | T7: the regulator's limits |
-//! | [`wheels`] | T7: the wheels' limits |
-//! | [`plausibility`] | T14: a wheel that does not do what it is told |
-//! | [`controller`] | T5: the pose controller |
+//! | [`odometry`] | T5, T6: heading and position |
+//! | [`pid`] | T7: limits and anti wind-up of the PID |
+//! | [`mixer`] | T7: limits and gain balance of the motors |
+//! | [`drive_monitor`] | T14: wheels that do not follow their commands |
+//! | [`pose_controller`] | T5: any pose and target |
 //! | [`deadline`] | T8: silence stops the robot |
 
 pub mod deadline;

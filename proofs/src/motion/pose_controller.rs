@@ -1,4 +1,4 @@
-//! T5: the pose controller, wherever the robot is told that it is and should be.
+//! T5: the pose controller for any pose and target.
 
 use fixed::types::{I16F16, I32F32};
 #[cfg(kani)]
@@ -10,7 +10,7 @@ use crate::input::{Input, Source};
 use crate::property::Seen;
 use fw_core::types::{Delta, Millimetres, MotorCommand, MotorCommands, Pose, Turns};
 
-/// A tick as the controller sees it: where the robot is and what its wheels did, in agreement or not.
+/// Inputs of a tick, consistent or not.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
     pose: Pose,
@@ -42,9 +42,8 @@ impl Input for Tick {
     }
 }
 
-/// A robot that was just told its target, whatever that is, then sees itself anywhere, after wheels that did
-/// anything, tick by tick: nothing overflows, nothing is divided by nothing, and the motors either both
-/// brake or both run.
+/// After any new target, any poses and wheel motions: no overflow, no division by zero, and the motors
+/// either both brake or both run.
 pub fn any_pose_is_safe(
     config: AcceptedConfig,
     target: Pose,
@@ -59,10 +58,10 @@ pub fn any_pose_is_safe(
     assert!(controller.moving());
     let mut seen = Seen::NOTHING;
     for (tick, ()) in ticks.into_iter().take(usize::from(count % 9)) {
-        let wheels = controller.drive(&tick.pose, &tick.delta);
-        let brakes = wheels == MotorCommands::BRAKE;
+        let commands = controller.drive(&tick.pose, &tick.delta);
+        let brakes = commands == MotorCommands::BRAKE;
         let runs = |drive: MotorCommand| matches!(drive, MotorCommand::Run(_));
-        assert!(brakes || runs(wheels.left) && runs(wheels.right));
+        assert!(brakes || runs(commands.left) && runs(commands.right));
         seen = seen
             .case(0, brakes)
             .case(1, !brakes && tick.pose.x.0 < -1_000)
@@ -75,7 +74,7 @@ crate::properties! {
     property T5 any_pose_is_safe(
         config: AcceptedConfig, target: Pose, ticks: [(Tick, ()); 8], count: u8
     ) {
-        cases ["there already", "far behind", "counts that no wheel makes"];
+        cases ["at the target", "far behind", "impossible counts"];
         needs [accepted_configuration_is_bounded];
         kani on_first_board [unwind(10)] = (AcceptedConfig(first_board()), any(), any(), 1);
         sampled 100_000;

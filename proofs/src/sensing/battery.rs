@@ -1,4 +1,4 @@
-//! T10: the battery's voltages are total, right and monotone, and its cells all get their turn.
+//! T5 and T10: cell voltages are total, correct and monotone; every cell has its turn.
 
 use fixed::types::U16F16;
 use fw_core::binary64::Binary64;
@@ -16,8 +16,7 @@ fn volts(volts: Volts) -> f64 {
     volts.0.to_num()
 }
 
-/// Any words on any accepted configuration: every cell it has shows a voltage, no other does, and
-/// together they are the highest tap.
+/// For any words and accepted configuration every cell has a voltage, and no other.
 pub fn every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) -> Seen {
     let AcceptedConfig(config) = config;
     let mut battery = Battery::new(&config);
@@ -32,14 +31,13 @@ pub fn every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2
         nothing |= cell == Some(Volts::default());
         sum += cell.map_or(0, |volts| u64::from(volts.0.to_bits()));
     }
-    // At most 100 times 10 V at the pin, for a word that is at most the largest.
     Seen::NOTHING
         .case(0, nothing && sum > 0)
         .case(1, sum > 0 && config.cells == 8)
 }
 
-/// The first cell's voltage is the document's: word · full scale / largest word · (upper + lower) /
-/// lower (6.0.3), to a part in 10⁸ and a last place of 15 µV.
+/// The first cell's voltage is word · full scale / largest word · (upper + lower) / lower (document,
+/// 6.0.3), to a part in 10⁸ and 15 µV.
 // Requirement: DOC-6.0.3-2
 pub fn voltage_is_the_dividers(config: AcceptedConfig, word: u16) -> Seen {
     let AcceptedConfig(config) = config;
@@ -62,7 +60,7 @@ pub fn voltage_is_the_dividers(config: AcceptedConfig, word: u16) -> Seen {
         .case(1, exact > 0.0 && exact < largest)
 }
 
-/// A higher word never shows a lower voltage: every word of the first board and the next.
+/// The voltage is monotone in the word.
 pub fn voltage_is_monotone(word: u16) -> Seen {
     let cell = |word: u16| {
         let mut battery = Battery::new(&first_board());
@@ -74,8 +72,7 @@ pub fn voltage_is_monotone(word: u16) -> Seen {
     Seen::NOTHING.case(0, one < next).case(1, one == next)
 }
 
-/// A constant word reads as itself however long the filter runs, and a step of the word moves the
-/// voltage towards it and never beyond.
+/// The filter keeps a constant word, and follows a step without overshoot.
 pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
     let config = first_board();
     let cell = |word: u16| {
@@ -99,7 +96,7 @@ pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
         .case(1, before > after && samples > 0)
 }
 
-/// The cells take turns: 0 to the last and again, none skipped, for every number of cells.
+/// The cells take turns, none skipped, for every number of cells.
 // Requirement: WIRE-battery-1
 pub fn walk_covers_every_cell(cells: u8) -> Seen {
     let config = Config {
@@ -120,8 +117,8 @@ pub fn walk_covers_every_cell(cells: u8) -> Seen {
         .case(2, cells > 8)
 }
 
-/// With the resistor that tuning finds, the same word shows the reference, within a part in a thousand
-/// and what an ohm and a last place are worth (document, 5.1.3).
+/// With the tuned resistor the same word gives the reference, to a part in a thousand, an ohm and a last
+/// place (document, 5.1.3).
 // Requirement: DOC-5.1.3-4
 pub fn tuned_divider_shows_the_reference(
     config: AcceptedConfig,
@@ -151,8 +148,7 @@ pub fn tuned_divider_shows_the_reference(
     Seen::NOTHING.case(1, shown > 0.5 && upper > 0)
 }
 
-/// A cell below the cut-off for half a second switches off for good, a shorter sag does not; 0 means no
-/// supervision.
+/// The cut-off latches after half a second below its threshold, not earlier; a threshold of 0 disables it.
 pub fn cutoff_takes_half_a_second(ticks: u8, supervised: bool) -> Seen {
     let mut config = first_board();
     if !supervised {
@@ -170,13 +166,12 @@ pub fn cutoff_takes_half_a_second(ticks: u8, supervised: bool) -> Seen {
     for _ in 0..255 {
         battery.sample(&full);
     }
-    // The filter keeps a sag some ticks longer than it is.
+    // The filter prolongs a sag by some ticks.
     assert!(!battery.low() && (battery.empty() == off || (35..50).contains(&ticks)));
     Seen::NOTHING.case(0, off).case(1, !off && supervised)
 }
 
-/// Kani's share: no two samples on the first board's taps overflow, and each cell shows at most what
-/// its taps can.
+/// No two samples of the first board's taps overflow, and no cell exceeds the range of its taps.
 pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
     let mut battery = Battery::new(&first_board());
     battery.sample(&first);
@@ -191,8 +186,7 @@ pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
         .case(1, two == Some(Volts::default()))
 }
 
-/// Whatever the full scale, the largest word and a divider are, accepted or not: no words overflow
-/// anything, and no voltage comes of words that are 0.
+/// For any full scale, largest word and divider, accepted or not: no overflow, and words of 0 give 0 V.
 pub fn any_divider_is_safe(
     full_scale: Binary64,
     largest: u32,
@@ -224,8 +218,8 @@ pub fn any_divider_is_safe(
         .case(2, lower == 0 || largest == 0)
 }
 
-/// Whatever a divider's resistors are, accepted or not, and whatever the Pi says stands in for the cell: tuning
-/// overflows nothing, and finds a resistor unless there is nothing to compare.
+/// Tuning with any resistors and reference does not overflow, and finds a resistor unless reference or
+/// reading are 0.
 pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
     let (upper, lower) = ohms;
     let mut config = first_board();
@@ -250,7 +244,7 @@ crate::properties! {
         sampled 50_000;
     }
     property T10 voltage_is_the_dividers(config: AcceptedConfig, word: u16) {
-        cases ["beyond what a voltage can say", "a voltage"];
+        cases ["saturated", "a voltage"];
         needs [accepted_configuration_is_bounded];
         sampled 200_000;
     }
@@ -278,12 +272,12 @@ crate::properties! {
     theorem T5 any_divider_is_safe(
         full_scale: Binary64, largest: u32, ohms: (u32, u32), words: [u16; 2]
     ) {
-        cases ["beyond what a voltage can say", "a voltage", "a division by nothing"];
+        cases ["saturated", "a voltage", "a division by nothing"];
         kani proof [unwind(66)];
         sampled 200_000;
     }
     theorem T5 any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) {
-        cases ["nothing to compare", "a larger resistor", "no resistor"];
+        cases ["nothing to compare", "a larger resistor", "0 ohm"];
         kani proof [unwind(66)];
         sampled 200_000;
     }

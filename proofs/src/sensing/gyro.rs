@@ -1,4 +1,4 @@
-//! T5 and T6: the gyroscope's conversation and what it may add to the heading.
+//! T5 and T6: the MPU6050 driver and the corrections of the heading.
 
 use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
@@ -19,7 +19,7 @@ impl Input for BusResult {
             0 => Self::Done,
             1 => Self::Nack,
             2 => Self::Timeout,
-            // Who it is, its settings, and a rate are the two bytes that matter.
+            // Identity, settings, a rate.
             3 => Self::Bytes([0x68, source.bits8()]),
             4 => Self::Bytes([3, 8]),
             _ => Self::Bytes(source.bits16().to_be_bytes()),
@@ -27,17 +27,17 @@ impl Input for BusResult {
     }
 }
 
-/// Some of them, one after the other.
+/// A sequence of inputs.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<T, const N: usize>([T; N]);
+pub struct Sequence<T, const N: usize>([T; N]);
 
-impl<T: Input, const N: usize> Input for Row<T, N> {
+impl<T: Input, const N: usize> Input for Sequence<T, N> {
     fn draw(source: &mut impl Source) -> Self {
         Self(core::array::from_fn(|_| T::draw(source)))
     }
 }
 
-/// A tick as the watcher sees it.
+/// Inputs of a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
     reading: Option<i16>,
@@ -86,9 +86,9 @@ fn bounded(gyro: &GyroFusion) {
     }
 }
 
-/// No readings, turns or counts overflow anything; the bias keeps its bounds, and there is never a
-/// correction before there is one.
-pub fn any_readings_are_safe(ticks: Row<Tick, 3>) -> Seen {
+/// In the first ticks no readings, turns or counts overflow anything, and there is no correction without a
+/// bias.
+pub fn any_readings_are_safe(ticks: Sequence<Tick, 3>) -> Seen {
     let mut gyro = GyroFusion::new();
     let mut seen = Seen::NOTHING;
     for tick in ticks.0 {
@@ -105,14 +105,14 @@ pub fn any_readings_are_safe(ticks: Row<Tick, 3>) -> Seen {
     seen
 }
 
-/// From a watcher that has rested, with a bias of any size, and, where `believed`, has agreed with the
-/// wheels: whatever follows, nothing overflows, the bias keeps its bounds, nothing is added by one that
-/// is not believed, and what ends a slip is what was added during it.
+/// After a rest with any bias, and where `verified` after a verification, for any inputs: no overflow, the
+/// bias is bounded, there is no correction while the gyroscope is not trusted, and the end of a slip
+/// reports the sum of its corrections.
 pub fn any_readings_after_a_rest_are_safe(
     bias: i16,
-    believed: bool,
+    verified: bool,
     repeat: u8,
-    ticks: Row<Tick, 8>,
+    ticks: Sequence<Tick, 8>,
 ) -> Seen {
     let mut gyro = GyroFusion::new();
     let rest = Tick {
@@ -126,8 +126,8 @@ pub fn any_readings_after_a_rest_are_safe(
     }
     let known = i32::from(bias).abs() <= MAX_BIAS;
     assert!(gyro.bias().is_some() == known);
-    if believed && known {
-        // 1° a tick by both: 6550 least significant bits are 100 °/s.
+    if verified && known {
+        // 1° a tick by both: 6550 LSB are 100 °/s.
         let turn = Tick {
             reading: Some(bias + 6550),
             turn: 11_930_465,
@@ -137,12 +137,12 @@ pub fn any_readings_after_a_rest_are_safe(
         let events = (0..11).filter_map(|_| step(&mut gyro, turn).1).count();
         assert!(events == 1);
     }
-    let believed = believed && known;
+    let verified = verified && known;
     let mut added = 0_i64;
     let mut seen = Seen::NOTHING
         .case(0, !known)
-        .case(1, bias.saturating_abs() > 2_500 && believed);
-    let mut trusted = believed;
+        .case(1, bias.saturating_abs() > 2_500 && verified);
+    let mut trusted = verified;
     for tick in ticks.0 {
         for _ in 0..=repeat % 64 {
             let was_slipping = gyro.is_slipping();
@@ -177,9 +177,9 @@ pub fn any_readings_after_a_rest_are_safe(
     seen
 }
 
-/// What a part that is as it should be answers.
-fn good(order: BusRequest) -> BusResult {
-    match order {
+/// Answers of a working part.
+fn good(request: BusRequest) -> BusResult {
+    match request {
         BusRequest::Read { register: 0x75, .. } => BusResult::Bytes([0x68, 0]),
         BusRequest::Read { register: 0x1A, .. } => BusResult::Bytes([3, 8]),
         BusRequest::Read { .. } => BusResult::Bytes([0, 1]),
@@ -187,20 +187,23 @@ fn good(order: BusRequest) -> BusResult {
     }
 }
 
-/// However far a good part has come, whatever the bus answers from then on: every tick has an order, a
-/// write goes to a register of the set-up and to no other, and a rate is told only when two bytes were
-/// read.
-pub fn conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repeat: u8) -> Seen {
+/// From any stage of the set-up, for any results of the bus: every tick has a request, only registers of
+/// the set-up are written, and a rate comes only from two bytes read.
+pub fn mpu6050_driver_is_total(
+    good_ticks: u8,
+    results: Sequence<BusResult, 16>,
+    repeat: u8,
+) -> Seen {
     let mut mpu = Mpu6050::new();
     let mut seen = Seen::NOTHING;
-    let mut order = BusRequest::Idle;
+    let mut request = BusRequest::Idle;
     for _ in 0..good_ticks % 64 {
-        (order, _) = mpu.step(good(order));
+        (request, _) = mpu.step(good(request));
     }
-    for outcome in outcomes.0 {
+    for result in results.0 {
         for _ in 0..=repeat % 32 {
-            let (order, news) = mpu.step(outcome);
-            match order {
+            let (request, reading) = mpu.step(result);
+            match request {
                 BusRequest::Write { register, .. } => {
                     assert!(matches!(register, 0x19..=0x1B | 0x6B));
                     seen = seen.case(0, true);
@@ -211,9 +214,9 @@ pub fn conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repea
                 BusRequest::DriveLines { .. } => seen = seen.case(1, true),
                 BusRequest::Idle | BusRequest::ReleaseLines => {}
             }
-            match news {
+            match reading {
                 GyroReading::Rate(raw) => {
-                    assert!(outcome == BusResult::Bytes(raw.to_be_bytes()));
+                    assert!(result == BusResult::Bytes(raw.to_be_bytes()));
                     seen = seen.case(2, true);
                 }
                 GyroReading::Lost(_) => seen = seen.case(3, true),
@@ -224,15 +227,14 @@ pub fn conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repea
     seen
 }
 
-/// Two robots of the same configuration and the same counters, one without `gyro`, the other with a
-/// part that never answers, or not as one: their poses are the same to the last bit, always. And the
-/// one without it never asks for the bus.
-pub fn without_a_rate_the_encoders_tell(
+/// A robot whose gyroscope never answers has to the last bit the pose of one without a gyroscope, and the
+/// latter never requests the bus.
+pub fn pose_without_gyro_is_the_encoders(
     config: AcceptedConfig,
-    outcome: BusResult,
+    result: BusResult,
     steps: [(u8, u8); 24],
 ) -> Seen {
-    if matches!(outcome, BusResult::Bytes(_)) {
+    if matches!(result, BusResult::Bytes(_)) {
         return Seen::NOTHING.case(0, true);
     }
     let mut plain: Config = config.0;
@@ -249,8 +251,8 @@ pub fn without_a_rate_the_encoders_tell(
             sample.now = sample.now.after(10_000);
             sample.left = sample.left.wrapping_add_signed(i32::from(left) - 128);
             sample.right = sample.right.wrapping_add_signed(i16::from(right) - 128);
-            assert!(alone.on_gyro(outcome, &mut log) == BusRequest::Idle);
-            let _ = with.on_gyro(outcome, &mut log);
+            assert!(alone.on_gyro(result, &mut log) == BusRequest::Idle);
+            let _ = with.on_gyro(result, &mut log);
             let (a, b) = (
                 alone.on_tick(sample, &[], &mut log),
                 with.on_tick(sample, &[], &mut log),
@@ -271,8 +273,8 @@ fn first_pose() -> fw_core::types::Pose {
     Robot::new(&first_board(), Sample::default()).pose()
 }
 
-/// Any correction of any tick's counts, anywhere, overflows nothing, adds itself to the heading to the
-/// last bit, and moves the robot by no more than the wheels rolled.
+/// No correction of any tick overflows; it is added to the heading to the last bit, and moves the position
+/// only if a wheel rolled.
 pub fn any_correction_is_safe(
     config: AcceptedConfig,
     before: (u32, u16),
@@ -303,37 +305,37 @@ pub fn any_correction_is_safe(
 }
 
 crate::properties! {
-    theorem T5 any_readings_are_safe(ticks: Row<Tick, 3>) {
-        cases ["nothing read", "the end of the range", "half a turn in a tick"];
+    theorem T5 any_readings_are_safe(ticks: Sequence<Tick, 3>) {
+        cases ["no reading", "the end of the range", "half a turn in a tick"];
         kani proof [unwind(33)];
         sampled 100_000;
     }
     property T5 any_readings_after_a_rest_are_safe(
-        bias: i16, believed: bool, repeat: u8, ticks: Row<Tick, 8>
+        bias: i16, verified: bool, repeat: u8, ticks: Sequence<Tick, 8>
     ) {
         cases [
-            "no part is that far off", "a large bias", "a slip", "a slip that ended",
-            "a slip too long"
+            "an implausible bias", "a large bias", "a slip", "a slip that ended",
+            "a slip that timed out"
         ];
         sampled 100_000;
     }
-    property T5 conversation_is_total(good_ticks: u8, outcomes: Row<BusResult, 16>, repeat: u8) {
+    property T5 mpu6050_driver_is_total(good_ticks: u8, results: Sequence<BusResult, 16>, repeat: u8) {
         cases ["set up", "the bus was freed", "a rate", "lost"];
-        // From before its last three settings on, through them, their check, and the first rates.
+        // From the last three settings through their verification to the first rates.
         kani settling [unwind(30)] = (28, any(), 0);
         sampled 100_000;
     }
-    property T6 without_a_rate_the_encoders_tell(
-        config: AcceptedConfig, outcome: BusResult, steps: [(u8, u8); 24]
+    property T6 pose_without_gyro_is_the_encoders(
+        config: AcceptedConfig, result: BusResult, steps: [(u8, u8); 24]
     ) {
-        cases ["it answered", "and its absence is a fault", "the robot moved"];
+        cases ["it answered", "its absence is a fault", "the robot moved"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;
     }
     property T5 any_correction_is_safe(
         config: AcceptedConfig, before: (u32, u16), counters: (u32, u16), heading: u32, tick: u32
     ) {
-        cases ["a wheel slipped", "no wheel can have"];
+        cases ["a wheel slipped", "no wheel rolled"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }

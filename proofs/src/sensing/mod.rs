@@ -1,12 +1,12 @@
-//! T5, T6, T9 and T10: what the robot senses beside its wheels.
+//! T5, T6, T9 and T10: sensors.
 //!
-//! | module | theorems |
+//! | module | properties |
 //! |---|---|
-//! | [`rangefinder`] | T9: echoes to distances |
-//! | [`sweep`] | T9: the servo and the bearing of a reading |
-//! | [`thermometer`] | T5, T9: the chip's temperature |
-//! | [`battery`] | T10: ADC words to cells |
-//! | [`gyro`] | T5, T6: the gyroscope and what it may add to the heading |
+//! | [`rangefinder`] | T5, T9: echoes to distances |
+//! | [`servo_scan`] | T9: the servo and the bearing of a reading |
+//! | [`temperature`] | T5, T9: the chip's temperature |
+//! | [`battery`] | T5, T10: ADC words to cell voltages |
+//! | [`gyro`] | T5, T6: the driver of the gyroscope and the corrections of the heading |
 
 pub mod battery;
 pub mod gyro;

@@ -1,4 +1,4 @@
-//! T9: an echo is its distance, and nothing else ever is one.
+//! T9: a distance comes from a valid echo and from nothing else.
 
 use fixed::types::I16F16;
 use fw_core::sensing::{Echo, Rangefinders};
@@ -11,8 +11,8 @@ use fw_core::types::{Micros, RangefinderId};
 /// 2500 mm and 20 mm, 2⁻³² mm (document, 5.1.4; the sensor's data sheet).
 const FARTHEST: i64 = 2500 << 32;
 const NEAREST: i64 = 20 << 32;
-/// Half a millimetre's way of sound in a microsecond at 343 m/s, 2⁻³² mm: 0.1715 mm.
-const PACE: i64 = (343_i64 << 32) / 2000;
+/// Half the path of sound in a microsecond at 343 m/s, 2⁻³² mm.
+const MM_PER_US: i64 = (343_i64 << 32) / 2000;
 
 impl Input for RangefinderId {
     fn draw(source: &mut impl Source) -> Self {
@@ -24,35 +24,35 @@ impl Input for RangefinderId {
     }
 }
 
-/// Where the front sensor points in the properties that are not about that.
+/// Bearing of the front sensor.
 const AHEAD: Option<u16> = Some(0);
 
-/// The front sensor, triggered at `trigger` and nothing heard yet.
+/// The front sensor, triggered at `trigger`.
 fn triggered(trigger: Micros) -> Rangefinders {
     let mut all = Rangefinders::new(3);
     assert!(all.tick(trigger, AHEAD) == Some(RangefinderId::Front));
     all
 }
 
-/// An echo of a triggered sensor is its distance, to 2⁻²² of it, exactly when both edges can belong to
-/// the trigger and an object can have made it; else it is nothing valid. Wherever the clock wraps.
+/// An echo gives its distance, to 2⁻²² of it, exactly if both edges can belong to the trigger and an object
+/// can have caused it, across the clock's wrap.
 pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let mut all = triggered(trigger);
     let rise = trigger.after(delay);
     all.echo(RangefinderId::Front, rise, rise.after(width));
     let reading = all.reading(RangefinderId::Front).echo;
-    let believable = delay <= 3_000 && width <= 1 << 20;
-    let way = i64::from(width.min(1 << 20)) * PACE;
+    let plausible = delay <= 3_000 && width <= 1 << 20;
+    let way = i64::from(width.min(1 << 20)) * MM_PER_US;
     match reading {
         Echo::Distance(distance) => {
             let bits = distance.0.to_bits();
-            assert!(believable && width >= 117);
+            assert!(plausible && width >= 117);
             assert!((NEAREST..=FARTHEST).contains(&bits));
             assert!((bits - way).unsigned_abs() <= u64::from(width));
         }
-        Echo::OutOfRange => assert!(believable && way + i64::from(width) > FARTHEST),
-        Echo::Missing => assert!(believable && width < 117),
-        Echo::NotMeasured => assert!(!believable),
+        Echo::OutOfRange => assert!(plausible && way + i64::from(width) > FARTHEST),
+        Echo::Missing => assert!(plausible && width < 117),
+        Echo::NotMeasured => assert!(!plausible),
         Echo::TimedOut => panic!("no time has passed"),
     }
     let far = matches!(reading, Echo::OutOfRange);
@@ -61,11 +61,11 @@ pub fn echo_is_its_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     Seen::NOTHING
         .case(0, at)
         .case(1, far)
-        .case(2, !believable && delay > u32::MAX / 2)
+        .case(2, !plausible && delay > u32::MAX / 2)
         .case(3, at && rise.0 < trigger.0)
 }
 
-/// What is sent of an echo: 0xFFFF exactly when there is no object within range.
+/// The wire's code is 0xFFFF exactly without an object within range.
 // Requirement: DOC-5.1.4-2
 pub fn code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, width: u32) -> Seen {
     let mut all = triggered(trigger);
@@ -80,7 +80,7 @@ pub fn code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, widt
         .case(2, distance.is_some_and(|at| at.0 > 2499))
 }
 
-/// A longer echo never makes a shorter distance: every width and the next.
+/// The distance is monotone in the width.
 pub fn distance_is_monotone(width: u32) -> Seen {
     let distance = |width: u32| {
         let mut all = triggered(Micros(0));
@@ -102,8 +102,8 @@ pub fn distance_is_monotone(width: u32) -> Seen {
         .case(1, distance(width).is_none())
 }
 
-/// A sensor that nobody triggered, or that has answered already, cannot be made to say anything by any
-/// edges; and one that does not answer is missing by its next trigger, never a distance.
+/// No edges change the reading of a sensor that was not triggered or has answered; without an echo it is
+/// missing at its next trigger, never a distance.
 // Requirement: WIRE-distance-1
 pub fn missing_edge_is_no_distance(
     which: RangefinderId,
@@ -121,8 +121,8 @@ pub fn missing_edge_is_no_distance(
         );
     }
     let before = all.reading(which);
-    let awaited = which == RangefinderId::Front && !answered;
-    if !awaited {
+    let pending = which == RangefinderId::Front && !answered;
+    if !pending {
         all.echo(which, rise, fall);
         assert!(all.reading(which) == before);
     }
@@ -138,12 +138,12 @@ pub fn missing_edge_is_no_distance(
     let front = all.reading(RangefinderId::Front).echo;
     assert!(answered || front == Echo::Missing);
     assert!(!answered || matches!(front, Echo::Distance(_)));
-    Seen::NOTHING.case(0, awaited).case(1, answered)
+    Seen::NOTHING.case(0, pending).case(1, answered)
 }
 
-/// The sensors take turns, one at a time: the next is triggered when the one before has answered and 20 ms
-/// have passed, or 30 ms, after which no echo of its trigger is left; each waits at least 60 ms from one
-/// trigger to its next, and no longer where all answer. Whatever answers and whenever it may not.
+/// The sensors take turns: the next is triggered 20 ms after one that answered and 30 ms after one that did
+/// not, each at least 60 ms after its last trigger, and exactly 60 ms if all answer. For any answers and
+/// deferred triggers.
 pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
     let mut all = Rangefinders::new(count);
     let fitted = count.min(3);
@@ -152,11 +152,11 @@ pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
     let mut expected = 0;
     for tick in 0..36 {
         let now = Micros(tick * 10_000);
-        let aim = (allowed >> tick & 1 != 0).then_some(7);
-        let Some(which) = all.tick(now, aim) else {
+        let bearing = (allowed >> tick & 1 != 0).then_some(7);
+        let Some(which) = all.tick(now, bearing) else {
             continue;
         };
-        assert!(aim.is_some());
+        assert!(bearing.is_some());
         if let Some((since, answered)) = before {
             assert!(tick - since >= if answered { 2 } else { 3 });
         }
@@ -191,52 +191,44 @@ pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
         .case(3, before.is_some() && !always)
 }
 
-/// A reading belongs to the bearing of its own trigger: whatever the servo's aim does afterwards, whichever
-/// triggers are answered, and however late, the bearing beside a distance is where the sensor pointed when
-/// that burst left. The echo's width says which trigger it was.
+/// A reading has the bearing of its own trigger, for any later bearings, unanswered triggers and delays. The
+/// echo's width identifies the trigger.
 // Requirement: WIRE-bearing-2
-pub fn reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) -> Seen {
+pub fn reading_keeps_its_triggers_bearing(bearings: [u16; 24], answers: u32, delays: u64) -> Seen {
     let mut all = Rangefinders::new(1);
-    let mut pings = 0_usize;
-    let (mut awaited, mut right) = (None, 0);
-    let mut bearings = [0_u16; 24];
-    for (tick, aim) in (0_u32..).zip(aims) {
+    let mut triggered = Vec::new();
+    let (mut pending, mut distances) = (None, 0);
+    for (tick, bearing) in (0_u32..).zip(bearings) {
         let now = Micros(tick * 10_000);
-        // Every sixteenth bearing stands for a servo on its way.
-        let aim = (aim & 0xF != 0).then_some(aim);
-        if all.tick(now, aim).is_some() {
-            if let Some(slot) = bearings.get_mut(pings) {
-                *slot = aim.unwrap_or_default();
-            }
-            awaited = (answers >> tick & 1 != 0).then_some((pings, now));
-            pings += 1;
+        // Some bearings stand for a turning servo.
+        let bearing = (bearing & 0xF != 0).then_some(bearing);
+        if all.tick(now, bearing).is_some() {
+            pending = (answers >> tick & 1 != 0).then_some((triggered.len(), now));
+            triggered.push(bearing);
         }
-        if let Some((ping, at)) = awaited {
+        if let Some((trigger, at)) = pending {
             // In its own tick, or in one of the next.
             if (delays >> (2 * tick)) % 4 == 0 {
-                let width = 1_000 + 100 * u32::try_from(ping).unwrap_or(0);
+                let width = 1_000 + 100 * u32::try_from(trigger).unwrap_or(0);
                 all.echo(RangefinderId::Front, at.after(500), at.after(500 + width));
-                awaited = None;
+                pending = None;
             }
         }
         let reading = all.reading(RangefinderId::Front);
         if let Echo::Distance(distance) = reading.echo {
-            let ping = (distance.0.to_bits() / PACE - 999) / 100;
-            let of = usize::try_from(ping)
-                .ok()
-                .and_then(|ping| bearings.get(ping));
-            assert!(of == Some(&reading.bearing));
-            right += 1;
+            let trigger = (distance.0.to_bits() / MM_PER_US - 999) / 100;
+            let trigger = usize::try_from(trigger).unwrap_or(usize::MAX);
+            assert!(triggered.get(trigger) == Some(&Some(reading.bearing)));
+            distances += 1;
         }
     }
     Seen::NOTHING
-        .case(0, right > 0)
-        .case(1, right > 0 && pings > 2)
-        .case(2, right == 0 && pings > 2)
+        .case(0, distances > 0)
+        .case(1, distances > 0 && triggered.len() > 2)
+        .case(2, distances == 0 && triggered.len() > 2)
 }
 
-/// No temperature, whatever the sensor that measured it says, makes a distance beyond the range or an
-/// overflow.
+/// No temperature causes an overflow or a distance beyond the range.
 pub fn any_temperature_is_safe(celsius: i32, width: u32) -> Seen {
     let mut all = triggered(Micros(0));
     all.set_temperature(Some(I16F16::from_bits(celsius)));
@@ -270,12 +262,12 @@ crate::properties! {
     theorem T9 missing_edge_is_no_distance(
         which: RangefinderId, trigger: Micros, rise: Micros, fall: Micros, answered: bool
     ) {
-        cases ["nothing was heard", "it had answered"];
+        cases ["no echo", "it had answered"];
         kani proof [unwind(11)];
         sampled 300_000;
     }
     property T9 sensors_take_turns(count: u8, answers: u64, allowed: u64) {
-        cases ["none fitted", "three that answer", "three that do not", "a servo on its way"];
+        cases ["none fitted", "three that answer", "three that do not", "a turning servo"];
         stepped (0..=u8::MAX).flat_map(|count| {
             (0..100_u64).flat_map(move |n| {
                 let some = n.wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -285,12 +277,12 @@ crate::properties! {
             })
         });
     }
-    property T9 reading_keeps_its_triggers_bearing(aims: [u16; 24], answers: u32, delays: u64) {
+    property T9 reading_keeps_its_triggers_bearing(bearings: [u16; 24], answers: u32, delays: u64) {
         cases ["a distance", "after several triggers", "none was answered"];
         sampled 200_000;
     }
     theorem T5 any_temperature_is_safe(celsius: i32, width: u32) {
-        cases ["a distance", "colder than anything"];
+        cases ["a distance", "below the range"];
         kani proof [unwind(4)];
         sampled 300_000;
     }

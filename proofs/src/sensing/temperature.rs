@@ -1,18 +1,18 @@
-//! T5 and T9: the chip's thermometer, whatever its words and the factory's are.
+//! T5 and T9: the temperature sensor for any words and any calibration.
 
 use fw_core::sensing::{Calibration, Thermometer};
 
 use crate::input::{Input, Source};
 use crate::property::Seen;
 
-/// As the data sheet has the part typically.
+/// Typical part of the data sheet.
 const TYPICAL: Calibration = Calibration {
     reference: 1501,
     cold: 959,
     hot: 1207,
 };
 
-/// Any word, more often one near those of a working part.
+/// Any word, often near that of a working part.
 fn word(source: &mut impl Source, typical: u16) -> u16 {
     let (anything, word) = (source.bits8() % 4 == 0, source.bits16());
     if anything {
@@ -50,8 +50,8 @@ impl Input for Words {
     }
 }
 
-/// Any words of the factory and of two readings in turn: no overflow and no division by zero, and what is
-/// taken for a temperature lies between −42.5 and 102.5 °C of the air (−40 to 105 of the chip).
+/// For any calibration and two readings: no overflow, no division by zero, and every temperature is
+/// between −42.5 and 102.5 °C of the air.
 pub fn temperature_is_total(calibration: Calibration, first: Words, second: Words) -> Seen {
     let mut thermometer = Thermometer::new(calibration);
     let mut read = [None; 2];
@@ -68,7 +68,7 @@ pub fn temperature_is_total(calibration: Calibration, first: Words, second: Word
         .case(2, !calibration.is_plausible())
 }
 
-/// A warmer chip never reads colder, at any supply.
+/// The temperature is monotone in the sensor word, at any supply.
 pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
     let read = |sensor| Thermometer::new(TYPICAL).read(sensor, reference);
     let (one, two) = (read(sensor), read(sensor.saturating_add(1)));
@@ -82,7 +82,7 @@ pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
 
 crate::properties! {
     theorem T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
-        cases ["a temperature", "a reading out of range", "a factory's words out of range"];
+        cases ["a temperature", "a reading out of range", "an implausible calibration"];
         kani proof [unwind(3)];
         stepped (700..=1300_u16).step_by(60).flat_map(|cold| (150..=350).step_by(50).flat_map(move |span| {
             (0..=4096_u16).step_by(16).flat_map(move |sensor| [1270, 1501, 1800].map(|reference| {
