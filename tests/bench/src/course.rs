@@ -1,4 +1,4 @@
-//! What the wheels do, the same on every machine.
+//! Reproducible courses.
 
 /// Counts of one tick, forward positive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,19 +14,19 @@ pub struct Tick {
 pub struct Course {
     curves: bool,
     tick: u32,
-    chance: u64,
+    state: u64,
     left: i32,
     right: i32,
 }
 
 impl Course {
-    /// A new pair of speeds every half second, each with a count more or less.
+    /// A new pair of speeds every half second, with a jitter of one count.
     #[must_use]
     pub const fn curves() -> Self {
         Self {
             curves: true,
             tick: 0,
-            chance: 0x9E37_79B9_7F4A_7C15,
+            state: 0x9E37_79B9_7F4A_7C15,
             left: 0,
             right: 0,
         }
@@ -43,10 +43,10 @@ impl Course {
 
     /// xorshift.
     fn below(&mut self, bound: i32) -> i32 {
-        self.chance ^= self.chance << 13;
-        self.chance ^= self.chance >> 7;
-        self.chance ^= self.chance << 17;
-        ((self.chance >> 33) as i32) % bound
+        self.state ^= self.state << 13;
+        self.state ^= self.state >> 7;
+        self.state ^= self.state << 17;
+        ((self.state >> 33) as i32) % bound
     }
 }
 

@@ -1,22 +1,27 @@
-//! The document's odometry (4.1) in several ways, each a type with a `step` of its own that is a
-//! function of its own, and the courses they are driven over.
+//! Comparison of odometries: the document's formulas (4.1) in several types of numbers beside
+//! `fw-core`'s, each a [`Candidate`] with a `step` that is not inlined, over the same courses.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod candidates;
 mod course;
-mod ways;
 
+pub use candidates::{Candidate, Cordic, Double, FwCore, Idsp, Micromath, Single};
 pub use course::{Course, Tick};
-pub use ways::{Cordic, Double, Idsp, Micromath, Ours, Single, Way};
 
-/// Ticks that are driven on the core: enough for a mean, few enough for software doubles.
-pub const ON_CORE: usize = 1_000;
+use fw_core::eeprom::Platform;
 
-/// Calls `$run::<Way>(number, name of its step)` for every way.
+/// Ticks driven on the core: enough for a mean, few enough for software doubles.
+pub const TICKS_ON_CORE: usize = 1_000;
+
+/// Number of candidates.
+pub const CANDIDATES: usize = 6;
+
+/// Calls `$run::<Candidate>(number, name of its step)` for every candidate.
 #[macro_export]
-macro_rules! every_way {
+macro_rules! for_each_candidate {
     ($run:ident $(, $more:expr)*) => {
-        $run::<$crate::Ours>(0, "Odometry::step" $(, $more)*);
+        $run::<$crate::FwCore>(0, "Odometry::step" $(, $more)*);
         $run::<$crate::Double>(1, "Double::step" $(, $more)*);
         $run::<$crate::Single>(2, "Single::step" $(, $more)*);
         $run::<$crate::Micromath>(3, "Micromath::step" $(, $more)*);
@@ -25,5 +30,15 @@ macro_rules! every_way {
     };
 }
 
-/// How many ways there are.
-pub const WAYS: usize = 6;
+/// Drives a new candidate on the first board.
+pub fn drive<C: Candidate>(ticks: impl Iterator<Item = Tick>) -> C {
+    let mut candidate = C::new(&Platform::FIRST_BOARD);
+    let (mut left, mut right) = (0_u32, 0_u16);
+    for tick in ticks {
+        // The first board's encoders count down going ahead.
+        left = left.wrapping_sub(tick.left as u32);
+        right = right.wrapping_sub(tick.right as u16);
+        candidate.tick(left, right);
+    }
+    candidate
+}

@@ -1,10 +1,11 @@
-//! The program for the host: what every way comes to after [`ON_CORE`] ticks, to be compared with what
-//! the core came to, and how far it is from the exact position after a kilometre. One line a way:
-//! the name of its step, three numbers in hexadecimal, and the two distances in micrometres.
+//! Program for the host. One line a candidate: the name of its step, its state after
+//! [`TICKS_ON_CORE`] ticks (three numbers in hexadecimal), and its distance from the exact position
+//! after a kilometre of curves and one straight on, micrometres.
 #![forbid(unsafe_code)]
 
 use fw_core::eeprom::Platform;
-use odometry_bench::{every_way, Course, Tick, Way, ON_CORE};
+use fw_core::types::Turns;
+use odometry_bench::{drive, for_each_candidate, Candidate, Course, Tick, TICKS_ON_CORE};
 
 #[path = "../../../fw-core/src/motion/odometry/tests/exact_arcs.rs"]
 #[allow(
@@ -14,9 +15,8 @@ use odometry_bench::{every_way, Course, Tick, Way, ON_CORE};
 mod exact_arcs;
 
 use exact_arcs::ExactArcs;
-use fw_core::types::Turns;
 
-/// A course of a kilometre and where it ends.
+/// A kilometre of a course and its exact end.
 struct Kilometre {
     ticks: Vec<Tick>,
     exact: ExactArcs,
@@ -41,35 +41,22 @@ impl Kilometre {
         Self { ticks, exact }
     }
 
-    /// Micrometres between a way's end of the course and the exact one.
-    fn error<W: Way>(&self) -> f64 {
-        let way = drive::<W>(&self.ticks);
-        let (x, y) = way.position();
+    /// Micrometres between a candidate's end of the course and the exact one.
+    fn error<C: Candidate>(&self) -> f64 {
+        let (x, y) = drive::<C>(self.ticks.iter().copied()).position();
         self.exact.x.less(x).hypot(self.exact.y.less(y)) * 1000.0
     }
 }
 
-fn drive<W: Way>(ticks: &[Tick]) -> W {
-    let mut way = W::new(&Platform::FIRST_BOARD);
-    let (mut left, mut right) = (0_u32, 0_u16);
-    for tick in ticks {
-        // The first board's encoders count down going ahead.
-        left = left.wrapping_sub(tick.left as u32);
-        right = right.wrapping_sub(tick.right as u16);
-        way.tick(left, right);
-    }
-    way
-}
-
-fn run<W: Way>(_number: usize, name: &str, curves: &Kilometre, straight: &Kilometre) {
-    let start = drive::<W>(&curves.ticks[..ON_CORE]);
-    let [x, y, angle] = start.bits();
-    let (curves, straight) = (curves.error::<W>(), straight.error::<W>());
+fn run<C: Candidate>(_number: usize, name: &str, curves: &Kilometre, straight: &Kilometre) {
+    let ticks = curves.ticks.iter().copied().take(TICKS_ON_CORE);
+    let [x, y, angle] = drive::<C>(ticks).bits();
+    let (curves, straight) = (curves.error::<C>(), straight.error::<C>());
     println!("{name} {x:x} {y:x} {angle:x} {curves} {straight}");
 }
 
 fn main() {
     let curves = Kilometre::of(Course::curves());
     let straight = Kilometre::of(Course::straight());
-    every_way!(run, &curves, &straight);
+    for_each_candidate!(run, &curves, &straight);
 }
