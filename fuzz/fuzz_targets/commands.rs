@@ -2,7 +2,7 @@
 //! nothing but one counter.
 #![no_main]
 
-use fw_core::wire::{frame_len, Report, StmLink, MAX_FRAME};
+use fw_core::wire::{frame_len, Field, Report, StmLink, MAX_FRAME};
 use libfuzzer_sys::fuzz_target;
 use robot_fuzz::{frame, setup, Bytes};
 
@@ -10,11 +10,11 @@ fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes::new(data);
     let setup = setup(&mut bytes);
     let mut link = StmLink::new(setup);
-    let mut out = [0; MAX_FRAME];
+    let mut reply = 1;
     while bytes.more() {
         let received = frame(&mut bytes, setup.mode, setup.key_from_pi);
         let before = link.clone();
-        let result = link.receive(&received);
+        let result = link.receive(&received, 0, reply);
         assert_eq!(link.counters().frames(), before.counters().frames() + 1);
         match result {
             Ok(command) => {
@@ -22,22 +22,20 @@ fuzz_target!(|data: &[u8]| {
                 assert_eq!(received[0], setup.key_from_pi);
                 assert!(command.tune.cell < setup.cells);
                 // What was said just now is not fresh a second time.
-                if setup.mode.tells_fresh() {
-                    assert!(link.receive(&received).is_err());
+                if setup.mode.has(Field::Sequence) {
+                    assert!(link.receive(&received, 0, reply).is_err());
                 }
             }
             Err(error) => {
-                assert!(error.offset <= MAX_FRAME, "{error}");
+                assert!(usize::from(error.offset) <= MAX_FRAME, "{error}");
                 let (mut one, mut other) = ([0; MAX_FRAME], [0; MAX_FRAME]);
                 let report = Report::default();
-                link.resend(&report, &mut one);
-                before.resend(&report, &mut other);
+                let len = link.encode_reply(reply, &report, &mut one);
+                before.encode_reply(reply, &report, &mut other);
+                assert_eq!(len, frame_len(setup.mode));
                 assert_eq!(one, other, "a rejected frame showed in the reply");
             }
         }
-        assert_eq!(
-            link.send(&Report::default(), &mut out),
-            frame_len(setup.mode)
-        );
+        reply += 1;
     }
 });

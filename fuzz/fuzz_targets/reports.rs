@@ -27,7 +27,7 @@ fuzz_target!(|data: &[u8]| {
                 assert!(report.cell.cell < setup.cells);
             }
             Err(error) => {
-                assert!(error.offset <= MAX_FRAME, "{error}");
+                assert!(usize::from(error.offset) <= MAX_FRAME, "{error}");
                 assert_eq!(one, other, "a rejected frame showed in the next command");
             }
         }

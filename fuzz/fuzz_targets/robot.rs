@@ -5,7 +5,7 @@
 
 use fw_core::eeprom::{check, first_board, Config, FIELDS};
 use fw_core::log::Log;
-use fw_core::robot::{Robot, Sample};
+use fw_core::robot::{ReceivedFrame, Robot, TickInput};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::sensing::Calibration;
 use fw_core::types::{Faults, Micros, MotorCommand, RangefinderId};
@@ -60,9 +60,11 @@ struct Bench {
     robot: Robot,
     log: Log,
     now: Micros,
-    sample: Sample,
+    sample: TickInput,
     words: [u16; 8],
     ticks: u32,
+    /// Number of the next reply.
+    reply: u32,
     /// What became of the gyroscope's last order, and what its registers hold.
     outcome: BusResult,
     registers: [u8; 2],
@@ -73,9 +75,9 @@ struct Bench {
 
 impl Bench {
     fn new(config: &Config, now: Micros) -> Self {
-        let sample = Sample {
+        let sample = TickInput {
             now,
-            ..Sample::default()
+            ..TickInput::default()
         };
         Self {
             robot: Robot::new(config, sample),
@@ -84,6 +86,7 @@ impl Bench {
             sample,
             words: [0; 8],
             ticks: 0,
+            reply: 1,
             outcome: BusResult::Done,
             registers: [0; 2],
             silent: 0,
@@ -150,7 +153,7 @@ impl Bench {
         self.silent = self.silent.saturating_add(10_000);
         let order = self.robot.on_gyro(self.outcome, &mut self.log);
         self.outcome = self.answer(order, rate);
-        self.sample = Sample {
+        self.sample = TickInput {
             now: self.now,
             left: self.sample.left.wrapping_add_signed(left.into()),
             right: self.sample.right.wrapping_add_signed(right.into()),
@@ -166,8 +169,7 @@ impl Bench {
             assert!(outputs.servo.is_none(), "a servo held without a frame");
         }
         let mut out = [0; MAX_FRAME];
-        self.robot.refresh_reply(&mut out);
-        self.robot.following_reply(&mut out);
+        self.robot.encode_reply(self.reply, &mut out);
     }
 
     /// What an MPU6050 in order makes of the driver's wish.
@@ -195,12 +197,17 @@ impl Bench {
     fn frame(&mut self, received: &[u8]) {
         let mut out = [0; MAX_FRAME];
         let accepted = self.robot.counters().accepted;
-        self.robot.reply_gone();
-        self.robot
-            .on_frame(received, received.len(), self.now, &mut self.log);
+        self.reply += 1;
+        let frame = ReceivedFrame {
+            buffer: received,
+            clocked: received.len(),
+            at: self.now,
+            reply: self.reply,
+        };
+        self.robot.on_frame(&frame, &mut self.log);
         if self.robot.counters().accepted != accepted {
             self.silent = 0;
         }
-        self.robot.refresh_reply(&mut out);
+        self.robot.encode_reply(self.reply, &mut out);
     }
 }

@@ -1,7 +1,7 @@
 //! How the targets read the fuzzer's bytes: a few bytes choose, the rest are what comes over a wire.
 
 use fw_core::wire::crc::crc16;
-use fw_core::wire::{chain, frame_len, Mode, Setup, MAX_FRAME};
+use fw_core::wire::{frame_len, Field, Mode, Setup, MAX_FRAME};
 
 /// The fuzzer's bytes, taken from the front; zeros when they are used up.
 pub struct Bytes<'a>(&'a [u8]);
@@ -50,10 +50,9 @@ impl<'a> Bytes<'a> {
 
 /// A mode, both keys and a number of cells.
 pub fn setup(bytes: &mut Bytes) -> Setup {
-    let modes: Vec<Mode> = (0..=u8::MAX).filter_map(Mode::from_code).collect();
     let [mode, key_from_pi, key_from_stm, cells] = bytes.array();
     Setup {
-        mode: modes[usize::from(mode) % modes.len()],
+        mode: Mode::ALL[usize::from(mode) % Mode::ALL.len()],
         key_from_pi,
         key_from_stm,
         cells: cells % 8 + 1,
@@ -71,7 +70,7 @@ pub fn frame(bytes: &mut Bytes, mode: Mode, key: u8) -> Vec<u8> {
     }
     let mut frame = bytes.array::<MAX_FRAME>()[..frame_len(mode)].to_vec();
     frame[0] = key;
-    if chain(mode).iter().any(|strategy| strategy.name == "crc") {
+    if mode.has(Field::Crc) {
         let end = frame.len() - 2;
         let crc = crc16(&frame[..end]);
         frame[end..].copy_from_slice(&crc.to_be_bytes());

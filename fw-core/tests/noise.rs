@@ -185,6 +185,7 @@ struct Wire {
     pi: PiLink,
     stm: StmLink,
     random: Random,
+    reply: u32,
 }
 
 impl Wire {
@@ -193,6 +194,7 @@ impl Wire {
             pi: PiLink::new(setup(mode)),
             stm: StmLink::new(setup(mode)),
             random: Random(mode.code().into()),
+            reply: 0,
         }
     }
 
@@ -229,7 +231,8 @@ impl Wire {
             ..Report::default()
         };
         let mut out = [0; MAX_FRAME];
-        let len = self.stm.send(&report, &mut out);
+        self.reply += 1;
+        let len = self.stm.encode_reply(self.reply, &report, &mut out);
         Frame::of(&out[..len])
     }
 
@@ -243,7 +246,7 @@ impl Wire {
 
     fn taken(&mut self, to_stm: bool, frame: &Frame) -> bool {
         if to_stm {
-            self.stm.receive(frame.seen()).is_ok()
+            self.stm.receive(frame.seen(), 0, self.reply).is_ok()
         } else {
             self.pi.receive(frame.seen()).is_ok()
         }
@@ -274,6 +277,7 @@ impl Wire {
                         PiLink::new(setup(self.pi.mode())),
                         StmLink::new(setup(self.pi.mode())),
                     );
+                    self.reply = 0;
                     passed.push((sent, arrived));
                 }
             }

@@ -14,7 +14,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::interrupt::free;
 use fw_core::eeprom::{Image, IMAGE_LEN};
 use fw_core::log::Log;
-use fw_core::robot::{Robot, Sample};
+use fw_core::robot::{ReceivedFrame, Robot, TickInput};
 use fw_core::wire::MAX_FRAME;
 
 /// What the robot's priority owns.
@@ -56,7 +56,7 @@ pub struct Drivers {
 enum Event<'a> {
     Echo(Echo),
     Frame(Claim<'a>),
-    Tick(Sample),
+    Tick(TickInput),
 }
 
 /// An echo, or else the older of a frame and a tick, so that the core's clock never runs backwards. Both
@@ -132,8 +132,14 @@ fn on_frame(robot: &mut Robot, mut frame: Claim, log: &mut Log) {
 fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
     let number = frame.reply.due;
     let (clocked, at) = (frame.clocked(), frame.at());
-    let (bytes, reply) = frame.buffers();
-    robot.on_frame(bytes, clocked, at, log);
+    let (buffer, reply) = frame.buffers();
+    let received = ReceivedFrame {
+        buffer,
+        clocked,
+        at,
+        reply: number,
+    };
+    robot.on_frame(&received, log);
     robot.encode_reply(number, reply);
 }
 
@@ -159,13 +165,13 @@ impl Drivers {
     /// The 100 Hz tick. Its own symbol, so that its instructions can be counted.
     #[inline(never)]
     #[export_name = "robot_tick"]
-    fn on_tick(&mut self, robot: &mut Robot, sample: Sample, log: &mut Log) {
+    fn on_tick(&mut self, robot: &mut Robot, input: TickInput, log: &mut Log) {
         self.prepare_standby(robot);
         let request = robot.on_gyro(self.gyro.take(), log);
         self.gyro.begin(request);
         let words = adc::words();
         let taps = words.as_ref().map_or(&[][..], |words| &words[..]);
-        let outputs = robot.on_tick(sample, taps, log);
+        let outputs = robot.on_tick(input, taps, log);
         self.motors.set(outputs.left, outputs.right);
         if outputs.leds != self.leds {
             self.leds = outputs.leds;
@@ -183,28 +189,5 @@ impl Drivers {
         self.refresh_reply(robot);
         watchdog::ticked();
         fault_injection::tick();
-    }
-}
-
-/// The reply as a function of its number.
-pub trait EncodeReply {
-    /// Writes reply `number`, counted from 1; returns its length.
-    fn encode_reply(&mut self, number: u32, out: &mut [u8; MAX_FRAME]) -> usize;
-}
-
-impl EncodeReply for Robot {
-    fn encode_reply(&mut self, number: u32, out: &mut [u8; MAX_FRAME]) -> usize {
-        static CURRENT: AtomicU32 = AtomicU32::new(0);
-        let mut current = CURRENT.load(Ordering::Relaxed);
-        while number.wrapping_sub(current) > 1 {
-            self.reply_gone();
-            current = current.wrapping_add(1);
-        }
-        CURRENT.store(current, Ordering::Relaxed);
-        if number == current {
-            self.refresh_reply(out)
-        } else {
-            self.following_reply(out)
-        }
     }
 }

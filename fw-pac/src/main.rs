@@ -59,7 +59,7 @@ mod time;
 mod uart;
 mod watchdog;
 
-use crate::app::{App, Drivers, EncodeReply, APP};
+use crate::app::{App, Drivers, APP};
 use crate::gpio::Driver;
 use crate::gyro::Gyro;
 use crate::motors::Motors;
@@ -69,7 +69,7 @@ use crate::uart::Uart;
 use clock::Source;
 use fw_core::eeprom::{Config, ConfigError};
 use fw_core::log::{Level, Log};
-use fw_core::robot::{Robot, Sample};
+use fw_core::robot::{Robot, TickInput};
 use fw_core::types::Faults;
 use fw_core::wire::State;
 use stm32f4::stm32f411::SPI1;
@@ -172,7 +172,7 @@ fn boot(app: &mut App) {
     }
 }
 
-fn build<'a>(slot: &'a mut Slot<Robot>, config: &Config, first: Sample) -> &'a mut Robot {
+fn build<'a>(slot: &'a mut Slot<Robot>, config: &Config, first: TickInput) -> &'a mut Robot {
     slot.insert(Robot::new(config, first))
 }
 

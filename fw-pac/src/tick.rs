@@ -9,7 +9,7 @@ use crate::{adc, encoders, rangefinders, time};
 use core::cell::Cell;
 use cortex_m::interrupt::{free, CriticalSection, Mutex};
 use cortex_m::peripheral::SCB;
-use fw_core::robot::Sample;
+use fw_core::robot::TickInput;
 use fw_core::types::Micros;
 use stm32f4::stm32f411::TIM5;
 
@@ -20,13 +20,13 @@ const PERIOD: u32 = 10_000;
 const BATTERY_LEAD: u32 = 200;
 
 /// The sample latched last, until the robot takes it; a later one replaces it.
-static LATCHED: Mutex<Cell<Option<Sample>>> = Mutex::new(Cell::new(None));
+static LATCHED: Mutex<Cell<Option<TickInput>>> = Mutex::new(Cell::new(None));
 
 /// A sample of this instant: masked, so that nothing comes between its parts.
 #[inline]
-pub fn sample(_: &CriticalSection) -> Sample {
+pub fn sample(_: &CriticalSection) -> TickInput {
     let (left, right) = encoders::read();
-    Sample {
+    TickInput {
         now: time::now(),
         left,
         right,
@@ -64,7 +64,7 @@ pub fn latched_at(token: &CriticalSection) -> Option<Micros> {
 
 /// The sample latched last, once.
 #[inline]
-pub fn take(token: &CriticalSection) -> Option<Sample> {
+pub fn take(token: &CriticalSection) -> Option<TickInput> {
     LATCHED.borrow(token).take()
 }
 

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::statistics::{LinkStatistics, RejectCounts};
 use embedded_hal::spi::SpiDevice;
 use fw_core::eeprom::Config;
-use fw_core::wire::{Command, FrameError, Mode, PiLink, Report, Setup, MAX_FRAME};
+use fw_core::wire::{Command, Field, FrameError, Mode, PiLink, Report, Setup, MAX_FRAME};
 
 /// The Pi's end of the link.
 pub struct Link {
@@ -66,7 +66,7 @@ impl Link {
             if let Some(last) = self.last_good_us.replace(begun_us) {
                 self.worst_gap_us = self.worst_gap_us.max(begun_us.saturating_sub(last));
             }
-            if self.mode.tells_fresh() {
+            if self.mode.has(Field::Sequence) {
                 self.round_trip.seen(report.sequence.seen, ended_us);
             }
         }
@@ -77,7 +77,7 @@ impl Link {
     #[must_use]
     pub fn statistics(&self) -> LinkStatistics {
         let counters = self.end.counters();
-        let numbered = self.mode.tells_fresh();
+        let numbered = self.mode.has(Field::Sequence);
         LinkStatistics {
             frames: self.frames,
             accepted: counters.accepted,

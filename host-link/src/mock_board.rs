@@ -58,6 +58,8 @@ pub struct MockBoard {
     pub garbled_from: usize,
     drive: DriveModel,
     link: Option<StmLink>,
+    /// Number of the next reply.
+    reply: u32,
     now_us: u64,
     low_since_us: u64,
     busy_until_us: u64,
@@ -185,9 +187,12 @@ impl MockBoard {
         let Some(link) = &mut self.link else { return };
         self.report.cell.cell = (self.report.cell.cell + 1) % first_board().cells;
         let mut reply = [0; MAX_FRAME];
-        let len = link.send(&self.report, &mut reply);
+        let len = link.encode_reply(self.reply, &self.report, &mut reply);
+        self.reply += 1;
         back.copy_from_slice(&reply[..len]);
-        let command = link.receive(out).expect("the Pi sends good frames");
+        let command = link
+            .receive(out, 0, self.reply)
+            .expect("the Pi sends good frames");
         if command.apply {
             let half = |from: i32, to: i32| from + (to - from) / 2;
             let (from, to) = (self.report.pose, command.expected);
@@ -254,6 +259,7 @@ impl<const WHICH: usize> MockLine<WHICH> {
                 board.link = fw_core::eeprom::decode(&board.memory)
                     .ok()
                     .map(|config| StmLink::new(Setup::from(&config)));
+                board.reply = 1;
                 board.drive = DriveModel {
                     ticks: board.drive.ticks,
                     ..DriveModel::default()
@@ -370,6 +376,7 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
         garbled_from: usize::MAX,
         drive: DriveModel::default(),
         link: link.map(|config| StmLink::new(Setup::from(&config))),
+        reply: 1,
         now_us: 0,
         low_since_us: 0,
         busy_until_us: 0,

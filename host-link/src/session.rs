@@ -13,10 +13,7 @@ use crate::{eeprom, reset};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::position::Position;
-use fw_core::wire::status::Status;
-use fw_core::wire::strategy::Duties;
-use fw_core::wire::{chain, CellCode, Command, Mode, Order, Report, State};
+use fw_core::wire::{CellCode, Command, Field, Mode, Order, Report, State};
 
 /// Default frames per second (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
@@ -64,17 +61,13 @@ pub struct Session<'m> {
 /// Whether the mode carries an expected and an actual pose.
 #[must_use]
 pub fn has_position(mode: Mode) -> bool {
-    chain(mode)
-        .iter()
-        .any(|strategy| strategy.name == Position::NAME)
+    mode.has(Field::Position)
 }
 
 /// Whether the mode carries the robot's state, its faults, and orders.
 #[must_use]
 pub fn has_status(mode: Mode) -> bool {
-    chain(mode)
-        .iter()
-        .any(|strategy| strategy.name == Status::NAME)
+    mode.has(Field::Status)
 }
 
 impl<'m> Session<'m> {

@@ -4,7 +4,7 @@ mod rig;
 
 use fw_core::binary64::Binary64;
 use fw_core::log::Log;
-use fw_core::robot::{Robot, Sample};
+use fw_core::robot::{ReceivedFrame, Robot, TickInput};
 use fw_core::wire::{frame_len, Command, Mode, PiLink, Setup, State, MAX_FRAME};
 
 use crate::eeprom::accepted::AcceptedConfig;
@@ -52,13 +52,13 @@ pub fn first_sample_moves_nothing(
     rolled: u8,
 ) -> Seen {
     let mut log = Log::<1024>::new();
-    let first = Sample { now, left, right };
+    let first = TickInput { now, left, right };
     let mut robot = Robot::new(&config.0, first);
     let outputs = robot.on_tick(first, &[], &mut log);
     assert!(robot.pose() == Pose::default());
     assert!(!robot.faults().intersects(WHEELS));
     assert!(outputs.left == MotorCommand::Coast && outputs.right == MotorCommand::Coast);
-    let next = Sample {
+    let next = TickInput {
         now: now.after(10_000),
         left: left.wrapping_add(rolled.into()),
         right,
@@ -95,9 +95,9 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
         beyond(platform.limit_left, platform.dead_zone_left),
         beyond(platform.limit_right, platform.dead_zone_right),
     ];
-    let mut sample = Sample {
+    let mut sample = TickInput {
         now,
-        ..Sample::default()
+        ..TickInput::default()
     };
     let mut robot = Robot::new(&config, sample);
     let mut pi = PiLink::new(Setup::from(&config));
@@ -110,7 +110,13 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
         };
         let mut frame = [0; MAX_FRAME];
         let len = pi.send(&command, &mut frame);
-        robot.on_frame(&frame, len, sample.now, &mut log);
+        let received = ReceivedFrame {
+            buffer: &frame,
+            clocked: len,
+            at: sample.now,
+            reply: 1,
+        };
+        robot.on_frame(&received, &mut log);
         let outputs = robot.on_tick(sample, &[], &mut log);
         sample.now = sample.now.after(10_000);
         let accused = robot.faults().intersects(WHEELS);

@@ -11,7 +11,7 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
-use fw_core::robot::{Intent, Permit, Supervisor};
+use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
 use fw_core::types::{Faults, Micros};
 use fw_core::wire::Order;
 use proofs::search::{search, Model};
@@ -46,15 +46,15 @@ enum Word {
 impl Word {
     const ALL: [Self; 4] = [Self::Alive, Self::Stop, Self::Resume, Self::Cured];
 
-    fn intent(self) -> Intent {
-        Intent {
+    fn intent(self) -> SupervisorCommand {
+        SupervisorCommand {
             resumes: false,
             order: match self {
                 Self::Stop => Order::Stop,
                 Self::Resume => Order::Resume,
                 Self::Alive | Self::Cured => Order::None,
             },
-            clear: if self == Self::Cured {
+            clear_faults: if self == Self::Cured {
                 Faults::ALL_BITS
             } else {
                 Faults::NONE
@@ -75,14 +75,14 @@ struct State {
     /// Waiting for the robot: when it ended and what it says.
     frame: Option<(u64, Word)>,
     /// Waiting for the robot: when it was, what must come of it, and whether somebody talks to the robot.
-    tick: Option<(u64, Permit, bool)>,
+    tick: Option<(u64, AllowedMotion, bool)>,
     /// What must be: when a frame last ended, whether the robot is stopped or faulted.
     heard: Option<u64>,
     stopped: bool,
     faulted: bool,
     /// What the motors were last permitted, and whether a frame was handled or a fault found since; for
     /// [`Robot::Blind`] alone.
-    permit: Permit,
+    permit: AllowedMotion,
     met: bool,
     ticks: u8,
     frames: u8,
@@ -169,11 +169,11 @@ impl State {
         self.ticks += 1;
         self.stopped |= self.silent(now) || self.faulted;
         let permit = if self.stopped {
-            Permit::Brake
+            AllowedMotion::Brake
         } else if self.heard.is_some() {
-            Permit::Drive
+            AllowedMotion::Drive
         } else {
-            Permit::Coast
+            AllowedMotion::Coast
         };
         let attended = self.heard.is_some() && !self.silent(now);
         self.tick = Some((now, permit, attended));
@@ -208,7 +208,7 @@ impl Robot {
         match (next.frame, next.tick) {
             (_, Some((at, expected, attended))) if tick_first => {
                 next.tick = None;
-                let wanted = expected != Permit::Coast;
+                let wanted = expected != AllowedMotion::Coast;
                 let mut supervisor = next.supervisor;
                 let permit = if next.met || self != Self::Blind {
                     supervisor.on_tick(micros(at), wanted, wanted)
@@ -224,14 +224,14 @@ impl Robot {
                 }
                 if permit == expected {
                     // What the servo's force goes by.
-                    return if next.supervisor.attended(micros(at)) == attended {
+                    return if next.supervisor.link_alive(micros(at)) == attended {
                         Ok(())
                     } else {
                         Err("whether somebody talks to the robot is mistaken".into())
                     };
                 }
                 Err(match expected {
-                    Permit::Brake => "the motors run although they must stand".into(),
+                    AllowedMotion::Brake => "the motors run although they must stand".into(),
                     _ => format!("{permit:?} although nothing stops the robot"),
                 })
             }
@@ -243,7 +243,7 @@ impl Robot {
                 } else {
                     at
                 };
-                let intent = Intent {
+                let intent = SupervisorCommand {
                     resumes: self == Self::Eager,
                     ..word.intent()
                 };
@@ -270,7 +270,7 @@ impl Model for Robot {
             heard: None,
             stopped: false,
             faulted: false,
-            permit: Permit::Coast,
+            permit: AllowedMotion::Coast,
             met: false,
             ticks: 0,
             frames: 0,

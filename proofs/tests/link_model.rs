@@ -10,7 +10,7 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
-use fw_core::robot::{Intent, Permit, Supervisor};
+use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
 use fw_core::types::Micros;
 use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FRAME};
 use proofs::search::{search, Model};
@@ -39,7 +39,7 @@ type Essence = (
     usize,
     u8,
     (Option<usize>, Option<(usize, usize)>),
-    (Option<Micros>, Option<Permit>),
+    (Option<Micros>, Option<AllowedMotion>),
 );
 
 #[derive(Clone)]
@@ -57,7 +57,7 @@ struct State {
     /// how many they are.
     row: Option<(usize, usize)>,
     /// What the last tick permitted, unless a frame was taken since; for [`Link::Blind`] alone.
-    permit: Option<Permit>,
+    permit: Option<AllowedMotion>,
 }
 
 impl State {
@@ -67,7 +67,7 @@ impl State {
 
     fn essence(&self) -> Essence {
         let mut reply = [0; MAX_FRAME];
-        let len = self.stm.clone().resend(&Report::default(), &mut reply);
+        let len = self.stm.encode_reply(1, &Report::default(), &mut reply);
         (
             reply[..len].to_vec(),
             self.supervisor,
@@ -188,7 +188,7 @@ impl Model for Link {
             Event::Corrupt(which) => {
                 let mut frame = next.sent[which];
                 frame[5 + which] ^= 0x10;
-                if next.stm.receive(&frame[..LEN]).is_ok() {
+                if next.stm.receive(&frame[..LEN], 0, 1).is_ok() {
                     return Err("a corrupted frame was taken".into());
                 }
             }
@@ -205,7 +205,7 @@ impl Model for Link {
                 if *self == Self::Forgetful {
                     next.stm = StmLink::new(SETUP);
                 }
-                let received = next.stm.receive(&next.sent[which][..LEN]);
+                let received = next.stm.receive(&next.sent[which][..LEN], 0, 1);
                 if received.is_ok() != fresh {
                     return Err(
                         "a frame was taken that is not fresh, or a fresh one was not".into(),
@@ -217,16 +217,16 @@ impl Model for Link {
                     next.newest = Some(which);
                     next.heard = Some(now);
                 }
-                let intent = |command: Command| Intent {
+                let intent = |command: Command| SupervisorCommand {
                     resumes: false,
                     order: command.order,
-                    clear: command.clear_faults,
+                    clear_faults: command.clear_faults,
                 };
                 if let Ok(command) = received {
                     next.supervisor.on_fresh(now, intent(command));
                     next.permit = None;
                 } else if *self == Self::Trusting {
-                    next.supervisor.on_fresh(now, Intent::default());
+                    next.supervisor.on_fresh(now, SupervisorCommand::default());
                 }
             }
             Event::Tick => {
@@ -241,7 +241,7 @@ impl Model for Link {
                 }
                 let allowed = u32::from(DEADLINE_MS) * 1000;
                 let silent = next.heard.is_some_and(|heard| now.since(heard) >= allowed);
-                if silent && permit != Permit::Brake {
+                if silent && permit != AllowedMotion::Brake {
                     return Err("the motors run although the link has been silent".into());
                 }
             }

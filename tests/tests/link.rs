@@ -338,7 +338,7 @@ fn told(log: &str) -> (usize, usize) {
             told.0 += 1;
         } else if text.ends_with(" more frames rejected") {
             told.0 += number();
-        } else if text.ends_with(" frames came too fast and were lost") {
+        } else if text.ends_with(" frames lost: not read before the next one") {
             told.1 += number();
         }
     }

@@ -1,7 +1,7 @@
 //! Both ends and their modes: the host's code on the Pi's wires, the ELF behind them.
 
 use fw_core::eeprom::{first_board, Config};
-use fw_core::wire::{chain, Mode, Strategy};
+use fw_core::wire::{chain, Mode};
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, MODE_CHECK_FRAMES, RATE_HZ};
@@ -33,7 +33,7 @@ fn booted(mode: Mode) -> Rig {
 }
 
 fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
-    chain(mode).iter().map(|&Strategy { name, .. }| *name)
+    chain(mode).iter().map(|field| field.name())
 }
 
 // Requirement: DOC-3.2-2, DOC-5.2-1

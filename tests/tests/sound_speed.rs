@@ -83,7 +83,7 @@ fn a_part_without_the_factorys_words_measures_at_343_m_per_s_and_says_so() {
     let told = log.lines().find(|line| line.contains(": no temperature: "));
     let told = told.unwrap_or_else(|| panic!("{log}"));
     assert!(told.starts_with('W'), "{told}");
-    assert!(told.ends_with("sound taken at 343 m/s"), "{told}");
+    assert!(told.ends_with("speed of sound 343 m/s assumed"), "{told}");
 }
 
 #[test]

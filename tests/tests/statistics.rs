@@ -2,7 +2,7 @@
 //! the ELF on the other, its log between them.
 
 use fw_core::eeprom::first_board;
-use fw_core::wire::{frame_len, Cause, Mode};
+use fw_core::wire::{frame_len, Cause, Field, Mode};
 use host_link::board_io::Interrupt;
 use host_link::session::{CommandRequest, Session, RATE_HZ};
 use host_link::settings::Settings;
@@ -65,7 +65,7 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
         let told = rig.log();
         let name = mode.name();
         let stm = session.snapshot().stm.expect(name);
-        let guarded = mode.tells_fresh();
+        let guarded = mode.has(Field::Sequence);
         assert_eq!(stm.causes.get(Cause::Key), 3, "{name}: {told}");
         let others = [Cause::Short, Cause::Long, Cause::Stale].map(|cause| stm.causes.get(cause));
         // A number of 0 is none that comes next, and is looked at before the frame's end.

@@ -1,11 +1,11 @@
-//! What the registers hand to the robot and what the robot hands back.
+//! Inputs and outputs of the robot's events.
 
 use crate::types::{Micros, MotorCommand, RangefinderId};
 use crate::wire::State;
 
 /// The raw readings of one 100 Hz tick, latched together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sample {
+pub struct TickInput {
     /// TIM5 at the tick.
     pub now: Micros,
     /// TIM2's counter.
@@ -14,24 +14,36 @@ pub struct Sample {
     pub right: u16,
 }
 
-/// What a tick tells the registers.
+/// A frame that the SPI slave received.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReceivedFrame<'a> {
+    /// The bytes that the buffer had room for.
+    pub buffer: &'a [u8],
+    /// Bytes that crossed the wire; beyond the buffer's length they are known by number only.
+    pub clocked: usize,
+    /// When the chip-select rose.
+    pub at: Micros,
+    /// Number of the next reply, see [`Robot::encode_reply`](super::Robot::encode_reply).
+    pub reply: u32,
+}
+
+/// What a tick writes to the registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Outputs {
+pub struct TickOutput {
     /// The left motor.
     pub left: MotorCommand,
     /// The right motor.
     pub right: MotorCommand,
-    /// The rangefinder to trigger now, if it is one's turn.
+    /// The rangefinder to trigger now, if any.
     pub trigger: Option<RangefinderId>,
-    /// The one pulse to send the servo now, microseconds high, if it is time for one. A servo that is
-    /// sent none has no force.
+    /// The one pulse to send the servo now, microseconds high; a servo without pulses has no force.
     pub servo: Option<u16>,
     /// LEDs 1 to 4, bit 0 = LED 1 lit.
     pub leds: u8,
 }
 
 /// The LEDs of a state, bit 0 = LED 1 lit: one more for every step from booting to moving, the
-/// outer or the inner pair when the robot stands and wants somebody.
+/// outer or the inner pair when the robot needs attention.
 ///
 /// | state | LED 1 2 3 4 |
 /// |---|---|
@@ -57,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_state_has_its_own_leds() {
+    fn leds_of_every_state_match_table() {
         // As the table draws them: LED 1 is the lowest bit.
         for (state, shown) in [
             (State::Booting, "*..."),

@@ -4,19 +4,19 @@
 //! | event | method | comes from |
 //! |---|---|---|
 //! | 100 Hz tick | [`Robot::on_gyro`], then [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words; I2C1 |
-//! | frame | [`Robot::reply_gone`], [`Robot::on_frame`], then [`Robot::refresh_reply`] | chip-select's rising edge |
+//! | frame | [`Robot::on_frame`], then [`Robot::encode_reply`] | chip-select's rising edge |
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 //! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
-mod guard;
+mod event_log;
 mod io;
-mod link_line;
+mod link_stats;
 mod reply;
+mod slip_monitor;
 mod supervisor;
-mod telling;
 
-pub use io::{leds, Outputs, Sample};
-pub use supervisor::{Intent, Permit, Supervisor};
+pub use io::{leds, ReceivedFrame, TickInput, TickOutput};
+pub use supervisor::{AllowedMotion, Supervisor, SupervisorCommand};
 
 use crate::binary64::Binary64;
 use crate::eeprom::Config;
@@ -27,29 +27,30 @@ use crate::sensing::{Battery, EchoStats, Rangefinders, ServoScan};
 use crate::sensing::{Calibration, Thermometer};
 use crate::types::{Delta, Duty, Faults, Micros, MotorCommands, Pose, RangefinderId};
 use crate::wire::{
-    CellCode, Command, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State, StmLink,
+    CellCode, Command, Field, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State,
+    StmLink,
 };
-use guard::Guard;
-use link_line::LinkLine;
-use telling::Telling;
+use event_log::EventLog;
+use link_stats::LinkStats;
+use slip_monitor::SlipMonitor;
 
 #[cfg(test)]
 mod tests;
 
-/// What the Pi wants of the motors.
+/// What the Pi asks of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Want {
-    /// Nothing yet.
-    Nothing,
-    /// The controller's target.
+enum DriveRequest {
+    /// Nothing since the reset.
+    None,
+    /// Drive to the controller's target.
     Target,
     /// Tuning: a constant duty.
-    Constant(Duty),
+    Duty(Duty),
 }
 
-/// What a mode lets the Pi ask for and what it reports.
+/// What a mode measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Measure {
+enum MeasuredQuantity {
     /// Drive to a pose, report the pose.
     Pose,
     /// Constant duty, report the rotation.
@@ -58,7 +59,7 @@ enum Measure {
     Displacement,
 }
 
-impl Measure {
+impl MeasuredQuantity {
     const fn of(mode: Mode) -> Self {
         match mode {
             Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep => Self::Pose,
@@ -68,42 +69,39 @@ impl Measure {
     }
 }
 
-/// Everything the robot knows.
+/// The robot's whole state.
 #[derive(Clone, Debug)]
 pub struct Robot {
-    measure: Measure,
+    quantity: MeasuredQuantity,
     link: StmLink,
     supervisor: Supervisor,
     odometry: Odometry,
     delta: Delta,
-    /// The configuration wants a gyroscope, and the mode can use one.
-    guarded: bool,
-    guard: Guard,
+    /// The configuration has a gyroscope, and the mode can use one.
+    gyro_enabled: bool,
+    slip_monitor: SlipMonitor,
     controller: PoseController,
-    plausibility: DriveMonitor,
-    /// What the motors have been told since the last tick.
-    told: MotorCommands,
+    drive_monitor: DriveMonitor,
+    /// Motor commands applied since the last tick.
+    applied: MotorCommands,
     battery: Battery,
     rangefinders: Rangefinders,
     servo_scan: ServoScan,
     thermometer: Thermometer,
-    want: Want,
+    request: DriveRequest,
     target: PoseCode,
     /// Millimetres along the path since reset, 2⁻¹⁶.
-    travelled: i64,
+    distance: i64,
     /// Rotation since reset, 2⁻³² turns; unlike the heading it counts whole turns.
-    turned: i64,
-    /// The cell whose turn it is in the replies.
-    cell: u8,
-    /// What a reply says: what the robot senses is in it already, see [`Self::sense`], the rest
-    /// comes with each reply.
-    said: Report,
+    rotation: i64,
+    /// Next report but for cell, faults and state, see [`Self::encode_reply`].
+    report: Report,
     /// The cells' voltages in the wire's code.
     voltages: [u16; MAX_CELLS],
-    telling: Telling,
-    link_line: LinkLine,
+    event_log: EventLog,
+    link_stats: LinkStats,
     /// Lines that the log had dropped by the last tick.
-    dropped: u32,
+    dropped_lines: u32,
 }
 
 impl Robot {
@@ -111,11 +109,11 @@ impl Robot {
     // Requirement: DOC-3.2-1
     #[inline(never)]
     #[must_use]
-    pub fn new(config: &Config, first: Sample) -> Self {
+    pub fn new(config: &Config, first: TickInput) -> Self {
         let platform = &config.platform;
         let sweeps = config.mode == Mode::GuardedSweep;
         Self {
-            measure: Measure::of(config.mode),
+            quantity: MeasuredQuantity::of(config.mode),
             // Requirement: DOC-5.2-1, WIRE-ready-2
             link: StmLink::new(Setup::from(config)),
             // Requirement: WIRE-platform-8
@@ -123,76 +121,76 @@ impl Robot {
             odometry: Odometry::new(platform, first.left, first.right),
             delta: Delta::default(),
             // Requirement: WIRE-platform-7
-            guarded: platform.gyro && matches!(Measure::of(config.mode), Measure::Pose),
-            guard: Guard::new(),
+            gyro_enabled: platform.gyro
+                && MeasuredQuantity::of(config.mode) == MeasuredQuantity::Pose,
+            slip_monitor: SlipMonitor::new(),
             controller: PoseController::new(config),
-            plausibility: DriveMonitor::new(platform),
-            told: MotorCommands::default(),
+            drive_monitor: DriveMonitor::new(platform),
+            applied: MotorCommands::default(),
             battery: Battery::new(config),
             // The sweep is of one, which then need not wait for the others.
             rangefinders: Rangefinders::new(if sweeps { 1 } else { platform.rangefinders }),
             servo_scan: ServoScan::new(platform, sweeps),
             thermometer: Thermometer::new(Calibration::UNWRITTEN),
-            want: Want::Nothing,
+            request: DriveRequest::None,
             target: PoseCode::default(),
-            travelled: 0,
-            turned: 0,
-            cell: 0,
-            said: Report::default(),
+            distance: 0,
+            rotation: 0,
+            report: Report::default(),
             voltages: [0; MAX_CELLS],
-            telling: Telling::new(platform.log_period),
-            link_line: LinkLine::default(),
-            dropped: 0,
+            event_log: EventLog::new(platform.log_period),
+            link_stats: LinkStats::default(),
+            dropped_lines: 0,
         }
     }
 
     /// The 100 Hz tick: where the robot is, whether it may move, and what the motors are told.
     // Requirement: DOC-4.1-2
-    pub fn on_tick(&mut self, sample: Sample, adc_words: &[u16], log: &mut Log) -> Outputs {
-        self.delta = self.odometry.step(sample.left, sample.right);
-        self.guard.add_to(&mut self.delta);
-        self.travelled = self
-            .travelled
+    pub fn on_tick(&mut self, input: TickInput, adc_words: &[u16], log: &mut Log) -> TickOutput {
+        self.delta = self.odometry.step(input.left, input.right);
+        self.slip_monitor.add_to(&mut self.delta);
+        self.distance = self
+            .distance
             .wrapping_add(self.delta.travel.to_bits().into());
-        self.turned = self.turned.wrapping_add(self.delta.turn.into());
+        self.rotation = self.rotation.wrapping_add(self.delta.turn.into());
         let pose = self.odometry.pose();
-        let implausible = self.plausibility.step(&self.told, &self.delta);
-        self.raise(implausible, log);
+        let faults = self.drive_monitor.step(&self.applied, &self.delta);
+        self.raise(faults, log);
 
         self.battery.sample(adc_words);
         self.raise(battery_faults(&self.battery), log);
-        // No line tells of it but the log's own: there is no room for one.
+        // Not logged: the log reports dropped lines itself once there is room.
         // Requirement: WIRE-fault-10
-        if self.dropped != log.dropped() {
-            self.dropped = log.dropped();
+        if self.dropped_lines != log.dropped() {
+            self.dropped_lines = log.dropped();
             self.raise(Faults::LOG_DROPPED, log);
         }
 
         // Requirement: WIRE-deadline-3
-        let wanted = self.want != Want::Nothing;
-        let busy = match self.want {
-            Want::Nothing => false,
-            Want::Target => self.controller.moving(),
-            Want::Constant(duty) => duty != Duty::ZERO,
+        let requested = self.request != DriveRequest::None;
+        let busy = match self.request {
+            DriveRequest::None => false,
+            DriveRequest::Target => self.controller.moving(),
+            DriveRequest::Duty(duty) => duty != Duty::ZERO,
         };
-        let wheels = match self.supervisor.on_tick(sample.now, wanted, busy) {
-            Permit::Coast => MotorCommands::default(),
-            Permit::Brake => {
-                self.stand();
+        let wheels = match self.supervisor.on_tick(input.now, requested, busy) {
+            AllowedMotion::Coast => MotorCommands::default(),
+            AllowedMotion::Brake => {
+                self.stop_motion();
                 MotorCommands::BRAKE
             }
-            Permit::Drive => self.drive(&pose),
+            AllowedMotion::Drive => self.drive(&pose),
         };
-        self.told = wheels;
-        self.tell(sample.now, log);
-        let (servo, trigger) = self.look(sample.now);
+        self.applied = wheels;
+        self.log_tick(input.now, log);
+        let (servo, trigger) = self.update_ranging(input.now);
         while let Some(which) = self.rangefinders.take_updated() {
-            self.sense_range(which);
-            self.telling
+            self.update_range(which);
+            self.event_log
                 .rangefinder(which, &self.rangefinders.stats(which), log);
         }
-        self.sense(&pose);
-        Outputs {
+        self.update_report(&pose);
+        TickOutput {
             left: wheels.left,
             right: wheels.right,
             trigger,
@@ -204,8 +202,8 @@ impl Robot {
     /// The servo's pulse and the rangefinder to trigger. Nobody talks to the robot, or a fault has
     /// stopped it: the servo rests.
     // Requirement: WIRE-servo-1
-    fn look(&mut self, now: Micros) -> (Option<u16>, Option<RangefinderId>) {
-        let live = self.supervisor.attended(now) && self.supervisor.state() != State::Faulted;
+    fn update_ranging(&mut self, now: Micros) -> (Option<u16>, Option<RangefinderId>) {
+        let live = self.supervisor.link_alive(now) && self.supervisor.state() != State::Faulted;
         let servo = self.servo_scan.tick(live);
         if self.servo_scan.is_off() {
             self.rangefinders.invalidate();
@@ -222,75 +220,81 @@ impl Robot {
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
     /// the Pi asks anew.
     // Requirement: WIRE-deadline-5
-    fn stand(&mut self) {
-        match self.want {
-            Want::Nothing => {}
-            Want::Target => self.controller.halt(),
-            Want::Constant(_) => {
+    fn stop_motion(&mut self) {
+        match self.request {
+            DriveRequest::None => {}
+            DriveRequest::Target => self.controller.halt(),
+            DriveRequest::Duty(_) => {
                 self.controller.halt();
-                self.want = Want::Constant(Duty::ZERO);
+                self.request = DriveRequest::Duty(Duty::ZERO);
             }
         }
     }
 
     fn drive(&mut self, pose: &Pose) -> MotorCommands {
-        match (self.want, self.measure) {
-            (Want::Nothing, _) => MotorCommands::default(),
-            (Want::Target, _) => {
+        match (self.request, self.quantity) {
+            (DriveRequest::None, _) => MotorCommands::default(),
+            (DriveRequest::Target, _) => {
                 if !self.controller.moving() && !self.controller.arrived() {
                     // Halted since the target was set.
                     self.controller.set_target(self.target.to_pose());
                 }
                 self.controller.drive(pose, &self.delta)
             }
-            (Want::Constant(duty), Measure::Displacement) => {
+            (DriveRequest::Duty(duty), MeasuredQuantity::Displacement) => {
                 self.controller.tune_move(duty, pose, &self.delta)
             }
-            (Want::Constant(duty), Measure::Rotation | Measure::Pose) => {
+            (DriveRequest::Duty(duty), MeasuredQuantity::Rotation | MeasuredQuantity::Pose) => {
                 self.controller.tune_rotate(duty)
             }
         }
     }
 
-    /// A frame ended: `clocked` bytes crossed the wire, `buffer` holds those it had room for.
-    /// Nothing of a rejected frame takes effect; the stop deadline keeps running.
+    /// A frame ended. Nothing of a rejected frame takes effect; the stop deadline keeps running.
     #[inline]
-    pub fn on_frame(&mut self, buffer: &[u8], clocked: usize, now: Micros, log: &mut Log) {
-        if let Some(command) = self.link.receive_whole(buffer, clocked) {
-            self.on_command(&command, now, log);
-            return;
-        }
-        self.on_doubtful_frame(buffer, clocked, now, log);
-    }
-
-    /// With the small parser, which can also say what is wrong.
-    #[cold]
-    #[inline(never)]
-    fn on_doubtful_frame(&mut self, buffer: &[u8], clocked: usize, now: Micros, log: &mut Log) {
-        match self.link.receive_clocked(buffer, clocked) {
-            Ok(command) => self.on_command(&command, now, log),
+    pub fn on_frame(&mut self, frame: &ReceivedFrame<'_>, log: &mut Log) {
+        let bytes = frame.buffer.get(..frame.clocked).unwrap_or(frame.buffer);
+        let overflow_len = frame.clocked.saturating_sub(frame.buffer.len());
+        match self.link.receive(bytes, overflow_len, frame.reply) {
+            Ok(command) => self.on_command(&command, frame.at, log),
             Err(error) => self.on_rejected(error),
         }
     }
 
     #[inline]
     fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
-        self.link_line.frame(now);
-        if self.measure == Measure::Pose {
-            self.fresh(now, command, command.apply);
-            // Requirement: WIRE-modes-2
-            let known = self.want == Want::Target && command.expected == self.target;
-            // Requirement: DOC-5.1.1-4
-            if command.apply && !known {
+        self.link_stats.on_frame(now);
+        // Only the tuning modes carry a percentage; the others do not pay for decoding one.
+        let tuning = self.quantity != MeasuredQuantity::Pose;
+        let duty = if tuning {
+            percent(command.percent)
+        } else {
+            Duty::ZERO
+        };
+        // In the modes without an order of their own, apply or 0 % ends a stop.
+        let resumes = if tuning {
+            duty == Duty::ZERO
+        } else {
+            command.apply
+        };
+        self.supervisor.on_fresh(
+            now,
+            SupervisorCommand {
+                resumes: resumes && !self.link.mode().has(Field::Status),
+                order: command.order,
+                clear_faults: command.clear_faults,
+            },
+        );
+        if tuning {
+            if !self.supervisor.halted() {
+                self.request = DriveRequest::Duty(duty);
+            }
+        } else if command.apply {
+            // Requirement: WIRE-modes-2, DOC-5.1.1-4
+            let known = self.request == DriveRequest::Target && command.expected == self.target;
+            if !known {
                 let PoseCode { x, y, rotation } = command.expected;
                 self.set_target(x, y, rotation);
-            }
-        } else {
-            // Only the tuning modes carry a percentage; the others do not pay for decoding one.
-            let duty = percent(command.percent);
-            self.fresh(now, command, duty == Duty::ZERO);
-            if !self.supervisor.halted() {
-                self.want = Want::Constant(duty);
             }
         }
         if command.tune.voltage != 0 {
@@ -298,31 +302,16 @@ impl Robot {
         }
     }
 
-    /// A frame counts. `resumes`: in the modes without an order of their own, what it asks for ends a
-    /// stop.
-    #[inline]
-    fn fresh(&mut self, now: Micros, command: &Command, resumes: bool) {
-        let bare = !self.link.mode().tells_fresh();
-        self.supervisor.on_fresh(
-            now,
-            Intent {
-                resumes: bare && resumes,
-                order: command.order,
-                clear: command.clear_faults,
-            },
-        );
-    }
-
     // Requirement: DOC-2.1-2
-    // Field by field, here and below: a reference would keep the whole command in memory.
+    // Field by field: a reference would keep the whole command in memory.
     #[cold]
     #[inline(never)]
     fn set_target(&mut self, x: i32, y: i32, rotation: u16) {
         let expected = PoseCode { x, y, rotation };
-        self.want = Want::Target;
+        self.request = DriveRequest::Target;
         self.target = expected;
         self.controller.set_target(expected.to_pose());
-        self.telling.target(expected);
+        self.event_log.target_set(expected);
     }
 
     // Requirement: WIRE-battery-2
@@ -346,7 +335,7 @@ impl Robot {
     #[cold]
     fn on_rejected(&mut self, error: FrameError) {
         self.supervisor.raise(Faults::FRAME_REJECTED);
-        self.telling.rejected(error);
+        self.event_log.frame_rejected(error);
     }
 
     /// Frames that ended before the robot came to read the one before them.
@@ -356,14 +345,14 @@ impl Robot {
         self.supervisor.raise(Faults::FRAME_REJECTED);
         log.line(Level::Warn, |line| {
             line.int(frames.into())
-                .text(" frames came too fast and were lost");
+                .text(" frames lost: not read before the next one");
         });
     }
 
     /// An echo of the rangefinder triggered last: both edges on the robot's clock.
     pub fn on_echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
         self.rangefinders.echo(which, rise, fall);
-        self.sense_range(which);
+        self.update_range(which);
     }
 
     /// The factory's words for the temperature sensor; without them sound is taken at 343 m/s.
@@ -376,7 +365,7 @@ impl Robot {
     pub fn on_temperature(&mut self, sensor: u16, reference: u16, log: &mut Log) {
         let air = self.thermometer.read(sensor, reference);
         self.rangefinders.set_temperature(air);
-        self.telling.temperature(air, log);
+        self.event_log.temperature(air, log);
     }
 
     /// Latches faults that the registers found.
@@ -390,16 +379,16 @@ impl Robot {
     #[cold]
     #[inline(never)]
     fn latch(&mut self, faults: Faults, log: &mut Log) {
-        telling::faults(faults.difference(self.supervisor.faults()), log);
+        event_log::log_faults(faults.difference(self.supervisor.faults()), log);
         self.supervisor.raise(faults);
     }
 
     /// [`Self::measurement`] in thousandths, for the log.
     fn thousandths(&self) -> i64 {
-        match self.measure {
-            Measure::Pose => 0,
-            Measure::Rotation => (self.turned >> 8).saturating_mul(360_000) >> 24,
-            Measure::Displacement => self.travelled.saturating_mul(1000) >> 16,
+        match self.quantity {
+            MeasuredQuantity::Pose => 0,
+            MeasuredQuantity::Rotation => (self.rotation >> 8).saturating_mul(360_000) >> 24,
+            MeasuredQuantity::Displacement => self.distance.saturating_mul(1000) >> 16,
         }
     }
 
@@ -434,19 +423,19 @@ impl Robot {
         self.link.counters()
     }
 
-    fn tell(&mut self, now: Micros, log: &mut Log) {
+    fn log_tick(&mut self, now: Micros, log: &mut Log) {
         let mut busy = self
-            .telling
-            .state(self.supervisor.state(), self.supervisor.faults(), log);
-        if let Want::Constant(duty) = self.want {
-            telling::tuning(duty, self.thousandths(), log);
+            .event_log
+            .tick(self.supervisor.state(), self.supervisor.faults(), log);
+        if let DriveRequest::Duty(duty) = self.request {
+            event_log::log_tuning(duty, self.thousandths(), log);
         }
-        if self.telling.pose_is_due() {
-            telling::pose_line(&PoseCode::from_pose(&self.odometry.pose()), log);
+        if self.event_log.pose_due() {
+            event_log::log_pose(&PoseCode::from_pose(&self.odometry.pose()), log);
             busy = true;
         }
-        let numbered = self.link.mode().tells_fresh();
-        self.link_line
+        let numbered = self.link.mode().has(Field::Sequence);
+        self.link_stats
             .tick(now, busy, numbered, self.link.counters(), log);
     }
 }

@@ -1,30 +1,30 @@
 //! Whether the robot may move: state, latched faults, stop deadline.
 //!
-//! A pure state machine of three inputs (a fresh command, a tick, a fault raised) and one answer: the
-//! [`Permit`] of the tick. Everything that can move a wheel asks it; nothing else decides.
+//! A pure state machine of three inputs (a fresh command, a tick, a fault raised) and one output: the
+//! [`AllowedMotion`] of the tick. Nothing else decides whether a wheel may turn.
 
 use crate::motion::StopDeadline;
 use crate::types::{Faults, Micros};
 use crate::wire::{Order, State};
 
-/// What a fresh valid frame asks of the supervisor.
+/// The supervisor's part of a fresh valid frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Intent {
+pub struct SupervisorCommand {
     /// The frame alone may end a stop: apply in Normal, 0 % in the bare tuning modes. The guarded
     /// modes leave it false and send [`Order::Resume`].
     pub resumes: bool,
     /// Guarded modes.
     pub order: Order,
     /// Guarded modes: faults to clear.
-    pub clear: Faults,
+    pub clear_faults: Faults,
 }
 
 /// What a tick may do with the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Permit {
-    /// Nothing is asked of them.
+pub enum AllowedMotion {
+    /// No request yet.
     Coast,
-    /// They must stand.
+    /// They must stand still.
     Brake,
     /// The controller's duties may be applied.
     Drive,
@@ -34,11 +34,11 @@ pub enum Permit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Supervisor {
     deadline: StopDeadline,
-    /// A fresh frame has arrived since the reset: from then on silence means something.
+    /// A fresh frame has arrived since the reset.
     linked: bool,
     state: State,
     faults: Faults,
-    /// Stopped, by the deadline, by order or by a fault; only an explicit word ends it.
+    /// Stopped by the deadline, by order or by a fault, until an explicit resume.
     halted: bool,
 }
 
@@ -61,7 +61,7 @@ impl Supervisor {
         self.state
     }
 
-    /// Whether the motors must stand until an explicit word ends it.
+    /// Whether the motors must stand still until an explicit resume.
     #[must_use]
     pub const fn halted(&self) -> bool {
         self.halted
@@ -73,8 +73,8 @@ impl Supervisor {
         self.faults
     }
 
-    /// Latches faults. A blocking one takes effect at once: the next permit is [`Permit::Brake`], even
-    /// if the Pi clears the fault before that; leaving the stop takes a word.
+    /// Latches faults. A blocking one takes effect at once: the next tick brakes, even if the Pi clears
+    /// the fault before that; leaving the stop takes an explicit resume.
     // Requirement: WIRE-status-1
     pub const fn raise(&mut self, faults: Faults) {
         self.faults = self.faults.union(faults);
@@ -84,27 +84,25 @@ impl Supervisor {
         }
     }
 
-    /// Whether somebody talks to the robot: a fresh frame has come, and the deadline since the last one
-    /// has not passed by `now`.
+    /// Whether a fresh frame has come and the deadline since the last one has not passed by `now`.
     #[must_use]
-    pub fn attended(&mut self, now: Micros) -> bool {
+    pub fn link_alive(&mut self, now: Micros) -> bool {
         !self.deadline.expired(now)
     }
 
     /// A fresh valid frame arrived: the only thing that feeds the deadline.
     // Requirement: WIRE-deadline-2, WIRE-deadline-4
-    pub fn on_fresh(&mut self, now: Micros, intent: Intent) {
-        // A frame that arrives after the deadline but before the tick that would notice does not
-        // undo the stop: the silence was too long, and leaving it takes an explicit word.
+    pub fn on_fresh(&mut self, now: Micros, command: SupervisorCommand) {
+        // A frame after the deadline but before the next tick does not undo the stop.
         self.check_deadline(now);
         self.deadline.fresh(now);
         self.linked = true;
-        self.faults = self.faults.difference(intent.clear);
-        match intent.order {
+        self.faults = self.faults.difference(command.clear_faults);
+        match command.order {
             Order::Stop => self.halted = true,
             Order::Resume => self.halted = false,
             Order::None => {
-                if intent.resumes {
+                if command.resumes {
                     if self.halted {
                         self.faults = self.faults.difference(Faults::LINK_LOST);
                     }
@@ -114,30 +112,30 @@ impl Supervisor {
         }
     }
 
-    /// One tick: whether the motors may run, given that something is `wanted` of them and that they
-    /// are `busy` with it.
+    /// One tick: what the motors may do, given that the Pi has `requested` a motion and that they are
+    /// `busy` with it.
     // Requirement: WIRE-status-5
-    pub fn on_tick(&mut self, now: Micros, wanted: bool, busy: bool) -> Permit {
+    pub fn on_tick(&mut self, now: Micros, requested: bool, busy: bool) -> AllowedMotion {
         self.check_deadline(now);
         if self.faults.intersects(Faults::BLOCKING) {
-            // Whatever was under way is over: clearing the fault must not move the robot.
+            // Clearing the fault must not move the robot.
             self.halted = true;
             self.state = State::Faulted;
-            return Permit::Brake;
+            return AllowedMotion::Brake;
         }
         if self.halted {
             self.state = State::Stopped;
-            return Permit::Brake;
+            return AllowedMotion::Brake;
         }
-        self.state = if wanted && busy {
+        self.state = if requested && busy {
             State::Moving
         } else {
             State::Ready
         };
-        if wanted {
-            Permit::Drive
+        if requested {
+            AllowedMotion::Drive
         } else {
-            Permit::Coast
+            AllowedMotion::Coast
         }
     }
 
@@ -155,10 +153,10 @@ mod tests {
     use super::*;
 
     const DEADLINE_US: u32 = 250_000;
-    const APPLY: Intent = Intent {
+    const APPLY: SupervisorCommand = SupervisorCommand {
         resumes: true,
         order: Order::None,
-        clear: Faults::NONE,
+        clear_faults: Faults::NONE,
     };
 
     fn supervisor() -> Supervisor {
@@ -171,43 +169,43 @@ mod tests {
         let mut s = supervisor();
         for second in 0..10_000_u32 {
             let now = Micros(second.wrapping_mul(1_000_000));
-            assert_eq!(s.on_tick(now, false, false), Permit::Coast);
+            assert_eq!(s.on_tick(now, false, false), AllowedMotion::Coast);
         }
         assert_eq!((s.state(), s.faults()), (State::Ready, Faults::NONE));
     }
 
     #[test]
-    fn it_moves_only_where_something_is_wanted_and_it_is_busy_with_it() {
-        for (wanted, busy, state, permit) in [
-            (false, false, State::Ready, Permit::Coast),
-            (false, true, State::Ready, Permit::Coast),
-            (true, false, State::Ready, Permit::Drive),
-            (true, true, State::Moving, Permit::Drive),
+    fn it_moves_only_where_something_is_requested_and_it_is_busy_with_it() {
+        for (requested, busy, state, permit) in [
+            (false, false, State::Ready, AllowedMotion::Coast),
+            (false, true, State::Ready, AllowedMotion::Coast),
+            (true, false, State::Ready, AllowedMotion::Drive),
+            (true, true, State::Moving, AllowedMotion::Drive),
         ] {
             let mut s = supervisor();
             s.on_fresh(Micros(0), APPLY);
-            assert_eq!(s.on_tick(Micros(10_000), wanted, busy), permit);
-            assert_eq!(s.state(), state, "{wanted} {busy}");
+            assert_eq!(s.on_tick(Micros(10_000), requested, busy), permit);
+            assert_eq!(s.state(), state, "{requested} {busy}");
         }
     }
 
     #[test]
     fn somebody_talks_to_it_from_the_first_frame_to_the_deadline() {
         let mut s = supervisor();
-        assert!(!s.attended(Micros(0)));
+        assert!(!s.link_alive(Micros(0)));
         s.on_fresh(Micros(1000), APPLY);
-        assert!(s.attended(Micros(1000)));
-        assert!(s.attended(Micros(1000 + DEADLINE_US - 1)));
-        assert!(!s.attended(Micros(1000 + DEADLINE_US)));
+        assert!(s.link_alive(Micros(1000)));
+        assert!(s.link_alive(Micros(1000 + DEADLINE_US - 1)));
+        assert!(!s.link_alive(Micros(1000 + DEADLINE_US)));
     }
 
     #[test]
     fn a_stop_lasts_until_a_word_ends_it() {
         let mut s = supervisor();
-        let order = |order| Intent {
+        let order = |order| SupervisorCommand {
             resumes: false,
             order,
-            clear: Faults::NONE,
+            clear_faults: Faults::NONE,
         };
         assert!(!s.halted());
         s.on_fresh(Micros(0), order(Order::Stop));
@@ -233,14 +231,17 @@ mod tests {
             let mut s = supervisor();
             s.on_fresh(Micros(start), APPLY);
             let at = |after: u32| Micros(start.wrapping_add(after));
-            assert_eq!(s.on_tick(at(DEADLINE_US - 1), true, true), Permit::Drive);
+            assert_eq!(
+                s.on_tick(at(DEADLINE_US - 1), true, true),
+                AllowedMotion::Drive
+            );
             assert_eq!(s.state(), State::Moving);
-            assert_eq!(s.on_tick(at(DEADLINE_US), true, true), Permit::Brake);
+            assert_eq!(s.on_tick(at(DEADLINE_US), true, true), AllowedMotion::Brake);
             assert_eq!((s.state(), s.faults()), (State::Stopped, Faults::LINK_LOST));
             // It stays so however long the silence lasts, the clock's wraps included.
             for tick in 1..1_000_u32 {
                 let later = at(DEADLINE_US).after(tick.wrapping_mul(17_000_000));
-                assert_eq!(s.on_tick(later, true, true), Permit::Brake);
+                assert_eq!(s.on_tick(later, true, true), AllowedMotion::Brake);
             }
         }
     }
@@ -249,11 +250,11 @@ mod tests {
     fn a_frame_just_after_the_deadline_and_before_the_tick_does_not_undo_the_stop() {
         let mut s = supervisor();
         s.on_fresh(Micros(0), APPLY);
-        assert_eq!(s.on_tick(Micros(10), true, true), Permit::Drive);
-        s.on_fresh(Micros(DEADLINE_US + 1), Intent::default());
+        assert_eq!(s.on_tick(Micros(10), true, true), AllowedMotion::Drive);
+        s.on_fresh(Micros(DEADLINE_US + 1), SupervisorCommand::default());
         assert_eq!(
             s.on_tick(Micros(DEADLINE_US + 2), true, true),
-            Permit::Brake
+            AllowedMotion::Brake
         );
     }
 
@@ -263,15 +264,18 @@ mod tests {
         let stopped = || {
             let mut s = supervisor();
             s.on_fresh(Micros(0), APPLY);
-            assert_eq!(s.on_tick(Micros(DEADLINE_US), true, true), Permit::Brake);
+            assert_eq!(
+                s.on_tick(Micros(DEADLINE_US), true, true),
+                AllowedMotion::Brake
+            );
             s
         };
         let now = Micros(DEADLINE_US + 5);
         let mut s = stopped();
-        s.on_fresh(now, Intent::default());
-        assert_eq!(s.on_tick(now, true, true), Permit::Brake);
+        s.on_fresh(now, SupervisorCommand::default());
+        assert_eq!(s.on_tick(now, true, true), AllowedMotion::Brake);
         s.on_fresh(now, APPLY);
-        assert_eq!(s.on_tick(now, true, true), Permit::Drive);
+        assert_eq!(s.on_tick(now, true, true), AllowedMotion::Drive);
         assert_eq!(
             s.faults(),
             Faults::NONE,
@@ -281,12 +285,12 @@ mod tests {
         let mut s = stopped();
         s.on_fresh(
             now,
-            Intent {
+            SupervisorCommand {
                 order: Order::Resume,
-                ..Intent::default()
+                ..SupervisorCommand::default()
             },
         );
-        assert_eq!(s.on_tick(now, true, true), Permit::Drive);
+        assert_eq!(s.on_tick(now, true, true), AllowedMotion::Drive);
         assert_eq!(
             s.faults(),
             Faults::LINK_LOST,
@@ -299,12 +303,12 @@ mod tests {
         let mut s = supervisor();
         s.on_fresh(
             Micros(0),
-            Intent {
+            SupervisorCommand {
                 order: Order::Stop,
                 ..APPLY
             },
         );
-        assert_eq!(s.on_tick(Micros(1), true, true), Permit::Brake);
+        assert_eq!(s.on_tick(Micros(1), true, true), AllowedMotion::Brake);
         assert_eq!(s.state(), State::Stopped);
     }
 
@@ -317,28 +321,28 @@ mod tests {
             s.on_fresh(Micros(0), APPLY);
             s.raise(fault);
             if !fault.intersects(Faults::BLOCKING) {
-                assert_eq!(s.on_tick(Micros(1), true, true), Permit::Drive);
+                assert_eq!(s.on_tick(Micros(1), true, true), AllowedMotion::Drive);
                 continue;
             }
             assert_eq!(s.state(), State::Faulted);
-            assert_eq!(s.on_tick(Micros(1), true, true), Permit::Brake);
+            assert_eq!(s.on_tick(Micros(1), true, true), AllowedMotion::Brake);
             s.on_fresh(Micros(2), APPLY);
             assert_eq!(
                 s.on_tick(Micros(3), true, true),
-                Permit::Brake,
+                AllowedMotion::Brake,
                 "apply is no cure"
             );
             s.on_fresh(
                 Micros(4),
-                Intent {
-                    clear: fault,
-                    ..Intent::default()
+                SupervisorCommand {
+                    clear_faults: fault,
+                    ..SupervisorCommand::default()
                 },
             );
-            assert_eq!(s.on_tick(Micros(5), true, true), Permit::Brake);
+            assert_eq!(s.on_tick(Micros(5), true, true), AllowedMotion::Brake);
             assert_eq!(s.state(), State::Stopped);
             s.on_fresh(Micros(6), APPLY);
-            assert_eq!(s.on_tick(Micros(7), true, true), Permit::Drive);
+            assert_eq!(s.on_tick(Micros(7), true, true), AllowedMotion::Drive);
         }
     }
 }

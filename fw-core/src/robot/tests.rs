@@ -16,8 +16,10 @@ const TICK_US: u32 = 10_000;
 pub(super) struct Bench {
     pub(super) robot: Robot,
     pi: PiLink,
+    /// Number of the last reply.
+    reply: u32,
     pub(super) log: Log,
-    pub(super) sample: Sample,
+    pub(super) sample: TickInput,
 }
 
 impl Bench {
@@ -29,7 +31,7 @@ impl Bench {
         let mut config = first_board();
         config.mode = mode;
         change(&mut config.platform);
-        let sample = Sample {
+        let sample = TickInput {
             now: Micros(u32::MAX - 5 * TICK_US),
             left: 7,
             right: 65_530,
@@ -37,12 +39,13 @@ impl Bench {
         Self {
             robot: Robot::new(&config, sample),
             pi: PiLink::new(Setup::from(&config)),
+            reply: 0,
             log: Log::new(),
             sample,
         }
     }
 
-    pub(super) fn tick(&mut self) -> Outputs {
+    pub(super) fn tick(&mut self) -> TickOutput {
         self.sample.now = self.sample.now.after(TICK_US);
         self.robot
             .on_tick(self.sample, &[3428, 3574], &mut self.log)
@@ -50,12 +53,22 @@ impl Bench {
 
     pub(super) fn frame(&mut self, command: &Command) -> Report {
         let mut reply = [0; MAX_FRAME];
-        let len = self.robot.next_reply(&mut reply);
+        self.reply += 1;
+        let len = self.robot.encode_reply(self.reply, &mut reply);
         let mut frame = [0; MAX_FRAME];
         let sent = self.pi.send(command, &mut frame);
-        self.robot
-            .on_frame(&frame[..sent], sent, self.sample.now, &mut self.log);
+        self.receive(&frame[..sent], sent);
         self.pi.receive(&reply[..len]).expect("a valid reply")
+    }
+
+    fn receive(&mut self, buffer: &[u8], clocked: usize) {
+        let frame = ReceivedFrame {
+            buffer,
+            clocked,
+            at: self.sample.now,
+            reply: self.reply + 1,
+        };
+        self.robot.on_frame(&frame, &mut self.log);
     }
 
     pub(super) fn log(&self) -> &str {
@@ -74,7 +87,7 @@ fn go(x_mm: i32) -> Command {
     }
 }
 
-fn runs(outputs: &Outputs) -> bool {
+fn runs(outputs: &TickOutput) -> bool {
     matches!(
         (outputs.left, outputs.right),
         (MotorCommand::Run(_), MotorCommand::Run(_))
@@ -145,14 +158,10 @@ fn a_rejected_frame_changes_nothing_but_the_counters_and_does_not_feed_the_deadl
     let len = bench.pi.send(&go(-1000), &mut frame);
     for ticks in 1.. {
         for (bytes, clocked) in [(len - 1, len - 1), (len, len + 1)] {
-            bench
-                .robot
-                .on_frame(&frame[..bytes], clocked, bench.sample.now, &mut bench.log);
+            bench.receive(&frame[..bytes], clocked);
         }
         frame[0] ^= 0xFF;
-        bench
-            .robot
-            .on_frame(&frame[..len], len, bench.sample.now, &mut bench.log);
+        bench.receive(&frame[..len], len);
         frame[0] ^= 0xFF;
         if !runs(&bench.tick()) {
             assert_eq!(ticks, 25);
@@ -188,44 +197,27 @@ fn replies_carry_the_pose_and_walk_the_cells() {
     assert_eq!(first.ranges, [DistanceCode::NONE; 3]);
 }
 
+// Requirement: WIRE-spi-6, WIRE-sequence-5, WIRE-battery-1
 #[test]
-fn the_following_reply_is_the_next_one_in_advance() {
-    for mode in Mode::ALL {
-        let mut bench = Bench::new(*mode);
-        let (mut ahead, mut next) = ([0; MAX_FRAME], [0; MAX_FRAME]);
-        for _ in 0..3 {
-            let len = bench.robot.following_reply(&mut ahead);
-            assert_eq!(bench.robot.next_reply(&mut next), len);
-            assert_eq!(ahead, next);
-        }
-    }
-}
-
-// Requirement: WIRE-spi-6, WIRE-sequence-5
-#[test]
-fn a_refreshed_reply_keeps_its_number_and_its_cell() {
+fn reply_depends_on_its_number_and_newest_data_only() {
     let mut bench = Bench::new(Mode::GuardedNormal);
-    let (mut first, mut second) = ([0; MAX_FRAME], [0; MAX_FRAME]);
-    bench.robot.next_reply(&mut first);
-    bench.sample.left = bench.sample.left.wrapping_sub(1000);
+    let encoded = |robot: &Robot, number| {
+        let mut out = [0; MAX_FRAME];
+        robot.encode_reply(number, &mut out);
+        out
+    };
+    let first = encoded(&bench.robot, 1);
+    for number in [2, 1, 5, 258, u32::MAX, 0, 1] {
+        let reply = encoded(&bench.robot, number);
+        assert_eq!(u32::from(reply[1]), number & 0xFF);
+        assert_eq!(u32::from(reply[16] >> 5), number.wrapping_sub(1) % 2);
+    }
+    assert_eq!(encoded(&bench.robot, 1), first);
+    bench.sample.left = bench.sample.left.wrapping_sub(100);
     bench.tick();
-    bench.robot.refresh_reply(&mut second);
-    let mut pi = PiLink::new(Setup {
-        mode: Mode::GuardedNormal,
-        ..Setup::from(&first_board())
-    });
-    let old = pi.receive(&first).expect("a valid reply");
-    assert!(
-        pi.receive(&second).is_err(),
-        "the same number again is stale"
-    );
-    let mut pi = PiLink::new(Setup {
-        mode: Mode::GuardedNormal,
-        ..Setup::from(&first_board())
-    });
-    let new = pi.receive(&second).expect("a valid reply");
-    assert_eq!(old.cell.cell, new.cell.cell);
-    assert_ne!(old.pose, new.pose);
+    let fresher = encoded(&bench.robot, 1);
+    assert_eq!((fresher[1], fresher[16] >> 5), (1, 0));
+    assert_ne!(fresher[6..16], first[6..16]);
 }
 
 // Requirement: WIRE-status-2, WIRE-deadline-5

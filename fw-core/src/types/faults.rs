@@ -75,9 +75,9 @@ faults! {
     RESTARTED = 11, "restarted", false, "fw-pac/src/main.rs",
         "the watchdog, a panic or a fault restarted the firmware",
         Some("restarted after a failure");
-    SLIP = 12, "slip", false, "fw-core/src/robot/guard.rs",
+    SLIP = 12, "slip", false, "fw-core/src/robot/slip_monitor.rs",
         "a wheel slipped or the robot was turned by force: the heading followed the gyroscope", None;
-    GYRO_LOST = 13, "gyro-lost", false, "fw-core/src/robot/guard.rs",
+    GYRO_LOST = 13, "gyro-lost", false, "fw-core/src/robot/slip_monitor.rs",
         "the configuration has a gyroscope and it is missing or unreliable: encoders alone", None;
 }
 

@@ -1,8 +1,8 @@
 //! All data used: takes nothing and fails if anything is left (document, 5.1.5). Last in every
 //! chain.
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::{FieldError, Reason};
+use super::strategy::{saturating, Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
 
 /// Accepts only the end of the frame.
@@ -11,38 +11,41 @@ pub struct AllDataUsed;
 
 // Requirement: DOC-5.1.5-1
 #[inline]
-fn parse(input: &Input<'_>) -> Result<(), Fault> {
-    match input.left() {
+fn parse(reader: &FrameReader<'_>) -> Result<(), FieldError> {
+    match reader.remaining() {
         0 => Ok(()),
-        left => Err(input.fault(Reason::Long { left })),
+        left => {
+            let left = saturating(left);
+            Err(reader.error(0, Reason::Long { left }))
+        }
     }
 }
 
-impl Duties for AllDataUsed {
+impl Strategy for AllDataUsed {
     const NAME: &'static str = "all data used";
-    const BYTES: usize = 0;
+    const LEN: usize = 0;
 
     #[inline]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         _command: &mut Command,
-    ) -> Result<(), Fault> {
-        parse(input)
+    ) -> Result<(), FieldError> {
+        parse(reader)
     }
 
     #[inline]
-    fn write_command(_output: &mut Output<'_>, _context: &Context, _command: &Command) {}
+    fn write_command(_writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {}
 
     #[inline]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         _report: &mut Report,
-    ) -> Result<(), Fault> {
-        parse(input)
+    ) -> Result<(), FieldError> {
+        parse(reader)
     }
 
     #[inline]
-    fn write_report(_output: &mut Output<'_>, _context: &Context, _report: &Report) {}
+    fn write_report(_writer: &mut FrameWriter<'_>, _context: &Context, _report: &Report) {}
 }

@@ -7,8 +7,13 @@
 //!
 //! A cell that the configuration does not have is rejected at both ends.
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
+use super::error::{FieldError, Reason};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{CellCode, Command, Report};
 
 /// Sends a tune voltage one way and a measured one the other.
@@ -16,60 +21,59 @@ use super::{CellCode, Command, Report};
 pub struct Battery;
 
 // Requirement: DOC-5.1.3-1, WIRE-battery-3
-#[inline]
-fn parse(input: &mut Input<'_>, cells: u8) -> Result<CellCode, Fault> {
-    let before = *input;
-    let [high, low] = input.take()?;
+#[inline(always)]
+fn parse(reader: &mut FrameReader<'_>, cells: u8) -> Result<CellCode, FieldError> {
+    let [high, low] = reader.take()?;
     let cell = high >> 5;
     // Requirement: DOC-5.1.3-5
     if cell >= cells {
-        return Err(before.fault(Reason::Cell { cells, found: cell }));
+        return Err(reader.error(2, Reason::Cell { cells, found: cell }));
     }
     let voltage = u16::from_be_bytes([high, low]) & CellCode::MAX_VOLTAGE;
     Ok(CellCode { cell, voltage })
 }
 
-#[inline]
-fn write(output: &mut Output<'_>, cell: CellCode) {
+#[inline(always)]
+fn write(writer: &mut FrameWriter<'_>, cell: CellCode) {
     let voltage = if cell.voltage > CellCode::MAX_VOLTAGE {
         CellCode::MAX_VOLTAGE
     } else {
         cell.voltage
     };
-    output.put((u16::from(cell.cell & 7) << 13 | voltage).to_be_bytes());
+    writer.put((u16::from(cell.cell & 7) << 13 | voltage).to_be_bytes());
 }
 
-impl Duties for Battery {
+impl Strategy for Battery {
     const NAME: &'static str = "battery";
-    const BYTES: usize = 2;
+    const LEN: usize = 2;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         context: &Context,
         command: &mut Command,
-    ) -> Result<(), Fault> {
-        command.tune = parse(input, context.cells)?;
+    ) -> Result<(), FieldError> {
+        command.tune = parse(reader, context.cells)?;
         Ok(())
     }
 
-    #[inline]
-    fn write_command(output: &mut Output<'_>, _context: &Context, command: &Command) {
-        write(output, command.tune);
+    #[inline(always)]
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
+        write(writer, command.tune);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         context: &Context,
         report: &mut Report,
-    ) -> Result<(), Fault> {
-        report.cell = parse(input, context.cells)?;
+    ) -> Result<(), FieldError> {
+        report.cell = parse(reader, context.cells)?;
         Ok(())
     }
 
-    #[inline]
-    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
-        write(output, report.cell);
+    #[inline(always)]
+    fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
+        write(writer, report.cell);
     }
 }

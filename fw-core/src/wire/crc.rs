@@ -8,69 +8,62 @@
     reason = "one shifted exclusive-or after the other, not a call"
 )]
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::{FieldError, Reason};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
 
 /// Sends and checks the checksum.
 #[derive(Debug)]
 pub struct Crc;
 
-/// CRC-16/IBM-3740 of `bytes`, without a table.
+/// CRC-16/IBM-3740 of `bytes`, without a table: eight bytes at a time, then two, then one.
 // Requirement: WIRE-crc-1
-#[inline]
+#[inline(never)]
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
-    if let Ok(bytes) = bytes.try_into() {
-        return of_24(bytes);
-    }
-    of_any(bytes)
-}
-
-/// Of what a Guarded Normal frame has before its checksum: all at once.
-///
-/// Squared again and again, x¹⁶ = x¹² + x⁵ + 1 gives x⁶⁴ = x⁴⁸ + x²⁰ + 1 and x¹²⁸ = x⁹⁶ + x⁴⁰ + 1: a
-/// word goes into the ones 64 or 128 bits behind it, by shifts that cost an exclusive-or nothing.
-// Once in flash, like the other: both directions call it, and a call is nothing beside what it does.
-#[inline(never)]
-#[must_use]
-fn of_24(bytes: &[u8; 24]) -> u16 {
-    let word = |at: usize| {
-        let rest = bytes.get(at..).unwrap_or_default();
-        u32::from_be_bytes(rest.first_chunk().copied().unwrap_or_default())
-    };
-    // The initial value is the same as the first 16 bits inverted.
-    let first = word(0) ^ 0xFFFF_0000;
-    let second = word(4) ^ first;
-    let third = word(8) ^ first >> 24 ^ second;
-    let fourth = word(12) ^ first << 8 ^ second >> 24;
-    let fifth = word(16) ^ first ^ second << 8;
-    let sixth = word(20) ^ second;
-    // Of x⁴⁸ half stays in the word itself, once.
-    let third = third ^ third >> 16;
-    let fourth = fourth ^ third << 16 ^ third >> 12;
-    let fifth = fifth ^ third << 20 ^ third;
-    let fourth = fourth ^ fourth >> 16;
-    let fifth = fifth ^ fourth << 16 ^ fourth >> 12;
-    let sixth = sixth ^ fourth << 20 ^ fourth;
-    (remainder(sixth ^ remainder(fifth) << 16) & 0xFFFF) as u16
-}
-
-/// Of any bytes, a word at a time.
-#[inline(never)]
-#[must_use]
-fn of_any(bytes: &[u8]) -> u16 {
-    let mut crc = 0xFFFF_u32;
+    let mut crc = 0xFFFF;
     let mut rest = bytes;
-    while let Some((word, after)) = rest.split_first_chunk() {
-        crc = remainder(u32::from_be_bytes(*word) ^ crc << 16);
+    if let Some((first, after)) = rest.split_first_chunk() {
+        let (mut high, mut low) = words(*first);
+        // The initial value is the same as the first 16 bits inverted.
+        high ^= 0xFFFF_0000;
+        rest = after;
+        while let Some((next, after)) = rest.split_first_chunk() {
+            (high, low) = fold(high, low, words(*next));
+            rest = after;
+        }
+        crc = remainder(low ^ remainder(high) << 16);
+    }
+    while let Some((pair, after)) = rest.split_first_chunk() {
+        crc = remainder((crc ^ u32::from(u16::from_be_bytes(*pair))) & 0xFFFF);
         rest = after;
     }
-    for &byte in rest {
+    if let [last] = rest {
         // The eight bits that leave go through the quotient; the eight that stay move up.
-        crc = remainder((crc >> 8 ^ u32::from(byte)) & 0xFF) ^ crc << 8;
+        crc = remainder((crc >> 8 ^ u32::from(*last)) & 0xFF) ^ crc << 8;
     }
     (crc & 0xFFFF) as u16
+}
+
+#[inline(always)]
+const fn words(bytes: [u8; 8]) -> (u32, u32) {
+    let both = u64::from_be_bytes(bytes);
+    ((both >> 32) as u32, (both & 0xFFFF_FFFF) as u32)
+}
+
+/// Two words and the two after them as two words with the same remainder.
+///
+/// Squared twice, x¹⁶ = x¹² + x⁵ + 1 gives x⁶⁴ = x⁴⁸ + x²⁰ + 1: a word goes into the ones 64 bits
+/// behind it by shifts. Of x⁴⁸ half stays in the word itself, once.
+#[inline(always)]
+const fn fold(high: u32, low: u32, (next_high, next_low): (u32, u32)) -> (u32, u32) {
+    let high = high ^ high >> 16;
+    let low = low ^ high << 16 ^ high >> 12;
+    let low = low ^ low >> 16;
+    (
+        next_high ^ (high ^ high << 20) ^ low << 16 ^ low >> 12,
+        next_low ^ low ^ low << 20,
+    )
 }
 
 /// The remainder of `word` · x¹⁶ divided by P, in the low 16 bits; the rest is of no meaning.
@@ -81,66 +74,64 @@ fn of_any(bytes: &[u8]) -> u16 {
 #[inline(always)]
 const fn remainder(word: u32) -> u32 {
     let quotient = word ^ word >> 16;
-    let quotient = quotient ^ quotient >> 8 ^ quotient >> 22;
-    let quotient = quotient ^ quotient >> 4 ^ quotient >> 11 ^ quotient >> 16;
-    quotient ^ quotient << 5 ^ quotient << 12
+    let quotient = quotient ^ (quotient ^ quotient >> 14) >> 8;
+    let quotient = quotient ^ (quotient ^ (quotient ^ quotient >> 5) >> 7) >> 4;
+    quotient ^ (quotient ^ quotient << 7) << 5
 }
 
 // Requirement: WIRE-crc-2
 #[inline(always)]
-fn parse(input: &mut Input<'_>) -> Result<(), Fault> {
-    let before = *input;
-    let found = u16::from_be_bytes(input.take()?);
-    let expected = crc16(before.taken());
+fn parse(reader: &mut FrameReader<'_>) -> Result<(), FieldError> {
+    let expected = crc16(reader.taken());
+    let found = u16::from_be_bytes(reader.take()?);
     if found == expected {
         Ok(())
     } else {
-        Err(before.fault(Reason::Crc { expected, found }))
+        Err(reader.error(2, Reason::Crc { expected, found }))
     }
 }
 
 #[inline(always)]
-fn write(output: &mut Output<'_>) {
-    output.put(crc16(output.written()).to_be_bytes());
+fn write(writer: &mut FrameWriter<'_>) {
+    writer.put(crc16(writer.written()).to_be_bytes());
 }
 
-impl Duties for Crc {
+impl Strategy for Crc {
     const NAME: &'static str = "crc";
-    const BYTES: usize = 2;
+    const LEN: usize = 2;
 
     #[inline(always)]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         _command: &mut Command,
-    ) -> Result<(), Fault> {
-        parse(input)
+    ) -> Result<(), FieldError> {
+        parse(reader)
     }
 
     #[inline(always)]
-    fn write_command(output: &mut Output<'_>, _context: &Context, _command: &Command) {
-        write(output);
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {
+        write(writer);
     }
 
     #[inline(always)]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         _report: &mut Report,
-    ) -> Result<(), Fault> {
-        parse(input)
+    ) -> Result<(), FieldError> {
+        parse(reader)
     }
 
     #[inline(always)]
-    fn write_report(output: &mut Output<'_>, _context: &Context, _report: &Report) {
-        write(output);
+    fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, _report: &Report) {
+        write(writer);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{crc16, of_24};
-    use proptest::prelude::*;
+    use super::crc16;
 
     /// The definition: one bit after the other.
     fn bit_by_bit(bytes: &[u8]) -> u16 {
@@ -160,14 +151,14 @@ mod tests {
 
     // Requirement: WIRE-crc-1
     #[test]
-    fn the_catalogues_check_value_comes_out() {
+    fn crc_check_value_matches_catalogue() {
         assert_eq!(crc16(b"123456789"), 0x29B1);
         assert_eq!(crc16(b""), 0xFFFF);
     }
 
     #[test]
-    fn it_is_the_definition_for_every_single_byte_at_every_place() {
-        // Linear over exclusive-or: single bits at every place and the zeros decide every message.
+    fn crc_of_any_single_byte_matches_definition() {
+        // Affine over exclusive-or: every byte at every place and the zeros decide every message.
         for len in 0..=60 {
             let mut message = [0; 60];
             let message = &mut message[..len];
@@ -179,34 +170,6 @@ mod tests {
                 }
                 message[place] = 0;
             }
-        }
-    }
-
-    #[test]
-    fn all_at_once_it_is_the_definition_too() {
-        // Affine over exclusive-or: every byte at every place and the zeros decide every message.
-        let mut message = [0; 24];
-        assert_eq!(of_24(&message), bit_by_bit(&message));
-        for place in 0..24 {
-            for byte in 1..=255 {
-                message[place] = byte;
-                assert_eq!(of_24(&message), bit_by_bit(&message));
-            }
-            message[place] = 0;
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn all_at_once_it_is_the_definition_for_any_bytes(bytes in any::<[u8; 24]>()) {
-            prop_assert_eq!(of_24(&bytes), bit_by_bit(&bytes));
-        }
-
-        #[test]
-        fn it_is_the_definition_for_any_bytes(
-            bytes in prop::collection::vec(any::<u8>(), 0..=64)
-        ) {
-            prop_assert_eq!(crc16(&bytes), bit_by_bit(&bytes));
         }
     }
 }

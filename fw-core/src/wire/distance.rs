@@ -2,7 +2,8 @@
 //!
 //! From the Pi the two bytes are dummies: sent as 0, ignored.
 
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::FieldError;
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, DistanceCode, Report};
 
 /// The reading at place `WHICH` of [`Report::ranges`].
@@ -16,37 +17,37 @@ pub type Right = Distance<1>;
 /// The left rangefinder.
 pub type Left = Distance<2>;
 
-impl<const WHICH: usize> Duties for Distance<WHICH> {
+impl<const WHICH: usize> Strategy for Distance<WHICH> {
     const NAME: &'static str = match WHICH {
         0 => "distance front",
         1 => "distance right",
         _ => "distance left",
     };
-    const BYTES: usize = 2;
+    const LEN: usize = 2;
 
     #[inline]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         _command: &mut Command,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), FieldError> {
         // Requirement: DOC-5.1.4-3
-        let [_, _] = input.take()?;
+        let [_, _] = reader.take()?;
         Ok(())
     }
 
     #[inline]
-    fn write_command(output: &mut Output<'_>, _context: &Context, _command: &Command) {
-        output.put([0, 0]);
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {
+        writer.put([0, 0]);
     }
 
     #[inline]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         report: &mut Report,
-    ) -> Result<(), Fault> {
-        let code = DistanceCode(u16::from_be_bytes(input.take()?));
+    ) -> Result<(), FieldError> {
+        let code = DistanceCode(u16::from_be_bytes(reader.take()?));
         if let Some(range) = report.ranges.get_mut(WHICH) {
             *range = code;
         }
@@ -54,8 +55,8 @@ impl<const WHICH: usize> Duties for Distance<WHICH> {
     }
 
     #[inline]
-    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
+    fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
         let code = report.ranges.get(WHICH).copied().unwrap_or_default();
-        output.put(code.0.to_be_bytes());
+        writer.put(code.0.to_be_bytes());
     }
 }

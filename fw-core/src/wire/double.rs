@@ -3,8 +3,8 @@
 //! From the Pi: percent to set on the engines, −100 ..= 100 (both included). From the STM: the
 //! measured rotation (°) or displacement (mm), any finite number.
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::{FieldError, Reason};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
 use crate::binary64::Binary64;
 
@@ -17,53 +17,51 @@ const HUNDRED: u64 = 0x4059_0000_0000_0000;
 
 // Requirement: DOC-5.1.2-1, WIRE-double-2
 #[inline]
-fn parse(input: &mut Input<'_>) -> Result<Binary64, Fault> {
-    let before = *input;
-    let value = Binary64(u64::from_le_bytes(input.take()?));
+fn parse(reader: &mut FrameReader<'_>) -> Result<Binary64, FieldError> {
+    let value = Binary64(u64::from_le_bytes(reader.take()?));
     if value.is_finite() {
         Ok(value)
     } else {
-        Err(before.fault(Reason::NotFinite))
+        Err(reader.error(8, Reason::NotFinite))
     }
 }
 
-impl Duties for Double {
+impl Strategy for Double {
     const NAME: &'static str = "double";
-    const BYTES: usize = 8;
+    const LEN: usize = 8;
 
     #[inline]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         command: &mut Command,
-    ) -> Result<(), Fault> {
-        let before = *input;
-        let percent = parse(input)?;
+    ) -> Result<(), FieldError> {
+        let percent = parse(reader)?;
         // Requirement: WIRE-double-1
         if percent.magnitude() > HUNDRED {
-            return Err(before.fault(Reason::PercentOutOfRange));
+            return Err(reader.error(8, Reason::PercentOutOfRange));
         }
         command.percent = percent;
         Ok(())
     }
 
     #[inline]
-    fn write_command(output: &mut Output<'_>, _context: &Context, command: &Command) {
-        output.put(command.percent.0.to_le_bytes());
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
+        writer.put(command.percent.0.to_le_bytes());
     }
 
     #[inline]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         report: &mut Report,
-    ) -> Result<(), Fault> {
-        report.measurement = parse(input)?;
+    ) -> Result<(), FieldError> {
+        report.measurement = parse(reader)?;
         Ok(())
     }
 
     #[inline]
-    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
-        output.put(report.measurement.0.to_le_bytes());
+    fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
+        writer.put(report.measurement.0.to_le_bytes());
     }
 }

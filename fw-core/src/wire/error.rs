@@ -1,16 +1,44 @@
 //! Why a frame was rejected: the strategy's name, the byte, the reason.
 
+use super::strategy::saturating;
+use super::Field;
 use crate::log::Line;
 
 /// A rejected frame: which strategy stopped the chain, at which byte, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameError {
-    /// The strategy's name.
-    pub strategy: &'static str,
-    /// Byte of the frame at which the offending field starts, from 0.
-    pub offset: usize,
+    /// The strategy.
+    pub field: Field,
+    /// Byte of the frame at which the offending value starts, from 0.
+    pub offset: u16,
     /// What is wrong with it.
     pub reason: Reason,
+}
+
+/// A strategy's error: a [`FrameError`] before the chain adds which strategy it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FieldError {
+    offset: u16,
+    reason: Reason,
+}
+
+impl FieldError {
+    #[inline]
+    pub(super) const fn new(offset: usize, reason: Reason) -> Self {
+        Self {
+            offset: saturating(offset),
+            reason,
+        }
+    }
+
+    #[inline]
+    pub(super) const fn of(self, field: Field) -> FrameError {
+        FrameError {
+            field,
+            offset: self.offset,
+            reason: self.reason,
+        }
+    }
 }
 
 /// What is wrong with a field of a frame.
@@ -19,14 +47,14 @@ pub enum Reason {
     /// The frame ends inside the strategy's bytes.
     Short {
         /// Bytes the strategy needs.
-        needed: usize,
+        needed: u16,
         /// Bytes that were left.
-        left: usize,
+        left: u16,
     },
     /// Bytes are left at the end of the chain.
     Long {
-        /// How many.
-        left: usize,
+        /// How many, at most 65 535.
+        left: u16,
     },
     /// Not the key of the other end.
     Key {
@@ -137,12 +165,12 @@ impl Reason {
         match *self {
             Self::Short { needed, left } => {
                 line.text("frame too short, needs ")
-                    .count(needed)
+                    .int(needed.into())
                     .text(" bytes, has ")
-                    .count(left);
+                    .int(left.into());
             }
             Self::Long { left } => {
-                line.text("frame too long by ").count(left);
+                line.text("frame too long by ").int(left.into());
             }
             Self::Key { expected, found } => {
                 line.text("key 0x")
@@ -189,9 +217,9 @@ impl FrameError {
     /// The error as text: `<strategy> at byte <offset>: <reason>`.
     #[inline(never)]
     pub fn log(&self, line: &mut Line) {
-        line.text(self.strategy)
+        line.text(self.field.name())
             .text(" at byte ")
-            .count(self.offset)
+            .int(self.offset.into())
             .text(": ");
         self.reason.log(line);
     }

@@ -2,8 +2,8 @@
 //!
 //! First in every chain, so that a frame of anything else is not read any further.
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::{FieldError, Reason};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
 
 /// Sends the own key, accepts only the other end's.
@@ -12,45 +12,44 @@ pub struct Key;
 
 // Requirement: DOC-5.1.6-1
 #[inline]
-fn parse(input: &mut Input<'_>, expected: u8) -> Result<(), Fault> {
-    let before = *input;
-    let [found] = input.take()?;
+fn parse(reader: &mut FrameReader<'_>, expected: u8) -> Result<(), FieldError> {
+    let [found] = reader.take()?;
     if found == expected {
         Ok(())
     } else {
-        Err(before.fault(Reason::Key { expected, found }))
+        Err(reader.error(1, Reason::Key { expected, found }))
     }
 }
 
-impl Duties for Key {
+impl Strategy for Key {
     const NAME: &'static str = "transmission key";
-    const BYTES: usize = 1;
+    const LEN: usize = 1;
 
     #[inline]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         context: &Context,
         _command: &mut Command,
-    ) -> Result<(), Fault> {
-        parse(input, context.key_from_pi)
+    ) -> Result<(), FieldError> {
+        parse(reader, context.key_from_pi)
     }
 
     #[inline]
-    fn write_command(output: &mut Output<'_>, context: &Context, _command: &Command) {
-        output.put([context.key_from_pi]);
+    fn write_command(writer: &mut FrameWriter<'_>, context: &Context, _command: &Command) {
+        writer.put([context.key_from_pi]);
     }
 
     #[inline]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         context: &Context,
         _report: &mut Report,
-    ) -> Result<(), Fault> {
-        parse(input, context.key_from_stm)
+    ) -> Result<(), FieldError> {
+        parse(reader, context.key_from_stm)
     }
 
     #[inline]
-    fn write_report(output: &mut Output<'_>, context: &Context, _report: &Report) {
-        output.put([context.key_from_stm]);
+    fn write_report(writer: &mut FrameWriter<'_>, context: &Context, _report: &Report) {
+        writer.put([context.key_from_stm]);
     }
 }

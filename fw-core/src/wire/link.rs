@@ -1,13 +1,13 @@
 //! Both ends of the link: the chain with the sequence numbers and the counters of a side.
 //!
-//! All or nothing: a rejected frame changes a counter and nothing else; one that is stale and right
-//! in everything else also stands in the row that may begin anew.
+//! All or nothing: a rejected frame changes a counter and nothing else; a stale one that is right in
+//! everything else also counts towards the detection of a restarted sender.
 
-use super::sequence::Row;
+use super::sequence::ResyncDetector;
 use super::strategy::Context;
 use super::{
-    parse_command, parse_report, parse_whole, write_command, write_report, Cause, Command,
-    FrameError, Mode, Reason, Report, Sequence, MAX_FRAME,
+    parse_command, parse_report, write_command, write_report, Cause, Command, Field, FrameError,
+    Mode, Reason, Report, Sequence, MAX_FRAME,
 };
 
 /// What both ends need to know to understand each other.
@@ -70,8 +70,7 @@ impl LinkCounters {
     #[cold]
     pub(crate) fn reject(&mut self, cause: Cause) {
         let count = self.rejected(cause).saturating_add(1);
-        // Not written where the cause points to: to a model checker that may change all that stands around
-        // the counters, the mode too.
+        // No computed index: CBMC would treat the whole struct as modified.
         for (place, slot) in self.rejected.iter_mut().enumerate() {
             if place == cause as usize {
                 *slot = count;
@@ -82,14 +81,14 @@ impl LinkCounters {
 
 /// What both ends have in common.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct End {
+struct LinkEndpoint {
     mode: Mode,
     context: Context,
-    stale: Row,
+    resync: ResyncDetector,
     counters: LinkCounters,
 }
 
-impl End {
+impl LinkEndpoint {
     const fn new(setup: Setup) -> Self {
         Self {
             mode: setup.mode,
@@ -100,7 +99,7 @@ impl End {
                 own: 0,
                 last: None,
             },
-            stale: Row::NONE,
+            resync: ResyncDetector::NEW,
             counters: LinkCounters {
                 accepted: 0,
                 rejected: [0; Cause::ALL.len()],
@@ -111,17 +110,13 @@ impl End {
         }
     }
 
-    #[inline]
-    fn advance(&mut self) {
-        self.context.own = self.context.own.wrapping_add(1);
-    }
-
-    /// Takes over the numbers of a frame that passed its whole chain.
+    /// Takes over the numbers of a frame that passed its whole chain; `own` is the number of the
+    /// frame that this end sends next or sent last.
     // Requirement: WIRE-sequence-2
     #[inline]
-    fn accept(&mut self, sequence: Sequence) {
+    fn accept(&mut self, sequence: Sequence, own: u8) {
         self.counters.accepted = self.counters.accepted.saturating_add(1);
-        if !self.mode.tells_fresh() {
+        if !self.mode.has(Field::Sequence) {
             return;
         }
         if let Some(last) = self.context.last {
@@ -129,17 +124,19 @@ impl End {
             self.counters.missed = self.counters.missed.saturating_add(between.into());
         }
         self.context.last = Some(sequence.own);
-        self.stale = Row::NONE;
-        self.counters.unacknowledged = self.context.own.wrapping_sub(sequence.seen);
+        self.resync = ResyncDetector::NEW;
+        self.counters.unacknowledged = own.wrapping_sub(sequence.seen);
     }
 
-    /// A rejected frame, which `read` reads with another context: what it says if with it the other
-    /// end begins anew. Its numbers then count like those of a first frame.
+    /// Counts a rejected frame. A stale one is parsed once more as if it were the sender's first: right
+    /// in everything else, it may show that the sender has restarted, and is accepted then.
     // Requirement: WIRE-sequence-7
+    #[inline]
     fn reject<T>(
         &mut self,
         error: FrameError,
-        read: impl FnOnce(&Context) -> Result<T, FrameError>,
+        own: u8,
+        parse: impl FnOnce(Mode, &Context) -> Result<T, FrameError>,
         sequence: impl FnOnce(&T) -> Sequence,
     ) -> Result<T, FrameError> {
         if let Reason::Stale { last, .. } = error.reason {
@@ -147,12 +144,12 @@ impl End {
                 last: None,
                 ..self.context
             };
-            if let Ok(read) = read(&first) {
-                let sequence = sequence(&read);
-                if self.stale.begins_anew(last, sequence.own) {
+            if let Ok(value) = parse(self.mode, &first) {
+                let sequence = sequence(&value);
+                if self.resync.add(last, sequence.own) {
                     self.context = first;
-                    self.accept(sequence);
-                    return Ok(read);
+                    self.accept(sequence, own);
+                    return Ok(value);
                 }
             }
         }
@@ -164,66 +161,44 @@ impl End {
 /// The STM's end: receives commands, sends reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StmLink {
-    end: End,
+    endpoint: LinkEndpoint,
 }
 
 impl StmLink {
-    /// The link after a reset: nothing sent, nothing accepted.
+    /// The link after a reset: nothing accepted.
     #[must_use]
     pub const fn new(setup: Setup) -> Self {
         Self {
-            end: End::new(setup),
+            endpoint: LinkEndpoint::new(setup),
         }
     }
 
     /// The mode whose chain it runs.
     #[must_use]
     pub const fn mode(&self) -> Mode {
-        self.end.mode
+        self.endpoint.mode
     }
 
-    /// A received frame: what it says, if all of it is right.
+    /// The command of a received frame, if all of it is right. `overflow_len` bytes crossed the wire
+    /// after those of `frame`; `reply` is the number of the next reply, see [`Self::encode_reply`].
     ///
     /// # Errors
-    /// The first strategy that failed, and why; counted, and of what it says nothing is taken.
-    #[inline]
-    pub fn receive(&mut self, frame: &[u8]) -> Result<Command, FrameError> {
-        self.receive_clocked(frame, frame.len())
-    }
-
-    /// A received frame of which `clocked` bytes crossed the wire while `buffer` had room for
-    /// some: the tail of a frame longer than the buffer is known by its length only.
-    ///
-    /// # Errors
-    /// As [`Self::receive`].
+    /// The first strategy that failed, and why; counted, and nothing of the frame takes effect.
     // Requirement: WIRE-chain-1
     #[inline]
-    pub fn receive_clocked(
+    pub fn receive(
         &mut self,
-        buffer: &[u8],
-        clocked: usize,
+        frame: &[u8],
+        overflow_len: usize,
+        reply: u32,
     ) -> Result<Command, FrameError> {
-        let frame = buffer.get(..clocked).unwrap_or(buffer);
-        let beyond = clocked.saturating_sub(buffer.len());
-        match parse_command(self.end.mode, &self.end.context, frame, beyond) {
-            Ok(command) => {
-                self.end.accept(command.sequence);
-                Ok(command)
-            }
-            Err(error) => self.reject(error, frame, beyond),
+        let endpoint = &mut self.endpoint;
+        let received = parse_command(endpoint.mode, &endpoint.context, frame, overflow_len);
+        match &received {
+            Ok(command) => endpoint.accept(command.sequence, own(reply)),
+            Err(error) => return self.reject(*error, frame, overflow_len, reply),
         }
-    }
-
-    /// The same for a frame that is right, by [`parse_whole`]; nothing, and nothing counted, for any
-    /// other: then ask [`Self::receive_clocked`].
-    #[inline]
-    pub fn receive_whole(&mut self, buffer: &[u8], clocked: usize) -> Option<Command> {
-        if clocked != buffer.len() {
-            return None;
-        }
-        let command = parse_whole(self.end.mode, &self.end.context, buffer)?;
-        self.end.accept(command.sequence);
-        Some(command)
+        received
     }
 
     #[cold]
@@ -232,65 +207,53 @@ impl StmLink {
         &mut self,
         error: FrameError,
         frame: &[u8],
-        beyond: usize,
+        overflow_len: usize,
+        reply: u32,
     ) -> Result<Command, FrameError> {
-        let mode = self.end.mode;
-        let read = |context: &_| parse_command(mode, context, frame, beyond);
-        self.end.reject(error, read, |command| command.sequence)
+        self.endpoint.reject(
+            error,
+            own(reply),
+            |mode, context| parse_command(mode, context, frame, overflow_len),
+            |command| command.sequence,
+        )
     }
 
     /// Counts frames that arrived but had to be dropped unread.
     pub fn overrun(&mut self, frames: u32) {
-        let counters = &mut self.end.counters;
+        let counters = &mut self.endpoint.counters;
         counters.overrun = counters.overrun.saturating_add(frames);
     }
 
-    /// Writes the reply to the next chip-select, with a new sequence number; returns its length.
-    /// The report's own `sequence` is not looked at.
-    #[inline]
-    pub fn send(&mut self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.advance();
-        self.resend(report, out)
-    }
-
-    /// Takes the next sequence number: the reply that has the present one went out.
-    #[inline]
-    pub fn advance(&mut self) {
-        self.end.advance();
-    }
-
-    /// Writes the reply anew with fresher data and the number it already had, as no chip-select
-    /// has taken it yet.
+    /// Writes reply `number`, counted from 1 after a reset; returns its length. Its sequence number is
+    /// the number's lowest byte, so a reply can be written again with fresher data. The report's own
+    /// `sequence` is not used.
     // Requirement: DOC-5-2, WIRE-sequence-5
     #[inline]
-    pub fn resend(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.write(0, report, out)
-    }
-
-    /// Writes the reply after the one of [`Self::send`], in advance: with the number that the next
-    /// `send` will give it.
-    #[inline]
-    pub fn anticipate(&self, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.write(1, report, out)
-    }
-
-    fn write(&self, ahead: u8, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
-        let mut context = self.end.context;
-        context.own = context.own.wrapping_add(ahead);
-        write_report(self.end.mode, &context, report, out)
+    pub fn encode_reply(&self, number: u32, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
+        let context = Context {
+            own: own(number),
+            ..self.endpoint.context
+        };
+        write_report(self.endpoint.mode, &context, report, out)
     }
 
     /// Frames received, counted.
     #[must_use]
     pub const fn counters(&self) -> &LinkCounters {
-        &self.end.counters
+        &self.endpoint.counters
     }
+}
+
+/// The sequence number of a reply.
+#[allow(clippy::cast_possible_truncation, reason = "wraps by definition")]
+const fn own(number: u32) -> u8 {
+    number as u8
 }
 
 /// The Pi's end: sends commands, receives reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PiLink {
-    end: End,
+    endpoint: LinkEndpoint,
 }
 
 impl PiLink {
@@ -298,48 +261,49 @@ impl PiLink {
     #[must_use]
     pub const fn new(setup: Setup) -> Self {
         Self {
-            end: End::new(setup),
+            endpoint: LinkEndpoint::new(setup),
         }
     }
 
     /// The mode whose chain it runs.
     #[must_use]
     pub const fn mode(&self) -> Mode {
-        self.end.mode
+        self.endpoint.mode
     }
 
     /// Writes a command, with a new sequence number; returns its length. The command's own
-    /// `sequence` is not looked at.
+    /// `sequence` is not used.
     // Requirement: DOC-5-2
     pub fn send(&mut self, command: &Command, out: &mut [u8; MAX_FRAME]) -> usize {
-        self.end.advance();
-        write_command(self.end.mode, &self.end.context, command, out)
+        let context = &mut self.endpoint.context;
+        context.own = context.own.wrapping_add(1);
+        write_command(self.endpoint.mode, context, command, out)
     }
 
-    /// A received frame: what it says, if all of it is right.
+    /// The report of a received frame, if all of it is right.
     ///
     /// # Errors
-    /// The first strategy that failed, and why; counted, and of what it says nothing is taken.
+    /// The first strategy that failed, and why; counted, and nothing of the frame takes effect.
     pub fn receive(&mut self, frame: &[u8]) -> Result<Report, FrameError> {
-        match parse_report(self.end.mode, &self.end.context, frame, 0) {
+        let endpoint = &mut self.endpoint;
+        let own = endpoint.context.own;
+        match parse_report(endpoint.mode, &endpoint.context, frame, 0) {
             Ok(report) => {
-                self.end.accept(report.sequence);
+                endpoint.accept(report.sequence, own);
                 Ok(report)
             }
-            Err(error) => self.reject(error, frame),
+            Err(error) => endpoint.reject(
+                error,
+                own,
+                |mode, context| parse_report(mode, context, frame, 0),
+                |report| report.sequence,
+            ),
         }
-    }
-
-    #[cold]
-    fn reject(&mut self, error: FrameError, frame: &[u8]) -> Result<Report, FrameError> {
-        let mode = self.end.mode;
-        let read = |context: &_| parse_report(mode, context, frame, 0);
-        self.end.reject(error, read, |report| report.sequence)
     }
 
     /// Frames received, counted.
     #[must_use]
     pub const fn counters(&self) -> &LinkCounters {
-        &self.end.counters
+        &self.endpoint.counters
     }
 }

@@ -1,19 +1,19 @@
-//! SPI frames: what the Pi and the STM tell each other, and the codes they are told in.
+//! SPI frames: what the Pi and the STM exchange, and the codes of its values.
 //!
 //! Both ends send the frame of the mode's chain at the same time, one frame per chip-select.
 //! Each strategy takes its bytes from the front and hands on the rest; the first failure stops the
 //! chain, names the strategy, and nothing of the frame takes effect (document, 5.1).
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
-//! | [`chain`](fn@chain) | the one table: mode → strategies; parsing and writing a frame along it |
-//! | [`strategy`] | the four duties of a strategy, the bytes it takes from and puts into a frame |
+//! | [`chain`](fn@chain) | the two tables: strategies, mode → strategies; parsing and writing along them |
+//! | [`strategy`] | the interface of a strategy, the reader and the writer of a frame |
 //! | [`link`] | both ends with their sequence numbers and counters |
 //! | [`error`] | why a frame was rejected |
 //! | [`code`] | codes of the wire ↔ physical units |
 //! | the others | one strategy each |
 //!
-//! A new strategy is a new file with the four duties; a new mode is a new line in `chain.rs`.
+//! A new strategy is a new file and a word in `strategies!`; a new mode is a line of `modes!`.
 
 #![cfg_attr(
     not(test),
@@ -44,11 +44,10 @@ pub mod status;
 pub mod strategy;
 
 pub use chain::{
-    chain, frame_len, parse_command, parse_report, parse_whole, write_command, write_report, Mode,
+    chain, frame_len, parse_command, parse_report, write_command, write_report, Field, Mode,
 };
-pub use error::{Cause, FrameError, Reason};
+pub use error::{Cause, FieldError, FrameError, Reason};
 pub use link::{LinkCounters, PiLink, Setup, StmLink};
-pub use strategy::Strategy;
 
 use crate::binary64::Binary64;
 use crate::types::Faults;

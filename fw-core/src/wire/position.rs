@@ -10,7 +10,13 @@
 //!
 //! The document calls x and y unsigned; a robot that goes backwards needs their sign.
 
-use super::strategy::{Context, Duties, Fault, Input, Output};
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
+use super::error::FieldError;
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, PoseCode, Report};
 
 /// Sends the expected pose one way and the actual one the other.
@@ -21,12 +27,12 @@ const APPLY: u16 = 0x8000;
 
 /// The pose, and bit 7 of byte 9.
 // Requirement: DOC-5.1.1-1
-#[inline]
-fn parse(input: &mut Input<'_>) -> Result<(PoseCode, bool), Fault> {
-    let mut part = input.part::<10>()?;
-    let x = i32::from_be_bytes(part.take()?);
-    let y = i32::from_be_bytes(part.take()?);
-    let rotation = u16::from_be_bytes(part.take()?);
+#[inline(always)]
+fn parse(reader: &mut FrameReader<'_>) -> Result<(PoseCode, bool), FieldError> {
+    reader.require(10)?;
+    let x = i32::from_be_bytes(reader.take()?);
+    let y = i32::from_be_bytes(reader.take()?);
+    let rotation = u16::from_be_bytes(reader.take()?);
     let pose = PoseCode {
         x,
         y,
@@ -36,46 +42,46 @@ fn parse(input: &mut Input<'_>) -> Result<(PoseCode, bool), Fault> {
 }
 
 // Requirement: DOC-5.1.1-5
-#[inline]
-fn write(output: &mut Output<'_>, pose: &PoseCode, apply: bool) {
+#[inline(always)]
+fn write(writer: &mut FrameWriter<'_>, pose: &PoseCode, apply: bool) {
     let apply = if apply { APPLY } else { 0 };
-    output.put(pose.x.to_be_bytes());
-    output.put(pose.y.to_be_bytes());
-    output.put((pose.rotation & !APPLY | apply).to_be_bytes());
+    writer.put(pose.x.to_be_bytes());
+    writer.put(pose.y.to_be_bytes());
+    writer.put((pose.rotation & !APPLY | apply).to_be_bytes());
 }
 
-impl Duties for Position {
+impl Strategy for Position {
     const NAME: &'static str = "position";
-    const BYTES: usize = 10;
+    const LEN: usize = 10;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         command: &mut Command,
-    ) -> Result<(), Fault> {
-        (command.expected, command.apply) = parse(input)?;
+    ) -> Result<(), FieldError> {
+        (command.expected, command.apply) = parse(reader)?;
         Ok(())
     }
 
-    #[inline]
-    fn write_command(output: &mut Output<'_>, _context: &Context, command: &Command) {
-        write(output, &command.expected, command.apply);
+    #[inline(always)]
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
+        write(writer, &command.expected, command.apply);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         report: &mut Report,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), FieldError> {
         // "NU - not used": whatever the original STM leaves there.
-        (report.pose, _) = parse(input)?;
+        (report.pose, _) = parse(reader)?;
         Ok(())
     }
 
-    #[inline]
-    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
-        write(output, &report.pose, false);
+    #[inline(always)]
+    fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
+        write(writer, &report.pose, false);
     }
 }

@@ -6,11 +6,11 @@
 //! | 2 | last counter accepted from the other end; 0 before the first |
 //!
 //! A frame is fresh when its counter is 1 to 127 steps ahead of the last one accepted, wrapping;
-//! the first frame after a reset always is. A repeated or older frame is rejected; four of them in
-//! a row that count upwards are no repeats, but an end that begins anew or was cut off for long.
+//! the first frame after a reset always is. A repeated or older frame is rejected; four in a row that
+//! count upwards mean that the sender has restarted or was cut off for long.
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::{FieldError, Reason};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report, Sequence as Counters};
 
 /// Sends and checks the frame counters.
@@ -25,25 +25,25 @@ pub const fn newer(a: u8, b: u8) -> bool {
     matches!(a.wrapping_sub(b), 1..=0x7F)
 }
 
-/// Stale frames of a row that begin anew.
-const ROW: u8 = 4;
+/// Stale frames after which the sender is taken as restarted.
+const RESTART_AFTER: u8 = 4;
 
-/// The stale frames in a row that were right in everything else, each numbered one above the one
-/// before it.
+/// Counts stale frames that are right in everything else, each numbered one above the one before:
+/// not repeats, but a sender that has restarted or was cut off for long.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Row {
+pub(super) struct ResyncDetector {
     own: u8,
     frames: u8,
 }
 
-impl Row {
+impl ResyncDetector {
     /// No stale frame since the last accepted one.
-    pub(super) const NONE: Self = Self { own: 0, frames: 0 };
+    pub(super) const NEW: Self = Self { own: 0, frames: 0 };
 
-    /// Adds a stale frame; whether with it the other end begins anew. The number `last` accepted
-    /// breaks the row: what ends there is a repeat, or else goes on to what is fresh.
+    /// Adds a stale frame; true when the sender has restarted. The number `last` accepted resets the
+    /// count: it ends a run of repeats, or of numbers that go on to what is fresh.
     // Requirement: WIRE-sequence-3
-    pub(super) fn begins_anew(&mut self, last: u8, own: u8) -> bool {
+    pub(super) fn add(&mut self, last: u8, own: u8) -> bool {
         let follows = self.frames > 0 && own == self.own.wrapping_add(1);
         self.frames = match (own == last, follows) {
             (true, _) => 0,
@@ -51,59 +51,57 @@ impl Row {
             (false, false) => 1,
         };
         self.own = own;
-        self.frames >= ROW
+        self.frames >= RESTART_AFTER
     }
 }
 
 // Requirement: WIRE-sequence-6
 #[inline]
-fn parse(input: &mut Input<'_>, last: Option<u8>) -> Result<Counters, Fault> {
-    let before = *input;
-    let [own, seen] = input.take()?;
+fn parse(reader: &mut FrameReader<'_>, last: Option<u8>) -> Result<Counters, FieldError> {
+    let [own, seen] = reader.take()?;
     match last {
-        Some(last) if !newer(own, last) => Err(before.fault(Reason::Stale { last, found: own })),
+        Some(last) if !newer(own, last) => Err(reader.error(2, Reason::Stale { last, found: own })),
         _ => Ok(Counters { own, seen }),
     }
 }
 
 // Requirement: WIRE-sequence-4
 #[inline]
-fn write(output: &mut Output<'_>, context: Context) {
-    output.put([context.own, context.last.unwrap_or_default()]);
+fn write(writer: &mut FrameWriter<'_>, context: Context) {
+    writer.put([context.own, context.last.unwrap_or_default()]);
 }
 
-impl Duties for Sequence {
+impl Strategy for Sequence {
     const NAME: &'static str = "sequence";
-    const BYTES: usize = 2;
-    const TELLS_FRESH: bool = true;
+    const LEN: usize = 2;
 
     #[inline]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         context: &Context,
         command: &mut Command,
-    ) -> Result<(), Fault> {
-        command.sequence = parse(input, context.last)?;
+    ) -> Result<(), FieldError> {
+        command.sequence = parse(reader, context.last)?;
         Ok(())
     }
 
     #[inline]
-    fn write_command(output: &mut Output<'_>, context: &Context, _command: &Command) {
-        write(output, *context);
+    fn write_command(writer: &mut FrameWriter<'_>, context: &Context, _command: &Command) {
+        write(writer, *context);
     }
 
     #[inline]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         context: &Context,
         report: &mut Report,
-    ) -> Result<(), Fault> {
-        report.sequence = parse(input, context.last)?;
+    ) -> Result<(), FieldError> {
+        report.sequence = parse(reader, context.last)?;
         Ok(())
     }
 
     #[inline]
-    fn write_report(output: &mut Output<'_>, context: &Context, _report: &Report) {
-        write(output, *context);
+    fn write_report(writer: &mut FrameWriter<'_>, context: &Context, _report: &Report) {
+        write(writer, *context);
     }
 }

@@ -7,8 +7,8 @@
 //!
 //! An order or state that does not exist is rejected; fault bits are taken as they come.
 
-use super::error::Reason;
-use super::strategy::{Context, Duties, Fault, Input, Output};
+use super::error::{FieldError, Reason};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Order, Report, State};
 use crate::types::Faults;
 
@@ -16,62 +16,61 @@ use crate::types::Faults;
 #[derive(Debug)]
 pub struct Status;
 
-/// Bits, and the input that stands before the last byte.
+/// The fault bits and the code after them.
 // Requirement: WIRE-status-2
 #[inline]
-fn parse<'a>(input: &mut Input<'a>) -> Result<(Faults, Input<'a>), Fault> {
-    let mut part = input.part::<3>()?;
-    let bits = Faults::from_bits(u16::from_be_bytes(part.take()?));
-    Ok((bits, part))
+fn parse(reader: &mut FrameReader<'_>) -> Result<(Faults, u8), FieldError> {
+    reader.require(3)?;
+    let faults = Faults::from_bits(u16::from_be_bytes(reader.take()?));
+    let [code] = reader.take()?;
+    Ok((faults, code))
 }
 
 // Requirement: WIRE-status-4
 #[inline]
-fn write(output: &mut Output<'_>, bits: Faults, code: u8) {
-    output.put(bits.bits().to_be_bytes());
-    output.put([code]);
+fn write(writer: &mut FrameWriter<'_>, bits: Faults, code: u8) {
+    writer.put(bits.bits().to_be_bytes());
+    writer.put([code]);
 }
 
-impl Duties for Status {
+impl Strategy for Status {
     const NAME: &'static str = "status";
-    const BYTES: usize = 3;
+    const LEN: usize = 3;
 
     #[inline]
     fn parse_command(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         command: &mut Command,
-    ) -> Result<(), Fault> {
-        let (bits, part) = parse(input)?;
-        let [code] = part.peek()?;
+    ) -> Result<(), FieldError> {
+        let (bits, code) = parse(reader)?;
         command.order =
-            Order::from_code(code).ok_or_else(|| part.fault(Reason::UnknownOrder(code)))?;
+            Order::from_code(code).ok_or_else(|| reader.error(1, Reason::UnknownOrder(code)))?;
         command.clear_faults = bits;
         Ok(())
     }
 
     #[inline]
-    fn write_command(output: &mut Output<'_>, _context: &Context, command: &Command) {
-        write(output, command.clear_faults, command.order as u8);
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
+        write(writer, command.clear_faults, command.order as u8);
     }
 
     #[inline]
     fn parse_report(
-        input: &mut Input<'_>,
+        reader: &mut FrameReader<'_>,
         _context: &Context,
         report: &mut Report,
-    ) -> Result<(), Fault> {
-        let (bits, part) = parse(input)?;
-        let [code] = part.peek()?;
+    ) -> Result<(), FieldError> {
+        let (bits, code) = parse(reader)?;
         report.state =
-            State::from_code(code).ok_or_else(|| part.fault(Reason::UnknownState(code)))?;
+            State::from_code(code).ok_or_else(|| reader.error(1, Reason::UnknownState(code)))?;
         report.faults = bits;
         Ok(())
     }
 
     #[inline]
-    fn write_report(output: &mut Output<'_>, _context: &Context, report: &Report) {
-        write(output, report.faults, report.state as u8);
+    fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
+        write(writer, report.faults, report.state as u8);
     }
 }
 

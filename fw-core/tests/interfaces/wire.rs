@@ -3,20 +3,8 @@
 use crate::table::rows;
 use fw_core::robot::leds;
 use fw_core::types::Faults;
-use fw_core::wire::{
-    chain, frame_len, Cause, Mode, Order, PiLink, Setup, State, StmLink, Strategy,
-};
+use fw_core::wire::{chain, frame_len, Cause, Field, Mode, Order, PiLink, Setup, State, StmLink};
 use serde_json::Value;
-
-fn strategies() -> Vec<&'static Strategy> {
-    let mut all: Vec<&Strategy> = Vec::new();
-    for strategy in Mode::ALL.iter().flat_map(|&mode| chain(mode)) {
-        if all.iter().all(|known| known.name != strategy.name) {
-            all.push(strategy);
-        }
-    }
-    all
-}
 
 fn vectors(name: &str) -> Vec<Value> {
     let path = format!(
@@ -35,7 +23,7 @@ fn the_modes_have_these_numbers_names_chains_and_lengths() {
     for (row, &mode) in rows.iter().zip(Mode::ALL) {
         assert_eq!(row.number("mode"), u64::from(mode.code()));
         assert_eq!(row.get("name"), mode.name());
-        let names: Vec<_> = chain(mode).iter().map(|strategy| strategy.name).collect();
+        let names: Vec<_> = chain(mode).iter().map(|field| field.name()).collect();
         assert_eq!(row.get("chain"), names.join(", "), "{mode:?}");
         assert_eq!(row.number("bytes"), frame_len(mode) as u64, "{mode:?}");
     }
@@ -45,13 +33,12 @@ fn the_modes_have_these_numbers_names_chains_and_lengths() {
 #[test]
 fn the_strategies_have_these_names_and_lengths() {
     let rows = rows(&["strategy", "bytes", "Pi → STM", "STM → Pi"]);
-    let strategies = strategies();
-    assert_eq!(rows.len(), strategies.len());
+    assert_eq!(rows.len(), Field::ALL.len());
     for row in rows {
         let name = row.get("strategy");
-        let strategy = strategies.iter().find(|strategy| strategy.name == name);
-        let strategy = strategy.unwrap_or_else(|| panic!("no strategy {name}"));
-        assert_eq!(row.number("bytes"), strategy.bytes as u64, "{name}");
+        let field = Field::ALL.iter().find(|field| field.name() == name);
+        let field = field.unwrap_or_else(|| panic!("no strategy {name}"));
+        assert_eq!(row.number("bytes"), field.len() as u64, "{name}");
     }
 }
 
@@ -158,7 +145,7 @@ fn the_examples_are_frames_that_are_understood() {
             cells: 2,
         };
         match row.get("from") {
-            "Pi" => drop(StmLink::new(setup).receive(&frame).expect("accepted")),
+            "Pi" => drop(StmLink::new(setup).receive(&frame, 0, 1).expect("accepted")),
             "STM" => drop(PiLink::new(setup).receive(&frame).expect("accepted")),
             other => panic!("{other}"),
         }

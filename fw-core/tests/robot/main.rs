@@ -6,7 +6,7 @@ mod platform;
 
 use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
-use fw_core::robot::{Outputs, Robot, Sample};
+use fw_core::robot::{ReceivedFrame, Robot, TickInput, TickOutput};
 use fw_core::types::{Micros, MotorCommand};
 use fw_core::wire::{Command, Mode, PiLink, PoseCode, Report, Setup, MAX_FRAME};
 
@@ -17,8 +17,10 @@ const TICK_US: u32 = 10_000;
 struct Bench {
     robot: Robot,
     pi: PiLink,
+    /// Number of the last reply.
+    reply: u32,
     log: Log,
-    sample: Sample,
+    sample: TickInput,
     /// What the first board's two taps say: some 3.6 V a cell.
     words: [u16; 2],
 }
@@ -29,7 +31,7 @@ impl Bench {
         let mut config = first_board();
         config.mode = mode;
         change(&mut config);
-        let sample = Sample {
+        let sample = TickInput {
             now: Micros(u32::MAX - 3 * TICK_US),
             left: 1_000,
             right: 64_000,
@@ -37,19 +39,20 @@ impl Bench {
         Self {
             robot: Robot::new(&config, sample),
             pi: PiLink::new(Setup::from(&config)),
+            reply: 0,
             log: Log::new(),
             sample,
             words: [3428, 3574],
         }
     }
 
-    fn tick(&mut self) -> Outputs {
+    fn tick(&mut self) -> TickOutput {
         self.sample.now = self.sample.now.after(TICK_US);
         self.robot.on_tick(self.sample, &self.words, &mut self.log)
     }
 
     /// Both counters go on by so many counts, then a tick.
-    fn roll(&mut self, left: i32, right: i16) -> Outputs {
+    fn roll(&mut self, left: i32, right: i16) -> TickOutput {
         self.sample.left = self.sample.left.wrapping_add_signed(left);
         self.sample.right = self.sample.right.wrapping_add_signed(right);
         self.tick()
@@ -58,10 +61,16 @@ impl Bench {
     /// One chip-select: what the robot says in it.
     fn frame(&mut self, command: &Command) -> Report {
         let (mut back, mut out) = ([0; MAX_FRAME], [0; MAX_FRAME]);
-        let len = self.robot.next_reply(&mut back);
+        self.reply += 1;
+        let len = self.robot.encode_reply(self.reply, &mut back);
         let sent = self.pi.send(command, &mut out);
-        let now = self.sample.now;
-        self.robot.on_frame(&out[..sent], sent, now, &mut self.log);
+        let frame = ReceivedFrame {
+            buffer: &out[..sent],
+            clocked: sent,
+            at: self.sample.now,
+            reply: self.reply + 1,
+        };
+        self.robot.on_frame(&frame, &mut self.log);
         self.pi.receive(&back[..len]).expect("a valid reply")
     }
 

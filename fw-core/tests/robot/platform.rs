@@ -5,7 +5,7 @@
 
 use crate::{duty, go, percent, Bench};
 use fw_core::eeprom::{Platform, FIELDS};
-use fw_core::robot::Outputs;
+use fw_core::robot::TickOutput;
 use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::types::{Faults, RangefinderId};
 use fw_core::wire::{CellCode, Command, Mode, Report, State};
@@ -182,7 +182,7 @@ fn swept(change: Change) -> Vec<(u16, u16)> {
     let (mut pulse, mut readings) = (0, Vec::new());
     while readings.len() < 10 {
         bench.frame(&Command::default());
-        let Outputs { servo, trigger, .. } = bench.tick();
+        let TickOutput { servo, trigger, .. } = bench.tick();
         if let Some(which) = trigger {
             assert_eq!(which, RangefinderId::Front);
             let rise = bench.sample.now.after(500);

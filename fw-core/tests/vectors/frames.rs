@@ -5,13 +5,15 @@ use crate::json::{
     report, setup, Value,
 };
 use fw_core::wire::{
-    frame_len, Command, LinkCounters, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
+    frame_len, Command, Field, LinkCounters, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
 };
 
 /// Both ends, brought to where a vector needs them.
 struct Pair {
     pi: PiLink,
     stm: StmLink,
+    /// Number of the STM's last frame.
+    reply: u32,
 }
 
 impl Pair {
@@ -21,13 +23,14 @@ impl Pair {
         let mut pair = Self {
             pi: PiLink::new(setup),
             stm: StmLink::new(setup),
+            reply: 0,
         };
         if seen != 0 {
             let frame = frame_numbered(setup, !command, seen);
             if command {
                 pair.pi.receive(&frame).expect("accepted");
             } else {
-                pair.stm.receive(&frame).expect("accepted");
+                pair.stm.receive(&frame, 0, 1).expect("accepted");
             }
         }
         for _ in 1..number(own) {
@@ -41,11 +44,12 @@ impl Pair {
         let mut pair = Self {
             pi: PiLink::new(setup),
             stm: StmLink::new(setup),
+            reply: 0,
         };
-        if let Some(last) = last.filter(|_| setup.mode.tells_fresh()) {
+        if let Some(last) = last.filter(|_| setup.mode.has(Field::Sequence)) {
             let frame = frame_numbered(setup, command, last);
             if command {
-                pair.stm.receive(&frame).expect("accepted");
+                pair.stm.receive(&frame, 0, 1).expect("accepted");
             } else {
                 pair.pi.receive(&frame).expect("accepted");
             }
@@ -58,7 +62,8 @@ impl Pair {
         let len = if is_command {
             self.pi.send(command, &mut frame)
         } else {
-            self.stm.send(report, &mut frame)
+            self.reply += 1;
+            self.stm.encode_reply(self.reply, report, &mut frame)
         };
         frame[..len].to_vec()
     }
@@ -113,7 +118,7 @@ fn each_is_read_to_exactly_these_values() {
         let mut ends = Pair::receiving(setup(vector), is_command, maybe(vector, "last"));
         let before = ends.counters(is_command).accepted;
         if is_command {
-            let found = ends.stm.receive(&bytes(vector));
+            let found = ends.stm.receive(&bytes(vector), 0, 1);
             assert_eq!(found, Ok(command(&vector["values"])), "{vector}");
         } else {
             let found = ends.pi.receive(&bytes(vector));
@@ -137,7 +142,9 @@ fn each_rejected_one_names_strategy_offset_and_cause_and_changes_one_counter() {
         let frame = bytes(vector);
         let clocked = maybe(vector, "clocked").unwrap_or(frame.len());
         let error = if is_command {
-            ends.stm.receive_clocked(&frame, clocked).unwrap_err()
+            let bytes = frame.get(..clocked).unwrap_or(&frame);
+            let overflow_len = clocked.saturating_sub(frame.len());
+            ends.stm.receive(bytes, overflow_len, 1).unwrap_err()
         } else {
             assert_eq!(clocked, frame.len());
             ends.pi.receive(&frame).unwrap_err()
@@ -152,7 +159,7 @@ fn each_rejected_one_names_strategy_offset_and_cause_and_changes_one_counter() {
         let next = last.unwrap_or(0_u8).wrapping_add(1);
         let good = frame_numbered(setup, is_command, next);
         let accepted = if is_command {
-            ends.stm.receive(&good).is_ok()
+            ends.stm.receive(&good, 0, 1).is_ok()
         } else {
             ends.pi.receive(&good).is_ok()
         };

@@ -228,5 +228,9 @@ pub fn rejection(value: &Value) -> (&str, usize, Cause) {
 
 /// What of an error the vectors describe.
 pub fn essence(error: &FrameError) -> (&str, usize, Cause) {
-    (error.strategy, error.offset, error.reason.cause())
+    (
+        error.field.name(),
+        error.offset.into(),
+        error.reason.cause(),
+    )
 }

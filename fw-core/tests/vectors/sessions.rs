@@ -11,6 +11,8 @@ struct Session {
     setup: Setup,
     pi: PiLink,
     stm: StmLink,
+    /// Number of the STM's last frame.
+    reply: u32,
 }
 
 impl Session {
@@ -19,6 +21,7 @@ impl Session {
             setup,
             pi: PiLink::new(setup),
             stm: StmLink::new(setup),
+            reply: 0,
         }
     }
 
@@ -28,23 +31,16 @@ impl Session {
         let mut out = [0xEE; MAX_FRAME];
         match text(step, "do") {
             "start" if is_pi => self.pi = PiLink::new(self.setup),
-            "start" => self.stm = StmLink::new(self.setup),
+            "start" => (self.stm, self.reply) = (StmLink::new(self.setup), 0),
             "send" if is_pi => {
                 let len = self.pi.send(&command(values), &mut out);
                 assert_eq!(out[..len], bytes(step));
             }
             "send" => {
-                // Written in advance, it is the same.
-                let len = self.stm.anticipate(&report(values), &mut out);
-                assert_eq!(out[..len], bytes(step));
-                let len = self.stm.send(&report(values), &mut out);
-                assert_eq!(out[..len], bytes(step));
+                self.reply += 1;
+                self.encode_reply(step);
             }
-            "resend" => {
-                assert!(!is_pi, "only the STM writes a reply anew");
-                let len = self.stm.resend(&report(values), &mut out);
-                assert_eq!(out[..len], bytes(step));
-            }
+            "resend" => self.encode_reply(step),
             "receive" => self.receive(step, is_pi),
             "exchange" => self.exchange(
                 int(step, "times"),
@@ -63,6 +59,16 @@ impl Session {
         }
     }
 
+    /// Encodes the reply twice: the number decides, not the order.
+    fn encode_reply(&self, step: &Value) {
+        for _ in 0..2 {
+            let mut out = [0xEE; MAX_FRAME];
+            let report = report(&step["values"]);
+            let len = self.stm.encode_reply(self.reply, &report, &mut out);
+            assert_eq!(out[..len], bytes(step));
+        }
+    }
+
     fn receive(&mut self, step: &Value, is_pi: bool) {
         let frame = bytes(step);
         let refused = match (is_pi, step["values"].is_null()) {
@@ -71,11 +77,14 @@ impl Session {
                 return;
             }
             (false, false) => {
-                assert_eq!(self.stm.receive(&frame), Ok(command(&step["values"])));
+                assert_eq!(
+                    self.stm.receive(&frame, 0, self.reply + 1),
+                    Ok(command(&step["values"]))
+                );
                 return;
             }
             (true, true) => self.pi.receive(&frame).unwrap_err(),
-            (false, true) => self.stm.receive(&frame).unwrap_err(),
+            (false, true) => self.stm.receive(&frame, 0, self.reply + 1).unwrap_err(),
         };
         assert_eq!(essence(&refused), rejection(&step["rejected"]));
     }
@@ -89,9 +98,13 @@ impl Session {
                 state: fw_core::wire::State::Ready,
                 ..Report::default()
             };
-            assert_eq!(self.stm.send(&ready, &mut back), len);
+            self.reply += 1;
+            assert_eq!(self.stm.encode_reply(self.reply, &ready, &mut back), len);
             if to_stm {
-                let command = self.stm.receive(&there[..len]).expect("accepted");
+                let command = self
+                    .stm
+                    .receive(&there[..len], 0, self.reply + 1)
+                    .expect("accepted");
                 assert_eq!(
                     Command {
                         sequence: Sequence::default(),

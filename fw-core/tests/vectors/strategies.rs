@@ -1,4 +1,4 @@
-//! Every strategy alone, both directions, both ways.
+//! Every strategy, both directions: its bytes within a frame of a mode that has it.
 
 use crate::json::{
     bytes, command, file, hex, int, is_command, is_written, list, maybe, report, text, Value,
@@ -6,20 +6,12 @@ use crate::json::{
 use fixed::types::{I32F32, U0F32, U16F16};
 use fw_core::types::{Millimetres, Pose, Turns, Volts};
 use fw_core::wire::code::bearing_code;
-use fw_core::wire::strategy::{Context, Input, Output};
+use fw_core::wire::crc::crc16;
+use fw_core::wire::strategy::Context;
 use fw_core::wire::{
-    chain, CellCode, Command, DistanceCode, Mode, PoseCode, Report, Strategy, MAX_FRAME,
+    chain, parse_command, parse_report, write_command, write_report, CellCode, DistanceCode, Field,
+    Mode, PoseCode, MAX_FRAME,
 };
-
-fn all() -> Vec<&'static Strategy> {
-    let mut all: Vec<&Strategy> = Vec::new();
-    for strategy in Mode::ALL.iter().flat_map(|&mode| chain(mode)) {
-        if all.iter().all(|known| known.name != strategy.name) {
-            all.push(strategy);
-        }
-    }
-    all
-}
 
 fn context(vector: &Value) -> Context {
     let values = &vector["values"];
@@ -32,76 +24,77 @@ fn context(vector: &Value) -> Context {
     }
 }
 
-/// The strategy's bytes, behind those that stand before it.
-fn written(strategy: &Strategy, vector: &Value, before: &[u8]) -> Vec<u8> {
+fn check(field: Field, vector: &Value) {
+    let values = &vector["values"];
+    let mode = *Mode::ALL.iter().find(|mode| mode.has(field)).expect("used");
+    let offset: usize = chain(mode)
+        .iter()
+        .take_while(|&&other| other != field)
+        .map(|field| field.len())
+        .sum();
+    let context = context(vector);
     let mut frame = [0xEE; MAX_FRAME];
-    let mut output = Output::new(&mut frame);
-    for &byte in before {
-        output.put([byte]);
-    }
-    if is_command(vector) {
-        (strategy.write_command)(&mut output, &context(vector), &command(&vector["values"]));
+    let len = if is_command(vector) {
+        write_command(mode, &context, &command(values), &mut frame)
     } else {
-        (strategy.write_report)(&mut output, &context(vector), &report(&vector["values"]));
-    }
-    output.written()[before.len()..].to_vec()
-}
-
-fn check_reading(strategy: &Strategy, vector: &Value, frame: &[u8], before: usize) {
-    let context = Context {
-        last: None,
-        ..context(vector)
+        write_report(mode, &context, &report(values), &mut frame)
     };
-    let mut input = Input::new(frame, 0);
-    for _ in 0..before {
-        input.take::<1>().expect("the bytes before");
+    let place = offset..offset + field.len();
+    if is_written(vector) {
+        assert_eq!(frame[place.clone()], bytes(vector), "{vector}");
     }
+    frame[place].copy_from_slice(&bytes(vector));
+    if mode.has(Field::Crc) {
+        let crc = crc16(&frame[..len - 2]).to_be_bytes();
+        frame[len - 2..len].copy_from_slice(&crc);
+    }
+    let first = Context {
+        last: None,
+        ..context
+    };
     if is_command(vector) {
-        let mut found = Command::default();
-        (strategy.parse_command)(&mut input, &context, &mut found).expect("accepted");
-        assert_eq!(found, command(&vector["values"]), "{vector}");
+        let mut expected = command(values);
+        let found = parse_command(mode, &first, &frame[..len], 0).expect("accepted");
+        expected.sequence = found.sequence;
+        assert_eq!(found, expected, "{vector}");
     } else {
-        let mut found = Report::default();
-        (strategy.parse_report)(&mut input, &context, &mut found).expect("accepted");
-        assert_eq!(found, report(&vector["values"]), "{vector}");
+        let mut expected = report(values);
+        let found = parse_report(mode, &first, &frame[..len], 0).expect("accepted");
+        expected.sequence = found.sequence;
+        assert_eq!(found, expected, "{vector}");
     }
-    assert_eq!(input.left(), 0, "{vector}");
 }
 
-// Requirement: DOC-5.1-1, DOC-5.1.3-1
+// Requirement: DOC-5.1-1, DOC-5.1.3-1, WIRE-crc-2
 #[test]
-fn each_writes_exactly_its_bytes_and_reads_exactly_its_values() {
+fn strategy_bytes_match_vectors_in_both_directions() {
     let file = file("strategies");
     for vector in list(&file) {
         let name = text(vector, "strategy");
-        let strategy = all().into_iter().find(|strategy| strategy.name == name);
-        let strategy = strategy.unwrap_or_else(|| panic!("no strategy {name}"));
-        let before = vector["before"].as_str().map(hex).unwrap_or_default();
-        let bytes = bytes(vector);
-        assert_eq!(bytes.len(), strategy.bytes, "{vector}");
-        if is_written(vector) {
-            assert_eq!(written(strategy, vector, &before), bytes, "{vector}");
+        let field = *Field::ALL
+            .iter()
+            .find(|field| field.name() == name)
+            .unwrap_or_else(|| panic!("no strategy {name}"));
+        assert_eq!(bytes(vector).len(), field.len(), "{vector}");
+        if field == Field::Crc {
+            let before = vector["before"].as_str().map(hex).unwrap_or_default();
+            assert_eq!(crc16(&before).to_be_bytes(), bytes(vector)[..], "{vector}");
+        } else {
+            check(field, vector);
         }
-        let frame = [before.as_slice(), bytes.as_slice()].concat();
-        check_reading(strategy, vector, &frame, before.len());
     }
-}
-
-#[test]
-fn every_strategy_of_every_chain_has_vectors_in_both_directions() {
-    let file = file("strategies");
-    for strategy in all() {
+    for field in Field::ALL {
         for command in [true, false] {
-            let found = list(&file).iter().filter(|vector| {
-                text(vector, "strategy") == strategy.name && is_command(vector) == command
+            let found = list(&file).iter().any(|vector| {
+                text(vector, "strategy") == field.name() && is_command(vector) == command
             });
-            assert!(found.count() > 0, "{}, command: {command}", strategy.name);
+            assert!(found, "{}, command: {command}", field.name());
         }
     }
 }
 
 #[test]
-fn the_physical_values_beside_the_codes_give_these_codes() {
+fn physical_values_convert_to_their_codes() {
     let file = file("strategies");
     let mut checked = 0;
     for vector in list(&file) {

@@ -3,7 +3,7 @@
 //! A fresh frame, a fault and a tick of any kind and time reach every state of a supervisor.
 
 use fw_core::motion::StopDeadline;
-use fw_core::robot::{Intent, Permit, Supervisor};
+use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
 use fw_core::wire::{Order, State};
 
 use crate::input::{Input, Source};
@@ -20,7 +20,7 @@ pub struct Past {
     /// The configured deadline, ms.
     pub deadline: u16,
     /// A first fresh frame.
-    pub first: Option<Intent>,
+    pub first: Option<SupervisorCommand>,
     /// Its time.
     pub at: Micros,
     /// Faults raised.
@@ -29,12 +29,12 @@ pub struct Past {
     pub tick: Option<u32>,
 }
 
-impl Input for Intent {
+impl Input for SupervisorCommand {
     fn draw(source: &mut impl Source) -> Self {
         Self {
             resumes: Input::draw(source),
             order: Input::draw(source),
-            clear: Input::draw(source),
+            clear_faults: Input::draw(source),
         }
     }
 }
@@ -68,7 +68,13 @@ impl Past {
 /// After a fresh frame, the first tick at or after the deadline brakes and latches the fault, for any
 /// history and across the clock's wrap.
 // Requirement: WIRE-deadline-1
-pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) -> Seen {
+pub fn silence_brakes(
+    past: Past,
+    fresh: Micros,
+    intent: SupervisorCommand,
+    early: u32,
+    silence: u32,
+) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
     if silence < allowed || silence >= TICKS_WITHIN || early >= allowed {
         return Seen::NOTHING;
@@ -77,7 +83,7 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
     supervisor.on_fresh(fresh, intent);
     let in_time = supervisor.on_tick(fresh.after(early), true, true);
     let permit = supervisor.on_tick(fresh.after(silence), true, true);
-    assert!(permit == Permit::Brake);
+    assert!(permit == AllowedMotion::Brake);
     assert!(supervisor.halted());
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
     assert!(
@@ -88,9 +94,9 @@ pub fn silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, sil
                 State::Stopped
             }
     );
-    assert!(in_time != Permit::Drive || supervisor.faults().intersects(Faults::LINK_LOST));
+    assert!(in_time != AllowedMotion::Drive || supervisor.faults().intersects(Faults::LINK_LOST));
     Seen::NOTHING
-        .case(0, in_time == Permit::Drive)
+        .case(0, in_time == AllowedMotion::Drive)
         .case(1, blocked)
         .case(2, fresh.after(silence).0 < fresh.0)
 }
@@ -105,7 +111,7 @@ pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, requeste
     let first = supervisor.on_tick(one, true, true);
     supervisor.raise(raised);
     let second = supervisor.on_tick(two, requested, true);
-    assert!(first == Permit::Brake && second == Permit::Brake);
+    assert!(first == AllowedMotion::Brake && second == AllowedMotion::Brake);
     assert!(supervisor.halted());
     assert!(supervisor.faults() & raised == raised);
     Seen::NOTHING
@@ -120,7 +126,7 @@ pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, requeste
 pub fn only_an_explicit_command_resumes(
     past: Past,
     fresh: Micros,
-    intent: Intent,
+    intent: SupervisorCommand,
     after: u32,
 ) -> Seen {
     let mut supervisor = past.supervisor();
@@ -136,10 +142,10 @@ pub fn only_an_explicit_command_resumes(
     };
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
     if !command || blocked {
-        assert!(permit == Permit::Brake);
+        assert!(permit == AllowedMotion::Brake);
     }
     Seen::NOTHING
-        .case(0, permit == Permit::Drive)
+        .case(0, permit == AllowedMotion::Drive)
         .case(1, !command)
         .case(2, command && blocked)
 }
@@ -159,13 +165,13 @@ pub fn fault_brakes_even_if_cleared_at_once(
     if !supervisor.faults().intersects(Faults::BLOCKING) {
         return Seen::NOTHING;
     }
-    let cured = Intent {
+    let cured = SupervisorCommand {
         resumes: false,
         order: Order::None,
-        clear,
+        clear_faults: clear,
     };
     supervisor.on_fresh(fresh, cured);
-    assert!(supervisor.on_tick(fresh.after(after), true, true) == Permit::Brake);
+    assert!(supervisor.on_tick(fresh.after(after), true, true) == AllowedMotion::Brake);
     Seen::NOTHING
         .case(0, supervisor.state() == State::Faulted)
         .case(1, supervisor.state() == State::Stopped)
@@ -179,14 +185,14 @@ pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32
         return Seen::NOTHING;
     }
     let mut supervisor = past.supervisor();
-    let apply = Intent {
+    let apply = SupervisorCommand {
         resumes: true,
         order: Order::Resume,
-        clear: Faults::NONE,
+        clear_faults: Faults::NONE,
     };
     supervisor.on_fresh(fresh, apply);
-    supervisor.on_fresh(fresh.after(silence), Intent::default());
-    assert!(supervisor.on_tick(fresh.after(silence), true, true) == Permit::Brake);
+    supervisor.on_fresh(fresh.after(silence), SupervisorCommand::default());
+    assert!(supervisor.on_tick(fresh.after(silence), true, true) == AllowedMotion::Brake);
     Seen::NOTHING
         .case(0, supervisor.state() == State::Stopped)
         .case(1, supervisor.state() == State::Faulted)
@@ -195,10 +201,10 @@ pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32
 /// Frames within the deadline never stop the robot.
 pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) -> Seen {
     let allowed = u32::from(deadline) * 1000;
-    let apply = Intent {
+    let apply = SupervisorCommand {
         resumes: true,
         order: Order::Resume,
-        clear: Faults::NONE,
+        clear_faults: Faults::NONE,
     };
     let mut supervisor = Supervisor::new(StopDeadline::new(deadline));
     supervisor.on_fresh(fresh, apply);
@@ -209,15 +215,15 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
             return Seen::NOTHING;
         }
         now = now.after(gap);
-        assert!(supervisor.on_tick(now, true, true) == Permit::Drive);
-        supervisor.on_fresh(now, Intent::default());
+        assert!(supervisor.on_tick(now, true, true) == AllowedMotion::Drive);
+        supervisor.on_fresh(now, SupervisorCommand::default());
     }
     assert!(supervisor.faults().is_empty() && supervisor.state() == State::Moving);
     Seen::NOTHING.case(0, now.0 < fresh.0).case(1, gaps[0] > 0)
 }
 
 crate::properties! {
-    theorem T8 silence_brakes(past: Past, fresh: Micros, intent: Intent, early: u32, silence: u32) {
+    theorem T8 silence_brakes(past: Past, fresh: Micros, intent: SupervisorCommand, early: u32, silence: u32) {
         cases ["it was driving", "a fault blocks as well", "across the clock's wrap"];
         kani proof [unwind(4)];
         sampled 500_000;
@@ -227,13 +233,13 @@ crate::properties! {
         kani proof [unwind(4)];
         sampled 500_000;
     }
-    theorem T8 only_an_explicit_command_resumes(past: Past, fresh: Micros, intent: Intent, after: u32) {
+    theorem T8 only_an_explicit_command_resumes(past: Past, fresh: Micros, intent: SupervisorCommand, after: u32) {
         cases ["resumed", "no command", "a command against a fault"];
         kani proof [unwind(4)];
         sampled 500_000;
     }
     theorem T8 fault_brakes_even_if_cleared_at_once(
-        past: Past, raised: Faults, fresh: Micros, clear: Faults, after: u32
+        past: Past, raised: Faults, fresh: Micros, clear_faults: Faults, after: u32
     ) {
         cases ["still latched", "cleared"];
         kani proof [unwind(4)];

@@ -4,7 +4,7 @@
 use fw_core::binary64::Binary64;
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
-use fw_core::robot::{leds, Outputs, Robot, Sample};
+use fw_core::robot::{leds, ReceivedFrame, Robot, TickInput, TickOutput};
 use fw_core::sensing::mpu6050::{self, BusRequest, BusResult};
 use fw_core::sensing::Calibration;
 use fw_core::wire::{
@@ -106,12 +106,14 @@ pub struct Rig {
     /// The same wheels without anything else.
     encoders: Odometry,
     pi: PiLink,
+    /// Number of the last reply.
+    reply: u32,
     part: Part,
     /// What became of the gyroscope's last order.
     outcome: BusResult,
     log: Log,
     now: Micros,
-    sample: Sample,
+    sample: TickInput,
     last: [u8; MAX_FRAME],
     /// The rangefinder triggered last, and when.
     triggered: (RangefinderId, Micros),
@@ -126,9 +128,9 @@ pub struct Rig {
 impl Rig {
     pub fn new(config: AcceptedConfig, now: Micros, events: &mut Events<'_>) -> Self {
         let setup = Setup::from(&config.0);
-        let sample = Sample {
+        let sample = TickInput {
             now,
-            ..Sample::default()
+            ..TickInput::default()
         };
         let mut robot = Robot::new(&config.0, sample);
         // A part of the middle, one as the factory may leave it, or any words.
@@ -154,6 +156,7 @@ impl Rig {
             robot,
             encoders: Odometry::new(&config.0.platform, sample.left, sample.right),
             pi: PiLink::new(setup),
+            reply: 1,
             part: Part::default(),
             outcome: BusResult::Done,
             log: Log::new(),
@@ -178,8 +181,13 @@ impl Rig {
     pub fn frame(&mut self, clocked: usize) {
         let before = *self.robot.counters();
         let frame = self.last;
-        self.robot
-            .on_frame(&frame, clocked, self.now, &mut self.log);
+        let received = ReceivedFrame {
+            buffer: &frame,
+            clocked,
+            at: self.now,
+            reply: self.reply + 1,
+        };
+        self.robot.on_frame(&received, &mut self.log);
         let after = self.robot.counters();
         if after.accepted == before.accepted {
             assert!(after.rejected_total() == before.rejected_total() + 1);
@@ -187,9 +195,8 @@ impl Rig {
         } else {
             self.fresh = Some(self.now);
         }
-        let mut reply = [0; MAX_FRAME];
-        let len = self.robot.next_reply(&mut reply);
-        self.read(&reply, len);
+        self.reply += 1;
+        let _ = self.report();
     }
 
     /// A reply is one that the Pi takes.
@@ -265,9 +272,9 @@ impl Rig {
     }
 
     /// What the robot would tell now.
-    fn report(&mut self) -> Report {
+    fn report(&self) -> Report {
         let mut reply = [0; MAX_FRAME];
-        let len = self.robot.refresh_reply(&mut reply);
+        let len = self.robot.encode_reply(self.reply, &mut reply);
         self.read(&reply, len)
     }
 
@@ -354,9 +361,6 @@ impl Rig {
             self.triggered = (which, self.now);
         }
         let _ = self.report();
-        let mut reply = [0; MAX_FRAME];
-        let len = self.robot.following_reply(&mut reply);
-        self.read(&reply, len);
     }
 
     /// Nothing is asked of a gyroscope that is not there, nor in the tuning modes.
@@ -368,7 +372,7 @@ impl Rig {
         assert!(order == BusRequest::Idle || drives && self.config.0.platform.gyro);
     }
 
-    fn outputs_are_right(&mut self, outputs: &Outputs) {
+    fn outputs_are_right(&mut self, outputs: &TickOutput) {
         let platform = &self.config.0.platform;
         let braked = outputs.left == MotorCommand::Brake && outputs.right == MotorCommand::Brake;
         let state = self.robot.state();

@@ -3,7 +3,7 @@
 use fw_core::eeprom::{first_board, Config};
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
-use fw_core::robot::{Robot, Sample};
+use fw_core::robot::{Robot, TickInput};
 use fw_core::sensing::gyro::{hundredths, Event, GyroFusion, MAX_BIAS};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
 use fw_core::wire::Mode;
@@ -242,7 +242,7 @@ pub fn pose_without_gyro_is_the_encoders(
     plain.mode = Mode::GuardedNormal;
     let mut fitted = plain.clone();
     fitted.platform.gyro = true;
-    let mut sample = Sample::default();
+    let mut sample = TickInput::default();
     let mut log = Log::new();
     let mut alone = Robot::new(&plain, sample);
     let mut with = Robot::new(&fitted, sample);
@@ -270,7 +270,7 @@ pub fn pose_without_gyro_is_the_encoders(
 }
 
 fn first_pose() -> fw_core::types::Pose {
-    Robot::new(&first_board(), Sample::default()).pose()
+    Robot::new(&first_board(), TickInput::default()).pose()
 }
 
 /// No correction of any tick overflows; it is added to the heading to the last bit, and moves the position

@@ -82,11 +82,11 @@ pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) ->
     let later = earlier & 1 == 1;
     if later {
         let len = pi.send(&Command::default(), &mut frame);
-        assert!(stm.receive(&frame[..len]).is_ok());
+        assert!(stm.receive(&frame[..len], 0, 1).is_ok());
     }
     let len = pi.send(&command, &mut frame);
     assert!(len == table(setup.mode).len);
-    let received = stm.receive(&frame[..len]);
+    let received = stm.receive(&frame[..len], 0, 1);
     assert!(received.is_ok());
     if let Ok(received) = received {
         assert!(received == carried_of_command(setup.mode, &command, &received));
@@ -97,21 +97,21 @@ pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) ->
 /// What the STM sends the Pi understands, field by field; written anew with fresher data it has the
 /// same number, and the fresher data is what arrives.
 // Requirement: DOC-5-2
-pub fn report_survives_the_wire(setup: Setup, report: Report, staler: bool) -> Seen {
+pub fn report_survives_the_wire(setup: Setup, report: Report, reply: u32, staler: bool) -> Seen {
     let possible = cell_exists(report.cell, setup)
         && report.pose.rotation <= 0x7FFF
         && report.measurement.is_finite();
     if !possible {
         return Seen::NOTHING;
     }
-    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
+    let (mut pi, stm) = (PiLink::new(setup), StmLink::new(setup));
     let mut frame = [0; MAX_FRAME];
     let first = if staler { &Report::default() } else { &report };
-    let len = stm.send(first, &mut frame);
+    let len = stm.encode_reply(reply, first, &mut frame);
     assert!(len == table(setup.mode).len);
     let number = frame[1];
     if staler {
-        assert!(stm.resend(&report, &mut frame) == len);
+        assert!(stm.encode_reply(reply, &report, &mut frame) == len);
         assert!(!table(setup.mode).guarded || frame[1] == number);
     }
     let received = pi.receive(&frame[..len]);
@@ -133,15 +133,18 @@ pub fn rejection_changes_one_counter(
 ) -> Seen {
     let mut link = StmLink::new(setup);
     let len = table(setup.mode).len;
-    let primed = link.receive(&first[..len]).is_ok();
+    let primed = link.receive(&first[..len], 0, 1).is_ok();
     let report = Report::default();
     let (mut before, mut after) = ([0; MAX_FRAME], [0; MAX_FRAME]);
-    let _ = link.send(&report, &mut before);
+    let _ = link.encode_reply(2, &report, &mut before);
     let counted = *link.counters();
-    let refused = link.receive_clocked(&second, usize::from(clocked)).is_err();
+    let clocked = usize::from(clocked);
+    let received = second.get(..clocked).unwrap_or(&second);
+    let overflow_len = clocked.saturating_sub(second.len());
+    let refused = link.receive(received, overflow_len, 2).is_err();
     let counters = link.counters();
     if refused {
-        let _ = link.resend(&report, &mut after);
+        let _ = link.encode_reply(2, &report, &mut after);
         assert!(before[0] == after[0]);
         assert!(!table(setup.mode).guarded || word(&before, 1) == word(&after, 1));
         assert!(counters.accepted == counted.accepted);
@@ -172,12 +175,12 @@ pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> S
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (mut frame, mut newer) = ([0; MAX_FRAME], [0; MAX_FRAME]);
     let len = pi.send(&command, &mut frame);
-    assert!(stm.receive(&frame[..len]).is_ok());
+    assert!(stm.receive(&frame[..len], 0, 1).is_ok());
     for _ in 0..between {
         let _ = pi.send(&command, &mut newer);
-        assert!(stm.receive(&newer[..len]).is_ok());
+        assert!(stm.receive(&newer[..len], 0, 1).is_ok());
     }
-    assert!(stm.receive(&frame[..len]).is_err());
+    assert!(stm.receive(&frame[..len], 0, 1).is_err());
     assert!(stm.counters().accepted == u32::from(between) + 1);
     Seen::NOTHING.case(0, between == 0).case(1, between == 127)
 }
@@ -219,12 +222,12 @@ pub fn old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) -> Seen {
     let setup = plain(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (there, back) = numbered(setup, heard);
-    assert!(stm.receive(&there[..len]).is_ok());
+    assert!(stm.receive(&there[..len], 0, 1).is_ok());
     assert!(pi.receive(&back[..len]).is_ok());
     let old = old.map(|number| (number, numbered(setup, number)));
     for _ in 0..4 {
         for (_, (there, back)) in &old {
-            assert!(stm.receive(&there[..len]).is_err());
+            assert!(stm.receive(&there[..len], 0, 1).is_err());
             assert!(pi.receive(&back[..len]).is_err());
         }
     }
@@ -253,7 +256,7 @@ pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8
     let setup = plain(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (there, back) = numbered(setup, heard);
-    assert!(stm.receive(&there[..len]).is_ok());
+    assert!(stm.receive(&there[..len], 0, 1).is_ok());
     assert!(pi.receive(&back[..len]).is_ok());
     for place in 0..4 {
         let (mut there, mut back) = numbered(setup, first.wrapping_add(place));
@@ -261,7 +264,7 @@ pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8
             there[usize::from(bit / 8)] ^= 1 << (bit % 8);
             back[usize::from(bit / 8)] ^= 1 << (bit % 8);
         }
-        assert!(stm.receive(&there[..len]).is_err());
+        assert!(stm.receive(&there[..len], 0, 1).is_err());
         assert!(pi.receive(&back[..len]).is_err());
     }
     Seen::NOTHING
@@ -289,23 +292,21 @@ pub fn ends_find_each_other(
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     // 0 = heard nothing yet.
     let (there, _) = numbered(setup, stm_heard);
-    assert!(stm_heard == 0 || stm.receive(&there[..len]).is_ok());
+    assert!(stm_heard == 0 || stm.receive(&there[..len], 0, 1).is_ok());
     let (_, back) = numbered(setup, pi_heard);
     assert!(pi_heard == 0 || pi.receive(&back[..len]).is_ok());
     for _ in 0..pi_sent {
         let _ = pi.send(&command, &mut frame);
-    }
-    for _ in 0..stm_sent {
-        stm.advance();
     }
     let mut taken = (false, false);
     let mut at_once = false;
     let mut late = false;
     for exchange in 0..EXCHANGES {
         let mut reply = [0; MAX_FRAME];
-        let _ = stm.send(&report, &mut reply);
+        let number = u32::from(stm_sent) + exchange + 1;
+        let _ = stm.encode_reply(number, &report, &mut reply);
         let _ = pi.send(&command, &mut frame);
-        taken.0 = stm.receive(&frame[..len]).is_ok();
+        taken.0 = stm.receive(&frame[..len], 0, 1).is_ok();
         taken.1 = pi.receive(&reply[..len]).is_ok();
         at_once |= exchange == 0 && taken == (true, true);
         late |= exchange == 2 && taken == (false, false);
@@ -401,11 +402,11 @@ crate::properties! {
         kani tune_move [unwind(12)] = (any_setup(Mode::TuneMove), any(), any());
         sampled 300_000;
     }
-    property T2 report_survives_the_wire(setup: Setup, report: Report, staler: bool) {
+    property T2 report_survives_the_wire(setup: Setup, report: Report, reply: u32, staler: bool) {
         cases ["written anew", "as first written"];
-        kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any());
-        kani tune_rotate [unwind(12)] = (any_setup(Mode::TuneRotate), any(), any());
-        kani tune_move [unwind(12)] = (any_setup(Mode::TuneMove), any(), any());
+        kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any(), any());
+        kani tune_rotate [unwind(12)] = (any_setup(Mode::TuneRotate), any(), any(), any());
+        kani tune_move [unwind(12)] = (any_setup(Mode::TuneMove), any(), any(), any());
         sampled 300_000;
     }
     property T1 rejection_changes_one_counter(

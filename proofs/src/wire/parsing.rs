@@ -57,7 +57,7 @@ fn guarded_verdict<T>(parsed: &Result<T, FrameError>, right: bool, frame: &Frame
             Reason::Crc { expected, found } => {
                 let at = table(mode).len - 2;
                 assert!(right && found != expected);
-                assert!(found == word(frame, at) && error.offset == at);
+                assert!(found == word(frame, at) && usize::from(error.offset) == at);
             }
             _ => assert!(!right),
         },

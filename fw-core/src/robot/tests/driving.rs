@@ -27,7 +27,7 @@ impl Course {
             MotorCommand::Run(duty) => -duty.hundredths() / 200,
             MotorCommand::Coast | MotorCommand::Brake => 0,
         };
-        let Sample { left, right, .. } = &mut self.bench.sample;
+        let TickInput { left, right, .. } = &mut self.bench.sample;
         *left = left.wrapping_add_signed(roll(outputs.left).into());
         *right = right.wrapping_add_signed(roll(outputs.right));
         [outputs.left, outputs.right]

@@ -17,8 +17,8 @@ fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
     assert_eq!(bench.robot.faults(), Faults::FRAME_REJECTED);
     assert_eq!(
         bench.log(),
-        "W00000: 3 frames came too fast and were lost\n\
-         W00001: 2 frames came too fast and were lost\n"
+        "W00000: 3 frames lost: not read before the next one\n\
+         W00001: 2 frames lost: not read before the next one\n"
     );
     let report = bench.frame(&Command::default());
     assert_eq!(report.faults, Faults::FRAME_REJECTED, "the Pi is told");
@@ -30,7 +30,7 @@ fn a_fault_is_latched_and_told_of_once() {
         let mut bench = Bench::new(Mode::GuardedNormal);
         let told = |log: &Log| log.pending().split(|&byte| byte == b'\n').count();
         let mut log = Log::<1024>::new();
-        telling::faults(Faults::from_bits(1 << bit), &mut log);
+        event_log::log_faults(Faults::from_bits(1 << bit), &mut log);
         let lines = told(&log);
         for _ in 0..3 {
             bench
@@ -42,7 +42,7 @@ fn a_fault_is_latched_and_told_of_once() {
         // All others beside it, of which each is told of, and this one is not again.
         bench.robot.raise(Faults::ALL_BITS, &mut bench.log);
         assert_eq!(bench.robot.faults(), Faults::ALL_BITS);
-        telling::faults(Faults::from_bits(!(1 << bit)), &mut log);
+        event_log::log_faults(Faults::from_bits(!(1 << bit)), &mut log);
         assert_eq!(told(&bench.log), told(&log), "{bit}");
     }
 }
@@ -137,7 +137,10 @@ fn the_temperature_of_the_chip_sets_the_speed_of_sound() {
     bench.robot.on_temperature(0, 1501, &mut bench.log);
     assert!(near(of_ten_milliseconds(&mut bench), assumed));
     let told = |text: &str| bench.log().matches(text).count();
-    assert_eq!(told(": no temperature: sound taken at 343 m/s\n"), 2);
+    assert_eq!(
+        told(": no temperature: speed of sound 343 m/s assumed\n"),
+        2
+    );
     assert_eq!(told(": air at 28 deg C\n"), 1);
 }
 

@@ -17,7 +17,7 @@ fn swept(bench: &mut Bench, ticks: u32, frame_every: u32) -> (Vec<u16>, u32) {
             assert_eq!(which, RangefinderId::Front);
             let rise = bench.sample.now.after(500);
             bench.robot.on_echo(which, rise, rise.after(1_000));
-            bearings.push(bench.robot.said.bearing);
+            bearings.push(bench.robot.report.bearing);
         }
     }
     (bearings, pulses)

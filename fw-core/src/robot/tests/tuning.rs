@@ -74,7 +74,7 @@ fn what_was_turned_or_travelled_since_the_reset_is_in_the_reply_and_in_the_log()
         for tick in 1..=700 {
             let ahead = if tick <= 220 { 30 } else { -30 };
             counts += ahead;
-            let Sample { left: l, right, .. } = &mut bench.sample;
+            let TickInput { left: l, right, .. } = &mut bench.sample;
             // The first board's encoders count down going forward.
             *l = l.wrapping_add_signed(-left * ahead);
             *right = right.wrapping_add_signed(-i16::try_from(ahead).expect("small"));

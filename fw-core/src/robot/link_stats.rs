@@ -2,7 +2,7 @@
 //!
 //! `L <frames> <accepted> <lost> <missed> <gap> <worst> <behind>[ <cause> <count>]…`: counted since
 //! the reset, gaps in microseconds. Frames are the sum of accepted, lost and every count, so that a
-//! reader notices a digit that the wire took.
+//! reader notices a corrupted digit.
 
 use crate::log::{Level, Line, Log};
 use crate::types::Micros;
@@ -13,7 +13,7 @@ const PERIOD: u8 = 100;
 
 /// The longest time between two accepted frames, microseconds; `u32::MAX` for half an hour and more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Gap {
+struct FrameGap {
     last: Option<Micros>,
     /// Since the last line.
     recent: u32,
@@ -21,9 +21,9 @@ struct Gap {
     worst: u32,
 }
 
-impl Gap {
+impl FrameGap {
     #[inline]
-    fn frame(&mut self, at: Micros) {
+    fn on_frame(&mut self, at: Micros) {
         if let Some(last) = self.last.replace(at) {
             let gap = at.since(last);
             if gap > self.recent {
@@ -32,9 +32,9 @@ impl Gap {
         }
     }
 
-    /// Without a frame, once in a while: before the clock's wrap makes a long silence look short.
-    fn silence(&mut self, now: Micros) {
-        // Not beyond: there lies a frame from just after `now`.
+    /// While no frame comes: before the clock's wrap makes a long silence look short.
+    fn saturate(&mut self, now: Micros) {
+        // Upper bound: a frame from just after `now` would wrap to more.
         let long = 1 << 31..3 << 30;
         if self
             .last
@@ -46,26 +46,26 @@ impl Gap {
     }
 }
 
-/// What is told of the link, and when next.
+/// Gaps between frames, and when the next line is due.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LinkLine {
-    gap: Gap,
+pub(super) struct LinkStats {
+    gap: FrameGap,
     /// Ticks until the next line may come.
-    quiet: u8,
-    /// Frames that the last line told of.
-    told: u32,
+    until_line: u8,
+    /// Frames in the last line.
+    logged_frames: u32,
 }
 
-impl LinkLine {
+impl LinkStats {
     /// A frame was accepted.
     #[inline]
-    pub(super) fn frame(&mut self, at: Micros) {
-        self.gap.frame(at);
+    pub(super) fn on_frame(&mut self, at: Micros) {
+        self.gap.on_frame(at);
     }
 
-    /// Once a tick, and `busy` in one that has said something else: a line where one is due and
-    /// frames have come since the last. Whether the mode's frames are `numbered` decides if missed
-    /// frames and the round trip are known.
+    /// Once a tick: logs a line where one is due, frames have come since the last, and the tick has no
+    /// other line (`busy`). `numbered`: the mode's frames carry sequence numbers, so missed frames and
+    /// the round trip are known.
     // Requirement: WIRE-log-3
     pub(super) fn tick(
         &mut self,
@@ -75,49 +75,49 @@ impl LinkLine {
         counters: &LinkCounters,
         log: &mut Log,
     ) {
-        self.quiet = self.quiet.saturating_sub(1);
-        if self.quiet == 0 && !busy {
-            self.due(now, numbered, counters, log);
+        self.until_line = self.until_line.saturating_sub(1);
+        if self.until_line == 0 && !busy {
+            self.log_line(now, numbered, counters, log);
         }
     }
 
     #[inline(never)]
-    fn due(&mut self, now: Micros, numbered: bool, counters: &LinkCounters, log: &mut Log) {
-        self.quiet = PERIOD;
+    fn log_line(&mut self, now: Micros, numbered: bool, counters: &LinkCounters, log: &mut Log) {
+        self.until_line = PERIOD;
         let frames = counters.frames();
-        if frames == self.told {
-            self.gap.silence(now);
+        if frames == self.logged_frames {
+            self.gap.saturate(now);
             return;
         }
-        self.told = frames;
+        self.logged_frames = frames;
         let recent = core::mem::take(&mut self.gap.recent);
         self.gap.worst = self.gap.worst.max(recent);
         log.line(Level::Info, |line| {
             line.text("L");
             for number in [frames, counters.accepted, counters.overrun] {
-                word(line, number);
+                column(line, number);
             }
-            known(line, numbered, counters.missed);
-            word(line, recent);
-            word(line, self.gap.worst);
-            known(line, numbered, counters.unacknowledged.into());
+            column_if(line, numbered, counters.missed);
+            column(line, recent);
+            column(line, self.gap.worst);
+            column_if(line, numbered, counters.unacknowledged.into());
             for cause in Cause::ALL {
                 let rejected = counters.rejected(cause);
                 if rejected != 0 {
-                    word(line.text(" ").text(cause.name()), rejected);
+                    column(line.text(" ").text(cause.name()), rejected);
                 }
             }
         });
     }
 }
 
-fn word(line: &mut Line, number: u32) {
+fn column(line: &mut Line, number: u32) {
     line.text(" ").count(number as usize);
 }
 
-fn known(line: &mut Line, is: bool, number: u32) {
-    if is {
-        word(line, number);
+fn column_if(line: &mut Line, known: bool, number: u32) {
+    if known {
+        column(line, number);
     } else {
         line.text(" -");
     }
@@ -146,12 +146,12 @@ mod tests {
     // Requirement: WIRE-log-3
     #[test]
     fn one_line_a_second_tells_both_gaps_and_none_without_frames() {
-        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
         let mut frames = 0;
         for tick in 0..600_u32 {
             let now = Micros(tick * 10_000).after(u32::MAX - 2_000_000);
             if tick < 150 || tick == 450 {
-                line.frame(now);
+                line.on_frame(now);
                 frames += 1;
             }
             line.tick(now, false, true, &counted(frames), &mut log);
@@ -166,7 +166,7 @@ mod tests {
     // Requirement: WIRE-log-3
     #[test]
     fn a_busy_tick_puts_the_line_off_and_bare_modes_know_no_numbers() {
-        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
         line.tick(Micros(0), true, false, &counted(5), &mut log);
         assert_eq!(said(&mut log), "");
         line.tick(Micros(10_000), false, false, &counted(5), &mut log);
@@ -175,15 +175,15 @@ mod tests {
 
     #[test]
     fn a_silence_longer_than_the_clock_is_no_short_gap() {
-        let (mut line, mut log) = (LinkLine::default(), Log::new());
-        line.frame(Micros(7));
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
+        line.on_frame(Micros(7));
         line.tick(Micros(7), false, true, &counted(1), &mut log);
         let hours = 3 * 3600_u64;
         for second in 0..hours {
             let now = Micros(u32::try_from((second * 1_000_000) & 0xFFFF_FFFF).unwrap());
-            line.gap.silence(now);
+            line.gap.saturate(now);
         }
-        line.frame(Micros(20_000));
+        line.on_frame(Micros(20_000));
         for _ in 0..2 * PERIOD {
             line.tick(Micros(30_000), false, true, &counted(2), &mut log);
         }
@@ -199,7 +199,7 @@ mod tests {
         for cause in Cause::ALL {
             counters.reject(cause);
         }
-        let (mut line, mut log) = (LinkLine::default(), Log::new());
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
         line.gap.recent = u32::MAX;
         line.tick(Micros(0), false, true, &counters, &mut log);
         let text = said(&mut log);

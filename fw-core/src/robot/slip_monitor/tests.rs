@@ -195,7 +195,7 @@ fn every_event_is_one_line_of_its_level() {
         (
             Event::SlipTimedOut,
             'W',
-            "gyro: slip too long to be true, encoders alone",
+            "gyro: slip timed out, encoders alone",
         ),
         (
             Event::Mismatch,
@@ -204,7 +204,7 @@ fn every_event_is_one_line_of_its_level() {
         ),
     ] {
         let mut log = Log::new();
-        tell(event, &mut log);
+        log_event(event, &mut log);
         let said = std::str::from_utf8(log.pending()).unwrap();
         assert_eq!(said.lines().count(), 1, "{said}");
         assert!(said.starts_with(level), "{said}");

@@ -28,7 +28,7 @@ const NOTHING: [&str; 0] = [];
 
 fn stale(found: u8) -> FrameError {
     FrameError {
-        strategy: "sequence",
+        field: crate::wire::Field::Sequence,
         offset: 9,
         reason: Reason::Stale { last: 7, found },
     }
@@ -37,7 +37,7 @@ fn stale(found: u8) -> FrameError {
 // Requirement: DOC-2.1-3
 #[test]
 fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look() {
-    let mut telling = Telling::new(0);
+    let mut event_log = EventLog::new(0);
     for (state, faults, line) in [
         (State::Ready, Faults::NONE, "I: ready"),
         (State::Moving, Faults::NONE, "I: moving"),
@@ -62,10 +62,10 @@ fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look
         (State::Booting, Faults::NONE, "I: booting"),
     ] {
         let mut due = false;
-        let lines = told(|log| due = telling.state(state, faults, log));
+        let lines = told(|log| due = event_log.tick(state, faults, log));
         assert_eq!(lines, [line]);
         assert!(due);
-        let lines = told(|log| due = telling.state(state, faults, log));
+        let lines = told(|log| due = event_log.tick(state, faults, log));
         assert_eq!(lines, NOTHING, "told once");
         assert!(!due);
     }
@@ -73,16 +73,16 @@ fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look
 
 #[test]
 fn a_broken_wire_tells_of_the_first_frame_and_counts_the_others_once_a_second() {
-    let mut telling = Telling::new(0);
+    let mut event_log = EventLog::new(0);
     let mut log = Log::new();
     let mut lines = Vec::new();
     // Two frames a tick, from tick 5 to tick 154.
     for tick in 0..500 {
         if (5..155).contains(&tick) {
-            telling.rejected(stale(1));
-            telling.rejected(stale(2));
+            event_log.frame_rejected(stale(1));
+            event_log.frame_rejected(stale(2));
         }
-        let due = telling.state(State::Booting, Faults::NONE, &mut log);
+        let due = event_log.tick(State::Booting, Faults::NONE, &mut log);
         let said = said(&mut log);
         assert_eq!(due, !said.is_empty());
         lines.extend(said.into_iter().map(|line| (tick, line)));
@@ -100,34 +100,34 @@ fn a_broken_wire_tells_of_the_first_frame_and_counts_the_others_once_a_second() 
 
 #[test]
 fn after_a_second_of_silence_a_rejected_frame_is_told_of_itself_again() {
-    let mut telling = Telling::new(0);
-    telling.rejected(stale(1));
-    let lines = told(|log| _ = telling.state(State::Booting, Faults::NONE, log));
+    let mut event_log = EventLog::new(0);
+    event_log.frame_rejected(stale(1));
+    let lines = told(|log| _ = event_log.tick(State::Booting, Faults::NONE, log));
     assert_eq!(lines.len(), 1);
     for _ in 0..QUIET_TICKS {
-        let lines = told(|log| _ = telling.state(State::Booting, Faults::NONE, log));
+        let lines = told(|log| _ = event_log.tick(State::Booting, Faults::NONE, log));
         assert_eq!(lines, NOTHING);
     }
-    telling.rejected(stale(2));
-    let lines = told(|log| _ = telling.state(State::Booting, Faults::NONE, log));
+    event_log.frame_rejected(stale(2));
+    let lines = told(|log| _ = event_log.tick(State::Booting, Faults::NONE, log));
     assert_eq!(lines.len(), 1);
     assert!(lines[0].starts_with("W: frame rejected: "), "{lines:?}");
 }
 
 #[test]
 fn a_state_goes_before_a_rejected_frame_and_that_before_a_target() {
-    let mut telling = Telling::new(0);
-    telling.rejected(stale(1));
-    telling.target(PoseCode::default());
+    let mut event_log = EventLog::new(0);
+    event_log.frame_rejected(stale(1));
+    event_log.target_set(PoseCode::default());
     // The last of several: half a metre ahead, a quarter turn.
-    telling.target(PoseCode {
+    event_log.target_set(PoseCode {
         x: 500_000,
         y: -20,
         rotation: 0x2000,
     });
     let mut lines = Vec::new();
     for _ in 0..4 {
-        let now = told(|log| _ = telling.state(State::Ready, Faults::NONE, log));
+        let now = told(|log| _ = event_log.tick(State::Ready, Faults::NONE, log));
         assert!(now.len() <= 1);
         lines.extend(now);
     }
@@ -146,18 +146,18 @@ fn a_pose_line_is_due_every_so_many_ticks() {
         (100, 10),
         (60_000, 6_000),
     ] {
-        let mut telling = Telling::new(milliseconds);
+        let mut event_log = EventLog::new(milliseconds);
         for tick in 1..=3 * ticks {
-            assert_eq!(telling.pose_is_due(), tick % ticks == 0, "{milliseconds}");
+            assert_eq!(event_log.pose_due(), tick % ticks == 0, "{milliseconds}");
         }
     }
-    let mut silent = Telling::new(0);
-    assert!((0..70_000).all(|_| !silent.pose_is_due()));
+    let mut silent = EventLog::new(0);
+    assert!((0..70_000).all(|_| !silent.pose_due()));
 }
 
 #[test]
 fn a_sample_of_a_tuning_mode_and_a_pose_read_as_they_are() {
-    let lines = told(|log| tuning(Duty::saturating(-1234), -5, log));
+    let lines = told(|log| log_tuning(Duty::saturating(-1234), -5, log));
     assert_eq!(lines, ["I: T -12.34 -0.005"]);
     let code = PoseCode {
         x: -1,
@@ -166,7 +166,7 @@ fn a_sample_of_a_tuning_mode_and_a_pose_read_as_they_are() {
     };
     // A 32768th of a turn less than one is 359.989°, and what is cut off is below a hundredth.
     assert_eq!(
-        told(|log| pose_line(&code, log)),
+        told(|log| log_pose(&code, log)),
         ["I: pose -0.001 1234.567 mm, 359.98 deg"]
     );
 }
@@ -187,7 +187,7 @@ fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
     let bits = [1, 3, 4, 5, 6, 7, 8, 9, 11];
     let mut all = Vec::new();
     for bit in 0..16 {
-        let told = told(|log| faults(Faults::from_bits(1 << bit), log));
+        let told = told(|log| log_faults(Faults::from_bits(1 << bit), log));
         let place = bits.iter().position(|&own| own == bit);
         let expected: Vec<String> = place
             .map(|place| {
@@ -201,15 +201,15 @@ fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
         all.extend(told);
     }
     let mut log = Log::<1024>::new();
-    faults(Faults::ALL_BITS, &mut log);
+    log_faults(Faults::ALL_BITS, &mut log);
     assert_eq!(said(&mut log), all);
-    faults(Faults::NONE, &mut log);
+    log_faults(Faults::NONE, &mut log);
     assert_eq!(said(&mut log), NOTHING);
 }
 
 #[test]
 fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_with_the_first() {
-    let mut telling = Telling::new(0);
+    let mut event_log = EventLog::new(0);
     let mut stats = EchoStats {
         hits: 11,
         out_of_range: 22,
@@ -220,7 +220,7 @@ fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_wi
     for row in [0, 1, 2, 0, 1, 2, 3, 4, 255, 0, 0, 1] {
         stats.missing += u32::from(row > 0);
         stats.consecutive_misses = row;
-        lines.extend(told(|log| telling.rangefinder(Left, &stats, log)));
+        lines.extend(told(|log| event_log.rangefinder(Left, &stats, log)));
     }
     // Two and two before the third in a consecutive_misses, and two after it.
     assert_eq!(
@@ -232,30 +232,42 @@ fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_wi
     );
     // Each on its own.
     stats.consecutive_misses = 3;
-    assert_eq!(told(|log| telling.rangefinder(Left, &stats, log)).len(), 1);
-    assert_eq!(told(|log| telling.rangefinder(Front, &stats, log)).len(), 1);
-    assert_eq!(told(|log| telling.rangefinder(Front, &stats, log)), NOTHING);
+    assert_eq!(
+        told(|log| event_log.rangefinder(Left, &stats, log)).len(),
+        1
+    );
+    assert_eq!(
+        told(|log| event_log.rangefinder(Front, &stats, log)).len(),
+        1
+    );
+    assert_eq!(
+        told(|log| event_log.rangefinder(Front, &stats, log)),
+        NOTHING
+    );
 }
 
 #[test]
 fn a_temperature_is_told_when_it_becomes_known_and_when_it_is_no_more() {
-    let mut telling = Telling::new(0);
+    let mut event_log = EventLog::new(0);
     let degrees = |degrees: f64| Some(I16F16::from_num(degrees));
     for (air, line) in [
         (degrees(-12.4), Some("I: air at -12 deg C")),
         (degrees(30.0), None),
-        (None, Some("W: no temperature: sound taken at 343 m/s")),
+        (
+            None,
+            Some("W: no temperature: speed of sound 343 m/s assumed"),
+        ),
         (None, None),
         (degrees(21.6), Some("I: air at 22 deg C")),
         (degrees(21.6), None),
     ] {
-        let lines = told(|log| telling.temperature(air, log));
+        let lines = told(|log| event_log.temperature(air, log));
         assert_eq!(lines, Vec::from_iter(line));
     }
-    let mut telling = Telling::new(0);
+    let mut event_log = EventLog::new(0);
     assert_eq!(
-        told(|log| telling.temperature(None, log)),
-        ["W: no temperature: sound taken at 343 m/s"],
+        told(|log| event_log.temperature(None, log)),
+        ["W: no temperature: speed of sound 343 m/s assumed"],
         "not even the first"
     );
 }

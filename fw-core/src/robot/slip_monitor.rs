@@ -1,5 +1,4 @@
-//! The gyroscope's part in the robot: its conversation goes on, tick by tick, and what it says of the
-//! last tick's turn is set against the encoders'.
+//! The gyroscope in the robot: its transfers, tick by tick, and its rate against the encoders'.
 
 use super::Robot;
 use crate::log::{Level, Log};
@@ -7,19 +6,19 @@ use crate::sensing::gyro::{self, Event, GyroFusion};
 use crate::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
 use crate::types::{Delta, Faults, HeadingCorrection};
 
-/// Who watches over the heading.
+/// Fuses the gyroscope into the heading while a wheel slips.
 #[derive(Clone, Debug)]
-pub(super) struct Guard {
+pub(super) struct SlipMonitor {
     mpu: Mpu6050,
     gyro: GyroFusion,
-    /// Not to be relied on since it was last said; until it has agreed with the wheels again.
+    /// Unreliable, until it has agreed with the wheels again.
     lost: bool,
-    /// What the gyroscope added to the last tick's turn, 2⁻³² turns.
+    /// Added to the last tick's turn, 2⁻³² turns.
     added: i32,
 }
 
-impl Guard {
-    /// Nothing asked yet.
+impl SlipMonitor {
+    /// No transfer yet.
     pub(super) const fn new() -> Self {
         Self {
             mpu: Mpu6050::new(),
@@ -29,65 +28,65 @@ impl Guard {
         }
     }
 
-    /// While a wheel slips the controller's turn is the robot's, as of the tick before.
+    /// Adds the last tick's slip to the turn that the controller sees.
     pub(super) const fn add_to(&self, delta: &mut Delta) {
         delta.turn = delta.turn.wrapping_add(self.added);
     }
 }
 
 impl Robot {
-    /// Before every tick: what became of the last order to the MPU6050, and the next one. Its rate was
-    /// read just after the last tick and with its filter's delay is that tick's mean rate.
+    /// Before every tick: takes the result of the last request to the MPU6050, returns the next one. The
+    /// rate was read just after the last tick and with its filter's delay is that tick's mean rate.
     ///
     /// Without a gyroscope in the configuration, and in the tuning modes, which measure the wheels,
-    /// there is never an order.
+    /// every request is idle.
     // Requirement: DOC-2.3-3, WIRE-fault-12, WIRE-fault-13
-    pub fn on_gyro(&mut self, outcome: BusResult, log: &mut Log) -> BusRequest {
-        if !self.guarded {
+    pub fn on_gyro(&mut self, result: BusResult, log: &mut Log) -> BusRequest {
+        if !self.gyro_enabled {
             return BusRequest::Idle;
         }
-        let guard = &mut self.guard;
-        let (order, news) = guard.mpu.step(outcome);
+        let monitor = &mut self.slip_monitor;
+        let (request, reading) = monitor.mpu.step(result);
         let mut events = [None; 2];
-        let reading = match news {
+        let rate = match reading {
             GyroReading::Rate(raw) => Some(raw),
             GyroReading::None => None,
-            GyroReading::Lost(trouble) => {
-                events[0] = guard.gyro.reset();
-                guard.lost = true;
+            GyroReading::Lost(error) => {
+                events[0] = monitor.gyro.reset();
+                monitor.lost = true;
                 log.line(Level::Warn, |line| {
                     line.text("gyro: ")
-                        .text(trouble.reason())
+                        .text(error.reason())
                         .text(", encoders alone");
                 });
                 None
             }
         };
-        let turn = self.delta.turn.wrapping_sub(guard.added);
+        let turn = self.delta.turn.wrapping_sub(monitor.added);
         let correction;
-        (correction, events[1]) = guard.gyro.step(reading, &self.delta, turn);
-        guard.added = correction.tick;
+        (correction, events[1]) = monitor.gyro.step(rate, &self.delta, turn);
+        monitor.added = correction.tick;
         if correction != HeadingCorrection::default() {
             self.odometry.apply_slip(correction, &self.delta);
         }
         for event in events.into_iter().flatten() {
             match event {
-                Event::Trusted => guard.lost = false,
-                Event::SlipTimedOut | Event::Mismatch => guard.lost = true,
+                Event::Trusted => monitor.lost = false,
+                Event::SlipTimedOut | Event::Mismatch => monitor.lost = true,
                 Event::SlipStarted => self.supervisor.raise(Faults::SLIP),
                 Event::BiasUpdated(_) | Event::SlipEnded(_) => {}
             }
-            tell(event, log);
+            log_event(event, log);
         }
-        if guard.lost {
+        if monitor.lost {
             self.supervisor.raise(Faults::GYRO_LOST);
         }
-        order
+        request
     }
 }
 
 #[cold]
-fn tell(event: Event, log: &mut Log) {
+fn log_event(event: Event, log: &mut Log) {
     let level = match event {
         Event::BiasUpdated(_) | Event::Trusted | Event::SlipEnded(_) => Level::Info,
         Event::SlipStarted | Event::SlipTimedOut | Event::Mismatch => Level::Warn,
@@ -104,7 +103,7 @@ fn tell(event: Event, log: &mut Log) {
                 .text("slip over: heading corrected by ")
                 .decimal((added >> 8).saturating_mul(36_000) >> 24, 2)
                 .text(" deg"),
-            Event::SlipTimedOut => line.text("gyro: slip too long to be true, encoders alone"),
+            Event::SlipTimedOut => line.text("gyro: slip timed out, encoders alone"),
             Event::Mismatch => line.text("gyro: contradicts the wheels, encoders alone"),
         };
     });

@@ -1,4 +1,4 @@
-//! What the robot says in its log, and how often.
+//! The robot's log lines, and how often each may come.
 
 use crate::log::{Level, Line, Log};
 use crate::sensing::EchoStats;
@@ -9,70 +9,66 @@ use crate::wire::{FrameError, PoseCode, State};
 const QUIET_TICKS: u16 = 100;
 /// Milliseconds of a tick.
 const TICK_MS: u16 = 10;
+/// Consecutive misses after which a rangefinder counts as silent.
+const SILENT_MISSES: u8 = 3;
 
-/// Triggers in a consecutive_misses without an answer before a line says so.
-const SILENT: u8 = 3;
-
-/// What has been told, and when the next telling is due.
-///
-/// A frame's answer must be there before the next frame: what a frame has to tell waits for the tick.
+/// State of the log lines. Frame-triggered lines are deferred to the next tick: a reply must be ready
+/// before the next frame.
 #[derive(Clone, Debug)]
-pub(super) struct Telling {
+pub(super) struct EventLog {
     state: State,
-    /// The target that no line has told of yet.
+    /// Target not logged yet.
     target: Option<PoseCode>,
-    /// The rejected frame that the next tick tells of.
+    /// Rejected frame to log in the next tick.
     rejected: Option<FrameError>,
-    /// Rejected frames that no line has told of yet.
-    untold: u32,
-    /// Ticks until a line about rejected frames may come again.
-    quiet: u16,
+    /// Rejected frames without a line of their own since the last line about them.
+    suppressed: u32,
+    /// Ticks until the next line about rejected frames.
+    quiet_ticks: u16,
     /// Ticks from one pose line to the next, 0 = none.
-    period: u16,
+    pose_period: u16,
     until_pose: u16,
-    /// Which rangefinders do not answer, as told.
+    /// Rangefinders logged as silent.
     silent: [bool; 3],
-    /// Whether the temperature was known at the last telling, if there was one.
-    warm: Option<bool>,
+    /// Whether the temperature was known at its last line.
+    temperature_known: Option<bool>,
 }
 
-impl Telling {
+impl EventLog {
     /// A pose line every `period` milliseconds, 0 = none.
     pub(super) const fn new(period: u16) -> Self {
         Self {
             state: State::Booting,
             target: None,
             rejected: None,
-            untold: 0,
-            quiet: 0,
-            period: period.div_ceil(TICK_MS),
+            suppressed: 0,
+            quiet_ticks: 0,
+            pose_period: period.div_ceil(TICK_MS),
             until_pose: 0,
             silent: [false; 3],
-            warm: None,
+            temperature_known: None,
         }
     }
 
-    /// For every change of a stats: a line when the rangefinder does not answer three triggers in a
-    /// consecutive_misses, and when it answers again. One that answers without an object in range is no matter for a
-    /// line.
+    /// Logs a rangefinder that misses three echoes in a row, and its first answer afterwards. An answer
+    /// out of range is not logged.
     // Requirement: WIRE-log-9
-    pub(super) fn rangefinder(&mut self, which: RangefinderId, stats: &EchoStats, log: &mut Log) {
-        let Some(told) = self.silent.get_mut(which as usize) else {
+    pub(super) fn rangefinder(&mut self, id: RangefinderId, stats: &EchoStats, log: &mut Log) {
+        let Some(logged) = self.silent.get_mut(id as usize) else {
             return;
         };
-        // A consecutive_misses ends at 0: between two ticks no trigger ends twice.
-        let silent = stats.consecutive_misses >= SILENT;
-        if silent == *told {
-            return;
+        // An answer resets the misses: between two ticks no trigger ends twice.
+        let silent = stats.consecutive_misses >= SILENT_MISSES;
+        if silent != *logged {
+            *logged = silent;
+            log_rangefinder(id, stats, log);
         }
-        *told = silent;
-        rangefinder(which, stats, log);
     }
 
-    /// The first temperature, and every change between knowing one and not.
+    /// The first temperature, and every change between a known and an unknown one.
     // Requirement: WIRE-log-10
     pub(super) fn temperature(&mut self, air: Option<fixed::types::I16F16>, log: &mut Log) {
-        if self.warm.replace(air.is_some()) == Some(air.is_some()) {
+        if self.temperature_known.replace(air.is_some()) == Some(air.is_some()) {
             return;
         }
         let level = if air.is_some() {
@@ -87,16 +83,16 @@ impl Telling {
                     .text(" deg C");
             }
             None => {
-                line.text("no temperature: sound taken at 343 m/s");
+                line.text("no temperature: speed of sound 343 m/s assumed");
             }
         });
     }
 
-    /// Once a tick: a line for a change of state, for the rejected frames kept back so far, or for a
-    /// new target; one at a time, a line is the longest thing that a tick does. Whether there was one.
+    /// Once a tick: logs a change of state, a rejected frame, suppressed ones, or a new target; at most
+    /// one line, since a line is the longest thing that a tick does. Returns whether there was one.
     // Requirement: DOC-2.1-3
-    pub(super) fn state(&mut self, state: State, faults: Faults, log: &mut Log) -> bool {
-        self.quiet = self.quiet.saturating_sub(1);
+    pub(super) fn tick(&mut self, state: State, faults: Faults, log: &mut Log) -> bool {
+        self.quiet_ticks = self.quiet_ticks.saturating_sub(1);
         if state != self.state {
             self.state = state;
             let (level, text) = match state {
@@ -113,17 +109,17 @@ impl Telling {
                 line.text(text);
             });
         } else if let Some(error) = self.rejected.take() {
-            self.quiet = QUIET_TICKS;
+            self.quiet_ticks = QUIET_TICKS;
             log.line(Level::Warn, |line| {
                 error.log(line.text("frame rejected: "));
             });
-        } else if self.quiet == 0 && self.untold != 0 {
-            let count = self.untold;
+        } else if self.quiet_ticks == 0 && self.suppressed != 0 {
+            let count = self.suppressed;
             log.line(Level::Warn, |line| {
                 line.int(count.into()).text(" more frames rejected");
             });
-            self.untold = 0;
-            self.quiet = QUIET_TICKS;
+            self.suppressed = 0;
+            self.quiet_ticks = QUIET_TICKS;
         } else if let Some(target) = self.target.take() {
             log.line(Level::Info, |line| pose(line.text("target "), &target));
         } else {
@@ -132,29 +128,28 @@ impl Telling {
         true
     }
 
-    /// A rejected frame: told in the next tick, or counted while the last telling is less than a
-    /// second ago.
-    pub(super) fn rejected(&mut self, error: FrameError) {
-        if self.quiet != 0 || self.rejected.is_some() {
-            self.untold = self.untold.saturating_add(1);
+    /// A rejected frame: logged in the next tick, or counted within a second of the last line.
+    pub(super) fn frame_rejected(&mut self, error: FrameError) {
+        if self.quiet_ticks != 0 || self.rejected.is_some() {
+            self.suppressed = self.suppressed.saturating_add(1);
         } else {
             self.rejected = Some(error);
         }
     }
 
-    /// A new target: told in the next tick, the last of several.
-    pub(super) fn target(&mut self, target: PoseCode) {
+    /// A new target: logged in the next tick, the last of several.
+    pub(super) fn target_set(&mut self, target: PoseCode) {
         self.target = Some(target);
     }
 
     /// Once a tick: whether a pose line is due.
     // Requirement: WIRE-platform-12
-    pub(super) fn pose_is_due(&mut self) -> bool {
-        if self.period == 0 {
+    pub(super) fn pose_due(&mut self) -> bool {
+        if self.pose_period == 0 {
             return false;
         }
         self.until_pose = if self.until_pose == 0 {
-            self.period - 1
+            self.pose_period - 1
         } else {
             self.until_pose - 1
         };
@@ -162,9 +157,9 @@ impl Telling {
     }
 }
 
-/// Lines of faults that were not latched before: errors for those that stop the motors.
-pub(super) fn faults(new: Faults, log: &mut Log) {
-    for (bit, text) in LINES.into_iter().enumerate() {
+/// Logs faults that were not latched before: those that stop the motors are errors.
+pub(super) fn log_faults(new: Faults, log: &mut Log) {
+    for (bit, text) in FAULT_LINES.into_iter().enumerate() {
         let fault = Faults::from_bits(1 << bit);
         if new.intersects(fault) && !text.is_empty() {
             let level = if fault.intersects(Faults::BLOCKING) {
@@ -180,7 +175,7 @@ pub(super) fn faults(new: Faults, log: &mut Log) {
 }
 
 /// Each fault's log line by its bit, empty for none: the part of the table that the firmware needs.
-const LINES: [&str; Faults::TABLE.len()] = {
+const FAULT_LINES: [&str; Faults::TABLE.len()] = {
     let mut lines = [""; Faults::TABLE.len()];
     let mut bit = 0;
     while bit < lines.len() {
@@ -192,12 +187,11 @@ const LINES: [&str; Faults::TABLE.len()] = {
     lines
 };
 
-/// A rangefinder that fell silent or answers again, and how its triggers ended so far.
 #[cold]
 #[inline(never)]
-fn rangefinder(which: RangefinderId, stats: &EchoStats, log: &mut Log) {
+fn log_rangefinder(id: RangefinderId, stats: &EchoStats, log: &mut Log) {
     log.line(Level::Warn, |line| {
-        line.text(which.name())
+        line.text(id.name())
             .text(if stats.consecutive_misses > 0 {
                 " rangefinder silent"
             } else {
@@ -214,7 +208,7 @@ fn rangefinder(which: RangefinderId, stats: &EchoStats, log: &mut Log) {
 
 /// A sample of a tuning mode: duty in percent, measured degrees or millimetres in thousandths.
 // Requirement: DOC-5.2.2-2, DOC-5.2.3-4, WIRE-log-7, WIRE-log-8
-pub(super) fn tuning(duty: Duty, thousandths: i64, log: &mut Log) {
+pub(super) fn log_tuning(duty: Duty, thousandths: i64, log: &mut Log) {
     log.line(Level::Info, |line| {
         line.text("T ")
             .decimal(duty.hundredths().into(), 2)
@@ -224,12 +218,12 @@ pub(super) fn tuning(duty: Duty, thousandths: i64, log: &mut Log) {
 }
 
 /// A pose line.
-pub(super) fn pose_line(code: &PoseCode, log: &mut Log) {
+pub(super) fn log_pose(code: &PoseCode, log: &mut Log) {
     log.line(Level::Info, |line| pose(line.text("pose "), code));
 }
 
 /// `x y mm, rotation deg`.
-pub(super) fn pose(line: &mut Line, code: &PoseCode) {
+fn pose(line: &mut Line, code: &PoseCode) {
     line.decimal(code.x.into(), 3)
         .text(" ")
         .decimal(code.y.into(), 3)

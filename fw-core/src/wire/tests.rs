@@ -1,0 +1,451 @@
+//! What the vectors of `tests/vectors` and the properties of `proofs/` do not already check: exact
+//! errors, counters, sequence numbers.
+
+use super::sequence::newer;
+use super::strategy::{Context, FrameReader};
+use super::*;
+use crate::types::{Faults, Volts};
+use std::format;
+use std::vec::Vec;
+
+const fn setup(mode: Mode) -> Setup {
+    Setup {
+        mode,
+        key_from_pi: 0x96,
+        key_from_stm: 0x5A,
+        cells: 2,
+    }
+}
+
+const CONTEXT: Context = Context {
+    key_from_pi: 0x96,
+    key_from_stm: 0x5A,
+    cells: 2,
+    own: 1,
+    last: None,
+};
+
+fn guarded() -> impl Iterator<Item = Mode> {
+    let all = Mode::ALL.iter().copied();
+    all.filter(|mode| mode.has(Field::Sequence))
+}
+
+fn command_frame(mode: Mode, command: &Command) -> Vec<u8> {
+    let mut frame = [0; MAX_FRAME];
+    let len = write_command(mode, &CONTEXT, command, &mut frame);
+    frame[..len].to_vec()
+}
+
+fn report_frame(mode: Mode, report: &Report) -> Vec<u8> {
+    let mut frame = [0; MAX_FRAME];
+    let len = write_report(mode, &CONTEXT, report, &mut frame);
+    frame[..len].to_vec()
+}
+
+/// Errors of both ends for a frame of the Pi and one of the STM.
+fn errors(mode: Mode, command: &[u8], report: &[u8]) -> [Option<FrameError>; 2] {
+    [
+        parse_command(mode, &CONTEXT, command, 0).err(),
+        parse_report(mode, &CONTEXT, report, 0).err(),
+    ]
+}
+
+fn offset_of(mode: Mode, field: Field) -> Option<usize> {
+    let place = chain(mode).iter().position(|&other| other == field)?;
+    Some(chain(mode)[..place].iter().map(|field| field.len()).sum())
+}
+
+// Requirement: DOC-5.1-1, WIRE-rejected-3
+#[test]
+fn short_frame_names_strategy_that_lacks_bytes() {
+    for &mode in Mode::ALL {
+        let command = command_frame(mode, &Command::default());
+        let report = report_frame(mode, &Report::default());
+        for len in 0..frame_len(mode) {
+            let cut = chain(mode)
+                .iter()
+                .find(|&&field| offset_of(mode, field).unwrap() + field.len() > len)
+                .unwrap();
+            let offset = offset_of(mode, *cut).unwrap();
+            for error in errors(mode, &command[..len], &report[..len]) {
+                let error = error.unwrap();
+                assert_eq!((error.field, usize::from(error.offset)), (*cut, offset));
+                assert!(matches!(error.reason, Reason::Short { left, .. }
+                    if usize::from(left) == len - offset));
+            }
+        }
+    }
+}
+
+// Requirement: DOC-5.1.5-1, WIRE-crc-2
+#[test]
+fn long_frame_names_all_data_used_and_excess() {
+    for &mode in Mode::ALL {
+        let command = command_frame(mode, &Command::default());
+        let report = report_frame(mode, &Report::default());
+        for excess in [1, 2, 64, 70_000] {
+            let expected = FrameError {
+                field: Field::AllDataUsed,
+                offset: u16::try_from(frame_len(mode)).unwrap(),
+                reason: Reason::Long {
+                    left: u16::try_from(excess).unwrap_or(u16::MAX),
+                },
+            };
+            let tail = std::vec![0xA5; excess];
+            let long = errors(
+                mode,
+                &[&command[..], &tail].concat(),
+                &[&report[..], &tail].concat(),
+            );
+            assert_eq!(long, [Some(expected); 2]);
+            let beyond = parse_command(mode, &CONTEXT, &command, excess);
+            assert_eq!(beyond, Err(expected));
+        }
+    }
+}
+
+#[test]
+fn frame_reader_counts_offset_and_overflow() {
+    let mut reader = FrameReader::new(&[1, 2, 3], 5);
+    assert_eq!((reader.remaining(), reader.offset()), (8, 0));
+    assert_eq!(reader.take(), Ok([1_u8]));
+    assert_eq!((reader.remaining(), reader.offset()), (7, 1));
+    assert_eq!(reader.taken(), [1]);
+    assert!(reader.require(2).is_ok() && reader.require(3).is_err());
+    assert!(reader.take::<3>().is_err());
+    assert_eq!(reader.take(), Ok([2_u8, 3]));
+}
+
+#[test]
+fn codes_too_large_for_their_bits_are_cut() {
+    let mut command = Command {
+        tune: CellCode {
+            cell: 0xFA,
+            voltage: 0xFFFF,
+        },
+        ..Command::default()
+    };
+    command.expected.rotation = 0xFFFF;
+    let frame = command_frame(Mode::Normal, &command);
+    assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
+    assert_eq!(CellCode::from_volts(0xFA, Volts::default()).cell, 2);
+}
+
+// Requirement: DOC-5.1.6-1, DOC-5.1-3, DOC-5.1.6-3
+#[test]
+fn wrong_key_is_rejected_before_anything_else() {
+    for &mode in Mode::ALL {
+        for found in 0..=255 {
+            for (error, expected) in errors(mode, &[found], &[found])
+                .into_iter()
+                .zip([0x96, 0x5A])
+            {
+                let error = error.unwrap();
+                if found == expected {
+                    assert_ne!(error.field, Field::Key);
+                } else {
+                    let reason = Reason::Key { expected, found };
+                    assert_eq!((error.field, error.reason), (Field::Key, reason));
+                }
+            }
+        }
+    }
+}
+
+// Requirement: DOC-5.1.3-5, WIRE-battery-3
+#[test]
+fn cell_not_configured_is_rejected_at_both_ends() {
+    for &mode in Mode::ALL {
+        for cell in 0..8 {
+            let code = CellCode { cell, voltage: 840 };
+            let command = Command {
+                tune: code,
+                ..Command::default()
+            };
+            let report = Report {
+                cell: code,
+                ..Report::default()
+            };
+            let expected = (cell > 1).then(|| FrameError {
+                field: Field::Battery,
+                offset: u16::try_from(offset_of(mode, Field::Battery).unwrap()).unwrap(),
+                reason: Reason::Cell {
+                    cells: 2,
+                    found: cell,
+                },
+            });
+            let found = errors(
+                mode,
+                &command_frame(mode, &command),
+                &report_frame(mode, &report),
+            );
+            assert_eq!(found, [expected; 2]);
+        }
+    }
+}
+
+// Requirement: WIRE-double-1, WIRE-double-2
+#[test]
+fn percentage_beyond_100_and_nonfinite_doubles_are_rejected() {
+    let (beyond, not) = (Some(Reason::PercentOutOfRange), Some(Reason::NotFinite));
+    for (value, as_percent, as_measurement) in [
+        (-0.0, None, None),
+        (1e-310, None, None),
+        (100.0, None, None),
+        (-100.0, None, None),
+        (100.000_000_000_000_02, beyond, None),
+        (-100.000_000_000_000_02, beyond, None),
+        (1e300, beyond, None),
+        (f64::NAN, not, not),
+        (-f64::NAN, not, not),
+        (f64::INFINITY, not, not),
+        (f64::NEG_INFINITY, not, not),
+    ] {
+        let value = Binary64(value.to_bits());
+        let command = Command {
+            percent: value,
+            ..Command::default()
+        };
+        let report = Report {
+            measurement: value,
+            ..Report::default()
+        };
+        let modes = Mode::ALL.iter().filter(|mode| mode.has(Field::Double));
+        for &mode in modes {
+            let found = errors(
+                mode,
+                &command_frame(mode, &command),
+                &report_frame(mode, &report),
+            );
+            let found = found.map(|error| error.map(|error| error.reason));
+            assert_eq!(found, [as_percent, as_measurement], "{value:?}");
+        }
+    }
+}
+
+// Requirement: WIRE-status-2, WIRE-status-4
+#[test]
+fn unknown_order_and_state_are_rejected_at_their_byte() {
+    for mode in guarded() {
+        for code in 0..=255 {
+            let with_code = |mut frame: Vec<u8>| {
+                frame[5] = code;
+                let end = frame.len() - 2;
+                let crc = crc::crc16(&frame[..end]).to_be_bytes();
+                frame[end..].copy_from_slice(&crc);
+                frame
+            };
+            let command = with_code(command_frame(mode, &Command::default()));
+            let report = with_code(report_frame(mode, &Report::default()));
+            let error = |reason| FrameError {
+                field: Field::Status,
+                offset: 5,
+                reason,
+            };
+            let expected = [
+                (code > 2).then(|| error(Reason::UnknownOrder(code))),
+                (code > 4).then(|| error(Reason::UnknownState(code))),
+            ];
+            assert_eq!(errors(mode, &command, &report), expected);
+        }
+    }
+    let states: Vec<_> = (0..=255).filter_map(State::from_code).collect();
+    let names: Vec<_> = states.iter().map(|state| state.name()).collect();
+    assert_eq!(names, ["booting", "ready", "moving", "stopped", "faulted"]);
+}
+
+// Requirement: WIRE-chain-2
+#[test]
+fn every_reason_reads_as_one_sentence() {
+    let texts = [
+        (
+            Reason::Short { needed: 2, left: 1 },
+            "frame too short, needs 2 bytes, has 1",
+        ),
+        (Reason::Long { left: 3 }, "frame too long by 3"),
+        (
+            Reason::Key {
+                expected: 0x0A,
+                found: 0xB0,
+            },
+            "key 0xB0, expected 0x0A",
+        ),
+        (Reason::NotFinite, "not a finite number"),
+        (Reason::PercentOutOfRange, "percentage beyond -100 to 100"),
+        (
+            Reason::Cell { cells: 2, found: 7 },
+            "cell index 7 of 2 cells",
+        ),
+        (
+            Reason::Stale {
+                last: 255,
+                found: 128,
+            },
+            "stale, number 128 after 255",
+        ),
+        (Reason::UnknownState(5), "unknown state 5"),
+        (Reason::UnknownOrder(255), "unknown order 255"),
+        (
+            Reason::Crc {
+                expected: 0x01AB,
+                found: 0xF00D,
+            },
+            "checksum 0xF00D, expected 0x01AB",
+        ),
+    ];
+    for (reason, text) in texts {
+        let error = FrameError {
+            field: Field::Battery,
+            offset: 12,
+            reason,
+        };
+        assert_eq!(format!("{error}"), format!("battery at byte 12: {text}"));
+    }
+}
+
+// Requirement: WIRE-rejected-1
+#[test]
+fn every_cause_has_its_own_counter_and_name() {
+    let mut names: Vec<_> = Cause::ALL.map(Cause::name).to_vec();
+    for (place, cause) in Cause::ALL.into_iter().enumerate() {
+        assert_eq!(cause as usize, place);
+        let mut counters = LinkCounters::default();
+        counters.reject(cause);
+        assert_eq!(
+            (counters.rejected(cause), counters.rejected_total()),
+            (1, 1)
+        );
+    }
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), Cause::ALL.len());
+}
+
+// Requirement: WIRE-spi-3, WIRE-log-11
+#[test]
+fn overrun_counter_saturates() {
+    let mut stm = StmLink::new(setup(Mode::Normal));
+    stm.overrun(3);
+    stm.overrun(u32::MAX);
+    assert_eq!(stm.counters().overrun, u32::MAX);
+    assert_eq!(stm.counters().frames(), u32::MAX);
+}
+
+// Requirement: WIRE-sequence-1
+#[test]
+fn newer_is_1_to_127_steps_ahead() {
+    for a in 0..=255_u8 {
+        for b in 0..=255_u8 {
+            let ahead = (i32::from(a) - i32::from(b)).rem_euclid(256);
+            assert_eq!(newer(a, b), (1..128).contains(&ahead));
+        }
+    }
+}
+
+// Requirement: WIRE-sequence-2, WIRE-sequence-4
+#[test]
+fn thousand_exchanges_wrap_counters_without_loss() {
+    for &mode in Mode::ALL {
+        let (mut pi, mut stm) = (PiLink::new(setup(mode)), StmLink::new(setup(mode)));
+        for n in 0..1000_u32 {
+            let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+            let len = pi.send(&Command::default(), &mut there);
+            assert_eq!(stm.encode_reply(n + 1, &Report::default(), &mut back), len);
+            let command = stm.receive(&there[..len], 0, n + 2).unwrap();
+            let report = pi.receive(&back[..len]).unwrap();
+            if mode.has(Field::Sequence) {
+                assert_eq!(u32::from(command.sequence.own), (n + 1) % 256);
+                // This reply was encoded before the command arrived.
+                assert_eq!(u32::from(report.sequence.seen), n % 256);
+                assert_eq!(pi.counters().unacknowledged, 1);
+                assert_eq!(stm.counters().unacknowledged, 2);
+            }
+        }
+        for counters in [stm.counters(), pi.counters()] {
+            assert_eq!((counters.accepted, counters.missed), (1000, 0));
+            assert_eq!(counters.frames(), 1000);
+        }
+    }
+}
+
+/// Whether the STM, having accepted number `last`, accepts frames of these numbers.
+fn accepted(mode: Mode, last: u8, numbers: &[u8]) -> (Vec<bool>, LinkCounters) {
+    let mut stm = StmLink::new(setup(mode));
+    let mut receive = |own: u8| {
+        let mut frame = [0; MAX_FRAME];
+        let context = Context { own, ..CONTEXT };
+        let len = write_command(mode, &context, &Command::default(), &mut frame);
+        stm.receive(&frame[..len], 0, 1).is_ok()
+    };
+    assert!(receive(last));
+    let accepted = numbers.iter().map(|&own| receive(own)).collect();
+    (accepted, *stm.counters())
+}
+
+// Requirement: WIRE-sequence-6
+#[test]
+fn repeated_frame_is_stale_in_guarded_modes_only() {
+    for &mode in Mode::ALL {
+        let numbered = mode.has(Field::Sequence);
+        let (accepted, counters) = accepted(mode, 1, &[1, 2]);
+        assert_eq!(accepted, [!numbered, true]);
+        assert_eq!(counters.rejected(Cause::Stale), u32::from(numbered));
+    }
+}
+
+#[test]
+fn lost_frames_count_as_missed() {
+    for mode in guarded() {
+        for lost in 0..=126_u8 {
+            let (accepted, counters) = accepted(mode, 200, &[201_u8.wrapping_add(lost)]);
+            assert_eq!(accepted, [true]);
+            assert_eq!(counters.missed, u32::from(lost));
+        }
+    }
+}
+
+// Requirement: WIRE-sequence-3, WIRE-sequence-7
+#[test]
+fn four_ascending_stale_frames_restart_sequence() {
+    for mode in guarded() {
+        let restarts = |numbers: &[u8]| accepted(mode, 100, numbers).0;
+        let taken = restarts(&[254, 255, 0, 1, 2, 1]);
+        assert_eq!(taken, [false, false, false, true, true, false]);
+        // A gap, a number twice, a fresh frame and the last number each break the run.
+        for run in [
+            [1, 2, 3, 5, 6, 7],
+            [1, 2, 3, 3, 4, 5],
+            [98, 99, 100, 97, 98, 99],
+            [97, 98, 99, 100, 99, 100],
+            [99, 100, 99, 100, 99, 100],
+        ] {
+            assert_eq!(restarts(&run), [false; 6], "{run:?}");
+        }
+        let taken = restarts(&[1, 2, 3, 101, 4, 5, 6, 7]);
+        let expected = [false, false, false, true, false, false, false, true];
+        assert_eq!(taken, expected);
+    }
+}
+
+// Requirement: WIRE-sequence-5
+#[test]
+fn reply_encoded_again_keeps_its_number() {
+    for mode in guarded() {
+        let stm = StmLink::new(setup(mode));
+        let encoded = |number, faults| {
+            let report = Report {
+                faults: Faults::from_bits(faults),
+                ..Report::default()
+            };
+            let mut out = [0; MAX_FRAME];
+            let len = stm.encode_reply(number, &report, &mut out);
+            out[..len].to_vec()
+        };
+        let (first, fresher, next) = (encoded(1, 0), encoded(1, 5), encoded(2, 5));
+        assert_eq!((first[1], fresher[1], next[1]), (1, 1, 2));
+        let mut pi = PiLink::new(setup(mode));
+        assert_eq!(pi.receive(&fresher).unwrap().faults.bits(), 5);
+        assert!(pi.receive(&first).is_err());
+        assert!(pi.receive(&next).is_ok());
+    }
+}
