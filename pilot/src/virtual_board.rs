@@ -13,7 +13,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use twin::Board;
-use twin::hal::{I2c, I2cError, SpiTiming};
+use twin::hal::{I2c, I2cError, Line, SpiTiming};
 
 /// Which virtual board.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,7 +119,7 @@ impl i2c::I2c for PersistentI2c {
         let fresh = self.board.i2c_bus(move |bus, _| {
             let part = bus.eeprom.as_ref().filter(|part| part.writes() > known)?;
             Some((part.writes(), part.bytes().to_vec()))
-        })?;
+        });
         if let Some((writes, bytes)) = fresh {
             // A file that cannot be written is reported by `close`.
             let _ = image::save(file, &bytes);
@@ -160,10 +160,10 @@ fn io_with(
             file: eeprom_file,
             writes: 0,
         }),
-        reset: erase(board.pin_reset()),
-        select: erase(board.pin_select()),
-        protect: erase(board.pin_wp()),
-        ready: erase(board.pin_ready()),
+        reset: erase(board.pin(Line::Reset)),
+        select: erase(board.pin(Line::Select)),
+        protect: erase(board.pin(Line::WriteProtect)),
+        ready: erase(board.pin(Line::Ready)),
         delay: Box::new(board.delay()),
         clock: Box::new(VirtualClock(board.clone())),
         log: Box::new(VirtualUart {
@@ -256,7 +256,9 @@ impl VirtualBoard {
         }
         let bytes = self
             .board
-            .i2c_bus(|bus, _| bus.eeprom.as_ref().map(|part| part.bytes().to_vec()))
+            .try_stopped(|stopped| {
+                stopped.i2c_bus(|bus, _| bus.eeprom.as_ref().map(|part| part.bytes().to_vec()))
+            })
             .map_err(|cause| Error::Device {
                 name: "the virtual board".into(),
                 cause: cause.to_string(),

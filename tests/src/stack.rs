@@ -32,7 +32,7 @@ impl Stack {
                 .ok_or(format!("the ELF has no {name}"))
         };
         let range = symbol("_stack_end")?..symbol("_stack_start")?;
-        board.paint(range.clone(), PAINT)?;
+        board.paint(range.clone(), PAINT);
         Ok(Self { range })
     }
 
@@ -43,11 +43,8 @@ impl Stack {
     }
 
     /// Bytes from the stack's beginning to the deepest that was written.
-    ///
-    /// # Errors
-    /// Where the emulation has ended.
-    pub fn used(&self, board: &Board) -> Result<u64, Box<dyn Error>> {
-        let left = board.painted(self.range.clone(), PAINT)?;
-        Ok(self.bytes() - left)
+    #[must_use]
+    pub fn used(&self, board: &Board) -> u64 {
+        self.bytes() - board.painted(self.range.clone(), PAINT)
     }
 }

@@ -4,8 +4,8 @@ use std::error::Error;
 
 use plant::{Pose2, Room};
 use twin::components::spi_master::pack;
-use twin::trace::{Event, What};
-use twin::{Options, Step};
+use twin::trace::{Event, EventKind};
+use twin::{Options, SpiStep};
 
 use crate::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
 use crate::test_board::{Rig, TIM5_CCR1};
@@ -81,28 +81,28 @@ pub fn shortest_period(hz: u64) -> u64 {
 }
 
 /// Frames at a fixed period.
-fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<Step> {
-    let bits = Step::bytes(frame, hz);
+fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<SpiStep> {
+    let bits = SpiStep::bytes(frame, hz);
     let rest = period.saturating_sub(2 * SETUP_NS + bits.duration());
     let one = [
-        Step::Select(true),
-        Step::Wait(SETUP_NS),
+        SpiStep::Select(true),
+        SpiStep::Wait(SETUP_NS),
         bits,
-        Step::Wait(SETUP_NS),
-        Step::Select(false),
-        Step::Wait(rest),
+        SpiStep::Wait(SETUP_NS),
+        SpiStep::Select(false),
+        SpiStep::Wait(rest),
     ];
     (0..count).flat_map(|_| one.clone()).collect()
 }
 
 /// The times of the events that `wanted` selects, nanoseconds.
-fn times(events: &[Event], wanted: fn(&What) -> bool) -> Vec<u64> {
-    let found = events.iter().filter(|event| wanted(&event.what));
+fn times(events: &[Event], wanted: fn(&EventKind) -> bool) -> Vec<u64> {
+    let found = events.iter().filter(|event| wanted(&event.kind));
     found.map(|event| event.at_ns).collect()
 }
 
-fn is_tick(what: &What) -> bool {
-    matches!(what, What::Wrote { address, .. } if *address == TIM5_CCR1)
+fn is_tick(kind: &EventKind) -> bool {
+    matches!(kind, EventKind::Write { address, .. } if *address == TIM5_CCR1)
 }
 
 /// The worst distance of two neighbours from the tick's period, microseconds.
@@ -121,12 +121,12 @@ fn worst_jitter_us(ticks: &[u64]) -> f64 {
 /// # Errors
 /// Where the emulation ends.
 pub fn jitter_us(rig: &Rig) -> Result<f64, Box<dyn Error>> {
-    rig.board.follow_writes(TIM5_CCR1);
+    rig.board.trace_writes(TIM5_CCR1);
     let period = shortest_period(8_000_000);
     let frame = normal_frame(500_000, 0, 0, true);
     for _ in 0..20 {
         let steps = burst(&frame, 8_000_000, period, 50_000_000 / period);
-        rig.board.spi_raw(steps)?;
+        rig.board.spi_steps(steps);
     }
     Ok(worst_jitter_us(&times(&rig.board.take_events(), is_tick)))
 }
@@ -158,7 +158,7 @@ pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
     let mut last = None;
     for _ in 0..10 {
         let steps = burst(&frame, hz, 1_000_000_000 / rate, rate / 10);
-        for bytes in pack(&rig.board.spi_raw(steps)?).chunks(frame.len()) {
+        for bytes in pack(&rig.board.spi_steps(steps)).chunks(frame.len()) {
             let reply = NormalReply::of(bytes);
             // The cells take turns: the same one again is an old reply.
             let fresh = last.replace(reply.cell) != Some(reply.cell);
@@ -179,21 +179,21 @@ pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
 /// Where the robot does not start or does not drive.
 pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun, Box<dyn Error>> {
     let rig = in_a_corridor(elf)?;
-    rig.board.follow_writes(TIM5_CCR1);
+    rig.board.trace_writes(TIM5_CCR1);
     rig.board.run_us(2_000_000);
     let quiet = worst_jitter_us(&times(&rig.board.take_events(), is_tick));
 
     let frame = normal_frame(20_000_000, 0, 0, true);
     let _ = rig.keep_sending(&frame, 1_500_000);
     let _ = rig.board.take_events();
-    rig.board.follow_select();
+    rig.board.trace_chip_select();
     let mut replies = Vec::new();
     let mut behind_us: f64 = 0.0;
     // A little more than a tenth of a second each: all phases of the tick come to be looked at.
     for _ in 0..10 * seconds {
         let bits = rig
             .board
-            .spi_raw(burst(&frame, hz, 1_000_000_000 / rate, rate / 10 + 7))?;
+            .spi_steps(burst(&frame, hz, 1_000_000_000 / rate, rate / 10 + 7));
         replies.extend(pack(&bits).chunks(frame.len()).map(NormalReply::of));
         // How far the robot has come since the pose it reported last is how old that is.
         let truth = rig.board.truth();
@@ -211,7 +211,7 @@ pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun,
     let events = rig.board.take_events();
     let (ticks, falls) = (
         times(&events, is_tick),
-        times(&events, |what| *what == What::Select(true)),
+        times(&events, |what| *what == EventKind::ChipSelect(true)),
     );
     // A tick, and some for the odometry's error.
     if falls.len() != replies.len() || behind_us > 12_500.0 {
@@ -291,22 +291,22 @@ pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> Result<TornFrames, Box<dyn
     let mut seen = TornFrames { torn: 0, lost: 0 };
     let mut before = None;
     for bits in 0..8 * frame.len() {
-        let Step::Bits { mut mosi, .. } = Step::bytes(&frame, hz) else {
+        let SpiStep::Bits { mut mosi, .. } = SpiStep::bytes(&frame, hz) else {
             return Err("bytes are bits".into());
         };
         mosi.truncate(bits);
         let period = 1_000_000_000 / rate;
         let taken = 2 * SETUP_NS + bits as u64 * 1_000_000_000 / hz;
         let mut steps = vec![
-            Step::Select(true),
-            Step::Wait(SETUP_NS),
-            Step::Bits { mosi, hz },
-            Step::Wait(SETUP_NS),
-            Step::Select(false),
-            Step::Wait(period.saturating_sub(taken).max(GAP_NS)),
+            SpiStep::Select(true),
+            SpiStep::Wait(SETUP_NS),
+            SpiStep::Bits { mosi, hz },
+            SpiStep::Wait(SETUP_NS),
+            SpiStep::Select(false),
+            SpiStep::Wait(period.saturating_sub(taken).max(GAP_NS)),
         ];
         steps.extend(burst(&frame, hz, period, 2));
-        let back = rig.board.spi_raw(steps)?;
+        let back = rig.board.spi_steps(steps);
         seen.torn += 1;
         // The torn frame carried a reply as well.
         let mut turns = 2;

@@ -2,7 +2,7 @@
 
 use robot_tests::reference::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
 use robot_tests::test_board::Rig;
-use twin::Options;
+use twin::{I2cController, Options};
 
 /// What every refusal to start must look like, however long one waits and whatever one sends.
 fn assert_stays_off(rig: &Rig, why: &str) {
@@ -61,11 +61,10 @@ fn the_keys_are_those_of_the_eeprom() {
     assert_eq!(reply.key, 0xEE);
     assert!(!rig.motors_off(), "{}", rig.log());
     // As they were at reset, whatever stands there by now.
-    let changed = rig.board.i2c_bus(|bus, _| {
+    rig.board.i2c_bus(|bus, _| {
         let part = bus.eeprom.as_mut().expect("it is fitted");
         part.bytes_mut()[0x000A..=0x000C].copy_from_slice(&[0x12, 0xED, 1]);
     });
-    changed.expect("the emulation runs");
     let reply = NormalReply::of(&rig.keep_sending(&frame, 400_000));
     assert_eq!(reply.key, 0xEE);
     assert!(!rig.motors_off(), "{}", rig.log());
@@ -79,12 +78,11 @@ fn the_eeprom_is_read_and_never_written_even_where_nothing_protects_it() {
         ..Options::default()
     });
     let part = |rig: &Rig| {
-        let part = rig.board.i2c_bus(|bus, _| {
+        rig.board.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_mut().expect("it is fitted");
-            part.protect(false);
+            part.set_write_protect(false);
             (part.writes(), part.bytes().to_vec())
-        });
-        part.expect("the emulation runs")
+        })
     };
     let (_, before) = part(&rig);
     assert!(rig.await_ready(), "{}", rig.log());
@@ -93,9 +91,9 @@ fn the_eeprom_is_read_and_never_written_even_where_nothing_protects_it() {
     frame[11..13].copy_from_slice(&720_u16.to_be_bytes());
     let _ = rig.keep_sending(&frame, 1_000_000);
     assert!(rig.log().contains("tuned tap 1"), "{}", rig.log());
-    rig.board.hold_reset(true).expect("the emulation runs");
+    rig.board.hold_reset(true);
     rig.board.run_us(100_000);
-    rig.board.hold_reset(false).expect("the emulation runs");
+    rig.board.hold_reset(false);
     assert!(rig.await_ready(), "{}", rig.log());
     assert_eq!(part(&rig), (0, before));
 }
@@ -169,9 +167,7 @@ fn a_slave_that_holds_the_bus_is_clocked_out_and_the_robot_starts() {
         eeprom: Some(original_image()),
         ..Options::default()
     });
-    rig.board
-        .i2c_bus(|bus, _| bus.stick(7))
-        .expect("the emulation runs");
+    rig.board.i2c_bus(|bus, _| bus.hold_sda(7));
     assert!(rig.await_ready(), "{}", rig.log());
     assert!(
         rig.log().contains('W'),
@@ -187,9 +183,7 @@ fn a_slave_that_never_lets_go_keeps_it_off_and_the_log_says_so() {
         eeprom: Some(original_image()),
         ..Options::default()
     });
-    rig.board
-        .i2c_bus(|bus, _| bus.stick(u32::MAX))
-        .expect("the emulation runs");
+    rig.board.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
     rig.await_ready();
     assert_stays_off(&rig, "no configuration");
 }
@@ -201,13 +195,9 @@ fn while_the_pi_has_the_bus_it_waits_and_starts_when_the_bus_comes_back() {
         eeprom: Some(original_image()),
         ..Options::default()
     });
-    rig.board
-        .give_eeprom_to_pi(true)
-        .expect("the emulation runs");
+    rig.board.switch_i2c(I2cController::Pi);
     assert!(!rig.await_ready());
-    rig.board
-        .give_eeprom_to_pi(false)
-        .expect("the emulation runs");
+    rig.board.switch_i2c(I2cController::Stm);
     assert!(rig.await_ready(), "{}", rig.log());
 }
 

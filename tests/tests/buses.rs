@@ -3,7 +3,7 @@
 use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
 use robot_tests::reference::{normal_frame, original_image, NormalReply, KEY_STM};
 use robot_tests::test_board::Rig;
-use twin::trace::What;
+use twin::trace::EventKind;
 use twin::Options;
 
 /// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the
@@ -39,11 +39,11 @@ fn every_bus_is_served_by_dma() {
     });
     for (control, ..) in STREAMS {
         for register in [control, control + 4, control + 8] {
-            rig.board.follow_writes(register);
+            rig.board.trace_writes(register);
         }
     }
     for register in [SPI1_CR1, SPI1_CR2, SPI1_DR, USART1_DR, I2C1_DR] {
-        rig.board.follow_writes(register);
+        rig.board.trace_writes(register);
     }
     assert!(rig.await_ready(), "{}", rig.log());
     rig.board.run_us(50_000);
@@ -63,8 +63,8 @@ fn every_bus_is_served_by_dma() {
 
     let events = rig.board.take_events();
     let written = |register: u64| -> Vec<u64> {
-        let wrote = events.iter().filter_map(|event| match event.what {
-            What::Wrote { address, value } if address == register => Some(value),
+        let wrote = events.iter().filter_map(|event| match event.kind {
+            EventKind::Write { address, value } if address == register => Some(value),
             _ => None,
         });
         wrote.collect()

@@ -70,11 +70,10 @@ impl Bench {
     fn start_over(&self) {
         self.journal.end().expect("the journal's file");
         let there = before();
-        let put = self.rig.board.i2c_bus(move |bus, _| {
+        self.rig.board.i2c_bus(move |bus, _| {
             let part = bus.eeprom.as_mut().expect("an EEPROM");
             part.bytes_mut()[..IMAGE_LEN].copy_from_slice(&there);
         });
-        put.expect("the emulation runs");
     }
 
     fn write(&self, mishap: Mishap) -> (std::thread::Result<Result<Programmed, Error>>, Calls) {
@@ -87,26 +86,20 @@ impl Bench {
     }
 
     fn image(&self) -> Image {
-        let bytes = self.rig.board.i2c_bus(|bus, _| {
+        self.rig.board.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_ref().expect("an EEPROM");
             *part.bytes().first_chunk().expect("four pages")
-        });
-        bytes.expect("the emulation runs")
+        })
     }
 
     #[track_caller]
     fn assert_at_rest(&self, mishap: Mishap) {
-        let lines = self.rig.board.i2c_bus(|bus, _| {
+        let (protected, controller) = self.rig.board.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_ref().expect("an EEPROM");
-            (part.is_protected(), bus.owner())
+            (part.is_write_protected(), bus.controller())
         });
-        let (protected, owner) = lines.expect("the emulation runs");
         assert!(protected, "unprotected after {mishap:?}");
-        assert_eq!(
-            owner,
-            twin::components::i2c_bus::Side::Stm,
-            "after {mishap:?}"
-        );
+        assert_eq!(controller, twin::I2cController::Stm, "after {mishap:?}");
     }
 
     /// The STM runs, by the image that is there: both ends speak its mode.

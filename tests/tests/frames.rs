@@ -4,7 +4,7 @@ use robot_tests::reference::{
     crc16, image_in_mode, normal_frame, original_image, tuning_frame, NormalReply, KEY_PI, KEY_STM,
 };
 use robot_tests::test_board::Rig;
-use twin::Step;
+use twin::SpiStep;
 
 const HZ: u64 = 8_000_000;
 
@@ -136,19 +136,19 @@ fn a_frame_torn_at_every_bit_costs_exactly_itself() {
     let rig = normal();
     let good = normal_frame(0, 0, 0, false);
     for bits in 0..152 {
-        let Step::Bits { mut mosi, .. } = Step::bytes(&good, HZ) else {
+        let SpiStep::Bits { mut mosi, .. } = SpiStep::bytes(&good, HZ) else {
             unreachable!("bytes are bits")
         };
         mosi.truncate(bits);
         let torn = vec![
-            Step::Select(true),
-            Step::Wait(1_000),
-            Step::Bits { mosi, hz: HZ },
-            Step::Wait(1_000),
-            Step::Select(false),
-            Step::Wait(20_000),
+            SpiStep::Select(true),
+            SpiStep::Wait(1_000),
+            SpiStep::Bits { mosi, hz: HZ },
+            SpiStep::Wait(1_000),
+            SpiStep::Select(false),
+            SpiStep::Wait(20_000),
         ];
-        rig.board.spi_raw(torn).expect("the emulation runs");
+        rig.board.spi_steps(torn);
         // 20 µs later, the very next frame.
         let reply = NormalReply::of(&rig.frame(&good));
         assert_eq!(reply.key, KEY_STM, "torn after {bits} bits");

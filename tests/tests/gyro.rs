@@ -7,8 +7,8 @@ use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_F
 use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::{Room, Sides};
-use twin::trace::What;
-use twin::{Mpu6050Fault, Mpu6050Params, Options};
+use twin::trace::EventKind;
+use twin::{I2cController, Mpu6050Fault, Mpu6050Params, Options};
 
 /// A robot in Guarded Normal and its Pi.
 struct Robot {
@@ -137,17 +137,9 @@ fn slipping(gyro: bool) -> Robot {
     robot.stand(2_000);
     robot.go((0.0, 0.0, 90.0), 4_000);
     robot.go((0.0, 1500.0, 90.0), 2_500);
-    robot
-        .rig
-        .board
-        .faults()
-        .world(|faults| faults.slip.left = 1.0);
+    robot.rig.board.set_faults(|faults| faults.slip.left = 1.0);
     robot.go((0.0, 1500.0, 90.0), 1_000);
-    robot
-        .rig
-        .board
-        .faults()
-        .world(|faults| faults.slip.left = 0.0);
+    robot.rig.board.set_faults(|faults| faults.slip.left = 0.0);
     robot.go((0.0, 1500.0, 90.0), 12_000);
     robot
 }
@@ -220,13 +212,9 @@ fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
     let held = with.truth();
     with.rig
         .board
-        .faults()
-        .world(|faults| faults.twist_deg_s = 50.0);
+        .set_faults(|faults| faults.twist_deg_s = 50.0);
     with.go(way[2], 1_200);
-    with.rig
-        .board
-        .faults()
-        .world(|faults| faults.twist_deg_s = 0.0);
+    with.rig.board.set_faults(|faults| faults.twist_deg_s = 0.0);
     with.go(way[2], 4_000);
     let (_, degrees) = with.off();
     assert!(degrees < 2.5, "{degrees}°\n{}", with.log());
@@ -239,7 +227,7 @@ fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
 fn broken(mpu: Option<Mpu6050Params>, breaks: impl FnOnce(&Robot), told: &str) -> Robot {
     let mut robot = Robot::new(true, mpu);
     breaks(&robot);
-    robot.rig.board.follow_writes(TIM5_CCR1);
+    robot.rig.board.trace_writes(TIM5_CCR1);
     robot.stand(500);
     robot.go((200.0, 100.0, 90.0), 5_000);
     let (mm, degrees) = robot.off();
@@ -255,7 +243,7 @@ fn broken(mpu: Option<Mpu6050Params>, breaks: impl FnOnce(&Robot), told: &str) -
         .board
         .take_events()
         .into_iter()
-        .filter(|event| matches!(event.what, What::Wrote { .. }))
+        .filter(|event| matches!(event.kind, EventKind::Write { .. }))
         .map(|event| event.at_ns)
         .collect();
     assert!(ticks.len() >= 540, "{told}: {} ticks", ticks.len());
@@ -275,12 +263,7 @@ fn broken(mpu: Option<Mpu6050Params>, breaks: impl FnOnce(&Robot), told: &str) -
 
 fn fault_of(robot: &Robot, fault: Mpu6050Fault) {
     let set = move |mpu: &mut Mpu6050| mpu.fault = fault;
-    robot
-        .rig
-        .board
-        .faults()
-        .mpu(set)
-        .expect("the emulation runs");
+    robot.rig.board.set_mpu(set);
 }
 
 // Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
@@ -295,7 +278,7 @@ fn absent_silent_refusing_or_another_part_it_drives_by_its_encoders_and_says_why
     );
     let _ = broken(
         fitted,
-        |robot| fault_of(robot, Mpu6050Fault::Stranger(0x70)),
+        |robot| fault_of(robot, Mpu6050Fault::WrongId(0x70)),
         "gyro: not an MPU6050 at 0x68",
     );
 }
@@ -319,8 +302,10 @@ fn dying_freezing_or_holding_the_bus_on_the_way_it_drives_by_its_encoders_and_sa
     let hold = |pulses: u32| {
         move |robot: &Robot| {
             robot.rig.board.run_us(1_000_000);
-            let held = robot.rig.board.faults().hold_mpu(Some(pulses));
-            held.expect("the emulation runs");
+            robot
+                .rig
+                .board
+                .i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
         }
     };
     let _ = broken(fitted, hold(u32::MAX), "gyro: I2C held");
@@ -341,14 +326,10 @@ fn the_pi_may_take_the_eeprom_while_the_gyro_is_read() {
             .rig
             .board
             .i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
-        bus.expect("the emulation runs").expect("it is fitted")
+        bus.expect("it is fitted")
     };
-    for pi in [true, false] {
-        robot
-            .rig
-            .board
-            .give_eeprom_to_pi(pi)
-            .expect("the emulation runs");
+    for controller in [I2cController::Pi, I2cController::Stm] {
+        robot.rig.board.switch_i2c(controller);
         let before = reads(&robot);
         robot.stand(300);
         let more = reads(&robot) - before;

@@ -9,7 +9,7 @@ use fw_core::wire::{Command, Order, PiLink, PoseCode, Setup, MAX_FRAME};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
 use twin::components::spi_master::pack;
-use twin::Step;
+use twin::SpiStep;
 
 /// Frames that the test sends unless [`MORE`] says otherwise.
 const FRAMES: usize = 100_000;
@@ -186,7 +186,7 @@ impl Pi {
     }
 
     /// Puts a frame on the wires.
-    fn play(&mut self, fate: Fate, steps: &mut Vec<Step>) -> Frame {
+    fn play(&mut self, fate: Fate, steps: &mut Vec<SpiStep>) -> Frame {
         let command = if fate.reaches_the_stm_whole() {
             Command::default()
         } else {
@@ -208,7 +208,7 @@ impl Pi {
         if let Fate::Long(more) = fate {
             bytes.extend((0..more).map(|_| self.random.next().to_le_bytes()[0]));
         }
-        let Step::Bits { mut mosi, .. } = Step::bytes(&bytes, hz) else {
+        let SpiStep::Bits { mut mosi, .. } = SpiStep::bytes(&bytes, hz) else {
             unreachable!("bytes are bits")
         };
         match &fate {
@@ -225,15 +225,15 @@ impl Pi {
         };
         for (mosi, wait) in [(Some(mosi), GAP_NS), (rest, 1_000)] {
             let Some(mosi) = mosi else { continue };
-            steps.extend([Step::Wait(wait), Step::Select(true)]);
+            steps.extend([SpiStep::Wait(wait), SpiStep::Select(true)]);
             if fate == Fate::Glitch {
-                steps.push(Step::Wait(200));
+                steps.push(SpiStep::Wait(200));
             } else {
-                steps.push(Step::Wait(SETUP_NS));
-                steps.push(Step::Bits { mosi, hz });
-                steps.push(Step::Wait(SETUP_NS));
+                steps.push(SpiStep::Wait(SETUP_NS));
+                steps.push(SpiStep::Bits { mosi, hz });
+                steps.push(SpiStep::Wait(SETUP_NS));
             }
-            steps.push(Step::Select(false));
+            steps.push(SpiStep::Select(false));
         }
         Frame {
             number: out[1],
@@ -303,7 +303,7 @@ impl Pi {
             .into_iter()
             .map(|fate| self.play(fate, &mut steps))
             .collect();
-        let miso = rig.board.spi_raw(steps).expect("the emulation runs");
+        let miso = rig.board.spi_steps(steps);
         let mut rest = &miso[..];
         // A batch begins after a pause: the robot has come to everything before.
         self.accepted = [self.accepted[0]; 3];

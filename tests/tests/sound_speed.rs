@@ -26,7 +26,7 @@ fn walls(ahead: f64, right: f64, left: f64) -> Room {
         .with_wall(-9000.0, l, 9000.0, l)
 }
 
-fn rig(room: Room, params: Params, factory_words: Option<[u16; 3]>) -> Rig {
+fn rig(room: Room, params: Params, calibration_words: Option<[u16; 3]>) -> Rig {
     let mut options = Options {
         eeprom: Some(original_image()),
         room,
@@ -34,8 +34,8 @@ fn rig(room: Room, params: Params, factory_words: Option<[u16; 3]>) -> Rig {
         params,
         ..Options::default()
     };
-    if let Some(words) = factory_words {
-        options.factory_words = words;
+    if let Some(words) = calibration_words {
+        options.calibration_words = words;
     }
     let rig = Rig::new(options);
     assert!(rig.await_ready(), "{}", rig.log());
@@ -148,17 +148,13 @@ fn a_sensor_that_is_silent_is_told_and_one_with_nothing_in_range_is_not() {
     assert!(told[0].is_nan() && told[1] > 900.0);
     assert!(!rig.log().contains("silent"), "{}", rig.log());
     // Its line never goes up.
-    rig.board
-        .faults()
-        .world(|faults| faults.unplugged[1] = true);
+    rig.board.set_faults(|faults| faults.unplugged[1] = true);
     let told = ranges(&rig, 600_000);
     assert!(told[0].is_nan() && told[1].is_nan() && told[2] > 1400.0);
     let log = rig.log();
     assert!(log.contains("right rangefinder silent"), "{log}");
     assert!(!log.contains("front rangefinder silent"), "{log}");
-    rig.board
-        .faults()
-        .world(|faults| faults.unplugged[1] = false);
+    rig.board.set_faults(|faults| faults.unplugged[1] = false);
     assert!(ranges(&rig, 600_000)[1] > 900.0);
     assert!(
         rig.log().contains("right rangefinder answers"),

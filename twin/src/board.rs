@@ -1,73 +1,33 @@
-//! The handle on a virtual robot: boot it, let time pass, look at it, break it.
+//! The handle on a virtual robot: boot it, let virtual time pass, inspect it.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
 
-use plant::{Params, Pose2, Room, Sides, World};
+use plant::{Pose2, Sides, World};
 use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
 use rigless::soc::Width;
 
-use crate::board_model::{OutputChange, Ping, Surroundings};
+use crate::board_model::{BoardModel, OutputChange, Ping};
 use crate::components::bridge;
 use crate::components::eeprom::Eeprom;
-use crate::components::i2c_bus::{I2cBus, SharedBus, Side};
-use crate::components::mpu6050::{Mpu6050, Mpu6050Params};
-use crate::components::spi_master::Step;
+use crate::components::i2c_bus::{I2cBus, I2cController, SharedBus};
+use crate::components::mpu6050::Mpu6050;
+use crate::components::spi_master::SpiStep;
 use crate::components::uart_receiver::LogByte;
-use crate::emulator::{Debugger, Emulation, Ended, Scene};
-use crate::fault_injection::Disturbance;
+use crate::emulator::{EmulationEnded, Emulator, StoppedBoard};
+use crate::options::Options;
 use crate::pinout;
-use crate::trace::{code, Code, Event, Function, NoFunction};
 use crate::unmodelled::Unmodelled;
-use crate::virtual_board::{Robot, VirtualBoard};
+use crate::virtual_board::{McuOnBoard, VirtualBoard};
 
-/// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
-/// the default room.
-#[derive(Debug)]
-pub struct Options {
-    /// What all chance of the run is drawn from.
-    pub seed: u64,
-    /// The room.
-    pub room: Room,
-    /// Where the robot stands in it; the room's own start when `None`.
-    pub start: Option<Pose2>,
-    /// Motors, battery, chassis and rangefinders.
-    pub params: Params,
-    /// The EEPROM's first bytes, erased past their end; `None`: no EEPROM is fitted.
-    pub eeprom: Option<Vec<u8>>,
-    /// The MPU6050's errors; `None`: none is fitted.
-    pub mpu: Option<Mpu6050Params>,
-    /// Whether the 8 MHz crystal works.
-    pub crystal: bool,
-    /// The factory's words: voltage reference, temperature sensor at 30 and at 110 °C.
-    pub factory_words: [u16; 3],
-    /// A debugger's port.
-    pub debugger: Option<Debugger>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            seed: 1,
-            room: Room::two_rooms(),
-            start: None,
-            params: Params::default(),
-            eeprom: Some(Vec::new()),
-            mpu: Some(Mpu6050Params::default()),
-            crystal: true,
-            factory_words: FACTORY_WORDS,
-            debugger: None,
-        }
-    }
-}
-
-/// What is true of the robot, whatever the firmware believes.
+/// The true state of the robot, independent of the firmware's estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
     /// Nanoseconds of virtual time.
     pub at_ns: u64,
-    /// Where it is, in the room's frame: millimetres and radians.
+    /// Pose in the room's frame.
     pub pose: Pose2,
     /// The wheels' speeds, °/s, positive forward.
     pub wheel_deg_s: Sides<f64>,
@@ -77,22 +37,22 @@ pub struct Truth {
     pub battery_v: [f64; 2],
     /// Length of the path so far, millimetres.
     pub path_mm: f64,
-    /// How often it ran into something.
+    /// Number of collisions.
     pub collisions: u32,
 }
 
-/// A restart of the microcontroller.
+/// A reset of the microcontroller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reset {
     /// Nanoseconds of virtual time.
     pub at_ns: u64,
-    /// Why.
-    pub cause: ResetBy,
+    /// Its source.
+    pub source: ResetSource,
 }
 
-/// Why the microcontroller restarted.
+/// The source of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ResetBy {
+pub enum ResetSource {
     /// The RESET line.
     Pin,
     /// The firmware's own request, or a lock-up of the core.
@@ -103,19 +63,14 @@ pub enum ResetBy {
     Other,
 }
 
-/// The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the converter's
-/// model answers (STM32F411xC/xE data sheet, temperature sensor and internal reference characteristics).
-const FACTORY_WORDS: [u16; 3] = [1501, 959, 1207];
-
-/// Where the factory left them: 0x1FFF7A2A, 0x1FFF7A2C, 0x1FFF7A2E.
-const FACTORY_WORDS_AT: u64 = 0x1FFF_7A2A;
-
-/// Where the part's flash begins.
+/// Address of the factory's calibration words: 0x1FFF7A2A, 0x1FFF7A2C, 0x1FFF7A2E.
+const CALIBRATION_WORDS: u64 = 0x1FFF_7A2A;
+/// Start of the part's flash.
 const FLASH: u64 = 0x0800_0000;
 
 /// A vector table and, behind it, `wfi` and a jump back to it: for a board whose firmware does not
-/// matter, or is to be loaded by a debugger. The emulator boots no empty flash.
-const SLEEPER: [u8; 12] = [
+/// matter, or is loaded by a debugger. The emulator boots no empty flash.
+const IDLE_PROGRAM: [u8; 12] = [
     0x00, 0x00, 0x02, 0x20, // stack at the end of the RAM
     0x09, 0x00, 0x00, 0x08, // reset: the next word, Thumb
     0x30, 0xBF, // wfi
@@ -124,98 +79,95 @@ const SLEEPER: [u8; 12] = [
 
 /// A virtual robot. Clones are handles on the same one.
 ///
-/// Virtual time stands still except inside the methods that say they let it pass. A method panics
-/// when the emulation has ended, with the reason: a model failed or a debugger killed the run. The
-/// embedded-hal implementations answer with an error instead.
+/// Virtual time passes only inside the methods that say so. When the emulation ends (a model failed,
+/// or a debugger ended the run), every method that does not return [`EmulationEnded`] panics with the
+/// reason; the embedded-hal implementations return an error.
 #[derive(Clone, Debug)]
 pub struct Board {
-    emulation: Arc<Emulation>,
-    /// What is to happen to the Pi's next transfers.
-    pub(crate) disturbances: Arc<Mutex<VecDeque<Disturbance>>>,
-    elf: Arc<[u8]>,
+    emulator: Arc<Emulator>,
+    pub(crate) elf: Arc<[u8]>,
 }
 
+fn image(name: &str, bytes: Vec<u8>, at: Option<u64>) -> Result<Image, EmulationEnded> {
+    Image::new(Path::new(name), bytes, at).map_err(EmulationEnded::because)
+}
+
+fn running<T>(result: Result<T, EmulationEnded>) -> T {
+    result.unwrap_or_else(|ended| panic!("{ended}"))
+}
+
+#[expect(
+    clippy::missing_panics_doc,
+    reason = "the type's documentation says when every method panics"
+)]
 impl Board {
-    /// The board with the ELF file `elf` in its flash, powered and standing before the first
+    /// The board with the ELF file `elf` in its flash, powered and stopped before the first
     /// instruction. An empty `elf` stands for a program that only sleeps.
     ///
     /// # Errors
     /// A file that is no ELF of this part, or does not fit it.
-    pub fn new(elf: &[u8], options: Options) -> Result<Self, Ended> {
-        let (bytes, at) = if elf.is_empty() {
-            (SLEEPER.to_vec(), Some(FLASH))
+    pub fn new(elf: &[u8], options: Options) -> Result<Self, EmulationEnded> {
+        let firmware = if elf.is_empty() {
+            image("idle", IDLE_PROGRAM.to_vec(), Some(FLASH))?
         } else {
-            (elf.to_vec(), None)
+            image("firmware", elf.to_vec(), None)?
         };
-        let image = Image::new(std::path::Path::new("firmware"), bytes, at)
-            .map_err(|error| Ended(error.to_string()))?;
+        let words = options.calibration_words.map(u16::to_le_bytes).concat();
+        let calibration = image("calibration", words, Some(CALIBRATION_WORDS))?;
         let start = options.start.unwrap_or(options.room.start);
         let world = World::new(options.params, options.room, start, options.seed);
+        let eeprom = options.eeprom.as_deref().map(Eeprom::new);
         let mpu = options.mpu.map(|errors| Mpu6050::new(errors, options.seed));
-        let bus = I2cBus::new(options.eeprom.as_deref().map(Eeprom::holding)).with_mpu(mpu);
-        let around = Surroundings::new(world, SharedBus::new(bus));
-        let board =
-            VirtualBoard::new(around, options.crystal).map_err(|error| Ended(error.to_string()))?;
-        let words = options.factory_words.map(u16::to_le_bytes).concat();
-        let factory = Image::new(
-            std::path::Path::new("factory"),
-            words,
-            Some(FACTORY_WORDS_AT),
-        )
-        .map_err(|error| Ended(error.to_string()))?;
-        let emulation = Emulation::start(board, vec![image, factory], options.debugger)?;
+        let model = BoardModel::new(world, SharedBus::new(I2cBus::new(eeprom, mpu)));
+        let board = VirtualBoard::new(model, options.crystal).map_err(EmulationEnded::because)?;
+        let emulator = Emulator::start(board, vec![firmware, calibration], options.debugger)?;
         Ok(Self {
-            emulation: Arc::new(emulation),
-            disturbances: Arc::default(),
+            emulator: Arc::new(emulator),
             elf: elf.into(),
         })
     }
 
-    /// Does `work` where the run stands.
+    /// Does `work` on the stopped board.
     ///
     /// # Errors
     /// When the emulation has ended.
-    pub fn try_with<T: Send + 'static>(
+    pub fn try_stopped<T: Send + 'static>(
         &self,
-        work: impl FnOnce(&mut Scene<'_>) -> T + Send + 'static,
-    ) -> Result<T, Ended> {
-        self.emulation.with(work)
+        work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
+    ) -> Result<T, EmulationEnded> {
+        self.emulator.stopped(work)
     }
 
-    fn with<T: Send + 'static>(
+    /// Does `work` on the stopped board.
+    pub fn stopped<T: Send + 'static>(
         &self,
-        work: impl FnOnce(&mut Scene<'_>) -> T + Send + 'static,
+        work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
     ) -> T {
-        self.try_with(work)
-            .unwrap_or_else(|ended| panic!("{ended}"))
+        running(self.try_stopped(work))
     }
 
-    fn robot<T: Send + 'static>(&self, work: impl FnOnce(&mut Robot) -> T + Send + 'static) -> T {
-        self.with(|scene| work(&mut scene.session.board_mut().robot))
+    fn model<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut BoardModel) -> T + Send + 'static,
+    ) -> T {
+        self.stopped(|stopped| work(&mut stopped.mcu().board))
     }
 
     /// Lets virtual time pass, nanoseconds.
     ///
     /// # Errors
     /// When the emulation has ended.
-    pub fn try_run_ns(&self, ns: u64) -> Result<(), Ended> {
-        self.emulation.run_for(ns)
+    pub fn try_run_ns(&self, ns: u64) -> Result<(), EmulationEnded> {
+        self.emulator.run_until(|now| now + ns)
     }
 
     /// Lets virtual time pass, microseconds.
-    ///
-    /// # Panics
-    /// When the emulation has ended.
     pub fn run_us(&self, us: u64) {
-        self.try_run_ns(us * 1000)
-            .unwrap_or_else(|ended| panic!("{ended}"));
+        running(self.try_run_ns(us * 1000));
     }
 
-    /// Lets virtual time pass in pieces of `step_us` until `done`; answers whether it was within
+    /// Lets virtual time pass in steps of `step_us` until `done`; returns whether it was within
     /// `limit_us`.
-    ///
-    /// # Panics
-    /// When the emulation has ended.
     pub fn run_until(
         &self,
         limit_us: u64,
@@ -235,14 +187,9 @@ impl Board {
     }
 
     /// Virtual time since power-on, nanoseconds.
-    ///
-    /// # Panics
-    /// When the emulation has ended.
     #[must_use]
     pub fn now_ns(&self) -> u64 {
-        self.emulation
-            .now()
-            .unwrap_or_else(|ended| panic!("{ended}"))
+        running(self.emulator.now())
     }
 
     /// Virtual time since power-on, microseconds.
@@ -254,34 +201,35 @@ impl Board {
     /// Instructions the core has retired since power-on.
     #[must_use]
     pub fn instructions(&self) -> u64 {
-        self.with(|scene| scene.instructions)
+        self.stopped(|stopped| stopped.instructions)
     }
 
-    /// What is true right now.
+    /// The true state right now.
     #[must_use]
     pub fn truth(&self) -> Truth {
-        self.with(|scene| {
-            let Robot { chip, around } = &scene.session.board_mut().robot;
+        self.stopped(|stopped| {
+            let at_ns = stopped.now;
+            let McuOnBoard { chip, board } = stopped.mcu();
             let duty = |pins| bridge::input(chip, pins).duty;
-            let (pose, wheel_deg_s) = around.at(scene.now);
+            let (pose, wheel_deg_s) = board.at(at_ns);
             Truth {
-                at_ns: scene.now,
+                at_ns,
                 pose,
                 wheel_deg_s,
                 duty: Sides::new(duty(pinout::LEFT_BRIDGE), duty(pinout::RIGHT_BRIDGE)),
-                battery_v: around.world.battery().taps(),
-                path_mm: around.world.path_mm(),
-                collisions: around.world.collisions(),
+                battery_v: board.world.battery().taps(),
+                path_mm: board.world.path_mm(),
+                collisions: board.world.collisions(),
             }
         })
     }
 
-    /// Looks at the physical world or changes it: its faults, a push, a servo.
+    /// Inspects or changes the physical world: its faults, a push, the servo.
     pub fn world<T: Send + 'static>(
         &self,
         work: impl FnOnce(&mut World) -> T + Send + 'static,
     ) -> T {
-        self.robot(|robot| work(&mut robot.around.world))
+        self.model(|model| work(&mut model.world))
     }
 
     /// The log's bytes so far.
@@ -293,8 +241,8 @@ impl Board {
     /// The log's bytes from byte `from` on.
     #[must_use]
     pub fn uart_from(&self, from: usize) -> Vec<u8> {
-        self.robot(move |robot| {
-            let new = robot.around.log.get(from..).unwrap_or_default();
+        self.model(move |model| {
+            let new = model.log.get(from..).unwrap_or_default();
             new.iter().map(|word| word.byte).collect()
         })
     }
@@ -302,233 +250,162 @@ impl Board {
     /// The log's bytes so far with their times.
     #[must_use]
     pub fn log(&self) -> Vec<LogByte> {
-        self.robot(|robot| robot.around.log.clone())
+        self.model(|model| model.log.clone())
     }
 
     /// Every change of READY and of the LEDs so far.
     #[must_use]
     pub fn outputs(&self) -> Vec<OutputChange> {
-        self.robot(|robot| robot.around.outputs.clone())
+        self.model(|model| model.outputs.clone())
     }
 
     /// Every burst of a rangefinder so far.
     #[must_use]
     pub fn pings(&self) -> Vec<Ping> {
-        self.robot(|robot| robot.around.pings.clone())
+        self.model(|model| model.pings.clone())
     }
 
     /// Whether READY is high.
     #[must_use]
     pub fn is_ready(&self) -> bool {
-        self.robot(|robot| robot.is_ready())
+        self.stopped(|stopped| stopped.mcu().is_ready())
     }
 
     /// Which LEDs are lit, bit 0 = LED 1.
     #[must_use]
     pub fn leds(&self) -> u8 {
-        self.robot(|robot| {
+        self.stopped(|stopped| {
+            let chip = &stopped.mcu().chip;
+            let lit = |pin| u8::from(chip.output(pin) == Some(Level::Low));
             (0..)
                 .zip(pinout::LEDS)
-                .filter(|&(_, pin)| robot.chip.output(pin) == Some(Level::Low))
-                .fold(0, |lit, (nth, _)| lit | 1 << nth)
+                .map(|(nth, pin)| lit(pin) << nth)
+                .sum()
         })
     }
 
-    /// Everything the firmware touched that no model covers, and everything it did that a model
-    /// objects to.
+    /// Every register access without a model and every objection of a model so far.
     #[must_use]
     pub fn unmodelled(&self) -> Unmodelled {
-        self.with(|scene| Unmodelled::of(scene.session))
+        self.stopped(|stopped| Unmodelled::of(stopped.session))
     }
 
-    /// Every restart so far.
+    /// Every reset so far.
     #[must_use]
     pub fn resets(&self) -> Vec<Reset> {
-        self.with(|scene| {
-            scene
-                .session
-                .resets()
-                .iter()
-                .map(|reset| Reset {
-                    at_ns: reset.at.0,
-                    cause: match reset.cause {
-                        ResetCause::Pin => ResetBy::Pin,
-                        ResetCause::Core => ResetBy::Core,
-                        ResetCause::Model("IWDG") => ResetBy::Watchdog,
-                        _ => ResetBy::Other,
-                    },
-                })
-                .collect()
+        self.stopped(|stopped| {
+            let resets = stopped.session.resets().iter();
+            let resets = resets.map(|reset| Reset {
+                at_ns: reset.at.0,
+                source: match reset.cause {
+                    ResetCause::Pin => ResetSource::Pin,
+                    ResetCause::Core => ResetSource::Core,
+                    ResetCause::Model("IWDG") => ResetSource::Watchdog,
+                    _ => ResetSource::Other,
+                },
+            });
+            resets.collect()
         })
     }
 
-    /// Pulls the RESET line low (the microcontroller stays in reset) or lets it go (it boots).
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    pub fn hold_reset(&self, low: bool) -> Result<(), Ended> {
-        self.try_with(move |scene| {
-            let around = &mut scene.session.board_mut().robot.around;
-            let fell = low && !around.reset_low;
-            around.reset_low = low;
-            if fell {
-                let at = rigless::time::VirtualNanos(scene.now);
-                scene
-                    .session
-                    .reset_by_pin(at, scene.instructions, scene.host);
-            }
-            scene.host.hold(low);
-        })
+    /// Pulls the RESET line low (the microcontroller stays in reset) or releases it (it boots).
+    pub fn hold_reset(&self, low: bool) {
+        self.stopped(move |stopped| stopped.hold_reset(low));
     }
 
-    /// Throws the I2C switch: the EEPROM to the Pi, or back to the STM.
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    pub fn give_eeprom_to_pi(&self, pi: bool) -> Result<(), Ended> {
-        self.try_with(move |scene| {
-            let now = rigless::time::VirtualNanos(scene.now);
-            let Robot { chip, around } = &mut scene.session.board_mut().robot;
-            let side = if pi { Side::Pi } else { Side::Stm };
-            around.i2c.lock().give_to(side);
-            around.show_bus(chip, now);
-        })
+    /// Switches the EEPROM's bus.
+    pub fn switch_i2c(&self, to: I2cController) {
+        self.stopped(move |stopped| stopped.switch_i2c(to));
     }
 
-    /// Works on the EEPROM's bus: its contents, its write protection, a part that holds it.
-    ///
-    /// # Errors
-    /// When the emulation has ended.
+    /// Works on the EEPROM's bus at the present time: contents, write protection, a held line.
     pub fn i2c_bus<T: Send + 'static>(
         &self,
         work: impl FnOnce(&mut I2cBus, u64) -> T + Send + 'static,
-    ) -> Result<T, Ended> {
-        self.try_with(|scene| {
-            let now = scene.now;
-            let at = rigless::time::VirtualNanos(now);
-            let Robot { chip, around } = &mut scene.session.board_mut().robot;
-            let answer = work(&mut around.i2c.lock(), now);
-            around.show_bus(chip, at);
-            answer
-        })
+    ) -> T {
+        self.stopped(|stopped| stopped.i2c_bus(work))
     }
 
-    /// Plays `steps` on the Pi's SPI wires and lets virtual time pass until they end. Answers with
-    /// the bit on MISO at every clock.
+    /// Plays `steps` on the Pi's SPI wires and lets virtual time pass until they end. Returns the
+    /// bit on MISO at every clock.
     ///
     /// # Errors
     /// When the emulation has ended.
-    pub fn spi_raw(&self, steps: Vec<Step>) -> Result<Vec<bool>, Ended> {
-        let ends = self.try_with(move |scene| {
-            let now = scene.now;
-            let robot = &mut scene.session.board_mut().robot;
-            robot.around.spi.play(now, steps)
+    pub fn try_spi_steps(&self, steps: Vec<SpiStep>) -> Result<Vec<bool>, EmulationEnded> {
+        let ends = self.try_stopped(move |stopped| {
+            let now = stopped.now;
+            stopped.mcu().board.spi.play(now, steps)
         })?;
-        // One nanosecond on, so the last step has been carried out.
-        self.emulation.run_until(ends + 1)?;
-        self.try_with(|scene| scene.session.board_mut().robot.around.spi.take_miso())
+        // One nanosecond on, so the last step is carried out.
+        self.emulator.run_until(|_| ends + 1)?;
+        self.try_stopped(|stopped| stopped.mcu().board.spi.take_miso())
     }
 
-    /// The words in memory from `address` on, as a debugger would read them.
-    ///
-    /// # Errors
-    /// When the emulation has ended, or there is no memory.
-    pub fn words(&self, address: u64, count: u64) -> Result<Vec<u32>, Ended> {
-        self.try_with(move |scene| {
-            (0..count)
-                .map(|nth| {
-                    let word = scene.host.read(address + 4 * nth, Width::W32).ok();
-                    word.and_then(|word| u32::try_from(word).ok())
-                })
-                .collect::<Option<Vec<u32>>>()
-        })?
-        .ok_or_else(|| Ended(format!("no memory at {address:#x}")))
+    /// Like [`Board::try_spi_steps`].
+    #[expect(
+        clippy::must_use_candidate,
+        reason = "often played for its effect alone"
+    )]
+    pub fn spi_steps(&self, steps: Vec<SpiStep>) -> Vec<bool> {
+        running(self.try_spi_steps(steps))
     }
 
-    /// Follows every run through the function `name` from now on: [`crate::trace`].
-    ///
-    /// # Errors
-    /// When the firmware has no such function.
-    ///
-    /// # Panics
-    /// When the emulation has ended.
-    pub fn trace(&self, name: &str) -> Result<Function, NoFunction> {
-        let function = Function::find(&self.elf, name)?;
-        for address in function.watched() {
-            self.emulation
-                .watch(address, true)
-                .unwrap_or_else(|ended| panic!("{ended}"));
-        }
-        Ok(function)
-    }
-
-    /// Follows every instruction of the firmware from now on: [`crate::trace::shares`]. Slow.
-    ///
-    /// # Errors
-    /// When the firmware's ELF file cannot be read.
-    ///
-    /// # Panics
-    /// When the emulation has ended.
-    pub fn profile(&self) -> Result<Vec<Code>, NoFunction> {
-        let code = code(&self.elf)?;
-        let addresses: Vec<u64> = code.iter().flat_map(|c| c.instructions.clone()).collect();
-        self.with(move |scene| {
-            for address in addresses {
-                scene
-                    .session
-                    .watch(rigless::emulator::Watch::Instruction(address));
-            }
-        });
-        Ok(code)
-    }
-
-    /// Follows every write of the firmware to the register at `address` from now on.
-    pub fn follow_writes(&self, address: u64) {
-        self.with(move |scene| scene.followed.registers.push(address));
-    }
-
-    /// Follows the chip select from now on.
-    pub fn follow_select(&self) {
-        self.with(|scene| {
-            scene.session.board_mut().robot.around.selects.clear();
-            scene.followed.select = true;
-        });
-    }
-
-    /// Fills RAM with a byte: paint, to see later what the firmware wrote over.
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    ///
-    /// # Panics
-    /// Where that is no RAM.
-    pub fn paint(&self, range: std::ops::Range<u64>, byte: u8) -> Result<(), Ended> {
-        self.try_with(move |scene| {
-            for address in range {
-                scene
-                    .host
-                    .write(address, Width::W8, byte.into())
-                    .unwrap_or_else(|error| panic!("{address:#x}: {error}"));
-            }
-        })
-    }
-
-    /// How many bytes from the start of a painted range still hold the paint.
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    pub fn painted(&self, range: std::ops::Range<u64>, byte: u8) -> Result<u64, Ended> {
-        self.try_with(move |scene| {
-            let mut left = range.clone();
-            let first =
-                left.find(|&address| scene.host.read(address, Width::W8).ok() != Some(byte.into()));
-            first.unwrap_or(range.end) - range.start
-        })
-    }
-
-    /// Takes what was followed since the last call, in the order it happened.
+    /// The words in memory from `address` on, as a debugger reads them. Panics where there is no
+    /// memory.
     #[must_use]
-    pub fn take_events(&self) -> Vec<Event> {
-        self.with(|scene| std::mem::take(&mut scene.followed.events))
+    pub fn words(&self, address: u64, count: u64) -> Vec<u32> {
+        self.stopped(move |stopped| {
+            let mut word = |nth| {
+                let word = stopped.host.read(address + 4 * nth, Width::W32).ok();
+                word.and_then(|word| u32::try_from(word).ok())
+            };
+            let words: Option<Vec<u32>> = (0..count).map(&mut word).collect();
+            words.unwrap_or_else(|| panic!("no memory at {address:#x}"))
+        })
+    }
+
+    /// Fills RAM with a byte, to find later what the firmware has overwritten. Panics where there is
+    /// no RAM.
+    pub fn paint(&self, range: Range<u64>, byte: u8) {
+        self.stopped(move |stopped| {
+            for address in range {
+                let written = stopped.host.write(address, Width::W8, byte.into());
+                written.unwrap_or_else(|error| panic!("{address:#x}: {error}"));
+            }
+        });
+    }
+
+    /// How many bytes from the start of a painted range are still unchanged.
+    #[must_use]
+    pub fn painted(&self, range: Range<u64>, byte: u8) -> u64 {
+        self.stopped(move |stopped| {
+            let mut read = |address| stopped.host.read(address, Width::W8).ok();
+            let changed = range.clone().find(|&at| read(at) != Some(byte.into()));
+            changed.unwrap_or(range.end) - range.start
+        })
+    }
+}
+
+impl StoppedBoard<'_> {
+    pub(crate) fn hold_reset(&mut self, low: bool) {
+        let at = self.at();
+        let was_low = std::mem::replace(&mut self.mcu().board.reset_low, low);
+        if low && !was_low {
+            self.session.reset_by_pin(at, self.instructions, self.host);
+        }
+        self.host.hold(low);
+    }
+
+    pub(crate) fn switch_i2c(&mut self, to: I2cController) {
+        self.i2c_bus(|bus, _| bus.switch_to(to));
+    }
+
+    /// Works on the EEPROM's bus at the present time.
+    pub fn i2c_bus<T>(&mut self, work: impl FnOnce(&mut I2cBus, u64) -> T) -> T {
+        let at = self.at();
+        let McuOnBoard { chip, board } = self.mcu();
+        let result = work(&mut board.i2c.lock(), at.0);
+        board.drive_i2c_lines(chip, at);
+        result
     }
 }

@@ -1,8 +1,8 @@
-//! The emulator on a thread of its own, and the handle that moves it along.
+//! The emulator on a thread of its own, and the handle that advances it.
 //!
-//! The emulator runs until an instant it was asked to reach and then waits for word: another
-//! instant, or a piece of work to do on the board where it stands. Everything that happens is
-//! decided by virtual time, so how the two threads interleave changes nothing.
+//! The emulator runs to a requested instant and then waits for a command: another instant, or work
+//! to do on the stopped board. Virtual time alone decides what happens, so the interleaving of the
+//! two threads changes nothing.
 
 use std::net::TcpListener;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,103 +10,111 @@ use std::sync::mpsc::{channel, Receiver, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop, Watch};
+use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
-use crate::trace::{Event, What};
-use crate::virtual_board::VirtualBoard;
+use crate::trace::{Event, EventKind};
+use crate::virtual_board::{McuOnBoard, VirtualBoard};
 
-/// The board at a stop, for a piece of work.
-pub struct Scene<'a> {
+/// The board between two runs, for work on it.
+pub struct StoppedBoard<'a> {
     /// The run, with the board and what the emulator reports.
     pub session: &'a mut Session<VirtualBoard>,
-    /// The core.
+    /// The core and its memory.
     pub host: &'a mut dyn Host,
-    /// Where the run stands, nanoseconds of virtual time.
+    /// Nanoseconds of virtual time.
     pub now: u64,
     /// Instructions retired so far.
     pub instructions: u64,
-    /// What was followed.
-    pub followed: &'a mut Followed,
+    /// What is traced.
+    pub tracer: &'a mut Tracer,
 }
 
-/// What a measurement follows, and what it saw.
+impl StoppedBoard<'_> {
+    /// The microcontroller and the board around it.
+    pub fn mcu(&mut self) -> &mut McuOnBoard {
+        &mut self.session.board_mut().mcu
+    }
+
+    /// [`StoppedBoard::now`] in the emulator's type.
+    #[must_use]
+    pub const fn at(&self) -> VirtualNanos {
+        VirtualNanos(self.now)
+    }
+}
+
+/// What is traced, and the events so far.
 #[derive(Debug, Default)]
-pub struct Followed {
+pub struct Tracer {
     /// Registers whose writes are recorded.
     pub registers: Vec<u64>,
-    /// Whether the chip select's edges are.
-    pub select: bool,
-    /// What happened.
+    /// Whether the chip select's edges are recorded.
+    pub chip_select: bool,
+    /// The events.
     pub events: Vec<Event>,
 }
 
-type Work = Box<dyn FnOnce(&mut Scene<'_>) + Send>;
+type Work = Box<dyn FnOnce(&mut StoppedBoard<'_>) + Send>;
 
-enum Order {
+enum Command {
     Do(Work),
     RunUntil(u64),
 }
 
-/// The emulation has ended, and why.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ended(pub String);
+/// The emulation has ended, and why: a model failed, or a debugger ended the run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the emulation has ended: {0}")]
+pub struct EmulationEnded(pub String);
 
-impl std::fmt::Display for Ended {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "the emulation has ended: {}", self.0)
+impl EmulationEnded {
+    pub(crate) fn because(error: impl std::fmt::Display) -> Self {
+        Self(error.to_string())
     }
 }
 
-impl std::error::Error for Ended {}
-
-struct Conductor {
-    orders: Receiver<Order>,
-    /// Where the run stands at each stop it was asked for.
-    reached: Sender<u64>,
-    followed: Followed,
+struct EmulatorDriver {
+    commands: Receiver<Command>,
+    /// The virtual time of each requested stop.
+    stops: Sender<u64>,
+    tracer: Tracer,
 }
 
-impl Driver<VirtualBoard> for Conductor {
+impl Driver<VirtualBoard> for EmulatorDriver {
     fn on_settled(
         &mut self,
         session: &mut Session<VirtualBoard>,
         _host: &mut dyn Host,
         settled: Settled,
     ) {
-        let followed = &mut self.followed;
+        let tracer = &mut self.tracer;
+        let mut record = |kind, at: VirtualNanos, instructions| {
+            tracer.events.push(Event {
+                kind,
+                at_ns: at.0,
+                instructions,
+            });
+        };
         match settled {
             Settled::Access { access, value }
                 if access.kind == AccessKind::Write
-                    && followed.registers.contains(&access.address) =>
+                    && tracer.registers.contains(&access.address) =>
             {
-                followed.events.push(Event {
-                    what: What::Wrote {
-                        address: access.address,
-                        value,
-                    },
-                    at_ns: access.virtual_time.0,
-                    instructions: access.instruction_count,
-                });
+                let address = access.address;
+                let kind = EventKind::Write { address, value };
+                record(kind, access.virtual_time, access.instruction_count);
             }
-            Settled::Hit(hit) => followed.events.push(Event {
-                what: What::Arrived {
-                    address: hit.address,
-                },
-                at_ns: hit.at.0,
-                instructions: hit.instruction_count,
-            }),
-            Settled::Stop(stop) if followed.select => {
-                let selects = session.board_mut().robot.around.selects.drain(..);
-                followed
-                    .events
-                    .extend(selects.map(|(at_ns, selected)| Event {
-                        what: What::Select(selected),
-                        at_ns,
-                        instructions: stop.instruction_count,
-                    }));
+            Settled::Hit(hit) => {
+                let address = hit.address;
+                let kind = EventKind::Reached { address };
+                record(kind, hit.at, hit.instruction_count);
+            }
+            Settled::Stop(stop) if tracer.chip_select => {
+                for (at_ns, selected) in session.board_mut().mcu.board.selects.drain(..) {
+                    let kind = EventKind::ChipSelect(selected);
+                    record(kind, VirtualNanos(at_ns), stop.instruction_count);
+                }
             }
             _ => {}
         }
@@ -118,41 +126,41 @@ impl Driver<VirtualBoard> for Conductor {
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
-        self.reached.send(stop.at.0).ok()?;
+        self.stops.send(stop.at.0).ok()?;
         loop {
-            match self.orders.recv().ok()? {
-                Order::Do(work) => work(&mut Scene {
+            match self.commands.recv().ok()? {
+                Command::Do(work) => work(&mut StoppedBoard {
                     session,
                     host,
                     now: stop.at.0,
                     instructions: stop.instruction_count,
-                    followed: &mut self.followed,
+                    tracer: &mut self.tracer,
                 }),
-                Order::RunUntil(until) if until > stop.at.0 => return Some(VirtualNanos(until)),
-                Order::RunUntil(_) => self.reached.send(stop.at.0).ok()?,
+                Command::RunUntil(until) if until > stop.at.0 => return Some(VirtualNanos(until)),
+                Command::RunUntil(_) => self.stops.send(stop.at.0).ok()?,
             }
         }
     }
 }
 
-struct Line {
-    orders: Option<Sender<Order>>,
-    reached: Receiver<u64>,
+struct Handle {
+    commands: Option<Sender<Command>>,
+    stops: Receiver<u64>,
     now: u64,
     /// Ends the run wherever it is, in a debugger's hands too.
-    stop: Arc<AtomicBool>,
+    interrupt: Arc<AtomicBool>,
     thread: Option<JoinHandle<Result<(), String>>>,
-    ended: Option<Ended>,
+    ended: Option<EmulationEnded>,
 }
 
-/// A running emulation. It stands still except inside [`Emulation::run_until`].
-pub struct Emulation {
-    line: Mutex<Line>,
+/// A running emulation. It stands still except inside [`Emulator::run_until`].
+pub struct Emulator {
+    handle: Mutex<Handle>,
 }
 
-impl std::fmt::Debug for Emulation {
+impl std::fmt::Debug for Emulator {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.debug_struct("Emulation").finish_non_exhaustive()
+        formatter.debug_struct("Emulator").finish_non_exhaustive()
     }
 }
 
@@ -165,8 +173,8 @@ pub struct Debugger {
     pub wait: bool,
 }
 
-impl Emulation {
-    /// Starts `board` with `images` in its flash and stands before its first instruction.
+impl Emulator {
+    /// Starts `board` with `images` in its flash, stopped before its first instruction.
     ///
     /// # Errors
     /// An image the part cannot hold.
@@ -174,13 +182,13 @@ impl Emulation {
         board: VirtualBoard,
         images: Vec<Image>,
         debugger: Option<Debugger>,
-    ) -> Result<Self, Ended> {
-        let session = Session::new(Box::new(board), 0, VirtualNanos(0))
-            .map_err(|error| Ended(error.to_string()))?;
-        let (orders, received) = channel();
-        let (reached, reports) = channel();
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = Arc::clone(&stop);
+    ) -> Result<Self, EmulationEnded> {
+        let session =
+            Session::new(Box::new(board), 0, VirtualNanos(0)).map_err(EmulationEnded::because)?;
+        let (commands, received) = channel();
+        let (reports, stops) = channel();
+        let interrupt = Arc::new(AtomicBool::new(false));
+        let interrupted = Arc::clone(&interrupt);
         let thread = std::thread::Builder::new()
             .name("virtual board".into())
             .spawn(move || {
@@ -189,129 +197,95 @@ impl Emulation {
                     start.debugger = Some(&debugger.listener);
                     start.wait_for_debugger = debugger.wait;
                 }
-                start.interrupt = Some(&stopped);
-                let conductor = Conductor {
-                    orders: received,
-                    reached,
-                    followed: Followed::default(),
+                start.interrupt = Some(&interrupted);
+                let driver = EmulatorDriver {
+                    commands: received,
+                    stops: reports,
+                    tracer: Tracer::default(),
                 };
-                emulator::run(session, &start, conductor)
+                emulator::run(session, &start, driver)
                     .map(drop)
                     .map_err(|error| error.to_string())
             })
-            .map_err(|error| Ended(error.to_string()))?;
-        let emulation = Self {
-            line: Mutex::new(Line {
-                orders: Some(orders),
-                reached: reports,
+            .map_err(EmulationEnded::because)?;
+        let emulator = Self {
+            handle: Mutex::new(Handle {
+                commands: Some(commands),
+                stops,
                 now: 0,
-                stop,
+                interrupt,
                 thread: Some(thread),
                 ended: None,
             }),
         };
-        emulation.with_line(Line::wait)?;
-        Ok(emulation)
+        emulator.with_handle(Handle::wait_for_stop)?;
+        Ok(emulator)
     }
 
-    fn with_line<T>(&self, act: impl FnOnce(&mut Line) -> Result<T, Ended>) -> Result<T, Ended> {
-        let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(ended) = &line.ended {
-            return Err(ended.clone());
-        }
-        act(&mut line)
-    }
-
-    /// Does `work` on the board where it stands, and answers with its result.
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    pub fn with<T: Send + 'static>(
+    fn with_handle<T>(
         &self,
-        work: impl FnOnce(&mut Scene<'_>) -> T + Send + 'static,
-    ) -> Result<T, Ended> {
-        self.with_line(|line| {
+        act: impl FnOnce(&mut Handle) -> Result<T, EmulationEnded>,
+    ) -> Result<T, EmulationEnded> {
+        let mut handle = self.handle.lock().unwrap_or_else(PoisonError::into_inner);
+        match &handle.ended {
+            Some(ended) => Err(ended.clone()),
+            None => act(&mut handle),
+        }
+    }
+
+    /// Does `work` on the stopped board, and returns its result.
+    ///
+    /// # Errors
+    /// When the emulation has ended.
+    pub fn stopped<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
+    ) -> Result<T, EmulationEnded> {
+        self.with_handle(|handle| {
             let (answer, answered) = channel();
-            line.order(Order::Do(Box::new(move |scene| {
-                // A caller that is gone wants no answer.
-                let _ = answer.send(work(scene));
+            handle.send(Command::Do(Box::new(move |stopped| {
+                let _ = answer.send(work(stopped));
             })))?;
-            answered.recv().map_err(|_| line.end())
+            answered.recv().map_err(|_| handle.end())
         })
     }
 
-    /// Runs until `until` nanoseconds of virtual time.
+    /// Runs until `until(now)`, nanoseconds of virtual time.
     ///
     /// # Errors
     /// When the emulation has ended.
-    pub fn run_until(&self, until: u64) -> Result<(), Ended> {
-        self.with_line(|line| {
-            line.order(Order::RunUntil(until))?;
-            line.wait()
+    pub fn run_until(&self, until: impl FnOnce(u64) -> u64) -> Result<(), EmulationEnded> {
+        self.with_handle(|handle| {
+            handle.send(Command::RunUntil(until(handle.now)))?;
+            handle.wait_for_stop()
         })
     }
 
-    /// Runs for `ns` nanoseconds of virtual time.
+    /// Nanoseconds of virtual time.
     ///
     /// # Errors
     /// When the emulation has ended.
-    pub fn run_for(&self, ns: u64) -> Result<(), Ended> {
-        self.with_line(|line| {
-            line.order(Order::RunUntil(line.now + ns))?;
-            line.wait()
-        })
-    }
-
-    /// Where the run stands, nanoseconds of virtual time.
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    pub fn now(&self) -> Result<u64, Ended> {
-        self.with_line(|line| Ok(line.now))
-    }
-
-    /// Watches an instruction, or no longer does; its arrivals are kept in [`Scene::followed`].
-    ///
-    /// # Errors
-    /// When the emulation has ended.
-    pub fn watch(&self, address: u64, watched: bool) -> Result<(), Ended> {
-        self.with(move |scene| {
-            let watch = Watch::Instruction(address);
-            if watched {
-                scene.session.watch(watch);
-            } else {
-                scene.session.unwatch(watch);
-            }
-        })
+    pub fn now(&self) -> Result<u64, EmulationEnded> {
+        self.with_handle(|handle| Ok(handle.now))
     }
 }
 
-impl Line {
-    fn order(&mut self, order: Order) -> Result<(), Ended> {
-        let sent = self
-            .orders
-            .as_ref()
-            .is_some_and(|orders| orders.send(order).is_ok());
-        if sent {
-            Ok(())
-        } else {
-            Err(self.end())
-        }
+impl Handle {
+    fn send(&mut self, command: Command) -> Result<(), EmulationEnded> {
+        let sent = self.commands.as_ref().map(|to| to.send(command).is_ok());
+        sent.unwrap_or(false)
+            .then_some(())
+            .ok_or_else(|| self.end())
     }
 
-    fn wait(&mut self) -> Result<(), Ended> {
-        match self.reached.recv() {
-            Ok(now) => {
-                self.now = now;
-                Ok(())
-            }
-            Err(_) => Err(self.end()),
-        }
+    fn wait_for_stop(&mut self) -> Result<(), EmulationEnded> {
+        self.now = self.stops.recv().map_err(|_| self.end())?;
+        Ok(())
     }
 
-    /// The thread is gone: why.
-    fn end(&mut self) -> Ended {
-        self.orders = None;
+    /// The thread has ended: why.
+    fn end(&mut self) -> EmulationEnded {
+        self.commands = None;
         let reason = match self.thread.take().map(JoinHandle::join) {
             Some(Ok(Ok(()))) | None => "the firmware or the debugger ended the run".to_owned(),
             Some(Ok(Err(error))) => error,
@@ -319,21 +293,19 @@ impl Line {
                 .downcast_ref::<String>()
                 .cloned()
                 .or_else(|| panic.downcast_ref::<&str>().map(|&text| text.to_owned()))
-                .unwrap_or_else(|| "a model of the board failed".to_owned()),
+                .unwrap_or_else(|| "a model of the board panicked".to_owned()),
         };
-        let ended = Ended(reason);
-        self.ended = Some(ended.clone());
-        ended
+        self.ended.insert(EmulationEnded(reason)).clone()
     }
 }
 
-impl Drop for Emulation {
+impl Drop for Emulator {
     fn drop(&mut self) {
-        let line = self.line.get_mut().unwrap_or_else(PoisonError::into_inner);
-        line.orders = None;
-        line.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = line.thread.take() {
-            // What the thread had to say, its callers were told.
+        let handle = self.handle.get_mut();
+        let handle = handle.unwrap_or_else(PoisonError::into_inner);
+        handle.commands = None;
+        handle.interrupt.store(true, Ordering::Relaxed);
+        if let Some(thread) = handle.thread.take() {
             let _ = thread.join();
         }
     }

@@ -1,54 +1,56 @@
-//! The virtual robot: the firmware's ELF, unchanged, on an emulated STM32F411 with the parts of the
-//! board around it and a room to drive in.
+//! The virtual robot: the firmware's ELF, unchanged, on an emulated STM32F411 with the components of
+//! the board around it and a room to drive in.
 //!
-//! ```no_run
+//! ```
 //! use embedded_hal::spi::SpiDevice;
 //! use twin::{Board, Options};
 //!
-//! let elf = std::fs::read("fw-pac.elf")?;
+//! // The release ELF, where `cargo xtask firmware` has built it; else a program that only sleeps.
+//! let elf = std::env::var_os("ROBOT_ELF").map_or_else(|| Ok(Vec::new()), std::fs::read)?;
 //! let board = Board::new(&elf, Options::default())?;
-//! assert!(board.run_until(100_000, 100, Board::is_ready), "no READY within 100 ms");
-//! board.spi().transfer_in_place(&mut [0x96; 19])?;
-//! board.run_us(25_000);
+//! board.run_us(20_000);
+//! assert!(!board.is_ready(), "a blank EEPROM is no configuration");
 //! println!("{}", String::from_utf8_lossy(&board.uart()));
-//! assert!(board.unmodelled().is_empty());
+//!
+//! let mut frame = [0x96; 19];
+//! board.spi().transfer_in_place(&mut frame)?;
+//! assert!(board.unmodelled().is_empty(), "{}", board.unmodelled());
+//! assert_eq!(board.truth().path_mm, 0.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Virtual time passes inside transfers, delays and the `run` methods alone, and everything that
+//! Virtual time passes only inside transfers, delays and the `run` methods, and everything that
 //! happens depends on it and on the seed: a run can be repeated bit for bit.
 //!
-//! # How it is made
-//! | module | what |
+//! # Modules
+//! | module | contents |
 //! |---|---|
-//! | [`board`] | the handle: boot, let time pass, look |
+//! | [`board`], [`measurement`], [`fault_injection`] | the handle: boot, let time pass, inspect, measure, break |
 //! | [`hal`] | the Pi's SPI, I2C, GPIO and delay as embedded-hal 1.0 |
-//! | [`fault_injection`] | what can go wrong |
-//! | [`trace`] | instructions and times of functions and wires |
-//! | [`unmodelled`] | what no model covers |
-//! | [`emulator`] | the emulator on its thread |
-//! | [`virtual_board`], [`soc`], [`peripherals`] | the STM32F411: `rigless`'s models, and ours for what it has none |
+//! | [`trace`] | instructions and times of functions and signals |
+//! | [`unmodelled`] | accesses that the models do not cover |
+//! | [`emulator`], [`virtual_board`] | the emulator on its thread, and the machine it runs |
+//! | [`soc`], [`peripherals`] | the STM32F411: `rigless`'s models, and ours for what it has none |
 //! | [`board_model`], [`components`], [`pinout`] | the board |
 //!
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
-//! with its temperature sensor and voltage reference, TIM1 to TIM5, IWDG, NVIC, `SysTick`, DWT. By this crate: EXTI, the
-//! multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception by DMA, a bus held
-//! low, a crystal that does not start. On the board: the EEPROM with its write cycle, page wrap
-//! and write protection, the I2C switch, the MPU6050's gyroscope about the vertical, the RESET line, quadrature edges at the instants the
-//! wheels pass them, the bridge, battery taps behind their dividers, three rangefinders with
-//! trigger and echo times that hear each other's echoes, the servo under the front one, the log's wire at
-//! its bit rate.
+//! with its temperature sensor and voltage reference, TIM1 to TIM5, IWDG, NVIC, `SysTick`, DWT. By
+//! this crate: EXTI, the multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception
+//! by DMA, a bus held low, a crystal that does not start. On the board: the EEPROM with its write
+//! cycle, page wrap and write protection, the I2C switch, the MPU6050's vertical gyroscope, the
+//! RESET line, quadrature edges, the bridge, battery taps behind their dividers, three rangefinders
+//! with trigger, echo and crosstalk, the front one's servo, the log's UART at its bit rate.
 //!
 //! # What is not
-//! - The core retires one instruction per 10 ns of virtual time whatever the clock tree says, and
-//!   entering or leaving an exception takes none: wait states, the flash accelerator's misses and
-//!   the twelve cycles of an exception entry are missing.
+//! - The core retires one instruction per 10 ns of virtual time at any clock, and entering or leaving
+//!   an exception takes none: wait states, misses of the flash accelerator and the twelve cycles of
+//!   an exception entry are missing.
 //! - DMA moves a word at the instant it is requested.
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9 to TIM11, CRC, WWDG, SDIO, OTG)
-//!   answers from its registers alone, and every access is reported by [`Board::unmodelled`].
+//!   answers from its registers alone, and [`Board::unmodelled`] reports every access.
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
-//! - The MPU6050's accelerometers, other axes, temperature and FIFO ([`components::mpu6050`]).
+//! - The MPU6050's accelerometers, other axes, temperature and FIFO.
 #![forbid(unsafe_code)]
 
 pub mod board;
@@ -56,17 +58,23 @@ pub mod board_model;
 pub mod components;
 pub mod emulator;
 pub mod fault_injection;
+#[cfg(test)]
+mod fixture;
 pub mod hal;
+pub mod measurement;
+mod options;
 pub mod peripherals;
+pub mod pin;
 pub mod pinout;
 pub mod soc;
 pub mod trace;
 pub mod unmodelled;
 pub mod virtual_board;
 
-pub use board::{Board, Options, Reset, ResetBy, Truth};
+pub use board::{Board, Reset, ResetSource, Truth};
+pub use components::i2c_bus::I2cController;
 pub use components::mpu6050::{Mpu6050Fault, Mpu6050Params};
-pub use components::spi_master::Step;
-pub use emulator::{Debugger, Ended};
-pub use fault_injection::{Disturbance, Faults};
+pub use components::spi_master::SpiStep;
+pub use emulator::{Debugger, EmulationEnded};
+pub use options::Options;
 pub use plant;

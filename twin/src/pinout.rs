@@ -1,7 +1,7 @@
-//! Which pin of the STM32F411 each part of the board hangs on (schematic of figure 2.3 of the
-//! document).
+//! The pin of the STM32F411 that each component of the board is connected to (schematic of figure
+//! 2.3 of the document).
 
-use crate::soc::{pin, Pin};
+use crate::pin::{pin, Pin};
 
 /// SPI1's chip select, EXTI4.
 pub const NSS: Pin = pin('A', 4);
@@ -21,7 +21,7 @@ pub const READY: Pin = pin('B', 1);
 pub const SCL: Pin = pin('B', 6);
 /// I2C1's data, pulled up.
 pub const SDA: Pin = pin('B', 7);
-/// Senses the I2C switch: high = the Pi has the EEPROM.
+/// Senses the I2C switch: high = the EEPROM is connected to the Pi.
 pub const SELECT: Pin = pin('B', 12);
 /// The motion sensor's interrupt.
 pub const MPU_IRQ: Pin = pin('B', 13);
@@ -61,7 +61,7 @@ pub const RIGHT_BRIDGE: BridgePins = BridgePins {
 pub struct EncoderPins {
     /// The channel that leads when the count rises, and the other one.
     pub pins: [Pin; 2],
-    /// The timer's place among TIM2 to TIM5.
+    /// The timer's index among TIM2 to TIM5.
     pub timer: usize,
     /// The alternate function that connects them.
     pub function: u8,
@@ -82,7 +82,7 @@ pub const RIGHT_ENCODER: EncoderPins = EncoderPins {
 
 /// A rangefinder's pins.
 #[derive(Clone, Copy, Debug)]
-pub struct RangerPins {
+pub struct RangefinderPins {
     /// A pulse of 10 µs starts a measurement.
     pub trigger: Pin,
     /// High as long as the sound travels.
@@ -90,16 +90,16 @@ pub struct RangerPins {
 }
 
 /// Front, right, left: the order of the frame and of the plant.
-pub const RANGERS: [RangerPins; 3] = [
-    RangerPins {
+pub const RANGEFINDERS: [RangefinderPins; 3] = [
+    RangefinderPins {
         trigger: pin('C', 8),
         echo: pin('C', 9),
     },
-    RangerPins {
+    RangefinderPins {
         trigger: pin('C', 5),
         echo: pin('B', 0),
     },
-    RangerPins {
+    RangefinderPins {
         trigger: pin('C', 11),
         echo: pin('C', 12),
     },

@@ -1,11 +1,11 @@
-//! What the models of a run could not stand for.
+//! Accesses of a run that the models do not cover.
 
 use rigless::session::Session;
 
 use crate::virtual_board::VirtualBoard;
 
-/// Everything the firmware touched that no model covers, and what a model objects to: one line
-/// each. A run of a finished firmware has none.
+/// Every register access without a model and every objection of a model, one line each. The run of
+/// a correct firmware has none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Unmodelled {
     /// The lines.
@@ -14,42 +14,43 @@ pub struct Unmodelled {
 
 impl Unmodelled {
     pub(crate) fn of(session: &Session<VirtualBoard>) -> Self {
-        let mut lines = Vec::new();
-        for unmapped in session.unmapped() {
-            lines.push(format!(
-                "nothing at {:#010x}, first from {:#010x}",
-                unmapped.address, unmapped.program_counter
-            ));
-        }
-        for (address, fault) in session.refused() {
-            lines.push(format!("refused at {address:#010x}: {fault}"));
-        }
-        for (address, access) in session.unimplemented() {
-            lines.push(format!(
-                "no model of {} {} at {address:#010x}: {} reads, {} writes, first from {:#010x}",
+        let unmapped = session.unmapped().into_iter().map(|access| {
+            let (at, from) = (access.address, access.program_counter);
+            format!("nothing at {at:#010x}, first from {from:#010x}")
+        });
+        let refused = session.refused().iter();
+        let refused = refused.map(|(at, fault)| format!("refused at {at:#010x}: {fault}"));
+        let unimplemented = session.unimplemented().iter().map(|(at, access)| {
+            format!(
+                "no model of {} {} at {at:#010x}: {} reads, {} writes, first from {:#010x}",
                 access.instance,
                 access.register,
                 access.reads,
                 access.writes,
                 access.program_counter
-            ));
-        }
-        for (address, access) in session.undefined() {
-            lines.push(format!(
-                "no register of {} at {address:#010x}, first from {:#010x}",
-                access.instance, access.program_counter
-            ));
-        }
-        for (instance, number) in session.unrouted() {
-            lines.push(format!("interrupt {number} of {instance} reaches no line"));
-        }
-        for told in session.told() {
-            lines.push(format!(
+            )
+        });
+        let undefined = session.undefined().iter().map(|(at, access)| {
+            let (instance, from) = (access.instance, access.program_counter);
+            format!("no register of {instance} at {at:#010x}, first from {from:#010x}")
+        });
+        let unrouted = session
+            .unrouted()
+            .iter()
+            .map(|(instance, number)| format!("interrupt {number} of {instance} reaches no line"));
+        let objections = session.told().map(|told| {
+            format!(
                 "{} {}: {} (first at {} ns)",
                 told.instance, told.register, told.reason, told.at.0
-            ));
+            )
+        });
+        let accesses = unmapped
+            .chain(refused)
+            .chain(unimplemented)
+            .chain(undefined);
+        Self {
+            lines: accesses.chain(unrouted).chain(objections).collect(),
         }
-        Self { lines }
     }
 
     /// Whether there is nothing to report.
@@ -57,19 +58,10 @@ impl Unmodelled {
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
-
-    /// How many things there are to report.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.lines.len()
-    }
 }
 
 impl std::fmt::Display for Unmodelled {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        for line in &self.lines {
-            writeln!(formatter, "{line}")?;
-        }
-        Ok(())
+        formatter.write_str(&self.lines.join("\n"))
     }
 }

@@ -1,4 +1,4 @@
-//! The board as the emulator drives it: the microcontroller in its surroundings.
+//! The machine that the emulator runs: the microcontroller on its board.
 
 use std::num::{NonZeroU32, NonZeroU64};
 
@@ -9,9 +9,9 @@ use rigless::snapshot::Store;
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
-use crate::board_model::Surroundings;
+use crate::board_model::BoardModel;
 use crate::components::i2c_bus::StmPort;
-use crate::components::uart_receiver::Wire;
+use crate::components::uart_receiver::UartReceiver;
 use crate::pinout;
 use crate::soc::Stm32f411;
 
@@ -28,24 +28,24 @@ const RAIL_MV: u32 = 3300;
 /// rate is the same while the firmware still runs from the 16 MHz oscillator.
 pub const INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(100_000_000).expect("not zero");
 
-/// The microcontroller, and everything around it that moves with virtual time.
+/// The microcontroller, and everything on its board that advances with virtual time.
 #[derive(Debug)]
-pub struct Robot {
+pub struct McuOnBoard {
     /// The microcontroller.
     pub chip: Stm32f411,
-    /// What surrounds it.
-    pub around: Surroundings,
+    /// The board around it.
+    pub board: BoardModel,
 }
 
-impl Robot {
-    /// Whether READY is high: the firmware drives it so; the board pulls it down.
+impl McuOnBoard {
+    /// Whether the firmware drives READY high; the board pulls it down.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.chip.output(pinout::READY) == Some(Level::High)
     }
 }
 
-impl Mcu for Robot {
+impl Mcu for McuOnBoard {
     fn bus(&self) -> &Bus {
         self.chip.bus()
     }
@@ -56,13 +56,13 @@ impl Mcu for Robot {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.chip.reset(at, cause);
-        self.around.i2c.lock().stm_reset();
-        self.around.connect(&mut self.chip, at);
+        self.board.i2c.lock().stm_reset();
+        self.board.connect(&mut self.chip, at);
     }
 
     fn poll(&mut self, now: VirtualNanos) {
         self.chip.poll(now);
-        self.around.step(&mut self.chip, now);
+        self.board.step(&mut self.chip, now);
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
@@ -70,28 +70,28 @@ impl Mcu for Robot {
     }
 }
 
-/// The board.
+/// The machine.
 #[derive(Debug)]
 pub struct VirtualBoard {
-    /// What runs on it.
-    pub robot: Robot,
+    /// Its one target.
+    pub mcu: McuOnBoard,
 }
 
 impl VirtualBoard {
-    /// The board in its surroundings; without a crystal the oscillator never starts.
+    /// The microcontroller on `board`; without a crystal its oscillator never starts.
     ///
     /// # Errors
     /// A part whose description contradicts itself.
-    pub fn new(around: Surroundings, crystal: bool) -> Result<Self, Error> {
+    pub fn new(board: BoardModel, crystal: bool) -> Result<Self, Error> {
         let mut chip = Stm32f411::new()?;
         chip.rcc
             .attach_crystals(if crystal { CRYSTAL_HZ } else { 0 }, 0);
         chip.set_supply(RAIL_MV);
-        chip.usart[0].attach(Wire::default());
-        chip.i2c[0].inner.attach(StmPort(around.i2c.clone()));
-        let mut robot = Robot { chip, around };
-        robot.around.connect(&mut robot.chip, VirtualNanos(0));
-        Ok(Self { robot })
+        chip.usart[0].attach(UartReceiver::default());
+        chip.i2c[0].inner.attach(StmPort(board.i2c.clone()));
+        let mut mcu = McuOnBoard { chip, board };
+        mcu.board.connect(&mut mcu.chip, VirtualNanos(0));
+        Ok(Self { mcu })
     }
 }
 
@@ -107,11 +107,11 @@ impl Board for VirtualBoard {
     }
 
     fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
-        (target == 0).then_some(&mut self.robot)
+        (target == 0).then_some(&mut self.mcu)
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let lines = u32::from(Operate::cpu(&self.robot).interrupt_lines);
+        let lines = u32::from(Operate::cpu(&self.mcu).interrupt_lines);
         let core = armv7m::Core {
             variant: armv7m::Variant::M4,
             clock_hz: INSTRUCTIONS_PER_SECOND,
@@ -124,10 +124,13 @@ impl Board for VirtualBoard {
             boot: "flash",
         }
         .spec_with_parts(
-            &rigless::cpu::armv7m::windows(self.robot.bus()),
+            &rigless::cpu::armv7m::windows(self.mcu.bus()),
             armv7m::Fpu::FpV4Sp,
             armv7m::MpuRegions::Eight,
         );
-        vec![Target::new("stm32f411", &mut self.robot, core)]
+        vec![Target::new("stm32f411", &mut self.mcu, core)]
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -19,7 +19,7 @@ use robot_tests::throughput::{
 };
 use serde::Serialize;
 use serde_json::{json, Value};
-use twin::trace::{shares, spans, without, Event, Span, What};
+use twin::trace::{exclusive, shares, spans, Event, EventKind, Span};
 use twin::{Board, Options};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -181,7 +181,7 @@ impl Frames {
             .iter()
             .filter_map(|core| to_reply(events, core, waited));
         Ok(Self {
-            core: Spread::of(&without(handled, preempting), 0)?,
+            core: Spread::of(&exclusive(handled, preempting), 0)?,
             whole: Spread::of_counts(whole.collect())?,
         })
     }
@@ -192,14 +192,15 @@ impl Frames {
 fn to_reply(events: &[Event], core: &Span, others: &[Span]) -> Option<u64> {
     let rise = events
         .iter()
-        .rfind(|event| event.what == What::Select(false) && event.at_ns <= core.entered_ns)?
+        .rfind(|event| {
+            event.kind == EventKind::ChipSelect(false) && event.at_ns <= core.entered_ns
+        })?
         .instructions;
     let left = core.entered + core.instructions;
-    let enables =
-        |what: &What| matches!(what, What::Wrote { address: DMA2_S3CR, value } if value & 1 == 1);
+    let enables = |kind: &EventKind| matches!(kind, EventKind::Write { address: DMA2_S3CR, value } if value & 1 == 1);
     let armed = events
         .iter()
-        .find(|event| event.instructions >= left && enables(&event.what))?
+        .find(|event| event.instructions >= left && enables(&event.kind))?
         .instructions;
     let elsewhere: u64 = others
         .iter()
@@ -231,7 +232,7 @@ impl Firmware {
             return Err(format!("no READY within {READY_US} µs: {}", rig.log()).into());
         }
         let result = test(&rig)?;
-        let used = stack.used(&rig.board)?;
+        let used = stack.used(&rig.board);
         self.stack_used.set(self.stack_used.get().max(used));
         Ok(result)
     }
@@ -327,8 +328,8 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
     let traced = names.iter().chain(&echoes);
     let traced = traced.map(|name| rig.board.trace(name));
     let traced = traced.collect::<std::result::Result<Vec<_>, _>>()?;
-    rig.board.follow_select();
-    rig.board.follow_writes(DMA2_S3CR);
+    rig.board.trace_chip_select();
+    rig.board.trace_writes(DMA2_S3CR);
     let _ = rig.keep_sending(&normal_frame(700_000, 400_000, 0x2000, true), 20_000_000);
     let events = rig.board.take_events();
     let runs: Vec<Vec<Span>> = traced.iter().map(|traced| spans(traced, &events)).collect();
@@ -342,9 +343,9 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
     // The handler of chip-select belongs to the frame.
     let waited = [ticks, &timed[..]].concat();
     Ok((
-        Spread::of(&without(ticks, &preempting), latch.unwrap_or(0))?,
+        Spread::of(&exclusive(ticks, &preempting), latch.unwrap_or(0))?,
         // And the call.
-        Spread::of(&without(steps, &preempting), 1)?,
+        Spread::of(&exclusive(steps, &preempting), 1)?,
         Frames::of(&events, frames, &preempting, &waited)?,
     ))
 }
@@ -353,8 +354,8 @@ fn guarded_frames(rig: &Rig) -> Result<Frames> {
     let traced = ["TIM5", "robot_tick", "robot_frame"].map(|name| rig.board.trace(name));
     let [latch, tick, frame] = traced;
     let (latch, tick, frame) = (latch?, tick?, frame?);
-    rig.board.follow_select();
-    rig.board.follow_writes(DMA2_S3CR);
+    rig.board.trace_chip_select();
+    rig.board.trace_writes(DMA2_S3CR);
     let inner = normal_frame(200_000, 0, 0, true);
     for own in 1..=200_u8 {
         let mut bytes = [0; 26];

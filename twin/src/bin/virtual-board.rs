@@ -1,82 +1,68 @@
 //! The virtual board on its own: runs a firmware in real time, prints its log, and serves a
 //! debugger.
 //!
-//! `virtual-board --elf FILE [--gdb ADDRESS:PORT] [--eeprom FILE] [--run]`
-//!
-//! With `--gdb` the core waits for the debugger before its first instruction (unless `--run` says
-//! otherwise); port 0 takes any free one. The address it listens on is printed first.
+//! With `--gdb` the core waits for the debugger before its first instruction, unless `--run` is
+//! given. The address it listens on is printed first.
 #![forbid(unsafe_code)]
 
+use std::error::Error;
 use std::io::Write;
 use std::net::TcpListener;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use clap::Parser;
 use twin::{Board, Debugger, Options};
 
-/// Virtual time between two looks at the log.
+/// Virtual time between two reads of the log.
 const STEP: Duration = Duration::from_millis(5);
 
+/// Runs a firmware on the virtual board in real time.
+#[derive(Parser)]
 struct Arguments {
-    elf: Option<String>,
-    eeprom: Option<String>,
+    /// The firmware's ELF file; without one the core sleeps
+    #[arg(long)]
+    elf: Option<PathBuf>,
+    /// File with the EEPROM's contents
+    #[arg(long)]
+    eeprom: Option<PathBuf>,
+    /// Listens for a debugger on ADDRESS:PORT; port 0 takes any free one
+    #[arg(long, value_name = "ADDRESS:PORT")]
     gdb: Option<String>,
+    /// Does not wait for the debugger
+    #[arg(long)]
     run: bool,
 }
 
-fn arguments() -> Result<Arguments, String> {
-    let mut given = Arguments {
-        elf: None,
-        eeprom: None,
-        gdb: None,
-        run: false,
-    };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let mut value = || words.next().ok_or_else(|| format!("{word} needs a value"));
-        match word.as_str() {
-            "--elf" => given.elf = Some(value()?),
-            "--eeprom" => given.eeprom = Some(value()?),
-            "--gdb" => given.gdb = Some(value()?),
-            "--run" => given.run = true,
-            _ => return Err(format!("{word} is not an option")),
-        }
-    }
-    Ok(given)
-}
-
-fn read(path: Option<&String>) -> Result<Vec<u8>, String> {
+fn read(path: Option<&PathBuf>) -> Result<Vec<u8>, String> {
     path.map_or(Ok(Vec::new()), |path| {
-        std::fs::read(path).map_err(|error| format!("{path}: {error}"))
+        std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
     })
 }
 
-fn run() -> Result<(), String> {
-    let given = arguments()?;
-    let elf = read(given.elf.as_ref())?;
-    let debugger = given
-        .gdb
-        .map(|address| -> Result<Debugger, String> {
-            let listener =
-                TcpListener::bind(&address).map_err(|error| format!("{address}: {error}"))?;
-            let bound = listener.local_addr().map_err(|error| error.to_string())?;
-            println!("gdb: {bound}");
-            Ok(Debugger {
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let elf = read(arguments.elf.as_ref())?;
+    let mut out = std::io::stdout();
+    let debugger = match &arguments.gdb {
+        Some(address) => {
+            let listener = TcpListener::bind(address);
+            let listener = listener.map_err(|error| format!("{address}: {error}"))?;
+            println!("gdb: {}", listener.local_addr()?);
+            out.flush()?;
+            Some(Debugger {
                 listener,
-                wait: !given.run,
+                wait: !arguments.run,
             })
-        })
-        .transpose()?;
-    // Whoever reads the address waits for it.
-    std::io::stdout()
-        .flush()
-        .map_err(|error| error.to_string())?;
+        }
+        None => None,
+    };
     let options = Options {
-        eeprom: Some(read(given.eeprom.as_ref())?),
+        eeprom: Some(read(arguments.eeprom.as_ref())?),
         debugger,
         ..Options::default()
     };
-    let board = Board::new(&elf, options).map_err(|ended| ended.to_string())?;
+    let board = Board::new(&elf, options)?;
     let mut shown = 0;
     let mut due = Instant::now();
     loop {
@@ -86,10 +72,7 @@ fn run() -> Result<(), String> {
             return Ok(());
         }
         let log = board.uart_from(shown);
-        std::io::stdout()
-            .write_all(&log)
-            .and_then(|()| std::io::stdout().flush())
-            .map_err(|error| error.to_string())?;
+        out.write_all(&log).and_then(|()| out.flush())?;
         shown += log.len();
         due += STEP;
         match due.checked_duration_since(Instant::now()) {
@@ -100,7 +83,7 @@ fn run() -> Result<(), String> {
 }
 
 fn main() -> ExitCode {
-    match run() {
+    match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("virtual-board: {error}");

@@ -1,4 +1,4 @@
-//! One half of the L298P: what its three inputs do to a motor (datasheet, figure 6).
+//! One half of the L298P: from its three inputs to the motor (datasheet, figure 6).
 
 use plant::MotorInput;
 use rigless::device::Level;
@@ -6,7 +6,7 @@ use rigless::device::Level;
 use crate::pinout::BridgePins;
 use crate::soc::{Role, Stm32f411};
 
-/// TIM4's place among TIM2 to TIM5.
+/// TIM4's index among TIM2 to TIM5.
 const TIM4: usize = 2;
 /// The alternate function that puts TIM4 on the enables.
 const TIM4_FUNCTION: u8 = 2;
@@ -31,7 +31,7 @@ fn enable(chip: &Stm32f411, pins: BridgePins) -> f64 {
             _ => 0.0,
         },
         Role::Output if chip.output(pins.enable) == Some(Level::High) => 1.0,
-        // A pin nobody drives is held low by the bridge's own input.
+        // The bridge pulls an undriven input low.
         _ => 0.0,
     }
 }
@@ -54,20 +54,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_low_enable_lets_the_motor_coast_whatever_the_inputs_say() {
-        for inputs in 0..4 {
-            assert_eq!(
-                drive(0.0, inputs & 1 != 0, inputs & 2 != 0),
-                MotorInput::COAST
-            );
+    fn inputs_select_direction_brake_or_coast() {
+        for (enabled, in1, in2, expected) in [
+            (0.5, false, true, MotorInput::run(0.5)),
+            (0.5, true, false, MotorInput::run(-0.5)),
+            (1.0, true, true, MotorInput::BRAKE),
+            (1.0, false, false, MotorInput::BRAKE),
+            (0.0, false, true, MotorInput::COAST),
+            (0.0, true, false, MotorInput::COAST),
+            (0.0, true, true, MotorInput::COAST),
+            (0.0, false, false, MotorInput::COAST),
+        ] {
+            assert_eq!(drive(enabled, in1, in2), expected, "{enabled} {in1} {in2}");
         }
-    }
-
-    #[test]
-    fn in2_high_is_forward_and_in1_high_is_backward() {
-        assert_eq!(drive(0.5, false, true), MotorInput::run(0.5));
-        assert_eq!(drive(0.5, true, false), MotorInput::run(-0.5));
-        assert_eq!(drive(1.0, true, true), MotorInput::BRAKE);
-        assert_eq!(drive(1.0, false, false), MotorInput::BRAKE);
     }
 }

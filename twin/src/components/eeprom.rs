@@ -3,7 +3,7 @@
 //! A write fills the 32-byte page it starts in, wrapping inside it; the stop starts the write
 //! cycle, during which the part does not acknowledge its address. With the write-protect pin high
 //! it acknowledges the address and its two address bytes, refuses the data and writes nothing. A
-//! read goes on through the array and wraps at its end. Not modelled: the serial number behind
+//! read continues through the array and wraps at its end. Not modelled: the serial number behind
 //! address 0x58.
 
 /// Bytes of the array.
@@ -39,15 +39,13 @@ pub struct Eeprom {
 }
 
 impl Eeprom {
-    /// A part holding `bytes`, erased (0xFF) past their end.
+    /// A part with these contents, erased (0xFF) past their end.
     #[must_use]
-    pub fn holding(bytes: &[u8]) -> Self {
-        let mut array = vec![0xFF; SIZE];
-        for (byte, &held) in array.iter_mut().zip(bytes) {
-            *byte = held;
-        }
+    pub fn new(bytes: &[u8]) -> Self {
+        let mut contents = bytes.to_vec();
+        contents.resize(SIZE, 0xFF);
         Self {
-            bytes: array,
+            bytes: contents,
             pointer: 0,
             phase: Phase::Idle,
             high: 0,
@@ -58,13 +56,13 @@ impl Eeprom {
         }
     }
 
-    /// What it holds.
+    /// The contents.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// What it holds, to be changed from outside the bus.
+    /// The contents, to be changed other than by the bus.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         &mut self.bytes
     }
@@ -76,13 +74,13 @@ impl Eeprom {
     }
 
     /// The write-protect pin.
-    pub fn protect(&mut self, protected: bool) {
+    pub fn set_write_protect(&mut self, protected: bool) {
         self.write_protected = protected;
     }
 
     /// The write-protect pin's level.
     #[must_use]
-    pub fn is_protected(&self) -> bool {
+    pub fn is_write_protected(&self) -> bool {
         self.write_protected
     }
 
@@ -92,7 +90,7 @@ impl Eeprom {
         self.phase == Phase::Reading
     }
 
-    /// A start with `address` at `now`. The answer is the acknowledge.
+    /// A start with `address` at `now`. Returns the acknowledge.
     pub fn start(&mut self, now: u64, address: u8, read: bool) -> bool {
         if address != ADDRESS || now < self.busy_until {
             self.phase = Phase::Idle;
@@ -108,7 +106,7 @@ impl Eeprom {
         true
     }
 
-    /// A byte from the controller. The answer is the acknowledge.
+    /// A byte from the controller. Returns the acknowledge.
     pub fn write(&mut self, byte: u8) -> bool {
         match self.phase {
             Phase::Address(2) => {
@@ -151,8 +149,8 @@ impl Eeprom {
         self.phase = Phase::Idle;
     }
 
-    /// The bus was taken away in the middle: nothing latched is written.
-    pub fn abandon(&mut self) {
+    /// The bus was switched away: nothing latched is written.
+    pub fn abort(&mut self) {
         self.latch.clear();
         self.phase = Phase::Idle;
     }
@@ -163,8 +161,8 @@ mod tests {
     use super::*;
 
     fn blank() -> Eeprom {
-        let mut eeprom = Eeprom::holding(&[]);
-        eeprom.protect(false);
+        let mut eeprom = Eeprom::new(&[]);
+        eeprom.set_write_protect(false);
         eeprom
     }
 
@@ -187,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_write_wraps_inside_its_page() {
+    fn write_wraps_inside_its_page() {
         let mut eeprom = blank();
         send(&mut eeprom, 0, &[0x00, 0x3E, 1, 2, 3, 4]);
         let later = WRITE_CYCLE_NS;
@@ -197,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_write_cycle_takes_its_time_without_an_acknowledge() {
+    fn write_cycle_is_not_acknowledged() {
         let mut eeprom = blank();
         send(&mut eeprom, 1000, &[0, 0, 7]);
         assert!(!eeprom.start(1000 + WRITE_CYCLE_NS - 1, ADDRESS, false));
@@ -206,9 +204,8 @@ mod tests {
     }
 
     #[test]
-    fn a_read_goes_on_through_the_array_and_wraps_at_its_end() {
-        let mut eeprom =
-            Eeprom::holding(&(0..SIZE).map(|n| n.to_le_bytes()[0]).collect::<Vec<_>>());
+    fn read_continues_and_wraps_at_end_of_array() {
+        let mut eeprom = Eeprom::new(&(0..SIZE).map(|n| n.to_le_bytes()[0]).collect::<Vec<_>>());
         assert_eq!(receive(&mut eeprom, 0, 0x1FFE, 4), [0xFE, 0xFF, 0, 1]);
         assert!(eeprom.start(0, ADDRESS, true));
         assert_eq!(
@@ -219,15 +216,15 @@ mod tests {
     }
 
     #[test]
-    fn a_protected_part_takes_the_address_and_refuses_the_data() {
-        let mut eeprom = Eeprom::holding(&[9]);
+    fn write_protect_refuses_data() {
+        let mut eeprom = Eeprom::new(&[9]);
         assert_eq!(send(&mut eeprom, 0, &[0, 0, 7]), [true, true, false]);
         assert_eq!(receive(&mut eeprom, 0, 0, 1), [9]);
         assert_eq!(eeprom.writes(), 0);
     }
 
     #[test]
-    fn a_write_without_its_stop_is_lost() {
+    fn write_without_stop_is_lost() {
         let mut eeprom = blank();
         eeprom.start(0, ADDRESS, false);
         for byte in [0, 0, 7] {

@@ -1,4 +1,4 @@
-//! A wheel's quadrature encoder: the instants at which its two channels change.
+//! A wheel's quadrature encoder: the instants of its edges.
 
 use std::collections::VecDeque;
 
@@ -49,7 +49,7 @@ impl Encoder {
 
     /// When the next edge is due.
     #[must_use]
-    pub fn next(&self) -> Option<u64> {
+    pub fn next_event(&self) -> Option<u64> {
         self.edges.front().map(|edge| edge.at)
     }
 
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn edges_lie_at_whole_counts_both_ways() {
+    fn edges_lie_at_whole_counts_in_both_directions() {
         let mut encoder = Encoder::default();
         encoder.plan(1000, 100, 0.5, 2.5);
         assert_eq!(encoder.take(1024), None);
@@ -83,11 +83,11 @@ mod tests {
         encoder.plan(2000, 100, 2.5, 0.5);
         assert_eq!(encoder.take(9999), Some(Edge { at: 2025, count: 1 }));
         assert_eq!(encoder.take(9999), Some(Edge { at: 2075, count: 0 }));
-        assert_eq!(encoder.next(), None);
+        assert_eq!(encoder.next_event(), None);
     }
 
     #[test]
-    fn one_channel_changes_at_a_time_and_channel_1_leads_upwards() {
+    fn one_channel_changes_at_a_time_and_channel_1_leads() {
         for count in -8..8 {
             let (before, after) = (Encoder::levels(count), Encoder::levels(count + 1));
             let changed = (0..2).filter(|&channel| before[channel] != after[channel]);

@@ -1,5 +1,5 @@
-//! The STM's I2C bus: the MPU6050 on it, and the EEPROM behind its switch, which `SELECT` gives to the
-//! Pi (high) or to the STM (low). The side without it hears no acknowledge of the EEPROM's.
+//! The STM's I2C bus with the MPU6050, and the EEPROM behind its switch, which `SELECT` connects to the
+//! Pi (high) or to the STM (low). The other controller receives no acknowledge from the EEPROM.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -10,9 +10,9 @@ use rigless::snapshot::Store;
 use super::eeprom::Eeprom;
 use super::mpu6050::Mpu6050;
 
-/// Who addresses the bus.
+/// A controller of the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
+pub enum I2cController {
     /// The STM's I2C1.
     Stm,
     /// The Pi's /dev/i2c-1.
@@ -24,140 +24,131 @@ pub enum Side {
 pub struct I2cBus {
     /// The EEPROM, unless none is fitted.
     pub eeprom: Option<Eeprom>,
-    /// The MPU6050, unless none is fitted: on the STM's side whatever the switch says.
+    /// The MPU6050, unless none is fitted: on the STM's side of the switch.
     pub mpu: Option<Mpu6050>,
-    owner: Side,
-    /// Clock pulses until a part that lost its place lets `SDA` go.
-    stuck: Option<u32>,
-    /// The same of the MPU6050.
-    mpu_stuck: Option<u32>,
+    /// Whom the switch connects the EEPROM to.
+    controller: I2cController,
+    /// Clock pulses until a device on the EEPROM's side releases `SDA`.
+    sda_held: Option<u32>,
+    /// Clock pulses until the MPU6050 releases `SDA`.
+    sda_held_by_mpu: Option<u32>,
     /// Whether the STM's transaction is with the MPU6050.
-    with_mpu: bool,
+    mpu_addressed: bool,
 }
 
-/// Clock pulses that free a part in any state: eight bits and the acknowledge (NXP UM10204, 3.1.16).
+/// Clock pulses that free a device in any state: eight bits and the acknowledge (NXP UM10204,
+/// 3.1.16).
 pub const CLEARING_PULSES: u32 = 9;
 
 impl I2cBus {
-    /// The bus with this EEPROM, in the STM's hand as the pull-down leaves it.
+    /// The bus with these devices, connected to the STM as the pull-down leaves it.
     #[must_use]
-    pub fn new(eeprom: Option<Eeprom>) -> Self {
+    pub fn new(eeprom: Option<Eeprom>, mpu: Option<Mpu6050>) -> Self {
         Self {
             eeprom,
-            mpu: None,
-            owner: Side::Stm,
-            stuck: None,
-            mpu_stuck: None,
-            with_mpu: false,
+            mpu,
+            controller: I2cController::Stm,
+            sda_held: None,
+            sda_held_by_mpu: None,
+            mpu_addressed: false,
         }
     }
 
-    /// The same with an MPU6050.
+    /// Whom the switch connects the EEPROM to.
     #[must_use]
-    pub fn with_mpu(self, mpu: Option<Mpu6050>) -> Self {
-        Self { mpu, ..self }
+    pub fn controller(&self) -> I2cController {
+        self.controller
     }
 
-    /// Whose the bus is.
-    #[must_use]
-    pub fn owner(&self) -> Side {
-        self.owner
-    }
-
-    /// Throws the switch. A transaction under way is cut off.
-    pub fn give_to(&mut self, side: Side) {
-        if self.owner != side {
-            self.owner = side;
+    /// Switches the EEPROM. A transaction under way is cut off.
+    pub fn switch_to(&mut self, controller: I2cController) {
+        if self.controller != controller {
+            self.controller = controller;
             if let Some(eeprom) = &mut self.eeprom {
-                eeprom.abandon();
+                eeprom.abort();
             }
         }
     }
 
-    /// A part holds `SDA` low until it has heard this many clock pulses.
-    pub fn stick(&mut self, pulses: u32) {
-        self.stuck = Some(pulses);
+    /// A device on the EEPROM's side holds `SDA` low for this many clock pulses.
+    pub fn hold_sda(&mut self, pulses: u32) {
+        self.sda_held = Some(pulses);
     }
 
-    /// The MPU6050 holds `SDA` low until it has heard this many clock pulses.
-    pub fn stick_mpu(&mut self, pulses: u32) {
-        self.mpu_stuck = Some(pulses);
+    /// The MPU6050 holds `SDA` low for this many clock pulses.
+    pub fn hold_sda_by_mpu(&mut self, pulses: u32) {
+        self.sda_held_by_mpu = Some(pulses);
     }
 
-    /// It lets go by itself.
-    pub fn release_mpu(&mut self) {
-        self.mpu_stuck = None;
-    }
-
-    /// Whether `SDA` is held low on `side`'s wires.
+    /// Whether `SDA` is held low on the wires of `side`.
     #[must_use]
-    pub fn is_stuck(&self, side: Side) -> bool {
-        let by_mpu = self.mpu_stuck.is_some() && side == Side::Stm;
-        by_mpu || self.stuck.is_some() && self.owner == side
+    pub fn is_sda_held(&self, side: I2cController) -> bool {
+        let by_mpu = self.sda_held_by_mpu.is_some() && side == I2cController::Stm;
+        by_mpu || self.sda_held.is_some() && self.controller == side
     }
 
-    /// `side` raised the clock line by hand.
-    pub fn pulse(&mut self, side: Side) {
-        let less = |stuck: Option<u32>| {
-            stuck
+    /// A clock pulse by `side`.
+    pub fn clock_pulse(&mut self, side: I2cController) {
+        let count = |held: &mut Option<u32>| {
+            *held = held
                 .and_then(|left| left.checked_sub(1))
-                .filter(|&left| left > 0)
+                .filter(|&left| left > 0);
         };
-        if self.owner == side {
-            self.stuck = less(self.stuck);
+        if self.controller == side {
+            count(&mut self.sda_held);
         }
-        if side == Side::Stm {
-            self.mpu_stuck = less(self.mpu_stuck);
+        if side == I2cController::Stm {
+            count(&mut self.sda_held_by_mpu);
         }
     }
 
-    /// The STM was reset: in the middle of a read the EEPROM is left driving `SDA`.
+    /// The STM was reset: in the middle of a read the device is left driving `SDA`.
     pub fn stm_reset(&mut self) {
-        if self.owner == Side::Stm {
+        if self.controller == I2cController::Stm {
             if let Some(eeprom) = &mut self.eeprom {
                 if eeprom.is_reading() {
-                    self.stuck = Some(CLEARING_PULSES);
+                    self.sda_held = Some(CLEARING_PULSES);
                 }
-                eeprom.abandon();
+                eeprom.abort();
             }
         }
         if let Some(mpu) = self.mpu.as_mut().filter(|mpu| mpu.is_reading()) {
             mpu.stop();
-            self.mpu_stuck = Some(CLEARING_PULSES);
+            self.sda_held_by_mpu = Some(CLEARING_PULSES);
         }
-        self.with_mpu = false;
+        self.mpu_addressed = false;
     }
 
-    fn mpu(&mut self, side: Side) -> Option<&mut Mpu6050> {
-        if side == Side::Stm && self.with_mpu && !self.is_stuck(side) {
+    fn mpu(&mut self, side: I2cController) -> Option<&mut Mpu6050> {
+        if side == I2cController::Stm && self.mpu_addressed && !self.is_sda_held(side) {
             self.mpu.as_mut()
         } else {
             None
         }
     }
 
-    fn reachable(&mut self, side: Side) -> Option<&mut Eeprom> {
-        if self.owner == side && !self.is_stuck(side) {
+    fn reachable(&mut self, side: I2cController) -> Option<&mut Eeprom> {
+        if self.controller == side && !self.is_sda_held(side) {
             self.eeprom.as_mut()
         } else {
             None
         }
     }
 
-    /// A start; the answer is the acknowledge.
-    pub fn start(&mut self, side: Side, now: u64, address: u8, read: bool) -> bool {
+    /// A start. Returns the acknowledge.
+    pub fn start(&mut self, side: I2cController, now: u64, address: u8, read: bool) -> bool {
         let eeprom = self
             .reachable(side)
             .is_some_and(|eeprom| eeprom.start(now, address, read));
-        if side == Side::Stm {
-            self.with_mpu = true;
-            self.with_mpu = self.mpu(side).is_some_and(|mpu| mpu.start(address, read));
+        if side == I2cController::Stm {
+            self.mpu_addressed = true;
+            self.mpu_addressed = self.mpu(side).is_some_and(|mpu| mpu.start(address, read));
         }
-        eeprom || side == Side::Stm && self.with_mpu
+        eeprom || side == I2cController::Stm && self.mpu_addressed
     }
 
-    /// A byte out; the answer is the acknowledge.
-    pub fn write(&mut self, side: Side, byte: u8) -> bool {
+    /// A byte out. Returns the acknowledge.
+    pub fn write(&mut self, side: I2cController, byte: u8) -> bool {
         if let Some(mpu) = self.mpu(side) {
             return mpu.write(byte);
         }
@@ -165,8 +156,8 @@ impl I2cBus {
             .is_some_and(|eeprom| eeprom.write(byte))
     }
 
-    /// A byte in; a line nobody drives reads all ones.
-    pub fn read(&mut self, side: Side) -> u8 {
+    /// A byte in; an undriven line reads all ones.
+    pub fn read(&mut self, side: I2cController) -> u8 {
         if let Some(mpu) = self.mpu(side) {
             return mpu.read();
         }
@@ -174,10 +165,10 @@ impl I2cBus {
     }
 
     /// A stop.
-    pub fn stop(&mut self, side: Side, now: u64) {
+    pub fn stop(&mut self, side: I2cController, now: u64) {
         if let Some(mpu) = self.mpu(side) {
             mpu.stop();
-            self.with_mpu = false;
+            self.mpu_addressed = false;
         }
         if let Some(eeprom) = self.reachable(side) {
             eeprom.stop(now);
@@ -185,7 +176,7 @@ impl I2cBus {
     }
 }
 
-/// The bus, held by the STM's controller and by the board.
+/// The bus, shared by the STM's controller and the board.
 #[derive(Clone, Debug)]
 pub struct SharedBus(Arc<Mutex<I2cBus>>);
 
@@ -202,7 +193,7 @@ impl SharedBus {
     }
 }
 
-/// The switch as the STM's controller sees it: a chip that may or may not answer.
+/// The bus as a chip attached to the STM's controller.
 #[derive(Debug)]
 pub struct StmPort(pub SharedBus);
 
@@ -212,92 +203,94 @@ impl Peer for StmPort {
     fn start(&mut self, address: u8, read: bool, context: &mut Timeline<'_, '_>) -> bool {
         self.0
             .lock()
-            .start(Side::Stm, context.now().0, address, read)
+            .start(I2cController::Stm, context.now().0, address, read)
     }
 
     fn write(&mut self, byte: u8, _context: &mut Timeline<'_, '_>) -> bool {
-        self.0.lock().write(Side::Stm, byte)
+        self.0.lock().write(I2cController::Stm, byte)
     }
 
     fn read(&mut self, _last: bool, _context: &mut Timeline<'_, '_>) -> u8 {
-        self.0.lock().read(Side::Stm)
+        self.0.lock().read(I2cController::Stm)
     }
 
     fn stop(&mut self, context: &mut Timeline<'_, '_>) {
-        self.0.lock().stop(Side::Stm, context.now().0);
+        self.0.lock().stop(I2cController::Stm, context.now().0);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::I2cController::{Pi, Stm};
     use super::*;
     use crate::components::eeprom::ADDRESS;
+    use crate::components::mpu6050::{Mpu6050Params, ADDRESS as MPU_ADDRESS};
 
-    #[test]
-    fn only_the_side_with_the_switch_is_acknowledged() {
-        let mut bus = I2cBus::new(Some(Eeprom::holding(&[])));
-        assert!(bus.start(Side::Stm, 0, ADDRESS, false));
-        assert!(!bus.start(Side::Pi, 0, ADDRESS, false));
-        bus.give_to(Side::Pi);
-        assert!(bus.start(Side::Pi, 0, ADDRESS, false));
-        assert!(!bus.start(Side::Stm, 0, ADDRESS, false));
+    fn bus() -> I2cBus {
+        let mpu = Mpu6050::new(Mpu6050Params::default(), 1);
+        I2cBus::new(Some(Eeprom::new(&[7])), Some(mpu))
     }
 
     #[test]
-    fn nine_clock_pulses_free_a_stuck_bus() {
-        let mut bus = I2cBus::new(Some(Eeprom::holding(&[])));
-        bus.stick(CLEARING_PULSES);
+    fn eeprom_acknowledges_connected_controller_alone() {
+        let mut bus = bus();
+        for (connected, other) in [(Stm, Pi), (Pi, Stm)] {
+            bus.switch_to(connected);
+            assert!(bus.start(connected, 0, ADDRESS, false));
+            assert!(!bus.start(other, 0, ADDRESS, false));
+        }
+    }
+
+    #[test]
+    fn nine_clock_pulses_free_held_bus() {
+        let mut bus = bus();
+        bus.hold_sda(CLEARING_PULSES);
         for _ in 0..CLEARING_PULSES {
-            assert!(bus.is_stuck(Side::Stm));
-            assert!(!bus.start(Side::Stm, 0, ADDRESS, false));
-            bus.pulse(Side::Stm);
+            assert!(bus.is_sda_held(Stm));
+            assert!(!bus.start(Stm, 0, ADDRESS, false));
+            bus.clock_pulse(Stm);
         }
-        assert!(!bus.is_stuck(Side::Stm));
-        assert!(bus.start(Side::Stm, 0, ADDRESS, false));
-    }
-
-    fn both() -> I2cBus {
-        let mpu = Mpu6050::new(crate::components::mpu6050::Mpu6050Params::default(), 1);
-        I2cBus::new(Some(Eeprom::holding(&[7]))).with_mpu(Some(mpu))
+        assert!(!bus.is_sda_held(Stm));
+        assert!(bus.start(Stm, 0, ADDRESS, false));
     }
 
     #[test]
-    fn the_motion_sensor_is_the_stms_whoever_has_the_eeprom() {
-        let mut bus = both();
-        for side in [Side::Stm, Side::Pi] {
-            bus.give_to(side);
-            assert!(bus.start(Side::Stm, 0, 0x68, false));
-            assert!(bus.write(Side::Stm, 0x75));
-            assert!(bus.start(Side::Stm, 0, 0x68, true));
-            assert_eq!(bus.read(Side::Stm), 0x68);
-            bus.stop(Side::Stm, 0);
-            assert!(!bus.start(Side::Pi, 0, 0x68, false));
+    fn mpu_answers_stm_whatever_the_switch() {
+        let mut bus = bus();
+        for side in [Stm, Pi] {
+            bus.switch_to(side);
+            assert!(bus.start(Stm, 0, MPU_ADDRESS, false));
+            assert!(bus.write(Stm, 0x75));
+            assert!(bus.start(Stm, 0, MPU_ADDRESS, true));
+            assert_eq!(bus.read(Stm), 0x68);
+            bus.stop(Stm, 0);
+            assert!(!bus.start(Pi, 0, MPU_ADDRESS, false));
         }
-        bus.give_to(Side::Stm);
-        assert!(bus.start(Side::Stm, 0, ADDRESS, true));
-        assert_eq!(bus.read(Side::Stm), 7);
+        bus.switch_to(Stm);
+        assert!(bus.start(Stm, 0, ADDRESS, true));
+        assert_eq!(bus.read(Stm), 7);
     }
 
     #[test]
-    fn a_motion_sensor_that_holds_the_line_holds_the_stms_alone() {
-        let mut bus = both();
-        bus.give_to(Side::Pi);
-        bus.stick_mpu(2);
-        assert!(bus.is_stuck(Side::Stm) && !bus.is_stuck(Side::Pi));
-        assert!(!bus.start(Side::Stm, 0, 0x68, false));
-        assert!(bus.start(Side::Pi, 0, ADDRESS, false));
-        bus.pulse(Side::Stm);
-        bus.pulse(Side::Stm);
-        assert!(bus.start(Side::Stm, 0, 0x68, true));
-        bus.stm_reset();
-        assert!(bus.is_stuck(Side::Stm), "it was being read");
+    fn sda_held_by_mpu_blocks_stm_alone() {
+        let mut bus = bus();
+        bus.switch_to(Pi);
+        bus.hold_sda_by_mpu(2);
+        assert!(bus.is_sda_held(Stm) && !bus.is_sda_held(Pi));
+        assert!(!bus.start(Stm, 0, MPU_ADDRESS, false));
+        assert!(bus.start(Pi, 0, ADDRESS, false));
+        bus.clock_pulse(Stm);
+        bus.clock_pulse(Stm);
+        assert!(bus.start(Stm, 0, MPU_ADDRESS, true));
     }
 
     #[test]
-    fn a_reset_in_the_middle_of_a_read_leaves_the_line_held() {
-        let mut bus = I2cBus::new(Some(Eeprom::holding(&[])));
-        bus.start(Side::Stm, 0, ADDRESS, true);
-        bus.stm_reset();
-        assert!(bus.is_stuck(Side::Stm));
+    fn reset_during_read_leaves_sda_held() {
+        for address in [ADDRESS, MPU_ADDRESS] {
+            let mut bus = bus();
+            bus.start(Stm, 0, address, true);
+            bus.stm_reset();
+            assert!(bus.is_sda_held(Stm), "{address:#x}");
+        }
     }
 }

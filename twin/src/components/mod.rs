@@ -1,4 +1,4 @@
-//! The parts of the board around the microcontroller, each a model of its own.
+//! Models of the board's components around the microcontroller.
 
 pub mod bridge;
 pub mod eeprom;

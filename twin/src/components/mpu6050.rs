@@ -7,7 +7,7 @@
 //! | `PWR_MGMT_1` | asleep at power-up (0x40): the data registers keep their values; `DEVICE_RESET` puts every register back |
 //! | `SMPLRT_DIV`, `CONFIG` | a sample every (1 + divider) ms with the low-pass on, eighths of a ms without; the low-pass is two equal lags of the table's delay together |
 //! | `GYRO_CONFIG` | full scale 250, 500, 1000 or 2000 °/s; what is beyond saturates |
-//! | `GYRO_ZOUT` | rate · scale + zero + noise; the other data registers read 0 |
+//! | `GYRO_ZOUT` | rate · scale + bias + noise; the other data registers read 0 |
 //! | `INT_ENABLE`, `INT_STATUS`, `INT_PIN_CFG` | data ready: a pulse of 50 µs, or held until the status (or, so set, anything) is read; active low if so set |
 //! | address pointer | set by the first byte written, advances with every byte either way |
 //!
@@ -47,26 +47,26 @@ const DELAY_MS: [f64; 8] = [0.98, 1.9, 2.8, 4.8, 8.3, 13.4, 18.6, 0.17];
 /// The errors of one part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mpu6050Params {
-    /// What it reads at rest, °/s (PS, 6.1: ±20).
-    pub zero_deg_s: f64,
-    /// What it reads of a rate, relative: 1 is right (PS, 6.1: ±3 %).
+    /// Reading at rest, °/s (PS, 6.1: ±20).
+    pub bias_deg_s: f64,
+    /// Scale factor: 1 is exact (PS, 6.1: ±3 %).
     pub scale: f64,
-    /// Deviation of its noise, °/s rms (PS, 6.1: 0.05).
+    /// Standard deviation of its noise, °/s rms (PS, 6.1: 0.05).
     pub noise_deg_s: f64,
 }
 
 impl Default for Mpu6050Params {
-    /// A part well within its data sheet, and not a good one.
+    /// Errors well within the data sheet.
     fn default() -> Self {
         Self {
-            zero_deg_s: -3.7,
+            bias_deg_s: -3.7,
             scale: 1.02,
             noise_deg_s: 0.05,
         }
     }
 }
 
-/// What is wrong with it.
+/// Its fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mpu6050Fault {
     /// Nothing.
@@ -74,19 +74,19 @@ pub enum Mpu6050Fault {
     None,
     /// It acknowledges nothing.
     Silent,
-    /// It acknowledges its address and so many bytes, and no more.
+    /// It acknowledges its address and this many bytes.
     RefusesAfter(u32),
-    /// Its data do not change any more.
+    /// Its data do not change.
     Frozen,
-    /// It says that it is something else.
-    Stranger(u8),
+    /// `WHO_AM_I` has another value.
+    WrongId(u8),
 }
 
 /// The part.
 #[derive(Clone, Debug)]
 pub struct Mpu6050 {
     params: Mpu6050Params,
-    /// What is wrong; change it at any time.
+    /// Its fault; change it at any time.
     pub fault: Mpu6050Fault,
     registers: [u8; REGISTERS],
     pointer: usize,
@@ -105,7 +105,7 @@ pub struct Mpu6050 {
 }
 
 impl Mpu6050 {
-    /// A part just powered, with its own chance.
+    /// A part just powered.
     #[must_use]
     pub fn new(params: Mpu6050Params, seed: u64) -> Self {
         let mut part = Self {
@@ -134,18 +134,18 @@ impl Mpu6050 {
         (self.pin, self.falls) = (false, None);
     }
 
-    /// Its supply was gone for a moment.
+    /// Its supply is interrupted.
     pub fn power_cycle(&mut self) {
         self.reset();
         self.reading = false;
     }
 
-    /// Its errors, to be changed at any time: a zero that drifts.
+    /// Its errors, to be changed at any time: a bias that drifts.
     pub fn params_mut(&mut self) -> &mut Mpu6050Params {
         &mut self.params
     }
 
-    /// What register `address` holds.
+    /// Contents of register `address`.
     #[must_use]
     pub fn register(&self, address: u8) -> u8 {
         self.registers[usize::from(address) % REGISTERS]
@@ -163,9 +163,9 @@ impl Mpu6050 {
         self.reading
     }
 
-    /// A millisecond in which it turned by `rate_deg_s` about the vertical, counter-clockwise
-    /// positive, ending at `now`.
-    pub fn millisecond(&mut self, now: u64, rate_deg_s: f64) {
+    /// Advances by a millisecond that ends at `now`, in which the part turned at `rate_deg_s`,
+    /// counter-clockwise positive.
+    pub fn step_ms(&mut self, now: u64, rate_deg_s: f64) {
         let low_pass = usize::from(self.registers[CONFIG] & 7);
         // Two lags in a row, each of half the delay, in steps of a millisecond.
         let share = 1.0 - (-2.0 / DELAY_MS[low_pass]).exp();
@@ -192,7 +192,7 @@ impl Mpu6050 {
         if self.fault != Mpu6050Fault::Frozen {
             let scale = f64::from(1 << (self.registers[GYRO_CONFIG] >> 3 & 3));
             let noise = self.params.noise_deg_s * self.rng.normal();
-            let rate = self.lags[1] * self.params.scale + self.params.zero_deg_s + noise;
+            let rate = self.lags[1] * self.params.scale + self.params.bias_deg_s + noise;
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "it saturates, as the part does"
@@ -218,11 +218,11 @@ impl Mpu6050 {
 
     /// When the pin changes by itself.
     #[must_use]
-    pub fn next(&self) -> Option<u64> {
+    pub fn next_event(&self) -> Option<u64> {
         self.falls
     }
 
-    /// A start with `address`. The answer is the acknowledge.
+    /// A start with `address`. Returns the acknowledge.
     pub fn start(&mut self, address: u8, read: bool) -> bool {
         self.reading = false;
         if address != ADDRESS || self.fault == Mpu6050Fault::Silent {
@@ -234,7 +234,7 @@ impl Mpu6050 {
         true
     }
 
-    /// A byte from the controller. The answer is the acknowledge.
+    /// A byte from the controller. Returns the acknowledge.
     pub fn write(&mut self, byte: u8) -> bool {
         if let Mpu6050Fault::RefusesAfter(bytes) = self.fault {
             if self.taken >= bytes {
@@ -262,7 +262,7 @@ impl Mpu6050 {
         let register = self.pointer;
         self.pointer = (self.pointer + 1) % REGISTERS;
         let byte = match (register, self.fault) {
-            (WHO_AM_I, Mpu6050Fault::Stranger(identity)) => identity,
+            (WHO_AM_I, Mpu6050Fault::WrongId(identity)) => identity,
             _ => self.registers[register],
         };
         if register == GYRO_ZOUT {
@@ -321,12 +321,12 @@ mod tests {
     }
 
     #[test]
-    fn it_powers_up_asleep_and_says_who_it_is() {
+    fn part_powers_up_asleep_with_its_identity() {
         let mut part = part();
         assert_eq!(get(&mut part, WHO_AM_I, 1), [0x68]);
         assert_eq!(get(&mut part, PWR_MGMT_1, 1), [0x40]);
         for ms in 0..100 {
-            part.millisecond(ms * 1_000_000, 100.0);
+            part.step_ms(ms * 1_000_000, 100.0);
         }
         assert_eq!(rate(&mut part), 0);
         set(&mut part, WHO_AM_I, 1);
@@ -335,12 +335,12 @@ mod tests {
     }
 
     #[test]
-    fn awake_it_reads_its_rate_with_its_errors_delay_and_end_of_range() {
+    fn rate_has_bias_scale_delay_and_saturation() {
         let mut part = awake();
         part.params_mut().noise_deg_s = 0.0;
         let mut risen = None;
         for ms in 0..100 {
-            part.millisecond(ms * 1_000_000, 100.0);
+            part.step_ms(ms * 1_000_000, 100.0);
             if risen.is_none() && f64::from(rate(&mut part)) > (51.0 - 3.7) * 65.5 {
                 risen = Some(ms + 1);
             }
@@ -349,29 +349,27 @@ mod tests {
         assert!((f64::from(rate(&mut part)) - expected).abs() < 2.0);
         assert!(matches!(risen, Some(4..=6)), "half of it: {risen:?} ms");
         for ms in 100..200 {
-            part.millisecond(ms * 1_000_000, -700.0);
+            part.step_ms(ms * 1_000_000, -700.0);
         }
         assert_eq!(rate(&mut part), i16::MIN);
         set(&mut part, GYRO_CONFIG, 0x10);
-        part.millisecond(200_000_000, -700.0);
+        part.step_ms(200_000_000, -700.0);
         assert!((f64::from(rate(&mut part)) + 717.7 * 32.75).abs() < 40.0);
     }
 
     #[test]
-    fn its_noise_is_the_seeds_and_as_large_as_said() {
+    fn noise_depends_on_seed_and_has_stated_size() {
         let draw = |seed| {
             let mut part = Mpu6050::new(Mpu6050Params::default(), seed);
             set(&mut part, PWR_MGMT_1, 0);
-            let words: Vec<i16> = (0..2000)
-                .map(|ms| {
-                    part.millisecond(ms * 1_000_000, 0.0);
-                    rate(&mut part)
-                })
-                .collect();
-            words
+            let sample = |ms: u64| {
+                part.step_ms(ms * 1_000_000, 0.0);
+                rate(&mut part)
+            };
+            (0..2000).map(sample).collect::<Vec<i16>>()
         };
-        assert_eq!(draw(3), draw(3));
         let words = draw(4);
+        assert_eq!(words, draw(4));
         assert_ne!(words, draw(3));
         let mean = words.iter().map(|&w| f64::from(w)).sum::<f64>() / 2000.0;
         let square = words.iter().map(|&w| (f64::from(w) - mean).powi(2));
@@ -380,12 +378,12 @@ mod tests {
     }
 
     #[test]
-    fn a_divided_rate_samples_so_much_more_rarely() {
+    fn sample_rate_divider_sets_period() {
         let mut part = awake();
         set(&mut part, SMPLRT_DIV, 9);
         let mut words = Vec::new();
         for ms in 0..1000 {
-            part.millisecond(ms * 1_000_000, 0.0);
+            part.step_ms(ms * 1_000_000, 0.0);
             words.push(rate(&mut part));
         }
         words.dedup();
@@ -393,17 +391,17 @@ mod tests {
     }
 
     #[test]
-    fn its_pin_pulses_or_is_held_until_the_status_is_read() {
+    fn interrupt_pulses_or_holds_until_status_is_read() {
         let mut part = awake();
-        part.millisecond(0, 0.0);
+        part.step_ms(0, 0.0);
         assert!(!part.interrupt(0), "not enabled");
         set(&mut part, INT_ENABLE, 1);
-        part.millisecond(1_000_000, 0.0);
+        part.step_ms(1_000_000, 0.0);
         assert!(part.interrupt(1_000_000) && part.interrupt(1_049_999));
-        assert_eq!(part.next(), Some(1_050_000));
+        assert_eq!(part.next_event(), Some(1_050_000));
         assert!(!part.interrupt(1_050_000));
         set(&mut part, INT_PIN_CFG, INT_HELD | INT_LOW);
-        part.millisecond(2_000_000, 0.0);
+        part.step_ms(2_000_000, 0.0);
         assert!(!part.interrupt(2_900_000), "active low");
         let _ = rate(&mut part);
         assert!(!part.interrupt(2_900_000), "not what clears it");
@@ -412,16 +410,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_behaves_as_broken() {
+    fn faults_change_acknowledge_identity_and_data() {
         let mut part = awake();
         part.fault = Mpu6050Fault::RefusesAfter(1);
         assert!(part.start(ADDRESS, false) && part.write(0x1A) && !part.write(3));
-        part.fault = Mpu6050Fault::Stranger(0x70);
+        part.fault = Mpu6050Fault::WrongId(0x70);
         assert_eq!(get(&mut part, WHO_AM_I, 1), [0x70]);
         part.fault = Mpu6050Fault::Frozen;
-        part.millisecond(0, 10.0);
+        part.step_ms(0, 10.0);
         let stands = rate(&mut part);
-        part.millisecond(1_000_000, 50.0);
+        part.step_ms(1_000_000, 50.0);
         assert_eq!(rate(&mut part), stands);
         part.fault = Mpu6050Fault::Silent;
         assert!(!part.start(ADDRESS, false));

@@ -3,9 +3,9 @@
 /// The shortest trigger, nanoseconds (board notes: at least 10 µs).
 const TRIGGER_NS: u64 = 10_000;
 /// From the trigger's end to the echo line's rise: the burst of eight periods of 40 kHz and what
-/// the sensor's controller needs; a choice within what such sensors show.
+/// the sensor's controller adds; typical of such sensors.
 const BURST_NS: u64 = 250_000;
-/// How long the line stays high without an echo; a choice within what such sensors show.
+/// How long the line stays high without an echo; typical of such sensors.
 const NO_ECHO_NS: u64 = 38_000_000;
 
 /// One rangefinder.
@@ -17,8 +17,8 @@ pub struct Rangefinder {
 }
 
 impl Rangefinder {
-    /// The trigger line changed. Answers whether this starts a measurement, which the caller then
-    /// hands over with [`Rangefinder::measure`].
+    /// The trigger line changed. Returns whether this starts a measurement, which the caller then
+    /// gives to [`Rangefinder::measure`].
     pub fn trigger(&mut self, now: u64, high: bool) -> bool {
         if high {
             self.triggered = Some(now);
@@ -31,8 +31,8 @@ impl Rangefinder {
         long_enough && self.fall.is_none()
     }
 
-    /// A burst leaves at `now`; its echo takes `echo_us` microseconds, or never returns. Answers when it
-    /// comes back.
+    /// Starts a measurement at `now` whose echo takes `echo_us` microseconds, or never returns. Returns
+    /// when it arrives.
     pub fn measure(&mut self, now: u64, echo_us: Option<f64>) -> Option<u64> {
         #[expect(
             clippy::cast_possible_truncation,
@@ -46,8 +46,8 @@ impl Rangefinder {
         echo_us.and(self.fall)
     }
 
-    /// Sound arrives at `at`: a sensor that listens then cannot tell whose it is.
-    pub fn hear(&mut self, at: u64, now: u64) {
+    /// Another sensor's echo arrives at `at`: it ends a measurement that is waiting for its own.
+    pub fn receive_crosstalk(&mut self, at: u64, now: u64) {
         let listens = self.rise.unwrap_or(now) <= at;
         if let Some(fall) = self.fall.filter(|&fall| listens && at < fall) {
             self.fall = Some(at.min(fall));
@@ -56,7 +56,7 @@ impl Rangefinder {
 
     /// When the echo line changes next.
     #[must_use]
-    pub fn next(&self) -> Option<u64> {
+    pub fn next_event(&self) -> Option<u64> {
         self.rise.or(self.fall)
     }
 
@@ -80,43 +80,43 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_echo_line_is_high_as_long_as_the_sound_travels() {
-        let mut ranger = Rangefinder::default();
-        assert!(!ranger.trigger(0, true));
-        assert!(ranger.trigger(10_000, false));
-        ranger.measure(10_000, Some(1000.0));
-        assert_eq!(ranger.take(259_999), None);
-        assert_eq!(ranger.take(260_000), Some(true));
-        assert_eq!(ranger.next(), Some(1_260_000));
-        assert_eq!(ranger.take(1_260_000), Some(false));
-        assert_eq!(ranger.next(), None);
+    fn echo_line_is_high_for_time_of_flight() {
+        let mut sensor = Rangefinder::default();
+        assert!(!sensor.trigger(0, true));
+        assert!(sensor.trigger(10_000, false));
+        sensor.measure(10_000, Some(1000.0));
+        assert_eq!(sensor.take(259_999), None);
+        assert_eq!(sensor.take(260_000), Some(true));
+        assert_eq!(sensor.next_event(), Some(1_260_000));
+        assert_eq!(sensor.take(1_260_000), Some(false));
+        assert_eq!(sensor.next_event(), None);
     }
 
     #[test]
-    fn anybodys_sound_ends_an_echo_that_is_still_awaited() {
-        let mut ranger = Rangefinder::default();
-        assert_eq!(ranger.measure(0, None), None);
-        ranger.hear(100_000, 0);
-        assert_eq!(ranger.fall, Some(38_250_000), "before it listens");
-        ranger.hear(9_000_000, 0);
-        assert_eq!(ranger.fall, Some(9_000_000));
-        ranger.hear(12_000_000, 0);
-        assert_eq!(ranger.fall, Some(9_000_000), "after its end");
-        assert_eq!(ranger.take(9_000_000), Some(true));
-        assert_eq!(ranger.take(9_000_000), Some(false));
-        ranger.hear(10_000_000, 9_500_000);
-        assert_eq!(ranger.next(), None);
+    fn crosstalk_ends_pending_measurement() {
+        let mut sensor = Rangefinder::default();
+        assert_eq!(sensor.measure(0, None), None);
+        sensor.receive_crosstalk(100_000, 0);
+        assert_eq!(sensor.fall, Some(38_250_000), "before it listens");
+        sensor.receive_crosstalk(9_000_000, 0);
+        assert_eq!(sensor.fall, Some(9_000_000));
+        sensor.receive_crosstalk(12_000_000, 0);
+        assert_eq!(sensor.fall, Some(9_000_000), "after its end");
+        assert_eq!(sensor.take(9_000_000), Some(true));
+        assert_eq!(sensor.take(9_000_000), Some(false));
+        sensor.receive_crosstalk(10_000_000, 9_500_000);
+        assert_eq!(sensor.next_event(), None);
     }
 
     #[test]
-    fn a_short_trigger_and_one_during_a_measurement_do_nothing() {
-        let mut ranger = Rangefinder::default();
-        ranger.trigger(0, true);
-        assert!(!ranger.trigger(9_999, false));
-        ranger.trigger(20_000, true);
-        assert!(ranger.trigger(30_000, false));
-        ranger.measure(30_000, None);
-        ranger.trigger(40_000, true);
-        assert!(!ranger.trigger(60_000, false));
+    fn short_or_early_trigger_is_ignored() {
+        let mut sensor = Rangefinder::default();
+        sensor.trigger(0, true);
+        assert!(!sensor.trigger(9_999, false));
+        sensor.trigger(20_000, true);
+        assert!(sensor.trigger(30_000, false));
+        sensor.measure(30_000, None);
+        sensor.trigger(40_000, true);
+        assert!(!sensor.trigger(60_000, false));
     }
 }

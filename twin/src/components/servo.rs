@@ -1,4 +1,4 @@
-//! The wire to the servo of the swept rangefinder: how long its pulses are, by their edges.
+//! The servo's control line: pulse widths from its edges.
 
 /// The line, and when it rose.
 #[derive(Clone, Copy, Debug, Default)]
@@ -7,7 +7,7 @@ pub struct ServoLine {
 }
 
 impl ServoLine {
-    /// The line is at this level at `now`, nanoseconds; the width of the pulse that this ends,
+    /// The line has this level at `now`, nanoseconds. Returns the width of the pulse that this ends,
     /// microseconds.
     pub fn level(&mut self, now: u64, high: bool) -> Option<f64> {
         match (self.rose, high) {
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pulse_is_as_long_as_the_line_is_high() {
+    fn pulse_width_is_time_at_high_level() {
         let mut line = ServoLine::default();
         assert_eq!(line.level(5, false), None);
         assert_eq!(line.level(1_000, true), None);

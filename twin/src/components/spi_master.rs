@@ -1,11 +1,11 @@
-//! The Pi's SPI controller: plays chip select and bits onto the wires in virtual time, and keeps
-//! what came back.
+//! The Pi's SPI controller: plays chip select and bits on the wires in virtual time, and records
+//! MISO.
 
 use std::collections::VecDeque;
 
-/// A step of what the master does on its wires.
+/// A step of the master.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum SpiStep {
     /// Drives the chip select: `true` selects (low).
     Select(bool),
     /// Clocks these bits out at this rate, first bit first.
@@ -19,7 +19,7 @@ pub enum Step {
     Wait(u64),
 }
 
-impl Step {
+impl SpiStep {
     /// The bytes, most significant bit first.
     #[must_use]
     pub fn bytes(bytes: &[u8], hz: u64) -> Self {
@@ -41,9 +41,9 @@ impl Step {
     }
 }
 
-/// What the wires do next.
+/// The next change on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
+pub enum SpiAction {
     /// The chip select changes: `true` selects.
     Select(bool),
     /// A rising clock edge with this bit on MOSI.
@@ -53,7 +53,7 @@ pub enum Action {
 /// The controller.
 #[derive(Debug, Default)]
 pub struct SpiMaster {
-    steps: VecDeque<Step>,
+    steps: VecDeque<SpiStep>,
     /// When the step in hand began.
     began: u64,
     /// Bits of the step in hand already clocked.
@@ -62,13 +62,13 @@ pub struct SpiMaster {
 }
 
 impl SpiMaster {
-    /// Starts playing `steps` at `now`; answers when the last one ends.
+    /// Starts playing `steps` at `now`; returns when the last one ends.
     ///
     /// # Panics
     /// When the steps before are still playing, or a clock is at no rate.
-    pub fn play(&mut self, now: u64, steps: Vec<Step>) -> u64 {
+    pub fn play(&mut self, now: u64, steps: Vec<SpiStep>) -> u64 {
         assert!(self.steps.is_empty(), "one transfer at a time");
-        let ends = now + steps.iter().map(Step::duration).sum::<u64>();
+        let ends = now + steps.iter().map(SpiStep::duration).sum::<u64>();
         self.steps = steps.into();
         self.began = now;
         self.clocked = 0;
@@ -76,25 +76,19 @@ impl SpiMaster {
         ends
     }
 
-    /// The bits that came back, one for each clock.
+    /// The bits on MISO, one for each clock.
     pub fn take_miso(&mut self) -> Vec<bool> {
         std::mem::take(&mut self.miso)
-    }
-
-    /// Whether nothing is left to play.
-    #[must_use]
-    pub fn is_idle(&self) -> bool {
-        self.steps.is_empty()
     }
 
     /// When the clock `ahead` clocks from here rises (0 = the next one), or when the step in hand
     /// ends, whichever is first. Bits settle half a period after the step begins, mode 0.
     #[must_use]
-    pub fn next(&self, ahead: usize) -> Option<u64> {
+    pub fn next_event(&self, ahead: usize) -> Option<u64> {
         Some(match self.steps.front()? {
-            Step::Select(_) => self.began,
-            Step::Wait(ns) => self.began + ns,
-            Step::Bits { mosi, hz } => {
+            SpiStep::Select(_) => self.began,
+            SpiStep::Wait(ns) => self.began + ns,
+            SpiStep::Bits { mosi, hz } => {
                 if self.clocked < mosi.len() {
                     let bit = (self.clocked + ahead).min(mosi.len() - 1) as u64;
                     self.began + (2 * bit + 1) * 500_000_000 / hz
@@ -105,23 +99,23 @@ impl SpiMaster {
         })
     }
 
-    /// Takes the next action due by `now`. The answer to a clock goes to [`SpiMaster::answer`].
-    pub fn take(&mut self, now: u64) -> Option<Action> {
+    /// Takes the next action due by `now`. The bit at a clock goes to [`SpiMaster::receive`].
+    pub fn take(&mut self, now: u64) -> Option<SpiAction> {
         loop {
-            let due = self.next(0)?;
+            let due = self.next_event(0)?;
             if due > now {
                 return None;
             }
             match self.steps.front()? {
-                Step::Select(selected) => {
+                SpiStep::Select(selected) => {
                     let selected = *selected;
                     self.finish(due);
-                    return Some(Action::Select(selected));
+                    return Some(SpiAction::Select(selected));
                 }
-                Step::Bits { mosi, .. } if self.clocked < mosi.len() => {
+                SpiStep::Bits { mosi, .. } if self.clocked < mosi.len() => {
                     let bit = mosi[self.clocked];
                     self.clocked += 1;
-                    return Some(Action::Clock(bit));
+                    return Some(SpiAction::Clock(bit));
                 }
                 _ => self.finish(due),
             }
@@ -129,7 +123,7 @@ impl SpiMaster {
     }
 
     /// The level of MISO at the clock just taken.
-    pub fn answer(&mut self, bit: bool) {
+    pub fn receive(&mut self, bit: bool) {
         self.miso.push(bit);
     }
 
@@ -153,34 +147,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clocks_rise_in_the_middle_of_their_bits() {
+    fn clocks_rise_in_middle_of_their_bits() {
         let mut master = SpiMaster::default();
         let ends = master.play(
             1000,
             vec![
-                Step::Select(true),
-                Step::Wait(100),
-                Step::bytes(&[0x80], 8_000_000),
-                Step::Select(false),
+                SpiStep::Select(true),
+                SpiStep::Wait(100),
+                SpiStep::bytes(&[0x80], 8_000_000),
+                SpiStep::Select(false),
             ],
         );
         assert_eq!(ends, 1000 + 100 + 1000);
-        assert_eq!(master.take(1000), Some(Action::Select(true)));
+        assert_eq!(master.take(1000), Some(SpiAction::Select(true)));
         assert_eq!(master.take(1161), None);
-        assert_eq!(master.next(0), Some(1162));
-        assert_eq!(master.take(1162), Some(Action::Clock(true)));
-        assert_eq!(master.next(6), Some(1100 + 937));
+        assert_eq!(master.next_event(0), Some(1162));
+        assert_eq!(master.take(1162), Some(SpiAction::Clock(true)));
+        assert_eq!(master.next_event(6), Some(1100 + 937));
         for _ in 0..7 {
-            assert_eq!(master.take(2050), Some(Action::Clock(false)));
+            assert_eq!(master.take(2050), Some(SpiAction::Clock(false)));
         }
         assert_eq!(master.take(2050), None);
-        assert_eq!(master.take(2100), Some(Action::Select(false)));
-        assert!(master.is_idle());
+        assert_eq!(master.take(2100), Some(SpiAction::Select(false)));
+        assert_eq!(master.next_event(0), None);
     }
 
     #[test]
-    fn bytes_and_bits_are_each_others_inverse() {
-        let Step::Bits { mosi, .. } = Step::bytes(&[0xA5, 0x01], 1) else {
+    fn pack_is_inverse_of_bytes() {
+        let SpiStep::Bits { mosi, .. } = SpiStep::bytes(&[0xA5, 0x01], 1) else {
             panic!("bits");
         };
         assert_eq!(pack(&mosi), [0xA5, 0x01]);

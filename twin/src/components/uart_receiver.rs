@@ -17,22 +17,22 @@ pub struct LogByte {
     pub byte: u8,
 }
 
-/// The wire's far end as the port hands words to it.
+/// The receiver.
 #[derive(Debug, Default)]
-pub struct Wire {
+pub struct UartReceiver {
     words: Vec<LogByte>,
 }
 
-impl Wire {
+impl UartReceiver {
     /// What arrived since the last call.
     pub fn take(&mut self) -> Vec<LogByte> {
         std::mem::take(&mut self.words)
     }
 }
 
-impl Store for Wire {}
+impl Store for UartReceiver {}
 
-impl Peer for Wire {
+impl Peer for UartReceiver {
     fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
         self.words.push(LogByte {
             at: context.now().0,
@@ -48,6 +48,6 @@ impl Peer for Wire {
 /// Whether a receiver at [`BAUD`] still reads a sender at `baud`: within 3 %, half a bit in ten
 /// with what the receiver's own clock may be off.
 #[must_use]
-pub fn readable(baud: u64) -> bool {
+pub fn is_readable(baud: u64) -> bool {
     baud.abs_diff(BAUD) * 100 <= BAUD * 3
 }

@@ -4,19 +4,19 @@ use embedded_hal::digital::{Error, ErrorKind, ErrorType, InputPin, OutputPin};
 
 use crate::board::Board;
 use crate::components::eeprom::Eeprom;
-use crate::components::i2c_bus::Side;
-use crate::emulator::Ended;
+use crate::components::i2c_bus::I2cController;
+use crate::emulator::EmulationEnded;
 
 /// Which line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line {
-    /// The microcontroller's NRST, pulled up.
+    /// GPIO 0, the microcontroller's NRST, pulled up: low holds it in reset.
     Reset,
-    /// The I2C switch, pulled down.
+    /// GPIO 4, the I2C switch, pulled down: high connects the EEPROM to the Pi.
     Select,
-    /// The EEPROM's WP, pulled up.
+    /// GPIO 17, the EEPROM's WP, pulled up: high protects it from writing.
     WriteProtect,
-    /// The firmware's READY, pulled down. An input: writing it is an error.
+    /// GPIO 22, the firmware's READY, pulled down. An input: writing it is an error.
     Ready,
 }
 
@@ -33,59 +33,34 @@ impl Pin {
     }
 
     fn drive(&self, high: bool) -> Result<(), PinError> {
-        match self.line {
-            Line::Reset => self.board.hold_reset(!high)?,
-            Line::Select => self.board.give_eeprom_to_pi(high)?,
-            Line::WriteProtect => self.board.i2c_bus(move |bus, _| {
-                if let Some(eeprom) = &mut bus.eeprom {
-                    eeprom.protect(high);
-                }
-            })?,
-            Line::Ready => return Err(PinError::IsAnInput),
+        let line = self.line;
+        if line == Line::Ready {
+            return Err(PinError::IsAnInput);
         }
+        self.board.try_stopped(move |stopped| match line {
+            Line::Reset => stopped.hold_reset(!high),
+            Line::Select if high => stopped.switch_i2c(I2cController::Pi),
+            Line::Select => stopped.switch_i2c(I2cController::Stm),
+            Line::WriteProtect | Line::Ready => stopped.i2c_bus(|bus, _| {
+                if let Some(eeprom) = &mut bus.eeprom {
+                    eeprom.set_write_protect(high);
+                }
+            }),
+        })?;
         Ok(())
     }
-
-    fn level(&self) -> Result<bool, Ended> {
-        let line = self.line;
-        self.board.try_with(move |scene| {
-            let robot = &scene.session.board().robot;
-            let bus = robot.around.i2c.lock();
-            match line {
-                Line::Reset => !robot.around.reset_low,
-                Line::Select => bus.owner() == Side::Pi,
-                Line::WriteProtect => bus.eeprom.as_ref().is_none_or(Eeprom::is_protected),
-                Line::Ready => robot.is_ready(),
-            }
-        })
-    }
 }
 
-/// A line cannot be driven.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A line cannot be driven or read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PinError {
     /// READY is the board's to drive.
+    #[error("the line is an input of the Pi")]
     IsAnInput,
     /// The emulation has ended.
-    Ended(Ended),
+    #[error(transparent)]
+    Ended(#[from] EmulationEnded),
 }
-
-impl From<Ended> for PinError {
-    fn from(ended: Ended) -> Self {
-        Self::Ended(ended)
-    }
-}
-
-impl std::fmt::Display for PinError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::IsAnInput => write!(formatter, "the line is an input of the Pi"),
-            Self::Ended(ended) => ended.fmt(formatter),
-        }
-    }
-}
-
-impl std::error::Error for PinError {}
 
 impl Error for PinError {
     fn kind(&self) -> ErrorKind {
@@ -109,7 +84,18 @@ impl OutputPin for Pin {
 
 impl InputPin for Pin {
     fn is_high(&mut self) -> Result<bool, PinError> {
-        Ok(self.level()?)
+        let line = self.line;
+        let level = self.board.try_stopped(move |stopped| {
+            let mcu = stopped.mcu();
+            let bus = mcu.board.i2c.lock();
+            match line {
+                Line::Reset => !mcu.board.reset_low,
+                Line::Select => bus.controller() == I2cController::Pi,
+                Line::WriteProtect => bus.eeprom.as_ref().is_none_or(Eeprom::is_write_protected),
+                Line::Ready => mcu.is_ready(),
+            }
+        })?;
+        Ok(level)
     }
 
     fn is_low(&mut self) -> Result<bool, PinError> {
@@ -120,32 +106,35 @@ impl InputPin for Pin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Options;
+    use crate::{Options, ResetSource};
 
     #[test]
-    fn the_lines_rest_where_the_board_pulls_them() {
+    fn lines_rest_at_their_pulls_and_ready_is_input() {
         let board = Board::new(&[], Options::default()).unwrap();
-        assert!(board.pin_reset().is_high().unwrap());
-        assert!(board.pin_select().is_low().unwrap());
-        assert!(board.pin_wp().is_high().unwrap());
-        assert!(board.pin_ready().is_low().unwrap());
-        assert_eq!(board.pin_ready().set_high(), Err(PinError::IsAnInput));
+        for (line, level) in [
+            (Line::Reset, true),
+            (Line::Select, false),
+            (Line::WriteProtect, true),
+            (Line::Ready, false),
+        ] {
+            assert_eq!(board.pin(line).is_high(), Ok(level), "{line:?}");
+        }
+        let driven = board.pin(Line::Ready).set_high();
+        assert_eq!(driven, Err(PinError::IsAnInput));
     }
 
     #[test]
-    fn a_reset_line_held_low_stops_the_core_once_and_two_handles_are_one_line() {
+    fn reset_line_held_low_stops_core_and_resets_once() {
         let board = Board::new(&[], Options::default()).unwrap();
-        board.pin_reset().set_low().unwrap();
-        board.pin_reset().set_low().unwrap();
+        board.pin(Line::Reset).set_low().unwrap();
+        board.pin(Line::Reset).set_low().unwrap();
         let before = board.instructions();
         board.run_us(1000);
         assert_eq!(board.instructions(), before);
-        assert!(board.pin_reset().is_low().unwrap());
-        board.pin_reset().set_high().unwrap();
-        let pins = board
-            .resets()
-            .into_iter()
-            .filter(|reset| reset.cause == crate::ResetBy::Pin);
-        assert_eq!(pins.count(), 1);
+        assert_eq!(board.pin(Line::Reset).is_low(), Ok(true));
+        board.pin(Line::Reset).set_high().unwrap();
+        let resets = board.resets();
+        assert_eq!(resets.len(), 1);
+        assert_eq!(resets[0].source, ResetSource::Pin);
     }
 }

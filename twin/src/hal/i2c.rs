@@ -5,8 +5,8 @@ use embedded_hal::i2c::{
 };
 
 use crate::board::Board;
-use crate::components::i2c_bus::Side;
-use crate::emulator::Ended;
+use crate::components::i2c_bus::{I2cBus, I2cController::Pi};
+use crate::emulator::EmulationEnded;
 
 /// Nanoseconds of a bit at 400 kHz.
 const BIT_NS: u64 = 2_500;
@@ -20,36 +20,21 @@ pub struct I2c {
 }
 
 /// A transfer failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum I2cError {
-    /// Nobody at the address, or the EEPROM is busy with a write.
+    /// No device at the address, or the EEPROM is busy with a write.
+    #[error("the address is not acknowledged")]
     NoAddress,
     /// The EEPROM refused a byte: it is write-protected.
+    #[error("a data byte is not acknowledged")]
     NoData,
-    /// Somebody holds the data line low.
+    /// A device holds the data line low.
+    #[error("the bus is held low")]
     Held,
     /// The emulation has ended.
-    Ended(Ended),
+    #[error(transparent)]
+    Ended(#[from] EmulationEnded),
 }
-
-impl From<Ended> for I2cError {
-    fn from(ended: Ended) -> Self {
-        Self::Ended(ended)
-    }
-}
-
-impl std::fmt::Display for I2cError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::NoAddress => write!(formatter, "the address is not acknowledged"),
-            Self::NoData => write!(formatter, "a data byte is not acknowledged"),
-            Self::Held => write!(formatter, "the bus is held low"),
-            Self::Ended(ended) => ended.fmt(formatter),
-        }
-    }
-}
-
-impl std::error::Error for I2cError {}
 
 impl Error for I2cError {
     fn kind(&self) -> ErrorKind {
@@ -67,36 +52,36 @@ impl I2c {
         Self { board }
     }
 
+    /// Lets virtual time pass, then acts on the bus.
+    fn after<T: Send + 'static>(
+        &self,
+        ns: u64,
+        act: impl FnOnce(&mut I2cBus, u64) -> T + Send + 'static,
+    ) -> Result<T, I2cError> {
+        self.board.try_run_ns(ns)?;
+        Ok(self.board.try_stopped(|stopped| stopped.i2c_bus(act))?)
+    }
+
     fn start(&self, address: u8, read: bool) -> Result<(), I2cError> {
-        self.board.try_run_ns(BIT_NS + BYTE_NS)?;
-        let (held, acknowledged) = self.board.i2c_bus(move |bus, now| {
-            (
-                bus.is_stuck(Side::Pi),
-                bus.start(Side::Pi, now, address, read),
-            )
-        })?;
-        match (held, acknowledged) {
+        let start =
+            move |bus: &mut I2cBus, now| (bus.is_sda_held(Pi), bus.start(Pi, now, address, read));
+        match self.after(BIT_NS + BYTE_NS, start)? {
             (true, _) => Err(I2cError::Held),
             (_, true) => Ok(()),
             (_, false) => Err(I2cError::NoAddress),
         }
     }
 
-    fn bytes(&self, operation: &mut Operation<'_>) -> Result<(), I2cError> {
+    fn transfer(&self, operation: &mut Operation<'_>) -> Result<(), I2cError> {
         match operation {
             Operation::Read(buffer) => {
                 for byte in buffer.iter_mut() {
-                    self.board.try_run_ns(BYTE_NS)?;
-                    *byte = self.board.i2c_bus(|bus, _| bus.read(Side::Pi))?;
+                    *byte = self.after(BYTE_NS, |bus, _| bus.read(Pi))?;
                 }
             }
             Operation::Write(bytes) => {
                 for &byte in *bytes {
-                    self.board.try_run_ns(BYTE_NS)?;
-                    if !self
-                        .board
-                        .i2c_bus(move |bus, _| bus.write(Side::Pi, byte))?
-                    {
+                    if !self.after(BYTE_NS, move |bus, _| bus.write(Pi, byte))? {
                         return Err(I2cError::NoData);
                     }
                 }
@@ -124,13 +109,12 @@ impl I2cTrait for I2c {
                 direction = Some(read);
                 outcome = self.start(address, read);
             }
-            outcome = outcome.and_then(|()| self.bytes(operation));
+            outcome = outcome.and_then(|()| self.transfer(operation));
             if outcome.is_err() {
                 break;
             }
         }
-        self.board.try_run_ns(BIT_NS)?;
-        self.board.i2c_bus(|bus, now| bus.stop(Side::Pi, now))?;
+        self.after(BIT_NS, |bus, now| bus.stop(Pi, now))?;
         outcome
     }
 }
@@ -139,24 +123,27 @@ impl I2cTrait for I2c {
 mod tests {
     use super::*;
     use crate::components::eeprom::{ADDRESS, WRITE_CYCLE_NS};
+    use crate::hal::Line;
     use crate::Options;
     use embedded_hal::digital::OutputPin;
 
-    /// A board whose microcontroller is out of the way.
+    /// A board in reset whose EEPROM is connected to the Pi.
     fn board() -> Board {
         let board = Board::new(&[], Options::default()).unwrap();
-        board.hold_reset(true).unwrap();
+        board.hold_reset(true);
+        board.switch_i2c(Pi);
         board
     }
 
     #[test]
-    fn the_pi_reads_and_writes_while_the_switch_is_its() {
+    fn pi_reads_and_writes_eeprom_while_it_is_connected() {
         let board = board();
         let mut i2c = board.i2c();
+        board.pin(Line::Select).set_low().unwrap();
         assert_eq!(i2c.write(ADDRESS, &[]), Err(I2cError::NoAddress));
-        board.pin_select().set_high().unwrap();
+        board.pin(Line::Select).set_high().unwrap();
         assert_eq!(i2c.write(ADDRESS, &[0, 4, 7]), Err(I2cError::NoData));
-        board.pin_wp().set_low().unwrap();
+        board.pin(Line::WriteProtect).set_low().unwrap();
         i2c.write(ADDRESS, &[0, 4, 7, 8]).unwrap();
         assert_eq!(i2c.write(ADDRESS, &[]), Err(I2cError::NoAddress), "busy");
         board.try_run_ns(WRITE_CYCLE_NS).unwrap();
@@ -166,19 +153,17 @@ mod tests {
     }
 
     #[test]
-    fn a_byte_takes_nine_bits_of_virtual_time() {
+    fn byte_takes_nine_bits_of_virtual_time() {
         let board = board();
-        board.pin_select().set_high().unwrap();
         let before = board.now_ns();
         board.i2c().write(ADDRESS, &[0, 0]).unwrap();
         assert_eq!(board.now_ns() - before, 3 * BYTE_NS + 2 * BIT_NS);
     }
 
     #[test]
-    fn a_held_bus_is_an_error_of_its_own() {
+    fn held_bus_is_reported() {
         let board = board();
-        board.pin_select().set_high().unwrap();
-        board.faults().hold_i2c().unwrap();
+        board.i2c_bus(|bus, _| bus.hold_sda(9));
         assert_eq!(board.i2c().write(ADDRESS, &[0, 0]), Err(I2cError::Held));
     }
 }

@@ -1,12 +1,12 @@
-//! The Pi's end of the wires as embedded-hal 1.0 sees it. Virtual time passes inside transfers and
-//! delays alone.
+//! The Pi's end of the wires as embedded-hal 1.0 sees it. Virtual time passes only inside transfers
+//! and delays.
 
-mod delay;
 mod gpio;
 mod i2c;
 mod spi;
 
-pub use delay::Delay;
+use embedded_hal::delay::DelayNs;
+
 pub use gpio::{Line, Pin, PinError};
 pub use i2c::{I2c, I2cError};
 pub use spi::{Spi, SpiError, SpiTiming};
@@ -26,39 +26,34 @@ impl Board {
         Spi::new(self.clone(), timing)
     }
 
-    /// /dev/i2c-1 at 400 kHz: the EEPROM, while the switch gives it to the Pi.
+    /// /dev/i2c-1 at 400 kHz: the EEPROM, while the switch connects it to the Pi.
     #[must_use]
     pub fn i2c(&self) -> I2c {
         I2c::new(self.clone())
     }
 
-    /// GPIO 0: low holds the microcontroller in reset, high lets it go.
+    /// One of the Pi's GPIO lines.
     #[must_use]
-    pub fn pin_reset(&self) -> Pin {
-        Pin::new(self.clone(), Line::Reset)
+    pub fn pin(&self, line: Line) -> Pin {
+        Pin::new(self.clone(), line)
     }
 
-    /// GPIO 4: high gives the EEPROM to the Pi.
-    #[must_use]
-    pub fn pin_select(&self) -> Pin {
-        Pin::new(self.clone(), Line::Select)
-    }
-
-    /// GPIO 17: high protects the EEPROM from writing.
-    #[must_use]
-    pub fn pin_wp(&self) -> Pin {
-        Pin::new(self.clone(), Line::WriteProtect)
-    }
-
-    /// GPIO 22: high once the firmware is configured.
-    #[must_use]
-    pub fn pin_ready(&self) -> Pin {
-        Pin::new(self.clone(), Line::Ready)
-    }
-
-    /// Virtual time to wait in.
+    /// A delay in virtual time.
     #[must_use]
     pub fn delay(&self) -> Delay {
-        Delay::new(self.clone())
+        Delay(self.clone())
+    }
+}
+
+/// Lets virtual time pass.
+#[derive(Clone, Debug)]
+pub struct Delay(Board);
+
+impl DelayNs for Delay {
+    /// # Panics
+    /// When the emulation has ended: the trait has no error.
+    fn delay_ns(&mut self, ns: u32) {
+        let run = self.0.try_run_ns(u64::from(ns));
+        run.unwrap_or_else(|ended| panic!("{ended}"));
     }
 }

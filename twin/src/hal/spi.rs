@@ -3,8 +3,8 @@
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation, SpiDevice};
 
 use crate::board::Board;
-use crate::components::spi_master::{pack, Step};
-use crate::emulator::Ended;
+use crate::components::spi_master::{pack, SpiStep};
+use crate::emulator::EmulationEnded;
 
 /// The timing of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,22 +39,9 @@ pub struct Spi {
 }
 
 /// The emulation has ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SpiError(pub Ended);
-
-impl From<Ended> for SpiError {
-    fn from(ended: Ended) -> Self {
-        Self(ended)
-    }
-}
-
-impl std::fmt::Display for SpiError {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.fmt(formatter)
-    }
-}
-
-impl std::error::Error for SpiError {}
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(transparent)]
+pub struct SpiError(#[from] pub EmulationEnded);
 
 impl Error for SpiError {
     fn kind(&self) -> ErrorKind {
@@ -67,30 +54,19 @@ impl Spi {
         Self { board, timing }
     }
 
-    fn step(&self, operation: &Operation<'_, u8>) -> Step {
+    fn step(&self, operation: &Operation<'_, u8>) -> SpiStep {
         let hz = self.timing.hz;
         match operation {
-            Operation::Read(into) => Step::bytes(&vec![0; into.len()], hz),
-            Operation::Write(bytes) => Step::bytes(bytes, hz),
+            Operation::Read(into) => SpiStep::bytes(&vec![0; into.len()], hz),
+            Operation::Write(bytes) => SpiStep::bytes(bytes, hz),
             Operation::Transfer(read, write) => {
                 let mut bytes = write.to_vec();
                 bytes.resize(read.len().max(write.len()), 0);
-                Step::bytes(&bytes, hz)
+                SpiStep::bytes(&bytes, hz)
             }
-            Operation::TransferInPlace(bytes) => Step::bytes(bytes, hz),
-            Operation::DelayNs(ns) => Step::Wait(u64::from(*ns)),
+            Operation::TransferInPlace(bytes) => SpiStep::bytes(bytes, hz),
+            Operation::DelayNs(ns) => SpiStep::Wait(u64::from(*ns)),
         }
-    }
-}
-
-/// The clocks an operation takes.
-fn bits(operation: &Operation<'_, u8>) -> usize {
-    8 * match operation {
-        Operation::Read(into) => into.len(),
-        Operation::Write(bytes) => bytes.len(),
-        Operation::Transfer(read, write) => read.len().max(write.len()),
-        Operation::TransferInPlace(bytes) => bytes.len(),
-        Operation::DelayNs(_) => 0,
     }
 }
 
@@ -100,41 +76,26 @@ impl ErrorType for Spi {
 
 impl SpiDevice for Spi {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), SpiError> {
-        let mut steps = vec![Step::Select(true), Step::Wait(self.timing.setup_ns)];
+        let mut steps = vec![SpiStep::Select(true), SpiStep::Wait(self.timing.setup_ns)];
         steps.extend(operations.iter().map(|operation| self.step(operation)));
         steps.extend([
-            Step::Wait(self.timing.hold_ns),
-            Step::Select(false),
-            Step::Wait(self.timing.after_ns),
+            SpiStep::Wait(self.timing.hold_ns),
+            SpiStep::Select(false),
+            SpiStep::Wait(self.timing.after_ns),
         ]);
-        let disturbance = self.board.next_disturbance();
-        if let Some(disturbance) = disturbance {
-            disturbance.on_the_way_out(&mut steps);
-        }
-        let clocks: usize = operations.iter().map(|operation| bits(operation)).sum();
-        let mut miso = self.board.spi_raw(steps)?;
-        if let Some(disturbance) = disturbance {
-            disturbance.on_the_way_back(&mut miso);
-        }
-        // A line nobody clocks any more reads low.
-        miso.resize(clocks, false);
-        let mut answer = pack(&miso).into_iter();
+        let received = pack(&self.board.try_spi_steps(steps)?);
+        let mut received = received.into_iter();
         for operation in operations {
             match operation {
                 Operation::Read(into) | Operation::TransferInPlace(into) => {
-                    for byte in into.iter_mut() {
-                        *byte = answer.next().unwrap_or_default();
-                    }
+                    into.fill_with(|| received.next().unwrap_or_default());
                 }
                 Operation::Transfer(read, write) => {
-                    for at in 0..read.len().max(write.len()) {
-                        let byte = answer.next().unwrap_or_default();
-                        if let Some(slot) = read.get_mut(at) {
-                            *slot = byte;
-                        }
-                    }
+                    let skipped = write.len().saturating_sub(read.len());
+                    read.fill_with(|| received.next().unwrap_or_default());
+                    received.by_ref().take(skipped).for_each(drop);
                 }
-                Operation::Write(bytes) => answer.by_ref().take(bytes.len()).for_each(drop),
+                Operation::Write(bytes) => received.by_ref().take(bytes.len()).for_each(drop),
                 Operation::DelayNs(_) => {}
             }
         }
@@ -148,15 +109,15 @@ mod tests {
     use crate::Options;
 
     #[test]
-    fn a_transfer_takes_its_time_and_nobody_answers_a_silent_wire() {
+    fn transfer_takes_wire_time_and_undriven_miso_reads_zero() {
         let board = Board::new(&[], Options::default()).unwrap();
-        board.hold_reset(true).unwrap();
+        board.hold_reset(true);
         let before = board.now_ns();
         let mut bytes = [0xA5; 19];
         board.spi().transfer_in_place(&mut bytes).unwrap();
         assert_eq!(bytes, [0; 19]);
-        let took = board.now_ns() - before;
+        let elapsed = board.now_ns() - before;
         let wires = 1_000 + 19 * 1_000 + 1_000 + 20_000;
-        assert!((wires..wires + 20).contains(&took), "{took}");
+        assert!((wires..wires + 20).contains(&elapsed), "{elapsed}");
     }
 }

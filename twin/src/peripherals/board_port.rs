@@ -1,14 +1,14 @@
-//! The part's door to the board: an instance without an address that hears every pin the firmware
-//! moves and wakes the run when a part of the board has something due.
+//! The part's connection to the board: an instance without an address that records every change of
+//! the firmware's outputs, and at which the board schedules its own events.
 //!
-//! It decides nothing. What it heard is taken by the board at the same instant, which is why it
-//! schedules an event at the instant of every change.
+//! It schedules an event at the instant of every change, so that the board handles it at that
+//! instant.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::{Layout, Peripheral, RegisterSpec};
 use rigless::time::VirtualNanos;
 
-use crate::soc::{memory_map::PORTS, Pin};
+use crate::pin::{Pin, PORTS};
 
 /// The instance's name.
 pub const NAME: &str = "BOARD";
@@ -51,16 +51,16 @@ pub struct PinChange {
     pub level: Level,
 }
 
-/// The door.
+/// The connection to the board.
 #[derive(Debug, Default)]
 pub struct BoardPort {
-    /// The pins whose changes the board follows, one bit mask per port of [`PORTS`].
+    /// The pins whose changes are recorded, one bit mask per port of [`PORTS`].
     watched: [u16; PORTS.len()],
     changes: Vec<PinChange>,
 }
 
 impl BoardPort {
-    /// Follows `pin` from now on.
+    /// Records the changes of `pin` from now on.
     pub fn watch(&mut self, pin: Pin) {
         self.watched[pin.port] |= 1 << pin.number;
     }
@@ -70,7 +70,7 @@ impl BoardPort {
         std::mem::take(&mut self.changes)
     }
 
-    /// The pins followed, for the part that replaces this one at a reset.
+    /// Keeps the recorded pins, for the part that replaces this one at a reset.
     pub(crate) fn inherit(&mut self, from: &Self) {
         self.watched = from.watched;
     }

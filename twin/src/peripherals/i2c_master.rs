@@ -1,10 +1,10 @@
-//! `rigless`'s I2C controller with two things it leaves out.
+//! `rigless`'s I2C controller with two additions.
 //!
 //! - The last byte of a DMA reception. With `LAST` set (RM0383 section 18.3.8, 18.6.2 bit 12) the
-//!   hardware answers the byte that ends the stream's count with a NACK. The part reads the count
-//!   off the stream and says so through [`I2cMaster::next_is_last`].
-//! - A bus somebody holds low. `BUSY` stands (section 18.6.7 bit 1: set on detection of `SDA` or
-//!   `SCL` low) and a requested start waits for it, until the line is released.
+//!   hardware answers the byte that ends the stream's count with a NACK. The part sets
+//!   [`I2cPeripheral::next_is_last`] from the stream's count.
+//! - A bus held low by a device. `BUSY` is set (section 18.6.7 bit 1: on detection of `SDA` or `SCL`
+//!   low) and a requested start waits until the line is released.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::i2c3::{cr1, cr2, sr1, sr2, Register};
@@ -14,14 +14,14 @@ use rigless::time::{EventId, VirtualNanos};
 
 /// An I2C controller.
 #[derive(Debug)]
-pub struct I2cMaster {
-    /// `rigless`'s model, which does everything else.
+pub struct I2cPeripheral {
+    /// `rigless`'s model of everything else.
     pub inner: I2c,
     last: bool,
     held_low: bool,
 }
 
-impl I2cMaster {
+impl I2cPeripheral {
     /// The controller of an interface whose bus runs at `clock_hz`.
     #[must_use]
     pub fn with_clock(clock_hz: u64) -> Self {
@@ -32,10 +32,10 @@ impl I2cMaster {
         }
     }
 
-    /// Whether the controller receives by DMA with `LAST` set, and has a byte to hand over: then
-    /// what the stream has left decides how the next one is answered.
+    /// Whether the controller receives by DMA with `LAST` set: then the stream's count decides how
+    /// the next byte is acknowledged.
     #[must_use]
-    pub fn receives_to_the_last(registers: &RegisterFile) -> bool {
+    pub fn uses_last(registers: &RegisterFile) -> bool {
         let control = registers.get(Register::Cr2);
         cr2::LAST.is_set(control) && cr2::DMAEN.is_set(control)
     }
@@ -51,7 +51,7 @@ impl I2cMaster {
         self.last = last;
     }
 
-    /// Somebody holds `SDA` or `SCL` low, or no longer does: then a start that waited is made.
+    /// A device holds `SDA` or `SCL` low, or releases it: then a pending start is made.
     pub fn hold_low(
         &mut self,
         held: bool,
@@ -62,7 +62,7 @@ impl I2cMaster {
             return;
         }
         self.held_low = held;
-        self.show_busy(registers);
+        self.set_busy(registers);
         let status = registers.get(Register::Sr2);
         if held || sr2::MSL.is_set(status) {
             return;
@@ -77,7 +77,7 @@ impl I2cMaster {
         }
     }
 
-    fn show_busy(&self, registers: &mut RegisterFile) {
+    fn set_busy(&self, registers: &mut RegisterFile) {
         if self.held_low && cr1::PE.is_set(registers.get(Register::Cr1)) {
             let status = registers.get(Register::Sr2);
             registers.set(Register::Sr2, sr2::BUSY.set(status, 1));
@@ -85,7 +85,7 @@ impl I2cMaster {
     }
 }
 
-impl Device for I2cMaster {
+impl Device for I2cPeripheral {
     type Register = Register;
 
     fn layout(&self) -> &'static [RegisterSpec] {
@@ -98,7 +98,7 @@ impl Device for I2cMaster {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
-        self.show_busy(registers);
+        self.set_busy(registers);
         self.inner.read(register, registers, context)
     }
 
@@ -113,9 +113,9 @@ impl Device for I2cMaster {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        self.show_busy(registers);
+        self.set_busy(registers);
         self.inner.write(register, value, registers, context);
-        self.show_busy(registers);
+        self.set_busy(registers);
     }
 
     fn on_event(
@@ -126,7 +126,7 @@ impl Device for I2cMaster {
     ) {
         let control = registers.get(Register::Cr1);
         if self.last && cr1::ACK.is_set(control) {
-            // The hardware's NACK leaves the software's ACK bit alone.
+            // The hardware's NACK leaves the software's ACK bit unchanged.
             registers.set(Register::Cr1, cr1::ACK.set(control, 0));
             self.inner.on_event(event, registers, context);
             let after = registers.get(Register::Cr1);
@@ -167,80 +167,5 @@ impl Device for I2cMaster {
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.last = false;
         self.inner.reset_line(registers, context);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::soc::fixture::Bench;
-    use rigless::soc::stm32f427::peripherals::i2c::Pattern;
-
-    const RCC: u64 = 0x4002_3800;
-    const I2C1: u64 = 0x4000_5400;
-    const CR1: u64 = I2C1;
-    const CR2: u64 = I2C1 + 4;
-    const DR: u64 = I2C1 + 0x10;
-    const SR1: u64 = I2C1 + 0x14;
-    const SR2: u64 = I2C1 + 0x18;
-    const CCR: u64 = I2C1 + 0x1C;
-    const PE: u64 = 1;
-    const START: u64 = 1 << 8;
-    const STOP: u64 = 1 << 9;
-    const ACK: u64 = 1 << 10;
-    const DMAEN: u64 = 1 << 11;
-    const LAST: u64 = 1 << 12;
-    const SB: u64 = 1;
-    const BUSY: u64 = 1 << 1;
-    const STREAM: u64 = 0x4002_6010;
-
-    fn bench() -> Bench {
-        let mut bench = Bench::new();
-        bench.part.i2c[0]
-            .inner
-            .attach(Pattern::answering(0x50, [1, 2, 3, 4]));
-        bench.write(RCC + 0x30, 1 << 21);
-        bench.write(RCC + 0x40, 1 << 21);
-        bench.write(CR2, 16);
-        bench.write(CCR, 0x50);
-        bench.write(CR1, PE | ACK);
-        bench
-    }
-
-    #[test]
-    fn the_last_byte_of_a_dma_reception_is_not_acknowledged_and_nothing_follows_it() {
-        let mut bench = bench();
-        for (offset, value) in [
-            (4, 3),
-            (8, DR),
-            (12, Bench::RAM),
-            (0, 1 << 25 | 1 << 10 | 1),
-        ] {
-            bench.write(STREAM + offset, value);
-        }
-        bench.write(CR2, 16 | DMAEN | LAST);
-        bench.write(CR1, PE | ACK | START);
-        assert_ne!(bench.read(SR1) & SB, 0);
-        bench.write(DR, 0x50 << 1 | 1);
-        bench.run(100_000);
-        bench.read(SR1);
-        bench.read(SR2);
-        bench.run(1_000_000);
-        assert_eq!(bench.ram[..4], [1, 2, 3, 0]);
-        let chip: &mut Pattern = bench.part.i2c[0].inner.chip_mut(0).unwrap();
-        assert_eq!(chip.lasts(), [false, false, true]);
-        assert_ne!(bench.read(CR1) & ACK, 0, "the program's own bit stays");
-        bench.write(CR1, PE | ACK | STOP);
-        assert_eq!(bench.read(SR2) & BUSY, 0);
-    }
-
-    #[test]
-    fn a_start_waits_while_somebody_holds_the_bus() {
-        let mut bench = bench();
-        bench.hold_i2c1_low(true);
-        assert_ne!(bench.read(SR2) & BUSY, 0);
-        bench.write(CR1, PE | ACK | START);
-        assert_eq!(bench.read(SR1) & SB, 0);
-        bench.hold_i2c1_low(false);
-        assert_ne!(bench.read(SR1) & SB, 0);
     }
 }

@@ -1,5 +1,5 @@
-//! The devices of the STM32F411 that the emulator does not bring: external interrupts, their
-//! multiplexer, the SPI slave, what the I2C model leaves out, and the door to the board.
+//! The peripherals of the STM32F411 that the emulator does not model: external interrupts, their
+//! multiplexer, the SPI slave, additions to the I2C model, and the connection to the board.
 
 pub mod board_port;
 pub mod exti;

@@ -1,15 +1,15 @@
 //! The multiplexer of the external interrupt lines in SYSCFG, RM0383 rev 3 section 7.2.
 //!
-//! `EXTICR1` to `EXTICR4` choose the port whose pin `n` is line `n`; the chosen level goes to the
-//! external interrupt controller as this instance's request `n`. Changing the choice while two
-//! ports' pins differ is an edge on the line, as in the silicon. The memory remap and the
-//! compensation cell are stored and do nothing.
+//! `EXTICR1` to `EXTICR4` select the port whose pin `n` is line `n`; its level is this instance's
+//! request `n` to the external interrupt controller. Changing the selection while the levels differ
+//! is an edge on the line, as in the silicon. The memory remap and the compensation cell are stored
+//! without effect.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::syscfg::Register;
 
 use super::exti::LINES;
-use crate::soc::memory_map::PORTS;
+use crate::pin::PORTS;
 
 /// The `EXTICR` code of each port of [`PORTS`], section 7.2.3: H is 7.
 const CODES: [u64; PORTS.len()] = [0, 1, 2, 3, 4, 7];

@@ -1,4 +1,4 @@
-//! What the board does to the part's peripherals other than through its pins' levels.
+//! The part's peripherals as seen from the board, beside its pins' levels.
 
 use rigless::device::{DeviceContext, Level, RegisterFile};
 use rigless::edge::Pulse;
@@ -47,7 +47,7 @@ impl Stm32f411 {
         self.tim1.output(channel, registers)
     }
 
-    /// Hands the SPI slave an input the bus does not carry.
+    /// Drives an input of the SPI slave.
     pub fn drive_spi<T>(
         &mut self,
         now: VirtualNanos,
@@ -63,13 +63,13 @@ impl Stm32f411 {
         self.bus.slots()[self.slots.spi].registers()
     }
 
-    /// Somebody on I2C1's wires holds one low, or lets go.
+    /// A device on I2C1's bus holds a line low, or releases it.
     pub fn hold_i2c1_low(&mut self, now: VirtualNanos, held: bool) {
         let (registers, mut context) = self.bus.drive(now, self.slots.i2c1);
         self.i2c[0].hold_low(held, registers, &mut context);
     }
 
-    /// The crystal stops while it runs.
+    /// The crystal stops.
     pub fn fail_crystal(&mut self, now: VirtualNanos) {
         let (registers, mut context) = self.bus.drive(now, self.slots.rcc);
         self.rcc.fail_hse(registers, &mut context);

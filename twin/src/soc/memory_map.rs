@@ -1,5 +1,5 @@
 //! The STM32F411RE as a bus: its memories, its instances, which clock-controller bit gates and
-//! resets each, and which DMA stream hears which request. From RM0383 rev 3 (tables 1, 27, 28, 38;
+//! resets each, and which DMA stream serves which request. From RM0383 rev 3 (tables 1, 27, 28, 38;
 //! chapter 6) and the STM32F411xC/xE datasheet; the register layouts and the corrections of the
 //! vendor's file are `rigless`'s for the STM32F427, whose blocks are the same.
 
@@ -12,9 +12,7 @@ use rigless::soc::{
 };
 
 use crate::peripherals::{board_port, spi_slave};
-
-/// The ports the LQFP64 part has, in the order of [`super::Stm32f411::gpio`].
-pub const PORTS: [&str; 6] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOH"];
+use crate::pin::PORTS;
 
 /// The general-purpose timers `rigless` models, in the order of [`super::Stm32f411::tim`].
 pub const TIMERS: [(&str, tim::Counter); 4] = [
@@ -234,8 +232,7 @@ pub fn bus() -> Result<Bus, Error> {
     ] {
         builder = builder.reads_requests(instance);
     }
-    // Which output of the clock tree each instance runs on is the tree's model's to number, so it
-    // is asked of the part that model was written for.
+    // The clock of each instance, as the part numbers it that the clock tree's model was written for.
     for instance in SERIAL_PORTS
         .into_iter()
         .chain(I2C)
@@ -276,15 +273,13 @@ fn corrections(mut builder: Builder) -> Builder {
         // Section 18.6.6: the error flags are rc_w0.
         builder = builder.write_modify(interface, "SR1", WriteModify::ZeroToClear);
     }
-    for (port, [mode, speed, pull]) in [
-        // Sections 8.4.1, 8.4.3 and 8.4.4: ports A and B wake up with the debug pins.
-        ("GPIOA", [0xA800_0000, 0x0C00_0000, 0x6400_0000]),
-        ("GPIOB", [0x0000_0280, 0x0000_00C0, 0x0000_0100]),
-        ("GPIOC", [0, 0, 0]),
-        ("GPIOD", [0, 0, 0]),
-        ("GPIOE", [0, 0, 0]),
-        ("GPIOH", [0, 0, 0]),
-    ] {
+    for port in PORTS {
+        // Sections 8.4.1, 8.4.3 and 8.4.4: the debug pins of ports A and B are enabled.
+        let [mode, speed, pull] = match port {
+            "GPIOA" => [0xA800_0000, 0x0C00_0000, 0x6400_0000],
+            "GPIOB" => [0x0000_0280, 0x0000_00C0, 0x0000_0100],
+            _ => [0, 0, 0],
+        };
         builder = builder
             .reset(port, "MODER", mode)
             .reset(port, "OSPEEDR", speed)

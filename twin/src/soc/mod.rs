@@ -1,13 +1,11 @@
 //! The STM32F411RE: `rigless`'s models of the blocks it shares with the STM32F427, our own for what
 //! `rigless` has none, on the bus of [`memory_map`].
 
-#[cfg(test)]
-pub(crate) mod fixture;
 mod io;
 pub mod memory_map;
 mod pins;
 
-pub use pins::{pin, Pin, Role};
+pub use pins::Role;
 
 use rigless::cpu::armv7m::Dwt;
 use rigless::device::{ErasedDevice, ResetCause};
@@ -29,16 +27,16 @@ use rigless::time::VirtualNanos;
 
 use crate::peripherals::board_port::{BoardPort, PinChange};
 use crate::peripherals::exti::Exti;
-use crate::peripherals::i2c_master::I2cMaster;
+use crate::peripherals::i2c_master::I2cPeripheral;
 use crate::peripherals::spi_slave::SpiSlave;
 use crate::peripherals::syscfg::Syscfg;
-use memory_map::PORTS;
+use crate::pin::PORTS;
 
-/// What runs on every bus until a firmware touches the clock tree, RM0383 section 6.2.2.
+/// The clock of every bus after reset, RM0383 section 6.2.2.
 const RESET_HZ: u64 = rcc::HSI_HZ;
 
 #[derive(Clone, Copy, Debug)]
-enum Field {
+enum Model {
     None,
     Rcc,
     Pwr,
@@ -68,12 +66,12 @@ pub struct Stm32f411 {
     pub rcc: Rcc,
     /// Power control.
     pub pwr: Pwr,
-    /// The ports, in the order of [`memory_map::PORTS`].
+    /// The ports, in the order of [`PORTS`].
     pub gpio: [Gpio; PORTS.len()],
     /// The serial ports, in the order of [`memory_map::SERIAL_PORTS`].
     pub usart: [Usart; memory_map::SERIAL_PORTS.len()],
     /// The I2C interfaces, in the order of [`memory_map::I2C`].
-    pub i2c: [I2cMaster; memory_map::I2C.len()],
+    pub i2c: [I2cPeripheral; memory_map::I2C.len()],
     /// The flash interface.
     pub flash: Flash,
     /// The converter.
@@ -100,10 +98,10 @@ pub struct Stm32f411 {
     pub exti: Exti,
     /// Their multiplexer.
     pub syscfg: Syscfg,
-    /// The door to the board.
+    /// The connection to the board.
     pub board_port: BoardPort,
     bus: Bus,
-    wiring: Box<[Field]>,
+    models: Box<[Model]>,
     slots: Slots,
 }
 
@@ -128,49 +126,49 @@ impl Stm32f411 {
     /// A description that contradicts itself.
     pub fn new() -> Result<Self, Error> {
         let bus = memory_map::bus()?;
-        let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
-        let mut wire = |name: &'static str, field: Field| -> Result<usize, Error> {
+        let mut models = vec![Model::None; bus.slots().len()].into_boxed_slice();
+        let mut wire = |name: &'static str, field: Model| -> Result<usize, Error> {
             let slot = bus.slot(name)?;
-            wiring[slot] = field;
+            models[slot] = field;
             Ok(slot)
         };
         let mut slots = Slots {
             gpio: [0; PORTS.len()],
             tim: [0; memory_map::TIMERS.len()],
-            tim1: wire("TIM1", Field::Tim1)?,
+            tim1: wire("TIM1", Model::Tim1)?,
             i2c1: 0,
-            usart1: wire("USART1", Field::Usart(0))?,
-            dma1: wire("DMA1", Field::Dma(0))?,
-            spi: wire("SPI1", Field::Spi)?,
-            rcc: wire("RCC", Field::Rcc)?,
-            pwr: wire("PWR", Field::Pwr)?,
-            board_port: wire(crate::peripherals::board_port::NAME, Field::BoardPort)?,
+            usart1: wire("USART1", Model::Usart(0))?,
+            dma1: wire("DMA1", Model::Dma(0))?,
+            spi: wire("SPI1", Model::Spi)?,
+            rcc: wire("RCC", Model::Rcc)?,
+            pwr: wire("PWR", Model::Pwr)?,
+            board_port: wire(crate::peripherals::board_port::NAME, Model::BoardPort)?,
         };
         for (nth, name) in PORTS.into_iter().enumerate() {
-            slots.gpio[nth] = wire(name, Field::Gpio(nth))?;
+            slots.gpio[nth] = wire(name, Model::Gpio(nth))?;
         }
         for (nth, (name, _)) in memory_map::TIMERS.into_iter().enumerate() {
-            slots.tim[nth] = wire(name, Field::Tim(nth))?;
+            slots.tim[nth] = wire(name, Model::Tim(nth))?;
         }
         for (nth, name) in memory_map::I2C.into_iter().enumerate() {
-            let slot = wire(name, Field::I2c(nth))?;
+            let slot = wire(name, Model::I2c(nth))?;
             if nth == 0 {
                 slots.i2c1 = slot;
             }
         }
-        wire("USART2", Field::Usart(1))?;
-        wire("USART6", Field::Usart(2))?;
+        wire("USART2", Model::Usart(1))?;
+        wire("USART6", Model::Usart(2))?;
         for (name, field) in [
-            ("FLASH", Field::Flash),
-            ("ADC1", Field::Adc),
-            ("C_ADC", Field::AdcCommon),
-            ("DMA2", Field::Dma(1)),
-            ("RTC", Field::Rtc),
-            ("DBG", Field::Dbg),
-            ("IWDG", Field::Iwdg),
-            (rigless::cpu::armv7m::DWT, Field::Dwt),
-            ("EXTI", Field::Exti),
-            ("SYSCFG", Field::Syscfg),
+            ("FLASH", Model::Flash),
+            ("ADC1", Model::Adc),
+            ("C_ADC", Model::AdcCommon),
+            ("DMA2", Model::Dma(1)),
+            ("RTC", Model::Rtc),
+            ("DBG", Model::Dbg),
+            ("IWDG", Model::Iwdg),
+            (rigless::cpu::armv7m::DWT, Model::Dwt),
+            ("EXTI", Model::Exti),
+            ("SYSCFG", Model::Syscfg),
         ] {
             wire(name, field)?;
         }
@@ -179,7 +177,7 @@ impl Stm32f411 {
             pwr: Pwr::new(),
             gpio: std::array::from_fn(|_| Gpio::default()),
             usart: std::array::from_fn(|_| Usart::with_clock(Kind::Usart, RESET_HZ)),
-            i2c: std::array::from_fn(|_| I2cMaster::with_clock(RESET_HZ)),
+            i2c: std::array::from_fn(|_| I2cPeripheral::with_clock(RESET_HZ)),
             flash: Flash::with_clock(RESET_HZ),
             // Section 11.13.16: ADCPRE resets to a division by two.
             adc: Adc::with_clock(RESET_HZ / 2),
@@ -199,7 +197,7 @@ impl Stm32f411 {
             syscfg: Syscfg::default(),
             board_port: BoardPort::default(),
             bus,
-            wiring,
+            models,
             slots,
         };
         part.check()?;
@@ -216,19 +214,19 @@ impl Stm32f411 {
         self.adc.set_reference(millivolts);
     }
 
-    /// The instant the run is to come back to the board at.
+    /// Requests a stop at `at`.
     pub fn wake_at(&mut self, now: VirtualNanos, at: VirtualNanos) {
         self.bus.drive(now, self.slots.board_port).1.schedule(at);
     }
 
-    /// The followed pins that changed since the last call.
+    /// The changes of the watched pins since the last call.
     pub fn take_pin_changes(&mut self) -> Vec<PinChange> {
         self.board_port.take_changes()
     }
 
-    /// `rigless` lets an oscillator without a crystal become ready at no frequency. The silicon's
-    /// never does (RM0383 section 6.2.1: the flag says whether it is stable).
-    fn keep_a_missing_crystal_still(&mut self) {
+    /// `rigless` lets an oscillator without a crystal become ready at no frequency; the silicon does
+    /// not (RM0383 section 6.2.1).
+    fn clear_ready_of_missing_crystal(&mut self) {
         if self.rcc.crystals().0 == 0 {
             let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
             let control = registers.get(g::rcc::Register::Cr);
@@ -238,14 +236,14 @@ impl Stm32f411 {
         }
     }
 
-    /// Tells I2C1 whether the byte on its wires is the last one its DMA stream takes.
-    fn watch_the_last_byte(&mut self) {
+    /// Sets whether the byte in transfer on I2C1 is the last of its DMA stream.
+    fn update_next_is_last(&mut self) {
         let registers = self.bus.slots()[self.slots.i2c1].registers();
-        if !I2cMaster::receives_to_the_last(registers) {
+        if !I2cPeripheral::uses_last(registers) {
             self.i2c[0].next_is_last(false);
             return;
         }
-        let waiting = u64::from(I2cMaster::has_byte(registers));
+        let waiting = u64::from(I2cPeripheral::has_byte(registers));
         let streams = self.bus.slots()[self.slots.dma1].registers();
         let last = I2C1_RECEIVERS.iter().any(|&(control, count)| {
             let control = streams.get(control);
@@ -273,8 +271,8 @@ impl Mcu for Stm32f411 {
         &mut self.bus
     }
 
-    /// A system reset, RM0383 section 6.1.1: a fresh part with what the board put on its pins, the
-    /// reset flags carrying `cause`'s beside the ones before, the backup domain as it was.
+    /// A system reset, RM0383 section 6.1.1: a fresh part with the board's levels on its pins, the
+    /// reset flags with `cause`'s beside the earlier ones, the backup domain unchanged.
     fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
         let mut fresh = Self::new().expect("a part that assembled once assembles again");
         let flags = self.bus.slots()[self.slots.rcc]
@@ -316,68 +314,41 @@ impl Mcu for Stm32f411 {
         *self = fresh;
     }
 
-    /// Only the serial ports look outside.
+    /// Only the serial ports depend on the outside.
     fn poll(&mut self, now: VirtualNanos) {
-        self.watch_the_last_byte();
-        self.keep_a_missing_crystal_still();
+        self.update_next_is_last();
+        self.clear_ready_of_missing_crystal();
         let (registers, mut context) = self.bus.drive(now, self.slots.usart1);
         rigless::device::Device::poll(&mut self.usart[0], registers, &mut context);
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let field = self.wiring.get(slot).copied().unwrap_or(Field::None);
+        let field = self.models.get(slot).copied().unwrap_or(Model::None);
         let model: Option<&mut dyn ErasedDevice> = match field {
-            Field::None => None,
-            Field::Rcc => Some(&mut self.rcc),
-            Field::Pwr => Some(&mut self.pwr),
-            Field::Gpio(nth) => Some(&mut self.gpio[nth]),
-            Field::Usart(nth) => Some(&mut self.usart[nth]),
-            Field::I2c(nth) => Some(&mut self.i2c[nth]),
-            Field::Flash => Some(&mut self.flash),
-            Field::Adc => Some(&mut self.adc),
-            Field::AdcCommon => Some(&mut self.adc_common),
-            Field::Tim(nth) => Some(&mut self.tim[nth]),
-            Field::Tim1 => Some(&mut self.tim1),
-            Field::Dma(nth) => Some(&mut self.dma[nth]),
-            Field::Rtc => Some(&mut self.rtc),
-            Field::Dbg => Some(&mut self.dbg),
-            Field::Iwdg => Some(&mut self.iwdg),
-            Field::Dwt => Some(&mut self.dwt),
-            Field::Spi => Some(&mut self.spi),
-            Field::Exti => Some(&mut self.exti),
-            Field::Syscfg => Some(&mut self.syscfg),
-            Field::BoardPort => Some(&mut self.board_port),
+            Model::None => None,
+            Model::Rcc => Some(&mut self.rcc),
+            Model::Pwr => Some(&mut self.pwr),
+            Model::Gpio(nth) => Some(&mut self.gpio[nth]),
+            Model::Usart(nth) => Some(&mut self.usart[nth]),
+            Model::I2c(nth) => Some(&mut self.i2c[nth]),
+            Model::Flash => Some(&mut self.flash),
+            Model::Adc => Some(&mut self.adc),
+            Model::AdcCommon => Some(&mut self.adc_common),
+            Model::Tim(nth) => Some(&mut self.tim[nth]),
+            Model::Tim1 => Some(&mut self.tim1),
+            Model::Dma(nth) => Some(&mut self.dma[nth]),
+            Model::Rtc => Some(&mut self.rtc),
+            Model::Dbg => Some(&mut self.dbg),
+            Model::Iwdg => Some(&mut self.iwdg),
+            Model::Dwt => Some(&mut self.dwt),
+            Model::Spi => Some(&mut self.spi),
+            Model::Exti => Some(&mut self.exti),
+            Model::Syscfg => Some(&mut self.syscfg),
+            Model::BoardPort => Some(&mut self.board_port),
         };
         (&mut self.bus, model)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rigless::soc::Width;
-
-    #[test]
-    fn the_part_has_the_memories_of_its_name() {
-        let part = Stm32f411::new().unwrap();
-        let size = |name| {
-            part.bus()
-                .memory()
-                .iter()
-                .find(|region| region.name == name)
-                .map(|region| region.size)
-        };
-        assert_eq!(size("flash"), Some(512 << 10));
-        assert_eq!(size("sram"), Some(128 << 10));
-    }
-
-    #[test]
-    fn a_peripheral_without_its_clock_refuses() {
-        let mut part = Stm32f411::new().unwrap();
-        let dr = 0x4001_300C;
-        assert!(part.read(VirtualNanos(0), dr, Width::W32).is_err());
-        part.write(VirtualNanos(0), 0x4002_3844, Width::W32, 1 << 12)
-            .unwrap();
-        assert!(part.read(VirtualNanos(0), dr, Width::W32).is_ok());
-    }
-}
+mod tests;

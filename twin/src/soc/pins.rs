@@ -1,4 +1,4 @@
-//! The part's pins as the board sees them: what is on the wire, and what the firmware makes of it.
+//! The part's pins as seen from the board: the levels on them, and their configuration.
 
 use rigless::device::{Level, RegisterFile};
 use rigless::soc::stm32f427::generated::gpioa::Register;
@@ -6,39 +6,10 @@ use rigless::soc::stm32f427::peripherals::gpio::{self, Gpio};
 use rigless::time::VirtualNanos;
 
 use super::Stm32f411;
+use crate::pin::Pin;
 
-/// A pin of the part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Pin {
-    /// Its port's place in [`super::memory_map::PORTS`].
-    pub port: usize,
-    /// 0 to 15.
-    pub number: u8,
-}
-
-/// The pin `P<port><number>`.
-///
-/// # Panics
-/// When the part has no such port or pin; the names are constants of this crate.
-#[must_use]
-pub const fn pin(port: char, number: u8) -> Pin {
-    let port = match port {
-        'A' => 0,
-        'B' => 1,
-        'C' => 2,
-        'D' => 3,
-        'E' => 4,
-        'H' => 5,
-        _ => panic!("ports A to E and H"),
-    };
-    assert!(number < 16, "a port has sixteen pins");
-    Pin { port, number }
-}
-
-impl Pin {
-    fn gpio(self) -> gpio::Pin {
-        gpio::Pin::new(self.number).expect("checked when the pin was named")
-    }
+fn gpio(pin: Pin) -> gpio::Pin {
+    gpio::Pin::new(pin.number).expect("a port has sixteen pins")
 }
 
 /// What a pin is configured to be, RM0383 section 8.4.1.
@@ -58,13 +29,7 @@ impl Stm32f411 {
     /// Puts `level` on a pin from outside, or lets it float.
     pub fn drive_pin(&mut self, now: VirtualNanos, pin: Pin, level: Option<Level>) {
         let (registers, mut context) = self.bus.drive(now, self.slots.gpio[pin.port]);
-        self.gpio[pin.port].drive(pin.gpio(), level, registers, &mut context);
-    }
-
-    /// The level on the wire of a pin.
-    #[must_use]
-    pub fn pin_level(&self, pin: Pin) -> Level {
-        self.gpio[pin.port].level(pin.gpio(), self.port(pin))
+        self.gpio[pin.port].drive(gpio(pin), level, registers, &mut context);
     }
 
     /// What the pin is configured to be.
@@ -74,7 +39,7 @@ impl Stm32f411 {
         match registers.get(Register::Moder) >> (pin.number * 2) & 3 {
             0 => Role::Input,
             1 => Role::Output,
-            2 => Role::Function(Gpio::function(pin.gpio(), registers).unwrap_or_default()),
+            2 => Role::Function(Gpio::function(gpio(pin), registers).unwrap_or_default()),
             _ => Role::Analog,
         }
     }

@@ -1,237 +1,159 @@
-//! A function of the firmware: where it begins and where it returns.
+//! The functions of an ELF file: where their instructions are, and by which they return.
+
+use std::collections::HashMap;
 
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use super::thumb::{flow, halfwords, Flow};
 
-/// Tail calls are followed this deep.
-const DEPTH: usize = 6;
-
-/// A function as its code shows it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A function of the firmware.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Function {
-    /// Its symbol.
+    /// Its demangled path without the crate's hash.
     pub name: String,
     /// Its first instruction.
     pub address: u64,
-    /// Its bytes.
-    pub size: u64,
-    /// The instructions it returns by.
-    pub returns: Vec<u64>,
-    /// The jumps out of it, and what they jump to.
-    pub tail_calls: Vec<(u64, Function)>,
-}
-
-/// A function as a profile sees it: a range and its instructions.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Code {
-    /// Its symbol, or its type and method.
-    pub name: String,
-    /// Its first instruction.
-    pub address: u64,
-    /// Its bytes.
-    pub size: u64,
     /// Where its instructions begin.
     pub instructions: Vec<u64>,
+    /// The instructions it returns by.
+    pub returns: Vec<u64>,
+    /// The jumps out of it (tail calls), and what they jump to.
+    pub tail_calls: Vec<(u64, u64)>,
 }
 
-/// The function is not in the ELF file, or cannot be followed.
+/// A function to be traced, and the functions it may end in by tail calls.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoFunction(pub String);
-
-impl std::fmt::Display for NoFunction {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "no function {} to follow", self.0)
-    }
+pub struct TracedFunction {
+    pub(super) functions: Vec<Function>,
 }
 
-impl std::error::Error for NoFunction {}
+/// A function cannot be traced.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TraceError {
+    /// The file is no ELF file.
+    #[error("cannot read the firmware's ELF file: {0}")]
+    Elf(String),
+    /// No symbol has this name.
+    #[error("the firmware has no function {0}")]
+    NoFunction(String),
+}
 
-impl Function {
-    /// The function `name` of an ELF file: its symbol, or, where `name` is a path (`Type::method`),
-    /// the first one whose mangled name contains the path.
+impl TracedFunction {
+    /// The function whose path ends with `name` (`robot_tick`, `Odometry::step`).
     ///
     /// # Errors
-    /// When there is none, or it has no code.
-    pub fn find(elf: &[u8], name: &str) -> Result<Self, NoFunction> {
-        let none = || NoFunction(name.to_owned());
-        let file = object::File::parse(elf).map_err(|_| none())?;
-        let functions = || {
-            file.symbols()
-                .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
+    /// When the ELF file has none.
+    pub fn find(elf: &[u8], name: &str) -> Result<Self, TraceError> {
+        let all = functions(elf)?;
+        let matches = |function: &&Function| {
+            let start = function.name.strip_suffix(name);
+            start.is_some_and(|start| start.is_empty() || start.ends_with("::"))
         };
-        let path = mangled(name);
-        let symbol = functions()
-            .find(|symbol| symbol.name() == Ok(name))
-            .or_else(|| functions().find(|s| s.name().is_ok_and(|found| found.contains(&path))))
-            .ok_or_else(none)?;
-        Self::at(&file, symbol.address() & !1, DEPTH).ok_or_else(none)
+        let by_address: HashMap<u64, &Function> = all.iter().map(|f| (f.address, f)).collect();
+        let exact = all.iter().find(|function| function.name == name);
+        let root = exact.or_else(|| all.iter().find(matches));
+        let root = root.ok_or_else(|| TraceError::NoFunction(name.to_owned()))?;
+        let mut functions = vec![root.clone()];
+        let mut next = 0;
+        while let Some(function) = functions.get(next) {
+            let targets = function
+                .tail_calls
+                .iter()
+                .filter_map(|(_, to)| by_address.get(to));
+            let new: Vec<Function> = targets
+                .filter(|target| {
+                    functions
+                        .iter()
+                        .all(|known| known.address != target.address)
+                })
+                .map(|target| (*target).clone())
+                .collect();
+            functions.extend(new);
+            next += 1;
+        }
+        Ok(Self { functions })
     }
 
-    /// The jump out of the function at `address`, if one is there.
-    #[must_use]
-    pub fn tail_call(&self, address: u64) -> Option<&Self> {
-        self.tail_calls
-            .iter()
-            .find(|(at, _)| *at == address)
-            .map(|(_, callee)| callee)
-    }
-
-    /// Every instruction to watch, this function's and its tail calls'.
+    /// Every instruction to watch: the first one, and each that returns or leaves by a tail call.
     #[must_use]
     pub fn watched(&self) -> Vec<u64> {
-        let mut watched = vec![self.address];
-        self.ends(&mut watched);
+        let ends = self.functions.iter().flat_map(|function| {
+            let leaves = function.tail_calls.iter().map(|(at, _)| *at);
+            function.returns.iter().copied().chain(leaves)
+        });
+        let mut watched: Vec<u64> = ends.chain([self.functions[0].address]).collect();
         watched.sort_unstable();
         watched.dedup();
         watched
     }
-
-    fn ends(&self, into: &mut Vec<u64>) {
-        into.extend(&self.returns);
-        for (at, callee) in &self.tail_calls {
-            into.push(*at);
-            callee.ends(into);
-        }
-    }
-
-    fn at(file: &object::File<'_>, address: u64, depth: usize) -> Option<Self> {
-        let symbol = file.symbols().find(|symbol| {
-            symbol.kind() == SymbolKind::Text
-                && symbol.size() > 0
-                && symbol.address() & !1 == address
-        })?;
-        let size = symbol.size();
-        let section = file.section_by_index(symbol.section_index()?).ok()?;
-        let code = section.data_range(address, size).ok()??;
-        let halves: Vec<u16> = code
-            .chunks_exact(2)
-            .map(|half| u16::from_le_bytes([half[0], half[1]]))
-            .collect();
-        let mut function = Self {
-            name: symbol.name().unwrap_or_default().to_owned(),
-            address,
-            size,
-            returns: Vec::new(),
-            tail_calls: Vec::new(),
-        };
-        let literals = literals(file, address, size);
-        let mut at = address;
-        while at < address + size {
-            if literals.iter().any(|range| range.contains(&at)) {
-                at += 2;
-                continue;
-            }
-            let index = usize::try_from((at - address) / 2).ok()?;
-            let first = *halves.get(index)?;
-            let second = halves.get(index + 1).copied().unwrap_or_default();
-            match flow(at, first, second) {
-                Flow::Return => function.returns.push(at),
-                Flow::Jump(to) if !(address..address + size).contains(&to) => {
-                    if let Some(callee) = depth
-                        .checked_sub(1)
-                        .and_then(|depth| Self::at(file, to, depth))
-                    {
-                        function.tail_calls.push((at, callee));
-                    }
-                }
-                _ => {}
-            }
-            at += 2 * halfwords(first);
-        }
-        Some(function)
-    }
 }
 
-/// A path as both of the compiler's manglings write it: every part behind its length.
-fn mangled(path: &str) -> String {
-    let parts = path.split("::").map(|part| format!("{}{part}", part.len()));
-    parts.collect()
-}
-
-/// The last two parts of the path in a mangled name: type and method; others as they are.
-fn plain(symbol: &str) -> String {
-    let Some(mut rest) = symbol.strip_prefix("_ZN") else {
-        return symbol.to_owned();
-    };
-    let mut parts = Vec::new();
-    while let Some(end) = rest.find(|c: char| !c.is_ascii_digit()) {
-        let Ok(length) = rest[..end].parse::<usize>() else {
-            break;
-        };
-        let Some(part) = rest.get(end..end + length) else {
-            break;
-        };
-        parts.push(part);
-        rest = &rest[end + length..];
-    }
-    // The last one is a hash.
-    parts.pop();
-    let from = parts.len().saturating_sub(2);
-    parts[from..].join("::")
-}
-
-/// Every function of an ELF file, and where its instructions are.
+/// Every function of an ELF file, by address.
 ///
 /// # Errors
 /// When it is no ELF file.
-pub fn code(elf: &[u8]) -> Result<Vec<Code>, NoFunction> {
-    let file = object::File::parse(elf).map_err(|error| NoFunction(error.to_string()))?;
-    let mut all: Vec<Code> = file
-        .symbols()
-        .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
-        .filter_map(|symbol| {
-            let (address, size) = (symbol.address() & !1, symbol.size());
-            let section = file.section_by_index(symbol.section_index()?).ok()?;
-            let bytes = section.data_range(address, size).ok()??;
-            let literals = literals(&file, address, size);
-            let mut instructions = Vec::new();
-            let mut at = address;
-            while at < address + size {
-                if literals.iter().any(|range| range.contains(&at)) {
-                    at += 2;
-                    continue;
-                }
-                instructions.push(at);
-                let from = usize::try_from(at - address).ok()?;
-                let first = bytes.get(from..from + 2)?;
-                at += 2 * halfwords(u16::from_le_bytes([first[0], first[1]]));
-            }
-            Some(Code {
-                name: plain(symbol.name().ok()?),
-                address,
-                size,
-                instructions,
-            })
-        })
-        .collect();
-    all.sort_by_key(|code| code.address);
-    all.dedup_by_key(|code| code.address);
-    Ok(all)
-}
-
-/// The ranges between `address` and its end that hold data: from a `$d` mapping symbol to the next
-/// `$t` (ELF for the Arm architecture, section 5.5.5).
-fn literals(file: &object::File<'_>, address: u64, size: u64) -> Vec<std::ops::Range<u64>> {
+pub fn functions(elf: &[u8]) -> Result<Vec<Function>, TraceError> {
+    let file = object::File::parse(elf).map_err(|error| TraceError::Elf(error.to_string()))?;
+    // Mapping symbols (ELF for the Arm architecture, section 5.5.5): data from `$d` to the next `$t`.
     let mut marks: Vec<(u64, bool)> = file
         .symbols()
         .filter_map(|symbol| {
-            let name = symbol.name().ok()?;
-            let data = name == "$d" || name.starts_with("$d.");
-            let code = name == "$t" || name.starts_with("$t.");
-            let at = symbol.address();
-            ((data || code) && (address..address + size).contains(&at)).then_some((at, data))
+            let kind = symbol.name().ok()?.split('.').next()?;
+            matches!(kind, "$d" | "$t").then(|| (symbol.address(), kind == "$d"))
         })
         .collect();
     marks.sort_unstable();
-    let mut ranges = Vec::new();
-    for (nth, &(at, data)) in marks.iter().enumerate() {
-        if data {
-            let end = marks.get(nth + 1).map_or(address + size, |&(next, _)| next);
-            ranges.push(at..end);
+    let is_data = |address: u64| {
+        let after = marks.partition_point(|&(at, _)| at <= address);
+        after.checked_sub(1).is_some_and(|last| marks[last].1)
+    };
+    let mut all: Vec<Function> = file
+        .symbols()
+        .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
+        .filter_map(|symbol| {
+            let address = symbol.address() & !1;
+            let section = file.section_by_index(symbol.section_index()?).ok()?;
+            let code = section.data_range(address, symbol.size()).ok()??;
+            let path = format!("{:#}", rustc_demangle::demangle(symbol.name().ok()?));
+            // `<crate::Type>::method` as `crate::Type::method`, whichever the mangling.
+            Some(decode(path.replace(['<', '>'], ""), address, code, is_data))
+        })
+        .collect();
+    all.sort_by_key(|function| function.address);
+    all.dedup_by_key(|function| function.address);
+    Ok(all)
+}
+
+fn decode(name: String, address: u64, code: &[u8], is_data: impl Fn(u64) -> bool) -> Function {
+    let mut function = Function {
+        name,
+        address,
+        ..Function::default()
+    };
+    let halves: Vec<u16> = code
+        .chunks_exact(2)
+        .map(|half| u16::from_le_bytes([half[0], half[1]]))
+        .collect();
+    let ends = address + 2 * halves.len() as u64;
+    let mut at = 0;
+    while at < halves.len() {
+        let here = address + 2 * at as u64;
+        if is_data(here) {
+            at += 1;
+            continue;
         }
+        function.instructions.push(here);
+        let second = halves.get(at + 1).copied().unwrap_or_default();
+        match flow(here, halves[at], second) {
+            Flow::Return => function.returns.push(here),
+            Flow::Jump(to) if !(address..ends).contains(&to) => {
+                function.tail_calls.push((here, to));
+            }
+            _ => {}
+        }
+        at += halfwords(halves[at]);
     }
-    ranges
+    function
 }
 
 #[cfg(test)]
@@ -239,10 +161,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_found_mangled_and_shown_plain() {
-        let symbol = "_ZN7fw_core6motion8odometry8Odometry4step17h89d3a8643620fae2E";
-        assert!(symbol.contains(&mangled("Odometry::step")));
-        assert_eq!(plain(symbol), "Odometry::step");
-        assert_eq!(plain("robot_tick"), "robot_tick");
+    fn decode_skips_literals_and_finds_ends() {
+        // push {lr}; a literal word; bl 0x100; b.w 0x1104; pop {pc}
+        let code = [
+            0xB500_u16, 0x4770, 0x4770, 0xF7FF, 0xFFFB, 0xF000, 0xBFF9, 0xBD00,
+        ];
+        let code: Vec<u8> = code.into_iter().flat_map(u16::to_le_bytes).collect();
+        let function = decode("f".into(), 0x100, &code, |at| (0x102..0x106).contains(&at));
+        assert_eq!(function.instructions, [0x100, 0x106, 0x10A, 0x10E]);
+        assert_eq!(function.returns, [0x10E]);
+        assert_eq!(function.tail_calls, [(0x10A, 0x1100)]);
     }
 }

@@ -1,27 +1,26 @@
-//! As much of the Thumb-2 encoding as it takes to find where a function ends (ARM DDI 0403E.b,
-//! chapter A5).
+//! The part of the Thumb-2 encoding that ends a function (ARM DDI 0403E.b, chapter A5).
 
-/// What an instruction does to the flow of its function.
+/// Effect of an instruction on the control flow of its function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
-    /// Goes on, calls, or jumps in a way that depends on a condition.
-    On,
+    /// Continues, calls, or branches on a condition.
+    Continue,
     /// Leaves through a register or the stack.
     Return,
-    /// Always jumps to this address.
+    /// Branches to this address unconditionally.
     Jump(u64),
 }
 
 /// Halfwords of the instruction that begins with `first`, A5.1.
 #[must_use]
-pub const fn halfwords(first: u16) -> u64 {
+pub const fn halfwords(first: u16) -> usize {
     match first >> 11 {
         0b11101..=0b11111 => 2,
         _ => 1,
     }
 }
 
-/// What the instruction of these halfwords at `address` does; `second` counts for wide ones alone.
+/// The effect of the instruction of these halfwords at `address`; narrow ones ignore `second`.
 #[must_use]
 pub fn flow(address: u64, first: u16, second: u16) -> Flow {
     if halfwords(first) == 1 {
@@ -36,7 +35,7 @@ pub fn flow(address: u64, first: u16, second: u16) -> Flow {
             _ if first & 0xF800 == 0xE000 => {
                 Flow::Jump(relative(address, i64::from(first & 0x7FF) << 1, 12))
             }
-            _ => Flow::On,
+            _ => Flow::Continue,
         };
     }
     match (first, second) {
@@ -56,11 +55,11 @@ pub fn flow(address: u64, first: u16, second: u16) -> Flow {
                 | u32::from(second & 0x7FF) << 1;
             Flow::Jump(relative(address, i64::from(offset), 25))
         }
-        _ => Flow::On,
+        _ => Flow::Continue,
     }
 }
 
-/// Where a jump at `address` by a signed offset of `bits` bits goes: the PC reads 4 ahead.
+/// Target of a branch at `address` by a signed offset of `bits` bits: the PC reads 4 ahead.
 fn relative(address: u64, offset: i64, bits: u32) -> u64 {
     let shift = i64::BITS - bits;
     (address + 4).wrapping_add_signed(offset << shift >> shift)
@@ -71,35 +70,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn returns_are_known_in_every_form_compilers_use() {
-        for (first, second) in [
-            (0x4770, 0),
-            (0x4718, 0),
-            (0xBD80, 0),
-            (0xBDF0, 0),
-            (0xE8BD, 0x8FF0),
-            (0xF85D, 0xFB04),
+    fn flow_of_compiled_instructions_is_classified() {
+        for (first, second, expected) in [
+            (0x4770, 0, Flow::Return),      // bx lr
+            (0x4718, 0, Flow::Return),      // bx r3
+            (0xBD80, 0, Flow::Return),      // pop {r7, pc}
+            (0xE8BD, 0x8FF0, Flow::Return), // pop.w {…, pc}
+            (0xF85D, 0xFB04, Flow::Return), // ldr pc, [sp], #4
+            (0x4780, 0, Flow::Continue),    // blx r0
+            (0xBC80, 0, Flow::Continue),    // pop {r7}
+            (0xE8BD, 0x4FF0, Flow::Continue),
+            (0xF7FF, 0xFFFE, Flow::Continue), // bl
+            (0xD0FE, 0, Flow::Continue),      // beq
+            (0xF85D, 0x0B04, Flow::Continue), // ldr r0, [sp], #4
+            (0xE7FE, 0, Flow::Jump(0x100)),   // b to itself
+            (0xE002, 0, Flow::Jump(0x108)),
+            (0xF7FF, 0xBFFE, Flow::Jump(0x100)), // b.w to itself
+            (0xF001, 0xB800, Flow::Jump(0x1104)),
         ] {
-            assert_eq!(flow(0, first, second), Flow::Return, "{first:04x}");
+            assert_eq!(flow(0x100, first, second), expected, "{first:04x}");
         }
-        for (first, second) in [
-            (0x4780, 0),
-            (0xBC80, 0),
-            (0xE8BD, 0x4FF0),
-            (0xF7FF, 0xFFFE),
-            (0xD0FE, 0),
-            (0xF85D, 0x0B04),
-        ] {
-            assert_eq!(flow(0, first, second), Flow::On, "{first:04x}");
-        }
-    }
-
-    #[test]
-    fn jumps_go_where_the_assembler_says() {
-        assert_eq!(flow(0x100, 0xE7FE, 0), Flow::Jump(0x100));
-        assert_eq!(flow(0x100, 0xE002, 0), Flow::Jump(0x108));
-        // b.w to itself, and 0x1000 ahead.
-        assert_eq!(flow(0x100, 0xF7FF, 0xBFFE), Flow::Jump(0x100));
-        assert_eq!(flow(0x100, 0xF001, 0xB800), Flow::Jump(0x1104));
     }
 }

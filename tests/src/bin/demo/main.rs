@@ -141,8 +141,8 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
         map_recall: agreement.recall,
         collisions: truth.collisions,
         instructions: board.instructions(),
-        stack_used_bytes: stack.used(&board)?,
-        unmodelled_registers: unmodelled.len(),
+        stack_used_bytes: stack.used(&board),
+        unmodelled_registers: unmodelled.lines.len(),
         unmodelled: unmodelled.lines,
         missed_bars: Vec::new(),
     };

@@ -3,7 +3,7 @@
 use host_link::pose::Pose;
 use robot_tests::test_board::TIM5_CCR1;
 use twin::plant::{Pose2, Room};
-use twin::trace::What;
+use twin::trace::EventKind;
 use twin::Board;
 
 /// From a reply's last tick to the frame that carries it out: at least the tick's own work and the
@@ -32,7 +32,7 @@ impl Trail {
             board.truth().path_mm < 1.0,
             "the robot stands where it was put"
         );
-        board.follow_writes(TIM5_CCR1);
+        board.trace_writes(TIM5_CCR1);
         Self {
             start: room.start,
             believed: Vec::new(),
@@ -56,8 +56,8 @@ impl Trail {
                 .iter()
                 .filter(|event| {
                     matches!(
-                        event.what,
-                        What::Wrote {
+                        event.kind,
+                        EventKind::Write {
                             address: TIM5_CCR1,
                             ..
                         }

@@ -1,0 +1,455 @@
+//! Everything around the microcontroller, advanced in virtual time: the world the robot stands in,
+//! the components of the board, and the Pi's end of the wires.
+//!
+//! [`BoardModel::step`] runs at every stop of the emulator. It carries out what is due, in the order
+//! of the board's signals, and requests the next stop; nothing polls.
+
+use std::collections::VecDeque;
+
+use plant::{Pose2, Sides, World};
+use rigless::device::Level;
+use rigless::soc::stm32f427::peripherals::adc::Channel;
+use rigless::time::VirtualNanos;
+
+use crate::components::bridge;
+use crate::components::encoder::Encoder;
+use crate::components::i2c_bus::{I2cController, SharedBus};
+use crate::components::mpu6050::Mpu6050;
+use crate::components::rangefinder::Rangefinder;
+use crate::components::servo::ServoLine;
+use crate::components::spi_master::{SpiAction, SpiMaster};
+use crate::components::uart_receiver::{is_readable, LogByte, UartReceiver};
+use crate::pin::Pin;
+use crate::pinout;
+use crate::soc::{Role, Stm32f411};
+
+/// The world is integrated in steps of this length; encoder edges are placed inside them.
+pub const TICK_NS: u64 = 1_000_000;
+const TICK_S: f64 = 0.001;
+const TICK_LENGTH: f64 = 1e6;
+
+/// Edges of the chip select that are kept while nothing traces them.
+const SELECTS_KEPT: usize = 16;
+
+/// The alternate functions that connect SPI1, USART1 and TIM1 to their pins.
+const SPI_FUNCTION: Role = Role::Function(5);
+const USART_FUNCTION: Role = Role::Function(7);
+const TIM1_FUNCTION: Role = Role::Function(1);
+
+/// A change of one of the board's outputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputChange {
+    /// Nanoseconds of virtual time.
+    pub at: u64,
+    /// The pin.
+    pub pin: Pin,
+    /// Its level.
+    pub level: bool,
+}
+
+/// A burst of a rangefinder, and its true result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ping {
+    /// Nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// 0 front, 1 right, 2 left.
+    pub sensor: usize,
+    /// Direction, radians counter-clockwise from the robot's heading.
+    pub bearing_rad: f64,
+    /// The robot's pose in the room's frame.
+    pub robot: Pose2,
+    /// The range that a sensor without errors measures, millimetres.
+    pub range_mm: Option<f64>,
+}
+
+/// The board and the world around the microcontroller.
+#[derive(Debug)]
+pub struct BoardModel {
+    /// The physical world.
+    pub world: World,
+    /// The EEPROM's bus.
+    pub i2c: SharedBus,
+    /// The Pi's SPI controller.
+    pub spi: SpiMaster,
+    /// The log as it arrived.
+    pub log: Vec<LogByte>,
+    /// Whether the Pi holds the RESET line low.
+    pub reset_low: bool,
+    /// Changes of READY and of the LEDs.
+    pub outputs: Vec<OutputChange>,
+    /// The chip select's latest edges: when, and whether it selects.
+    pub selects: VecDeque<(u64, bool)>,
+    /// Every burst so far.
+    pub pings: Vec<Ping>,
+    encoders: [Encoder; 2],
+    counts: [i64; 2],
+    /// The levels at each timer's inputs: a pin that is not routed to it leaves them unchanged.
+    timer_inputs: [[Level; 2]; 2],
+    rangefinders: [Rangefinder; 3],
+    /// Echoes in flight: when they return, and to which sensor.
+    echoes: Vec<(u64, usize)>,
+    servo: ServoLine,
+    nss: Level,
+    imu_irq: bool,
+    next_tick: u64,
+    /// The world at the start of the present tick, for interpolation.
+    before: Motion,
+}
+
+/// The pose and the wheels' speeds at an instant.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    pose: Pose2,
+    wheel_deg_s: Sides<f64>,
+}
+
+impl Motion {
+    fn of(world: &World) -> Self {
+        Self {
+            pose: world.pose(),
+            wheel_deg_s: world.wheel_speeds_deg_s(),
+        }
+    }
+}
+
+/// The encoders' pins in the order of the plant: left, right.
+const ENCODERS: [pinout::EncoderPins; 2] = [pinout::LEFT_ENCODER, pinout::RIGHT_ENCODER];
+
+impl BoardModel {
+    /// The board of a robot in `world`.
+    #[must_use]
+    pub fn new(world: World, i2c: SharedBus) -> Self {
+        let counts = world.wheel_counts();
+        Self {
+            before: Motion::of(&world),
+            counts: [counts.left, counts.right],
+            world,
+            i2c,
+            spi: SpiMaster::default(),
+            log: Vec::new(),
+            reset_low: false,
+            outputs: Vec::new(),
+            selects: VecDeque::new(),
+            pings: Vec::new(),
+            encoders: Default::default(),
+            timer_inputs: [[Level::Low; 2]; 2],
+            rangefinders: Default::default(),
+            echoes: Vec::new(),
+            servo: ServoLine::default(),
+            nss: Level::High,
+            imu_irq: false,
+            next_tick: 0,
+        }
+    }
+
+    /// Connects the board to a part fresh out of reset.
+    pub fn connect(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let triggers = pinout::RANGEFINDERS.map(|rangefinder| rangefinder.trigger);
+        let watched = triggers.into_iter().chain(pinout::LEDS);
+        for pin in watched.chain([pinout::SCL, pinout::READY]) {
+            chip.board_port.watch(pin);
+        }
+        chip.drive_pin(now, pinout::NSS, Some(self.nss));
+        chip.drive_pin(now, pinout::SCL, Some(Level::High));
+        chip.drive_pin(now, pinout::MPU_IRQ, Some(Level::from(self.imu_irq)));
+        for rangefinder in pinout::RANGEFINDERS {
+            chip.drive_pin(now, rangefinder.echo, Some(Level::Low));
+        }
+        for (nth, pins) in ENCODERS.into_iter().enumerate() {
+            let levels = Encoder::levels(self.counts[nth]);
+            for (pin, level) in pins.pins.into_iter().zip(levels) {
+                chip.drive_pin(now, pin, Some(level));
+            }
+            self.timer_inputs[nth] = [Level::Low; 2];
+            self.drive_timer_inputs(chip, now, nth, levels);
+        }
+        self.drive_i2c_lines(chip, now);
+        self.drive_analog_inputs(chip);
+        chip.wake_at(now, now);
+    }
+
+    /// Drives the I2C switch's sense line and a held data line.
+    pub fn drive_i2c_lines(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let bus = self.i2c.lock();
+        let pi = bus.controller() == I2cController::Pi;
+        let held = bus.is_sda_held(I2cController::Stm);
+        drop(bus);
+        chip.drive_pin(now, pinout::SELECT, Some(Level::from(pi)));
+        chip.drive_pin(now, pinout::SDA, Some(Level::from(!held)));
+        chip.hold_i2c1_low(now, held);
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "taps are a few volts, and the chip's temperature is below 1000 °C"
+    )]
+    fn drive_analog_inputs(&self, chip: &mut Stm32f411) {
+        let centi_celsius = (self.world.chip_temperature_c() * 100.0).round() as i32;
+        chip.adc.set_temperature(centi_celsius);
+        for (channel, volts) in (0..).zip(self.world.battery().pins()) {
+            let channel = Channel::new(channel).expect("two of sixteen channels");
+            let millivolts = (volts * 1000.0).round().max(0.0) as u32;
+            chip.adc.set_input(channel, millivolts);
+        }
+    }
+
+    /// Carries out everything due by `now` and requests the next stop.
+    pub fn step(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        self.read_servo_pwm(chip, now);
+        self.on_gpio(chip, now);
+        self.run_spi(chip, now);
+        self.step_encoders(chip, now);
+        self.drive_echo_lines(chip, now);
+        self.receive_log(chip);
+        while self.next_tick <= now.0 {
+            self.step_world(chip);
+        }
+        self.drive_imu_irq(chip, now);
+        if let Some(next) = self.next_event(chip) {
+            chip.wake_at(now, VirtualNanos(next.max(now.0 + 1)));
+        }
+    }
+
+    fn next_event(&self, chip: &Stm32f411) -> Option<u64> {
+        let rangefinders = self.rangefinders.iter().filter_map(Rangefinder::next_event);
+        let encoders = self.encoders.iter().filter_map(Encoder::next_event);
+        rangefinders
+            .chain(encoders)
+            .chain(self.spi.next_event(Self::clocks_ahead(chip)))
+            .chain(self.i2c.lock().mpu.as_ref().and_then(Mpu6050::next_event))
+            .chain([self.next_tick])
+            .min()
+    }
+
+    /// The true pose and the wheels' speeds, °/s, at `now`, which lies within the present tick.
+    #[must_use]
+    pub fn at(&self, now: u64) -> (Pose2, Sides<f64>) {
+        let after = Motion::of(&self.world);
+        let left = u32::try_from(self.next_tick.saturating_sub(now)).unwrap_or(u32::MAX);
+        let share = (1.0 - f64::from(left) / TICK_LENGTH).clamp(0.0, 1.0);
+        let between = |from: f64, to: f64| from + (to - from) * share;
+        let (a, b) = (self.before, after);
+        let pose = Pose2::new(
+            between(a.pose.x_mm, b.pose.x_mm),
+            between(a.pose.y_mm, b.pose.y_mm),
+            between(a.pose.heading_rad, b.pose.heading_rad),
+        );
+        let wheels = a.wheel_deg_s.zip(b.wheel_deg_s);
+        (pose, wheels.map(|(from, to)| between(from, to)))
+    }
+
+    /// Handles the changes of the firmware's outputs.
+    fn on_gpio(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        for change in chip.take_pin_changes() {
+            let high = change.level == Level::High;
+            let mut rangefinders = pinout::RANGEFINDERS.iter();
+            if let Some(nth) = rangefinders.position(|pins| pins.trigger == change.pin) {
+                let unplugged = self.world.faults.unplugged[nth];
+                if self.rangefinders[nth].trigger(change.at.0, high) && !unplugged {
+                    self.ping(nth, change.at.0);
+                }
+            } else if change.pin == pinout::SCL {
+                if high && chip.role(pinout::SCL) == Role::Output {
+                    self.i2c.lock().clock_pulse(I2cController::Stm);
+                    self.drive_i2c_lines(chip, now);
+                }
+            } else {
+                self.outputs.push(OutputChange {
+                    at: change.at.0,
+                    pin: change.pin,
+                    level: high,
+                });
+            }
+        }
+    }
+
+    /// Sends a burst. Its echo reaches every sensor that listens when it returns, whatever its
+    /// direction: stronger crosstalk than in a real room.
+    fn ping(&mut self, nth: usize, at: u64) {
+        self.pings.push(Ping {
+            at_ns: at,
+            sensor: nth,
+            bearing_rad: self.world.mount(nth).bearing_rad,
+            robot: self.at(at).0,
+            range_mm: self.world.true_range_mm(nth),
+        });
+        let echo_us = self.world.echo_us(nth);
+        let returns = self.rangefinders[nth].measure(at, echo_us);
+        self.echoes.retain(|&(returns, _)| returns >= at);
+        for &(returns, of) in &self.echoes {
+            if of != nth {
+                self.rangefinders[nth].receive_crosstalk(returns, at);
+            }
+        }
+        if let Some(returns) = returns {
+            for (other, rangefinder) in self.rangefinders.iter_mut().enumerate() {
+                if other != nth {
+                    rangefinder.receive_crosstalk(returns, at);
+                }
+            }
+            self.echoes.push((returns, nth));
+        }
+    }
+
+    /// Reads the servo's line: TIM1's output where the pin is routed to it, else the port's.
+    fn read_servo_pwm(&mut self, chip: &Stm32f411, now: VirtualNanos) {
+        let level = match chip.role(pinout::SERVO) {
+            TIM1_FUNCTION => chip.tim1_output(1),
+            _ => chip.output(pinout::SERVO),
+        };
+        // The board pulls an undriven line down.
+        let high = level == Some(Level::High);
+        if let Some(width_us) = self.servo.level(now.0, high) {
+            self.world.servo_mut().pulse(width_us);
+        }
+    }
+
+    /// Plays the Pi's SPI steps.
+    fn run_spi(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        while let Some(action) = self.next_action(chip, now) {
+            match action {
+                SpiAction::Select(selected) => {
+                    self.nss = Level::from(!selected);
+                    if self.selects.len() == SELECTS_KEPT {
+                        self.selects.pop_front();
+                    }
+                    self.selects.push_back((now.0, selected));
+                    chip.drive_pin(now, pinout::NSS, Some(self.nss));
+                    self.route_nss(chip, now);
+                }
+                SpiAction::Clock(bit) => {
+                    let [sck, mosi, miso] = [pinout::SCK, pinout::MOSI, pinout::MISO]
+                        .map(|pin| chip.role(pin) == SPI_FUNCTION);
+                    self.route_nss(chip, now);
+                    let clock = |chip: &mut Stm32f411| {
+                        chip.drive_spi(now, |spi, registers, context| {
+                            spi.clock(bit && mosi, registers, context)
+                        })
+                    };
+                    let output = if sck { clock(chip) } else { None };
+                    // The Pi pulls an undriven MISO down.
+                    self.spi.receive(output.unwrap_or(false) && miso);
+                }
+            }
+        }
+    }
+
+    /// How many of the master's clocks may pass before the slave does something visible.
+    fn clocks_ahead(chip: &Stm32f411) -> usize {
+        let registers = chip.spi_registers();
+        if chip.spi.is_selected(registers) {
+            chip.spi.clocks_to_act(registers) as usize - 1
+        } else {
+            0
+        }
+    }
+
+    /// The next action due by `now`, once the clock at which the slave acts is due.
+    fn next_action(&mut self, chip: &Stm32f411, now: VirtualNanos) -> Option<SpiAction> {
+        if self.spi.next_event(Self::clocks_ahead(chip))? > now.0 {
+            return None;
+        }
+        self.spi.take(now.0)
+    }
+
+    fn route_nss(&self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let routed = chip.role(pinout::NSS) == SPI_FUNCTION;
+        let level = routed.then_some(self.nss);
+        chip.drive_spi(now, |spi, registers, context| {
+            spi.set_nss(level, registers, context);
+        });
+    }
+
+    /// Drives the encoders' edges that are due.
+    fn step_encoders(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        for (nth, encoder) in ENCODERS.into_iter().enumerate() {
+            while let Some(edge) = self.encoders[nth].take(now.0) {
+                let before = Encoder::levels(self.counts[nth]);
+                let after = Encoder::levels(edge.count);
+                self.counts[nth] = edge.count;
+                for channel in 0..2 {
+                    if before[channel] != after[channel] {
+                        chip.drive_pin(now, encoder.pins[channel], Some(after[channel]));
+                    }
+                }
+                let routed = |&pin: &Pin| chip.role(pin) == Role::Function(encoder.function);
+                if encoder.pins.iter().all(routed) {
+                    self.drive_timer_inputs(chip, now, nth, after);
+                }
+            }
+        }
+    }
+
+    fn drive_timer_inputs(
+        &mut self,
+        chip: &mut Stm32f411,
+        now: VirtualNanos,
+        nth: usize,
+        levels: [Level; 2],
+    ) {
+        for (channel, (input, level)) in (1..).zip(self.timer_inputs[nth].iter_mut().zip(levels)) {
+            if *input != level {
+                *input = level;
+                chip.drive_timer(now, ENCODERS[nth].timer, channel, level);
+            }
+        }
+    }
+
+    fn drive_echo_lines(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let rangefinders = self.rangefinders.iter_mut();
+        for (rangefinder, pins) in rangefinders.zip(pinout::RANGEFINDERS) {
+            while let Some(high) = rangefinder.take(now.0) {
+                chip.drive_pin(now, pins.echo, Some(Level::from(high)));
+            }
+        }
+    }
+
+    fn receive_log(&mut self, chip: &mut Stm32f411) {
+        let receiver = chip.usart[0].chip_mut::<UartReceiver>();
+        let arrived = receiver.map(UartReceiver::take).unwrap_or_default();
+        if arrived.is_empty() || chip.role(pinout::TX) != USART_FUNCTION {
+            return;
+        }
+        let readable = is_readable(chip.usart1_baud());
+        self.log.extend(arrived.into_iter().map(|word| LogByte {
+            byte: if readable { word.byte } else { 0xFF },
+            ..word
+        }));
+    }
+
+    /// Drives the motion sensor's interrupt line.
+    fn drive_imu_irq(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
+        let mut bus = self.i2c.lock();
+        let high = bus.mpu.as_mut().is_some_and(|mpu| mpu.interrupt(now.0));
+        drop(bus);
+        if high != self.imu_irq {
+            self.imu_irq = high;
+            chip.drive_pin(now, pinout::MPU_IRQ, Some(Level::from(high)));
+        }
+    }
+
+    /// Gives the motion sensor the yaw rate of the tick that ends now.
+    fn step_imu(&mut self, now: u64) {
+        let turned = self.world.pose().heading_rad - self.before.pose.heading_rad;
+        if let Some(mpu) = &mut self.i2c.lock().mpu {
+            mpu.step_ms(now, turned.to_degrees() / TICK_S);
+        }
+    }
+
+    /// Integrates the world over the next tick with what the bridge applies now.
+    fn step_world(&mut self, chip: &mut Stm32f411) {
+        let start = self.next_tick;
+        self.next_tick += TICK_NS;
+        let left = bridge::input(chip, pinout::LEFT_BRIDGE);
+        let right = bridge::input(chip, pinout::RIGHT_BRIDGE);
+        self.step_imu(start);
+        let before = self.world.wheel_phase();
+        self.before = Motion::of(&self.world);
+        self.world.step(TICK_S, left, right);
+        let after = self.world.wheel_phase();
+        self.encoders[0].plan(start, TICK_NS, before.left, after.left);
+        self.encoders[1].plan(start, TICK_NS, before.right, after.right);
+        self.drive_analog_inputs(chip);
+    }
+}

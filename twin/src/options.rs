@@ -1,0 +1,49 @@
+//! Configuration of a virtual robot.
+
+use plant::{Params, Pose2, Room};
+
+use crate::components::mpu6050::Mpu6050Params;
+use crate::emulator::Debugger;
+
+/// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
+/// the default room.
+#[derive(Debug)]
+pub struct Options {
+    /// Seed of all random numbers of the run.
+    pub seed: u64,
+    /// The room.
+    pub room: Room,
+    /// Where the robot starts; the room's own start when `None`.
+    pub start: Option<Pose2>,
+    /// Motors, battery, chassis and rangefinders.
+    pub params: Params,
+    /// The EEPROM's first bytes, erased past their end; `None`: no EEPROM is fitted.
+    pub eeprom: Option<Vec<u8>>,
+    /// The MPU6050's errors; `None`: none is fitted.
+    pub mpu: Option<Mpu6050Params>,
+    /// Whether the 8 MHz crystal works.
+    pub crystal: bool,
+    /// The factory's calibration words: voltage reference, temperature sensor at 30 and at 110 °C.
+    pub calibration_words: [u16; 3],
+    /// A debugger's port.
+    pub debugger: Option<Debugger>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            room: Room::two_rooms(),
+            start: None,
+            params: Params::default(),
+            eeprom: Some(Vec::new()),
+            mpu: Some(Mpu6050Params::default()),
+            crystal: true,
+            // The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the
+            // converter's model returns (STM32F411xC/xE datasheet, temperature sensor and internal
+            // reference characteristics).
+            calibration_words: [1501, 959, 1207],
+            debugger: None,
+        }
+    }
+}

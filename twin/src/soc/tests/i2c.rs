@@ -1,0 +1,66 @@
+use super::*;
+use crate::fixture::RAM;
+use rigless::soc::stm32f427::peripherals::i2c::Pattern;
+
+const I2C1: u64 = 0x4000_5400;
+const CR1: u64 = I2C1;
+const CR2: u64 = I2C1 + 4;
+const DR: u64 = I2C1 + 0x10;
+const SR1: u64 = I2C1 + 0x14;
+const SR2: u64 = I2C1 + 0x18;
+const CCR: u64 = I2C1 + 0x1C;
+const PE: u64 = 1;
+const START: u64 = 1 << 8;
+const STOP: u64 = 1 << 9;
+const ACK: u64 = 1 << 10;
+const DMAEN: u64 = 1 << 11;
+const LAST: u64 = 1 << 12;
+const SB: u64 = 1;
+const BUSY: u64 = 1 << 1;
+const DMA1_STREAM0: u64 = 0x4002_6010;
+
+/// A part whose I2C1 is enabled, with a device at 0x50.
+fn part() -> Fixture<Stm32f411> {
+    let mut part = super::part();
+    let device = Pattern::answering(0x50, [1, 2, 3, 4]);
+    part.mcu.i2c[0].inner.attach(device);
+    part.write(AHB1ENR, 1 << 21);
+    part.write(APB1ENR, 1 << 21);
+    part.write(CR2, 16);
+    part.write(CCR, 0x50);
+    part.write(CR1, PE | ACK);
+    part
+}
+
+#[test]
+fn i2c_last_byte_of_dma_reception_is_not_acknowledged() {
+    let mut part = part();
+    for (offset, value) in [(4, 3), (8, DR), (12, RAM), (0, 1 << 25 | 1 << 10 | 1)] {
+        part.write(DMA1_STREAM0 + offset, value);
+    }
+    part.write(CR2, 16 | DMAEN | LAST);
+    part.write(CR1, PE | ACK | START);
+    assert_ne!(part.read(SR1) & SB, 0);
+    part.write(DR, 0x50 << 1 | 1);
+    part.run(100_000);
+    part.read(SR1);
+    part.read(SR2);
+    part.run(1_000_000);
+    assert_eq!(part.ram[..4], [1, 2, 3, 0]);
+    let device: &mut Pattern = part.mcu.i2c[0].inner.chip_mut(0).unwrap();
+    assert_eq!(device.lasts(), [false, false, true]);
+    assert_ne!(part.read(CR1) & ACK, 0, "the program's own bit stays");
+    part.write(CR1, PE | ACK | STOP);
+    assert_eq!(part.read(SR2) & BUSY, 0);
+}
+
+#[test]
+fn i2c_start_waits_while_bus_is_held_low() {
+    let mut part = part();
+    part.act(|part, now| part.hold_i2c1_low(now, true));
+    assert_ne!(part.read(SR2) & BUSY, 0);
+    part.write(CR1, PE | ACK | START);
+    assert_eq!(part.read(SR1) & SB, 0);
+    part.act(|part, now| part.hold_i2c1_low(now, false));
+    assert_ne!(part.read(SR1) & SB, 0);
+}
