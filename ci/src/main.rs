@@ -3,7 +3,6 @@
 
 mod budget;
 mod cargo_tool;
-mod compat;
 mod coverage;
 mod defects;
 mod elf;
@@ -12,16 +11,12 @@ mod firmware;
 mod flash;
 mod fuzz;
 mod gates;
-mod json;
 mod kani;
-mod mirror;
 mod mutants;
 mod process;
 mod programs;
 mod session;
 mod shard;
-#[expect(dead_code, reason = "goes with the modules that become crates")]
-mod shell;
 mod stack;
 mod toolchain;
 mod trace;
@@ -133,8 +128,12 @@ enum Command {
         #[arg(long, value_name = "NAME", value_delimiter = ',')]
         only: Vec<String>,
     },
-    /// Change fw-core in every way; some test must notice
-    Mutants(mutants::Choice),
+    /// Change fw-core in every way; some test must notice: the options of `ci/mutation`
+    #[command(disable_help_flag = true)]
+    Mutants {
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
     /// How much of fw-core the tests run, and what they do not
     Coverage,
 }
@@ -193,10 +192,8 @@ fn run(cli: Cli) -> Result<ExitCode> {
             minimise,
         } => fuzz(&session, target, seconds, minimise)?,
         Command::Trace => trace::print(&trace::trace(workspace)?),
-        Command::Defects { only } => {
-            defects::run(workspace, session.toolchain().ok(), &only)?;
-        }
-        Command::Mutants(choice) => mutants::run(workspace, &choice)?,
+        Command::Defects { only } => println!("noticed: {}", defects::run(&session, &only)?),
+        Command::Mutants { arguments } => drop(mutants::run(workspace, &arguments)?),
         Command::Coverage => println!("{}", coverage::run(workspace)?),
     }
     Ok(ExitCode::SUCCESS)

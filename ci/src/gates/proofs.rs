@@ -4,13 +4,11 @@ use serde_json::{Map, Value};
 
 use super::check_bars;
 use super::Outcome::{self, Passed, Skipped};
-use crate::defects::{self, Bench};
 use crate::error::{Context, Error, Result};
 use crate::fuzz::{Effort, Fuzzer};
-use crate::mutants::{self, Said};
 use crate::session::Session;
 use crate::shard::Shard;
-use crate::{coverage, kani, process};
+use crate::{coverage, defects, kani, mutants, process};
 
 /// The theorems' table against its floors: a proof that went missing fails here.
 pub fn floors(session: &Session) -> Result<Outcome> {
@@ -73,42 +71,33 @@ pub fn coverage(session: &Session) -> Result<Outcome> {
     Ok(Passed(coverage::run(&session.workspace)?))
 }
 
-/// Every seeded defect fits the code, and the table says nothing that is no longer so; the samples
-/// are tried.
+/// Every seeded defect fits the code; the samples are tried.
 pub fn defects(session: &Session) -> Result<Outcome> {
-    let workspace = &session.workspace;
-    let all = defects::all(workspace)?;
-    let listed = defects::listed(workspace, &all)?;
-    let bench = Bench::set_up(workspace, None)?;
-    let mut caught = Vec::new();
-    for defect in all.iter().filter(|defect| defect.sample) {
-        println!("  {}: {}", defect.name, defect.what);
-        bench.try_one(defect)?;
-        caught.push(defect.name.as_str());
-    }
-    let (all, caught) = (all.len(), caught.join(", "));
+    let all = defects::all(&session.workspace)?;
+    let noticed = defects::try_all(session, all.iter().filter(|defect| defect.sample))?;
     Ok(Passed(format!(
-        "{all} fit the code, {listed} in the table; caught again: {caught}"
+        "{} fit the code; noticed: {noticed}",
+        all.len()
     )))
 }
 
 pub fn all_defects(session: &Session) -> Result<Outcome> {
-    defects::run(&session.workspace, session.toolchain().ok(), &[])?;
-    Ok(Passed(String::new()))
+    Ok(Passed(defects::run(session, &[])?))
 }
 
 /// The mutants of the lines that changed in the core.
 pub fn mutants(session: &Session) -> Result<Outcome> {
     Ok(match mutants::of_the_change(&session.workspace)? {
-        Said::Good(figure) => Passed(figure),
-        Said::Nothing(reason) => Skipped(reason),
+        Some(figure) => Passed(figure),
+        None => Skipped("nothing in the core changed".into()),
     })
 }
 
 /// All mutants of the core.
 pub fn all_mutants(session: &Session) -> Result<Outcome> {
-    mutants::run(&session.workspace, &mutants::Choice::default())?;
-    Ok(Passed(String::new()))
+    let report = "target/mutants.md".to_owned();
+    let arguments = ["--report".to_owned(), report];
+    Ok(Passed(mutants::run(&session.workspace, &arguments)?))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ extern crate std as mutant_std;
 /// The number of the mutant that is on; 0 is none.
 #[doc(hidden)]
 #[inline]
-pub const fn mutant() -> u32 {
+pub const fn active_mutant() -> u32 {
     const fn calculated() -> u32 {
         0
     }
@@ -29,7 +29,7 @@ pub const fn mutant() -> u32 {
 macro_rules! mutant_operation {
     ($l:expr, $op:tt [$($on:literal $other:tt),*], $r:expr) => {{
         let (l, r) = ($l, $r);
-        match $crate::mutant() { $($on => l $other r,)* _ => l $op r }
+        match $crate::active_mutant() { $($on => l $other r,)* _ => l $op r }
     }};
 }
 
@@ -39,7 +39,7 @@ macro_rules! mutant_operation {
 macro_rules! mutant_comparison {
     ($l:expr, $op:tt [$($on:literal $other:tt),*], $r:expr) => {
         match (&$l, &$r) {
-            (l, r) => match $crate::mutant() { $($on => *l $other *r,)* _ => *l $op *r },
+            (l, r) => match $crate::active_mutant() { $($on => *l $other *r,)* _ => *l $op *r },
         }
     };
 }
@@ -49,7 +49,7 @@ macro_rules! mutant_comparison {
 #[macro_export]
 macro_rules! mutant_logic {
     ($l:expr, $op:tt [$($on:literal $other:tt),*], $r:expr) => {
-        match $crate::mutant() { $($on => $l $other $r,)* _ => $l $op $r }
+        match $crate::active_mutant() { $($on => $l $other $r,)* _ => $l $op $r }
     };
 }
 
@@ -58,7 +58,7 @@ macro_rules! mutant_logic {
 macro_rules! mutant_assignment {
     ($l:expr, $op:tt [$($on:literal $other:tt),*], $r:expr) => {{
         let r = $r;
-        match $crate::mutant() { $($on => $l $other r,)* _ => $l $op r }
+        match $crate::active_mutant() { $($on => $l $other r,)* _ => $l $op r }
     }};
 }
 
@@ -67,6 +67,6 @@ macro_rules! mutant_assignment {
 macro_rules! mutant_sign {
     ($on:literal, $op:tt, $e:expr) => {{
         let e = $e;
-        match $crate::mutant() { $on => e, _ => $op e }
+        match $crate::active_mutant() { $on => e, _ => $op e }
     }};
 }

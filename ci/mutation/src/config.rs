@@ -1,0 +1,91 @@
+//! What is tested with what.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::excuses::Excuses;
+use crate::operators;
+
+/// A configuration, see the README.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Config {
+    /// The package whose code is changed.
+    pub package: String,
+    /// The file of the excuses, from the configuration's folder.
+    pub excuses: Option<String>,
+    /// Parts of the names of tests that take long: left out of the first stage.
+    #[serde(default)]
+    pub slow: Vec<String>,
+    /// Packages whose tests are asked last.
+    #[serde(default)]
+    pub also: Vec<String>,
+    /// Operators beside those of cargo-mutants, see [`operators::NAMES`].
+    #[serde(default)]
+    pub operators: Vec<String>,
+    /// Arguments of every `cargo test`.
+    #[serde(default)]
+    pub cargo_args: Vec<String>,
+}
+
+/// Tests that see a mutant together; what they let pass goes to the next stage.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Stage {
+    /// Packages whose tests these are.
+    pub packages: Vec<String>,
+    /// Whether with those in `tests/`.
+    pub all: bool,
+    /// Parts of the names of tests that are left out.
+    pub skip: Vec<String>,
+}
+
+impl Config {
+    /// Reads a configuration and its excuses.
+    ///
+    /// # Errors
+    /// Names the file, and what is wrong in it.
+    pub fn read(path: &Path) -> Result<(Self, Excuses), String> {
+        let read = |path: &Path| {
+            let text = std::fs::read_to_string(path);
+            text.map_err(|error| format!("{}: {error}", path.display()))
+        };
+        let named = |path: &Path, error: &str| format!("{}: {error}", path.display());
+        let config: Self =
+            toml::from_str(&read(path)?).map_err(|error| named(path, &error.to_string()))?;
+        let known = |name: &&String| !operators::NAMES.contains(&name.as_str());
+        if let Some(unknown) = config.operators.iter().find(known) {
+            return Err(named(path, &format!("no operator {unknown}")));
+        }
+        let Some(file) = &config.excuses else {
+            return Ok((config, Excuses::default()));
+        };
+        let file = path.parent().unwrap_or(Path::new("")).join(file);
+        let excuses = Excuses::parse(&read(&file)?).map_err(|error| named(&file, &error))?;
+        Ok((config, excuses))
+    }
+
+    /// The stages: the quick tests beside the code, all tests of the package, other packages'.
+    #[must_use]
+    pub fn stages(&self) -> Vec<Stage> {
+        let own = vec![self.package.clone()];
+        let mut stages = vec![
+            Stage {
+                packages: own.clone(),
+                all: false,
+                skip: self.slow.clone(),
+            },
+            Stage {
+                packages: own,
+                all: true,
+                skip: Vec::new(),
+            },
+        ];
+        stages.extend((!self.also.is_empty()).then(|| Stage {
+            packages: self.also.clone(),
+            all: true,
+            skip: Vec::new(),
+        }));
+        stages
+    }
+}

@@ -1,0 +1,334 @@
+//! Trying mutants: nearly all switched on one by one in one build, the others built one by one.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::thread;
+
+use serde_json::Value;
+
+use crate::config::{Config, Stage};
+use crate::mutant::Mutant;
+use crate::suite::{BuildError, Outcome, Suite};
+use crate::switch::{FEATURES, SWITCH, marked, switch};
+use crate::workspace::Workspace;
+
+/// Fewer mutants than this are built one by one sooner than all at once.
+const FEW: usize = 8;
+
+/// A copy of the workspace with its built tests, stage by stage.
+struct Copy {
+    root: PathBuf,
+    target: PathBuf,
+    suites: BTreeMap<usize, Suite>,
+}
+
+/// Everything that it takes to try mutants.
+pub struct Engine<'a> {
+    config: &'a Config,
+    workspace: &'a Workspace,
+    stages: Vec<Stage>,
+    all: &'a [Mutant],
+    jobs: usize,
+    /// The copy with every mutant behind a switch, and those that have one, by index.
+    switched: Option<(Copy, BTreeSet<usize>)>,
+    /// The copy for one mutant at a time.
+    plain: Option<Copy>,
+}
+
+impl<'a> Engine<'a> {
+    /// Prepares to try `count` of all mutants, `jobs` at a time; with `quick`, by the first stage.
+    ///
+    /// # Errors
+    /// Where the workspace cannot be copied, or its tests fail without a mutant.
+    pub fn new(
+        config: &'a Config,
+        workspace: &'a Workspace,
+        all: &'a [Mutant],
+        count: usize,
+        (jobs, quick): (usize, bool),
+    ) -> Result<Self, String> {
+        let mut stages = config.stages();
+        stages.truncate(if quick { 1 } else { stages.len() });
+        let mut engine = Self {
+            config,
+            workspace,
+            stages,
+            all,
+            jobs: jobs.max(1),
+            switched: None,
+            plain: None,
+        };
+        if count >= FEW {
+            let (copy, numbers) = engine.build_switched()?;
+            println!("{} of {} mutants in one build", numbers.len(), all.len());
+            engine.switched = Some((copy, numbers));
+        }
+        Ok(engine)
+    }
+
+    fn copy(&self, name: &str) -> Result<Copy, String> {
+        let folder = self.workspace.target.join("mutants").join(name);
+        let root = folder.join("workspace");
+        self.workspace.copy(&root)?;
+        Ok(Copy {
+            root,
+            target: folder.join("target"),
+            suites: BTreeMap::new(),
+        })
+    }
+
+    /// Rewrites a copy until it compiles, each time without the mutants that the compiler refused.
+    fn build_switched(&self) -> Result<(Copy, BTreeSet<usize>), String> {
+        let mut refused = BTreeSet::new();
+        loop {
+            let mut copy = self.copy("switched")?;
+            let numbers = self.rewrite(&copy.root, &refused)?;
+            match Suite::build(self.config, &self.stages[0], &copy.root, &copy.target) {
+                Ok(mut suite) => {
+                    suite.calibrate()?;
+                    copy.suites.insert(0, suite);
+                    return Ok((copy, numbers));
+                }
+                Err(BuildError::Compile(messages)) => {
+                    let before = refused.len();
+                    refused.extend(blamed(&messages, &copy.root));
+                    if refused.len() == before {
+                        return Err("the code with all mutants does not compile".into());
+                    }
+                }
+                Err(BuildError::Other(error)) => return Err(error),
+            }
+        }
+    }
+
+    /// Puts a switch for every mutant but the refused ones into a copy; those that have one.
+    fn rewrite(&self, root: &Path, refused: &BTreeSet<usize>) -> Result<BTreeSet<usize>, String> {
+        let mut files = BTreeMap::<&str, Vec<(usize, &Mutant)>>::new();
+        for (index, mutant) in self.all.iter().enumerate() {
+            if !refused.contains(&index) {
+                // Number 0 is no mutant.
+                files
+                    .entry(&mutant.file)
+                    .or_default()
+                    .push((index + 1, mutant));
+            }
+        }
+        let mut switched = BTreeSet::new();
+        for (file, mutants) in files {
+            edit(&root.join(file), |text| {
+                let (text, numbers) = switch(text, &mutants)?;
+                switched.extend(numbers.into_iter().map(|number| number - 1));
+                Ok(text)
+            })?;
+        }
+        edit(&root.join(&self.workspace.library), |text| {
+            Ok([FEATURES, text, SWITCH].concat())
+        })?;
+        Ok(switched)
+    }
+
+    /// Tries some of the mutants, by index. What is excused is not shown to the later stages.
+    ///
+    /// # Errors
+    /// Where the tests fail without a mutant, or cannot be run.
+    pub fn try_all(
+        &mut self,
+        mutants: &[usize],
+        excused: impl Fn(&Mutant) -> bool,
+    ) -> Result<BTreeMap<usize, Outcome>, String> {
+        let mut outcomes = BTreeMap::new();
+        let has_switch = |index: &&usize| {
+            let switched = self.switched.as_ref();
+            switched.is_some_and(|(_, numbers)| numbers.contains(index))
+        };
+        let (mut left, plain): (Vec<usize>, Vec<usize>) =
+            mutants.iter().partition(|index| has_switch(index));
+        for stage in 0..self.stages.len() {
+            if let (Some((copy, _)), false) = (&mut self.switched, left.is_empty()) {
+                copy.prepare(self.config, &self.stages, stage)?;
+                let suite = &copy.suites[&stage];
+                outcomes.extend(in_parallel(&left, self.jobs, |index| {
+                    let file = &self.all[index].file;
+                    let near = if stage == 0 { near(file) } else { Vec::new() };
+                    match suite.run(index + 1, &near)? {
+                        Outcome::Survived if stage == 0 => suite.run(index + 1, &[]),
+                        outcome => Ok(outcome),
+                    }
+                })?);
+            }
+            left.retain(|index| {
+                outcomes[index] == Outcome::Survived && !excused(&self.all[*index])
+            });
+        }
+        for index in plain {
+            outcomes.insert(index, self.try_plain(index, &excused)?);
+        }
+        Ok(outcomes)
+    }
+
+    fn try_plain(
+        &mut self,
+        index: usize,
+        excused: impl Fn(&Mutant) -> bool,
+    ) -> Result<Outcome, String> {
+        let mutant = &self.all[index];
+        let mut copy = match self.plain.take() {
+            Some(copy) => copy,
+            None => self.copy("plain")?,
+        };
+        let file = copy.root.join(&mutant.file);
+        let mut outcome = Outcome::Survived;
+        for stage in 0..self.stages.len() {
+            let later = stage > 0 && (outcome != Outcome::Survived || excused(mutant));
+            if later {
+                break;
+            }
+            // Without the mutant first, for the time limit.
+            copy.prepare(self.config, &self.stages, stage)?;
+            let mut original = String::new();
+            edit(&file, |text| {
+                text.clone_into(&mut original);
+                Ok(mutant.applied(text))
+            })?;
+            let built = Suite::build(self.config, &self.stages[stage], &copy.root, &copy.target);
+            let ran = match built {
+                Ok(suite) => suite.limited_as(&copy.suites[&stage]).run(0, &[]),
+                Err(BuildError::Compile(_)) => Ok(Outcome::Unviable),
+                Err(BuildError::Other(error)) => Err(error),
+            };
+            edit(&file, |_| Ok(original))?;
+            outcome = ran?;
+        }
+        self.plain = Some(copy);
+        Ok(outcome)
+    }
+}
+
+impl Copy {
+    /// Builds and calibrates a stage's tests, once.
+    fn prepare(&mut self, config: &Config, stages: &[Stage], stage: usize) -> Result<(), String> {
+        if self.suites.contains_key(&stage) {
+            return Ok(());
+        }
+        let mut suite = match Suite::build(config, &stages[stage], &self.root, &self.target) {
+            Ok(suite) => suite,
+            Err(BuildError::Compile(_)) => return Err("the tests do not compile".into()),
+            Err(BuildError::Other(error)) => return Err(error),
+        };
+        suite.calibrate()?;
+        self.suites.insert(stage, suite);
+        Ok(())
+    }
+}
+
+/// Rewrites a file.
+fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<(), String> {
+    let shown = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+    let text = std::fs::read_to_string(file).map_err(|error| shown(&error))?;
+    let text = new(&text).map_err(|error| shown(&error))?;
+    std::fs::write(file, text).map_err(|error| shown(&error))
+}
+
+/// The start of the names of the tests next to a file: `wire::crc` and `wire::tests::` of
+/// `fw-core/src/wire/crc.rs`.
+fn near(file: &str) -> Vec<String> {
+    let inside = file.split_once("src/").map_or(file, |(_, inside)| inside);
+    let mut modules = inside.trim_end_matches(".rs").split('/');
+    let outer = modules.next().unwrap_or_default();
+    match modules.next() {
+        None if outer == "lib" => Vec::new(),
+        None | Some("mod") => vec![format!("{outer}::")],
+        Some(inner) => vec![format!("{outer}::{inner}"), format!("{outer}::tests::")],
+    }
+}
+
+/// The indices of the mutants on the lines that the compiler's errors are about.
+fn blamed(messages: &str, root: &Path) -> BTreeSet<usize> {
+    let mut indices = BTreeSet::new();
+    for message in messages.lines() {
+        let message: Value = serde_json::from_str(message).unwrap_or_default();
+        if message["message"]["level"] != "error" {
+            continue;
+        }
+        for span in message["message"]["spans"].as_array().into_iter().flatten() {
+            let mut span = span;
+            // From inside a macro out to where it is called.
+            while span.is_object() {
+                let file = root.join(span["file_name"].as_str().unwrap_or_default());
+                let text = std::fs::read_to_string(file).unwrap_or_default();
+                let lines: Vec<&str> = text.lines().collect();
+                let line = |key: &str| span[key].as_u64().and_then(|n| usize::try_from(n).ok());
+                let from = line("line_start").unwrap_or(1).saturating_sub(1);
+                let to = line("line_end").unwrap_or_default();
+                // The number is on the line, or close by where a switch takes several.
+                let around =
+                    (0..4).map(|more| from.saturating_sub(more)..(to + more).min(lines.len()));
+                let numbers = around
+                    .map(|range| lines.get(range).unwrap_or_default().iter())
+                    .map(|lines| lines.flat_map(|line| marked(line)).collect::<Vec<_>>());
+                let nearest = numbers.into_iter().find(|numbers| !numbers.is_empty());
+                indices.extend(nearest.into_iter().flatten().map(|number| number - 1));
+                span = &span["expansion"]["span"];
+            }
+        }
+    }
+    indices
+}
+
+/// Runs `work` for each of these, `jobs` at a time.
+fn in_parallel(
+    indices: &[usize],
+    jobs: usize,
+    work: impl Fn(usize) -> Result<Outcome, String> + Sync,
+) -> Result<BTreeMap<usize, Outcome>, String> {
+    let queue = Mutex::new(indices.iter());
+    let take = || {
+        queue
+            .lock()
+            .ok()
+            .and_then(|mut queue| queue.next().copied())
+    };
+    thread::scope(|scope| {
+        let worker = || -> Result<Vec<_>, String> {
+            std::iter::from_fn(take)
+                .map(|index| Ok((index, work(index)?)))
+                .collect()
+        };
+        let running: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
+        let mut outcomes = BTreeMap::new();
+        for thread in running {
+            let found = thread.join().map_err(|_| "a worker panicked")?;
+            outcomes.extend(found?);
+        }
+        Ok(outcomes)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tests_near_a_file_are_those_of_its_module() {
+        let of = |file| near(file).join(" ");
+        let slip = "fw-core/src/motion/odometry/slip.rs";
+        assert_eq!(of(slip), "motion::odometry motion::tests::");
+        assert_eq!(of("fw-core/src/robot/mod.rs"), "robot::");
+        assert_eq!(of("src/log.rs"), "log::");
+        assert_eq!(of("src/lib.rs"), "");
+    }
+
+    #[test]
+    fn error_blames_the_mutants_of_its_line() {
+        let folder = std::env::temp_dir().join(format!("mutation-blame-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("a.rs"), "a\nb 0_0_3 c 0_0_14\nd 0_0_15\n").unwrap();
+        let messages = r#"{"reason": "compiler-message", "message": {"level": "error", "spans": [
+            {"file_name": "core/macros.rs", "line_start": 7, "line_end": 7, "expansion":
+             {"span": {"file_name": "a.rs", "line_start": 2, "line_end": 2, "expansion": null}}}]}}"#;
+        let blamed = blamed(&messages.replace('\n', " "), &folder);
+        assert_eq!(blamed, BTreeSet::from([2, 13]));
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,237 @@
+//! Mutation testing with all mutants of a crate in one test program: one build for thousands of
+//! mutants instead of one for each.
+//!
+//! cargo-mutants lists the changes; [`switch`] puts each behind a switch that the environment
+//! variable `MUTANT` turns on:
+//!
+//! ```
+//! use mutation::{Mutant, Position, Span, switch};
+//!
+//! let source = "fn sum(a: u8, b: u8) -> u8 { a + b }";
+//! let plus = Span {
+//!     start: Position { line: 1, column: 32 },
+//!     end: Position { line: 1, column: 33 },
+//! };
+//! let mutant = Mutant {
+//!     genre: "BinaryOperator".into(),
+//!     span: plus,
+//!     replacement: "-".into(),
+//!     ..Mutant::default()
+//! };
+//! assert_eq!(mutant.applied(source), "fn sum(a: u8, b: u8) -> u8 { a - b }");
+//! let (switched, numbers) = switch(source, &[(7, &mutant)]).unwrap();
+//! assert!(switched.contains("crate::mutant_operation!(a, + [0_0_7 -], b)"));
+//! assert_eq!(numbers, [7]);
+//! ```
+//!
+//! [`run`] lists, tries and reports the mutants of a package; the program `mutation` is its
+//! command line.
+#![forbid(unsafe_code)]
+
+mod config;
+mod engine;
+mod excuses;
+mod mutant;
+mod operators;
+mod report;
+mod suite;
+mod switch;
+mod workspace;
+
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+pub use config::Config;
+pub use excuses::{Excused, Excuses};
+pub use mutant::{Function, List, Mutant, Position, Span};
+pub use report::{Counts, Report};
+pub use suite::Outcome;
+pub use switch::switch;
+
+use engine::Engine;
+use workspace::Workspace;
+
+/// Which mutants to try, and how.
+#[derive(Clone, Debug, Default)]
+pub struct Choice {
+    /// Those of files whose path contains one of these; empty for all.
+    pub files: Vec<String>,
+    /// Those whose description contains one of these; empty for all.
+    pub only: Vec<String>,
+    /// Every `n`th from the `k`th on, `(k, n)`.
+    pub shard: Option<(usize, usize)>,
+    /// Those in lines that changed since this commit.
+    pub since: Option<String>,
+    /// Start no more after this time; the mutants tried are spread over all that were chosen.
+    pub at_most: Option<Duration>,
+    /// How many at a time.
+    pub jobs: usize,
+    /// Ask the first stage alone: its survivors may be caught by a later one.
+    pub quick: bool,
+}
+
+/// Why there is no report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// cargo-mutants cannot be started.
+    NoLister(String),
+    /// Anything else, in a sentence.
+    Failed(String),
+}
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoLister(why) => write!(f, "cargo-mutants cannot be started: {why}"),
+            Self::Failed(why) => f.write_str(why),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl From<String> for Error {
+    fn from(why: String) -> Self {
+        Self::Failed(why)
+    }
+}
+
+/// Lists the mutants of a package and tries the chosen ones. `lister` is the program
+/// cargo-mutants; `folder` is in the workspace.
+///
+/// # Errors
+/// Where the mutants cannot be listed, or the tests fail without one.
+pub fn run(
+    folder: &Path,
+    lister: &Path,
+    (config, excuses): &(Config, Excuses),
+    choice: &Choice,
+) -> Result<Report, Error> {
+    let workspace = Workspace::find(folder, &config.package)?;
+    let all = list(&workspace, lister, config, &[])?;
+    let chosen = choose(&workspace, lister, config, choice, &all)?;
+    let mut report = Report {
+        chosen: chosen.len(),
+        ..Report::default()
+    };
+    let stale = excuses.stale(&all).into_iter();
+    report.findings = stale
+        .map(|excused| format!("excuse without a mutant: {excused}"))
+        .collect();
+    if chosen.is_empty() {
+        return Ok(report);
+    }
+    let how = (choice.jobs, choice.quick);
+    let mut engine = Engine::new(config, &workspace, &all, chosen.len(), how)?;
+    let start = Instant::now();
+    for group in groups(&all, &chosen, choice.at_most.is_some()) {
+        if choice.at_most.is_some_and(|limit| start.elapsed() > limit) {
+            break;
+        }
+        let outcomes = engine.try_all(&group, |mutant| excuses.cover(mutant))?;
+        let before = report.findings.len();
+        for (&index, &outcome) in &outcomes {
+            let mutant = &all[index];
+            let may_survive = excuses.cover(mutant);
+            report.add(&mutant.file, outcome, may_survive);
+            let finding = match (outcome == Outcome::Survived, may_survive) {
+                (true, false) => format!("survived: {mutant}"),
+                (false, true) => format!("excused but {outcome:?}: {mutant}"),
+                _ => continue,
+            };
+            report.findings.push(finding);
+        }
+        let file = &all[group[0]].file;
+        println!(
+            "{file}: {} tried, {:.0} s",
+            group.len(),
+            start.elapsed().as_secs_f64()
+        );
+        for finding in &report.findings[before..] {
+            println!("  {finding}");
+        }
+    }
+    Ok(report)
+}
+
+/// The indices of the chosen mutants.
+fn choose(
+    workspace: &Workspace,
+    lister: &Path,
+    config: &Config,
+    choice: &Choice,
+    all: &[Mutant],
+) -> Result<Vec<usize>, Error> {
+    let changed = match &choice.since {
+        None => None,
+        Some(base) => {
+            let mut git = Command::new("git");
+            git.args(["diff", "--merge-base", base])
+                .current_dir(&workspace.root);
+            let diff = git.output().map_err(|error| format!("git: {error}"))?;
+            let file = workspace.target.join("mutants.diff");
+            std::fs::write(&file, diff.stdout).map_err(|error| error.to_string())?;
+            let in_diff = ["--in-diff".as_ref(), file.as_os_str()];
+            Some(list(workspace, lister, config, &in_diff)?)
+        }
+    };
+    let any = |words: &[String], text: &str| {
+        words.is_empty() || words.iter().any(|word| text.contains(word))
+    };
+    let (shard, shards) = choice.shard.unwrap_or((0, 1));
+    let chosen = all.iter().enumerate().skip(shard).step_by(shards);
+    let chosen = chosen.filter(|(_, mutant)| {
+        let changed = changed.as_ref();
+        any(&choice.files, &mutant.file)
+            && any(&choice.only, &mutant.to_string())
+            && changed.is_none_or(|changed| changed.contains(mutant))
+    });
+    Ok(chosen.map(|(index, _)| index).collect())
+}
+
+/// What is tried between two looks at the clock: a file's mutants, or a few spread over all.
+fn groups(all: &[Mutant], chosen: &[usize], spread: bool) -> Vec<Vec<usize>> {
+    const AT_A_TIME: usize = 8;
+    if spread {
+        let rounds = chosen.len().div_ceil(AT_A_TIME);
+        let round = |nth| chosen.iter().copied().skip(nth).step_by(rounds).collect();
+        return (0..rounds).map(round).collect();
+    }
+    let same_file = |one: &usize, other: &usize| all[*one].file == all[*other].file;
+    chosen.chunk_by(same_file).map(<[usize]>::to_vec).collect()
+}
+
+/// The mutants that cargo-mutants lists, and those of the configured operators.
+fn list(
+    workspace: &Workspace,
+    lister: &Path,
+    config: &Config,
+    arguments: &[&std::ffi::OsStr],
+) -> Result<Vec<Mutant>, Error> {
+    let mut ask = Command::new(lister);
+    ask.args(["mutants", "--list", "--json", "--colors", "never"]);
+    ask.args(["--package", &config.package]).args(arguments);
+    let answer = ask.current_dir(&workspace.root).output();
+    let answer = answer.map_err(|error| Error::NoLister(error.to_string()))?;
+    if !answer.status.success() {
+        return Err(Error::Failed(
+            String::from_utf8_lossy(&answer.stderr).into_owned(),
+        ));
+    }
+    let answer = String::from_utf8_lossy(&answer.stdout);
+    let (mut mutants, functions) = mutant::parse(&answer, &workspace.root)?;
+    if config
+        .operators
+        .iter()
+        .any(|name| name == "delete-statement")
+    {
+        for (file, functions) in &functions {
+            let text = std::fs::read_to_string(workspace.root.join(file));
+            let text = text.map_err(|error| format!("{file}: {error}"))?;
+            let deleted = operators::delete_statements(file, &text, functions);
+            mutants.extend(deleted.map_err(|error| format!("{file}: {error}"))?);
+        }
+    }
+    Ok(mutants)
+}

@@ -1,0 +1,197 @@
+//! The mutants of a package, as cargo-mutants lists them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Deserialize;
+
+/// A line and a column, both from 1.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Position {
+    /// The line.
+    pub line: usize,
+    /// The column, in characters.
+    pub column: usize,
+}
+
+/// A piece of source text, up to before its end.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+pub struct Span {
+    /// Its first character.
+    pub start: Position,
+    /// Behind its last character.
+    pub end: Position,
+}
+
+/// One change of the source.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Mutant {
+    /// The file, from the workspace's root.
+    pub file: String,
+    /// The function it is in; empty outside of functions.
+    pub function: String,
+    /// The kind of change: `BinaryOperator`, as cargo-mutants names it.
+    pub genre: String,
+    /// What changes, wherever it is: `replace + with -`.
+    pub change: String,
+    /// The line with the changed part between `«` and `»`; empty where that is several lines.
+    pub at: String,
+    /// The text that it replaces.
+    pub span: Span,
+    /// What stands there instead.
+    pub replacement: String,
+}
+
+/// A function of the list, in which own operators look for mutants.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Eq)]
+pub struct Function {
+    /// Its path: `Pid::step`.
+    #[serde(rename = "function_name")]
+    pub name: String,
+    /// Its text.
+    pub span: Span,
+}
+
+#[derive(Deserialize)]
+struct Listed {
+    name: String,
+    file: String,
+    function: Option<Function>,
+    genre: String,
+    replacement: String,
+    span: Span,
+}
+
+/// The mutants of a list, and the functions they are in by file.
+pub type List = (Vec<Mutant>, BTreeMap<String, Vec<Function>>);
+
+/// Reads the answer of `cargo mutants --list --json`, beside the sources in `root`.
+///
+/// # Errors
+/// Where the answer is none, or does not fit the sources.
+pub fn parse(answer: &str, root: &Path) -> Result<List, String> {
+    if answer.trim().is_empty() {
+        return Ok(List::default());
+    }
+    let listed: Vec<Listed> =
+        serde_json::from_str(answer).map_err(|error| format!("cargo mutants --list: {error}"))?;
+    let mut texts = BTreeMap::<String, String>::new();
+    let (mut mutants, mut functions) = List::default();
+    for mutant in listed {
+        if !texts.contains_key(&mutant.file) {
+            let text = std::fs::read_to_string(root.join(&mutant.file));
+            let text = text.map_err(|error| format!("{}: {error}", mutant.file))?;
+            texts.insert(mutant.file.clone(), text);
+        }
+        let Position { line, column } = mutant.span.start;
+        let start = format!("{}:{line}:{column}: ", mutant.file);
+        let Some(change) = mutant.name.strip_prefix(&start) else {
+            return Err(format!(
+                "cargo mutants --list: {} is not there",
+                mutant.name
+            ));
+        };
+        let function = mutant.function.unwrap_or_default();
+        let change = change
+            .strip_suffix(&format!(" in {}", function.name))
+            .unwrap_or(change);
+        mutants.push(Mutant {
+            change: change.to_owned(),
+            at: mutant.span.marked(&texts[&mutant.file]),
+            function: function.name.clone(),
+            file: mutant.file.clone(),
+            genre: mutant.genre,
+            span: mutant.span,
+            replacement: mutant.replacement,
+        });
+        let known: &mut Vec<Function> = functions.entry(mutant.file).or_default();
+        if !function.name.is_empty() && !known.contains(&function) {
+            known.push(function);
+        }
+    }
+    Ok((mutants, functions))
+}
+
+impl std::fmt::Display for Mutant {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Position { line, column } = self.span.start;
+        write!(f, "{}:{line}:{column}: {}", self.file, self.change)?;
+        if !self.function.is_empty() && !self.change.contains(&self.function) {
+            write!(f, " in {}", self.function)?;
+        }
+        Ok(())
+    }
+}
+
+impl Mutant {
+    /// The source with this change alone.
+    #[must_use]
+    pub fn applied(&self, text: &str) -> String {
+        let (from, to) = self.span.bytes(text);
+        [&text[..from], &self.replacement, &text[to..]].concat()
+    }
+}
+
+impl Span {
+    /// Its bytes in the file's text.
+    #[must_use]
+    pub fn bytes(&self, text: &str) -> (usize, usize) {
+        let byte = |position: Position| {
+            let lines = text.split_inclusive('\n').take(position.line - 1);
+            let start: usize = lines.map(str::len).sum();
+            let mut letters = text[start..].char_indices();
+            let inside = letters.nth(position.column - 1);
+            inside.map_or(text.len(), |(inside, _)| start + inside)
+        };
+        (byte(self.start), byte(self.end))
+    }
+
+    /// The line with this part marked; empty where it is several lines.
+    #[must_use]
+    pub fn marked(&self, text: &str) -> String {
+        let line = text.lines().nth(self.start.line.saturating_sub(1));
+        let (Some(line), true) = (line, self.start.line == self.end.line) else {
+            return String::new();
+        };
+        let (mut marked, mut column) = (String::new(), 1);
+        for letter in line.chars().map(Some).chain([None]) {
+            if column == self.start.column {
+                marked.push('«');
+            }
+            if column == self.end.column {
+                marked.push('»');
+            }
+            marked.extend(letter);
+            column += 1;
+        }
+        marked.trim().to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mutant_is_known_by_change_and_line() {
+        let folder = std::env::temp_dir().join(format!("mutation-list-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let text = "fn f() {\n    a + b + c\n}\n";
+        std::fs::write(folder.join("a.rs"), text).unwrap();
+        let answer = r#"[
+            {"name": "a.rs:2:11: replace + with - in f", "file": "a.rs", "genre": "BinaryOperator",
+             "replacement": "-", "span": {"start": {"line": 2, "column": 11}, "end": {"line": 2, "column": 12}},
+             "function": {"function_name": "f",
+                          "span": {"start": {"line": 1, "column": 1}, "end": {"line": 3, "column": 2}}}},
+            {"name": "a.rs:1:8: replace f with ()", "file": "a.rs", "genre": "FnValue", "replacement": "()",
+             "span": {"start": {"line": 1, "column": 8}, "end": {"line": 3, "column": 2}}, "function": null}]"#;
+        let (mutants, functions) = parse(answer, &folder).unwrap();
+        assert_eq!(mutants[0].change, "replace + with -");
+        assert_eq!(mutants[0].at, "a + b «+» c");
+        assert_eq!(mutants[0].applied(text), "fn f() {\n    a + b - c\n}\n");
+        assert_eq!(mutants[1].to_string(), "a.rs:1:8: replace f with ()");
+        assert_eq!(mutants[1].at, "");
+        assert_eq!(functions["a.rs"][0].name, "f");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,266 @@
+//! Rewrites a file so that the variable `MUTANT` of the built program switches one mutant on.
+//!
+//! Not switched, because the compiler evaluates them or has no place for a condition: constants,
+//! types, patterns, fields, and what is inside macros.
+
+use std::collections::HashMap;
+
+use proc_macro2::{Literal, Span, TokenStream};
+use syn::spanned::Spanned;
+use syn::visit_mut::{self, VisitMut};
+use syn::{Arm, BinOp, Block, Expr, Stmt, parse_quote};
+
+use crate::mutant::Mutant;
+use crate::operators::STATEMENT;
+
+/// What the crate's root needs: which mutant is on, and the macros of the switches.
+pub const SWITCH: &str = include_str!("switch.in.rs");
+
+/// The compiler's features that [`SWITCH`] needs: a function that reads the environment at run
+/// time and returns 0 where the compiler evaluates it.
+pub const FEATURES: &str = "#![feature(core_intrinsics, const_eval_select)]\n";
+
+/// How a mutant's number is written, so that a compiler's error can be traced to it.
+const MARK: &str = "0_0_";
+
+/// The numbers of the mutants in a rewritten line.
+pub fn marked(line: &str) -> impl Iterator<Item = usize> + '_ {
+    let numbers = line.split(MARK).skip(1);
+    numbers.filter_map(|text| {
+        let end = text.find(|letter: char| !letter.is_ascii_digit());
+        text[..end.unwrap_or(text.len())].parse().ok()
+    })
+}
+
+/// The text with a switch for each of these numbered mutants, and the numbers of those that it
+/// has one for.
+///
+/// # Errors
+/// Where the text is no Rust.
+pub fn switch(text: &str, mutants: &[(usize, &Mutant)]) -> syn::Result<(String, Vec<usize>)> {
+    let mut file = syn::parse_file(text)?;
+    let mut by_start = HashMap::<_, Vec<_>>::new();
+    for &(number, mutant) in mutants {
+        let start = mutant.span.start;
+        let here = by_start.entry((start.line, start.column)).or_default();
+        here.push((number, mutant));
+    }
+    let mut rewriter = Rewriter {
+        mutants: by_start,
+        switched: Vec::new(),
+    };
+    rewriter.visit_file_mut(&mut file);
+    Ok((prettyplease::unparse(&file), rewriter.switched))
+}
+
+struct Rewriter<'a> {
+    /// By the line and column of what they change.
+    mutants: HashMap<(usize, usize), Vec<(usize, &'a Mutant)>>,
+    switched: Vec<usize>,
+}
+
+impl Rewriter<'_> {
+    /// The numbers and replacements of the mutants of a genre that change what starts here; from
+    /// now on they count as switched. To be called before anything inside is rewritten.
+    fn take(&mut self, span: Span, genre: &str) -> (Vec<Literal>, Vec<TokenStream>) {
+        let start = span.start();
+        let here = self.mutants.get(&(start.line, start.column + 1));
+        let here = here.into_iter().flatten();
+        let taken: Vec<_> = here
+            .filter(|(_, mutant)| mutant.genre == genre)
+            .filter_map(|(number, mutant)| {
+                let number_literal = format!("{MARK}{number}").parse().ok()?;
+                self.switched.push(*number);
+                Some((number_literal, mutant.replacement.parse().ok()?))
+            })
+            .collect();
+        taken.into_iter().unzip()
+    }
+
+    /// A function that returns another value at once.
+    fn body(&mut self, block: &mut Block) {
+        let Some(first) = block.stmts.first() else {
+            return;
+        };
+        let (numbers, values) = self.take(first.span(), "FnValue");
+        visit_mut::visit_block_mut(self, block);
+        for (number, value) in numbers.iter().zip(values) {
+            let early = parse_quote!(if crate::active_mutant() == #number { return #value; });
+            block.stmts.insert(0, early);
+        }
+    }
+}
+
+/// The macro that switches an operator.
+fn switch_of(op: &BinOp) -> TokenStream {
+    use BinOp::{Add, And, BitAnd, BitOr, BitXor, Div, Eq, Ge, Gt, Le, Lt, Mul, Ne, Or, Rem};
+    match op {
+        Eq(_) | Ne(_) | Lt(_) | Le(_) | Gt(_) | Ge(_) => parse_quote!(mutant_comparison),
+        And(_) | Or(_) => parse_quote!(mutant_logic),
+        Add(_)
+        | BinOp::Sub(_)
+        | Mul(_)
+        | Div(_)
+        | Rem(_)
+        | BitXor(_)
+        | BitAnd(_)
+        | BitOr(_)
+        | BinOp::Shl(_)
+        | BinOp::Shr(_) => parse_quote!(mutant_operation),
+        _ => parse_quote!(mutant_assignment),
+    }
+}
+
+impl VisitMut for Rewriter<'_> {
+    fn visit_item_const_mut(&mut self, _: &mut syn::ItemConst) {}
+    fn visit_item_static_mut(&mut self, _: &mut syn::ItemStatic) {}
+    fn visit_impl_item_const_mut(&mut self, _: &mut syn::ImplItemConst) {}
+    fn visit_trait_item_const_mut(&mut self, _: &mut syn::TraitItemConst) {}
+    fn visit_expr_const_mut(&mut self, _: &mut syn::ExprConst) {}
+    fn visit_type_mut(&mut self, _: &mut syn::Type) {}
+    fn visit_pat_mut(&mut self, _: &mut syn::Pat) {}
+
+    // Not the array's length.
+    fn visit_expr_repeat_mut(&mut self, expression: &mut syn::ExprRepeat) {
+        self.visit_expr_mut(&mut expression.expr);
+    }
+
+    fn visit_item_fn_mut(&mut self, item: &mut syn::ItemFn) {
+        self.body(&mut item.block);
+    }
+
+    fn visit_impl_item_fn_mut(&mut self, item: &mut syn::ImplItemFn) {
+        self.body(&mut item.block);
+    }
+
+    fn visit_trait_item_fn_mut(&mut self, item: &mut syn::TraitItemFn) {
+        if let Some(block) = &mut item.default {
+            self.body(block);
+        }
+    }
+
+    fn visit_stmt_mut(&mut self, statement: &mut Stmt) {
+        let (numbers, _) = self.take(statement.span(), STATEMENT);
+        visit_mut::visit_stmt_mut(self, statement);
+        for number in numbers {
+            *statement = parse_quote!(if crate::active_mutant() != #number { #statement });
+        }
+    }
+
+    fn visit_expr_mut(&mut self, expression: &mut Expr) {
+        let (numbers, others) = match expression {
+            Expr::Binary(binary) => self.take(binary.op.span(), "BinaryOperator"),
+            Expr::Unary(unary) => self.take(unary.op.span(), "UnaryOperator"),
+            _ => (Vec::new(), Vec::new()),
+        };
+        visit_mut::visit_expr_mut(self, expression);
+        match (&*expression, numbers.first()) {
+            (Expr::Binary(binary), Some(_)) => {
+                let syn::ExprBinary {
+                    left, op, right, ..
+                } = binary;
+                let name = switch_of(op);
+                *expression =
+                    parse_quote!(crate::#name!(#left, #op [#(#numbers #others),*], #right));
+            }
+            (Expr::Unary(unary), Some(number)) => {
+                let syn::ExprUnary { op, expr, .. } = unary;
+                *expression = parse_quote!(crate::mutant_sign!(#number, #op, #expr));
+            }
+            _ => {}
+        }
+    }
+
+    fn visit_arm_mut(&mut self, arm: &mut Arm) {
+        let (deleted, _) = self.take(arm.span(), "MatchArm");
+        let guard = arm.guard.as_ref().map(|(_, guard)| guard.span());
+        let guarded = guard.map(|span| self.take(span, "MatchArmGuard"));
+        let (numbers, others) = guarded.unwrap_or_default();
+        visit_mut::visit_arm_mut(self, arm);
+        if deleted.is_empty() && numbers.is_empty() {
+            return;
+        }
+        let guard = arm
+            .guard
+            .take()
+            .map_or(parse_quote!(true), |(_, guard)| guard);
+        let condition: Box<Expr> = parse_quote! {
+            #(crate::active_mutant() != #deleted &&)*
+            match crate::active_mutant() { #(#numbers => #others,)* _ => #guard }
+        };
+        arm.guard = Some((parse_quote!(if), condition));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mutant::Position;
+
+    /// The rewritten text without white space.
+    fn switched(text: &str, mutants: &[(usize, &str, &str)]) -> String {
+        let mutants = mutants.iter().map(|&(column, genre, replacement)| {
+            let mut mutant = Mutant {
+                genre: genre.into(),
+                replacement: replacement.into(),
+                ..Mutant::default()
+            };
+            mutant.span.start = Position { line: 1, column };
+            mutant
+        });
+        let mutants: Vec<Mutant> = mutants.collect();
+        let numbered: Vec<_> = (1..).zip(&mutants).collect();
+        let text = switch(text, &numbered).unwrap().0;
+        text.split_whitespace().collect()
+    }
+
+    #[test]
+    fn every_genre_has_a_switch() {
+        let text = "fn f(a: u8) -> bool { a + 1 == 2 }";
+        let mutants = [
+            (23, "FnValue", "true"),
+            (25, "BinaryOperator", "-"),
+            (29, "BinaryOperator", "!="),
+        ];
+        let compared =
+            "crate::mutant_comparison!(crate::mutant_operation!(a,+[0_0_2-],1),==[0_0_3!=],2)";
+        let early = "ifcrate::active_mutant()==0_0_1{returntrue;}";
+        assert_eq!(
+            switched(text, &mutants),
+            format!("fnf(a:u8)->bool{{{early}{compared}}}")
+        );
+        let text = "fn f(a: u8) -> i8 { match a { 1 => -1, 2 if a > 0 => 2, _ => 0 } }";
+        let mutants = [
+            (31, "MatchArm", ""),
+            (36, "UnaryOperator", ""),
+            (45, "MatchArmGuard", "false"),
+        ];
+        let arms = [
+            "1ifcrate::active_mutant()!=0_0_1&&matchcrate::active_mutant(){_=>true,}=>",
+            "crate::mutant_sign!(0_0_2,-,1),",
+            "2ifmatchcrate::active_mutant(){0_0_3=>false,_=>a>0,}=>2,_=>0,",
+        ];
+        let matched = arms.concat();
+        assert_eq!(
+            switched(text, &mutants),
+            format!("fnf(a:u8)->i8{{matcha{{{matched}}}}}")
+        );
+        let deleted = switched("fn f() { g(); }", &[(10, STATEMENT, "")]);
+        assert_eq!(deleted, "fnf(){ifcrate::active_mutant()!=0_0_1{g();}}");
+    }
+
+    #[test]
+    fn constants_have_no_switch() {
+        let text = "const A: u8 = 1 + 2; fn f() -> [u8; 1 + 2] { [0; 1 + 2] }";
+        let mutants = [17, 39, 52].map(|column| (column, "BinaryOperator", "-"));
+        assert!(!switched(text, &mutants).contains("crate"));
+    }
+
+    #[test]
+    fn mark_gives_the_number_back() {
+        assert_eq!(
+            marked("m!(a, + [0_0_12 -, 0_0_3 *], 0)").collect::<Vec<_>>(),
+            [12, 3]
+        );
+    }
+}

@@ -1,0 +1,92 @@
+//! The workspace under test, and a copy of it to change.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Where things are.
+pub struct Workspace {
+    /// The workspace's root.
+    pub root: PathBuf,
+    /// Its target folder.
+    pub target: PathBuf,
+    /// The root file of the package's library, from the workspace's root.
+    pub library: PathBuf,
+}
+
+impl Workspace {
+    /// Asks cargo in `folder` for the workspace and the package's library.
+    ///
+    /// # Errors
+    /// Where there is no such package with a library.
+    pub fn find(folder: &Path, package: &str) -> Result<Self, String> {
+        let mut ask = cargo();
+        ask.args(["metadata", "--no-deps", "--format-version", "1"]);
+        let answer = ask.current_dir(folder).output();
+        let answer = answer.map_err(|error| format!("cargo metadata: {error}"))?;
+        let metadata: Value = serde_json::from_slice(&answer.stdout)
+            .map_err(|_| String::from_utf8_lossy(&answer.stderr).into_owned())?;
+        let path = |value: &Value| PathBuf::from(value.as_str().unwrap_or_default());
+        let root = path(&metadata["workspace_root"]);
+        let packages = metadata["packages"].as_array().into_iter().flatten();
+        let mut targets = packages
+            .filter(|found| found["name"] == package)
+            .flat_map(|package| package["targets"].as_array().into_iter().flatten());
+        let library = targets.find(|target| target["kind"][0] == "lib");
+        let library = library.map(|library| path(&library["src_path"]));
+        let library = library.ok_or_else(|| format!("no package {package} with a library"))?;
+        Ok(Self {
+            library: library.strip_prefix(&root).unwrap_or(&library).to_owned(),
+            root,
+            target: path(&metadata["target_directory"]),
+        })
+    }
+
+    /// Brings `to` up to date with the workspace.
+    ///
+    /// # Errors
+    /// Where a file cannot be copied.
+    pub fn copy(&self, to: &Path) -> Result<(), String> {
+        mirror(&self.root, &self.target, to).map_err(|error| format!("{}: {error}", to.display()))
+    }
+}
+
+/// The machine's cargo.
+pub fn cargo() -> Command {
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// Makes `to` a copy of `from` without `target` and git's files. Equal files keep their time, so
+/// that cargo builds only what changed.
+fn mirror(from: &Path, target: &Path, to: &Path) -> io::Result<()> {
+    std::fs::create_dir_all(to)?;
+    let mut kept = Vec::new();
+    for entry in std::fs::read_dir(from)? {
+        let entry = entry?;
+        let (path, name) = (entry.path(), entry.file_name());
+        if path == target || name == "target" || name == ".git" {
+            continue;
+        }
+        let copy = to.join(&name);
+        kept.push(name);
+        if path.is_dir() {
+            mirror(&path, target, &copy)?;
+        } else if std::fs::read(&path)? != std::fs::read(&copy).unwrap_or_default() {
+            std::fs::copy(&path, &copy)?;
+        }
+    }
+    for entry in std::fs::read_dir(to)? {
+        let entry = entry?;
+        if kept.contains(&entry.file_name()) {
+            continue;
+        }
+        if entry.path().is_dir() {
+            std::fs::remove_dir_all(entry.path())?;
+        } else {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
