@@ -222,12 +222,10 @@ impl Line {
     }
 
     // Requirement: WIRE-log-1
-    fn header(level: Level, number: u32) -> Self {
-        let mut line = Self::new();
-        line.byte(level.letter());
-        line.digits(number.into(), 5);
-        line.text(": ");
-        line
+    fn header(&mut self, level: Level, number: u32) {
+        self.byte(level.letter());
+        self.digits(number.into(), 5);
+        self.text(": ");
     }
 }
 
@@ -287,14 +285,23 @@ impl<const N: usize> Log<N> {
     /// What all lines share stays out of line: it would be repeated at every place that says one.
     #[inline]
     pub fn line(&mut self, level: Level, write: impl FnOnce(&mut Line)) {
-        let mut line = self.begin(level);
+        let mut line = Line::new();
+        self.begin(level, &mut line);
         write(&mut line);
         self.end(&mut line);
     }
 
+    /// One line of text, without the code that [`Self::line`] repeats at every call.
     #[inline(never)]
-    fn begin(&mut self, level: Level) -> Line {
-        Line::header(level, self.take_number())
+    pub fn text(&mut self, level: Level, text: &str) {
+        self.line(level, |line| {
+            line.text(text);
+        });
+    }
+
+    #[inline(never)]
+    fn begin(&mut self, level: Level, line: &mut Line) {
+        line.header(level, self.take_number());
     }
 
     #[inline(never)]
@@ -346,7 +353,8 @@ impl<const N: usize> Log<N> {
         if self.unreported == 0 {
             return;
         }
-        let mut line = Line::header(Level::Warn, self.number);
+        let mut line = Line::new();
+        line.header(Level::Warn, self.number);
         line.digits(self.unreported.into(), 1);
         line.text(" lines dropped");
         line.newline();

@@ -30,9 +30,7 @@ pub fn read(image: &mut Image, log: &mut Log, mut idle: impl FnMut(&mut Log)) ->
     loop {
         if SELECT.is_high() {
             if !announced {
-                log.line(Level::Info, |line| {
-                    line.text("the Pi has the EEPROM, waiting");
-                });
+                log.text(Level::Info, "the Pi has the EEPROM, waiting");
                 announced = true;
             }
             idle(log);
@@ -55,9 +53,7 @@ pub fn read(image: &mut Image, log: &mut Log, mut idle: impl FnMut(&mut Log)) ->
         if error != Error::NoAcknowledge {
             if !recovered {
                 recovered = true;
-                log.line(Level::Warn, |line| {
-                    line.text("I2C stuck, clocking the slave out");
-                });
+                log.text(Level::Warn, "I2C stuck, clocking the slave out");
             }
             i2c::recover();
         }

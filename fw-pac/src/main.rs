@@ -128,9 +128,7 @@ fn boot(app: &mut App) {
         Err(error) => reject(&error, log, uart),
     };
     if usize::from(config.cells) > board::TAPS {
-        log.line(Level::Warn, |line| {
-            line.text("more cells than this board has taps");
-        });
+        log.text(Level::Warn, "more cells than this board has taps");
     }
 
     encoders::start();

@@ -105,9 +105,7 @@ impl EventLog {
                 State::Stopped => (Level::Warn, "stopped"),
                 State::Faulted => (Level::Error, "faulted: motors off"),
             };
-            log.line(level, |line| {
-                line.text(text);
-            });
+            log.text(level, text);
         } else if let Some(error) = self.rejected.take() {
             self.quiet_ticks = QUIET_TICKS;
             log.line(Level::Warn, |line| {
@@ -167,9 +165,7 @@ pub(super) fn log_faults(new: Faults, log: &mut Log) {
             } else {
                 Level::Warn
             };
-            log.line(level, |line| {
-                line.text(text);
-            });
+            log.text(level, text);
         }
     }
 }
