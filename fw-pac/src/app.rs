@@ -10,12 +10,10 @@ use crate::rangefinders::{self, Echo};
 use crate::spi::{Claim, SpiSlave};
 use crate::uart::Uart;
 use crate::{adc, fault_injection, leds, servo, tick, watchdog};
-use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::interrupt::free;
 use fw_core::eeprom::{Image, IMAGE_LEN};
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
-use fw_core::wire::MAX_FRAME;
 
 /// What the robot's priority owns.
 pub static APP: Owned<2, App> = Owned::new(App {
