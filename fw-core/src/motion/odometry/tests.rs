@@ -113,20 +113,6 @@ fn position_error_of_curves_is_below_1_um_per_km() {
     }
 }
 
-#[test]
-fn position_error_of_a_16th_turn_a_tick_is_bounded() {
-    for (left, right) in [(-190, 190), (0, 381), (-381, 0), (150, 520), (-520, -150)] {
-        let mut pair = Pair::new(Platform::FIRST_BOARD);
-        for _ in 0..10_000 {
-            pair.step(left, right);
-        }
-        let path = (left + right).abs() as f64 * 32.7e-3 * 10_000.0;
-        let error = pair.error();
-        assert!(error <= 0.01 + path * 1e-6, "{left} {right}: {error} µm");
-        pair.assert_heading();
-    }
-}
-
 // Requirement: DOC-4.1-1, WIRE-position-3
 #[test]
 fn first_board_drives_ahead_and_turns_left_as_in_the_document() {

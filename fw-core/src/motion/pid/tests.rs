@@ -53,21 +53,6 @@ fn gain_times_value_is_the_product() {
     }
 }
 
-#[test]
-fn gain_of_any_binary64_does_not_overflow() {
-    let mut random = fastrand::Rng::with_seed(1);
-    for k in 0..200_000u64 {
-        let bits = if k < 4096 { k << 52 } else { random.u64(..) };
-        let gain = Gain::new(Binary64(bits));
-        for value in [i32::MIN, -1, 0, 1, i32::MAX, random.i32(..)] {
-            assert!(gain.times(value).abs() < 1 << 61);
-        }
-    }
-    for not in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, 1e-310] {
-        assert_eq!(Gain::new(Binary64(not.to_bits())).times(i32::MAX), 0);
-    }
-}
-
 // Requirement: DOC-6.0.2-1, WIRE-eeprom-11
 #[test]
 fn pid_gains_count_per_sample_and_in_percent() {
@@ -94,22 +79,6 @@ fn pid_start_at_is_bumpless() {
 }
 
 #[test]
-fn pid_back_calculation_ends_at_zero() {
-    let mut pid = pid(1.0, 0.5, 0.0, 0.3);
-    for _ in 0..100 {
-        let _ = pid.step(fixed(10.0), fixed(0.0));
-    }
-    assert!(pid.integral() <= 50 && pid.integral() > 30);
-    for _ in 0..100 {
-        assert!(pid.step(fixed(500.0), fixed(0.0)) == 50);
-        assert!(pid.integral() >= 0);
-    }
-    assert!(pid.integral() == 0);
-    // The output leaves the limit at once.
-    assert!(pid.step(fixed(30.0), fixed(0.0)) < 31);
-}
-
-#[test]
 fn pid_at_the_limit_integrates_only_away_from_it() {
     for side in [1.0, -1.0] {
         let at = |percent: f64| fixed(side * percent);
@@ -126,17 +95,4 @@ fn pid_at_the_limit_integrates_only_away_from_it() {
         assert_eq!(pid.step(at(-5.0), at(-2.0)), at(50.0));
         assert_eq!(pid.integral(), at(37.5));
     }
-}
-
-#[test]
-fn pid_integrates_up_to_a_fifth_of_the_limit() {
-    let mut pid = pid(2.0, 0.5, 0.0, 0.3);
-    for _ in 0..50 {
-        let _ = pid.step(fixed(5.5), fixed(0.0));
-    }
-    assert!(pid.integral() == 0);
-    let _ = pid.step(fixed(4.5), fixed(0.0));
-    assert!(pid.integral() > 2);
-    pid.reset();
-    assert!(pid.integral() == 0);
 }

@@ -84,21 +84,6 @@ fn scan_measures_every_60_ms_in_steps_of_10_degrees() {
     }
 }
 
-#[test]
-fn scan_follows_the_configured_travel_direction_and_mount() {
-    let narrow = Platform {
-        servo_travel: 0x4000,
-        servo_reversed: true,
-        bearings: [0x2000, 0, 0],
-        ..platform()
-    };
-    let all = scanned(&narrow, 50 + 6 * 10, 0.0);
-    let all: Vec<f64> = all.into_iter().map(|(_, bearing, _)| bearing).collect();
-    assert_eq!(all.len(), 10);
-    assert!((all[0] - 90.0).abs() < 0.1 && all[9].abs() < 0.1, "{all:?}");
-    assert!(all.windows(2).all(|w| (w[0] - w[1] - 10.0).abs() < 0.2));
-}
-
 // Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn pulses_end_without_a_live_link_and_the_position_is_lost() {
