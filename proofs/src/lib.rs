@@ -1,11 +1,11 @@
 //! Properties of `fw-core`, each written once and decided by Kani, by exhaustion or by sampling.
 //!
 //! ```
-//! use proofs::wire::codes::distance_code_is_nearest;
+//! use proofs::sensing::rangefinder::distance_is_monotone;
 //!
-//! // A property is a function of its inputs; it panics where it does not hold.
-//! let seen = distance_code_is_nearest(0x1234);
-//! assert_ne!(seen, proofs::property::Seen::NOTHING);
+//! // A property is a function of its inputs; it panics where it does not hold, and returns the
+//! // declared cases that it met.
+//! assert!(distance_is_monotone(10_000).has(0));
 //!
 //! let theorems = proofs::properties().filter(|property| property.kind == "theorem");
 //! println!("{} properties are decided for all inputs", theorems.count());
