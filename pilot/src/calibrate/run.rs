@@ -68,17 +68,11 @@ pub fn run(
     let mut from = start;
     for (index, there) in waypoints.iter().enumerate() {
         let target = there.in_frame_of(start);
-        let mut unanswered = 0;
         follow(session, target, criteria, |session, report| {
+            session.check_answered(MAX_UNANSWERED)?;
             let Some(pose) = report.and(session.snapshot().pose) else {
-                unanswered += 1;
-                return if unanswered >= MAX_UNANSWERED {
-                    Err(session.silent_error())
-                } else {
-                    Ok(())
-                };
+                return Ok(());
             };
-            unanswered = 0;
             path.push(pose);
             let off = cross_track_mm(from, target, pose);
             if off > MAX_CROSS_TRACK_MM {

@@ -1,12 +1,12 @@
 //! The command line.
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
+use super::board_args::BoardArgs;
 use clap::{Args, Parser, Subcommand, value_parser};
 use fw_core::wire::Mode;
 use host_link::drive::ArrivalCriteria;
 use host_link::error::Exit;
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
-use host_link::{reset, session};
 use pilot::calibrate::distance::Measured;
 use pilot::mode;
 use pilot::tune::Axis;
@@ -23,7 +23,7 @@ pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
     /// Print machine-readable JSON on standard output: one object, for `monitor` one a report
-    #[arg(long, global = true)]
+    #[arg(long)]
     pub json: bool,
     #[command(flatten)]
     pub board: BoardArgs,
@@ -395,118 +395,15 @@ impl CriteriaArgs {
 }
 
 /// Smallest tolerance, time or length.
-const SMALLEST: f64 = 1e-3;
+pub const SMALLEST: f64 = 1e-3;
 
 /// A number within a range.
-fn number(
+pub fn number(
     range: RangeInclusive<f64>,
 ) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
     move |text| match text.parse::<f64>() {
         // NaN is in no range.
         Ok(value) if range.contains(&value) => Ok(value),
         _ => Err(format!("accepted is {} to {}", range.start(), range.end())),
-    }
-}
-
-/// Which robot, and how to reach it.
-#[derive(Args)]
-#[command(next_help_heading = "Robot")]
-pub struct BoardArgs {
-    /// Frames per second
-    #[arg(long, global = true, default_value_t = session::RATE_HZ, value_parser = value_parser!(u32).range(1..=2000))]
-    pub rate: u32,
-    /// How long to await STM_READY, ms
-    #[arg(long, global = true, default_value_t = reset::READY_TIMEOUT_MS, value_parser = value_parser!(u32).range(1..=600_000))]
-    pub ready_timeout: u32,
-    /// SPI device
-    #[arg(long, global = true, default_value = "/dev/spidev0.0")]
-    pub spi: PathBuf,
-    /// SPI clock, Hz
-    #[arg(long, global = true, default_value_t = 8_000_000, value_parser = value_parser!(u32).range(1_000..=25_000_000))]
-    pub spi_hz: u32,
-    /// I2C device
-    #[arg(long, global = true, default_value = "/dev/i2c-1")]
-    pub i2c: PathBuf,
-    /// GPIO chip
-    #[arg(long, global = true, default_value = "/dev/gpiochip0")]
-    pub gpiochip: PathBuf,
-    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` read it
-    #[arg(long, global = true, default_value = "/dev/serial0")]
-    pub uart: PathBuf,
-    /// Folder of the lock and of the journal of an unfinished EEPROM write
-    #[arg(long, global = true, default_value = "/var/tmp")]
-    pub state_dir: PathBuf,
-    #[command(flatten)]
-    pub virtual_board: VirtualBoardArgs,
-}
-
-/// The virtual board.
-#[derive(Args)]
-#[command(next_help_heading = "Virtual robot")]
-pub struct VirtualBoardArgs {
-    /// Use the virtual board instead of this computer's buses
-    #[arg(long = "virtual", global = true)]
-    pub chosen: bool,
-    /// Firmware to run
-    #[arg(
-        long,
-        global = true,
-        env = "ROBOT_ELF",
-        default_value = "target/elf/fw-pac.elf"
-    )]
-    pub elf: PathBuf,
-    /// Room to stand in; the default room without it
-    #[arg(long, global = true)]
-    pub room: Option<PathBuf>,
-    /// Seed of everything random
-    #[arg(long, global = true, default_value_t = 1)]
-    pub seed: u64,
-    /// Air temperature, °C
-    #[arg(
-        long,
-        global = true,
-        default_value_t = 20,
-        allow_negative_numbers = true
-    )]
-    pub air: i16,
-    /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
-    #[arg(long, global = true, default_value = "target/virtual/eeprom.bin")]
-    pub eeprom_image: PathBuf,
-    /// True diameter of the virtual left wheel, mm, independent of the EEPROM
-    #[arg(long, global = true, default_value = "80", value_parser = number(SMALLEST..=1e6))]
-    pub true_diameter_left: f64,
-    /// True diameter of the virtual right wheel, mm
-    #[arg(long, global = true, default_value = "80", value_parser = number(SMALLEST..=1e6))]
-    pub true_diameter_right: f64,
-    /// True track of the virtual robot, mm
-    #[arg(long, global = true, default_value = "125", value_parser = number(SMALLEST..=1e6))]
-    pub true_track: f64,
-    /// Write the STM's log to this file
-    #[arg(long, global = true)]
-    pub uart_log: Option<PathBuf>,
-}
-
-#[cfg(feature = "virtual")]
-impl BoardArgs {
-    /// The virtual board that the options choose.
-    pub fn virtual_options(&self) -> pilot::virtual_board::Options {
-        let board = &self.virtual_board;
-        pilot::virtual_board::Options {
-            elf: board.elf.clone(),
-            room: board.room.clone(),
-            chassis: plant::Chassis {
-                wheel_diameter_mm: plant::Sides::new(
-                    board.true_diameter_left,
-                    board.true_diameter_right,
-                ),
-                track_mm: board.true_track,
-                ..plant::Chassis::default()
-            },
-            seed: board.seed,
-            air_c: board.air,
-            spi_hz: self.spi_hz,
-            eeprom_image: board.eeprom_image.clone(),
-            uart_log: board.uart_log.clone(),
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! The robot that the options choose: its lock, its I/O, and the repair of what a killed run left.
 
-use super::args::BoardArgs;
+use super::board_args::{BoardArgs, VirtualBoardArgs};
 use super::output::Output;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::image;
@@ -30,6 +30,9 @@ pub struct Connection {
     pub truth: Option<Box<dyn GroundTruth>>,
 }
 
+/// Ends a connection; the flag is set if the STM did not start.
+type Finish = Box<dyn FnOnce(bool) -> Result<(), Error>>;
+
 impl Context<'_> {
     /// Opens the chosen robot, holds its lock, repairs what a killed run left, and runs `job`.
     ///
@@ -46,11 +49,19 @@ impl Context<'_> {
                  `robot tune` restores what was there (`robot tune rollback` does nothing else).",
             );
         }
-        if self.board.virtual_board.chosen {
-            self.on_virtual_board(interrupt, job)
+        let mut lock = Lock::take(&self.state_file("lock"))?;
+        let (io, truth, finish) = if self.board.virtual_board.chosen {
+            self.open_virtual(interrupt)?
         } else {
-            self.on_this_computer(interrupt, job)
-        }
+            self.open_linux(interrupt)?
+        };
+        let journal = Journal::new(self.state_file("eeprom.before"));
+        let mut connection = Connection { io, journal, truth };
+        let outcome = self
+            .repair(&mut connection, &mut lock)
+            .and_then(|()| job(&mut connection));
+        let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
+        outcome.and_then(|done| finished.map(|()| done))
     }
 
     /// Reads the EEPROM and starts exchanging frames.
@@ -60,21 +71,20 @@ impl Context<'_> {
 
     /// Where something about this robot is kept from run to run.
     pub fn state_file(&self, name: &str) -> PathBuf {
-        if self.board.virtual_board.chosen {
-            image::with_suffix(&self.board.virtual_board.eeprom_image, &format!(".{name}"))
+        let VirtualBoardArgs {
+            chosen,
+            eeprom_image,
+            ..
+        } = &self.board.virtual_board;
+        if *chosen {
+            image::with_suffix(eeprom_image, &format!(".{name}"))
         } else {
             self.board.state_dir.join(format!("robot-{name}"))
         }
     }
 
-    /// Runs the job on an open robot whose lock is held.
-    #[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
-    fn run<T>(
-        self,
-        connection: &mut Connection,
-        lock: &mut Lock,
-        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
+    /// Repairs what a killed run left, and reports it.
+    fn repair(self, connection: &mut Connection, lock: &mut Lock) -> Result<(), Error> {
         if lock.killed {
             let text = "the last run was killed; EEPROM protection and bus are restored";
             self.output.warn(text);
@@ -82,91 +92,58 @@ impl Context<'_> {
         let Connection { io, journal, .. } = connection;
         let repaired = repair::repair(io, journal, lock.killed, self.board.ready_timeout)?;
         lock.killed = false;
-        match repaired {
-            Repaired::Nothing => {}
-            Repaired::Reset { due: true } => self
-                .output
-                .warn("the EEPROM had been written; the STM has been reset to read it"),
-            Repaired::Reset { due: false } => {
-                self.output.warn("the STM was not ready and has been reset");
+        let text = match repaired {
+            Repaired::Nothing => return Ok(()),
+            Repaired::Reset { due: true } => {
+                "the EEPROM had been written; the STM has been reset to read it".into()
             }
-            Repaired::RolledBack { bytes } => self.output.warn(&format!(
+            Repaired::Reset { due: false } => "the STM was not ready and has been reset".into(),
+            Repaired::RolledBack { bytes } => format!(
                 "an earlier EEPROM write did not finish and is undone: {bytes} bytes are what they were \
                  before it, and the STM has been reset"
-            )),
-        }
-        job(connection)
+            ),
+        };
+        self.output.warn(&text);
+        Ok(())
     }
 
     #[cfg(feature = "linux")]
-    fn on_this_computer<T>(
-        self,
-        interrupt: Interrupt,
-        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
-        use host_link::linux::{Devices, open};
-        let board = self.board;
-        let mut lock = Lock::take(&board.state_dir.join("robot.lock"))?;
-        let devices = Devices {
-            spi: board.spi.clone(),
-            spi_hz: board.spi_hz,
-            i2c: board.i2c.clone(),
-            gpiochip: board.gpiochip.clone(),
-            uart: board.uart.clone(),
-        };
-        let mut connection = Connection {
-            io: open(&devices, interrupt)?,
-            journal: Journal::new(self.state_file("eeprom.before")),
-            truth: None,
-        };
-        self.run(&mut connection, &mut lock, job)
+    fn open_linux(self, interrupt: Interrupt) -> Result<Opened, Error> {
+        let io = host_link::linux::open(&self.board.devices(), interrupt)?;
+        Ok((io, None, Box::new(|_| Ok(()))))
     }
 
     #[cfg(not(feature = "linux"))]
-    fn on_this_computer<T>(
-        self,
-        _: Interrupt,
-        _: impl FnOnce(&mut Connection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
+    fn open_linux(self, _: Interrupt) -> Result<Opened, Error> {
         Err(not_built(
             "this computer's buses",
             "linux",
-            " or give --virtual",
+            ", or give --virtual",
         ))
     }
 
     #[cfg(feature = "virtual")]
-    fn on_virtual_board<T>(
-        self,
-        interrupt: Interrupt,
-        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
+    fn open_virtual(self, interrupt: Interrupt) -> Result<Opened, Error> {
         use pilot::virtual_board::{SimulatedTape, open};
-        let options = self.board.virtual_options();
-        let mut lock = Lock::take(&image::with_suffix(&options.eeprom_image, ".lock"))?;
-        let (virtual_board, io) = open(&options, interrupt)?;
-        let mut connection = Connection {
-            io,
-            journal: Journal::new(self.state_file("before")),
-            truth: Some(Box::new(SimulatedTape::new(&virtual_board.board))),
+        let (virtual_board, io) = open(&self.board.virtual_options(), interrupt)?;
+        let truth = SimulatedTape::new(&virtual_board.board);
+        let output = self.output;
+        let finish = move |not_ready| {
+            if not_ready {
+                output.message(virtual_board.log_tail().trim_end());
+            }
+            virtual_board.close()
         };
-        let outcome = self.run(&mut connection, &mut lock, job);
-        if let Err(Error::NotReady { .. }) = outcome {
-            self.output.message(virtual_board.log_tail().trim_end());
-        }
-        let closed = virtual_board.close();
-        outcome.and_then(|done| closed.map(|()| done))
+        Ok((io, Some(Box::new(truth)), Box::new(finish)))
     }
 
     #[cfg(not(feature = "virtual"))]
-    fn on_virtual_board<T>(
-        self,
-        _: Interrupt,
-        _: impl FnOnce(&mut Connection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
+    fn open_virtual(self, _: Interrupt) -> Result<Opened, Error> {
         Err(not_built("the virtual board", "virtual", ""))
     }
 }
+
+type Opened = (BoardIo, Option<Box<dyn GroundTruth>>, Finish);
 
 #[cfg(not(all(feature = "linux", feature = "virtual")))]
 fn not_built(name: &str, feature: &str, otherwise: &str) -> Error {
@@ -197,14 +174,12 @@ fn interrupt() -> Result<Interrupt, Error> {
 
 /// One process at a time uses a robot. The system releases the lock when the process ends, also by a
 /// kill; the file is emptied by an orderly end only.
-#[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
 struct Lock {
     file: File,
     /// The last holder was killed, and that has not been repaired yet.
     killed: bool,
 }
 
-#[cfg_attr(not(any(feature = "linux", feature = "virtual")), allow(dead_code))]
 impl Lock {
     fn take(path: &Path) -> Result<Self, Error> {
         let unwritable = |cause| Error::unwritable(path, &cause);

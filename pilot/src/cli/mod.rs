@@ -1,6 +1,7 @@
 //! The command line: arguments in, one report and one exit code out.
 
 mod args;
+mod board_args;
 mod calibrate;
 mod connection;
 mod drive;
@@ -14,7 +15,7 @@ mod status;
 mod tune;
 
 use args::{Arguments, Command};
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use connection::Context;
 use host_link::error::{Error, Exit};
 use host_link::reset;
@@ -23,7 +24,10 @@ use std::process::ExitCode;
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    // The options outside of a command are accepted after it, too.
+    let command = Arguments::command().mut_args(|option| option.global(true));
+    let matches = command.try_get_matches();
+    let arguments = match matches.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(problem) => {
             // Help and version are no errors; clap chooses the stream.

@@ -72,7 +72,6 @@ pub fn run(
     let mut stepping = StepRunner {
         session,
         recorder: SampleRecorder::default(),
-        unanswered: 0,
         sampled_us: None,
         origin: None,
     };
@@ -93,7 +92,6 @@ pub fn run(
 struct StepRunner<'s, 'm> {
     session: &'s mut Session<'m>,
     recorder: SampleRecorder,
-    unanswered: u32,
     sampled_us: Option<u64>,
     origin: Option<f64>,
 }
@@ -141,15 +139,9 @@ impl StepRunner<'_, '_> {
             percent,
             ..CommandRequest::default()
         };
-        if self.session.exchange(&request)?.is_some() {
-            self.unanswered = 0;
-            return Ok(self.session.snapshot().measurement);
-        }
-        self.unanswered += 1;
-        if self.unanswered >= MAX_UNANSWERED {
-            return Err(self.session.silent_error());
-        }
-        Ok(None)
+        let report = self.session.exchange(&request)?;
+        self.session.check_answered(MAX_UNANSWERED)?;
+        Ok(report.and(self.session.snapshot().measurement))
     }
 
     fn listen(&mut self) -> Result<(), Error> {

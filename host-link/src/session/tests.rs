@@ -1,0 +1,74 @@
+//! Frames of a session on the mock board.
+
+use super::*;
+use crate::mock_board::mock_board;
+use crate::settings::Settings;
+use fw_core::eeprom::{first_board, Divider, Image};
+
+/// The first board's EEPROM with so many cells.
+fn image(cells: u8) -> Image {
+    let mut config = first_board();
+    config.cells = cells;
+    config.dividers = [Divider {
+        upper: 1000,
+        lower: 1000,
+    }; 8];
+    Settings {
+        config,
+        platform_page: true,
+    }
+    .image()
+}
+
+// Requirement: DOC-5.2.1-4, WIRE-battery-1
+#[test]
+fn frames_cycle_cells_unless_one_is_tuned() {
+    let (board, mut io) = mock_board(&image(2), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let tune = CellCode {
+        cell: 1,
+        voltage: 740,
+    };
+    for request in [None, None, Some(tune), Some(tune), None, None, None] {
+        let request = CommandRequest {
+            tune: request,
+            ..CommandRequest::default()
+        };
+        session.exchange(&request).unwrap();
+    }
+    let sent: Vec<_> = board.borrow().commands.iter().map(|c| c.tune).collect();
+    let cycled = |cell| CellCode { cell, voltage: 0 };
+    assert_eq!(sent[..4], [cycled(0), cycled(1), tune, tune]);
+    assert_eq!(sent[4..], [cycled(0), cycled(1), cycled(0)]);
+}
+
+// Requirement: WIRE-rejected-1, WIRE-rejected-4
+#[test]
+fn rejected_reply_is_counted_and_keeps_last_values() {
+    let (board, mut io) = mock_board(&image(2), None);
+    board.borrow_mut().report.pose.x = 1_234_000;
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    assert!(session
+        .exchange(&CommandRequest::default())
+        .unwrap()
+        .is_some());
+    assert!(session
+        .exchange(&CommandRequest::default())
+        .unwrap()
+        .is_some());
+    let before = (session.snapshot().pose, session.snapshot().cells_v.clone());
+    assert_eq!(before.0.map(|pose| pose.x_mm), Some(1234.0));
+    {
+        let mut board = board.borrow_mut();
+        board.report.pose.x = 0;
+        board.garbled_from = 0;
+    }
+    for rejected in 1..=5 {
+        assert_eq!(session.exchange(&CommandRequest::default()), Ok(None));
+        let statistics = session.statistics();
+        assert_eq!((statistics.accepted, statistics.rejected), (2, rejected));
+        assert_eq!(statistics.causes.get(fw_core::wire::Cause::Key), rejected);
+        let now = (session.snapshot().pose, session.snapshot().cells_v.clone());
+        assert_eq!(now, before);
+    }
+}

@@ -1,0 +1,112 @@
+//! The options that choose a robot. All are global: they stand before or after the command.
+#![allow(clippy::doc_markdown)] // the comments are the help text
+
+use super::args::{SMALLEST, number};
+use clap::{Args, value_parser};
+use host_link::{reset, session};
+use std::path::PathBuf;
+
+/// Which robot, and how to reach it.
+#[derive(Args)]
+#[command(next_help_heading = "Robot")]
+pub struct BoardArgs {
+    /// Frames per second
+    #[arg(long, default_value_t = session::RATE_HZ, value_parser = value_parser!(u32).range(1..=2000))]
+    pub rate: u32,
+    /// How long to await STM_READY, ms
+    #[arg(long, default_value_t = reset::READY_TIMEOUT_MS, value_parser = value_parser!(u32).range(1..=600_000))]
+    pub ready_timeout: u32,
+    /// SPI device
+    #[arg(long, default_value = "/dev/spidev0.0")]
+    pub spi: PathBuf,
+    /// SPI clock, Hz
+    #[arg(long, default_value_t = 8_000_000, value_parser = value_parser!(u32).range(1_000..=25_000_000))]
+    pub spi_hz: u32,
+    /// I2C device
+    #[arg(long, default_value = "/dev/i2c-1")]
+    pub i2c: PathBuf,
+    /// GPIO chip
+    #[arg(long, default_value = "/dev/gpiochip0")]
+    pub gpiochip: PathBuf,
+    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` read it
+    #[arg(long, default_value = "/dev/serial0")]
+    pub uart: PathBuf,
+    /// Folder of the lock and of the journal of an unfinished EEPROM write
+    #[arg(long, default_value = "/var/tmp")]
+    pub state_dir: PathBuf,
+    #[command(flatten)]
+    pub virtual_board: VirtualBoardArgs,
+}
+
+/// The virtual board.
+#[derive(Args)]
+#[command(next_help_heading = "Virtual robot")]
+pub struct VirtualBoardArgs {
+    /// Use the virtual board instead of this computer's buses
+    #[arg(long = "virtual")]
+    pub chosen: bool,
+    /// Firmware to run
+    #[arg(long, env = "ROBOT_ELF", default_value = "target/elf/fw-pac.elf")]
+    pub elf: PathBuf,
+    /// Room to stand in; the default room without it
+    #[arg(long)]
+    pub room: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Air temperature, °C
+    #[arg(long, default_value_t = 20, allow_negative_numbers = true)]
+    pub air: i16,
+    /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
+    #[arg(long, default_value = "target/virtual/eeprom.bin")]
+    pub eeprom_image: PathBuf,
+    /// True diameter of the virtual left wheel, mm, independent of the EEPROM
+    #[arg(long, default_value = "80", value_parser = number(SMALLEST..=1e6))]
+    pub true_diameter_left: f64,
+    /// True diameter of the virtual right wheel, mm
+    #[arg(long, default_value = "80", value_parser = number(SMALLEST..=1e6))]
+    pub true_diameter_right: f64,
+    /// True track of the virtual robot, mm
+    #[arg(long, default_value = "125", value_parser = number(SMALLEST..=1e6))]
+    pub true_track: f64,
+    /// Write the STM's log to this file
+    #[arg(long)]
+    pub uart_log: Option<PathBuf>,
+}
+
+#[cfg(feature = "virtual")]
+impl BoardArgs {
+    /// The virtual board that the options choose.
+    pub fn virtual_options(&self) -> pilot::virtual_board::Options {
+        let board = &self.virtual_board;
+        let (left, right) = (board.true_diameter_left, board.true_diameter_right);
+        pilot::virtual_board::Options {
+            elf: board.elf.clone(),
+            room: board.room.clone(),
+            chassis: plant::Chassis {
+                wheel_diameter_mm: plant::Sides::new(left, right),
+                track_mm: board.true_track,
+                ..plant::Chassis::default()
+            },
+            seed: board.seed,
+            air_c: board.air,
+            spi_hz: self.spi_hz,
+            eeprom_image: board.eeprom_image.clone(),
+            uart_log: board.uart_log.clone(),
+        }
+    }
+}
+
+#[cfg(feature = "linux")]
+impl BoardArgs {
+    /// This computer's buses that the options choose.
+    pub fn devices(&self) -> host_link::linux::Devices {
+        host_link::linux::Devices {
+            spi: self.spi.clone(),
+            spi_hz: self.spi_hz,
+            i2c: self.i2c.clone(),
+            gpiochip: self.gpiochip.clone(),
+            uart: self.uart.clone(),
+        }
+    }
+}
