@@ -5,41 +5,35 @@ use xshell::cmd;
 use crate::budget::Budget;
 use crate::cargo_tool::CargoTool;
 use crate::error::{bail, Failure, Result};
-use crate::process;
-use crate::toolchain::has_llvm_tools;
+use crate::toolchain::in_rustlib;
 use crate::workspace::Workspace;
 
-const CARGO_LLVM_COV: CargoTool = CargoTool {
-    subcommand: "llvm-cov",
-    version: "0.9.1",
-};
+const CARGO_LLVM_COV: CargoTool = CargoTool("llvm-cov", "0.9.1");
 
-/// Sources whose own regions do not count: other packages, modules of tests and what only tests use.
+/// Sources that do not count: other packages, and files of tests.
 const IGNORED: &str = "(/(tests|simulation)(/.*)?\\.rs$|/(plant|proofs|tests)/)";
 
 /// Runs the tests, prints what they run of each file and the lines that they do not; fails below the
-/// floor of `ci/budget.toml`. Returns the floor.
+/// floor of `ci/budget.toml`, which is returned.
 pub fn run(workspace: &Workspace) -> Result<String> {
-    let sh = workspace.shell()?;
-    if !has_llvm_tools(&workspace.sysroot) {
-        let added = process::run(cmd!(sh, "rustup component add llvm-tools"));
-        if added.is_err() || !has_llvm_tools(&workspace.sysroot) {
-            bail!(Failure::MissingProgram(
-                "the compiler's LLVM tools are not installed (`rustup component add llvm-tools`)"
-                    .into()
-            ));
-        }
+    let has_tools = || !in_rustlib(&workspace.sysroot, "bin/llvm-profdata").is_empty();
+    let add = cmd!(workspace.sh, "rustup component add llvm-tools");
+    if !has_tools() && (add.run().is_err() || !has_tools()) {
+        let missing =
+            "the compiler's LLVM tools are not installed (`rustup component add llvm-tools`)";
+        bail!(Failure::MissingProgram(missing.into()));
     }
-    let floor = Budget::read(workspace)?.figure("coverage.at_least.regions_percent")?;
-    let found = CARGO_LLVM_COV.find(workspace)?;
+    let floor = Budget::read(workspace)?
+        .value("coverage.at_least.regions_percent")?
+        .to_string();
     // Programs of an earlier state of the code would count as never run.
-    let mut clean = CARGO_LLVM_COV.command(workspace, &found);
-    clean.args(["clean", "--workspace"]);
-    process::run(clean)?;
-    let mut measure = CARGO_LLVM_COV.command(workspace, &found);
-    measure.args("--locked --package fw-core --lib --tests --show-missing-lines".split(' '));
-    measure.args(["--ignore-filename-regex", IGNORED]);
-    measure.args(["--fail-under-regions", &floor.to_string()]);
-    process::run(measure)?;
+    CARGO_LLVM_COV
+        .command(workspace)?
+        .args(["clean", "--workspace"])
+        .run()?;
+    let words = "--locked --package fw-core --lib --tests --show-missing-lines";
+    let measure = CARGO_LLVM_COV.command(workspace)?.args(words.split(' '));
+    let measure = measure.args(["--ignore-filename-regex", IGNORED]);
+    measure.args(["--fail-under-regions", &floor]).run()?;
     Ok(format!("at least {floor} % of the regions"))
 }

@@ -2,25 +2,27 @@
 //! stack, the Pi), to see that some gate notices. They are in `ci/defects.toml`.
 
 use std::path::PathBuf;
-use std::process::Command;
 
-use toml::{Table, Value};
+use regex_lite::escape;
+use serde_json::Value;
+use xshell::Cmd;
 
 use crate::elf::{Elf, BANNED};
 use crate::error::{bail, ensure, Context, Failure, Result};
+use crate::process::{self, pattern};
 use crate::session::Session;
-use crate::workspace::Workspace;
-use crate::{firmware, process, stack};
+use crate::workspace::{list, text};
+use crate::{firmware, stack};
 
 /// Where the defects are.
 const FILE: &str = "ci/defects.toml";
 
 /// One defect.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Defect {
-    pub name: String,
+    name: String,
     /// What is wrong with it, one sentence.
-    pub description: String,
+    description: String,
     /// The file, from the workspace's root.
     file: String,
     /// Code that the file has once, white space aside.
@@ -34,29 +36,25 @@ pub struct Defect {
 }
 
 /// Every defect; each must fit its file.
-pub fn all(workspace: &Workspace) -> Result<Vec<Defect>> {
-    let defects = parse(&workspace.read(FILE)?).context(FILE)?;
+pub fn all(session: &Session) -> Result<Vec<Defect>> {
+    let defects = parse(&session.sh.read_file(FILE)?).context(FILE)?;
     for defect in &defects {
-        let text = workspace.read(&defect.file)?;
-        ensure!(
-            defect.applied(&text)? != text,
-            "{} changes nothing",
-            defect.name
-        );
+        let source = session.sh.read_file(&defect.file)?;
+        let changes = defect.applied(&source)? != source;
+        ensure!(changes, "{} changes nothing", defect.name);
     }
     Ok(defects)
 }
 
-fn parse(text: &str) -> Result<Vec<Defect>> {
-    let table: Table = toml::from_str(text)?;
-    let defects = table.get("defect").and_then(Value::as_array);
-    let defects = defects.context("no defect")?.iter().map(|defect| {
+fn parse(source: &str) -> Result<Vec<Defect>> {
+    let defects: Value = toml::from_str(source)?;
+    let defects = list(&defects["defect"]).iter().map(|defect| {
         let text = |key: &str| {
-            let value = defect.get(key).and_then(Value::as_str);
-            let value = value.filter(|value| !value.trim().is_empty());
-            value
-                .map(str::to_owned)
-                .with_context(|| format!("{key} is missing in {defect:?}"))
+            let value = text(&defect[key]).to_owned();
+            let missing = || format!("{key} is missing in {defect}");
+            Some(value)
+                .filter(|value| !value.is_empty())
+                .with_context(missing)
         };
         Ok(Defect {
             name: text("name")?,
@@ -65,10 +63,7 @@ fn parse(text: &str) -> Result<Vec<Defect>> {
             from: text("from")?,
             to: text("to")?,
             noticed_by: text("noticed-by")?,
-            sample: defect
-                .get("sample")
-                .and_then(Value::as_bool)
-                .unwrap_or(false),
+            sample: defect["sample"] == true,
         })
     });
     defects.collect()
@@ -76,28 +71,16 @@ fn parse(text: &str) -> Result<Vec<Defect>> {
 
 impl Defect {
     /// The file's text with the defect in it.
-    fn applied(&self, text: &str) -> Result<String> {
-        let code: Vec<(usize, char)> = text
-            .char_indices()
-            .filter(|(_, letter)| !letter.is_whitespace())
-            .collect();
-        let from: Vec<char> = self
-            .from
-            .chars()
-            .filter(|letter| !letter.is_whitespace())
-            .collect();
-        let fits = |window: &&[(usize, char)]| window.iter().map(|(_, letter)| letter).eq(&from);
-        let places: Vec<_> = code.windows(from.len()).filter(fits).collect();
-        let [place] = places[..] else {
-            bail!(
-                "{}: its code is {} times in {}",
-                self.name,
-                places.len(),
-                self.file
-            );
+    fn applied(&self, source: &str) -> Result<String> {
+        let letters = self.from.chars().filter(|letter| !letter.is_whitespace());
+        let letters: Vec<_> = letters.map(|letter| escape(&letter.to_string())).collect();
+        let from = pattern(&letters.join(r"\s*"));
+        let places: Vec<_> = from.find_iter(source).map(|place| place.range()).collect();
+        let [place] = &places[..] else {
+            let (count, Self { name, file, .. }) = (places.len(), self);
+            bail!("{name}: its code is {count} times in {file}");
         };
-        let (start, (last, letter)) = (place[0].0, place[from.len() - 1]);
-        Ok([&text[..start], &self.to, &text[last + letter.len_utf8()..]].concat())
+        Ok([&source[..place.start], &self.to, &source[place.end..]].concat())
     }
 }
 
@@ -112,19 +95,20 @@ impl<'a> Copy<'a> {
     /// Brings the copy up to date; equal files keep their time, so that cargo builds only what
     /// changed.
     fn new(session: &'a Session) -> Result<Self> {
-        let workspace = &session.workspace;
-        let folder = workspace.target.join("defects");
+        let folder = session.target.join("defects");
         let (root, target) = (folder.join("workspace"), folder.join("target"));
+        session.sh.create_dir(&root)?;
         // What is gone from the workspace must not be built.
-        for copy in workspace.files(&root).unwrap_or_default() {
-            if !workspace.root.join(copy.strip_prefix(&root)?).is_file() {
+        for copy in session.files(&root)? {
+            if !session.root.join(copy.strip_prefix(&root)?).is_file() {
                 std::fs::remove_file(copy)?;
             }
         }
-        for file in workspace.files("")? {
-            let copy = root.join(file.strip_prefix(&workspace.root)?);
+        for file in session.files("")? {
+            let copy = root.join(file.strip_prefix(&session.root)?);
             if std::fs::read(&file)? != std::fs::read(&copy).unwrap_or_default() {
-                firmware::copy(&file, &copy)?;
+                session.sh.create_dir(copy.parent().unwrap_or(&root))?;
+                session.sh.copy_file(&file, copy)?;
             }
         }
         Ok(Self {
@@ -136,90 +120,73 @@ impl<'a> Copy<'a> {
 
     /// Puts a defect in, asks who must notice, and takes it out again; what noticed it.
     fn try_one(&self, defect: &Defect) -> Result<String> {
-        let file = self.root.join(&defect.file);
-        let good = std::fs::read_to_string(&file)?;
-        std::fs::write(&file, defect.applied(&good)?)?;
+        let (sh, file) = (&self.session.sh, self.root.join(&defect.file));
+        let good = sh.read_file(&file)?;
+        sh.write_file(&file, defect.applied(&good)?)?;
         let noticed = self.noticed(defect);
-        std::fs::write(&file, good)?;
+        sh.write_file(&file, good)?;
         noticed?.with_context(|| format!("{} is not noticed: {}", defect.name, defect.description))
     }
 
     fn noticed(&self, defect: &Defect) -> Result<Option<String>> {
-        let mut words = defect.noticed_by.split(' ');
-        let (gate, rest) = (words.next().unwrap_or_default(), words.collect::<Vec<_>>());
-        let workspace = &self.session.workspace;
+        let session = self.session;
+        let (gate, rest) = defect
+            .noticed_by
+            .split_once(' ')
+            .unwrap_or((&defect.noticed_by, ""));
         match gate {
             "elf" => {
-                let bytes = std::fs::read(self.elf()?)?;
+                let bytes = session.sh.read_binary_file(self.elf()?)?;
                 let symbols = Elf::parse(&bytes)?.symbols();
-                let mut kinds = BANNED.iter();
-                let found = kinds.find(|kind| !kind.among(&symbols).is_empty());
+                let found = BANNED.iter().find(|kind| !kind.among(&symbols).is_empty());
                 Ok(found.map(|kind| kind.name.to_owned()))
             }
-            "stack" => {
-                let bound = stack::bound(workspace, &self.elf()?);
-                Ok(bound.err().map(|error| error.to_string()))
-            }
+            "stack" => Ok(stack::bound(session, &self.elf()?)
+                .err()
+                .map(|error| error.to_string())),
             "loop" => {
-                let tests = "test --release --package robot-tests --test";
-                let mut tests = workspace.cargo_with_board(tests)?;
-                tests.args(rest).env("ROBOT_ELF", self.elf()?);
-                failures(tests)
+                let tests = format!("test --release --package robot-tests --test {rest}");
+                failures(
+                    session
+                        .cargo_with_board(&tests)?
+                        .env("ROBOT_ELF", self.elf()?),
+                )
             }
             package => {
                 let tests = "test --locked --no-fail-fast --config profile.dev.opt-level=0";
-                let mut tests = workspace.cargo_with_board(tests)?;
-                tests
-                    .current_dir(&self.root)
-                    .arg("--target-dir")
-                    .arg(&self.target);
-                tests.args(["--package", package, "--lib"]).args(rest);
-                failures(tests)
+                let tests = format!("{tests} --package {package} --lib {rest}");
+                let _in_copy = session.sh.push_dir(&self.root);
+                let tests = session.cargo_with_board(&tests)?;
+                failures(tests.env("CARGO_TARGET_DIR", &self.target))
             }
         }
     }
 
     fn elf(&self) -> Result<PathBuf> {
         let toolchain = self.session.toolchain()?;
-        firmware::build_in(
-            &self.session.workspace,
-            toolchain,
-            &self.root,
-            &self.target,
-            "",
-        )
+        firmware::build_in(self.session, toolchain, &self.root, &self.target, "")
     }
 }
 
 /// The first test that failed, or `None` where all passed.
-fn failures(tests: Command) -> Result<Option<String>> {
-    let shown = process::display(&tests);
-    let (status, text) = process::tee(tests, |_| true)?;
-    let results = text
-        .lines()
-        .filter(|line| line.starts_with("test result: "));
-    let ran = results
-        .filter(|line| !line.contains(" 0 passed; 0 failed"))
-        .count()
-        > 0;
-    ensure!(ran, "`{shown}` ran no test: does the defect compile?");
-    let mut lines = text.lines().filter_map(|line| line.strip_prefix("test "));
-    let failed = lines.find_map(|line| line.strip_suffix(" ... FAILED"));
-    let aborted = (!status.success()).then_some("an aborted test");
-    Ok(failed.or(aborted).map(str::to_owned))
+fn failures(tests: Cmd<'_>) -> Result<Option<String>> {
+    let (success, text) = process::tee(tests, |_| true)?;
+    let ran = pattern(r"(?m)^test result: .*\. ([1-9]\d* passed|\d+ passed; [1-9])");
+    ensure!(ran.is_match(&text), "no test ran: does the defect compile?");
+    let failed = pattern(r"(?m)^test (.*) \.\.\. FAILED$").captures(&text);
+    let aborted = (!success).then(|| "an aborted test".to_owned());
+    Ok(failed.map(|line| line[1].to_owned()).or(aborted))
 }
 
 /// Tries the defects of these names, or all.
 pub fn run(session: &Session, only: &[String]) -> Result<String> {
-    let defects = all(&session.workspace)?;
+    let defects = all(session)?;
     let known = |name: &String| defects.iter().any(|defect| defect.name == *name);
     if let Some(unknown) = only.iter().find(|name| !known(name)) {
         bail!(Failure::Usage(format!("no defect is called {unknown}")));
     }
-    let chosen = defects
-        .iter()
-        .filter(|defect| only.is_empty() || only.contains(&defect.name));
-    try_all(session, chosen)
+    let chosen = |defect: &&Defect| only.is_empty() || only.contains(&defect.name);
+    try_all(session, defects.iter().filter(chosen))
 }
 
 /// Tries defects; an error names those that are not noticed.
@@ -250,15 +217,14 @@ mod tests {
     #[test]
     fn defect_is_found_however_its_code_is_formatted() {
         let defect = &parse(LIST).unwrap()[0];
-        let text = "g();\n    f(\n        a,\n        b);\n";
-        assert_eq!(defect.applied(text).unwrap(), "g();\n    f(b, a);\n");
+        let source = "g();\n    f(\n        a,\n        b);\n";
+        assert_eq!(defect.applied(source).unwrap(), "g();\n    f(b, a);\n");
         assert!(defect.applied("f(a);").is_err());
-        assert!(defect.applied(&text.repeat(2)).is_err());
+        assert!(defect.applied(&source.repeat(2)).is_err());
     }
 
     #[test]
-    fn incomplete_defect_is_refused() {
+    fn incomplete_defect_is_rejected() {
         assert!(parse(&LIST.replace("elf", "")).is_err());
-        assert!(parse("").is_err());
     }
 }

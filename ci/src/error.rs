@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-pub use anyhow::{anyhow, bail, ensure, Context, Error, Result};
+pub use anyhow::{bail, ensure, Context, Error, Result};
 
 /// Decides the exit code, see `docs/gates.md`.
 #[derive(Debug)]
@@ -13,18 +13,20 @@ pub enum Failure {
     NoToolchain(String),
     /// A program that the command needs is not installed: 4.
     MissingProgram(String),
+    /// The gate cannot be decided here, and why; it never counts as passed.
+    Skipped(String),
     /// The board, real or virtual, does not answer or holds something else than it was given: 5.
     Board(String),
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Usage(text)
-            | Self::NoToolchain(text)
-            | Self::MissingProgram(text)
-            | Self::Board(text) => f.write_str(text),
-        }
+        let (Self::Usage(text)
+        | Self::NoToolchain(text)
+        | Self::MissingProgram(text)
+        | Self::Skipped(text)
+        | Self::Board(text)) = self;
+        f.write_str(text)
     }
 }
 
@@ -33,18 +35,10 @@ impl std::error::Error for Failure {}
 /// The process's exit code for an error.
 pub fn exit_code(error: &Error) -> u8 {
     match error.downcast_ref() {
-        None => 1,
+        None | Some(Failure::Skipped(_)) => 1,
         Some(Failure::Usage(_)) => 2,
         Some(Failure::NoToolchain(_)) => 3,
         Some(Failure::MissingProgram(_)) => 4,
         Some(Failure::Board(_)) => 5,
-    }
-}
-
-/// Why a program is missing, if that is what the error says.
-pub fn missing_program(error: &Error) -> Option<&str> {
-    match error.downcast_ref() {
-        Some(Failure::MissingProgram(reason)) => Some(reason),
-        _ => None,
     }
 }

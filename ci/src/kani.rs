@@ -4,14 +4,11 @@
 //! harness proves nothing. So is one that takes longer than the budget allows, and one that was
 //! declared but not checked.
 
-use std::fmt;
-
-use xshell::cmd;
+use std::str::FromStr;
 
 use crate::budget::Budget;
-use crate::error::{bail, ensure, Context, Result};
-use crate::process;
-use crate::shard::Shard;
+use crate::error::{ensure, Context, Result};
+use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 
 /// Why Kani is not run, and how it would be.
@@ -24,28 +21,45 @@ pub fn version(workspace: &Workspace) -> Option<String> {
     process::output(workspace.cargo("kani --version"))
 }
 
-/// The harnesses that `proofs` declares, by the names that Kani gives them.
-fn declared(workspace: &Workspace) -> Result<Vec<String>> {
-    let list = "run --quiet --package proofs --example theorems -- --harnesses";
-    let text = process::output(workspace.cargo(list)).unwrap_or_default();
-    ensure!(!text.is_empty(), "`cargo {list}` failed");
-    Ok(text.lines().map(str::to_owned).collect())
+/// `K/N`: every N-th harness, K from 0. Neighbours cost alike, so each machine of N gets one of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Shard(usize, usize);
+
+impl Default for Shard {
+    fn default() -> Self {
+        Self(0, 1)
+    }
 }
 
-/// Proves a shard of the harnesses; returns the closing figure. An error names the harnesses that
-/// fail, take too long or were not checked, and those with a cover that cannot be reached.
+impl FromStr for Shard {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        let numbers = text
+            .split_once('/')
+            .and_then(|(k, n)| k.parse().ok().zip(n.parse().ok()));
+        let numbers = numbers.filter(|(number, count)| number < count);
+        numbers
+            .map(|(number, count)| Self(number, count))
+            .ok_or("not K/N with K from 0 to N - 1")
+    }
+}
+
+/// Proves a shard of the harnesses that `proofs` declares; returns the closing figure. An error names
+/// the harnesses that fail, take too long or were not checked, and those with a cover that cannot be
+/// reached.
 pub fn prove(workspace: &Workspace, shard: Shard) -> Result<String> {
-    let limit = Budget::read(workspace)?.figure("kani.at_most.harness_seconds")?;
-    let declared = declared(workspace)?;
-    let chosen: Vec<_> = shard.of(declared.iter().map(String::as_str)).collect();
-    ensure!(
-        !chosen.is_empty(),
-        "only {} harnesses for so many shards",
-        declared.len()
-    );
-    let sh = workspace.shell()?;
-    sh.change_dir("proofs");
-    let mut kani = cmd!(sh, "cargo kani");
+    let limit = Budget::read(workspace)?
+        .value("kani.at_most.harness_seconds")?
+        .as_f64();
+    let limit = limit.context("kani.at_most.harness_seconds is no number")?;
+    let list = "run --quiet --package proofs --example theorems -- --harnesses";
+    let declared = workspace.cargo(list).read()?;
+    let Shard(number, count) = shard;
+    let chosen: Vec<_> = declared.lines().skip(number).step_by(count).collect();
+    ensure!(!chosen.is_empty(), "fewer harnesses than shards");
+    let _in_proofs = workspace.sh.push_dir("proofs");
+    let mut kani = workspace.cargo("kani");
     // From 0.59 on Kani can end a harness itself; without that, what takes too long fails afterwards.
     let help = process::output(workspace.cargo("kani --help")).unwrap_or_default();
     if help.contains("--harness-timeout") {
@@ -53,42 +67,29 @@ pub fn prove(workspace: &Workspace, shard: Shard) -> Result<String> {
         kani = kani.args(["-Z", "unstable-options", "--harness-timeout", &timeout]);
     }
     // A shard is chosen before anything is compiled; without a choice Kani finds every harness itself.
-    if shard != Shard::ALL {
-        kani = kani.arg("--exact");
-        kani = kani.args(chosen.iter().flat_map(|name| ["--harness", *name]));
+    if count > 1 {
+        let names = chosen.iter().flat_map(|name| ["--harness", *name]);
+        kani = kani.arg("--exact").args(names);
     }
-    let (status, text) = process::tee(kani, is_summary)?;
-    let harnesses = harnesses(&text);
-    for harness in &harnesses {
-        println!("  {harness}");
-    }
-    let figure = judge(&text, &harnesses, &chosen, limit)?;
-    ensure!(status.success(), "Kani ended with {status}");
+    let (success, text) = process::tee(kani, is_summary)?;
+    let figure = judge(&text, &chosen, limit)?;
+    ensure!(success, "Kani did not end with 0");
     Ok(figure)
 }
 
 /// Whether a line is worth printing: Kani prints four for each of some thousand checks, and its model
 /// checker's progress.
 fn is_summary(line: &str) -> bool {
-    const STARTS: [&str; 6] = [
-        "Kani ",
-        "Checking ",
-        " ** ",
-        "VERIFICATION",
-        "Verification",
-        "Complete",
-    ];
-    STARTS.iter().any(|start| line.starts_with(start)) || line.contains("error")
+    pattern(r"^(Kani|Checking| \*\*|VERIF|Verif|Complete)|error").is_match(line)
 }
 
 /// What Kani printed about one harness.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Harness<'a> {
     name: &'a str,
     successful: bool,
-    timed_out: bool,
-    /// Covers that were reached, and all; `None` until the line that says so.
-    covers: Option<(u32, u32)>,
+    /// Covers that were reached, and all.
+    covers: (u32, u32),
     /// The descriptions of the covers that were not.
     unreached: Vec<&'a str>,
     seconds: f64,
@@ -97,98 +98,79 @@ struct Harness<'a> {
 impl Harness<'_> {
     /// What is wrong with it, or nothing.
     fn complaint(&self, limit: f64) -> Option<String> {
-        let (name, seconds) = (self.name, self.seconds);
+        let Self { name, seconds, .. } = self;
         match self.covers {
-            _ if self.timed_out => Some(format!("{name} took longer than {limit} s")),
             _ if !self.successful => Some(format!("{name} is not proven")),
-            None => Some(format!("{name} has no cover: it may prove nothing")),
-            Some((some, all)) if some < all => Some(format!(
+            (_, 0) => Some(format!("{name} has no cover: it may prove nothing")),
+            (some, all) if some < all => Some(format!(
                 "{name} has {} cover(s) that cannot be reached, {}: it proves less than it says",
                 all - some,
                 self.unreached.join(", ")
             )),
-            Some(_) if seconds > limit => {
-                Some(format!("{name} took {seconds:.0} s, the limit is {limit}"))
-            }
-            Some(_) => None,
+            _ if *seconds > limit => Some(format!("{name} took {seconds:.0} s of {limit}")),
+            _ => None,
         }
-    }
-}
-
-/// A row of the table: seconds, covers, name.
-impl fmt::Display for Harness<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (some, all) = self.covers.unwrap_or_default();
-        let proven = if self.successful { "" } else { ": NOT PROVEN" };
-        let (seconds, name) = (self.seconds, self.name);
-        write!(f, "{seconds:7.1} s  {some} of {all} covers  {name}{proven}")
     }
 }
 
 /// The harnesses in the order Kani checked them.
 fn harnesses(text: &str) -> Vec<Harness<'_>> {
-    let mut all = Vec::<Harness>::new();
-    let mut unreached_cover = false;
-    for line in text.lines() {
-        if let Some(name) = between(line, "Checking harness ", "...") {
-            let harness = Harness::default();
-            all.push(Harness { name, ..harness });
-        }
-        let Some(harness) = all.last_mut() else {
-            continue;
-        };
-        harness.successful |= line == "VERIFICATION:- SUCCESSFUL";
-        harness.timed_out |= line.starts_with("CBMC timed out");
-        // Only covers count: an assertion that cannot be reached is none of our business.
-        if line.starts_with("Check ") {
-            unreached_cover = line.contains(".cover.");
-        } else if let Some(status) = line.strip_prefix("\t - Status: ") {
-            unreached_cover &= status != "SATISFIED";
-        } else if let Some(description) = between(line, "\t - Description: \"", "\"") {
-            harness
-                .unreached
-                .extend(unreached_cover.then_some(description));
-        } else if let Some(covers) = between(line, " ** ", " cover properties satisfied") {
-            let numbers = covers.split_once(" of ");
-            harness.covers =
-                numbers.and_then(|(some, all)| some.parse().ok().zip(all.parse().ok()));
-        } else if let Some(seconds) = between(line, "Verification Time: ", "s") {
-            harness.seconds = seconds.parse().unwrap_or_default();
-        }
+    let sections = text.split("Checking harness ").skip(1);
+    sections.filter_map(harness).collect()
+}
+
+fn harness(section: &str) -> Option<Harness<'_>> {
+    let (name, text) = section.split_once("...")?;
+    let covers = pattern(r"(?m)^ \*\* (\d+) of (\d+) cover properties satisfied");
+    let covers = covers.captures(text);
+    let covers = covers.and_then(|found| found[1].parse().ok().zip(found[2].parse().ok()));
+    let seconds = pattern(r"(?m)^Verification Time: ([\d.]+)s").captures(text);
+    // An assertion that cannot be reached is no failure.
+    let unreached = r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#;
+    let unreached = pattern(unreached);
+    let unreached = unreached
+        .captures_iter(text)
+        .filter_map(|found| found.get(1));
+    Some(Harness {
+        name,
+        successful: text.contains("\nVERIFICATION:- SUCCESSFUL\n"),
+        covers: covers.unwrap_or_default(),
+        unreached: unreached.map(|found| found.as_str()).collect(),
+        seconds: seconds
+            .and_then(|found| found[1].parse().ok())
+            .unwrap_or(0.0),
+    })
+}
+
+/// Prints each harness; the closing figure of a run in which the `chosen` ones were proven.
+fn judge(text: &str, chosen: &[&str], limit: f64) -> Result<String> {
+    let harnesses = harnesses(text);
+    for Harness {
+        name,
+        covers: (some, all),
+        seconds,
+        ..
+    } in &harnesses
+    {
+        println!("  {seconds:7.1} s  {some} of {all} covers  {name}");
     }
-    all
-}
-
-/// What `line` has after `before`, which it begins with, and up to `after`.
-fn between<'a>(line: &'a str, before: &str, after: &str) -> Option<&'a str> {
-    let (inner, _) = line.strip_prefix(before)?.split_once(after)?;
-    Some(inner)
-}
-
-/// All of `text` and its `harnesses`, of which the `chosen` ones must be there.
-fn judge(text: &str, harnesses: &[Harness<'_>], chosen: &[&str], limit: f64) -> Result<String> {
     let complaints = harnesses
         .iter()
         .filter_map(|harness| harness.complaint(limit));
     let mut complaints: Vec<_> = complaints.collect();
+    let checked = |name: &&&str| harnesses.iter().any(|harness| harness.name == **name);
+    let unchecked = chosen.iter().filter(|name| !checked(name));
+    complaints.extend(unchecked.map(|name| format!("{name} was not checked")));
+    ensure!(complaints.is_empty(), complaints.join("; "));
     // After the last harness: a run that was cut short has no such line.
     let complete = text
         .lines()
         .rev()
         .find_map(|line| line.strip_prefix("Complete - "));
-    let Some(complete) = complete else {
-        complaints.push("Kani did not complete".into());
-        bail!(complaints.join("; "));
-    };
-    for name in chosen {
-        if !harnesses.iter().any(|harness| harness.name == *name) {
-            complaints.push(format!("{name} was not checked"));
-        }
-    }
-    ensure!(complaints.is_empty(), complaints.join("; "));
     let by_time = |one: &&Harness, other: &&Harness| one.seconds.total_cmp(&other.seconds);
     let slowest = harnesses.iter().max_by(by_time);
-    let Harness { name, seconds, .. } = slowest.context("Kani checked no harness")?;
+    let (complete, Harness { name, seconds, .. }) =
+        complete.zip(slowest).context("Kani did not complete")?;
     let sum: f64 = harnesses.iter().map(|harness| harness.seconds).sum();
     Ok(format!(
         "{complete} {sum:.0} s in all; the longest, {name}, took {seconds:.0} s."
@@ -243,67 +225,64 @@ Complete - 2 successfully verified harnesses, 0 failures, 2 total.
         "units::span_survives_the_wrap::harness::proof",
     ];
 
-    fn verdict(text: &str) -> Result<String> {
-        judge(text, &harnesses(text), &NAMES, 300.0)
-    }
-
     #[test]
     fn good_run_ends_with_its_longest_harness() {
         let figure = "2 successfully verified harnesses, 0 failures, 2 total. 6 s in all; the \
                       longest, units::shortest_way_arrives::harness::proof, took 5 s.";
-        assert_eq!(verdict(GOOD).unwrap(), figure);
-        let row = "    4.8 s  3 of 3 covers  units::shortest_way_arrives::harness::proof";
-        assert_eq!(harnesses(GOOD)[0].to_string(), row);
-        let shown: Vec<_> = GOOD.lines().filter(|line| is_summary(line)).collect();
-        assert!(shown.contains(&" ** 3 of 3 cover properties satisfied"));
-        assert!(!shown
+        assert_eq!(judge(GOOD, &NAMES, 300.0).unwrap(), figure);
+        let printed: Vec<_> = GOOD.lines().filter(|line| is_summary(line)).collect();
+        assert!(printed.contains(&" ** 3 of 3 cover properties satisfied"));
+        assert!(!printed
             .iter()
             .any(|line| line.contains("Status") || line.contains("SAT")));
     }
 
     #[test]
     fn harness_that_proves_less_than_it_says_is_named() {
-        const FAILED: &str = "VERIFICATION:- FAILED";
-        let ended = format!("CBMC failed\n{FAILED}\nCBMC timed out. You may want to rerun");
-        let unreachable = GOOD.replace("Status: SATISFIED", "Status: UNREACHABLE");
-        let (before_summary, _) = GOOD.split_at(GOOD.find("SUMMARY").unwrap());
-        let (before_end, _) = GOOD.split_at(GOOD.find("Manual").unwrap());
+        let replaced = |pairs: &[(&str, &str)]| {
+            let replace = |text: String, (from, to): &(&str, &str)| text.replacen(from, to, 1);
+            pairs.iter().fold(GOOD.to_owned(), replace)
+        };
+        let cut = |end: &str| GOOD[..GOOD.find(end).unwrap()].to_owned();
+        let unreachable = [
+            ("SATISFIED", "UNREACHABLE"),
+            ("3 of 3 cover", "2 of 3 cover"),
+        ];
+        let unproven = [(
+            "VERIFICATION:- SUCCESSFUL",
+            "CBMC timed out\nVERIFICATION:- FAILED",
+        )];
         let cases = [
             (
-                GOOD.replace(" ** 2 of 2 cover", " ** 1 of 2 cover"),
-                "units::span_survives_the_wrap::harness::proof has 1 cover(s) that cannot",
+                replaced(&[("2 of 2 cover", "1 of 2 cover")]),
+                "wrap::harness::proof has 1 cover(s)",
             ),
             (
-                unreachable.replace("3 of 3 cover properties satisfied", "2 of 3 cover properties satisfied (1 unreachable)"),
-                "units::shortest_way_arrives::harness::proof has 1 cover(s) that cannot be reached, across a full turn:",
+                replaced(&unreachable),
+                "has 1 cover(s) that cannot be reached, across a full turn:",
             ),
             (
-                GOOD.replace(" ** 2 of 2 cover properties satisfied\n", ""),
-                "units::span_survives_the_wrap::harness::proof has no cover",
+                replaced(&[(" ** 2 of 2 cover", "")]),
+                "wrap::harness::proof has no cover",
+            ),
+            (replaced(&unproven), "arrives::harness::proof is not proven"),
+            (
+                replaced(&[("1.4145411s", "300.5s")]),
+                "wrap::harness::proof took 300 s of 300",
             ),
             (
-                GOOD.replacen("VERIFICATION:- SUCCESSFUL", FAILED, 1),
-                "units::shortest_way_arrives::harness::proof is not proven",
+                replaced(&[("span_survives", "x")]),
+                "span_survives_the_wrap::harness::proof was not",
             ),
+            (cut("SUMMARY"), "arrives::harness::proof is not proven"),
+            (cut("Manual"), "Kani did not complete"),
             (
-                GOOD.replace("Time: 1.4145411s", "Time: 300.5s"),
-                "units::span_survives_the_wrap::harness::proof took 300 s, the limit is 300",
+                "error: could not compile `proofs`\n".into(),
+                "was not checked",
             ),
-            (
-                GOOD.replacen("VERIFICATION:- SUCCESSFUL", &ended, 1),
-                "units::shortest_way_arrives::harness::proof took longer than 300 s",
-            ),
-            (
-                GOOD.replace("span_survives_the_wrap", "something_else"),
-                "units::span_survives_the_wrap::harness::proof was not checked",
-            ),
-            (before_summary.to_owned(), "units::shortest_way_arrives::harness::proof is not proven"),
-            (before_end.to_owned(), "Kani did not complete"),
-            ("error: could not compile `proofs`\n".into(), "Kani did not complete"),
-            ("No proof harnesses were found to verify.\n".into(), "Kani did not complete"),
         ];
         for (text, complaint) in cases {
-            let error = verdict(&text).unwrap_err().to_string();
+            let error = judge(&text, &NAMES, 300.0).unwrap_err().to_string();
             assert!(error.contains(complaint), "{error}");
         }
     }

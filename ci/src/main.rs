@@ -16,7 +16,6 @@ mod mutants;
 mod process;
 mod programs;
 mod session;
-mod shard;
 mod stack;
 mod toolchain;
 mod trace;
@@ -24,14 +23,16 @@ mod workspace;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 use error::{bail, Failure, Result};
 use flash::Board;
-use fuzz::{Effort, Fuzzer};
+use fuzz::Effort;
+use gates::When;
+use kani::Shard;
 use session::Session;
-use shard::Shard;
 use toolchain::Provider;
+use trace::Trace;
 
 /// The gates, the demo and the set-up of the robot.
 #[derive(Parser)]
@@ -70,25 +71,16 @@ enum Command {
     },
     /// The virtual robot drives the default room: target/demo/
     #[command(disable_help_flag = true)]
-    Demo {
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        arguments: Vec<String>,
-    },
+    Demo(Handed),
     /// Measure the ELF on the emulated core: target/figures.json; with --profile, where the tick's
     /// instructions go
     #[command(disable_help_flag = true)]
-    Figures {
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        arguments: Vec<String>,
-    },
+    Figures(Handed),
     /// The odometry beside others on the emulated core, as a table
     Bench,
     /// The Pi's program on the virtual board, e.g. `robot goto 500 0 90`
     #[command(disable_help_flag = true)]
-    Robot {
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        arguments: Vec<String>,
-    },
+    Robot(Handed),
     /// Flash, verify, reset, show the first log lines
     Flash(Board),
     /// The debugger, on the board or on the virtual one
@@ -130,12 +122,16 @@ enum Command {
     },
     /// Change fw-core in every way; some test must notice: the options of `ci/mutation`
     #[command(disable_help_flag = true)]
-    Mutants {
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        arguments: Vec<String>,
-    },
+    Mutants(Handed),
     /// How much of fw-core the tests run, and what they do not
     Coverage,
+}
+
+/// What goes to another program.
+#[derive(Args)]
+struct Handed {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    arguments: Vec<String>,
 }
 
 fn main() -> ExitCode {
@@ -147,8 +143,7 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<ExitCode> {
-    let session = Session::new(cli.provider)?;
-    let workspace = &session.workspace;
+    let session = &Session::new(cli.provider)?;
     let code = |good: bool| {
         if good {
             ExitCode::SUCCESS
@@ -160,64 +155,68 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Command::Setup => drop(session.toolchain()?),
         Command::Firmware { features } => drop(session.build(&features)?),
         Command::Stack { features } => {
-            stack::bound(workspace, &session.build(&features)?.path)?;
+            stack::bound(session, &session.build(&features)?.path)?;
         }
-        Command::Demo { arguments } => {
-            let out = programs::demo(workspace, &session.image()?.path, &arguments)?;
-            println!("demo: see {}", workspace.relative(&out));
+        Command::Demo(Handed { arguments }) => {
+            let out = programs::demo(session, &arguments)?;
+            println!("demo: see {}", session.relative(&out));
         }
-        Command::Figures { arguments } => {
-            let elf = &session.image()?.path;
-            let out = programs::figures(workspace, session.toolchain()?, elf, &arguments)?;
-            println!("figures: see {}", workspace.relative(&out));
+        Command::Figures(Handed { arguments }) => {
+            let out = programs::figures(session, &arguments)?;
+            println!("figures: see {}", session.relative(&out));
         }
-        Command::Bench => programs::bench(workspace, session.toolchain()?)?,
-        Command::Robot { arguments } => {
-            let code = programs::pilot(workspace, &session.image()?.path, &arguments)?;
-            return Ok(ExitCode::from(code));
+        Command::Bench => programs::bench(session)?,
+        Command::Robot(Handed { arguments }) => {
+            return Ok(ExitCode::from(programs::pilot(session, &arguments)?));
         }
-        Command::Flash(board) => flash::flash(workspace, &session.image()?.path, &board)?,
-        Command::Debug(board) => flash::debug(workspace, &session.image()?.path, &board)?,
-        Command::Test { quick, choice } => return Ok(code(gates::test(&session, quick, &choice)?)),
-        Command::Night { choice } => return Ok(code(gates::night(&session, &choice)?)),
+        Command::Flash(board) => flash::flash(session, &board)?,
+        Command::Debug(board) => flash::debug(session, &board)?,
+        Command::Test { quick, choice } => {
+            return gates::run(session, &choice, &[When::Quick, When::Change], quick).map(code);
+        }
+        Command::Night { choice } => {
+            return gates::run(session, &choice, &[When::Night], false).map(code);
+        }
         Command::Prove { shard } => {
-            if kani::version(workspace).is_none() {
+            if kani::version(session).is_none() {
                 bail!(Failure::MissingProgram(kani::MISSING.into()));
             }
-            println!("{}", kani::prove(workspace, shard)?);
+            println!("{}", kani::prove(session, shard)?);
         }
         Command::Fuzz {
             target,
             seconds,
             minimise,
-        } => fuzz(&session, target, seconds, minimise)?,
-        Command::Trace => trace::print(&trace::trace(workspace)?),
-        Command::Defects { only } => println!("noticed: {}", defects::run(&session, &only)?),
-        Command::Mutants { arguments } => drop(mutants::run(workspace, &arguments)?),
-        Command::Coverage => println!("{}", coverage::run(workspace)?),
+        } => fuzz(session, target, seconds, minimise)?,
+        Command::Trace => Trace::read(session)?.print(),
+        Command::Defects { only } => println!("noticed: {}", defects::run(session, &only)?),
+        Command::Mutants(Handed { arguments }) => drop(mutants::run(session, &arguments)?),
+        Command::Coverage => println!("{}", coverage::run(session)?),
     }
     Ok(ExitCode::SUCCESS)
 }
 
 fn fuzz(session: &Session, target: Option<String>, seconds: u32, minimise: bool) -> Result<()> {
-    let fuzzer = Fuzzer::find(&session.workspace)?;
-    let all = fuzzer.targets()?;
-    let chosen = match target {
-        None => all,
-        Some(name) if all.contains(&name) => vec![name],
-        Some(name) => bail!(Failure::Usage(format!(
-            "no fuzz target {name}; there are {}",
-            all.join(", ")
-        ))),
-    };
-    fuzzer.build()?;
+    let mut targets = fuzz::build(session)?;
+    if let Some(name) = target {
+        if !targets.contains(&name) {
+            let targets = targets.join(", ");
+            bail!(Failure::Usage(format!(
+                "no fuzz target {name}; there are {targets}"
+            )));
+        }
+        targets = vec![name];
+    }
     if minimise {
-        for target in &chosen {
-            let (before, now) = fuzzer.minimise(target)?;
+        for target in &targets {
+            let (before, now) = fuzz::minimise(session, target)?;
             println!("{target}: {before} inputs before, {now} now");
         }
     } else {
-        println!("{}", fuzzer.run_all(&chosen, Effort::Seconds(seconds))?);
+        println!(
+            "{}",
+            fuzz::run(session, &targets, Effort::Seconds(seconds))?
+        );
     }
     Ok(())
 }
@@ -245,7 +244,8 @@ mod tests {
 
     #[test]
     fn arguments_of_other_programs_are_handed_over() {
-        let Ok(Command::Robot { arguments }) = parse("robot --seed 3 goto -5 0 --help") else {
+        let Ok(Command::Robot(Handed { arguments })) = parse("robot --seed 3 goto -5 0 --help")
+        else {
             panic!("a good command line");
         };
         assert_eq!(arguments, ["--seed", "3", "goto", "-5", "0", "--help"]);

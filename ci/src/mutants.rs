@@ -1,57 +1,56 @@
 //! The mutants of fw-core, by `ci/mutation`.
 
-use std::ffi::OsString;
-use std::process::Command;
+use xshell::cmd;
 
-use crate::cargo_tool::{CargoTool, Found};
+use crate::cargo_tool::CargoTool;
 use crate::error::{bail, Failure, Result};
 use crate::process;
 use crate::workspace::Workspace;
 
 /// Lists the mutants.
-const CARGO_MUTANTS: CargoTool = CargoTool {
-    subcommand: "mutants",
-    version: "27.1.0",
-};
+const CARGO_MUTANTS: CargoTool = CargoTool("mutants", "27.1.0");
 
 /// Tries mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
 pub fn run(workspace: &Workspace, arguments: &[String]) -> Result<String> {
-    let lister = match CARGO_MUTANTS.find(workspace)? {
-        Found::Machine => workspace.cargo("").get_program().to_owned(),
-        Found::Built(program) => OsString::from(program),
+    let built = CARGO_MUTANTS.find(workspace)?;
+    let lister = if built.as_os_str().is_empty() {
+        "cargo".into()
+    } else {
+        built
     };
-    let mut mutation = workspace.cargo("run --quiet --package mutation --");
-    mutation.args(["--config", "ci/mutation.toml", "--lister"]);
-    mutation.arg(lister).args(arguments);
-    let (status, text) = process::tee(mutation, |_| true)?;
-    let last = text.trim().lines().last().unwrap_or_default().to_owned();
-    match status.code() {
-        Some(0) => Ok(last),
-        Some(2) => bail!(Failure::Usage(last)),
-        Some(4) => bail!(Failure::MissingProgram(last)),
-        _ => bail!(last),
+    let mutation = "run --quiet --package mutation -- --config ci/mutation.toml --lister";
+    let mutation = workspace.cargo(mutation).arg(lister).args(arguments);
+    let (success, text) = process::tee(mutation, |_| true)?;
+    let last = text.trim().lines().last().unwrap_or_default();
+    if !success {
+        bail!(last.to_owned());
     }
+    Ok(last.to_owned())
 }
 
-/// The mutants of the lines that changed in the core, for a minute or so; `None` where none did.
-pub fn of_the_change(workspace: &Workspace) -> Result<Option<String>> {
-    let git = |words: &str| {
-        let mut git = Command::new("git");
-        git.current_dir(&workspace.root).args(words.split(' '));
-        process::output(git)
+/// The mutants of the lines that changed in the core since the main branch, or on it since the commit
+/// before, for a minute or so.
+pub fn of_the_change(workspace: &Workspace) -> Result<String> {
+    let sh = &workspace.sh;
+    let commit = |name| process::output(cmd!(sh, "git rev-parse --verify --quiet {name}"));
+    let main = commit("origin/main").filter(|main| Some(main) != commit("HEAD").as_ref());
+    let Some(base) = main.or_else(|| commit("HEAD~1")) else {
+        bail!(Failure::Skipped("no commit to compare with".into()));
     };
-    let head = git("rev-parse HEAD");
-    // On the main branch itself the change is the last commit, and what is not committed.
-    let main = git("rev-parse --verify origin/main").filter(|main| Some(main) != head.as_ref());
-    let base = main.or_else(|| git("rev-parse --verify HEAD~1"));
-    let Some(base) = base else {
-        return Ok(None);
-    };
-    let paths = "fw-core/src ci/mutation.toml ci/mutation-excuses.toml";
-    let changed = git(&format!("diff --merge-base {base} --name-only -- {paths}"));
+    let paths = [
+        "fw-core/src",
+        "ci/mutation.toml",
+        "ci/mutation-excuses.toml",
+    ];
+    let changed = process::output(cmd!(
+        sh,
+        "git diff --merge-base {base} --name-only -- {paths...}"
+    ));
     if changed.is_none_or(|files| files.is_empty()) {
-        return Ok(None);
+        bail!(Failure::Skipped(format!(
+            "nothing in the core changed since {base}"
+        )));
     }
     let arguments = ["--since", &base, "--seconds", "60"];
-    run(workspace, &arguments.map(str::to_owned)).map(Some)
+    run(workspace, &arguments.map(str::to_owned))
 }

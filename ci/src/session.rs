@@ -1,6 +1,7 @@
-//! What the commands and gates share: found and built once, at the first that needs it.
+//! What commands and gates share: found and built once, at the first that needs it.
 
 use std::cell::OnceCell;
+use std::ops::Deref;
 
 use crate::error::Result;
 use crate::firmware::{self, Image};
@@ -8,20 +9,30 @@ use crate::toolchain::{Provider, Toolchain};
 use crate::workspace::Workspace;
 
 pub struct Session {
-    pub workspace: Workspace,
+    workspace: Workspace,
     provider: Option<Provider>,
     toolchain: OnceCell<Toolchain>,
     image: OnceCell<Image>,
 }
 
+impl Deref for Session {
+    type Target = Workspace;
+
+    fn deref(&self) -> &Workspace {
+        &self.workspace
+    }
+}
+
 impl Session {
-    /// With the toolchain of this provider, or of the first that works.
+    /// With the firmware's toolchain of this provider, or of the first that works.
     pub fn new(provider: Option<Provider>) -> Result<Self> {
+        let workspace = Workspace::find()?;
+        let (toolchain, image) = (OnceCell::new(), OnceCell::new());
         Ok(Self {
-            workspace: Workspace::find()?,
+            workspace,
             provider,
-            toolchain: OnceCell::new(),
-            image: OnceCell::new(),
+            toolchain,
+            image,
         })
     }
 
@@ -29,7 +40,7 @@ impl Session {
         if let Some(toolchain) = self.toolchain.get() {
             return Ok(toolchain);
         }
-        let toolchain = Toolchain::find(&self.workspace, self.provider)?;
+        let toolchain = Toolchain::find(self, self.provider)?;
         Ok(self.toolchain.get_or_init(|| toolchain))
     }
 
@@ -44,6 +55,6 @@ impl Session {
 
     /// The firmware with these features.
     pub fn build(&self, features: &str) -> Result<Image> {
-        firmware::build(&self.workspace, self.toolchain()?, features)
+        firmware::build(self, self.toolchain()?, features)
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::{ensure, Context, Result};
-use crate::process;
+use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 
 /// The worst case of an ELF, bytes.
@@ -16,26 +16,16 @@ pub struct Bound {
 /// is what has no bound, or why an overflow would not fault.
 pub fn bound(workspace: &Workspace, elf: &Path) -> Result<Bound> {
     let options = "--priority-bits 4 --ram-start 0x20000000";
-    let words = format!("run --quiet --package stack-bound -- {options}");
-    let mut stack_bound = workspace.cargo(&words);
-    stack_bound.arg(elf);
-    let (status, text) = process::tee(stack_bound, |_| true)?;
+    let stack_bound = workspace.cargo(&format!("run --quiet --package stack-bound -- {options}"));
+    let (success, text) = process::tee(stack_bound.arg(elf), |_| true)?;
     let bound = parse(&text);
-    ensure!(
-        bound.is_some() || !status.success(),
-        "stack-bound printed no bound"
-    );
-    bound.with_context(|| text.trim().lines().last().unwrap_or_default().to_owned())
+    ensure!(bound.is_some() || !success, "stack-bound printed no bound");
+    bound.with_context(|| text.lines().last().unwrap_or_default().to_owned())
 }
 
-/// `at most 4664 of 8192 bytes (…)`
 fn parse(text: &str) -> Option<Bound> {
-    let line = text
-        .lines()
-        .find_map(|line| line.trim().strip_prefix("at most "))?;
-    let mut words = line.split(' ');
-    let worst = words.next()?.parse().ok()?;
-    let reserved = words.nth(1)?.parse().ok()?;
+    let line = pattern(r"at most (\d+) of (\d+) bytes").captures(text)?;
+    let (worst, reserved) = (line[1].parse().ok()?, line[2].parse().ok()?);
     Some(Bound { worst, reserved })
 }
 
@@ -45,7 +35,7 @@ mod tests {
 
     #[test]
     fn bound_is_read_from_the_last_line() {
-        let text = "  thread  40 bytes\n  at most 4664 of 8192 bytes (5000 if every handler …), 9 routines\n";
+        let text = "  thread  40 bytes\n  at most 4664 of 8192 bytes (5000 if …), 9 routines\n";
         let Bound { worst, reserved } = parse(text).unwrap();
         assert_eq!((worst, reserved), (4664, 8192));
         assert!(parse("stack-bound: recursion: a -> a\n").is_none());

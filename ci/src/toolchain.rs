@@ -5,13 +5,11 @@
 //! the machine's own Rust.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::Duration;
 
 use clap::ValueEnum;
-use xshell::cmd;
+use xshell::{cmd, Cmd};
 
-use crate::error::{bail, ensure, Failure, Result};
+use crate::error::{bail, ensure, Context, Failure, Result};
 use crate::process;
 use crate::workspace::{release, Workspace};
 
@@ -53,10 +51,7 @@ impl Toolchain {
                 Provider::Debian => debian(workspace),
             };
             match found {
-                Ok((toolchain, about)) => {
-                    println!("set-up: {TARGET}: {about}");
-                    return Ok(toolchain);
-                }
+                Ok(toolchain) => return Ok(toolchain),
                 Err(error) => {
                     println!("set-up: {TARGET}: not by {provider:?}: {error}");
                     reasons.push(format!("{provider:?}: {error}"));
@@ -65,61 +60,41 @@ impl Toolchain {
         }
         bail!(Failure::NoToolchain(format!(
             "no toolchain for {TARGET} on this machine ({}); install the target with `rustup target \
-             add {TARGET}`, or on Debian the packages {}, {LINKER_PACKAGE}",
+             add {TARGET}`, or on Debian the packages {PACKAGES} {LINKER_PACKAGE}",
             reasons.join("; "),
-            PACKAGES.join(", "),
         )))
     }
 
-    /// This toolchain's cargo in `root`; `words` are parted by blanks, `flags` are the compiler's.
-    pub fn cargo(
-        &self,
-        workspace: &Workspace,
-        root: &Path,
-        words: &str,
-        flags: &[String],
-    ) -> Command {
+    /// This toolchain's cargo; `words` are parted by blanks, `flags` are the compiler's.
+    pub fn cargo<'s>(&self, workspace: &'s Workspace, words: &str, flags: &[String]) -> Cmd<'s> {
         let mut flags = flags.to_vec();
-        let mut command = workspace.cargo("");
-        if self.provider == Provider::Debian {
-            command = Command::new(DEBIAN_CARGO);
-            command
-                .env("RUSTC", DEBIAN_RUSTC)
-                .env("RUSTC_BOOTSTRAP", "1");
-            for foreign in ["RUSTC_WRAPPER", "CARGO", "RUSTDOC"] {
-                command.env_remove(foreign);
-            }
-        }
-        command
-            .current_dir(root)
-            .args(words.split_whitespace())
-            .args(["--target", TARGET]);
-        if self.provider == Provider::Debian {
-            command.arg("-Zbuild-std=core");
-        }
         if let Some(linker) = &self.linker {
             flags.push("-Clinker-flavor=ld.lld".into());
             flags.push(format!("-Clinker={}", linker.display()));
         }
+        let cargo = match self.provider {
+            Provider::Debian => {
+                let cargo = cmd!(workspace.sh, "/usr/bin/cargo").args(words.split(' '));
+                let cargo = cargo.arg("-Zbuild-std=core").env("RUSTC_BOOTSTRAP", "1");
+                let foreign = ["RUSTC_WRAPPER", "CARGO", "RUSTDOC"].into_iter();
+                foreign.fold(cargo.env("RUSTC", DEBIAN_RUSTC), Cmd::env_remove)
+            }
+            _ => workspace.cargo(words),
+        };
         // The strongest of cargo's settings, and the only one that keeps blanks in a path whole.
-        command.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"));
-        command
+        let flags = flags.join("\x1f");
+        cargo
+            .args(["--target", TARGET])
+            .env("CARGO_ENCODED_RUSTFLAGS", flags)
     }
 }
 
-/// Files of every host or target below a sysroot.
-fn in_rustlib(sysroot: &Path, file: &str) -> Vec<PathBuf> {
-    let folders = std::fs::read_dir(sysroot.join("lib/rustlib"))
-        .into_iter()
-        .flatten()
-        .flatten();
-    let files = folders.map(|folder| folder.path().join(file));
-    files.filter(|file| file.exists()).collect()
-}
-
-/// Whether the compiler of this sysroot has LLVM's tools.
-pub fn has_llvm_tools(sysroot: &Path) -> bool {
-    !in_rustlib(sysroot, "bin/llvm-profdata").is_empty()
+/// The paths of a file or folder below every host and target of a sysroot.
+pub fn in_rustlib(sysroot: &Path, name: &str) -> Vec<PathBuf> {
+    let folders = std::fs::read_dir(sysroot.join("lib/rustlib"));
+    let folders = folders.into_iter().flatten().flatten();
+    let paths = folders.map(|folder| folder.path().join(name));
+    paths.filter(|path| path.exists()).collect()
 }
 
 fn has_core(sysroot: &Path) -> bool {
@@ -132,125 +107,106 @@ fn has_core(sysroot: &Path) -> bool {
     names.any(|name| name.to_string_lossy().starts_with("libcore-"))
 }
 
-fn of_the_machine(workspace: &Workspace, provider: Provider) -> Toolchain {
-    let sysroot = workspace.sysroot.clone();
-    Toolchain {
-        provider,
+fn installed(workspace: &Workspace) -> Result<Toolchain> {
+    let sysroot = &workspace.sysroot;
+    ensure!(
+        has_core(sysroot),
+        "{} has no core for it",
+        sysroot.display()
+    );
+    println!("set-up: {TARGET}: in {}", sysroot.display());
+    Ok(Toolchain {
+        provider: Provider::Installed,
         target_dir: workspace.target.clone(),
         remap: vec![
             (sysroot.join("lib/rustlib/src/rust"), "/rust"),
-            (sysroot, "/sysroot"),
+            (sysroot.clone(), "/sysroot"),
         ],
         linker: None,
-    }
+    })
 }
 
-fn installed(workspace: &Workspace) -> Result<(Toolchain, String)> {
-    let sysroot = workspace.sysroot.display();
-    ensure!(has_core(&workspace.sysroot), "{sysroot} has no core for it");
-    Ok((
-        of_the_machine(workspace, Provider::Installed),
-        format!("installed in {sysroot}"),
-    ))
-}
-
-fn rustup(workspace: &Workspace) -> Result<(Toolchain, String)> {
-    let (sh, sysroot) = (workspace.shell()?, workspace.sysroot.display());
-    ensure!(process::installed("rustup"), "rustup is not installed");
-    process::run_within(
-        Duration::from_mins(3),
-        cmd!(sh, "rustup target add {TARGET}"),
-    )?;
-    ensure!(
-        has_core(&workspace.sysroot),
-        "`rustup target add` gave the target to another toolchain than {sysroot}"
-    );
-    Ok((
-        of_the_machine(workspace, Provider::Rustup),
-        format!("fetched by rustup into {sysroot}"),
-    ))
+fn rustup(workspace: &Workspace) -> Result<Toolchain> {
+    cmd!(workspace.sh, "timeout 180 rustup target add {TARGET}").run()?;
+    let toolchain = installed(workspace).context("rustup gave it to another toolchain")?;
+    let provider = Provider::Rustup;
+    Ok(Toolchain {
+        provider,
+        ..toolchain
+    })
 }
 
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
-const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_SOURCES: &str = "/usr/lib/rustlib/src/rust";
-const PACKAGES: [&str; 3] = ["rustc-web", "cargo-web", "rust-web-src"];
+const PACKAGES: &str = "rustc-web cargo-web rust-web-src";
 /// What newer Debians call them.
-const NEWER_PACKAGES: [&str; 3] = ["rustc", "cargo", "rust-src"];
+const NEWER_PACKAGES: &str = "rustc cargo rust-src";
 /// Needed only where rustup left no `rust-lld`.
 const LINKER_PACKAGE: &str = "lld-19";
 /// The oldest compiler that the firmware's crates accept.
 const OLDEST: (u32, u32) = (1, 85);
 
-fn debian(workspace: &Workspace) -> Result<(Toolchain, String)> {
-    let sources = Path::new(DEBIAN_SOURCES);
-    let sh = workspace.shell()?;
+fn debian(workspace: &Workspace) -> Result<Toolchain> {
+    let (sh, sources) = (&workspace.sh, Path::new(DEBIAN_SOURCES));
     let version = || process::output(cmd!(sh, "{DEBIAN_RUSTC} --version")).unwrap_or_default();
-    let compiler_there = || {
-        let core = sources.join("library/core/src/lib.rs");
-        release(&version()) >= OLDEST && Path::new(DEBIAN_CARGO).is_file() && core.is_file()
+    let complete = || {
+        let files = [
+            Path::new("/usr/bin/cargo"),
+            &sources.join("library/core/src/lib.rs"),
+        ];
+        release(&version()) >= OLDEST && files.iter().all(|file| file.is_file())
     };
-    if !compiler_there() {
-        apt_install(workspace, &PACKAGES).or_else(|first| {
-            println!("set-up: {first}");
-            apt_install(workspace, &NEWER_PACKAGES)
+    if !complete() {
+        apt_install(workspace, PACKAGES).or_else(|error| {
+            println!("set-up: {error}");
+            apt_install(workspace, NEWER_PACKAGES)
         })?;
     }
-    if linker(workspace).is_none() {
-        apt_install(workspace, &[LINKER_PACKAGE])?;
+    let linker = || {
+        let mut linkers = in_rustlib(&workspace.sysroot, "bin/rust-lld");
+        linkers.extend(["/usr/bin/ld.lld-19", "/usr/bin/ld.lld"].map(PathBuf::from));
+        linkers.into_iter().find(|linker| linker.is_file())
+    };
+    if linker().is_none() {
+        apt_install(workspace, LINKER_PACKAGE)?;
     }
     let (major, minor) = OLDEST;
     ensure!(
-        compiler_there(),
+        complete(),
         "{DEBIAN_RUSTC} {major}.{minor} or newer with {DEBIAN_SOURCES} is missing after the installation"
     );
-    let Some(linker) = linker(workspace) else {
-        bail!("neither ld.lld nor rust-lld is there after the installation");
-    };
-    let lld = linker.display();
-    let about = format!(
-        "Debian's {} with its sources of core, linked by {lld}",
-        version()
-    );
-    let real = sources.canonicalize()?;
-    let toolchain = Toolchain {
+    let linker = linker().context("neither ld.lld nor rust-lld is there after the installation")?;
+    let (version, lld) = (version(), linker.display());
+    println!("set-up: {TARGET}: Debian's {version} with its sources of core, linked by {lld}");
+    Ok(Toolchain {
         provider: Provider::Debian,
         target_dir: workspace.target.join("debian"),
-        remap: vec![(sources.to_path_buf(), "/rust"), (real, "/rust")],
+        remap: vec![
+            (sources.to_path_buf(), "/rust"),
+            (sources.canonicalize()?, "/rust"),
+        ],
         linker: Some(linker),
-    };
-    Ok((toolchain, about))
+    })
 }
 
-fn linker(workspace: &Workspace) -> Option<PathBuf> {
-    let mut linkers = in_rustlib(&workspace.sysroot, "bin/rust-lld");
-    linkers.extend(["/usr/bin/ld.lld-19", "/usr/bin/ld.lld"].map(PathBuf::from));
-    linkers.into_iter().find(|linker| linker.is_file())
-}
-
-/// Installs Debian packages, as root or with a sudo that asks for no password.
-pub fn apt_install(workspace: &Workspace, packages: &[&str]) -> Result<()> {
-    let sh = workspace.shell()?;
+/// Installs Debian packages, parted by blanks, as root or with a sudo that asks for no password.
+pub fn apt_install(workspace: &Workspace, packages: &str) -> Result<()> {
+    let sh = &workspace.sh;
     ensure!(process::installed("apt-get"), "this machine has no apt-get");
     let root = process::output(cmd!(sh, "id -u")).is_some_and(|id| id == "0");
     ensure!(
         root || process::output(cmd!(sh, "sudo -n true")).is_some(),
-        "neither root nor sudo without a password: `sudo apt-get install {}` would do it",
-        packages.join(" ")
+        "neither root nor sudo without a password: `sudo apt-get install {packages}` would do it"
     );
-    let sudo: &[&str] = if root { &[] } else { &["sudo", "-n"] };
-    let apt = |words: &[&str]| {
-        let apt = [
-            "env",
-            "DEBIAN_FRONTEND=noninteractive",
-            "apt-get",
-            "-q",
-            "-y",
-        ];
-        let all = [sudo, &apt, words].concat();
-        process::run_within(Duration::from_mins(10), sh.cmd(all[0]).args(&all[1..]))
+    let sudo = if root { "" } else { "sudo -n" };
+    let apt = |words: &str| {
+        let apt = "timeout 600 env DEBIAN_FRONTEND=noninteractive apt-get -q -y";
+        let words = format!("{sudo} {apt} {words}");
+        let mut words = words.split_whitespace();
+        let program = words.next().unwrap_or_default();
+        sh.cmd(program).args(words).ignore_stdout().run()
     };
-    let install = [&["install", "--no-install-recommends"], packages].concat();
+    let install = format!("install --no-install-recommends {packages}");
     // The package list may be old: it is renewed only where the installation fails.
-    apt(&install).or_else(|_| apt(&["update"]).and_then(|()| apt(&install)))
+    Ok(apt(&install).or_else(|_| apt("update").and_then(|()| apt(&install)))?)
 }

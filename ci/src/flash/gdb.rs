@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::error::{bail, Failure, Result};
+use crate::error::{bail, ensure, Failure, Result};
 use crate::process;
 use crate::toolchain::apt_install;
 use crate::workspace::Workspace;
@@ -15,11 +15,11 @@ const NAMES: [&str; 3] = ["gdb-multiarch", "arm-none-eabi-gdb", "gdb"];
 
 /// A debugger for the robot's processor, installed where that is possible.
 pub fn find(workspace: &Workspace) -> Result<&'static str> {
-    let find = || NAMES.into_iter().find(|name| knows_arm(name));
+    let find = || NAMES.into_iter().find(|name| knows_arm(workspace, name));
     if let Some(name) = find() {
         return Ok(name);
     }
-    let installed = apt_install(workspace, &["gdb-multiarch"]);
+    let installed = apt_install(workspace, "gdb-multiarch");
     match (find(), installed) {
         (Some(name), _) => Ok(name),
         (None, installed) => bail!(Failure::MissingProgram(format!(
@@ -29,39 +29,45 @@ pub fn find(workspace: &Workspace) -> Result<&'static str> {
     }
 }
 
-/// `-nx -batch -ex WORD -ex WORD …`
-fn batch(name: &str, commands: &[&str]) -> Command {
-    let mut gdb = Command::new(name);
-    gdb.args(["-nx", "-batch"]);
-    gdb.args(commands.iter().flat_map(|command| ["-ex", *command]));
-    gdb
-}
-
-fn knows_arm(name: &str) -> bool {
+fn knows_arm(workspace: &Workspace, name: &str) -> bool {
+    let commands = [
+        "-nx",
+        "-batch",
+        "-ex",
+        "set architecture arm",
+        "-ex",
+        "show architecture",
+    ];
     // An unknown architecture is no error to GDB's exit code, and its wording changes.
-    let gdb = batch(name, &["set architecture arm", "show architecture"]);
-    process::output(gdb).is_some_and(|answer| answer.contains("\"arm\""))
+    let answer = process::output(workspace.sh.cmd(name).args(commands));
+    answer.is_some_and(|answer| answer.contains("\"arm\""))
 }
 
 /// Loads `elf` through the debug server at `address`, compares every section, resets the core and
 /// lets it run. [`Failure::Board`] where a section differs or GDB did not get through.
 pub fn load(name: &str, elf: &Path, address: &str) -> Result<()> {
     let connect = format!("target extended-remote {address}");
-    let commands = [
+    let mut gdb = Command::new(name);
+    gdb.args([
+        "-nx",
+        "-batch",
+        "-ex",
         "set confirm off",
-        "set pagination off",
+        "-ex",
         "set remotetimeout 60",
-        &connect,
-        "load",
-        "compare-sections",
+    ]);
+    gdb.args(["-ex", &connect, "-ex", "load", "-ex", "compare-sections"]);
+    gdb.args([
+        "-ex",
         "monitor reset",
+        "-ex",
         "echo running\\n",
+        "-ex",
         "detach",
-    ];
-    let mut gdb = batch(name, &commands);
+    ]);
     gdb.arg(elf);
-    let (status, text) = process::tee(gdb, |_| true)?;
-    match judge(status.success(), &text) {
+    let (success, text) = process::tee(gdb, |_| true)?;
+    match judge(success, &text) {
         Ok(sections) => println!("flash: {sections} sections compared, all alike"),
         Err(reason) => bail!(Failure::Board(format!("not flashed: {reason}"))),
     }
@@ -91,18 +97,25 @@ fn judge(success: bool, text: &str) -> std::result::Result<usize, &str> {
 /// Opens the debugger at the terminal on the server at `address`.
 pub fn open(name: &str, elf: &Path, address: &str) -> Result<()> {
     let connect = format!("target extended-remote {address}");
-    let commands = [
-        &connect,
-        "load",
-        "monitor reset halt",
-        "maintenance flush register-cache",
-        "break main",
-    ];
     let mut gdb = Command::new(name);
-    gdb.arg("-q")
-        .args(commands.iter().flat_map(|command| ["-ex", *command]));
-    gdb.arg(elf);
-    process::run(gdb)
+    gdb.args([
+        "-q",
+        "-ex",
+        &connect,
+        "-ex",
+        "load",
+        "-ex",
+        "monitor reset halt",
+    ]);
+    gdb.args([
+        "-ex",
+        "maintenance flush register-cache",
+        "-ex",
+        "break main",
+    ]);
+    let status = gdb.arg(elf).status()?;
+    ensure!(status.success(), "{name} ended with {status}");
+    Ok(())
 }
 
 /// Waits until the debug server at `address` listens, at most `limit`.

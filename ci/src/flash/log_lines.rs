@@ -2,13 +2,14 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::process::Command;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use xshell::cmd;
+
 use crate::error::{Failure, Result};
-use crate::process;
+use crate::workspace::Workspace;
 
 /// Lines as they come.
 pub struct Lines(Receiver<String>);
@@ -30,13 +31,13 @@ impl Lines {
     }
 
     /// A serial device at the log's rate.
-    pub fn read_serial(device: &str) -> Result<Self> {
-        let mut stty = Command::new("stty");
-        stty.args(["-F", device]);
-        stty.args("115200 cs8 -cstopb -parenb raw -echo".split(' '));
-        let board = |error: String| Failure::Board(format!("{device}: {error}"));
-        process::run_within(Duration::from_secs(5), stty)
-            .map_err(|error| board(error.to_string()))?;
+    pub fn read_serial(workspace: &Workspace, device: &str) -> Result<Self> {
+        let stty = cmd!(
+            workspace.sh,
+            "stty -F {device} 115200 cs8 -cstopb -parenb raw -echo"
+        );
+        let board = |error| Failure::Board(format!("{device}: {error}"));
+        stty.run().map_err(|error| board(error.to_string()))?;
         let port = File::open(device).map_err(|error| board(error.to_string()))?;
         Ok(Self::read(port))
     }

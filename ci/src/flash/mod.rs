@@ -3,15 +3,15 @@
 mod gdb;
 mod log_lines;
 
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use clap::Args;
+use xshell::{cmd, Cmd};
 
-use crate::error::{bail, ensure, Context, Error, Failure, Result};
+use crate::error::{bail, ensure, Context, Failure, Result};
 use crate::process;
-use crate::workspace::Workspace;
+use crate::session::Session;
 use log_lines::Lines;
 
 /// What `probe-rs` calls the chip.
@@ -34,60 +34,55 @@ pub struct Board {
     pub interface: String,
 }
 
+/// The programs that write to the real board.
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Flasher {
     ProbeRs,
     OpenOcd,
 }
 
 fn flasher() -> Result<Flasher> {
-    if process::installed("probe-rs") {
-        Ok(Flasher::ProbeRs)
-    } else if process::installed("openocd") {
-        Ok(Flasher::OpenOcd)
-    } else {
-        bail!(Failure::MissingProgram(
-            "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
-             install openocd`) is installed; `--virtual` needs neither"
-                .into()
-        ))
+    let missing =
+        "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
+                   install openocd`) is installed; `--virtual` needs neither";
+    match (
+        process::installed("probe-rs"),
+        process::installed("openocd"),
+    ) {
+        (true, _) => Ok(Flasher::ProbeRs),
+        (_, true) => Ok(Flasher::OpenOcd),
+        _ => bail!(Failure::MissingProgram(missing.into())),
     }
 }
 
 /// Writes, verifies, resets, prints the first log lines.
-pub fn flash(workspace: &Workspace, elf: &Path, board: &Board) -> Result<()> {
+pub fn flash(session: &Session, board: &Board) -> Result<()> {
+    let (sh, elf) = (&session.sh, &session.image()?.path);
     if board.is_virtual {
-        return flash_virtual(workspace, elf);
+        let gdb = gdb::find(session)?;
+        let board = VirtualBoard::start(session)?;
+        gdb::load(gdb, elf, &board.address)?;
+        return print_log(&board.log);
     }
     let flasher = flasher()?;
     // Listen before the reset, or the first lines are gone.
-    let log = board
-        .serial
-        .as_deref()
-        .map(Lines::read_serial)
+    let serial = board.serial.as_deref();
+    let log = serial
+        .map(|device| Lines::read_serial(session, device))
         .transpose()?;
-    let on_board = |error: Error| match error.downcast::<Failure>() {
-        Ok(failure) => failure,
-        Err(error) => Failure::Board(format!(
-            "{error}; is the probe plugged in and the board on?"
-        )),
+    let written = if flasher == Flasher::ProbeRs {
+        let written = cmd!(sh, "probe-rs download --chip {CHIP} --verify {elf}").run();
+        written.and_then(|()| cmd!(sh, "probe-rs reset --chip {CHIP}").run())
+    } else {
+        let program = format!("program \"{}\" verify reset exit", elf.display());
+        openocd(session, &board.interface)
+            .arg("-c")
+            .arg(program)
+            .run()
     };
-    match flasher {
-        Flasher::ProbeRs => {
-            let mut download = Command::new("probe-rs");
-            download
-                .args(["download", "--chip", CHIP, "--verify"])
-                .arg(elf);
-            process::run(download).map_err(on_board)?;
-            let mut reset = Command::new("probe-rs");
-            reset.args(["reset", "--chip", CHIP]);
-            process::run(reset).map_err(on_board)?;
-        }
-        Flasher::OpenOcd => {
-            let mut openocd = openocd(&board.interface);
-            openocd.arg("-c");
-            openocd.arg(format!("program \"{}\" verify reset exit", elf.display()));
-            process::run(openocd).map_err(on_board)?;
-        }
+    if let Err(error) = written {
+        let hint = "is the probe plugged in and the board on?";
+        bail!(Failure::Board(format!("{error}; {hint}")));
     }
     println!("flash: written, verified, reset");
     if let Some(log) = log {
@@ -104,28 +99,28 @@ fn print_log(log: &Lines) -> Result<()> {
     Ok(())
 }
 
-fn openocd(interface: &str) -> Command {
-    let mut openocd = Command::new("openocd");
-    openocd.args(["-f", &format!("interface/{interface}.cfg")]);
-    openocd.args(["-f", "target/stm32f4x.cfg"]);
-    openocd
+fn openocd<'s>(session: &'s Session, interface: &str) -> Cmd<'s> {
+    cmd!(
+        session.sh,
+        "openocd -f interface/{interface}.cfg -f target/stm32f4x.cfg"
+    )
 }
 
 /// Opens GDB on the board.
-pub fn debug(workspace: &Workspace, elf: &Path, board: &Board) -> Result<()> {
-    let gdb = gdb::find(workspace)?;
+pub fn debug(session: &Session, board: &Board) -> Result<()> {
+    let elf = &session.image()?.path;
+    let gdb = gdb::find(session)?;
     if board.is_virtual {
-        let board = VirtualBoard::start(workspace)?;
+        let board = VirtualBoard::start(session)?;
         return gdb::open(gdb, elf, &board.address);
     }
-    let address = "127.0.0.1:3333";
+    let (sh, address) = (&session.sh, "127.0.0.1:3333");
     let server = match flasher()? {
-        Flasher::ProbeRs => {
-            let mut server = Command::new("probe-rs");
-            server.args(["gdb", "--chip", CHIP, "--gdb-connection-string", address]);
-            server
-        }
-        Flasher::OpenOcd => openocd(&board.interface),
+        Flasher::ProbeRs => cmd!(
+            sh,
+            "probe-rs gdb --chip {CHIP} --gdb-connection-string {address}"
+        ),
+        Flasher::OpenOcd => openocd(session, &board.interface),
     };
     let _server = Server::start(server, Stdio::null())?;
     gdb::wait_for(address, LOG_TIMEOUT)?;
@@ -136,11 +131,11 @@ pub fn debug(workspace: &Workspace, elf: &Path, board: &Board) -> Result<()> {
 struct Server(Child);
 
 impl Server {
-    fn start(mut command: Command, output: Stdio) -> Result<Self> {
-        let shown = process::display(&command);
-        println!("  $ {shown} &");
+    fn start(command: Cmd<'_>, output: Stdio) -> Result<Self> {
+        eprintln!("$ {command} &");
+        let mut command = Command::from(command);
         let child = command.stdin(Stdio::null()).stdout(output).spawn();
-        Ok(Self(child.context(shown)?))
+        Ok(Self(child?))
     }
 }
 
@@ -161,29 +156,22 @@ struct VirtualBoard {
 
 impl VirtualBoard {
     /// Starts it with nothing in its flash: what runs then came through the debugger.
-    fn start(workspace: &Workspace) -> Result<Self> {
+    fn start(session: &Session) -> Result<Self> {
         let build = "build --release --package twin --bin virtual-board";
-        process::run(workspace.cargo_with_board(build)?)?;
-        let mut board = Command::new(workspace.target.join("release/virtual-board"));
-        board.args(["--gdb", "127.0.0.1:0"]);
-        let mut server = Server::start(board, Stdio::piped())?;
+        session.cargo_with_board(build)?.run()?;
+        let program = session.target.join("release/virtual-board");
+        let mut server = Server::start(
+            cmd!(session.sh, "{program} --gdb 127.0.0.1:0"),
+            Stdio::piped(),
+        )?;
         let log = Lines::read(server.0.stdout.take().context("virtual-board: no output")?);
+        let silent = "the virtual board did not print the address of its debug server";
         let address = log.find("gdb: ", LOG_TIMEOUT);
-        let address = address.context(Failure::Board(
-            "the virtual board did not print the address of its debug server".into(),
-        ))?;
+        let address = address.context(Failure::Board(silent.into()))?;
         Ok(Self {
             server,
             log,
             address,
         })
     }
-}
-
-/// [`flash`] on the virtual board, through its debug server.
-fn flash_virtual(workspace: &Workspace, elf: &Path) -> Result<()> {
-    let gdb = gdb::find(workspace)?;
-    let board = VirtualBoard::start(workspace)?;
-    gdb::load(gdb, elf, &board.address)?;
-    print_log(&board.log)
 }

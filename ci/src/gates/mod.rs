@@ -10,25 +10,16 @@ mod tests;
 use std::time::Instant;
 
 use clap::Args;
+use serde_json::Value;
 
-use crate::budget::{Budget, Report};
-use crate::error::{bail, missing_program, Failure, Result};
+use crate::budget::Budget;
+use crate::error::{bail, Failure, Result};
 use crate::session::Session;
-use crate::trace;
+use crate::trace::Trace;
 
-/// How a gate ended where it did not fail.
-pub enum Outcome {
-    /// With the figure worth a column of the table.
-    Passed(String),
-    /// It could not be decided here, and why. Never counts as passed.
-    Skipped(String),
-}
-
-use Outcome::{Passed, Skipped};
-
-/// The command that runs a gate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum When {
+/// The commands that run a gate.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum When {
     /// `test`, also with `--quick`.
     Quick,
     /// `test`.
@@ -39,77 +30,39 @@ enum When {
 
 use When::{Change, Night, Quick};
 
-struct Gate {
-    name: &'static str,
-    when: When,
-    about: &'static str,
-    run: fn(&Session) -> Result<Outcome>,
-}
+/// A gate's name, the command that runs it, and what returns its figure.
+type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
-const fn gate(
-    name: &'static str,
-    when: When,
-    about: &'static str,
-    run: fn(&Session) -> Result<Outcome>,
-) -> Gate {
-    Gate {
-        name,
-        when,
-        about,
-        run,
-    }
-}
-
-/// Cheap and telling ones first.
+/// Cheap and telling ones first; `docs/gates.md` says what each checks.
 const GATES: [Gate; 28] = [
-    gate("setup", Quick, "a toolchain for the robot", setup),
-    gate("fmt", Quick, "formatted source", source::fmt),
-    gate("hygiene", Quick, "unsafe code, files", structure::hygiene),
-    gate("modules", Quick, "dead files, cycles", modules::gate),
-    gate("depend", Quick, "dependency arrows", structure::arrows),
-    gate("size", Quick, "lines and words", structure::size),
-    gate("trace", Quick, "met and checked", requirements),
-    gate("vectors", Quick, "as generated", source::vectors),
-    gate("clippy", Quick, "lints", source::clippy),
-    gate("docs", Change, "rustdoc", source::docs),
-    gate("unit", Quick, "unit tests, properties", tests::unit),
-    gate("floors", Quick, "count of theorems", proofs::floors),
-    gate("msrv", Change, "oldest compiler", source::msrv),
-    gate("firmware", Quick, "flash and RAM", firmware::budget),
-    gate("elf", Quick, "symbols, vectors", firmware::contents),
-    gate("stack", Quick, "worst stack depth", firmware::stack),
-    gate(
-        "reproducible",
-        Change,
-        "same bytes elsewhere",
-        firmware::reproducible,
-    ),
-    gate("defects", Change, "sample of defects", proofs::defects),
-    gate("mutants", Change, "mutants of the change", proofs::mutants),
-    gate("loop", Change, "firmware in the loop", tests::in_the_loop),
-    gate("demo", Change, "demo within its bars", tests::demo),
-    gate("figures", Change, "figures within bars", tests::figures),
-    gate("kani", Change, "theorems proven", proofs::kani),
-    gate("supply", Change, "licences and sources", source::supply),
-    gate("fuzz", Night, "fuzz targets", proofs::fuzz),
-    gate(
-        "coverage",
-        Night,
-        "regions that tests run",
-        proofs::coverage,
-    ),
-    gate(
-        "all-defects",
-        Night,
-        "every seeded defect",
-        proofs::all_defects,
-    ),
-    gate(
-        "all-mutants",
-        Night,
-        "every mutant of the core",
-        proofs::all_mutants,
-    ),
+    ("setup", Quick, setup),
+    ("fmt", Quick, source::fmt),
+    ("hygiene", Quick, structure::hygiene),
+    ("modules", Quick, modules::gate),
+    ("arrows", Quick, structure::arrows),
+    ("size", Quick, structure::size),
+    ("trace", Quick, requirements),
+    ("vectors", Quick, source::vectors),
+    ("clippy", Quick, source::clippy),
+    ("docs", Change, source::docs),
+    ("unit", Quick, tests::unit),
+    ("floors", Quick, proofs::floors),
+    ("msrv", Change, source::msrv),
+    ("firmware", Quick, firmware::budget),
+    ("elf", Quick, firmware::contents),
+    ("stack", Quick, firmware::stack),
+    ("reproducible", Change, firmware::reproducible),
+    ("defects", Change, proofs::defects),
+    ("mutants", Change, proofs::mutants),
+    ("loop", Change, tests::in_the_loop),
+    ("demo", Change, tests::demo),
+    ("figures", Change, tests::figures),
+    ("kani", Change, proofs::kani),
+    ("supply", Change, source::supply),
+    ("fuzz", Night, proofs::fuzz),
+    ("coverage", Night, proofs::coverage),
+    ("all-defects", Night, proofs::all_defects),
+    ("all-mutants", Night, proofs::all_mutants),
 ];
 
 /// Which gates to run.
@@ -126,11 +79,11 @@ pub struct Choice {
 impl Choice {
     /// Every name must be a gate's.
     fn check(&self) -> Result<()> {
-        let mut names = self.only.iter().chain(self.may_skip.iter().flatten());
-        let unknown = names.find(|name| GATES.iter().all(|gate| gate.name != **name));
-        if let Some(unknown) = unknown {
-            let all = GATES.each_ref().map(|gate| gate.name).join(", ");
-            bail!(Failure::Usage(format!("{unknown}: the gates are {all}")));
+        let names = GATES.map(|(name, ..)| name);
+        let mut chosen = self.only.iter().chain(self.may_skip.iter().flatten());
+        if let Some(unknown) = chosen.find(|name| !names.contains(&name.as_str())) {
+            let names = names.join(", ");
+            bail!(Failure::Usage(format!("{unknown}: the gates are {names}")));
         }
         Ok(())
     }
@@ -145,70 +98,38 @@ const PASSED: &str = "passed";
 const FAILED: &str = "FAILED";
 const SKIPPED: &str = "SKIPPED";
 
-struct Row {
-    name: &'static str,
-    result: &'static str,
-    figure: String,
-    seconds: f64,
-}
+struct Row(&'static str, &'static str, String);
 
-/// `cargo xtask test`, see [`run`].
-pub fn test(session: &Session, quick: bool, choice: &Choice) -> Result<bool> {
-    run(session, choice, |when| match when {
-        Quick => Some(true),
-        Change => Some(!quick),
-        Night => None,
-    })
-}
-
-/// `cargo xtask night`, see [`run`].
-pub fn night(session: &Session, choice: &Choice) -> Result<bool> {
-    run(session, choice, |when| (when == Night).then_some(true))
-}
-
-/// Runs the chosen gates, or all that `chosen` takes: `Some(false)` prints the gate as skipped. Prints
-/// the table; returns whether none failed.
-fn run(session: &Session, choice: &Choice, chosen: impl Fn(When) -> Option<bool>) -> Result<bool> {
+/// Runs the gates of these commands, or the chosen ones; `quick` prints the slow ones as skipped.
+/// Prints the table; returns whether none failed.
+pub fn run(session: &Session, choice: &Choice, of: &[When], quick: bool) -> Result<bool> {
     choice.check()?;
     let mut rows = Vec::new();
-    for Gate {
-        name,
-        when,
-        about,
-        run,
-    } in &GATES
-    {
-        let wanted = if choice.only.is_empty() {
-            chosen(*when)
-        } else {
-            choice.only.iter().any(|only| only == name).then_some(true)
-        };
-        let Some(run_it) = wanted else { continue };
+    for (name, when, run) in GATES {
+        let chosen = choice.only.iter().any(|only| only == name);
+        if !chosen && (!choice.only.is_empty() || !of.contains(&when)) {
+            continue;
+        }
         let start = Instant::now();
-        let outcome = if run_it {
-            println!("\n== {name}: {about}");
+        let outcome = if chosen || !quick || when == Quick {
+            println!("\n== {name}");
             run(session)
         } else {
-            Ok(Skipped("left out by --quick".into()))
+            Err(Failure::Skipped("left out by --quick".into()).into())
         };
         let (result, figure) = match outcome {
-            Ok(Passed(figure)) => (PASSED, figure),
-            Ok(Skipped(reason)) => (SKIPPED, reason),
-            Err(error) => match missing_program(&error) {
-                Some(reason) => (SKIPPED, reason.to_owned()),
-                None => (FAILED, format!("{error:#}")),
+            Ok(figure) => (PASSED, figure),
+            Err(error) => match error.downcast_ref() {
+                Some(Failure::MissingProgram(why) | Failure::Skipped(why)) => {
+                    (SKIPPED, why.clone())
+                }
+                _ => (FAILED, format!("{error:#}")),
             },
         };
-        if result == FAILED {
-            println!("{name}: FAILED: {figure}");
-        }
         let seconds = start.elapsed().as_secs_f64();
-        rows.push(Row {
-            name,
-            result,
-            figure,
-            seconds,
-        });
+        let figure = one_line(&figure);
+        println!("{name}: {result}: {figure}");
+        rows.push(Row(name, result, format!("{seconds:>7.1}  {figure}")));
     }
     Ok(summarise(&rows, choice))
 }
@@ -217,31 +138,22 @@ fn run(session: &Session, choice: &Choice, chosen: impl Fn(When) -> Option<bool>
 /// SKIPPED that may not be.
 fn summarise(rows: &[Row], choice: &Choice) -> bool {
     println!("\n{:<13} {:<8} {:>7}  figure", "gate", "result", "seconds");
-    for Row {
-        name,
-        result,
-        figure,
-        seconds,
-    } in rows
-    {
-        println!(
-            "{name:<13} {result:<8} {seconds:>7.1}  {}",
-            one_line(figure)
-        );
+    for Row(name, result, figure) in rows {
+        println!("{name:<13} {result:<8} {figure}");
     }
-    let count = |result: &str| rows.iter().filter(|row| row.result == result).count();
-    if let Some(Row { name, .. }) = rows.iter().find(|row| row.result == FAILED) {
+    let of = |result| {
+        rows.iter()
+            .filter(move |row| row.1 == result)
+            .map(|row| row.0)
+    };
+    if let Some(name) = of(FAILED).next() {
         println!("\n`cargo xtask test --only {name}` runs that gate alone");
     }
-    let skipped = rows
-        .iter()
-        .filter(|row| row.result == SKIPPED)
-        .map(|row| row.name);
-    let missing: Vec<_> = skipped.filter(|name| !choice.may_skip(name)).collect();
+    let missing: Vec<_> = of(SKIPPED).filter(|name| !choice.may_skip(name)).collect();
     if !missing.is_empty() {
         println!("\nmay not be skipped here: {}", missing.join(", "));
     }
-    let (passed, failed, skipped) = (count(PASSED), count(FAILED), count(SKIPPED));
+    let [passed, failed, skipped] = [PASSED, FAILED, SKIPPED].map(|result| of(result).count());
     println!("\n{passed} passed, {failed} failed, {skipped} skipped");
     failed == 0 && missing.is_empty()
 }
@@ -256,35 +168,37 @@ fn one_line(text: &str) -> String {
 }
 
 /// Prints every finding; passed with `figure` where there is none.
-fn passed_without(findings: &[String], figure: String) -> Result<Outcome> {
+fn passed_without(findings: &[String], figure: String) -> Result<String> {
     for finding in findings {
         println!("  {finding}");
     }
     match findings.first() {
-        None => Ok(Passed(figure)),
+        None => Ok(figure),
         Some(first) => bail!("{} finding(s), the first: {first}", findings.len()),
     }
 }
 
 /// Compares figures with every bar of `name` in the budget.
-fn check_bars(session: &Session, name: &str, figures: serde_json::Value) -> Result<usize> {
-    Budget::read(&session.workspace)?.check(name, &Report(figures))
+fn check_bars(session: &Session, name: &str, figures: &Value) -> Result<usize> {
+    Budget::read(session)?.check(name, figures)
 }
 
-fn setup(session: &Session) -> Result<Outcome> {
-    let provider = session.toolchain()?.provider;
-    Ok(Passed(format!("{provider:?}")))
+fn setup(session: &Session) -> Result<String> {
+    Ok(format!("{:?}", session.toolchain()?.provider))
 }
 
 /// Every requirement is met and checked, and every citation is of one.
-fn requirements(session: &Session) -> Result<Outcome> {
-    let all = trace::trace(&session.workspace)?;
-    let code: usize = all.values().map(|one| one.code.len()).sum();
-    let checks: usize = all.values().map(|one| one.checks.len()).sum();
-    Ok(Passed(format!(
-        "{} requirements, cited {code} times above code and {checks} times above what checks it",
-        all.len()
-    )))
+fn requirements(session: &Session) -> Result<String> {
+    let Trace {
+        requirements,
+        findings,
+    } = Trace::read(session)?;
+    let code: usize = requirements.values().map(|one| one.code.len()).sum();
+    let checks: usize = requirements.values().map(|one| one.checks.len()).sum();
+    let all = requirements.len();
+    let figure =
+        format!("{all} requirements, cited {code} times above code, {checks} above checks");
+    passed_without(&findings, figure)
 }
 
 #[cfg(test)]
@@ -299,22 +213,12 @@ mod unit_tests {
 
     #[test]
     fn skipped_gate_fails_unless_it_may_be_skipped() {
-        let row = |name, result| {
-            let (figure, seconds) = (String::new(), 0.0);
-            Row {
-                name,
-                result,
-                figure,
-                seconds,
-            }
-        };
+        let row = |name, result| Row(name, result, String::new());
         let rows = [row("fmt", PASSED), row("kani", SKIPPED)];
         let good = |may_skip: Option<&str>| {
             let may_skip = may_skip.map(|name| vec![name.to_owned()]);
-            let choice = Choice {
-                may_skip,
-                only: Vec::new(),
-            };
+            let only = Vec::new();
+            let choice = Choice { only, may_skip };
             choice.check().unwrap();
             summarise(&rows, &choice)
         };
@@ -322,22 +226,18 @@ mod unit_tests {
         assert!(good(Some("kani")));
         assert!(!good(Some("fuzz")));
         assert!(!summarise(&[row("fmt", FAILED)], &Choice::default()));
-        let only = vec!["kanu".into()];
-        let unknown = Choice {
-            only,
-            may_skip: None,
-        }
-        .check()
-        .unwrap_err();
-        let expected = "kanu: the gates are setup, fmt";
-        assert!(unknown.to_string().starts_with(expected), "{unknown}");
     }
 
     #[test]
-    fn gate_names_are_unique() {
-        let mut names = GATES.each_ref().map(|gate| gate.name).to_vec();
-        names.sort_unstable();
-        names.dedup();
-        assert_eq!(names.len(), GATES.len());
+    fn unknown_gate_is_rejected() {
+        let only = vec!["kanu".into()];
+        let may_skip = None;
+        let error = Choice { only, may_skip }.check().unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .starts_with("kanu: the gates are setup, fmt"),
+            "{error}"
+        );
     }
 }

@@ -3,22 +3,22 @@
 use serde_json::{Map, Value};
 
 use super::check_bars;
-use super::Outcome::{self, Passed, Skipped};
-use crate::error::{Context, Error, Result};
-use crate::fuzz::{Effort, Fuzzer};
+use crate::error::{bail, Context, Error, Failure, Result};
+use crate::fuzz::{self, Effort};
+use crate::kani::{self, Shard};
 use crate::session::Session;
-use crate::shard::Shard;
-use crate::{coverage, defects, kani, mutants, process};
+use crate::{coverage, defects, mutants};
 
 /// The theorems' table against its floors: a proof that went missing fails here.
-pub fn floors(session: &Session) -> Result<Outcome> {
-    let words = "run --quiet --package proofs --example theorems";
-    let list = process::output(session.workspace.cargo(words));
-    let counts = counts(&list.with_context(|| format!("`cargo {words}` failed"))?)?;
+pub fn floors(session: &Session) -> Result<String> {
+    let list = session
+        .cargo("run --quiet --package proofs --example theorems")
+        .read()?;
+    let counts = counts(&list)?;
     let figures = counts.iter().map(|(name, count)| format!("{count} {name}"));
     let figures = figures.collect::<Vec<_>>().join(", ");
-    check_bars(session, "proofs", Value::Object(counts))?;
-    Ok(Passed(figures))
+    check_bars(session, "proofs", &Value::Object(counts))?;
+    Ok(figures)
 }
 
 /// The rows of each kind, and the sums of the columns, by the names in the list's first line.
@@ -48,56 +48,46 @@ fn counts(list: &str) -> Result<Map<String, Value>> {
     Ok(counts)
 }
 
-pub fn kani(session: &Session) -> Result<Outcome> {
-    let Some(version) = kani::version(&session.workspace) else {
-        return Ok(Skipped(kani::MISSING.into()));
+pub fn kani(session: &Session) -> Result<String> {
+    let Some(version) = kani::version(session) else {
+        bail!(Failure::Skipped(kani::MISSING.into()));
     };
-    let figure = kani::prove(&session.workspace, Shard::ALL)?;
-    Ok(Passed(format!("{version}: {figure}")))
+    Ok(format!(
+        "{version}: {}",
+        kani::prove(session, Shard::default())?
+    ))
 }
 
 /// Every target on the same inputs each time, as far as the time goes; the nightly workflow looks for
 /// new ones.
-pub fn fuzz(session: &Session) -> Result<Outcome> {
-    let fuzzer = Fuzzer::find(&session.workspace)?;
-    fuzzer.build()?;
-    Ok(Passed(fuzzer.run_all(
-        &fuzzer.targets()?,
-        Effort::Inputs(500_000, 30),
-    )?))
+pub fn fuzz(session: &Session) -> Result<String> {
+    let targets = fuzz::build(session)?;
+    fuzz::run(session, &targets, Effort::Inputs(500_000, 30))
 }
 
-pub fn coverage(session: &Session) -> Result<Outcome> {
-    Ok(Passed(coverage::run(&session.workspace)?))
+pub fn coverage(session: &Session) -> Result<String> {
+    coverage::run(session)
 }
 
 /// Every seeded defect fits the code; the samples are tried.
-pub fn defects(session: &Session) -> Result<Outcome> {
-    let all = defects::all(&session.workspace)?;
+pub fn defects(session: &Session) -> Result<String> {
+    let all = defects::all(session)?;
     let noticed = defects::try_all(session, all.iter().filter(|defect| defect.sample))?;
-    Ok(Passed(format!(
-        "{} fit the code; noticed: {noticed}",
-        all.len()
-    )))
+    Ok(format!("{} fit the code; noticed: {noticed}", all.len()))
 }
 
-pub fn all_defects(session: &Session) -> Result<Outcome> {
-    Ok(Passed(defects::run(session, &[])?))
+pub fn all_defects(session: &Session) -> Result<String> {
+    defects::run(session, &[])
 }
 
-/// The mutants of the lines that changed in the core.
-pub fn mutants(session: &Session) -> Result<Outcome> {
-    Ok(match mutants::of_the_change(&session.workspace)? {
-        Some(figure) => Passed(figure),
-        None => Skipped("nothing in the core changed".into()),
-    })
+pub fn mutants(session: &Session) -> Result<String> {
+    mutants::of_the_change(session)
 }
 
 /// All mutants of the core.
-pub fn all_mutants(session: &Session) -> Result<Outcome> {
-    let report = "target/mutants.md".to_owned();
-    let arguments = ["--report".to_owned(), report];
-    Ok(Passed(mutants::run(&session.workspace, &arguments)?))
+pub fn all_mutants(session: &Session) -> Result<String> {
+    let arguments = ["--jobs", "2", "--report", "target/mutants.md"];
+    mutants::run(session, &arguments.map(str::to_owned))
 }
 
 #[cfg(test)]

@@ -1,11 +1,7 @@
 //! Gates on the source: format, lints, documentation, the oldest compiler, licences.
 
-use std::process::Command;
-use std::time::Duration;
+use xshell::{cmd, Cmd};
 
-use xshell::cmd;
-
-use super::Outcome::{self, Passed, Skipped};
 use crate::cargo_tool::CargoTool;
 use crate::error::{bail, Failure, Result};
 use crate::process;
@@ -19,138 +15,129 @@ pub const WORKSPACES: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "tests/bench
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
 const OLDEST: &str = "1.85";
 
-const CARGO_DENY: CargoTool = CargoTool {
-    subcommand: "deny",
-    version: "0.20.2",
-};
+const CARGO_DENY: CargoTool = CargoTool("deny", "0.20.2");
 
 /// Requires a rustup component that a machine may lack; tries to get it once.
 fn require(session: &Session, subcommand: &str, component: &str) -> Result<()> {
     let version = format!("{subcommand} --version");
-    let installed = || process::output(session.workspace.cargo(&version)).is_some();
-    let sh = session.workspace.shell()?;
-    let add = || {
-        process::run_within(
-            Duration::from_mins(2),
-            cmd!(sh, "rustup component add {component}"),
-        )
-    };
+    let installed = || process::output(session.cargo(&version)).is_some();
+    let add = || cmd!(session.sh, "timeout 120 rustup component add {component}").run();
     if !installed() && (add().is_err() || !installed()) {
-        bail!(Failure::MissingProgram(format!(
-            "{component} is not installed (`rustup component add {component}`)"
-        )));
+        let missing = format!("{component} is not installed (`rustup component add {component}`)");
+        bail!(Failure::MissingProgram(missing));
     }
     Ok(())
 }
 
-pub fn fmt(session: &Session) -> Result<Outcome> {
+pub fn fmt(session: &Session) -> Result<String> {
     require(session, "fmt", "rustfmt")?;
-    process::run(session.workspace.cargo("fmt --all --check"))?;
+    session.cargo("fmt --all --check").run()?;
     for manifest in &WORKSPACES[1..] {
-        let check = format!("fmt --manifest-path {manifest} --check");
-        process::run(session.workspace.cargo(&check))?;
+        session
+            .cargo(&format!("fmt --manifest-path {manifest} --check"))
+            .run()?;
     }
-    Ok(Passed(String::new()))
+    Ok(String::new())
 }
 
 /// What the core is checked against must not be edited by hand.
-pub fn vectors(session: &Session) -> Result<Outcome> {
-    if !process::installed("python3") && apt_install(&session.workspace, &["python3"]).is_err() {
-        return Ok(Skipped("python3 is not installed".into()));
+pub fn vectors(session: &Session) -> Result<String> {
+    if !process::installed("python3") && apt_install(session, "python3").is_err() {
+        bail!(Failure::Skipped("python3 is not installed".into()));
     }
-    let sh = session.workspace.shell()?;
-    process::run(cmd!(sh, "python3 tests/vectors/generate.py --check"))?;
-    Ok(Passed(String::new()))
+    cmd!(session.sh, "python3 tests/vectors/generate.py --check").run()?;
+    Ok(String::new())
 }
 
-pub fn clippy(session: &Session) -> Result<Outcome> {
+pub fn clippy(session: &Session) -> Result<String> {
     require(session, "clippy", "clippy")?;
-    let workspace = &session.workspace;
     let deny = "-- -D warnings";
-    process::run(workspace.cargo(&format!("clippy --all-targets {deny}")))?;
-    let no_float = "clippy --package fw-core --lib -- -D clippy::float_arithmetic";
-    process::run(workspace.cargo(no_float))?;
-    process::run(workspace.cargo(&format!("clippy --package pilot --features linux {deny}")))?;
-    let mut board = workspace.cargo_with_board(&format!("clippy --all-targets {BOARD}"))?;
-    board.args(deny.split(' '));
-    process::run(board)?;
+    session
+        .cargo(&format!("clippy --all-targets {deny}"))
+        .run()?;
+    session
+        .cargo("clippy --package fw-core --lib -- -D clippy::float_arithmetic")
+        .run()?;
+    session
+        .cargo(&format!("clippy --package pilot --features linux {deny}"))
+        .run()?;
+    let board = session.cargo_with_board(&format!("clippy --all-targets {BOARD}"))?;
+    board.args(deny.split(' ')).run()?;
     for manifest in &WORKSPACES[1..] {
-        let words = format!("clippy --manifest-path {manifest} --target-dir");
-        let mut own = workspace.cargo(&words);
-        own.arg(workspace.target.join("clippy"))
-            .args(deny.split(' '));
-        process::run(own)?;
+        let clippy = session.cargo(&format!("clippy --manifest-path {manifest} --target-dir"));
+        clippy
+            .arg(session.target.join("clippy"))
+            .args(deny.split(' '))
+            .run()?;
     }
     if session.toolchain()?.provider == Provider::Debian {
         // Clippy belongs to the machine's compiler, which has no core for the target.
-        return Ok(Passed("without fw-pac: the target is Debian's".into()));
+        return Ok("without fw-pac: the target is Debian's".into());
     }
     let pac = format!("clippy --package fw-pac --target {TARGET} {deny}");
-    process::run(workspace.cargo(&format!("{pac} -D clippy::undocumented_unsafe_blocks")))?;
-    Ok(Passed("all packages".into()))
+    session.cargo(&pac).run()?;
+    Ok("all packages".into())
 }
 
-pub fn docs(session: &Session) -> Result<Outcome> {
-    let workspace = &session.workspace;
-    let run = |mut doc: Command| {
-        doc.env("RUSTDOCFLAGS", "-D warnings");
-        process::run(doc)
-    };
-    run(workspace.cargo("doc --no-deps"))?;
-    run(workspace.cargo_with_board(&format!("doc --no-deps {BOARD}"))?)?;
+pub fn docs(session: &Session) -> Result<String> {
+    let run = |doc: Cmd<'_>| doc.env("RUSTDOCFLAGS", "-D warnings").run();
+    run(session.cargo("doc --no-deps"))?;
+    run(session.cargo_with_board(&format!("doc --no-deps {BOARD}"))?)?;
     if session.toolchain()?.provider == Provider::Debian {
-        return Ok(Passed("without fw-pac: the target is Debian's".into()));
+        return Ok("without fw-pac: the target is Debian's".into());
     }
-    run(workspace.cargo(&format!("doc --no-deps --package fw-pac --target {TARGET}")))?;
-    Ok(Passed("all packages".into()))
+    run(session.cargo(&format!("doc --no-deps --package fw-pac --target {TARGET}")))?;
+    Ok("all packages".into())
 }
 
-pub fn msrv(session: &Session) -> Result<Outcome> {
-    let sh = session.workspace.shell()?;
+pub fn msrv(session: &Session) -> Result<String> {
+    let sh = &session.sh;
     // The toolchain's own choice of compiler must win over the one this program runs under.
+    let foreign = ["RUSTC", "CARGO", "RUSTUP_TOOLCHAIN"].into_iter();
     let cargo = || {
-        let cargo = cmd!(sh, "rustup run {OLDEST} cargo").env_remove("RUSTC");
-        cargo.env_remove("CARGO").env_remove("RUSTUP_TOOLCHAIN")
+        foreign
+            .clone()
+            .fold(cmd!(sh, "rustup run {OLDEST} cargo"), Cmd::env_remove)
     };
     let installed = || process::output(cargo().arg("--version")).is_some();
-    if !installed() {
-        let install = cmd!(sh, "rustup toolchain install {OLDEST} --profile minimal");
-        let fetched = process::run_within(Duration::from_mins(5), install);
-        if fetched.is_err() || !installed() {
-            let install = format!("rustup toolchain install {OLDEST}");
-            return Ok(Skipped(format!("no Rust {OLDEST} here (`{install}`)")));
-        }
+    let install = cmd!(
+        sh,
+        "timeout 300 rustup toolchain install {OLDEST} --profile minimal"
+    );
+    if !installed() && (install.run().is_err() || !installed()) {
+        let install = format!("`rustup toolchain install {OLDEST}`");
+        bail!(Failure::Skipped(format!(
+            "no Rust {OLDEST} here ({install})"
+        )));
     }
-    let check = [
+    let check = cargo().args([
         "check",
         "--locked",
         "--package",
         "fw-core",
         "--package",
         "proofs",
-    ];
-    let target = session.workspace.target.join("oldest");
-    process::run(cargo().args(check).arg("--target-dir").arg(target))?;
-    Ok(Passed(format!("Rust {OLDEST}")))
+    ]);
+    check
+        .arg("--target-dir")
+        .arg(session.target.join("oldest"))
+        .run()?;
+    Ok(format!("Rust {OLDEST}"))
 }
 
 /// Licences, bans and sources of the dependencies.
-pub fn supply(session: &Session) -> Result<Outcome> {
-    let workspace = &session.workspace;
-    let found = CARGO_DENY.find(workspace)?;
+pub fn supply(session: &Session) -> Result<String> {
     for manifest in WORKSPACES {
-        let mut deny = CARGO_DENY.command(workspace, &found);
-        // Locked: what is committed is what is checked.
-        deny.args(["--locked", "--manifest-path", manifest]);
-        deny.args(["--config", "deny.toml", "check", "--hide-inclusion-graph"]);
-        // One list for all of them: not each has what is excepted.
-        deny.args(["--allow", "license-exception-not-encountered"]);
-        // Advisories need the network; the nightly workflow checks them.
-        deny.args(["bans", "licenses", "sources"]);
-        process::run(deny)?;
+        // Locked: what is committed is what is checked. One list of exceptions for all of them: not each
+        // has what is excepted. Advisories need the network; the nightly workflow checks them.
+        let words = format!(
+            "--locked --manifest-path {manifest} --config deny.toml check --hide-inclusion-graph \
+             --allow license-exception-not-encountered bans licenses sources"
+        );
+        CARGO_DENY.command(session)?.args(words.split(' ')).run()?;
     }
-    Ok(Passed(format!(
+    Ok(format!(
         "bans, licenses, sources of {} workspaces",
         WORKSPACES.len()
-    )))
+    ))
 }

@@ -1,33 +1,36 @@
 //! Gates that run tests: beside the code, and with the firmware in the loop.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
+use serde_json::Value;
+use xshell::Cmd;
+
+use super::check_bars;
 use super::firmware::check_stack_use;
-use super::Outcome::{self, Passed};
-use crate::budget::{Budget, Report};
-use crate::error::{bail, ensure, Result};
-use crate::process;
+use crate::budget;
+use crate::error::{bail, ensure, Context, Result};
+use crate::process::{self, pattern};
 use crate::programs;
 use crate::session::Session;
 
-pub fn unit(session: &Session) -> Result<Outcome> {
-    run(session.workspace.cargo("test --no-fail-fast"))
+pub fn unit(session: &Session) -> Result<String> {
+    run(session.cargo("test --no-fail-fast"))
 }
 
-pub fn in_the_loop(session: &Session) -> Result<Outcome> {
+pub fn in_the_loop(session: &Session) -> Result<String> {
+    let (panic, overflow) = ("test-panic", "test-overflow");
     let words = "test --release --package twin --package robot-tests";
-    let mut command = session.workspace.cargo_with_board(words)?;
-    command.env("ROBOT_ELF", &session.image()?.path);
-    for name in ["panic", "overflow"] {
-        let image = session.build(&format!("test-{name}"))?;
-        command.env(format!("ROBOT_ELF_{}", name.to_uppercase()), image.path);
-    }
-    run(command)
+    let tests = session
+        .cargo_with_board(words)?
+        .env("ROBOT_ELF", &session.image()?.path);
+    let tests = tests.env("ROBOT_ELF_PANIC", session.build(panic)?.path);
+    run(tests.env("ROBOT_ELF_OVERFLOW", session.build(overflow)?.path))
 }
 
-pub fn demo(session: &Session) -> Result<Outcome> {
-    const FILES: [&str; 6] = [
+pub fn demo(session: &Session) -> Result<String> {
+    let ran = programs::demo(session, &[]);
+    let out = session.target.join("demo");
+    let files = [
         "map.png",
         "map.pgm",
         "map.yaml",
@@ -35,9 +38,7 @@ pub fn demo(session: &Session) -> Result<Outcome> {
         "uart.log",
         "report.md",
     ];
-    let out = session.workspace.target.join("demo");
-    let ran = programs::demo(&session.workspace, &session.image()?.path, &[]);
-    let missing: Vec<_> = FILES
+    let missing: Vec<_> = files
         .into_iter()
         .filter(|file| !out.join(file).is_file())
         .collect();
@@ -48,31 +49,30 @@ pub fn demo(session: &Session) -> Result<Outcome> {
     );
     let (bars, report) = check_report(session, "demo", &out.join("report.json"), ran)?;
     check_stack_use(session, &report)?;
-    let figure = |key| report.figure(key).unwrap_or(f64::NAN);
-    Ok(Passed(format!(
+    let figure = |key| budget::figure(&report, key).unwrap_or(f64::NAN);
+    Ok(format!(
         "{bars} bars; position {:.1} mm, heading {:.2}°, map {:.2}, {:.1} × real time",
         figure("position_error_mm_max"),
         figure("heading_error_deg_max"),
         figure("map_iou"),
         figure("realtime_factor"),
-    )))
+    ))
 }
 
-pub fn figures(session: &Session) -> Result<Outcome> {
-    let out = session.workspace.target.join("figures.json");
-    let elf = &session.image()?.path;
-    let ran = programs::figures(&session.workspace, session.toolchain()?, elf, &[]);
+pub fn figures(session: &Session) -> Result<String> {
+    let ran = programs::figures(session, &[]);
+    let out = session.target.join("figures.json");
     let (bars, report) = check_report(session, "figures", &out, ran)?;
     let (used, worst) = check_stack_use(session, &report)?;
-    let figure = |key| report.figure(key).unwrap_or(f64::NAN);
-    Ok(Passed(format!(
+    let figure = |key| budget::figure(&report, key).unwrap_or(f64::NAN);
+    Ok(format!(
         "{bars} bars; tick {:.0}, frame {:.0} instructions at most, {:.0} frames/s, ready in \
          {:.1} ms, stack {used:.0} of {worst}",
         figure("tick_instructions.max"),
         figure("frame_instructions.max"),
         figure("frames_per_s_sustained"),
         figure("boot_to_ready_us") / 1000.0,
-    )))
+    ))
 }
 
 /// The report of a run against its bars. A run that failed may still have left the figures that say
@@ -82,49 +82,43 @@ fn check_report(
     name: &str,
     file: &Path,
     ran: Result<PathBuf>,
-) -> Result<(usize, Report)> {
+) -> Result<(usize, Value)> {
     if !file.is_file() {
         ran?;
-        bail!("no {}", session.workspace.relative(file));
+        bail!("no {}", session.relative(file));
     }
-    let report = Report::parse(&session.workspace.read(file)?)?;
-    let bars = Budget::read(&session.workspace)?.check(name, &report)?;
+    let report = session.sh.read_file(file)?;
+    let report = serde_json::from_str(&report).with_context(|| file.display().to_string())?;
+    let bars = check_bars(session, name, &report)?;
     ran.map(|_| (bars, report))
 }
 
-/// Runs tests; passed with their number. A run without a test has tested nothing.
-fn run(tests: Command) -> Result<Outcome> {
-    let shown = process::display(&tests);
-    let (status, text) = process::tee(tests, |_| true)?;
-    let failed: Vec<_> = failures(&text).collect();
+/// Runs tests; returns their number. A run without a test has tested nothing.
+fn run(tests: Cmd<'_>) -> Result<String> {
+    let (success, text) = process::tee(tests, |_| true)?;
+    let (passed, failed) = results(&text);
     ensure!(
         failed.is_empty(),
         "{} failed: {}",
         failed.len(),
         failed.join(", ")
     );
-    ensure!(status.success(), "`{shown}` ended with {status}");
-    match (count(&text, " passed"), count(&text, " ignored")) {
-        (0, _) => bail!("no test ran"),
-        (tests, 0) => Ok(Passed(format!("{tests} tests"))),
-        (tests, ignored) => Ok(Passed(format!("{tests} tests, {ignored} ignored"))),
-    }
+    ensure!(success, "the tests did not end with 0");
+    ensure!(passed > 0, "no test ran");
+    Ok(format!("{passed} tests"))
 }
 
-/// The names of the tests that failed, in the order they ran.
-fn failures(text: &str) -> impl Iterator<Item = &str> {
-    let lines = text.lines().filter_map(|line| line.strip_prefix("test "));
-    lines.filter_map(|line| line.strip_suffix(" ... FAILED"))
-}
-
-/// The sum of one number over all of cargo's closing lines: `test result: ok. 12 passed; 0 failed; …`.
-fn count(text: &str, what: &str) -> u32 {
-    let closing = text
-        .lines()
-        .filter(|line| line.starts_with("test result: "));
-    let parts = closing.flat_map(|line| line.split([';', '.']));
-    let numbers = parts.filter_map(|part| part.strip_suffix(what)?.trim().parse::<u32>().ok());
-    numbers.sum()
+/// How many tests of all binaries passed, and the names of those that failed.
+fn results(text: &str) -> (u32, Vec<&str>) {
+    let closing = pattern(r"(?m)^test result: .*? (\d+) passed");
+    let passed = closing
+        .captures_iter(text)
+        .filter_map(|line| line[1].parse::<u32>().ok());
+    let failed = pattern(r"(?m)^test (.*) \.\.\. FAILED$");
+    let failed = failed
+        .captures_iter(text)
+        .filter_map(|line| Some(line.get(1)?.as_str()));
+    (passed.sum(), failed.collect())
 }
 
 #[cfg(test)]
@@ -132,15 +126,10 @@ mod unit_tests {
     use super::*;
 
     #[test]
-    fn tests_of_all_binaries_are_counted_and_failures_named() {
-        let text = "\
-test a::b ... ok
-test a::c ... FAILED
-test result: FAILED. 12 passed; 1 failed; 1 ignored; 0 measured; 0 filtered out; finished in 0.00s
-noise
-test result: ok. 3 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; finished in 1.20s
-";
-        assert_eq!((count(text, " passed"), count(text, " ignored")), (15, 1));
-        assert_eq!(failures(text).collect::<Vec<_>>(), ["a::c"]);
+    fn tests_are_counted_and_failures_named() {
+        let text = "test a::b ... ok\ntest a::c ... FAILED\n\
+                    test result: FAILED. 12 passed; 1 failed; 1 ignored; 0 measured\nnoise\n\
+                    test result: ok. 3 passed; 0 failed; 0 ignored; finished in 1.20s\n";
+        assert_eq!(results(text), (15, vec!["a::c"]));
     }
 }
