@@ -199,8 +199,8 @@ impl Bench {
         let accepted = self.robot.counters().accepted;
         self.reply += 1;
         let frame = ReceivedFrame {
-            buffer: received,
-            clocked: received.len(),
+            bytes: received,
+            overflow_len: 0,
             at: self.now,
             reply: self.reply,
         };

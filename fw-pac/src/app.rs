@@ -129,11 +129,11 @@ fn on_frame(robot: &mut Robot, mut frame: Claim, log: &mut Log) {
 #[export_name = "robot_frame"]
 fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
     let number = frame.reply.due;
-    let (clocked, at) = (frame.clocked(), frame.at());
-    let (buffer, reply) = frame.buffers();
+    let at = frame.at();
+    let (bytes, reply) = frame.buffers();
     let received = ReceivedFrame {
-        buffer,
-        clocked,
+        bytes,
+        overflow_len: 0,
         at,
         reply: number,
     };

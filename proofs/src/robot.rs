@@ -111,8 +111,8 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
         let mut frame = [0; MAX_FRAME];
         let len = pi.send(&command, &mut frame);
         let received = ReceivedFrame {
-            buffer: &frame,
-            clocked: len,
+            bytes: &frame[..len],
+            overflow_len: 0,
             at: sample.now,
             reply: 1,
         };

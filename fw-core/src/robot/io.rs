@@ -18,9 +18,9 @@ pub struct TickInput {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReceivedFrame<'a> {
     /// The bytes that the buffer had room for.
-    pub buffer: &'a [u8],
-    /// Bytes that crossed the wire; beyond the buffer's length they are known by number only.
-    pub clocked: usize,
+    pub bytes: &'a [u8],
+    /// Bytes that crossed the wire after those, lost.
+    pub overflow_len: usize,
     /// When the chip-select rose.
     pub at: Micros,
     /// Number of the next reply, see [`Robot::encode_reply`](super::Robot::encode_reply).

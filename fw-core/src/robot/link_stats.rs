@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use std::string::String;
 
-    fn said(log: &mut Log) -> String {
+    fn transmitted(log: &mut Log) -> String {
         let text = String::from_utf8(log.pending().to_vec()).unwrap();
         log.sent(text.len());
         text
@@ -145,7 +145,7 @@ mod tests {
 
     // Requirement: WIRE-log-3
     #[test]
-    fn one_line_a_second_tells_both_gaps_and_none_without_frames() {
+    fn link_line_once_a_second_while_frames_come() {
         let (mut line, mut log) = (LinkStats::default(), Log::new());
         let mut frames = 0;
         for tick in 0..600_u32 {
@@ -157,7 +157,7 @@ mod tests {
             line.tick(now, false, true, &counted(frames), &mut log);
         }
         assert_eq!(
-            said(&mut log),
+            transmitted(&mut log),
             "I00000: L 2 1 1 2 0 0 1\nI00001: L 102 101 1 2 10000 10000 1\n\
              I00002: L 151 150 1 2 10000 10000 1\nI00003: L 152 151 1 2 3010000 3010000 1\n"
         );
@@ -165,16 +165,16 @@ mod tests {
 
     // Requirement: WIRE-log-3
     #[test]
-    fn a_busy_tick_puts_the_line_off_and_bare_modes_know_no_numbers() {
+    fn link_line_waits_for_idle_tick() {
         let (mut line, mut log) = (LinkStats::default(), Log::new());
         line.tick(Micros(0), true, false, &counted(5), &mut log);
-        assert_eq!(said(&mut log), "");
+        assert_eq!(transmitted(&mut log), "");
         line.tick(Micros(10_000), false, false, &counted(5), &mut log);
-        assert_eq!(said(&mut log), "I00000: L 6 5 1 - 0 0 -\n");
+        assert_eq!(transmitted(&mut log), "I00000: L 6 5 1 - 0 0 -\n");
     }
 
     #[test]
-    fn a_silence_longer_than_the_clock_is_no_short_gap() {
+    fn gap_longer_than_clock_saturates() {
         let (mut line, mut log) = (LinkStats::default(), Log::new());
         line.on_frame(Micros(7));
         line.tick(Micros(7), false, true, &counted(1), &mut log);
@@ -187,11 +187,11 @@ mod tests {
         for _ in 0..2 * PERIOD {
             line.tick(Micros(30_000), false, true, &counted(2), &mut log);
         }
-        assert!(said(&mut log).ends_with("L 3 2 1 2 4294967295 4294967295 1\n"));
+        assert!(transmitted(&mut log).ends_with("L 3 2 1 2 4294967295 4294967295 1\n"));
     }
 
     #[test]
-    fn every_cause_fits_into_a_line_beside_the_largest_numbers() {
+    fn largest_numbers_fit_one_line() {
         let mut counters = counted(u32::MAX);
         counters.overrun = u32::MAX;
         counters.missed = u32::MAX;
@@ -202,7 +202,7 @@ mod tests {
         let (mut line, mut log) = (LinkStats::default(), Log::new());
         line.gap.recent = u32::MAX;
         line.tick(Micros(0), false, true, &counters, &mut log);
-        let text = said(&mut log);
+        let text = transmitted(&mut log);
         assert!(text.ends_with(" status 1 crc 1\n"), "{text}");
     }
 }

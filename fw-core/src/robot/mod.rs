@@ -253,10 +253,14 @@ impl Robot {
     /// A frame ended. Nothing of a rejected frame takes effect; the stop deadline keeps running.
     #[inline]
     pub fn on_frame(&mut self, frame: &ReceivedFrame<'_>, log: &mut Log) {
-        let bytes = frame.buffer.get(..frame.clocked).unwrap_or(frame.buffer);
-        let overflow_len = frame.clocked.saturating_sub(frame.buffer.len());
-        match self.link.receive(bytes, overflow_len, frame.reply) {
-            Ok(command) => self.on_command(&command, frame.at, log),
+        let ReceivedFrame {
+            bytes,
+            overflow_len,
+            at,
+            reply,
+        } = *frame;
+        match self.link.receive(bytes, overflow_len, reply) {
+            Ok(command) => self.on_command(&command, at, log),
             Err(error) => self.on_rejected(error),
         }
     }

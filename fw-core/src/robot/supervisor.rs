@@ -158,191 +158,129 @@ mod tests {
         order: Order::None,
         clear_faults: Faults::NONE,
     };
+    const ALIVE: SupervisorCommand = SupervisorCommand {
+        resumes: false,
+        ..APPLY
+    };
 
-    fn supervisor() -> Supervisor {
-        Supervisor::new(StopDeadline::new(250))
+    /// A fresh frame at 0, then one tick.
+    fn after(command: SupervisorCommand, tick: u32) -> (Supervisor, AllowedMotion) {
+        let mut supervisor = Supervisor::new(StopDeadline::new(250));
+        supervisor.on_fresh(Micros(0), command);
+        let allowed = supervisor.on_tick(Micros(tick), true, true);
+        (supervisor, allowed)
     }
 
     // Requirement: WIRE-deadline-3
     #[test]
-    fn before_the_first_frame_it_waits_ready_and_coasts() {
-        let mut s = supervisor();
+    fn supervisor_before_first_frame_coasts_ready() {
+        let mut supervisor = Supervisor::new(StopDeadline::new(250));
+        assert!(!supervisor.link_alive(Micros(0)));
         for second in 0..10_000_u32 {
             let now = Micros(second.wrapping_mul(1_000_000));
-            assert_eq!(s.on_tick(now, false, false), AllowedMotion::Coast);
+            assert_eq!(supervisor.on_tick(now, false, false), AllowedMotion::Coast);
         }
-        assert_eq!((s.state(), s.faults()), (State::Ready, Faults::NONE));
+        assert_eq!(supervisor.state(), State::Ready);
+        assert!(supervisor.faults().is_empty());
     }
 
     #[test]
-    fn it_moves_only_where_something_is_requested_and_it_is_busy_with_it() {
-        for (requested, busy, state, permit) in [
+    fn motion_needs_request_and_busy_motors() {
+        for (requested, busy, state, allowed) in [
             (false, false, State::Ready, AllowedMotion::Coast),
             (false, true, State::Ready, AllowedMotion::Coast),
             (true, false, State::Ready, AllowedMotion::Drive),
             (true, true, State::Moving, AllowedMotion::Drive),
         ] {
-            let mut s = supervisor();
-            s.on_fresh(Micros(0), APPLY);
-            assert_eq!(s.on_tick(Micros(10_000), requested, busy), permit);
-            assert_eq!(s.state(), state, "{requested} {busy}");
+            let (mut supervisor, _) = after(APPLY, 1);
+            assert_eq!(supervisor.on_tick(Micros(2), requested, busy), allowed);
+            assert_eq!(supervisor.state(), state);
         }
     }
 
     #[test]
-    fn somebody_talks_to_it_from_the_first_frame_to_the_deadline() {
-        let mut s = supervisor();
-        assert!(!s.link_alive(Micros(0)));
-        s.on_fresh(Micros(1000), APPLY);
-        assert!(s.link_alive(Micros(1000)));
-        assert!(s.link_alive(Micros(1000 + DEADLINE_US - 1)));
-        assert!(!s.link_alive(Micros(1000 + DEADLINE_US)));
-    }
-
-    #[test]
-    fn a_stop_lasts_until_a_word_ends_it() {
-        let mut s = supervisor();
-        let order = |order| SupervisorCommand {
-            resumes: false,
-            order,
-            clear_faults: Faults::NONE,
-        };
-        assert!(!s.halted());
-        s.on_fresh(Micros(0), order(Order::Stop));
-        assert!(s.halted());
-        s.on_fresh(Micros(1), order(Order::None));
-        assert!(s.halted());
-        s.on_fresh(Micros(2), order(Order::Resume));
-        assert!(!s.halted());
-        s.raise(Faults::BATTERY_CUTOFF);
-        assert!(s.halted());
-    }
-
-    #[test]
-    fn silence_brakes_at_the_deadline_from_every_phase_of_the_clock() {
-        for start in [
-            0,
-            1,
-            u32::MAX,
-            u32::MAX - DEADLINE_US / 2,
-            1 << 31,
-            (1 << 31) - 1,
-        ] {
-            let mut s = supervisor();
-            s.on_fresh(Micros(start), APPLY);
-            let at = |after: u32| Micros(start.wrapping_add(after));
-            assert_eq!(
-                s.on_tick(at(DEADLINE_US - 1), true, true),
-                AllowedMotion::Drive
-            );
-            assert_eq!(s.state(), State::Moving);
-            assert_eq!(s.on_tick(at(DEADLINE_US), true, true), AllowedMotion::Brake);
-            assert_eq!((s.state(), s.faults()), (State::Stopped, Faults::LINK_LOST));
-            // It stays so however long the silence lasts, the clock's wraps included.
-            for tick in 1..1_000_u32 {
-                let later = at(DEADLINE_US).after(tick.wrapping_mul(17_000_000));
-                assert_eq!(s.on_tick(later, true, true), AllowedMotion::Brake);
-            }
-        }
-    }
-
-    #[test]
-    fn a_frame_just_after_the_deadline_and_before_the_tick_does_not_undo_the_stop() {
-        let mut s = supervisor();
-        s.on_fresh(Micros(0), APPLY);
-        assert_eq!(s.on_tick(Micros(10), true, true), AllowedMotion::Drive);
-        s.on_fresh(Micros(DEADLINE_US + 1), SupervisorCommand::default());
+    fn silence_at_deadline_brakes_until_resumed() {
+        let (mut before, allowed) = after(APPLY, DEADLINE_US - 1);
         assert_eq!(
-            s.on_tick(Micros(DEADLINE_US + 2), true, true),
-            AllowedMotion::Brake
+            (allowed, before.state()),
+            (AllowedMotion::Drive, State::Moving)
         );
+        assert!(before.link_alive(Micros(DEADLINE_US - 1)));
+        let (mut supervisor, allowed) = after(APPLY, DEADLINE_US);
+        assert_eq!(allowed, AllowedMotion::Brake);
+        assert_eq!(supervisor.state(), State::Stopped);
+        assert_eq!(supervisor.faults(), Faults::LINK_LOST);
+        assert!(!supervisor.link_alive(Micros(DEADLINE_US)));
+        for _ in 0..1000 {
+            supervisor.on_fresh(Micros(DEADLINE_US), ALIVE);
+            let allowed = supervisor.on_tick(Micros(DEADLINE_US), true, true);
+            assert_eq!(allowed, AllowedMotion::Brake);
+        }
     }
 
     // Requirement: WIRE-deadline-2, WIRE-deadline-4
     #[test]
-    fn only_a_word_that_resumes_ends_a_stop() {
-        let stopped = || {
-            let mut s = supervisor();
-            s.on_fresh(Micros(0), APPLY);
-            assert_eq!(
-                s.on_tick(Micros(DEADLINE_US), true, true),
-                AllowedMotion::Brake
-            );
-            s
+    fn apply_or_resume_ends_a_stop() {
+        let resume = SupervisorCommand {
+            order: Order::Resume,
+            ..ALIVE
         };
-        let now = Micros(DEADLINE_US + 5);
-        let mut s = stopped();
-        s.on_fresh(now, SupervisorCommand::default());
-        assert_eq!(s.on_tick(now, true, true), AllowedMotion::Brake);
-        s.on_fresh(now, APPLY);
-        assert_eq!(s.on_tick(now, true, true), AllowedMotion::Drive);
-        assert_eq!(
-            s.faults(),
-            Faults::NONE,
-            "in Normal the resume is also what clears the latch"
-        );
-
-        let mut s = stopped();
-        s.on_fresh(
-            now,
-            SupervisorCommand {
-                order: Order::Resume,
-                ..SupervisorCommand::default()
-            },
-        );
-        assert_eq!(s.on_tick(now, true, true), AllowedMotion::Drive);
-        assert_eq!(
-            s.faults(),
-            Faults::LINK_LOST,
-            "guarded: latched until cleared"
-        );
+        // Apply also clears the latched fault: its modes cannot do so otherwise.
+        for (command, allowed, faults) in [
+            (ALIVE, AllowedMotion::Brake, Faults::LINK_LOST),
+            (APPLY, AllowedMotion::Drive, Faults::NONE),
+            (resume, AllowedMotion::Drive, Faults::LINK_LOST),
+        ] {
+            let (mut supervisor, _) = after(APPLY, DEADLINE_US);
+            let now = Micros(DEADLINE_US + 5);
+            supervisor.on_fresh(now, command);
+            assert_eq!(supervisor.on_tick(now, true, true), allowed);
+            assert_eq!(supervisor.faults(), faults);
+        }
     }
 
     #[test]
-    fn an_order_to_stop_wins_over_apply_in_the_same_frame() {
-        let mut s = supervisor();
-        s.on_fresh(
-            Micros(0),
-            SupervisorCommand {
-                order: Order::Stop,
-                ..APPLY
-            },
-        );
-        assert_eq!(s.on_tick(Micros(1), true, true), AllowedMotion::Brake);
-        assert_eq!(s.state(), State::Stopped);
+    fn stop_order_wins_over_apply() {
+        let stop = SupervisorCommand {
+            order: Order::Stop,
+            ..APPLY
+        };
+        let (supervisor, allowed) = after(stop, 1);
+        assert_eq!(allowed, AllowedMotion::Brake);
+        assert_eq!(supervisor.state(), State::Stopped);
+        assert!(supervisor.halted());
     }
 
     // Requirement: WIRE-status-1, WIRE-status-5
     #[test]
-    fn every_blocking_fault_brakes_and_clearing_it_alone_does_not_move_the_robot() {
+    fn blocking_fault_brakes_until_cleared_and_resumed() {
         for bit in 0..16 {
             let fault = Faults::from_bits(1 << bit);
-            let mut s = supervisor();
-            s.on_fresh(Micros(0), APPLY);
-            s.raise(fault);
+            let (mut supervisor, _) = after(APPLY, 1);
+            supervisor.raise(fault);
+            let mut tick = |command: Option<SupervisorCommand>| {
+                if let Some(command) = command {
+                    supervisor.on_fresh(Micros(2), command);
+                }
+                let allowed = supervisor.on_tick(Micros(3), true, true);
+                (allowed, supervisor.state())
+            };
             if !fault.intersects(Faults::BLOCKING) {
-                assert_eq!(s.on_tick(Micros(1), true, true), AllowedMotion::Drive);
+                assert_eq!(tick(None).0, AllowedMotion::Drive);
                 continue;
             }
-            assert_eq!(s.state(), State::Faulted);
-            assert_eq!(s.on_tick(Micros(1), true, true), AllowedMotion::Brake);
-            s.on_fresh(Micros(2), APPLY);
-            assert_eq!(
-                s.on_tick(Micros(3), true, true),
-                AllowedMotion::Brake,
-                "apply is no cure"
-            );
-            s.on_fresh(
-                Micros(4),
-                SupervisorCommand {
-                    clear_faults: fault,
-                    ..SupervisorCommand::default()
-                },
-            );
-            assert_eq!(s.on_tick(Micros(5), true, true), AllowedMotion::Brake);
-            assert_eq!(s.state(), State::Stopped);
-            s.on_fresh(Micros(6), APPLY);
-            assert_eq!(s.on_tick(Micros(7), true, true), AllowedMotion::Drive);
+            let clear = SupervisorCommand {
+                clear_faults: fault,
+                ..ALIVE
+            };
+            for (command, expected) in [
+                (None, (AllowedMotion::Brake, State::Faulted)),
+                (Some(APPLY), (AllowedMotion::Brake, State::Faulted)),
+                (Some(clear), (AllowedMotion::Brake, State::Stopped)),
+                (Some(APPLY), (AllowedMotion::Drive, State::Moving)),
+            ] {
+                assert_eq!(tick(command), expected);
+            }
         }
     }
 }

@@ -57,14 +57,14 @@ impl Bench {
         let len = self.robot.encode_reply(self.reply, &mut reply);
         let mut frame = [0; MAX_FRAME];
         let sent = self.pi.send(command, &mut frame);
-        self.receive(&frame[..sent], sent);
+        self.receive(&frame[..sent], 0);
         self.pi.receive(&reply[..len]).expect("a valid reply")
     }
 
-    fn receive(&mut self, buffer: &[u8], clocked: usize) {
+    fn receive(&mut self, bytes: &[u8], overflow_len: usize) {
         let frame = ReceivedFrame {
-            buffer,
-            clocked,
+            bytes,
+            overflow_len,
             at: self.sample.now,
             reply: self.reply + 1,
         };
@@ -157,11 +157,11 @@ fn a_rejected_frame_changes_nothing_but_the_counters_and_does_not_feed_the_deadl
     let mut frame = [0; MAX_FRAME];
     let len = bench.pi.send(&go(-1000), &mut frame);
     for ticks in 1.. {
-        for (bytes, clocked) in [(len - 1, len - 1), (len, len + 1)] {
-            bench.receive(&frame[..bytes], clocked);
+        for (bytes, overflow_len) in [(len - 1, 0), (len, 1)] {
+            bench.receive(&frame[..bytes], overflow_len);
         }
         frame[0] ^= 0xFF;
-        bench.receive(&frame[..len], len);
+        bench.receive(&frame[..len], 0);
         frame[0] ^= 0xFF;
         if !runs(&bench.tick()) {
             assert_eq!(ticks, 25);

@@ -16,23 +16,35 @@ use super::{Command, Report};
 #[derive(Debug)]
 pub struct Crc;
 
-/// CRC-16/IBM-3740 of `bytes`, without a table: eight bytes at a time, then two, then one.
+/// CRC-16/IBM-3740 of `bytes`, without a table: 16 bytes at once, then eight, two and one at a time.
+///
+/// Squared again and again, x¹⁶ = x¹² + x⁵ + 1 gives x⁶⁴ = x⁴⁸ + x²⁰ + 1 and x¹²⁸ = x⁹⁶ + x⁴⁰ + 1: a
+/// word goes into the ones 64 or 128 bits behind it by shifts.
 // Requirement: WIRE-crc-1
 #[inline(never)]
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
     let mut crc = 0xFFFF;
     let mut rest = bytes;
-    if let Some((first, after)) = rest.split_first_chunk() {
-        let (mut high, mut low) = words(*first);
+    if let Some((first, after)) = rest.split_first_chunk::<16>() {
+        let (front, back) = first.split_at(8);
+        let ((mut a, mut b), (mut c, mut d)) = (words(front), words(back));
         // The initial value is the same as the first 16 bits inverted.
-        high ^= 0xFFFF_0000;
+        a ^= 0xFFFF_0000;
         rest = after;
-        while let Some((next, after)) = rest.split_first_chunk() {
-            (high, low) = fold(high, low, words(*next));
+        while let Some((next, after)) = rest.split_first_chunk::<8>() {
+            let (e, f) = words(next);
+            (b, c, d) = (b ^ a, c ^ a >> 24, d ^ a << 8);
+            (a, b, c, d) = (c ^ b, d ^ b >> 24, e ^ a ^ b << 8, f ^ b);
             rest = after;
         }
-        crc = remainder(low ^ remainder(high) << 16);
+        // Of x⁴⁸ half stays in the word itself, once.
+        a ^= a >> 16;
+        b ^= a << 16 ^ a >> 12;
+        b ^= b >> 16;
+        c ^= (a ^ a << 20) ^ b << 16 ^ b >> 12;
+        d ^= b ^ b << 20;
+        crc = remainder(d ^ remainder(c) << 16);
     }
     while let Some((pair, after)) = rest.split_first_chunk() {
         crc = remainder((crc ^ u32::from(u16::from_be_bytes(*pair))) & 0xFFFF);
@@ -45,25 +57,11 @@ pub fn crc16(bytes: &[u8]) -> u16 {
     (crc & 0xFFFF) as u16
 }
 
+/// The first eight bytes as two words.
 #[inline(always)]
-const fn words(bytes: [u8; 8]) -> (u32, u32) {
-    let both = u64::from_be_bytes(bytes);
+fn words(bytes: &[u8]) -> (u32, u32) {
+    let both = u64::from_be_bytes(bytes.first_chunk().copied().unwrap_or_default());
     ((both >> 32) as u32, (both & 0xFFFF_FFFF) as u32)
-}
-
-/// Two words and the two after them as two words with the same remainder.
-///
-/// Squared twice, x¹⁶ = x¹² + x⁵ + 1 gives x⁶⁴ = x⁴⁸ + x²⁰ + 1: a word goes into the ones 64 bits
-/// behind it by shifts. Of x⁴⁸ half stays in the word itself, once.
-#[inline(always)]
-const fn fold(high: u32, low: u32, (next_high, next_low): (u32, u32)) -> (u32, u32) {
-    let high = high ^ high >> 16;
-    let low = low ^ high << 16 ^ high >> 12;
-    let low = low ^ low >> 16;
-    (
-        next_high ^ (high ^ high << 20) ^ low << 16 ^ low >> 12,
-        next_low ^ low ^ low << 20,
-    )
 }
 
 /// The remainder of `word` · x¹⁶ divided by P, in the low 16 bits; the rest is of no meaning.

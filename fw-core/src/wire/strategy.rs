@@ -117,10 +117,11 @@ impl<'a> FrameReader<'a> {
     // Requirement: WIRE-rejected-3
     #[inline]
     pub fn take<const N: usize>(&mut self) -> Result<[u8; N], FieldError> {
-        let rest = self.frame.get(self.offset..).unwrap_or_default();
-        match rest.first_chunk() {
+        let end = self.offset.wrapping_add(N);
+        let bytes = self.frame.get(self.offset..end);
+        match bytes.and_then(|bytes| bytes.first_chunk()) {
             Some(bytes) => {
-                self.offset = self.offset.wrapping_add(N);
+                self.offset = end;
                 Ok(*bytes)
             }
             None => Err(self.short(N)),

@@ -1,7 +1,6 @@
 //! The robot from outside: counters, words of the ADC and frames in; duties, pulses, replies and lines
 //! of the log out.
 
-mod faults;
 mod platform;
 
 use fw_core::eeprom::{first_board, Config};
@@ -65,8 +64,8 @@ impl Bench {
         let len = self.robot.encode_reply(self.reply, &mut back);
         let sent = self.pi.send(command, &mut out);
         let frame = ReceivedFrame {
-            buffer: &out[..sent],
-            clocked: sent,
+            bytes: &out[..sent],
+            overflow_len: 0,
             at: self.sample.now,
             reply: self.reply + 1,
         };

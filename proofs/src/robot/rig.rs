@@ -182,8 +182,8 @@ impl Rig {
         let before = *self.robot.counters();
         let frame = self.last;
         let received = ReceivedFrame {
-            buffer: &frame,
-            clocked,
+            bytes: frame.get(..clocked).unwrap_or(&frame),
+            overflow_len: clocked.saturating_sub(frame.len()),
             at: self.now,
             reply: self.reply + 1,
         };

@@ -1,34 +1,32 @@
-//! Every line, its level, and how often it comes.
-
 extern crate std;
 
 use super::*;
 use crate::log::tests::transmitted;
 use crate::types::RangefinderId::{Front, Left};
-use crate::wire::Reason;
+use crate::wire::{Field, Reason};
 use fixed::types::I16F16;
+use std::format;
 use std::string::String;
 use std::vec::Vec;
 
-/// What a log has said since it was asked last: levels and texts, without the numbers.
-fn said(log: &mut Log) -> Vec<String> {
+/// New lines of a log: levels and texts, without the numbers.
+fn lines(log: &mut Log) -> Vec<String> {
     let text = transmitted(log);
-    let line = |line: &str| std::format!("{}{}", &line[..1], &line[6..]);
+    let line = |line: &str| format!("{}{}", &line[..1], &line[6..]);
     text.lines().map(line).collect()
 }
 
-/// What one call says.
-fn told(tell: impl FnOnce(&mut Log)) -> Vec<String> {
+fn lines_of(write: impl FnOnce(&mut Log)) -> Vec<String> {
     let mut log = Log::new();
-    tell(&mut log);
-    said(&mut log)
+    write(&mut log);
+    lines(&mut log)
 }
 
 const NOTHING: [&str; 0] = [];
 
 fn stale(found: u8) -> FrameError {
     FrameError {
-        field: crate::wire::Field::Sequence,
+        field: Field::Sequence,
         offset: 9,
         reason: Reason::Stale { last: 7, found },
     }
@@ -36,8 +34,9 @@ fn stale(found: u8) -> FrameError {
 
 // Requirement: DOC-2.1-3
 #[test]
-fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look() {
+fn state_change_is_logged_once_with_its_level() {
     let mut event_log = EventLog::new(0);
+    let others = Faults::ALL_BITS.difference(Faults::LINK_LOST);
     for (state, faults, line) in [
         (State::Ready, Faults::NONE, "I: ready"),
         (State::Moving, Faults::NONE, "I: moving"),
@@ -53,69 +52,44 @@ fn a_change_of_state_is_one_line_and_its_level_says_whether_somebody_should_look
             Faults::ENCODER_JUMP,
             "E: faulted: motors off",
         ),
-        // An order to stop, whatever else is latched.
-        (
-            State::Stopped,
-            Faults::ALL_BITS.difference(Faults::LINK_LOST),
-            "W: stopped",
-        ),
+        (State::Stopped, others, "W: stopped"),
         (State::Booting, Faults::NONE, "I: booting"),
     ] {
-        let mut due = false;
-        let lines = told(|log| due = event_log.tick(state, faults, log));
-        assert_eq!(lines, [line]);
-        assert!(due);
-        let lines = told(|log| due = event_log.tick(state, faults, log));
-        assert_eq!(lines, NOTHING, "told once");
-        assert!(!due);
+        for expected in [&[line][..], &NOTHING] {
+            let mut logged = false;
+            let lines = lines_of(|log| logged = event_log.tick(state, faults, log));
+            assert_eq!(lines, expected);
+            assert_eq!(logged, !expected.is_empty());
+        }
     }
 }
 
 #[test]
-fn a_broken_wire_tells_of_the_first_frame_and_counts_the_others_once_a_second() {
+fn rejected_frames_are_logged_once_a_second() {
     let mut event_log = EventLog::new(0);
     let mut log = Log::new();
-    let mut lines = Vec::new();
-    // Two frames a tick, from tick 5 to tick 154.
-    for tick in 0..500 {
+    let mut all = Vec::new();
+    // Two frames a tick, from tick 5 to tick 154, and one long after.
+    for tick in 0..700 {
         if (5..155).contains(&tick) {
             event_log.frame_rejected(stale(1));
             event_log.frame_rejected(stale(2));
         }
-        let due = event_log.tick(State::Booting, Faults::NONE, &mut log);
-        let said = said(&mut log);
-        assert_eq!(due, !said.is_empty());
-        lines.extend(said.into_iter().map(|line| (tick, line)));
+        if tick == 600 {
+            event_log.frame_rejected(stale(1));
+        }
+        let logged = event_log.tick(State::Booting, Faults::NONE, &mut log);
+        let new = lines(&mut log);
+        assert_eq!(logged, !new.is_empty());
+        all.extend(new.into_iter().map(|line| (tick, line)));
     }
-    let first = {
-        let mut line = Line::new();
-        stale(1).log(line.text("W: frame rejected: "));
-        String::from(line.as_str())
-    };
-    let more = |tick: u32, count: u32| (tick, std::format!("W: {count} more frames rejected"));
-    // One frame is told of and 299 are counted: those of 5 to 105, the other one of tick 5 left out,
-    // and those of 106 to 154.
-    assert_eq!(lines, [(5, first), more(105, 201), more(205, 98)]);
+    let first = |tick| (tick, format!("W: frame rejected: {}", stale(1)));
+    let more = |tick, count| (tick, format!("W: {count} more frames rejected"));
+    assert_eq!(all, [first(5), more(105, 201), more(205, 98), first(600)]);
 }
 
 #[test]
-fn after_a_second_of_silence_a_rejected_frame_is_told_of_itself_again() {
-    let mut event_log = EventLog::new(0);
-    event_log.frame_rejected(stale(1));
-    let lines = told(|log| _ = event_log.tick(State::Booting, Faults::NONE, log));
-    assert_eq!(lines.len(), 1);
-    for _ in 0..QUIET_TICKS {
-        let lines = told(|log| _ = event_log.tick(State::Booting, Faults::NONE, log));
-        assert_eq!(lines, NOTHING);
-    }
-    event_log.frame_rejected(stale(2));
-    let lines = told(|log| _ = event_log.tick(State::Booting, Faults::NONE, log));
-    assert_eq!(lines.len(), 1);
-    assert!(lines[0].starts_with("W: frame rejected: "), "{lines:?}");
-}
-
-#[test]
-fn a_state_goes_before_a_rejected_frame_and_that_before_a_target() {
+fn state_is_logged_before_rejection_and_target() {
     let mut event_log = EventLog::new(0);
     event_log.frame_rejected(stale(1));
     event_log.target_set(PoseCode::default());
@@ -125,19 +99,18 @@ fn a_state_goes_before_a_rejected_frame_and_that_before_a_target() {
         y: -20,
         rotation: 0x2000,
     });
-    let mut lines = Vec::new();
-    for _ in 0..4 {
-        let now = told(|log| _ = event_log.tick(State::Ready, Faults::NONE, log));
-        assert!(now.len() <= 1);
-        lines.extend(now);
+    for expected in [
+        "I: ready",
+        "W: frame rejected: sequence at byte 9: stale, number 1 after 7",
+        "I: target 500.000 -0.020 mm, 90.00 deg",
+    ] {
+        let lines = lines_of(|log| _ = event_log.tick(State::Ready, Faults::NONE, log));
+        assert_eq!(lines, [expected]);
     }
-    assert_eq!(lines[0], "I: ready");
-    assert!(lines[1].starts_with("W: frame rejected: "), "{lines:?}");
-    assert_eq!(lines[2..], ["I: target 500.000 -0.020 mm, 90.00 deg"]);
 }
 
 #[test]
-fn a_pose_line_is_due_every_so_many_ticks() {
+fn pose_line_is_due_once_a_period() {
     for (milliseconds, ticks) in [
         (1, 1),
         (10, 1),
@@ -151,64 +124,42 @@ fn a_pose_line_is_due_every_so_many_ticks() {
             assert_eq!(event_log.pose_due(), tick % ticks == 0, "{milliseconds}");
         }
     }
-    let mut silent = EventLog::new(0);
-    assert!((0..70_000).all(|_| !silent.pose_due()));
+    let mut off = EventLog::new(0);
+    assert!((0..70_000).all(|_| !off.pose_due()));
 }
 
 #[test]
-fn a_sample_of_a_tuning_mode_and_a_pose_read_as_they_are() {
-    let lines = told(|log| log_tuning(Duty::saturating(-1234), -5, log));
+fn tuning_sample_and_pose_have_fixed_format() {
+    let lines = lines_of(|log| log_tuning(Duty::saturating(-1234), -5, log));
     assert_eq!(lines, ["I: T -12.34 -0.005"]);
     let code = PoseCode {
         x: -1,
         y: 1_234_567,
         rotation: 0x7FFF,
     };
-    // A 32768th of a turn less than one is 359.989°, and what is cut off is below a hundredth.
-    assert_eq!(
-        told(|log| log_pose(&code, log)),
-        ["I: pose -0.001 1234.567 mm, 359.98 deg"]
-    );
+    // 359.989°, cut off after the second decimal.
+    let lines = lines_of(|log| log_pose(&code, log));
+    assert_eq!(lines, ["I: pose -0.001 1234.567 mm, 359.98 deg"]);
 }
 
 #[test]
-fn every_fault_that_somebody_must_know_of_has_a_line_of_its_own() {
-    let lines = [
-        "no crystal: running from the internal oscillator",
-        "battery low: charge it",
-        "battery empty: motors off",
-        "left wheel stalled",
-        "right wheel stalled",
-        "an encoder jumped",
-        "left wheel reversed",
-        "right wheel reversed",
-        "restarted after a failure",
-    ];
-    let bits = [1, 3, 4, 5, 6, 7, 8, 9, 11];
-    let mut all = Vec::new();
-    for bit in 0..16 {
-        let told = told(|log| log_faults(Faults::from_bits(1 << bit), log));
-        let place = bits.iter().position(|&own| own == bit);
-        let expected: Vec<String> = place
-            .map(|place| {
-                // What keeps the motors off is an error.
-                let blocks = Faults::BLOCKING.intersects(Faults::from_bits(1 << bit));
-                std::format!("{}: {}", if blocks { 'E' } else { 'W' }, lines[place])
-            })
-            .into_iter()
-            .collect();
-        assert_eq!(told, expected, "bit {bit}");
-        all.extend(told);
+fn new_faults_are_logged_by_the_table() {
+    let line = |fault: &crate::types::Fault| {
+        let level = if fault.blocking { 'E' } else { 'W' };
+        Some(format!("{level}: {}", fault.log_line?))
+    };
+    for fault in Faults::TABLE {
+        let lines = lines_of(|log| log_faults(fault.faults, log));
+        assert_eq!(lines, Vec::from_iter(line(fault)));
     }
-    let mut log = Log::<1024>::new();
-    log_faults(Faults::ALL_BITS, &mut log);
-    assert_eq!(said(&mut log), all);
-    log_faults(Faults::NONE, &mut log);
-    assert_eq!(said(&mut log), NOTHING);
+    let all: Vec<_> = Faults::TABLE.iter().filter_map(line).collect();
+    assert_eq!(all.len(), 9);
+    assert_eq!(lines_of(|log| log_faults(Faults::ALL_BITS, log)), all);
+    assert_eq!(lines_of(|log| log_faults(Faults::NONE, log)), NOTHING);
 }
 
 #[test]
-fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_with_the_first() {
+fn rangefinder_is_silent_after_three_misses() {
     let mut event_log = EventLog::new(0);
     let mut stats = EchoStats {
         hits: 11,
@@ -217,12 +168,11 @@ fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_wi
         consecutive_misses: 0,
     };
     let mut lines = Vec::new();
-    for row in [0, 1, 2, 0, 1, 2, 3, 4, 255, 0, 0, 1] {
-        stats.missing += u32::from(row > 0);
-        stats.consecutive_misses = row;
-        lines.extend(told(|log| event_log.rangefinder(Left, &stats, log)));
+    for misses in [0, 1, 2, 0, 1, 2, 3, 4, 255, 0, 0, 1] {
+        stats.missing += u32::from(misses > 0);
+        stats.consecutive_misses = misses;
+        lines.extend(lines_of(|log| event_log.rangefinder(Left, &stats, log)));
     }
-    // Two and two before the third in a consecutive_misses, and two after it.
     assert_eq!(
         lines,
         [
@@ -230,44 +180,27 @@ fn a_rangefinder_is_silent_after_three_triggers_without_an_answer_and_answers_wi
             "W: left rangefinder answers: hits 11, out of range 22, missing 37",
         ]
     );
-    // Each on its own.
     stats.consecutive_misses = 3;
-    assert_eq!(
-        told(|log| event_log.rangefinder(Left, &stats, log)).len(),
-        1
-    );
-    assert_eq!(
-        told(|log| event_log.rangefinder(Front, &stats, log)).len(),
-        1
-    );
-    assert_eq!(
-        told(|log| event_log.rangefinder(Front, &stats, log)),
-        NOTHING
-    );
+    for (id, count) in [(Left, 1), (Front, 1), (Front, 0)] {
+        let lines = lines_of(|log| event_log.rangefinder(id, &stats, log));
+        assert_eq!(lines.len(), count);
+    }
 }
 
 #[test]
-fn a_temperature_is_told_when_it_becomes_known_and_when_it_is_no_more() {
+fn temperature_is_logged_when_known_and_when_lost() {
     let mut event_log = EventLog::new(0);
     let degrees = |degrees: f64| Some(I16F16::from_num(degrees));
+    let lost = Some("W: no temperature: speed of sound 343 m/s assumed");
     for (air, line) in [
+        (None, lost),
         (degrees(-12.4), Some("I: air at -12 deg C")),
         (degrees(30.0), None),
-        (
-            None,
-            Some("W: no temperature: speed of sound 343 m/s assumed"),
-        ),
+        (None, lost),
         (None, None),
         (degrees(21.6), Some("I: air at 22 deg C")),
-        (degrees(21.6), None),
     ] {
-        let lines = told(|log| event_log.temperature(air, log));
+        let lines = lines_of(|log| event_log.temperature(air, log));
         assert_eq!(lines, Vec::from_iter(line));
     }
-    let mut event_log = EventLog::new(0);
-    assert_eq!(
-        told(|log| event_log.temperature(None, log)),
-        ["W: no temperature: speed of sound 343 m/s assumed"],
-        "not even the first"
-    );
 }
