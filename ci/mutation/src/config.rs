@@ -41,6 +41,15 @@ pub struct Stage {
 }
 
 impl Config {
+    /// The package's own tests.
+    #[must_use]
+    pub fn of(package: String) -> Self {
+        Self {
+            package,
+            ..Self::default()
+        }
+    }
+
     /// Reads a configuration and its excuses.
     ///
     /// # Errors
@@ -68,24 +77,16 @@ impl Config {
     /// The stages: the quick tests beside the code, all tests of the package, other packages'.
     #[must_use]
     pub fn stages(&self) -> Vec<Stage> {
-        let own = vec![self.package.clone()];
-        let mut stages = vec![
-            Stage {
-                packages: own.clone(),
-                all: false,
-                skip: self.slow.clone(),
-            },
-            Stage {
-                packages: own,
-                all: true,
-                skip: Vec::new(),
-            },
-        ];
-        stages.extend((!self.also.is_empty()).then(|| Stage {
-            packages: self.also.clone(),
-            all: true,
-            skip: Vec::new(),
-        }));
+        let stage = |packages: &[String], all: bool, skip: &[String]| Stage {
+            packages: packages.to_vec(),
+            all,
+            skip: skip.to_vec(),
+        };
+        let own = [self.package.clone()];
+        let mut stages = vec![stage(&own, false, &self.slow), stage(&own, true, &[])];
+        if !self.also.is_empty() {
+            stages.push(stage(&self.also, true, &[]));
+        }
         stages
     }
 }

@@ -40,7 +40,9 @@ mod workspace;
 
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Instant;
+
+use clap::Args;
 
 pub use config::Config;
 pub use excuses::{Excused, Excuses};
@@ -53,22 +55,36 @@ use engine::Engine;
 use workspace::Workspace;
 
 /// Which mutants to try, and how.
-#[derive(Clone, Debug, Default)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct Choice {
-    /// Those of files whose path contains one of these; empty for all.
+    /// Only those of files whose path contains one of these
+    #[arg(long = "file", value_name = "TEXT", value_delimiter = ',')]
     pub files: Vec<String>,
-    /// Those whose description contains one of these; empty for all.
+    /// Only those whose description contains one of these
+    #[arg(long, value_name = "TEXT", value_delimiter = ',')]
     pub only: Vec<String>,
-    /// Every `n`th from the `k`th on, `(k, n)`.
+    /// Only every N-th from the K-th on, K from 0
+    #[arg(long, value_name = "K/N", value_parser = parse_shard)]
     pub shard: Option<(usize, usize)>,
-    /// Those in lines that changed since this commit.
+    /// Only those in lines that changed since this commit
+    #[arg(long, value_name = "COMMIT")]
     pub since: Option<String>,
-    /// Start no more after this time; the mutants tried are spread over all that were chosen.
-    pub at_most: Option<Duration>,
-    /// How many at a time.
+    /// Start no more after this time; those tried are spread over all that were chosen
+    #[arg(long)]
+    pub seconds: Option<u64>,
+    /// How many at a time
+    #[arg(long, default_value_t = 1)]
     pub jobs: usize,
-    /// Ask the first stage alone: its survivors may be caught by a later one.
+    /// Run the first stage alone: its survivors may be caught by a later one
+    #[arg(long)]
     pub quick: bool,
+}
+
+fn parse_shard(text: &str) -> Result<(usize, usize), &'static str> {
+    let parts = text.split_once('/');
+    let numbers = parts.and_then(|(k, n)| k.parse().ok().zip(n.parse().ok()));
+    let shard = numbers.filter(|(k, n)| k < n);
+    shard.ok_or("not K/N with K from 0 to N - 1")
 }
 
 /// Why there is no report.
@@ -125,8 +141,11 @@ pub fn run(
     let how = (choice.jobs, choice.quick);
     let mut engine = Engine::new(config, &workspace, &all, chosen.len(), how)?;
     let start = Instant::now();
-    for group in groups(&all, &chosen, choice.at_most.is_some()) {
-        if choice.at_most.is_some_and(|limit| start.elapsed() > limit) {
+    for group in groups(&all, &chosen, choice.seconds.is_some()) {
+        if choice
+            .seconds
+            .is_some_and(|limit| start.elapsed().as_secs() >= limit)
+        {
             break;
         }
         let outcomes = engine.try_all(&group, |mutant| excuses.cover(mutant))?;

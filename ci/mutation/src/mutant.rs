@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
+use serde_json::Value;
 
 /// A line and a column, both from 1.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,17 +25,20 @@ pub struct Span {
 }
 
 /// One change of the source.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Eq)]
 pub struct Mutant {
     /// The file, from the workspace's root.
     pub file: String,
     /// The function it is in; empty outside of functions.
+    #[serde(skip)]
     pub function: String,
     /// The kind of change: `BinaryOperator`, as cargo-mutants names it.
     pub genre: String,
     /// What changes, wherever it is: `replace + with -`.
+    #[serde(rename = "name")]
     pub change: String,
     /// The line with the changed part between `«` and `»`; empty where that is several lines.
+    #[serde(skip)]
     pub at: String,
     /// The text that it replaces.
     pub span: Span,
@@ -52,16 +56,6 @@ pub struct Function {
     pub span: Span,
 }
 
-#[derive(Deserialize)]
-struct Listed {
-    name: String,
-    file: String,
-    function: Option<Function>,
-    genre: String,
-    replacement: String,
-    span: Span,
-}
-
 /// The mutants of a list, and the functions they are in by file.
 pub type List = (Vec<Mutant>, BTreeMap<String, Vec<Function>>);
 
@@ -73,41 +67,39 @@ pub fn parse(answer: &str, root: &Path) -> Result<List, String> {
     if answer.trim().is_empty() {
         return Ok(List::default());
     }
-    let listed: Vec<Listed> =
+    let listed: Vec<Value> =
         serde_json::from_str(answer).map_err(|error| format!("cargo mutants --list: {error}"))?;
-    let mut texts = BTreeMap::<String, String>::new();
     let (mut mutants, mut functions) = List::default();
-    for mutant in listed {
-        if !texts.contains_key(&mutant.file) {
-            let text = std::fs::read_to_string(root.join(&mutant.file));
-            let text = text.map_err(|error| format!("{}: {error}", mutant.file))?;
-            texts.insert(mutant.file.clone(), text);
+    let mut text = (String::new(), String::new());
+    for listed in listed {
+        let read = |error| format!("cargo mutants --list: {error}");
+        let mut mutant = Mutant::deserialize(&listed).map_err(read)?;
+        let function = Option::<Function>::deserialize(&listed["function"]).map_err(read)?;
+        if text.0 != mutant.file {
+            let read = std::fs::read_to_string(root.join(&mutant.file));
+            let read = read.map_err(|error| format!("{}: {error}", mutant.file))?;
+            text = (mutant.file.clone(), read);
+        }
+        let known: &mut Vec<Function> = functions.entry(mutant.file.clone()).or_default();
+        if let Some(function) = function {
+            mutant.function.clone_from(&function.name);
+            if !known.contains(&function) {
+                known.push(function);
+            }
         }
         let Position { line, column } = mutant.span.start;
         let start = format!("{}:{line}:{column}: ", mutant.file);
-        let Some(change) = mutant.name.strip_prefix(&start) else {
+        let Some(change) = mutant.change.strip_prefix(&start) else {
             return Err(format!(
                 "cargo mutants --list: {} is not there",
-                mutant.name
+                mutant.change
             ));
         };
-        let function = mutant.function.unwrap_or_default();
-        let change = change
-            .strip_suffix(&format!(" in {}", function.name))
-            .unwrap_or(change);
-        mutants.push(Mutant {
-            change: change.to_owned(),
-            at: mutant.span.marked(&texts[&mutant.file]),
-            function: function.name.clone(),
-            file: mutant.file.clone(),
-            genre: mutant.genre,
-            span: mutant.span,
-            replacement: mutant.replacement,
-        });
-        let known: &mut Vec<Function> = functions.entry(mutant.file).or_default();
-        if !function.name.is_empty() && !known.contains(&function) {
-            known.push(function);
-        }
+        let end = format!(" in {}", mutant.function);
+        let change = change.strip_suffix(&end).unwrap_or(change);
+        mutant.change = String::from(change);
+        mutant.at = mutant.span.marked(&text.1);
+        mutants.push(mutant);
     }
     Ok((mutants, functions))
 }

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use proc_macro2::{Literal, Span, TokenStream};
+use quote::quote;
 use syn::spanned::Spanned;
 use syn::visit_mut::{self, VisitMut};
 use syn::{Arm, BinOp, Block, Expr, Stmt, parse_quote};
@@ -93,21 +94,11 @@ impl Rewriter<'_> {
 
 /// The macro that switches an operator.
 fn switch_of(op: &BinOp) -> TokenStream {
-    use BinOp::{Add, And, BitAnd, BitOr, BitXor, Div, Eq, Ge, Gt, Le, Lt, Mul, Ne, Or, Rem};
-    match op {
-        Eq(_) | Ne(_) | Lt(_) | Le(_) | Gt(_) | Ge(_) => parse_quote!(mutant_comparison),
-        And(_) | Or(_) => parse_quote!(mutant_logic),
-        Add(_)
-        | BinOp::Sub(_)
-        | Mul(_)
-        | Div(_)
-        | Rem(_)
-        | BitXor(_)
-        | BitAnd(_)
-        | BitOr(_)
-        | BinOp::Shl(_)
-        | BinOp::Shr(_) => parse_quote!(mutant_operation),
-        _ => parse_quote!(mutant_assignment),
+    match quote!(#op).to_string().as_str() {
+        "==" | "!=" | "<" | "<=" | ">" | ">=" => quote!(mutant_comparison),
+        "&&" | "||" => quote!(mutant_logic),
+        assignment if assignment.ends_with('=') => quote!(mutant_assignment),
+        _ => quote!(mutant_operation),
     }
 }
 

@@ -30,41 +30,52 @@ mod state;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
+
+use clap::Args;
 
 pub use program::Program;
 pub use report::{Level, Report};
 
 /// What the ELF does not say itself.
-#[derive(Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct Options {
-    /// The addresses reserved for the stack; by default from the symbols `_stack_end` to
-    /// `_stack_start` of cortex-m-rt.
+    /// The addresses reserved for the stack; by default cortex-m-rt's symbols `_stack_end` and
+    /// `_stack_start`
+    #[arg(long, value_name = "LOW..TOP", value_parser = parse_range)]
     pub stack: Option<Range<u32>>,
-    /// Where the RAM begins: the stack must end there, so that an overflow faults. Unchecked by
-    /// default.
+    /// Where the RAM begins and the stack must end, so that an overflow faults
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_number)]
     pub ram_start: Option<u32>,
-    /// The address of the vector table; by default a symbol's.
+    /// The vector table; by default a symbol's address
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_number)]
     pub vectors: Option<u32>,
-    /// How many priority bits the chip implements, 1 to 8. More than it does only raises the bound.
-    pub priority_bits: u32,
-    /// Indirect calls whose targets cannot be derived: the caller's path, and all possible
-    /// callees' paths (`driver::poll`).
-    pub calls: BTreeMap<String, Vec<String>>,
+    /// How many priority bits the chip implements: 1 to 8, by default 8, which only raises the bound
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8))]
+    pub priority_bits: Option<u32>,
+    /// An indirect call whose target cannot be derived: the caller's path, all possible callees'
+    #[arg(long = "call", value_name = "CALLER=CALLEE,CALLEE", value_parser = parse_call)]
+    pub calls: Vec<(String, Vec<String>)>,
 }
 
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            stack: None,
-            ram_start: None,
-            vectors: None,
-            priority_bits: 8,
-            calls: BTreeMap::new(),
-        }
+fn parse_number(text: &str) -> Result<u32, std::num::ParseIntError> {
+    match text.strip_prefix("0x") {
+        Some(hex) => u32::from_str_radix(hex, 16),
+        None => text.parse(),
     }
+}
+
+fn parse_range(text: &str) -> Result<Range<u32>, &'static str> {
+    let ends = text.split_once("..");
+    let ends = ends.and_then(|(low, top)| parse_number(low).ok().zip(parse_number(top).ok()));
+    ends.map(|(low, top)| low..top).ok_or("not LOW..TOP")
+}
+
+fn parse_call(text: &str) -> Result<(String, Vec<String>), &'static str> {
+    let (caller, callees) = text.split_once('=').ok_or("not CALLER=CALLEE")?;
+    let callees = callees.split(',').map(str::to_owned);
+    Ok((caller.to_owned(), callees.collect()))
 }
 
 /// Why there is no bound.

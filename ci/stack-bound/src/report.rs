@@ -191,7 +191,8 @@ fn rank(
         .count();
     match stored[..] {
         [byte] => {
-            let priority = u32::from(byte) >> 8_u32.saturating_sub(options.priority_bits);
+            let priority =
+                u32::from(byte) >> 8_u32.saturating_sub(options.priority_bits.unwrap_or(8));
             ((-i64::from(priority), 0), format!("priority {priority}"))
         }
         // A default handler's interrupts keep the priority they have after reset.

@@ -65,6 +65,13 @@ pub struct Analysis<'a> {
 /// What remains of an IT block: of each instruction whether it runs, or `None` for either.
 type Pending = Vec<Option<bool>>;
 
+/// An instruction's address, and what follows it.
+struct Here {
+    at: u32,
+    next: u32,
+    pending: Pending,
+}
+
 impl<'a> Analysis<'a> {
     pub fn of(program: &'a Program, options: &'a Options) -> Self {
         Self {
@@ -227,24 +234,28 @@ impl<'w, 'a> Walk<'w, 'a> {
             self.reach(next, rest.clone(), state.clone(), at)?;
         }
         if runs != Some(false) {
-            self.execute(at, instruction.effect, state, next, rest)?;
+            let here = Here {
+                at,
+                next,
+                pending: rest,
+            };
+            self.execute(here, instruction.effect, state)?;
         }
         Ok(())
     }
 
-    fn execute(
-        &mut self,
-        at: u32,
-        effect: Effect,
-        mut state: State,
-        next: u32,
-        rest: Pending,
-    ) -> Result<()> {
+    /// Goes on behind the instruction.
+    fn proceed(&mut self, here: Here, state: State) -> Result<()> {
+        self.reach(here.next, here.pending, state, here.at)
+    }
+
+    fn execute(&mut self, here: Here, effect: Effect, mut state: State) -> Result<()> {
+        let (at, next) = (here.at, here.next);
         if let Effect::Store(rt, rn, offset, bytes) = effect {
             self.record_store(&state, rt, &state.get(rn).plus(offset), bytes);
         }
         let program = self.program();
-        if let (Effect::CompareConstant(rn, value), true) = (effect, rest.is_empty())
+        if let (Effect::CompareConstant(rn, value), true) = (effect, here.pending.is_empty())
             && let Some(branch) = program.instruction(next)
             && let Effect::Branch(to, Some(condition)) = branch.effect
         {
@@ -252,18 +263,18 @@ impl<'w, 'a> Walk<'w, 'a> {
             return self.compare(next, (rn, value), condition, &state, targets);
         }
         if state.apply(effect, |address| program.word(address)) {
-            return self.reach(next, rest, state, at);
+            return self.proceed(here, state);
         }
         match effect {
             Effect::Jump(to) => self.reach(to, Vec::new(), state, at),
             Effect::Branch(to, _) => {
                 self.reach(to, Vec::new(), state.clone(), at)?;
-                self.reach(next, rest, state, at)
+                self.proceed(here, state)
             }
-            Effect::Call(to) => self.call(at, &[to], state, next, rest),
+            Effect::Call(to) => self.call(here, &[to], state),
             Effect::CallRegister(rm) => {
                 let targets = self.targets(at, &state.get(rm))?;
-                self.call(at, &targets, state, next, rest)
+                self.call(here, &targets, state)
             }
             Effect::JumpRegister(rm) if state.get(rm) == Value::AtEntry(LR) => {
                 self.leave(at, &state)
@@ -291,20 +302,20 @@ impl<'w, 'a> Walk<'w, 'a> {
                 }
             }
             Effect::Trap => Ok(()),
-            Effect::Move(SP, rm) => self.set_stack(at, &state.get(rm), state, next, rest),
+            Effect::Move(SP, rm) => self.set_stack(here, &state.get(rm), state),
             Effect::Add(_, rn, offset) => {
                 let value = state.get(rn).plus(offset);
-                self.set_stack(at, &value, state, next, rest)
+                self.set_stack(here, &value, state)
             }
             Effect::AddRegister(_, rn, rm) => {
                 let value = state.get(rn).sum(&state.get(rm));
-                self.set_stack(at, &value, state, next, rest)
+                self.set_stack(here, &value, state)
             }
             Effect::SetMainStack(rn) => {
                 if state.get(rn) != Value::word(program.stack.end) {
                     return self.unbounded(at, "the stack pointer is set to an unknown value");
                 }
-                self.reach(next, rest, State::restart(), at)
+                self.proceed(here, State::restart())
             }
             _ => self.unbounded(at, "an unsupported instruction"),
         }
@@ -407,36 +418,22 @@ impl<'w, 'a> Walk<'w, 'a> {
         }
     }
 
-    fn set_stack(
-        &mut self,
-        at: u32,
-        value: &Value,
-        mut state: State,
-        next: u32,
-        rest: Pending,
-    ) -> Result<()> {
+    fn set_stack(&mut self, here: Here, value: &Value, mut state: State) -> Result<()> {
         let Value::Stack(depth) = *value else {
-            return self.unbounded(at, "a frame of unknown size");
+            return self.unbounded(here.at, "a frame of unknown size");
         };
         state.set_depth(depth);
-        self.reach(next, rest, state, at)
+        self.proceed(here, state)
     }
 
-    fn call(
-        &mut self,
-        at: u32,
-        callees: &[u32],
-        mut state: State,
-        next: u32,
-        rest: Pending,
-    ) -> Result<()> {
+    fn call(&mut self, here: Here, callees: &[u32], mut state: State) -> Result<()> {
         let (mut returns, mut clobbers) = (false, CALLER_SAVED);
         for callee in callees {
             let callee = callee & !1;
             if self.program().instruction(callee).is_none() {
-                return self.unbounded(at, "a call of what is no code");
+                return self.unbounded(here.at, "a call of what is no code");
             }
-            let known = self.callee(at, callee, &state)?;
+            let known = self.callee(here.at, callee, &state)?;
             let used = state.depth.unsigned_abs() + known.worst;
             let summary = &mut self.summary;
             if state.restarted {
@@ -454,7 +451,7 @@ impl<'w, 'a> Walk<'w, 'a> {
             return Ok(());
         }
         state.forget(clobbers);
-        self.reach(next, rest, state, at)
+        self.proceed(here, state)
     }
 
     fn leave(&mut self, at: u32, state: &State) -> Result<()> {

@@ -151,7 +151,7 @@ fn indirect_call_needs_known_targets() {
     let deeper: &[u16] = &[PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
     assert_refused(&[unknown, deeper], "unknown address");
     let stated = Options {
-        calls: [("f0".to_owned(), vec!["f1".to_owned()])].into(),
+        calls: vec![("f0".to_owned(), vec!["f1".to_owned()])],
         ..Options::default()
     };
     let report = program(&[unknown, deeper], &[]).bound(&stated).unwrap();
@@ -349,7 +349,7 @@ fn interrupts() -> Program {
 #[test]
 fn handlers_of_one_priority_count_once() {
     let options = Options {
-        priority_bits: 4,
+        priority_bits: Some(4),
         ..Options::default()
     };
     let report = interrupts().bound(&options).unwrap();
