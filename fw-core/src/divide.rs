@@ -26,6 +26,7 @@ pub const fn div_rem(n: u64, d: u64) -> (u64, u64) {
 
 /// `n / d` in Q16 to 15 significant bits where it is at most 1, fewer above, by one 32-bit division;
 /// never above 2³². By zero as by the smallest number.
+#[inline(never)]
 #[must_use]
 pub const fn ratio(n: u64, d: u64) -> u32 {
     // Both by the same shift to the top of a word, the divisor cut to its half.

@@ -111,7 +111,7 @@ pub struct Odometry {
     left_counter: u32,
     right_counter: u16,
     /// Half the difference of the wheels' travels in a turn on the spot: π·track, 2⁻⁴⁰ mm.
-    half_travel_per_turn: u64,
+    half_travel_per_turn: i64,
     /// 2⁻⁶⁴ turns, plus [`ROUNDING`].
     heading: i64,
     /// 2⁻⁴⁰ mm, within ±[`MAX_POSITION`].
@@ -139,7 +139,7 @@ impl Odometry {
             ),
             left_counter: left,
             right_counter: right,
-            half_travel_per_turn: (PI >> 2) / 1000 * u64::from(platform.track),
+            half_travel_per_turn: (PI >> 2) as i64 / 1000 * i64::from(platform.track),
             heading: ROUNDING,
             x: 0,
             y: 0,

@@ -331,6 +331,8 @@ impl PoseController {
 }
 
 /// `distance`, cut to ±[`MAX_ERROR`], times 1 − |`heading_error`| / `gate`; 0 beyond the gate.
+// One copy in flash.
+#[inline(never)]
 fn gated(gate: i32, heading_error: i32, distance: i32) -> i32 {
     // Both below 2¹⁶, so the quotient of one 32-bit division is the factor in Q16.
     let open = ((gate - heading_error.saturating_abs()).max(0) >> 13) as u32;

@@ -16,50 +16,37 @@ impl Odometry {
             .heading
             .wrapping_add(i64::from(correction.heading) << 32);
 
-        let most = scale(self.half_travel_per_turn, correction.tick.unsigned_abs());
+        let most = scale(self.half_travel_per_turn, correction.tick.saturating_abs());
         // Further counter-clockwise than the counters: the left wheel rolled less forward, or the right
         // one less backward.
         let left_forward = correction.tick > 0;
         let left = delta.left.clamp(-0x8000, 0x8000);
-        let lost = lost_travel(self.left.half.times(left, 0) >> 2, left_forward, most)
-            + lost_travel(
-                self.right.half.times(delta.right, 0) >> 2,
-                !left_forward,
-                most,
-            );
+        let left = self.left.half.times(left, 0) >> 2;
+        let right = self.right.half.times(delta.right, 0) >> 2;
+        let lost = lost_travel(left, left_forward, most) + lost_travel(right, !left_forward, most);
         if lost == 0 {
             return;
         }
         let heading = Turns((self.heading.wrapping_sub(ROUNDING) >> 32) as u32);
         let (sine, cosine) = sin_cos(heading);
-        self.x = saturated(self.x - project(lost, cosine));
-        self.y = saturated(self.y - project(lost, sine));
+        self.x = saturated(self.x - scale(lost << 1, cosine));
+        self.y = saturated(self.y - scale(lost << 1, sine));
     }
 }
 
 /// Part of half a wheel's travel, 2⁻⁴⁰ mm, that it did not roll: at most `most`, and 0 unless it turned
 /// `forward`, or backward.
-fn lost_travel(half_travel: i64, forward: bool, most: u64) -> i64 {
-    if half_travel == 0 || (half_travel > 0) != forward {
-        return 0;
+fn lost_travel(half_travel: i64, forward: bool, most: i64) -> i64 {
+    if (half_travel > 0) == forward {
+        half_travel.min(most).max(-most)
+    } else {
+        0
     }
-    with_sign(half_travel.unsigned_abs().min(most), half_travel >> 63)
 }
 
-/// `travel`, below 2⁶¹, times a sine or cosine, Q31.
-fn project(travel: i64, factor: i32) -> i64 {
-    let size = scale(travel.unsigned_abs() << 1, factor.unsigned_abs());
-    with_sign(size, (travel >> 63) ^ i64::from(factor >> 31))
-}
-
-/// `a·b / 2³²`, floor; `a` below 2⁶³.
-const fn scale(a: u64, b: u32) -> u64 {
-    (a >> 32) * b as u64 + (((a & 0xFFFF_FFFF) * b as u64) >> 32)
-}
-
-/// `a`, negated if `sign` is −1.
-const fn with_sign(a: u64, sign: i64) -> i64 {
-    (a as i64 ^ sign) - sign
+/// `a·b / 2³²`, floor.
+const fn scale(a: i64, b: i32) -> i64 {
+    (a >> 32) * b as i64 + (((a & 0xFFFF_FFFF) * b as i64) >> 32)
 }
 
 #[cfg(test)]
@@ -78,23 +65,16 @@ mod tests {
             (0, true, 300, 0),
             (0, false, 300, 0),
         ] {
-            assert_eq!(
-                lost_travel(travel, forward, most),
-                expected,
-                "{travel} {forward}"
-            );
+            assert_eq!(lost_travel(travel, forward, most), expected);
         }
     }
 
     #[test]
-    fn projection_is_the_product_rounded_towards_zero() {
-        for travel in [0, 1, -1, (7 << 32) + 5, 1 << 40, -(1 << 40), (1 << 60) + 3] {
-            for factor in [i32::MIN, -1, 0, 1, 3, 1 << 30, i32::MAX] {
-                let exact = i128::from(travel) * i128::from(factor) / (1 << 31);
-                assert_eq!(i128::from(project(travel, factor)), exact);
-                let scaled = scale(travel.unsigned_abs(), factor.unsigned_abs());
-                let exact = u128::from(travel.unsigned_abs()) * u128::from(factor.unsigned_abs());
-                assert_eq!(u128::from(scaled), exact >> 32, "{travel} {factor}");
+    fn scale_is_the_product_rounded_down() {
+        for a in [0, 1, -1, (7 << 32) + 5, 1 << 40, -(1 << 40), (1 << 62) + 3] {
+            for b in [i32::MIN, -1, 0, 1, 3, 1 << 30, i32::MAX] {
+                let exact = (i128::from(a) * i128::from(b)) >> 32;
+                assert_eq!(i128::from(scale(a, b)), exact, "{a} {b}");
             }
         }
     }

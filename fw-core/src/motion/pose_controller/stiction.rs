@@ -36,6 +36,8 @@ pub(super) struct LowPass(i32);
 
 impl LowPass {
     /// The filtered rate.
+    // One copy in flash.
+    #[inline(never)]
     pub fn step(&mut self, rate: I16F16) -> I16F16 {
         // Cut so that the sum below fits: 4 m or 10 turns in a tick are no motion.
         let rate = rate.to_bits().clamp(-(1 << 28), 1 << 28);

@@ -43,6 +43,8 @@ impl TrackingError {
     }
 
     /// Whether the target is at most `distance`, 2⁻⁷ mm, away.
+    // One copy in flash.
+    #[inline(never)]
     pub fn within(&self, distance: i32) -> bool {
         let square = |side: i32| i64::from(side) * i64::from(side);
         square(self.longitudinal) + square(self.lateral) <= square(distance)

@@ -37,8 +37,8 @@ const SHARE_SHIFT: u32 = 3;
 const AGREEING_TICKS: u8 = 10;
 /// Ticks of slip with turning wheels before the time-out.
 const MAX_SLIP_TICKS: u16 = 200;
-/// Turn over which both must agree before the gyroscope is trusted.
-const VERIFICATION_TURN: i64 = 10 * DEGREE;
+/// Turn over which both must agree before the gyroscope is trusted, 2⁻²⁸ turns.
+const VERIFICATION_TURN: i32 = (10 * DEGREE >> 4) as i32;
 /// Ticks within which this turn must happen: a bias drift of 0.5 °/s is 1.5° by then.
 const MAX_VERIFICATION_TICKS: u16 = 300;
 /// Consecutive failed verifications before [`Event::Mismatch`].
@@ -69,11 +69,11 @@ pub enum Event {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Trust {
-    /// Turns of both during the present verification, 2⁻³² turns, its ticks, and the consecutive
+    /// Turns of both during the present verification, 2⁻²⁸ turns, its ticks, and the consecutive
     /// verifications that failed before.
     Unverified {
-        wheels: i64,
-        gyro: i64,
+        wheels: i32,
+        gyro: i32,
         ticks: u16,
         mismatches: u8,
     },
@@ -203,8 +203,8 @@ impl GyroFusion {
             self.trust = unverified(mismatches);
             return None;
         }
-        // Each gains at most half a turn a tick.
-        let (wheels, gyro) = (wheels + i64::from(turn), gyro_before + i64::from(gyro));
+        // The wheels gain at most half a turn in the last tick, the gyroscope 5.3 turns in all.
+        let (wheels, gyro) = (wheels + (turn >> 4), gyro_before + (gyro >> 4));
         if wheels.abs() < VERIFICATION_TURN {
             self.trust = Trust::Unverified {
                 wheels,
@@ -214,7 +214,7 @@ impl GyroFusion {
             };
             return None;
         }
-        if (gyro - wheels).abs() <= WINDOW_SLACK + (wheels.abs() >> SHARE_SHIFT) {
+        if (gyro - wheels).abs() <= (WINDOW_SLACK >> 4) as i32 + (wheels.abs() >> SHARE_SHIFT) {
             self.window = Window::new();
             self.trust = Trust::Trusted;
             return Some(Event::Trusted);
