@@ -2,9 +2,9 @@
 
 use crate::error::Error;
 use crate::pose::Pose;
-use crate::session::{has_position, CommandRequest, Session};
+use crate::session::{CommandRequest, Session};
 use crate::snapshot::Snapshot;
-use fw_core::wire::Report;
+use fw_core::wire::{Field, Report};
 use std::collections::VecDeque;
 
 /// When a drive counts as done.
@@ -93,7 +93,7 @@ pub fn follow<'m>(
     mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
     let mode = session.config().mode;
-    if !has_position(mode) {
+    if !mode.has(Field::Position) {
         return Err(Error::WrongMode {
             mode: mode.name(),
             required: "position to drive to",

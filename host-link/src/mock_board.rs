@@ -1,7 +1,7 @@
 //! A board in memory behind [`BoardIo`], with a fault at any chosen call. The real board's behaviour is
 //! tested on the virtual one.
 
-use crate::board_io::{erase, BoardIo, Clock, Interrupt};
+use crate::board_io::{BoardIo, Clock, Interrupt, IoError};
 use crate::error::Error;
 use crate::uart::LogSource;
 use embedded_hal::delay::DelayNs;
@@ -68,26 +68,9 @@ pub struct MockBoard {
     pub interrupt: Interrupt,
 }
 
-/// The error of every mock driver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MockError;
-
-impl digital::Error for MockError {
-    fn kind(&self) -> digital::ErrorKind {
-        digital::ErrorKind::Other
-    }
-}
-
-impl i2c::Error for MockError {
-    fn kind(&self) -> i2c::ErrorKind {
-        i2c::ErrorKind::NoAcknowledge(i2c::NoAcknowledgeSource::Unknown)
-    }
-}
-
-impl spi::Error for MockError {
-    fn kind(&self) -> spi::ErrorKind {
-        spi::ErrorKind::Other
-    }
+/// The error of every injected fault.
+fn injected() -> IoError {
+    IoError::new("injected")
 }
 
 /// A board that outlives its connections.
@@ -128,13 +111,13 @@ impl DriveModel {
 }
 
 impl MockBoard {
-    fn call(&mut self, bus: bool) -> Result<(), MockError> {
+    fn call(&mut self, bus: bool) -> Result<(), IoError> {
         let call = self.calls;
         self.calls += 1;
         match self.fault {
-            Some(IoFault::FailOnce(at)) if call == at => Err(MockError),
-            Some(IoFault::BusesFail(at)) if call >= at && bus => Err(MockError),
-            Some(IoFault::AllFail(at)) if call >= at => Err(MockError),
+            Some(IoFault::FailOnce(at)) if call == at => Err(injected()),
+            Some(IoFault::BusesFail(at)) if call >= at && bus => Err(injected()),
+            Some(IoFault::AllFail(at)) if call >= at => Err(injected()),
             Some(IoFault::Panic(at)) if call == at => panic!("injected panic"),
             Some(IoFault::Interrupt(at)) if call == at => {
                 self.interrupt.raise();
@@ -149,12 +132,12 @@ impl MockBoard {
     }
 
     /// One I2C write to the EEPROM.
-    fn write(&mut self, bytes: &[u8]) -> Result<(), MockError> {
+    fn write(&mut self, bytes: &[u8]) -> Result<(), IoError> {
         if !self.selected || self.now_us < self.busy_until_us {
-            return Err(MockError);
+            return Err(injected());
         }
         let [high, low, data @ ..] = bytes else {
-            return Err(MockError);
+            return Err(injected());
         };
         self.pointer = usize::from(u16::from_be_bytes([*high, *low]));
         if data.is_empty() {
@@ -171,9 +154,9 @@ impl MockBoard {
         Ok(())
     }
 
-    fn read(&mut self, out: &mut [u8]) -> Result<(), MockError> {
+    fn read(&mut self, out: &mut [u8]) -> Result<(), IoError> {
         if !self.selected || self.now_us < self.busy_until_us {
-            return Err(MockError);
+            return Err(injected());
         }
         for byte in out {
             *byte = self.memory[self.pointer % IMAGE_LEN];
@@ -246,11 +229,11 @@ const READY: usize = 3;
 const BUS: usize = 4;
 
 impl<const WHICH: usize> digital::ErrorType for MockLine<WHICH> {
-    type Error = MockError;
+    type Error = IoError;
 }
 
 impl<const WHICH: usize> MockLine<WHICH> {
-    fn set(&mut self, high: bool) -> Result<(), MockError> {
+    fn set(&mut self, high: bool) -> Result<(), IoError> {
         let mut board = self.0.borrow_mut();
         board.call(false)?;
         match WHICH {
@@ -281,33 +264,33 @@ impl<const WHICH: usize> MockLine<WHICH> {
 }
 
 impl<const WHICH: usize> OutputPin for MockLine<WHICH> {
-    fn set_low(&mut self) -> Result<(), MockError> {
+    fn set_low(&mut self) -> Result<(), IoError> {
         self.set(false)
     }
 
-    fn set_high(&mut self) -> Result<(), MockError> {
+    fn set_high(&mut self) -> Result<(), IoError> {
         self.set(true)
     }
 }
 
 impl InputPin for MockLine<READY> {
-    fn is_high(&mut self) -> Result<bool, MockError> {
+    fn is_high(&mut self) -> Result<bool, IoError> {
         let mut board = self.0.borrow_mut();
         board.call(false)?;
         Ok(board.ready())
     }
 
-    fn is_low(&mut self) -> Result<bool, MockError> {
+    fn is_low(&mut self) -> Result<bool, IoError> {
         self.is_high().map(|high| !high)
     }
 }
 
 impl i2c::ErrorType for MockLine<BUS> {
-    type Error = MockError;
+    type Error = IoError;
 }
 
 impl I2c for MockLine<BUS> {
-    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), MockError> {
+    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), IoError> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
         assert_eq!(address, 0x50);
@@ -322,11 +305,11 @@ impl I2c for MockLine<BUS> {
 }
 
 impl spi::ErrorType for MockLine<BUS> {
-    type Error = MockError;
+    type Error = IoError;
 }
 
 impl SpiDevice for MockLine<BUS> {
-    fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), MockError> {
+    fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
         for part in parts {
@@ -391,12 +374,12 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 pub fn reconnect(board: &Shared) -> BoardIo {
     let interrupt = board.borrow().interrupt.clone();
     BoardIo {
-        spi: erase(MockLine::<BUS>(board.clone())),
-        i2c: erase(MockLine::<BUS>(board.clone())),
-        reset: erase(MockLine::<RESET>(board.clone())),
-        select: erase(MockLine::<SELECT>(board.clone())),
-        protect: erase(MockLine::<PROTECT>(board.clone())),
-        ready: erase(MockLine::<READY>(board.clone())),
+        spi: Box::new(MockLine::<BUS>(board.clone())),
+        i2c: Box::new(MockLine::<BUS>(board.clone())),
+        reset: Box::new(MockLine::<RESET>(board.clone())),
+        select: Box::new(MockLine::<SELECT>(board.clone())),
+        protect: Box::new(MockLine::<PROTECT>(board.clone())),
+        ready: Box::new(MockLine::<READY>(board.clone())),
         delay: Box::new(MockLine::<BUS>(board.clone())),
         clock: Box::new(MockLine::<BUS>(board.clone())),
         log: Box::new(MockLine::<BUS>(board.clone())),

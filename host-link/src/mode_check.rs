@@ -7,7 +7,7 @@
 //! distinguished. With a single cell the cell index is always constant, and a bare tuning mode has no
 //! other evidence.
 
-use crate::session::{has_position, MODE_CHECK_FRAMES};
+use crate::session::MODE_CHECK_FRAMES;
 use fw_core::eeprom::Config;
 use fw_core::wire::{Field, Report};
 
@@ -35,7 +35,7 @@ impl ModeCheck {
     pub(crate) fn new(config: &Config) -> Self {
         Self {
             guarded: config.mode.has(Field::Sequence),
-            position: has_position(config.mode),
+            position: config.mode.has(Field::Position),
             cells: config.cells,
             first: None,
             cell_changes: false,

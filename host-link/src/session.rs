@@ -13,7 +13,7 @@ use crate::{eeprom, reset};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{CellCode, Command, Field, Mode, Order, Report, State};
+use fw_core::wire::{CellCode, Command, Field, Order, Report, State};
 
 /// Default frames per second (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
@@ -56,18 +56,6 @@ pub struct Session<'m> {
     mode_check: ModeCheck,
     lines: LogParser,
     log_error: Option<String>,
-}
-
-/// Whether the mode carries an expected and an actual pose.
-#[must_use]
-pub fn has_position(mode: Mode) -> bool {
-    mode.has(Field::Position)
-}
-
-/// Whether the mode carries the robot's state, its faults, and orders.
-#[must_use]
-pub fn has_status(mode: Mode) -> bool {
-    mode.has(Field::Status)
 }
 
 impl<'m> Session<'m> {
@@ -293,7 +281,7 @@ impl<'m> Session<'m> {
     /// Those of [`Self::exchange`]; [`Error::Fault`] if the robot stays stopped or is faulted.
     pub fn resume(&mut self) -> Result<(), Error> {
         let report = self.wait_for_reply()?;
-        if !has_status(self.config.mode) {
+        if !self.config.mode.has(Field::Status) {
             return Ok(());
         }
         let mut state = report.state;
@@ -319,7 +307,7 @@ impl<'m> Session<'m> {
     /// # Errors
     /// [`Error::Fault`].
     pub fn ensure_drivable(&self, state: State, faults: Faults) -> Result<(), Error> {
-        if has_status(self.config.mode) && matches!(state, State::Stopped | State::Faulted) {
+        if self.config.mode.has(Field::Status) && matches!(state, State::Stopped | State::Faulted) {
             return Err(Error::Fault {
                 state: crate::snapshot::state_name(state),
                 faults: crate::snapshot::fault_names(faults).join(", "),
@@ -333,13 +321,16 @@ impl<'m> Session<'m> {
     /// Ctrl-C does not end this early.
     pub fn stop(&mut self) {
         for _ in 0..STOP_FRAMES {
-            let request = if has_status(self.config.mode) {
+            let request = if self.config.mode.has(Field::Status) {
                 CommandRequest {
                     order: Order::Stop,
                     ..CommandRequest::default()
                 }
             } else {
-                let here = has_position(self.config.mode)
+                let here = self
+                    .config
+                    .mode
+                    .has(Field::Position)
                     .then_some(self.snapshot.pose)
                     .flatten();
                 CommandRequest {

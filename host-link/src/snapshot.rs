@@ -1,11 +1,10 @@
 //! The latest of everything the robot reported, in physical units: what `monitor` shows.
 
 use crate::pose::Pose;
-use crate::session::{has_position, has_status};
 use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{DistanceCode, Mode, Report, State};
+use fw_core::wire::{DistanceCode, Field, Mode, Report, State};
 use serde::Serialize;
 
 /// Full scale of a distance code, millimetres (document, 5.1.4).
@@ -65,20 +64,20 @@ impl Snapshot {
     pub fn update(&mut self, now_us: u64, report: &Report, statistics: LinkStatistics) {
         self.time_us = now_us;
         self.link = statistics;
-        if has_position(self.kind) {
+        if self.kind.has(Field::Position) {
             self.pose = Some(Pose::from_code(report.pose));
             self.ranges_mm = report.ranges.map(distance_mm);
         } else {
             self.measurement = Some(f64::from_bits(report.measurement.0));
         }
-        if self.kind == Mode::GuardedSweep {
+        if self.kind.has(Field::Bearing) {
             let turn = f64::from(report.bearing.cast_signed()) / 65_536.0;
             self.bearing_deg = Some(turn * 360.0);
         }
         if let Some(cell) = self.cells_v.get_mut(usize::from(report.cell.cell)) {
             *cell = Some(f64::from(report.cell.voltage) / 200.0);
         }
-        if has_status(self.kind) {
+        if self.kind.has(Field::Status) {
             self.state = Some(state_name(report.state));
             self.faults = fault_names(report.faults);
         }

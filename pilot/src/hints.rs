@@ -1,6 +1,7 @@
 //! What counters and faults indicate, as sentences with what to check.
 
 use fw_core::eeprom::Config;
+use fw_core::types::Faults;
 use fw_core::wire::Cause;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::RejectCounts;
@@ -34,11 +35,13 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
             hints.push(gap("the STM's frames", recent_us, deadline_ms));
         }
     }
-    if !snapshot.faults.is_empty() {
-        hints.push(format!(
-            "latched faults: {}; in guarded modes a drive clears a lost link, `robot reset` clears all",
-            snapshot.faults.join(", ")
-        ));
+    for fault in Faults::TABLE {
+        if snapshot.faults.contains(&fault.name) {
+            hints.push(format!(
+                "latched fault {}: {}; in guarded modes a drive clears a lost link, `robot reset` clears all faults",
+                fault.name, fault.text
+            ));
+        }
     }
     hints
 }
