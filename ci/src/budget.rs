@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::error::{bail, ensure, Context, Result};
+use crate::error::{Context, Result, bail, ensure};
 use crate::workspace::Workspace;
 
 /// Sections `NAME.at_most` and `NAME.at_least` of figures.
@@ -98,8 +98,7 @@ mod tests {
             "demo",
             r#"{"error_mm": 30.5, "registers": ["TIM9"], "tick": 1}"#,
         );
-        let expected =
-            "tick.mean is unknown, the bar is at least 2000; error_mm is 30.5, the bar is \
+        let expected = "tick.mean is unknown, the bar is at least 2000; error_mm is 30.5, the bar is \
                         at most 30; registers is 1, the bar is at most 0";
         assert_eq!(bad, Err(expected.into()));
         assert_eq!(

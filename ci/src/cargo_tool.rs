@@ -3,9 +3,9 @@
 
 use std::path::PathBuf;
 
-use xshell::{cmd, Cmd};
+use xshell::{Cmd, cmd};
 
-use crate::error::{bail, Failure, Result};
+use crate::error::{Failure, Result, bail};
 use crate::process;
 use crate::workspace::Workspace;
 

@@ -4,7 +4,7 @@ use xshell::cmd;
 
 use crate::budget::Budget;
 use crate::cargo_tool::CargoTool;
-use crate::error::{bail, Failure, Result};
+use crate::error::{Failure, Result, bail};
 use crate::toolchain::in_rustlib;
 use crate::workspace::Workspace;
 

@@ -7,8 +7,8 @@ use regex_lite::escape;
 use serde_json::Value;
 use xshell::Cmd;
 
-use crate::elf::{Elf, BANNED};
-use crate::error::{bail, ensure, Context, Failure, Result};
+use crate::elf::{BANNED, Elf};
+use crate::error::{Context, Failure, Result, bail, ensure};
 use crate::process::{self, pattern};
 use crate::session::Session;
 use crate::workspace::{list, text};

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-pub use anyhow::{bail, ensure, Context, Error, Result};
+pub use anyhow::{Context, Error, Result, bail, ensure};
 
 /// Decides the exit code, see `docs/gates.md`.
 #[derive(Debug)]

@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use crate::elf::{Elf, Sizes};
 use crate::error::Result;
-use crate::toolchain::{Toolchain, TARGET};
-use crate::workspace::{list, text, Workspace};
+use crate::toolchain::{TARGET, Toolchain};
+use crate::workspace::{Workspace, list, text};
 
 /// A built ELF, kept apart from builds with other features.
 pub struct Image {

@@ -5,10 +5,10 @@ use std::process::Command;
 use std::sync::Mutex;
 use std::thread;
 
-use xshell::{cmd, Cmd};
+use xshell::{Cmd, cmd};
 
 use crate::cargo_tool::CargoTool;
-use crate::error::{bail, ensure, Context, Failure, Result};
+use crate::error::{Context, Failure, Result, bail, ensure};
 use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 

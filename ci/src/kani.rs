@@ -4,16 +4,13 @@
 //! harness proves nothing. So is one that takes longer than the budget allows, and one that was
 //! declared but not checked.
 
-use std::str::FromStr;
-
 use crate::budget::Budget;
-use crate::error::{ensure, Context, Result};
+use crate::error::{Context, Result, ensure};
 use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 
 /// Why Kani is not run, and how it would be.
-pub const MISSING: &str =
-    "Kani is not installed (`cargo install --locked kani-verifier && cargo kani \
+pub const MISSING: &str = "Kani is not installed (`cargo install --locked kani-verifier && cargo kani \
     setup`); the same properties ran exhaustively or sampled among the unit tests";
 
 /// Kani's version, where it is installed with its bundle.
@@ -25,23 +22,14 @@ pub fn version(workspace: &Workspace) -> Option<String> {
 #[derive(Clone, Copy, Debug)]
 pub struct Shard(usize, usize);
 
-impl Default for Shard {
-    fn default() -> Self {
-        Self(0, 1)
-    }
-}
+impl Shard {
+    pub const ALL: Self = Self(0, 1);
 
-impl FromStr for Shard {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
-        let numbers = text
-            .split_once('/')
-            .and_then(|(k, n)| k.parse().ok().zip(n.parse().ok()));
-        let numbers = numbers.filter(|(number, count)| number < count);
-        numbers
-            .map(|(number, count)| Self(number, count))
-            .ok_or("not K/N with K from 0 to N - 1")
+    pub fn parse(text: &str) -> Result<Self> {
+        let numbers = text.split_once('/').context("not K/N")?;
+        let (number, count) = (numbers.0.parse()?, numbers.1.parse()?);
+        ensure!(number < count, "K is not below N");
+        Ok(Self(number, count))
     }
 }
 
@@ -49,10 +37,9 @@ impl FromStr for Shard {
 /// the harnesses that fail, take too long or were not checked, and those with a cover that cannot be
 /// reached.
 pub fn prove(workspace: &Workspace, shard: Shard) -> Result<String> {
-    let limit = Budget::read(workspace)?
-        .value("kani.at_most.harness_seconds")?
-        .as_f64();
-    let limit = limit.context("kani.at_most.harness_seconds is no number")?;
+    let limit = Budget::read(workspace)?;
+    let limit = limit.value("kani.at_most.harness_seconds")?.as_f64();
+    let limit = limit.context("harness_seconds is no number")?;
     let list = "run --quiet --package proofs --example theorems -- --harnesses";
     let declared = workspace.cargo(list).read()?;
     let Shard(number, count) = shard;
@@ -232,9 +219,11 @@ Complete - 2 successfully verified harnesses, 0 failures, 2 total.
         assert_eq!(judge(GOOD, &NAMES, 300.0).unwrap(), figure);
         let printed: Vec<_> = GOOD.lines().filter(|line| is_summary(line)).collect();
         assert!(printed.contains(&" ** 3 of 3 cover properties satisfied"));
-        assert!(!printed
-            .iter()
-            .any(|line| line.contains("Status") || line.contains("SAT")));
+        assert!(
+            !printed
+                .iter()
+                .any(|line| line.contains("Status") || line.contains("SAT"))
+        );
     }
 
     #[test]

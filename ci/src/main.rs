@@ -25,7 +25,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
-use error::{bail, Failure, Result};
+use error::{Failure, Result, bail};
 use flash::Board;
 use fuzz::Effort;
 use gates::When;
@@ -101,7 +101,7 @@ enum Command {
     /// The theorems, by Kani
     Prove {
         /// Only every N-th harness, K from 0
-        #[arg(long, value_name = "K/N", default_value = "0/1")]
+        #[arg(long, value_name = "K/N", default_value = "0/1", value_parser = Shard::parse)]
         shard: Shard,
     },
     /// Fuzz one target or all
@@ -225,30 +225,28 @@ fn fuzz(session: &Session, target: Option<String>, seconds: u32, minimise: bool)
 mod tests {
     use super::*;
 
-    fn parse(line: &str) -> std::result::Result<Command, clap::error::ErrorKind> {
+    fn parse(line: &str) -> Option<Command> {
         let words = ["cargo xtask"].into_iter().chain(line.split(' '));
-        Cli::try_parse_from(words)
-            .map(|cli| cli.command)
-            .map_err(|error| error.kind())
+        Cli::try_parse_from(words).map(|cli| cli.command).ok()
     }
 
     #[test]
-    fn names_are_parted_by_commas_or_given_one_by_one() {
-        let Ok(Command::Test { quick, choice }) = parse("test --only a,b --quick --only=c") else {
+    fn gate_names_come_with_commas_or_one_by_one() {
+        let Some(Command::Test { choice, .. }) = parse("test --only a,b --quick --only=c") else {
             panic!("a good command line");
         };
-        assert!(quick);
-        assert_eq!(choice.only, ["a", "b", "c"]);
-        assert_eq!(choice.may_skip, None);
+        assert_eq!(
+            (choice.only.join(" ").as_str(), choice.may_skip),
+            ("a b c", None)
+        );
     }
 
     #[test]
     fn arguments_of_other_programs_are_handed_over() {
-        let Ok(Command::Robot(Handed { arguments })) = parse("robot --seed 3 goto -5 0 --help")
-        else {
+        let Some(Command::Robot(robot)) = parse("robot --seed 3 goto -5 0 --help") else {
             panic!("a good command line");
         };
-        assert_eq!(arguments, ["--seed", "3", "goto", "-5", "0", "--help"]);
+        assert_eq!(robot.arguments.join(" "), "--seed 3 goto -5 0 --help");
     }
 
     #[test]
@@ -260,7 +258,7 @@ mod tests {
             "trace more",
             "prove --shard 4/4",
         ] {
-            assert!(parse(wrong).is_err(), "{wrong}");
+            assert!(parse(wrong).is_none(), "{wrong}");
         }
     }
 }

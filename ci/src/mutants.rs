@@ -3,7 +3,7 @@
 use xshell::cmd;
 
 use crate::cargo_tool::CargoTool;
-use crate::error::{bail, Failure, Result};
+use crate::error::{Failure, Result, bail};
 use crate::process;
 use crate::workspace::Workspace;
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use xshell::{cmd, Cmd};
+use xshell::{Cmd, cmd};
 
 use crate::error::Result;
 use crate::firmware;

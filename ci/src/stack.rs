@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::error::{ensure, Context, Result};
+use crate::error::{Context, Result, ensure};
 use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 

@@ -7,11 +7,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use xshell::{cmd, Cmd};
+use xshell::{Cmd, cmd};
 
-use crate::error::{bail, ensure, Context, Failure, Result};
+use crate::error::{Context, Failure, Result, bail, ensure};
 use crate::process;
-use crate::workspace::{release, Workspace};
+use crate::workspace::{Workspace, release};
 
 /// The Cortex-M4F.
 pub const TARGET: &str = "thumbv7em-none-eabihf";

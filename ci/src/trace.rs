@@ -12,8 +12,7 @@ const REQUIREMENTS: &str = "docs/requirements.md";
 const INTERFACES: &str = "docs/interfaces.md";
 
 /// Every section of the original document that has a text of its own.
-const DOCUMENT: &str =
-    "1 2.1 2.2 2.3 3.1 3.2 3.3 4 4.1 5 5.1 5.1.1 5.1.2 5.1.3 5.1.4 5.1.5 5.1.6 5.2 \
+const DOCUMENT: &str = "1 2.1 2.2 2.3 3.1 3.2 3.3 4 4.1 5 5.1 5.1.1 5.1.2 5.1.3 5.1.4 5.1.5 5.1.6 5.2 \
                         5.2.1 5.2.2 5.2.3 6 6.0.1 6.0.2 6.0.3";
 
 /// A requirement, and where it is cited, as `file:line`.
@@ -243,8 +242,7 @@ mod tests {
         let mut read = |name: &str, source: &str| {
             trace.read_source(name, &source.replace("CITES", "// Requirement:"));
         };
-        let code =
-            "    CITES DOC-1-1\nCITES WIRE-a-1\nfn f() {}\n#[cfg(test)]\nmod a;\n#[cfg(test)]\nmod b {\n\
+        let code = "    CITES DOC-1-1\nCITES WIRE-a-1\nfn f() {}\n#[cfg(test)]\nmod a;\n#[cfg(test)]\nmod b {\n\
                     CITES DOC-1-1\nfn t() {}\n";
         read("a/src/b.rs", code);
         read("proofs/src/c.rs", "CITES WIRE-a-1\nx");

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use xshell::{cmd, Cmd, Shell};
+use xshell::{Cmd, Shell, cmd};
 
-use crate::error::{bail, Context, Failure, Result};
+use crate::error::{Context, Failure, Result, bail};
 use crate::process;
 
 pub struct Workspace {

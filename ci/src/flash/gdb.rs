@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::error::{bail, ensure, Failure, Result};
+use crate::error::{Failure, Result, bail, ensure};
 use crate::process;
 use crate::toolchain::apt_install;
 use crate::workspace::Workspace;

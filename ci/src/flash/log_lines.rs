@@ -92,8 +92,7 @@ mod tests {
 
     #[test]
     fn log_lines_are_found_among_others() {
-        let text =
-            "noise\ngdb: 127.0.0.1:3333\nI00000: a\r\nx\nI0012: short count\nX00012: level\n\
+        let text = "noise\ngdb: 127.0.0.1:3333\nI00000: a\r\nx\nI0012: short count\nX00012: level\n\
                     I00012 colon\nI00012:\nW00001: b\n";
         let lines = Lines::read(text.as_bytes());
         let limit = Duration::from_secs(5);

@@ -7,9 +7,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use clap::Args;
-use xshell::{cmd, Cmd};
+use xshell::{Cmd, cmd};
 
-use crate::error::{bail, ensure, Context, Failure, Result};
+use crate::error::{Context, Failure, Result, bail, ensure};
 use crate::process;
 use crate::session::Session;
 use log_lines::Lines;
@@ -34,25 +34,16 @@ pub struct Board {
     pub interface: String,
 }
 
-/// The programs that write to the real board.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Flasher {
-    ProbeRs,
-    OpenOcd,
-}
-
-fn flasher() -> Result<Flasher> {
-    let missing =
-        "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
+/// Whether probe-rs writes to the real board; else `OpenOCD` does.
+fn has_probe_rs() -> Result<bool> {
+    let missing = "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
                    install openocd`) is installed; `--virtual` needs neither";
-    match (
-        process::installed("probe-rs"),
-        process::installed("openocd"),
-    ) {
-        (true, _) => Ok(Flasher::ProbeRs),
-        (_, true) => Ok(Flasher::OpenOcd),
-        _ => bail!(Failure::MissingProgram(missing.into())),
-    }
+    let probe_rs = process::installed("probe-rs");
+    ensure!(
+        probe_rs || process::installed("openocd"),
+        Failure::MissingProgram(missing.into())
+    );
+    Ok(probe_rs)
 }
 
 /// Writes, verifies, resets, prints the first log lines.
@@ -64,13 +55,13 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
         gdb::load(gdb, elf, &board.address)?;
         return print_log(&board.log);
     }
-    let flasher = flasher()?;
+    let probe_rs = has_probe_rs()?;
     // Listen before the reset, or the first lines are gone.
     let serial = board.serial.as_deref();
     let log = serial
         .map(|device| Lines::read_serial(session, device))
         .transpose()?;
-    let written = if flasher == Flasher::ProbeRs {
+    let written = if probe_rs {
         let written = cmd!(sh, "probe-rs download --chip {CHIP} --verify {elf}").run();
         written.and_then(|()| cmd!(sh, "probe-rs reset --chip {CHIP}").run())
     } else {
@@ -115,12 +106,13 @@ pub fn debug(session: &Session, board: &Board) -> Result<()> {
         return gdb::open(gdb, elf, &board.address);
     }
     let (sh, address) = (&session.sh, "127.0.0.1:3333");
-    let server = match flasher()? {
-        Flasher::ProbeRs => cmd!(
+    let server = if has_probe_rs()? {
+        cmd!(
             sh,
             "probe-rs gdb --chip {CHIP} --gdb-connection-string {address}"
-        ),
-        Flasher::OpenOcd => openocd(session, &board.interface),
+        )
+    } else {
+        openocd(session, &board.interface)
     };
     let _server = Server::start(server, Stdio::null())?;
     gdb::wait_for(address, LOG_TIMEOUT)?;

@@ -1,11 +1,11 @@
 //! Gates on the release ELF: what the source cannot show.
 
-use serde_json::{json, Value};
+use serde_json::{Value, json};
 
 use super::{check_bars, passed_without};
 use crate::budget::figure;
-use crate::elf::{Elf, Sizes, BANNED};
-use crate::error::{bail, ensure, Context, Result};
+use crate::elf::{BANNED, Elf, Sizes};
+use crate::error::{Context, Result, bail, ensure};
 use crate::firmware;
 use crate::session::Session;
 use crate::stack::{self, Bound};

@@ -13,7 +13,7 @@ use clap::Args;
 use serde_json::Value;
 
 use crate::budget::Budget;
-use crate::error::{bail, Failure, Result};
+use crate::error::{Failure, Result, bail};
 use crate::session::Session;
 use crate::trace::Trace;
 

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value};
 
 use super::check_bars;
-use crate::error::{bail, Context, Error, Failure, Result};
+use crate::error::{Context, Error, Failure, Result, bail};
 use crate::fuzz::{self, Effort};
 use crate::kani::{self, Shard};
 use crate::session::Session;
@@ -52,10 +52,7 @@ pub fn kani(session: &Session) -> Result<String> {
     let Some(version) = kani::version(session) else {
         bail!(Failure::Skipped(kani::MISSING.into()));
     };
-    Ok(format!(
-        "{version}: {}",
-        kani::prove(session, Shard::default())?
-    ))
+    Ok(format!("{version}: {}", kani::prove(session, Shard::ALL)?))
 }
 
 /// Every target on the same inputs each time, as far as the time goes; the nightly workflow looks for

@@ -1,12 +1,12 @@
 //! Gates on the source: format, lints, documentation, the oldest compiler, licences.
 
-use xshell::{cmd, Cmd};
+use xshell::{Cmd, cmd};
 
 use crate::cargo_tool::CargoTool;
-use crate::error::{bail, Failure, Result};
+use crate::error::{Failure, Result, bail};
 use crate::process;
 use crate::session::Session;
-use crate::toolchain::{apt_install, Provider, TARGET};
+use crate::toolchain::{Provider, TARGET, apt_install};
 
 /// The packages that need the virtual board's crate, and the feature that brings it to the Pi's.
 const BOARD: &str = "--package twin --package robot-tests --package pilot --features pilot/virtual";

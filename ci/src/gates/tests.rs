@@ -8,7 +8,7 @@ use xshell::Cmd;
 use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget;
-use crate::error::{bail, ensure, Context, Result};
+use crate::error::{Context, Result, bail, ensure};
 use crate::process::{self, pattern};
 use crate::programs;
 use crate::session::Session;
