@@ -1,4 +1,4 @@
-//! Wires on which a chosen call goes wrong, in front of any others.
+//! A board whose I/O fails at a chosen call.
 
 use std::cell::RefCell;
 use std::panic::resume_unwind;
@@ -9,171 +9,171 @@ use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use host_link::board_io::{erase, BoardIo, DynOutput, IoError};
 
-/// What goes wrong.
+/// A fault of the board's I/O.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mishap {
-    /// Nothing: calls are counted.
+pub enum IoFault {
+    /// None: calls are counted.
     None,
-    /// This call fails, the next works again.
-    Fails(usize),
-    /// From this call on nothing answers on the EEPROM's bus; the lines still work.
-    BusDies(usize),
-    /// The process dies before this call: it unwinds with [`Died`], and nothing that is called on the
-    /// way out reaches the board.
-    Dies(usize),
+    /// This call fails, the next succeeds.
+    FailsOnce(usize),
+    /// From this call on every transfer on the EEPROM's bus fails; the lines still work.
+    BusFails(usize),
+    /// The process is killed before this call: it unwinds with [`ProcessKilled`], and no call made
+    /// while unwinding reaches the board.
+    Killed(usize),
 }
 
-/// The payload of a process that died.
+/// The panic payload of a killed process.
 #[derive(Debug)]
-pub struct Died;
+pub struct ProcessKilled;
 
 #[derive(Debug)]
-struct Plan {
-    mishap: Mishap,
+struct FaultPlan {
+    fault: IoFault,
     calls: usize,
-    /// Which calls only looked whether something is over, and it was not.
-    waited: Vec<usize>,
+    /// The calls that polled for an end that was not reached.
+    polls: Vec<usize>,
 }
 
-/// A call did not get through.
+/// A call failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Trouble;
+pub struct CallFailed;
 
-impl digital::Error for Trouble {
+impl digital::Error for CallFailed {
     fn kind(&self) -> digital::ErrorKind {
         digital::ErrorKind::Other
     }
 }
 
-impl i2c::Error for Trouble {
+impl i2c::Error for CallFailed {
     fn kind(&self) -> i2c::ErrorKind {
         i2c::ErrorKind::NoAcknowledge(i2c::NoAcknowledgeSource::Unknown)
     }
 }
 
-/// Counts the calls of a machine's wires.
+/// Counts the calls of a board's I/O.
 #[derive(Clone, Debug)]
-pub struct Calls(Rc<RefCell<Plan>>);
+pub struct Calls(Rc<RefCell<FaultPlan>>);
 
 impl Calls {
-    /// The numbers of the calls so far, without those in the middle of a wait: a look that found
-    /// nothing between two others that found nothing is the same to everybody.
+    /// The numbers of the calls so far, without those between two other polls of the same wait: a
+    /// fault there has the same effect.
     #[must_use]
-    pub fn telling(&self) -> Vec<usize> {
+    pub fn distinct(&self) -> Vec<usize> {
         let plan = self.0.borrow();
-        let waits = |call: &usize| plan.waited.binary_search(call).is_ok();
+        let is_poll = |call: &usize| plan.polls.binary_search(call).is_ok();
         (0..plan.calls)
-            .filter(|&call| call == 0 || ![call - 1, call, call + 1].iter().all(waits))
+            .filter(|&call| call == 0 || ![call - 1, call, call + 1].iter().all(is_poll))
             .collect()
     }
 
-    /// The latest call found that it has to wait.
-    fn waited(&self) {
+    /// The latest call was a poll without success.
+    fn polled(&self) {
         let mut plan = self.0.borrow_mut();
         let call = plan.calls - 1;
-        plan.waited.push(call);
+        plan.polls.push(call);
     }
 
-    fn call(&self, bus: bool) -> Result<(), Trouble> {
-        let (call, mishap) = {
+    fn call(&self, bus: bool) -> Result<(), CallFailed> {
+        let (call, fault) = {
             let mut plan = self.0.borrow_mut();
             plan.calls += 1;
-            (plan.calls - 1, plan.mishap)
+            (plan.calls - 1, plan.fault)
         };
-        match mishap {
-            Mishap::Fails(at) if call == at => Err(Trouble),
-            Mishap::BusDies(at) if call >= at && bus => Err(Trouble),
-            // No message: it is what the test wants.
-            Mishap::Dies(at) if call == at => resume_unwind(Box::new(Died)),
-            Mishap::Dies(at) if call > at => Err(Trouble),
+        match fault {
+            IoFault::FailsOnce(at) if call == at => Err(CallFailed),
+            IoFault::BusFails(at) if call >= at && bus => Err(CallFailed),
+            // Without a panic message.
+            IoFault::Killed(at) if call == at => resume_unwind(Box::new(ProcessKilled)),
+            IoFault::Killed(at) if call > at => Err(CallFailed),
             _ => Ok(()),
         }
     }
 }
 
-/// One of the wires.
-pub struct Wire<T> {
+/// One interface of the board.
+pub struct FaultyIo<T> {
     inner: T,
     calls: Calls,
 }
 
-impl<T> digital::ErrorType for Wire<T> {
-    type Error = Trouble;
+impl<T> digital::ErrorType for FaultyIo<T> {
+    type Error = CallFailed;
 }
 
-impl OutputPin for Wire<Box<DynOutput>> {
-    fn set_low(&mut self) -> Result<(), Trouble> {
+impl OutputPin for FaultyIo<Box<DynOutput>> {
+    fn set_low(&mut self) -> Result<(), CallFailed> {
         self.calls.call(false)?;
-        self.inner.set_low().map_err(|_| Trouble)
+        self.inner.set_low().map_err(|_| CallFailed)
     }
 
-    fn set_high(&mut self) -> Result<(), Trouble> {
+    fn set_high(&mut self) -> Result<(), CallFailed> {
         self.calls.call(false)?;
-        self.inner.set_high().map_err(|_| Trouble)
+        self.inner.set_high().map_err(|_| CallFailed)
     }
 }
 
-impl InputPin for Wire<Box<dyn InputPin<Error = IoError>>> {
-    fn is_high(&mut self) -> Result<bool, Trouble> {
+impl InputPin for FaultyIo<Box<dyn InputPin<Error = IoError>>> {
+    fn is_high(&mut self) -> Result<bool, CallFailed> {
         self.calls.call(false)?;
-        let high = self.inner.is_high().map_err(|_| Trouble)?;
+        let high = self.inner.is_high().map_err(|_| CallFailed)?;
         if !high {
-            self.calls.waited();
+            self.calls.polled();
         }
         Ok(high)
     }
 
-    fn is_low(&mut self) -> Result<bool, Trouble> {
+    fn is_low(&mut self) -> Result<bool, CallFailed> {
         self.is_high().map(|high| !high)
     }
 }
 
-impl<T> i2c::ErrorType for Wire<T> {
-    type Error = Trouble;
+impl<T> i2c::ErrorType for FaultyIo<T> {
+    type Error = CallFailed;
 }
 
-impl I2c for Wire<Box<dyn I2c<Error = IoError>>> {
-    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), Trouble> {
+impl I2c for FaultyIo<Box<dyn I2c<Error = IoError>>> {
+    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), CallFailed> {
         self.calls.call(true)?;
         self.inner.transaction(address, parts).map_err(|_| {
-            self.calls.waited();
-            Trouble
+            self.calls.polled();
+            CallFailed
         })
     }
 }
 
-/// Time passes only while the process lives.
-impl DelayNs for Wire<Box<dyn DelayNs>> {
+/// Time passes only while the process runs.
+impl DelayNs for FaultyIo<Box<dyn DelayNs>> {
     fn delay_ns(&mut self, ns: u32) {
         let plan = self.calls.0.borrow();
-        if !matches!(plan.mishap, Mishap::Dies(at) if plan.calls > at) {
+        if !matches!(plan.fault, IoFault::Killed(at) if plan.calls > at) {
             self.inner.delay_ns(ns);
         }
     }
 }
 
-/// `io` with a mishap ahead of it, and the count of its calls.
+/// `io` with a fault, and the count of its calls.
 #[must_use]
-pub fn with_mishap(io: BoardIo, mishap: Mishap) -> (BoardIo, Calls) {
-    fn wire<T>(inner: T, calls: &Calls) -> Wire<T> {
-        Wire {
+pub fn with_fault(io: BoardIo, fault: IoFault) -> (BoardIo, Calls) {
+    fn faulty<T>(inner: T, calls: &Calls) -> FaultyIo<T> {
+        FaultyIo {
             inner,
             calls: calls.clone(),
         }
     }
-    let calls = Calls(Rc::new(RefCell::new(Plan {
-        mishap,
+    let calls = Calls(Rc::new(RefCell::new(FaultPlan {
+        fault,
         calls: 0,
-        waited: Vec::new(),
+        polls: Vec::new(),
     })));
-    let faulty = BoardIo {
-        i2c: erase(wire(io.i2c, &calls)),
-        reset: erase(wire(io.reset, &calls)),
-        select: erase(wire(io.select, &calls)),
-        protect: erase(wire(io.protect, &calls)),
-        ready: erase(wire(io.ready, &calls)),
-        delay: Box::new(wire(io.delay, &calls)),
+    let board = BoardIo {
+        i2c: erase(faulty(io.i2c, &calls)),
+        reset: erase(faulty(io.reset, &calls)),
+        select: erase(faulty(io.select, &calls)),
+        protect: erase(faulty(io.protect, &calls)),
+        ready: erase(faulty(io.ready, &calls)),
+        delay: Box::new(faulty(io.delay, &calls)),
         ..io
     };
-    (faulty, calls)
+    (board, calls)
 }

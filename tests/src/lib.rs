@@ -2,8 +2,8 @@
 //!
 //! | module | what it is |
 //! |---|---|
-//! | [`test_board`] | the release ELF on the virtual board, and its wires byte by byte |
-//! | [`io_faults`] | wires on which a chosen call goes wrong |
+//! | [`test_board`] | the release ELF on the virtual board, and its frames byte by byte |
+//! | [`io_faults`] | a board whose I/O fails at a chosen call |
 //! | [`reference`] | EEPROM images and frames written by hand from the document's tables |
 //! | [`throughput`] | how fast frames may come, for how long, and what a torn one costs |
 //! | [`stack`] | how much of its stack the firmware has used |

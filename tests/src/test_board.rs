@@ -1,8 +1,10 @@
-//! The release ELF on the virtual board, and its wires byte by byte.
+//! The release ELF on the virtual board, and its frames byte by byte.
 
+use std::ops::Deref;
 use std::path::PathBuf;
 
 use embedded_hal::spi::SpiDevice;
+use fw_core::eeprom::{encode, Config, IMAGE_LEN};
 use twin::plant::Sides;
 use twin::{Board, Options};
 
@@ -46,10 +48,26 @@ pub fn elf(variable: &str) -> Vec<u8> {
     })
 }
 
-/// A robot under test.
+/// The EEPROM image of a configuration, page 0x03 included.
+#[must_use]
+pub fn image_of(config: &Config) -> Vec<u8> {
+    let mut image = [0xFF; IMAGE_LEN];
+    encode(config, &mut image);
+    image.to_vec()
+}
+
+/// A robot under test: a [`Board`] with a firmware.
 pub struct Rig {
-    /// The board it is.
+    /// The board.
     pub board: Board,
+}
+
+impl Deref for Rig {
+    type Target = Board;
+
+    fn deref(&self) -> &Board {
+        &self.board
+    }
 }
 
 impl Rig {
@@ -81,6 +99,29 @@ impl Rig {
         });
         rig.await_ready();
         rig
+    }
+
+    /// A robot that has become READY.
+    ///
+    /// # Panics
+    /// With the log, where it has not.
+    #[must_use]
+    pub fn ready(options: Options) -> Self {
+        let rig = Self::new(options);
+        assert!(rig.await_ready(), "{}", rig.log());
+        rig
+    }
+
+    /// A robot that has become READY with this EEPROM.
+    ///
+    /// # Panics
+    /// With the log, where it has not.
+    #[must_use]
+    pub fn configured(eeprom: Vec<u8>) -> Self {
+        Self::ready(Options {
+            eeprom: Some(eeprom),
+            ..Options::default()
+        })
     }
 
     /// Lets time pass until READY, at most [`READY_US`]; whether it came.

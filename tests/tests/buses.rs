@@ -1,8 +1,8 @@
 //! How the STM serves its buses, by its registers and by what is on the wires.
 
-use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
+use fw_core::eeprom::{first_board, IMAGE_LEN};
 use robot_tests::reference::{normal_frame, original_image, NormalReply, KEY_STM};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{image_of, Rig};
 use twin::trace::EventKind;
 use twin::Options;
 
@@ -32,27 +32,27 @@ const STREAMS: [(u64, u64, u64, u64); 4] = [
 
 // Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3, WIRE-spi-4, WIRE-eeprom-7
 #[test]
-fn every_bus_is_served_by_dma() {
+fn buses_use_dma() {
     let rig = Rig::new(Options {
         eeprom: Some(original_image()),
         ..Options::default()
     });
     for (control, ..) in STREAMS {
         for register in [control, control + 4, control + 8] {
-            rig.board.trace_writes(register);
+            rig.trace_writes(register);
         }
     }
     for register in [SPI1_CR1, SPI1_CR2, SPI1_DR, USART1_DR, I2C1_DR] {
-        rig.board.trace_writes(register);
+        rig.trace_writes(register);
     }
     assert!(rig.await_ready(), "{}", rig.log());
-    rig.board.run_us(50_000);
+    rig.run_us(50_000);
     let mut cells = [0; 2];
     for _ in 0..10 {
         let reply = NormalReply::of(&rig.frame(&normal_frame(0, 0, 0, false)));
         assert_eq!(reply.key, KEY_STM);
         cells[usize::from(reply.cell)] += 1;
-        rig.board.run_us(1_000);
+        rig.run_us(1_000);
     }
     assert_eq!(
         cells,
@@ -61,7 +61,7 @@ fn every_bus_is_served_by_dma() {
     );
     assert!(rig.log().len() > 50, "{}", rig.log());
 
-    let events = rig.board.take_events();
+    let events = rig.take_events();
     let written = |register: u64| -> Vec<u64> {
         let wrote = events.iter().filter_map(|event| match event.kind {
             EventKind::Write { address, value } if address == register => Some(value),
@@ -110,17 +110,15 @@ fn pace(rig: &Rig, which: impl Fn(&str) -> bool) -> f64 {
 
 // Requirement: WIRE-log-4
 #[test]
-fn the_log_goes_at_115200_baud_until_the_configuration_is_read_and_at_its_rate_from_then_on() {
+fn log_baud_changes_to_configured_rate_after_boot() {
     // Both within what a receiver at 115200 baud reads.
     for baud in [115_200, 117_600, 113_000] {
         let mut config = first_board();
         config.platform.log_baud = baud;
         config.platform.log_period = 100;
-        let mut image = [0xFF; IMAGE_LEN];
-        encode(&config, &mut image);
-        let rig = Rig::booted(Some(image.to_vec()));
-        assert!(rig.board.is_ready(), "{}", rig.log());
-        rig.board.run_us(1_000_000);
+        let image = image_of(&config);
+        let rig = Rig::configured(image);
+        rig.run_us(1_000_000);
         // A start bit, eight bits, a stop bit.
         let boot = pace(&rig, |line| line.contains("boot after"));
         assert!((boot - 10e6 / 115_200.0).abs() < 0.2, "{boot} µs");

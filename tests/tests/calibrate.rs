@@ -23,7 +23,7 @@ use twin::Options;
 const SIDE_MM: f64 = 1000.0;
 
 fn rig(truth: &WheelGeometry) -> Rig {
-    let rig = Rig::new(Options {
+    let rig = Rig::ready(Options {
         // The first board's figures apply: 80 mm, 80 mm, 125 mm.
         eeprom: Some(original_image()),
         room: Room::default(),
@@ -37,7 +37,6 @@ fn rig(truth: &WheelGeometry) -> Rig {
         },
         ..Options::default()
     });
-    assert!(rig.await_ready(), "{}", rig.log());
     rig
 }
 
@@ -84,8 +83,8 @@ fn calibrated(
 ) -> (WheelGeometry, Score, Score) {
     let rig = rig(truth);
     let mut robot = Robot {
-        io: board_io(&rig.board, 8_000_000, Interrupt::new()),
-        tape: SimulatedTape::new(&rig.board),
+        io: board_io(&rig, 8_000_000, Interrupt::new()),
+        tape: SimulatedTape::new(&rig),
     };
     let path = drive(&mut robot, &straight(length_mm));
     let end = robot.tape.measure(deviation_mm);
@@ -105,7 +104,7 @@ fn calibrated(
     let image = eeprom::read(&mut robot.io).expect("the EEPROM");
     let found = WheelGeometry::from_config(&decode(&image).expect("a configuration"));
     rig.assert_modelled();
-    assert_eq!(rig.board.truth().collisions, 0);
+    assert_eq!(rig.truth().collisions, 0);
     (
         found,
         estimate.score,
@@ -142,18 +141,18 @@ fn assert_recovered(
 
 // Requirement: DOC-4.1-6
 #[test]
-fn unequal_wheels_and_a_short_track_are_recovered_within_a_tenth_of_a_percent() {
+fn calibration_unequal_wheels_recovered_to_0_1_percent() {
     assert_recovered([5.0, -5.0, -5.0], 1000.0, 0.0, 0.1);
 }
 
 // Requirement: WIRE-platform-2
 #[test]
-fn large_wheels_on_a_long_track_are_recovered_within_a_tenth_of_a_percent() {
+fn calibration_large_wheels_recovered_to_0_1_percent() {
     assert_recovered([5.0, 4.0, 5.0], 1000.0, 0.0, 0.1);
 }
 
 #[test]
-fn a_tape_read_to_a_millimetre_over_two_metres_costs_no_more_than_it_is_off() {
+fn calibration_tape_error_is_not_amplified() {
     // Three standard deviations of a reading over the length.
     assert_recovered([-5.0, 3.0, 4.0], 2000.0, 1.0, 0.15);
 }

@@ -1,7 +1,6 @@
-//! T12: whatever single call fails while the EEPROM is written, or the process dies before, the write
-//! protection ends up set, the bus goes back, the STM is reset, and the next run finds the image
-//! whole or makes it so. Every call in turn, on the virtual board with the ELF booting from what is
-//! there.
+//! T12: whichever single call fails while the EEPROM is written, or kills the process, the write
+//! protection ends up set, the bus is returned, the STM is reset, and the next run finds or restores a
+//! complete image. Every call in turn, on the virtual board with the ELF booting from the image.
 
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::path::PathBuf;
@@ -16,14 +15,14 @@ use host_link::error::Error;
 use host_link::session::Session;
 use host_link::settings::Settings;
 use pilot::virtual_board;
-use robot_tests::io_faults::{with_mishap, Calls, Died, Mishap};
+use robot_tests::io_faults::{with_fault, Calls, IoFault, ProcessKilled};
 use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;
 const RATE_HZ: u32 = 400;
 
-/// An original image, which no checksum protects against being half of this and half of that.
+/// An original image: no checksum detects a mixture of two.
 fn before() -> Image {
     Settings {
         config: first_board(),
@@ -32,8 +31,8 @@ fn before() -> Image {
     .image()
 }
 
-/// Original too: half of one and half of the other would pass for a configuration.
-fn wanted() -> Image {
+/// Another original image: a mixture with the first is accepted as a configuration.
+fn after() -> Image {
     let mut config = first_board();
     config.mode = Mode::GuardedNormal;
     config.forward.p = fw_core::binary64::Binary64(7.3_f64.to_bits());
@@ -45,14 +44,14 @@ fn wanted() -> Image {
     .image()
 }
 
-/// A robot whose EEPROM is written again and again, and what survives the processes that do it.
-struct Bench {
+/// A robot whose EEPROM is written repeatedly, and the files that outlive the writing process.
+struct EepromTest {
     rig: Rig,
     journal: Journal,
     folder: PathBuf,
 }
 
-impl Bench {
+impl EepromTest {
     fn new(name: &str) -> Self {
         let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
         Self {
@@ -63,22 +62,22 @@ impl Bench {
     }
 
     fn machine(&self) -> BoardIo {
-        virtual_board::board_io(&self.rig.board, SPI_HZ, Interrupt::new())
+        virtual_board::board_io(&self.rig, SPI_HZ, Interrupt::new())
     }
 
-    /// The image of before. The STM runs by whichever it booted from.
-    fn start_over(&self) {
+    /// Restores the first image; the STM keeps the configuration it booted with.
+    fn restore_image(&self) {
         self.journal.end().expect("the journal's file");
         let there = before();
-        self.rig.board.i2c_bus(move |bus, _| {
+        self.rig.i2c_bus(move |bus, _| {
             let part = bus.eeprom.as_mut().expect("an EEPROM");
             part.bytes_mut()[..IMAGE_LEN].copy_from_slice(&there);
         });
     }
 
-    fn write(&self, mishap: Mishap) -> (std::thread::Result<Result<Programmed, Error>>, Calls) {
-        let (mut machine, calls) = with_mishap(self.machine(), mishap);
-        let image = wanted();
+    fn write(&self, fault: IoFault) -> (std::thread::Result<Result<Programmed, Error>>, Calls) {
+        let (mut machine, calls) = with_fault(self.machine(), fault);
+        let image = after();
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             program(&mut machine, &image, READY_MS, Some(&self.journal), |_| {})
         }));
@@ -86,53 +85,53 @@ impl Bench {
     }
 
     fn image(&self) -> Image {
-        self.rig.board.i2c_bus(|bus, _| {
+        self.rig.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_ref().expect("an EEPROM");
             *part.bytes().first_chunk().expect("four pages")
         })
     }
 
     #[track_caller]
-    fn assert_at_rest(&self, mishap: Mishap) {
-        let (protected, controller) = self.rig.board.i2c_bus(|bus, _| {
+    fn assert_at_rest(&self, fault: IoFault) {
+        let (protected, controller) = self.rig.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_ref().expect("an EEPROM");
             (part.is_write_protected(), bus.controller())
         });
-        assert!(protected, "unprotected after {mishap:?}");
-        assert_eq!(controller, twin::I2cController::Stm, "after {mishap:?}");
+        assert!(protected, "unprotected after {fault:?}");
+        assert_eq!(controller, twin::I2cController::Stm, "after {fault:?}");
     }
 
-    /// The STM runs, by the image that is there: both ends speak its mode.
+    /// The STM runs with the present image: both ends use its mode.
     #[track_caller]
-    fn assert_runs(&self, mishap: Mishap) {
+    fn assert_runs(&self, fault: IoFault) {
         let mut machine = self.machine();
         let met = Session::open(&mut machine, RATE_HZ, READY_MS).and_then(|mut s| s.confirm_mode());
-        assert_eq!(met, Ok(()), "after {mishap:?}: {}", self.rig.log());
+        assert_eq!(met, Ok(()), "after {fault:?}: {}", self.rig.log());
     }
 
-    /// What every command begins with.
+    /// The repair at the start of every command.
     #[track_caller]
-    fn next_start(&self, mishap: Mishap) -> Repaired {
+    fn repair_after(&self, fault: IoFault) -> Repaired {
         let repaired = repair(&mut self.machine(), &self.journal, true, READY_MS);
-        let repaired = repaired.unwrap_or_else(|error| panic!("after {mishap:?}: {error}"));
+        let repaired = repaired.unwrap_or_else(|error| panic!("after {fault:?}: {error}"));
         assert!(!self.journal.unfinished() && !self.journal.reset_due());
-        self.assert_at_rest(mishap);
+        self.assert_at_rest(fault);
         repaired
     }
 
-    /// The calls of a good write.
+    /// The calls of a successful write.
     fn calls(&self) -> Vec<usize> {
-        self.start_over();
-        let (outcome, calls) = self.write(Mishap::None);
+        self.restore_image();
+        let (outcome, calls) = self.write(IoFault::None);
         assert!(matches!(outcome, Ok(Ok(_))), "{outcome:?}");
-        assert!(self.image() == wanted());
-        self.assert_at_rest(Mishap::None);
-        self.assert_runs(Mishap::None);
-        calls.telling()
+        assert!(self.image() == after());
+        self.assert_at_rest(IoFault::None);
+        self.assert_runs(IoFault::None);
+        calls.distinct()
     }
 }
 
-impl Drop for Bench {
+impl Drop for EepromTest {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.folder);
     }
@@ -140,44 +139,44 @@ impl Drop for Bench {
 
 // Requirement: DOC-6-2, DOC-6-3, DOC-6-6, DOC-6-7
 #[test]
-fn one_failing_call_anywhere_is_survived() {
-    let bench = Bench::new("fails");
-    for at in bench.calls() {
-        let mishap = Mishap::Fails(at);
-        bench.start_over();
-        let resets = bench.rig.board.resets().len();
-        let (outcome, _) = bench.write(mishap);
-        bench.assert_at_rest(mishap);
-        assert!(matches!(outcome, Ok(Ok(_))), "{mishap:?}: {outcome:?}");
-        assert!(bench.image() == wanted(), "{mishap:?}");
-        assert_eq!(bench.rig.board.resets().len(), resets + 1, "{mishap:?}");
+fn eeprom_write_survives_one_failing_call() {
+    let test = EepromTest::new("fails");
+    for at in test.calls() {
+        let fault = IoFault::FailsOnce(at);
+        test.restore_image();
+        let resets = test.rig.resets().len();
+        let (outcome, _) = test.write(fault);
+        test.assert_at_rest(fault);
+        assert!(matches!(outcome, Ok(Ok(_))), "{fault:?}: {outcome:?}");
+        assert!(test.image() == after(), "{fault:?}");
+        assert_eq!(test.rig.resets().len(), resets + 1, "{fault:?}");
     }
-    bench.rig.assert_modelled();
+    test.rig.assert_modelled();
 }
 
 #[test]
-fn a_process_that_dies_anywhere_is_repaired_by_the_next_run() {
-    let bench = Bench::new("dies");
-    let (mut undone, mut reset, mut died) = (0, 0, 0);
-    for at in bench.calls() {
-        let mishap = Mishap::Dies(at);
-        bench.start_over();
-        let (outcome, _) = bench.write(mishap);
+fn eeprom_write_killed_is_repaired_by_next_run() {
+    let test = EepromTest::new("dies");
+    let (mut undone, mut reset, mut killed) = (0, 0, 0);
+    for at in test.calls() {
+        let fault = IoFault::Killed(at);
+        test.restore_image();
+        let (outcome, _) = test.write(fault);
         match outcome {
-            Err(payload) => assert!(payload.is::<Died>(), "{mishap:?}"),
-            Ok(outcome) => panic!("{mishap:?}: {outcome:?}"),
+            Err(payload) => assert!(payload.is::<ProcessKilled>(), "{fault:?}"),
+            Ok(outcome) => panic!("{fault:?}: {outcome:?}"),
         }
-        died += 1;
-        let repaired = bench.next_start(mishap);
+        killed += 1;
+        let repaired = test.repair_after(fault);
         undone += usize::from(matches!(repaired, Repaired::RolledBack { bytes } if bytes > 0));
         reset += usize::from(matches!(repaired, Repaired::Reset { .. }));
-        let image = bench.image();
-        let whole = image == before() || image == wanted();
-        assert!(whole, "{mishap:?}: {repaired:?}");
+        let image = test.image();
+        let whole = image == before() || image == after();
+        assert!(whole, "{fault:?}: {repaired:?}");
         if repaired != Repaired::Nothing {
-            bench.assert_runs(mishap);
+            test.assert_runs(fault);
         }
     }
-    println!("{died} deaths: {undone} writes undone, {reset} resets made up for");
+    println!("{killed} kills: {undone} writes undone, {reset} resets repeated");
     assert!(undone > 5 && reset > 2, "{undone} {reset}");
 }

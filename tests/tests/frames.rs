@@ -9,9 +9,8 @@ use twin::SpiStep;
 const HZ: u64 = 8_000_000;
 
 fn normal() -> Rig {
-    let rig = Rig::booted(Some(original_image()));
-    assert!(rig.board.is_ready(), "{}", rig.log());
-    rig.board.run_us(200_000);
+    let rig = Rig::configured(original_image());
+    rig.run_us(200_000);
     rig
 }
 
@@ -21,9 +20,9 @@ fn idle() -> [u8; 19] {
 
 // Requirement: DOC-5.2.1-2, DOC-2.1-4, DOC-2.3-5, WIRE-battery-1
 #[test]
-fn the_reply_walks_both_cells_with_their_true_voltages() {
+fn normal_reply_alternates_cells_with_true_voltages() {
     let rig = normal();
-    let taps = rig.board.truth().battery_v;
+    let taps = rig.truth().battery_v;
     let cells = [taps[0], taps[1] - taps[0]];
     let mut next = None;
     for _ in 0..6 {
@@ -39,18 +38,16 @@ fn the_reply_walks_both_cells_with_their_true_voltages() {
             "cell {}: {volts} V, truly {truth} V",
             reply.cell
         );
-        rig.board.run_us(25_000);
+        rig.run_us(25_000);
     }
 }
 
 // Requirement: DOC-2.2-1, DOC-5.2.1-2, DOC-2.1-4, WIRE-distance-2
 #[test]
-fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
+fn normal_reply_distances_order_and_scale() {
     let rig = normal();
     let reply = NormalReply::of(&rig.frame(&idle()));
-    let truth = rig
-        .board
-        .world(|world| [0, 1, 2].map(|sensor| world.range_mm(sensor)));
+    let truth = rig.world(|world| [0, 1, 2].map(|sensor| world.range_mm(sensor)));
     for (code, truth) in reply.ranges.into_iter().zip(truth) {
         match truth {
             Some(mm) if mm < 2450.0 => {
@@ -65,11 +62,11 @@ fn the_reply_carries_the_three_distances_in_the_documents_order_and_scale() {
 
 // Requirement: DOC-2.1-2, DOC-2.1-6, WIRE-modes-1
 #[test]
-fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
+fn normal_applied_pose_is_reached_and_reported() {
     let rig = normal();
     let reply = rig.keep_sending(&normal_frame(300_000, 0, 0x1000, true), 8_000_000);
     let reply = NormalReply::of(&reply);
-    let (start, end) = (rig.board.world(|w| w.room().start), rig.board.truth().pose);
+    let (start, end) = (rig.world(|w| w.room().start), rig.truth().pose);
     let truth = end.relative_to(&start);
     assert!((f64::from(reply.x) / 1000.0 - truth.x_mm).abs() < 1.0);
     assert!((f64::from(reply.y) / 1000.0 - truth.y_mm).abs() < 1.0);
@@ -81,27 +78,27 @@ fn an_applied_pose_is_driven_to_and_reported_where_the_robot_truly_is() {
 
 // Requirement: DOC-5.1.1-4
 #[test]
-fn without_the_apply_bit_nothing_moves() {
+fn normal_without_apply_stands_still() {
     let rig = normal();
     let _ = rig.keep_sending(&normal_frame(300_000, 0, 0, false), 500_000);
-    assert!(rig.board.truth().path_mm < 0.01);
+    assert!(rig.truth().path_mm < 0.01);
 }
 
 // Requirement: WIRE-modes-2
 #[test]
-fn a_frame_without_the_apply_bit_leaves_the_target_as_it_is() {
+fn normal_without_apply_keeps_target() {
     let rig = normal();
     let _ = rig.keep_sending(&normal_frame(200_000, 0, 0, true), 100_000);
     let _ = rig.keep_sending(&normal_frame(-200_000, 0, 0x4000, false), 6_000_000);
-    let start = rig.board.world(|w| w.room().start);
-    let pose = rig.board.truth().pose.relative_to(&start);
+    let start = rig.world(|w| w.room().start);
+    let pose = rig.truth().pose.relative_to(&start);
     assert!((pose.x_mm - 200.0).abs() < 5.0, "{pose:?}");
     assert!(pose.heading_rad.to_degrees().abs() < 1.0, "{pose:?}");
 }
 
 // Requirement: WIRE-spi-2
 #[test]
-fn a_bad_frame_of_every_kind_is_dropped_whole_and_the_next_is_read() {
+fn bad_frame_is_dropped_and_next_is_read() {
     let rig = normal();
     let good = normal_frame(200_000, 0, 0, true);
     let mut wrong_key = good;
@@ -118,11 +115,11 @@ fn a_bad_frame_of_every_kind_is_dropped_whole_and_the_next_is_read() {
         &bad_cell,
     ] {
         let _ = rig.frame(bad);
-        rig.board.run_us(20_000);
+        rig.run_us(20_000);
         assert!(rig.motors_off(), "{bad:02X?} had an effect");
         let reply = NormalReply::of(&rig.frame(&idle()));
         assert_eq!(reply.key, KEY_STM, "the frame after {bad:02X?} is shifted");
-        rig.board.run_us(20_000);
+        rig.run_us(20_000);
     }
     assert!(rig.log().contains("frame rejected"), "{}", rig.log());
     let _ = rig.keep_sending(&good, 300_000);
@@ -132,7 +129,7 @@ fn a_bad_frame_of_every_kind_is_dropped_whole_and_the_next_is_read() {
 
 // Requirement: WIRE-spi-2
 #[test]
-fn a_frame_torn_at_every_bit_costs_exactly_itself() {
+fn frame_torn_at_any_bit_loses_only_itself() {
     let rig = normal();
     let good = normal_frame(0, 0, 0, false);
     for bits in 0..152 {
@@ -148,7 +145,7 @@ fn a_frame_torn_at_every_bit_costs_exactly_itself() {
             SpiStep::Select(false),
             SpiStep::Wait(20_000),
         ];
-        rig.board.spi_steps(torn);
+        rig.spi_steps(torn);
         // 20 µs later, the very next frame.
         let reply = NormalReply::of(&rig.frame(&good));
         assert_eq!(reply.key, KEY_STM, "torn after {bits} bits");
@@ -163,7 +160,7 @@ fn a_frame_torn_at_every_bit_costs_exactly_itself() {
 
 // Requirement: DOC-3.1-1, WIRE-spi-1, WIRE-spi-5
 #[test]
-fn frames_20_us_apart_are_all_read_and_all_answered() {
+fn frames_20_us_apart_are_all_answered() {
     let rig = normal();
     let good = normal_frame(0, 0, 0, false);
     let mut last_cell = None;
@@ -182,11 +179,10 @@ fn frames_20_us_apart_are_all_read_and_all_answered() {
 
 // Requirement: DOC-5.2.2-1, DOC-2.1-4, DOC-2.3-2, DOC-5.2.2-2, WIRE-modes-3
 #[test]
-fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
-    let rig = Rig::booted(Some(image_in_mode(1)));
-    assert!(rig.board.is_ready(), "{}", rig.log());
+fn tune_rotate_sets_duty_and_reports_rotation() {
+    let rig = Rig::configured(image_in_mode(1));
     let reply = rig.keep_sending(&tuning_frame(60.0), 1_000_000);
-    let truth = rig.board.truth();
+    let truth = rig.truth();
     assert!((truth.duty.left + 0.6).abs() < 0.01 && (truth.duty.right - 0.6).abs() < 0.01);
     assert_eq!(reply[0], KEY_STM);
     let mut double = [0; 8];
@@ -209,14 +205,14 @@ fn tune_rotate_sets_the_duty_and_reports_the_rotation() {
 
 // Requirement: DOC-5.2.3-1, DOC-2.1-4, DOC-5.2.3-4, WIRE-modes-4
 #[test]
-fn tune_move_drives_straight_and_reports_the_displacement() {
+fn tune_move_drives_straight_and_reports_way() {
     let rig = Rig::booted(Some(image_in_mode(2)));
     let reply = rig.keep_sending(&tuning_frame(-60.0), 1_500_000);
     let mut double = [0; 8];
     double.copy_from_slice(&reply[1..9]);
     let measured = f64::from_le_bytes(double);
-    let pose = rig.board.truth().pose;
-    let start = rig.board.world(|w| w.room().start);
+    let pose = rig.truth().pose;
+    let start = rig.world(|w| w.room().start);
     let truth = pose.relative_to(&start);
     assert!(
         measured < -20.0 && (measured - truth.x_mm).abs() < 5.0,
@@ -232,11 +228,11 @@ fn tune_move_drives_straight_and_reports_the_displacement() {
 
 // Requirement: DOC-5.2.2-4, DOC-5.2.3-3
 #[test]
-fn in_the_tuning_modes_the_reply_walks_both_cells_with_their_true_voltages_too() {
+fn tune_reply_alternates_cells_with_true_voltages() {
     for mode in [1, 2] {
         let rig = Rig::booted(Some(image_in_mode(mode)));
-        rig.board.run_us(200_000);
-        let taps = rig.board.truth().battery_v;
+        rig.run_us(200_000);
+        let taps = rig.truth().battery_v;
         let cells = [taps[0], taps[1] - taps[0]];
         let mut walked = Vec::new();
         for _ in 0..6 {
@@ -249,7 +245,7 @@ fn in_the_tuning_modes_the_reply_walks_both_cells_with_their_true_voltages_too()
                 "{cell}: {volts} {cells:?}"
             );
             walked.push(cell);
-            rig.board.run_us(25_000);
+            rig.run_us(25_000);
         }
         assert!(walked.windows(2).all(|two| two[0] != two[1]), "{walked:?}");
     }
@@ -257,13 +253,13 @@ fn in_the_tuning_modes_the_reply_walks_both_cells_with_their_true_voltages_too()
 
 // Requirement: WIRE-modes-3
 #[test]
-fn the_rotation_is_of_all_turns_since_the_reset() {
+fn tune_rotate_reports_all_turns_since_reset() {
     let rig = Rig::booted(Some(image_in_mode(1)));
-    let (mut turned, mut last) = (0.0, rig.board.truth().pose.heading_rad);
+    let (mut turned, mut last) = (0.0, rig.truth().pose.heading_rad);
     let mut reply = Vec::new();
     for _ in 0..60 {
         reply = rig.keep_sending(&tuning_frame(-100.0), 100_000);
-        let heading = rig.board.truth().pose.heading_rad;
+        let heading = rig.truth().pose.heading_rad;
         let (sine, cosine) = (heading - last).sin_cos();
         turned += sine.atan2(cosine).to_degrees();
         last = heading;
@@ -281,7 +277,7 @@ fn the_rotation_is_of_all_turns_since_the_reset() {
 
 // Requirement: WIRE-double-1
 #[test]
-fn a_percentage_beyond_the_range_or_not_a_number_is_rejected() {
+fn tune_invalid_percentage_is_rejected() {
     let rig = Rig::booted(Some(image_in_mode(1)));
     for percent in [
         f64::NAN,
@@ -308,7 +304,7 @@ fn guarded(own: u8, seen: u8, order: u8, inner: &[u8; 19]) -> [u8; 26] {
 
 // Requirement: WIRE-sequence-6, WIRE-crc-2, WIRE-deadline-2, WIRE-deadline-5
 #[test]
-fn guarded_normal_takes_only_fresh_frames_with_a_right_crc() {
+fn guarded_accepts_fresh_frames_with_valid_crc() {
     let rig = Rig::booted(Some(image_in_mode(0x10)));
     let go = normal_frame(300_000, 0, 0, true);
     let mut flipped = guarded(1, 0, 0, &go);
@@ -316,19 +312,19 @@ fn guarded_normal_takes_only_fresh_frames_with_a_right_crc() {
     let reply = rig.frame(&flipped);
     assert_eq!(reply[0], KEY_STM);
     assert_eq!(crc16(&reply[..24]).to_be_bytes(), [reply[24], reply[25]]);
-    rig.board.run_us(20_000);
+    rig.run_us(20_000);
     assert!(rig.motors_off(), "a flipped bit had an effect");
     let mut own = 1_u8;
     for _ in 0..20 {
         let _ = rig.frame(&guarded(own, 0, 0, &go));
         own = own.wrapping_add(1);
-        rig.board.run_us(25_000);
+        rig.run_us(25_000);
     }
     assert!(!rig.motors_off(), "fresh frames drive: {}", rig.log());
     // The same number again and again is not fresh: the deadline stops the robot.
     for _ in 0..16 {
         let _ = rig.frame(&guarded(own.wrapping_sub(1), 0, 0, &go));
-        rig.board.run_us(25_000);
+        rig.run_us(25_000);
     }
     assert!(rig.motors_off(), "a repeated frame fed the deadline");
     let status = rig.frame(&guarded(own, 0, 0, &go));
@@ -338,13 +334,13 @@ fn guarded_normal_takes_only_fresh_frames_with_a_right_crc() {
         1,
         "link lost is latched"
     );
-    rig.board.run_us(20_000);
+    rig.run_us(20_000);
     assert!(
         rig.motors_off(),
         "apply alone does not resume a guarded robot"
     );
     let _ = rig.frame(&guarded(own.wrapping_add(1), 0, 2, &go));
-    rig.board.run_us(20_000);
+    rig.run_us(20_000);
     assert!(!rig.motors_off(), "the order to resume does");
     rig.assert_modelled();
 }

@@ -1,17 +1,17 @@
 //! The gyroscope on the virtual board: a slip that the heading survives, and everything that can be
 //! wrong with the part.
 
-use fw_core::eeprom::{encode, first_board, Config, IMAGE_LEN};
+use fw_core::eeprom::{first_board, Config};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_FRAME};
-use robot_tests::test_board::{Rig, TIM5_CCR1};
+use robot_tests::test_board::{image_of, Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::{Room, Sides};
 use twin::trace::EventKind;
 use twin::{I2cController, Mpu6050Fault, Mpu6050Params, Options};
 
-/// A robot in Guarded Normal and its Pi.
-struct Robot {
+/// A robot in Guarded Normal, and the Pi's end of its link.
+struct GyroRobot {
     rig: Rig,
     pi: PiLink,
     last: Report,
@@ -19,7 +19,7 @@ struct Robot {
 }
 
 /// x, y and heading: millimetres and degrees.
-type Pose = (f64, f64, f64);
+type PoseDeg = (f64, f64, f64);
 
 fn config(gyro: bool) -> Config {
     let mut config = first_board();
@@ -29,17 +29,16 @@ fn config(gyro: bool) -> Config {
 }
 
 fn options(gyro: bool, mpu: Option<Mpu6050Params>) -> Options {
-    let mut image = [0xFF; IMAGE_LEN];
-    encode(&config(gyro), &mut image);
+    let image = image_of(&config(gyro));
     Options {
-        eeprom: Some(image.to_vec()),
+        eeprom: Some(image),
         room: Room::default(),
         mpu,
         ..Options::default()
     }
 }
 
-impl Robot {
+impl GyroRobot {
     fn new(gyro: bool, mpu: Option<Mpu6050Params>) -> Self {
         let robot = Self {
             rig: Rig::new(options(gyro, mpu)),
@@ -61,7 +60,7 @@ impl Robot {
     }
 
     /// Towards a pose for so many milliseconds at 40 Hz.
-    fn go(&mut self, (x, y, degrees): Pose, ms: u64) {
+    fn go(&mut self, (x, y, degrees): PoseDeg, ms: u64) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let expected = PoseCode {
             x: (x * 1000.0) as i32,
@@ -74,30 +73,30 @@ impl Robot {
             order: Order::Resume,
             ..Command::default()
         };
-        let ends = self.rig.board.now_us() + ms * 1000;
-        while self.rig.board.now_us() < ends {
+        let ends = self.rig.now_us() + ms * 1000;
+        while self.rig.now_us() < ends {
             self.exchange(&command);
-            self.rig.board.run_us(25_000 - 60);
+            self.rig.run_us(25_000 - 60);
         }
     }
 
     /// Stands for so many milliseconds.
     fn stand(&mut self, ms: u64) {
-        let ends = self.rig.board.now_us() + ms * 1000;
-        while self.rig.board.now_us() < ends {
+        let ends = self.rig.now_us() + ms * 1000;
+        while self.rig.now_us() < ends {
             self.exchange(&Command::default());
-            self.rig.board.run_us(25_000 - 60);
+            self.rig.run_us(25_000 - 60);
         }
     }
 
-    fn truth(&self) -> Pose {
-        let start = self.rig.board.world(|world| world.room().start);
-        let pose = self.rig.board.truth().pose.relative_to(&start);
+    fn truth(&self) -> PoseDeg {
+        let start = self.rig.world(|world| world.room().start);
+        let pose = self.rig.truth().pose.relative_to(&start);
         (pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
     }
 
-    fn believed(&mut self) -> Pose {
-        self.rig.board.run_us(30_000);
+    fn reported(&mut self) -> PoseDeg {
+        self.rig.run_us(30_000);
         self.exchange(&Command::default());
         self.exchange(&Command::default());
         let PoseCode { x, y, rotation } = self.last.pose;
@@ -108,19 +107,19 @@ impl Robot {
         )
     }
 
-    /// How far what the robot believes is from the truth, at rest: millimetres and degrees.
-    fn off(&mut self) -> (f64, f64) {
+    /// Error of the reported pose at rest: millimetres and degrees.
+    fn pose_error(&mut self) -> (f64, f64) {
         for _ in 0..40 {
             self.stand(100);
-            let Sides { left, right } = self.rig.board.truth().wheel_deg_s;
+            let Sides { left, right } = self.rig.truth().wheel_deg_s;
             if left.abs().max(right.abs()) < 0.05 {
                 break;
             }
         }
-        let (believed, truth) = (self.believed(), self.truth());
-        let degrees = (believed.2 - truth.2 + 180.0).rem_euclid(360.0) - 180.0;
+        let (reported, truth) = (self.reported(), self.truth());
+        let degrees = (reported.2 - truth.2 + 180.0).rem_euclid(360.0) - 180.0;
         (
-            (believed.0 - truth.0).hypot(believed.1 - truth.1),
+            (reported.0 - truth.0).hypot(reported.1 - truth.1),
             degrees.abs(),
         )
     }
@@ -132,27 +131,27 @@ impl Robot {
 
 /// Stands two seconds, turns left by a quarter, then drives 1.5 m; its left wheel slips for a second
 /// on the way.
-fn slipping(gyro: bool) -> Robot {
-    let mut robot = Robot::new(gyro, Some(Mpu6050Params::default()));
+fn slipping(gyro: bool) -> GyroRobot {
+    let mut robot = GyroRobot::new(gyro, Some(Mpu6050Params::default()));
     robot.stand(2_000);
     robot.go((0.0, 0.0, 90.0), 4_000);
     robot.go((0.0, 1500.0, 90.0), 2_500);
-    robot.rig.board.set_faults(|faults| faults.slip.left = 1.0);
+    robot.rig.set_faults(|faults| faults.slip.left = 1.0);
     robot.go((0.0, 1500.0, 90.0), 1_000);
-    robot.rig.board.set_faults(|faults| faults.slip.left = 0.0);
+    robot.rig.set_faults(|faults| faults.slip.left = 0.0);
     robot.go((0.0, 1500.0, 90.0), 12_000);
     robot
 }
 
 // Requirement: DOC-2.3-3, WIRE-fault-12
 #[test]
-fn a_wheel_that_slips_for_a_second_costs_the_heading_less_than_a_degree_with_the_gyro() {
+fn gyro_one_second_slip_keeps_heading_within_1_degree() {
     let mut with = slipping(true);
-    let (mm, degrees) = with.off();
+    let (mm, degrees) = with.pose_error();
     let target = with.truth();
     println!("with: off by {mm:.1} mm, {degrees:.2}°, arrived at {target:.1?}");
     let mut without = slipping(false);
-    let (mm_without, degrees_without) = without.off();
+    let (mm_without, degrees_without) = without.pose_error();
     println!(
         "without: off by {mm_without:.1} mm, {degrees_without:.2}°, arrived at {:.1?}",
         without.truth()
@@ -186,10 +185,10 @@ fn a_wheel_that_slips_for_a_second_costs_the_heading_less_than_a_degree_with_the
 }
 
 #[test]
-fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
+fn gyro_without_slip_changes_nothing_and_detects_twist() {
     let way = [(0.0, 0.0, 120.0), (300.0, 200.0, 0.0), (0.0, 0.0, 270.0)];
     let drive = |gyro: bool| {
-        let mut robot = Robot::new(gyro, Some(Mpu6050Params::default()));
+        let mut robot = GyroRobot::new(gyro, Some(Mpu6050Params::default()));
         robot.stand(1_500);
         for pose in way {
             robot.go(pose, 5_000);
@@ -198,7 +197,7 @@ fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
     };
     let (mut with, mut without) = (drive(true), drive(false));
     for robot in [&mut with, &mut without] {
-        let (mm, degrees) = robot.off();
+        let (mm, degrees) = robot.pose_error();
         assert!(mm < 0.5 && degrees < 0.05, "{mm} mm, {degrees}°");
         assert!(!robot
             .last
@@ -210,126 +209,134 @@ fn without_a_slip_it_drives_as_the_encoders_say_and_one_turned_by_hand_knows() {
 
     // It holds its pose, brakes on; a hand turns it at 50 °/s for 1.2 s, and it turns back.
     let held = with.truth();
-    with.rig
-        .board
-        .set_faults(|faults| faults.twist_deg_s = 50.0);
+    with.rig.set_faults(|faults| faults.twist_deg_s = 50.0);
     with.go(way[2], 1_200);
-    with.rig.board.set_faults(|faults| faults.twist_deg_s = 0.0);
+    with.rig.set_faults(|faults| faults.twist_deg_s = 0.0);
     with.go(way[2], 4_000);
-    let (_, degrees) = with.off();
+    let (_, degrees) = with.pose_error();
     assert!(degrees < 2.5, "{degrees}°\n{}", with.log());
     let back = with.truth().2 - held.2;
     assert!(back.abs() < 3.5, "{back}°\n{}", with.log());
     assert!(with.last.faults.intersects(Faults::SLIP));
 }
 
-/// How one drive with something wrong went.
-fn broken(mpu: Option<Mpu6050Params>, breaks: impl FnOnce(&Robot), told: &str) -> Robot {
-    let mut robot = Robot::new(true, mpu);
+/// Drives with a broken gyroscope to a pose by the encoders alone, and expects the log to contain
+/// `expected_log`.
+fn drive_with_fault(
+    mpu: Option<Mpu6050Params>,
+    breaks: impl FnOnce(&GyroRobot),
+    expected_log: &str,
+) -> GyroRobot {
+    let mut robot = GyroRobot::new(true, mpu);
     breaks(&robot);
-    robot.rig.board.trace_writes(TIM5_CCR1);
+    robot.rig.trace_writes(TIM5_CCR1);
     robot.stand(500);
     robot.go((200.0, 100.0, 90.0), 5_000);
-    let (mm, degrees) = robot.off();
-    assert!(mm < 0.5 && degrees < 0.05, "{told}: {mm} mm, {degrees}°");
+    let (mm, degrees) = robot.pose_error();
+    assert!(
+        mm < 0.5 && degrees < 0.05,
+        "{expected_log}: {mm} mm, {degrees}°"
+    );
     let truth = robot.truth();
     assert!(
         (truth.0 - 200.0).hypot(truth.1 - 100.0) < 6.0,
-        "{told}: {truth:?}\n{}",
+        "{expected_log}: {truth:?}\n{}",
         robot.log()
     );
     let ticks: Vec<u64> = robot
         .rig
-        .board
         .take_events()
         .into_iter()
         .filter(|event| matches!(event.kind, EventKind::Write { .. }))
         .map(|event| event.at_ns)
         .collect();
-    assert!(ticks.len() >= 540, "{told}: {} ticks", ticks.len());
+    assert!(ticks.len() >= 540, "{expected_log}: {} ticks", ticks.len());
     for pair in ticks.windows(2) {
         let late = (pair[1] - pair[0]).abs_diff(10_000_000);
-        assert!(late < 5_000, "{told}: a tick {late} ns off");
+        assert!(late < 5_000, "{expected_log}: a tick {late} ns off");
     }
-    assert_eq!(robot.rejected, 0, "{told}");
+    assert_eq!(robot.rejected, 0, "{expected_log}");
     let faults = robot.last.faults & (Faults::SLIP | Faults::GYRO_LOST);
-    assert_eq!(faults, Faults::GYRO_LOST, "{told}\n{}", robot.log());
-    assert!(robot.log().contains(told), "{told}\n{}", robot.log());
+    assert_eq!(faults, Faults::GYRO_LOST, "{expected_log}\n{}", robot.log());
+    assert!(
+        robot.log().contains(expected_log),
+        "{expected_log}\n{}",
+        robot.log()
+    );
     assert!(robot.log().contains("encoders alone"), "{}", robot.log());
-    assert!(robot.rig.board.resets().is_empty());
+    assert!(robot.rig.resets().is_empty());
     robot.rig.assert_modelled();
     robot
 }
 
-fn fault_of(robot: &Robot, fault: Mpu6050Fault) {
+fn set_fault(robot: &GyroRobot, fault: Mpu6050Fault) {
     let set = move |mpu: &mut Mpu6050| mpu.fault = fault;
-    robot.rig.board.set_mpu(set);
+    robot.rig.set_mpu(set);
 }
 
 // Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
 #[test]
-fn absent_silent_refusing_or_another_part_it_drives_by_its_encoders_and_says_why() {
+fn gyro_absent_or_wrong_drives_by_encoders() {
     let fitted = Some(Mpu6050Params::default());
-    let _ = broken(None, |_| {}, "gyro: no answer at 0x68");
-    let _ = broken(
+    let _ = drive_with_fault(None, |_| {}, "gyro: no answer at 0x68");
+    let _ = drive_with_fault(
         fitted,
-        |robot| fault_of(robot, Mpu6050Fault::RefusesAfter(1)),
+        |robot| set_fault(robot, Mpu6050Fault::RefusesAfter(1)),
         "gyro: no answer at 0x68",
     );
-    let _ = broken(
+    let _ = drive_with_fault(
         fitted,
-        |robot| fault_of(robot, Mpu6050Fault::WrongId(0x70)),
+        |robot| set_fault(robot, Mpu6050Fault::WrongId(0x70)),
         "gyro: not an MPU6050 at 0x68",
     );
 }
 
 // Requirement: DOC-3.1-3
 #[test]
-fn dying_freezing_or_holding_the_bus_on_the_way_it_drives_by_its_encoders_and_says_why() {
+fn gyro_failing_later_drives_by_encoders() {
     let fitted = Some(Mpu6050Params::default());
     let later = |fault: Mpu6050Fault| {
-        move |robot: &Robot| {
-            robot.rig.board.run_us(1_000_000);
-            fault_of(robot, fault);
+        move |robot: &GyroRobot| {
+            robot.rig.run_us(1_000_000);
+            set_fault(robot, fault);
         }
     };
-    let _ = broken(
+    let _ = drive_with_fault(
         fitted,
         later(Mpu6050Fault::Silent),
         "gyro: no answer at 0x68",
     );
-    let _ = broken(fitted, later(Mpu6050Fault::Frozen), "gyro: data frozen");
+    let _ = drive_with_fault(fitted, later(Mpu6050Fault::Frozen), "gyro: data frozen");
     let hold = |pulses: u32| {
-        move |robot: &Robot| {
-            robot.rig.board.run_us(1_000_000);
-            robot
-                .rig
-                .board
-                .i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
+        move |robot: &GyroRobot| {
+            robot.rig.run_us(1_000_000);
+            robot.rig.i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
         }
     };
-    let _ = broken(fitted, hold(u32::MAX), "gyro: I2C held");
+    let _ = drive_with_fault(fitted, hold(u32::MAX), "gyro: I2C held");
     // One that only lost its place is freed, found again, and rested.
-    let freed = broken(fitted, hold(7), "gyro: I2C held");
-    freed.rig.board.run_us(1_500_000);
+    let freed = drive_with_fault(fitted, hold(7), "gyro: I2C held");
+    freed.rig.run_us(1_500_000);
     let log = freed.log();
-    let after = log.split("gyro: I2C held").nth(1).expect("it was told");
+    let after = log
+        .split("gyro: I2C held")
+        .nth(1)
+        .expect("it was expected_log");
     assert!(after.contains("gyro: bias"), "{log}");
 }
 
 #[test]
-fn the_pi_may_take_the_eeprom_while_the_gyro_is_read() {
-    let mut robot = Robot::new(true, Some(Mpu6050Params::default()));
+fn gyro_reads_continue_while_pi_has_eeprom() {
+    let mut robot = GyroRobot::new(true, Some(Mpu6050Params::default()));
     robot.stand(1_000);
-    let reads = |robot: &Robot| {
+    let reads = |robot: &GyroRobot| {
         let bus = robot
             .rig
-            .board
             .i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
         bus.expect("it is fitted")
     };
     for controller in [I2cController::Pi, I2cController::Stm] {
-        robot.rig.board.switch_i2c(controller);
+        robot.rig.switch_i2c(controller);
         let before = reads(&robot);
         robot.stand(300);
         let more = reads(&robot) - before;

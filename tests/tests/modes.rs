@@ -5,10 +5,9 @@ use fw_core::wire::{chain, Mode};
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, MODE_CHECK_FRAMES, RATE_HZ};
-use host_link::settings::Settings;
 use pilot::mode;
 use pilot::virtual_board;
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{image_of, Rig};
 
 const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;
@@ -22,13 +21,9 @@ fn config(mode: Mode) -> Config {
 }
 
 fn booted(mode: Mode) -> Rig {
-    let settings = Settings {
-        config: config(mode),
-        platform_page: true,
-    };
-    let rig = Rig::booted(Some(settings.image().to_vec()));
-    assert!(rig.board.is_ready(), "{}", rig.log());
-    rig.board.run_us(100_000);
+    let image = image_of(&config(mode));
+    let rig = Rig::configured(image);
+    rig.run_us(100_000);
     rig
 }
 
@@ -38,11 +33,11 @@ fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
 
 // Requirement: DOC-3.2-2, DOC-5.2-1
 #[test]
-fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
+fn mode_mismatch_is_detected_within_ten_frames() {
     for &stm in Mode::ALL {
         let rig = booted(stm);
         for &pi in Mode::ALL {
-            let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
+            let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
             let mut session = Session::with_config(&mut machine, config(pi), RATE_HZ);
             let met = session.confirm_mode();
             let pair = format!("Pi {}, STM {}", pi.name(), stm.name());
@@ -57,15 +52,15 @@ fn a_pi_in_another_mode_than_the_stm_finds_out_within_ten_frames() {
             assert_eq!(*mode, pi.name());
         }
         assert!(rig.log().contains("frame rejected"), "{}", rig.log());
-        assert!(rig.board.truth().path_mm < 0.01, "STM {}", stm.name());
+        assert!(rig.truth().path_mm < 0.01, "STM {}", stm.name());
     }
 }
 
 // Requirement: DOC-5.2-2, DOC-5.2-1, DOC-5.2-3
 #[test]
-fn the_mode_is_changed_on_both_ends_without_leaving_the_program() {
+fn mode_change_takes_effect_on_both_ends() {
     let rig = booted(Mode::Normal);
-    let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
+    let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
     let mut before = Mode::Normal;
     for &mode in Mode::ALL.iter().rev().chain([&Mode::GuardedNormal]) {
         let mut changed = mode::change(&mut machine, mode, RATE_HZ, READY_MS, None, |_| {})

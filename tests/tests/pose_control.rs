@@ -90,7 +90,7 @@ const STILL: u32 = 60;
 /// Frames until the robot stood within 5 mm and 1° for a second and a half.
 fn go(rig: &Rig, goal: &Goal) -> Trip {
     let frame = goal.frame();
-    let begun = rig.board.now_us();
+    let begun = rig.now_us();
     #[allow(clippy::cast_precision_loss)]
     let seconds = |now: u64| (now - begun) as f64 / 1e6;
     let mut trip = Trip {
@@ -101,9 +101,9 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
     };
     let mut still = 0;
     while still < STILL {
-        assert!(seconds(rig.board.now_us()) < 40.0, "{goal:?}: {trip:?}");
+        assert!(seconds(rig.now_us()) < 40.0, "{goal:?}: {trip:?}");
         let _ = rig.keep_sending(&frame, 25_000);
-        let truth = rig.board.truth();
+        let truth = rig.truth();
         let (mm, degrees, beyond) = goal.off(&truth.pose);
         trip.overshoot_mm = trip.overshoot_mm.max(beyond);
         (trip.off_mm, trip.off_deg) = (mm, degrees);
@@ -113,7 +113,7 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
             0
         };
         if mm > 5.0 || degrees > 1.0 {
-            trip.settled_s = seconds(rig.board.now_us());
+            trip.settled_s = seconds(rig.now_us());
             still = 0;
         }
     }
@@ -121,13 +121,12 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
 }
 
 fn rig(params: &Params, eeprom: Vec<u8>) -> Rig {
-    let rig = Rig::new(Options {
+    let rig = Rig::ready(Options {
         eeprom: Some(eeprom),
         room: Room::default(),
         params: params.clone(),
         ..Options::default()
     });
-    assert!(rig.await_ready(), "{}", rig.log());
     rig
 }
 
@@ -177,20 +176,20 @@ fn a_metre(bearings: &[f64], rotations: &[f64]) -> Vec<Goal> {
 const ROTATIONS: [f64; 7] = [0.0, 45.0, -45.0, 90.0, -90.0, 135.0, 180.0];
 
 #[test]
-fn ahead_and_behind_any_rotation_is_reached_with_the_original_gains() {
+fn pose_ahead_and_behind_is_reached() {
     let goals = a_metre(&[0.0, 180.0], &ROTATIONS);
     assert_reached(&Params::default(), &original_image(), &goals, 1.6);
 }
 
 #[test]
-fn sideways_any_rotation_is_reached_with_the_original_gains() {
+fn pose_sideways_is_reached() {
     let goals = a_metre(&[90.0, -90.0], &ROTATIONS);
     assert_reached(&Params::default(), &original_image(), &goals, 1.6);
 }
 
 // Requirement: DOC-6.0.2-2
 #[test]
-fn other_gains_reach_it_too() {
+fn pose_with_tuned_gains_is_reached() {
     let mut eeprom = original_image();
     // What `host-link tune` proposes for this drive: P, I, D of both PIDs.
     let gains = [
@@ -204,7 +203,7 @@ fn other_gains_reach_it_too() {
 }
 
 #[test]
-fn wheels_forty_percent_apart_reach_it_too() {
+fn pose_with_wheels_40_percent_apart_is_reached() {
     let strong = MotorParams::first_board_right();
     let weak = MotorParams {
         speeds_deg_s: strong.speeds_deg_s.map(|speed| speed * 0.6),
@@ -220,7 +219,7 @@ fn wheels_forty_percent_apart_reach_it_too() {
 
 // Requirement: DOC-6.0.2-2
 #[test]
-fn it_holds_its_pose_against_pushes() {
+fn pose_is_held_against_pushes() {
     let goal = Goal {
         distance: 300.0,
         bearing: 0.0,
@@ -235,11 +234,10 @@ fn it_holds_its_pose_against_pushes() {
         (-150.0, 150.0),
         (0.0, 400.0),
     ] {
-        rig.board
-            .world(move |world| world.hand_deg_s = Sides::new(left, right));
+        rig.world(move |world| world.hand_deg_s = Sides::new(left, right));
         let _ = rig.keep_sending(&goal.frame(), 400_000);
-        rig.board.world(|world| world.hand_deg_s = Sides::default());
-        let (mm, degrees, _) = goal.off(&rig.board.truth().pose);
+        rig.world(|world| world.hand_deg_s = Sides::default());
+        let (mm, degrees, _) = goal.off(&rig.truth().pose);
         let trip = go(&rig, &goal);
         println!("pushed {mm:.1} mm, {degrees:.1}°: back after {trip:.2?}");
         assert!(mm > 5.0 || degrees > 1.0, "no push");
@@ -250,26 +248,26 @@ fn it_holds_its_pose_against_pushes() {
 
 // Requirement: DOC-3.2-1
 #[test]
-fn wherever_the_wheels_stand_at_boot_the_first_pose_is_zero() {
+fn pose_is_zero_after_reset_in_any_encoder_phase() {
     let rig = rig(&Params::default(), original_image());
     for turn in 0..8_i32 {
         // In reset a hand leaves the encoders' lines in any of their four phases.
-        rig.board.hold_reset(true);
-        rig.board.world(move |world| {
+        rig.hold_reset(true);
+        rig.world(move |world| {
             world.hand_deg_s = Sides::new(130.0 + f64::from(turn), -170.0);
         });
-        rig.board.run_us(100_000);
-        rig.board.world(|world| world.hand_deg_s = Sides::default());
-        rig.board.run_us(400_000);
-        let stood = rig.board.truth().pose;
-        rig.board.hold_reset(false);
+        rig.run_us(100_000);
+        rig.world(|world| world.hand_deg_s = Sides::default());
+        rig.run_us(400_000);
+        let stood = rig.truth().pose;
+        rig.hold_reset(false);
         assert!(rig.await_ready(), "{}", rig.log());
         for _ in 0..10 {
             let reply = NormalReply::of(&rig.frame(&normal_frame(0, 0, 0, false)));
             assert_eq!((reply.x, reply.y, reply.rotation), (0, 0, 0), "{turn}");
-            rig.board.run_us(9_000);
+            rig.run_us(9_000);
         }
-        let moved = rig.board.truth().pose;
+        let moved = rig.truth().pose;
         assert_eq!((moved.x_mm, moved.y_mm), (stood.x_mm, stood.y_mm));
     }
 }

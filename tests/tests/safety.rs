@@ -1,11 +1,11 @@
 //! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
 
-use fw_core::eeprom::{encode, first_board, IMAGE_LEN};
+use fw_core::eeprom::first_board;
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
+use robot_tests::test_board::{elf, image_of, Rig, ELF_OVERFLOW, ELF_PANIC};
 use twin::plant::Sides;
 use twin::{Board, Options, ResetSource};
 
@@ -18,22 +18,22 @@ fn driving() -> Rig {
 
 // Requirement: DOC-2.1-3, WIRE-status-6, WIRE-deadline-1, WIRE-deadline-2
 #[test]
-fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
+fn stop_deadline_silent_host_brakes() {
     let rig = driving();
-    assert_eq!(rig.board.leds(), leds(State::Moving));
-    let silent_since = rig.board.now_us();
-    assert!(rig.board.run_until(400_000, 500, |_| rig.motors_off()));
-    let after = rig.board.now_us() - silent_since;
+    assert_eq!(rig.leds(), leds(State::Moving));
+    let silent_since = rig.now_us();
+    assert!(rig.run_until(400_000, 500, |_| rig.motors_off()));
+    let after = rig.now_us() - silent_since;
     assert!((230_000..=261_000).contains(&after), "{after} µs");
-    rig.board.run_us(1_000_000);
+    rig.run_us(1_000_000);
     assert!(rig.motors_off());
-    let speed = rig.board.truth().wheel_deg_s;
+    let speed = rig.truth().wheel_deg_s;
     assert!(
         speed.left.abs() < 0.1 && speed.right.abs() < 0.1,
         "{speed:?}"
     );
     assert!(rig.log().contains("stop"), "{}", rig.log());
-    assert_eq!(rig.board.leds(), leds(State::Stopped));
+    assert_eq!(rig.leds(), leds(State::Stopped));
     let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 300_000);
     assert!(
         !rig.motors_off(),
@@ -43,49 +43,49 @@ fn a_silent_host_brakes_the_robot_within_the_deadline_and_one_tick() {
 
 // Requirement: WIRE-deadline-1
 #[test]
-fn garbage_on_the_wire_is_silence() {
+fn stop_deadline_ignores_invalid_frames() {
     let rig = driving();
-    let since = rig.board.now_us();
-    while rig.board.now_us() - since < 300_000 {
+    let since = rig.now_us();
+    while rig.now_us() - since < 300_000 {
         let _ = rig.frame(&[0xA5; 19]);
-        rig.board.run_us(5_000);
+        rig.run_us(5_000);
     }
     assert!(rig.motors_off());
 }
 
 // Requirement: WIRE-safe-1
 #[test]
-fn a_panic_ends_with_the_motors_off_and_the_watchdog_restarts_the_robot_standing() {
+fn panic_stops_motors_and_watchdog_restarts() {
     let rig = with_original_image(&elf(ELF_PANIC));
     ends_standing(&rig, "panic");
 }
 
 // Requirement: WIRE-safe-1
 #[test]
-fn an_overflow_of_the_stack_is_a_fault_and_ends_with_the_motors_off() {
+fn stack_overflow_faults_and_stops_motors() {
     let elf = elf(ELF_OVERFLOW);
     let rig = with_original_image(&elf);
-    let stack = Stack::paint(&elf, &rig.board).expect("a stack to paint");
+    let stack = Stack::paint(&elf, &rig).expect("a stack to paint");
     ends_standing(&rig, "HardFault");
     // It was the stack's end that stopped it: less than one more frame was left.
-    let left = stack.bytes() - stack.used(&rig.board);
+    let left = stack.bytes() - stack.used(&rig);
     assert!(left < 512, "{left} bytes of the stack are left");
 }
 
 // Requirement: WIRE-fault-11, WIRE-safe-1, WIRE-safe-2
 #[test]
-fn a_tick_that_does_not_come_is_noticed_by_the_watchdog_which_restarts_the_robot_standing() {
+fn missing_tick_triggers_watchdog() {
     let rig = driving();
-    let stopped = rig.board.now_us();
-    rig.board.stop_ticks();
+    let stopped = rig.now_us();
+    rig.stop_ticks();
     let restarted = |board: &Board| !board.resets().is_empty();
-    assert!(rig.board.run_until(400_000, 1_000, restarted));
+    assert!(rig.run_until(400_000, 1_000, restarted));
     // 68 to 188 ms over the tolerance of its oscillator.
-    let after = rig.board.now_us() - stopped;
+    let after = rig.now_us() - stopped;
     assert!(after <= 190_000, "{after} µs");
-    assert_eq!(rig.board.resets()[0].source, ResetSource::Watchdog);
+    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
     assert!(rig.await_ready(), "{}", rig.log());
-    rig.board.run_us(100_000);
+    rig.run_us(100_000);
     assert!(rig.motors_off(), "after the restart it stands");
     assert!(rig.log().contains("watchdog"), "{}", rig.log());
     let told = "restarted after a failure";
@@ -105,29 +105,27 @@ fn with_original_image(elf: &[u8]) -> Rig {
 fn ends_standing(rig: &Rig, why: &str) {
     assert!(rig.await_ready(), "{}", rig.log());
     let go = normal_frame(3_000_000, 0, 0, true);
-    let ready = rig.board.now_us();
+    let ready = rig.now_us();
     let _ = rig.keep_sending(&go, 1_500_000);
     assert!(!rig.motors_off(), "it drives until it fails: {}", rig.log());
     // The host goes on as if nothing had happened.
-    while rig.board.is_ready() {
+    while rig.is_ready() {
         let _ = rig.frame(&go);
-        rig.board.run_us(2_000);
-        assert!(rig.board.now_us() - ready < 2_100_000, "nothing failed");
+        rig.run_us(2_000);
+        assert!(rig.now_us() - ready < 2_100_000, "nothing failed");
     }
     assert!(rig.motors_off(), "READY is low and the motors run");
     assert!(rig.log().contains(why), "{}", rig.log());
-    assert!(rig
-        .board
-        .run_until(300_000, 1_000, |board| !board.resets().is_empty()));
-    assert_eq!(rig.board.resets()[0].source, ResetSource::Watchdog);
+    assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
+    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
     assert!(rig.await_ready(), "{}", rig.log());
     assert!(rig.motors_off(), "after the restart it stands");
-    rig.board.run_us(100_000);
+    rig.run_us(100_000);
     assert!(rig.log().contains("watchdog"), "{}", rig.log());
 }
 
 #[test]
-fn an_empty_battery_stops_it_and_it_stays_stopped() {
+fn empty_battery_stops_for_good() {
     let mut options = Options {
         eeprom: Some(original_image()),
         ..Options::default()
@@ -137,7 +135,7 @@ fn an_empty_battery_stops_it_and_it_stays_stopped() {
     rig.await_ready();
     let go = normal_frame(3_000_000, 0, 0, true);
     let _ = rig.keep_sending(&go, 2_000_000);
-    let taps = rig.board.truth().battery_v;
+    let taps = rig.truth().battery_v;
     assert!(
         taps[0] < 3.0,
         "the model's empty battery is not empty: {taps:?}"
@@ -154,34 +152,32 @@ fn on_its_last_charge(warn_mv: u16, cutoff_mv: u16) -> Rig {
     let mut config = first_board();
     config.platform.battery_warn = warn_mv;
     config.platform.battery_cutoff = cutoff_mv;
-    let mut image = [0xFF; IMAGE_LEN];
-    encode(&config, &mut image);
+    let image = image_of(&config);
     let mut options = Options {
-        eeprom: Some(image.to_vec()),
+        eeprom: Some(image),
         ..Options::default()
     };
     options.params.battery.capacity_ah = 0.004;
     options.params.battery.idle_a = 0.05;
     options.params.battery.cell_ohm = 0.15;
-    let rig = Rig::new(options);
-    assert!(rig.await_ready(), "{}", rig.log());
+    let rig = Rig::ready(options);
     rig
 }
 
 /// The lower cell's voltage.
 fn lowest(rig: &Rig) -> f64 {
-    let [one, both] = rig.board.truth().battery_v;
+    let [one, both] = rig.truth().battery_v;
     one.min(both - one)
 }
 
 // Requirement: WIRE-fault-3, WIRE-fault-4, WIRE-platform-10
 #[test]
-fn it_warns_and_cuts_off_where_page_3_says_and_stays_stopped_when_the_battery_recovers() {
+fn battery_warns_and_cuts_off_at_configured_voltages() {
     let (warn, cutoff) = (3.75, 3.65);
     let rig = on_its_last_charge(3750, 3650);
     let go = normal_frame(3_000_000, 0, 0, true);
     let (mut below_warn, mut below_cutoff) = (0, 0);
-    while !rig.motors_off() || rig.board.now_us() < 200_000 {
+    while !rig.motors_off() || rig.now_us() < 200_000 {
         let _ = rig.keep_sending(&go, 25_000);
         let volts = lowest(&rig);
         below_warn += u32::from(volts < warn);
@@ -207,19 +203,19 @@ fn it_warns_and_cuts_off_where_page_3_says_and_stays_stopped_when_the_battery_re
         }
         assert!(lowest(&rig) > cutoff, "{} V", lowest(&rig));
     }
-    assert_eq!(rig.board.truth().wheel_deg_s, Sides::default());
+    assert_eq!(rig.truth().wheel_deg_s, Sides::default());
 }
 
 // Requirement: WIRE-ready-3
 #[test]
-fn reset_from_the_pi_while_driving_stops_it_at_once() {
+fn reset_while_driving_stops_at_once() {
     let rig = driving();
-    rig.board.hold_reset(true);
+    rig.hold_reset(true);
     assert!(rig.motors_off());
-    rig.board.run_us(100_000);
-    assert!(!rig.board.is_ready());
-    rig.board.hold_reset(false);
+    rig.run_us(100_000);
+    assert!(!rig.is_ready());
+    rig.hold_reset(false);
     assert!(rig.await_ready(), "{}", rig.log());
-    rig.board.run_us(100_000);
+    rig.run_us(100_000);
     assert!(rig.motors_off());
 }

@@ -1,15 +1,13 @@
-//! Mode 0x20: the servo turned by real pulses, every reading with the bearing it was taken at, and the map
-//! that comes of it.
+//! Mode 0x20: the servo, the bearing of every reading, and the resulting map.
 
 use fw_core::eeprom::{first_board, Config};
 use fw_core::wire::{Command, Mode, PiLink, Report, Setup, MAX_FRAME};
-use host_link::settings::Settings;
 use host_link::snapshot::distance_mm;
 use mapper::Point;
 use pilot::mapping::{mapper_config, Mapping, RangeSample};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{image_of, Rig};
 use twin::board_model::Ping;
-use twin::plant::Params;
+use twin::plant::{Params, RangefinderParams};
 use twin::{Board, Options};
 
 fn config(change: impl FnOnce(&mut Config)) -> Config {
@@ -20,26 +18,22 @@ fn config(change: impl FnOnce(&mut Config)) -> Config {
     config
 }
 
-/// A robot in the sweep mode and the Pi's end of its link.
-struct Swept {
+/// A robot in mode 0x20, and the Pi's end of its link.
+struct ScanningRobot {
     rig: Rig,
     pi: PiLink,
     config: Config,
 }
 
-impl Swept {
+impl ScanningRobot {
     fn new(config: Config, params: Params) -> Self {
-        let settings = Settings {
-            config: config.clone(),
-            platform_page: true,
-        };
-        let rig = Rig::new(Options {
-            eeprom: Some(settings.image().to_vec()),
+        let image = image_of(&config);
+        let rig = Rig::ready(Options {
+            eeprom: Some(image),
             params,
             ..Options::default()
         });
-        assert!(rig.await_ready(), "{}", rig.log());
-        rig.board.run_us(20_000);
+        rig.run_us(20_000);
         Self {
             rig,
             pi: PiLink::new(Setup::from(&config)),
@@ -49,15 +43,15 @@ impl Swept {
 
     /// Frames at 40 Hz for `us`: what each reply said, and when it went out.
     fn frames(&mut self, us: u64) -> Vec<(u64, Report)> {
-        let ends = self.rig.board.now_us() + us;
+        let ends = self.rig.now_us() + us;
         let mut all = Vec::new();
-        while self.rig.board.now_us() < ends {
+        while self.rig.now_us() < ends {
             let mut frame = [0; MAX_FRAME];
             let len = self.pi.send(&Command::default(), &mut frame);
-            let at = self.rig.board.now_ns();
+            let at = self.rig.now_ns();
             let back = self.rig.frame(&frame[..len]);
             all.push((at, self.pi.receive(&back).expect("a valid reply")));
-            self.rig.board.run_us(25_000 - 60);
+            self.rig.run_us(25_000 - 60);
         }
         all
     }
@@ -81,18 +75,16 @@ fn readings(reports: &[(u64, Report)]) -> Vec<(u64, Report)> {
     new
 }
 
-/// No noise and no outliers: what is left is the robot's own error.
+/// No noise and no outliers: the rest is the robot's own error.
 fn exact() -> Params {
-    let mut params = Params::default();
-    params.rangefinder.noise_mm = 0.0;
-    params.rangefinder.noise_per_mm = 0.0;
-    params.rangefinder.outlier = 0.0;
-    params
+    Params {
+        rangefinder: RangefinderParams::exact(),
+        ..Params::default()
+    }
 }
 
-/// Every reading is of the ping before it: its bearing where the servo really was, its range what was
-/// really there.
-fn each_reading_is_its_pings(pings: &[Ping], readings: &[(u64, Report)], front_deg: f64) {
+/// Every reading belongs to the ping before it: with the servo's true bearing, and the true range.
+fn assert_readings_match_pings(pings: &[Ping], readings: &[(u64, Report)], front_deg: f64) {
     let mut pings = pings.iter();
     for (at, report) in readings {
         let bearing = degrees(report.bearing);
@@ -120,21 +112,21 @@ fn each_reading_is_its_pings(pings: &[Ping], readings: &[(u64, Report)], front_d
 
 // Requirement: WIRE-bearing-2, WIRE-bearing-3, WIRE-bearing-4, WIRE-bearing-5
 #[test]
-fn every_reading_has_the_bearing_it_was_taken_at_to_and_fro_and_none_is_lost_or_doubled() {
-    let mut swept = Swept::new(config(|_| {}), exact());
+fn scan_readings_carry_their_bearing_exactly_once() {
+    let mut robot = ScanningRobot::new(config(|_| {}), exact());
     // Five seconds are two sweeps to and fro.
-    let reports = swept.frames(5_600_000);
+    let reports = robot.frames(5_600_000);
     let first = reports[0].1;
     assert_eq!((first.bearing, distance_mm(first.ranges[0])), (0, None));
     let readings = readings(&reports);
-    let pings = swept.rig.board.pings();
+    let pings = robot.rig.pings();
     assert!(pings.iter().all(|ping| ping.sensor == 0));
     assert!(readings.len() >= 80, "{}", readings.len());
     assert!(
         pings.len() - readings.len() <= 1,
         "the last may be under way"
     );
-    each_reading_is_its_pings(&pings, &readings, 0.0);
+    assert_readings_match_pings(&pings, &readings, 0.0);
     let bearings: Vec<f64> = readings.iter().map(|(_, r)| degrees(r.bearing)).collect();
     let turns = bearings
         .windows(3)
@@ -155,16 +147,16 @@ fn every_reading_has_the_bearing_it_was_taken_at_to_and_fro_and_none_is_lost_or_
             .count()
             > 40
     );
-    swept.rig.assert_modelled();
+    robot.rig.assert_modelled();
 }
 
 // Requirement: WIRE-platform-6
 #[test]
-fn a_servo_that_turns_the_other_way_and_less_far_is_told_right() {
+fn scan_reversed_short_servo_bearings_are_true() {
     let mut params = exact();
     params.servo.travel_rad = -std::f64::consts::FRAC_PI_2;
     params.mounts[0].bearing_rad = 30f64.to_radians();
-    let mut swept = Swept::new(
+    let mut robot = ScanningRobot::new(
         config(|config| {
             config.platform.servo_reversed = true;
             config.platform.servo_travel = 0x4000;
@@ -172,21 +164,21 @@ fn a_servo_that_turns_the_other_way_and_less_far_is_told_right() {
         }),
         params,
     );
-    let reports = swept.frames(2_500_000);
+    let reports = robot.frames(2_500_000);
     let readings = readings(&reports);
     assert!(readings.len() >= 30);
-    each_reading_is_its_pings(&swept.rig.board.pings(), &readings, 30.0);
+    assert_readings_match_pings(&robot.rig.pings(), &readings, 30.0);
 }
 
 #[test]
-fn a_lazy_servo_shows_that_the_tests_would_see_a_trigger_that_comes_too_early() {
+fn scan_slow_servo_shows_bearing_errors() {
     let mut params = exact();
     // Half as fast as the plan allows for.
     params.servo.slew_rad_s /= 2.0;
-    let mut swept = Swept::new(config(|_| {}), params);
-    let reports = swept.frames(2_500_000);
+    let mut robot = ScanningRobot::new(config(|_| {}), params);
+    let reports = robot.frames(2_500_000);
     let readings = readings(&reports);
-    let pings = swept.rig.board.pings();
+    let pings = robot.rig.pings();
     let worst = pings
         .iter()
         .zip(&readings)
@@ -197,26 +189,26 @@ fn a_lazy_servo_shows_that_the_tests_would_see_a_trigger_that_comes_too_early() 
 
 // Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
-fn the_servo_rests_before_the_first_frame_and_after_the_last() {
-    let mut swept = Swept::new(config(|_| {}), exact());
+fn scan_servo_rests_without_frames() {
+    let mut robot = ScanningRobot::new(config(|_| {}), exact());
     let angle = |board: &Board| board.world(|world| world.servo().angle_rad().to_degrees());
-    swept.rig.board.run_us(700_000);
-    assert!(angle(&swept.rig.board).abs() < 1e-9);
-    assert!(swept.rig.board.pings().is_empty());
-    swept.frames(1_000_000);
-    let pings = swept.rig.board.pings().len();
+    robot.rig.run_us(700_000);
+    assert!(angle(&robot.rig.board).abs() < 1e-9);
+    assert!(robot.rig.pings().is_empty());
+    robot.frames(1_000_000);
+    let pings = robot.rig.pings().len();
     assert!(pings > 3);
     // The stop deadline's 250 ms, and what was under way.
-    swept.rig.board.run_us(350_000);
-    let (stands, pings) = (angle(&swept.rig.board), swept.rig.board.pings().len());
-    swept.rig.board.run_us(2_000_000);
-    assert!((angle(&swept.rig.board) - stands).abs() < 1e-9);
-    assert_eq!(swept.rig.board.pings().len(), pings);
+    robot.rig.run_us(350_000);
+    let (stands, pings) = (angle(&robot.rig.board), robot.rig.pings().len());
+    robot.rig.run_us(2_000_000);
+    assert!((angle(&robot.rig.board) - stands).abs() < 1e-9);
+    assert_eq!(robot.rig.pings().len(), pings);
     // Turned by hand meanwhile: what is told after that is still true.
-    swept.rig.board.world(|world| world.servo_mut().force(1.2));
-    let reports = swept.frames(1_500_000);
+    robot.rig.world(|world| world.servo_mut().force(1.2));
+    let reports = robot.frames(1_500_000);
     let fresh = readings(&reports[24..]);
-    let after = swept.rig.board.pings();
+    let after = robot.rig.pings();
     assert!(after.len() > pings + 8);
     for (at, report) in fresh {
         let ping = after.iter().rfind(|ping| ping.at_ns + 500_000 < at);
@@ -229,19 +221,15 @@ fn the_servo_rests_before_the_first_frame_and_after_the_last() {
 
 // Requirement: WIRE-servo-3
 #[test]
-fn in_any_other_mode_a_servo_looks_straight_ahead_before_anything_is_measured() {
-    let settings = Settings {
-        config: config(|config| config.mode = Mode::Normal),
-        platform_page: true,
-    };
-    let rig = Rig::booted(Some(settings.image().to_vec()));
-    assert!(rig.board.is_ready(), "{}", rig.log());
-    rig.board.world(|world| world.servo_mut().force(-1.5));
+fn servo_points_ahead_in_other_modes() {
+    let image = image_of(&config(|config| config.mode = Mode::Normal));
+    let rig = Rig::configured(image);
+    rig.world(|world| world.servo_mut().force(-1.5));
     let frame = robot_tests::reference::normal_frame(0, 0, 0, false);
     let _ = rig.keep_sending(&frame, 450_000);
-    assert!(rig.board.pings().is_empty(), "not before it stands");
+    assert!(rig.pings().is_empty(), "not before it stands");
     let _ = rig.keep_sending(&frame, 1_000_000);
-    let pings = rig.board.pings();
+    let pings = rig.pings();
     assert!(pings.len() > 30, "{}", pings.len());
     for ping in pings.iter().filter(|ping| ping.sensor == 0) {
         assert!(ping.bearing_rad.to_degrees().abs() < 0.7);
@@ -250,11 +238,11 @@ fn in_any_other_mode_a_servo_looks_straight_ahead_before_anything_is_measured() 
 
 // Requirement: DOC-1-2, DOC-2.2-3
 #[test]
-fn the_sweep_draws_the_room_around_the_robot() {
-    let mut swept = Swept::new(config(|_| {}), Params::default());
-    let mut survey = Mapping::new(mapper_config(&swept.config, 25.0));
-    let config = swept.config.clone();
-    for (at, report) in swept.frames(12_000_000) {
+fn scan_maps_room_around_robot() {
+    let mut robot = ScanningRobot::new(config(|_| {}), Params::default());
+    let mut survey = Mapping::new(mapper_config(&robot.config, 25.0));
+    let config = robot.config.clone();
+    for (at, report) in robot.frames(12_000_000) {
         let mut snapshot = host_link::snapshot::Snapshot::new(&config);
         snapshot.update(
             at / 1000,
@@ -271,7 +259,7 @@ fn the_sweep_draws_the_room_around_the_robot() {
         "{counters:?}"
     );
     // The first board's start looks along +x of its own frame: what was seen must be where walls are.
-    let room = swept.rig.board.world(|world| world.room().clone());
+    let room = robot.rig.world(|world| world.room().clone());
     let grid = survey.mapper().grid();
     let (mut right, mut wrong, mut ahead) = (0, 0, [0; 3]);
     for row in 0..grid.rows() {

@@ -1,19 +1,20 @@
-//! The rangefinders' turns, and the speed of sound from the chip's temperature.
+//! The rangefinders' schedule, and the speed of sound from the chip's temperature.
 
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::test_board::Rig;
-use twin::plant::{Params, Pose2, Room};
+use twin::plant::{Params, Pose2, RangefinderParams, Room};
 use twin::Options;
 
 /// No noise and no outliers, in air of `celsius`, the chip `over` K warmer.
 fn exact(celsius: f64, over: f64) -> Params {
-    let mut params = Params::default();
-    params.rangefinder.noise_mm = 0.0;
-    params.rangefinder.noise_per_mm = 0.0;
-    params.rangefinder.outlier = 0.0;
-    params.rangefinder.temperature_c = celsius;
-    params.chip_over_air_k = over;
-    params
+    Params {
+        rangefinder: RangefinderParams {
+            temperature_c: celsius,
+            ..RangefinderParams::exact()
+        },
+        chip_over_air_k: over,
+        ..Params::default()
+    }
 }
 
 /// Walls square to all three sensors, so far from them.
@@ -37,8 +38,7 @@ fn rig(room: Room, params: Params, calibration_words: Option<[u16; 3]>) -> Rig {
     if let Some(words) = calibration_words {
         options.calibration_words = words;
     }
-    let rig = Rig::new(options);
-    assert!(rig.await_ready(), "{}", rig.log());
+    let rig = Rig::ready(options);
     rig
 }
 
@@ -52,7 +52,7 @@ fn ranges(rig: &Rig, us: u64) -> [f64; 3] {
 
 // Requirement: DOC-2.2-2, WIRE-log-10
 #[test]
-fn distances_are_right_within_a_per_cent_in_the_cold_and_in_the_heat() {
+fn distance_within_1_percent_at_any_temperature() {
     let truth = [2000.0, 1200.0, 500.0];
     for celsius in [-10.0, 20.0, 45.0] {
         // A chip that warms up more or less than the firmware takes off.
@@ -71,7 +71,7 @@ fn distances_are_right_within_a_per_cent_in_the_cold_and_in_the_heat() {
 
 // Requirement: WIRE-log-10
 #[test]
-fn a_part_without_the_factorys_words_measures_at_343_m_per_s_and_says_so() {
+fn missing_calibration_words_use_343_m_per_s() {
     let rig = rig(
         walls(2000.0, 1200.0, 500.0),
         exact(19.3, 2.5),
@@ -87,25 +87,25 @@ fn a_part_without_the_factorys_words_measures_at_343_m_per_s_and_says_so() {
 }
 
 #[test]
-fn the_temperature_disturbs_no_cell() {
+fn temperature_conversion_keeps_cell_voltages() {
     let rig = rig(Room::default(), exact(20.0, 2.5), None);
-    rig.board.run_us(30_000);
+    rig.run_us(30_000);
     for _ in 0..60 {
         let back = rig.frame(&normal_frame(0, 0, 0, false));
         let reply = NormalReply::of(&back);
         let volts = f64::from(reply.voltage) / 200.0;
         assert!((3.5..4.25).contains(&volts), "{reply:?}");
-        rig.board.run_us(25_000);
+        rig.run_us(25_000);
     }
 }
 
 // Requirement: DOC-2.1-6
 #[test]
-fn three_sensors_that_answer_take_turns_every_20_ms() {
+fn rangefinders_ping_in_turn_every_20_ms() {
     let rig = rig(walls(2400.0, 2400.0, 2400.0), exact(20.0, 2.5), None);
     let told = ranges(&rig, 2_000_000);
     assert!(told.iter().all(|mm| (mm - 2400.0).abs() < 24.0), "{told:?}");
-    let pings = rig.board.pings();
+    let pings = rig.pings();
     for (nth, pair) in pings.windows(2).enumerate() {
         let apart = pair[1].at_ns - pair[0].at_ns;
         assert!(
@@ -117,7 +117,7 @@ fn three_sensors_that_answer_take_turns_every_20_ms() {
 }
 
 #[test]
-fn an_echo_from_beyond_the_range_is_never_heard_by_the_next_sensor() {
+fn late_echo_does_not_reach_next_sensor() {
     // 3.5 to 4 m: answers between 20 and 24 ms after the trigger.
     for far in [3450.0, 3600.0, 3800.0, 3990.0] {
         let rig = rig(walls(far, 1000.0, 1500.0), exact(20.0, 2.5), None);
@@ -131,7 +131,7 @@ fn an_echo_from_beyond_the_range_is_never_heard_by_the_next_sensor() {
                 );
             }
         }
-        let pings = rig.board.pings();
+        let pings = rig.pings();
         let front = pings.windows(2).filter(|pair| pair[0].sensor == 0);
         for pair in front {
             assert!(pair[1].at_ns - pair[0].at_ns >= 29_800_000);
@@ -142,19 +142,19 @@ fn an_echo_from_beyond_the_range_is_never_heard_by_the_next_sensor() {
 
 // Requirement: WIRE-log-9
 #[test]
-fn a_sensor_that_is_silent_is_told_and_one_with_nothing_in_range_is_not() {
+fn silent_rangefinder_is_logged() {
     let rig = rig(walls(9000.0, 1000.0, 1500.0), exact(20.0, 2.5), None);
     let told = ranges(&rig, 600_000);
     assert!(told[0].is_nan() && told[1] > 900.0);
     assert!(!rig.log().contains("silent"), "{}", rig.log());
     // Its line never goes up.
-    rig.board.set_faults(|faults| faults.unplugged[1] = true);
+    rig.set_faults(|faults| faults.unplugged[1] = true);
     let told = ranges(&rig, 600_000);
     assert!(told[0].is_nan() && told[1].is_nan() && told[2] > 1400.0);
     let log = rig.log();
     assert!(log.contains("right rangefinder silent"), "{log}");
     assert!(!log.contains("front rangefinder silent"), "{log}");
-    rig.board.set_faults(|faults| faults.unplugged[1] = false);
+    rig.set_faults(|faults| faults.unplugged[1] = false);
     assert!(ranges(&rig, 600_000)[1] > 900.0);
     assert!(
         rig.log().contains("right rangefinder answers"),

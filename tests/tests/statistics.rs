@@ -5,9 +5,8 @@ use fw_core::eeprom::first_board;
 use fw_core::wire::{frame_len, Cause, Field, Mode};
 use host_link::board_io::Interrupt;
 use host_link::session::{CommandRequest, Session, RATE_HZ};
-use host_link::settings::Settings;
 use pilot::virtual_board;
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{image_of, Rig};
 
 const SPI_HZ: u32 = 8_000_000;
 /// Frames in two seconds and a half: with them come a line of the log that tells of the pause, and
@@ -18,22 +17,18 @@ fn booted(mode: Mode) -> (Rig, fw_core::eeprom::Config) {
     let mut config = first_board();
     config.mode = mode;
     config.platform.servo = true;
-    let settings = Settings {
-        config: config.clone(),
-        platform_page: true,
-    };
-    let rig = Rig::booted(Some(settings.image().to_vec()));
-    assert!(rig.board.is_ready(), "{}", rig.log());
-    rig.board.run_us(100_000);
+    let image = image_of(&config);
+    let rig = Rig::configured(image);
+    rig.run_us(100_000);
     (rig, config)
 }
 
 // Requirement: DOC-5-3, DOC-5.2.2-5, WIRE-rejected-1, WIRE-log-3
 #[test]
-fn both_ends_count_what_was_on_the_wires_in_every_mode() {
+fn statistics_count_frames_of_both_ends() {
     for &mode in Mode::ALL {
         let (rig, config) = booted(mode);
-        let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
+        let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
         let mut session = Session::with_config(&mut machine, config.clone(), RATE_HZ);
         let exchange = |session: &mut Session, frames| {
             for _ in 0..frames {
@@ -48,18 +43,18 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
         wrong[0] = !config.key_from_pi;
         for _ in 0..3 {
             let _ = rig.frame(&wrong);
-            rig.board.run_us(100);
+            rig.run_us(100);
         }
         for len in [1, frame_len(mode) - 1, frame_len(mode) + 2] {
             let mut bytes = vec![0; len];
             bytes[0] = config.key_from_pi;
             let _ = rig.frame(&bytes);
-            rig.board.run_us(100);
+            rig.run_us(100);
         }
         // A pause that the stop deadline allows.
-        rig.board.run_us(100_000);
+        rig.run_us(100_000);
         exchange(&mut session, FRAMES);
-        rig.board.run_us(20_000);
+        rig.run_us(20_000);
         session.poll_log();
 
         let told = rig.log();
@@ -99,20 +94,20 @@ fn both_ends_count_what_was_on_the_wires_in_every_mode() {
 
 // Requirement: WIRE-log-3
 #[test]
-fn a_silent_link_leaves_the_log_alone() {
+fn statistics_silent_link_logs_nothing() {
     let (rig, config) = booted(Mode::GuardedNormal);
-    let mut machine = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
+    let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
     let mut session = Session::with_config(&mut machine, config, RATE_HZ);
     session.confirm_mode().expect("a good link");
-    rig.board.run_us(5_000_000);
+    rig.run_us(5_000_000);
     let lines = |log: &str| log.lines().filter(|line| line.contains(": L ")).count();
     assert_eq!(lines(&rig.log()), 1, "{}", rig.log());
-    rig.board.run_us(5_000_000);
+    rig.run_us(5_000_000);
     assert_eq!(lines(&rig.log()), 1, "{}", rig.log());
     session
         .exchange(&CommandRequest::default())
         .expect("a good link");
-    rig.board.run_us(1_100_000);
+    rig.run_us(1_100_000);
     session.poll_log();
     let stm = session.snapshot().stm.expect("a line");
     assert!(stm.worst_gap_us > 10_000_000, "{}", rig.log());

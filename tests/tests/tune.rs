@@ -12,12 +12,11 @@ use twin::plant::Room;
 use twin::Options;
 
 fn rig() -> Rig {
-    let rig = Rig::new(Options {
+    let rig = Rig::ready(Options {
         eeprom: Some(original_image()),
         room: Room::default(),
         ..Options::default()
     });
-    assert!(rig.await_ready(), "{}", rig.log());
     rig
 }
 
@@ -36,7 +35,7 @@ fn slope() -> f64 {
 
 fn tuned(axis: Axis) -> drive_model::DriveModel {
     let rig = rig();
-    let mut machine = board_io(&rig.board, 8_000_000, Interrupt::new());
+    let mut machine = board_io(&rig, 8_000_000, Interrupt::new());
     let original = eeprom::read(&mut machine).expect("the EEPROM");
     let plan = step_response::StepPlan {
         levels: vec![50.0, 75.0, 100.0],
@@ -65,7 +64,7 @@ fn tuned(axis: Axis) -> drive_model::DriveModel {
 
 // Requirement: DOC-5.2.2-2, DOC-5.2.3-4, WIRE-log-8
 #[test]
-fn tuning_finds_the_virtual_motors_gain_and_lag() {
+fn tuning_identifies_motor_gain_and_lag() {
     let lag = f64::midpoint(
         MotorParams::first_board_left().lag_s,
         MotorParams::first_board_right().lag_s,
@@ -87,9 +86,9 @@ fn tuning_finds_the_virtual_motors_gain_and_lag() {
 
 // Requirement: DOC-5.1.3-4, WIRE-battery-2
 #[test]
-fn tuning_the_battery_proposes_the_resistor_that_shows_the_reference() {
+fn tuning_battery_proposes_resistor() {
     let rig = rig();
-    let mut machine = board_io(&rig.board, 8_000_000, Interrupt::new());
+    let mut machine = board_io(&rig, 8_000_000, Interrupt::new());
     let mut session = Session::open(&mut machine, 40, 1000).expect("a session");
     for _ in 0..40 {
         session

@@ -1,27 +1,35 @@
 //! The source of randomness of a run.
 
-use rand_distr::{Distribution, StandardNormal, StandardUniform};
-use rand_pcg::rand_core::SeedableRng;
-use rand_pcg::Pcg64Mcg;
+use std::f64::consts::TAU;
 
-/// A seeded generator (PCG-64): the same seed yields the same numbers on every machine.
+use rand_xoshiro::rand_core::{Rng as _, SeedableRng};
+use rand_xoshiro::SplitMix64;
+
+/// A seeded generator: the same seed yields the same numbers on every machine.
 #[derive(Clone, Debug)]
-pub struct Rng(Pcg64Mcg);
+pub struct Rng(SplitMix64);
 
 impl Rng {
     /// A generator for this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self(Pcg64Mcg::seed_from_u64(seed))
+        Self(SplitMix64::seed_from_u64(seed))
+    }
+
+    /// 64 random bits.
+    pub fn next_u64(&mut self) -> u64 {
+        self.0.next_u64()
     }
 
     /// Uniform in 0 (included) .. 1 (excluded).
+    #[allow(clippy::cast_precision_loss)] // 53 bits fit a f64 exactly
     pub fn unit(&mut self) -> f64 {
-        StandardUniform.sample(&mut self.0)
+        (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Normally distributed with mean 0 and standard deviation 1.
+    /// Normally distributed with mean 0 and standard deviation 1 (Box-Muller).
     pub fn normal(&mut self) -> f64 {
-        StandardNormal.sample(&mut self.0)
+        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
+        radius * (TAU * self.unit()).cos()
     }
 }

@@ -10,10 +10,11 @@ mod pose_error;
 mod report;
 
 use std::error::Error;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use std::{env, fs};
 
+use clap::Parser;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::drive::{self, ArrivalCriteria};
 use host_link::eeprom;
@@ -24,7 +25,7 @@ use host_link::statistics::LinkStatistics;
 use mapper::{map_iou, map_plot, MapScore};
 use pilot::mapping::{mapper_config, Mapping, RangeSample};
 use pilot::virtual_board;
-use pose_error::Trail;
+use pose_error::PoseErrors;
 use report::Report;
 use robot_tests::stack::Stack;
 use twin::plant::Room;
@@ -32,8 +33,8 @@ use twin::{Board, Options};
 
 /// The configuration that the demo writes, as a user would.
 const CONFIGURATION: &str = "host-link/config/first-board.toml";
-/// A blank EEPROM must keep READY low for this long to count as refused, microseconds.
-const PATIENCE_US: u64 = 1_000_000;
+/// How long READY must stay low with a blank EEPROM, microseconds.
+const REFUSAL_US: u64 = 1_000_000;
 /// How long READY may take after the configuration is written, milliseconds.
 const READY_MS: u32 = 1_000;
 /// The Pi's SPI clock, hertz.
@@ -43,20 +44,22 @@ const CELL_MM: f64 = 25.0;
 /// How near an occupied cell and a wall must be to agree, millimetres.
 const TOLERANCE_MM: f64 = 100.0;
 
+/// Drives the default room's tour on the virtual board and writes map, trajectory and report.
+#[derive(Parser)]
 struct Arguments {
+    /// The release ELF
+    #[arg(long)]
     elf: PathBuf,
+    /// Where the files go
+    #[arg(long, default_value = "target/demo")]
     out: PathBuf,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
 fn main() {
-    let arguments = match arguments() {
-        Ok(arguments) => arguments,
-        Err(error) => {
-            eprintln!("demo: {error}. Usage: demo --elf PATH [--out DIRECTORY] [--seed N]");
-            std::process::exit(2);
-        }
-    };
+    let arguments = Arguments::parse();
     match run(&arguments) {
         Ok(report) if report.missed_bars.is_empty() => {}
         Ok(report) => {
@@ -70,29 +73,6 @@ fn main() {
             std::process::exit(1);
         }
     }
-}
-
-fn arguments() -> Result<Arguments, String> {
-    let (mut elf, mut out, mut seed) = (None, PathBuf::from("target/demo"), 1);
-    let mut words = env::args().skip(1);
-    while let Some(word) = words.next() {
-        let value = words.next().ok_or(format!("{word} needs a value"))?;
-        match word.as_str() {
-            "--elf" => elf = Some(PathBuf::from(value)),
-            "--out" => out = PathBuf::from(value),
-            "--seed" => {
-                seed = value
-                    .parse()
-                    .map_err(|_| format!("--seed {value}: accepted is a whole number"))?;
-            }
-            _ => return Err(format!("unknown argument {word}")),
-        }
-    }
-    Ok(Arguments {
-        elf: elf.ok_or("--elf is missing")?,
-        out,
-        seed,
-    })
 }
 
 fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
@@ -113,7 +93,7 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
     );
     let drive = drive_tour(&mut machine, &board, &room)?;
     println!("4/5  draw the map");
-    let agreement = draw(&drive, &board, &room, &arguments.out)?;
+    let score = draw(&drive, &board, &room, &arguments.out)?;
 
     println!("5/5  report");
     let unmodelled = board.unmodelled();
@@ -130,15 +110,15 @@ fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
         frames_accepted: drive.link.accepted,
         frames_rejected: drive.link.rejected,
         reset_to_ready_ms,
-        position_error_mm_max: drive.trail.worst_mm,
-        heading_error_deg_max: drive.trail.worst_deg,
-        position_error_mm_max_with_latency: drive.trail.late_mm,
-        heading_error_deg_max_with_latency: drive.trail.late_deg,
-        position_error_mm_end: drive.trail.last_mm,
-        heading_error_deg_end: drive.trail.last_deg,
-        map_iou: agreement.iou,
-        map_precision: agreement.precision,
-        map_recall: agreement.recall,
+        position_error_mm_max: drive.errors.worst_mm,
+        heading_error_deg_max: drive.errors.worst_deg,
+        position_error_mm_max_with_latency: drive.errors.late_mm,
+        heading_error_deg_max_with_latency: drive.errors.late_deg,
+        position_error_mm_end: drive.errors.last_mm,
+        heading_error_deg_end: drive.errors.last_deg,
+        map_iou: score.iou,
+        map_precision: score.precision,
+        map_recall: score.recall,
         collisions: truth.collisions,
         instructions: board.instructions(),
         stack_used_bytes: stack.used(&board),
@@ -166,7 +146,7 @@ fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<(Board, Stack), Box<
         },
     )?;
     let stack = Stack::paint(elf, &board)?;
-    if board.run_until(PATIENCE_US, 10_000, Board::is_ready) {
+    if board.run_until(REFUSAL_US, 10_000, Board::is_ready) {
         return Err("READY rose without a configuration".into());
     }
     let log = String::from_utf8_lossy(&board.uart()).into_owned();
@@ -192,10 +172,10 @@ fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
     Ok(programmed.ready_ms)
 }
 
-/// What a drive leaves.
+/// The result of a drive.
 struct Drive {
     survey: Mapping,
-    trail: Trail,
+    errors: PoseErrors,
     link: LinkStatistics,
     virtual_seconds: f64,
     wall_seconds: f64,
@@ -204,7 +184,7 @@ struct Drive {
 fn drive_tour(machine: &mut BoardIo, board: &Board, room: &Room) -> Result<Drive, Box<dyn Error>> {
     let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
     let mut survey = Mapping::new(mapper_config(session.config(), CELL_MM));
-    let mut trail = Trail::new(board, room);
+    let mut errors = PoseErrors::new(board, room);
     let way: Vec<Pose> = room.tour.iter().map(|pose| place(*pose)).collect();
     let begun_us = board.now_us();
     let begun = Instant::now();
@@ -214,7 +194,7 @@ fn drive_tour(machine: &mut BoardIo, board: &Board, room: &Room) -> Result<Drive
         &ArrivalCriteria::default(),
         |_, snapshot| {
             if let Some(look) = RangeSample::of(snapshot) {
-                trail.note(board, look.pose);
+                errors.record(board, look.pose);
                 survey.add(&look);
             }
         },
@@ -235,21 +215,25 @@ fn drive_tour(machine: &mut BoardIo, board: &Board, room: &Room) -> Result<Drive
     Ok(Drive {
         link: session.statistics(),
         survey,
-        trail,
+        errors,
         virtual_seconds: seconds(board.now_us() - begun_us),
         wall_seconds: begun.elapsed().as_secs_f64(),
     })
 }
 
-/// Leaves the map, the trajectory and the log; how well the map agrees with the true walls.
+/// Writes the map, the trajectory and the log; compares the map with the true walls.
 fn draw(drive: &Drive, board: &Board, room: &Room, out: &Path) -> Result<MapScore, Box<dyn Error>> {
     // The robot's frame: where it stood at its reset.
     let walls = room.relative_to_start().visible_surfaces();
     let grid = drive.survey.mapper().grid();
     drive.survey.save_map(&out.join("map"))?;
     fs::write(out.join("map.png"), map_plot::map(grid)?)?;
-    let trajectory =
-        map_plot::trajectory(grid, &drive.trail.believed, &drive.trail.true_path, &walls)?;
+    let trajectory = map_plot::trajectory(
+        grid,
+        &drive.errors.estimate,
+        &drive.errors.true_path,
+        &walls,
+    )?;
     fs::write(out.join("trajectory.png"), trajectory)?;
     fs::write(out.join("uart.log"), board.uart())?;
     Ok(map_iou(grid, &walls, TOLERANCE_MM))

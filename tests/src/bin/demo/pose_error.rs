@@ -1,4 +1,4 @@
-//! Where the robot believed it was against where it was.
+//! The reported pose against the true one.
 
 use host_link::pose::Pose;
 use robot_tests::test_board::TIM5_CCR1;
@@ -6,14 +6,14 @@ use twin::plant::{Pose2, Room};
 use twin::trace::EventKind;
 use twin::Board;
 
-/// From a reply's last tick to the frame that carries it out: at least the tick's own work and the
-/// frame, nanoseconds. A tick nearer than this is not in the reply yet.
+/// Shortest time from a tick to the end of the frame that reports it, nanoseconds: the tick's own work
+/// and the frame. A later tick is not in the reply yet.
 const NEAREST_NS: u64 = 80_000;
 
-/// Belief and truth, report by report.
-pub struct Trail {
+/// Reported and true poses, and their differences.
+pub struct PoseErrors {
     start: Pose2,
-    pub believed: Vec<Pose2>,
+    pub estimate: Vec<Pose2>,
     pub true_path: Vec<Pose2>,
     pub worst_mm: f64,
     pub worst_deg: f64,
@@ -26,16 +26,13 @@ pub struct Trail {
     ticks: Vec<u64>,
 }
 
-impl Trail {
+impl PoseErrors {
     pub fn new(board: &Board, room: &Room) -> Self {
-        debug_assert!(
-            board.truth().path_mm < 1.0,
-            "the robot stands where it was put"
-        );
+        debug_assert!(board.truth().path_mm < 1.0, "the robot is at its start");
         board.trace_writes(TIM5_CCR1);
         Self {
             start: room.start,
-            believed: Vec::new(),
+            estimate: Vec::new(),
             true_path: Vec::new(),
             worst_mm: 0.0,
             worst_deg: 0.0,
@@ -49,7 +46,7 @@ impl Trail {
 
     /// The reply of a frame that has just ended. Its pose is that of the tick before the frame; the
     /// truth of that instant is the truth now, rolled back by the wheels' speeds.
-    pub fn note(&mut self, board: &Board, believed: Pose) {
+    pub fn record(&mut self, board: &Board, reported: Pose) {
         self.ticks.extend(
             board
                 .take_events()
@@ -80,13 +77,13 @@ impl Trail {
         });
         let truth = self.place(&then);
         let late = self.place(&now.pose);
-        self.last_mm = believed.distance_mm(truth);
-        self.last_deg = believed.rotation_to_deg(truth).abs();
+        self.last_mm = reported.distance_mm(truth);
+        self.last_deg = reported.rotation_to_deg(truth).abs();
         self.worst_mm = self.worst_mm.max(self.last_mm);
         self.worst_deg = self.worst_deg.max(self.last_deg);
-        self.late_mm = self.late_mm.max(believed.distance_mm(late));
-        self.late_deg = self.late_deg.max(believed.rotation_to_deg(late).abs());
-        self.believed.push(mapped(believed));
+        self.late_mm = self.late_mm.max(reported.distance_mm(late));
+        self.late_deg = self.late_deg.max(reported.rotation_to_deg(late).abs());
+        self.estimate.push(mapped(reported));
         self.true_path.push(mapped(truth));
     }
 
