@@ -1,13 +1,11 @@
 //! The handle on a virtual robot: boot it, let virtual time pass, inspect it.
 
-use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
 use plant::{Pose2, Sides, World};
 use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
-use rigless::soc::Width;
 
 use crate::board_model::{BoardModel, OutputChange, Ping};
 use crate::components::bridge;
@@ -348,41 +346,6 @@ impl Board {
     )]
     pub fn spi_steps(&self, steps: Vec<SpiStep>) -> Vec<bool> {
         running(self.try_spi_steps(steps))
-    }
-
-    /// The words in memory from `address` on, as a debugger reads them. Panics where there is no
-    /// memory.
-    #[must_use]
-    pub fn words(&self, address: u64, count: u64) -> Vec<u32> {
-        self.stopped(move |stopped| {
-            let mut word = |nth| {
-                let word = stopped.host.read(address + 4 * nth, Width::W32).ok();
-                word.and_then(|word| u32::try_from(word).ok())
-            };
-            let words: Option<Vec<u32>> = (0..count).map(&mut word).collect();
-            words.unwrap_or_else(|| panic!("no memory at {address:#x}"))
-        })
-    }
-
-    /// Fills RAM with a byte, to find later what the firmware has overwritten. Panics where there is
-    /// no RAM.
-    pub fn paint(&self, range: Range<u64>, byte: u8) {
-        self.stopped(move |stopped| {
-            for address in range {
-                let written = stopped.host.write(address, Width::W8, byte.into());
-                written.unwrap_or_else(|error| panic!("{address:#x}: {error}"));
-            }
-        });
-    }
-
-    /// How many bytes from the start of a painted range are still unchanged.
-    #[must_use]
-    pub fn painted(&self, range: Range<u64>, byte: u8) -> u64 {
-        self.stopped(move |stopped| {
-            let mut read = |address| stopped.host.read(address, Width::W8).ok();
-            let changed = range.clone().find(|&at| read(at) != Some(byte.into()));
-            changed.unwrap_or(range.end) - range.start
-        })
     }
 }
 

@@ -4,6 +4,8 @@
 //! [`BoardModel::step`] runs at every stop of the emulator. It carries out what is due, in the order
 //! of the board's signals, and requests the next stop; nothing polls.
 
+mod spi_lines;
+
 use std::collections::VecDeque;
 
 use plant::{Pose2, Sides, World};
@@ -17,7 +19,7 @@ use crate::components::i2c_bus::{I2cController, SharedBus};
 use crate::components::mpu6050::Mpu6050;
 use crate::components::rangefinder::Rangefinder;
 use crate::components::servo::ServoLine;
-use crate::components::spi_master::{SpiAction, SpiMaster};
+use crate::components::spi_master::SpiMaster;
 use crate::components::uart_receiver::{is_readable, LogByte, UartReceiver};
 use crate::pin::Pin;
 use crate::pinout;
@@ -28,11 +30,7 @@ pub const TICK_NS: u64 = 1_000_000;
 const TICK_S: f64 = 0.001;
 const TICK_LENGTH: f64 = 1e6;
 
-/// Edges of the chip select that are kept while nothing traces them.
-const SELECTS_KEPT: usize = 16;
-
-/// The alternate functions that connect SPI1, USART1 and TIM1 to their pins.
-const SPI_FUNCTION: Role = Role::Function(5);
+/// The alternate functions that connect USART1 and TIM1 to their pins.
 const USART_FUNCTION: Role = Role::Function(7);
 const TIM1_FUNCTION: Role = Role::Function(1);
 
@@ -303,62 +301,6 @@ impl BoardModel {
         if let Some(width_us) = self.servo.level(now.0, high) {
             self.world.servo_mut().pulse(width_us);
         }
-    }
-
-    /// Plays the Pi's SPI steps.
-    fn run_spi(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
-        while let Some(action) = self.next_action(chip, now) {
-            match action {
-                SpiAction::Select(selected) => {
-                    self.nss = Level::from(!selected);
-                    if self.selects.len() == SELECTS_KEPT {
-                        self.selects.pop_front();
-                    }
-                    self.selects.push_back((now.0, selected));
-                    chip.drive_pin(now, pinout::NSS, Some(self.nss));
-                    self.route_nss(chip, now);
-                }
-                SpiAction::Clock(bit) => {
-                    let [sck, mosi, miso] = [pinout::SCK, pinout::MOSI, pinout::MISO]
-                        .map(|pin| chip.role(pin) == SPI_FUNCTION);
-                    self.route_nss(chip, now);
-                    let clock = |chip: &mut Stm32f411| {
-                        chip.drive_spi(now, |spi, registers, context| {
-                            spi.clock(bit && mosi, registers, context)
-                        })
-                    };
-                    let output = if sck { clock(chip) } else { None };
-                    // The Pi pulls an undriven MISO down.
-                    self.spi.receive(output.unwrap_or(false) && miso);
-                }
-            }
-        }
-    }
-
-    /// How many of the master's clocks may pass before the slave does something visible.
-    fn clocks_ahead(chip: &Stm32f411) -> usize {
-        let registers = chip.spi_registers();
-        if chip.spi.is_selected(registers) {
-            chip.spi.clocks_to_act(registers) as usize - 1
-        } else {
-            0
-        }
-    }
-
-    /// The next action due by `now`, once the clock at which the slave acts is due.
-    fn next_action(&mut self, chip: &Stm32f411, now: VirtualNanos) -> Option<SpiAction> {
-        if self.spi.next_event(Self::clocks_ahead(chip))? > now.0 {
-            return None;
-        }
-        self.spi.take(now.0)
-    }
-
-    fn route_nss(&self, chip: &mut Stm32f411, now: VirtualNanos) {
-        let routed = chip.role(pinout::NSS) == SPI_FUNCTION;
-        let level = routed.then_some(self.nss);
-        chip.drive_spi(now, |spi, registers, context| {
-            spi.set_nss(level, registers, context);
-        });
     }
 
     /// Drives the encoders' edges that are due.

@@ -1,10 +1,17 @@
-//! Measurements on a running board: [`crate::trace`] says by which method.
+//! Measurements on a running board: traces ([`crate::trace`] has the method) and memory.
+
+use std::ops::Range;
 
 use rigless::emulator::Watch;
+use rigless::soc::Width;
 
 use crate::board::Board;
 use crate::trace::{functions, Event, Function, TraceError, TracedFunction};
 
+#[expect(
+    clippy::missing_panics_doc,
+    reason = "the type's documentation says when every method panics"
+)]
 impl Board {
     /// Traces every run through the function `name` from now on: [`crate::trace`].
     ///
@@ -52,5 +59,40 @@ impl Board {
     #[must_use]
     pub fn take_events(&self) -> Vec<Event> {
         self.stopped(|stopped| std::mem::take(&mut stopped.tracer.events))
+    }
+
+    /// The words in memory from `address` on, as a debugger reads them. Panics where there is no
+    /// memory.
+    #[must_use]
+    pub fn words(&self, address: u64, count: u64) -> Vec<u32> {
+        self.stopped(move |stopped| {
+            let mut word = |nth| {
+                let word = stopped.host.read(address + 4 * nth, Width::W32).ok();
+                word.and_then(|word| u32::try_from(word).ok())
+            };
+            let words: Option<Vec<u32>> = (0..count).map(&mut word).collect();
+            words.unwrap_or_else(|| panic!("no memory at {address:#x}"))
+        })
+    }
+
+    /// Fills RAM with a byte, to find later what the firmware has overwritten. Panics where there is
+    /// no RAM.
+    pub fn paint(&self, range: Range<u64>, byte: u8) {
+        self.stopped(move |stopped| {
+            for address in range {
+                let written = stopped.host.write(address, Width::W8, byte.into());
+                written.unwrap_or_else(|error| panic!("{address:#x}: {error}"));
+            }
+        });
+    }
+
+    /// How many bytes from the start of a painted range are still unchanged.
+    #[must_use]
+    pub fn painted(&self, range: Range<u64>, byte: u8) -> u64 {
+        self.stopped(move |stopped| {
+            let mut read = |address| stopped.host.read(address, Width::W8).ok();
+            let changed = range.clone().find(|&at| read(at) != Some(byte.into()));
+            changed.unwrap_or(range.end) - range.start
+        })
     }
 }
