@@ -254,14 +254,14 @@ const LIMIT: usize = 2_000_000;
 
 // Requirement: WIRE-deadline-1
 #[test]
-fn no_order_of_events_lets_the_motors_run_in_silence() {
+fn link_silence_brakes_in_every_order() {
     let visited = search(&Link::Right, LIMIT).unwrap_or_else(|found| panic!("{found}"));
     println!("{visited:?}");
     assert!(visited.states > 1_000 && visited.depth > 8);
 }
 
 #[test]
-fn every_way_to_break_the_link_is_found() {
+fn broken_link_is_found() {
     for (broken, expected) in [
         (Link::Trusting, "silent"),
         (Link::Blind, "silent"),

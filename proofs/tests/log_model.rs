@@ -549,21 +549,21 @@ const LIMIT: usize = 10_000_000;
 
 // Requirement: WIRE-log-2
 #[test]
-fn no_interleaving_tears_a_line_or_loses_one_unseen() {
+fn log_keeps_lines_in_every_interleaving() {
     let visited = search(&Service::Right, LIMIT).unwrap_or_else(|found| panic!("{found}"));
     println!("{visited:?}");
     assert!(visited.states > 10_000);
 }
 
 #[test]
-fn what_is_rare_is_met() {
+fn log_search_meets_rare_states() {
     let found = search(&Service::Wanted, LIMIT).expect_err("wanted");
     println!("{found}");
     assert!(found.broken.contains("a line after a report"));
 }
 
 #[test]
-fn every_way_to_break_the_transmitter_is_found() {
+fn broken_transmitter_is_found() {
     for (broken, expected) in [
         (Service::Impatient, "free to be overwritten"),
         (Service::Restarting, "torn line"),

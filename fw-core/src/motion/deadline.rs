@@ -35,6 +35,8 @@ impl StopDeadline {
     /// `now` may lie before the last frame by up to half the clock's range: an interrupt that reads
     /// its clock first may run later.
     // Requirement: WIRE-deadline-1
+    #[allow(clippy::inline_always, reason = "every frame calls it")]
+    #[inline(always)]
     #[must_use]
     pub fn expired(&mut self, now: Micros) -> bool {
         let silence = now.since(self.last) as i32;

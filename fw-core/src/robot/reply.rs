@@ -4,7 +4,7 @@
 use super::{MeasuredQuantity, Robot};
 use crate::binary64::Binary64;
 use crate::types::{Pose, RangefinderId};
-use crate::wire::{CellCode, DistanceCode, PoseCode, Report, MAX_FRAME};
+use crate::wire::{CellCode, DistanceCode, PoseCode, MAX_FRAME};
 
 impl Robot {
     /// Pose, measurement and voltages of a tick, in the wire's codes.
@@ -35,21 +35,19 @@ impl Robot {
     /// advance, in any order.
     // Requirement: DOC-5.2.1-2, DOC-5.2.2-4, DOC-5.2.3-3, WIRE-battery-1
     #[inline]
-    pub fn encode_reply(&self, number: u32, out: &mut [u8; MAX_FRAME]) -> usize {
-        let report = Report {
-            cell: self.cell_of_reply(number),
-            faults: self.supervisor.faults(),
-            state: self.supervisor.state(),
-            ..self.report
-        };
-        self.link.encode_reply(number, &report, out)
+    pub fn encode_reply(&mut self, number: u32, out: &mut [u8; MAX_FRAME]) -> usize {
+        // In place: a copy of the report costs a dozen instructions.
+        self.report.cell = self.cell_of_reply(number);
+        self.report.faults = self.supervisor.faults();
+        self.report.state = self.supervisor.state();
+        self.link.encode_reply(number, &self.report, out)
     }
 
     /// One cell a reply, in turn. After 2³² replies one cell may be repeated or left out.
     #[inline]
     fn cell_of_reply(&self, number: u32) -> CellCode {
         let cells = u32::from(self.battery.cells());
-        let cell = number.wrapping_sub(1).checked_rem(cells).unwrap_or(0);
+        let cell = number.wrapping_sub(1).checked_rem(cells).unwrap_or(0) & 7;
         let voltage = self.voltages.get(cell as usize).copied();
         CellCode {
             cell: cell as u8,

@@ -140,6 +140,8 @@ impl Supervisor {
     }
 
     // Requirement: WIRE-deadline-1
+    #[allow(clippy::inline_always, reason = "every frame calls it")]
+    #[inline(always)]
     fn check_deadline(&mut self, now: Micros) {
         if self.linked && self.deadline.expired(now) && !self.halted {
             self.halted = true;

@@ -96,7 +96,7 @@ fn runs(outputs: &TickOutput) -> bool {
 
 // Requirement: WIRE-deadline-3
 #[test]
-fn without_a_frame_nothing_moves() {
+fn robot_without_frame_coasts() {
     let mut bench = Bench::new(Mode::Normal);
     for _ in 0..1000 {
         let outputs = bench.tick();
@@ -110,7 +110,7 @@ fn without_a_frame_nothing_moves() {
 
 // Requirement: DOC-5.1.1-4
 #[test]
-fn a_target_without_the_apply_bit_is_not_driven_to() {
+fn target_without_apply_is_not_driven() {
     let mut bench = Bench::new(Mode::Normal);
     for _ in 0..10 {
         bench.frame(&Command {
@@ -122,7 +122,7 @@ fn a_target_without_the_apply_bit_is_not_driven_to() {
 }
 
 #[test]
-fn an_applied_target_drives_and_silence_brakes_within_the_deadline() {
+fn applied_target_drives_until_silence_brakes() {
     let mut bench = Bench::new(Mode::Normal);
     bench.frame(&go(1000));
     let mut ticks = 0;
@@ -151,7 +151,7 @@ fn an_applied_target_drives_and_silence_brakes_within_the_deadline() {
 
 // Requirement: WIRE-fault-2, WIRE-rejected-4
 #[test]
-fn a_rejected_frame_changes_nothing_but_the_counters_and_does_not_feed_the_deadline() {
+fn rejected_frame_does_not_feed_stop_deadline() {
     let mut bench = Bench::new(Mode::Normal);
     bench.frame(&go(1000));
     let mut frame = [0; MAX_FRAME];
@@ -175,7 +175,7 @@ fn a_rejected_frame_changes_nothing_but_the_counters_and_does_not_feed_the_deadl
 }
 
 #[test]
-fn replies_carry_the_pose_and_walk_the_cells() {
+fn replies_carry_pose_and_cells_in_turn() {
     let mut bench = Bench::new(Mode::Normal);
     // Both wheels roll forward by 1000 counts: the first board's encoders count down.
     bench.sample.left = bench.sample.left.wrapping_sub(1000);
@@ -201,28 +201,28 @@ fn replies_carry_the_pose_and_walk_the_cells() {
 #[test]
 fn reply_depends_on_its_number_and_newest_data_only() {
     let mut bench = Bench::new(Mode::GuardedNormal);
-    let encoded = |robot: &Robot, number| {
+    let encoded = |robot: &mut Robot, number| {
         let mut out = [0; MAX_FRAME];
         robot.encode_reply(number, &mut out);
         out
     };
-    let first = encoded(&bench.robot, 1);
+    let first = encoded(&mut bench.robot, 1);
     for number in [2, 1, 5, 258, u32::MAX, 0, 1] {
-        let reply = encoded(&bench.robot, number);
+        let reply = encoded(&mut bench.robot, number);
         assert_eq!(u32::from(reply[1]), number & 0xFF);
         assert_eq!(u32::from(reply[16] >> 5), number.wrapping_sub(1) % 2);
     }
-    assert_eq!(encoded(&bench.robot, 1), first);
+    assert_eq!(encoded(&mut bench.robot, 1), first);
     bench.sample.left = bench.sample.left.wrapping_sub(100);
     bench.tick();
-    let fresher = encoded(&bench.robot, 1);
+    let fresher = encoded(&mut bench.robot, 1);
     assert_eq!((fresher[1], fresher[16] >> 5), (1, 0));
     assert_ne!(fresher[6..16], first[6..16]);
 }
 
 // Requirement: WIRE-status-2, WIRE-deadline-5
 #[test]
-fn guarded_stop_and_resume_are_orders() {
+fn guarded_stop_needs_resume_order() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     bench.frame(&go(1000));
     assert!(runs(&bench.tick()));
@@ -246,7 +246,7 @@ fn guarded_stop_and_resume_are_orders() {
 
 // Requirement: DOC-5.2.2-2, WIRE-deadline-5, WIRE-log-7
 #[test]
-fn tuning_sets_the_constant_duty_logs_every_sample_and_needs_zero_after_a_stop() {
+fn tuning_stop_needs_zero_percent() {
     let mut bench = Bench::new(Mode::TuneRotate);
     let fifty = Command {
         percent: Binary64(50.0_f64.to_bits()),
@@ -278,7 +278,7 @@ fn tuning_sets_the_constant_duty_logs_every_sample_and_needs_zero_after_a_stop()
 }
 
 #[test]
-fn an_empty_battery_stops_the_robot_for_good() {
+fn empty_battery_stops_robot() {
     let mut bench = Bench::new(Mode::Normal);
     let mut last = MotorCommand::Coast;
     for _ in 0..100 {
@@ -297,7 +297,7 @@ fn an_empty_battery_stops_the_robot_for_good() {
 }
 
 #[test]
-fn wheels_that_do_not_turn_stop_the_robot_within_a_second_and_name_the_fault() {
+fn blocked_wheels_fault_within_a_second() {
     let mut bench = Bench::new(Mode::Normal);
     let mut ticks = 0;
     while bench.robot.state() != State::Faulted {

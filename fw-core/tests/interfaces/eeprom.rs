@@ -58,7 +58,7 @@ fn value(row: &Row) -> u64 {
 
 // Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1
 #[test]
-fn the_fields_stand_where_the_tables_say_with_these_ranges_and_values() {
+fn field_tables_match_document() {
     let rows = rows(&COLUMNS);
     let (key, rest) = rows.split_first().expect("the key");
     let (crc, rows) = rest.split_last().expect("the checksum");
@@ -87,7 +87,7 @@ fn the_fields_stand_where_the_tables_say_with_these_ranges_and_values() {
 
 // Requirement: WIRE-eeprom-8
 #[test]
-fn the_tables_alone_make_the_first_boards_image() {
+fn document_tables_make_first_board_image() {
     let mut by_table = [0xFF_u8; IMAGE_LEN];
     by_table[..KEY.len()].copy_from_slice(&KEY);
     for row in rows(&COLUMNS) {
@@ -111,7 +111,7 @@ fn the_tables_alone_make_the_first_boards_image() {
 
 // Requirement: WIRE-refused-1
 #[test]
-fn the_rules_between_fields_are_these() {
+fn rule_table_matches_document() {
     let listed: Vec<_> = rows(&["address", "field", "accepted"])
         .iter()
         .flat_map(|row| {

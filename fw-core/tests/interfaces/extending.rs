@@ -4,7 +4,7 @@ use crate::table::rows_of;
 
 // Requirement: WIRE-chain-3
 #[test]
-fn every_place_that_the_how_to_names_is_there() {
+fn extending_guide_names_existing_code() {
     let rows = rows_of(
         include_str!("../../../docs/extending.md"),
         &["file", "at", "what"],

@@ -17,7 +17,7 @@ fn vectors(name: &str) -> Vec<Value> {
 
 // Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2, WIRE-modes-5, WIRE-modes-6
 #[test]
-fn the_modes_have_these_numbers_names_chains_and_lengths() {
+fn mode_table_matches_document() {
     let rows = rows(&["mode", "name", "chain", "bytes"]);
     assert_eq!(rows.len(), Mode::ALL.len());
     for (row, &mode) in rows.iter().zip(Mode::ALL) {
@@ -31,7 +31,7 @@ fn the_modes_have_these_numbers_names_chains_and_lengths() {
 
 // Requirement: DOC-5-1
 #[test]
-fn the_strategies_have_these_names_and_lengths() {
+fn strategy_table_matches_document() {
     let rows = rows(&["strategy", "bytes", "Pi → STM", "STM → Pi"]);
     assert_eq!(rows.len(), Field::ALL.len());
     for row in rows {
@@ -67,7 +67,7 @@ fn fault_table_matches_document() {
 
 // Requirement: WIRE-status-2, WIRE-status-6
 #[test]
-fn the_states_have_these_codes_names_and_leds() {
+fn state_table_matches_document() {
     let rows = rows(&["code", "state", "meaning", "LED 1 2 3 4"]);
     let states: Vec<_> = (0..=u8::MAX).filter_map(State::from_code).collect();
     assert_eq!(rows.len(), states.len());
@@ -87,7 +87,7 @@ fn the_states_have_these_codes_names_and_leds() {
 
 // Requirement: WIRE-status-2
 #[test]
-fn the_orders_have_these_codes_and_names() {
+fn order_table_matches_document() {
     let rows = rows(&["code", "order", "meaning"]);
     let orders: Vec<_> = (0..=u8::MAX).filter_map(Order::from_code).collect();
     assert_eq!(rows.len(), orders.len());
@@ -101,7 +101,7 @@ fn the_orders_have_these_codes_and_names() {
 /// by a pair that the table does not have. That the code rejects them so is the vectors' own test.
 // Requirement: WIRE-rejected-2
 #[test]
-fn the_causes_are_these_and_come_from_these_strategies() {
+fn cause_table_matches_document() {
     let rows = rows(&["cause", "strategies", "when"]);
     let names: Vec<_> = rows.iter().map(|row| row.get("cause")).collect();
     assert_eq!(names, Cause::ALL.map(Cause::name));
@@ -131,7 +131,7 @@ fn the_causes_are_these_and_come_from_these_strategies() {
 }
 
 #[test]
-fn the_examples_are_frames_that_are_understood() {
+fn example_frames_are_accepted() {
     for row in rows(&["mode", "from", "says", "frame"]) {
         let frame: Vec<u8> = row
             .get("frame")

@@ -72,16 +72,6 @@ impl Bench {
         self.robot.on_frame(&frame, &mut self.log);
         self.pi.receive(&back[..len]).expect("a valid reply")
     }
-
-    /// What the log has said since it was asked last.
-    fn said(&mut self) -> String {
-        let mut text = Vec::new();
-        while !self.log.pending().is_empty() {
-            text.extend_from_slice(self.log.pending());
-            self.log.sent(self.log.pending().len());
-        }
-        String::from_utf8(text).expect("ASCII")
-    }
 }
 
 /// To drive to: millimetres along x, and hundredths of a turn.

@@ -6,9 +6,8 @@
 use crate::{duty, go, percent, Bench};
 use fw_core::eeprom::{Platform, FIELDS};
 use fw_core::robot::TickOutput;
-use fw_core::sensing::mpu6050::{BusRequest, BusResult};
 use fw_core::types::{Faults, RangefinderId};
-use fw_core::wire::{CellCode, Command, Mode, Report, State};
+use fw_core::wire::{Command, Mode, Report, State};
 use std::f64::consts::{PI, TAU};
 
 type Change = fn(&mut Platform);
@@ -18,7 +17,7 @@ fn bench(mode: Mode, change: Change) -> Bench {
 }
 
 #[test]
-fn no_field_of_the_page_is_forgotten_here() {
+fn platform_fields_are_all_tested() {
     let here = [
         "counts_per_turn",
         "wheel_diameter_left",
@@ -28,7 +27,6 @@ fn no_field_of_the_page_is_forgotten_here() {
         "rangefinders",
         "bearings.front",
         "servo",
-        "gyro",
         "stop_deadline",
         "dead_zone_left",
         "dead_zone_right",
@@ -38,7 +36,6 @@ fn no_field_of_the_page_is_forgotten_here() {
         "battery_cutoff",
         "position_tolerance",
         "rotation_tolerance",
-        "log_period",
         "servo_travel",
     ];
     let elsewhere = [
@@ -47,6 +44,8 @@ fn no_field_of_the_page_is_forgotten_here() {
         "bearings.right",
         "bearings.left",
         "log_baud",
+        "gyro",
+        "log_period",
     ];
     let mut names: Vec<_> = here.into_iter().chain(elsewhere).collect();
     let mut page: Vec<_> = FIELDS
@@ -77,7 +76,7 @@ fn rolled(change: Change, left: i32, right: i16) -> (f64, f64) {
 
 // Requirement: WIRE-platform-2
 #[test]
-fn counts_diameters_and_track_make_the_pose_of_the_counts() {
+fn geometry_fields_scale_the_pose() {
     let changes: [Change; 6] = [
         |_| {},
         |platform| platform.counts_per_turn = 1000,
@@ -118,7 +117,7 @@ fn counts_diameters_and_track_make_the_pose_of_the_counts() {
 
 // Requirement: WIRE-platform-3
 #[test]
-fn the_signs_reverse_their_encoder_and_their_motor() {
+fn sign_fields_reverse_encoders_and_motors() {
     let (ahead, _) = rolled(|_| {}, 3, 3);
     assert!(ahead > 19.0);
     let both: Change = |platform| {
@@ -151,7 +150,7 @@ fn the_signs_reverse_their_encoder_and_their_motor() {
 
 // Requirement: WIRE-platform-4
 #[test]
-fn as_many_rangefinders_are_triggered_as_are_fitted() {
+fn fitted_rangefinders_are_triggered() {
     let changes: [Change; 4] = [
         |platform| platform.rangefinders = 0,
         |platform| platform.rangefinders = 1,
@@ -202,7 +201,7 @@ fn swept(change: Change) -> Vec<(u16, u16)> {
 
 // Requirement: WIRE-platform-3, WIRE-platform-5, WIRE-platform-6
 #[test]
-fn the_servos_figures_turn_it_and_tell_where_it_looks() {
+fn servo_fields_set_pulses_and_bearings() {
     // Half a turn of travel in steps of 10°, from the 1.0 ms pulse on, −90° first.
     let plain = swept(|_| {});
     assert_eq!(plain[0], (1000, 0xC000));
@@ -230,25 +229,9 @@ fn the_servos_figures_turn_it_and_tell_where_it_looks() {
     assert_eq!(pulses(|platform| platform.servo = true), [1500; 10]);
 }
 
-// Requirement: WIRE-platform-7
-#[test]
-fn the_gyroscope_is_asked_if_the_configuration_says_so() {
-    let orders = |change: Change| {
-        let mut bench = bench(Mode::Normal, change);
-        let asked = |bench: &mut Bench| {
-            let order = bench.robot.on_gyro(BusResult::Done, &mut bench.log);
-            bench.tick();
-            order != BusRequest::Idle
-        };
-        (0..20).filter(|_| asked(&mut bench)).count()
-    };
-    assert_eq!(orders(|_| {}), 0);
-    assert_ne!(orders(|platform| platform.gyro = true), 0);
-}
-
 // Requirement: WIRE-platform-8
 #[test]
-fn the_stop_deadline_is_as_long_as_it_says() {
+fn stop_deadline_field_sets_time() {
     for (ticks, change) in [
         (2, (|platform| platform.stop_deadline = 20) as Change),
         (25, |_| {}),
@@ -274,7 +257,7 @@ fn first_duties(change: Change, command: &Command) -> (i32, i32) {
 
 // Requirement: WIRE-platform-9, WIRE-eeprom-6
 #[test]
-fn a_wheel_that_is_to_turn_gets_more_than_its_dead_zone_and_no_more_than_its_limit() {
+fn dead_zone_and_limit_bound_the_duty() {
     let none: Change = |platform| (platform.dead_zone_left, platform.dead_zone_right) = (0, 0);
     let near = go(6, 0);
     let (left, right) = first_duties(none, &near);
@@ -320,7 +303,7 @@ fn a_wheel_that_is_to_turn_gets_more_than_its_dead_zone_and_no_more_than_its_lim
 
 // Requirement: WIRE-fault-3, WIRE-fault-4, WIRE-platform-10
 #[test]
-fn the_battery_warns_and_cuts_off_where_the_page_says() {
+fn battery_fields_set_warning_and_cutoff() {
     // Two seconds of cells at 3.6 V.
     let faults = |change: Change| {
         let mut bench = bench(Mode::Normal, change);
@@ -362,7 +345,7 @@ fn the_battery_warns_and_cuts_off_where_the_page_says() {
 
 // Requirement: WIRE-platform-11
 #[test]
-fn a_target_within_the_tolerances_is_reached_already() {
+fn target_within_tolerance_is_reached() {
     let drives = |change: Change, command: &Command| {
         let mut bench = bench(Mode::Normal, change);
         for _ in 0..20 {
@@ -387,60 +370,4 @@ fn a_target_within_the_tolerances_is_reached_already() {
         |platform| platform.rotation_tolerance = 0x1000,
         &go(10, 0)
     ));
-}
-
-// Requirement: WIRE-platform-12
-#[test]
-fn pose_lines_come_as_often_as_the_page_says() {
-    for (lines, change) in [
-        (0, (|_| {}) as Change),
-        (200, |platform| platform.log_period = 10),
-        (20, |platform| platform.log_period = 100),
-        (2, |platform| platform.log_period = 1000),
-    ] {
-        let mut bench = bench(Mode::Normal, change);
-        let mut told = String::new();
-        for _ in 0..200 {
-            // The first board's encoders count down when its wheels roll forward.
-            bench.roll(-1, -1);
-            told += &bench.said();
-        }
-        let poses: Vec<_> = told
-            .lines()
-            .filter(|line| line.contains(": pose "))
-            .collect();
-        assert_eq!(poses.len(), lines, "{told}");
-        if let Some(last) = poses.last() {
-            // 200 counts of 80 mm · π / 3840, or as many as there were by then.
-            assert!(last.ends_with(" 0.000 mm, 0.00 deg"), "{last}");
-            let x = last.split(' ').nth(2).expect("x");
-            assert_eq!(x.split_once('.').expect("a point").1.len(), 3, "{last}");
-        }
-    }
-}
-
-// Requirement: DOC-5.1.3-3, DOC-5.1.3-4, WIRE-battery-2
-#[test]
-fn a_cells_reference_is_answered_with_its_upper_resistor() {
-    for (mode, cell) in [(Mode::Normal, 0), (Mode::Normal, 1), (Mode::TuneRotate, 1)] {
-        let mut bench = bench(mode, |_| {});
-        for _ in 0..200 {
-            bench.tick();
-        }
-        let _ = bench.said();
-        let tuned = |voltage| Command {
-            tune: CellCode { cell, voltage },
-            ..Command::default()
-        };
-        bench.frame(&tuned(0));
-        bench.tick();
-        assert!(!bench.said().contains("tuned"), "0 is no tuning");
-        bench.frame(&tuned(720));
-        bench.tick();
-        let told = bench.said();
-        assert!(
-            told.contains(&format!("tuned tap {}: upper resistor ", cell + 1)),
-            "{told}"
-        );
-    }
 }

@@ -30,7 +30,7 @@ fn each(kind: &str, mut encode: impl FnMut(&Value), mut decode: impl FnMut(&Valu
 
 // Requirement: DOC-5.1.1-2
 #[test]
-fn lengths_round_to_the_nearest_micrometre_and_saturate() {
+fn length_codes_match_vectors() {
     let along_x = |mm| {
         PoseCode::from_pose(&Pose {
             x: mm,
@@ -68,7 +68,7 @@ fn lengths_round_to_the_nearest_micrometre_and_saturate() {
 
 // Requirement: DOC-5.1.1-3
 #[test]
-fn rotations_round_to_15_bits_and_a_whole_turn_is_none() {
+fn rotation_codes_match_vectors() {
     each(
         "rotations",
         |vector| {
@@ -94,7 +94,7 @@ fn rotations_round_to_15_bits_and_a_whole_turn_is_none() {
 }
 
 #[test]
-fn voltages_round_to_13_bits_and_saturate() {
+fn voltage_codes_match_vectors() {
     each(
         "voltages",
         |vector| {
@@ -120,7 +120,7 @@ fn voltages_round_to_13_bits_and_saturate() {
 
 // Requirement: DOC-5.1.4-1
 #[test]
-fn distances_round_to_16_bits_and_the_last_code_means_none() {
+fn distance_codes_match_vectors() {
     each(
         "distances",
         |vector| {
@@ -135,7 +135,7 @@ fn distances_round_to_16_bits_and_the_last_code_means_none() {
 }
 
 #[test]
-fn bearings_round_to_16_bits_and_wrap() {
+fn bearing_codes_match_vectors() {
     each(
         "bearings",
         |vector| {
@@ -150,7 +150,7 @@ fn bearings_round_to_16_bits_and_wrap() {
 }
 
 #[test]
-fn checksums_are_those_of_the_catalogue() {
+fn checksums_match_vectors() {
     let codes = file("codes");
     for vector in list(&codes["crc16"]) {
         assert_eq!(crc16(&bytes(vector)), int::<u16>(vector, "crc"), "{vector}");

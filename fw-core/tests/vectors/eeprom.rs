@@ -41,7 +41,7 @@ fn config(vector: &Value) -> Config {
 
 // Requirement: DOC-6.0.3-1, DOC-6-5, DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-2
 #[test]
-fn each_accepted_image_is_read_to_exactly_these_values() {
+fn accepted_images_decode_to_vector_values() {
     for vector in list(&file("eeprom")["accepted"]) {
         let found = decode(&image(vector));
         assert_eq!(found, Ok(config(vector)), "{}", text(vector, "name"));
@@ -49,7 +49,7 @@ fn each_accepted_image_is_read_to_exactly_these_values() {
 }
 
 #[test]
-fn each_configuration_is_written_to_exactly_these_bytes() {
+fn configurations_encode_to_vector_bytes() {
     for vector in list(&file("eeprom")["accepted"]) {
         if !crate::json::is_written(vector) {
             continue;
@@ -66,7 +66,7 @@ fn each_configuration_is_written_to_exactly_these_bytes() {
 
 // Requirement: WIRE-eeprom-9
 #[test]
-fn writing_leaves_the_bytes_alone_that_no_field_claims() {
+fn encode_leaves_unclaimed_bytes() {
     for vector in list(&file("eeprom")["accepted"]) {
         let mut written = image(vector);
         if vector["original"] == true {
@@ -80,7 +80,7 @@ fn writing_leaves_the_bytes_alone_that_no_field_claims() {
 
 // Requirement: WIRE-eeprom-3, WIRE-refused-2
 #[test]
-fn each_rejected_image_names_address_field_and_value() {
+fn rejected_images_match_vector_errors() {
     for vector in list(&file("eeprom")["rejected"]) {
         let name = text(vector, "name");
         let error = decode(&image(vector)).expect_err(name);
@@ -100,7 +100,7 @@ fn each_rejected_image_names_address_field_and_value() {
 }
 
 #[test]
-fn every_field_that_can_be_wrong_is_rejected_somewhere() {
+fn vectors_reject_every_partial_field() {
     let file = file("eeprom");
     let rejected = |name: &str| {
         list(&file["rejected"])

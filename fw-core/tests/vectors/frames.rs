@@ -92,7 +92,7 @@ fn frame_numbered(setup: Setup, command: bool, own: u8) -> Vec<u8> {
 }
 
 #[test]
-fn each_is_written_to_exactly_these_bytes() {
+fn frames_encode_to_vector_bytes() {
     for vector in list(&file("frames"))
         .iter()
         .filter(|vector| is_written(vector))
@@ -112,7 +112,7 @@ fn each_is_written_to_exactly_these_bytes() {
 }
 
 #[test]
-fn each_is_read_to_exactly_these_values() {
+fn frames_decode_to_vector_values() {
     for vector in list(&file("frames")) {
         let is_command = is_command(vector);
         let mut ends = Pair::receiving(setup(vector), is_command, maybe(vector, "last"));
@@ -132,7 +132,7 @@ fn each_is_read_to_exactly_these_values() {
 
 // Requirement: DOC-5.1-3, WIRE-rejected-1, WIRE-rejected-2
 #[test]
-fn each_rejected_one_names_strategy_offset_and_cause_and_changes_one_counter() {
+fn rejected_frames_match_vector_errors() {
     for vector in list(&file("rejected")) {
         let (setup, is_command) = (setup(vector), is_command(vector));
         let last = maybe(vector, "last");
@@ -175,7 +175,7 @@ fn covers(vectors: &Value, mode: Mode, command: bool, wanted: impl Fn(&Value) ->
 }
 
 #[test]
-fn every_mode_has_vectors_in_both_directions_and_is_rejected_at_every_wrong_length() {
+fn vectors_cover_every_mode_and_wrong_length() {
     let (frames, rejected) = (file("frames"), file("rejected"));
     for &mode in Mode::ALL {
         for command in [true, false] {

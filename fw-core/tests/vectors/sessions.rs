@@ -136,7 +136,7 @@ fn check(counters: &LinkCounters, expected: &Value) {
 
 // Requirement: WIRE-sequence-2, WIRE-sequence-4
 #[test]
-fn every_session_goes_as_written() {
+fn sessions_match_vectors() {
     for session in list(&file("sessions")) {
         let name = text(session, "name");
         let mut ends = Session::new(setup(session));

@@ -272,7 +272,7 @@ impl Rig {
     }
 
     /// What the robot would tell now.
-    fn report(&self) -> Report {
+    fn report(&mut self) -> Report {
         let mut reply = [0; MAX_FRAME];
         let len = self.robot.encode_reply(self.reply, &mut reply);
         self.read(&reply, len)

@@ -83,7 +83,7 @@ const SPIN: i16 = 3_931;
 
 // Requirement: WIRE-fault-12
 #[test]
-fn a_slip_is_a_fault_that_keeps_nothing_off_and_the_heading_survives_it() {
+fn slip_latches_fault_and_keeps_heading() {
     let mut robot = Turned::new(Mode::GuardedNormal);
     robot.ticks(200, 0, 0, 0);
     robot.ticks(50, SPIN, -10, 10);
@@ -105,7 +105,7 @@ fn a_slip_is_a_fault_that_keeps_nothing_off_and_the_heading_survives_it() {
 }
 
 #[test]
-fn without_a_slip_the_pose_is_the_encoders_to_the_last_bit() {
+fn pose_without_slip_is_the_encoders() {
     let mut with = Turned::new(Mode::GuardedNormal);
     let mut without = Bench::with(Mode::GuardedNormal, |_| {});
     let ways = [
@@ -129,7 +129,7 @@ fn without_a_slip_the_pose_is_the_encoders_to_the_last_bit() {
 
 // Requirement: WIRE-fault-13
 #[test]
-fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
+fn absent_gyro_is_fault_until_it_agrees_again() {
     let mut robot = Turned::new(Mode::GuardedNormal);
     robot.absent = true;
     robot.ticks(100, 0, 0, 0);
@@ -155,7 +155,7 @@ fn an_absent_one_is_a_fault_until_it_agrees_with_the_wheels_again() {
 
 // Requirement: WIRE-platform-7
 #[test]
-fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() {
+fn gyro_not_configured_or_tuning_is_idle() {
     let mut tuning = Turned::new(Mode::GuardedTuneRotate);
     let mut plain = Turned::new(Mode::GuardedNormal);
     plain.bench = Bench::with(Mode::GuardedNormal, |_| {});
@@ -167,7 +167,7 @@ fn without_gyro_in_the_configuration_and_in_the_tuning_modes_nothing_is_asked() 
 }
 
 #[test]
-fn every_event_is_one_line_of_its_level() {
+fn gyro_event_is_one_line_of_its_level() {
     for (event, level, text) in [
         (Event::BiasUpdated(0), 'I', "gyro: bias 0.00 deg/s"),
         (Event::BiasUpdated(-16_768), 'I', "gyro: bias -1.00 deg/s"),

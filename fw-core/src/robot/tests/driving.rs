@@ -53,7 +53,7 @@ impl Course {
 
 // Requirement: DOC-5.1.1-4
 #[test]
-fn the_motors_follow_the_last_target_that_was_applied_and_no_other() {
+fn motors_follow_last_applied_target() {
     let mut course = Course::new();
     for target in [go(200), go(-100)] {
         course.controller.set_target(target.expected.to_pose());
@@ -69,7 +69,7 @@ fn the_motors_follow_the_last_target_that_was_applied_and_no_other() {
 }
 
 #[test]
-fn a_target_where_the_robot_stands_is_held() {
+fn target_at_own_pose_is_held() {
     let mut course = Course::new();
     course.bench.frame(&Command::default());
     assert_eq!(course.tick(), [MotorCommand::Coast; 2], "not applied");
@@ -81,7 +81,7 @@ fn a_target_where_the_robot_stands_is_held() {
 }
 
 #[test]
-fn after_a_stop_it_begins_from_rest() {
+fn drive_after_stop_begins_from_rest() {
     let mut course = Course::new();
     let target = go(500);
     course.controller.set_target(target.expected.to_pose());

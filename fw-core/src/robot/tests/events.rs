@@ -6,7 +6,7 @@ use crate::sensing::rangefinder::Echo;
 
 // Requirement: WIRE-spi-3, WIRE-fault-2
 #[test]
-fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
+fn lost_frames_are_counted_logged_and_a_fault() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     bench.frame(&Command::default());
     bench.robot.on_lost_frames(3, &mut bench.log);
@@ -25,7 +25,7 @@ fn frames_that_came_too_fast_are_counted_told_of_and_a_fault() {
 }
 
 #[test]
-fn a_fault_is_latched_and_told_of_once() {
+fn fault_is_latched_and_logged_once() {
     for bit in 0..16 {
         let mut bench = Bench::new(Mode::GuardedNormal);
         let told = |log: &Log| log.pending().split(|&byte| byte == b'\n').count();
@@ -48,14 +48,7 @@ fn a_fault_is_latched_and_told_of_once() {
 }
 
 #[test]
-fn all_faults_at_once_are_latched() {
-    let mut bench = Bench::new(Mode::Normal);
-    bench.robot.raise(Faults::ALL_BITS, &mut bench.log);
-    assert_eq!(bench.robot.faults(), Faults::ALL_BITS);
-}
-
-#[test]
-fn a_fault_that_is_latched_already_changes_nothing() {
+fn latched_fault_raised_again_changes_nothing() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     bench.robot.raise(Faults::ENCODER_JUMP, &mut bench.log);
     bench.frame(&Command {
@@ -72,7 +65,7 @@ fn a_fault_that_is_latched_already_changes_nothing() {
 
 // Requirement: WIRE-fault-10
 #[test]
-fn lines_that_the_log_has_dropped_are_a_fault_of_the_next_tick_until_it_is_cleared() {
+fn dropped_log_lines_latch_fault_until_cleared() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     let clear = Command {
         clear_faults: Faults::ALL_BITS,
@@ -114,7 +107,7 @@ fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
 }
 
 #[test]
-fn the_temperature_of_the_chip_sets_the_speed_of_sound() {
+fn chip_temperature_sets_speed_of_sound() {
     let mut bench = Bench::with(Mode::Normal, |platform| platform.rangefinders = 1);
     let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     // At 343 m/s.
@@ -144,8 +137,9 @@ fn the_temperature_of_the_chip_sets_the_speed_of_sound() {
     assert_eq!(told(": air at 28 deg C\n"), 1);
 }
 
+// Requirement: WIRE-platform-12
 #[test]
-fn the_pose_is_logged_as_often_as_is_configured_and_the_link_s_line_gives_way() {
+fn pose_line_period_delays_link_line() {
     let mut bench = Bench::with(Mode::Normal, |platform| platform.log_period = 20);
     let mut links = 0;
     for tick in 1..=400 {

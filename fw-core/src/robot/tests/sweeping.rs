@@ -28,7 +28,7 @@ fn sweeper() -> Bench {
 }
 
 #[test]
-fn it_swings_from_end_to_end_while_somebody_talks() {
+fn servo_scan_swings_while_link_is_alive() {
     let mut bench = sweeper();
     assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "nobody did yet");
     // Half a second to get to the first end, then a bearing every 60 ms: 18 steps of 10° there, and
@@ -44,7 +44,7 @@ fn it_swings_from_end_to_end_while_somebody_talks() {
 }
 
 #[test]
-fn it_rests_in_silence_and_once_a_fault_has_stopped_the_robot() {
+fn servo_scan_rests_in_silence_and_when_faulted() {
     let mut bench = sweeper();
     let (bearings, _) = swept(&mut bench, 150, 10);
     assert!(!bearings.is_empty());

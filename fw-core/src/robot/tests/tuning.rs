@@ -12,7 +12,7 @@ fn of(percent: f64) -> Command {
 }
 
 #[test]
-fn a_percentage_is_the_nearest_hundredth() {
+fn percentage_rounds_to_nearest_hundredth() {
     for (said, hundredths) in [
         (0.0, 0),
         (0.0049, 0),
@@ -32,7 +32,7 @@ fn a_percentage_is_the_nearest_hundredth() {
 }
 
 #[test]
-fn it_moves_while_a_duty_is_set() {
+fn tuning_duty_sets_state_moving() {
     for mode in [Mode::TuneRotate, Mode::TuneMove] {
         let mut bench = Bench::new(mode);
         for (percent, state) in [
@@ -58,7 +58,7 @@ fn sample(log: &str) -> f64 {
 
 // Requirement: DOC-5.2.2-2
 #[test]
-fn what_was_turned_or_travelled_since_the_reset_is_in_the_reply_and_in_the_log() {
+fn tuning_measurement_is_in_reply_and_log() {
     // A count of both wheels of 80 mm at 3840 counts is 80·π/3840 mm, and against each other at a
     // track of 125 mm 80·360/(3840·125) = 0.06 degrees. The heading is exact; a tick's path is kept to
     // 2⁻¹⁶ mm.
@@ -100,7 +100,7 @@ fn what_was_turned_or_travelled_since_the_reset_is_in_the_reply_and_in_the_log()
 }
 
 #[test]
-fn a_stop_ends_the_duty() {
+fn stop_order_ends_tuning_duty() {
     let mut bench = Bench::new(Mode::GuardedTuneRotate);
     bench.frame(&of(30.0));
     let stop = Command {
@@ -121,9 +121,9 @@ fn a_stop_ends_the_duty() {
     }
 }
 
-// Requirement: DOC-5.1.3-3
+// Requirement: DOC-5.1.3-3, DOC-5.1.3-4, WIRE-battery-2
 #[test]
-fn a_cell_that_is_tuned_names_the_tap_and_the_resistor_that_is_there() {
+fn tuned_cell_logs_its_upper_resistor() {
     let mut bench = Bench::new(Mode::Normal);
     bench.tick();
     // The pins' voltages; 3.9 V stand for one cell after the other.
@@ -150,7 +150,7 @@ fn a_cell_that_is_tuned_names_the_tap_and_the_resistor_that_is_there() {
 }
 
 #[test]
-fn a_cell_that_nothing_was_read_of_has_no_resistor() {
+fn unread_cell_logs_no_resistor() {
     let mut bench = Bench::new(Mode::Normal);
     let tune = CellCode {
         cell: 0,
