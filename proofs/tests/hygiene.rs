@@ -21,7 +21,7 @@ fn property_is_named_once_and_its_kind_is_true() {
 /// The bounds of an accepted configuration are established by one theorem; every other property that
 /// takes one names it.
 #[test]
-fn needed_property_exists_and_accepted_configurations_name_theirs() {
+fn needed_property_exists_and_is_named() {
     let names: BTreeSet<_> = proofs::properties().map(|property| property.name).collect();
     let mut pairs = 0;
     for property in proofs::properties() {

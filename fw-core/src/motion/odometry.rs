@@ -262,7 +262,7 @@ fn narrow(path: i64) -> i32 {
 // Requirement: DOC-4.1-4
 #[inline]
 const fn shortening(turn: i32) -> i32 {
-    // −turns², Q35. All factors are negative: LLVM takes a factor that it knows to be positive for
+    // −turns², Q35. All factors are negative: LLVM takes a known positive factor for
     // unsigned, and has no single instruction for a mixed product.
     let square = upper(turn << 2, (turn << 1).wrapping_neg());
     // (2π)⁶/322560 Q23, (2π)⁴/1920 Q26, (2π)²/24 Q29.

@@ -172,7 +172,7 @@ impl PoseController {
         let speed = self.speed.step(delta.travel);
         let turn_rate = self.turn_rate.step(degrees(delta.turn));
         if self.phase == Phase::Idle || self.phase == Phase::Hold && *pose == self.last_pose {
-            // From an unchanged pose the target asks for the same as in the last tick.
+            // With an unchanged pose the evaluation would not change.
             return self.mixer.brake();
         }
         self.last_pose = *pose;

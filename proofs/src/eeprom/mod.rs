@@ -1,6 +1,6 @@
 //! T3: the EEPROM's image and the configuration.
 //!
-//! | module | theorems |
+//! | module | properties |
 //! |---|---|
 //! | [`image`] | T3: what is accepted, and that it survives the way to the image and back |
 //! | [`checksum`] | T3: CRC-32 and the errors it catches |

@@ -185,7 +185,7 @@ pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> S
     Seen::NOTHING.case(0, between == 0).case(1, between == 127)
 }
 
-/// The setup of the theorems on numbers alone.
+/// The setup of the properties of sequence numbers.
 const fn plain(mode: Mode) -> Setup {
     Setup {
         mode,

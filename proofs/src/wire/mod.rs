@@ -1,6 +1,6 @@
 //! T1 and T2: what crosses the wire.
 //!
-//! | module | theorems |
+//! | module | properties |
 //! |---|---|
 //! | [`parsing`] | T1: a frame is taken exactly when the byte tables say so, and says what they say |
 //! | [`link`] | T1: all or nothing at both ends, T2: what one end sends the other understands |

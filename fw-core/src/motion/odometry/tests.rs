@@ -206,7 +206,7 @@ fn slip_of_one_wheel_leaves_the_motion_of_the_other() {
 }
 
 #[test]
-fn correction_of_a_held_or_turned_robot_changes_the_heading_alone() {
+fn correction_without_rolling_changes_the_heading_alone() {
     let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
     let mut at = (0, 0);
     for _ in 0..100 {

@@ -83,7 +83,7 @@ fn boost_of_the_rotation_needs_half_the_heading_tolerance() {
 }
 
 #[test]
-fn boost_in_approach_and_final_rotation_is_of_the_rotation_alone() {
+fn boost_in_approach_and_final_rotation_only_rotates() {
     for (x, error) in [(1000.0, 5.0), (1000.0, -5.0), (0.0, 40.0), (0.0, -40.0)] {
         let mut controller = PoseController::new(&gains(0.0, 0.0, 0.0));
         controller.set_target(pose(x, 0.0, 0.0));
