@@ -22,6 +22,16 @@ pub const MAX_COORDINATE_MM: f64 = 2_147_483.647;
 const TURN_CODES: f64 = 32_768.0;
 
 impl Pose {
+    /// A pose from millimetres, millimetres and degrees.
+    #[must_use]
+    pub const fn new(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Self {
+        Self {
+            x_mm,
+            y_mm,
+            rotation_deg,
+        }
+    }
+
     /// A pose from the wire.
     #[must_use]
     pub fn from_code(code: PoseCode) -> Self {
@@ -76,18 +86,10 @@ impl Pose {
 mod tests {
     use super::*;
 
-    fn at(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Pose {
-        Pose {
-            x_mm,
-            y_mm,
-            rotation_deg,
-        }
-    }
-
     #[test]
     fn pose_codes_round_saturate_and_wrap() {
         assert_eq!(
-            at(1.0, -2.5, 90.0).code(),
+            Pose::new(1.0, -2.5, 90.0).code(),
             PoseCode {
                 x: 1000,
                 y: -2500,
@@ -95,20 +97,26 @@ mod tests {
             }
         );
         assert_eq!(
-            at(1e12, -1e12, -90.0).code(),
+            Pose::new(1e12, -1e12, -90.0).code(),
             PoseCode {
                 x: i32::MAX,
                 y: i32::MIN,
                 rotation: 0x6000
             }
         );
-        assert_eq!(at(0.0, 0.0, 359.999).code().rotation, 0);
-        assert_eq!(at(0.0, 0.0, 720.0 + 359.99).code().rotation, 0x7FFF);
+        assert_eq!(Pose::new(0.0, 0.0, 359.999).code().rotation, 0);
+        assert_eq!(Pose::new(0.0, 0.0, 720.0 + 359.99).code().rotation, 0x7FFF);
     }
 
     #[test]
     fn rotation_difference_takes_shortest_way() {
-        assert!((at(0.0, 0.0, 350.0).rotation_to_deg(at(0.0, 0.0, 10.0)) - 20.0).abs() < 1e-9);
-        assert!((at(0.0, 0.0, 10.0).rotation_to_deg(at(0.0, 0.0, 350.0)) + 20.0).abs() < 1e-9);
+        assert!(
+            (Pose::new(0.0, 0.0, 350.0).rotation_to_deg(Pose::new(0.0, 0.0, 10.0)) - 20.0).abs()
+                < 1e-9
+        );
+        assert!(
+            (Pose::new(0.0, 0.0, 10.0).rotation_to_deg(Pose::new(0.0, 0.0, 350.0)) + 20.0).abs()
+                < 1e-9
+        );
     }
 }

@@ -259,11 +259,7 @@ mod tests {
         let samples = [
             RangeSample {
                 time_us: 25_000,
-                pose: Pose {
-                    x_mm: 1.5,
-                    y_mm: -2.0,
-                    rotation_deg: 90.0,
-                },
+                pose: Pose::new(1.5, -2.0, 90.0),
                 ranges_mm: [Some(1234.5), None, Some(80.0)],
                 bearing_deg: None,
             },

@@ -90,10 +90,7 @@ impl GroundTruth for SimulatedTape {
     fn measure(&mut self, deviation_mm: f64) -> Point {
         let true_end = self.board.truth().pose.relative_to(&self.marks);
         let mut read = |mm: f64| mm + deviation_mm * self.rng.normal();
-        Point {
-            ahead_mm: read(true_end.x_mm),
-            left_mm: read(true_end.y_mm),
-        }
+        Point::new(read(true_end.x_mm), read(true_end.y_mm))
     }
 }
 

@@ -52,11 +52,11 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, (Option<usize>, String)> {
 /// # Errors
 /// Names the word and the accepted range.
 pub fn parse_pose(x: &str, y: &str, rotation: &str) -> Result<Pose, String> {
-    Ok(Pose {
-        x_mm: number("x", x, MAX_COORDINATE_MM, "mm")?,
-        y_mm: number("y", y, MAX_COORDINATE_MM, "mm")?,
-        rotation_deg: number("rotation", rotation, MAX_ROTATION_DEG, "degrees")?,
-    })
+    Ok(Pose::new(
+        number("x", x, MAX_COORDINATE_MM, "mm")?,
+        number("y", y, MAX_COORDINATE_MM, "mm")?,
+        number("rotation", rotation, MAX_ROTATION_DEG, "degrees")?,
+    ))
 }
 
 fn number(field: &str, word: &str, limit: f64, unit: &str) -> Result<f64, String> {
@@ -77,14 +77,7 @@ mod tests {
     fn waypoints_skip_comments_and_blank_lines() {
         let waypoints = parse("# tour\n\n100 -20.5 90 # first\n0 0 0\n").unwrap();
         assert_eq!(waypoints.len(), 2);
-        assert_eq!(
-            waypoints[0],
-            Pose {
-                x_mm: 100.0,
-                y_mm: -20.5,
-                rotation_deg: 90.0
-            }
-        );
+        assert_eq!(waypoints[0], Pose::new(100.0, -20.5, 90.0));
     }
 
     #[test]

@@ -118,11 +118,11 @@ fn assert_recovered(
     deviation_mm: f64,
     percent: f64,
 ) {
-    let truth = WheelGeometry {
-        left_mm: 80.0 * (1.0 + left / 100.0),
-        right_mm: 80.0 * (1.0 + right / 100.0),
-        track_mm: 125.0 * (1.0 + track / 100.0),
-    };
+    let truth = WheelGeometry::new(
+        80.0 * (1.0 + left / 100.0),
+        80.0 * (1.0 + right / 100.0),
+        125.0 * (1.0 + track / 100.0),
+    );
     let (found, before, after) = calibrated(&truth, length_mm, deviation_mm);
     println!("{left} {right} {track}: {found:?} for {truth:?}, {before:?}, {after:?}");
     for (found, truth) in [

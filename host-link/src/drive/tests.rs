@@ -17,11 +17,7 @@ fn config(mode: Mode) -> Settings {
     }
 }
 
-const TARGET: Pose = Pose {
-    x_mm: 1000.0,
-    y_mm: -500.0,
-    rotation_deg: 90.0,
-};
+const TARGET: Pose = Pose::new(1000.0, -500.0, 90.0);
 
 fn drive(io: &mut BoardIo) -> Result<Arrival, Error> {
     let mut session = Session::open(io, 40, 100)?;

@@ -21,7 +21,7 @@ pub const LENGTHS_MM: (f64, f64) = (300.0, 5000.0);
 /// A straight drive, seen from where the robot stands.
 #[must_use]
 pub fn straight(length_mm: f64) -> Vec<Pose> {
-    vec![pose(length_mm, 0.0, 0.0)]
+    vec![Pose::new(length_mm, 0.0, 0.0)]
 }
 
 /// A square to the right (clockwise) or to the left, turning on the spot at its corners, and back to
@@ -30,19 +30,11 @@ pub fn straight(length_mm: f64) -> Vec<Pose> {
 pub fn square(side_mm: f64, clockwise: bool) -> Vec<Pose> {
     let (l, s) = (side_mm, if clockwise { -1.0 } else { 1.0 });
     vec![
-        pose(l, 0.0, s * 90.0),
-        pose(l, s * l, 180.0),
-        pose(0.0, s * l, s * -90.0),
-        pose(0.0, 0.0, 0.0),
+        Pose::new(l, 0.0, s * 90.0),
+        Pose::new(l, s * l, 180.0),
+        Pose::new(0.0, s * l, s * -90.0),
+        Pose::new(0.0, 0.0, 0.0),
     ]
-}
-
-const fn pose(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Pose {
-    Pose {
-        x_mm,
-        y_mm,
-        rotation_deg,
-    }
 }
 
 /// Drives `waypoints`, seen from where the robot stands, and returns the path. `reached` gets how many

@@ -17,11 +17,7 @@ use host_link::pose::Pose;
 use host_link::session::Session;
 use host_link::settings::Settings;
 
-const FIRST_BOARD: WheelGeometry = WheelGeometry {
-    left_mm: 80.0,
-    right_mm: 80.0,
-    track_mm: 125.0,
-};
+const FIRST_BOARD: WheelGeometry = WheelGeometry::new(80.0, 80.0, 125.0);
 
 /// A robot that turns on the spot towards each place, drives there and turns to its rotation, exactly by
 /// its own belief. The path as it reports it (in the wire's codes), and where it truly ends.
@@ -62,10 +58,7 @@ fn driven(configured: &WheelGeometry, truth: &WheelGeometry, way: &[Pose]) -> (W
         let turn = here.rotation_to_deg(*there);
         roll(&mut here, 0.0, turn);
     }
-    let end = Point {
-        ahead_mm: real.0,
-        left_mm: real.1,
-    };
+    let end = Point::new(real.0, real.1);
     (path, end)
 }
 
@@ -108,11 +101,8 @@ fn distance_and_squares_recover_five_percent_errors() {
         for right in [-5.0, 0.0, 5.0] {
             for track in [-5.0, 0.0, 5.0] {
                 let off = |figure: f64, percent: f64| figure * (1.0 + percent / 100.0);
-                let truth = WheelGeometry {
-                    left_mm: off(80.0, left),
-                    right_mm: off(80.0, right),
-                    track_mm: off(125.0, track),
-                };
+                let truth =
+                    WheelGeometry::new(off(80.0, left), off(80.0, right), off(125.0, track));
                 let (path, end) = driven(&FIRST_BOARD, &truth, &straight(1000.0));
                 let scaled = distance::solve(&path, &with_side(end)).unwrap().wheels;
                 let runs = squares(&scaled, &truth, 1000.0);
@@ -127,11 +117,7 @@ fn distance_and_squares_recover_five_percent_errors() {
 
 #[test]
 fn noisy_readings_stay_within_estimated_deviation() {
-    let truth = WheelGeometry {
-        left_mm: 79.2,
-        right_mm: 80.6,
-        track_mm: 127.0,
-    };
+    let truth = WheelGeometry::new(79.2, 80.6, 127.0);
     let scaled = FIRST_BOARD.scaled((79.2 + 80.6) / 160.0);
     let mut runs = Vec::new();
     // Three millimetres in every combination: their mean is zero.
@@ -157,11 +143,7 @@ fn noisy_readings_stay_within_estimated_deviation() {
 
 #[test]
 fn small_errors_agree_with_paper_formulas() {
-    let truth = WheelGeometry {
-        left_mm: 79.96,
-        right_mm: 80.04,
-        track_mm: 125.5,
-    };
+    let truth = WheelGeometry::new(79.96, 80.04, 125.5);
     let found = umbmark::solve(&squares(&FIRST_BOARD, &truth, 1000.0), 1000.0).unwrap();
     let [track, ratio] = found.first_order;
     assert!((track - 1.004).abs() < 2e-4, "{found:?}");

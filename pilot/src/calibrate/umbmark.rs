@@ -127,10 +127,7 @@ impl EndCluster {
         #[allow(clippy::cast_precision_loss)] // a handful
         let count = ends.len() as f64;
         let mean = |of: fn(&Point) -> f64| ends.iter().map(of).sum::<f64>() / count;
-        let centre = Point {
-            ahead_mm: mean(|end| end.ahead_mm),
-            left_mm: mean(|end| end.left_mm),
-        };
+        let centre = Point::new(mean(|end| end.ahead_mm), mean(|end| end.left_mm));
         let squares: f64 = ends
             .iter()
             .map(|end| end.minus(centre).distance_mm().powi(2))

@@ -15,6 +15,16 @@ pub struct WheelGeometry {
 }
 
 impl WheelGeometry {
+    /// Left and right diameter and track, millimetres.
+    #[must_use]
+    pub const fn new(left_mm: f64, right_mm: f64, track_mm: f64) -> Self {
+        Self {
+            left_mm,
+            right_mm,
+            track_mm,
+        }
+    }
+
     /// The wheels of a configuration.
     #[must_use]
     pub fn from_config(config: &Config) -> Self {

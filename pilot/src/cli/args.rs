@@ -333,11 +333,7 @@ pub struct Goto {
 impl Goto {
     /// The pose to drive to.
     pub fn target(&self) -> Pose {
-        Pose {
-            x_mm: self.x,
-            y_mm: self.y,
-            rotation_deg: self.rotation,
-        }
+        Pose::new(self.x, self.y, self.rotation)
     }
 }
 

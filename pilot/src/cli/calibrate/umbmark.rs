@@ -53,10 +53,7 @@ fn squares(
             let run = SquareRun {
                 clockwise,
                 path,
-                measured: Point {
-                    ahead_mm: end.ahead_mm,
-                    left_mm: end.left_mm.unwrap_or(0.0),
-                },
+                measured: Point::new(end.ahead_mm, end.left_mm.unwrap_or(0.0)),
             };
             let error = run.error();
             measurement.context.output.message(&format!(

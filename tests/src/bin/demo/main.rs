@@ -240,11 +240,7 @@ fn draw(drive: &Drive, board: &Board, room: &Room, out: &Path) -> Result<MapScor
 }
 
 fn place(pose: twin::plant::Pose2) -> Pose {
-    Pose {
-        x_mm: pose.x_mm,
-        y_mm: pose.y_mm,
-        rotation_deg: pose.heading_rad.to_degrees(),
-    }
+    Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
 }
 
 #[allow(clippy::cast_precision_loss)] // exact below 285 years

@@ -90,11 +90,7 @@ impl PoseErrors {
     /// A true pose in the robot's own frame.
     fn place(&self, pose: &Pose2) -> Pose {
         let pose = pose.relative_to(&self.start);
-        Pose {
-            x_mm: pose.x_mm,
-            y_mm: pose.y_mm,
-            rotation_deg: pose.heading_rad.to_degrees(),
-        }
+        Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
     }
 }
 
