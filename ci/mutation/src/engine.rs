@@ -30,6 +30,7 @@ pub struct Engine<'a> {
     stages: Vec<Stage>,
     all: &'a [Mutant],
     jobs: usize,
+    quick: bool,
     /// The copy with every mutant behind a switch, and those that have one, by index.
     switched: Option<(Copy, BTreeSet<usize>)>,
     /// The copy for one mutant at a time.
@@ -37,7 +38,8 @@ pub struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    /// Prepares to try `count` of all mutants, `jobs` at a time; with `quick`, by the first stage.
+    /// Prepares to try `count` of all mutants, `jobs` at a time; with `quick`, those with a switch
+    /// by the first stage.
     ///
     /// # Errors
     /// Where the workspace cannot be copied, or its tests fail without a mutant.
@@ -56,10 +58,11 @@ impl<'a> Engine<'a> {
             stages,
             all,
             jobs: jobs.max(1),
+            quick,
             switched: None,
             plain: None,
         };
-        if count >= FEW {
+        if quick || count >= FEW {
             let (copy, numbers) = engine.build_switched()?;
             println!("{} of {} mutants in one build", numbers.len(), all.len());
             engine.switched = Some((copy, numbers));
@@ -161,6 +164,8 @@ impl<'a> Engine<'a> {
                 outcomes[index] == Outcome::Survived && !excused(&self.all[*index])
             });
         }
+        // Built one by one, they are not quick.
+        let plain = if self.quick { Vec::new() } else { plain };
         for index in plain {
             outcomes.insert(index, self.try_plain(index, &excused)?);
         }

@@ -75,7 +75,7 @@ pub struct Choice {
     /// How many at a time
     #[arg(long, default_value_t = 1)]
     pub jobs: usize,
-    /// Run the first stage alone: its survivors may be caught by a later one
+    /// Only mutants with a switch, and the first stage: its survivors may be caught by a later one
     #[arg(long)]
     pub quick: bool,
 }
