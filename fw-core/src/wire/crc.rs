@@ -45,6 +45,9 @@ pub fn crc16(bytes: &[u8]) -> u16 {
         c ^= (a ^ a << 20) ^ b << 16 ^ b >> 12;
         d ^= b ^ b << 20;
         crc = remainder(d ^ remainder(c) << 16);
+        if rest.is_empty() {
+            return (crc & 0xFFFF) as u16;
+        }
     }
     while let Some((pair, after)) = rest.split_first_chunk() {
         crc = remainder((crc ^ u32::from(u16::from_be_bytes(*pair))) & 0xFFFF);

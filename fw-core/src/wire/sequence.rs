@@ -22,7 +22,7 @@ pub struct Sequence;
 #[inline]
 #[must_use]
 pub const fn newer(a: u8, b: u8) -> bool {
-    matches!(a.wrapping_sub(b), 1..=0x7F)
+    a.wrapping_sub(b).wrapping_sub(1) < 0x7F
 }
 
 /// Stale frames after which the sender is taken as restarted.
