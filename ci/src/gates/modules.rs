@@ -84,6 +84,10 @@ impl Modules {
             used.extend(paths(source, path.len()));
         }
         let beside = file.rsplit_once('/').map_or("", |(beside, _)| beside);
+        let included = pattern(r#"include(?:_str)?!\("(.*\.rs)"\)"#);
+        let included = included.captures_iter(source);
+        self.files
+            .extend(included.map(|file| format!("{beside}/{}", &file[1])));
         let item = r"(?m)^((?: *#\[.*\]\n)*) *(?:pub(?:\(crate\))? )?mod (\w+);";
         for declared in pattern(item).captures_iter(source) {
             let (attributes, name) = (&declared[1], &declared[2]);
@@ -160,7 +164,10 @@ mod tests {
                 "src/b/mod.rs",
                 "mod deep;\nfn f() {\n    crate::a::g()\n}\n",
             ),
-            ("src/b/deep.rs", "use super::C;\nuse crate::b::D;\n"),
+            (
+                "src/b/deep.rs",
+                "use super::C;\nuse crate::b::D;\nconst E: &str = include_str!(\"e.in.rs\");\n",
+            ),
         ];
         let files = files.map(|(name, text)| (name.to_owned(), text.to_owned()));
         Modules::read(&files.into(), "src/lib.rs")
@@ -177,7 +184,7 @@ mod tests {
         ] {
             let found = modules(a);
             assert!(found.cycle().into_iter().eq(["a", "b"]), "{a}");
-            assert_eq!(found.files.len(), 4);
+            assert_eq!(found.files.len(), 5);
         }
     }
 

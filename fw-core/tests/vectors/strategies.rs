@@ -65,7 +65,7 @@ fn check(field: Field, vector: &Value) {
     }
 }
 
-// Requirement: DOC-5.1-1, DOC-5.1.3-1, WIRE-crc-2
+// Requirement: DOC-5.1-1, DOC-5.1.1-1, DOC-5.1.1-5, DOC-5.1.3-1, DOC-5.1.4-3, WIRE-crc-2
 #[test]
 fn strategy_bytes_match_vectors_in_both_directions() {
     let file = file("strategies");
