@@ -18,7 +18,8 @@ use fw_core::robot::{ReceivedFrame, Robot, TickInput};
 /// What the robot's priority owns.
 pub static APP: Owned<2, App> = Owned::new(App {
     log: Log::new(),
-    image: [0; IMAGE_LEN],
+    // Zeros: the static needs no initial values in flash.
+    image: Image([0; IMAGE_LEN]),
     robot: Slot::EMPTY,
     drivers: Slot::EMPTY,
 });

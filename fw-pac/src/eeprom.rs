@@ -38,7 +38,7 @@ pub fn read(image: &mut Image, log: &mut Log, mut idle: impl FnMut(&mut Log)) ->
             attempts = 0;
             continue;
         }
-        let result = i2c::read(DEVICE, 0, image, || idle(log));
+        let result = i2c::read(DEVICE, 0, &mut image.0, || idle(log));
         if SELECT.is_high() {
             // The bus was taken away in mid-read: the bytes are worthless.
             continue;

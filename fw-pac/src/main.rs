@@ -123,18 +123,18 @@ fn boot(app: &mut App) {
         });
         stand_by(log, uart);
     }
-    let config = match fw_core::eeprom::decode(image) {
+    let config = match Config::decode(image) {
         Ok(config) => config,
         Err(error) => reject(&error, log, uart),
     };
-    if usize::from(config.cells) > board::TAPS {
+    if usize::from(config.cells()) > board::TAPS {
         log.text(Level::Warn, "more cells than this board has taps");
     }
 
     encoders::start();
     adc::start();
     rangefinders::start();
-    if config.platform.servo {
+    if config.servo().is_some() {
         servo::start();
     }
     let robot = build(robot, &config, cortex_m::interrupt::free(tick::sample));
@@ -158,15 +158,15 @@ fn boot(app: &mut App) {
     leds::show(fw_core::robot::leds(robot.state()));
     spi.start(|number, reply| robot.encode_reply(number, reply));
     log.line(Level::Info, |line| {
-        line.text("configured, mode ").text(config.mode.name());
+        line.text("configured, mode ").text(config.mode().name());
     });
-    if config.platform.log_baud != uart::BOOT_BAUD {
+    if config.log_baud() != uart::BOOT_BAUD {
         // The lines so far are for readers at the boot's rate.
         time::wait(1_000_000, || {
             idle(uart, log);
             log.pending().is_empty()
         });
-        uart.set_rate(config.platform.log_baud);
+        uart.set_rate(config.log_baud());
     }
 }
 

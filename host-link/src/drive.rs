@@ -92,7 +92,7 @@ pub fn follow<'m>(
     criteria: &ArrivalCriteria,
     mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
-    let mode = session.config().mode;
+    let mode = session.config().mode();
     if !mode.has(Field::Position) {
         return Err(Error::WrongMode {
             mode: mode.name(),

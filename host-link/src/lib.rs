@@ -44,7 +44,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let settings = Settings::load("config/first-board.toml".as_ref())?;
-//! let mut link = Link::new(&settings.config);
+//! let mut link = Link::new(settings.config());
 //! let target = Pose { x_mm: 1000.0, ..Pose::default() };
 //! let command = Command { expected: target.code(), apply: true, ..Command::default() };
 //! let report = link.exchange(&mut *erase(FakeStm), &mut FakeClock, &command)?;
@@ -60,7 +60,7 @@
 //! use host_link::settings::{render, Settings};
 //!
 //! # fn main() -> Result<(), host_link::error::Error> {
-//! let image = Settings::load("config/first-board.toml".as_ref())?.image();
+//! let image = fw_core::eeprom::Image::FIRST_BOARD;
 //! let settings = Settings::from_image(&image)?;
 //! println!("{}", render(&settings));
 //! # Ok(())

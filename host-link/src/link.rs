@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::statistics::{LinkStatistics, RejectCounts};
 use embedded_hal::spi::SpiDevice;
 use fw_core::eeprom::Config;
-use fw_core::wire::{Command, Field, FrameError, Mode, PiLink, Report, Setup, MAX_FRAME};
+use fw_core::wire::{Command, Field, FrameError, Mode, PiLink, Report, MAX_FRAME};
 
 /// The Pi's end of the link.
 pub struct Link {
@@ -23,8 +23,8 @@ impl Link {
     #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
-            end: PiLink::new(Setup::from(config)),
-            mode: config.mode,
+            end: PiLink::new(config.link_setup()),
+            mode: config.mode(),
             frames: 0,
             last_good_us: None,
             worst_gap_us: 0,

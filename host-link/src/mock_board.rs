@@ -9,8 +9,8 @@ use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::{first_board, Image, IMAGE_LEN};
-use fw_core::wire::{Command, Mode, PoseCode, Report, Setup, StmLink, MAX_FRAME};
+use fw_core::eeprom::{Config, Image, IMAGE_LEN};
+use fw_core::wire::{Command, Mode, PoseCode, Report, StmLink, MAX_FRAME};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -128,7 +128,7 @@ impl MockBoard {
     }
 
     fn ready(&self) -> bool {
-        !self.in_reset && !self.selected && fw_core::eeprom::decode(&self.memory).is_ok()
+        !self.in_reset && !self.selected && Config::decode(&self.memory).is_ok()
     }
 
     /// One I2C write to the EEPROM.
@@ -148,7 +148,7 @@ impl MockBoard {
             "burst crosses a row"
         );
         if !self.protected {
-            self.memory[self.pointer..self.pointer + data.len()].copy_from_slice(data);
+            self.memory.0[self.pointer..self.pointer + data.len()].copy_from_slice(data);
         }
         self.busy_until_us = self.now_us + 3_000;
         Ok(())
@@ -159,7 +159,7 @@ impl MockBoard {
             return Err(injected());
         }
         for byte in out {
-            *byte = self.memory[self.pointer % IMAGE_LEN];
+            *byte = self.memory.0[self.pointer % IMAGE_LEN];
             self.pointer += 1;
         }
         Ok(())
@@ -168,7 +168,7 @@ impl MockBoard {
     /// One frame; in every frame the robot covers half of its distance to the target.
     fn frame(&mut self, back: &mut [u8], out: &[u8]) {
         let Some(link) = &mut self.link else { return };
-        self.report.cell.cell = (self.report.cell.cell + 1) % first_board().cells;
+        self.report.cell.cell = (self.report.cell.cell + 1) % 2;
         let mut reply = [0; MAX_FRAME];
         let len = link.encode_reply(self.reply, &self.report, &mut reply);
         self.reply += 1;
@@ -205,8 +205,8 @@ impl MockBoard {
     /// Advances time: motion and log of the drive in a tuning mode.
     fn pass(&mut self, us: u64) {
         self.now_us += us;
-        let tunes = fw_core::eeprom::decode(&self.memory)
-            .is_ok_and(|config| matches!(config.mode, Mode::TuneRotate | Mode::TuneMove));
+        let tunes = Config::decode(&self.memory)
+            .is_ok_and(|config| matches!(config.mode(), Mode::TuneRotate | Mode::TuneMove));
         while self.drive.ticks * 10_000 < self.now_us {
             self.drive.ticks += 1;
             if tunes && !self.in_reset && !self.selected {
@@ -239,9 +239,9 @@ impl<const WHICH: usize> MockLine<WHICH> {
         match WHICH {
             RESET if high && board.in_reset => {
                 board.in_reset = false;
-                board.link = fw_core::eeprom::decode(&board.memory)
+                board.link = Config::decode(&board.memory)
                     .ok()
-                    .map(|config| StmLink::new(Setup::from(&config)));
+                    .map(|config| StmLink::new(config.link_setup()));
                 board.reply = 1;
                 board.drive = DriveModel {
                     ticks: board.drive.ticks,
@@ -343,7 +343,7 @@ impl LogSource for MockLine<BUS> {
 #[must_use]
 pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
     let interrupt = Interrupt::new();
-    let link = fw_core::eeprom::decode(memory).ok();
+    let link = Config::decode(memory).ok();
     let board = Rc::new(RefCell::new(MockBoard {
         fault,
         calls: 0,
@@ -351,14 +351,14 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
         selected: false,
         in_reset: false,
         resets: 0,
-        memory: *memory,
+        memory: memory.clone(),
         commands: Vec::new(),
         report: Report::default(),
         log: Vec::new(),
         log_connected: true,
         garbled_from: usize::MAX,
         drive: DriveModel::default(),
-        link: link.map(|config| StmLink::new(Setup::from(&config))),
+        link: link.map(|config| StmLink::new(config.link_setup())),
         reply: 1,
         now_us: 0,
         low_since_us: 0,

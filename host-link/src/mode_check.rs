@@ -34,9 +34,9 @@ pub(crate) struct ModeCheck {
 impl ModeCheck {
     pub(crate) fn new(config: &Config) -> Self {
         Self {
-            guarded: config.mode.has(Field::Sequence),
-            position: config.mode.has(Field::Position),
-            cells: config.cells,
+            guarded: config.mode().has(Field::Sequence),
+            position: config.mode().has(Field::Position),
+            cells: config.cells(),
             first: None,
             cell_changes: false,
             replies: 0,
@@ -95,21 +95,20 @@ fn repeats(report: &Report) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fw_core::eeprom::first_board;
-    use fw_core::wire::{
-        chain, frame_len, CellCode, Command, Mode, PiLink, Setup, StmLink, MAX_FRAME,
-    };
+    use fw_core::eeprom::{fields, Image};
+    use fw_core::wire::{chain, frame_len, CellCode, Command, Mode, PiLink, StmLink, MAX_FRAME};
 
     /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi detects it.
     fn is_detected(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {
-        let config = |mode| {
-            let mut config = first_board();
-            config.mode = mode;
-            config.cells = cells;
-            config
+        let config = |mode: Mode| {
+            let image = Image::FIRST_BOARD
+                .with(fields::SERVO, 1)
+                .with(fields::MODE, u64::from(mode.code()))
+                .with(fields::CELLS, cells.into());
+            Config::decode(&image).unwrap()
         };
-        let mut pi = PiLink::new(Setup::from(&config(pi_mode)));
-        let stm = StmLink::new(Setup::from(&config(stm_mode)));
+        let mut pi = PiLink::new(config(pi_mode).link_setup());
+        let stm = StmLink::new(config(stm_mode).link_setup());
         let mut mode_check = ModeCheck::new(&config(pi_mode));
         let mut accepted = 0;
         for frame in 0..MODE_CHECK_FRAMES {
@@ -162,7 +161,7 @@ mod tests {
 
     #[test]
     fn robot_reset_far_from_origin_is_no_mismatch() {
-        let mut mode_check = ModeCheck::new(&first_board());
+        let mut mode_check = ModeCheck::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
         for frame in 0..40_u8 {
             let mut report = Report::default();
             report.cell.cell = frame % 2;

@@ -169,7 +169,7 @@ impl<'m> Session<'m> {
 
     fn mode_mismatch(&self, reason: String) -> Error {
         Error::ModeMismatch {
-            mode: self.config.mode.name(),
+            mode: self.config.mode().name(),
             frames: self.statistics().frames,
             reason,
         }
@@ -239,7 +239,7 @@ impl<'m> Session<'m> {
     // Requirement: DOC-5.2.1-4, WIRE-battery-1
     fn command(&mut self, request: &CommandRequest) -> Command {
         let cell = self.cell;
-        self.cell = (cell + 1) % self.config.cells.max(1);
+        self.cell = (cell + 1) % self.config.cells().max(1);
         Command {
             expected: request.target.map(Pose::code).unwrap_or_default(),
             apply: request.target.is_some(),
@@ -281,7 +281,7 @@ impl<'m> Session<'m> {
     /// Those of [`Self::exchange`]; [`Error::Fault`] if the robot stays stopped or is faulted.
     pub fn resume(&mut self) -> Result<(), Error> {
         let report = self.wait_for_reply()?;
-        if !self.config.mode.has(Field::Status) {
+        if !self.config.mode().has(Field::Status) {
             return Ok(());
         }
         let mut state = report.state;
@@ -307,7 +307,8 @@ impl<'m> Session<'m> {
     /// # Errors
     /// [`Error::Fault`].
     pub fn ensure_drivable(&self, state: State, faults: Faults) -> Result<(), Error> {
-        if self.config.mode.has(Field::Status) && matches!(state, State::Stopped | State::Faulted) {
+        if self.config.mode().has(Field::Status) && matches!(state, State::Stopped | State::Faulted)
+        {
             return Err(Error::Fault {
                 state: crate::snapshot::state_name(state),
                 faults: crate::snapshot::fault_names(faults).join(", "),
@@ -321,7 +322,7 @@ impl<'m> Session<'m> {
     /// Ctrl-C does not end this early.
     pub fn stop(&mut self) {
         for _ in 0..STOP_FRAMES {
-            let request = if self.config.mode.has(Field::Status) {
+            let request = if self.config.mode().has(Field::Status) {
                 CommandRequest {
                     order: Order::Stop,
                     ..CommandRequest::default()
@@ -329,7 +330,7 @@ impl<'m> Session<'m> {
             } else {
                 let here = self
                     .config
-                    .mode
+                    .mode()
                     .has(Field::Position)
                     .then_some(self.snapshot.pose)
                     .flatten();

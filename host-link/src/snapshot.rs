@@ -46,17 +46,17 @@ impl Snapshot {
     pub fn new(config: &Config) -> Self {
         Self {
             time_us: 0,
-            mode: config.mode.name(),
+            mode: config.mode().name(),
             pose: None,
             measurement: None,
-            cells_v: vec![None; config.cells.into()],
+            cells_v: vec![None; config.cells().into()],
             ranges_mm: [None; 3],
             bearing_deg: None,
             state: None,
             faults: Vec::new(),
             link: LinkStatistics::default(),
             stm: None,
-            kind: config.mode,
+            kind: config.mode(),
         }
     }
 

@@ -17,7 +17,7 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
             "the Pi missed {missed} replies that the STM numbered: frames were rejected, or another program sends some"
         ));
     }
-    let deadline_ms = u64::from(config.platform.stop_deadline);
+    let deadline_ms = u64::from(config.stop_deadline().0);
     let near_us = deadline_ms * 1000 / 2;
     if link.worst_gap_us >= near_us {
         hints.push(gap("the Pi's replies", link.worst_gap_us, deadline_ms));
@@ -91,8 +91,12 @@ fn explanation(cause: Cause) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fw_core::eeprom::first_board;
+    use fw_core::eeprom::Image;
     use host_link::statistics::StmStatistics;
+
+    fn first_board() -> Config {
+        Config::decode(&Image::FIRST_BOARD).unwrap()
+    }
 
     fn well() -> Snapshot {
         let mut snapshot = Snapshot::new(&first_board());

@@ -2,6 +2,7 @@
 //! which the same map can be drawn again.
 
 use fw_core::eeprom::Config;
+use fw_core::types::RangefinderId;
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::pose::Pose;
@@ -151,17 +152,15 @@ pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
         cell_mm,
         ..mapper::Config::default()
     };
-    let bearings = config.platform.bearings;
-    for (mount, bearing) in settings.mounts.iter_mut().zip(bearings) {
-        let bearing_rad = f64::from(bearing.cast_signed()) / 65_536.0 * std::f64::consts::TAU;
+    for (mount, rangefinder) in settings.mounts.iter_mut().zip(RangefinderId::ALL) {
+        let turns = f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0;
+        let bearing_rad = turns * std::f64::consts::TAU;
         *mount = Mount {
             bearing_rad,
             ..*mount
         };
     }
-    settings
-        .mounts
-        .truncate(config.platform.rangefinders.into());
+    settings.mounts.truncate(config.rangefinders().into());
     settings
 }
 
@@ -237,21 +236,24 @@ fn parse_sample(line: &str) -> Result<RangeSample, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fw_core::eeprom::{Image, fields};
 
     // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
     #[test]
     fn mapper_config_takes_fitted_rangefinders() {
-        let mut config = fw_core::eeprom::first_board();
-        let degrees = |config: &Config| {
-            let mounts = mapper_config(config, 10.0).mounts;
+        let image = Image::FIRST_BOARD;
+        let degrees = |image: &Image| {
+            let mounts = mapper_config(&Config::decode(image).unwrap(), 10.0).mounts;
             let degrees = mounts.iter().map(|mount| mount.bearing_rad.to_degrees());
             degrees.map(f64::round).collect::<Vec<_>>()
         };
         // Front, right, left.
-        assert_eq!(degrees(&config), [0.0, -90.0, 90.0]);
-        config.platform.bearings = [0x1000, 0xE000, 0x8000];
-        config.platform.rangefinders = 2;
-        assert_eq!(degrees(&config), [23.0, -45.0]);
+        assert_eq!(degrees(&image), [0.0, -90.0, 90.0]);
+        let image = image
+            .with(fields::BEARING_FRONT, 0x1000)
+            .with(fields::BEARING_RIGHT, 0xE000)
+            .with(fields::RANGEFINDERS, 2);
+        assert_eq!(degrees(&image), [23.0, -45.0]);
     }
 
     #[test]

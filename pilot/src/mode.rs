@@ -1,6 +1,6 @@
 //! Changing the mode on both ends without leaving the program.
 
-use crate::tune::temporary_mode::edit_config;
+use crate::tune::temporary_mode::set_mode;
 use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::{self, Programmed, Progress, journal::Journal};
@@ -61,9 +61,9 @@ pub fn change<'m>(
     watch: impl FnMut(Progress<'_>),
 ) -> Result<Changed<'m>, Error> {
     let present = eeprom::read(io)?;
-    let before = settings::decode(&present)?.mode;
-    let image = edit_config(&present, |config| config.mode = mode)?;
-    let programmed = eeprom::program(io, &image, ready_timeout_ms, journal, watch)?;
+    let before = settings::decode(&present)?.mode();
+    let wanted = set_mode(&present, mode)?;
+    let programmed = eeprom::program(io, wanted.image(), ready_timeout_ms, journal, watch)?;
     let mut session = Session::open(io, rate_hz, ready_timeout_ms)?;
     session.confirm_mode()?;
     Ok(Changed {

@@ -226,7 +226,6 @@ macro_rules! structures {
 }
 
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::{Divider, Platform};
 use fw_core::types::{Faults, Micros, Turns};
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
@@ -264,14 +263,6 @@ structures! {
     Command { expected, apply, percent, tune, sequence, clear_faults, order }
     Context { key_from_pi, key_from_stm, cells, own, last }
     Setup { mode, key_from_pi, key_from_stm, cells }
-    Divider { upper, lower }
-    Platform {
-        counts_per_turn, wheel_diameter_left, wheel_diameter_right, track, encoder_left_reversed,
-        encoder_right_reversed, motor_left_reversed, motor_right_reversed, servo_reversed,
-        rangefinders, bearings, servo, gyro, stop_deadline, dead_zone_left, dead_zone_right,
-        limit_left, limit_right, log_baud, battery_warn, battery_cutoff, position_tolerance,
-        rotation_tolerance, log_period, servo_travel,
-    }
 }
 
 impl Input for Mode {

@@ -3,9 +3,10 @@
 mod rig;
 
 use fw_core::binary64::Binary64;
+use fw_core::eeprom::fields::{BATTERY_CUTOFF, MODE};
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
-use fw_core::wire::{frame_len, Command, Mode, PiLink, Setup, State, MAX_FRAME};
+use fw_core::wire::{frame_len, Command, Mode, PiLink, State, MAX_FRAME};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::motion::drive_monitor;
@@ -20,8 +21,11 @@ use rig::{Events, Rig};
 /// the pose is the encoders' own until a slip is told of; a distance is one that sound can have gone;
 /// every reply is one the Pi takes.
 // Requirement: DOC-3.2-1, DOC-4.1-2, WIRE-deadline-1, WIRE-deadline-3, WIRE-servo-1, WIRE-eeprom-6
-pub fn robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) -> Seen {
+pub fn robot_obeys_whatever_happens(values: AcceptedConfig, start: Micros, script: Script) -> Seen {
     let mut events = Events::new(&script);
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
     let mut rig = Rig::new(config, start, &mut events);
     while events.more() {
         match events.byte() % 20 {
@@ -45,15 +49,18 @@ pub fn robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, scrip
 /// pose by nothing and finds no fault in its wheels. The next moves it.
 // Requirement: DOC-4.1-1
 pub fn first_sample_moves_nothing(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     now: Micros,
     left: u32,
     right: u16,
     rolled: u8,
 ) -> Seen {
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
     let mut log = Log::<1024>::new();
     let first = TickInput { now, left, right };
-    let mut robot = Robot::new(&config.0, first);
+    let mut robot = Robot::new(&config, first);
     let outputs = robot.on_tick(first, &[], &mut log);
     assert!(robot.pose() == Pose::default());
     assert!(!robot.faults().intersects(WHEELS));
@@ -82,25 +89,25 @@ const WHEELS: Faults = Faults::LEFT_STALLED
 /// it brakes and is faulted after [`EARLIEST`](drive_monitor::EARLIEST) ticks at the earliest, and after
 /// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
 // Requirement: WIRE-status-1, WIRE-status-3
-pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) -> Seen {
-    let AcceptedConfig(mut config) = config;
-    config.mode = Mode::TuneRotate;
-    // Nothing else is to stop it.
-    config.platform.battery_cutoff = 0;
-    let platform = config.platform;
+pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percent: i8) -> Seen {
+    let values = values
+        .with(MODE, Mode::TuneRotate.code().into())
+        // Nothing else is to stop it.
+        .with(BATTERY_CUTOFF, 0);
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
     let percent = i32::from(percent).clamp(-100, 100);
-    let beyond =
-        |limit: u16, dead_zone: u16| (percent.abs() * 100).min(limit.into()) - i32::from(dead_zone);
-    let driven = [
-        beyond(platform.limit_left, platform.dead_zone_left),
-        beyond(platform.limit_right, platform.dead_zone_right),
-    ];
+    let driven = [config.left(), config.right()].map(|wheel| {
+        let duty = (percent.abs() * 100).min(wheel.limit.hundredths().into());
+        duty - i32::from(wheel.dead_zone.hundredths())
+    });
     let mut sample = TickInput {
         now,
         ..TickInput::default()
     };
     let mut robot = Robot::new(&config, sample);
-    let mut pi = PiLink::new(Setup::from(&config));
+    let mut pi = PiLink::new(config.link_setup());
     let mut log = Log::<1024>::new();
     let mut after = None;
     for tick in 0..=drive_monitor::FROM_REST + 20 {
@@ -146,18 +153,18 @@ pub fn blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percen
 
 crate::properties! {
     property T6 first_sample_moves_nothing(
-        config: AcceptedConfig, now: Micros, left: u32, right: u16, rolled: u8
+        values: AcceptedConfig, now: Micros, left: u32, right: u16, rolled: u8
     ) {
         cases ["counters that stand anywhere", "the left counter wrapped", "nothing rolled"];
         needs [accepted_configuration_is_bounded];
         sampled 50_000;
     }
-    property T14 blocked_wheels_stop_the_robot(config: AcceptedConfig, now: Micros, percent: i8) {
+    property T14 blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percent: i8) {
         cases ["as late as can be", "at full drive", "too little to tell"];
         needs [accepted_configuration_is_bounded, broken_wheel_is_detected_in_time];
         sampled 20_000;
     }
-    property T8 robot_obeys_whatever_happens(config: AcceptedConfig, start: Micros, script: Script) {
+    property T8 robot_obeys_whatever_happens(values: AcceptedConfig, start: Micros, script: Script) {
         cases ["it drove", "it drove and silence stopped it", "a fault stopped it", "it rejected a frame",
             "its heading followed the gyroscope", "a distance through air of another temperature"];
         needs [accepted_configuration_is_bounded];

@@ -12,7 +12,7 @@ use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
-use fw_core::types::{Faults, Micros};
+use fw_core::types::{Faults, Micros, Milliseconds};
 use fw_core::wire::Order;
 use proofs::search::{search, Model};
 
@@ -261,7 +261,7 @@ impl Model for Robot {
 
     fn starts(&self) -> Vec<State> {
         vec![State {
-            supervisor: Supervisor::new(StopDeadline::new(DEADLINE_MS)),
+            supervisor: Supervisor::new(StopDeadline::new(Milliseconds(DEADLINE_MS))),
             clock: START,
             ticked: START,
             slept: false,

@@ -11,7 +11,7 @@ use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
-use fw_core::types::Micros;
+use fw_core::types::{Micros, Milliseconds};
 use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FRAME};
 use proofs::search::{search, Model};
 
@@ -147,7 +147,7 @@ impl Model for Link {
         vec![State {
             pi,
             stm: StmLink::new(SETUP),
-            supervisor: Supervisor::new(StopDeadline::new(DEADLINE_MS)),
+            supervisor: Supervisor::new(StopDeadline::new(Milliseconds(DEADLINE_MS))),
             sent: Vec::new(),
             ticks: 0,
             newest: None,

@@ -4,7 +4,6 @@ use std::ops::Deref;
 use std::path::PathBuf;
 
 use embedded_hal::spi::SpiDevice;
-use fw_core::eeprom::{encode, Config, IMAGE_LEN};
 use twin::plant::Sides;
 use twin::{Board, Options};
 
@@ -46,14 +45,6 @@ pub fn elf(variable: &str) -> Vec<u8> {
             path.display()
         )
     })
-}
-
-/// The EEPROM image of a configuration, page 0x03 included.
-#[must_use]
-pub fn image_of(config: &Config) -> Vec<u8> {
-    let mut image = [0xFF; IMAGE_LEN];
-    encode(config, &mut image);
-    image.to_vec()
 }
 
 /// A robot under test: a [`Board`] with a firmware.

@@ -1,7 +1,7 @@
 //! Boot: a good, a blank, a corrupt, an absent EEPROM, a stuck bus, a dead crystal.
 
 use robot_tests::reference::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
-use robot_tests::test_board::{image_of, Rig};
+use robot_tests::test_board::Rig;
 use twin::{I2cController, Options};
 
 /// What every refusal to start must look like, however long one waits and whatever one sends.
@@ -148,7 +148,7 @@ fn boot_corrupt_field_is_rejected_with_address() {
 // Requirement: WIRE-eeprom-2
 #[test]
 fn boot_wrong_page_3_crc_stays_off() {
-    let mut image = image_of(&fw_core::eeprom::first_board());
+    let mut image = fw_core::eeprom::Image::FIRST_BOARD.0.to_vec();
     assert!(Rig::booted(Some(image.clone())).board.is_ready());
     image[0x0310] ^= 4;
     let rig = Rig::booted(Some(image));

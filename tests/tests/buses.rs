@@ -1,8 +1,8 @@
 //! How the STM serves its buses, by its registers and by what is on the wires.
 
-use fw_core::eeprom::{first_board, IMAGE_LEN};
+use fw_core::eeprom::{fields, Image, IMAGE_LEN};
 use robot_tests::reference::{normal_frame, original_image, NormalReply, KEY_STM};
-use robot_tests::test_board::{image_of, Rig};
+use robot_tests::test_board::Rig;
 use twin::trace::EventKind;
 use twin::Options;
 
@@ -113,16 +113,15 @@ fn pace(rig: &Rig, which: impl Fn(&str) -> bool) -> f64 {
 fn log_baud_changes_to_configured_rate_after_boot() {
     // Both within what a receiver at 115200 baud reads.
     for baud in [115_200, 117_600, 113_000] {
-        let mut config = first_board();
-        config.platform.log_baud = baud;
-        config.platform.log_period = 100;
-        let image = image_of(&config);
-        let rig = Rig::configured(image);
+        let image = Image::FIRST_BOARD
+            .with(fields::LOG_BAUD, baud)
+            .with(fields::LOG_PERIOD, 100);
+        let rig = Rig::configured(image.0.to_vec());
         rig.run_us(1_000_000);
         // A start bit, eight bits, a stop bit.
         let boot = pace(&rig, |line| line.contains("boot after"));
         assert!((boot - 10e6 / 115_200.0).abs() < 0.2, "{boot} µs");
         let later = pace(&rig, |line| line.contains(": pose "));
-        assert!((later - 10e6 / f64::from(baud)).abs() < 0.2, "{later} µs");
+        assert!((later - 10e6 / baud as f64).abs() < 0.2, "{later} µs");
     }
 }

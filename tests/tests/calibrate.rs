@@ -1,13 +1,12 @@
 //! Calibration end to end: the release ELF drives a robot whose true wheels and track are not those of its
 //! EEPROM; somebody who sees only where it stands measures.
 
-use fw_core::eeprom::encode;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::drive::ArrivalCriteria;
 use host_link::eeprom;
 use host_link::pose::Pose;
 use host_link::session::Session;
-use host_link::settings::decode;
+use host_link::settings::{decode, Settings};
 use pilot::calibrate::distance::{self, Measured};
 use pilot::calibrate::run::{run, square, straight};
 use pilot::calibrate::umbmark::{self, Score, SquareRun};
@@ -53,11 +52,11 @@ fn drive(robot: &mut Robot, way: &[Pose]) -> WheelPath {
 }
 
 fn write(io: &mut BoardIo, figures: &WheelGeometry) {
-    let mut image = eeprom::read(io).expect("the EEPROM");
-    let mut config = decode(&image).expect("a configuration");
-    figures.apply_to(&mut config);
-    encode(&config, &mut image);
-    eeprom::program(io, &image, 1000, None, |_| {}).expect("written");
+    let image = eeprom::read(io).expect("the EEPROM");
+    let settings = Settings::from_image(&image)
+        .and_then(|settings| settings.with(&figures.values()))
+        .expect("a configuration");
+    eeprom::program(io, settings.image(), 1000, None, |_| {}).expect("written");
 }
 
 fn squares(robot: &mut Robot, runs: usize, deviation_mm: f64) -> Vec<SquareRun> {

@@ -5,7 +5,7 @@
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::path::PathBuf;
 
-use fw_core::eeprom::{first_board, Image, IMAGE_LEN};
+use fw_core::eeprom::{fields, Image, IMAGE_LEN};
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::journal::Journal;
@@ -13,7 +13,6 @@ use host_link::eeprom::repair::{repair, Repaired};
 use host_link::eeprom::{program, Programmed};
 use host_link::error::Error;
 use host_link::session::Session;
-use host_link::settings::Settings;
 use pilot::virtual_board;
 use robot_tests::io_faults::{with_fault, Calls, IoFault, ProcessKilled};
 use robot_tests::test_board::Rig;
@@ -24,24 +23,17 @@ const RATE_HZ: u32 = 400;
 
 /// An original image: no checksum detects a mixture of two.
 fn before() -> Image {
-    Settings {
-        config: first_board(),
-        platform_page: false,
-    }
-    .image()
+    let mut image = Image::FIRST_BOARD;
+    image.make_original();
+    image
 }
 
 /// Another original image: a mixture with the first is accepted as a configuration.
 fn after() -> Image {
-    let mut config = first_board();
-    config.mode = Mode::GuardedNormal;
-    config.forward.p = fw_core::binary64::Binary64(7.3_f64.to_bits());
-    config.rotation.d = fw_core::binary64::Binary64(49.9_f64.to_bits());
-    Settings {
-        config,
-        platform_page: false,
-    }
-    .image()
+    before()
+        .with(fields::MODE, Mode::GuardedNormal.code().into())
+        .with(fields::FORWARD_P, 7.3_f64.to_bits())
+        .with(fields::ROTATION_D, 49.9_f64.to_bits())
 }
 
 /// A robot whose EEPROM is written repeatedly, and the files that outlive the writing process.
@@ -55,7 +47,7 @@ impl EepromTest {
     fn new(name: &str) -> Self {
         let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
         Self {
-            rig: Rig::booted(Some(before().to_vec())),
+            rig: Rig::booted(Some(before().0.to_vec())),
             journal: Journal::new(folder.join("before")),
             folder,
         }
@@ -71,7 +63,7 @@ impl EepromTest {
         let there = before();
         self.rig.i2c_bus(move |bus, _| {
             let part = bus.eeprom.as_mut().expect("an EEPROM");
-            part.bytes_mut()[..IMAGE_LEN].copy_from_slice(&there);
+            part.bytes_mut()[..IMAGE_LEN].copy_from_slice(&there.0);
         });
     }
 
@@ -87,7 +79,7 @@ impl EepromTest {
     fn image(&self) -> Image {
         self.rig.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_ref().expect("an EEPROM");
-            *part.bytes().first_chunk().expect("four pages")
+            Image(*part.bytes().first_chunk().expect("four pages"))
         })
     }
 

@@ -1,10 +1,10 @@
 //! The gyroscope on the virtual board: a slip that the heading survives, and everything that can be
 //! wrong with the part.
 
-use fw_core::eeprom::{first_board, Config};
+use fw_core::eeprom::{fields, Config, Image};
 use fw_core::types::Faults;
-use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, Setup, MAX_FRAME};
-use robot_tests::test_board::{image_of, Rig, TIM5_CCR1};
+use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, MAX_FRAME};
+use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::{Room, Sides};
 use twin::trace::EventKind;
@@ -21,17 +21,15 @@ struct GyroRobot {
 /// x, y and heading: millimetres and degrees.
 type PoseDeg = (f64, f64, f64);
 
-fn config(gyro: bool) -> Config {
-    let mut config = first_board();
-    config.mode = Mode::GuardedNormal;
-    config.platform.gyro = gyro;
-    config
+fn image(gyro: bool) -> Image {
+    Image::FIRST_BOARD
+        .with(fields::MODE, Mode::GuardedNormal.code().into())
+        .with(fields::GYRO, gyro.into())
 }
 
 fn options(gyro: bool, mpu: Option<Mpu6050Params>) -> Options {
-    let image = image_of(&config(gyro));
     Options {
-        eeprom: Some(image),
+        eeprom: Some(image(gyro).0.to_vec()),
         room: Room::default(),
         mpu,
         ..Options::default()
@@ -40,9 +38,10 @@ fn options(gyro: bool, mpu: Option<Mpu6050Params>) -> Options {
 
 impl GyroRobot {
     fn new(gyro: bool, mpu: Option<Mpu6050Params>) -> Self {
+        let config = Config::decode(&image(gyro)).expect("accepted");
         let robot = Self {
             rig: Rig::new(options(gyro, mpu)),
-            pi: PiLink::new(Setup::from(&config(gyro))),
+            pi: PiLink::new(config.link_setup()),
             last: Report::default(),
             rejected: 0,
         };

@@ -3,8 +3,8 @@
 //! Every disturbed frame commands a motion, every good one none: a robot that accepts a disturbed
 //! frame moves. The replies report the accepted frames, the log counts the rejected ones.
 
-use fw_core::eeprom;
-use fw_core::wire::{Command, Order, PiLink, PoseCode, Setup, MAX_FRAME};
+use fw_core::eeprom::{Config, Image};
+use fw_core::wire::{Command, Order, PiLink, PoseCode, MAX_FRAME};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
 use twin::components::spi_master::pack;
@@ -164,9 +164,10 @@ struct PiEnd {
 impl PiEnd {
     fn new(seed: u64) -> Self {
         let image = image_in_mode(0x10);
-        let config = eeprom::decode(image.first_chunk().expect("an image")).expect("accepted");
+        let image = Image(*image.first_chunk().expect("an image"));
+        let config = Config::decode(&image).expect("accepted");
         Self {
-            end: PiLink::new(Setup::from(&config)),
+            end: PiLink::new(config.link_setup()),
             random: Random(Rng::new(seed)),
             accepted: [0; 3],
             counts: Vec::new(),

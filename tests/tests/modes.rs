@@ -1,28 +1,26 @@
 //! Both ends and their modes: the host's code on the Pi's wires, the ELF behind them.
 
-use fw_core::eeprom::{first_board, Config};
+use fw_core::eeprom::{fields, Config, Image};
 use fw_core::wire::{chain, Mode};
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, MODE_CHECK_FRAMES, RATE_HZ};
 use pilot::mode;
 use pilot::virtual_board;
-use robot_tests::test_board::{image_of, Rig};
+use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;
 
 /// The first board's figures and a servo, which the sweep asks for.
-fn config(mode: Mode) -> Config {
-    let mut config = first_board();
-    config.mode = mode;
-    config.platform.servo = true;
-    config
+fn image(mode: Mode) -> Image {
+    Image::FIRST_BOARD
+        .with(fields::SERVO, 1)
+        .with(fields::MODE, mode.code().into())
 }
 
 fn booted(mode: Mode) -> Rig {
-    let image = image_of(&config(mode));
-    let rig = Rig::configured(image);
+    let rig = Rig::configured(image(mode).0.to_vec());
     rig.run_us(100_000);
     rig
 }
@@ -38,7 +36,8 @@ fn mode_mismatch_is_detected_within_ten_frames() {
         let rig = booted(stm);
         for &pi in Mode::ALL {
             let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
-            let mut session = Session::with_config(&mut machine, config(pi), RATE_HZ);
+            let config = Config::decode(&image(pi)).expect("accepted");
+            let mut session = Session::with_config(&mut machine, config, RATE_HZ);
             let met = session.confirm_mode();
             let pair = format!("Pi {}, STM {}", pi.name(), stm.name());
             if names(pi).eq(names(stm)) {
@@ -67,7 +66,7 @@ fn mode_change_takes_effect_on_both_ends() {
             .unwrap_or_else(|error| panic!("{}: {error}", mode.name()));
         assert_eq!(changed.before, before);
         assert!(changed.programmed.bytes > 0);
-        assert_eq!(changed.session.config().mode, mode);
+        assert_eq!(changed.session.config().mode(), mode);
         let report = changed.session.exchange(&CommandRequest::default());
         assert!(matches!(report, Ok(Some(_))), "{}: {report:?}", mode.name());
         let log = rig.log();

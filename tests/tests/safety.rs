@@ -1,11 +1,11 @@
 //! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
 
-use fw_core::eeprom::first_board;
+use fw_core::eeprom::{fields, Image};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{elf, image_of, Rig, ELF_OVERFLOW, ELF_PANIC};
+use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
 use twin::plant::Sides;
 use twin::{Board, Options, ResetSource};
 
@@ -148,13 +148,12 @@ fn empty_battery_stops_for_good() {
 
 /// A robot whose battery warns and cuts off where page 0x03 says, both above what an original EEPROM
 /// means, and that lasts for some seconds of driving.
-fn on_its_last_charge(warn_mv: u16, cutoff_mv: u16) -> Rig {
-    let mut config = first_board();
-    config.platform.battery_warn = warn_mv;
-    config.platform.battery_cutoff = cutoff_mv;
-    let image = image_of(&config);
+fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
+    let image = Image::FIRST_BOARD
+        .with(fields::BATTERY_WARN, warn_mv)
+        .with(fields::BATTERY_CUTOFF, cutoff_mv);
     let mut options = Options {
-        eeprom: Some(image),
+        eeprom: Some(image.0.to_vec()),
         ..Options::default()
     };
     options.params.battery.capacity_ah = 0.004;

@@ -1,21 +1,20 @@
 //! Mode 0x20: the servo, the bearing of every reading, and the resulting map.
 
-use fw_core::eeprom::{first_board, Config};
-use fw_core::wire::{Command, Mode, PiLink, Report, Setup, MAX_FRAME};
+use fw_core::eeprom::{fields, Config, Image};
+use fw_core::wire::{Command, Mode, PiLink, Report, MAX_FRAME};
 use host_link::snapshot::distance_mm;
 use mapper::Point;
 use pilot::mapping::{mapper_config, Mapping, RangeSample};
-use robot_tests::test_board::{image_of, Rig};
+use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
 use twin::plant::{Params, RangefinderParams};
 use twin::{Board, Options};
 
-fn config(change: impl FnOnce(&mut Config)) -> Config {
-    let mut config = first_board();
-    config.mode = Mode::GuardedSweep;
-    config.platform.servo = true;
-    change(&mut config);
-    config
+/// The first board with a servo, in the sweep mode.
+fn sweeping() -> Image {
+    Image::FIRST_BOARD
+        .with(fields::SERVO, 1)
+        .with(fields::MODE, Mode::GuardedSweep.code().into())
 }
 
 /// A robot in mode 0x20, and the Pi's end of its link.
@@ -26,17 +25,17 @@ struct ScanningRobot {
 }
 
 impl ScanningRobot {
-    fn new(config: Config, params: Params) -> Self {
-        let image = image_of(&config);
+    fn new(image: &Image, params: Params) -> Self {
+        let config = Config::decode(image).expect("accepted");
         let rig = Rig::ready(Options {
-            eeprom: Some(image),
+            eeprom: Some(image.0.to_vec()),
             params,
             ..Options::default()
         });
         rig.run_us(20_000);
         Self {
             rig,
-            pi: PiLink::new(Setup::from(&config)),
+            pi: PiLink::new(config.link_setup()),
             config,
         }
     }
@@ -113,7 +112,7 @@ fn assert_readings_match_pings(pings: &[Ping], readings: &[(u64, Report)], front
 // Requirement: WIRE-bearing-2, WIRE-bearing-3, WIRE-bearing-4, WIRE-bearing-5
 #[test]
 fn scan_readings_carry_their_bearing_exactly_once() {
-    let mut robot = ScanningRobot::new(config(|_| {}), exact());
+    let mut robot = ScanningRobot::new(&sweeping(), exact());
     // Five seconds are two sweeps to and fro.
     let reports = robot.frames(5_600_000);
     let first = reports[0].1;
@@ -157,11 +156,10 @@ fn scan_reversed_short_servo_bearings_are_true() {
     params.servo.travel_rad = -std::f64::consts::FRAC_PI_2;
     params.mounts[0].bearing_rad = 30f64.to_radians();
     let mut robot = ScanningRobot::new(
-        config(|config| {
-            config.platform.servo_reversed = true;
-            config.platform.servo_travel = 0x4000;
-            config.platform.bearings[0] = 0x1555;
-        }),
+        &sweeping()
+            .with(fields::SERVO_REVERSED, 1)
+            .with(fields::SERVO_TRAVEL, 0x4000)
+            .with(fields::BEARING_FRONT, 0x1555),
         params,
     );
     let reports = robot.frames(2_500_000);
@@ -175,7 +173,7 @@ fn scan_slow_servo_shows_bearing_errors() {
     let mut params = exact();
     // Half as fast as the plan allows for.
     params.servo.slew_rad_s /= 2.0;
-    let mut robot = ScanningRobot::new(config(|_| {}), params);
+    let mut robot = ScanningRobot::new(&sweeping(), params);
     let reports = robot.frames(2_500_000);
     let readings = readings(&reports);
     let pings = robot.rig.pings();
@@ -190,7 +188,7 @@ fn scan_slow_servo_shows_bearing_errors() {
 // Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn scan_servo_rests_without_frames() {
-    let mut robot = ScanningRobot::new(config(|_| {}), exact());
+    let mut robot = ScanningRobot::new(&sweeping(), exact());
     let angle = |board: &Board| board.world(|world| world.servo().angle_rad().to_degrees());
     robot.rig.run_us(700_000);
     assert!(angle(&robot.rig.board).abs() < 1e-9);
@@ -222,7 +220,8 @@ fn scan_servo_rests_without_frames() {
 // Requirement: WIRE-servo-3
 #[test]
 fn servo_points_ahead_in_other_modes() {
-    let image = image_of(&config(|config| config.mode = Mode::Normal));
+    let image = sweeping().with(fields::MODE, Mode::Normal.code().into());
+    let image = image.0.to_vec();
     let rig = Rig::configured(image);
     rig.world(|world| world.servo_mut().force(-1.5));
     let frame = robot_tests::reference::normal_frame(0, 0, 0, false);
@@ -239,7 +238,7 @@ fn servo_points_ahead_in_other_modes() {
 // Requirement: DOC-1-2, DOC-2.2-3
 #[test]
 fn scan_maps_room_around_robot() {
-    let mut robot = ScanningRobot::new(config(|_| {}), Params::default());
+    let mut robot = ScanningRobot::new(&sweeping(), Params::default());
     let mut survey = Mapping::new(mapper_config(&robot.config, 25.0));
     let config = robot.config.clone();
     for (at, report) in robot.frames(12_000_000) {

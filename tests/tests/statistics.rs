@@ -1,24 +1,24 @@
 //! What both ends count of the link, against what was put on the wires: the host's code on one end,
 //! the ELF on the other, its log between them.
 
-use fw_core::eeprom::first_board;
+use fw_core::eeprom::{fields, Config, Image};
 use fw_core::wire::{frame_len, Cause, Field, Mode};
 use host_link::board_io::Interrupt;
 use host_link::session::{CommandRequest, Session, RATE_HZ};
 use pilot::virtual_board;
-use robot_tests::test_board::{image_of, Rig};
+use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
 /// Frames in two seconds and a half: with them come a line of the log that tells of the pause, and
 /// one that does not.
 const FRAMES: u32 = RATE_HZ * 5 / 2;
 
-fn booted(mode: Mode) -> (Rig, fw_core::eeprom::Config) {
-    let mut config = first_board();
-    config.mode = mode;
-    config.platform.servo = true;
-    let image = image_of(&config);
-    let rig = Rig::configured(image);
+fn booted(mode: Mode) -> (Rig, Config) {
+    let image = Image::FIRST_BOARD
+        .with(fields::SERVO, 1)
+        .with(fields::MODE, mode.code().into());
+    let config = Config::decode(&image).expect("accepted");
+    let rig = Rig::configured(image.0.to_vec());
     rig.run_us(100_000);
     (rig, config)
 }
@@ -40,14 +40,14 @@ fn statistics_count_frames_of_both_ends() {
         };
         exchange(&mut session, 10);
         let mut wrong = vec![0; frame_len(mode)];
-        wrong[0] = !config.key_from_pi;
+        wrong[0] = !config.link_setup().key_from_pi;
         for _ in 0..3 {
             let _ = rig.frame(&wrong);
             rig.run_us(100);
         }
         for len in [1, frame_len(mode) - 1, frame_len(mode) + 2] {
             let mut bytes = vec![0; len];
-            bytes[0] = config.key_from_pi;
+            bytes[0] = config.link_setup().key_from_pi;
             let _ = rig.frame(&bytes);
             rig.run_us(100);
         }

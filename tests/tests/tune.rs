@@ -96,11 +96,11 @@ fn tuning_battery_proposes_resistor() {
             .expect("a frame");
     }
     let shown = session.snapshot().cells_v[0].expect("cell 1");
-    let divider = session.config().dividers[0];
+    let divider = session.config().dividers()[0];
     let reference = shown * 0.9;
     let ohm = battery::measure_upper_resistor(&mut session, 1, reference).expect("a proposal");
-    let whole = f64::from(divider.upper) + f64::from(divider.lower);
-    let expected = whole * 0.9 - f64::from(divider.lower);
+    let whole = f64::from(divider.upper.0) + f64::from(divider.lower.0);
+    let expected = whole * 0.9 - f64::from(divider.lower.0);
     // The ADC's noise and the wire's 5 mV.
     assert!(
         (f64::from(ohm) - expected).abs() < 150.0,

@@ -818,7 +818,19 @@ def sessions():
 # ------------------------------------------------------------------------------------ eeprom.json
 
 U8, U16, U32, DOUBLE = "<B", "<H", "<I", "<d"
-NEED_TAP = {"dividers.%d.%s" % (n, which): n for n in range(1, 9) for which in ("upper", "lower")}
+
+
+def bits(lowest, width=1):
+    """So many bits of one byte."""
+    return ("bits", lowest, width)
+
+
+def width_of(kind):
+    """Bits that a field has."""
+    return kind[2] if isinstance(kind, tuple) else 8 * struct.calcsize(kind)
+
+
+NEED_TAP = {"tap_%d.%s" % (n, which): n for n in range(1, 9) for which in ("upper", "lower")}
 # address, type, name, smallest, largest, first board (6.0.1 to 6.0.3; page 0x03 is ours)
 FIELDS = [
     (0x000A, U8, "key_from_pi", 0, 255, 0x96),
@@ -833,23 +845,28 @@ FIELDS = [
     (0x0130, DOUBLE, "rotation.d", 0.0, 10000.0, 50.209),
     (0x0138, DOUBLE, "rotation.anti_windup", 0.0, 10000.0, 1.4),
     (0x0203, U8, "cells", 1, 8, 2),
-    (0x0204, DOUBLE, "adc_max_voltage", 0.1, 10.0, 3.3),
+    (0x0204, DOUBLE, "adc_max", 0.1, 10.0, 3.3),
     (0x020C, U32, "adc_max_word", 1, 65535, 4095),
     *[field for n in range(1, 9) for field in (
-        (0x0208 + 8 * n, U32, "dividers.%d.upper" % n, 0, 10_000_000, {1: 10_000, 2: 33_000}.get(n, 2**32 - 1)),
-        (0x020C + 8 * n, U32, "dividers.%d.lower" % n, 1, 10_000_000, {1: 33_000, 2: 22_000}.get(n, 2**32 - 1)),
+        (0x0208 + 8 * n, U32, "tap_%d.upper" % n, 0, 10_000_000, {1: 10_000, 2: 33_000}.get(n, 2**32 - 1)),
+        (0x020C + 8 * n, U32, "tap_%d.lower" % n, 1, 10_000_000, {1: 33_000, 2: 22_000}.get(n, 2**32 - 1)),
     )],
-    (0x0300, U8, "layout_version", 1, 1, 1),
+    (0x0300, U8, "layout_version", 2, 2, 2),
     (0x0301, U8, "layout_length", 0x38, 0x38, 0x38),
     (0x0302, U16, "counts_per_turn", 100, 60_000, 3840),
     (0x0304, U32, "wheel_diameter_left", 10_000, 1_000_000, 80_000),
     (0x0308, U32, "wheel_diameter_right", 10_000, 1_000_000, 80_000),
     (0x030C, U32, "track", 20_000, 2_000_000, 125_000),
-    (0x0310, U8, "signs", 0, 31, 3),
+    (0x0310, bits(0), "encoder_left_reversed", 0, 1, 1),
+    (0x0310, bits(1), "encoder_right_reversed", 0, 1, 1),
+    (0x0310, bits(2), "motor_left_reversed", 0, 1, 0),
+    (0x0310, bits(3), "motor_right_reversed", 0, 1, 0),
+    (0x0310, bits(4), "servo_reversed", 0, 1, 0),
+    (0x0310, bits(5, 3), "signs_reserved", 0, 0, 0),
     (0x0311, U8, "rangefinders", 0, 3, 3),
-    (0x0312, U16, "bearings.front", 0, 0xFFFF, 0x0000),
-    (0x0314, U16, "bearings.right", 0, 0xFFFF, 0xC000),
-    (0x0316, U16, "bearings.left", 0, 0xFFFF, 0x4000),
+    (0x0312, U16, "bearing_front", 0, 0xFFFF, 0x0000),
+    (0x0314, U16, "bearing_right", 0, 0xFFFF, 0xC000),
+    (0x0316, U16, "bearing_left", 0, 0xFFFF, 0x4000),
     (0x0318, U8, "servo", 0, 1, 0),
     (0x0319, U8, "gyro", 0, 1, 0),
     (0x031A, U16, "stop_deadline", 20, 2000, 250),
@@ -874,9 +891,16 @@ def put(image, address, data):
     image[address:address + len(data)] = data
 
 
+def checksum(image):
+    """CRC-32 over the EEPROM key and every byte of a field, by address."""
+    defined = set(range(10))
+    for address, kind, _, _, _, _ in FIELDS:
+        defined |= set(range(address, address + (width_of(kind) + 7) // 8))
+    return zlib.crc32(bytes(image[address] for address in sorted(defined)))
+
+
 def seal(image):
-    """CRC-32 over pages 0x00 to 0x02 and 0x0300 to 0x0333, which is everything before it."""
-    put(image, 0x0334, struct.pack("<I", zlib.crc32(bytes(image[:0x0334]))))
+    put(image, 0x0334, struct.pack("<I", checksum(image)))
 
 
 def image_of(config, original=False, background=0xFF):
@@ -885,7 +909,12 @@ def image_of(config, original=False, background=0xFF):
     for address, kind, name, _, _, _ in FIELDS:
         if original and address >= 0x0300:
             continue
-        put(image, address, struct.pack(kind, config[name]))
+        if isinstance(kind, tuple):
+            _, lowest, width = kind
+            mask = ((1 << width) - 1) << lowest
+            image[address] = image[address] & ~mask | config[name] << lowest
+        else:
+            put(image, address, struct.pack(kind, config[name]))
     if original:
         put(image, 0x0300, b"\xFF" * 0x38)
     else:
@@ -928,12 +957,13 @@ def eeprom():
         **FIRST_BOARD, "mode": 0x20, "cells": 8, "key_from_pi": 0x01, "key_from_stm": 0x02,
         "forward.p": 1.5, "forward.i": 0.25, "forward.d": 1000.125, "forward.anti_windup": 0.1,
         "rotation.p": 2.5, "rotation.i": 0.0, "rotation.d": 9999.999, "rotation.anti_windup": 1e-9,
-        "adc_max_voltage": 2.5, "adc_max_word": 0xFFFF,
-        **{"dividers.%d.upper" % n: 1_000_001 * n for n in range(1, 9)},
-        **{"dividers.%d.lower" % n: 100_002 * n for n in range(1, 9)},
+        "adc_max": 2.5, "adc_max_word": 0xFFFF,
+        **{"tap_%d.upper" % n: 1_000_001 * n for n in range(1, 9)},
+        **{"tap_%d.lower" % n: 100_002 * n for n in range(1, 9)},
         "counts_per_turn": 0x1234, "wheel_diameter_left": 81_234, "wheel_diameter_right": 79_876,
-        "track": 234_567, "signs": 0x1C, "rangefinders": 1, "bearings.front": 0x0102,
-        "bearings.right": 0xC304, "bearings.left": 0x4506, "servo": 1, "stop_deadline": 777,
+        "track": 234_567, "encoder_left_reversed": 0, "encoder_right_reversed": 0, "motor_left_reversed": 1,
+        "motor_right_reversed": 1, "servo_reversed": 1, "rangefinders": 1, "bearing_front": 0x0102,
+        "bearing_right": 0xC304, "bearing_left": 0x4506, "servo": 1, "stop_deadline": 777,
         "dead_zone_left": 1111, "dead_zone_right": 2222, "limit_left": 8888, "limit_right": 9999,
         "log_baud": 1_000_000, "battery_warn": 3555, "battery_cutoff": 3111,
         "position_tolerance": 4321, "rotation_tolerance": 1234, "log_period": 500, "servo_travel": 0x5678,
@@ -944,14 +974,14 @@ def eeprom():
         name: 2**32 - 1 for name, tap in NEED_TAP.items() if tap > 1}})
     high = {name: high for _, _, name, _, high, _ in FIELDS}
     accept("every field at its largest", {**high, "mode": 0x20})
-    accept("resistors exactly 99 to 1", {**FIRST_BOARD, "dividers.1.upper": 99, "dividers.1.lower": 1})
+    accept("resistors exactly 99 to 1", {**FIRST_BOARD, "tap_1.upper": 99, "tap_1.lower": 1})
     accept("gains of minus zero", {**FIRST_BOARD, "forward.i": -0.0, "rotation.d": -0.0})
     accept("battery supervision off", {**FIRST_BOARD, "battery_warn": 0, "battery_cutoff": 0})
-    accept("unused taps of anything", {**FIRST_BOARD, "dividers.3.lower": 0, "dividers.8.upper": 0xDEADBEEF})
+    accept("unused taps of anything", {**FIRST_BOARD, "tap_3.lower": 0, "tap_8.upper": 0xDEADBEEF})
     image = image_of(FIRST_BOARD, background=0x00)
-    accept("unclaimed bytes of zero", FIRST_BOARD, only="read", image=image)
+    accept("undefined bytes of zero", FIRST_BOARD, only="read", image=image)
     image = image_of(FIRST_BOARD, original=True, background=0xA5)
-    accept("original, unclaimed bytes of anything", FIRST_BOARD, original=True, only="read", image=image)
+    accept("original, undefined bytes of anything", FIRST_BOARD, original=True, only="read", image=image)
     image = image_of(FIRST_BOARD)
     put(image, 0x0338, bytes(range(0xC8)))
     accept("bytes beyond the layout of anything", FIRST_BOARD, only="read", image=image)
@@ -969,12 +999,9 @@ def eeprom():
             image = image_of(FIRST_BOARD, original)
             image[at] ^= 1 << at % 8
             refuse("EEPROM key, byte %d" % at, image, 0, "EEPROM key", bytes(image[:10]).hex())
-    for at, bit in [(0x0000, 0), (0x000A, 7), (0x0020, 3), (0x0107, 6), (0x0250, 0), (0x02FF, 7), (0x0302, 0),
-                    (0x0333, 5)]:
-        if at == 0:
-            continue
+    for at, bit in [(0x000A, 7), (0x0107, 6), (0x024F, 0), (0x0302, 0), (0x0333, 5)]:
         image = image_of(FIRST_BOARD)
-        right = zlib.crc32(bytes(image[:0x334]))
+        right = checksum(image)
         image[at] ^= 1 << bit
         refuse("0x%04X changed behind the checksum's back" % at, image, 0x0334, "crc", right)
     for byte in range(4):
@@ -1005,7 +1032,7 @@ def eeprom():
                 for original in (True, False):
                     field(name, number, original=original)
             continue
-        biggest = (1 << 8 * struct.calcsize(kind)) - 1
+        biggest = (1 << width_of(kind)) - 1
         candidates = sorted({low - 1, high + 1, biggest, 0})
         for value in (v for v in candidates if 0 <= v <= biggest and not low <= v <= high):
             field(name, value, everywhere)
@@ -1014,7 +1041,7 @@ def eeprom():
     # What fields must hold together.
     for n in range(1, 9):
         taps = {"cells": 8, **{key: 1 for key in NEED_TAP}}
-        field("dividers.%d.upper" % n, 100, taps, why=" over 1")
+        field("tap_%d.upper" % n, 100, taps, why=" over 1")
     field("servo", 0, {"mode": 0x20}, why=" in mode 0x20")
     field("rangefinders", 0, {"mode": 0x20, "servo": 1}, why=" in mode 0x20")
     field("dead_zone_left", 500, {"limit_left": 500}, why=" at its limit")
@@ -1027,9 +1054,13 @@ def eeprom():
     refuse("two fields", image, 0x0203, "cells", 0)
     image = image_of({**FIRST_BOARD, "battery_cutoff": 5000, "log_period": 60_001})
     refuse("a field and a rule", image, 0x0330, "log_period", 60_001)
-    image = image_of({**FIRST_BOARD, "layout_version": 2, "mode": 0xFF})
+    image = image_of({**FIRST_BOARD, "layout_version": 3, "mode": 0xFF})
     image[0x0334] ^= 1
-    refuse("layout, checksum and a field", image, 0x0300, "layout_version", 2)
+    refuse("layout, checksum and a field", image, 0x0300, "layout_version", 3)
+    # The layout before this one: its checksum covered every byte from 0x0000 to 0x0333.
+    image = image_of({**FIRST_BOARD, "layout_version": 1})
+    put(image, 0x0334, struct.pack("<I", zlib.crc32(bytes(image[:0x0334]))))
+    refuse("layout 1, right in itself", image, 0x0300, "layout_version", 1)
     return {"accepted": accepted, "rejected": refused}
 
 

@@ -1,6 +1,8 @@
 //! A rejected configuration: page, address, field, value, and what is accepted.
 
-use super::{Accepted, KEY};
+use super::field::{Accepted, Field};
+use super::fields::LAYOUT_VERSION;
+use super::KEY;
 use crate::binary64::{Binary64, Binary64Error};
 use crate::log::Line;
 use crate::wire::Mode;
@@ -8,29 +10,42 @@ use crate::wire::Mode;
 /// The first field that was rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConfigError {
-    /// Where its first byte stands; the upper byte is the page.
+    /// Where its first byte is stored; the upper byte is the page.
     pub address: u16,
     /// Its name.
     pub field: &'static str,
-    /// Its unit; empty where it has none.
+    /// The unit of its value; empty where it has none.
     pub unit: &'static str,
     /// What it holds.
-    pub value: Value,
+    pub value: FieldValue,
     /// What is accepted.
-    pub expected: Accepted,
+    pub expected: Expected,
 }
 
 /// What a field holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Value {
+pub enum FieldValue {
     /// The ten bytes of the EEPROM key.
     Key([u8; 10]),
     /// An integer.
-    Whole(u32),
-    /// A double.
-    Number(Binary64),
+    Int(u32),
+    /// A binary64.
+    Real(Binary64),
     /// A checksum.
     Checksum(u32),
+}
+
+/// What a rejected field should hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expected {
+    /// The EEPROM key ([`KEY`]).
+    Key,
+    /// A value of the field's range.
+    Range(Accepted),
+    /// This checksum.
+    Checksum(u32),
+    /// What a constraint between fields demands.
+    Constraint(&'static str),
 }
 
 fn key(line: &mut Line, key: &[u8; 10]) {
@@ -39,33 +54,26 @@ fn key(line: &mut Line, key: &[u8; 10]) {
     }
 }
 
-fn number(line: &mut Line, value: Binary64) {
+fn real(line: &mut Line, value: Binary64) {
     match value.to_fixed() {
-        Ok(fixed) => {
-            line.fixed(fixed, 6);
-        }
-        Err(Binary64Error::NotANumber) => {
-            line.text("NaN");
-        }
-        Err(Binary64Error::Infinite) => {
-            line.text("infinity");
-        }
-        Err(Binary64Error::OutOfRange) => {
-            line.text("a double of bits 0x")
-                .hex((value.0 >> 32) as u32, 8)
-                .hex((value.0 & 0xFFFF_FFFF) as u32, 8);
-        }
-    }
+        Ok(fixed) => line.fixed(fixed, 6),
+        Err(Binary64Error::NotANumber) => line.text("NaN"),
+        Err(Binary64Error::Infinite) => line.text("infinity"),
+        Err(Binary64Error::OutOfRange) => line
+            .text("a binary64 of bits 0x")
+            .hex((value.0 >> 32) as u32, 8)
+            .hex((value.0 & 0xFFFF_FFFF) as u32, 8),
+    };
 }
 
-impl Value {
+impl FieldValue {
     fn log(&self, line: &mut Line) {
         match self {
             Self::Key(bytes) => key(line, bytes),
-            Self::Whole(value) => {
+            Self::Int(value) => {
                 line.int((*value).into());
             }
-            Self::Number(value) => number(line, *value),
+            Self::Real(value) => real(line, *value),
             Self::Checksum(sum) => {
                 line.text("0x").hex(*sum, 8);
             }
@@ -77,7 +85,6 @@ impl Accepted {
     /// What is accepted, as text.
     pub fn log(&self, line: &mut Line) {
         match *self {
-            Self::Key => key(line, &KEY),
             Self::Mode => {
                 let mut between = "";
                 for mode in Mode::ALL {
@@ -85,19 +92,28 @@ impl Accepted {
                     between = ", ";
                 }
             }
-            Self::Whole { min, max } if min == max => {
+            Self::IntRange { min, max } if min == max => {
                 line.int(min.into());
             }
-            Self::Whole { min, max } => {
+            Self::IntRange { min, max } => {
                 line.int(min.into()).text(" to ").int(max.into());
             }
-            Self::Number { min, max } => {
+            Self::RealRange { min, max } => {
                 line.fixed(min, 1).text(" to ").fixed(max, 1);
             }
+        }
+    }
+}
+
+impl Expected {
+    fn log(&self, line: &mut Line) {
+        match self {
+            Self::Key => key(line, &KEY),
+            Self::Range(accepted) => accepted.log(line),
             Self::Checksum(sum) => {
-                line.text("0x").hex(sum, 8);
+                line.text("0x").hex(*sum, 8);
             }
-            Self::Rule(text) => {
+            Self::Constraint(text) => {
                 line.text(text);
             }
         }
@@ -105,13 +121,29 @@ impl Accepted {
 }
 
 impl ConfigError {
+    /// `raw` is not in the field's range.
+    pub(super) const fn range(field: &Field, raw: u64) -> Self {
+        Self::new(field, raw, Expected::Range(*field.accepted))
+    }
+
+    pub(super) const fn new(field: &Field, raw: u64, expected: Expected) -> Self {
+        Self {
+            address: field.address,
+            field: field.name,
+            unit: field.unit.symbol(),
+            value: field.value(raw),
+            expected,
+        }
+    }
+
     /// The page, 0x00 ..= 0x03.
     #[must_use]
     pub const fn page(&self) -> u8 {
         (self.address >> 8) as u8
     }
 
-    /// The error as text: `EEPROM page 0x.. address 0x..: <field> is <value>, accepted: <range>`.
+    /// The error as text: `EEPROM page 0x.. address 0x..: <field> is <value>, accepted: <range>`,
+    /// and what to do about another layout.
     pub fn log(&self, line: &mut Line) {
         line.text("EEPROM page 0x")
             .hex(self.page().into(), 2)
@@ -126,6 +158,9 @@ impl ConfigError {
         }
         line.text(", accepted: ");
         self.expected.log(line);
+        if self.address == LAYOUT_VERSION.address {
+            line.text("; run `robot eeprom write`");
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The stop deadline: no fresh valid frame for the configured time, no motion.
 
-use crate::types::Micros;
+use crate::types::{Micros, Milliseconds};
 /// Time since the last fresh valid frame, limited. Expired, it stays so until a fresh frame: the
 /// clock's wrap after 71.6 minutes never makes silence fresh.
 ///
@@ -16,9 +16,9 @@ pub struct StopDeadline {
 impl StopDeadline {
     /// Expired until the first frame.
     #[must_use]
-    pub const fn new(milliseconds: u16) -> Self {
+    pub const fn new(allowed: Milliseconds) -> Self {
         Self {
-            allowed: milliseconds as u32 * 1000,
+            allowed: allowed.0 as u32 * 1000,
             last: Micros(0),
             expired: true,
         }
@@ -54,7 +54,7 @@ mod tests {
 
     /// `expired` every `period` µs after one frame: false up to the deadline, true ever after.
     fn assert_silence(start: u32, period: u32, ticks: u32) {
-        let mut deadline = StopDeadline::new(250);
+        let mut deadline = StopDeadline::new(Milliseconds(250));
         deadline.fresh(Micros(start));
         for k in 0..ticks {
             let now = Micros(start).after(k.wrapping_mul(period));
@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn deadline_before_first_frame_is_expired() {
         for now in [0, 1, 250_000, u32::MAX, 1 << 31] {
-            assert!(StopDeadline::new(250).expired(Micros(now)));
+            assert!(StopDeadline::new(Milliseconds(250)).expired(Micros(now)));
         }
     }
 }

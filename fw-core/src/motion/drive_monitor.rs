@@ -13,7 +13,7 @@
 //! a wheel is not judged.
 
 use super::mixer::MotorLag;
-use crate::eeprom::Platform;
+use crate::eeprom::{Config, Wheel};
 use crate::types::{Delta, Faults, MotorCommand, MotorCommands};
 
 /// Smallest duty beyond the dead zone that must turn a wheel, 2⁻⁸ hundredths of a percent.
@@ -43,11 +43,11 @@ struct WheelFaults {
 }
 
 impl WheelMonitor {
-    const fn new(dead_zone: u16, reversed: bool, faults: WheelFaults) -> Self {
+    const fn new(wheel: &Wheel, faults: WheelFaults) -> Self {
         Self {
             faults,
-            reversed,
-            dead_zone: dead_zone as i32,
+            reversed: wheel.motor_reversed,
+            dead_zone: wheel.dead_zone.hundredths() as i32,
             lag: MotorLag([0; 2]),
             ticks: 0,
             counts: 0,
@@ -106,27 +106,25 @@ pub struct DriveMonitor {
 impl DriveMonitor {
     /// At rest, without a fault.
     #[must_use]
-    pub fn new(platform: &Platform) -> Self {
-        let turn = i32::from(platform.counts_per_turn);
+    pub fn new(config: &Config) -> Self {
+        let turn = i32::from(config.counts_per_turn());
         Self {
             left: WheelMonitor::new(
-                platform.dead_zone_left,
-                platform.motor_left_reversed,
+                config.left(),
                 WheelFaults {
                     stalled: Faults::LEFT_STALLED,
                     reversed: Faults::LEFT_REVERSED,
                 },
             ),
             right: WheelMonitor::new(
-                platform.dead_zone_right,
-                platform.motor_right_reversed,
+                config.right(),
                 WheelFaults {
                     stalled: Faults::RIGHT_STALLED,
                     reversed: Faults::RIGHT_REVERSED,
                 },
             ),
             min_counts: (turn / 128).max(2),
-            max_counts: (turn / 10).max(10),
+            max_counts: (turn / 10),
         }
     }
 

@@ -9,7 +9,7 @@
 use fixed::types::I16F16;
 
 use crate::divide::ratio;
-use crate::eeprom::Platform;
+use crate::eeprom::{Config, Wheel};
 use crate::types::{Delta, Duty, MotorCommand, MotorCommands};
 
 /// 1 % in 2⁻¹⁶ %.
@@ -58,9 +58,9 @@ struct Motor {
 }
 
 impl Motor {
-    fn new(dead_zone: u16, limit: u16) -> Self {
-        let limit = i32::from(limit.min(Duty::FULL.unsigned_abs()));
-        let dead_zone = i32::from(dead_zone).min(limit);
+    fn new(wheel: &Wheel) -> Self {
+        let limit = i32::from(wheel.limit.hundredths());
+        let dead_zone = i32::from(wheel.dead_zone.hundredths());
         Self {
             dead_zone: dead_zone * PERCENT / 100,
             headroom: (limit - dead_zone) * PERCENT / 100,
@@ -116,17 +116,17 @@ impl Mixer {
     /// Equal gains until identified.
     // Requirement: WIRE-platform-3
     #[must_use]
-    pub fn new(platform: &Platform) -> Self {
-        let left = Motor::new(platform.dead_zone_left, platform.limit_left);
-        let right = Motor::new(platform.dead_zone_right, platform.limit_right);
+    pub fn new(config: &Config) -> Self {
+        let left = Motor::new(config.left());
+        let right = Motor::new(config.right());
         Self {
             max_output: left.headroom.min(right.headroom),
             left,
             right,
-            left_reversed: platform.motor_left_reversed,
-            right_reversed: platform.motor_right_reversed,
-            limit_left: i32::from(platform.limit_left),
-            limit_right: i32::from(platform.limit_right),
+            left_reversed: config.left().motor_reversed,
+            right_reversed: config.right().motor_reversed,
+            limit_left: i32::from(config.left().limit.hundredths()),
+            limit_right: i32::from(config.right().limit.hundredths()),
             excited: 0,
         }
     }

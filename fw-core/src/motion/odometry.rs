@@ -25,7 +25,7 @@ use fixed::types::{I16F16, I32F32};
 
 use super::trig::{nearest, plus, split, upper, Reduced};
 use crate::divide::div_rem;
-use crate::eeprom::Platform;
+use crate::eeprom::{self, Config};
 use crate::types::{Delta, Millimetres, Pose, Turns};
 
 /// A factor per count, `high·2³² + low`.
@@ -85,23 +85,20 @@ impl Wheel {
     /// counter-clockwise.
     // Start-up only: one copy in flash.
     #[inline(never)]
-    fn new(diameter: u32, reversed: bool, right: bool, platform: &Platform) -> Self {
-        let counts = u64::from(platform.counts_per_turn.max(1));
-        let track = u64::from(platform.track.max(1));
-        let diameter = u64::from(diameter.min(MAX_DIAMETER));
+    fn new(wheel: &eeprom::Wheel, right: bool, config: &Config) -> Self {
+        let counts = u64::from(config.counts_per_turn());
+        let track = u64::from(config.track().0);
+        let diameter = u64::from(wheel.diameter.0);
         let divisor = 2000 * counts;
         let (half, _) = div_rem(diameter * PI + divisor / 2, divisor);
         let turn = fraction(diameter, 2 * counts * track) as i64;
         Self {
-            sign: if reversed { -1 } else { 1 },
+            sign: if wheel.encoder_reversed { -1 } else { 1 },
             turn: PerCount::new(if right { turn } else { turn.wrapping_neg() }),
-            half: PerCount::new(half.min(1 << 46) as i64),
+            half: PerCount::new(half as i64),
         }
     }
 }
-
-/// Larger wheels are taken as this, micrometres; a validated configuration has none.
-const MAX_DIAMETER: u32 = 1_250_000;
 
 /// The robot's pose. Arithmetic error of the position ≤ 1 µm per km of path; the heading is exact.
 #[derive(Clone, Debug)]
@@ -123,23 +120,13 @@ impl Odometry {
     /// At the origin, with the counters as first read: the first sample never moves the pose.
     // Requirement: WIRE-platform-2, WIRE-platform-3
     #[must_use]
-    pub fn new(platform: &Platform, left: u32, right: u16) -> Self {
+    pub fn new(config: &Config, left: u32, right: u16) -> Self {
         Self {
-            left: Wheel::new(
-                platform.wheel_diameter_left,
-                platform.encoder_left_reversed,
-                false,
-                platform,
-            ),
-            right: Wheel::new(
-                platform.wheel_diameter_right,
-                platform.encoder_right_reversed,
-                true,
-                platform,
-            ),
+            left: Wheel::new(config.left(), false, config),
+            right: Wheel::new(config.right(), true, config),
             left_counter: left,
             right_counter: right,
-            half_travel_per_turn: (PI >> 2) as i64 / 1000 * i64::from(platform.track),
+            half_travel_per_turn: (PI >> 2) as i64 / 1000 * i64::from(config.track().0),
             heading: ROUNDING,
             x: 0,
             y: 0,

@@ -14,13 +14,9 @@
 use fixed::types::I16F16;
 
 use super::trig::{split, upper};
-use crate::binary64::Binary64;
-use crate::eeprom::Gains;
+use crate::eeprom::{self, Gains};
 
-/// Largest gain that fits; accepted gains are at most 10 000.
-const MAX_GAIN: i64 = (1 << 14 << 32) - 1;
-
-/// A gain within ±[`MAX_GAIN`]: 48 fractional bits as two signed words.
+/// A gain: 48 fractional bits as two signed words.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Gain {
     low: i32,
@@ -28,17 +24,10 @@ struct Gain {
 }
 
 impl Gain {
-    /// Nearest of 32 fractional bits; 0 for a value that no accepted configuration holds.
-    fn new(value: Binary64) -> Self {
-        let (low, high) = split(Self::bits(value) << 16);
+    const fn new(gain: eeprom::Gain) -> Self {
+        // Below 2¹⁴ with 32 fractional bits.
+        let (low, high) = split(gain.value().to_bits() << 16);
         Self { low, high }
-    }
-
-    /// 32 fractional bits.
-    // Start-up only: one copy in flash.
-    #[inline(never)]
-    fn bits(value: Binary64) -> i64 {
-        value.to_scaled(32).unwrap_or(0).clamp(-MAX_GAIN, MAX_GAIN)
     }
 
     /// `self · value`, floor, 2⁻³² where `value` is in 2⁻¹⁶; below 2⁶¹.
@@ -83,13 +72,13 @@ impl Pid {
     // Requirement: DOC-6.0.2-1, WIRE-eeprom-11
     #[must_use]
     pub fn new(gains: &Gains, limit: I16F16) -> Self {
-        let back_calculation = Gain::bits(gains.anti_windup) >> 16;
+        let back_calculation = gains.anti_windup.value().to_bits() >> 16;
         let limit = limit.to_bits().clamp(0, 100 << 16);
         Self {
             proportional: Gain::new(gains.p),
             integral: Gain::new(gains.i),
             derivative: Gain::new(gains.d),
-            back_calculation: back_calculation.clamp(0, 1 << 16),
+            back_calculation: back_calculation.min(1 << 16),
             limit: i64::from(limit) << 16,
             integration_limit: i64::from(limit / INTEGRATION_SHARE) << 16,
             sum: 0,

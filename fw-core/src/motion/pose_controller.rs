@@ -96,20 +96,18 @@ impl PoseController {
     /// Braked, without a target.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let platform = &config.platform;
-        let heading_tolerance =
-            (i32::from(platform.rotation_tolerance.min(0x2000)) << 16).max(MIN_HEADING_TOLERANCE);
+        let heading_tolerance = (config.rotation_tolerance().0 as i32).max(MIN_HEADING_TOLERANCE);
         // Requirement: WIRE-platform-11
-        let position_tolerance = (i32::from(platform.position_tolerance) << FRACTION_BITS) / 1000;
+        let position_tolerance = ((config.position_tolerance().0 << FRACTION_BITS) / 1000) as i32;
         Self {
-            forward: Pid::new(&config.forward, FORWARD_LIMIT),
-            rotation: Pid::new(&config.rotation, ROTATION_LIMIT),
+            forward: Pid::new(config.forward(), FORWARD_LIMIT),
+            rotation: Pid::new(config.rotation(), ROTATION_LIMIT),
             speed: LowPass::default(),
             turn_rate: LowPass::default(),
             planned_turn: RateProfile::default(),
             forward_boost: StictionBoost::default(),
             rotation_boost: StictionBoost::default(),
-            mixer: Mixer::new(platform),
+            mixer: Mixer::new(config),
             position_tolerance: position_tolerance.max(MIN_POSITION_TOLERANCE),
             heading_tolerance,
             target: Pose::default(),

@@ -9,8 +9,7 @@ use fixed::types::I32F32;
 use plant::{MotorInput, MotorParams, Params, Room, Sides, World};
 
 use super::{DriveMonitor, Odometry, PoseController};
-use crate::binary64::Binary64;
-use crate::eeprom::{first_board, Config};
+use crate::eeprom::{config_with, fields, first_board, Config};
 use crate::types::{Delta, Duty, Faults, Millimetres, MotorCommand, MotorCommands, Pose, Turns};
 
 /// A robot on an open floor.
@@ -54,10 +53,10 @@ impl Robot {
         let world = World::new(params, Room::default(), plant::Pose2::default(), 1);
         Self {
             world,
-            odometry: Odometry::new(&config.platform, 0, 0),
+            odometry: Odometry::new(config, 0, 0),
             controller: PoseController::new(config),
             commands: MotorCommands::BRAKE,
-            monitor: DriveMonitor::new(&config.platform),
+            monitor: DriveMonitor::new(config),
             faults: Faults::NONE,
             rolled: (0, 0),
         }
@@ -184,21 +183,26 @@ fn empty_battery_reaches_every_pose() {
 
 #[test]
 fn other_gains_reach_every_pose() {
-    let gain = |v: f64| Binary64(v.to_bits());
-    let mut config = first_board();
-    for (gains, d) in [(&mut config.rotation, 80.0), (&mut config.forward, 90.0)] {
-        (gains.p, gains.i, gains.d) = (gain(4.0), gain(0.02), gain(d));
-    }
+    let config = config_with(&[
+        (fields::ROTATION_P, 4.0_f64.to_bits()),
+        (fields::ROTATION_I, 0.02_f64.to_bits()),
+        (fields::ROTATION_D, 80.0_f64.to_bits()),
+        (fields::FORWARD_P, 4.0_f64.to_bits()),
+        (fields::FORWARD_I, 0.02_f64.to_bits()),
+        (fields::FORWARD_D, 90.0_f64.to_bits()),
+    ]);
     assert_reaches_every_pose(&config, &Params::default());
 }
 
 #[test]
 fn stiction_above_the_dead_zone_is_overcome_without_integral() {
     // By 5 %: smaller outputs move nothing.
-    let mut config = first_board();
-    config.platform.dead_zone_left -= 500;
-    config.platform.dead_zone_right -= 500;
-    (config.rotation.i, config.forward.i) = (Binary64::default(), Binary64::default());
+    let config = config_with(&[
+        (fields::DEAD_ZONE_LEFT, 1600 - 500),
+        (fields::DEAD_ZONE_RIGHT, 2300 - 500),
+        (fields::ROTATION_I, 0),
+        (fields::FORWARD_I, 0),
+    ]);
     for (x, rotation) in [
         (10.0, 0.0),
         (10.0, 90.0),
@@ -305,8 +309,7 @@ fn tune_move_keeps_the_heading() {
 // Requirement: WIRE-platform-3
 #[test]
 fn reversed_motor_is_driven_backwards() {
-    let mut config = first_board();
-    config.platform.motor_left_reversed = true;
+    let config = config_with(&[(fields::MOTOR_LEFT_REVERSED, 1)]);
     let mut controller = PoseController::new(&config);
     let commands = controller.tune_rotate(Duty::saturating(5000));
     assert_eq!(commands.left, commands.right);

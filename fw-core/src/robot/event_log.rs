@@ -2,7 +2,7 @@
 
 use crate::log::{Level, Line, Log};
 use crate::sensing::EchoStats;
-use crate::types::{Duty, Faults, RangefinderId};
+use crate::types::{Duty, Faults, Milliseconds, RangefinderId};
 use crate::wire::{FrameError, PoseCode, State};
 
 /// Ticks without a line about rejected frames after one: a broken wire must not fill the log.
@@ -35,15 +35,15 @@ pub(super) struct EventLog {
 }
 
 impl EventLog {
-    /// A pose line every `period` milliseconds, 0 = none.
-    pub(super) const fn new(period: u16) -> Self {
+    /// A pose line every `period`, 0 = none.
+    pub(super) const fn new(period: Milliseconds) -> Self {
         Self {
             state: State::Booting,
             target: None,
             rejected: None,
             suppressed: 0,
             quiet_ticks: 0,
-            pose_period: period.div_ceil(TICK_MS),
+            pose_period: period.0.div_ceil(TICK_MS),
             until_pose: 0,
             silent: [false; 3],
             temperature_known: None,

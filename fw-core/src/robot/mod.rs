@@ -27,8 +27,7 @@ use crate::sensing::{Battery, EchoStats, Rangefinders, ServoScan};
 use crate::sensing::{Calibration, Thermometer};
 use crate::types::{Delta, Duty, Faults, Micros, MotorCommands, Pose, RangefinderId};
 use crate::wire::{
-    CellCode, Command, Field, FrameError, LinkCounters, Mode, PoseCode, Report, Setup, State,
-    StmLink,
+    CellCode, Command, Field, FrameError, LinkCounters, Mode, PoseCode, Report, State, StmLink,
 };
 use event_log::EventLog;
 use link_stats::LinkStats;
@@ -110,27 +109,26 @@ impl Robot {
     #[inline(never)]
     #[must_use]
     pub fn new(config: &Config, first: TickInput) -> Self {
-        let platform = &config.platform;
-        let sweeps = config.mode == Mode::GuardedSweep;
+        let sweeps = config.mode() == Mode::GuardedSweep;
         Self {
-            quantity: MeasuredQuantity::of(config.mode),
+            quantity: MeasuredQuantity::of(config.mode()),
             // Requirement: DOC-5.2-1, WIRE-ready-2
-            link: StmLink::new(Setup::from(config)),
+            link: StmLink::new(config.link_setup()),
             // Requirement: WIRE-platform-8
-            supervisor: Supervisor::new(StopDeadline::new(platform.stop_deadline)),
-            odometry: Odometry::new(platform, first.left, first.right),
+            supervisor: Supervisor::new(StopDeadline::new(config.stop_deadline())),
+            odometry: Odometry::new(config, first.left, first.right),
             delta: Delta::default(),
             // Requirement: WIRE-platform-7
-            gyro_enabled: platform.gyro
-                && MeasuredQuantity::of(config.mode) == MeasuredQuantity::Pose,
+            gyro_enabled: config.gyro()
+                && MeasuredQuantity::of(config.mode()) == MeasuredQuantity::Pose,
             slip_monitor: SlipMonitor::new(),
             controller: PoseController::new(config),
-            drive_monitor: DriveMonitor::new(platform),
+            drive_monitor: DriveMonitor::new(config),
             applied: MotorCommands::default(),
             battery: Battery::new(config),
             // The sweep is of one, which then need not wait for the others.
-            rangefinders: Rangefinders::new(if sweeps { 1 } else { platform.rangefinders }),
-            servo_scan: ServoScan::new(platform, sweeps),
+            rangefinders: Rangefinders::new(if sweeps { 1 } else { config.rangefinders() }),
+            servo_scan: ServoScan::new(config, sweeps),
             thermometer: Thermometer::new(Calibration::UNWRITTEN),
             request: DriveRequest::None,
             target: PoseCode::default(),
@@ -138,7 +136,7 @@ impl Robot {
             rotation: 0,
             report: Report::default(),
             voltages: [0; MAX_CELLS],
-            event_log: EventLog::new(platform.log_period),
+            event_log: EventLog::new(config.log_period()),
             link_stats: LinkStats::default(),
             dropped_lines: 0,
         }

@@ -153,6 +153,7 @@ impl Supervisor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::Milliseconds;
 
     const DEADLINE_US: u32 = 250_000;
     const APPLY: SupervisorCommand = SupervisorCommand {
@@ -167,7 +168,7 @@ mod tests {
 
     /// A fresh frame at 0, then one tick.
     fn after(command: SupervisorCommand, tick: u32) -> (Supervisor, AllowedMotion) {
-        let mut supervisor = Supervisor::new(StopDeadline::new(250));
+        let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(250)));
         supervisor.on_fresh(Micros(0), command);
         let allowed = supervisor.on_tick(Micros(tick), true, true);
         (supervisor, allowed)
@@ -176,7 +177,7 @@ mod tests {
     // Requirement: WIRE-deadline-3
     #[test]
     fn supervisor_before_first_frame_coasts_ready() {
-        let mut supervisor = Supervisor::new(StopDeadline::new(250));
+        let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(250)));
         assert!(!supervisor.link_alive(Micros(0)));
         for second in 0..10_000_u32 {
             let now = Micros(second.wrapping_mul(1_000_000));

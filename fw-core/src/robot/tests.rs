@@ -1,7 +1,7 @@
 //! The robot from outside: frames in, duties and replies out.
 
 use super::*;
-use crate::eeprom::{first_board, Platform};
+use crate::eeprom::{config_with, fields, first_board, Field};
 use crate::types::{MotorCommand, RangefinderId};
 use crate::wire::{DistanceCode, PiLink, MAX_FRAME};
 
@@ -24,13 +24,15 @@ pub(super) struct Bench {
 
 impl Bench {
     fn new(mode: Mode) -> Self {
-        Self::with(mode, |_| {})
+        Self::with(mode, &[])
     }
 
-    pub(super) fn with(mode: Mode, change: impl FnOnce(&mut Platform)) -> Self {
-        let mut config = first_board();
-        config.mode = mode;
-        change(&mut config.platform);
+    pub(super) fn with(mode: Mode, changes: &[(&Field, u64)]) -> Self {
+        let basis = [
+            (fields::MODE, mode.code().into()),
+            (fields::SERVO, (mode == Mode::GuardedSweep).into()),
+        ];
+        let config = config_with(&[&basis, changes].concat());
         let sample = TickInput {
             now: Micros(u32::MAX - 5 * TICK_US),
             left: 7,
@@ -38,7 +40,7 @@ impl Bench {
         };
         Self {
             robot: Robot::new(&config, sample),
-            pi: PiLink::new(Setup::from(&config)),
+            pi: PiLink::new(config.link_setup()),
             reply: 0,
             log: Log::new(),
             sample,

@@ -6,11 +6,9 @@
 use fixed::types::U16F16;
 
 use crate::divide::div_rem;
+pub use crate::eeprom::MAX_CELLS;
 use crate::eeprom::{Config, Divider};
 use crate::types::Volts;
-
-/// Most cells of a battery (document, 6.0.3).
-pub const MAX_CELLS: usize = 8;
 
 /// Time constant of the filter, 2ⁿ ticks: 80 ms removes the PWM's ripple.
 const FILTER_SHIFT: u32 = 3;
@@ -148,23 +146,25 @@ impl Battery {
     // Requirement: DOC-6.0.3-2, WIRE-platform-10
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let volts = config.adc_max_voltage.to_scaled(32).unwrap_or(0).max(0);
         // Filtered words have 12 fractional bits, voltages 16, the full scale 32.
-        let unit = Factor::new(volts.unsigned_abs(), 32 - 16 + 12).over(config.adc_max_word);
+        let unit = Factor::new(
+            config.adc_max_volts().to_bits().unsigned_abs(),
+            32 - 16 + 12,
+        )
+        .over(config.adc_max_word().into());
         let mut taps = [Tap::default(); MAX_CELLS];
-        for (tap, divider) in taps.iter_mut().zip(config.dividers) {
-            let sum = u64::from(divider.upper) + u64::from(divider.lower);
-            tap.divider = divider;
-            tap.factor = unit.times(sum).over(divider.lower);
+        for (tap, divider) in taps.iter_mut().zip(config.dividers()) {
+            let sum = u64::from(divider.upper.0) + u64::from(divider.lower.0);
+            tap.divider = *divider;
+            tap.factor = unit.times(sum).over(divider.lower.0);
         }
-        let millivolts = |mv: u16| (u32::from(mv) << 16) / 1000;
         Self {
             taps,
             voltages: [Volts::default(); MAX_CELLS],
-            cells: config.cells.clamp(1, MAX_CELLS as u8),
+            cells: config.cells(),
             next: 0,
-            warn: millivolts(config.platform.battery_warn),
-            cutoff: millivolts(config.platform.battery_cutoff),
+            warn: config.battery_warn().0.to_bits(),
+            cutoff: config.battery_cutoff().0.to_bits(),
             low_ticks: 0,
             empty_ticks: 0,
             low: false,
@@ -261,11 +261,11 @@ impl Battery {
         let below = if index == 0 { 0 } else { self.tap(index - 1) };
         let tap = self.taps.get(usize::from(index))?;
         let Divider { upper, lower } = tap.divider;
-        let sum = Factor::new(u64::from(upper) + u64::from(lower), 0);
+        let sum = Factor::new(u64::from(upper.0) + u64::from(lower.0), 0);
         let truth = u64::from(below) + u64::from(reference);
         let whole = sum.times(truth).over(tap.voltage);
         let whole = whole.scale(1);
-        (tap.voltage != 0).then(|| whole.saturating_sub(lower))
+        (tap.voltage != 0).then(|| whole.saturating_sub(lower.0))
     }
 
     /// Whether a cell was below the warning voltage for half a second; ends 50 mV above it.

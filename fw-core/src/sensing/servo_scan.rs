@@ -16,7 +16,8 @@
 //! had the time for its whole travel.
 
 use super::rangefinder::LISTEN_TICKS;
-use crate::eeprom::Platform;
+use crate::eeprom::Config;
+use crate::types::RangefinderId;
 use core::num::NonZeroU16;
 
 /// Ticks from pulse to pulse: 50 Hz.
@@ -25,8 +26,8 @@ const PULSE_PERIOD: u8 = 2;
 const CENTRE_WIDTH: u16 = 1500;
 /// Deviation of the pulse width at either end of the travel, microseconds.
 const HALF_SPAN: u16 = 500;
-/// Travel encoded as 0 in the configuration: half a turn.
-const HALF_TURN: u16 = 0x8000;
+/// Half a turn, turn × 0x10000.
+const HALF_TURN: u32 = 0x8000;
 /// Steps of a whole turn: 10° at most.
 const STEPS_PER_TURN: u32 = 36;
 /// Ticks from the pulse of a new bearing until the servo is settled: 2 ms of pulse, 25 ms for 10° at
@@ -76,22 +77,20 @@ impl ServoScan {
     /// always points there.
     // Requirement: WIRE-platform-6
     #[must_use]
-    pub fn new(platform: &Platform, scans: bool) -> Self {
-        let travel = match platform.servo_travel {
-            0 => HALF_TURN,
-            travel => travel.min(HALF_TURN),
-        };
-        let steps = (u32::from(travel) * STEPS_PER_TURN).div_ceil(1 << 16);
-        let travel = i32::from(travel);
+    pub fn new(config: &Config, scans: bool) -> Self {
+        let servo = config.servo();
+        let travel = servo.map_or(HALF_TURN, |servo| servo.travel.0 >> 16);
+        let steps = (travel * STEPS_PER_TURN).div_ceil(1 << 16);
+        let travel = travel as i32;
         Self {
-            phase: if platform.servo {
+            phase: if servo.is_some() {
                 Phase::Off
             } else {
                 Phase::Parked
             },
             scans,
-            centre: platform.bearings[0],
-            travel: if platform.servo_reversed {
+            centre: (config.bearing(RangefinderId::Front).0 >> 16) as u16,
+            travel: if servo.is_some_and(|servo| servo.reversed) {
                 -travel
             } else {
                 travel

@@ -8,7 +8,7 @@ mod units;
 
 pub use faults::{Fault, Faults};
 pub use motion::{Delta, HeadingCorrection, MotorCommand, MotorCommands, Pose};
-pub use units::{Duty, Micros, Millimetres, Turns, Volts};
+pub use units::{Duty, Micrometres, Micros, Millimetres, Milliseconds, Ohms, Turns, Volts};
 
 /// A rangefinder, in the order of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

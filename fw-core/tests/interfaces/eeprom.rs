@@ -1,10 +1,8 @@
 //! The register map: addresses, types, names, units, accepted ranges, the first board's values.
 
 use crate::table::{number, rows, Row};
-use fw_core::binary64::Binary64;
-use fw_core::eeprom::rule::RULES;
 use fw_core::eeprom::{
-    encode, first_board, Accepted, Field, Kind, CRC_ADDRESS, FIELDS, IMAGE_LEN, KEY, PLATFORM_LEN,
+    Accepted, Field, Image, Kind, CONSTRAINTS, CRC_ADDRESS, FIELDS, KEY, PLATFORM_LEN, SPANS,
 };
 use fw_core::log::Line;
 
@@ -19,9 +17,10 @@ const COLUMNS: [&str; 7] = [
 ];
 
 fn accepted(field: &Field) -> String {
-    let widest = u32::MAX >> (32 - 8 * field.kind.len().min(4));
     match *field.accepted {
-        Accepted::Whole { min: 0, max } if max >= widest => "any".to_owned(),
+        Accepted::IntRange { min: 0, max } if u64::from(max) >= field.kind.max() && max > 1 => {
+            "any".to_owned()
+        }
         accepted => {
             let mut line = Line::new();
             accepted.log(&mut line);
@@ -30,12 +29,14 @@ fn accepted(field: &Field) -> String {
     }
 }
 
-fn kind(kind: Kind) -> &'static str {
+fn kind(kind: Kind) -> String {
     match kind {
-        Kind::U8 => "u8",
-        Kind::U16 => "u16",
-        Kind::U32 => "u32",
-        Kind::Binary64 => "double",
+        Kind::U8 => "u8".to_owned(),
+        Kind::U16 => "u16".to_owned(),
+        Kind::U32 => "u32".to_owned(),
+        Kind::Binary64 => "double".to_owned(),
+        Kind::Bits { shift, width: 1 } => format!("bit {shift}"),
+        Kind::Bits { shift, width } => format!("bits {shift}–{}", shift + width - 1),
     }
 }
 
@@ -49,16 +50,15 @@ fn ascii(unit: &str) -> String {
 fn value(row: &Row) -> u64 {
     let text = row.get("first board");
     if row.get("type") == "double" {
-        let number: f64 = text.parse().expect("a number");
-        Binary64(number.to_bits()).0
+        text.parse::<f64>().expect("a number").to_bits()
     } else {
         number(text)
     }
 }
 
-// Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1
+// Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1, WIRE-eeprom-8
 #[test]
-fn field_tables_match_document() {
+fn fields_are_those_of_the_tables() {
     let rows = rows(&COLUMNS);
     let (key, rest) = rows.split_first().expect("the key");
     let (crc, rows) = rest.split_last().expect("the checksum");
@@ -74,65 +74,53 @@ fn field_tables_match_document() {
     assert_eq!(usize::from(CRC_ADDRESS) + 4, 0x0300 + PLATFORM_LEN);
 
     assert_eq!(rows.len(), FIELDS.len());
-    let config = first_board();
-    for (row, field) in rows.iter().zip(FIELDS) {
+    for (row, field) in rows.iter().zip(&FIELDS) {
         assert_eq!(row.number("address"), u64::from(field.address), "{row:?}");
         assert_eq!(row.get("type"), kind(field.kind), "{row:?}");
         assert_eq!(row.get("field"), field.name);
-        assert_eq!(ascii(row.get("unit")), field.unit, "{row:?}");
+        assert_eq!(ascii(row.get("unit")), field.unit.symbol(), "{row:?}");
         assert_eq!(row.get("accepted"), accepted(field), "{row:?}");
-        assert_eq!(value(row), field.get(&config), "{row:?}");
+        assert_eq!(value(row), Image::FIRST_BOARD.get(field), "{row:?}");
     }
 }
 
-// Requirement: WIRE-eeprom-8
 #[test]
-fn document_tables_make_first_board_image() {
-    let mut by_table = [0xFF_u8; IMAGE_LEN];
-    by_table[..KEY.len()].copy_from_slice(&KEY);
-    for row in rows(&COLUMNS) {
-        let at = usize::try_from(row.number("address")).unwrap();
-        let len = match row.get("type") {
-            "u8" => 1,
-            "u16" => 2,
-            "u32" => 4,
-            "double" => 8,
-            _ => continue,
+fn spans_are_those_of_the_text() {
+    let ends = SPANS.map(|span| (span.address, span.address + span.len - 1));
+    let covered = ends.map(|(first, last)| {
+        let last = if last > CRC_ADDRESS {
+            CRC_ADDRESS - 1
+        } else {
+            last
         };
-        if row.get("field") != "crc" {
-            by_table[at..at + len].copy_from_slice(&value(&row).to_le_bytes()[..len]);
-        }
-    }
-    let mut by_code = [0xFF_u8; IMAGE_LEN];
-    encode(&first_board(), &mut by_code);
-    let covered = usize::from(CRC_ADDRESS);
-    assert_eq!(by_table[..covered], by_code[..covered]);
+        format!("0x{first:04X}–0x{last:04X}")
+    });
+    let [a, b, c, d] = covered;
+    let text = include_str!("../../../docs/interfaces.md").replace('\n', " ");
+    assert!(text.contains(&format!("{a}, {b}, {c} and {d}")));
 }
 
 // Requirement: WIRE-refused-1
 #[test]
-fn rule_table_matches_document() {
+fn constraints_are_those_of_the_table() {
     let listed: Vec<_> = rows(&["address", "field", "accepted"])
         .iter()
         .flat_map(|row| {
             let addresses: Vec<_> = row.get("address").split(", ").map(number).collect();
-            for &address in &addresses {
-                let field = Field::at(u16::try_from(address).unwrap()).expect("a field");
-                let name = match field.tap {
-                    0 => field.name,
-                    _ => "upper resistor of a tap in use",
-                };
-                assert_eq!(row.get("field"), name);
-            }
-            let accepted = row.get("accepted");
             addresses
                 .into_iter()
-                .map(move |address| (address, accepted))
+                .map(|address| (address, row.get("field"), row.get("accepted")))
         })
         .collect();
-    let rules: Vec<_> = RULES
+    let constraints: Vec<_> = CONSTRAINTS
         .iter()
-        .map(|rule| (u64::from(rule.address), rule.expected))
+        .map(|constraint| {
+            let name = match constraint.field.tap {
+                0 => constraint.field.name,
+                _ => "upper resistor of a tap in use",
+            };
+            (constraint.field.address.into(), name, constraint.expected)
+        })
         .collect();
-    assert_eq!(listed, rules);
+    assert_eq!(listed, constraints);
 }

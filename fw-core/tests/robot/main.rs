@@ -3,11 +3,11 @@
 
 mod platform;
 
-use fw_core::eeprom::{first_board, Config};
+use fw_core::eeprom::{fields, Config, Field, Image};
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput, TickOutput};
 use fw_core::types::{Micros, MotorCommand};
-use fw_core::wire::{Command, Mode, PiLink, PoseCode, Report, Setup, MAX_FRAME};
+use fw_core::wire::{Command, Mode, PiLink, PoseCode, Report, MAX_FRAME};
 
 /// Microseconds from tick to tick.
 const TICK_US: u32 = 10_000;
@@ -25,11 +25,13 @@ struct Bench {
 }
 
 impl Bench {
-    /// The first board in this mode, but for what `change` does to it.
-    fn new(mode: Mode, change: impl FnOnce(&mut Config)) -> Self {
-        let mut config = first_board();
-        config.mode = mode;
-        change(&mut config);
+    /// The first board in this mode, with other raw values in some fields.
+    fn new(mode: Mode, changes: &[(&Field, u64)]) -> Self {
+        let mut image = Image::FIRST_BOARD.with(fields::MODE, mode.code().into());
+        for &(field, raw) in changes {
+            image = image.with(field, raw);
+        }
+        let config = Config::decode(&image).expect("accepted");
         let sample = TickInput {
             now: Micros(u32::MAX - 3 * TICK_US),
             left: 1_000,
@@ -37,7 +39,7 @@ impl Bench {
         };
         Self {
             robot: Robot::new(&config, sample),
-            pi: PiLink::new(Setup::from(&config)),
+            pi: PiLink::new(config.link_setup()),
             reply: 0,
             log: Log::new(),
             sample,

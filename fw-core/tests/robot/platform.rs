@@ -1,20 +1,17 @@
 //! Every field of page 0x03 changes what the robot does, and how.
 //!
-//! Not here: `layout_version`, `layout_length` and `crc`, which say what the page is; `log_baud`, which the
-//! registers obey; `bearings.right` and `bearings.left`, which only the Pi's map uses.
+//! Not here: `layout_version`, `layout_length`, `signs_reserved` and `crc`, which say what the page is; `log_baud`, which the
+//! registers obey; `bearing_right` and `bearing_left`, which only the Pi's map uses.
 
 use crate::{duty, go, percent, Bench};
-use fw_core::eeprom::{Platform, FIELDS};
+use fw_core::eeprom::fields::*;
+use fw_core::eeprom::{Field, Image};
 use fw_core::robot::TickOutput;
 use fw_core::types::{Faults, RangefinderId};
 use fw_core::wire::{Command, Mode, Report, State};
 use std::f64::consts::{PI, TAU};
 
-type Change = fn(&mut Platform);
-
-fn bench(mode: Mode, change: Change) -> Bench {
-    Bench::new(mode, |config| change(&mut config.platform))
-}
+type Changes<'a> = &'a [(&'a Field, u64)];
 
 #[test]
 fn platform_fields_are_all_tested() {
@@ -23,10 +20,15 @@ fn platform_fields_are_all_tested() {
         "wheel_diameter_left",
         "wheel_diameter_right",
         "track",
-        "signs",
+        "encoder_left_reversed",
+        "encoder_right_reversed",
+        "motor_left_reversed",
+        "motor_right_reversed",
+        "servo_reversed",
         "rangefinders",
-        "bearings.front",
+        "bearing_front",
         "servo",
+        "gyro",
         "stop_deadline",
         "dead_zone_left",
         "dead_zone_right",
@@ -36,16 +38,16 @@ fn platform_fields_are_all_tested() {
         "battery_cutoff",
         "position_tolerance",
         "rotation_tolerance",
+        "log_period",
         "servo_travel",
     ];
     let elsewhere = [
         "layout_version",
         "layout_length",
-        "bearings.right",
-        "bearings.left",
+        "signs_reserved",
+        "bearing_right",
+        "bearing_left",
         "log_baud",
-        "gyro",
-        "log_period",
     ];
     let mut names: Vec<_> = here.into_iter().chain(elsewhere).collect();
     let mut page: Vec<_> = FIELDS
@@ -59,12 +61,9 @@ fn platform_fields_are_all_tested() {
 }
 
 /// Where so many counts of both wheels lead from rest: millimetres along x, and radians.
-fn rolled(change: Change, left: i32, right: i16) -> (f64, f64) {
-    let mut bench = Bench::new(Mode::Normal, |config| {
-        config.platform.encoder_left_reversed = false;
-        config.platform.encoder_right_reversed = false;
-        change(&mut config.platform);
-    });
+fn rolled(changes: Changes, left: i32, right: i16) -> (f64, f64) {
+    let forward = [(ENCODER_LEFT_REVERSED, 0), (ENCODER_RIGHT_REVERSED, 0)];
+    let mut bench = Bench::new(Mode::Normal, &[&forward, changes].concat());
     for _ in 0..100 {
         bench.roll(left, right);
     }
@@ -77,32 +76,35 @@ fn rolled(change: Change, left: i32, right: i16) -> (f64, f64) {
 // Requirement: WIRE-platform-2
 #[test]
 fn geometry_fields_scale_the_pose() {
-    let changes: [Change; 6] = [
-        |_| {},
-        |platform| platform.counts_per_turn = 1000,
-        |platform| platform.wheel_diameter_left = 90_000,
-        |platform| platform.wheel_diameter_right = 70_000,
-        |platform| platform.track = 250_000,
-        |platform| {
-            platform.counts_per_turn = 60_000;
-            (platform.wheel_diameter_left, platform.wheel_diameter_right) = (200_000, 300_000);
-            platform.track = 1_000_000;
-        },
+    let changes: [Changes; 6] = [
+        &[],
+        &[(COUNTS_PER_TURN, 1000)],
+        &[(WHEEL_DIAMETER_LEFT, 90_000)],
+        &[(WHEEL_DIAMETER_RIGHT, 70_000)],
+        &[(TRACK, 250_000)],
+        &[
+            (COUNTS_PER_TURN, 60_000),
+            (WHEEL_DIAMETER_LEFT, 200_000),
+            (WHEEL_DIAMETER_RIGHT, 300_000),
+            (TRACK, 1_000_000),
+        ],
     ];
     for (nth, change) in changes.into_iter().enumerate() {
-        let mut platform = Platform::FIRST_BOARD;
-        change(&mut platform);
-        let way = |diameter: u32, counts: i16| {
-            f64::from(diameter) / 1000.0 * PI * 100.0 * f64::from(counts)
-                / f64::from(platform.counts_per_turn)
+        let mut image = Image::FIRST_BOARD;
+        for &(field, raw) in change {
+            image.set(field, raw);
+        }
+        let number = |field| u32::try_from(image.get(field)).map_or(0.0, f64::from);
+        let way = |diameter, counts: i16| {
+            number(diameter) / 1000.0 * PI * 100.0 * f64::from(counts) / number(COUNTS_PER_TURN)
         };
         for (left, right) in [(3, 3), (-1, 1), (0, 1)] {
             let (one, other) = (
-                way(platform.wheel_diameter_left, left),
-                way(platform.wheel_diameter_right, right),
+                way(WHEEL_DIAMETER_LEFT, left),
+                way(WHEEL_DIAMETER_RIGHT, right),
             );
             let (x, turn) = rolled(change, left.into(), right);
-            let turned = (other - one) / (f64::from(platform.track) / 1000.0);
+            let turned = (other - one) / (number(TRACK) / 1000.0);
             let straight = f64::midpoint(one, other);
             let ahead = if turned == 0.0 {
                 straight
@@ -118,47 +120,32 @@ fn geometry_fields_scale_the_pose() {
 // Requirement: WIRE-platform-3
 #[test]
 fn sign_fields_reverse_encoders_and_motors() {
-    let (ahead, _) = rolled(|_| {}, 3, 3);
+    let (ahead, _) = rolled(&[], 3, 3);
     assert!(ahead > 19.0);
-    let both: Change = |platform| {
-        platform.encoder_left_reversed = true;
-        platform.encoder_right_reversed = true;
-    };
-    let (back, _) = rolled(both, 3, 3);
+    let both = [(ENCODER_LEFT_REVERSED, 1), (ENCODER_RIGHT_REVERSED, 1)];
+    let (back, _) = rolled(&both, 3, 3);
     assert!((ahead + back).abs() < 0.001, "{back}");
-    let (x, turn) = rolled(|platform| platform.encoder_left_reversed = true, 1, 1);
+    let (x, turn) = rolled(&[(ENCODER_LEFT_REVERSED, 1)], 1, 1);
     assert!(x.abs() < 0.001 && turn > 0.1, "counter-clockwise: {turn}");
-    let (x, turn) = rolled(|platform| platform.encoder_right_reversed = true, 1, 1);
+    let (x, turn) = rolled(&[(ENCODER_RIGHT_REVERSED, 1)], 1, 1);
     assert!(x.abs() < 0.001 && turn < -0.1, "clockwise: {turn}");
 
-    let told = |change: Change| {
-        let mut bench = bench(Mode::TuneRotate, change);
+    let told = |changes: Changes| {
+        let mut bench = Bench::new(Mode::TuneRotate, changes);
         bench.frame(&percent(40.0));
         let outputs = bench.tick();
         (duty(outputs.left), duty(outputs.right))
     };
-    assert_eq!(told(|_| {}), (-4000, 4000));
-    assert_eq!(
-        told(|platform| platform.motor_left_reversed = true),
-        (4000, 4000)
-    );
-    assert_eq!(
-        told(|platform| platform.motor_right_reversed = true),
-        (-4000, -4000)
-    );
+    assert_eq!(told(&[]), (-4000, 4000));
+    assert_eq!(told(&[(MOTOR_LEFT_REVERSED, 1)]), (4000, 4000));
+    assert_eq!(told(&[(MOTOR_RIGHT_REVERSED, 1)]), (-4000, -4000));
 }
 
 // Requirement: WIRE-platform-4
 #[test]
 fn fitted_rangefinders_are_triggered() {
-    let changes: [Change; 4] = [
-        |platform| platform.rangefinders = 0,
-        |platform| platform.rangefinders = 1,
-        |platform| platform.rangefinders = 2,
-        |platform| platform.rangefinders = 3,
-    ];
-    for (fitted, change) in changes.into_iter().enumerate() {
-        let mut bench = bench(Mode::Normal, change);
+    for fitted in 0..=3 {
+        let mut bench = Bench::new(Mode::Normal, &[(RANGEFINDERS, fitted as u64)]);
         let mut triggered = [0; 3];
         for _ in 0..180 {
             if let Some(which) = bench.tick().trigger {
@@ -173,11 +160,8 @@ fn fitted_rangefinders_are_triggered() {
 }
 
 /// Ten readings of a robot that sweeps: the pulse that was sent last before each, and its bearing.
-fn swept(change: Change) -> Vec<(u16, u16)> {
-    let mut bench = Bench::new(Mode::GuardedSweep, |config| {
-        config.platform.servo = true;
-        change(&mut config.platform);
-    });
+fn swept(changes: Changes) -> Vec<(u16, u16)> {
+    let mut bench = Bench::new(Mode::GuardedSweep, &[&[(SERVO, 1)], changes].concat());
     let (mut pulse, mut readings) = (0, Vec::new());
     while readings.len() < 10 {
         bench.frame(&Command::default());
@@ -203,41 +187,42 @@ fn swept(change: Change) -> Vec<(u16, u16)> {
 #[test]
 fn servo_fields_set_pulses_and_bearings() {
     // Half a turn of travel in steps of 10°, from the 1.0 ms pulse on, −90° first.
-    let plain = swept(|_| {});
+    let plain = swept(&[]);
     assert_eq!(plain[0], (1000, 0xC000));
     let step = plain[1].1.wrapping_sub(plain[0].1);
     // A pulse is whole microseconds.
     assert!(step.abs_diff(1820) < 20, "{step}");
-    let turned = swept(|platform| platform.bearings[0] = 0x1000);
-    let reversed = swept(|platform| platform.servo_reversed = true);
+    let turned = swept(&[(BEARING_FRONT, 0x1000)]);
+    let reversed = swept(&[(SERVO_REVERSED, 1)]);
     for (nth, (pulse, bearing)) in plain.iter().enumerate() {
         assert_eq!(turned[nth], (*pulse, bearing.wrapping_add(0x1000)));
         assert_eq!(reversed[nth], (*pulse, bearing.wrapping_neg()));
     }
-    let narrow = swept(|platform| platform.servo_travel = 0x4000);
+    let narrow = swept(&[(SERVO_TRAVEL, 0x4000)]);
     assert_eq!(narrow[0], (1000, 0xE000));
     assert_eq!(narrow[9], (2000, 0x2000));
 
-    let pulses = |change: Change| {
-        let mut bench = bench(Mode::Normal, change);
+    let pulses = |changes: Changes| {
+        let mut bench = Bench::new(Mode::Normal, changes);
         bench.frame(&Command::default());
         (0..20)
             .filter_map(|_| bench.tick().servo)
             .collect::<Vec<_>>()
     };
-    assert!(pulses(|_| {}).is_empty());
-    assert_eq!(pulses(|platform| platform.servo = true), [1500; 10]);
+    assert!(pulses(&[]).is_empty());
+    assert_eq!(pulses(&[(SERVO, 1)]), [1500; 10]);
 }
 
 // Requirement: WIRE-platform-8
 #[test]
 fn stop_deadline_field_sets_time() {
-    for (ticks, change) in [
-        (2, (|platform| platform.stop_deadline = 20) as Change),
-        (25, |_| {}),
-        (200, |platform| platform.stop_deadline = 2000),
-    ] {
-        let mut bench = bench(Mode::TuneMove, change);
+    let cases: [(u32, Changes); 3] = [
+        (2, &[(STOP_DEADLINE, 20)]),
+        (25, &[]),
+        (200, &[(STOP_DEADLINE, 2000)]),
+    ];
+    for (ticks, changes) in cases {
+        let mut bench = Bench::new(Mode::TuneMove, changes);
         bench.frame(&percent(1.0));
         let stopped = (1..=400).find(|_| {
             bench.tick();
@@ -248,8 +233,8 @@ fn stop_deadline_field_sets_time() {
 }
 
 /// What the motors are told in the first tick towards a target.
-fn first_duties(change: Change, command: &Command) -> (i32, i32) {
-    let mut bench = bench(Mode::Normal, change);
+fn first_duties(changes: Changes, command: &Command) -> (i32, i32) {
+    let mut bench = Bench::new(Mode::Normal, changes);
     bench.frame(command);
     let outputs = bench.tick();
     (duty(outputs.left), duty(outputs.right))
@@ -258,24 +243,18 @@ fn first_duties(change: Change, command: &Command) -> (i32, i32) {
 // Requirement: WIRE-platform-9, WIRE-eeprom-6
 #[test]
 fn dead_zone_and_limit_bound_the_duty() {
-    let none: Change = |platform| (platform.dead_zone_left, platform.dead_zone_right) = (0, 0);
+    let none: Changes = &[(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 0)];
     let near = go(6, 0);
     let (left, right) = first_duties(none, &near);
     assert_eq!(left, right);
     assert!((100..6000).contains(&left), "{left}");
-    let (raised, same) = first_duties(
-        |platform| (platform.dead_zone_left, platform.dead_zone_right) = (3000, 0),
-        &near,
-    );
+    let (raised, same) = first_duties(&[(DEAD_ZONE_LEFT, 3000), (DEAD_ZONE_RIGHT, 0)], &near);
     assert!(
         raised > 3000 && (raised - left).abs_diff(3000) < 900,
         "{raised} {left}"
     );
     assert!(same.abs_diff(right) < 900, "{same} {right}");
-    let (same, raised) = first_duties(
-        |platform| (platform.dead_zone_left, platform.dead_zone_right) = (0, 3000),
-        &near,
-    );
+    let (same, raised) = first_duties(&[(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 3000)], &near);
     assert!(
         raised > 3000 && same.abs_diff(left) < 900,
         "{raised} {same}"
@@ -284,13 +263,11 @@ fn dead_zone_and_limit_bound_the_duty() {
     let far = go(3000, 0);
     let (left, right) = first_duties(none, &far);
     assert!(left > 9000 && right > 9000, "{left} {right}");
-    for (change, limits) in [
-        (
-            (|platform| platform.limit_left = 4000) as Change,
-            (4000, 10_000),
-        ),
-        (|platform| platform.limit_right = 5000, (10_000, 5000)),
-    ] {
+    let cases: [(Changes, (i32, i32)); 2] = [
+        (&[(LIMIT_LEFT, 4000)], (4000, 10_000)),
+        (&[(LIMIT_RIGHT, 5000)], (10_000, 5000)),
+    ];
+    for (change, limits) in cases {
         let (left, right) = first_duties(change, &far);
         assert!(left <= limits.0 && right <= limits.1, "{left} {right}");
         let (left, right) = first_duties(change, &go(0, 50));
@@ -305,31 +282,21 @@ fn dead_zone_and_limit_bound_the_duty() {
 #[test]
 fn battery_fields_set_warning_and_cutoff() {
     // Two seconds of cells at 3.6 V.
-    let faults = |change: Change| {
-        let mut bench = bench(Mode::Normal, change);
+    let faults = |changes: Changes| {
+        let mut bench = Bench::new(Mode::Normal, changes);
         for _ in 0..200 {
             bench.tick();
         }
         bench.robot.faults() & (Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF)
     };
-    assert_eq!(faults(|_| {}), Faults::NONE);
-    assert_eq!(
-        faults(|platform| platform.battery_warn = 3590),
-        Faults::NONE
-    );
-    assert_eq!(
-        faults(|platform| platform.battery_warn = 3610),
-        Faults::BATTERY_LOW
-    );
-    let cut = |platform: &mut Platform| {
-        (platform.battery_warn, platform.battery_cutoff) = (3610, 3610);
-    };
-    assert_eq!(faults(cut), Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF);
+    assert_eq!(faults(&[]), Faults::NONE);
+    assert_eq!(faults(&[(BATTERY_WARN, 3590)]), Faults::NONE);
+    assert_eq!(faults(&[(BATTERY_WARN, 3610)]), Faults::BATTERY_LOW);
+    let cut = [(BATTERY_WARN, 3610), (BATTERY_CUTOFF, 3610)];
+    assert_eq!(faults(&cut), Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF);
     // 0 is off, however empty the cells are.
-    let mut off = bench(Mode::Normal, |platform| {
-        (platform.battery_warn, platform.battery_cutoff) = (0, 0);
-    });
-    let mut on = bench(Mode::Normal, |_| {});
+    let mut off = Bench::new(Mode::Normal, &[(BATTERY_WARN, 0), (BATTERY_CUTOFF, 0)]);
+    let mut on = Bench::new(Mode::Normal, &[]);
     for bench in [&mut off, &mut on] {
         bench.words = [500, 500];
         for _ in 0..200 {
@@ -346,28 +313,20 @@ fn battery_fields_set_warning_and_cutoff() {
 // Requirement: WIRE-platform-11
 #[test]
 fn target_within_tolerance_is_reached() {
-    let drives = |change: Change, command: &Command| {
-        let mut bench = bench(Mode::Normal, change);
+    let drives = |changes: Changes, command: &Command| {
+        let mut bench = Bench::new(Mode::Normal, changes);
         for _ in 0..20 {
             bench.frame(command);
             bench.tick();
         }
         bench.robot.state() == State::Moving
     };
-    let wide: Change = |platform| {
-        (platform.position_tolerance, platform.rotation_tolerance) = (20_000, 0x1000);
-    };
+    let wide: Changes = &[(POSITION_TOLERANCE, 20_000), (ROTATION_TOLERANCE, 0x1000)];
     // 10 mm, and an 18th of a turn of which a 16th is allowed.
     for command in [go(10, 0), go(0, 5)] {
-        assert!(drives(|_| {}, &command), "{command:?}");
+        assert!(drives(&[], &command), "{command:?}");
         assert!(!drives(wide, &command), "{command:?}");
     }
-    assert!(drives(
-        |platform| platform.position_tolerance = 20_000,
-        &go(0, 5)
-    ));
-    assert!(drives(
-        |platform| platform.rotation_tolerance = 0x1000,
-        &go(10, 0)
-    ));
+    assert!(drives(&[(POSITION_TOLERANCE, 20_000)], &go(0, 5)));
+    assert!(drives(&[(ROTATION_TOLERANCE, 0x1000)], &go(10, 0)));
 }

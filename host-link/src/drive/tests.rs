@@ -3,18 +3,12 @@
 use super::*;
 use crate::board_io::BoardIo;
 use crate::mock_board::{mock_board, IoFault, MockBoard};
-use crate::settings::Settings;
-use fw_core::eeprom::first_board;
+use fw_core::eeprom::{fields, Image};
 use fw_core::wire::{Command, Mode, Order, State};
 use std::panic::{catch_unwind, AssertUnwindSafe};
 
-fn config(mode: Mode) -> Settings {
-    let mut config = first_board();
-    config.mode = mode;
-    Settings {
-        config,
-        platform_page: true,
-    }
+fn image(mode: Mode) -> Image {
+    Image::FIRST_BOARD.with(fields::MODE, mode.code().into())
 }
 
 const TARGET: Pose = Pose::new(1000.0, -500.0, 90.0);
@@ -36,7 +30,7 @@ fn assert_holds_position(board: &MockBoard) {
 #[test]
 fn drive_ends_at_its_target() {
     for mode in [Mode::Normal, Mode::GuardedNormal] {
-        let (board, mut io) = mock_board(&config(mode).image(), None);
+        let (board, mut io) = mock_board(&image(mode), None);
         let arrival = drive(&mut io).unwrap();
         assert!(arrival.off_mm < 5.0, "{arrival:?}");
         assert!(arrival.off_deg.abs() < 1.0, "{arrival:?}");
@@ -50,7 +44,7 @@ fn drive_ends_at_its_target() {
 fn drive_interrupt_stops_robot() {
     for mode in [Mode::Normal, Mode::GuardedNormal] {
         let fault = Some(IoFault::Interrupt(20));
-        let (board, mut io) = mock_board(&config(mode).image(), fault);
+        let (board, mut io) = mock_board(&image(mode), fault);
         assert_eq!(drive(&mut io), Err(Error::Interrupted));
         if mode == Mode::Normal {
             assert_holds_position(&board.borrow());
@@ -62,7 +56,7 @@ fn drive_interrupt_stops_robot() {
 
 #[test]
 fn drive_panic_in_callback_stops_robot() {
-    let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
+    let (board, mut io) = mock_board(&image(Mode::Normal), None);
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         let mut session = Session::open(&mut io, 40, 100).unwrap();
         let mut reports = 0;
@@ -77,7 +71,7 @@ fn drive_panic_in_callback_stops_robot() {
 
 #[test]
 fn drive_timeout_stops_robot() {
-    let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
+    let (board, mut io) = mock_board(&image(Mode::Normal), None);
     let mut session = Session::open(&mut io, 40, 100).unwrap();
     let criteria = ArrivalCriteria {
         timeout_s: Some(0.1),
@@ -90,17 +84,15 @@ fn drive_timeout_stops_robot() {
 
 #[test]
 fn drive_spi_failure_is_reported() {
-    let (_, mut io) = mock_board(&config(Mode::Normal).image(), Some(IoFault::BusesFail(20)));
+    let (_, mut io) = mock_board(&image(Mode::Normal), Some(IoFault::BusesFail(20)));
     assert!(matches!(drive(&mut io), Err(Error::Spi(_))));
 }
 
 #[test]
 fn drive_key_mismatch_detected_within_ten_frames() {
-    let (board, mut io) = mock_board(&config(Mode::Normal).image(), None);
+    let (board, mut io) = mock_board(&image(Mode::Normal), None);
     // The STM booted with another key than the EEPROM holds now.
-    let mut other = config(Mode::Normal);
-    other.config.key_from_stm = 0x11;
-    board.borrow_mut().memory = other.image();
+    board.borrow_mut().memory = image(Mode::Normal).with(fields::KEY_FROM_STM, 0x11);
     let error = drive(&mut io).unwrap_err();
     assert!(
         matches!(&error, Error::ModeMismatch { frames: 10, reason, .. } if reason.contains("key")),
@@ -110,7 +102,7 @@ fn drive_key_mismatch_detected_within_ten_frames() {
 
 #[test]
 fn drive_of_faulted_robot_is_rejected() {
-    let (board, mut io) = mock_board(&config(Mode::GuardedNormal).image(), None);
+    let (board, mut io) = mock_board(&image(Mode::GuardedNormal), None);
     board.borrow_mut().report.state = State::Faulted;
     board.borrow_mut().report.faults = fw_core::types::Faults::BATTERY_CUTOFF;
     let error = drive(&mut io).unwrap_err();
@@ -123,7 +115,7 @@ fn drive_of_faulted_robot_is_rejected() {
 
 #[test]
 fn drive_in_tuning_mode_is_rejected() {
-    let (_, mut io) = mock_board(&config(Mode::TuneRotate).image(), None);
+    let (_, mut io) = mock_board(&image(Mode::TuneRotate), None);
     assert!(matches!(drive(&mut io), Err(Error::WrongMode { .. })));
 }
 

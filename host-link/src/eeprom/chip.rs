@@ -136,15 +136,14 @@ fn retry(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fw_core::eeprom::IMAGE_LEN;
 
     // Requirement: WIRE-eeprom-5
     #[test]
     fn bursts_cover_differences_within_boundaries() {
-        let before = [0xFF; IMAGE_LEN];
-        let mut after = before;
+        let before = Image::BLANK;
+        let mut after = before.clone();
         for at in [0, 31, 32, 95, 96, 97, 0x3FF] {
-            after[at] = 1;
+            after.0[at] = 1;
         }
         let bursts = bursts(&before, &after);
         let expected = [0..1, 31..32, 32..33, 95..96, 96..98, 0x3FF..0x400];
@@ -156,6 +155,6 @@ mod tests {
 
     #[test]
     fn bursts_of_equal_images_are_empty() {
-        assert!(bursts(&[7; IMAGE_LEN], &[7; IMAGE_LEN]).is_empty());
+        assert!(bursts(&Image::BLANK, &Image::BLANK).is_empty());
     }
 }

@@ -28,8 +28,8 @@ pub fn load(path: &Path) -> Result<Image, Error> {
         );
         return Err(Error::content(path, None, what));
     }
-    let mut image = [0xFF; IMAGE_LEN];
-    for (cell, byte) in image.iter_mut().zip(bytes) {
+    let mut image = Image::BLANK;
+    for (cell, byte) in image.0.iter_mut().zip(bytes) {
         *cell = byte;
     }
     Ok(image)
@@ -64,7 +64,7 @@ pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 #[must_use]
 pub fn hex(image: &Image) -> String {
     let mut text = String::new();
-    for (address, row) in (0usize..).step_by(16).zip(image.chunks(16)) {
+    for (address, row) in (0usize..).step_by(16).zip(image.0.chunks(16)) {
         if row.iter().all(|&byte| byte == 0xFF) {
             continue;
         }
@@ -81,7 +81,7 @@ pub fn hex(image: &Image) -> String {
 #[must_use]
 pub fn differences(before: &Image, after: &Image) -> Vec<Range<usize>> {
     let mut stretches: Vec<Range<usize>> = Vec::new();
-    for at in (0..IMAGE_LEN).filter(|&at| before.get(at) != after.get(at)) {
+    for at in (0..IMAGE_LEN).filter(|&at| before.0.get(at) != after.0.get(at)) {
         match stretches.last_mut() {
             Some(last) if last.end == at => last.end = at + 1,
             _ => stretches.push(at..at + 1),

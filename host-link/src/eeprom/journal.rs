@@ -33,7 +33,7 @@ impl Journal {
         if self.0.exists() {
             return Ok(());
         }
-        image::save(&self.0, before)
+        image::save(&self.0, &before.0)
     }
 
     /// The write is complete and read back, but the STM is not yet reset.

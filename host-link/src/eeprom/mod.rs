@@ -17,7 +17,7 @@ pub mod repair;
 use crate::board_io::BoardIo;
 use crate::error::Error;
 use bus::BusAccess;
-use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::eeprom::Image;
 use journal::Journal;
 
 /// Reads pages 0x00 to 0x03.
@@ -26,8 +26,8 @@ use journal::Journal;
 /// [`Error::Eeprom`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotRestored`].
 pub fn read(io: &mut BoardIo) -> Result<Image, Error> {
     bus::with(io, BusAccess::Read, |bus| {
-        let mut image = [0; IMAGE_LEN];
-        bus.read(0, &mut image)?;
+        let mut image = Image::BLANK;
+        bus.read(0, &mut image.0)?;
         Ok(image)
     })
     .map(|(image, _)| image)
@@ -79,8 +79,8 @@ pub fn program(
 ) -> Result<Programmed, Error> {
     let access = BusAccess::Write { ready_timeout_ms };
     let outcome = bus::with(io, access, |bus| {
-        let mut before = [0; IMAGE_LEN];
-        bus.read(0, &mut before)?;
+        let mut before = Image::BLANK;
+        bus.read(0, &mut before.0)?;
         watch(Progress::Before(&before));
         let bursts = chip::bursts(&before, image);
         let bytes = bursts.iter().map(ExactSizeIterator::len).sum();
@@ -91,15 +91,15 @@ pub fn program(
             bus.set_protect(false)?;
             let mut done = 0;
             for burst in &bursts {
-                bus.write_burst(burst.start, image.get(burst.clone()).unwrap_or(&[]))?;
+                bus.write_burst(burst.start, image.0.get(burst.clone()).unwrap_or(&[]))?;
                 done += burst.len();
                 watch(Progress::Written { done, of: bytes });
             }
             bus.set_protect(true)?;
         }
-        let mut after = [0; IMAGE_LEN];
-        bus.read(0, &mut after)?;
-        chip::verify(0, image, &after)?;
+        let mut after = Image::BLANK;
+        bus.read(0, &mut after.0)?;
+        chip::verify(0, &image.0, &after.0)?;
         if let Some(journal) = journal {
             journal.written()?;
         }

@@ -5,18 +5,12 @@ use super::repair::{repair, Repaired};
 use super::*;
 use crate::error::Error;
 use crate::mock_board::{mock_board, reconnect, IoFault, MockBoard};
-use crate::settings::Settings;
-use fw_core::eeprom::{first_board, IMAGE_LEN};
 use std::panic::{catch_unwind, AssertUnwindSafe};
 
-const BLANK: Image = [0xFF; IMAGE_LEN];
+const BLANK: Image = Image::BLANK;
 
 fn wanted() -> Image {
-    Settings {
-        config: first_board(),
-        platform_page: true,
-    }
-    .image()
+    Image::FIRST_BOARD
 }
 
 fn write(io: &mut crate::board_io::BoardIo) -> Result<Programmed, Error> {

@@ -2,22 +2,15 @@
 
 use super::*;
 use crate::mock_board::mock_board;
-use crate::settings::Settings;
-use fw_core::eeprom::{first_board, Divider, Image};
+use fw_core::eeprom::{fields, Image, FIELDS};
 
 /// The first board's EEPROM with so many cells.
 fn image(cells: u8) -> Image {
-    let mut config = first_board();
-    config.cells = cells;
-    config.dividers = [Divider {
-        upper: 1000,
-        lower: 1000,
-    }; 8];
-    Settings {
-        config,
-        platform_page: true,
-    }
-    .image()
+    FIELDS
+        .iter()
+        .filter(|field| field.tap != 0)
+        .fold(Image::FIRST_BOARD, |image, tap| image.with(tap, 1000))
+        .with(fields::CELLS, cells.into())
 }
 
 // Requirement: DOC-5.2.1-4, WIRE-battery-1

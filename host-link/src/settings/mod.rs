@@ -1,31 +1,27 @@
-//! The configuration file: TOML with comments and units ↔ the EEPROM's [`Config`].
+//! The configuration file: TOML with comments and units ↔ the EEPROM's [`Image`], along
+//! [`fw_core::eeprom::FIELDS`].
 //!
 //! Without a `[platform]` section the image is an original one: page 0x03 stays unwritten and the
-//! first board's figures apply.
+//! first board's values apply.
 
-mod fields;
-mod number;
+mod format;
+mod migrate;
 mod parse;
 mod render;
 
 pub use render::{changes, render, Change};
 
 use crate::error::Error;
-use fw_core::eeprom::{self, Config, Image};
+use fw_core::eeprom::{fields, Config, Field, Image, PLATFORM};
 use std::fs;
 use std::path::Path;
 
-/// A configuration and whether its page 0x03 is written.
+/// An accepted image and its configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// The figures.
-    pub config: Config,
-    /// Whether page 0x03 carries the platform's figures; without it the image is an original one.
-    pub platform_page: bool,
+    image: Image,
+    config: Config,
 }
-
-/// First address of page 0x03.
-const PAGE_3: usize = 0x300;
 
 impl Settings {
     /// Reads a configuration file.
@@ -33,7 +29,7 @@ impl Settings {
     /// # Errors
     /// [`Error::Unreadable`]; [`Error::Content`] with the line for what is no configuration file at
     /// all, an unknown or a missing key, a wrong type or a number that the field cannot store;
-    /// [`Error::Rejected`] for figures that no robot may drive with.
+    /// [`Error::Rejected`] for a configuration that is not accepted.
     pub fn load(path: &Path) -> Result<Self, Error> {
         let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
         Self::parse(&text, path)
@@ -47,50 +43,98 @@ impl Settings {
         parse::parse(text, path)
     }
 
-    /// The image to write.
-    #[must_use]
-    pub fn image(&self) -> Image {
-        let mut image = [0xFF; eeprom::IMAGE_LEN];
-        if self.platform_page {
-            eeprom::encode(&self.config, &mut image);
-        } else {
-            eeprom::encode_original(&self.config, &mut image);
+    /// The first board's, page 0x03 written.
+    ///
+    /// # Errors
+    /// None.
+    pub fn first_board() -> Result<Self, Error> {
+        Self::from_image(&Image::FIRST_BOARD)
+    }
+
+    /// What an image holds. One of layout 1 is converted.
+    ///
+    /// # Errors
+    /// [`Error::Rejected`] names address, field, value and accepted range.
+    pub fn from_image(image: &Image) -> Result<Self, Error> {
+        let rejected = |what| Error::Rejected {
+            location: "in the EEPROM's image".into(),
+            what,
+        };
+        if *image == Image::BLANK {
+            return Err(rejected("it is blank, every cell reads 0xFF".into()));
         }
+        let image = migrate::from_layout_1(image).unwrap_or_else(|| image.clone());
+        let config = Config::decode(&image).map_err(|error| rejected(error.to_string()))?;
+        Ok(Self { image, config })
+    }
+
+    /// With other raw values in some fields; page 0x03 is written where one of them lies there.
+    ///
+    /// # Errors
+    /// [`Error::Rejected`].
+    pub fn with(&self, changes: &[(&Field, u64)]) -> Result<Self, Error> {
+        let mut image = self.image.clone();
+        for &(field, raw) in changes {
+            if field.address >= PLATFORM && image.is_original() {
+                image = self.platform_written();
+            }
+            image.set(field, raw);
+        }
+        image.seal();
+        Self::from_image(&image)
+    }
+
+    /// The image to write. Undefined bytes are those of the image that it was read from.
+    #[must_use]
+    pub const fn image(&self) -> &Image {
+        &self.image
+    }
+
+    /// The image with page 0x03 written, though it only holds the first board's values.
+    #[must_use]
+    pub fn platform_written(&self) -> Image {
+        let mut image = self.image.clone();
+        for field in &fields::FIELDS {
+            image.set(field, self.get(field));
+        }
+        image.seal();
         image
+    }
+
+    /// In units.
+    #[must_use]
+    pub const fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Whether page 0x03 is written; without it the image is an original one.
+    #[must_use]
+    pub const fn platform_page(&self) -> bool {
+        !self.image.is_original()
+    }
+
+    /// The raw value of a field; of an unwritten page 0x03 the first board's.
+    #[must_use]
+    pub fn get(&self, field: &Field) -> u64 {
+        if field.address >= PLATFORM && self.image.is_original() {
+            Image::FIRST_BOARD.get(field)
+        } else {
+            self.image.get(field)
+        }
     }
 
     /// As JSON: the sections and keys of the file.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
-        // What was rendered is read back: one table of the fields for both.
+        // What was rendered is read back: one way from fields to keys.
         toml::from_str(&render(self)).unwrap_or_default()
-    }
-
-    /// What an image says.
-    ///
-    /// # Errors
-    /// [`Error::Rejected`] names address, field, value and accepted range.
-    pub fn from_image(image: &Image) -> Result<Self, Error> {
-        let config = decode(image)?;
-        let page = image.get(PAGE_3..).unwrap_or_default();
-        Ok(Self {
-            config,
-            platform_page: page.iter().any(|&byte| byte != 0xFF),
-        })
     }
 }
 
-/// What an image says, page 0x03 or the first board's figures.
+/// The configuration of an image, page 0x03 or the first board's values.
 ///
 /// # Errors
 /// [`Error::Rejected`] names address, field, value and accepted range.
 pub fn decode(image: &Image) -> Result<Config, Error> {
-    let rejected = |what| Error::Rejected {
-        location: "in the EEPROM's image".into(),
-        what,
-    };
-    if image.iter().all(|&byte| byte == 0xFF) {
-        return Err(rejected("it is blank, every cell reads 0xFF".into()));
-    }
-    eeprom::decode(image).map_err(|error| rejected(error.to_string()))
+    Ok(Settings::from_image(image)?.config)
 }

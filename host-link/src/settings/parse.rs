@@ -1,10 +1,9 @@
 //! Text → [`Settings`]. Every complaint has the key, the value, what is accepted, and the line.
 
-use super::fields::{self, Access, Field};
-use super::{number, Settings};
+use super::format::{self, Format};
+use super::Settings;
 use crate::error::Error;
-use fw_core::binary64::Binary64;
-use fw_core::eeprom::{self, Config};
+use fw_core::eeprom::{fields, Config, ConfigError, Field, Image, FIELDS};
 use fw_core::wire::Mode;
 use std::fmt::Write;
 use std::path::Path;
@@ -19,52 +18,54 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
     let document = DeTable::parse(text)
         .map_err(|error| complain(error.span().map(|span| span.start), error.message().into()))?;
     let document = document.get_ref();
-    unknown(document, "").map_err(|(at, what)| complain(Some(at), what))?;
+    let keys: Vec<_> = format::all().map(format::key).collect();
+    unknown(document, "", &keys).map_err(|(at, what)| complain(Some(at), what))?;
 
-    let mut config = eeprom::first_board();
-    for field in fields::all() {
-        match find(document, field.key) {
-            Some(value) => set(field, &mut config, value.get_ref()).map_err(|accepted| {
-                let shown = text.get(value.span()).unwrap_or_default();
-                let what = format!("{} = {shown}: accepted is {accepted}", field.key);
-                complain(Some(value.span().start), what)
-            })?,
-            None if field.optional() || field.tap().is_some_and(|tap| tap > config.cells) => {}
+    let mut image = Image::FIRST_BOARD;
+    for (field, key) in format::all().zip(&keys) {
+        let unused = u64::from(field.tap) > image.get(fields::CELLS);
+        match find(document, key) {
+            Some(value) => {
+                let raw = raw(field, value.get_ref()).map_err(|accepted| {
+                    let shown = text.get(value.span()).unwrap_or_default();
+                    let what = format!("{key} = {shown}: accepted is {accepted}");
+                    complain(Some(value.span().start), what)
+                })?;
+                image.set(field, raw);
+            }
+            None if format::is_optional(field) || unused => {}
             None => {
-                let what = format!("{} is missing: {}", field.key, field.help);
-                return Err(complain(None, what));
+                let help = fields::HELP.get(usize::from(field.index)).unwrap_or(&"");
+                return Err(complain(None, format!("{key} is missing: {help}")));
             }
         }
     }
-    let settings = Settings {
-        config,
-        platform_page: document.get("platform").is_some(),
-    };
-    check(&settings, path, |key| {
-        find(document, key).map(|value| line_of(text, value.span().start))
+    if document.get("platform").is_none() {
+        image.make_original();
+    }
+    image.seal();
+    let config = Config::decode(&image).map_err(|error| {
+        rejected(&error, path, |key| {
+            find(document, key).map(|value| line_of(text, value.span().start))
+        })
     })?;
-    Ok(settings)
+    Ok(Settings { image, config })
 }
 
-/// The core's own judgement of the image, told in the file's words.
-fn check(
-    settings: &Settings,
-    path: &Path,
-    line: impl Fn(&str) -> Option<usize>,
-) -> Result<(), Error> {
-    eeprom::check(&settings.config).map_err(|error| {
-        let mut place = format!("in {}", path.display());
-        if let Some(field) = fields::at(error.address) {
-            if let Some(line) = line(field.key) {
-                let _ = write!(place, ", line {line}");
-            }
-            let _ = write!(place, " ({})", field.key);
+/// The core's judgement of the image, with the file's line and key.
+fn rejected(error: &ConfigError, path: &Path, line: impl Fn(&str) -> Option<usize>) -> Error {
+    let mut location = format!("in {}", path.display());
+    if let Some(field) = FIELDS.iter().find(|field| field.name == error.field) {
+        let key = format::key(field);
+        if let Some(line) = line(&key) {
+            let _ = write!(location, ", line {line}");
         }
-        Error::Rejected {
-            location: place,
-            what: error.to_string(),
-        }
-    })
+        let _ = write!(location, " ({key})");
+    }
+    Error::Rejected {
+        location,
+        what: error.to_string(),
+    }
 }
 
 /// 1-based line of a byte offset.
@@ -81,16 +82,16 @@ fn find<'t, 'i>(table: &'t DeTable<'i>, key: &str) -> Option<&'t Spanned<DeValue
 }
 
 /// The first key that the table of fields does not have.
-fn unknown(table: &DeTable<'_>, prefix: &str) -> Result<(), (usize, String)> {
+fn unknown(table: &DeTable<'_>, prefix: &str, keys: &[String]) -> Result<(), (usize, String)> {
     for (name, value) in table {
         let key = format!("{prefix}{}", name.get_ref());
-        if fields::all().any(|field| field.key == key) {
+        if keys.contains(&key) {
             continue;
         }
         let section = format!("{key}.");
-        let is_section = fields::all().any(|field| field.key.starts_with(&section));
+        let is_section = keys.iter().any(|key| key.starts_with(&section));
         match value.get_ref().as_table() {
-            Some(inner) if is_section => unknown(inner, &section)?,
+            Some(inner) if is_section => unknown(inner, &section, keys)?,
             None if is_section => {
                 return Err((
                     name.span().start,
@@ -98,8 +99,9 @@ fn unknown(table: &DeTable<'_>, prefix: &str) -> Result<(), (usize, String)> {
                 ));
             }
             _ => {
-                let mut accepted: Vec<&str> = fields::all()
-                    .filter_map(|field| field.key.strip_prefix(prefix))
+                let mut accepted: Vec<&str> = keys
+                    .iter()
+                    .filter_map(|key| key.strip_prefix(prefix))
                     .map(|rest| rest.split('.').next().unwrap_or(rest))
                     .collect();
                 accepted.dedup();
@@ -114,37 +116,23 @@ fn unknown(table: &DeTable<'_>, prefix: &str) -> Result<(), (usize, String)> {
     Ok(())
 }
 
-/// Stores one value.
+/// The raw value of a value of the file.
 ///
 /// # Errors
 /// What would be accepted.
-fn set(field: &Field, config: &mut Config, value: &DeValue<'_>) -> Result<(), String> {
-    match field.access {
-        Access::Mode(place) => *place(config) = mode(value)?,
-        Access::Flag(place) => {
-            *place(config) = value.as_bool().ok_or("true or false")?;
-        }
-        Access::Byte(place) => {
-            *place(config) = whole(value)
-                .and_then(|value| value.try_into().ok())
-                .ok_or("a whole number from 0 to 255")?;
-        }
-        Access::Long(place) => {
-            *place(config) = whole(value)
-                .and_then(|value| value.try_into().ok())
-                .ok_or("a whole number from 0 to 4294967295")?;
-        }
-        Access::Word(scale, place) => {
-            let code = number::code(real(value)?, scale, u16::MAX.into())?;
-            *place(config) = u16::try_from(code).unwrap_or(u16::MAX);
-        }
-        Access::ScaledLong(scale, place) => {
-            *place(config) = number::code(real(value)?, scale, u32::MAX)?;
-        }
-        Access::Bearing(place) => *place(config) = number::bearing(real(value)?)?,
-        Access::Binary64(place) => *place(config) = Binary64(real(value)?.to_bits()),
+fn raw(field: &Field, value: &DeValue<'_>) -> Result<u64, String> {
+    let max = field.kind.max();
+    match Format::of(field) {
+        Format::Mode => mode(value),
+        Format::Flag => Ok(value.as_bool().ok_or("true or false")?.into()),
+        Format::Hex | Format::Int => whole(value)
+            .and_then(|value| u64::try_from(value).ok())
+            .filter(|&value| value <= max)
+            .ok_or_else(|| format!("a whole number from 0 to {max}")),
+        Format::Scaled(scale) => format::scaled(real(value)?, scale, max),
+        Format::Bearing => format::bearing(real(value)?),
+        Format::Real => Ok(real(value)?.to_bits()),
     }
-    Ok(())
 }
 
 fn whole(value: &DeValue<'_>) -> Option<i64> {
@@ -162,7 +150,7 @@ fn real(value: &DeValue<'_>) -> Result<f64, String> {
         .ok_or_else(|| "a number".into())
 }
 
-fn mode(value: &DeValue<'_>) -> Result<Mode, String> {
+fn mode(value: &DeValue<'_>) -> Result<u64, String> {
     let by_name = value.as_str().and_then(|name| {
         Mode::ALL
             .iter()
@@ -172,11 +160,12 @@ fn mode(value: &DeValue<'_>) -> Result<Mode, String> {
     let by_code = whole(value)
         .and_then(|code| u8::try_from(code).ok())
         .and_then(Mode::from_code);
-    by_name.or(by_code).ok_or_else(|| {
+    let mode = by_name.or(by_code).ok_or_else(|| {
         let all: Vec<String> = Mode::ALL
             .iter()
             .map(|m| format!("\"{}\" ({:#04x})", m.name(), m.code()))
             .collect();
         all.join(", ")
-    })
+    })?;
+    Ok(mode.code().into())
 }

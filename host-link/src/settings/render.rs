@@ -1,8 +1,7 @@
 //! [`Settings`] → text, commented so that the file explains itself.
 
-use super::fields::{self, Access, Field};
-use super::{number, Settings};
-use fw_core::eeprom::Config;
+use super::{format, Settings};
+use fw_core::eeprom::fields::HELP;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -32,26 +31,26 @@ fn about(section: &str) -> &'static str {
 /// The file's text. Reading it back gives the same settings.
 #[must_use]
 pub fn render(settings: &Settings) -> String {
-    let mut config = settings.config.clone();
     let mut text = String::from(HEAD);
-    let mut section = "";
-    for field in fields::all() {
-        if field.optional() && !settings.platform_page {
-            break;
-        }
-        if field.tap().is_some_and(|tap| tap > config.cells) {
+    let mut section = String::new();
+    for field in format::all() {
+        let unused = field.tap > settings.config().cells();
+        if unused || format::is_optional(field) && !settings.platform_page() {
             continue;
         }
-        if field.section() != section {
-            section = field.section();
+        let key = format::key(field);
+        let (of, name) = key.rsplit_once('.').unwrap_or_default();
+        if of != section {
+            of.clone_into(&mut section);
             text.push('\n');
-            if !about(section).is_empty() {
-                let _ = writeln!(text, "# {}", about(section));
+            if !about(of).is_empty() {
+                let _ = writeln!(text, "# {}", about(of));
             }
-            let _ = writeln!(text, "[{section}]");
+            let _ = writeln!(text, "[{of}]");
         }
-        let entry = format!("{} = {}", field.name(), value(field, &mut config));
-        let _ = writeln!(text, "{entry:<40} # {}", field.help);
+        let entry = format!("{name} = {}", format::text(field, settings.get(field)));
+        let help = HELP.get(usize::from(field.index)).unwrap_or(&"");
+        let _ = writeln!(text, "{entry:<40} # {help}");
     }
     text
 }
@@ -60,7 +59,7 @@ pub fn render(settings: &Settings) -> String {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Change {
     /// `section.key`.
-    pub key: &'static str,
+    pub key: String,
     /// EEPROM address.
     pub address: u16,
     /// Old value.
@@ -72,39 +71,22 @@ pub struct Change {
 /// The fields in which `after` differs from `before`.
 #[must_use]
 pub fn changes(before: &Settings, after: &Settings) -> Vec<Change> {
-    let (mut old, mut new) = (before.config.clone(), after.config.clone());
-    fields::all()
+    format::all()
+        .filter(|field| before.get(field) != after.get(field))
         .map(|field| Change {
-            key: field.key,
+            key: format::key(field),
             address: field.address,
-            before: value(field, &mut old),
-            after: value(field, &mut new),
+            before: format::text(field, before.get(field)),
+            after: format::text(field, after.get(field)),
         })
-        .filter(|change| change.before != change.after)
         .collect()
-}
-
-fn value(field: &Field, config: &mut Config) -> String {
-    match field.access {
-        Access::Mode(place) => format!("\"{}\"", place(config).name()),
-        Access::Flag(place) => place(config).to_string(),
-        Access::Byte(place) if field.section() == "link" => format!("0x{:02X}", place(config)),
-        Access::Byte(place) => place(config).to_string(),
-        Access::Long(place) => place(config).to_string(),
-        Access::Word(1.0, place) => place(config).to_string(),
-        Access::Word(scale, place) => number::text((*place(config)).into(), scale),
-        Access::ScaledLong(scale, place) => number::text(*place(config), scale),
-        Access::Bearing(place) => number::bearing_text(*place(config)),
-        // `{:?}` is the shortest text that reads back as the same double, always with a point.
-        Access::Binary64(place) => format!("{:?}", f64::from_bits(place(config).0)),
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::error::Error;
-    use fw_core::eeprom::first_board;
+    use fw_core::eeprom::Image;
     use std::path::Path;
 
     fn parse(text: &str) -> Result<Settings, Error> {
@@ -112,10 +94,7 @@ mod tests {
     }
 
     fn first() -> Settings {
-        Settings {
-            config: first_board(),
-            platform_page: true,
-        }
+        Settings::first_board().unwrap()
     }
 
     #[test]
@@ -140,15 +119,14 @@ mod tests {
 
     #[test]
     fn an_original_configuration_leaves_page_3_unwritten() {
-        let original = Settings {
-            platform_page: false,
-            ..first()
-        };
+        let mut image = Image::FIRST_BOARD;
+        image.make_original();
+        let original = Settings::from_image(&image).unwrap();
         let text = render(&original);
         assert!(!text.contains("[platform]"));
         assert_eq!(parse(&text).unwrap(), original);
-        assert!(original.image()[0x300..].iter().all(|&byte| byte == 0xFF));
-        assert_eq!(Settings::from_image(&original.image()).unwrap(), original);
+        assert!(original.image().0[0x300..].iter().all(|&byte| byte == 0xFF));
+        assert_eq!(Settings::from_image(original.image()).unwrap(), original);
     }
 
     fn complaint(from: &str, to: &str) -> Error {
@@ -187,7 +165,7 @@ mod tests {
             (
                 "stop_deadline_ms = 250",
                 "stop_deadline_ms = 70000",
-                "accepted is 0 to 65535",
+                "accepted is a whole number from 0 to 65535",
             ),
             ("key_from_pi = 0x96", "key_from_pi = 0x96 7", ""),
         ] {

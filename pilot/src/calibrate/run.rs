@@ -52,7 +52,7 @@ pub fn run(
 ) -> Result<WheelPath, Error> {
     session.resume()?;
     let start = session.snapshot().pose.ok_or(Error::WrongMode {
-        mode: session.config().mode.name(),
+        mode: session.config().mode().name(),
         required: "position to drive to",
     })?;
     let mut path = WheelPath::new(WheelGeometry::from_config(session.config()));

@@ -7,15 +7,13 @@ use super::umbmark::{self, SquareRun};
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
 use crate::ground_truth::Point;
-use fw_core::eeprom::first_board;
-use fw_core::wire::Mode;
+use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
 use host_link::drive::ArrivalCriteria;
 use host_link::error::Error;
 use host_link::mock_board::{IoFault, MockBoard, mock_board};
 use host_link::pose::Pose;
 use host_link::session::Session;
-use host_link::settings::Settings;
 
 const FIRST_BOARD: WheelGeometry = WheelGeometry::new(80.0, 80.0, 125.0);
 
@@ -219,15 +217,6 @@ fn track_wrong_by_fifth_is_rejected() {
     );
 }
 
-fn settings() -> Settings {
-    let mut config = first_board();
-    config.mode = Mode::Normal;
-    Settings {
-        config,
-        platform_page: true,
-    }
-}
-
 fn drive(io: &mut BoardIo) -> Result<WheelPath, Error> {
     let mut session = Session::open(io, 40, 100)?;
     run::run(
@@ -246,11 +235,11 @@ fn assert_holds_position(board: &MockBoard) {
 
 #[test]
 fn run_interrupt_or_lost_link_stops_robot() {
-    let (board, mut io) = mock_board(&settings().image(), Some(IoFault::Interrupt(30)));
+    let (board, mut io) = mock_board(&Image::FIRST_BOARD, Some(IoFault::Interrupt(30)));
     assert_eq!(drive(&mut io), Err(Error::Interrupted));
     assert_holds_position(&board.borrow());
 
-    let (board, mut io) = mock_board(&settings().image(), None);
+    let (board, mut io) = mock_board(&Image::FIRST_BOARD, None);
     board.borrow_mut().garbled_from = 6;
     let error = drive(&mut io).unwrap_err();
     assert!(

@@ -1,6 +1,8 @@
 //! Wheel diameters and track.
 
-use fw_core::eeprom::Config;
+use fw_core::eeprom::fields::{TRACK, WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT};
+use fw_core::eeprom::{Config, Field};
+use fw_core::types::Micrometres;
 use serde::{Deserialize, Serialize};
 
 /// The wheels as odometry needs them, millimetres.
@@ -28,22 +30,28 @@ impl WheelGeometry {
     /// The wheels of a configuration.
     #[must_use]
     pub fn from_config(config: &Config) -> Self {
-        let mm = |micrometres: u32| f64::from(micrometres) / 1000.0;
+        let mm = |Micrometres(micrometres)| f64::from(micrometres) / 1000.0;
         Self {
-            left_mm: mm(config.platform.wheel_diameter_left),
-            right_mm: mm(config.platform.wheel_diameter_right),
-            track_mm: mm(config.platform.track),
+            left_mm: mm(config.left().diameter),
+            right_mm: mm(config.right().diameter),
+            track_mm: mm(config.track()),
         }
     }
 
-    /// Writes them to a configuration, to the nearest micrometre.
-    pub fn apply_to(&self, config: &mut Config) {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        // saturates; decode checks
-        let micrometres = |mm: f64| (mm * 1000.0).round() as u32;
-        config.platform.wheel_diameter_left = micrometres(self.left_mm);
-        config.platform.wheel_diameter_right = micrometres(self.right_mm);
-        config.platform.track = micrometres(self.track_mm);
+    /// The raw values of their fields, to the nearest micrometre.
+    #[must_use]
+    pub fn values(&self) -> [(&'static Field, u64); 3] {
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates; what is too large is not accepted"
+        )]
+        let micrometres = |mm: f64| u64::from((mm * 1000.0).round() as u32);
+        [
+            (WHEEL_DIAMETER_LEFT, micrometres(self.left_mm)),
+            (WHEEL_DIAMETER_RIGHT, micrometres(self.right_mm)),
+            (TRACK, micrometres(self.track_mm)),
+        ]
     }
 
     /// All three larger by `factor`: distances change, rotations do not.

@@ -3,7 +3,7 @@
 use super::args::Eeprom;
 use super::connection::{Connection, Context};
 use super::output::Output;
-use fw_core::eeprom::{Image, first_board};
+use fw_core::eeprom::Image;
 use host_link::eeprom::{self, Progress, chip, image};
 use host_link::error::{Error, Exit};
 use host_link::settings::{Change, Settings, changes, render};
@@ -16,12 +16,11 @@ use std::path::Path;
 pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
     match command {
         Eeprom::Init { file, force } => init(file.as_deref(), *force, context.output),
-        Eeprom::Write { file, dry_run } => put(&Settings::load(file)?.image(), *dry_run, context),
+        Eeprom::Write { file, dry_run } => put(Settings::load(file)?.image(), *dry_run, context),
         Eeprom::Restore { file, dry_run } => put(&image::load(file)?, *dry_run, context),
         Eeprom::Migrate { dry_run } => {
-            let mut settings = Settings::from_image(&get(None, context)?)?;
-            settings.platform_page = true;
-            put(&settings.image(), *dry_run, context)
+            let settings = Settings::from_image(&get(None, context)?)?;
+            put(&settings.platform_written(), *dry_run, context)
         }
         Eeprom::Check { file } => check(&get(file.as_deref(), context)?, context.output),
         Eeprom::Dump { image, hex } => dump(&get(image.as_deref(), context)?, *hex, context.output),
@@ -38,8 +37,8 @@ pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
         Eeprom::Backup { file, force } => {
             check_overwrite(file, *force)?;
             let present = get(None, context)?;
-            let text = format!("{} bytes saved in {}", present.len(), file.display());
-            save(file, &present, text, context.output)
+            let text = format!("{} bytes saved in {}", present.0.len(), file.display());
+            save(file, &present.0, text, context.output)
         }
     }?;
     Ok(Exit::Ok)
@@ -56,7 +55,7 @@ fn save(file: &Path, bytes: &[u8], text: String, output: Output) -> Result<(), E
 fn load(file: &Path) -> Result<Image, Error> {
     let ending = file.extension().unwrap_or_default();
     if ending.eq_ignore_ascii_case("toml") {
-        Ok(Settings::load(file)?.image())
+        Ok(Settings::load(file)?.image().clone())
     } else {
         image::load(file)
     }
@@ -80,10 +79,7 @@ fn check_overwrite(file: &Path, force: bool) -> Result<(), Error> {
 }
 
 fn init(file: Option<&Path>, force: bool, output: Output) -> Result<(), Error> {
-    let text = render(&Settings {
-        config: first_board(),
-        platform_page: true,
-    });
+    let text = render(&Settings::first_board()?);
     let Some(file) = file else {
         output.result(&json!({ "toml": text }), || text.clone());
         return Ok(());
@@ -97,11 +93,9 @@ fn init(file: Option<&Path>, force: bool, output: Output) -> Result<(), Error> {
 }
 
 fn check(image: &Image, output: Output) -> Result<(), Error> {
-    let Settings {
-        config,
-        platform_page,
-    } = Settings::from_image(image)?;
-    let (mode, cells) = (config.mode.name(), config.cells);
+    let settings = Settings::from_image(image)?;
+    let platform_page = settings.platform_page();
+    let (mode, cells) = (settings.config().mode().name(), settings.config().cells());
     let checked = json!({ "mode": mode, "cells": cells, "platform_page": platform_page });
     output.result(&checked, || {
         let page = if platform_page {
@@ -116,18 +110,18 @@ fn check(image: &Image, output: Output) -> Result<(), Error> {
 
 fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
     if hex {
-        let digits = image.iter().fold(String::new(), |mut digits, byte| {
+        let digits = image.0.iter().fold(String::new(), |mut digits, byte| {
             let _ = write!(digits, "{byte:02X}");
             digits
         });
-        let bytes = json!({ "bytes": image.len(), "hex": digits });
+        let bytes = json!({ "bytes": image.0.len(), "hex": digits });
         output.result(&bytes, || image::hex(image));
         return Ok(());
     }
     let settings = Settings::from_image(image)?;
     let toml = render(&settings);
     let dumped = json!({
-        "platform_page": settings.platform_page,
+        "platform_page": settings.platform_page(),
         "settings": settings.json(),
         "toml": toml,
     });

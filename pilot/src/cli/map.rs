@@ -3,9 +3,9 @@
 use super::args::Map;
 use super::connection::Context;
 use super::{drive::summary, monitor};
-use fw_core::eeprom::first_board;
 use host_link::drive;
 use host_link::error::Error;
+use host_link::settings::Settings;
 use host_link::statistics::LinkStatistics;
 use pilot::mapping::{self, Files, Mapping, RangeSample};
 use pilot::waypoints;
@@ -17,7 +17,10 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     match (&map.tour, &map.from) {
         (_, Some(recording)) => {
             let samples = mapping::load_recording(recording)?;
-            let mut mapping = Mapping::new(mapping::mapper_config(&first_board(), cell_mm));
+            let mut mapping = Mapping::new(mapping::mapper_config(
+                Settings::first_board()?.config(),
+                cell_mm,
+            ));
             for sample in &samples {
                 mapping.add(sample);
             }

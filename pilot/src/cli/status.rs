@@ -69,7 +69,7 @@ fn linked(
     let seen = Summary {
         ready: true,
         report: Some(report),
-        stop_deadline_ms: Some(session.config().platform.stop_deadline),
+        stop_deadline_ms: Some(session.config().stop_deadline().0),
         hints,
         error: outcome.err().map(|error| error.to_string()),
         exit: exit.code(),
@@ -82,7 +82,7 @@ fn not_ready(io: &mut BoardIo, error: &Error) -> Result<(Summary, Exit), Error> 
     let hint = match settings::decode(&eeprom::read(io)?) {
         Ok(config) => format!(
             "the EEPROM holds a good configuration of mode {}: the STM does not run, or could not read it",
-            config.mode.name()
+            config.mode().name()
         ),
         Err(why) => why.to_string(),
     };

@@ -3,7 +3,7 @@
 use super::args::{Consent, StepArgs, Tune};
 use super::connection::{Connection, Context, TUNE_MODE};
 use super::prompt;
-use fw_core::eeprom::{Gains, Image};
+use fw_core::eeprom::{FIELDS, Image};
 use host_link::board_io::BoardIo;
 use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
@@ -62,7 +62,7 @@ pub(super) fn apply(
         return Ok((changes, false));
     }
     io.interrupt.check()?;
-    image::save(&before_file(context), before)?;
+    image::save(&before_file(context), &before.0)?;
     let timeout = context.board.ready_timeout;
     eeprom::program(io, wanted, timeout, Some(journal), |_| {})?;
     Ok((changes, true))
@@ -87,35 +87,14 @@ pub(super) fn ending(changes: &[Change], written: bool) -> &'static str {
     }
 }
 
-/// Gains as numbers.
-#[derive(Serialize)]
-struct Figures {
-    p: f64,
-    i: f64,
-    d: f64,
-    anti_windup: f64,
-}
-
-impl From<&Gains> for Figures {
-    fn from(gains: &Gains) -> Self {
-        let number = |double: fw_core::binary64::Binary64| f64::from_bits(double.0);
-        Self {
-            p: number(gains.p),
-            i: number(gains.i),
-            d: number(gains.d),
-            anti_windup: number(gains.anti_windup),
-        }
-    }
-}
-
 #[derive(Serialize)]
 struct Tuned {
     axis: Axis,
     model: drive_model::DriveModel,
     samples: usize,
     lost: u32,
-    present: Figures,
-    proposed: Figures,
+    present: gains::Factors,
+    proposed: gains::Factors,
     predicted_present: gains::Response,
     predicted: gains::Response,
     csv: PathBuf,
@@ -139,7 +118,7 @@ fn steps(
     plan.check()?;
     restore_mode(io, context)?;
     let original = eeprom::read(io)?;
-    let mut config = Settings::from_image(&original)?.config;
+    let settings = Settings::from_image(&original)?;
     let rate = context.board.rate.max(SLOWEST_HZ);
     let recorder = temporary_mode::with_mode(
         io,
@@ -163,7 +142,7 @@ fn steps(
         let _ = export::save_picture(&stem, axis, samples, None);
         Error::Tuning(format!("{what} (see {})", csv.display()))
     })?;
-    let present = *axis.gains(&mut config);
+    let present = gains::Factors::of(axis, &settings);
     let damping = arguments.damping.unwrap_or(axis.damping());
     let proposed = gains::propose(&model, damping, &present);
     let before = gains::predict(axis, &model, &present);
@@ -171,16 +150,16 @@ fn steps(
     let fitted = Some((&model, steps.as_slice(), &before, &after));
     let picture = export::save_picture(&stem, axis, samples, fitted)?;
     output.message(&summary(axis, &model, &before, &after));
-    let wanted = temporary_mode::edit_config(&original, |config| *axis.gains(config) = proposed)?;
+    let wanted = settings.with(&proposed.values(axis))?;
     let consent = (arguments.consent.yes, arguments.consent.dry_run);
-    let (changes, written) = apply(connection, (&original, &wanted), consent, context)?;
+    let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
     let done = Tuned {
         axis,
         model,
         samples: samples.len(),
         lost: recorder.lost(),
-        present: (&present).into(),
-        proposed: (&proposed).into(),
+        present,
+        proposed,
         predicted_present: before,
         predicted: after,
         csv,
@@ -244,13 +223,11 @@ fn divider(
     let original = eeprom::read(io)?;
     let mut session = context.open_session(io)?;
     let upper_ohm = battery::measure_upper_resistor(&mut session, cell, volts)?;
-    let wanted = temporary_mode::edit_config(&original, |config| {
-        if let Some(tap) = config.dividers.get_mut(usize::from(cell) - 1) {
-            tap.upper = upper_ohm;
-        }
-    })?;
+    let upper = FIELDS.iter().filter(|field| field.tap == cell).take(1);
+    let changes: Vec<_> = upper.map(|field| (field, upper_ohm.into())).collect();
+    let wanted = Settings::from_image(&original)?.with(&changes)?;
     let consent = (consent.yes, consent.dry_run);
-    let (changes, written) = apply(connection, (&original, &wanted), consent, context)?;
+    let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
     let done = json!({
         "cell": cell, "volts": volts, "upper_ohm": upper_ohm, "changes": changes, "written": written,
     });

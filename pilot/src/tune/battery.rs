@@ -30,7 +30,7 @@ pub fn measure_upper_resistor(
     cell: u8,
     volts: f64,
 ) -> Result<u32, Error> {
-    let cells = session.config().cells;
+    let cells = session.config().cells();
     if !(1..=cells).contains(&cell) {
         return Err(Error::Usage(format!(
             "cell {cell}: accepted is 1 to {cells}, the robot's cells"

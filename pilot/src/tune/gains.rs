@@ -13,24 +13,78 @@ use super::Axis;
 use super::drive_model::DriveModel;
 use fixed::types::I16F16;
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::Gains;
+use fw_core::eeprom::{Field, Gain, Gains};
 use fw_core::motion::pid::Pid;
 use host_link::samples::TICK_S;
+use host_link::settings::Settings;
 use serde::Serialize;
 
 /// The integral's time constant, in lags.
 const INTEGRAL_LAGS: f64 = 10.0;
 
-/// Gains for the model; `present` gives the anti wind-up factor.
+/// The factors of a PID as the EEPROM holds them, per 10 ms sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Factors {
+    /// Proportional, percent per degree or millimetre.
+    pub p: f64,
+    /// Integral, percent per degree or millimetre and sample.
+    pub i: f64,
+    /// Derivative, percent per degree or millimetre a sample.
+    pub d: f64,
+    /// Back-calculation factor.
+    pub anti_windup: f64,
+}
+
+impl Factors {
+    /// Those of an axis.
+    #[must_use]
+    pub fn of(axis: Axis, settings: &Settings) -> Self {
+        let factor = |field| f64::from_bits(settings.get(field));
+        let [p, i, d, anti_windup] = axis.fields().map(factor);
+        Self {
+            p,
+            i,
+            d,
+            anti_windup,
+        }
+    }
+
+    /// The raw values of the axis' fields.
+    #[must_use]
+    pub fn values(&self, axis: Axis) -> [(&'static Field, u64); 4] {
+        let [p, i, d, anti_windup] = axis.fields();
+        [
+            (p, self.p.to_bits()),
+            (i, self.i.to_bits()),
+            (d, self.d.to_bits()),
+            (anti_windup, self.anti_windup.to_bits()),
+        ]
+    }
+
+    /// What the firmware makes of them; 0 for what it does not accept.
+    fn gains(&self) -> Gains {
+        let gain = |factor: f64| {
+            let fixed = Binary64(factor.to_bits()).to_fixed().unwrap_or_default();
+            Gain::new(fixed).unwrap_or_default()
+        };
+        Gains {
+            p: gain(self.p),
+            i: gain(self.i),
+            d: gain(self.d),
+            anti_windup: gain(self.anti_windup),
+        }
+    }
+}
+
+/// Factors for the model; `present` gives the anti wind-up factor.
 #[must_use]
-pub fn propose(model: &DriveModel, damping: f64, present: &Gains) -> Gains {
+pub fn propose(model: &DriveModel, damping: f64, present: &Factors) -> Factors {
     let lag = model.lag_s.max(TICK_S);
     let p = 1.0 / (4.0 * damping * damping * lag * model.gain);
-    let double = |value: f64| Binary64(value.to_bits());
-    Gains {
-        p: double(round(p)),
-        i: double(round(p * TICK_S / (INTEGRAL_LAGS * lag))),
-        d: double(round(p * lag / TICK_S)),
+    Factors {
+        p: round(p),
+        i: round(p * TICK_S / (INTEGRAL_LAGS * lag)),
+        d: round(p * lag / TICK_S),
         anti_windup: present.anti_windup,
     }
 }
@@ -82,10 +136,10 @@ const FINE: u8 = 10;
 
 /// What the firmware's own regulator does with these gains and this drive, from rest.
 #[must_use]
-pub fn predict(axis: Axis, model: &DriveModel, gains: &Gains) -> Response {
+pub fn predict(axis: Axis, model: &DriveModel, factors: &Factors) -> Response {
     let (target, tolerance, limit) = axis.prediction_case();
     let reach = limit.min(100.0 - model.dead_zone);
-    let mut pid = Pid::new(gains, I16F16::saturating_from_num(limit));
+    let mut pid = Pid::new(&factors.gains(), I16F16::saturating_from_num(limit));
     let (mut position, mut speed, mut drive, mut last) = (0.0, 0.0, 0.0, 0.0);
     let (mut overshoot, mut settled_s) = (0.0_f64, None);
     let mut points = Vec::new();

@@ -20,7 +20,11 @@ pub mod temporary_mode;
 #[cfg(test)]
 mod tests;
 
-use fw_core::eeprom::{Config, Gains};
+use fw_core::eeprom::Field;
+use fw_core::eeprom::fields::{
+    FORWARD_ANTI_WINDUP, FORWARD_D, FORWARD_I, FORWARD_P, ROTATION_ANTI_WINDUP, ROTATION_D,
+    ROTATION_I, ROTATION_P,
+};
 use fw_core::wire::Mode;
 use serde::Serialize;
 
@@ -62,11 +66,12 @@ impl Axis {
         }
     }
 
-    /// Its gains in a configuration.
-    pub fn gains(self, config: &mut Config) -> &mut Gains {
+    /// The fields of its gains: P, I, D, anti wind-up.
+    #[must_use]
+    pub const fn fields(self) -> [&'static Field; 4] {
         match self {
-            Self::Rotate => &mut config.rotation,
-            Self::Move => &mut config.forward,
+            Self::Rotate => [ROTATION_P, ROTATION_I, ROTATION_D, ROTATION_ANTI_WINDUP],
+            Self::Move => [FORWARD_P, FORWARD_I, FORWARD_D, FORWARD_ANTI_WINDUP],
         }
     }
 }

@@ -2,6 +2,7 @@
 //! and panic. If the process is killed, a journal on disk lets the next one restore it.
 
 use super::Axis;
+use fw_core::eeprom::fields::MODE;
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
@@ -9,24 +10,12 @@ use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
 use host_link::settings::{self, Settings};
 
-/// An image with another configuration in it; what the configuration does not define stays.
+/// An image's settings with another mode.
 ///
 /// # Errors
-/// [`Error::Rejected`] for an image that is none.
-pub fn edit_config(image: &Image, change: impl FnOnce(&mut Config)) -> Result<Image, Error> {
-    let Settings {
-        mut config,
-        platform_page,
-    } = Settings::from_image(image)?;
-    change(&mut config);
-    let mut changed = *image;
-    if platform_page {
-        fw_core::eeprom::encode(&config, &mut changed);
-    } else {
-        fw_core::eeprom::encode_original(&config, &mut changed);
-    }
-    settings::decode(&changed)?;
-    Ok(changed)
+/// [`Error::Rejected`] for an image that is not accepted, or that cannot run the mode.
+pub fn set_mode(image: &Image, mode: Mode) -> Result<Settings, Error> {
+    Settings::from_image(image)?.with(&[(MODE, mode.code().into())])
 }
 
 /// Restores the EEPROM that a killed measurement left, by its `journal`. An EEPROM that was written
@@ -48,8 +37,7 @@ pub fn restore_after_kill(
     // What does not decode was left half-written.
     let left = settings::decode(&present).is_err()
         || [Axis::Rotate, Axis::Move].into_iter().any(|axis| {
-            edit_config(&original, |config| config.mode = axis.mode())
-                .is_ok_and(|changed| changed == present)
+            set_mode(&original, axis.mode()).is_ok_and(|settings| *settings.image() == present)
         });
     if left {
         eeprom::program(io, &original, ready_timeout_ms, None, |_| {})?;
@@ -81,8 +69,7 @@ pub fn with_mode<T>(
     ready_timeout_ms: u32,
     work: impl FnOnce(&mut BoardIo, Config) -> Result<T, Error>,
 ) -> Result<T, Error> {
-    let image = edit_config(original, |config| config.mode = mode)?;
-    let config = settings::decode(&image)?;
+    let settings = set_mode(original, mode)?;
     if let Some(journal) = journal {
         journal.begin(original)?;
     }
@@ -93,8 +80,8 @@ pub fn with_mode<T>(
         ready_timeout_ms,
         restored: false,
     };
-    let outcome = eeprom::program(guard.io, &image, ready_timeout_ms, None, |_| {})
-        .and_then(|_| work(guard.io, config));
+    let outcome = eeprom::program(guard.io, settings.image(), ready_timeout_ms, None, |_| {})
+        .and_then(|_| work(guard.io, settings.config().clone()));
     match (outcome, guard.restore()) {
         (outcome, Ok(())) => outcome,
         (outcome, Err(error)) => Err(Error::NotRestored {

@@ -2,7 +2,7 @@
 //! restored. And the fit on a known drive.
 
 use super::*;
-use fw_core::eeprom::{Image, first_board};
+use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
@@ -13,11 +13,7 @@ use host_link::settings::Settings;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 fn original() -> Image {
-    Settings {
-        config: first_board(),
-        platform_page: true,
-    }
-    .image()
+    Image::FIRST_BOARD
 }
 
 fn plan() -> step_response::StepPlan {
@@ -111,13 +107,18 @@ fn tuning_fault_at_any_call_restores_eeprom() {
 fn killed_tuning_is_restored_unless_eeprom_rewritten() {
     let path = std::env::temp_dir().join(format!("robot-tune-journal-{}", std::process::id()));
     let journal = Journal::new(&path);
-    let with_mode = |mode| temporary_mode::edit_config(&original(), |config| config.mode = mode);
+    let with_mode = |mode| {
+        temporary_mode::set_mode(&original(), mode)
+            .unwrap()
+            .image()
+            .clone()
+    };
     let mut half_written = original();
-    half_written[0x0C] = 0x77;
+    half_written.0[0x0C] = 0x77;
     for (present, restored) in [
-        (with_mode(Mode::TuneMove).unwrap(), true),
+        (with_mode(Mode::TuneMove), true),
         (half_written, true),
-        (with_mode(Mode::GuardedNormal).unwrap(), false),
+        (with_mode(Mode::GuardedNormal), false),
     ] {
         journal.begin(&original()).unwrap();
         let (board, mut io) = mock_board(&present, None);
@@ -284,7 +285,7 @@ fn proposed_gains_settle_with_small_overshoot() {
                 residual: 0.0,
                 steps: 6,
             };
-            let present = first_board().rotation;
+            let present = gains::Factors::of(Axis::Rotate, &Settings::first_board().unwrap());
             let proposed = gains::propose(&model, axis.damping(), &present);
             assert_eq!(proposed.anti_windup, present.anti_windup);
             let response = gains::predict(axis, &model, &proposed);

@@ -1,138 +1,135 @@
-//! Configurations that [`fw_core::eeprom::check`] accepts, drawn field by field over the whole of
-//! every field's range.
+//! Configurations that [`Config::from_fields`] accepts, drawn field by field over the whole of every
+//! field's range.
 
 use fixed::types::I32F32;
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::{first_board, Accepted, Config, Field, FIELDS};
-#[cfg(kani)]
-use fw_core::eeprom::{Gains, Platform};
+use fw_core::eeprom::fields::*;
+use fw_core::eeprom::{Accepted, Config, Field, Gain, Gains, Kind};
 use fw_core::wire::Mode;
 
-use super::contract::is_bounded;
-#[cfg(kani)]
-use crate::input::any;
 use crate::input::{Input, Source};
 
-/// A configuration that was accepted. Kani's harnesses put any figures at all in here: a property takes
-/// of them what [`Self::bounded`] does.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AcceptedConfig(pub Config);
+/// The raw values of a configuration, in the order of [`FIELDS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AcceptedConfig([u64; COUNT]);
+
+/// The first board's gains of the forward PID.
+#[must_use]
+pub fn forward_gains() -> Gains {
+    gains([FORWARD_P, FORWARD_I, FORWARD_D, FORWARD_ANTI_WINDUP])
+}
+
+/// The first board's gains of the rotation PID.
+#[must_use]
+pub fn rotation_gains() -> Gains {
+    gains([ROTATION_P, ROTATION_I, ROTATION_D, ROTATION_ANTI_WINDUP])
+}
+
+fn gains([p, i, d, anti_windup]: [&Field; 4]) -> Gains {
+    let gain = |field: &Field| gain_of(Binary64(FIRST_BOARD[usize::from(field.index)]));
+    Gains {
+        p: gain(p),
+        i: gain(i),
+        d: gain(d),
+        anti_windup: gain(anti_windup),
+    }
+}
+
+/// The gain of a binary64, 0 where it is none.
+#[must_use]
+pub fn gain_of(value: Binary64) -> Gain {
+    let value = value.to_fixed().unwrap_or_default();
+    Gain::new(value).unwrap_or_default()
+}
 
 impl AcceptedConfig {
-    /// The configuration, if it keeps what `accepted_configuration_is_bounded` promises of every one
-    /// that is accepted. That much, and no more, the properties downstream take for granted.
+    /// The first board's.
+    pub const FIRST_BOARD: Self = Self(FIRST_BOARD);
+
+    /// The raw value of a field.
     #[must_use]
-    pub fn bounded(self) -> Option<Config> {
-        is_bounded(&self.0).then_some(self.0)
+    pub fn get(&self, field: &Field) -> u64 {
+        self.0[usize::from(field.index)]
     }
 
-    /// Any gains of both regulators; the other figures are the first board's.
+    /// With another raw value in a field.
+    #[must_use]
+    pub fn with(mut self, field: &Field, raw: u64) -> Self {
+        self.0[usize::from(field.index)] = raw;
+        self
+    }
+
+    /// The configuration, if it is accepted: always for a drawn one; Kani's harnesses and
+    /// [`Self::with`] put any values in here.
+    #[must_use]
+    pub fn config(&self) -> Option<Config> {
+        Config::from_fields(|field| self.get(field)).ok()
+    }
+
+    /// Any raw values in these fields; the others are the first board's.
+    #[cfg(kani)]
+    #[must_use]
+    pub fn of_any(chosen: impl Fn(&Field) -> bool) -> Self {
+        let mut values = Self::FIRST_BOARD;
+        for field in &FIELDS {
+            if chosen(field) {
+                let any: u64 = crate::input::any();
+                values = values.with(field, any & field.kind.max());
+            }
+        }
+        values
+    }
+
+    /// Any gains of both regulators.
     #[cfg(kani)]
     #[must_use]
     pub fn of_any_gains() -> Self {
-        let gains = || Gains {
-            p: any(),
-            i: any(),
-            d: any(),
-            anti_windup: any(),
-        };
-        Self(Config {
-            forward: gains(),
-            rotation: gains(),
-            ..first_board()
-        })
+        Self::of_any(|field| field.address >> 8 == 1)
     }
 
     /// Any battery.
     #[cfg(kani)]
     #[must_use]
     pub fn of_any_battery() -> Self {
-        Self(Config {
-            cells: any(),
-            adc_max_voltage: any(),
-            adc_max_word: any(),
-            dividers: core::array::from_fn(|_| any()),
-            ..first_board()
-        })
+        Self::of_any(|field| field.address >> 8 == 2)
     }
 
-    /// Any figures of a platform.
+    /// Any platform.
     #[cfg(kani)]
     #[must_use]
     pub fn of_any_platform() -> Self {
-        Self::of_platform(any())
+        Self::of_any(|field| field.address >> 8 == 3)
     }
 
-    /// Any diameters of the wheels.
-    #[cfg(kani)]
-    #[must_use]
-    pub fn of_any_diameters() -> Self {
-        Self::of_platform(Platform {
-            wheel_diameter_left: any(),
-            wheel_diameter_right: any(),
-            ..Platform::FIRST_BOARD
-        })
-    }
-
-    /// Any figures of the wheels and of what drives them.
+    /// Any wheels and motors.
     #[cfg(kani)]
     #[must_use]
     pub fn of_any_wheels() -> Self {
-        Self::of_platform(Platform {
-            counts_per_turn: any(),
-            wheel_diameter_left: any(),
-            wheel_diameter_right: any(),
-            track: any(),
-            dead_zone_left: any(),
-            dead_zone_right: any(),
-            limit_left: any(),
-            limit_right: any(),
-            ..Platform::FIRST_BOARD
-        })
+        Self::of_any(is_of_a_wheel)
     }
 
-    /// Any mode, and any figures of a platform but those of its wheels.
+    /// Any mode, and any platform but its wheels and motors.
     #[cfg(kani)]
     #[must_use]
     pub fn of_any_mode() -> Self {
-        let board = Platform::FIRST_BOARD;
-        let Self(config) = Self::of_platform(Platform {
-            counts_per_turn: board.counts_per_turn,
-            wheel_diameter_left: board.wheel_diameter_left,
-            wheel_diameter_right: board.wheel_diameter_right,
-            track: board.track,
-            dead_zone_left: board.dead_zone_left,
-            dead_zone_right: board.dead_zone_right,
-            limit_left: board.limit_left,
-            limit_right: board.limit_right,
-            ..any()
-        });
-        Self(Config {
-            mode: any(),
-            ..config
-        })
-    }
-
-    #[cfg(kani)]
-    fn of_platform(platform: Platform) -> Self {
-        Self(Config {
-            platform,
-            ..first_board()
-        })
+        Self::of_any(|field| matches!(field.address >> 8, 0 | 3) && !is_of_a_wheel(field))
     }
 }
 
-/// Bits that `field` accepts: both ends of its range often, all of it sometimes; `shape` is below 128.
+/// Whether a field describes a wheel, its motor or its encoder.
+#[cfg(kani)]
+fn is_of_a_wheel(field: &Field) -> bool {
+    matches!(field.address, 0x0302..=0x030F | 0x031C..=0x0323)
+        || field.address == 0x0310 && field.kind.mask() < 1 << 4
+}
+
+/// A raw value that `field` accepts: both ends of its range often, all of it sometimes; `shape` is
+/// below 128.
 fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
     let anything = source.bits(64);
     match *field.accepted {
-        Accepted::Whole { min, max } => {
-            let largest = match field.kind.len() {
-                1 => 0xFF,
-                2 => 0xFFFF,
-                _ => u32::MAX,
-            };
-            let (min, max) = (u64::from(min), u64::from(max.min(largest)));
+        Accepted::IntRange { min, max } => {
+            let (min, max) = (u64::from(min), u64::from(max).min(field.kind.max()));
             match shape % 8 {
                 0 => min,
                 1 => max,
@@ -140,7 +137,7 @@ fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
                 _ => min + anything % (max - min + 1),
             }
         }
-        Accepted::Number { min, max } => {
+        Accepted::RealRange { min, max } => {
             let (low, high) = (min.to_bits().unsigned_abs(), max.to_bits().unsigned_abs());
             let span = high - low;
             let bits = match shape % 8 {
@@ -153,33 +150,42 @@ fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
             Binary64::from_fixed(I32F32::from_bits(i64::try_from(bits).unwrap_or(0))).0
         }
         Accepted::Mode => Mode::draw(source).code().into(),
-        Accepted::Key | Accepted::Checksum(_) | Accepted::Rule(_) => 0,
     }
 }
 
 impl Input for AcceptedConfig {
     fn draw(source: &mut impl Source) -> Self {
-        let mut config = first_board();
-        for field in FIELDS {
+        let mut values = Self::FIRST_BOARD;
+        for field in &FIELDS {
             // Half of the fields stay as they are on the first board, and take a byte each.
-            let shape = source.bits8();
+            let shape = match field.kind {
+                Kind::Bits { .. } if field.constant().is_some() => 0,
+                _ => source.bits8(),
+            };
             if shape & 1 == 1 {
-                field.set(&mut config, accepted(field, shape >> 1, source));
+                values = values.with(field, accepted(field, shape >> 1, source));
             }
         }
-        // What fields must hold together.
-        for tap in &mut config.dividers {
-            tap.lower = tap.lower.clamp(1, 10_000_000);
-            tap.upper = tap.upper.min(10_000_000).min(tap.lower.saturating_mul(99));
+        // The constraints.
+        let taps = FIELDS.iter().filter(|field| field.tap != 0);
+        for (upper, lower) in taps.clone().step_by(2).zip(taps.skip(1).step_by(2)) {
+            let ohms = values.get(lower).clamp(1, 10_000_000);
+            let most = 10_000_000.min(ohms * 99);
+            values = values
+                .with(lower, ohms)
+                .with(upper, values.get(upper).min(most));
         }
-        let platform = &mut config.platform;
-        if config.mode == Mode::GuardedSweep {
-            platform.servo = true;
-            platform.rangefinders = platform.rangefinders.max(1);
+        if values.get(MODE) == u64::from(Mode::GuardedSweep.code()) {
+            let rangefinders = values.get(RANGEFINDERS).max(1);
+            values = values.with(SERVO, 1).with(RANGEFINDERS, rangefinders);
         }
-        platform.dead_zone_left = platform.dead_zone_left.min(platform.limit_left - 1);
-        platform.dead_zone_right = platform.dead_zone_right.min(platform.limit_right - 1);
-        platform.battery_cutoff = platform.battery_cutoff.min(platform.battery_warn);
-        Self(config)
+        for (below, limit) in [
+            (DEAD_ZONE_LEFT, values.get(LIMIT_LEFT) - 1),
+            (DEAD_ZONE_RIGHT, values.get(LIMIT_RIGHT) - 1),
+            (BATTERY_CUTOFF, values.get(BATTERY_WARN)),
+        ] {
+            values = values.with(below, values.get(below).min(limit));
+        }
+        values
     }
 }

@@ -8,7 +8,7 @@ use fw_core::wire::{Order, State};
 
 use crate::input::{Input, Source};
 use crate::property::Seen;
-use fw_core::types::{Faults, Micros};
+use fw_core::types::{Faults, Micros, Milliseconds};
 
 /// Largest time between ticks, microseconds: half the clock's range. The hardware's tick is 10 ms, and
 /// the watchdog enforces it.
@@ -53,7 +53,7 @@ impl Input for Past {
 
 impl Past {
     fn supervisor(&self) -> Supervisor {
-        let mut supervisor = Supervisor::new(StopDeadline::new(self.deadline));
+        let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(self.deadline)));
         if let Some(intent) = self.first {
             supervisor.on_fresh(self.at, intent);
         }
@@ -206,7 +206,7 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
         order: Order::Resume,
         clear_faults: Faults::NONE,
     };
-    let mut supervisor = Supervisor::new(StopDeadline::new(deadline));
+    let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(deadline)));
     supervisor.on_fresh(fresh, apply);
     let mut now = fresh;
     for gap in gaps {

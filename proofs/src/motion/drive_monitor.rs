@@ -10,7 +10,10 @@
 //! - Never without [`WINDOW`] consecutive ticks driven by at least 20 % in one direction; after a start
 //!   never within [`EARLIEST`].
 
-use fw_core::eeprom::Platform;
+use fw_core::eeprom::fields::{
+    COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED,
+};
+use fw_core::eeprom::Config;
 use fw_core::motion::DriveMonitor;
 
 use crate::eeprom::accepted::AcceptedConfig;
@@ -47,31 +50,31 @@ pub struct Parameters {
 impl Input for Parameters {
     fn draw(source: &mut impl Source) -> Self {
         Self {
-            turn: Input::draw(source),
-            dead_zones: [Input::draw(source), Input::draw(source)],
+            turn: u16::draw(source).clamp(100, 60_000),
+            dead_zones: [u16::draw(source).min(9_999), u16::draw(source).min(9_999)],
             reversed: [Input::draw(source), Input::draw(source)],
         }
     }
 }
 
 impl Parameters {
-    fn of(platform: &Platform) -> Self {
+    fn of(config: &Config) -> Self {
+        let wheels = [config.left(), config.right()];
         Self {
-            turn: platform.counts_per_turn,
-            dead_zones: [platform.dead_zone_left, platform.dead_zone_right],
-            reversed: [platform.motor_left_reversed, platform.motor_right_reversed],
+            turn: config.counts_per_turn(),
+            dead_zones: wheels.map(|wheel| wheel.dead_zone.hundredths().unsigned_abs()),
+            reversed: wheels.map(|wheel| wheel.motor_reversed),
         }
     }
 
     fn monitor(self) -> DriveMonitor {
-        DriveMonitor::new(&Platform {
-            counts_per_turn: self.turn,
-            dead_zone_left: self.dead_zones[0],
-            dead_zone_right: self.dead_zones[1],
-            motor_left_reversed: self.reversed[0],
-            motor_right_reversed: self.reversed[1],
-            ..Platform::FIRST_BOARD
-        })
+        let values = AcceptedConfig::FIRST_BOARD
+            .with(COUNTS_PER_TURN, self.turn.into())
+            .with(DEAD_ZONE_LEFT, self.dead_zones[0].into())
+            .with(DEAD_ZONE_RIGHT, self.dead_zones[1].into())
+            .with(MOTOR_LEFT_REVERSED, self.reversed[0].into())
+            .with(MOTOR_RIGHT_REVERSED, self.reversed[1].into());
+        DriveMonitor::new(&values.config().expect("accepted"))
     }
 
     /// Counts of 1/128 turn.
@@ -220,8 +223,11 @@ impl Witness {
 /// last 50 ticks and turned by less than 1/128 turn in them; as reversed only if it turned by that in
 /// the other direction. For any commands and motions of both wheels.
 // Requirement: WIRE-status-3
-pub fn healthy_wheel_raises_no_fault(config: AcceptedConfig, phases: Phases) -> Seen {
-    let parameters = Parameters::of(&config.0.platform);
+pub fn healthy_wheel_raises_no_fault(values: AcceptedConfig, phases: Phases) -> Seen {
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
+    let parameters = Parameters::of(&config);
     let mut monitor = parameters.monitor();
     let mut witnesses = [Witness::default(), Witness::default()];
     let least = i64::from(parameters.least());
@@ -290,13 +296,16 @@ impl Past {
 /// never within [`EARLIEST`].
 // Requirement: WIRE-status-3
 pub fn broken_wheel_is_detected_in_time(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     past: (u8, [u8; 15]),
     beyond: u16,
     forward: bool,
     broken: (bool, [u8; 16]),
 ) -> Seen {
-    let mut parameters = Parameters::of(&config.0.platform);
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
+    let mut parameters = Parameters::of(&config);
     let (kind, phases) = past;
     let wheel = usize::from(kind & 1);
     // A dead zone that leaves enough duty.
@@ -392,16 +401,16 @@ crate::properties! {
         parameters: Parameters, before: (MotorCommands, (i32, i32)), command: MotorCommands, counts: (i32, i32)
     ) {
         cases ["a jump", "no jump", "the longest"];
-        kani proof [unwind(4)];
+        kani proof [unwind(66)];
         sampled 300_000;
     }
-    property T14 healthy_wheel_raises_no_fault(config: AcceptedConfig, phases: Phases) {
+    property T14 healthy_wheel_raises_no_fault(values: AcceptedConfig, phases: Phases) {
         cases ["one stalled", "one reversed", "one jumped", "one turned just enough"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;
     }
     property T14 broken_wheel_is_detected_in_time(
-        config: AcceptedConfig, past: (u8, [u8; 15]), beyond: u16, forward: bool, broken: (bool, [u8; 16])
+        values: AcceptedConfig, past: (u8, [u8; 15]), beyond: u16, forward: bool, broken: (bool, [u8; 16])
     ) {
         cases [
             "the latest from a start", "the latest while driving", "the latest after anything",

@@ -1,8 +1,7 @@
 //! T7: motor commands keep each wheel's limit for every identified gain.
 
-#[cfg(kani)]
-use fw_core::eeprom::first_board;
-use fw_core::eeprom::Platform;
+use fw_core::eeprom::fields::{DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT};
+use fw_core::eeprom::Config;
 use fw_core::motion::mixer::Mixer;
 
 use fixed::types::I16F16;
@@ -46,8 +45,8 @@ impl Driven {
         }
     }
 
-    fn mixer(&self, platform: &Platform) -> Mixer {
-        let mut mixer = Mixer::new(platform);
+    fn mixer(&self, config: &Config) -> Mixer {
+        let mut mixer = Mixer::new(config);
         let delta = Delta {
             left: self.left.into(),
             right: self.right.into(),
@@ -61,10 +60,11 @@ impl Driven {
     }
 }
 
-/// A platform within the bounds of an accepted one, and its mixer with this history.
-fn driven_on(config: AcceptedConfig, driven: Driven) -> Option<(Platform, Mixer)> {
-    let platform = config.bounded()?.platform;
-    Some((platform, driven.mixer(&platform)))
+/// An accepted configuration, and its mixer with this history.
+fn driven_on(values: &AcceptedConfig, driven: Driven) -> Option<(Config, Mixer)> {
+    let config = values.config()?;
+    let mixer = driven.mixer(&config);
+    Some((config, mixer))
 }
 
 impl Input for Driven {
@@ -101,16 +101,16 @@ fn forward_duty(drive: MotorCommand, reversed: bool) -> i32 {
 }
 
 /// Both of them.
-fn duties(commands: MotorCommands, platform: &Platform) -> [i32; 2] {
+fn duties(commands: MotorCommands, config: &Config) -> [i32; 2] {
     [
-        forward_duty(commands.left, platform.motor_left_reversed),
-        forward_duty(commands.right, platform.motor_right_reversed),
+        forward_duty(commands.left, config.left().motor_reversed),
+        forward_duty(commands.right, config.right().motor_reversed),
     ]
 }
 
 /// The limits of page 0x03, hundredths of a percent.
-fn limits(platform: &Platform) -> [i32; 2] {
-    [platform.limit_left.into(), platform.limit_right.into()]
+fn limits(config: &Config) -> [i32; 2] {
+    [config.left(), config.right()].map(|wheel| wheel.limit.hundredths().into())
 }
 
 /// Both factors are within ¼ ..= 1, and the weaker wheel's is 1.
@@ -122,18 +122,18 @@ fn gain_balance_is_in_range(mixer: &Mixer) -> bool {
 /// No output makes a duty beyond the wheel's limit, for any identified gains; output 0 is duty 0.
 // Requirement: WIRE-eeprom-6
 pub fn duty_keeps_its_wheels_limit(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     driven: Driven,
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    let Some((platform, mut mixer)) = driven_on(config, driven) else {
+    let Some((config, mut mixer)) = driven_on(&values, driven) else {
         return Seen::NOTHING;
     };
     assert!(gain_balance_is_in_range(&mixer));
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
-    let duties = duties(commands, &platform);
-    let [left, right] = limits(&platform);
+    let duties = duties(commands, &config);
+    let [left, right] = limits(&config);
     assert!(duties[0].abs() <= left && duties[1].abs() <= right);
     if forward == 0 && rotation == 0 {
         assert!(duties[0] == 0 && duties[1] == 0);
@@ -147,16 +147,16 @@ pub fn duty_keeps_its_wheels_limit(
 /// Duties of the tuning modes are limited per wheel and else exact, without compensation.
 // Requirement: DOC-5.2.2-1, WIRE-eeprom-6
 pub fn raw_duty_is_exact_within_limits(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     driven: Driven,
     left: i32,
     right: i32,
 ) -> Seen {
-    let Some((platform, mut mixer)) = driven_on(config, driven) else {
+    let Some((config, mut mixer)) = driven_on(&values, driven) else {
         return Seen::NOTHING;
     };
-    let duties = duties(mixer.raw(left, right), &platform);
-    for ((requested, limit), duty) in [left, right].into_iter().zip(limits(&platform)).zip(duties) {
+    let duties = duties(mixer.raw(left, right), &config);
+    for ((requested, limit), duty) in [left, right].into_iter().zip(limits(&config)).zip(duties) {
         assert!(duty == requested.clamp(-limit, limit));
     }
     assert!(mixer.brake() == MotorCommands::BRAKE);
@@ -169,7 +169,7 @@ pub fn raw_duty_is_exact_within_limits(
 /// The duty is monotone in the output, in the dead zone and across it; from 1 % of scaled output on it
 /// exceeds the dead zone.
 pub fn compensation_is_monotone(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     driven: Driven,
     less: i32,
     more: i32,
@@ -177,21 +177,19 @@ pub fn compensation_is_monotone(
     if less > more {
         return Seen::NOTHING;
     }
-    let Some((platform, mixer)) = driven_on(config, driven) else {
+    let Some((config, mixer)) = driven_on(&values, driven) else {
         return Seen::NOTHING;
     };
     let straight = |output: i32| {
         let commands = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
-        duties(commands, &platform)
+        duties(commands, &config)
     };
     let (low, high) = (straight(less), straight(more));
     assert!(low[0] <= high[0] && low[1] <= high[1]);
-    let dead_zones = [
-        i32::from(platform.dead_zone_left),
-        i32::from(platform.dead_zone_right),
-    ];
+    let dead_zones =
+        [config.left(), config.right()].map(|wheel| i32::from(wheel.dead_zone.hundredths()));
     // A factor is at least a quarter, and both wheels need the headroom.
-    let enough = limits(&platform)
+    let enough = limits(&config)
         .into_iter()
         .zip(dead_zones)
         .all(|(limit, dead_zone)| limit - dead_zone >= 400);
@@ -208,28 +206,24 @@ pub fn compensation_is_monotone(
 /// Rotation has priority: it is exact up to the largest output, and forward gets the headroom, in the same
 /// proportion on both wheels. On a platform without dead zones, to 0.03 %.
 pub fn rotation_has_priority(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     driven: Driven,
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    let AcceptedConfig(mut config) = config;
-    (
-        config.platform.dead_zone_left,
-        config.platform.dead_zone_right,
-    ) = (0, 0);
-    let Some((platform, mut mixer)) = driven_on(AcceptedConfig(config), driven) else {
+    let values = values.with(DEAD_ZONE_LEFT, 0).with(DEAD_ZONE_RIGHT, 0);
+    let Some((config, mut mixer)) = driven_on(&values, driven) else {
         return Seen::NOTHING;
     };
     let (left_balance, right_balance) = mixer.gain_balance();
     let balance = [left_balance.to_bits(), right_balance.to_bits()].map(i64::from);
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
-    let [left, right] = duties(commands, &platform);
+    let [left, right] = duties(commands, &config);
     // From here on in half hundredths of a percent.
     let output = |duty: i32, balance: i64| (i64::from(duty) << 17) / balance;
     let (left, right) = (output(left, balance[0]), output(right, balance[1]));
     let (ahead, turn) = ((left + right) >> 1, (right - left) >> 1);
-    let max_output = limits(&platform)
+    let max_output = limits(&config)
         .into_iter()
         .zip(balance)
         .map(|(limit, balance)| output(limit, balance))
@@ -249,8 +243,11 @@ pub fn rotation_has_priority(
 }
 
 /// For any outputs and motions no overflow, both factors within ¼ ..= 1, and the weaker wheel's is 1.
-pub fn gain_balance_stays_in_range(config: AcceptedConfig, script: [u8; 64]) -> Seen {
-    let mut mixer = Mixer::new(&config.0.platform);
+pub fn gain_balance_stays_in_range(values: AcceptedConfig, script: [u8; 64]) -> Seen {
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
+    let mut mixer = Mixer::new(&config);
     let mut identified = false;
     for event in script.chunks_exact(4) {
         let [kind, output, left, right] = [event[0], event[1], event[2], event[3]];
@@ -284,49 +281,46 @@ pub fn gain_balance_stays_in_range(config: AcceptedConfig, script: [u8; 64]) -> 
 /// The first board's dead zones and any limits.
 #[cfg(kani)]
 fn of_any_limits() -> AcceptedConfig {
-    let mut config = first_board();
-    config.platform.limit_left = crate::input::any();
-    config.platform.limit_right = crate::input::any();
-    AcceptedConfig(config)
+    AcceptedConfig::of_any(|field| matches!(field.address, 0x0320 | 0x0322))
 }
 
 crate::properties! {
     property T7 duty_keeps_its_wheels_limit(
-        config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
+        values: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
         cases ["at a limit", "on the spot", "no output"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
-        kani any_limits [unwind(4)] = (of_any_limits(), Driven::NOT, any(), any());
+        kani any_limits [unwind(66)] = (of_any_limits(), Driven::NOT, any(), any());
         kani any_gains [unwind(24)] =
-            (AcceptedConfig(first_board()), Driven::far_enough(any(), any()), any(), any());
+            (AcceptedConfig::FIRST_BOARD, Driven::far_enough(any(), any()), any(), any());
         sampled 100_000;
     }
     property T7 raw_duty_is_exact_within_limits(
-        config: AcceptedConfig, driven: Driven, left: i32, right: i32
+        values: AcceptedConfig, driven: Driven, left: i32, right: i32
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
         needs [accepted_configuration_is_bounded];
-        kani any_platform [unwind(4)] =
+        kani any_platform [unwind(66)] =
             (AcceptedConfig::of_any_platform(), Driven::NOT, any(), any());
         sampled 100_000;
     }
     property T7 compensation_is_monotone(
-        config: AcceptedConfig, driven: Driven, less: i32, more: i32
+        values: AcceptedConfig, driven: Driven, less: i32, more: i32
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
-        kani unlearned [unwind(4)] =
-            (AcceptedConfig(first_board()), Driven::NOT, any(), any());
+        kani unlearned [unwind(66)] =
+            (AcceptedConfig::FIRST_BOARD, Driven::NOT, any(), any());
         sampled 100_000;
     }
     property T7 rotation_has_priority(
-        config: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
+        values: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
     ) {
         cases ["forward reduced", "rotation limited", "both fit"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
         sampled 100_000;
     }
-    property T7 gain_balance_stays_in_range(config: AcceptedConfig, script: [u8; 64]) {
+    property T7 gain_balance_stays_in_range(values: AcceptedConfig, script: [u8; 64]) {
         cases ["they differed", "the left wheel is stronger", "the right wheel is stronger"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;

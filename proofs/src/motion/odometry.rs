@@ -1,13 +1,11 @@
 //! T5 and T6: heading and position from the encoders.
 
-#[cfg(kani)]
-use fw_core::eeprom::first_board;
-use fw_core::eeprom::Platform;
+use fw_core::eeprom::fields::{ENCODER_LEFT_REVERSED, ENCODER_RIGHT_REVERSED};
 use fw_core::motion::Odometry;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
-use fw_core::types::Turns;
+use fw_core::types::{Micrometres, Turns};
 
 /// Increments of both counters, sample by sample.
 pub type Path = [u8; 48];
@@ -24,15 +22,17 @@ fn samples(path: &Path, scale: u8) -> impl Iterator<Item = (i32, i32)> + '_ {
 /// it is equal to the last bit.
 // Requirement: DOC-4.1-5
 pub fn heading_never_drifts(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     left: u32,
     right: u16,
     path: Path,
     scale: u8,
 ) -> Seen {
-    let platform = &config.0.platform;
-    let mut slow = Odometry::new(platform, left, right);
-    let mut quick = Odometry::new(platform, left, right);
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
+    let mut slow = Odometry::new(&config, left, right);
+    let mut quick = Odometry::new(&config, left, right);
     let (mut l, mut r) = (left, right);
     let (mut net_left, mut net_right) = (0_i32, 0_i32);
     for (grown_left, grown_right) in samples(&path, scale) {
@@ -61,11 +61,11 @@ pub fn heading_never_drifts(
 /// depends on its counts alone and is odd in them, and turns add modulo a turn. So any path that is
 /// rolled back restores it, and counters that stand add nothing.
 // Requirement: DOC-4.1-5
-pub fn tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) -> Seen {
-    let Some(config) = config.bounded() else {
+pub fn tick_back_undoes_a_tick(values: AcceptedConfig, from: (u32, u16), to: (u32, u16)) -> Seen {
+    let Some(config) = values.config() else {
         return Seen::NOTHING;
     };
-    let mut odometry = Odometry::new(&config.platform, from.0, from.1);
+    let mut odometry = Odometry::new(&config, from.0, from.1);
     let there = odometry.step(to.0, to.1);
     let away = odometry.pose().heading;
     let _ = odometry.step(from.0, from.1);
@@ -83,14 +83,15 @@ pub fn tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u3
 /// One tick of any counts against the document's exact arc in binary64 (4.3 to 4.7): within 10⁻⁶ mm, the
 /// heading within 2⁻³² turns.
 // Requirement: DOC-4.1-3
-pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) -> Seen {
+pub fn step_is_the_exact_arc(values: AcceptedConfig, heading: u16, left: i16, right: i16) -> Seen {
     use core::f64::consts::{PI, TAU};
-    let platform = Platform {
-        encoder_left_reversed: false,
-        encoder_right_reversed: false,
-        ..config.0.platform
+    let values = values
+        .with(ENCODER_LEFT_REVERSED, 0)
+        .with(ENCODER_RIGHT_REVERSED, 0);
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
     };
-    let mut odometry = Odometry::new(&platform, 0, 0);
+    let mut odometry = Odometry::new(&config, 0, 0);
     // To any heading: the right wheel rolls, the left one stands.
     let _ = odometry.step(0, heading);
     let before = odometry.pose();
@@ -99,13 +100,13 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
         heading.wrapping_add_signed(right),
     );
     let after = odometry.pose();
-    let counts = f64::from(platform.counts_per_turn);
-    let way = |micrometres: u32, count: i16| {
+    let counts = f64::from(config.counts_per_turn());
+    let way = |Micrometres(micrometres): Micrometres, count: i16| {
         f64::from(micrometres) / 1000.0 * PI * f64::from(count) / counts
     };
-    let s_right = way(platform.wheel_diameter_right, right);
-    let s_left = way(platform.wheel_diameter_left, left);
-    let psi = (s_right - s_left) / (f64::from(platform.track) / 1000.0);
+    let s_right = way(config.right().diameter, right);
+    let s_left = way(config.left().diameter, left);
+    let psi = (s_right - s_left) / (f64::from(config.track().0) / 1000.0);
     // A sixteenth of a turn in a tick is six turns a second.
     if psi.abs() > TAU / 16.0 {
         return Seen::NOTHING.case(0, true);
@@ -130,11 +131,11 @@ pub fn step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, ri
 }
 
 /// No counters overflow anything on an accepted platform.
-pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
-    let Some(config) = config.bounded() else {
+pub fn any_counters_are_safe(values: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
+    let Some(config) = values.config() else {
         return Seen::NOTHING;
     };
-    let mut odometry = Odometry::new(&config.platform, 0, 0);
+    let mut odometry = Odometry::new(&config, 0, 0);
     for (left, right) in counters.into_iter().take(usize::from(ticks % 9)) {
         let delta = odometry.step(left, right);
         assert!(delta.right.abs() <= 32_768);
@@ -146,26 +147,26 @@ pub fn any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], 
 }
 
 crate::properties! {
-    property T6 heading_never_drifts(config: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
+    property T6 heading_never_drifts(values: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
         needs [accepted_configuration_is_bounded];
         sampled 30_000;
     }
-    property T6 tick_back_undoes_a_tick(config: AcceptedConfig, from: (u32, u16), to: (u32, u16)) {
+    property T6 tick_back_undoes_a_tick(values: AcceptedConfig, from: (u32, u16), to: (u32, u16)) {
         cases ["it had turned", "the left counter wrapped", "the right one fell"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
-    property T6 step_is_the_exact_arc(config: AcceptedConfig, heading: u16, left: i16, right: i16) {
+    property T6 step_is_the_exact_arc(values: AcceptedConfig, heading: u16, left: i16, right: i16) {
         cases ["turns faster than anything does", "straight on", "a sharp turn"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
-    property T5 any_counters_are_safe(config: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) {
+    property T5 any_counters_are_safe(values: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) {
         cases ["far ahead", "far behind"];
         needs [accepted_configuration_is_bounded];
-        kani on_first_board [unwind(66)] = (AcceptedConfig(first_board()), any(), 1);
-        kani any_diameters [unwind(66)] = (AcceptedConfig::of_any_diameters(), any(), 1);
+        kani on_first_board [unwind(66)] = (AcceptedConfig::FIRST_BOARD, any(), 1);
+        kani any_diameters [unwind(66)] = (AcceptedConfig::of_any(|field| matches!(field.address, 0x0304 | 0x0308)), any(), 1);
         sampled 100_000;
     }
 }

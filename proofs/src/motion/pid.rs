@@ -1,10 +1,11 @@
 //! T7: the PID's output and integral stay within its limit for all gains, and leave it in time.
 
-use fixed::types::I16F16;
-use fw_core::binary64::Binary64;
 #[cfg(kani)]
-use fw_core::eeprom::first_board;
-use fw_core::eeprom::Gains;
+use crate::eeprom::accepted::{forward_gains, gain_of, rotation_gains};
+use fixed::types::{I16F16, I32F32};
+#[cfg(kani)]
+use fw_core::binary64::Binary64;
+use fw_core::eeprom::{Gain, Gains};
 use fw_core::motion::pid::Pid;
 
 use crate::input::{Input, Source};
@@ -54,18 +55,14 @@ struct Factors {
 }
 
 impl Factors {
-    /// Nothing where one of them is none that is accepted.
-    fn of(gains: &Gains) -> Option<Self> {
-        let factor = |of: Binary64| {
-            let factor = of.to_scaled(32).ok()?;
-            (0..=10_000 << 32).contains(&factor).then_some(factor)
-        };
-        Some(Self {
-            p: factor(gains.p)?,
-            i: factor(gains.i)?,
-            d: factor(gains.d)?,
-            anti_windup: factor(gains.anti_windup)?,
-        })
+    fn of(gains: &Gains) -> Self {
+        let bits = |gain: Gain| gain.value().to_bits();
+        Self {
+            p: bits(gains.p),
+            i: bits(gains.i),
+            d: bits(gains.d),
+            anti_windup: bits(gains.anti_windup),
+        }
     }
 
     /// The proportional part of an error, without its sign, 2⁻¹⁶ % for an error in 2⁻¹⁶.
@@ -83,9 +80,7 @@ pub fn saturation_ends_at_once(
     error: i32,
     rate: i32,
 ) -> Seen {
-    let Some(factors) = Factors::of(&gains) else {
-        return Seen::NOTHING;
-    };
+    let factors = Factors::of(&gains);
     // 2⁻⁴⁸ %.
     let term = |factor: i64, of: i32| i128::from(factor) * i128::from(of);
     let others = term(factors.p, error) - term(factors.d, rate);
@@ -119,9 +114,7 @@ pub fn windup_is_shed_in_time(
     error: i32,
     samples: u8,
 ) -> Seen {
-    let Some(factors) = Factors::of(&gains) else {
-        return Seen::NOTHING;
-    };
+    let factors = Factors::of(&gains);
     if error == 0 {
         return Seen::NOTHING;
     }
@@ -174,9 +167,7 @@ pub fn integral_turns_in_time(
     rate: i32,
     samples: u8,
 ) -> Seen {
-    let Some(factors) = Factors::of(&gains) else {
-        return Seen::NOTHING;
-    };
+    let factors = Factors::of(&gains);
     let cut = cut(limit);
     // Sign of the integral, opposite to the error's.
     let sign = -error.signum();
@@ -217,9 +208,7 @@ pub fn far_errors_are_not_integrated(
     error: i32,
     rate: i32,
 ) -> Seen {
-    let Some(factors) = Factors::of(&gains) else {
-        return Seen::NOTHING;
-    };
+    let factors = Factors::of(&gains);
     if factors.proportional(error) <= i128::from(cut(limit) / 5) {
         return Seen::NOTHING;
     }
@@ -236,15 +225,11 @@ pub fn far_errors_are_not_integrated(
 
 impl Input for Gains {
     fn draw(source: &mut impl Source) -> Self {
-        // Accepted gains up to 8192 as often as any numbers.
-        let accepted = bool::draw(source);
+        // From tiny to 8192.
         let factor = |source: &mut _| {
-            if accepted {
-                let large = i64::from(u32::draw(source)) << 13;
-                Binary64::from_scaled(large >> (u8::draw(source) % 40), 32)
-            } else {
-                Binary64::draw(source)
-            }
+            let large = i64::from(u32::draw(source)) << 13;
+            let bits = large >> (u8::draw(source) % 40);
+            Gain::new(I32F32::from_bits(bits)).unwrap_or(Gain::MAX)
         };
         Self {
             p: factor(source),
@@ -267,7 +252,7 @@ fn coarse(bits: u32) -> i32 {
 fn coarse_gains() -> Gains {
     let factor = || {
         let bits: u16 = crate::input::any();
-        Binary64((bits as u64) << 50 & !(1 << 63))
+        gain_of(Binary64((bits as u64) << 50 & !(1 << 63)))
     };
     Gains {
         p: factor(),
@@ -283,9 +268,9 @@ crate::properties! {
     ) {
         cases ["at the upper limit", "at the lower limit", "between"];
         kani first_board_forward [unwind(4)] =
-            (first_board().forward, 100 << 16, any(), any(), any());
+            (forward_gains(), 100 << 16, any(), any(), any());
         kani first_board_rotation [unwind(4)] =
-            (first_board().rotation, 50 << 16, any(), any(), any());
+            (rotation_gains(), 50 << 16, any(), any(), any());
         kani factors_of_every_size [unwind(4)] =
             (coarse_gains(), 50 << 16, any(), i32::from(any::<i16>()), i32::from(any::<i16>()));
         sampled 500_000;
@@ -295,9 +280,9 @@ crate::properties! {
     ) {
         cases ["from the upper limit", "from the lower limit", "from the other side"];
         kani first_board_rotation [unwind(4)] =
-            (first_board().rotation, 50 << 16, any(), any(), 0);
+            (rotation_gains(), 50 << 16, any(), any(), 0);
         kani first_board_braking [unwind(4)] =
-            (first_board().forward, 100 << 16, any(), 0, any());
+            (forward_gains(), 100 << 16, any(), 0, any());
         sampled 500_000;
     }
     property T7 windup_is_shed_in_time(
@@ -305,9 +290,9 @@ crate::properties! {
     ) {
         cases ["down to the headroom", "down to zero", "reduced"];
         kani first_board_forward [unwind(4)] =
-            (first_board().forward, 100 << 16, any(), if any() { 8 << 16 } else { 20 << 16 }, 1);
+            (forward_gains(), 100 << 16, any(), if any() { 8 << 16 } else { 20 << 16 }, 1);
         kani first_board_rotation [unwind(4)] =
-            (first_board().rotation, 50 << 16, coarse(8), coarse(8), 1);
+            (rotation_gains(), 50 << 16, coarse(8), coarse(8), 1);
         sampled 200_000;
     }
     property T7 integral_turns_in_time(
@@ -315,7 +300,7 @@ crate::properties! {
     ) {
         cases ["spent", "on its way", "held at the limit by the rate"];
         kani first_board_rotation [unwind(4)] =
-            (first_board().rotation, 50 << 16, coarse(8), coarse(4), coarse(12), 1);
+            (rotation_gains(), 50 << 16, coarse(8), coarse(4), coarse(12), 1);
         sampled 500_000;
     }
     property T7 far_errors_are_not_integrated(
@@ -323,7 +308,7 @@ crate::properties! {
     ) {
         cases ["kept", "nearer to zero"];
         kani first_board_forward [unwind(4)] =
-            (first_board().forward, 100 << 16, any(), any(), 0);
+            (forward_gains(), 100 << 16, any(), any(), 0);
         sampled 300_000;
     }
 }

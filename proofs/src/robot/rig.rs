@@ -12,8 +12,8 @@ use fw_core::wire::{
     MAX_FRAME,
 };
 
-use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
+use fw_core::eeprom::Config;
 use fw_core::types::{Faults, Micros, MotorCommand, RangefinderId};
 
 /// The cases of [`robot_obeys_whatever_happens`](super::robot_obeys_whatever_happens).
@@ -100,7 +100,7 @@ impl Part {
 
 /// The robot, its other end, its parts, and what must be true of it.
 pub struct Rig {
-    config: AcceptedConfig,
+    config: Config,
     pub setup: Setup,
     robot: Robot,
     /// The same wheels without anything else.
@@ -126,13 +126,13 @@ pub struct Rig {
 }
 
 impl Rig {
-    pub fn new(config: AcceptedConfig, now: Micros, events: &mut Events<'_>) -> Self {
-        let setup = Setup::from(&config.0);
+    pub fn new(config: Config, now: Micros, events: &mut Events<'_>) -> Self {
+        let setup = config.link_setup();
         let sample = TickInput {
             now,
             ..TickInput::default()
         };
-        let mut robot = Robot::new(&config.0, sample);
+        let mut robot = Robot::new(&config, sample);
         // A part of the middle, one as the factory may leave it, or any words.
         robot.calibrate(match events.byte() % 4 {
             0 | 1 => Calibration {
@@ -154,7 +154,7 @@ impl Rig {
         Self {
             setup,
             robot,
-            encoders: Odometry::new(&config.0.platform, sample.left, sample.right),
+            encoders: Odometry::new(&config, sample.left, sample.right),
             pi: PiLink::new(setup),
             reply: 1,
             part: Part::default(),
@@ -369,26 +369,25 @@ impl Rig {
             self.setup.mode,
             Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep
         );
-        assert!(order == BusRequest::Idle || drives && self.config.0.platform.gyro);
+        assert!(order == BusRequest::Idle || drives && self.config.gyro());
     }
 
     fn outputs_are_right(&mut self, outputs: &TickOutput) {
-        let platform = &self.config.0.platform;
         let braked = outputs.left == MotorCommand::Brake && outputs.right == MotorCommand::Brake;
         let state = self.robot.state();
         assert!(outputs.leds == leds(state) && state != State::Booting);
         for (drive, limit) in [
-            (outputs.left, platform.limit_left),
-            (outputs.right, platform.limit_right),
+            (outputs.left, self.config.left().limit),
+            (outputs.right, self.config.right().limit),
         ] {
             if let MotorCommand::Run(duty) = drive {
-                assert!(duty.hundredths().unsigned_abs() <= limit);
+                assert!(duty.hundredths().abs() <= limit.hundredths());
                 assert!(self.fresh.is_some());
                 self.seen = self.seen.case(DROVE, true);
             }
         }
         // Silence, from the last frame that was taken.
-        let allowed = u32::from(platform.stop_deadline) * 1000;
+        let allowed = u32::from(self.config.stop_deadline().0) * 1000;
         if self
             .fresh
             .is_some_and(|fresh| self.now.since(fresh) >= allowed)
@@ -404,7 +403,7 @@ impl Rig {
         self.seen = self.seen.case(FAULTED, state == State::Faulted);
         self.seen = self.seen.case(FOLLOWED, turned);
         if let Some(width) = outputs.servo {
-            assert!((1000..=2000).contains(&width) && platform.servo);
+            assert!((1000..=2000).contains(&width) && self.config.servo().is_some());
             assert!(state != State::Faulted);
             // Like the motors: not before a frame was taken, not after the silence.
             assert!(self

@@ -2,12 +2,28 @@
 
 use fixed::types::U16F16;
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::{first_board, Config, Divider};
+use fw_core::eeprom::fields::*;
+use fw_core::eeprom::{Config, Divider};
 use fw_core::sensing::Battery;
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
 use fw_core::types::Volts;
+
+fn first_board() -> Config {
+    AcceptedConfig::FIRST_BOARD.config().expect("accepted")
+}
+
+/// One cell, with any full scale, largest word and divider that are accepted.
+fn one_cell(full_scale: Binary64, largest: u16, (upper, lower): (u32, u32)) -> Option<Config> {
+    AcceptedConfig::FIRST_BOARD
+        .with(CELLS, 1)
+        .with(ADC_MAX, full_scale.0)
+        .with(ADC_MAX_WORD, largest.into())
+        .with(TAP_1_UPPER, upper.into())
+        .with(TAP_1_LOWER, lower.into())
+        .config()
+}
 
 /// The ADC's words, one a tap.
 pub type Words = [u16; 8];
@@ -17,38 +33,42 @@ fn volts(volts: Volts) -> f64 {
 }
 
 /// For any words and accepted configuration every cell has a voltage, and no other.
-pub fn every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) -> Seen {
-    let AcceptedConfig(config) = config;
+pub fn every_cell_shows_a_voltage(values: AcceptedConfig, words: [(Words, ()); 2]) -> Seen {
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
     let mut battery = Battery::new(&config);
-    assert!(battery.cells() == config.cells);
+    assert!(battery.cells() == config.cells());
     for (words, ()) in words {
         battery.sample(&words);
     }
     let (mut sum, mut nothing) = (0_u64, false);
     for index in 0..=u8::MAX {
         let cell = battery.cell(index);
-        assert!(cell.is_some() == (index < config.cells));
+        assert!(cell.is_some() == (index < config.cells()));
         nothing |= cell == Some(Volts::default());
         sum += cell.map_or(0, |volts| u64::from(volts.0.to_bits()));
     }
     Seen::NOTHING
         .case(0, nothing && sum > 0)
-        .case(1, sum > 0 && config.cells == 8)
+        .case(1, sum > 0 && config.cells() == 8)
 }
 
 /// The first cell's voltage is word · full scale / largest word · (upper + lower) / lower (document,
 /// 6.0.3), to a part in 10⁸ and 15 µV.
 // Requirement: DOC-6.0.3-2
-pub fn voltage_is_the_dividers(config: AcceptedConfig, word: u16) -> Seen {
-    let AcceptedConfig(config) = config;
+pub fn voltage_is_the_dividers(values: AcceptedConfig, word: u16) -> Seen {
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let found = battery.cell(0).map_or(0.0, volts);
-    let divider = config.dividers[0];
-    let exact = f64::from(word) * f64::from_bits(config.adc_max_voltage.0)
-        / f64::from(config.adc_max_word)
-        * (f64::from(divider.upper) + f64::from(divider.lower))
-        / f64::from(divider.lower);
+    let Divider { upper, lower } = config.dividers()[0];
+    let exact = f64::from(word) * config.adc_max_volts().to_num::<f64>()
+        / f64::from(config.adc_max_word())
+        * (f64::from(upper.0) + f64::from(lower.0))
+        / f64::from(lower.0);
     let largest = volts(Volts(U16F16::MAX));
     if exact >= largest {
         assert!(found >= largest * (1.0 - 1e-8));
@@ -99,33 +119,35 @@ pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
 /// The cells take turns, none skipped, for every number of cells.
 // Requirement: WIRE-battery-1
 pub fn walk_covers_every_cell(cells: u8) -> Seen {
-    let config = Config {
-        cells,
-        ..first_board()
+    let taps = FIELDS.iter().filter(|field| field.tap != 0);
+    let values = taps.fold(AcceptedConfig::FIRST_BOARD, |values, tap| {
+        values.with(tap, 1)
+    });
+    let Some(config) = values.with(CELLS, cells.into()).config() else {
+        assert!(!(1..=8).contains(&cells));
+        return Seen::NOTHING.case(0, true);
     };
     let mut battery = Battery::new(&config);
-    let real = cells.clamp(1, 8);
     for _ in 0..3 {
-        for expected in 0..real {
+        for expected in 0..cells {
             let (index, voltage) = battery.walk();
             assert!(index == expected && voltage == Volts::default());
         }
     }
-    Seen::NOTHING
-        .case(0, cells == 0)
-        .case(1, cells == 8)
-        .case(2, cells > 8)
+    Seen::NOTHING.case(1, cells == 8).case(2, cells == 1)
 }
 
 /// With the tuned resistor the same word gives the reference, to a part in a thousand, an ohm and a last
 /// place (document, 5.1.3).
 // Requirement: DOC-5.1.3-4
 pub fn tuned_divider_shows_the_reference(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     word: u16,
     reference: u32,
 ) -> Seen {
-    let AcceptedConfig(mut config) = config;
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let reference = Volts(U16F16::from_bits(reference));
@@ -134,8 +156,12 @@ pub fn tuned_divider_shows_the_reference(
         assert!(reference == Volts::default() || shown == 0.0);
         return Seen::NOTHING.case(0, true);
     };
-    config.dividers[0].upper = upper;
-    let lower = config.dividers[0].lower;
+    let lower = config.dividers()[0].lower.0;
+    // A resistor that no configuration may have is of no use.
+    let Some(config) = values.with(TAP_1_UPPER, upper.into()).config() else {
+        assert!(upper > 10_000_000 || u64::from(upper) > 99 * u64::from(lower));
+        return Seen::NOTHING.case(2, true);
+    };
     let mut tuned = Battery::new(&config);
     tuned.sample(&[word]);
     let now = tuned.cell(0).map_or(0.0, volts);
@@ -150,11 +176,11 @@ pub fn tuned_divider_shows_the_reference(
 
 /// The cut-off latches after half a second below its threshold, not earlier; a threshold of 0 disables it.
 pub fn cutoff_takes_half_a_second(ticks: u8, supervised: bool) -> Seen {
-    let mut config = first_board();
+    let mut values = AcceptedConfig::FIRST_BOARD;
     if !supervised {
-        config.platform.battery_cutoff = 0;
-        config.platform.battery_warn = 0;
+        values = values.with(BATTERY_CUTOFF, 0).with(BATTERY_WARN, 0);
     }
+    let config = values.config().expect("accepted");
     let mut battery = Battery::new(&config);
     // 2 V and 3.9 V a cell on the first board's taps.
     let (empty, full) = ([1_905_u16, 1_986], [3_714_u16, 3_872]);
@@ -186,22 +212,16 @@ pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
         .case(1, two == Some(Volts::default()))
 }
 
-/// For any full scale, largest word and divider, accepted or not: no overflow, and words of 0 give 0 V.
+/// For any accepted full scale, largest word and divider: no overflow, and words of 0 give 0 V.
 pub fn any_divider_is_safe(
     full_scale: Binary64,
-    largest: u32,
+    largest: u16,
     ohms: (u32, u32),
     words: [u16; 2],
 ) -> Seen {
-    let (upper, lower) = ohms;
-    let mut config = Config {
-        cells: 1,
-        adc_max_voltage: full_scale,
-        adc_max_word: largest,
-        dividers: [Divider::default(); 8],
-        ..first_board()
+    let Some(config) = one_cell(full_scale, largest, ohms) else {
+        return Seen::NOTHING.case(2, true);
     };
-    config.dividers[0] = Divider { upper, lower };
     let mut battery = Battery::new(&config);
     let mut voltage = Volts::default();
     for word in words {
@@ -215,16 +235,15 @@ pub fn any_divider_is_safe(
     Seen::NOTHING
         .case(0, voltage == most)
         .case(1, voltage > Volts::default() && voltage < most)
-        .case(2, lower == 0 || largest == 0)
 }
 
 /// Tuning with any resistors and reference does not overflow, and finds a resistor unless reference or
 /// reading are 0.
 pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
-    let (upper, lower) = ohms;
-    let mut config = first_board();
-    config.cells = 1;
-    config.dividers[0] = Divider { upper, lower };
+    let full_scale = Binary64(3.3_f64.to_bits());
+    let Some(config) = one_cell(full_scale, 4095, ohms) else {
+        return Seen::NOTHING;
+    };
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let shown = battery.cell(0).unwrap_or_default();
@@ -233,17 +252,17 @@ pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
     assert!(battery.tune(1, shown).is_none());
     Seen::NOTHING
         .case(0, tuned.is_none())
-        .case(1, tuned.is_some_and(|tuned| tuned > upper))
+        .case(1, tuned.is_some_and(|tuned| tuned > ohms.0))
         .case(2, tuned == Some(0))
 }
 
 crate::properties! {
-    property T10 every_cell_shows_a_voltage(config: AcceptedConfig, words: [(Words, ()); 2]) {
+    property T10 every_cell_shows_a_voltage(values: AcceptedConfig, words: [(Words, ()); 2]) {
         cases ["a cell beside one of 0 V", "eight cells"];
         needs [accepted_configuration_is_bounded];
         sampled 50_000;
     }
-    property T10 voltage_is_the_dividers(config: AcceptedConfig, word: u16) {
+    property T10 voltage_is_the_dividers(values: AcceptedConfig, word: u16) {
         cases ["saturated", "a voltage"];
         needs [accepted_configuration_is_bounded];
         sampled 200_000;
@@ -257,11 +276,11 @@ crate::properties! {
         sampled 50_000;
     }
     theorem T10 walk_covers_every_cell(cells: u8) {
-        cases ["none", "eight", "too many"];
+        cases ["not accepted", "eight", "one"];
         exhaustive (0..=u8::MAX).map(|cells| (cells,));
     }
-    property T10 tuned_divider_shows_the_reference(config: AcceptedConfig, word: u16, reference: u32) {
-        cases ["nothing to tune", "tuned"];
+    property T10 tuned_divider_shows_the_reference(values: AcceptedConfig, word: u16, reference: u32) {
+        cases ["nothing to tune", "tuned", "no resistor that is accepted"];
         needs [accepted_configuration_is_bounded];
         sampled 100_000;
     }
@@ -270,9 +289,9 @@ crate::properties! {
         exhaustive (0..=u8::MAX).flat_map(|ticks| [(ticks, false), (ticks, true)]);
     }
     theorem T5 any_divider_is_safe(
-        full_scale: Binary64, largest: u32, ohms: (u32, u32), words: [u16; 2]
+        full_scale: Binary64, largest: u16, ohms: (u32, u32), words: [u16; 2]
     ) {
-        cases ["saturated", "a voltage", "a division by nothing"];
+        cases ["saturated", "a voltage", "not accepted"];
         kani proof [unwind(66)];
         sampled 200_000;
     }

@@ -1,6 +1,6 @@
 //! T5 and T6: the MPU6050 driver and the corrections of the heading.
 
-use fw_core::eeprom::{first_board, Config};
+use fw_core::eeprom::fields::{GYRO, MODE};
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
 use fw_core::robot::{Robot, TickInput};
@@ -230,18 +230,18 @@ pub fn mpu6050_driver_is_total(
 /// A robot whose gyroscope never answers has to the last bit the pose of one without a gyroscope, and the
 /// latter never requests the bus.
 pub fn pose_without_gyro_is_the_encoders(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     result: BusResult,
     steps: [(u8, u8); 24],
 ) -> Seen {
     if matches!(result, BusResult::Bytes(_)) {
         return Seen::NOTHING.case(0, true);
     }
-    let mut plain: Config = config.0;
-    plain.platform.gyro = false;
-    plain.mode = Mode::GuardedNormal;
-    let mut fitted = plain.clone();
-    fitted.platform.gyro = true;
+    let plain = values.with(MODE, Mode::GuardedNormal.code().into());
+    let (Some(plain), Some(fitted)) = (plain.with(GYRO, 0).config(), plain.with(GYRO, 1).config())
+    else {
+        return Seen::NOTHING;
+    };
     let mut sample = TickInput::default();
     let mut log = Log::new();
     let mut alone = Robot::new(&plain, sample);
@@ -270,19 +270,23 @@ pub fn pose_without_gyro_is_the_encoders(
 }
 
 fn first_pose() -> fw_core::types::Pose {
-    Robot::new(&first_board(), TickInput::default()).pose()
+    let config = AcceptedConfig::FIRST_BOARD.config().expect("accepted");
+    Robot::new(&config, TickInput::default()).pose()
 }
 
 /// No correction of any tick overflows; it is added to the heading to the last bit, and moves the position
 /// only if a wheel rolled.
 pub fn any_correction_is_safe(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     before: (u32, u16),
     counters: (u32, u16),
     heading: u32,
     tick: u32,
 ) -> Seen {
-    let mut odometry = Odometry::new(&config.0.platform, 0, 0);
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
+    let mut odometry = Odometry::new(&config, 0, 0);
     let _ = odometry.step(before.0, before.1);
     let delta = odometry.step(counters.0, counters.1);
     let was = odometry.pose();
@@ -326,14 +330,14 @@ crate::properties! {
         sampled 100_000;
     }
     property T6 pose_without_gyro_is_the_encoders(
-        config: AcceptedConfig, result: BusResult, steps: [(u8, u8); 24]
+        values: AcceptedConfig, result: BusResult, steps: [(u8, u8); 24]
     ) {
         cases ["it answered", "its absence is a fault", "the robot moved"];
         needs [accepted_configuration_is_bounded];
         sampled 20_000;
     }
     property T5 any_correction_is_safe(
-        config: AcceptedConfig, before: (u32, u16), counters: (u32, u16), heading: u32, tick: u32
+        values: AcceptedConfig, before: (u32, u16), counters: (u32, u16), heading: u32, tick: u32
     ) {
         cases ["a wheel slipped", "no wheel rolled"];
         needs [accepted_configuration_is_bounded];

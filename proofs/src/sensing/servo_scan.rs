@@ -5,6 +5,7 @@ use fw_core::sensing::{Rangefinders, ServoScan};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
+use fw_core::eeprom::fields::SERVO;
 use fw_core::types::{Micros, RangefinderId};
 
 /// Ticks per bit of `live`.
@@ -41,26 +42,24 @@ impl Servo {
 /// are 1.0 to 2.0 ms long, 20 ms apart and only sent on a live link; at every trigger the servo is
 /// within 0.1° of the reading's bearing.
 pub fn servo_is_at_the_bearing_of_the_reading(
-    config: AcceptedConfig,
+    values: AcceptedConfig,
     start: u16,
     live: u64,
 ) -> Seen {
-    let AcceptedConfig(mut config) = config;
-    config.platform.servo = true;
-    let platform = &config.platform;
-    let scans = config.mode == fw_core::wire::Mode::GuardedSweep;
-    let travel = match platform.servo_travel {
-        0 => 0x8000,
-        travel => travel,
+    let Some(config) = values.with(SERVO, 1).config() else {
+        return Seen::NOTHING;
     };
-    let signed = if platform.servo_reversed { -1 } else { 1 } * (i64::from(travel) << 16);
+    let scans = config.mode() == fw_core::wire::Mode::GuardedSweep;
+    let front = config.bearing(RangefinderId::Front).0;
+    let fw_core::eeprom::Servo { travel, reversed } = config.servo().expect("it has one");
+    let signed = if reversed { -1 } else { 1 } * i64::from(travel.0);
     let mut servo = Servo {
         at: signed * (i64::from(start) - 0x8000) / 0x10000,
         target: 0,
         travel: signed,
     };
     servo.target = servo.at;
-    let mut scan = ServoScan::new(platform, scans);
+    let mut scan = ServoScan::new(&config, scans);
     let mut all = Rangefinders::new(1);
     let (mut triggers, mut last_pulse, mut last_bearing, mut repeated) = (0, None, None, false);
     for tick in 0..64 * TICKS_PER_BIT {
@@ -84,10 +83,10 @@ pub fn servo_is_at_the_bearing_of_the_reading(
             scan.triggered();
             all.echo(RangefinderId::Front, now.after(500), now.after(9_500));
             let bearing = all.reading(RangefinderId::Front).bearing;
-            let bearing_off = bearing.wrapping_sub(platform.bearings[0]);
-            let bearing_off = i16::from_ne_bytes(bearing_off.to_ne_bytes());
+            let turns = (u32::from(bearing) << 16).wrapping_sub(front);
+            let bearing_off = turns.cast_signed();
             // Half a turn is half a turn either way.
-            let off = ((i64::from(bearing_off) << 16) - servo.at).unsigned_abs() % (1 << 32);
+            let off = (i64::from(bearing_off) - servo.at).unsigned_abs() % (1 << 32);
             assert!(off.min((1 << 32) - off) < (1 << 32) / 3600);
             assert!(scans || bearing_off == 0);
             repeated |= last_bearing == Some(bearing);
@@ -97,7 +96,7 @@ pub fn servo_is_at_the_bearing_of_the_reading(
         servo.tick(pulse);
     }
     // A tiny travel has one bearing only.
-    assert!(!scans || !repeated || travel < 1000);
+    assert!(!scans || !repeated || travel.0 >> 16 < 1000);
     Seen::NOTHING
         .case(0, scans && triggers > 100)
         .case(1, !scans && triggers > 0)
@@ -107,26 +106,25 @@ pub fn servo_is_at_the_bearing_of_the_reading(
 
 /// Configurations that differ in every parameter of the scan.
 #[cfg(test)]
-fn configurations() -> impl Iterator<Item = fw_core::eeprom::Config> {
+fn configurations() -> impl Iterator<Item = AcceptedConfig> {
+    use fw_core::eeprom::fields::{MODE, SERVO_REVERSED, SERVO_TRAVEL};
     use fw_core::wire::Mode::{GuardedNormal, GuardedSweep};
-    (0..12_u16).map(|which| {
-        let mut config = fw_core::eeprom::first_board();
-        config.mode = [GuardedSweep, GuardedNormal][usize::from(which & 1)];
-        config.platform.servo_reversed = which & 2 != 0;
-        config.platform.servo_travel = [0, 0x2000, 0x8000][usize::from(which / 4)];
-        config
+    (0..12_u8).map(|which| {
+        let mode = [GuardedSweep, GuardedNormal][usize::from(which & 1)];
+        AcceptedConfig::FIRST_BOARD
+            .with(MODE, mode.code().into())
+            .with(SERVO_REVERSED, (which >> 1 & 1).into())
+            .with(SERVO_TRAVEL, [0, 0x2000, 0x8000][usize::from(which / 4)])
     })
 }
 
 crate::properties! {
-    property T9 servo_is_at_the_bearing_of_the_reading(config: AcceptedConfig, start: u16, live: u64) {
+    property T9 servo_is_at_the_bearing_of_the_reading(values: AcceptedConfig, start: u16, live: u64) {
         cases ["scanned", "parked", "never live", "interrupted"];
         needs [accepted_configuration_is_bounded];
-        stepped configurations().flat_map(|config| {
+        stepped configurations().flat_map(|values| {
             [0, 1, 0x8000, 0xFFFF].into_iter().flat_map(move |start| {
-                let config = config.clone();
-                [u64::MAX, 0, 0xFFFF_0000_0FFF_FF0F]
-                    .map(move |live| (AcceptedConfig(config.clone()), start, live))
+                [u64::MAX, 0, 0xFFFF_0000_0FFF_FF0F].map(move |live| (values, start, live))
             })
         });
         sampled 20_000;

@@ -13,14 +13,14 @@
 //! `Idsp` takes the chord for its arc.
 
 use fixed::types::I32F32;
-use fw_core::eeprom::Platform;
+use fw_core::eeprom::Config;
 use fw_core::motion::Odometry;
 use micromath::F32Ext;
 
 /// An odometry.
 pub trait Candidate {
     /// At the origin, the counters at 0.
-    fn new(platform: &Platform) -> Self;
+    fn new(config: &Config) -> Self;
     /// One tick's counters.
     fn tick(&mut self, left: u32, right: u16);
     /// x and y, millimetres.
@@ -39,13 +39,13 @@ struct Counters {
 }
 
 impl Counters {
-    fn new(platform: &Platform) -> Self {
+    fn new(config: &Config) -> Self {
         let sign = |reversed| if reversed { -1 } else { 1 };
         Self {
             left: 0,
             right: 0,
-            left_sign: sign(platform.encoder_left_reversed),
-            right_sign: sign(platform.encoder_right_reversed),
+            left_sign: sign(config.left().encoder_reversed),
+            right_sign: sign(config.right().encoder_reversed),
         }
     }
 
@@ -59,16 +59,16 @@ impl Counters {
 }
 
 /// Millimetres per count of a wheel.
-fn per_count(diameter: u32, platform: &Platform) -> f64 {
-    f64::from(diameter) / 1000.0 * core::f64::consts::PI / f64::from(platform.counts_per_turn)
+fn per_count(diameter: u32, config: &Config) -> f64 {
+    f64::from(diameter) / 1000.0 * core::f64::consts::PI / f64::from(config.counts_per_turn())
 }
 
 /// The robot's own odometry.
 pub struct FwCore(Odometry);
 
 impl Candidate for FwCore {
-    fn new(platform: &Platform) -> Self {
-        Self(Odometry::new(platform, 0, 0))
+    fn new(config: &Config) -> Self {
+        Self(Odometry::new(config, 0, 0))
     }
 
     fn tick(&mut self, left: u32, right: u16) {
@@ -133,12 +133,12 @@ macro_rules! document {
         }
 
         impl Candidate for $name {
-            fn new(platform: &Platform) -> Self {
+            fn new(config: &Config) -> Self {
                 Self {
-                    counters: Counters::new(platform),
-                    left: $from_f64(per_count(platform.wheel_diameter_left, platform)),
-                    right: $from_f64(per_count(platform.wheel_diameter_right, platform)),
-                    track: $from_f64(f64::from(platform.track) / 1000.0),
+                    counters: Counters::new(config),
+                    left: $from_f64(per_count(config.left().diameter.0, config)),
+                    right: $from_f64(per_count(config.right().diameter.0, config)),
+                    track: $from_f64(f64::from(config.track().0) / 1000.0),
                     x: $from_count(0),
                     y: $from_count(0),
                     angle: $from_count(0),
@@ -216,12 +216,12 @@ impl Idsp {
 const UNIT: f64 = 4_294_967_296.0;
 
 impl Candidate for Idsp {
-    fn new(platform: &Platform) -> Self {
-        let track = f64::from(platform.track) / 1000.0 * core::f64::consts::TAU;
-        let left = per_count(platform.wheel_diameter_left, platform);
-        let right = per_count(platform.wheel_diameter_right, platform);
+    fn new(config: &Config) -> Self {
+        let track = f64::from(config.track().0) / 1000.0 * core::f64::consts::TAU;
+        let left = per_count(config.left().diameter.0, config);
+        let right = per_count(config.right().diameter.0, config);
         Self {
-            counters: Counters::new(platform),
+            counters: Counters::new(config),
             turn_left: (left / track * UNIT + 0.5) as i32,
             turn_right: (right / track * UNIT + 0.5) as i32,
             half_left: (left / 2.0 * UNIT + 0.5) as i64,

@@ -9,7 +9,7 @@ mod course;
 pub use candidates::{Candidate, Cordic, Double, FwCore, Idsp, Micromath, Single};
 pub use course::{Course, Tick};
 
-use fw_core::eeprom::Platform;
+use fw_core::eeprom::{Config, Image};
 
 /// Ticks driven on the core: enough for a mean, few enough for software doubles.
 pub const TICKS_ON_CORE: usize = 1_000;
@@ -30,9 +30,17 @@ macro_rules! for_each_candidate {
     };
 }
 
+/// The first board's configuration.
+///
+/// # Panics
+/// Never: it is accepted.
+pub fn first_board() -> Config {
+    Config::decode(&Image::FIRST_BOARD).expect("accepted")
+}
+
 /// Drives a new candidate on the first board.
 pub fn drive<C: Candidate>(ticks: impl Iterator<Item = Tick>) -> C {
-    let mut candidate = C::new(&Platform::FIRST_BOARD);
+    let mut candidate = C::new(&first_board());
     let (mut left, mut right) = (0_u32, 0_u16);
     for tick in ticks {
         // The first board's encoders count down going ahead.

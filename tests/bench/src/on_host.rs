@@ -3,9 +3,11 @@
 //! after a kilometre of curves and one straight on, micrometres.
 #![forbid(unsafe_code)]
 
-use fw_core::eeprom::Platform;
+use fw_core::eeprom::Config;
 use fw_core::types::Turns;
-use odometry_bench::{drive, for_each_candidate, Candidate, Course, Tick, TICKS_ON_CORE};
+use odometry_bench::{
+    drive, first_board, for_each_candidate, Candidate, Course, Tick, TICKS_ON_CORE,
+};
 
 #[path = "../../../fw-core/src/motion/odometry/tests/exact_arcs.rs"]
 #[allow(
@@ -24,10 +26,10 @@ struct Kilometre {
 
 impl Kilometre {
     fn of(course: Course) -> Self {
-        let platform = Platform::FIRST_BOARD;
-        let per_count = f64::from(platform.wheel_diameter_left) / 1000.0 * std::f64::consts::PI
-            / f64::from(platform.counts_per_turn);
-        let mut exact = ExactArcs::new(platform);
+        let config = first_board();
+        let per_count = f64::from(config.left().diameter.0) / 1000.0 * std::f64::consts::PI
+            / f64::from(config.counts_per_turn());
+        let mut exact = ExactArcs::new(config);
         let mut ticks = Vec::new();
         let mut path = 0.0;
         for tick in course {

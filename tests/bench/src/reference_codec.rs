@@ -48,7 +48,8 @@ mod core_program {
         let Ok(frame) = <&[u8; LEN]>::try_from(frame) else {
             return false;
         };
-        let four = |at| u32::from_be_bytes([frame[at], frame[at + 1], frame[at + 2], frame[at + 3]]);
+        let four =
+            |at| u32::from_be_bytes([frame[at], frame[at + 1], frame[at + 2], frame[at + 3]]);
         let two = |at| u16::from_be_bytes([frame[at], frame[at + 1]]);
         let battery = two(11);
         let cell = battery >> 13;

@@ -24,13 +24,15 @@ impl Side {
 
     /// Drives this wheel by hundredths of a percent beyond its dead zone and brakes the other.
     fn driven(self, beyond: i16) -> MotorCommands {
-        let platform = first_board().platform;
-        let (dead_zone, reversed) = match self {
-            Left => (platform.dead_zone_left, platform.motor_left_reversed),
-            Right => (platform.dead_zone_right, platform.motor_right_reversed),
+        let config = first_board();
+        let wheel = match self {
+            Left => config.left(),
+            Right => config.right(),
         };
-        let duty = i32::from(beyond) + i32::from(dead_zone) * i32::from(beyond.signum());
-        let run = MotorCommand::Run(Duty::saturating(if reversed { -duty } else { duty }));
+        let dead_zone = i32::from(wheel.dead_zone.hundredths());
+        let duty = i32::from(beyond) + dead_zone * i32::from(beyond.signum());
+        let duty = if wheel.motor_reversed { -duty } else { duty };
+        let run = MotorCommand::Run(Duty::saturating(duty));
         let mut commands = MotorCommands::BRAKE;
         *match self {
             Left => &mut commands.left,
@@ -50,7 +52,7 @@ impl Side {
 }
 
 fn monitor() -> DriveMonitor {
-    DriveMonitor::new(&first_board().platform)
+    DriveMonitor::new(&first_board())
 }
 
 /// Ticks and faults of a wheel that rolls `counts` in the tick after each fault, and else stands.
@@ -85,7 +87,7 @@ fn standing_wheel_is_stalled_every_window() {
 
 #[test]
 fn wheel_turns_from_a_128th_of_a_turn() {
-    let least = i32::from(first_board().platform.counts_per_turn) / 128;
+    let least = i32::from(first_board().counts_per_turn()) / 128;
     assert!(least > 2);
     for side in [Left, Right] {
         for way in [1, -1] {

@@ -1,7 +1,7 @@
 //! Identification of the motors' gains, and its conditions.
 
 use super::*;
-use crate::eeprom::first_board;
+use crate::eeprom::{config_with, fields};
 use std::vec::Vec;
 
 fn percent(value: f64) -> I16F16 {
@@ -10,9 +10,8 @@ fn percent(value: f64) -> I16F16 {
 
 /// Motors without a dead zone.
 fn mixer() -> Mixer {
-    let mut platform = first_board().platform;
-    (platform.dead_zone_left, platform.dead_zone_right) = (0, 0);
-    Mixer::new(&platform)
+    let none = [(fields::DEAD_ZONE_LEFT, 0), (fields::DEAD_ZONE_RIGHT, 0)];
+    Mixer::new(&config_with(&none))
 }
 
 fn rolled(left: i32, right: i32) -> Delta {
@@ -121,15 +120,17 @@ fn braked_and_raw_driven_wheels_are_not_identified() {
 
 #[test]
 fn duty_is_the_nearest_hundredth() {
-    let mut platform = first_board().platform;
-    (platform.dead_zone_left, platform.motor_left_reversed) = (0, false);
+    let config = config_with(&[
+        (fields::DEAD_ZONE_LEFT, 0),
+        (fields::MOTOR_LEFT_REVERSED, 0),
+    ]);
     for (forward, hundredths) in [
         (10.004, 1000),
         (10.006, 1001),
         (-10.004, -1000),
         (-10.006, -1001),
     ] {
-        let commands = Mixer::new(&platform).mix(percent(forward), percent(0.0));
+        let commands = Mixer::new(&config).mix(percent(forward), percent(0.0));
         let run = MotorCommand::Run(Duty::saturating(hundredths));
         assert_eq!(commands.left, run, "{forward}");
     }

@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn slip_beyond_the_travel_takes_the_whole_travel() {
-        let platform = crate::eeprom::first_board().platform;
+        let platform = crate::eeprom::first_board();
         let start = Odometry::new(&platform, 0, 0);
         // Both wheels rolled 100 counts forward; half of the robot's travel is each one's.
         let rolled = Delta {

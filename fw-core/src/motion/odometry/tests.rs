@@ -6,6 +6,7 @@ mod exact_arcs;
 use std::println;
 
 use super::*;
+use crate::eeprom::{config_with, fields, first_board};
 use crate::types::HeadingCorrection;
 use exact_arcs::ExactArcs;
 
@@ -19,21 +20,21 @@ struct Pair {
 
 impl Pair {
     /// The counters start close to their wrap.
-    fn new(platform: Platform) -> Self {
+    fn new(config: &Config) -> Self {
         let (left, right) = (u32::MAX - 5, u16::MAX - 5);
         Self {
-            odometry: Odometry::new(&platform, left, right),
-            exact: ExactArcs::new(platform),
+            odometry: Odometry::new(config, left, right),
+            exact: ExactArcs::new(config.clone()),
             left,
             right,
         }
     }
 
     fn step(&mut self, left: i64, right: i64) {
-        let platform = &self.exact.platform;
+        let config = &self.exact.config;
         let sign = |reversed: bool| if reversed { -1 } else { 1 };
-        let left_sign = sign(platform.encoder_left_reversed);
-        let right_sign = sign(platform.encoder_right_reversed);
+        let left_sign = sign(config.left().encoder_reversed);
+        let right_sign = sign(config.right().encoder_reversed);
         self.left = self.left.wrapping_add((left * left_sign) as u32);
         self.right = self.right.wrapping_add((right * right_sign) as u16);
         self.exact.step(left, right);
@@ -55,20 +56,21 @@ impl Pair {
     }
 }
 
-const UNEQUAL: Platform = Platform {
-    wheel_diameter_left: 79_613,
-    wheel_diameter_right: 80_471,
-    track: 124_733,
-    encoder_left_reversed: false,
-    ..Platform::FIRST_BOARD
-};
+fn unequal() -> Config {
+    config_with(&[
+        (fields::WHEEL_DIAMETER_LEFT, 79_613),
+        (fields::WHEEL_DIAMETER_RIGHT, 80_471),
+        (fields::TRACK, 124_733),
+        (fields::ENCODER_LEFT_REVERSED, 0),
+    ])
+}
 
 // Requirement: DOC-4.1-4
 #[test]
 fn position_error_of_a_straight_km_is_below_1_um() {
     let mut worst = 0.0f64;
     for spin in (0..3000).step_by(61) {
-        let mut pair = Pair::new(Platform::FIRST_BOARD);
+        let mut pair = Pair::new(&first_board());
         pair.step(-spin, spin + spin % 2);
         let start = pair.error();
         // 27 counts a tick: 1.767 mm. A km is 565 900 equal ticks, and a hundredth of them has a
@@ -86,8 +88,8 @@ fn position_error_of_a_straight_km_is_below_1_um() {
 // Requirement: DOC-4.1-3
 #[test]
 fn position_error_of_curves_is_below_1_um_per_km() {
-    for platform in [Platform::FIRST_BOARD, UNEQUAL] {
-        let mut pair = Pair::new(platform);
+    for config in [first_board(), unequal()] {
+        let mut pair = Pair::new(&config);
         let mut random = fastrand::Rng::with_seed(1);
         let (mut left, mut right) = (0, 0);
         let (mut worst, mut path) = (0.0f64, 0);
@@ -106,7 +108,7 @@ fn position_error_of_curves_is_below_1_um_per_km() {
         println!("worst of {:.0} m: {worst:.4} µm", path as f64 * 32.7e-6);
         assert!(worst <= 1.0);
     }
-    let mut circle = Pair::new(UNEQUAL);
+    let mut circle = Pair::new(&unequal());
     for _ in 0..200_000 {
         circle.step(19, 31);
         assert!(circle.error() <= 0.33, "330 m");
@@ -116,7 +118,7 @@ fn position_error_of_curves_is_below_1_um_per_km() {
 // Requirement: DOC-4.1-1, WIRE-position-3
 #[test]
 fn first_board_drives_ahead_and_turns_left_as_in_the_document() {
-    let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
+    let mut odometry = Odometry::new(&first_board(), 0, 0);
     // Its encoders count down going ahead: a wheel turn is π·80 mm.
     for k in 1..=10u32 {
         odometry.step((k * 384).wrapping_neg(), (k * 384).wrapping_neg() as u16);
@@ -136,15 +138,14 @@ fn first_board_drives_ahead_and_turns_left_as_in_the_document() {
 
 #[test]
 fn position_saturates_at_its_range() {
-    let platform = Platform {
-        wheel_diameter_left: 1_000_000,
-        wheel_diameter_right: 1_000_000,
-        counts_per_turn: 100,
-        encoder_left_reversed: false,
-        encoder_right_reversed: false,
-        ..Platform::FIRST_BOARD
-    };
-    let mut odometry = Odometry::new(&platform, 0, 0);
+    let config = config_with(&[
+        (fields::WHEEL_DIAMETER_LEFT, 1_000_000),
+        (fields::WHEEL_DIAMETER_RIGHT, 1_000_000),
+        (fields::COUNTS_PER_TURN, 100),
+        (fields::ENCODER_LEFT_REVERSED, 0),
+        (fields::ENCODER_RIGHT_REVERSED, 0),
+    ]);
+    let mut odometry = Odometry::new(&config, 0, 0);
     let mut last = 0.0;
     for k in 1..=100u32 {
         odometry.step(k * 32_000, (k * 32_000) as u16);
@@ -181,7 +182,7 @@ fn slip_of_one_wheel_leaves_the_motion_of_the_other() {
     let turn_per_count = f64::from(80_000) / (2.0 * 3840.0 * 125_000.0) * 4_294_967_296.0;
     for (left, right) in [(20, 0), (0, 20), (-20, 0), (0, -20), (20, 10), (-5, -20)] {
         for left_slips in [true, false] {
-            let mut corrected = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
+            let mut corrected = Odometry::new(&first_board(), 0, 0);
             let mut truth = corrected.clone();
             let (mut a, mut b) = ((0, 0), (0, 0));
             let (real_left, real_right) = if left_slips { (0, right) } else { (left, 0) };
@@ -207,7 +208,7 @@ fn slip_of_one_wheel_leaves_the_motion_of_the_other() {
 
 #[test]
 fn correction_without_rolling_changes_the_heading_alone() {
-    let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
+    let mut odometry = Odometry::new(&first_board(), 0, 0);
     let mut at = (0, 0);
     for _ in 0..100 {
         let delta = roll(&mut odometry, &mut at, -10, 10);
@@ -263,7 +264,7 @@ fn step_direction_is_the_nearest_of_34_bits() {
         (-0.51, -1.0),
         (-3.75, -4.0),
     ] {
-        let mut odometry = Odometry::new(&UNEQUAL, 0, 0);
+        let mut odometry = Odometry::new(&unequal(), 0, 0);
         odometry.left = odometry.right;
         odometry.left.turn = PerCount::new(0);
         odometry.right.turn = PerCount::new(0);
@@ -277,7 +278,7 @@ fn step_direction_is_the_nearest_of_34_bits() {
 
 #[test]
 fn pose_is_rounded_to_nearest() {
-    let mut odometry = Odometry::new(&Platform::FIRST_BOARD, 0, 0);
+    let mut odometry = Odometry::new(&first_board(), 0, 0);
     for whole in [-3_i64, -1, 0, 1, 1 << 40] {
         for (part, up) in [(0, 0), (1, 0), (127, 0), (128, 1), (129, 1), (255, 1)] {
             odometry.x = whole * 256 + part;

@@ -7,29 +7,33 @@ mod hold;
 mod stiction;
 
 use super::*;
-use crate::binary64::Binary64;
-use crate::eeprom::{first_board, Gains};
+use crate::eeprom::{config_with, fields, first_board, Field};
 use crate::motion::simulation::pose;
 use crate::types::MotorCommand;
 
 /// The first board with P alone, and D for the rotation: percent per millimetre, per degree, per degree a
 /// tick. Without dead zones the commands are sum and difference of the outputs.
 fn gains(forward: f64, rotation: f64, damping: f64) -> Config {
-    let gains = |p: f64, d: f64| Gains {
-        p: Binary64(p.to_bits()),
-        i: Binary64::default(),
-        d: Binary64(d.to_bits()),
-        anti_windup: Binary64::default(),
-    };
-    let mut config = first_board();
-    config.forward = gains(forward, 0.0);
-    config.rotation = gains(rotation, damping);
-    config.platform.dead_zone_left = 0;
-    config.platform.dead_zone_right = 0;
-    // 3 mm, and half a degree less 0.0001°.
-    assert_eq!(config.platform.position_tolerance, 3000);
-    assert_eq!(config.platform.rotation_tolerance, 91);
-    config
+    gains_with(forward, rotation, damping, &[])
+}
+
+fn gains_with(forward: f64, rotation: f64, damping: f64, changes: &[(&Field, u64)]) -> Config {
+    let gains = [
+        (fields::FORWARD_P, forward.to_bits()),
+        (fields::FORWARD_I, 0),
+        (fields::FORWARD_D, 0),
+        (fields::FORWARD_ANTI_WINDUP, 0),
+        (fields::ROTATION_P, rotation.to_bits()),
+        (fields::ROTATION_I, 0),
+        (fields::ROTATION_D, damping.to_bits()),
+        (fields::ROTATION_ANTI_WINDUP, 0),
+        (fields::DEAD_ZONE_LEFT, 0),
+        (fields::DEAD_ZONE_RIGHT, 0),
+        // 3 mm, and half a degree less 0.0001°.
+        (fields::POSITION_TOLERANCE, 3000),
+        (fields::ROTATION_TOLERANCE, 91),
+    ];
+    config_with(&[&gains, changes].concat())
 }
 
 /// The configured heading tolerance, 2⁻³² turns.
@@ -155,9 +159,9 @@ fn target_repeated_has_no_effect_and_changed_restarts() {
 
 #[test]
 fn halt_clears_the_integrals() {
-    let mut config = gains(0.1, 0.1, 0.0);
-    config.forward.i = Binary64(0.5_f64.to_bits());
-    config.rotation.i = Binary64(0.5_f64.to_bits());
+    let half = 0.5_f64.to_bits();
+    let integral = [(fields::FORWARD_I, half), (fields::ROTATION_I, half)];
+    let config = gains_with(0.1, 0.1, 0.0, &integral);
     let (target, here) = (pose(30.0, 3.0, 10.0), pose(0.0, 0.0, 0.0));
     let mut fresh = PoseController::new(&config);
     fresh.set_target(target);

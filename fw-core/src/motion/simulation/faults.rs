@@ -66,9 +66,10 @@ fn reversed_wheel_is_detected_at_the_first_motion() {
         (false, Faults::RIGHT_REVERSED),
     ] {
         // The configuration contradicts the wiring.
-        let mut config = first_board();
-        config.platform.motor_left_reversed = left;
-        config.platform.motor_right_reversed = !left;
+        let config = config_with(&[
+            (fields::MOTOR_LEFT_REVERSED, left.into()),
+            (fields::MOTOR_RIGHT_REVERSED, (!left).into()),
+        ]);
         let mut robot = Robot::new(&config, Params::default());
         for _ in 0..200 {
             let (pose, delta) = robot.tick();

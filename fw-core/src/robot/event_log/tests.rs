@@ -35,7 +35,7 @@ fn stale(found: u8) -> FrameError {
 // Requirement: DOC-2.1-3
 #[test]
 fn state_change_is_logged_once_with_its_level() {
-    let mut event_log = EventLog::new(0);
+    let mut event_log = EventLog::new(Milliseconds(0));
     let others = Faults::ALL_BITS.difference(Faults::LINK_LOST);
     for (state, faults, line) in [
         (State::Ready, Faults::NONE, "I: ready"),
@@ -66,7 +66,7 @@ fn state_change_is_logged_once_with_its_level() {
 
 #[test]
 fn rejected_frames_are_logged_once_a_second() {
-    let mut event_log = EventLog::new(0);
+    let mut event_log = EventLog::new(Milliseconds(0));
     let mut log = Log::new();
     let mut all = Vec::new();
     // Two frames a tick, from tick 5 to tick 154, and one long after.
@@ -90,7 +90,7 @@ fn rejected_frames_are_logged_once_a_second() {
 
 #[test]
 fn state_is_logged_before_rejection_and_target() {
-    let mut event_log = EventLog::new(0);
+    let mut event_log = EventLog::new(Milliseconds(0));
     event_log.frame_rejected(stale(1));
     event_log.target_set(PoseCode::default());
     // The last of several: half a metre ahead, a quarter turn.
@@ -119,12 +119,12 @@ fn pose_line_is_due_once_a_period() {
         (100, 10),
         (60_000, 6_000),
     ] {
-        let mut event_log = EventLog::new(milliseconds);
+        let mut event_log = EventLog::new(Milliseconds(milliseconds));
         for tick in 1..=3 * ticks {
             assert_eq!(event_log.pose_due(), tick % ticks == 0, "{milliseconds}");
         }
     }
-    let mut off = EventLog::new(0);
+    let mut off = EventLog::new(Milliseconds(0));
     assert!((0..70_000).all(|_| !off.pose_due()));
 }
 
@@ -160,7 +160,7 @@ fn new_faults_are_logged_by_the_table() {
 
 #[test]
 fn rangefinder_is_silent_after_three_misses() {
-    let mut event_log = EventLog::new(0);
+    let mut event_log = EventLog::new(Milliseconds(0));
     let mut stats = EchoStats {
         hits: 11,
         out_of_range: 22,
@@ -189,7 +189,7 @@ fn rangefinder_is_silent_after_three_misses() {
 
 #[test]
 fn temperature_is_logged_when_known_and_when_lost() {
-    let mut event_log = EventLog::new(0);
+    let mut event_log = EventLog::new(Milliseconds(0));
     let degrees = |degrees: f64| Some(I16F16::from_num(degrees));
     let lost = Some("W: no temperature: speed of sound 343 m/s assumed");
     for (air, line) in [

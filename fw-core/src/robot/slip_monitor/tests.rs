@@ -2,6 +2,7 @@
 
 use super::super::tests::Bench;
 use super::*;
+use crate::eeprom::fields;
 use crate::wire::{Command, Mode, State};
 
 extern crate std;
@@ -18,7 +19,7 @@ struct Turned {
 impl Turned {
     fn new(mode: Mode) -> Self {
         Self {
-            bench: Bench::with(mode, |platform| platform.gyro = true),
+            bench: Bench::with(mode, &[(fields::GYRO, 1)]),
             outcome: BusResult::Done,
             noise: 0,
             absent: false,
@@ -107,7 +108,7 @@ fn slip_latches_fault_and_keeps_heading() {
 #[test]
 fn pose_without_slip_is_the_encoders() {
     let mut with = Turned::new(Mode::GuardedNormal);
-    let mut without = Bench::with(Mode::GuardedNormal, |_| {});
+    let mut without = Bench::with(Mode::GuardedNormal, &[]);
     let ways = [
         (0, 0, 0),
         (SPIN, -10, 10),
@@ -158,7 +159,7 @@ fn absent_gyro_is_fault_until_it_agrees_again() {
 fn gyro_not_configured_or_tuning_is_idle() {
     let mut tuning = Turned::new(Mode::GuardedTuneRotate);
     let mut plain = Turned::new(Mode::GuardedNormal);
-    plain.bench = Bench::with(Mode::GuardedNormal, |_| {});
+    plain.bench = Bench::with(Mode::GuardedNormal, &[]);
     for _ in 0..500 {
         assert_eq!(tuning.tick(0, 0, 0), BusRequest::Idle);
         assert_eq!(plain.tick(0, 0, 0), BusRequest::Idle);

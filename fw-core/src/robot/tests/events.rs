@@ -108,7 +108,7 @@ fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
 
 #[test]
 fn chip_temperature_sets_speed_of_sound() {
-    let mut bench = Bench::with(Mode::Normal, |platform| platform.rangefinders = 1);
+    let mut bench = Bench::with(Mode::Normal, &[(fields::RANGEFINDERS, 1)]);
     let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     // At 343 m/s.
     let assumed = 1715.0;
@@ -140,7 +140,7 @@ fn chip_temperature_sets_speed_of_sound() {
 // Requirement: WIRE-platform-12
 #[test]
 fn pose_line_period_delays_link_line() {
-    let mut bench = Bench::with(Mode::Normal, |platform| platform.log_period = 20);
+    let mut bench = Bench::with(Mode::Normal, &[(fields::LOG_PERIOD, 20)]);
     let mut links = 0;
     for tick in 1..=400 {
         if tick % 10 == 0 {

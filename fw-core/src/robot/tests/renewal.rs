@@ -47,9 +47,7 @@ fn expected_report(robot: &Robot) -> Report {
 
 /// What becomes of a robot in `mode`: how many distances and lines about silent sensors it told.
 fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
-    let mut bench = Bench::with(mode, |platform| {
-        platform.servo = mode == Mode::GuardedSweep;
-    });
+    let mut bench = Bench::new(mode);
     let mut triggered = [bench.sample.now; 3];
     let mut silent = [false; 3];
     let (mut distances, mut lines) = (0, 0);

@@ -24,7 +24,7 @@ fn swept(bench: &mut Bench, ticks: u32, frame_every: u32) -> (Vec<u16>, u32) {
 }
 
 fn sweeper() -> Bench {
-    Bench::with(Mode::GuardedSweep, |platform| platform.servo = true)
+    Bench::new(Mode::GuardedSweep)
 }
 
 #[test]

@@ -1,5 +1,6 @@
 use super::*;
-use crate::eeprom::first_board;
+use crate::eeprom::{config_with, fields, first_board, FIELDS};
+use std::vec::Vec;
 
 /// The ADC words of the first board's two cells.
 fn words(first: f64, second: f64) -> [u16; 2] {
@@ -33,6 +34,7 @@ fn first_board_cells_are_exact_to_an_adc_step() {
 #[test]
 fn tune_finds_the_actual_resistors() {
     let mut config = first_board();
+    let mut changes = Vec::new();
     let (first, second) = (10_220.0, 32_500.0);
     let pin = |volts: f64, upper: f64, lower: f64| {
         (volts * lower / (upper + lower) / 3.3 * 4095.0).round() as u16
@@ -47,7 +49,9 @@ fn tune_finds_the_actual_resistors() {
         assert_eq!(battery.tune(2, reference), None);
         let tuned = battery.tune(cell, reference).unwrap();
         assert!((f64::from(tuned) - resistor).abs() < 30.0, "{tuned}");
-        config.dividers[usize::from(cell)].upper = tuned;
+        let upper = [fields::TAP_1_UPPER, fields::TAP_2_UPPER][usize::from(cell)];
+        changes.push((upper, tuned.into()));
+        config = config_with(&changes);
     }
     let mut battery = Battery::new(&config);
     battery.sample(&words);
@@ -99,9 +103,13 @@ fn cell_at_a_threshold_is_not_below_it() {
 
 #[test]
 fn tap_without_words_is_not_a_low_cell() {
-    let mut config = first_board();
-    config.cells = 4;
-    let mut battery = Battery::new(&config);
+    let mut battery = Battery::new(&config_with(&[
+        (fields::CELLS, 4),
+        (fields::TAP_3_UPPER, 0),
+        (fields::TAP_3_LOWER, 1),
+        (fields::TAP_4_UPPER, 0),
+        (fields::TAP_4_LOWER, 1),
+    ]));
     for words in [&words(3.7, 3.7)[..], &[]] {
         for _ in 0..1000 {
             battery.sample(words);
@@ -114,13 +122,10 @@ fn tap_without_words_is_not_a_low_cell() {
 // Requirement: WIRE-eeprom-12
 #[test]
 fn cell_is_its_tap_less_the_one_below() {
-    let mut config = first_board();
-    config.cells = 8;
-    config.dividers = [Divider {
-        upper: 10_000,
-        lower: 10_000,
-    }; 8];
-    let mut battery = Battery::new(&config);
+    let taps = FIELDS.iter().filter(|field| field.tap != 0);
+    let mut changes: Vec<_> = taps.map(|field| (field, 10_000)).collect();
+    changes.push((fields::CELLS, 8));
+    let mut battery = Battery::new(&config_with(&changes));
     for words in [
         &[400, 900, 800, 2000, 2500][..],
         &[500],

@@ -1,16 +1,14 @@
 //! The scan tick by tick, on a servo as slow as it allows for; `proofs` samples configurations.
 
 use super::*;
+use crate::eeprom::{config_with, fields, first_board};
 use crate::sensing::Rangefinders;
 use crate::types::Micros;
 use crate::types::RangefinderId::Front;
 use std::vec::Vec;
 
-fn platform() -> Platform {
-    Platform {
-        servo: true,
-        ..Platform::FIRST_BOARD
-    }
+fn with_servo() -> Config {
+    config_with(&[(fields::SERVO, 1)])
 }
 
 /// A servo of 60° in 0.15 s towards its last pulse, degrees; ±90° from 1.0 to 2.0 ms.
@@ -41,8 +39,8 @@ fn degrees(bearing: u16) -> f64 {
 }
 
 /// Tick, bearing and the servo's angle of each trigger, all of which are answered.
-fn scanned(platform: &Platform, ticks: u32, start: f64) -> Vec<(u32, f64, f64)> {
-    let mut scan = ServoScan::new(platform, true);
+fn scanned(config: &Config, ticks: u32, start: f64) -> Vec<(u32, f64, f64)> {
+    let mut scan = ServoScan::new(config, true);
     let mut rangefinders = Rangefinders::new(1);
     let mut servo = Servo {
         angle: start,
@@ -69,7 +67,7 @@ fn scanned(platform: &Platform, ticks: u32, start: f64) -> Vec<(u32, f64, f64)> 
 #[test]
 fn scan_measures_every_60_ms_in_steps_of_10_degrees() {
     for start in [-90.0, 0.0, 90.0] {
-        let all = scanned(&platform(), 50 + 6 * 72, start);
+        let all = scanned(&with_servo(), 50 + 6 * 72, start);
         assert_eq!(all.len(), 72);
         assert!(all.windows(2).all(|w| w[1].0 - w[0].0 == 6));
         for (n, &(_, bearing, angle)) in all.iter().enumerate() {
@@ -87,7 +85,7 @@ fn scan_measures_every_60_ms_in_steps_of_10_degrees() {
 // Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn pulses_end_without_a_live_link_and_the_position_is_lost() {
-    let mut scan = ServoScan::new(&platform(), true);
+    let mut scan = ServoScan::new(&with_servo(), true);
     for live in [false, true, false] {
         for _ in 0..200 {
             let pulse = scan.tick(live);
@@ -109,21 +107,21 @@ fn pulses_end_without_a_live_link_and_the_position_is_lost() {
 // Requirement: WIRE-servo-3
 #[test]
 fn servo_without_scan_parks_straight_ahead() {
-    let mut scan = ServoScan::new(&platform(), false);
+    let mut scan = ServoScan::new(&with_servo(), false);
     assert!(scan.tick(false).is_none() && scan.settled_bearing().is_none());
     let pulses: Vec<u16> = (0..100).filter_map(|_| scan.tick(true)).collect();
     assert_eq!(pulses, [1500; 25]);
     assert_eq!(scan.settled_bearing(), Some(0));
     assert!(scan.tick(false).is_none() && !scan.is_off());
     assert_eq!(scan.settled_bearing(), Some(0));
-    let mut fixed = ServoScan::new(&Platform::FIRST_BOARD, false);
+    let mut fixed = ServoScan::new(&first_board(), false);
     assert_eq!((fixed.tick(true), fixed.settled_bearing()), (None, Some(0)));
 }
 
 #[test]
 fn late_trigger_keeps_the_settling_and_listening_times() {
     for late in 0..6 {
-        let mut scan = ServoScan::new(&platform(), true);
+        let mut scan = ServoScan::new(&with_servo(), true);
         let (mut last_width, mut changed_at, mut settled, mut triggered_at) = (0, 0, 0, 0);
         let mut triggers = 0;
         for k in 0..400_u32 {

@@ -44,7 +44,7 @@ impl<'a> Measurement<'a> {
     pub fn begin(&self, io: &mut BoardIo) -> Result<(Image, WheelGeometry), Error> {
         restore_mode(io, self.context)?;
         let original = eeprom::read(io)?;
-        let before = WheelGeometry::from_config(&Settings::from_image(&original)?.config);
+        let before = WheelGeometry::from_config(Settings::from_image(&original)?.config());
         Ok((original, before))
     }
 
@@ -111,13 +111,14 @@ impl<'a> Measurement<'a> {
         original: &Image,
         wheels: &WheelGeometry,
     ) -> Result<(Vec<Change>, bool), Error> {
-        let mut wanted = *original;
-        let mut config = Settings::from_image(original)?.config;
-        wheels.apply_to(&mut config);
-        fw_core::eeprom::encode(&config, &mut wanted);
-        Settings::from_image(&wanted)?;
+        let wanted = Settings::from_image(original)?.with(&wheels.values())?;
         let consent = (self.measuring.yes, self.measuring.dry_run);
-        apply(connection, (original, &wanted), consent, self.context)
+        apply(
+            connection,
+            (original, wanted.image()),
+            consent,
+            self.context,
+        )
     }
 
     /// Whether to drive once more.

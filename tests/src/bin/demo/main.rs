@@ -163,8 +163,8 @@ fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
     let settings = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("..")
         .join(CONFIGURATION);
-    let image = Settings::load(&settings)?.image();
-    let programmed = eeprom::program(machine, &image, READY_MS, None, |_| {})?;
+    let settings = Settings::load(&settings)?;
+    let programmed = eeprom::program(machine, settings.image(), READY_MS, None, |_| {})?;
     println!(
         "     {} bytes in {} bursts, READY after {} ms",
         programmed.bytes, programmed.bursts, programmed.ready_ms

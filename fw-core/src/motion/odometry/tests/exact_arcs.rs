@@ -4,7 +4,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::{Platform, Turns};
+use super::{Config, Turns};
 
 /// Compensated sum (Neumaier).
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,7 +31,7 @@ impl Sum {
 pub(super) struct ExactArcs {
     left: i128,
     right: i128,
-    pub platform: Platform,
+    pub config: Config,
     /// Millimetres.
     pub x: Sum,
     /// Millimetres.
@@ -39,11 +39,11 @@ pub(super) struct ExactArcs {
 }
 
 impl ExactArcs {
-    pub fn new(platform: Platform) -> Self {
+    pub fn new(config: Config) -> Self {
         Self {
             left: 0,
             right: 0,
-            platform,
+            config,
             x: Sum::default(),
             y: Sum::default(),
         }
@@ -51,9 +51,9 @@ impl ExactArcs {
 
     /// Micrometres per count, and twice counts times track: a turn in these units.
     fn scale(&self) -> (i128, i128, i128) {
-        let platform = &self.platform;
-        let turn = 2 * i128::from(platform.counts_per_turn) * i128::from(platform.track);
-        let (left, right) = (platform.wheel_diameter_left, platform.wheel_diameter_right);
+        let config = &self.config;
+        let turn = 2 * i128::from(config.counts_per_turn()) * i128::from(config.track().0);
+        let (left, right) = (config.left().diameter.0, config.right().diameter.0);
         (left.into(), right.into(), turn)
     }
 
@@ -67,7 +67,7 @@ impl ExactArcs {
         let middle = middle.rem_euclid(2 * turn) as f64 / (2 * turn) as f64 * TAU;
         let half_psi = (right * right_diameter - left * left_diameter) as f64 / turn as f64 * PI;
         let path = (right * right_diameter + left * left_diameter) as f64 * PI
-            / (2000.0 * f64::from(self.platform.counts_per_turn));
+            / (2000.0 * f64::from(self.config.counts_per_turn()));
         let chord = if half_psi == 0.0 {
             path
         } else {

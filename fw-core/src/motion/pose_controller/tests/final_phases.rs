@@ -98,8 +98,7 @@ fn ends(config: &Config, before: f64, heading_error: i32, travel: f64) -> bool {
 #[test]
 fn final_approach_ends_aligned_slow_and_about_to_stop() {
     let config = gains(1.0, 1.0, 0.0);
-    let mut fine = gains(1.0, 1.0, 0.0);
-    fine.platform.position_tolerance = 1000;
+    let fine = gains_with(1.0, 1.0, 0.0, &[(fields::POSITION_TOLERANCE, 1000)]);
     // A braked wheel rolls on for four ticks of its speed.
     for (config, before, travel, expected) in [
         (&config, 0.0, 0.0, true),
@@ -206,9 +205,11 @@ fn final_rotation_brakes_when_about_to_stop_within_tolerance() {
 #[test]
 fn arrival_takes_50_ms_at_rest_within_both_tolerances() {
     let config = gains(1.0, 1.0, 0.0);
-    let mut finest = gains(1.0, 1.0, 0.0);
-    finest.platform.position_tolerance = 0;
-    finest.platform.rotation_tolerance = 0;
+    let least = [
+        (fields::POSITION_TOLERANCE, 200),
+        (fields::ROTATION_TOLERANCE, 8),
+    ];
+    let finest = gains_with(1.0, 1.0, 0.0, &least);
     for (config, before, error, arrives) in [
         (&config, 0.0, 0.0, true),
         (&config, 2.9, 0.49, true),

@@ -1,0 +1,417 @@
+//! The checked configuration.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "a raw value is as wide as the field it was read from"
+)]
+
+use super::constraint::CONSTRAINTS;
+use super::error::{ConfigError, Expected};
+use super::field::Field;
+use super::fields::{
+    ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, BEARING_FRONT, BEARING_LEFT,
+    BEARING_RIGHT, CELLS, COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, ENCODER_LEFT_REVERSED,
+    ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_ANTI_WINDUP, FORWARD_D, FORWARD_I, FORWARD_P, GYRO,
+    KEY_FROM_PI, KEY_FROM_STM, LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MODE,
+    MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE, RANGEFINDERS,
+    ROTATION_ANTI_WINDUP, ROTATION_D, ROTATION_I, ROTATION_P, ROTATION_TOLERANCE, SERVO,
+    SERVO_REVERSED, SERVO_TRAVEL, STOP_DEADLINE, TAP_1_LOWER, TAP_1_UPPER, TAP_2_LOWER,
+    TAP_2_UPPER, TAP_3_LOWER, TAP_3_UPPER, TAP_4_LOWER, TAP_4_UPPER, TAP_5_LOWER, TAP_5_UPPER,
+    TAP_6_LOWER, TAP_6_UPPER, TAP_7_LOWER, TAP_7_UPPER, TAP_8_LOWER, TAP_8_UPPER, TRACK,
+    WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT,
+};
+use super::image::{Image, FIRST_PLATFORM, PLATFORM};
+use crate::binary64::Binary64;
+use crate::types::{Duty, Micrometres, Milliseconds, Ohms, RangefinderId, Turns, Volts};
+use crate::wire::{Mode, Setup};
+use fixed::types::{I32F32, U16F16};
+
+/// Most cells of a battery (document, 6.0.3).
+pub const MAX_CELLS: usize = 8;
+
+/// A PID's factor, 0 ..= 10 000, resolution 2⁻³².
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Gain(I32F32);
+
+impl Gain {
+    /// The largest.
+    pub const MAX: Self = Self(I32F32::lit("10000"));
+
+    /// `None` beyond 0 ..= 10 000.
+    #[must_use]
+    pub fn new(value: I32F32) -> Option<Self> {
+        (I32F32::ZERO..=Self::MAX.0)
+            .contains(&value)
+            .then_some(Self(value))
+    }
+
+    /// Its value.
+    #[must_use]
+    pub const fn value(self) -> I32F32 {
+        self.0
+    }
+}
+
+/// A PID's gains, per 10 ms sample; its output is percent of duty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Gains {
+    /// Proportional.
+    pub p: Gain,
+    /// Integral, per sample.
+    pub i: Gain,
+    /// Derivative, per sample.
+    pub d: Gain,
+    /// Back-calculation factor.
+    pub anti_windup: Gain,
+}
+
+/// A tap's voltage divider.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Divider {
+    /// Between the tap and the ADC pin: at most 10 MΩ and 99 times the lower one.
+    pub upper: Ohms,
+    /// Between the ADC pin and ground: 1 Ω to 10 MΩ.
+    pub lower: Ohms,
+}
+
+/// One side's wheel, encoder and motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wheel {
+    /// 10 mm to 1 m.
+    pub diameter: Micrometres,
+    /// The encoder counts down when the wheel rolls forward.
+    pub encoder_reversed: bool,
+    /// A positive duty turns the wheel backward.
+    pub motor_reversed: bool,
+    /// Duty below which the motor does not turn, 0 to below `limit`.
+    pub dead_zone: Duty,
+    /// Largest duty, 0.01 % to 100 %.
+    pub limit: Duty,
+}
+
+/// The servo that swings the front rangefinder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Servo {
+    /// What it turns from a pulse of 1.0 ms to one of 2.0 ms, more than 0 and at most half a turn.
+    pub travel: Turns,
+    /// A longer pulse turns it clockwise.
+    pub reversed: bool,
+}
+
+/// Everything the robot needs to know, checked: what holds of its parts, their documentation says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    mode: Mode,
+    key_from_pi: u8,
+    key_from_stm: u8,
+    forward: Gains,
+    rotation: Gains,
+    adc_max: I32F32,
+    adc_max_word: u16,
+    cells: u8,
+    rangefinders: u8,
+    dividers: [Divider; MAX_CELLS],
+    left: Wheel,
+    right: Wheel,
+    track: Micrometres,
+    counts_per_turn: u16,
+    stop_deadline: Milliseconds,
+    bearings: [Turns; 3],
+    servo: Option<Servo>,
+    gyro: bool,
+    log_period: Milliseconds,
+    log_baud: u32,
+    battery_warn: Volts,
+    battery_cutoff: Volts,
+    position_tolerance: Micrometres,
+    rotation_tolerance: Turns,
+}
+
+impl Config {
+    /// The configuration of an image, if all of it is right.
+    ///
+    /// # Errors
+    /// The first field that is not: the EEPROM key, then version, length and checksum of page 0x03
+    /// (unless that is blank: the first board's values), then the fields by address, then the
+    /// constraints between them.
+    // Requirement: DOC-6-4, DOC-6-5, WIRE-refused-2
+    pub fn decode(image: &Image) -> Result<Self, ConfigError> {
+        image.verify()?;
+        let (platform, base): (&[u8], _) = if image.is_original() {
+            (&FIRST_PLATFORM, PLATFORM)
+        } else {
+            (&image.0, 0)
+        };
+        Self::from_fields(|field| {
+            if field.address >= PLATFORM {
+                field.read(platform, base)
+            } else {
+                image.get(field)
+            }
+        })
+    }
+
+    /// The configuration of raw values, if they are accepted. `raw` always answers the same for a
+    /// field.
+    ///
+    /// # Errors
+    /// The first field, by address, that is not within its range; then the first constraint that
+    /// does not hold.
+    pub fn from_fields(raw: impl Fn(&'static Field) -> u64) -> Result<Self, ConfigError> {
+        let cells = raw(CELLS) as u8;
+        for field in &FIELDS {
+            let value = raw(field);
+            if !field.contains(value, cells) {
+                return Err(ConfigError::range(field, value));
+            }
+        }
+        let config = Self::of_checked(&raw);
+        for constraint in CONSTRAINTS {
+            if !(constraint.holds)(&config, constraint.field.tap) {
+                let expected = Expected::Constraint(constraint.expected);
+                let value = raw(constraint.field);
+                return Err(ConfigError::new(constraint.field, value, expected));
+            }
+        }
+        Ok(config)
+    }
+
+    /// Of raw values within their ranges.
+    fn of_checked(raw: &impl Fn(&'static Field) -> u64) -> Self {
+        let flag = |field| raw(field) != 0;
+        let word = |field| raw(field) as u16;
+        let micrometres = |field| Micrometres(raw(field) as u32);
+        let turns = |field| Turns((raw(field) as u32) << 16);
+        let millivolts = |field| Volts(U16F16::from_bits(((raw(field) as u32) << 16) / 1000));
+        let duty = |field| Duty::saturating(i32::from(word(field)));
+        let real = |field| Binary64(raw(field)).to_fixed().unwrap_or_default();
+        let gains = |p, i, d, anti_windup| Gains {
+            p: Gain(real(p)),
+            i: Gain(real(i)),
+            d: Gain(real(d)),
+            anti_windup: Gain(real(anti_windup)),
+        };
+        let divider = |upper, lower| Divider {
+            upper: Ohms(raw(upper) as u32),
+            lower: Ohms(raw(lower) as u32),
+        };
+        let wheel = |diameter, encoder, motor, dead_zone, limit| Wheel {
+            diameter: micrometres(diameter),
+            encoder_reversed: flag(encoder),
+            motor_reversed: flag(motor),
+            dead_zone: duty(dead_zone),
+            limit: duty(limit),
+        };
+        Self {
+            mode: Mode::from_code(raw(MODE) as u8).unwrap_or_default(),
+            key_from_pi: raw(KEY_FROM_PI) as u8,
+            key_from_stm: raw(KEY_FROM_STM) as u8,
+            forward: gains(FORWARD_P, FORWARD_I, FORWARD_D, FORWARD_ANTI_WINDUP),
+            rotation: gains(ROTATION_P, ROTATION_I, ROTATION_D, ROTATION_ANTI_WINDUP),
+            adc_max: real(ADC_MAX),
+            adc_max_word: word(ADC_MAX_WORD),
+            cells: raw(CELLS) as u8,
+            rangefinders: raw(RANGEFINDERS) as u8,
+            dividers: [
+                divider(TAP_1_UPPER, TAP_1_LOWER),
+                divider(TAP_2_UPPER, TAP_2_LOWER),
+                divider(TAP_3_UPPER, TAP_3_LOWER),
+                divider(TAP_4_UPPER, TAP_4_LOWER),
+                divider(TAP_5_UPPER, TAP_5_LOWER),
+                divider(TAP_6_UPPER, TAP_6_LOWER),
+                divider(TAP_7_UPPER, TAP_7_LOWER),
+                divider(TAP_8_UPPER, TAP_8_LOWER),
+            ],
+            left: wheel(
+                WHEEL_DIAMETER_LEFT,
+                ENCODER_LEFT_REVERSED,
+                MOTOR_LEFT_REVERSED,
+                DEAD_ZONE_LEFT,
+                LIMIT_LEFT,
+            ),
+            right: wheel(
+                WHEEL_DIAMETER_RIGHT,
+                ENCODER_RIGHT_REVERSED,
+                MOTOR_RIGHT_REVERSED,
+                DEAD_ZONE_RIGHT,
+                LIMIT_RIGHT,
+            ),
+            track: micrometres(TRACK),
+            counts_per_turn: word(COUNTS_PER_TURN),
+            stop_deadline: Milliseconds(word(STOP_DEADLINE)),
+            bearings: [
+                turns(BEARING_FRONT),
+                turns(BEARING_RIGHT),
+                turns(BEARING_LEFT),
+            ],
+            servo: flag(SERVO).then(|| Servo {
+                travel: match turns(SERVO_TRAVEL) {
+                    Turns(0) => Turns(1 << 31),
+                    travel => travel,
+                },
+                reversed: flag(SERVO_REVERSED),
+            }),
+            gyro: flag(GYRO),
+            log_period: Milliseconds(word(LOG_PERIOD)),
+            log_baud: raw(LOG_BAUD) as u32,
+            battery_warn: millivolts(BATTERY_WARN),
+            battery_cutoff: millivolts(BATTERY_CUTOFF),
+            position_tolerance: micrometres(POSITION_TOLERANCE),
+            rotation_tolerance: turns(ROTATION_TOLERANCE),
+        }
+    }
+
+    /// The chain of strategies.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// What both ends of the link need to know to understand each other.
+    #[must_use]
+    pub const fn link_setup(&self) -> Setup {
+        Setup {
+            mode: self.mode,
+            key_from_pi: self.key_from_pi,
+            key_from_stm: self.key_from_stm,
+            cells: self.cells,
+        }
+    }
+
+    /// Gains of the forward PID, percent of duty per millimetre.
+    #[must_use]
+    pub const fn forward(&self) -> &Gains {
+        &self.forward
+    }
+
+    /// Gains of the rotation PID, percent of duty per degree.
+    #[must_use]
+    pub const fn rotation(&self) -> &Gains {
+        &self.rotation
+    }
+
+    /// Battery cells in series, 1 ..= 8.
+    #[must_use]
+    pub const fn cells(&self) -> u8 {
+        self.cells
+    }
+
+    /// Volts at an ADC pin that read as [`Self::adc_max_word`], 0.1 ..= 10.
+    #[must_use]
+    pub const fn adc_max_volts(&self) -> I32F32 {
+        self.adc_max
+    }
+
+    /// The ADC's largest word, 1 ..= 65 535.
+    #[must_use]
+    pub const fn adc_max_word(&self) -> u16 {
+        self.adc_max_word
+    }
+
+    /// One divider per cell; tap n is the sum of cells 1 to n.
+    #[must_use]
+    pub fn dividers(&self) -> &[Divider] {
+        let cells = usize::from(self.cells);
+        self.dividers.get(..cells).unwrap_or_default()
+    }
+
+    /// The left wheel.
+    #[must_use]
+    pub const fn left(&self) -> &Wheel {
+        &self.left
+    }
+
+    /// The right wheel.
+    #[must_use]
+    pub const fn right(&self) -> &Wheel {
+        &self.right
+    }
+
+    /// Distance between the wheels' contact points, 20 mm to 2 m.
+    #[must_use]
+    pub const fn track(&self) -> Micrometres {
+        self.track
+    }
+
+    /// Encoder counts per wheel turn, both channels, both edges: 100 ..= 60 000.
+    #[must_use]
+    pub const fn counts_per_turn(&self) -> u16 {
+        self.counts_per_turn
+    }
+
+    /// Time without a fresh valid frame until the motors brake, 20 ms to 2 s.
+    #[must_use]
+    pub const fn stop_deadline(&self) -> Milliseconds {
+        self.stop_deadline
+    }
+
+    /// Rangefinders fitted, 0 ..= 3, in the order front, right, left; at least 1 in the sweep mode.
+    #[must_use]
+    pub const fn rangefinders(&self) -> u8 {
+        self.rangefinders
+    }
+
+    /// Where a rangefinder points, counter-clockwise from straight ahead.
+    #[must_use]
+    pub const fn bearing(&self, rangefinder: RangefinderId) -> Turns {
+        let [front, right, left] = self.bearings;
+        match rangefinder {
+            RangefinderId::Front => front,
+            RangefinderId::Right => right,
+            RangefinderId::Left => left,
+        }
+    }
+
+    /// The servo of the front rangefinder, if there is one; there is in the sweep mode.
+    #[must_use]
+    pub const fn servo(&self) -> Option<Servo> {
+        self.servo
+    }
+
+    /// Whether the MPU6050 corrects the heading while a wheel slips.
+    #[must_use]
+    pub const fn gyro(&self) -> bool {
+        self.gyro
+    }
+
+    /// Time between pose lines in the log, up to 60 s; 0 = none.
+    #[must_use]
+    pub const fn log_period(&self) -> Milliseconds {
+        self.log_period
+    }
+
+    /// Rate of the UART log, 9 600 ..= 2 000 000 baud.
+    #[must_use]
+    pub const fn log_baud(&self) -> u32 {
+        self.log_baud
+    }
+
+    /// A cell below this is reported, up to 5 V; 0 = off.
+    #[must_use]
+    pub const fn battery_warn(&self) -> Volts {
+        self.battery_warn
+    }
+
+    /// A cell below this stops the motors, up to [`Self::battery_warn`]; 0 = off.
+    #[must_use]
+    pub const fn battery_cutoff(&self) -> Volts {
+        self.battery_cutoff
+    }
+
+    /// Distance from the target that counts as arrived, 0.2 mm to 65.5 mm.
+    #[must_use]
+    pub const fn position_tolerance(&self) -> Micrometres {
+        self.position_tolerance
+    }
+
+    /// Rotation from the target that counts as arrived, 0.044° to 45°.
+    #[must_use]
+    pub const fn rotation_tolerance(&self) -> Turns {
+        self.rotation_tolerance
+    }
+}
+
+impl From<&Config> for Setup {
+    fn from(config: &Config) -> Self {
+        config.link_setup()
+    }
+}

@@ -1,0 +1,70 @@
+//! Images of layout 1 of page 0x03, whose checksum covers every byte before it.
+
+use fw_core::eeprom::fields::{FIELDS, LAYOUT_VERSION};
+use fw_core::eeprom::{crc32, Image, CRC_ADDRESS, KEY};
+
+/// The values of a right image of layout 1 in the layout of today; `None` for any other image.
+pub(super) fn from_layout_1(image: &Image) -> Option<Image> {
+    let covered = image.0.get(..usize::from(CRC_ADDRESS))?;
+    let is_layout_1 = image.get(LAYOUT_VERSION) == 1
+        && image.0.starts_with(&KEY)
+        && crc32(covered) == image.stored_checksum();
+    is_layout_1.then(|| {
+        let mut migrated = image.clone();
+        for field in &FIELDS {
+            let raw = if field.address == LAYOUT_VERSION.address {
+                Image::FIRST_BOARD.get(field)
+            } else {
+                image.get(field)
+            };
+            migrated.set(field, raw);
+        }
+        migrated.seal();
+        migrated
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+    use fw_core::eeprom::fields::{BEARING_LEFT, CELLS, TRACK};
+
+    fn layout_1() -> Image {
+        let mut image = Image::FIRST_BOARD
+            .with(TRACK, 131_072)
+            .with(BEARING_LEFT, 5);
+        // The old checksum covered undefined bytes, too.
+        image.0[0x0280] = 0x55;
+        image.set(LAYOUT_VERSION, 1);
+        let sum = crc32(&image.0[..0x0334]).to_le_bytes();
+        image.0[0x0334..0x0338].copy_from_slice(&sum);
+        image
+    }
+
+    #[test]
+    fn layout_1_keeps_every_value_and_undefined_byte() {
+        let old = layout_1();
+        let settings = Settings::from_image(&old).unwrap();
+        for field in FIELDS.iter().filter(|field| field.constant().is_none()) {
+            assert_eq!(settings.get(field), old.get(field), "{}", field.name);
+        }
+        assert_eq!(settings.image().get(LAYOUT_VERSION), 2);
+        assert_eq!(settings.image().0[0x0280], 0x55);
+    }
+
+    #[test]
+    fn layout_1_with_wrong_checksum_or_key_is_rejected() {
+        for at in [0x0000, 0x0280, 0x030C, 0x0334] {
+            let mut image = layout_1();
+            image.0[at] ^= 1;
+            assert!(Settings::from_image(&image).is_err(), "{at:#06x}");
+        }
+        let mut image = layout_1();
+        image.set(CELLS, 9);
+        let sum = crc32(&image.0[..0x0334]).to_le_bytes();
+        image.0[0x0334..0x0338].copy_from_slice(&sum);
+        let error = Settings::from_image(&image).unwrap_err().to_string();
+        assert!(error.contains("cells is 9"), "{error}");
+    }
+}
