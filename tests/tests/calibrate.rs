@@ -1,5 +1,5 @@
 //! Calibration end to end: the release ELF drives a robot whose true wheels and track are not those of its
-//! EEPROM; somebody who sees only where it stands measures.
+//! EEPROM; only its true poses are measured.
 
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::drive::ArrivalCriteria;
@@ -22,7 +22,7 @@ use twin::Options;
 const SIDE_MM: f64 = 1000.0;
 
 fn rig(truth: &WheelGeometry) -> Rig {
-    let rig = Rig::ready(Options {
+    Rig::ready(Options {
         // The first board's figures apply: 80 mm, 80 mm, 125 mm.
         eeprom: Some(original_image()),
         room: Room::default(),
@@ -35,8 +35,7 @@ fn rig(truth: &WheelGeometry) -> Rig {
             ..Params::default()
         },
         ..Options::default()
-    });
-    rig
+    })
 }
 
 /// The I/O of a virtual robot and the measurement of its true position.

@@ -1,4 +1,4 @@
-//! The wire through the ELF, against the document's tables and not against our own encoder.
+//! The frames of the ELF, against the document's tables and not against our own encoder.
 
 use robot_tests::reference::{
     crc16, image_in_mode, normal_frame, original_image, tuning_frame, NormalReply, KEY_PI, KEY_STM,
@@ -268,7 +268,7 @@ fn tune_rotate_reports_all_turns_since_reset() {
     double.copy_from_slice(&reply[1..9]);
     let measured = f64::from_le_bytes(double);
     assert!(measured < -400.0, "clockwise is negative, {measured}");
-    // What it turns between the tick that the reply tells of and the reply.
+    // The rotation between the reported tick and the reply.
     assert!(
         (measured - turned).abs() < 4.0,
         "{measured}, truly {turned}"

@@ -15,7 +15,7 @@ use twin::SpiStep;
 const FRAMES: usize = 100_000;
 /// Environment variable with another number of frames, for a longer run.
 const MORE: &str = "ROBOT_LINK_FRAMES";
-/// Frames played at a time. The numbers of a frame tell fresh from old over 127.
+/// Frames played at a time. The sequence numbers distinguish fresh from old over 127 frames.
 const BATCH: usize = 64;
 /// From a frame's end to the next one's begin, nanoseconds.
 const GAP_NS: u64 = 20_000;

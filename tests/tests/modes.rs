@@ -70,8 +70,8 @@ fn mode_change_takes_effect_on_both_ends() {
         let report = changed.session.exchange(&CommandRequest::default());
         assert!(matches!(report, Ok(Some(_))), "{}: {report:?}", mode.name());
         let log = rig.log();
-        let told = format!("configured, mode {}", mode.name());
-        assert!(log.contains(&told), "{told}: {log}");
+        let line = format!("configured, mode {}", mode.name());
+        assert!(log.contains(&line), "{line}: {log}");
         before = mode;
     }
     rig.assert_modelled();

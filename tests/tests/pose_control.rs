@@ -121,13 +121,12 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
 }
 
 fn rig(params: &Params, eeprom: Vec<u8>) -> Rig {
-    let rig = Rig::ready(Options {
+    Rig::ready(Options {
         eeprom: Some(eeprom),
         room: Room::default(),
         params: params.clone(),
         ..Options::default()
-    });
-    rig
+    })
 }
 
 /// Drives each goal from rest, nothing learned; prints the table and fails beyond the bars.

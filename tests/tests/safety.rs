@@ -88,8 +88,8 @@ fn missing_tick_triggers_watchdog() {
     rig.run_us(100_000);
     assert!(rig.motors_off(), "after the restart it stands");
     assert!(rig.log().contains("watchdog"), "{}", rig.log());
-    let told = "restarted after a failure";
-    assert!(rig.log().contains(told), "{}", rig.log());
+    let reason = "restarted after a failure";
+    assert!(rig.log().contains(reason), "{}", rig.log());
 }
 
 fn with_original_image(elf: &[u8]) -> Rig {
@@ -159,8 +159,7 @@ fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
     options.params.battery.capacity_ah = 0.004;
     options.params.battery.idle_a = 0.05;
     options.params.battery.cell_ohm = 0.15;
-    let rig = Rig::ready(options);
-    rig
+    Rig::ready(options)
 }
 
 /// The lower cell's voltage.
@@ -182,9 +181,9 @@ fn battery_warns_and_cuts_off_at_configured_voltages() {
         below_warn += u32::from(volts < warn);
         below_cutoff += u32::from(volts < cutoff);
         // Half a second below a threshold counts, and the filter takes its time.
-        let told = rig.log().contains("battery low");
-        assert!(told || below_warn < 30, "{volts} V and no warning");
-        assert!(!told || below_warn > 15, "warned at {volts} V");
+        let warned = rig.log().contains("battery low");
+        assert!(warned || below_warn < 30, "{volts} V and no warning");
+        assert!(!warned || below_warn > 15, "warned at {volts} V");
         assert!(below_cutoff < 30, "{volts} V and still driving");
     }
     assert!(below_cutoff > 15, "stopped at {} V", lowest(&rig));

@@ -40,7 +40,7 @@ impl ScanningRobot {
         }
     }
 
-    /// Frames at 40 Hz for `us`: what each reply said, and when it went out.
+    /// Frames at 40 Hz for `us`: each reply and its time.
     fn frames(&mut self, us: u64) -> Vec<(u64, Report)> {
         let ends = self.rig.now_us() + us;
         let mut all = Vec::new();
@@ -87,23 +87,28 @@ fn assert_readings_match_pings(pings: &[Ping], readings: &[(u64, Report)], front
     let mut pings = pings.iter();
     for (at, report) in readings {
         let bearing = degrees(report.bearing);
-        let told = distance_mm(report.ranges[0]);
+        let measured = distance_mm(report.ranges[0]);
         // In order: none twice, and none left out.
         let ping = pings.next().expect("a ping for every reading");
         assert!(ping.at_ns < *at, "{bearing}");
         let true_bearing = ping.bearing_rad.to_degrees();
         assert!(
             (true_bearing - bearing).abs() < 0.7,
-            "told {bearing}, stood at {true_bearing} (front {front_deg})"
+            "reported {bearing}, stood at {true_bearing} (front {front_deg})"
         );
-        match (told, ping.range_mm.filter(|&mm| mm < 2499.0)) {
-            (Some(told), Some(truth)) => {
+        match (measured, ping.range_mm.filter(|&mm| mm < 2499.0)) {
+            (Some(measured), Some(truth)) => {
                 // A per cent for the chip's idea of the air, and a step of the emulated clock.
-                let off = (told - truth).abs();
-                assert!(off <= 2.0 + truth / 100.0, "{bearing}: {told} for {truth}");
+                let off = (measured - truth).abs();
+                assert!(
+                    off <= 2.0 + truth / 100.0,
+                    "{bearing}: {measured} for {truth}"
+                );
             }
-            (None, Some(truth)) => assert!(truth > 2475.0, "{bearing}: nothing for {truth}"),
-            (Some(told), None) => assert!(told > 2475.0, "{bearing}: {told} for nothing"),
+            (None, Some(truth)) => assert!(truth > 2475.0, "{bearing}: no echo for {truth}"),
+            (Some(measured), None) => {
+                assert!(measured > 2475.0, "{bearing}: {measured} for no echo");
+            }
             (None, None) => {}
         }
     }
@@ -202,7 +207,7 @@ fn scan_servo_rests_without_frames() {
     robot.rig.run_us(2_000_000);
     assert!((angle(&robot.rig.board) - stands).abs() < 1e-9);
     assert_eq!(robot.rig.pings().len(), pings);
-    // Turned by hand meanwhile: what is told after that is still true.
+    // Turned from outside meanwhile: the readings after that are still true.
     robot.rig.world(|world| world.servo_mut().force(1.2));
     let reports = robot.frames(1_500_000);
     let fresh = readings(&reports[24..]);
@@ -251,7 +256,7 @@ fn scan_maps_room_around_robot() {
         survey.add(&RangeSample::of(&snapshot).expect("a mode with poses"));
     }
     let counters = survey.mapper().counters();
-    // 12 s of 16.7 readings a second; repeats are told apart.
+    // 12 s of 16.7 readings a second; repeats are ignored.
     assert!(counters.echoes > 90, "{counters:?}");
     assert!(
         counters.echoes + counters.silences + counters.outliers < 200,

@@ -38,8 +38,7 @@ fn rig(room: Room, params: Params, calibration_words: Option<[u16; 3]>) -> Rig {
     if let Some(words) = calibration_words {
         options.calibration_words = words;
     }
-    let rig = Rig::ready(options);
-    rig
+    Rig::ready(options)
 }
 
 fn ranges(rig: &Rig, us: u64) -> [f64; 3] {
@@ -58,10 +57,13 @@ fn distance_within_1_percent_at_any_temperature() {
         // A chip that warms up more or less than the firmware takes off.
         for over in [0.0, 2.5, 6.0] {
             let rig = rig(walls(2000.0, 1200.0, 500.0), exact(celsius, over), None);
-            let told = ranges(&rig, 400_000);
-            for (told, truth) in told.into_iter().zip(truth) {
-                let off = (told / truth - 1.0).abs();
-                assert!(off < 0.01, "{celsius} °C, +{over} K: {told} for {truth}");
+            let measured = ranges(&rig, 400_000);
+            for (measured, truth) in measured.into_iter().zip(truth) {
+                let off = (measured / truth - 1.0).abs();
+                assert!(
+                    off < 0.01,
+                    "{celsius} °C, +{over} K: {measured} for {truth}"
+                );
             }
             assert!(rig.log().contains("air at "), "{}", rig.log());
             rig.assert_modelled();
@@ -77,13 +79,13 @@ fn missing_calibration_words_use_343_m_per_s() {
         exact(19.3, 2.5),
         Some([0xFFFF; 3]),
     );
-    let told = ranges(&rig, 400_000);
-    assert!((told[0] - 2000.0).abs() < 2.0, "{told:?}");
+    let measured = ranges(&rig, 400_000);
+    assert!((measured[0] - 2000.0).abs() < 2.0, "{measured:?}");
     let log = rig.log();
-    let told = log.lines().find(|line| line.contains(": no temperature: "));
-    let told = told.unwrap_or_else(|| panic!("{log}"));
-    assert!(told.starts_with('W'), "{told}");
-    assert!(told.ends_with("speed of sound 343 m/s assumed"), "{told}");
+    let line = log.lines().find(|line| line.contains(": no temperature: "));
+    let line = line.unwrap_or_else(|| panic!("{log}"));
+    assert!(line.starts_with('W'), "{line}");
+    assert!(line.ends_with("speed of sound 343 m/s assumed"), "{line}");
 }
 
 #[test]
@@ -103,8 +105,11 @@ fn temperature_conversion_keeps_cell_voltages() {
 #[test]
 fn rangefinders_ping_in_turn_every_20_ms() {
     let rig = rig(walls(2400.0, 2400.0, 2400.0), exact(20.0, 2.5), None);
-    let told = ranges(&rig, 2_000_000);
-    assert!(told.iter().all(|mm| (mm - 2400.0).abs() < 24.0), "{told:?}");
+    let measured = ranges(&rig, 2_000_000);
+    assert!(
+        measured.iter().all(|mm| (mm - 2400.0).abs() < 24.0),
+        "{measured:?}"
+    );
     let pings = rig.pings();
     for (nth, pair) in pings.windows(2).enumerate() {
         let apart = pair[1].at_ns - pair[0].at_ns;
@@ -124,10 +129,10 @@ fn late_echo_does_not_reach_next_sensor() {
         for _ in 0..40 {
             let [front, right, left] = ranges(&rig, 25_000);
             assert!(front.is_nan(), "{far}: {front}");
-            for (told, truth) in [(right, 1000.0), (left, 1500.0)] {
+            for (measured, truth) in [(right, 1000.0), (left, 1500.0)] {
                 assert!(
-                    told.is_nan() || (told - truth).abs() < 15.0,
-                    "{far}: {told}"
+                    measured.is_nan() || (measured - truth).abs() < 15.0,
+                    "{far}: {measured}"
                 );
             }
         }
@@ -144,13 +149,13 @@ fn late_echo_does_not_reach_next_sensor() {
 #[test]
 fn silent_rangefinder_is_logged() {
     let rig = rig(walls(9000.0, 1000.0, 1500.0), exact(20.0, 2.5), None);
-    let told = ranges(&rig, 600_000);
-    assert!(told[0].is_nan() && told[1] > 900.0);
+    let measured = ranges(&rig, 600_000);
+    assert!(measured[0].is_nan() && measured[1] > 900.0);
     assert!(!rig.log().contains("silent"), "{}", rig.log());
     // Its line never goes up.
     rig.set_faults(|faults| faults.unplugged[1] = true);
-    let told = ranges(&rig, 600_000);
-    assert!(told[0].is_nan() && told[1].is_nan() && told[2] > 1400.0);
+    let measured = ranges(&rig, 600_000);
+    assert!(measured[0].is_nan() && measured[1].is_nan() && measured[2] > 1400.0);
     let log = rig.log();
     assert!(log.contains("right rangefinder silent"), "{log}");
     assert!(!log.contains("front rangefinder silent"), "{log}");

@@ -1,5 +1,5 @@
-//! What both ends count of the link, against what was put on the wires: the host's code on one end,
-//! the ELF on the other, its log between them.
+//! The link statistics of both ends against the frames actually sent: the host's code on one end, the
+//! ELF on the other.
 
 use fw_core::eeprom::{fields, Config, Image};
 use fw_core::wire::{frame_len, Cause, Field, Mode};
@@ -9,8 +9,7 @@ use pilot::virtual_board;
 use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;
-/// Frames in two seconds and a half: with them come a line of the log that tells of the pause, and
-/// one that does not.
+/// Frames in two and a half seconds: enough for a log line with the pause and one without.
 const FRAMES: u32 = RATE_HZ * 5 / 2;
 
 fn booted(mode: Mode) -> (Rig, Config) {
@@ -57,16 +56,16 @@ fn statistics_count_frames_of_both_ends() {
         rig.run_us(20_000);
         session.poll_log();
 
-        let told = rig.log();
+        let log = rig.log();
         let name = mode.name();
         let stm = session.snapshot().stm.expect(name);
         let guarded = mode.has(Field::Sequence);
-        assert_eq!(stm.causes.get(Cause::Key), 3, "{name}: {told}");
+        assert_eq!(stm.causes.get(Cause::Key), 3, "{name}: {log}");
         let others = [Cause::Short, Cause::Long, Cause::Stale].map(|cause| stm.causes.get(cause));
         // A number of 0 is none that comes next, and is looked at before the frame's end.
         let expected = if guarded { [1, 0, 2] } else { [2, 1, 0] };
-        assert_eq!(others, expected, "{name}: {told}");
-        assert_eq!((stm.rejected, stm.lost), (6, 0), "{name}: {told}");
+        assert_eq!(others, expected, "{name}: {log}");
+        assert_eq!((stm.rejected, stm.lost), (6, 0), "{name}: {log}");
         assert_eq!(stm.frames, stm.accepted + 6);
         let pi = session.statistics();
         assert_eq!(pi.frames, u64::from(10 + FRAMES));
@@ -75,7 +74,7 @@ fn statistics_count_frames_of_both_ends() {
         assert!(stm.accepted <= pi.accepted && stm.accepted > pi.accepted - RATE_HZ);
         // The wrong frames took replies with them, which the Pi did not get.
         assert_eq!(pi.missed, guarded.then_some(6), "{name}");
-        assert_eq!(stm.missed, guarded.then_some(0), "{name}: {told}");
+        assert_eq!(stm.missed, guarded.then_some(0), "{name}: {log}");
         // 25 ms from frame to frame, and the pause.
         for (gap, end) in [
             (u64::from(stm.worst_gap_us), "STM"),
@@ -83,7 +82,7 @@ fn statistics_count_frames_of_both_ends() {
         ] {
             assert!((100_000..130_000).contains(&gap), "{name}, {end}: {gap}");
         }
-        assert!(stm.recent_gap_us.abs_diff(25_000) < 20, "{name}: {told}");
+        assert!(stm.recent_gap_us.abs_diff(25_000) < 20, "{name}: {log}");
         // A frame is confirmed with the next one; the STM has numbered its next reply by then.
         assert_eq!(pi.round_trip_frames, guarded.then_some(1), "{name}");
         assert_eq!(stm.round_trip_frames, guarded.then_some(2), "{name}");

@@ -12,12 +12,11 @@ use twin::plant::Room;
 use twin::Options;
 
 fn rig() -> Rig {
-    let rig = Rig::ready(Options {
+    Rig::ready(Options {
         eeprom: Some(original_image()),
         room: Room::default(),
         ..Options::default()
-    });
-    rig
+    })
 }
 
 /// Millimetres of travel per degree of a wheel.

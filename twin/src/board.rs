@@ -94,10 +94,6 @@ fn running<T>(result: Result<T, EmulationEnded>) -> T {
     result.unwrap_or_else(|ended| panic!("{ended}"))
 }
 
-#[expect(
-    clippy::missing_panics_doc,
-    reason = "the type's documentation says when every method panics"
-)]
 impl Board {
     /// The board with the ELF file `elf` in its flash, powered and stopped before the first
     /// instruction. An empty `elf` stands for a program that only sleeps.

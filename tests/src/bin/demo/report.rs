@@ -182,7 +182,7 @@ impl Report {
             page,
             "\nErrors compare the pose in a frame with the truth at the tick it was computed in, without wheel \
              slip.\n\n\
-             `map.png` the map · `map.pgm`, `map.yaml` the same for ROS map_server · `trajectory.png` believed \
+             `map.png` the map · `map.pgm`, `map.yaml` the same for ROS map_server · `trajectory.png` estimated \
              against true path over the map and the true walls · `uart.log` the STM's log · `report.json` these \
              figures for scripts\n\nRepeat: `cargo xtask demo --seed {}`\n",
             self.seed
