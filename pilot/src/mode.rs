@@ -49,7 +49,7 @@ pub struct Changed<'m> {
 /// exchanges frames until both ends are known to run the new mode.
 ///
 /// # Errors
-/// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::acquaint`];
+/// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::confirm_mode`];
 /// [`Error::Rejected`] if the EEPROM holds no acceptable configuration to begin with.
 // Requirement: DOC-5.2-2
 pub fn change<'m>(
