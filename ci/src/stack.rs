@@ -15,7 +15,7 @@ pub struct Bound {
 /// Computes the bound of an ELF for the STM32F411, prints it with the calls that lead there. An error
 /// is what has no bound, or why an overflow would not fault.
 pub fn bound(workspace: &Workspace, elf: &Path) -> Result<Bound> {
-    let options = "--priority-bits 4 --ram-start 0x20000000";
+    let options = "--priority-bits 4 --ram-start 0x20000000 --masked boot";
     let stack_bound = workspace.cargo(&format!("run --quiet --package stack-bound -- {options}"));
     let (success, text) = process::tee(stack_bound.arg(elf), |_| true)?;
     let bound = parse(&text);

@@ -11,15 +11,14 @@ use crate::spi::{Claim, SpiSlave};
 use crate::uart::Uart;
 use crate::{adc, fault_injection, leds, servo, tick, watchdog};
 use cortex_m::interrupt::free;
-use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::eeprom::Config;
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
 
 /// What the robot's priority owns.
 pub static APP: Owned<2, App> = Owned::new(App {
     log: Log::new(),
-    // Zeros: the static needs no initial values in flash.
-    image: Image([0; IMAGE_LEN]),
+    config: Slot::EMPTY,
     robot: Slot::EMPTY,
     drivers: Slot::EMPTY,
 });
@@ -28,8 +27,8 @@ pub static APP: Owned<2, App> = Owned::new(App {
 pub struct App {
     /// The log, in use from the first moment of boot.
     pub log: Log,
-    /// The EEPROM's bytes, for boot.
-    pub image: Image,
+    /// The configuration, for boot.
+    pub config: Slot<Config>,
     /// Every decision; constructed in place by boot once there is a configuration.
     pub robot: Slot<Robot>,
     /// The robot's drivers, from the same moment on.

@@ -5,7 +5,7 @@ use crate::board::SELECT;
 use crate::gpio::Pull;
 use crate::i2c::{self, Error};
 use crate::time;
-use fw_core::eeprom::Image;
+use fw_core::eeprom::{Image, SPANS};
 use fw_core::log::{Level, Log};
 
 /// A0–A2 to ground (document, figure 2.3).
@@ -38,7 +38,7 @@ pub fn read(image: &mut Image, log: &mut Log, mut idle: impl FnMut(&mut Log)) ->
             attempts = 0;
             continue;
         }
-        let result = i2c::read(DEVICE, 0, &mut image.0, || idle(log));
+        let result = read_spans(image, || idle(log));
         if SELECT.is_high() {
             // The bus was taken away in mid-read: the bytes are worthless.
             continue;
@@ -60,4 +60,14 @@ pub fn read(image: &mut Image, log: &mut Log, mut idle: impl FnMut(&mut Log)) ->
         idle(log);
         time::sleep(PAUSE);
     }
+}
+
+/// Reads the defined bytes and nothing else: 22.5 µs each, and 0.2 ms for each span.
+fn read_spans(image: &mut Image, mut idle: impl FnMut()) -> Result<(), Error> {
+    for span in &SPANS {
+        let start = usize::from(span.address);
+        let bytes = image.0.get_mut(start..start + usize::from(span.len));
+        i2c::read(DEVICE, span.address, bytes.unwrap_or_default(), &mut idle)?;
+    }
+    Ok(())
 }

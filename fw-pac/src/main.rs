@@ -63,13 +63,13 @@ use crate::app::{App, Drivers, APP};
 use crate::gpio::Driver;
 use crate::gyro::Gyro;
 use crate::motors::Motors;
-use crate::priority::{RobotLevel, Slot};
+use crate::priority::RobotLevel;
 use crate::spi::SpiSlave;
 use crate::uart::Uart;
 use clock::Source;
-use fw_core::eeprom::{Config, ConfigError};
+use fw_core::eeprom::{Config, Image};
 use fw_core::log::{Level, Log};
-use fw_core::robot::{Robot, TickInput};
+use fw_core::robot::Robot;
 use fw_core::types::Faults;
 use fw_core::wire::State;
 use stm32f4::stm32f411::SPI1;
@@ -90,14 +90,27 @@ fn main() -> ! {
     }
 }
 
-/// From reset to a configured robot. Without a clock or a configuration it never returns.
+/// From reset to a configured robot; without a clock or a configuration it never returns. Every interrupt
+/// is masked, as `cargo xtask stack` takes it to be. One stage after the other, so that their stacks do
+/// not add up.
+#[inline(never)]
+#[export_name = "boot"]
 fn boot(app: &mut App) {
-    let App {
-        log,
-        image,
-        robot,
-        drivers,
-    } = app;
+    let (start, mut uart) = start_hardware(&mut app.log);
+    read_configuration(app, &mut uart);
+    build_robot(app);
+    start_robot(app, &start, uart);
+}
+
+/// What boot found before it had a configuration.
+struct Start {
+    clock: Source,
+    cause: reset::Cause,
+}
+
+/// Clock, log and watchdog; the motors off.
+#[inline(never)]
+fn start_hardware(log: &mut Log) -> (Start, Uart) {
     clock::enable_peripherals();
     motors::force_off();
     servo::force_off();
@@ -106,39 +119,71 @@ fn boot(app: &mut App) {
     watchdog::start();
     leds::start();
     leds::show(fw_core::robot::leds(State::Booting));
-    let Some(source) = clock::start() else {
+    let Some(clock) = clock::start() else {
         safe_state::halt(b"\nE: no clock, motors off\n");
     };
     watchdog::feed();
     time::start();
-    let mut uart = Uart::start();
-    let restart = reset::cause();
+    let uart = Uart::start();
+    let cause = reset::cause();
     log.line(Level::Info, |line| {
-        line.text("boot after ").text(restart.name());
+        line.text("boot after ").text(cause.name());
     });
+    (Start { clock, cause }, uart)
+}
 
-    if let Err(error) = eeprom::read(image, log, |log| idle(&mut uart, log)) {
+/// Reads the EEPROM and decodes it, or reports why not and stands by.
+#[inline(never)]
+fn read_configuration(app: &mut App, uart: &mut Uart) {
+    let log = &mut app.log;
+    // SAFETY: an image is an array of bytes, and the robot comes later.
+    let image: &mut Image = unsafe { app.robot.scratch() };
+    if let Err(error) = eeprom::read(image, log, |log| idle(uart, log)) {
         log.line(Level::Error, |line| {
             line.text("no configuration: ").text(error.reason());
         });
         stand_by(log, uart);
     }
-    let config = match Config::decode(image) {
-        Ok(config) => config,
-        Err(error) => reject(&error, log, uart),
-    };
-    if usize::from(config.cells()) > board::TAPS {
-        log.text(Level::Warn, "more cells than this board has taps");
+    match Config::decode(image) {
+        Ok(config) => {
+            if usize::from(config.cells()) > board::TAPS {
+                log.text(Level::Warn, "more cells than this board has taps");
+            }
+            app.config.insert(config);
+        }
+        Err(error) => {
+            log.line(Level::Error, |line| {
+                line.text("configuration rejected: ");
+                error.log(line);
+            });
+            stand_by(log, uart)
+        }
     }
+}
 
-    encoders::start();
+/// Builds the robot from the configuration.
+#[inline(never)]
+fn build_robot(app: &mut App) {
+    if let Some(config) = app.config.get() {
+        encoders::start();
+        let first = cortex_m::interrupt::free(tick::sample);
+        app.robot.insert(Robot::new(config, first));
+    }
+}
+
+/// Starts the drivers and reports what boot found.
+#[inline(never)]
+fn start_robot(app: &mut App, start: &Start, uart: Uart) {
+    let log = &mut app.log;
+    let (Some(config), Some(robot)) = (app.config.get(), app.robot.get()) else {
+        return;
+    };
     adc::start();
     rangefinders::start();
     if config.servo().is_some() {
         servo::start();
     }
-    let robot = build(robot, &config, cortex_m::interrupt::free(tick::sample));
-    let Drivers { spi, uart, .. } = drivers.insert(Drivers {
+    let Drivers { spi, uart, .. } = app.drivers.insert(Drivers {
         // SAFETY: boot's one call.
         spi: SpiSlave::new(unsafe { SPI1::steal() }),
         motors: Motors::start(),
@@ -146,11 +191,11 @@ fn boot(app: &mut App) {
         uart,
         leds: 0,
     });
-    if source == Source::Internal {
+    if start.clock == Source::Internal {
         // Requirement: WIRE-fault-1
         robot.raise(Faults::CLOCK_FALLBACK, log);
     }
-    if restart.is_fault() {
+    if start.cause.is_fault() {
         // Requirement: WIRE-fault-11
         robot.raise(Faults::RESTARTED, log);
     }
@@ -170,10 +215,6 @@ fn boot(app: &mut App) {
     }
 }
 
-fn build<'a>(slot: &'a mut Slot<Robot>, config: &Config, first: TickInput) -> &'a mut Robot {
-    slot.insert(Robot::new(config, first))
-}
-
 /// Keeps the watchdog fed and the log flowing while boot waits.
 fn idle(uart: &mut Uart, log: &mut Log) {
     watchdog::feed();
@@ -183,22 +224,13 @@ fn idle(uart: &mut Uart, log: &mut Log) {
 /// Between two turns of [`stand_by`], microseconds: the watchdog waits 68 ms at least.
 const NAP: u32 = 5_000;
 
-/// Reports a configuration that is not for this robot.
-fn reject(error: &ConfigError, log: &mut Log, uart: Uart) -> ! {
-    log.line(Level::Error, |line| {
-        line.text("configuration rejected: ");
-        error.log(line);
-    });
-    stand_by(log, uart)
-}
-
 /// READY stays low and the motors off; the log goes out. Only a reset leaves, as the Pi does after
 /// writing the EEPROM.
 // Requirement: WIRE-eeprom-3
-fn stand_by(log: &mut Log, mut uart: Uart) -> ! {
+fn stand_by(log: &mut Log, uart: &mut Uart) -> ! {
     leds::show(fw_core::robot::leds(State::Faulted));
     loop {
-        idle(&mut uart, log);
+        idle(uart, log);
         time::sleep(NAP);
     }
 }

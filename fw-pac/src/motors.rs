@@ -145,7 +145,9 @@ fn apply(inputs: Inputs, in1: Pin, in2: Pin) {
 /// Drives the enables and the inputs low, whatever the timer does: the first action of boot and of the
 /// safe state. Needs only the ports' clocks.
 pub fn force_off() {
-    for pin in [RIGHT_EN, LEFT_EN, RIGHT_IN1, RIGHT_IN2, LEFT_IN1, LEFT_IN2] {
+    // A static, so that the safe state needs no stack for a copy.
+    static PINS: [Pin; 6] = [RIGHT_EN, LEFT_EN, RIGHT_IN1, RIGHT_IN2, LEFT_IN1, LEFT_IN2];
+    for pin in &PINS {
         pin.low();
         pin.output(Driver::PushPull);
     }

@@ -81,6 +81,20 @@ impl<T> Slot<T> {
         self.value.write(value)
     }
 
+    /// The slot's memory, zeroed, for another use before the value is there.
+    ///
+    /// # Safety
+    /// Zeros must be a valid `U`, and no value may have been inserted.
+    pub unsafe fn scratch<U>(&mut self) -> &mut U {
+        const { assert!(size_of::<U>() <= size_of::<T>() && align_of::<U>() <= align_of::<T>()) };
+        let memory: *mut U = self.value.as_mut_ptr().cast();
+        // SAFETY: large enough, aligned, and zeros are a value (the caller's promise).
+        unsafe {
+            memory.write_bytes(0, 1);
+            &mut *memory
+        }
+    }
+
     /// The value, once there is one.
     #[inline]
     pub fn get(&mut self) -> Option<&mut T> {

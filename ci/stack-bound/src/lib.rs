@@ -57,6 +57,9 @@ pub struct Options {
     /// An indirect call whose target cannot be derived: the caller's path, all possible callees'
     #[arg(long = "call", value_name = "CALLER=CALLEE,CALLEE", value_parser = parse_call)]
     pub calls: Vec<(String, Vec<String>)>,
+    /// A routine of thread mode that runs with every interrupt masked: only NMI and HardFault preempt it
+    #[arg(long, value_name = "ROUTINE")]
+    pub masked: Option<String>,
 }
 
 fn parse_number(text: &str) -> Result<u32, std::num::ParseIntError> {

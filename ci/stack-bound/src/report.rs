@@ -60,6 +60,9 @@ pub struct Report {
     /// Bytes of a handler that resets the stack pointer to the top, with an NMI on it; 0 where
     /// there is none.
     pub restarted: u32,
+    /// Thread mode down to [`Options::masked`], that routine's chain of calls, and as `frame` NMI and
+    /// HardFault on it.
+    pub masked: Option<Level>,
     /// Bytes reserved for the stack.
     pub reserved: u32,
     /// How many routines were analysed.
@@ -74,6 +77,7 @@ impl Report {
     pub fn worst(&self) -> u32 {
         let sum: u32 = self.levels.iter().map(Level::bytes).sum();
         sum.max(self.restarted)
+            .max(self.masked.as_ref().map_or(0, Level::bytes))
     }
 
     /// Computes the bound.
@@ -83,6 +87,11 @@ impl Report {
     pub fn of(program: &Program, options: &Options) -> Result<Self, Error> {
         check_guard(program, options)?;
         let mut analysis = Analysis::of(program, options);
+        if let Some(name) = &options.masked {
+            let found = program.functions(name).first().copied();
+            let missing = || Error::Elf(format!("no routine {name}"));
+            analysis.apart = Some(found.ok_or_else(missing)?);
+        }
         let mut handlers = Vec::new();
         for (number, &vector) in program.vectors.iter().enumerate().skip(RESET) {
             if vector != 0 {
@@ -110,12 +119,24 @@ impl Report {
                 }
             }
         }
-        let nmi = handlers.iter().find(|(number, ..)| *number == NMI);
-        let over = nmi.map_or(0, |(_, _, summary)| summary.worst + frame);
+        let of = |wanted| handlers.iter().find(|(number, ..)| *number == wanted);
+        let bytes = |wanted| of(wanted).map_or(0, |(_, _, summary)| summary.worst + frame);
+        let over = bytes(NMI);
+        let masked = match (analysis.apart, of(RESET)) {
+            (Some(at), Some((.., thread))) => {
+                let routine = analysis.handler(at)?;
+                let preempting = over + bytes(HARD_FAULT);
+                let mut level = level(program, "masked".into(), &routine, preempting);
+                level.routine = thread.apart;
+                Some(level)
+            }
+            _ => None,
+        };
         Ok(Self {
             levels: levels.into_values().collect(),
             nested,
             restarted: if restarted > 0 { restarted + over } else { 0 },
+            masked,
             reserved: program.stack.end - program.stack.start,
             routines: analysis.routines(),
             float,
@@ -125,10 +146,10 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for level in &self.levels {
+        for level in self.masked.iter().chain(&self.levels) {
             writeln!(
                 f,
-                "  {:<18} {:>5} bytes, {} of them the exception frame",
+                "  {:<18} {:>5} bytes, {} of them exception frames",
                 level.name,
                 level.bytes(),
                 level.frame

@@ -41,6 +41,8 @@ pub struct Summary {
     pub chain: Vec<(u32, u32)>,
     /// Bytes below the top of the stack where the routine resets the stack pointer.
     pub restarted: u32,
+    /// Bytes below the entry where it calls the routine that is counted apart, that one included.
+    pub apart: u32,
     /// Whether it ever returns.
     pub returns: bool,
     /// Callee-saved registers that it does not restore.
@@ -58,6 +60,8 @@ pub struct Analysis<'a> {
     needs: BTreeMap<u32, BTreeSet<u8>>,
     /// The chain of calls under analysis, outermost first.
     open: Vec<u32>,
+    /// The routine that is counted apart, [`Options::masked`].
+    pub apart: Option<u32>,
     /// The bytes stored at known addresses; two values where the byte is unknown.
     pub stores: BTreeMap<u32, BTreeSet<u8>>,
 }
@@ -80,6 +84,7 @@ impl<'a> Analysis<'a> {
             done: BTreeMap::new(),
             needs: BTreeMap::new(),
             open: Vec::new(),
+            apart: None,
             stores: BTreeMap::new(),
         }
     }
@@ -435,12 +440,19 @@ impl<'w, 'a> Walk<'w, 'a> {
             }
             let known = self.callee(here.at, callee, &state)?;
             let used = state.depth.unsigned_abs() + known.worst;
+            let apart = self.analysis.apart == Some(callee);
             let summary = &mut self.summary;
-            if state.restarted {
+            if apart {
+                summary.apart = summary.apart.max(used);
+            } else if state.restarted {
                 summary.restarted = summary.restarted.max(used);
             } else if used > summary.worst {
                 summary.worst = used;
                 summary.chain.clone_from(&known.chain);
+            }
+            if known.apart > 0 {
+                let used = state.depth.unsigned_abs() + known.apart;
+                summary.apart = summary.apart.max(used);
             }
             summary.restarted = summary.restarted.max(known.restarted);
             summary.float |= known.float;

@@ -166,7 +166,7 @@ impl Config {
         }
         let config = Self::of_checked(&raw);
         for constraint in CONSTRAINTS {
-            if !(constraint.holds)(&config, constraint.field.tap) {
+            if !constraint.holds(&config) {
                 let expected = Expected::Constraint(constraint.expected);
                 let value = raw(constraint.field);
                 return Err(ConfigError::new(constraint.field, value, expected));

@@ -14,20 +14,46 @@ pub struct Constraint {
     pub field: &'static Field,
     /// What this field must be, in words.
     pub expected: &'static str,
-    /// Whether a configuration whose fields are all within their ranges meets it; the second
-    /// argument is the field's tap.
-    pub holds: fn(&Config, u8) -> bool,
+    condition: Condition,
+}
+
+/// What must hold; a value and not a function, so that the machine code has no indirect call.
+#[derive(Clone, Copy, Debug)]
+enum Condition {
+    WithinRatio,
+    ScanHasRangefinder,
+    ScanHasServo,
+    LeftDeadZoneBelowLimit,
+    RightDeadZoneBelowLimit,
+    CutoffAtMostWarn,
 }
 
 const fn constraint(
     field: &'static Field,
     expected: &'static str,
-    holds: fn(&Config, u8) -> bool,
+    condition: Condition,
 ) -> Constraint {
     Constraint {
         field,
         expected,
-        holds,
+        condition,
+    }
+}
+
+impl Constraint {
+    /// Whether a configuration whose fields are all within their ranges meets it.
+    #[must_use]
+    pub fn holds(&self, config: &Config) -> bool {
+        let scans = config.mode() == Mode::GuardedSweep;
+        let (left, right) = (config.left(), config.right());
+        match self.condition {
+            Condition::WithinRatio => within_ratio(config, self.field.tap),
+            Condition::ScanHasRangefinder => !scans || config.rangefinders() >= 1,
+            Condition::ScanHasServo => !scans || config.servo().is_some(),
+            Condition::LeftDeadZoneBelowLimit => left.dead_zone < left.limit,
+            Condition::RightDeadZoneBelowLimit => right.dead_zone < right.limit,
+            Condition::CutoffAtMostWarn => config.battery_cutoff() <= config.battery_warn(),
+        }
     }
 }
 
@@ -46,27 +72,33 @@ fn within_ratio(config: &Config, tap: u8) -> bool {
 /// Every constraint, in the order in which they are checked.
 // Requirement: WIRE-refused-1
 pub static CONSTRAINTS: &[Constraint] = &[
-    constraint(TAP_1_UPPER, RATIO, within_ratio),
-    constraint(TAP_2_UPPER, RATIO, within_ratio),
-    constraint(TAP_3_UPPER, RATIO, within_ratio),
-    constraint(TAP_4_UPPER, RATIO, within_ratio),
-    constraint(TAP_5_UPPER, RATIO, within_ratio),
-    constraint(TAP_6_UPPER, RATIO, within_ratio),
-    constraint(TAP_7_UPPER, RATIO, within_ratio),
-    constraint(TAP_8_UPPER, RATIO, within_ratio),
-    constraint(RANGEFINDERS, "at least 1 in mode 0x20", |config, _| {
-        config.mode() != Mode::GuardedSweep || config.rangefinders() >= 1
-    }),
-    constraint(SERVO, "1 in mode 0x20", |config, _| {
-        config.mode() != Mode::GuardedSweep || config.servo().is_some()
-    }),
-    constraint(DEAD_ZONE_LEFT, "less than limit_left", |config, _| {
-        config.left().dead_zone < config.left().limit
-    }),
-    constraint(DEAD_ZONE_RIGHT, "less than limit_right", |config, _| {
-        config.right().dead_zone < config.right().limit
-    }),
-    constraint(BATTERY_CUTOFF, "at most battery_warn", |config, _| {
-        config.battery_cutoff() <= config.battery_warn()
-    }),
+    constraint(TAP_1_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_2_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_3_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_4_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_5_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_6_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_7_UPPER, RATIO, Condition::WithinRatio),
+    constraint(TAP_8_UPPER, RATIO, Condition::WithinRatio),
+    constraint(
+        RANGEFINDERS,
+        "at least 1 in mode 0x20",
+        Condition::ScanHasRangefinder,
+    ),
+    constraint(SERVO, "1 in mode 0x20", Condition::ScanHasServo),
+    constraint(
+        DEAD_ZONE_LEFT,
+        "less than limit_left",
+        Condition::LeftDeadZoneBelowLimit,
+    ),
+    constraint(
+        DEAD_ZONE_RIGHT,
+        "less than limit_right",
+        Condition::RightDeadZoneBelowLimit,
+    ),
+    constraint(
+        BATTERY_CUTOFF,
+        "at most battery_warn",
+        Condition::CutoffAtMostWarn,
+    ),
 ];

@@ -106,7 +106,6 @@ pub struct Robot {
 impl Robot {
     /// A configured robot, standing, its pose zero: `first` is where the counters stand now.
     // Requirement: DOC-3.2-1
-    #[inline(never)]
     #[must_use]
     pub fn new(config: &Config, first: TickInput) -> Self {
         let sweeps = config.mode() == Mode::GuardedSweep;

@@ -302,7 +302,8 @@ impl Firmware {
             "READY",
             self.with_robot(0, boot_to_ready_us)?
         );
-        self.with_robot(0, profile_tick)
+        self.with_robot(0, |rig| profile_of(rig, "robot_tick"))?;
+        self.with_robot(0, |rig| profile_of(rig, "robot_frame"))
     }
 }
 
@@ -375,19 +376,19 @@ fn guarded_frames(rig: &Rig) -> Result<Frames> {
     Frames::of(&events, &spans(&frame, &events), &latches, &waited)
 }
 
-/// The mean instructions of a tick by function, over two seconds of the same drive.
-fn profile_tick(rig: &Rig) -> Result<()> {
+/// The mean instructions of a function by callee, over two seconds of the same drive.
+fn profile_of(rig: &Rig, name: &str) -> Result<()> {
     let target = normal_frame(700_000, 400_000, 0x2000, true);
     let _ = rig.keep_sending(&target, 2_000_000);
-    let tick = rig.board.trace("robot_tick")?;
+    let function = rig.board.trace(name)?;
     let code = rig.board.profile()?;
     let _ = rig.keep_sending(&target, 2_000_000);
     let events = rig.board.take_events();
-    let ticks = spans(&tick, &events);
-    println!("instructions of robot_tick, mean of {} ticks", ticks.len());
-    for (name, count) in shares(&code, &ticks, &events) {
+    let runs = spans(&function, &events);
+    println!("instructions of {name}, mean of {} runs", runs.len());
+    for (name, count) in shares(&code, &runs, &events) {
         #[allow(clippy::cast_precision_loss)] // counts far below 2⁵²
-        let mean = count as f64 / ticks.len() as f64;
+        let mean = count as f64 / runs.len() as f64;
         println!("{mean:8.1}  {name}");
     }
     Ok(())
