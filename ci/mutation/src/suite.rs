@@ -94,7 +94,7 @@ impl Suite {
             _ => return Err("the tests fail without a mutant".into()),
         }
         let took = start.elapsed();
-        self.limit = took * 5 + Duration::from_secs(10);
+        self.limit = took * 5 + Duration::from_secs(20);
         Ok(took)
     }
 
