@@ -1,16 +1,14 @@
 //! Every decision of the robot, as pure functions: `(state, event) → outputs`.
 //!
 //! ```
-//! use fw_core::eeprom::{decode, encode, first_board, IMAGE_LEN};
+//! use fw_core::eeprom::{Config, Image};
 //! use fw_core::log::Log;
 //! use fw_core::robot::{ReceivedFrame, Robot, TickInput};
 //! use fw_core::types::{Micros, MotorCommand};
-//! use fw_core::wire::{Command, PiLink, PoseCode, Setup, MAX_FRAME};
+//! use fw_core::wire::{Command, PiLink, PoseCode, MAX_FRAME};
 //!
 //! // The configuration as the STM reads it from the EEPROM.
-//! let mut image = [0xFF; IMAGE_LEN];
-//! encode(&first_board(), &mut image);
-//! let config = decode(&image).expect("accepted");
+//! let config = Config::decode(&Image::FIRST_BOARD).expect("accepted");
 //!
 //! // The robot as it is reset: the first reply is armed before the first frame.
 //! let mut input = TickInput::default();
@@ -19,7 +17,7 @@
 //! let len = robot.encode_reply(1, &mut reply);
 //!
 //! // The Pi sends it half a metre ahead and reads the reply of the same chip-select.
-//! let mut pi = PiLink::new(Setup::from(&config));
+//! let mut pi = PiLink::new(config.link_setup());
 //! let command = Command {
 //!     expected: PoseCode { x: 500_000, ..PoseCode::default() },
 //!     apply: true,
@@ -45,7 +43,7 @@
 //! | module | what it decides |
 //! |---|---|
 //! | [`wire`] | SPI frames: one file per strategy, the chains, the modes, both ends |
-//! | [`eeprom`] | the register map: image → [`eeprom::Config`] and back |
+//! | [`eeprom`] | the register map: [`eeprom::FIELDS`], image → [`eeprom::Config`] |
 //! | [`motion`] | heading and position, PID, pose controller, stop deadline |
 //! | [`sensing`] | battery, rangefinders, gyroscope |
 //! | [`robot`] | one value, one method per event |
