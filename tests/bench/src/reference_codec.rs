@@ -12,7 +12,7 @@ fn main() {
 mod core_program {
     use core::hint::black_box;
     use fw_core::wire::strategy::Context;
-    use fw_core::wire::{parse_whole, write_report, Command, Mode, Report, MAX_FRAME};
+    use fw_core::wire::{parse_command, write_report, Command, Mode, Report, MAX_FRAME};
 
     /// Bytes of the frame.
     const LEN: usize = 19;
@@ -43,8 +43,12 @@ mod core_program {
 
     /// Decodes `frame` into `order` and encodes `answer` into `reply`; false where the frame is wrong.
     #[inline(never)]
-    #[export_name = "reference_codec"]
-    fn reference(frame: &[u8], order: &mut Order, answer: &Answer, reply: &mut [u8; LEN]) -> bool {
+    fn reference_codec(
+        frame: &[u8],
+        order: &mut Order,
+        answer: &Answer,
+        reply: &mut [u8; LEN],
+    ) -> bool {
         let Ok(frame) = <&[u8; LEN]>::try_from(frame) else {
             return false;
         };
@@ -83,15 +87,14 @@ mod core_program {
 
     /// The same by the core's strategies.
     #[inline(never)]
-    #[export_name = "core_codec"]
-    fn strategies(
+    fn core_codec(
         frame: &[u8],
         context: &Context,
         command: &mut Command,
         report: &Report,
         reply: &mut [u8; MAX_FRAME],
     ) -> usize {
-        let Some(decoded) = parse_whole(Mode::Normal, context, frame) else {
+        let Ok(decoded) = parse_command(Mode::Normal, context, frame, 0) else {
             return 0;
         };
         *command = decoded;
@@ -119,14 +122,20 @@ mod core_program {
             last: None,
         };
         let (mut order, mut command) = (Order::default(), Command::default());
+        let report = Report::default();
         let (mut short, mut long) = ([0; LEN], [0; MAX_FRAME]);
         loop {
             let frame = black_box(&frame[..]);
-            black_box(reference(frame, &mut order, black_box(&answer), &mut short));
+            black_box(reference_codec(
+                frame,
+                &mut order,
+                black_box(&answer),
+                &mut short,
+            ));
             black_box((&order.x, &order.y, &order.rotation, &order.apply));
             black_box((&order.tune, &order.cell, &short));
-            let (context, report) = (black_box(&context), black_box(&Report::default()));
-            black_box(strategies(frame, context, &mut command, report, &mut long));
+            let (context, report) = (black_box(&context), black_box(&report));
+            black_box(core_codec(frame, context, &mut command, report, &mut long));
             black_box((&command, &long));
         }
     }
