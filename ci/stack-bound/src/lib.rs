@@ -21,6 +21,7 @@
 //! For an ELF, see [`bound`].
 #![forbid(unsafe_code)]
 
+mod analysis;
 mod decode;
 mod jump_table;
 mod program;
@@ -57,7 +58,8 @@ pub struct Options {
     /// An indirect call whose target cannot be derived: the caller's path, all possible callees'
     #[arg(long = "call", value_name = "CALLER=CALLEE,CALLEE", value_parser = parse_call)]
     pub calls: Vec<(String, Vec<String>)>,
-    /// A routine of thread mode that runs with every interrupt masked: only NMI and HardFault preempt it
+    /// A routine of thread mode that runs with every interrupt masked: only NMI and `HardFault`
+    /// preempt it; that it does is not checked
     #[arg(long, value_name = "ROUTINE")]
     pub masked: Option<String>,
 }

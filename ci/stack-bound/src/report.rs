@@ -8,8 +8,8 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use crate::analysis::{Analysis, Summary};
 use crate::program::Program;
-use crate::routine::{Analysis, Summary};
 use crate::{Error, Options};
 
 /// The frame on exception entry, bytes (ARM DDI 0403E.e, B1.5.6 and B1.5.7): eight words and one
@@ -61,7 +61,7 @@ pub struct Report {
     /// there is none.
     pub restarted: u32,
     /// Thread mode down to [`Options::masked`], that routine's chain of calls, and as `frame` NMI and
-    /// HardFault on it.
+    /// `HardFault` on it.
     pub masked: Option<Level>,
     /// Bytes reserved for the stack.
     pub reserved: u32,

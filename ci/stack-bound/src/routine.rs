@@ -4,67 +4,14 @@
 //! A jump out of a function (a tail call, outlined code) is followed with the stack as it is, so
 //! function boundaries do not matter. What cannot be followed is an error.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use crate::decode::{CALLER_SAVED, Effect, LR, PC, Registers, SP, it_block};
+use crate::Error;
+use crate::analysis::{Analysis, Arguments, Failure, Result, Summary};
+use crate::decode::{CALLER_SAVED, Effect, LR, PC, SP, it_block};
 use crate::jump_table;
 use crate::program::Program;
 use crate::state::{State, Value};
-use crate::{Error, Options};
-
-/// Code addresses that a caller holds in registers which the callee jumps through.
-type Arguments = BTreeMap<u8, Vec<u32>>;
-
-/// Why a routine has no summary.
-#[derive(Debug)]
-enum Failure {
-    /// It calls or jumps through a register that its caller has to supply.
-    Needs(u8),
-    /// It has no bound.
-    Unbounded(Error),
-}
-
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        Self::Unbounded(error)
-    }
-}
-
-type Result<T> = std::result::Result<T, Failure>;
-
-/// What a caller needs to know of a routine and of everything it calls.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Summary {
-    /// Bytes of stack below the entry, callees included.
-    pub worst: u32,
-    /// The deepest chain of calls, outermost first, with each routine's own bytes.
-    pub chain: Vec<(u32, u32)>,
-    /// Bytes below the top of the stack where the routine resets the stack pointer.
-    pub restarted: u32,
-    /// Bytes below the entry where it calls the routine that is counted apart, that one included.
-    pub apart: u32,
-    /// Whether it ever returns.
-    pub returns: bool,
-    /// Callee-saved registers that it does not restore.
-    pub clobbers: Registers,
-    /// Whether it uses the floating-point unit.
-    pub float: bool,
-}
-
-/// Computes summaries, each routine once per set of arguments.
-pub struct Analysis<'a> {
-    program: &'a Program,
-    options: &'a Options,
-    done: BTreeMap<(u32, Arguments), Summary>,
-    /// The registers that a routine was found to need.
-    needs: BTreeMap<u32, BTreeSet<u8>>,
-    /// The chain of calls under analysis, outermost first.
-    open: Vec<u32>,
-    /// The routine that is counted apart, [`Options::masked`].
-    pub apart: Option<u32>,
-    /// The bytes stored at known addresses; two values where the byte is unknown.
-    pub stores: BTreeMap<u32, BTreeSet<u8>>,
-}
 
 /// What remains of an IT block: of each instruction whether it runs, or `None` for either.
 type Pending = Vec<Option<bool>>;
@@ -76,57 +23,30 @@ struct Here {
     pending: Pending,
 }
 
-impl<'a> Analysis<'a> {
-    pub fn of(program: &'a Program, options: &'a Options) -> Self {
-        Self {
-            program,
-            options,
-            done: BTreeMap::new(),
-            needs: BTreeMap::new(),
-            open: Vec::new(),
-            apart: None,
-            stores: BTreeMap::new(),
+/// Follows the routine at `entry`.
+pub fn follow(analysis: &mut Analysis, entry: u32, arguments: &Arguments) -> Result<Summary> {
+    let mut walk = Walk {
+        analysis,
+        entry,
+        arguments,
+        states: BTreeMap::new(),
+        todo: Vec::new(),
+        own: 0,
+        summary: Summary::default(),
+    };
+    walk.reach(entry, Vec::new(), State::entry(), entry)?;
+    while let Some((at, pending)) = walk.todo.pop() {
+        if let Some(state) = walk.states.get(&(at, pending.clone())).cloned() {
+            walk.instruction(at, &pending, state)?;
         }
     }
-
-    /// The routine at `entry` as a handler: the hardware calls it.
-    pub fn handler(&mut self, entry: u32) -> std::result::Result<Summary, Error> {
-        self.routine(entry, &Arguments::new())
-            .map_err(|failure| match failure {
-                Failure::Unbounded(error) => error,
-                Failure::Needs(register) => Error::Unbounded {
-                    routine: self.program.name(entry),
-                    at: entry,
-                    why: format!("call through r{register}, which no caller sets"),
-                },
-            })
+    let mut summary = walk.summary;
+    if summary.chain.is_empty() || walk.own >= summary.worst {
+        summary.worst = walk.own;
+        summary.chain.clear();
     }
-
-    fn routine(&mut self, entry: u32, arguments: &Arguments) -> Result<Summary> {
-        let key = (entry, arguments.clone());
-        if let Some(known) = self.done.get(&key) {
-            return Ok(known.clone());
-        }
-        if let Some(from) = self.open.iter().position(|&open| open == entry) {
-            let cycle = self.open[from..].iter().chain([&entry]);
-            let names = cycle.map(|&at| self.program.name(at)).collect();
-            return Err(Error::Recursion(names).into());
-        }
-        self.open.push(entry);
-        let summary = Walk::through(self, entry, arguments);
-        self.open.pop();
-        if let Err(Failure::Needs(register)) = summary {
-            self.needs.entry(entry).or_default().insert(register);
-        }
-        let summary = summary?;
-        self.done.insert(key, summary.clone());
-        Ok(summary)
-    }
-
-    /// How many routines have a summary.
-    pub fn routines(&self) -> usize {
-        self.done.len()
-    }
+    summary.chain.insert(0, (entry, walk.own));
+    Ok(summary)
 }
 
 struct Walk<'w, 'a> {
@@ -140,36 +60,7 @@ struct Walk<'w, 'a> {
     summary: Summary,
 }
 
-impl<'w, 'a> Walk<'w, 'a> {
-    fn through(
-        analysis: &'w mut Analysis<'a>,
-        entry: u32,
-        arguments: &'w Arguments,
-    ) -> Result<Summary> {
-        let mut walk = Self {
-            analysis,
-            entry,
-            arguments,
-            states: BTreeMap::new(),
-            todo: Vec::new(),
-            own: 0,
-            summary: Summary::default(),
-        };
-        walk.reach(entry, Vec::new(), State::entry(), entry)?;
-        while let Some((at, pending)) = walk.todo.pop() {
-            if let Some(state) = walk.states.get(&(at, pending.clone())).cloned() {
-                walk.instruction(at, &pending, state)?;
-            }
-        }
-        let mut summary = walk.summary;
-        if summary.chain.is_empty() || walk.own >= summary.worst {
-            summary.worst = walk.own;
-            summary.chain.clear();
-        }
-        summary.chain.insert(0, (entry, walk.own));
-        Ok(summary)
-    }
-
+impl<'a> Walk<'_, 'a> {
     fn program(&self) -> &'a Program {
         self.analysis.program
     }

@@ -377,3 +377,25 @@ fn unguarded_stack_is_refused() {
     assert!(refused(|program| program.statics -= 4).contains("lies in the stack"));
     assert!(refused(|program| program.vectors[0] += 8).contains("vector table"));
 }
+
+#[test]
+fn masked_routine_counts_apart() {
+    let [a, b] = bl(0, 1, 1);
+    let reset = [PUSH_R4_LR, a, b, POP_R4_PC];
+    // push {r4, lr}; sub sp, #64; add sp, #64; pop
+    let boot = [PUSH_R4_LR, 0xB090, 0xB010, POP_R4_PC];
+    let handler = [PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
+    let mut program = program(&[&reset, &boot, &handler], &[]);
+    program.vectors.resize(17, 0);
+    program.vectors[16] = CODE + 0x201;
+    let worst = |masked: Option<&str>| {
+        let masked = masked.map(str::to_owned);
+        let options = Options {
+            masked,
+            ..Options::default()
+        };
+        program.bound(&options).unwrap().worst()
+    };
+    assert_eq!(worst(None), 8 + 72 + 16 + 36);
+    assert_eq!(worst(Some("f1")), 8 + 72);
+}
