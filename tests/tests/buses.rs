@@ -1,6 +1,6 @@
 //! How the STM serves its buses, by its registers and by what is on the wires.
 
-use fw_core::eeprom::{fields, Image, IMAGE_LEN};
+use fw_core::eeprom::{fields, Image, SPANS};
 use robot_tests::reference::{normal_frame, original_image, NormalReply, KEY_STM};
 use robot_tests::test_board::Rig;
 use twin::trace::EventKind;
@@ -80,9 +80,14 @@ fn buses_use_dma() {
         }
         assert!(written(control + 8).iter().all(|&at| at == data));
     }
-    // The whole configuration at once, and no byte by hand but the addresses of part and register.
-    assert!(written(control(1, 0) + 4).contains(&(IMAGE_LEN as u64)));
-    assert_eq!(written(I2C1_DR), [0xA0, 0, 0, 0xA1]);
+    // Each span of the configuration at once, and no byte by hand but the addresses of part and register.
+    let lengths = written(control(1, 0) + 4);
+    let addresses = SPANS.iter().flat_map(|span| {
+        let [high, low] = span.address.to_be_bytes().map(u64::from);
+        [0xA0, high, low, 0xA1]
+    });
+    assert!(SPANS.iter().all(|span| lengths.contains(&span.len.into())));
+    assert_eq!(written(I2C1_DR), addresses.collect::<Vec<_>>());
     // Of replies and log none at all, and no interrupt asks for one.
     assert!(written(SPI1_DR).is_empty() && written(USART1_DR).is_empty());
     let requests = written(SPI1_CR2);
