@@ -89,7 +89,15 @@ impl App {
         while let Some(event) = next_event(&mut drivers.spi) {
             match event {
                 Event::Echo(Echo { which, rise, fall }) => robot.on_echo(which, rise, fall),
-                Event::Frame(frame) => on_frame(robot, frame, log),
+                Event::Frame(mut frame) => {
+                    exchange(robot, &mut frame, log);
+                    let lost = frame.lost();
+                    frame.answer();
+                    drivers.refresh_standby(robot);
+                    if lost > 0 {
+                        robot.on_lost_frames(lost, log);
+                    }
+                }
                 Event::Tick(sample) => drivers.on_tick(robot, sample, log),
             }
         }
@@ -111,25 +119,13 @@ impl App {
     }
 }
 
-/// A frame ended: parsed, then answered.
-#[inline]
-fn on_frame(robot: &mut Robot, mut frame: Claim, log: &mut Log) {
-    exchange(robot, &mut frame, log);
-    let lost = frame.lost;
-    frame.answer();
-    if lost > 0 {
-        robot.on_lost_frames(lost, log);
-    }
-}
-
 /// A frame's effect and its reply, without a register. Its own symbol, so that its instructions can be
 /// counted.
 // Requirement: DOC-5-3
 #[inline(never)]
 #[export_name = "robot_frame"]
 fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
-    let number = frame.reply.due;
-    let at = frame.at();
+    let (number, at) = (frame.number(), frame.at());
     let (bytes, reply) = frame.buffers();
     let received = ReceivedFrame {
         bytes,
@@ -142,29 +138,26 @@ fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
 }
 
 impl Drivers {
-    /// Builds the due reply anew, from the newest data.
+    /// Builds the armed reply anew, from the data of a tick.
     // Requirement: WIRE-spi-6
     fn refresh_reply(&mut self, robot: &mut Robot) {
-        let mut buffer = self.spi.free_tx_buffer();
-        let number = buffer.due;
-        robot.encode_reply(number, buffer.bytes());
-        buffer.submit(number);
+        if let Some(mut fresh) = self.spi.fresh_reply() {
+            robot.encode_reply(fresh.number(), fresh.bytes());
+            fresh.submit();
+        }
     }
 
-    /// Builds the reply for a frame that ends while the robot is busy: the one after the due reply, or the
-    /// due one where a frame has ended and still awaits the robot.
-    fn prepare_standby(&mut self, robot: &mut Robot) {
-        let mut buffer = self.spi.free_tx_buffer();
-        let number = buffer.due.wrapping_add(u32::from(!buffer.transmitted));
-        robot.encode_reply(number, buffer.bytes());
-        buffer.submit(number);
+    /// Builds the standby: the next frame's reply where the answer comes too late.
+    fn refresh_standby(&mut self, robot: &mut Robot) {
+        let mut standby = self.spi.free_tx_buffer();
+        robot.encode_reply(standby.number(), standby.bytes());
+        standby.submit();
     }
 
     /// The 100 Hz tick. Its own symbol, so that its instructions can be counted.
     #[inline(never)]
     #[export_name = "robot_tick"]
     fn on_tick(&mut self, robot: &mut Robot, input: TickInput, log: &mut Log) {
-        self.prepare_standby(robot);
         let request = robot.on_gyro(self.gyro.take(), log);
         self.gyro.begin(request);
         let words = adc::words();
@@ -185,6 +178,7 @@ impl Drivers {
             robot.on_temperature(sensor, reference, log);
         }
         self.refresh_reply(robot);
+        self.refresh_standby(robot);
         watchdog::ticked();
         fault_injection::tick();
     }
