@@ -3,17 +3,30 @@
 //!
 //! The model's steps are the firmware's masked sections and, between them, every byte that the robot reads
 //! or writes. Assumptions: a rising edge is handled before the next falling edge; an answer that is
-//! accepted within `SWAP_WINDOW_US` is armed before the gap ends (docs/interfaces.md: 20 µs).
+//! accepted within `SWAP_WINDOW_US` is armed before the gap ends (docs/interfaces.md: 20 µs); the
+//! transmitter fetches no byte beyond `SAME_PREFIX` between the check and the stores of a refresh.
 
 use fw_core::types::Micros;
 use fw_core::wire::handover::{Handover, Reply, GAP_US, RX_BUFFERS, SWAP_WINDOW_US, TX_BUFFERS};
 use proofs::search::{search, Model};
 
-/// Bytes of a frame: a key that all replies share, then two of the reply's own.
-const LEN: usize = 3;
+/// Bytes of a frame: a key that all replies share, one that some share, then two of the reply's own.
+const LEN: usize = 4;
+/// Bytes that the transmitter has fetched at most when a refresh is stored, in place of `SAME_PREFIX`: two
+/// held ready, none in the time that the refresh takes.
+const FETCHED: u8 = 2;
 /// Frames and ticks at most: enough for every buffer to change its role and come back.
-const FRAMES: u8 = 4;
+const FRAMES: u8 = 3;
 const TICKS: u8 = 1;
+
+/// Use of a reply under construction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Purpose {
+    Answer,
+    /// The armed reply anew.
+    Refresh,
+    Standby,
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Robot {
@@ -26,11 +39,16 @@ enum Robot {
         frame: u8,
         answer: Reply,
     },
-    /// Building an answer, or a standby: `built` bytes.
+    /// Building a reply: `built` bytes.
     Building {
         built: u8,
         reply: Reply,
-        answer: bool,
+        purpose: Purpose,
+    },
+    /// Masked: a refresh was found possible and is about to be stored.
+    Refreshing {
+        fresh: u8,
+        armed: u8,
     },
 }
 
@@ -76,6 +94,11 @@ struct State {
     hurried: bool,
 }
 
+/// The second byte of the reply with a serial number: every other one has the same.
+const fn shared(serial: u8) -> u8 {
+    10 + serial % 2
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Event {
     Fall,
@@ -108,15 +131,20 @@ enum Caller {
     LostIgnored,
     /// Arms the answer without resetting the transmitter.
     NoReset,
+    /// Refreshes a reply that begins otherwise.
+    AnyPrefix,
 }
 
 impl State {
     /// Makes states that differ only in bytes that are never read again equal.
     fn normalise(&mut self) {
         let next = self.handover.next_reply();
-        let building =
-            matches!(self.robot, Robot::Building { reply, .. } if reply.buffer == next.buffer);
-        if !building {
+        let building = match self.robot {
+            Robot::Building { reply, .. } => Some(reply.buffer),
+            Robot::Refreshing { fresh, .. } => Some(fresh),
+            _ => None,
+        };
+        if building != Some(next.buffer) {
             self.tx[usize::from(next.buffer)] = [0; LEN];
         }
         let reading = match self.robot {
@@ -132,16 +160,16 @@ impl State {
         }
     }
 
-    fn build_standby(&mut self, caller: Caller) {
-        let mut reply = self.handover.next_reply();
-        if caller == Caller::WrongBuffer {
+    fn build(&mut self, caller: Caller, purpose: Purpose, mut reply: Reply) {
+        if caller == Caller::WrongBuffer && purpose == Purpose::Standby {
             reply.buffer = (reply.buffer + 1) % TX_BUFFERS;
         }
+        // More values than there are buffers: no two at a time have the same.
         self.serial = self.serial % 6 + 1;
         self.robot = Robot::Building {
             built: 0,
             reply,
-            answer: false,
+            purpose,
         };
     }
 
@@ -162,9 +190,15 @@ impl Caller {
     fn end_frame(self, next: &mut State) -> Result<(), String> {
         next.risen = false;
         let wire = &next.wire[..usize::from(next.sent)];
-        // A key, then bytes of one reply.
-        let torn = wire.windows(2).skip(1).any(|pair| pair[0] != pair[1]);
-        if torn || wire.first().is_some_and(|&key| key != 0) || wire.get(1) == Some(&0) {
+        let torn = match wire {
+            [key, second, rest @ ..] => {
+                let same = rest.windows(2).all(|pair| pair[0] == pair[1]);
+                let own = rest.first().is_none_or(|&serial| shared(serial) == *second);
+                *key != 0 || *second == 0 || !same || !own
+            }
+            _ => false,
+        };
+        if torn {
             return Err(format!("the Pi read parts of two replies: {wire:?}"));
         }
         let number = next.under_way;
@@ -190,6 +224,42 @@ impl Caller {
         Ok(())
     }
 
+    fn submit(self, next: &mut State, reply: Reply, purpose: Purpose) {
+        next.robot = Robot::Idle;
+        match purpose {
+            Purpose::Answer => {
+                let in_gap = next.gap || self == Self::AnyTimeIsGap;
+                let now = if in_gap {
+                    SWAP_WINDOW_US
+                } else {
+                    SWAP_WINDOW_US + 1
+                };
+                if let Some(dma) = next.handover.answer(reply, Micros(now)) {
+                    next.arm(self, dma.receive, dma.transmit, reply.number, true);
+                }
+                if self != Self::NoStandby {
+                    next.build(self, Purpose::Standby, next.handover.next_reply());
+                }
+            }
+            Purpose::Refresh => {
+                let bytes = |buffer: u8| &next.tx[usize::from(buffer)][..usize::from(FETCHED)];
+                let begin_alike =
+                    bytes(reply.buffer) == bytes(next.transmit) || self == Self::AnyPrefix;
+                let idle = !next.low && next.fed <= FETCHED;
+                match next.handover.refresh(reply, begin_alike) {
+                    Some(armed) if idle => {
+                        next.robot = Robot::Refreshing {
+                            fresh: reply.buffer,
+                            armed,
+                        };
+                    }
+                    _ => next.build(self, Purpose::Standby, next.handover.next_reply()),
+                }
+            }
+            Purpose::Standby => next.handover.stand_by(reply),
+        }
+    }
+
     fn go(self, next: &mut State) -> Result<(), String> {
         match next.robot {
             Robot::Idle => {}
@@ -205,7 +275,7 @@ impl Caller {
                     next.robot = Robot::Building {
                         built: 0,
                         reply: answer,
-                        answer: true,
+                        purpose: Purpose::Answer,
                     };
                     return Ok(());
                 }
@@ -224,38 +294,29 @@ impl Caller {
             Robot::Building {
                 built,
                 reply,
-                answer,
+                purpose,
             } => {
                 if usize::from(built) < LEN {
                     if reply.buffer == next.transmit {
                         return Err("the robot writes the armed buffer".into());
                     }
-                    next.tx[usize::from(reply.buffer)][usize::from(built)] =
-                        if built == 0 { 0 } else { next.serial };
+                    next.tx[usize::from(reply.buffer)][usize::from(built)] = match built {
+                        0 => 0,
+                        1 => shared(next.serial),
+                        _ => next.serial,
+                    };
                     next.robot = Robot::Building {
                         built: built + 1,
                         reply,
-                        answer,
+                        purpose,
                     };
-                    return Ok(());
-                }
-                next.robot = Robot::Idle;
-                if !answer {
-                    next.handover.stand_by(reply);
-                    return Ok(());
-                }
-                let in_gap = next.gap || self == Self::AnyTimeIsGap;
-                let now = Micros(if in_gap {
-                    SWAP_WINDOW_US
                 } else {
-                    SWAP_WINDOW_US + 1
-                });
-                if let Some(dma) = next.handover.answer(reply, now) {
-                    next.arm(self, dma.receive, dma.transmit, reply.number, true);
+                    self.submit(next, reply, purpose);
                 }
-                if self != Self::NoStandby {
-                    next.build_standby(self);
-                }
+            }
+            Robot::Refreshing { fresh, armed } => {
+                next.tx[usize::from(armed)] = next.tx[usize::from(fresh)];
+                next.build(self, Purpose::Standby, next.handover.next_reply());
             }
         }
         Ok(())
@@ -276,7 +337,7 @@ impl Model for Caller {
             rx: [[0; LEN]; RX_BUFFERS as usize],
             received: 0,
             waiting: 0,
-            tx: [[0, 7, 7], [0, 8, 8], [0; LEN]],
+            tx: [[0, 11, 7, 7], [0, 10, 8, 8], [0; LEN]],
             serial: 0,
             receive: dma.receive,
             transmit: dma.transmit,
@@ -313,10 +374,12 @@ impl Model for Caller {
             }
         }
         // The transmitter holds two bytes: the one under way and the next.
-        if !state.risen && usize::from(state.fed) < LEN && state.holds < 2 {
+        let in_time = !matches!(state.robot, Robot::Refreshing { .. }) || state.fed < FETCHED;
+        if !state.risen && usize::from(state.fed) < LEN && state.holds < 2 && in_time {
             events.push(Event::Feed);
         }
-        if state.risen {
+        let masked = matches!(state.robot, Robot::Refreshing { .. });
+        if state.risen && !masked {
             events.push(Event::EndFrame);
         }
         if state.gap && !state.risen {
@@ -383,7 +446,10 @@ impl Model for Caller {
             }
             Event::Tick => {
                 next.ticks += 1;
-                next.build_standby(*self);
+                match next.handover.fresh_reply() {
+                    Some(reply) => next.build(*self, Purpose::Refresh, reply),
+                    None => next.build(*self, Purpose::Standby, next.handover.next_reply()),
+                }
             }
             Event::Go => self.go(&mut next)?,
         }
@@ -419,6 +485,7 @@ fn handover_broken_caller_is_found() {
         (Caller::NoStandby, "is repeated"),
         (Caller::LostIgnored, "were seen"),
         (Caller::NoReset, "two replies"),
+        (Caller::AnyPrefix, "two replies"),
     ] {
         let Err(found) = search(&broken, LIMIT) else {
             panic!("{broken:?} is not found")

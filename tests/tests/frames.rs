@@ -268,9 +268,9 @@ fn tune_rotate_reports_all_turns_since_reset() {
     double.copy_from_slice(&reply[1..9]);
     let measured = f64::from_le_bytes(double);
     assert!(measured < -400.0, "clockwise is negative, {measured}");
-    // The rotation between the reported tick and the reply.
+    // The rotation between the reported tick and the reply, a frame period and a tick at most.
     assert!(
-        (measured - turned).abs() < 4.0,
+        (measured - turned).abs() < 8.0,
         "{measured}, truly {turned}"
     );
 }
