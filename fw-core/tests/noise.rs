@@ -39,8 +39,8 @@ fn flip_some(frame: &mut [u8], count: usize, random: &mut Random) {
 }
 
 /// From some bit on everything arrives one bit late: a clock edge was counted twice.
-fn slip(frame: &mut Vec<u8>, random: &mut Random) {
-    let before = frame.clone();
+fn slip(frame: &mut [u8], random: &mut Random) {
+    let before = frame.to_vec();
     let bit = |at: usize| before[at / 8] & 0x80 >> (at % 8) != 0;
     for at in random.below(8 * before.len() - 1) + 1..8 * before.len() {
         if bit(at - 1) != bit(at) {
@@ -93,7 +93,11 @@ const KINDS: [(&str, Corrupt, Option<u32>); 6] = [
         },
         Some(1 << 14),
     ),
-    ("slipped", slip, Some(1 << 14)),
+    (
+        "slipped",
+        |frame, random| slip(frame, random),
+        Some(1 << 14),
+    ),
 ];
 
 struct Ends {

@@ -7,9 +7,12 @@
 //! distinguished. With a single cell the cell index is always constant, and a bare tuning mode has no
 //! other evidence.
 
-use crate::session::MODE_CHECK_FRAMES;
 use fw_core::eeprom::Config;
 use fw_core::wire::{Field, Report};
+
+/// When none of the first frames is valid, the two ends run other chains or keys: reported at once,
+/// without waiting for [`SILENCE_TIMEOUT_US`](crate::session::SILENCE_TIMEOUT_US).
+pub const MODE_CHECK_FRAMES: u32 = 10;
 
 /// More than a robot drives between two frames, micrometres.
 const JUMP_UM: u64 = 10_000_000;

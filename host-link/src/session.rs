@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::link::Link;
 use crate::log::{LogLine, LogParser};
 use crate::mode_check::ModeCheck;
+pub use crate::mode_check::MODE_CHECK_FRAMES;
 use crate::pose::Pose;
 use crate::snapshot::Snapshot;
 use crate::statistics::LinkStatistics;
@@ -21,10 +22,6 @@ pub const RATE_HZ: u32 = 40;
 
 /// Without a valid frame for this long the link counts as failed, microseconds.
 pub const SILENCE_TIMEOUT_US: u64 = 1_000_000;
-
-/// When none of the first frames is valid, the two ends run other chains or keys: reported at once,
-/// without waiting for [`SILENCE_TIMEOUT_US`].
-pub const MODE_CHECK_FRAMES: u32 = 10;
 
 /// The command of one frame; [`Session`] adds the battery's cell and the sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

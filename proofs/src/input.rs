@@ -143,11 +143,17 @@ impl Source for Biased<'_> {
 
 macro_rules! integers {
     ($($unsigned:ty, $signed:ty;)*) => {$(
+        #[allow(clippy::cast_possible_truncation, reason = "drawn with as many bits")]
         impl Input for $unsigned {
             fn draw(source: &mut impl Source) -> Self {
                 source.bits(Self::BITS) as $unsigned
             }
         }
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_possible_wrap,
+            reason = "drawn with as many bits"
+        )]
         impl Input for $signed {
             fn draw(source: &mut impl Source) -> Self {
                 source.bits(Self::BITS) as $signed

@@ -32,13 +32,12 @@ pub(crate) fn sample<T: Debug>(
     };
     for _ in 0..count {
         random.fill(&mut bytes);
-        match quietly(|| evaluate(&bytes)) {
-            Some(met) => seen = seen.and(met),
-            None => {
-                simplify(&mut bytes, |bytes| quietly(|| evaluate(bytes)).is_none());
-                println!("fails for {:#?}", draw(&mut Biased::new(&bytes)));
-                let _ = evaluate(&bytes);
-            }
+        if let Some(met) = quietly(|| evaluate(&bytes)) {
+            seen = seen.and(met);
+        } else {
+            simplify(&mut bytes, |bytes| quietly(|| evaluate(bytes)).is_none());
+            println!("fails for {:#?}", draw(&mut Biased::new(&bytes)));
+            let _ = evaluate(&bytes);
         }
     }
     every_case_was_met(seen, cases);

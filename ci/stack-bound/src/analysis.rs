@@ -1,10 +1,11 @@
 //! Summaries of routines: what a caller needs to know of each.
 
+mod routine;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::decode::Registers;
 use crate::program::Program;
-use crate::routine;
 use crate::{Error, Options};
 
 /// Code addresses that a caller holds in registers which the callee jumps through.

@@ -26,7 +26,6 @@ mod decode;
 mod jump_table;
 mod program;
 mod report;
-mod routine;
 mod state;
 #[cfg(test)]
 mod tests;

@@ -60,6 +60,8 @@ macro_rules! fields {
 
         $(
             #[doc = $help]
+            #[allow(clippy::doc_markdown, reason = "the help is also printed as plain text")]
+            #[allow(clippy::indexing_slicing, reason = "evaluated by the compiler")]
             pub const $constant: &Field = &FIELDS[Index::$constant as usize];
         )*
 

@@ -33,6 +33,18 @@ pub struct Span {
     pub len: u16,
 }
 
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "at most IMAGE_LEN, also in constants"
+)]
+const fn address(index: usize) -> u16 {
+    index as u16
+}
+
+const fn low_byte(value: u64) -> u8 {
+    value.to_le_bytes()[0]
+}
+
 /// The end of the run of defined bytes that begins at `start`, and where the next run begins;
 /// [`IMAGE_LEN`] for none.
 #[allow(
@@ -42,7 +54,7 @@ pub struct Span {
 const fn run(start: u16) -> (u16, u16) {
     let mut end = start;
     if start == 0 {
-        end = KEY.len() as u16;
+        end = address(KEY.len());
     }
     let mut index = 0;
     while index < COUNT {
@@ -55,13 +67,13 @@ const fn run(start: u16) -> (u16, u16) {
         }
         index += 1;
     }
-    (end + 4, IMAGE_LEN as u16)
+    (end + 4, address(IMAGE_LEN))
 }
 
 /// Number of [`SPANS`].
 const SPAN_COUNT: usize = {
     let (mut count, mut start) = (0, 0);
-    while start < IMAGE_LEN as u16 {
+    while start < address(IMAGE_LEN) {
         start = run(start).1;
         count += 1;
     }
@@ -134,7 +146,7 @@ impl Image {
         let mut at = 0;
         while at < field.kind.bytes() {
             let address = field.address.wrapping_add(at);
-            let (keep, new) = (!(mask >> (8 * at)) as u8, (raw >> (8 * at)) as u8);
+            let (keep, new) = (!low_byte(mask >> (8 * at)), low_byte(raw >> (8 * at)));
             self.put(address, byte(&self.0, address as usize) & keep | new);
             at += 1;
         }
@@ -156,7 +168,7 @@ impl Image {
     pub const fn seal(&mut self) {
         let mut at = 0;
         while at < KEY.len() {
-            self.put(at as u16, KEY[at]);
+            self.put(address(at), KEY[at]);
             at += 1;
         }
         if self.is_original() {
@@ -165,7 +177,7 @@ impl Image {
         let sum = self.checksum();
         let mut at = 0;
         while at < 4 {
-            self.put(CRC_ADDRESS + at, (sum >> (8 * at)) as u8);
+            self.put(CRC_ADDRESS + at, low_byte(sum as u64 >> (8 * at)));
             at += 1;
         }
     }
@@ -174,7 +186,7 @@ impl Image {
     pub const fn make_original(&mut self) {
         let mut at = 0;
         while at < PLATFORM_LEN {
-            self.put(PLATFORM + at as u16, 0xFF);
+            self.put(PLATFORM + address(at), 0xFF);
             at += 1;
         }
     }
@@ -292,6 +304,7 @@ impl Image {
 }
 
 // Set-then-get is the identity for every field, and no two fields share a bit.
+#[allow(clippy::indexing_slicing, reason = "evaluated by the compiler")]
 const _: () = {
     let mut image = Image([0; IMAGE_LEN]);
     let mut index = 0;

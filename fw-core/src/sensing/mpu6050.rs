@@ -226,7 +226,7 @@ impl Mpu6050 {
                 self.stage = Stage::Set(0);
             }
             (Stage::Set(nth), BusResult::Done) => {
-                self.stage = Stage::Settle(nth, settling_ticks(nth))
+                self.stage = Stage::Settle(nth, settling_ticks(nth));
             }
             (Stage::Settle(nth, rest), _) if rest > 1 => self.stage = Stage::Settle(nth, rest - 1),
             (Stage::Settle(nth, _), _) => {

@@ -48,7 +48,7 @@ macro_rules! strategies {
 
             /// Bytes it takes from a frame.
             #[must_use]
-            pub const fn len(self) -> usize {
+            pub const fn byte_len(self) -> usize {
                 match self {
                     $(Self::$strategy => <$strategy as Strategy>::LEN,)*
                 }

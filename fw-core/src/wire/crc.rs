@@ -33,9 +33,9 @@ pub fn crc16(bytes: &[u8]) -> u16 {
         a ^= 0xFFFF_0000;
         rest = after;
         while let Some((next, after)) = rest.split_first_chunk::<8>() {
-            let (e, f) = words(next);
+            let (high, low) = words(next);
             (b, c, d) = (b ^ a, c ^ a >> 24, d ^ a << 8);
-            (a, b, c, d) = (c ^ b, d ^ b >> 24, e ^ a ^ b << 8, f ^ b);
+            (a, b, c, d) = (c ^ b, d ^ b >> 24, high ^ a ^ b << 8, low ^ b);
             rest = after;
         }
         // Of x⁴⁸ half stays in the word itself, once.

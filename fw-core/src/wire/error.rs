@@ -161,8 +161,8 @@ impl Reason {
     }
 
     #[inline(never)]
-    fn log(&self, line: &mut Line) {
-        match *self {
+    fn log(self, line: &mut Line) {
+        match self {
             Self::Short { needed, left } => {
                 line.text("frame too short, needs ")
                     .int(needed.into())

@@ -52,7 +52,12 @@ fn errors(mode: Mode, command: &[u8], report: &[u8]) -> [Option<FrameError>; 2] 
 
 fn offset_of(mode: Mode, field: Field) -> Option<usize> {
     let place = chain(mode).iter().position(|&other| other == field)?;
-    Some(chain(mode)[..place].iter().map(|field| field.len()).sum())
+    Some(
+        chain(mode)[..place]
+            .iter()
+            .map(|field| field.byte_len())
+            .sum(),
+    )
 }
 
 // Requirement: DOC-5.1-1, WIRE-rejected-3
@@ -64,7 +69,7 @@ fn short_frame_names_strategy_that_lacks_bytes() {
         for len in 0..frame_len(mode) {
             let cut = chain(mode)
                 .iter()
-                .find(|&&field| offset_of(mode, field).unwrap() + field.len() > len)
+                .find(|&&field| offset_of(mode, field).unwrap() + field.byte_len() > len)
                 .unwrap();
             let offset = offset_of(mode, *cut).unwrap();
             for error in errors(mode, &command[..len], &report[..len]) {

@@ -30,7 +30,7 @@ fn check(field: Field, vector: &Value) {
     let offset: usize = chain(mode)
         .iter()
         .take_while(|&&other| other != field)
-        .map(|field| field.len())
+        .map(|field| field.byte_len())
         .sum();
     let context = context(vector);
     let mut frame = [0xEE; MAX_FRAME];
@@ -39,7 +39,7 @@ fn check(field: Field, vector: &Value) {
     } else {
         write_report(mode, &context, &report(values), &mut frame)
     };
-    let place = offset..offset + field.len();
+    let place = offset..offset + field.byte_len();
     if is_written(vector) {
         assert_eq!(frame[place.clone()], bytes(vector), "{vector}");
     }
@@ -75,7 +75,7 @@ fn strategy_bytes_match_vectors_in_both_directions() {
             .iter()
             .find(|field| field.name() == name)
             .unwrap_or_else(|| panic!("no strategy {name}"));
-        assert_eq!(bytes(vector).len(), field.len(), "{vector}");
+        assert_eq!(bytes(vector).len(), field.byte_len(), "{vector}");
         if field == Field::Crc {
             let before = vector["before"].as_str().map(hex).unwrap_or_default();
             assert_eq!(crc16(&before).to_be_bytes(), bytes(vector)[..], "{vector}");

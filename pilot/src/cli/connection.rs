@@ -51,9 +51,9 @@ impl Context<'_> {
         }
         let mut lock = Lock::take(&self.state_file("lock"))?;
         let (io, truth, finish) = if self.board.virtual_board.chosen {
-            self.open_virtual(interrupt)?
+            open_virtual(self, interrupt)?
         } else {
-            self.open_linux(interrupt)?
+            open_linux(self, interrupt)?
         };
         let journal = Journal::new(self.state_file("eeprom.before"));
         let mut connection = Connection { io, journal, truth };
@@ -106,44 +106,44 @@ impl Context<'_> {
         self.output.warn(&text);
         Ok(())
     }
-
-    #[cfg(feature = "linux")]
-    fn open_linux(self, interrupt: Interrupt) -> Result<Opened, Error> {
-        let io = host_link::linux::open(&self.board.devices(), interrupt)?;
-        Ok((io, None, Box::new(|_| Ok(()))))
-    }
-
-    #[cfg(not(feature = "linux"))]
-    fn open_linux(self, _: Interrupt) -> Result<Opened, Error> {
-        Err(not_built(
-            "this computer's buses",
-            "linux",
-            ", or give --virtual",
-        ))
-    }
-
-    #[cfg(feature = "virtual")]
-    fn open_virtual(self, interrupt: Interrupt) -> Result<Opened, Error> {
-        use pilot::virtual_board::{SimulatedTape, open};
-        let (virtual_board, io) = open(&self.board.virtual_options(), interrupt)?;
-        let truth = SimulatedTape::new(&virtual_board.board);
-        let output = self.output;
-        let finish = move |not_ready| {
-            if not_ready {
-                output.message(virtual_board.log_tail().trim_end());
-            }
-            virtual_board.close()
-        };
-        Ok((io, Some(Box::new(truth)), Box::new(finish)))
-    }
-
-    #[cfg(not(feature = "virtual"))]
-    fn open_virtual(self, _: Interrupt) -> Result<Opened, Error> {
-        Err(not_built("the virtual board", "virtual", ""))
-    }
 }
 
 type Opened = (BoardIo, Option<Box<dyn GroundTruth>>, Finish);
+
+#[cfg(feature = "linux")]
+fn open_linux(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
+    let io = host_link::linux::open(&context.board.devices(), interrupt)?;
+    Ok((io, None, Box::new(|_| Ok(()))))
+}
+
+#[cfg(not(feature = "linux"))]
+fn open_linux(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
+    Err(not_built(
+        "this computer's buses",
+        "linux",
+        ", or give --virtual",
+    ))
+}
+
+#[cfg(feature = "virtual")]
+fn open_virtual(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
+    use pilot::virtual_board::{SimulatedTape, open};
+    let (virtual_board, io) = open(&context.board.virtual_options(), interrupt)?;
+    let truth = SimulatedTape::new(&virtual_board.board);
+    let output = context.output;
+    let finish = move |not_ready| {
+        if not_ready {
+            output.message(virtual_board.log_tail().trim_end());
+        }
+        virtual_board.close()
+    };
+    Ok((io, Some(Box::new(truth)), Box::new(finish)))
+}
+
+#[cfg(not(feature = "virtual"))]
+fn open_virtual(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
+    Err(not_built("the virtual board", "virtual", ""))
+}
 
 #[cfg(not(all(feature = "linux", feature = "virtual")))]
 fn not_built(name: &str, feature: &str, otherwise: &str) -> Error {

@@ -3,7 +3,11 @@
 
 use fixed::types::I32F32;
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::fields::*;
+use fw_core::eeprom::fields::{
+    BATTERY_CUTOFF, BATTERY_WARN, COUNT, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, FIELDS, FIRST_BOARD,
+    FORWARD_ANTI_WINDUP, FORWARD_D, FORWARD_I, FORWARD_P, LIMIT_LEFT, LIMIT_RIGHT, MODE,
+    RANGEFINDERS, ROTATION_ANTI_WINDUP, ROTATION_D, ROTATION_I, ROTATION_P, SERVO,
+};
 use fw_core::eeprom::{Accepted, Config, Field, Gain, Gains, Kind};
 use fw_core::wire::Mode;
 

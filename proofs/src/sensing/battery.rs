@@ -2,7 +2,9 @@
 
 use fixed::types::U16F16;
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::fields::*;
+use fw_core::eeprom::fields::{
+    ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, CELLS, FIELDS, TAP_1_LOWER, TAP_1_UPPER,
+};
 use fw_core::eeprom::{Config, Divider};
 use fw_core::sensing::Battery;
 

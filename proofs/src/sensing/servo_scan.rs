@@ -84,7 +84,7 @@ pub fn servo_is_at_the_bearing_of_the_reading(
             all.echo(RangefinderId::Front, now.after(500), now.after(9_500));
             let bearing = all.reading(RangefinderId::Front).bearing;
             let turns = (u32::from(bearing) << 16).wrapping_sub(front);
-            let bearing_off = turns.cast_signed();
+            let bearing_off = 0_i32.wrapping_add_unsigned(turns);
             // Half a turn is half a turn either way.
             let off = (i64::from(bearing_off) - servo.at).unsigned_abs() % (1 << 32);
             assert!(off.min((1 << 32) - off) < (1 << 32) / 3600);

@@ -17,7 +17,7 @@ pub const MAX_BIAS: i32 = 2_620;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bias {
     /// 2⁻⁸ LSB, within ±[`MAX_BIAS`].
-    bias: Option<i32>,
+    value: Option<i32>,
     rest_ticks: u8,
     sum: i32,
     min: i16,
@@ -27,7 +27,7 @@ pub(super) struct Bias {
 impl Bias {
     pub const fn new() -> Self {
         Self {
-            bias: None,
+            value: None,
             rest_ticks: 0,
             sum: 0,
             min: 0,
@@ -37,7 +37,7 @@ impl Bias {
 
     /// 2⁻⁸ LSB; `None` before the first rest.
     pub const fn get(&self) -> Option<i32> {
-        self.bias
+        self.value
     }
 
     /// Whether the wheels stand long enough for a block.
@@ -76,8 +76,8 @@ impl Bias {
         if i32::from(self.max) - i32::from(self.min) > MAX_SPREAD || mean.abs() > MAX_BIAS << 8 {
             return false;
         }
-        let first = self.bias.is_none();
-        self.bias = Some(mean);
+        let first = self.value.is_none();
+        self.value = Some(mean);
         first
     }
 }

@@ -38,7 +38,7 @@ const AGREEING_TICKS: u8 = 10;
 /// Ticks of slip with turning wheels before the time-out.
 const MAX_SLIP_TICKS: u16 = 200;
 /// Turn over which both must agree before the gyroscope is trusted, 2⁻²⁸ turns.
-const VERIFICATION_TURN: i32 = (10 * DEGREE >> 4) as i32;
+const VERIFICATION_TURN: i32 = ((10 * DEGREE) >> 4) as i32;
 /// Ticks within which this turn must happen: a bias drift of 0.5 °/s is 1.5° by then.
 const MAX_VERIFICATION_TICKS: u16 = 300;
 /// Consecutive failed verifications before [`Event::Mismatch`].

@@ -4,6 +4,10 @@ use super::*;
 use std::vec::Vec;
 
 /// Model of the part.
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "independent faults and a line"
+)]
 struct Part {
     registers: [u8; 128],
     absent: bool,
@@ -141,7 +145,7 @@ fn set_up_has_its_order_times_and_values() {
     let first = expected.len();
     expected.resize(60, read(GYRO_ZOUT, 2));
     assert_eq!(bus.requests, expected);
-    assert_eq!(bus.rates, Vec::from_iter(first + 1..60));
+    assert_eq!(bus.rates, (first + 1..60).collect::<Vec<_>>());
     assert_eq!(bus.part.registers[usize::from(PWR_MGMT_1)], 3);
     assert_eq!(bus.part.registers[usize::from(CONFIG)], LOW_PASS);
     assert_eq!(bus.part.registers[usize::from(GYRO_CONFIG)], FULL_SCALE);

@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
+use super::{Analysis, Arguments, Failure, Result, Summary};
 use crate::Error;
-use crate::analysis::{Analysis, Arguments, Failure, Result, Summary};
 use crate::decode::{CALLER_SAVED, Effect, LR, PC, SP, it_block};
 use crate::jump_table;
 use crate::program::Program;
