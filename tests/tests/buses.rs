@@ -117,9 +117,9 @@ fn pace(rig: &Rig, which: impl Fn(&str) -> bool) -> f64 {
 #[test]
 fn log_baud_changes_to_configured_rate_after_boot() {
     // Both within what a receiver at 115200 baud reads.
-    for baud in [115_200, 117_600, 113_000] {
+    for baud in [115_200_u32, 117_600, 113_000] {
         let image = Image::FIRST_BOARD
-            .with(fields::LOG_BAUD, baud)
+            .with(fields::LOG_BAUD, baud.into())
             .with(fields::LOG_PERIOD, 100);
         let rig = Rig::configured(image.0.to_vec());
         rig.run_us(1_000_000);
@@ -127,6 +127,6 @@ fn log_baud_changes_to_configured_rate_after_boot() {
         let boot = pace(&rig, |line| line.contains("boot after"));
         assert!((boot - 10e6 / 115_200.0).abs() < 0.2, "{boot} µs");
         let later = pace(&rig, |line| line.contains(": pose "));
-        assert!((later - 10e6 / baud as f64).abs() < 0.2, "{later} µs");
+        assert!((later - 10e6 / f64::from(baud)).abs() < 0.2, "{later} µs");
     }
 }

@@ -55,7 +55,7 @@ impl Iterator for Course {
 
     fn next(&mut self) -> Option<Tick> {
         let first = self.tick == 0;
-        let turn = self.tick % 50 == 0;
+        let turn = self.tick.is_multiple_of(50);
         self.tick += 1;
         if !self.curves {
             let (left, right) = if first { (-391, 392) } else { (27, 27) };

@@ -44,11 +44,12 @@ struct Spread {
 impl Spread {
     /// Of the instructions of `runs`, with `extra` added to each.
     fn of(runs: &[Span], extra: u64) -> Result<Self> {
-        Self::of_counts(runs.iter().map(|run| run.instructions + extra).collect())
+        let counts: Vec<_> = runs.iter().map(|run| run.instructions + extra).collect();
+        Self::of_counts(&counts)
     }
 
     #[allow(clippy::cast_precision_loss)] // counts far below 2⁵²
-    fn of_counts(counts: Vec<u64>) -> Result<Self> {
+    fn of_counts(counts: &[u64]) -> Result<Self> {
         let (Some(&min), Some(&max)) = (counts.iter().min(), counts.iter().max()) else {
             return Err("a measured function was never called".into());
         };
@@ -182,7 +183,7 @@ impl Frames {
             .filter_map(|core| to_reply(events, core, waited));
         Ok(Self {
             core: Spread::of(&exclusive(handled, preempting), 0)?,
-            whole: Spread::of_counts(whole.collect())?,
+            whole: Spread::of_counts(&whole.collect::<Vec<_>>())?,
         })
     }
 }
