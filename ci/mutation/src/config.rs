@@ -21,7 +21,7 @@ pub struct Config {
     /// Packages whose tests are asked last.
     #[serde(default)]
     pub also: Vec<String>,
-    /// Operators beside those of cargo-mutants, see [`operators::NAMES`].
+    /// Operators beside those of cargo-mutants, see `operators::NAMES`.
     #[serde(default)]
     pub operators: Vec<String>,
     /// Arguments of every `cargo test`.

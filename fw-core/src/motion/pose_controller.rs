@@ -2,8 +2,8 @@
 //!
 //! | phase | control |
 //! |---|---|
-//! | approach | The rotation PID turns the nose to the target, the forward PID drives. Forward output begins with the bearing within [`HEADING_GATE`] and grows as it closes. In reverse where that means less turning, up to [`MAX_REVERSE`]: the rangefinders look ahead. |
-//! | final approach | From [`FINAL_APPROACH`] on the heading is held, because the bearing would swing; the forward PID drives either way, within [`FINAL_HEADING_GATE`]. Ends slow and about to stop within half the position tolerance. |
+//! | approach | The rotation PID turns the nose to the target, the forward PID drives. Forward output begins with the bearing within `HEADING_GATE` and grows as it closes. In reverse where that means less turning, up to `MAX_REVERSE`: the rangefinders look ahead. |
+//! | final approach | From `FINAL_APPROACH` on the heading is held, because the bearing would swing; the forward PID drives either way, within `FINAL_HEADING_GATE`. Ends slow and about to stop within half the position tolerance. |
 //! | final rotation | The rotation PID turns to the target's heading, the forward PID holds the position. Brakes as soon as the robot would come to rest within the position tolerance and ¾ of the heading tolerance. Beyond twice the position tolerance: approach again. |
 //! | hold | Within both tolerances and at rest for 50 ms: braked. A disturbance beyond 1⅝ position tolerances or 1⅗ heading tolerances restarts. |
 //!
