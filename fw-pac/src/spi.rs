@@ -34,6 +34,9 @@ const TX_LEN: usize = MAX_FRAME.next_power_of_two();
 /// Bytes that the idle transmitter may hold ready.
 const IDLE_FETCH: usize = 2;
 
+/// A transmit buffer's bytes, for copying with few stores.
+type Words = [u32; TX_LEN / 4];
+
 /// Number of the first reply: the wire counts from 1.
 const FIRST_REPLY: u32 = 1;
 
@@ -64,7 +67,9 @@ struct Buffers<const COUNT: usize, const LEN: usize>(UnsafeCell<[[u8; LEN]; COUN
 unsafe impl<const COUNT: usize, const LEN: usize> Sync for Buffers<COUNT, LEN> {}
 
 impl<const COUNT: usize, const LEN: usize> Buffers<COUNT, LEN> {
-    const ZERO: Self = Self(UnsafeCell::new([[0; LEN]; COUNT]));
+    const fn new() -> Self {
+        Self(UnsafeCell::new([[0; LEN]; COUNT]))
+    }
 
     /// Buffer `index`, 0 ..= `COUNT` − 1.
     #[inline]
@@ -74,8 +79,8 @@ impl<const COUNT: usize, const LEN: usize> Buffers<COUNT, LEN> {
     }
 }
 
-static RX: Buffers<{ RX_BUFFERS as usize }, RX_LEN> = Buffers::ZERO;
-static TX: Buffers<{ TX_BUFFERS as usize }, TX_LEN> = Buffers::ZERO;
+static RX: Buffers<{ RX_BUFFERS as usize }, RX_LEN> = Buffers::new();
+static TX: Buffers<{ TX_BUFFERS as usize }, TX_LEN> = Buffers::new();
 
 /// A free buffer for the reply after the armed one. There is one at a time: it borrows the slave.
 #[must_use]
@@ -134,11 +139,14 @@ impl FreshReply<'_> {
                 let fetched = state.len.saturating_sub(Transmit::remaining().into());
                 if SS.is_high() && fetched <= IDLE_FETCH {
                     if let Some(armed) = state.handover.refresh(self.0.reply, begin_alike) {
-                        // SAFETY: both are aligned buffers of `TX_LEN` bytes, and not the same one.
-                        unsafe {
-                            let to: *mut [u32; TX_LEN / 4] = TX.get(armed).cast();
-                            to.write_volatile(fresh.cast::<[u32; TX_LEN / 4]>().read());
-                        }
+                        #[allow(
+                            clippy::cast_ptr_alignment,
+                            reason = "`Buffers` is aligned to words"
+                        )]
+                        let (to, from): (*mut Words, *const Words) =
+                            (TX.get(armed).cast(), fresh.cast());
+                        // SAFETY: both are whole transmit buffers, and not the same one.
+                        unsafe { to.write_volatile(from.read()) };
                     }
                 }
             });
@@ -211,6 +219,7 @@ impl Claim<'_> {
 /// The robot's end of the link. Its one value is the right to claim frames and to build replies.
 pub struct SpiSlave(());
 
+#[allow(clippy::unused_self, reason = "the value is the right")]
 impl SpiSlave {
     /// The slave, once: there is one SPI1.
     pub fn new(_: SPI1) -> Self {

@@ -52,6 +52,7 @@ enum Robot {
     },
 }
 
+#[allow(clippy::struct_excessive_bools, reason = "each is a pin or a flag")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct State {
     handover: Handover,
