@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use fw_core::eeprom::fields;
+use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::drive::{self, ArrivalCriteria};
 use host_link::eeprom;
@@ -158,12 +160,14 @@ fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<(Board, Stack), Box<
     Ok((board, stack))
 }
 
-/// Writes the first board's configuration as `host-link eeprom write` does; milliseconds to READY.
+/// Writes the first board's configuration as `robot eeprom write` does, in Guarded Normal: every tick
+/// refreshes its replies; milliseconds to READY.
 fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
     let settings = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("..")
         .join(CONFIGURATION);
-    let settings = Settings::load(&settings)?;
+    let guarded = (fields::MODE, u64::from(Mode::GuardedNormal.code()));
+    let settings = Settings::load(&settings)?.with(&[guarded])?;
     let programmed = eeprom::program(machine, settings.image(), READY_MS, None, |_| {})?;
     println!(
         "     {} bytes in {} bursts, READY after {} ms",
