@@ -7,7 +7,7 @@
 //!
 //! A crystal that dies later is caught by the clock security system: the hardware falls back to the
 //! bare HSI at 16 MHz, with which neither the PWM nor the µs clock nor the baud rate would be right,
-//! and raises the NMI. The NMI ends in the safe state of [`crate::safe`] and the reset that follows;
+//! and raises the NMI. The NMI ends in the safe state of [`crate::safe_state`] and the reset that follows;
 //! the next boot finds the crystal dead, takes the fallback, reports it, and the robot stands until
 //! it is sent off again. Going on driving through the change was decided against: for its duration
 //! nobody could say how long a microsecond is.

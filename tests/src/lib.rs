@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`test_board`] | the release ELF on the virtual board, and its frames byte by byte |
 //! | [`io_faults`] | a board whose I/O fails at a chosen call |
-//! | [`reference`] | EEPROM images and frames written by hand from the document's tables |
+//! | [`mod@reference`] | EEPROM images and frames written by hand from the document's tables |
 //! | [`throughput`] | how fast frames may come, for how long, and what a torn one costs |
 //! | [`stack`] | how much of its stack the firmware has used |
 #![forbid(unsafe_code)]
