@@ -309,18 +309,18 @@ impl PiEnd {
     /// Whether a reply may report `seen`: what the robot knew at the last chip-select's end, at the one
     /// before, or at those that ended while it may have been busy.
     fn may_report(&self, seen: u8) -> bool {
+        let mut ends = self.ends.iter().rev();
         let last = self.ends.last().expect("never empty").at_ns;
-        let busy = self.ends.iter().rev();
-        let known = busy.take_while(|end| last - end.at_ns <= BUSY_NS).count() + 1;
-        let mut known = self.ends.iter().rev().take(known.max(2));
-        known.any(|end| end.accepted.contains(&seen))
+        let busy = ends.clone().take_while(|end| last - end.at_ns <= BUSY_NS);
+        let known = busy.count() + 1;
+        ends.by_ref()
+            .take(known)
+            .any(|end| end.accepted.contains(&seen))
     }
 
     /// Whether two chip-selects ended while the robot may have been busy, so that a reply is repeated.
     fn may_repeat(&self) -> bool {
-        let [.., before, last] = &self.ends[..] else {
-            return false;
-        };
+        let [before, last] = self.ends.last_chunk().expect("a frame was sent");
         last.at_ns - before.at_ns <= BUSY_NS
     }
 
@@ -345,11 +345,10 @@ impl PiEnd {
         self.repeated += usize::from(repeated);
         assert!(
             repeated || (reply.is_ok() && !spliced) == frame.disturbance.reaches_the_pi_whole(),
-            "seed {} frame {} {:?}: {reply:?} after {:?}",
+            "seed {} frame {} {:?}: {reply:?}",
             self.seed,
             self.frames,
-            frame.disturbance,
-            self.ends
+            frame.disturbance
         );
         if let Ok(report) = reply {
             let seen = report.sequence.seen;
@@ -357,10 +356,9 @@ impl PiEnd {
             self.late += usize::from(!fresh.accepted.contains(&seen));
             assert!(
                 self.may_report(seen),
-                "seed {} frame {} {:?}: the robot reports {seen} accepted after {:?}",
+                "seed {} frame {}: the robot reports {seen} accepted after {:?}",
                 self.seed,
                 self.frames,
-                frame.disturbance,
                 self.ends
             );
         }
@@ -447,9 +445,8 @@ fn assert_unmoved(rig: &Rig, pi: &PiEnd) {
     assert!(lost <= pi.close, "{log}");
     // Only a tick keeps the robot busy for that long.
     let ticks = usize::try_from(pi.now_ns / TICK_NS).expect("seconds") + 1;
-    let spared = ticks + pi.count("split");
     assert!(
-        pi.repeated + lost <= spared,
+        pi.repeated + lost <= ticks + pi.count("split"),
         "{} repeated, {lost} lost in {ticks} ticks",
         pi.repeated
     );
@@ -485,12 +482,10 @@ fn run(seed: u64, phase: u64) {
 #[test]
 fn link_rejects_disturbed_frames_and_accepts_good_ones() {
     if let Ok(seeds) = std::env::var(SEEDS) {
-        let bounds = seeds.split_once("..").expect("ROBOT_LINK_SEEDS=A..B");
         let bound = |text: &str| text.parse::<u64>().expect("ROBOT_LINK_SEEDS=A..B");
-        for seed in bound(bounds.0)..bound(bounds.1) {
-            (0..PHASES).for_each(|phase| run(seed, phase));
-        }
-        return;
+        let (first, end) = seeds.split_once("..").expect("ROBOT_LINK_SEEDS=A..B");
+        let runs = (bound(first)..bound(end)).flat_map(|seed| (0..PHASES).map(move |p| (seed, p)));
+        return runs.for_each(|(seed, phase)| run(seed, phase));
     }
     let day = SystemTime::UNIX_EPOCH
         .elapsed()
