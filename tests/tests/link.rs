@@ -23,9 +23,8 @@ const SEEDS: &str = "ROBOT_LINK_SEEDS";
 const PHASES: u64 = 8;
 /// Frames of a run.
 const FRAMES: usize = 20_000;
-/// Chip-selects that end this far apart are each read and answered, nanoseconds.
+/// Chip-selects that end this far apart are each read and answered, and the tick's period, nanoseconds.
 const BUSY_NS: u64 = 100_000;
-/// From tick to tick, nanoseconds.
 const TICK_NS: u64 = 10_000_000;
 /// Frames played at a time. The sequence numbers distinguish fresh from old over 127 frames.
 const BATCH: usize = 64;
@@ -352,8 +351,7 @@ impl PiEnd {
         );
         if let Ok(report) = reply {
             let seen = report.sequence.seen;
-            let fresh = self.ends.last().expect("never empty");
-            self.late += usize::from(!fresh.accepted.contains(&seen));
+            self.late += usize::from(!self.ends[self.ends.len() - 1].accepted.contains(&seen));
             assert!(
                 self.may_report(seen),
                 "seed {} frame {}: the robot reports {seen} accepted after {:?}",
