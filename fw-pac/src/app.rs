@@ -138,7 +138,7 @@ fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
 }
 
 impl Drivers {
-    /// Builds the armed reply anew, from the data of a tick.
+    /// Rebuilds the armed reply from the data of a tick.
     // Requirement: WIRE-spi-6
     fn refresh_reply(&mut self, robot: &mut Robot) {
         if let Some(mut fresh) = self.spi.fresh_reply() {

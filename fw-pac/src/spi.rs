@@ -110,7 +110,7 @@ impl FreeTxBuffer<'_> {
     }
 }
 
-/// A free buffer for the armed reply, built anew.
+/// A free buffer to rebuild the armed reply in.
 #[must_use]
 pub struct FreshReply<'a>(FreeTxBuffer<'a>);
 

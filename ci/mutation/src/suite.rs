@@ -110,7 +110,7 @@ impl Suite {
     /// Runs the tests with a mutant on; of the names in `only`, or all where that is empty.
     ///
     /// # Errors
-    /// Where a program cannot be started, or was killed by somebody else.
+    /// Where a program cannot be started, or was killed by a signal.
     pub fn run(&self, mutant: usize, only: &[String]) -> Result<Outcome, String> {
         let end = Instant::now() + self.limit;
         for (program, folder) in &self.programs {

@@ -185,7 +185,7 @@ impl Handover {
         None
     }
 
-    /// Where to build the armed reply anew, and its number; none where a frame has carried it.
+    /// Where to rebuild the armed reply, and its number; none where a frame has carried it.
     #[inline]
     #[must_use]
     pub fn fresh_reply(&self) -> Option<Reply> {
