@@ -852,7 +852,7 @@ FIELDS = [
         (0x020C + 8 * n, U32, "tap_%d.lower" % n, 1, 10_000_000, {1: 33_000, 2: 22_000}.get(n, 2**32 - 1)),
     )],
     (0x0300, U8, "layout_version", 2, 2, 2),
-    (0x0301, U8, "layout_length", 0x38, 0x38, 0x38),
+    (0x0301, U8, "layout_length", 0x52, 0x52, 0x52),
     (0x0302, U16, "counts_per_turn", 100, 60_000, 3840),
     (0x0304, U32, "wheel_diameter_left", 10_000, 1_000_000, 80_000),
     (0x0308, U32, "wheel_diameter_right", 10_000, 1_000_000, 80_000),
@@ -881,6 +881,19 @@ FIELDS = [
     (0x032E, U16, "rotation_tolerance", 8, 0x2000, 91),
     (0x0330, U16, "log_period", 0, 60_000, 0),
     (0x0332, U16, "servo_travel", 0, 0x8000, 0),
+    (0x0334, U16, "stop_distance", 0, 2_000, 150),
+    (0x0336, U16, "front_overhang", 0, 1_000, 20),
+    (0x0338, U16, "reaction_time", 0, 1_000, 100),
+    (0x033A, U16, "deceleration", 50, 10_000, 400),
+    (0x033C, U16, "blind_speed", 0, 2_000, 100),
+    (0x033E, U16, "reverse_speed", 0, 2_000, 50),
+    (0x0340, U16, "reverse_distance", 0, 10_000, 300),
+    (0x0342, U16, "max_speed", 10, 2_000, 200),
+    (0x0344, U16, "max_yaw_rate", 0x100, 0x8000, 0x4000),
+    (0x0346, U16, "acceleration", 50, 10_000, 400),
+    (0x0348, U16, "yaw_acceleration", 0x100, 0xFFFF, 0x8000),
+    (0x034A, U16, "full_speed_left", 1, 5_000, 134),
+    (0x034C, U16, "full_speed_right", 1, 5_000, 169),
 ]
 BY_NAME = {name: (address, kind, low, high) for address, kind, name, low, high, _ in FIELDS}
 FIRST_BOARD = {name: value for _, _, name, _, _, value in FIELDS}
@@ -900,7 +913,7 @@ def checksum(image):
 
 
 def seal(image):
-    put(image, 0x0334, struct.pack("<I", checksum(image)))
+    put(image, 0x034E, struct.pack("<I", checksum(image)))
 
 
 def image_of(config, original=False, background=0xFF):
@@ -916,7 +929,7 @@ def image_of(config, original=False, background=0xFF):
         else:
             put(image, address, struct.pack(kind, config[name]))
     if original:
-        put(image, 0x0300, b"\xFF" * 0x38)
+        put(image, 0x0300, b"\xFF" * 0x52)
     else:
         seal(image)
     return image
@@ -967,6 +980,9 @@ def eeprom():
         "dead_zone_left": 1111, "dead_zone_right": 2222, "limit_left": 8888, "limit_right": 9999,
         "log_baud": 1_000_000, "battery_warn": 3555, "battery_cutoff": 3111,
         "position_tolerance": 4321, "rotation_tolerance": 1234, "log_period": 500, "servo_travel": 0x5678,
+        "stop_distance": 201, "front_overhang": 31, "reaction_time": 121, "deceleration": 501, "blind_speed": 91,
+        "reverse_speed": 41, "reverse_distance": 251, "max_speed": 301, "max_yaw_rate": 0x2345,
+        "acceleration": 601, "yaw_acceleration": 0x6789, "full_speed_left": 151, "full_speed_right": 161,
     }
     accept("every field distinct, eight cells, sweep", distinct)
     low = {name: low for _, _, name, low, _, _ in FIELDS}
@@ -983,7 +999,7 @@ def eeprom():
     image = image_of(FIRST_BOARD, original=True, background=0xA5)
     accept("original, undefined bytes of anything", FIRST_BOARD, original=True, only="read", image=image)
     image = image_of(FIRST_BOARD)
-    put(image, 0x0338, bytes(range(0xC8)))
+    put(image, 0x0352, bytes(range(0xAE)))
     accept("bytes beyond the layout of anything", FIRST_BOARD, only="read", image=image)
 
     def refuse(name, image, address, field, value):
@@ -999,19 +1015,19 @@ def eeprom():
             image = image_of(FIRST_BOARD, original)
             image[at] ^= 1 << at % 8
             refuse("EEPROM key, byte %d" % at, image, 0, "EEPROM key", bytes(image[:10]).hex())
-    for at, bit in [(0x000A, 7), (0x0107, 6), (0x024F, 0), (0x0302, 0), (0x0333, 5)]:
+    for at, bit in [(0x000A, 7), (0x0107, 6), (0x024F, 0), (0x0302, 0), (0x034D, 5)]:
         image = image_of(FIRST_BOARD)
         right = checksum(image)
         image[at] ^= 1 << bit
-        refuse("0x%04X changed behind the checksum's back" % at, image, 0x0334, "crc", right)
+        refuse("0x%04X changed behind the checksum's back" % at, image, 0x034E, "crc", right)
     for byte in range(4):
         image = image_of(FIRST_BOARD)
-        image[0x0334 + byte] ^= 0x10
-        (found,) = struct.unpack("<I", image[0x0334:0x0338])
-        refuse("checksum, byte %d" % byte, image, 0x0334, "crc", found)
+        image[0x034E + byte] ^= 0x10
+        (found,) = struct.unpack("<I", image[0x034E:0x0352])
+        refuse("checksum, byte %d" % byte, image, 0x034E, "crc", found)
     # A page 0x03 that is not all blank is not an original one.
     image = image_of(FIRST_BOARD, original=True)
-    image[0x0337] = 0xFE
+    image[0x0351] = 0xFE
     refuse("one bit of page 0x03 written", image, 0x0300, "layout_version", 0xFF)
 
     def field(name, value, also=None, original=False, why=None):
@@ -1055,10 +1071,10 @@ def eeprom():
     image = image_of({**FIRST_BOARD, "battery_cutoff": 5000, "log_period": 60_001})
     refuse("a field and a rule", image, 0x0330, "log_period", 60_001)
     image = image_of({**FIRST_BOARD, "layout_version": 3, "mode": 0xFF})
-    image[0x0334] ^= 1
+    image[0x034E] ^= 1
     refuse("layout, checksum and a field", image, 0x0300, "layout_version", 3)
     # The layout before this one: its checksum covered every byte from 0x0000 to 0x0333.
-    image = image_of({**FIRST_BOARD, "layout_version": 1})
+    image = image_of({**FIRST_BOARD, "layout_version": 1, "layout_length": 0x38})
     put(image, 0x0334, struct.pack("<I", zlib.crc32(bytes(image[:0x0334]))))
     refuse("layout 1, right in itself", image, 0x0300, "layout_version", 1)
     return {"accepted": accepted, "rejected": refused}

@@ -8,16 +8,18 @@ use super::constraint::CONSTRAINTS;
 use super::error::{ConfigError, Expected};
 use super::field::Field;
 use super::fields::{
-    ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, BEARING_FRONT, BEARING_LEFT,
-    BEARING_RIGHT, CELLS, COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, ENCODER_LEFT_REVERSED,
-    ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_ANTI_WINDUP, FORWARD_D, FORWARD_I, FORWARD_P, GYRO,
-    KEY_FROM_PI, KEY_FROM_STM, LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MODE,
-    MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE, RANGEFINDERS,
-    ROTATION_ANTI_WINDUP, ROTATION_D, ROTATION_I, ROTATION_P, ROTATION_TOLERANCE, SERVO,
-    SERVO_REVERSED, SERVO_TRAVEL, STOP_DEADLINE, TAP_1_LOWER, TAP_1_UPPER, TAP_2_LOWER,
-    TAP_2_UPPER, TAP_3_LOWER, TAP_3_UPPER, TAP_4_LOWER, TAP_4_UPPER, TAP_5_LOWER, TAP_5_UPPER,
-    TAP_6_LOWER, TAP_6_UPPER, TAP_7_LOWER, TAP_7_UPPER, TAP_8_LOWER, TAP_8_UPPER, TRACK,
-    WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT,
+    ACCELERATION, ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, BEARING_FRONT, BEARING_LEFT,
+    BEARING_RIGHT, BLIND_SPEED, CELLS, COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT,
+    DECELERATION, ENCODER_LEFT_REVERSED, ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_ANTI_WINDUP,
+    FORWARD_D, FORWARD_I, FORWARD_P, FRONT_OVERHANG, FULL_SPEED_LEFT, FULL_SPEED_RIGHT, GYRO,
+    KEY_FROM_PI, KEY_FROM_STM, LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MAX_SPEED,
+    MAX_YAW_RATE, MODE, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE,
+    RANGEFINDERS, REACTION_TIME, REVERSE_DISTANCE, REVERSE_SPEED, ROTATION_ANTI_WINDUP, ROTATION_D,
+    ROTATION_I, ROTATION_P, ROTATION_TOLERANCE, SERVO, SERVO_REVERSED, SERVO_TRAVEL, STOP_DEADLINE,
+    STOP_DISTANCE, TAP_1_LOWER, TAP_1_UPPER, TAP_2_LOWER, TAP_2_UPPER, TAP_3_LOWER, TAP_3_UPPER,
+    TAP_4_LOWER, TAP_4_UPPER, TAP_5_LOWER, TAP_5_UPPER, TAP_6_LOWER, TAP_6_UPPER, TAP_7_LOWER,
+    TAP_7_UPPER, TAP_8_LOWER, TAP_8_UPPER, TRACK, WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT,
+    YAW_ACCELERATION,
 };
 use super::image::{Image, FIRST_PLATFORM, PLATFORM};
 use crate::binary64::Binary64;
@@ -86,6 +88,8 @@ pub struct Wheel {
     pub dead_zone: Duty,
     /// Largest duty, 0.01 % to 100 %.
     pub limit: Duty,
+    /// Speed at full duty without load, 1 ..= 5000 mm/s.
+    pub full_speed_mm_s: u16,
 }
 
 /// The servo that swings the front rangefinder.
@@ -95,6 +99,38 @@ pub struct Servo {
     pub travel: Turns,
     /// A longer pulse turns it clockwise.
     pub reversed: bool,
+}
+
+/// Limits of the velocity in [`Mode::GuardedVelocity`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VelocityLimits {
+    /// Largest forward speed, 10 ..= 2000 mm/s.
+    pub speed_mm_s: u16,
+    /// Largest yaw rate either way, 2⁻³² turns/s, 2²⁴ ..= 2³¹.
+    pub yaw_rate: u32,
+    /// Change of the forward speed, 50 ..= 10 000 mm/s².
+    pub acceleration_mm_s2: u16,
+    /// Change of the yaw rate, 2⁻³² turns/s², at least 2²⁴.
+    pub yaw_acceleration: u32,
+}
+
+/// Figures of the obstacle stop and of driving backward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ObstacleStop {
+    /// Kept free ahead of the robot's front edge, 0 ..= 2000 mm.
+    pub stop_distance_mm: u16,
+    /// From the front rangefinder's face to the robot's front edge, 0 ..= 1000 mm.
+    pub overhang_mm: u16,
+    /// From an echo to slower wheels, 0 ..= 1000 ms.
+    pub reaction_time: Milliseconds,
+    /// 50 ..= 10 000 mm/s².
+    pub deceleration_mm_s2: u16,
+    /// Largest forward speed without a front distance, 0 ..= 2000 mm/s.
+    pub blind_speed_mm_s: u16,
+    /// Largest backward speed, 0 ..= 2000 mm/s.
+    pub reverse_speed_mm_s: u16,
+    /// Driven by velocity: longest way back before the next way forward, 0 ..= 10 000 mm.
+    pub reverse_distance_mm: u16,
 }
 
 /// Everything the robot needs to know, checked: what holds of its parts, their documentation says.
@@ -124,6 +160,8 @@ pub struct Config {
     battery_cutoff: Volts,
     position_tolerance: Micrometres,
     rotation_tolerance: Turns,
+    obstacle_stop: ObstacleStop,
+    velocity_limits: VelocityLimits,
 }
 
 impl Config {
@@ -194,12 +232,13 @@ impl Config {
             upper: Ohms(raw(upper) as u32),
             lower: Ohms(raw(lower) as u32),
         };
-        let wheel = |diameter, encoder, motor, dead_zone, limit| Wheel {
+        let wheel = |diameter, encoder, motor, dead_zone, limit, full_speed| Wheel {
             diameter: micrometres(diameter),
             encoder_reversed: flag(encoder),
             motor_reversed: flag(motor),
             dead_zone: duty(dead_zone),
             limit: duty(limit),
+            full_speed_mm_s: word(full_speed),
         };
         Self {
             mode: Mode::from_code(raw(MODE) as u8).unwrap_or_default(),
@@ -227,6 +266,7 @@ impl Config {
                 MOTOR_LEFT_REVERSED,
                 DEAD_ZONE_LEFT,
                 LIMIT_LEFT,
+                FULL_SPEED_LEFT,
             ),
             right: wheel(
                 WHEEL_DIAMETER_RIGHT,
@@ -234,6 +274,7 @@ impl Config {
                 MOTOR_RIGHT_REVERSED,
                 DEAD_ZONE_RIGHT,
                 LIMIT_RIGHT,
+                FULL_SPEED_RIGHT,
             ),
             track: micrometres(TRACK),
             counts_per_turn: word(COUNTS_PER_TURN),
@@ -257,6 +298,21 @@ impl Config {
             battery_cutoff: millivolts(BATTERY_CUTOFF),
             position_tolerance: micrometres(POSITION_TOLERANCE),
             rotation_tolerance: turns(ROTATION_TOLERANCE),
+            obstacle_stop: ObstacleStop {
+                stop_distance_mm: word(STOP_DISTANCE),
+                overhang_mm: word(FRONT_OVERHANG),
+                reaction_time: Milliseconds(word(REACTION_TIME)),
+                deceleration_mm_s2: word(DECELERATION),
+                blind_speed_mm_s: word(BLIND_SPEED),
+                reverse_speed_mm_s: word(REVERSE_SPEED),
+                reverse_distance_mm: word(REVERSE_DISTANCE),
+            },
+            velocity_limits: VelocityLimits {
+                speed_mm_s: word(MAX_SPEED),
+                yaw_rate: turns(MAX_YAW_RATE).0,
+                acceleration_mm_s2: word(ACCELERATION),
+                yaw_acceleration: turns(YAW_ACCELERATION).0,
+            },
         }
     }
 
@@ -407,6 +463,18 @@ impl Config {
     #[must_use]
     pub const fn rotation_tolerance(&self) -> Turns {
         self.rotation_tolerance
+    }
+
+    /// The obstacle stop's figures.
+    #[must_use]
+    pub const fn obstacle_stop(&self) -> &ObstacleStop {
+        &self.obstacle_stop
+    }
+
+    /// The limits of a commanded velocity.
+    #[must_use]
+    pub const fn velocity_limits(&self) -> &VelocityLimits {
+        &self.velocity_limits
     }
 }
 

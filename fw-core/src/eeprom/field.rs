@@ -86,6 +86,16 @@ pub enum Unit {
     Turns,
     /// Milliseconds.
     Milliseconds,
+    /// Millimetres.
+    Millimetres,
+    /// Millimetres per second.
+    MillimetresPerSecond,
+    /// Millimetres per second, per second.
+    MillimetresPerSecondSquared,
+    /// Turns × 0x10000 per second.
+    TurnsPerSecond,
+    /// Turns × 0x10000 per second, per second.
+    TurnsPerSecondSquared,
     /// Symbols per second.
     Baud,
 }
@@ -105,6 +115,11 @@ impl Unit {
             Self::Micrometres => "um",
             Self::Turns => "turn/65536",
             Self::Milliseconds => "ms",
+            Self::Millimetres => "mm",
+            Self::MillimetresPerSecond => "mm/s",
+            Self::MillimetresPerSecondSquared => "mm/s^2",
+            Self::TurnsPerSecond => "turn/65536/s",
+            Self::TurnsPerSecondSquared => "turn/65536/s^2",
             Self::Baud => "baud",
         }
     }

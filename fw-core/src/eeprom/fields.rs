@@ -38,6 +38,13 @@ const LIMIT: Accepted = int(1, 10_000);
 /// Above any cell there is; 0 switches the supervision off.
 const CELL_MILLIVOLTS: Accepted = int(0, 5_000);
 
+/// A wheel that does not turn at full duty cannot be controlled; 5 m/s is no robot of this kind.
+const FULL_SPEED: Accepted = int(1, 5_000);
+/// Slower than 10 mm/s is below a count a tick; the wheels' speeds stay within 16 bits of a count.
+const SPEED: Accepted = int(10, 2_000);
+/// Below 50 mm/s² a robot needs metres to start or to stop; above 1 g its wheels slip.
+const RATE_OF_SPEED: Accepted = int(50, 10_000);
+
 /// Bits of an unwritten resistor.
 const UNWRITTEN: u64 = u32::MAX as u64;
 
@@ -87,7 +94,7 @@ macro_rules! fields {
     };
 }
 
-/// Every field, by address; the EEPROM key at 0x0000 and the checksum at 0x0334 are none.
+/// Every field, by address; the EEPROM key at 0x0000 and the checksum at 0x034E are none.
 pub static FIELDS: [Field; COUNT] = TABLE;
 
 #[rustfmt::skip]
@@ -136,7 +143,7 @@ fields! {
     // Page 0x03, ours.
     // Requirement: WIRE-platform-1
     LAYOUT_VERSION 0x0300 Kind::U8, "layout_version" [None] int(2, 2), = 2, "layout of this page";
-    LAYOUT_LENGTH 0x0301 Kind::U8, "layout_length" [None] int(0x38, 0x38), = 0x38, "bytes it defines, checksum included";
+    LAYOUT_LENGTH 0x0301 Kind::U8, "layout_length" [None] int(0x52, 0x52), = 0x52, "bytes it defines, checksum included";
     // Below 100 counts a turn a count is centimetres and degrees.
     COUNTS_PER_TURN 0x0302 Kind::U16, "counts_per_turn" [None] int(100, 60_000), = 3840, "encoder counts per wheel turn, both channels, both edges";
     WHEEL_DIAMETER_LEFT 0x0304 Kind::U32, "wheel_diameter_left" [Micrometres] DIAMETER, = 80_000, "mm, resolution 0.001";
@@ -172,4 +179,20 @@ fields! {
     LOG_PERIOD 0x0330 Kind::U16, "log_period" [Milliseconds] int(0, 60_000), = 0, "ms between pose lines in the log, 0 = none";
     // A sensor that looks further back than sideways sees the robot.
     SERVO_TRAVEL 0x0332 Kind::U16, "servo_travel" [Turns] int(0, 0x8000), = 0, "degrees between pulses of 1.0 and 2.0 ms, 0 to 180; 0 stands for 180";
+    // The obstacle stop and the limits of the velocity.
+    // Requirement: WIRE-platform-13
+    STOP_DISTANCE 0x0334 Kind::U16, "stop_distance" [Millimetres] int(0, 2_000), = 150, "kept between the robot's front edge and an obstacle, mm";
+    FRONT_OVERHANG 0x0336 Kind::U16, "front_overhang" [Millimetres] int(0, 1_000), = 20, "from the front rangefinder's face to the robot's front edge, mm";
+    REACTION_TIME 0x0338 Kind::U16, "reaction_time" [Milliseconds] int(0, 1_000), = 100, "from an echo to slower wheels, ms";
+    DECELERATION 0x033A Kind::U16, "deceleration" [MillimetresPerSecondSquared] RATE_OF_SPEED, = 400, "of the obstacle stop, mm/s²";
+    BLIND_SPEED 0x033C Kind::U16, "blind_speed" [MillimetresPerSecond] int(0, 2_000), = 100, "largest forward speed without a front distance, mm/s";
+    REVERSE_SPEED 0x033E Kind::U16, "reverse_speed" [MillimetresPerSecond] int(0, 2_000), = 50, "largest backward speed, mm/s";
+    REVERSE_DISTANCE 0x0340 Kind::U16, "reverse_distance" [Millimetres] int(0, 10_000), = 300, "driven by velocity: longest way back before the next way forward, mm";
+    MAX_SPEED 0x0342 Kind::U16, "max_speed" [MillimetresPerSecond] SPEED, = 200, "driven by velocity: largest forward speed, mm/s";
+    // Half a turn a second, as on the wire.
+    MAX_YAW_RATE 0x0344 Kind::U16, "max_yaw_rate" [TurnsPerSecond] int(0x100, 0x8000), = 0x4000, "driven by velocity: largest yaw rate, degrees/s, resolution 0.0055";
+    ACCELERATION 0x0346 Kind::U16, "acceleration" [MillimetresPerSecondSquared] RATE_OF_SPEED, = 400, "driven by velocity, mm/s²";
+    YAW_ACCELERATION 0x0348 Kind::U16, "yaw_acceleration" [TurnsPerSecondSquared] int(0x100, 0xFFFF), = 0x8000, "driven by velocity, degrees/s², resolution 0.0055";
+    FULL_SPEED_LEFT 0x034A Kind::U16, "full_speed_left" [MillimetresPerSecond] FULL_SPEED, = 134, "of the wheel at full duty without load, mm/s";
+    FULL_SPEED_RIGHT 0x034C Kind::U16, "full_speed_right" [MillimetresPerSecond] FULL_SPEED, = 169, "of the wheel at full duty without load, mm/s";
 }

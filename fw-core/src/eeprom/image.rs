@@ -19,10 +19,10 @@ pub const LAYOUT: u8 = 2;
 pub const PLATFORM: u16 = 0x0300;
 
 /// Bytes of page 0x03 that its layout defines, checksum included.
-pub const PLATFORM_LEN: usize = 0x38;
+pub const PLATFORM_LEN: usize = 0x52;
 
 /// Where the checksum is stored: behind every byte that it covers.
-pub const CRC_ADDRESS: u16 = 0x0334;
+pub const CRC_ADDRESS: u16 = 0x034E;
 
 /// A range of addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -46,7 +46,9 @@ mod field;
 pub mod fields;
 mod image;
 
-pub use config::{Config, Divider, Gain, Gains, Servo, Wheel, MAX_CELLS};
+pub use config::{
+    Config, Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel, MAX_CELLS,
+};
 pub use constraint::{Constraint, CONSTRAINTS};
 pub use crc32::crc32;
 pub use error::{ConfigError, Expected, FieldValue};

@@ -113,16 +113,22 @@ fn original_image_decodes_with_first_platform() {
     assert_eq!(written, image);
 }
 
-// Requirement: DOC-6-5, WIRE-eeprom-8
+// Requirement: DOC-6-5, WIRE-eeprom-8, WIRE-platform-13
 #[test]
 fn page_three_by_hand_decodes() {
     let mut image = original_by_hand();
-    put(&mut image, 0x0300, "02 38 D0 07");
+    put(&mut image, 0x0300, "02 52 D0 07");
     put(&mut image, 0x0304, "10 98 02 00 C0 D4 01 00 F0 49 02 00");
     put(&mut image, 0x0310, "16 02 01 00 02 C0 03 40 01 01");
     put(&mut image, 0x031A, "2C 01 E8 03 D0 07 28 23 10 27");
     put(&mut image, 0x0324, "00 C2 01 00 AC 0D E4 0C");
     put(&mut image, 0x032C, "E8 03 B6 00 64 00 34 52");
+    put(
+        &mut image,
+        0x0334,
+        "C8 00 1E 00 50 00 F4 01 5A 00 28 00 FA 00",
+    );
+    put(&mut image, 0x0342, "2C 01 00 20 58 02 00 60 96 00 A0 00");
     image.seal();
     let config = Config::decode(&image).unwrap();
     assert_eq!(config.counts_per_turn(), 2000);
@@ -132,6 +138,7 @@ fn page_three_by_hand_decodes() {
         motor_reversed: true,
         dead_zone: Duty::saturating(1000),
         limit: Duty::saturating(9000),
+        full_speed_mm_s: 150,
     };
     let right = Wheel {
         diameter: Micrometres(120_000),
@@ -139,6 +146,7 @@ fn page_three_by_hand_decodes() {
         motor_reversed: false,
         dead_zone: Duty::saturating(2000),
         limit: Duty::saturating(10_000),
+        full_speed_mm_s: 160,
     };
     assert_eq!((config.left(), config.right()), (&left, &right));
     assert_eq!(config.track(), Micrometres(150_000));
@@ -162,6 +170,25 @@ fn page_three_by_hand_decodes() {
     assert_eq!(config.battery_cutoff(), Volts(U16F16::from_bits(0x34CCC)));
     assert_eq!(config.position_tolerance(), Micrometres(1000));
     assert_eq!(config.rotation_tolerance(), Turns(182 << 16));
+    let stop = ObstacleStop {
+        stop_distance_mm: 200,
+        overhang_mm: 30,
+        reaction_time: Milliseconds(80),
+        deceleration_mm_s2: 500,
+        blind_speed_mm_s: 90,
+        reverse_speed_mm_s: 40,
+        reverse_distance_mm: 250,
+    };
+    let limits = VelocityLimits {
+        speed_mm_s: 300,
+        yaw_rate: 1 << 29,
+        acceleration_mm_s2: 600,
+        yaw_acceleration: 3 << 29,
+    };
+    assert_eq!(
+        (config.obstacle_stop(), config.velocity_limits()),
+        (&stop, &limits)
+    );
 }
 
 #[test]
@@ -174,7 +201,7 @@ fn servo_travel_zero_is_half_a_turn() {
 #[test]
 fn spans_are_the_defined_bytes() {
     let spans: Vec<_> = SPANS.map(|span| (span.address, span.len)).into();
-    assert_eq!(spans, [(0, 13), (0x100, 64), (0x203, 77), (0x300, 56)]);
+    assert_eq!(spans, [(0, 13), (0x100, 64), (0x203, 77), (0x300, 82)]);
     // Every byte of a field, and every byte of a span but the EEPROM key's and the checksum's.
     let mut touched: Vec<u16> = FIELDS
         .iter()
@@ -281,11 +308,11 @@ fn rejections_read_as_one_sentence() {
         assert_eq!(error.to_string(), String::from("EEPROM page 0x") + text);
     }
     let mut image = Image::FIRST_BOARD;
-    image.0[0x0337] ^= 0x80;
+    image.0[0x0351] ^= 0x80;
     let (sum, found) = (image.checksum(), image.stored_checksum());
     assert_eq!(
         rejection(&image).to_string(),
-        std::format!("EEPROM page 0x03 address 0x34: crc is 0x{found:08X}, accepted: 0x{sum:08X}")
+        std::format!("EEPROM page 0x03 address 0x4E: crc is 0x{found:08X}, accepted: 0x{sum:08X}")
     );
 }
 
@@ -450,7 +477,7 @@ fn single_bit_error_rejected_only_in_defined_bytes() {
 #[test]
 fn checksum_covers_the_defined_bytes_by_address() {
     let mut covered: Vec<u8> = Vec::new();
-    for range in [0..0xD, 0x100..0x140, 0x203..0x250, 0x300..0x334] {
+    for range in [0..0xD, 0x100..0x140, 0x203..0x250, 0x300..0x34E] {
         covered.extend(&Image::FIRST_BOARD.0[range]);
     }
     assert_eq!(Image::FIRST_BOARD.checksum(), crc32(&covered));
@@ -461,7 +488,7 @@ fn checksum_covers_the_defined_bytes_by_address() {
 // Requirement: WIRE-eeprom-1
 #[test]
 fn page_three_with_one_byte_written_rejected() {
-    for at in 0x300..0x338 {
+    for at in 0x300..0x352 {
         let mut image = original_by_hand();
         image.0[at] = 0xFE;
         assert_eq!(rejection(&image).page(), 3);
@@ -474,7 +501,7 @@ fn other_layout_named_before_checksum() {
     for (field, raw) in [
         (LAYOUT_VERSION, 1),
         (LAYOUT_VERSION, 3),
-        (LAYOUT_LENGTH, 0x3C),
+        (LAYOUT_LENGTH, 0x38),
     ] {
         let mut image = Image::FIRST_BOARD;
         image.set(field, raw);
@@ -488,7 +515,7 @@ fn undefined_bytes_survive_a_rewrite() {
     let mut image = Image([0x5C; IMAGE_LEN]);
     image.copy_defined(&Image::FIRST_BOARD);
     assert_eq!(Config::decode(&image), Ok(first_board()));
-    for at in [0x000D, 0x0140, 0x0202, 0x0250, 0x0338, 0x03FF] {
+    for at in [0x000D, 0x0140, 0x0202, 0x0250, 0x0352, 0x03FF] {
         assert_eq!(image.0[at], 0x5C);
     }
 }

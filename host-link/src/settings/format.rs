@@ -27,6 +27,11 @@ pub(super) fn key(field: &Field) -> String {
         Unit::Micrometres => "_mm",
         Unit::Turns => "_deg",
         Unit::Milliseconds => "_ms",
+        Unit::Millimetres => "_mm",
+        Unit::MillimetresPerSecond => "_mm_s",
+        Unit::MillimetresPerSecondSquared => "_mm_s2",
+        Unit::TurnsPerSecond => "_deg_s",
+        Unit::TurnsPerSecondSquared => "_deg_s2",
     };
     format!("{section}.{}{unit}", field.name)
 }
@@ -62,7 +67,9 @@ impl Format {
             (_, Accepted::Mode) => Self::Mode,
             (_, Accepted::RealRange { .. }) => Self::Real,
             (Unit::Turns, _) if any => Self::Bearing,
-            (Unit::Turns, _) => Self::Scaled(TURN / 360.0),
+            (Unit::Turns | Unit::TurnsPerSecond | Unit::TurnsPerSecondSquared, _) => {
+                Self::Scaled(TURN / 360.0)
+            }
             (Unit::Micrometres | Unit::Millivolts, _) => Self::Scaled(1000.0),
             (Unit::PercentHundredths, _) => Self::Scaled(100.0),
             (_, Accepted::IntRange { min: 0, max: 1 }) => Self::Flag,

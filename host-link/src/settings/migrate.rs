@@ -1,18 +1,24 @@
-//! Images of layout 1 of page 0x03, whose checksum covers every byte before it.
+//! Images of layout 1 of page 0x03, which ends with the servo's travel and a checksum over every byte
+//! before it.
 
-use fw_core::eeprom::fields::{FIELDS, LAYOUT_VERSION};
-use fw_core::eeprom::{crc32, Image, CRC_ADDRESS, KEY};
+use fw_core::eeprom::fields::{FIELDS, LAYOUT_LENGTH, LAYOUT_VERSION};
+use fw_core::eeprom::{crc32, Image, KEY};
+
+/// Where the checksum of layout 1 is stored.
+const CHECKSUM: usize = 0x0334;
 
 /// The values of a right image of layout 1 in the layout of today; `None` for any other image.
 pub(super) fn from_layout_1(image: &Image) -> Option<Image> {
-    let covered = image.0.get(..usize::from(CRC_ADDRESS))?;
+    let (covered, rest) = image.0.split_at_checked(CHECKSUM)?;
     let is_layout_1 = image.get(LAYOUT_VERSION) == 1
         && image.0.starts_with(&KEY)
-        && crc32(covered) == image.stored_checksum();
+        && rest.starts_with(&crc32(covered).to_le_bytes());
     is_layout_1.then(|| {
         let mut migrated = image.clone();
         for field in &FIELDS {
-            let raw = if field.address == LAYOUT_VERSION.address {
+            let is_new = usize::from(field.address) >= CHECKSUM
+                || [LAYOUT_VERSION.address, LAYOUT_LENGTH.address].contains(&field.address);
+            let raw = if is_new {
                 Image::FIRST_BOARD.get(field)
             } else {
                 image.get(field)
@@ -37,6 +43,8 @@ mod tests {
         // The old checksum covered undefined bytes, too.
         image.0[0x0280] = 0x55;
         image.set(LAYOUT_VERSION, 1);
+        image.set(LAYOUT_LENGTH, 0x38);
+        image.0[0x0338..].fill(0xFF);
         let sum = crc32(&image.0[..0x0334]).to_le_bytes();
         image.0[0x0334..0x0338].copy_from_slice(&sum);
         image
@@ -47,7 +55,12 @@ mod tests {
         let old = layout_1();
         let settings = Settings::from_image(&old).unwrap();
         for field in FIELDS.iter().filter(|field| field.constant().is_none()) {
-            assert_eq!(settings.get(field), old.get(field), "{}", field.name);
+            let before = if field.address < 0x0334 {
+                &old
+            } else {
+                &Image::FIRST_BOARD
+            };
+            assert_eq!(settings.get(field), before.get(field), "{}", field.name);
         }
         assert_eq!(settings.image().get(LAYOUT_VERSION), 2);
         assert_eq!(settings.image().0[0x0280], 0x55);
