@@ -1,6 +1,5 @@
-//! The trace of requirements: each is a line of `docs/requirements.md`, has its text in the original
-//! document or in a section of `docs/interfaces.md`, and is cited above the code that meets it and above
-//! the test or property that checks it.
+//! The trace of requirements: each is a row of `docs/requirements.md` or ends a text of `docs/interfaces.md`,
+//! and is cited above the code that meets it and above the test or property that checks it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,8 +18,6 @@ const DOCUMENT: &str = "1 2.1 2.2 2.3 3.1 3.2 3.3 4 4.1 5 5.1 5.1.1 5.1.2 5.1.3 
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Requirement {
     text: String,
-    /// The sections of `docs/interfaces.md` that it is taken from.
-    sections: Vec<String>,
     /// Above code that meets it.
     pub code: Vec<String>,
     /// Above what checks that code.
@@ -38,8 +35,8 @@ impl Trace {
     /// Reads both pages and every citation.
     pub fn read(workspace: &Workspace) -> Result<Self> {
         let mut trace = Self::default();
-        trace.read_requirements(&workspace.sh.read_file(REQUIREMENTS)?);
         trace.read_interfaces(&workspace.sh.read_file(INTERFACES)?);
+        trace.read_requirements(&workspace.sh.read_file(REQUIREMENTS)?);
         for (name, source) in workspace.rust_files()? {
             trace.read_source(&name, &source);
         }
@@ -60,80 +57,69 @@ impl Trace {
     pub fn print(&self) {
         for (id, one) in &self.requirements {
             println!("{id}: {}", one.text);
-            let places = [&one.sections, &one.code, &one.checks];
-            let what = ["text in", "met in", "checked in"].iter();
-            for (what, places) in what.zip(places).filter(|(_, places)| !places.is_empty()) {
+            for (what, places) in [("met in", &one.code), ("checked in", &one.checks)] {
                 println!("    {what:<11} {}", places.join(", "));
             }
         }
     }
 
-    /// The requirements of the page: `- ID: sentence`. The middle of a `DOC-…` is a section of the
-    /// document; a section without requirement has a line `- SECTION: what it says, and why that is none`.
-    fn read_requirements(&mut self, page: &str) {
-        let mut accounted = BTreeSet::new();
-        let line = pattern(r"(?m)^- (?:((?:DOC-([\d.]+)|WIRE-\w+)-\d+)|([\d.]+)): (.*)$");
-        for line in line.captures_iter(page) {
-            accounted.extend(line.get(2).or(line.get(3)).map(|section| section.as_str()));
-            if let Some(id) = line.get(1).map(|id| id.as_str()) {
-                let (text, rest) = (line[4].to_owned(), Requirement::default());
-                let requirement = Requirement { text, ..rest };
-                if self
-                    .requirements
-                    .insert(id.to_owned(), requirement)
-                    .is_some()
-                {
-                    self.findings
-                        .push(format!("{REQUIREMENTS}: {id} for the second time"));
-                }
-            }
+    fn add(&mut self, id: String, text: String) {
+        let rest = Requirement::default();
+        if self.requirements.contains_key(&id) {
+            self.findings.push(format!("{id} for the second time"));
         }
-        let document: BTreeSet<_> = DOCUMENT.split(' ').collect();
-        let missing = document.difference(&accounted);
-        let missing =
-            missing.map(|section| format!("{REQUIREMENTS}: no line of section {section}"));
-        self.findings.extend(missing);
-        let unknown = accounted.difference(&document);
-        let unknown =
-            unknown.map(|section| format!("{REQUIREMENTS}: there is no section {section}"));
-        self.findings.extend(unknown);
+        self.requirements.insert(id, Requirement { text, ..rest });
     }
 
-    /// Notes the requirements of each section of `docs/interfaces.md`: a paragraph `Requirements: A, B-1
-    /// to 3`, or `Background: …` where a section demands nothing. Every `WIRE-…` must be some section's.
+    /// The requirements of the page: `- ID: sentence`; and of the document, by the middle of `DOC-…`: each
+    /// section has one, or a line `- SECTION: what it says, and why that is none`.
+    fn read_requirements(&mut self, page: &str) {
+        for row in pattern(r"(?m)^- ((?:DOC|WIRE)-[\w.]+-\d+): (.*)$").captures_iter(page) {
+            self.add(row[1].to_owned(), row[2].to_owned());
+        }
+        let ids = self.requirements.keys();
+        let demanding = ids.filter_map(|id| id.strip_prefix("DOC-")?.split('-').next());
+        let mut accounted: BTreeSet<_> = demanding.collect();
+        let other = pattern(r"(?m)^- ([\d.]+): ");
+        accounted.extend(other.captures_iter(page).map(|row| row.extract::<1>().1[0]));
+        let document: BTreeSet<_> = DOCUMENT.split(' ').collect();
+        let missing = document.difference(&accounted);
+        let missing = missing.map(|section| format!("no line of section {section}"));
+        let unknown = accounted.difference(&document);
+        let unknown = unknown.map(|section| format!("there is no section {section}"));
+        self.findings.extend(missing.chain(unknown));
+    }
+
+    /// The requirements of `docs/interfaces.md`: `[A, B-1 to 3]` ends the text of A, B-1, B-2 and B-3, which
+    /// begins where the paragraph does or behind the mark before. A section without any is a finding.
     fn read_interfaces(&mut self, page: &str) {
-        let cited = pattern(r"(?m)^Requirements: ((?:.|\n[^\n])*)");
+        let mark = pattern(r"\[((?:(?:DOC|WIRE)-[\w.]+-\d+(?:\s+to\s+\d+)?,?\s*)+)\]");
         let item = pattern(r"([A-Z]+-[\w.]+-)(\d+)(?:\s+to\s+(\d+))?");
-        let background = pattern(r"(?m)^Background: ");
         for section in page.split("\n#") {
             let (name, body) = section.split_once('\n').unwrap_or((section, ""));
             let name = name.trim_start_matches(['#', ' ']);
-            let accounted = cited.is_match(body) || background.is_match(body);
-            if !accounted && !body.trim().is_empty() {
-                let missing = "names no requirement and is not marked as background";
+            if !mark.is_match(body) && !body.trim().is_empty() {
                 self.findings
-                    .push(format!("{INTERFACES}: \"{name}\" {missing}"));
+                    .push(format!("{INTERFACES}: \"{name}\" states no requirement"));
             }
-            let items = cited.captures_iter(body).map(|cited| cited[1].to_owned());
-            let items = items.collect::<Vec<_>>().join(",");
-            for item in item.captures_iter(&items) {
-                let first: u32 = item[2].parse().unwrap_or(0);
-                let last = item.get(3).and_then(|last| last.as_str().parse().ok());
-                for number in first..=last.unwrap_or(first) {
-                    let id = format!("{}{number}", &item[1]);
-                    match self.requirements.get_mut(&id) {
-                        Some(requirement) => requirement.sections.push(name.to_owned()),
-                        None => self
-                            .findings
-                            .push(format!("{INTERFACES}: {id} is no requirement")),
+            for paragraph in body.split("\n\n") {
+                let mut start = 0;
+                for found in mark.captures_iter(paragraph) {
+                    let (whole, [items]) = found.extract();
+                    let end = found.get(0).map_or(0, |whole| whole.start());
+                    let words = paragraph[start..end].split_whitespace().collect::<Vec<_>>();
+                    let words = words.join(" ");
+                    let text =
+                        format!("{name}: {}", words.trim_start_matches(['.', ',', ';', ' ']));
+                    start = end + whole.len();
+                    for item in item.captures_iter(items) {
+                        let first: u32 = item[2].parse().unwrap_or(0);
+                        let last = item.get(3).and_then(|last| last.as_str().parse().ok());
+                        for number in first..=last.unwrap_or(first) {
+                            self.add(format!("{}{number}", &item[1]), text.clone());
+                        }
                     }
                 }
-            }
-        }
-        for (id, requirement) in &self.requirements {
-            if id.starts_with("WIRE-") && requirement.sections.is_empty() {
-                self.findings
-                    .push(format!("{id}: no section of {INTERFACES} is its text"));
             }
         }
     }
@@ -186,53 +172,46 @@ mod tests {
     #[test]
     fn section_of_the_document_without_a_line_is_named() {
         let findings = |left_out: &[&str], more: &str| {
-            let sections = DOCUMENT
-                .split(' ')
-                .filter(|section| !left_out.contains(section));
+            let sections = DOCUMENT.split(' ');
+            let sections = sections.filter(|section| !left_out.contains(section));
             let lines = sections.map(|section| format!("- DOC-{section}-1: It does.\n"));
             let mut trace = Trace::default();
             trace.read_requirements(&(lines.collect::<String>() + more));
-            trace.findings.join("; ").replace(REQUIREMENTS, "")
+            trace.findings.join("; ")
         };
         assert_eq!(findings(&[], ""), "");
-        assert_eq!(
-            findings(&["4", "5.1.3"], ""),
-            ": no line of section 4; : no line of section 5.1.3"
-        );
+        let missing = "no line of section 4; no line of section 5.1.3";
+        assert_eq!(findings(&["4", "5.1.3"], ""), missing);
         assert_eq!(findings(&["4"], "- 4: the chapter's title.\n"), "");
-        assert_eq!(
-            findings(&[], "- DOC-5.1.7-1: It does.\n"),
-            ": there is no section 5.1.7"
-        );
-        assert_eq!(
-            findings(&[], "- DOC-1-1: It does.\n"),
-            ": DOC-1-1 for the second time"
-        );
+        let unknown = findings(&[], "- DOC-5.1.7-1: It does.\n");
+        assert_eq!(unknown, "there is no section 5.1.7");
+        let twice = findings(&[], "- DOC-1-1: It does.\n");
+        assert_eq!(twice, "DOC-1-1 for the second time");
     }
 
     #[test]
-    fn requirement_belongs_to_the_sections_that_name_it() {
-        let mut trace = some();
+    fn mark_ends_the_text_of_its_requirements() {
+        let mut trace = Trace::default();
         trace.read_interfaces(
-            "# Title\n\nBackground: words.\n\n## A\n\n### B\n\nIt does.\n\nRequirements: WIRE-a-1, \
-             DOC-1-1,\nWIRE-a-2.\n\nMore, WIRE-a-3.\n\n## C\n\nRequirements: WIRE-a-1 to 2\n",
+            "# Title\n\nWords.\n\n## A\n\n### B\n\nIt [does](x.md) [WIRE-a-1,\nDOC-1-1]. Then\nit\nstops \
+             [WIRE-b-1\nto 2].\n\nMore [WIRE-a-1].\n",
         );
-        assert_eq!(trace.findings, [""; 0]);
-        let sections = trace
-            .requirements
-            .values()
-            .map(|one| one.sections.join(" "));
-        assert_eq!(sections.collect::<Vec<_>>(), ["B", "B C", "B C"]);
-        let mut trace = some();
-        trace.read_interfaces(
-            "# Title\n\nWords.\n\n## A\n\nRequirements: WIRE-a-1, WIRE-a-3\n\n## B\n",
+        let title = format!("{INTERFACES}: \"Title\" states no requirement");
+        assert_eq!(
+            trace.findings,
+            [title, "WIRE-a-1 for the second time".into()]
         );
+        let found = trace.requirements.iter();
+        let found: Vec<_> = found
+            .map(|(id, one)| format!("{id} {}", one.text))
+            .collect();
         let expected = [
-            format!("{INTERFACES}: \"Title\" names no requirement and is not marked as background"),
-            format!("{INTERFACES}: WIRE-a-3 is no requirement"),
-            format!("WIRE-a-2: no section of {INTERFACES} is its text"),
+            "DOC-1-1 B: It [does](x.md)",
+            "WIRE-a-1 B: More",
+            "WIRE-b-1 B: Then it stops",
+            "WIRE-b-2 B: Then it stops",
         ];
-        assert_eq!(trace.findings, expected);
+        assert_eq!(found, expected);
     }
 
     #[test]

@@ -47,6 +47,21 @@ fn ascii(unit: &str) -> String {
         .replace('°', "deg")
 }
 
+/// The fields of a row: address and name. `0x0220 … 0x0248 | tap_3.upper … tap_8.upper` are six, 8 bytes apart.
+fn expanded(row: &Row) -> Vec<(u64, String, &Row)> {
+    let (address, name) = (row.get("address"), row.get("field"));
+    let Some((first, last)) = address.split_once(" … ") else {
+        return vec![(number(address), name.to_owned(), row)];
+    };
+    let (name, end) = name.split_once(" … ").expect("names");
+    let addresses = (number(first)..=number(last)).step_by(8).zip('3'..);
+    let rows: Vec<_> = addresses
+        .map(|(address, tap)| (address, name.replace('3', &tap.to_string()), row))
+        .collect();
+    assert_eq!(rows.last().expect("a row").1, end);
+    rows
+}
+
 fn value(row: &Row) -> u64 {
     let text = row.get("first board");
     if row.get("type") == "double" {
@@ -73,11 +88,13 @@ fn fields_are_those_of_the_tables() {
     assert_eq!((crc.get("type"), crc.get("field")), ("u32", "crc"));
     assert_eq!(usize::from(CRC_ADDRESS) + 4, 0x0300 + PLATFORM_LEN);
 
+    let mut rows: Vec<_> = rows.iter().flat_map(expanded).collect();
+    rows.sort_by_key(|row| row.0);
     assert_eq!(rows.len(), FIELDS.len());
-    for (row, field) in rows.iter().zip(&FIELDS) {
-        assert_eq!(row.number("address"), u64::from(field.address), "{row:?}");
+    for ((address, name, row), field) in rows.into_iter().zip(&FIELDS) {
+        assert_eq!(address, u64::from(field.address), "{row:?}");
+        assert_eq!(name, field.name);
         assert_eq!(row.get("type"), kind(field.kind), "{row:?}");
-        assert_eq!(row.get("field"), field.name);
         assert_eq!(ascii(row.get("unit")), field.unit.symbol(), "{row:?}");
         assert_eq!(row.get("accepted"), accepted(field), "{row:?}");
         assert_eq!(value(row), Image::FIRST_BOARD.get(field), "{row:?}");
