@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         drive.world.path_mm() / 1000.0,
         drive.world.time_s()
     );
-    println!("collisions {}", drive.world.collisions());
+    println!("collisions {}", drive.world.collisions().len());
     println!("readings {:?}", drive.mapper.counters());
     println!("map {:.3?}", map_iou(grid, &drive.walls, 100.0));
     Ok(())

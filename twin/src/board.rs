@@ -213,7 +213,7 @@ impl Board {
                 duty: Sides::new(duty(pinout::LEFT_BRIDGE), duty(pinout::RIGHT_BRIDGE)),
                 battery_v: board.world.battery().taps(),
                 path_mm: board.world.path_mm(),
-                collisions: board.world.collisions(),
+                collisions: u32::try_from(board.world.collisions().len()).unwrap_or(u32::MAX),
             }
         })
     }

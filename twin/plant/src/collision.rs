@@ -2,36 +2,42 @@
 
 use crate::{Pose2, Room};
 
-/// A contact of the body with an obstacle.
+/// A contact of the body with an obstacle at more than [`COLLISION_MM_S`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Collision {
     /// Seconds since the start of the run.
     pub time_s: f64,
     /// Where the robot was.
     pub pose: Pose2,
+    /// Its speed at the contact, mm/s.
+    pub speed_mm_s: f64,
 }
+
+/// A slower contact is a touch, not a collision, mm/s.
+pub const COLLISION_MM_S: f64 = 20.0;
 
 /// A contact ends at this clearance, mm.
 const CONTACT_ENDS_MM: f64 = 5.0;
 
-/// Detects contact, and counts each lasting contact once.
+/// Detects contact, and records each lasting contact once.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CollisionDetector {
     /// Travel for which the room need not be queried again: the last clearance.
     free_mm: f64,
     in_contact: bool,
-    pub(crate) count: u32,
-    pub(crate) first: Option<Collision>,
+    pub(crate) collisions: Vec<Collision>,
 }
 
 impl CollisionDetector {
-    /// Whether a body of this radius, moving from `from` to `to`, penetrates an obstacle (further).
+    /// Whether a body of this radius, moving from `from` to `to` in `dt_s` seconds until `time_s`,
+    /// penetrates an obstacle (further).
     pub(crate) fn blocks(
         &mut self,
         room: &Room,
         radius_mm: f64,
         from: &Pose2,
         to: &Pose2,
+        dt_s: f64,
         time_s: f64,
     ) -> bool {
         self.free_mm -= from.distance_mm(to);
@@ -49,11 +55,14 @@ impl CollisionDetector {
         }
         if !self.in_contact {
             self.in_contact = true;
-            self.count += 1;
-            self.first.get_or_insert(Collision {
-                time_s,
-                pose: *from,
-            });
+            let speed_mm_s = from.distance_mm(to) / dt_s;
+            if speed_mm_s > COLLISION_MM_S {
+                self.collisions.push(Collision {
+                    time_s,
+                    pose: *from,
+                    speed_mm_s,
+                });
+            }
         }
         true
     }

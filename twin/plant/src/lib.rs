@@ -28,7 +28,12 @@
 mod battery;
 mod chassis;
 mod collision;
+mod echo;
 mod faults;
+mod floor;
+mod gyro;
+mod imperfections;
+pub mod kinematic;
 mod motor;
 mod rangefinder;
 mod rng;
@@ -39,9 +44,11 @@ mod world;
 
 pub use battery::{Battery, BatteryParams, Divider};
 pub use chassis::Chassis;
-pub use collision::Collision;
+pub use collision::{Collision, COLLISION_MM_S};
 pub use faults::Faults;
 pub use geometry::{Mount, Pose2};
+pub use gyro::GyroParams;
+pub use imperfections::{DriveSpread, GeometrySpread, GyroSpread, Imperfections, Sill};
 pub use motor::{Motor, MotorInput, MotorParams};
 pub use rangefinder::RangefinderParams;
 pub use rng::Rng;

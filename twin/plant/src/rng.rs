@@ -16,6 +16,13 @@ impl Rng {
         Self(SplitMix64::seed_from_u64(seed))
     }
 
+    /// One of the independent generators of a run: a draw from one changes nothing in another.
+    #[must_use]
+    pub fn stream(seed: u64, number: u64) -> Self {
+        let mut parent = Self::new(seed ^ number.wrapping_mul(0xD1B5_4A32_D192_ED03));
+        Self::new(parent.next_u64())
+    }
+
     /// 64 random bits.
     pub fn next_u64(&mut self) -> u64 {
         self.0.next_u64()
@@ -25,6 +32,11 @@ impl Rng {
     #[allow(clippy::cast_precision_loss)] // 53 bits fit a f64 exactly
     pub fn unit(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Uniform in −`bound` .. `bound`.
+    pub fn within(&mut self, bound: f64) -> f64 {
+        bound * (2.0 * self.unit() - 1.0)
     }
 
     /// Normally distributed with mean 0 and standard deviation 1 (Box-Muller).

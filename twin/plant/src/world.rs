@@ -1,13 +1,15 @@
 //! The physical world of one robot: everything that moves when time passes.
 
 use crate::collision::{Collision, CollisionDetector};
+use crate::echo::Sonar;
 use crate::faults::Faults;
+use crate::floor::Floor;
 use crate::{
-    Battery, BatteryParams, Chassis, Motor, MotorInput, MotorParams, Mount, Pose2,
+    Battery, BatteryParams, Chassis, Imperfections, Motor, MotorInput, MotorParams, Mount, Pose2,
     RangefinderParams, Rng, Room, Servo, ServoParams, Sides,
 };
 
-/// The figures of a robot. The default is the first board.
+/// The figures of a robot. The default is the first board in a world without imperfections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     /// The motors.
@@ -24,6 +26,8 @@ pub struct Params {
     pub servo: ServoParams,
     /// How much warmer the microcontroller is than the air, K.
     pub chip_over_air_k: f64,
+    /// What deviates from these figures, and how the floor and the surfaces disturb.
+    pub imperfections: Imperfections,
 }
 
 impl Default for Params {
@@ -40,6 +44,7 @@ impl Default for Params {
             servo: ServoParams::default(),
             // 50 mW through the package's 51 K/W.
             chip_over_air_k: 2.5,
+            imperfections: Imperfections::none(),
         }
     }
 }
@@ -58,6 +63,8 @@ pub struct World {
     counts: Sides<f64>,
     battery: Battery,
     servo: Servo,
+    sonar: Sonar,
+    floor: Floor,
     rng: Rng,
     time_s: f64,
     path_mm: f64,
@@ -69,10 +76,14 @@ pub struct World {
 }
 
 impl World {
-    /// A robot at rest at `pose` (the room's frame) with its encoders at zero.
+    /// A robot at rest at `pose` (the room's frame) with its encoders at zero. Its true figures are
+    /// `params` with the imperfections that the seed draws.
     #[must_use]
     pub fn new(params: Params, room: Room, pose: Pose2, seed: u64) -> Self {
+        let params = params.imperfections.draw(&params, seed);
         Self {
+            sonar: Sonar::new(params.rangefinder, &room, &params.imperfections),
+            floor: Floor::new(&params.imperfections, seed),
             motors: params.motors.map(Motor::new),
             counts: Sides::default(),
             battery: Battery::new(params.battery),
@@ -125,17 +136,19 @@ impl World {
             return;
         }
         let chassis = &self.params.chassis;
-        let travel = chassis.travel(turned).zip(self.faults.slip);
+        let travel = self.floor.travel(chassis.travel(turned));
+        let travel = travel.zip(self.faults.slip);
         let travel = travel.map(|(mm, slip)| mm * (1.0 - slip.clamp(0.0, 1.0)));
         let next = chassis.roll(&self.pose, travel);
         let (room, radius) = (&self.room, chassis.radius_mm);
         if self
             .collision
-            .blocks(room, radius, &self.pose, &next, self.time_s)
+            .blocks(room, radius, &self.pose, &next, dt, self.time_s)
         {
             self.motors.as_mut().map(Motor::block);
             return;
         }
+        self.floor.cross(room, &self.pose, &next, chassis.track_mm);
         self.path_mm += next.distance_mm(&self.pose);
         self.pose = next;
         let counted = chassis.counts(turned).zip(self.faults.dead_encoder);
@@ -189,7 +202,7 @@ impl World {
         &self.room
     }
 
-    /// The robot's parameters.
+    /// The robot's true parameters.
     #[must_use]
     pub fn params(&self) -> &Params {
         &self.params
@@ -240,7 +253,7 @@ impl World {
     #[must_use]
     pub fn true_range_mm(&self, sensor: usize) -> Option<f64> {
         let at = self.mount(sensor).sensor_pose(&self.pose);
-        self.params.rangefinder.nearest_return(&self.room, &at)
+        self.sonar.nearest_return(&self.room, &at)
     }
 
     /// One measurement of a rangefinder (0 front, 1 right, 2 left), mm; `None` without an echo.
@@ -250,8 +263,7 @@ impl World {
     /// If there is no such sensor.
     pub fn range_mm(&mut self, sensor: usize) -> Option<f64> {
         let at = self.mount(sensor).sensor_pose(&self.pose);
-        let rangefinder = &self.params.rangefinder;
-        let measured = rangefinder.measure(&self.room, &at, &mut self.rng);
+        let measured = self.sonar.measure(&self.room, &at, &mut self.rng);
         if self.faults.missing_echo[sensor] {
             None
         } else {
@@ -274,16 +286,10 @@ impl World {
         self.params.rangefinder.temperature_c + self.params.chip_over_air_k
     }
 
-    /// Number of collisions; a lasting contact counts once.
+    /// The collisions so far; a lasting contact counts once.
     #[must_use]
-    pub fn collisions(&self) -> u32 {
-        self.collision.count
-    }
-
-    /// The first collision.
-    #[must_use]
-    pub fn first_collision(&self) -> Option<Collision> {
-        self.collision.first
+    pub fn collisions(&self) -> &[Collision] {
+        &self.collision.collisions
     }
 }
 

@@ -4,7 +4,9 @@
 //! ```text
 //! wall x1 y1 x2 y2 [x3 y3 …]      a wall, or a line of walls through more points
 //! box x y width depth [angle]     furniture, by its centre
-//! circle x y radius               a pillar
+//! circle x y radius               a pillar or a leg
+//! soft wall …, soft box …         a curtain, a sofa: no echo from afar
+//! sill x1 y1 x2 y2                a door sill or the edge of a carpet
 //! start x y angle                 where the robot is put down (once; 0 0 0 if missing)
 //! way x y angle                   the next way-point of the tour
 //! ```
@@ -27,6 +29,8 @@ pub enum Problem {
     Count(&'static str, usize),
     /// A width, depth or radius that is not positive, or a wall of no length.
     Size(&'static str),
+    /// `soft` before something that has no soft form.
+    NotSoft(String),
     /// A second `start`.
     SecondStart,
 }
@@ -46,13 +50,14 @@ impl fmt::Display for ParseError {
         match &self.problem {
             Problem::UnknownWord(word) => write!(
                 f,
-                "`{word}` begins no line of a room: use wall, box, circle, start or way, and # for a comment"
+                "`{word}` begins no line of a room: use wall, box, circle, soft, sill, start or way, and # for a comment"
             ),
             Problem::NotANumber(word) => {
                 write!(f, "`{word}` is not a finite number: write millimetres or degrees, like 1200 or -37.5")
             }
             Problem::Count(expected, got) => write!(f, "{got} numbers: write `{expected}`"),
             Problem::Size(what) => write!(f, "{what}: make it greater than zero"),
+            Problem::NotSoft(word) => write!(f, "`soft {word}`: write `soft wall …` or `soft box …`"),
             Problem::SecondStart => write!(f, "a second start: keep one of them"),
         }
     }
@@ -72,12 +77,25 @@ impl Room {
             let content = content.split('#').next().unwrap_or_default();
             let mut words = content.split_whitespace();
             let Some(word) = words.next() else { continue };
+            let soft = (word == "soft").then(|| words.next().unwrap_or_default());
             let numbers = words.map(number).collect::<Result<Vec<f64>, Problem>>();
             room = numbers
-                .and_then(|numbers| room.with_line(word, &numbers, &mut started))
+                .and_then(|numbers| match soft {
+                    Some(word) => room.with_soft_line(word, &numbers),
+                    None => room.with_line(word, &numbers, &mut started),
+                })
                 .map_err(|problem| ParseError { line, problem })?;
         }
         Ok(room)
+    }
+
+    fn with_soft_line(mut self, word: &str, numbers: &[f64]) -> Result<Self, Problem> {
+        if !matches!(word, "wall" | "box") {
+            return Err(Problem::NotSoft(word.to_owned()));
+        }
+        let hard = Self::default().with_line(word, numbers, &mut false)?;
+        self.soft.extend(hard.segments);
+        Ok(self)
     }
 
     fn with_line(
@@ -114,6 +132,12 @@ impl Room {
                 self = self.with_circle(Point::new(x, y), radius);
             }
             ("circle", _) => return Err(count("circle x y radius")),
+            ("sill", &[x1, y1, x2, y2]) => {
+                let length = (x2 - x1).hypot(y2 - y1);
+                positive(&[length], "a sill's length")?;
+                self = self.with_sill(x1, y1, x2, y2);
+            }
+            ("sill", _) => return Err(count("sill x1 y1 x2 y2")),
             ("start", _) if std::mem::replace(started, true) => return Err(Problem::SecondStart),
             ("start", &[x, y, angle]) => self.start = Pose2::new(x, y, angle.to_radians()),
             ("start", _) => return Err(count("start x y angle")),
@@ -139,7 +163,7 @@ mod tests {
     #[test]
     fn every_kind_of_line_is_read() {
         let room = Room::parse(
-            "# a room\nwall 0 0 100 0 100 50\nbox 10 20 4 2 90 # turned\n\ncircle 1 2 3\nstart 1 2 180\nway 5 6 -90\nway 7 8 0\n",
+            "# a room\nwall 0 0 100 0 100 50\nbox 10 20 4 2 90 # turned\n\ncircle 1 2 3\nstart 1 2 180\nway 5 6 -90\nway 7 8 0\nsoft wall 9 9 9 8\nsoft box 0 0 1 1\nsill 3 3 3 4\n",
         )
         .unwrap();
         let walls = Room::default()
@@ -153,6 +177,13 @@ mod tests {
         .bounds();
         assert!(low.distance_mm(Point::new(9.0, 18.0)) < 1e-9);
         assert!(high.distance_mm(Point::new(11.0, 22.0)) < 1e-9);
+        let curtain = Segment::new(Point::new(9.0, 9.0), Point::new(9.0, 8.0));
+        assert_eq!((room.soft[0], room.soft.len()), (curtain, 5));
+        assert_eq!(room.segments.len(), 6);
+        assert_eq!(
+            room.sills,
+            Room::default().with_sill(3.0, 3.0, 3.0, 4.0).sills
+        );
         let pillar = Room::default().with_circle(Point::new(1.0, 2.0), 3.0);
         assert_eq!(room.circles, pillar.circles);
         assert_eq!(room.start, Pose2::new(1.0, 2.0, std::f64::consts::PI));
@@ -171,6 +202,11 @@ mod tests {
             ("circle 0 0 inf", "`inf` is not a finite number"),
             ("circle 0 0 0", "radius"),
             ("start 0 0 0\nstart 0 0 0", "line 2: a second start"),
+            ("soft circle 0 0 1", "`soft circle`: write `soft wall"),
+            ("soft wall 0 0 1", "3 numbers: write `wall x1"),
+            ("soft", "`soft `: write"),
+            ("sill 0 0 1", "3 numbers: write `sill"),
+            ("sill 0 0 0 0", "a sill's length"),
             ("way 0 0", "write `way x y angle`"),
         ] {
             let message = Room::parse(text).unwrap_err().to_string();

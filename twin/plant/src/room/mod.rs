@@ -12,8 +12,12 @@ use crate::Pose2;
 /// A room in its own frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Room {
-    /// Straight surfaces: walls, and the sides of boxes.
+    /// Straight hard surfaces: walls, and the sides of boxes.
     pub segments: Vec<Segment>,
+    /// Straight soft surfaces, which absorb most of an echo: curtains, and the sides of sofas.
+    pub soft: Vec<Segment>,
+    /// Door sills and carpet edges: the robot drives over them, a rangefinder does not see them.
+    pub sills: Vec<Segment>,
     /// Round obstacles.
     pub circles: Vec<Circle>,
     /// Where the robot starts.
@@ -62,11 +66,31 @@ impl Room {
         self
     }
 
+    /// Adds a door sill or the edge of a carpet between two points, mm.
+    #[must_use]
+    pub fn with_sill(mut self, x1: f64, y1: f64, x2: f64, y2: f64) -> Self {
+        let sill = Segment::new(Point::new(x1, y1), Point::new(x2, y2));
+        self.sills.push(sill);
+        self
+    }
+
+    /// The same room with all its walls and boxes soft.
+    #[must_use]
+    pub fn softened(mut self) -> Self {
+        self.soft.append(&mut self.segments);
+        self
+    }
+
+    /// Every straight surface, hard ones first.
+    pub fn straight(&self) -> impl Iterator<Item = &Segment> {
+        self.segments.iter().chain(&self.soft)
+    }
+
     /// The first surface on the ray from `from` along its heading.
     #[must_use]
     pub fn cast(&self, from: &Pose2) -> Option<RayHit> {
         let (origin, direction) = (from.position(), from.direction());
-        let straight = self.segments.iter().map(|s| s.ray_hit(origin, direction));
+        let straight = self.straight().map(|s| s.ray_hit(origin, direction));
         let round = self.circles.iter().map(|c| c.ray_hit(origin, direction));
         straight
             .chain(round)
@@ -77,7 +101,7 @@ impl Room {
     /// Distance from a point to the nearest surface, mm; infinite in an empty room.
     #[must_use]
     pub fn clearance_mm(&self, point: Point) -> f64 {
-        let straight = self.segments.iter().map(|s| s.distance_mm(point));
+        let straight = self.straight().map(|s| s.distance_mm(point));
         let round = self.circles.iter().map(|c| c.distance_mm(point));
         straight.chain(round).fold(f64::INFINITY, f64::min)
     }
@@ -86,7 +110,7 @@ impl Room {
     /// empty room.
     #[must_use]
     pub fn bounds(&self) -> (Point, Point) {
-        let straight = self.segments.iter().flat_map(|s| [s.from, s.to]);
+        let straight = self.straight().flat_map(|s| [s.from, s.to]);
         let round = self.circles.iter().flat_map(|c| {
             let corner = |by| Point::new(c.centre.x_mm + by, c.centre.y_mm + by);
             [corner(-c.radius_mm), corner(c.radius_mm)]
@@ -109,12 +133,16 @@ impl Room {
     pub fn relative_to_start(&self) -> Self {
         let relative = |pose: &Pose2| pose.relative_to(&self.start);
         let point = |p: Point| relative(&Pose2::new(p.x_mm, p.y_mm, 0.0)).position();
-        Self {
-            segments: self
-                .segments
+        let lines = |lines: &[Segment]| {
+            let moved = lines
                 .iter()
-                .map(|s| Segment::new(point(s.from), point(s.to)))
-                .collect(),
+                .map(|s| Segment::new(point(s.from), point(s.to)));
+            moved.collect()
+        };
+        Self {
+            segments: lines(&self.segments),
+            soft: lines(&self.soft),
+            sills: lines(&self.sills),
             circles: self
                 .circles
                 .iter()

@@ -34,8 +34,7 @@ impl Room {
             };
             (0..pieces).map(move |index| Segment::new(point(index), point(index + 1)))
         });
-        self.segments
-            .iter()
+        self.straight()
             .flat_map(|segment| segment.pieces(PIECE_MM))
             .chain(round)
             .filter(|piece| free.faces(piece))

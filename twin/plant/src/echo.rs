@@ -1,0 +1,434 @@
+//! Echoes of smooth surfaces: at 40 kHz (8.6 mm) they mirror sound instead of scattering it.
+//!
+//! | what | answers | strength |
+//! |---|---|---|
+//! | wall, box side | from its point nearest to the sensor inside the cone, while the beam's axis and the ray to that point are within 20° of the normal, falling to nothing at 30° | 1 |
+//! | concave corner of 60 to 120° | in a wide angle: it sends sound back where it came from | 0.9 |
+//! | edge, free end, other corner | in a wide angle, by diffraction | 0.2 |
+//! | pillar, leg | from its point nearest to the sensor | √(R / (R + r)), spreading by curvature |
+//! | soft surface | as a wall, up to 1 m | 1 |
+//! | double bounce | a ray of the cone that one hard wall mirrors onto a surface, there and back on the same path, where nothing answers directly | half of the second surface's |
+//!
+//! The beam weighs this: 1 on the axis to 0.4 at the cone's rim, 0 at 4/3 of it, then a side lobe of
+//! 0.1 (−20 dB) up to twice the rim. An echo needs 0.05, and 0.4 · (r / 4 m)² more with the distance;
+//! its strength fades by 15 % from burst to burst. Shape and figures are typical of such parts
+//! (Kuc and Siegel, "Physically based simulation model for acoustic sensor robot navigation", 1987;
+//! Leonard and Durrant-Whyte, "Directed sonar sensing for mobile robot navigation", 1992).
+
+use geometry::{Circle, Point, Segment};
+
+use crate::{Imperfections, Pose2, RangefinderParams, Rng, Room};
+
+/// Incidence up to which a smooth wall answers in full, and from which it does not.
+const MIRROR_DEG: (f64, f64) = (20.0, 30.0);
+/// The same of a rough one.
+const ROUGH_DEG: (f64, f64) = (60.0, 75.0);
+const CORNER_STRENGTH: f64 = 0.9;
+const EDGE_STRENGTH: f64 = 0.2;
+const SECOND_STRENGTH: f64 = 0.5;
+/// Sine of the opening of the sharpest corner that reflects back, and of the bluntest.
+const CORNER_SINE: f64 = 0.866;
+/// Farthest echo of a soft surface, mm.
+const SOFT_RANGE_MM: f64 = 1000.0;
+/// Deviation of an echo's strength from burst to burst.
+const FADING: f64 = 0.15;
+/// Two surfaces meet where they come this near, mm.
+const JOINT_MM: f64 = 1.0;
+/// A surface this much nearer hides another, mm.
+const HIDES_MM: f64 = 3.0;
+/// Rays of the double bounce on each side of the axis.
+const BOUNCE_RAYS: i32 = 2;
+
+/// The rangefinder in its room.
+#[derive(Clone, Debug)]
+pub(crate) struct Sonar {
+    beam: RangefinderParams,
+    /// The room's reflecting parts, where they do not merely scatter.
+    surfaces: Option<Surfaces>,
+}
+
+impl Sonar {
+    pub(crate) fn new(beam: RangefinderParams, room: &Room, world: &Imperfections) -> Self {
+        let mirrors = world.incidence || world.double_bounce || world.soft_surfaces;
+        let surfaces = mirrors.then(|| Surfaces::new(room, world));
+        Self { beam, surfaces }
+    }
+
+    /// Distance of the answering point, mm, without noise; `None` without an echo.
+    pub(crate) fn nearest_return(&self, room: &Room, sensor: &Pose2) -> Option<f64> {
+        self.faded_return(room, sensor, 1.0)
+    }
+
+    /// One measurement, mm; `None` without an echo.
+    pub(crate) fn measure(&self, room: &Room, sensor: &Pose2, rng: &mut Rng) -> Option<f64> {
+        let gain = match self.surfaces {
+            Some(_) => 1.0 + FADING * rng.normal(),
+            None => 1.0,
+        };
+        self.beam
+            .measure(self.faded_return(room, sensor, gain), rng)
+    }
+
+    fn faded_return(&self, room: &Room, sensor: &Pose2, gain: f64) -> Option<f64> {
+        let Some(surfaces) = &self.surfaces else {
+            return self.beam.nearest_return(room, sensor);
+        };
+        let burst = Burst {
+            beam: &self.beam,
+            surfaces,
+            sensor,
+            gain,
+        };
+        let found = burst.direct().or_else(|| burst.double_bounce());
+        found.map(|distance| distance.max(self.beam.nearest_mm))
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wall {
+    segment: Segment,
+    soft: bool,
+}
+
+/// Where surfaces meet or end.
+#[derive(Clone, Debug)]
+struct Corner {
+    at: Point,
+    /// Unit vectors along the surfaces.
+    arms: Vec<Point>,
+    soft: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Surfaces {
+    walls: Vec<Wall>,
+    corners: Vec<Corner>,
+    circles: Vec<Circle>,
+    /// Angles of incidence of a full echo and of none, radians.
+    incidence: (f64, f64),
+    double_bounce: bool,
+}
+
+/// What a ray meets.
+struct Hit {
+    distance_mm: f64,
+    incidence_rad: f64,
+    /// Strength of an echo at normal incidence.
+    strength: f64,
+    soft: bool,
+    /// Direction of the surface, unless it is round.
+    along: Option<Point>,
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    Point::new(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
+}
+
+fn cross(a: Point, b: Point) -> f64 {
+    a.x_mm * b.y_mm - a.y_mm * b.x_mm
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a.x_mm * b.x_mm + a.y_mm * b.y_mm
+}
+
+fn unit(a: Point) -> Point {
+    let length = a.x_mm.hypot(a.y_mm).max(1e-9);
+    Point::new(a.x_mm / length, a.y_mm / length)
+}
+
+impl Surfaces {
+    fn new(room: &Room, world: &Imperfections) -> Self {
+        let wall = |soft: bool| move |&segment: &Segment| Wall { segment, soft };
+        let hard = room.segments.iter().map(wall(false));
+        let walls: Vec<Wall> = hard
+            .chain(room.soft.iter().map(wall(world.soft_surfaces)))
+            .collect();
+        let (full, none) = if world.incidence {
+            MIRROR_DEG
+        } else {
+            ROUGH_DEG
+        };
+        Self {
+            corners: corners(&walls),
+            circles: room.circles.clone(),
+            incidence: (full.to_radians(), none.to_radians()),
+            double_bounce: world.double_bounce,
+            walls,
+        }
+    }
+
+    /// Strength of a smooth surface's echo at this incidence, 0..=1.
+    fn mirrored(&self, incidence_rad: f64) -> f64 {
+        let (full, none) = self.incidence;
+        ((none - incidence_rad) / (none - full)).clamp(0.0, 1.0)
+    }
+
+    /// The first surface on a ray, but none nearer than `nearest_mm`.
+    fn cast(&self, origin: Point, direction: Point, nearest_mm: f64) -> Option<Hit> {
+        let straight = self.walls.iter().filter_map(|wall| {
+            let hit = wall.segment.ray_hit(origin, direction)?;
+            Some((hit, 1.0, wall.soft, Some(&wall.segment)))
+        });
+        let round = self.circles.iter().filter_map(|circle| {
+            let hit = circle.ray_hit(origin, direction)?;
+            Some((
+                hit,
+                curvature_loss(circle.radius_mm, hit.distance_mm),
+                false,
+                None,
+            ))
+        });
+        straight
+            .chain(round)
+            .filter(|(hit, ..)| hit.distance_mm >= nearest_mm)
+            .min_by(|a, b| a.0.distance_mm.total_cmp(&b.0.distance_mm))
+            .map(|(hit, strength, soft, segment)| Hit {
+                distance_mm: hit.distance_mm,
+                incidence_rad: hit.cos_incidence.clamp(-1.0, 1.0).acos(),
+                strength,
+                soft,
+                along: segment.map(|s| unit(minus(s.to, s.from))),
+            })
+    }
+
+    fn is_visible(&self, from: Point, to: Point) -> bool {
+        let direction = unit(minus(to, from));
+        let before = from.distance_mm(to) - HIDES_MM;
+        let hides = |hit: Option<geometry::RayHit>| hit.is_some_and(|hit| hit.distance_mm < before);
+        let mut straight = self.walls.iter();
+        let mut round = self.circles.iter();
+        !straight.any(|wall| hides(wall.segment.ray_hit(from, direction)))
+            && !round.any(|circle| hides(circle.ray_hit(from, direction)))
+    }
+}
+
+/// Strength of a round surface's echo against a flat one's.
+fn curvature_loss(radius_mm: f64, distance_mm: f64) -> f64 {
+    (radius_mm / (radius_mm + distance_mm)).sqrt()
+}
+
+/// The walls' ends, each once, with the walls that start there or pass.
+fn corners(walls: &[Wall]) -> Vec<Corner> {
+    let mut corners: Vec<Corner> = Vec::new();
+    for end in walls.iter().flat_map(|w| [w.segment.from, w.segment.to]) {
+        if corners
+            .iter()
+            .any(|known| known.at.distance_mm(end) < JOINT_MM)
+        {
+            continue;
+        }
+        let touching = walls
+            .iter()
+            .filter(|w| w.segment.distance_mm(end) < JOINT_MM);
+        let mut arms = Vec::new();
+        let mut soft = false;
+        for wall in touching {
+            soft |= wall.soft;
+            let ends = [wall.segment.from, wall.segment.to].into_iter();
+            let far = ends.filter(|far| far.distance_mm(end) >= JOINT_MM);
+            arms.extend(far.map(|far| unit(minus(far, end))));
+        }
+        // A straight wall in two pieces has no edge.
+        if !matches!(arms[..], [a, b] if dot(a, b) < -0.95) {
+            corners.push(Corner {
+                at: end,
+                arms,
+                soft,
+            });
+        }
+    }
+    corners
+}
+
+impl Corner {
+    /// Strength of its echo towards a sensor in this direction.
+    fn strength(&self, towards: Point) -> f64 {
+        let faces = |a: Point, b: Point| {
+            let sine = cross(a, b);
+            sine.abs() >= CORNER_SINE
+                && cross(towards, b) / sine > 0.0
+                && cross(a, towards) / sine > 0.0
+        };
+        let mut pairs = self.arms.iter().enumerate();
+        let concave = pairs.any(|(nth, &a)| self.arms[nth + 1..].iter().any(|&b| faces(a, b)));
+        if concave {
+            CORNER_STRENGTH
+        } else {
+            EDGE_STRENGTH
+        }
+    }
+}
+
+/// One burst of a sensor.
+struct Burst<'a> {
+    beam: &'a RangefinderParams,
+    surfaces: &'a Surfaces,
+    sensor: &'a Pose2,
+    gain: f64,
+}
+
+impl Burst<'_> {
+    /// The beam's weight off its axis.
+    fn lobes(&self, aside_rad: f64) -> f64 {
+        let rim = aside_rad.abs() / self.beam.half_angle_rad;
+        if rim <= 1.0 {
+            1.0 - 0.6 * rim * rim
+        } else if rim <= 4.0 / 3.0 {
+            0.4 * (4.0 - 3.0 * rim)
+        } else if rim <= 2.0 {
+            0.1 * ((rim - 4.0 / 3.0) * 1.5 * std::f64::consts::PI).sin()
+        } else {
+            0.0
+        }
+    }
+
+    fn is_heard(&self, strength: f64, distance_mm: f64, soft: bool) -> bool {
+        let farthest = if soft {
+            SOFT_RANGE_MM.min(self.beam.farthest_mm)
+        } else {
+            self.beam.farthest_mm
+        };
+        let far = distance_mm / self.beam.farthest_mm;
+        distance_mm <= farthest && strength * self.gain >= 0.05 + 0.4 * far * far
+    }
+
+    /// Distance of the nearest point that answers directly.
+    fn direct(&self) -> Option<f64> {
+        let walls = self
+            .surfaces
+            .walls
+            .iter()
+            .filter_map(|w| self.wall_point(w));
+        let corners = self
+            .surfaces
+            .corners
+            .iter()
+            .filter_map(|c| self.corner_point(c));
+        let round = self
+            .surfaces
+            .circles
+            .iter()
+            .filter_map(|c| self.round_point(c));
+        let mut points: Vec<(f64, Point)> = walls.chain(corners).chain(round).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let from = self.sensor.position();
+        let visible = points
+            .into_iter()
+            .find(|&(_, p)| self.surfaces.is_visible(from, p));
+        visible.map(|(distance, _)| distance)
+    }
+
+    /// `point` in the sensor's frame: ahead and to the left.
+    fn seen(&self, point: Point) -> Point {
+        let way = minus(point, self.sensor.position());
+        let axis = self.sensor.direction();
+        Point::new(dot(way, axis), cross(axis, way))
+    }
+
+    fn wall_point(&self, wall: &Wall) -> Option<(f64, Point)> {
+        let Segment { from, to } = wall.segment;
+        let (a, b) = (self.seen(from), self.seen(to));
+        let along = minus(b, a);
+        let length = along.x_mm.hypot(along.y_mm);
+        let axis_incidence = (along.y_mm / length).abs().min(1.0).acos();
+        if axis_incidence >= self.surfaces.incidence.1 {
+            return None;
+        }
+        // The part of the wall inside the cone: between both of its rims.
+        let (sin, cos) = self.beam.half_angle_rad.sin_cos();
+        let (mut start, mut end) = (0.0_f64, 1.0_f64);
+        for rim in [Point::new(sin, cos), Point::new(sin, -cos)] {
+            let (at, slope) = (dot(a, rim), dot(along, rim));
+            if slope.abs() < 1e-12 {
+                if at < 0.0 {
+                    return None;
+                }
+            } else if slope > 0.0 {
+                start = start.max(-at / slope);
+            } else {
+                end = end.min(-at / slope);
+            }
+        }
+        if start > end {
+            return None;
+        }
+        let share = (-dot(a, along) / (length * length)).clamp(start, end);
+        let point = a.lerp(b, share);
+        let distance = point.x_mm.hypot(point.y_mm);
+        let incidence = (cross(along, point) / (length * distance))
+            .abs()
+            .min(1.0)
+            .acos();
+        let mirrored = self.surfaces.mirrored(incidence.max(axis_incidence));
+        let strength = mirrored * self.lobes(point.y_mm.atan2(point.x_mm));
+        let heard = self.is_heard(strength, distance, wall.soft);
+        heard.then(|| (distance, from.lerp(to, share)))
+    }
+
+    fn corner_point(&self, corner: &Corner) -> Option<(f64, Point)> {
+        let seen = self.seen(corner.at);
+        let lobe = self.lobes(seen.y_mm.atan2(seen.x_mm));
+        if lobe <= 0.0 {
+            return None;
+        }
+        let towards = minus(self.sensor.position(), corner.at);
+        let distance = seen.x_mm.hypot(seen.y_mm);
+        let strength = lobe * corner.strength(towards);
+        let heard = self.is_heard(strength, distance, corner.soft);
+        heard.then_some((distance, corner.at))
+    }
+
+    fn round_point(&self, circle: &Circle) -> Option<(f64, Point)> {
+        let seen = self.seen(circle.centre);
+        let rim = self.beam.half_angle_rad;
+        let aside = seen.y_mm.atan2(seen.x_mm).clamp(-rim, rim);
+        let (sin, cos) = aside.sin_cos();
+        let local = Circle {
+            centre: seen,
+            ..*circle
+        };
+        let hit = local.ray_hit(Point::default(), Point::new(cos, sin))?;
+        let mirrored = self.surfaces.mirrored(hit.cos_incidence.min(1.0).acos());
+        let loss = curvature_loss(circle.radius_mm, hit.distance_mm);
+        let heard = self.is_heard(mirrored * loss * self.lobes(aside), hit.distance_mm, false);
+        let at = self
+            .sensor
+            .point_at(hit.distance_mm * cos, hit.distance_mm * sin);
+        heard.then_some((hit.distance_mm, at))
+    }
+
+    /// Length of the shortest mirrored path, one way.
+    fn double_bounce(&self) -> Option<f64> {
+        if !self.surfaces.double_bounce {
+            return None;
+        }
+        let rays = (-BOUNCE_RAYS..=BOUNCE_RAYS).filter_map(|nth| {
+            let share = f64::from(nth) / f64::from(BOUNCE_RAYS);
+            let aside = share * self.beam.half_angle_rad;
+            let heading_rad = self.sensor.heading_rad + aside;
+            let ray = Pose2 {
+                heading_rad,
+                ..*self.sensor
+            };
+            let direction = ray.direction();
+            let mirror = self.surfaces.cast(ray.position(), direction, 0.0)?;
+            let along = mirror.along.filter(|_| !mirror.soft)?;
+            let from = ray.point_at(mirror.distance_mm, 0.0);
+            let twice = 2.0 * dot(direction, along);
+            let mirrored = Point::new(
+                twice * along.x_mm - direction.x_mm,
+                twice * along.y_mm - direction.y_mm,
+            );
+            let second = self.surfaces.cast(from, mirrored, JOINT_MM)?;
+            let path = mirror.distance_mm + second.distance_mm;
+            let strength = SECOND_STRENGTH
+                * second.strength
+                * self.surfaces.mirrored(second.incidence_rad)
+                * self.lobes(aside);
+            let heard = self.is_heard(strength, path, second.soft);
+            heard.then_some(path)
+        });
+        rays.min_by(f64::total_cmp)
+    }
+}

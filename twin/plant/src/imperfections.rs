@@ -1,0 +1,187 @@
+//! How the world differs from its textbook: what no configuration knows of a robot and its floor.
+
+use crate::{GyroParams, Params, Rng};
+
+/// The random generators of a run, beside the rangefinders'.
+pub(crate) mod stream {
+    pub(crate) const DRAW: u64 = 1;
+    pub(crate) const DRAW_GYRO: u64 = 2;
+    pub(crate) const FLOOR: u64 = 3;
+    pub(crate) const GYRO: u64 = 4;
+}
+
+/// The imperfections, each of which can be switched off. The figures bound or scale what is drawn from
+/// a run's seed. The default is everything on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imperfections {
+    /// Bound of the true wheel diameters' and the true track's deviation from the configured ones.
+    /// 0.3 % and 0.5 %: what remains after a calibration with a tape measure (Borenstein and Feng,
+    /// "Measurement and correction of systematic odometry errors in mobile robots", 1996).
+    pub geometry: Option<GeometrySpread>,
+    /// Standard deviation of a wheel's travel per √(100 mm), mm, white in travel. 0.15: on a track of
+    /// 125 mm it turns the robot by 0.3° per √m (floor texture; Borenstein and Feng's non-systematic
+    /// errors).
+    pub travel_noise_mm: Option<f64>,
+    /// What crossing a sill or a carpet edge adds at most.
+    pub sill: Option<Sill>,
+    /// Bound of the motors' and the battery's deviation from the first board's figures.
+    pub drive: Option<DriveSpread>,
+    /// Smooth surfaces reflect ultrasound like mirrors: the beam's incidence decides on the echo.
+    pub incidence: bool,
+    /// The echo over a mirroring wall, where the direct path does not answer.
+    pub double_bounce: bool,
+    /// Soft surfaces return no echo from afar.
+    pub soft_surfaces: bool,
+    /// Bound of the gyroscope's errors.
+    pub gyro: Option<GyroSpread>,
+}
+
+/// Bounds of the chassis' true figures, as shares of the configured ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GeometrySpread {
+    /// Each wheel's diameter.
+    pub wheel: f64,
+    /// The track.
+    pub track: f64,
+}
+
+/// The largest effects of a sill, drawn uniformly at every crossing (Borenstein and Feng's
+/// non-systematic errors).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sill {
+    /// Turn to either side, degrees.
+    pub yaw_deg: f64,
+    /// Travel that both wheels lose, mm.
+    pub slip_mm: f64,
+}
+
+/// Bounds of the drive's figures. The motors' are usual for brushed gear motors, and less than the
+/// first board's two differ by; the battery's are those of a pack in use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveSpread {
+    /// Each motor's speeds, a share.
+    pub speed: f64,
+    /// Each motor's dead zone, a share.
+    pub dead_zone: f64,
+    /// Each motor's lag, a share.
+    pub lag: f64,
+    /// Lowest and highest charge at the start, 0..=1.
+    pub charge: [f64; 2],
+    /// Lowest and highest internal resistance of a cell, ohm.
+    pub cell_ohm: [f64; 2],
+}
+
+/// Bounds of the gyroscope's errors (PS-MPU-6000A, 6.1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GyroSpread {
+    /// The bias at switch-on, °/s.
+    pub bias_deg_s: f64,
+    /// The bias' change, °/s per minute; drawn with this size in either direction.
+    pub drift_deg_s_min: f64,
+    /// The scale, a share: what remains of the data sheet's 3 % after a calibration.
+    pub scale: f64,
+    /// Noise of a sample, °/s rms; not drawn.
+    pub noise_deg_s: f64,
+}
+
+impl Default for Imperfections {
+    fn default() -> Self {
+        Self {
+            geometry: Some(GeometrySpread {
+                wheel: 0.003,
+                track: 0.005,
+            }),
+            travel_noise_mm: Some(0.15),
+            sill: Some(Sill {
+                yaw_deg: 2.0,
+                slip_mm: 10.0,
+            }),
+            drive: Some(DriveSpread {
+                speed: 0.1,
+                dead_zone: 0.15,
+                lag: 0.15,
+                charge: [0.6, 1.0],
+                cell_ohm: [0.04, 0.08],
+            }),
+            incidence: true,
+            double_bounce: true,
+            soft_surfaces: true,
+            gyro: Some(GyroSpread {
+                bias_deg_s: 20.0,
+                drift_deg_s_min: 0.02,
+                scale: 0.01,
+                noise_deg_s: 0.05,
+            }),
+        }
+    }
+}
+
+impl Imperfections {
+    /// A world as configured: what remains are the rangefinders' noise and outliers.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self {
+            geometry: None,
+            travel_noise_mm: None,
+            sill: None,
+            drive: None,
+            incidence: false,
+            double_bounce: false,
+            soft_surfaces: false,
+            gyro: None,
+        }
+    }
+
+    /// The robot of this seed: `params` with the deviations that the seed draws.
+    #[must_use]
+    pub fn draw(&self, params: &Params, seed: u64) -> Params {
+        let mut params = params.clone();
+        let mut rng = Rng::stream(seed, stream::DRAW);
+        // Always the same draws: what is switched off changes nothing else.
+        let mut within = |bound: Option<f64>| {
+            let drawn = rng.within(1.0);
+            bound.map_or(0.0, |bound| bound * drawn)
+        };
+        let geometry = self.geometry;
+        let chassis = &mut params.chassis;
+        for diameter in [
+            &mut chassis.wheel_diameter_mm.left,
+            &mut chassis.wheel_diameter_mm.right,
+        ] {
+            *diameter *= 1.0 + within(geometry.map(|spread| spread.wheel));
+        }
+        chassis.track_mm *= 1.0 + within(geometry.map(|spread| spread.track));
+        for motor in [&mut params.motors.left, &mut params.motors.right] {
+            let faster = 1.0 + within(self.drive.map(|spread| spread.speed));
+            motor.speeds_deg_s = motor.speeds_deg_s.map(|speed| speed * faster);
+            motor.dead_zone *= 1.0 + within(self.drive.map(|spread| spread.dead_zone));
+            motor.lag_s *= 1.0 + within(self.drive.map(|spread| spread.lag));
+        }
+        let (charge, ohm) = (within(Some(1.0)), within(Some(1.0)));
+        if let Some(spread) = self.drive {
+            let between =
+                |[low, high]: [f64; 2], drawn: f64| low + (high - low) * (drawn + 1.0) / 2.0;
+            let start = between(spread.charge, charge);
+            // The cells stay as unequal as they are.
+            let down = params.battery.charge[0] - start;
+            params.battery.charge = params
+                .battery
+                .charge
+                .map(|charge| (charge - down).clamp(0.0, 1.0));
+            params.battery.cell_ohm = between(spread.cell_ohm, ohm);
+        }
+        params
+    }
+
+    /// The gyroscope of this seed: `params`, or what the seed draws instead.
+    #[must_use]
+    pub fn draw_gyro(&self, params: GyroParams, seed: u64) -> GyroParams {
+        let mut rng = Rng::stream(seed, stream::DRAW_GYRO);
+        self.gyro.map_or(params, |spread| GyroParams {
+            bias_deg_s: rng.within(spread.bias_deg_s),
+            drift_deg_s_min: spread.drift_deg_s_min.copysign(rng.within(1.0)),
+            scale: 1.0 + rng.within(spread.scale),
+            noise_deg_s: spread.noise_deg_s,
+        })
+    }
+}
