@@ -50,6 +50,19 @@ impl Grid {
         }
     }
 
+    /// A grid over the rectangle between two corners, its cells' log-odds given by their middle.
+    #[must_use]
+    pub fn from_fn(cell_mm: f64, low: Point, high: Point, log_odds: impl Fn(Point) -> f32) -> Self {
+        let mut grid = Self::new(cell_mm);
+        let (columns, rows) = grid.cover(low.x_mm..high.x_mm, low.y_mm..high.y_mm);
+        for row in rows {
+            for column in columns.clone() {
+                grid.add(column, row, log_odds(grid.middle(column, row)));
+            }
+        }
+        grid
+    }
+
     /// Width of a cell, mm.
     #[must_use]
     pub const fn cell_mm(&self) -> f64 {

@@ -1,0 +1,347 @@
+//! What the grid means for driving: a lattice along the walls' directions with the clearance of
+//! every node.
+
+use geometry::{Point, Pose2};
+use mapper::{Cell, Grid};
+
+/// Distance between neighbouring nodes, mm.
+pub(crate) const STEP_MM: f64 = 50.0;
+/// Occupied cells within this radius of the driven way are outdated or shifted: the body was
+/// there. mm.
+const DRIVEN_MM: f64 = 30.0;
+/// Radius around the driven way that the body has shown to be free, mm.
+const BODY_MM: f64 = 100.0;
+
+/// A node of the lattice.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node {
+    /// Distance to the nearest occupied cell, mm, within 5 %.
+    pub clearance_mm: f64,
+    /// Distance to the nearest cell that is not known to be free, mm, within 5 %.
+    pub known_mm: f64,
+    /// The cell of the grid under the node.
+    pub cell: Cell,
+    /// On the driven way.
+    pub driven: bool,
+}
+
+/// The lattice. Nodes are numbered row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct CostMap {
+    /// Pose of node 0; the rows run along its heading.
+    frame: Pose2,
+    pub columns: usize,
+    rows: usize,
+    pub nodes: Vec<Node>,
+}
+
+impl CostMap {
+    /// The lattice over the whole grid along `direction_rad`. `marks` are obstacles that are not
+    /// in the grid; `driven` is the way so far.
+    pub fn new(grid: &Grid, direction_rad: f64, marks: &[Point], driven: &[Point]) -> Self {
+        let field = Field::new(grid, marks, driven);
+        let along = Pose2::new(0.0, 0.0, direction_rad);
+        let (low, high) = (field.point(0), field.point(field.cells.len().max(1) - 1));
+        let corners = [
+            low,
+            high,
+            Point::new(low.x_mm, high.y_mm),
+            Point::new(high.x_mm, low.y_mm),
+        ]
+        .map(|corner| Pose2::new(corner.x_mm, corner.y_mm, 0.0).relative_to(&along));
+        let fold = |pick: fn(f64, f64) -> f64, of: fn(&Pose2) -> f64| {
+            corners.iter().map(of).reduce(pick).unwrap_or(0.0)
+        };
+        let (x, y) = (fold(f64::min, |p| p.x_mm), fold(f64::min, |p| p.y_mm));
+        let columns = steps(fold(f64::max, |p| p.x_mm) - x) + 1;
+        let rows = steps(fold(f64::max, |p| p.y_mm) - y) + 1;
+        let Point { x_mm, y_mm } = along.point_at(x, y);
+        let mut map = Self {
+            frame: Pose2::new(x_mm, y_mm, direction_rad),
+            columns,
+            rows,
+            nodes: Vec::with_capacity(columns * rows),
+        };
+        for index in 0..columns * rows {
+            map.nodes.push(field.node(map.point(index)));
+        }
+        for &point in driven {
+            for index in map.within(point, DRIVEN_MM + 0.5 * STEP_MM) {
+                map.nodes[index].driven = true;
+            }
+        }
+        map
+    }
+
+    /// Direction of the rows, radians.
+    pub const fn direction_rad(&self) -> f64 {
+        self.frame.heading_rad
+    }
+
+    /// Where a node is.
+    #[allow(clippy::cast_precision_loss)] // some hundred
+    pub fn point(&self, index: usize) -> Point {
+        let (column, row) = (index % self.columns, index / self.columns);
+        self.frame
+            .point_at(column as f64 * STEP_MM, row as f64 * STEP_MM)
+    }
+
+    /// The node nearest to a point.
+    pub fn index(&self, point: Point) -> Option<usize> {
+        let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(&self.frame);
+        let (x, y) = (
+            (local.x_mm / STEP_MM).round(),
+            (local.y_mm / STEP_MM).round(),
+        );
+        (x >= 0.0
+            && y >= 0.0
+            && steps(x * STEP_MM) < self.columns
+            && steps(y * STEP_MM) < self.rows)
+            .then(|| steps(y * STEP_MM) * self.columns + steps(x * STEP_MM))
+    }
+
+    /// The node nearest to a point; `None` beyond the grid.
+    pub fn at(&self, point: Point) -> Option<&Node> {
+        self.index(point).map(|index| &self.nodes[index])
+    }
+
+    /// The neighbour in one of the directions 0..4, counted counter-clockwise from the rows'.
+    pub const fn neighbour(&self, index: usize, direction: usize) -> Option<usize> {
+        let (column, row) = (index % self.columns, index / self.columns);
+        match direction {
+            0 if column + 1 < self.columns => Some(index + 1),
+            1 if row + 1 < self.rows => Some(index + self.columns),
+            2 if column > 0 => Some(index - 1),
+            3 if row > 0 => Some(index - self.columns),
+            _ => None,
+        }
+    }
+
+    /// The neighbours in the four directions.
+    pub fn neighbours(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..4).filter_map(move |direction| self.neighbour(index, direction))
+    }
+
+    /// Nodes within `radius_mm` of a point.
+    pub fn within(&self, point: Point, radius_mm: f64) -> Vec<usize> {
+        let Some(middle) = self.index(point) else {
+            return Vec::new();
+        };
+        let reach = steps(radius_mm) + 1;
+        let (column, row) = (middle % self.columns, middle / self.columns);
+        let columns = column.saturating_sub(reach)..(column + reach + 1).min(self.columns);
+        (row.saturating_sub(reach)..(row + reach + 1).min(self.rows))
+            .flat_map(|row| {
+                columns
+                    .clone()
+                    .map(move |column| row * self.columns + column)
+            })
+            .filter(|&index| self.point(index).distance_mm(point) <= radius_mm)
+            .collect()
+    }
+
+    /// Whether every node on the straight line has this predicate.
+    pub fn line(&self, from: Point, to: Point, allowed: impl Fn(&Node) -> bool) -> bool {
+        let count = steps(2.0 * from.distance_mm(to)).max(1);
+        #[allow(clippy::cast_precision_loss)] // some hundred
+        (0..=count).all(|nth| {
+            let point = from.lerp(to, nth as f64 / count as f64);
+            self.at(point).is_some_and(&allowed)
+        })
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // metres over millimetres
+fn steps(mm: f64) -> usize {
+    (mm / STEP_MM).round().max(0.0) as usize
+}
+
+/// Distances on the grid itself.
+struct Field<'a> {
+    grid: &'a Grid,
+    cells: Vec<Cell>,
+    clearance_mm: Vec<f64>,
+    known_mm: Vec<f64>,
+}
+
+impl<'a> Field<'a> {
+    fn new(grid: &'a Grid, marks: &[Point], driven: &[Point]) -> Self {
+        let mut cells: Vec<Cell> = grid
+            .cells()
+            .map(|(column, row)| grid.cell(column, row))
+            .collect();
+        let mut field = Self {
+            grid,
+            cells: Vec::new(),
+            clearance_mm: Vec::new(),
+            known_mm: Vec::new(),
+        };
+        for &point in driven {
+            field.stamp(point, BODY_MM, |index, distance| {
+                if cells[index] == Cell::Unknown || distance <= DRIVEN_MM {
+                    cells[index] = Cell::Free;
+                }
+            });
+        }
+        for &point in marks {
+            field.stamp(point, grid.cell_mm(), |index, _| {
+                cells[index] = Cell::Occupied;
+            });
+        }
+        field.clearance_mm = field.distances(cells.iter().map(|cell| *cell == Cell::Occupied));
+        field.known_mm = field.distances(cells.iter().map(|cell| *cell != Cell::Free));
+        field.cells = cells;
+        field
+    }
+
+    /// Calls with every cell whose middle is within `radius_mm`, and its distance.
+    fn stamp(&self, point: Point, radius_mm: f64, mut each: impl FnMut(usize, f64)) {
+        let (origin, cell_mm) = (self.grid.origin(), self.grid.cell_mm());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+        let number = |mm: f64, count: usize| ((mm / cell_mm).floor().max(0.0) as usize).min(count);
+        let span = |mm: f64, count: usize| {
+            number(mm - radius_mm, count)..number(mm + radius_mm + cell_mm, count)
+        };
+        for row in span(point.y_mm - origin.y_mm, self.grid.rows()) {
+            for column in span(point.x_mm - origin.x_mm, self.grid.columns()) {
+                let distance = self.grid.middle(column, row).distance_mm(point);
+                if distance <= radius_mm {
+                    each(row * self.grid.columns() + column, distance);
+                }
+            }
+        }
+    }
+
+    /// Distance of every cell to the nearest source, mm: Borgefors' two-pass chamfer transform
+    /// with the weights that err least (Borgefors, "Distance transformations in digital images",
+    /// 1986).
+    fn distances(&self, sources: impl Iterator<Item = bool>) -> Vec<f64> {
+        let (columns, cell_mm) = (self.grid.columns(), self.grid.cell_mm());
+        let (side, corner) = (0.955 * cell_mm, 1.369 * cell_mm);
+        let mut field: Vec<f64> = sources
+            .map(|source| if source { 0.0 } else { f64::INFINITY })
+            .collect();
+        let count = field.len();
+        for pass in 0..2 {
+            for step in 0..count {
+                let index = if pass == 0 { step } else { count - 1 - step };
+                let column = index % columns;
+                let (first, last) = (column == 0, column + 1 == columns);
+                // Of the half plane that this pass has visited already.
+                let (left, right) = if pass == 0 {
+                    (first, last)
+                } else {
+                    (last, first)
+                };
+                let ahead = [
+                    (1, side, left),
+                    (columns + 1, corner, left),
+                    (columns, side, false),
+                    (columns.saturating_sub(1), corner, right),
+                ];
+                for (offset, weight, beyond) in ahead {
+                    if !beyond && offset <= step {
+                        let other = if pass == 0 {
+                            index - offset
+                        } else {
+                            index + offset
+                        };
+                        field[index] = field[index].min(field[other] + weight);
+                    }
+                }
+            }
+        }
+        field
+    }
+
+    fn point(&self, index: usize) -> Point {
+        let columns = self.grid.columns().max(1);
+        self.grid.middle(index % columns, index / columns)
+    }
+
+    fn node(&self, point: Point) -> Node {
+        let (origin, cell_mm) = (self.grid.origin(), self.grid.cell_mm());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
+        let number = |mm: f64, count: usize| {
+            let number = (mm / cell_mm).floor();
+            (number >= 0.0 && (number as usize) < count).then_some(number as usize)
+        };
+        let index = number(point.x_mm - origin.x_mm, self.grid.columns())
+            .zip(number(point.y_mm - origin.y_mm, self.grid.rows()))
+            .map(|(column, row)| row * self.grid.columns() + column);
+        Node {
+            clearance_mm: index.map_or(f64::INFINITY, |index| self.clearance_mm[index]),
+            known_mm: index.map_or(0.0, |index| self.known_mm[index]),
+            cell: index.map_or(Cell::Unknown, |index| self.cells[index]),
+            driven: false,
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A grid from rows of squares of 100 mm, the first row on top; the lower left corner is the
+    /// origin. `#` is occupied, `.` free.
+    pub fn draw(rows: &[&str]) -> Grid {
+        let size = |count: usize| 100.0 * f64::from(u32::try_from(count).unwrap());
+        let high = Point::new(size(rows[0].len()) - 1.0, size(rows.len()) - 1.0);
+        Grid::from_fn(25.0, Point::new(0.0, 0.0), high, |point| {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small
+            let number = |mm: f64| (mm / 100.0).floor().max(0.0) as usize;
+            let row = rows
+                .len()
+                .checked_sub(1 + number(point.y_mm))
+                .map(|row| rows[row]);
+            match row.and_then(|row| row.as_bytes().get(number(point.x_mm))) {
+                Some(b'#') => 4.0,
+                Some(b'.') => -4.0,
+                _ => 0.0,
+            }
+        })
+    }
+
+    #[test]
+    fn clearance_is_distance_to_nearest_obstacle() {
+        let grid = draw(&[
+            "#########",
+            "#.......#",
+            "#.......#",
+            "#.......#",
+            "#########",
+        ]);
+        let map = CostMap::new(&grid, 0.0, &[], &[]);
+        let node = map.at(Point::new(450.0, 250.0)).unwrap();
+        assert!(
+            (node.clearance_mm - 150.0).abs() < 45.0 && node.known_mm > 100.0,
+            "{node:?}"
+        );
+        let marked = CostMap::new(&grid, 0.0, &[Point::new(450.0, 250.0)], &[]);
+        assert!(marked.at(Point::new(450.0, 250.0)).unwrap().clearance_mm < 30.0);
+    }
+
+    #[test]
+    fn turned_lattice_keeps_points_and_neighbours() {
+        let grid = draw(&["......", "......", "......"]);
+        let map = CostMap::new(&grid, 0.4, &[], &[]);
+        for index in (0..map.nodes.len()).step_by(7) {
+            assert_eq!(map.index(map.point(index)), Some(index));
+            for next in map.neighbours(index) {
+                assert!((map.point(next).distance_mm(map.point(index)) - STEP_MM).abs() < 1e-6);
+            }
+        }
+        assert!(map
+            .at(Point::new(300.0, 150.0))
+            .is_some_and(|node| node.cell == Cell::Free));
+    }
+
+    #[test]
+    fn driven_floor_is_free_where_grid_is_unknown() {
+        let grid = draw(&["      ", "      ", "......"]);
+        let at = Point::new(200.0, 200.0);
+        let map = CostMap::new(&grid, 0.0, &[], &[at]);
+        let node = map.at(at).unwrap();
+        assert!(node.driven && node.cell == Cell::Free);
+    }
+}

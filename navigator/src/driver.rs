@@ -1,0 +1,226 @@
+//! What exploring and going to a point share: follows a path with regard to the map, rests, and
+//! answers stops.
+
+use std::collections::VecDeque;
+
+use geometry::{Point, Pose2};
+use mapper::{Cell, Grid};
+
+use crate::cost_map::{CostMap, Node};
+use crate::follower::Follower;
+use crate::manoeuvre::{Kind, Manoeuvre};
+use crate::planner::{passable, Reach};
+use crate::trail::Trail;
+use crate::{walls, Action, Config, Status, StopReason, Velocity};
+
+/// Interval between two looks at the map along the path, s.
+const CHECK_S: f64 = 1.0;
+/// Way ahead that decides the speed, mm, and the deceleration that is counted on, mm/s².
+const SPEED_AHEAD_MM: f64 = 350.0;
+const DECELERATION: f64 = 200.0;
+/// Speed per clearance beyond the inflation, 1/s, and the slowest, mm/s.
+const BY_CLEARANCE: (f64, f64) = (1.2, 60.0);
+/// Floor this near to unknown cells is driven slowly, mm.
+const UNKNOWN_NEAR_MM: f64 = 110.0;
+/// Standing below this speed, mm/s, for this time, s, with the obstacle stop active is blocked.
+const BLOCKED: (f64, f64) = (12.0, 0.8);
+/// Way back after a stop, mm, and the robot's front edge ahead of the axle, mm.
+const BACK_MM: f64 = 150.0;
+const FRONT_EDGE_MM: f64 = 120.0;
+/// A mark is forgotten after this, s: what stopped the robot may have been an outlier.
+const MARK_S: f64 = 120.0;
+
+/// The outcome of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Step {
+    /// Do this.
+    Act(Action),
+    /// Nothing is left to do; the path's end was reached.
+    Arrived,
+    /// Nothing is left to do; the path has become impassable or ended at an obstacle.
+    Interrupted,
+}
+
+/// The state of driving.
+#[derive(Clone, Debug)]
+pub(crate) struct Driver {
+    pub config: Config,
+    pub trail: Trail,
+    /// Motions that come before the path.
+    pub queue: VecDeque<Manoeuvre>,
+    pub follower: Option<Follower>,
+    marks: Vec<(f64, Point)>,
+    pub map: Option<CostMap>,
+    checked_s: f64,
+    rested_s: f64,
+    moving_s: f64,
+    interrupted: bool,
+}
+
+impl Driver {
+    pub fn new(config: Config) -> Self {
+        Self {
+            config,
+            trail: Trail::default(),
+            queue: VecDeque::new(),
+            follower: None,
+            marks: Vec::new(),
+            map: None,
+            checked_s: f64::NEG_INFINITY,
+            rested_s: f64::NEG_INFINITY,
+            moving_s: 0.0,
+            interrupted: false,
+        }
+    }
+
+    /// The lattice of the grid as it is now.
+    pub fn survey(&mut self, grid: &Grid, time_s: f64) -> CostMap {
+        self.marks.retain(|&(since_s, _)| time_s - since_s < MARK_S);
+        let marks: Vec<Point> = self.marks.iter().map(|&(_, point)| point).collect();
+        CostMap::new(grid, walls::direction_rad(grid), &marks, &self.trail.points)
+    }
+
+    /// Follows the cheapest way to a reachable node.
+    pub fn follow(&mut self, reach: &Reach, node: usize, time_s: f64) {
+        self.follower = Some(Follower::new(reach.path(node)));
+        self.map = Some(reach.map.clone());
+        (self.checked_s, self.moving_s) = (time_s, time_s);
+    }
+
+    /// Adds motions to be done before the path is followed.
+    pub fn enqueue(&mut self, motions: impl IntoIterator<Item = Kind>) {
+        self.queue.extend(motions.into_iter().map(Manoeuvre::from));
+    }
+
+    /// Takes a frame.
+    pub fn step(&mut self, grid: &Grid, status: &Status) -> Step {
+        let pose = status.estimate.pose;
+        self.trail.observe(&pose);
+        if let Some(reason) = status.stop {
+            self.recover(reason, status);
+            return Step::Act(Action::Resume);
+        }
+        if self.queue.is_empty() && status.time_s - self.rested_s >= self.config.rest_every_s {
+            self.rested_s = status.time_s;
+            self.enqueue([Kind::Rest(self.config.rest_s)]);
+        }
+        while let Some(motion) = self.queue.front_mut() {
+            if let Some(velocity) = motion.step(status, self.trail.net_rad, &self.config) {
+                self.moving_s = status.time_s;
+                return self.drive(velocity);
+            }
+            self.queue.pop_front();
+        }
+        if let Some(velocity) = self.follow_path(grid, status) {
+            return self.drive(velocity);
+        }
+        self.follower = None;
+        if std::mem::take(&mut self.interrupted) {
+            return Step::Interrupted;
+        }
+        Step::Arrived
+    }
+
+    fn drive(&self, velocity: Velocity) -> Step {
+        let sweep_half_width_rad = self.config.sweep_half_width_rad;
+        Step::Act(Action::Drive(Velocity {
+            sweep_half_width_rad,
+            ..velocity
+        }))
+    }
+
+    fn follow_path(&mut self, grid: &Grid, status: &Status) -> Option<Velocity> {
+        let pose = status.estimate.pose;
+        let inflation_mm = self.config.inflation_mm;
+        if status.time_s - self.checked_s >= CHECK_S {
+            self.checked_s = status.time_s;
+            let map = self.survey(grid, status.time_s);
+            // What lies under the path has to stay passable, but for the last bit before the end.
+            let follower = self.follower.as_ref()?;
+            let mut mm = 100.0;
+            while mm < follower.remaining_mm() - 100.0 {
+                let node = map.at(follower.ahead(mm)?);
+                self.interrupted |= !node.is_some_and(|node| {
+                    node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 30.0
+                        || passable(node, inflation_mm)
+                });
+                mm += 50.0;
+            }
+            self.map = Some(map);
+            if self.interrupted {
+                return None;
+            }
+        }
+        let (Some(follower), Some(map)) = (&mut self.follower, &self.map) else {
+            return None;
+        };
+        let fastest_mm_s = speed_limit(follower, map, &self.config);
+        let clear =
+            |from: Point, to: Point| map.line(from, to, |node| passable(node, inflation_mm));
+        let fastest = (fastest_mm_s, self.config.yaw_rate_rad_s);
+        let velocity = follower.step(&pose, fastest, clear)?;
+        let held =
+            velocity.forward_mm_s > 0.0 && status.obstacle_limited && status.speed_mm_s < BLOCKED.0;
+        if !held {
+            self.moving_s = status.time_s;
+        } else if status.time_s - self.moving_s > BLOCKED.1 {
+            self.recover(StopReason::Obstacle, status);
+            return self
+                .queue
+                .front_mut()
+                .and_then(|motion| motion.step(status, self.trail.net_rad, &self.config));
+        }
+        Some(velocity)
+    }
+
+    /// Drops the path; goes back within what was just driven straight; marks what stopped the
+    /// robot.
+    fn recover(&mut self, reason: StopReason, status: &Status) {
+        self.queue.clear();
+        self.follower = None;
+        self.interrupted = true;
+        if reason == StopReason::Link {
+            return;
+        }
+        let pose = status.estimate.pose;
+        let echo = status.ranges_mm[0].filter(|&range| range < 250.0);
+        let ahead = self.config.mounts[0].ahead_mm;
+        let mm = echo.map_or(FRONT_EDGE_MM, |range| ahead + range);
+        for aside in [-50.0, 0.0, 50.0] {
+            self.marks
+                .push((status.time_s, pose.point_at(mm.max(FRONT_EDGE_MM), aside)));
+        }
+        let back_mm = self.trail.reversible_mm().min(BACK_MM);
+        if back_mm > 20.0 {
+            self.enqueue([Kind::Straight(-back_mm)]);
+        }
+    }
+}
+
+/// Speed for what lies ahead on the path, mm/s.
+fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
+    let at = |node: &Node| {
+        let (gain, slowest) = BY_CLEARANCE;
+        let spare_mm = (node.clearance_mm - config.inflation_mm).max(0.0);
+        let known = if node.known_mm > UNKNOWN_NEAR_MM {
+            config.cruise_mm_s
+        } else {
+            config.slow_mm_s
+        };
+        (slowest + gain * spare_mm).min(known)
+    };
+    let mut limit = config.cruise_mm_s;
+    let mut mm = 0.0;
+    while mm <= SPEED_AHEAD_MM.min(follower.remaining_mm()) {
+        if let Some(node) = follower.ahead(mm).and_then(|point| map.at(point)) {
+            limit = limit.min(at(node).hypot((2.0 * DECELERATION * mm).sqrt()));
+        }
+        mm += 50.0;
+    }
+    limit
+}
+
+/// Distance of a pose to a point, mm.
+pub(crate) fn distance_mm(pose: &Pose2, point: Point) -> f64 {
+    pose.position().distance_mm(point)
+}

@@ -1,0 +1,302 @@
+//! Explores an unknown room: chooses what to look at next until nothing reachable is left, then
+//! goes home.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
+
+use geometry::{wrap_angle, Point, Pose2};
+use mapper::{Cell, Grid};
+
+use crate::cost_map::CostMap;
+use crate::driver::{distance_mm, Driver, Step};
+use crate::frontier::{frontiers, unseen_surfaces, Kind, SeenClosely, Target};
+use crate::manoeuvre::Kind as Motion;
+use crate::planner::Reach;
+use crate::{Action, Config, Outcome, Status, Velocity};
+
+/// First rest: the gyro's first bias, s.
+const FIRST_REST_S: f64 = 2.0;
+/// First straight way: what calibrates wheels against the gyro before the first turn, mm, and the
+/// distance that it keeps from an echo, mm.
+const FIRST_WAY_MM: (f64, f64) = (300.0, 300.0);
+/// A look turns this far to both sides: three sensors at right angles see all but the way back.
+const LOOK_RAD: f64 = 0.9;
+/// Net rotation that is unwound at the next look, radians.
+const UNWIND_RAD: f64 = 1.25 * TAU;
+/// Targets nearer to each other than this are one, mm.
+const SAME_MM: f64 = 250.0;
+/// A target is given up after this many fruitless tries.
+const TRIES: usize = 2;
+/// A look that leaves more than this share of the gain was fruitless.
+const FRUITLESS: f64 = 0.7;
+/// Value of a square metre of unknown floor and of a metre of unseen surface, mm of way.
+const VALUE_MM: (f64, f64) = (1500.0, 300.0);
+/// Spacing of the places to return to, mm, and time between two returns, s.
+const ANCHORS: (f64, f64) = (300.0, 60.0);
+
+/// What the explorer is about.
+#[derive(Clone, Copy, Debug)]
+enum Goal {
+    /// Waits for the first ranges.
+    Begin,
+    /// Chooses the next target.
+    Choose,
+    /// Goes to a target …
+    Approach(Target),
+    /// … and looks at it.
+    Look(Target),
+    /// Goes to a place where the position was well known.
+    Return,
+    /// Goes to the start.
+    Home(Outcome),
+    /// Turns to the heading of the start.
+    Finish(Outcome),
+}
+
+/// Explores a room.
+#[derive(Clone, Debug)]
+pub struct Explorer {
+    driver: Driver,
+    goal: Goal,
+    start: Option<Pose2>,
+    seen: SeenClosely,
+    ranges_mm: [Option<f64>; 3],
+    /// Middles of targets that were looked at in vain, once per try.
+    tries: Vec<Point>,
+    /// Places on the way and the position's standard deviation there, mm.
+    anchors: Vec<(Point, f64)>,
+    returned_s: f64,
+    targets: usize,
+}
+
+impl Explorer {
+    /// An explorer that starts where the first frame finds it.
+    #[must_use]
+    pub fn new(config: Config) -> Self {
+        Self {
+            driver: Driver::new(config),
+            goal: Goal::Begin,
+            start: None,
+            seen: SeenClosely::default(),
+            ranges_mm: [None; 3],
+            tries: Vec::new(),
+            anchors: Vec::new(),
+            returned_s: 0.0,
+            targets: 0,
+        }
+    }
+
+    /// Number of targets left when the last one was chosen.
+    #[must_use]
+    pub const fn targets(&self) -> usize {
+        self.targets
+    }
+
+    /// Takes a frame: the map as it is now and the robot's report.
+    pub fn step(&mut self, grid: &Grid, status: &Status) -> Action {
+        let pose = status.estimate.pose;
+        if self.start.is_none() {
+            self.start = Some(pose);
+            self.driver.enqueue([Motion::Rest(FIRST_REST_S)]);
+        }
+        self.record(status);
+        if self.is_resolved() {
+            self.driver.follower = None;
+            self.goal = Goal::Choose;
+        }
+        for _ in 0..3 {
+            match self.driver.step(grid, status) {
+                Step::Act(action) => return action,
+                Step::Arrived => self.arrived(grid, status),
+                Step::Interrupted => self.interrupted(),
+            }
+            if let Goal::Finish(outcome) = self.goal {
+                if self.driver.queue.is_empty() {
+                    return Action::Done(outcome);
+                }
+            }
+        }
+        Action::Drive(Velocity::default())
+    }
+
+    /// Remembers what was seen closely and where the position was well known.
+    #[allow(clippy::float_cmp)] // a repeat of the same measurement
+    fn record(&mut self, status: &Status) {
+        let pose = status.estimate.pose;
+        for (nth, range_mm) in status.ranges_mm.into_iter().enumerate() {
+            if let Some(range_mm) =
+                range_mm.filter(|range| *range <= self.driver.config.closer_look_mm)
+            {
+                if self.ranges_mm[nth] != Some(range_mm) {
+                    let mut mount = self.driver.config.mounts[nth];
+                    if nth == 0 {
+                        mount.bearing_rad = status.front_bearing_rad;
+                    }
+                    self.seen.echo(&mount.sensor_pose(&pose), range_mm);
+                }
+            }
+        }
+        self.ranges_mm = status.ranges_mm;
+        let spaced = |&(last, _): &(Point, f64)| distance_mm(&pose, last) >= ANCHORS.0;
+        if self.anchors.last().is_none_or(spaced) {
+            self.anchors.push((pose.position(), deviation_mm(status)));
+        }
+    }
+
+    /// Whether the target on the way has been seen meanwhile.
+    fn is_resolved(&self) -> bool {
+        match (self.goal, &self.driver.map) {
+            (Goal::Approach(target), Some(map)) => match target.kind {
+                Kind::Frontier => map
+                    .at(target.centre)
+                    .is_some_and(|node| node.cell != Cell::Unknown),
+                Kind::Surface => self.seen.contains(target.centre),
+            },
+            _ => false,
+        }
+    }
+
+    fn arrived(&mut self, grid: &Grid, status: &Status) {
+        match self.goal {
+            Goal::Begin => {
+                let (most_mm, margin_mm) = FIRST_WAY_MM;
+                let room_mm = status.ranges_mm[0].map_or(most_mm / 2.0, |range| range - margin_mm);
+                if room_mm > 50.0 {
+                    let way_mm = room_mm.min(most_mm);
+                    self.driver
+                        .enqueue([Motion::Straight(way_mm), Motion::Straight(-way_mm)]);
+                }
+                let turns = [FRAC_PI_2, -FRAC_PI_2, 0.0].map(Motion::Turn);
+                self.driver
+                    .enqueue([Motion::Rest(1.0)].into_iter().chain(turns));
+                self.goal = Goal::Choose;
+            }
+            Goal::Choose | Goal::Look(_) => self.choose(grid, status),
+            Goal::Approach(target) => {
+                self.look(Some(target.centre), status);
+                self.goal = Goal::Look(target);
+            }
+            Goal::Return => {
+                self.look(None, status);
+                self.goal = Goal::Choose;
+            }
+            Goal::Home(outcome) => {
+                let heading_rad = self.start.map_or(0.0, |start| start.heading_rad);
+                let turn = wrap_angle(heading_rad - status.estimate.pose.heading_rad);
+                let net_rad = self.driver.trail.net_rad;
+                self.driver
+                    .enqueue([Motion::Turn(net_rad + turn), Motion::Rest(1.0)]);
+                self.goal = Goal::Finish(outcome);
+            }
+            Goal::Finish(_) => {}
+        }
+    }
+
+    fn interrupted(&mut self) {
+        match self.goal {
+            Goal::Approach(target) | Goal::Look(target) => {
+                self.tries.push(target.centre);
+                self.goal = Goal::Choose;
+            }
+            Goal::Return | Goal::Home(_) => self.goal = Goal::Choose,
+            Goal::Begin | Goal::Choose | Goal::Finish(_) => {}
+        }
+    }
+
+    /// Turns so that the three sensors see everything but the way back, and `centre`.
+    fn look(&mut self, centre: Option<Point>, status: &Status) {
+        let pose = status.estimate.pose;
+        let net_rad = self.driver.trail.net_rad;
+        let unwind = -net_rad.signum();
+        if net_rad.abs() > UNWIND_RAD {
+            self.driver.enqueue([Motion::Turn(net_rad + unwind * TAU)]);
+            return;
+        }
+        let walls_rad = self.driver.map.as_ref().map_or(0.0, CostMap::direction_rad);
+        let quarter = ((pose.heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2;
+        let aligned_rad = walls_rad + quarter;
+        let mut base_rad = net_rad + wrap_angle(aligned_rad - pose.heading_rad);
+        if let Some(centre) = centre {
+            let bearing = f64::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
+            if wrap_angle(bearing - aligned_rad).abs() > 3.0 * FRAC_PI_4 {
+                base_rad += unwind * FRAC_PI_2;
+            }
+        }
+        let turns = [base_rad + unwind * LOOK_RAD, base_rad - unwind * LOOK_RAD];
+        self.driver.enqueue(turns.map(Motion::Turn));
+    }
+
+    /// Chooses the next target, or goes home.
+    fn choose(&mut self, grid: &Grid, status: &Status) {
+        let (pose, config) = (status.estimate.pose, self.driver.config);
+        let map = self.driver.survey(grid, status.time_s);
+        let reach = Reach::new(&map, &pose, config.inflation_mm);
+        let deviation_mm = deviation_mm(status);
+        if deviation_mm > config.lost_mm && status.time_s - self.returned_s > ANCHORS.1 {
+            self.returned_s = status.time_s;
+            let known = self
+                .anchors
+                .iter()
+                .filter(|&&(_, then_mm)| then_mm < 0.5 * deviation_mm);
+            let nodes = known.filter_map(|&(point, _)| reach.nearest(point, SAME_MM));
+            if let Some(node) = nodes.min_by_key(|&node| reach.cost(node)) {
+                self.driver.follow(&reach, node, status.time_s);
+                self.goal = Goal::Return;
+                return;
+            }
+        }
+        let mut targets = frontiers(&reach, config.inflation_mm);
+        targets.extend(unseen_surfaces(&reach, grid, &self.seen));
+        let same = |a: Point, b: Point| a.distance_mm(b) < SAME_MM;
+        if let Goal::Look(last) = self.goal {
+            let again =
+                |target: &&Target| target.kind == last.kind && same(target.centre, last.centre);
+            let left = targets.iter().find(again);
+            if left.is_some_and(|left| left.gain > FRUITLESS * last.gain) {
+                self.tries.push(last.centre);
+            }
+        }
+        let tries = |target: &Target| {
+            self.tries
+                .iter()
+                .filter(|&&t| same(t, target.centre))
+                .count()
+        };
+        targets.retain(|target| tries(target) < TRIES);
+        self.targets = targets.len();
+        // An uncertain robot stays near.
+        let caution = 1.0 + deviation_mm / config.lost_mm;
+        let price = |target: &Target| {
+            let value = match target.kind {
+                Kind::Frontier => VALUE_MM.0,
+                Kind::Surface => VALUE_MM.1,
+            };
+            let way_mm = reach.cost(target.view).map_or(f64::INFINITY, f64::from);
+            caution * way_mm - value * target.gain
+        };
+        let late = status.time_s > config.time_limit_s;
+        let best = targets.iter().min_by(|a, b| price(a).total_cmp(&price(b)));
+        if let Some(target) = best.filter(|_| !late) {
+            self.driver.follow(&reach, target.view, status.time_s);
+            self.goal = Goal::Approach(*target);
+            return;
+        }
+        let start = self.start.unwrap_or(pose).position();
+        let outcome = if late {
+            Outcome::TimeLimit
+        } else {
+            Outcome::Complete
+        };
+        if let Some(node) = reach.nearest(start, SAME_MM) {
+            self.driver.follow(&reach, node, status.time_s);
+            self.goal = Goal::Home(outcome);
+        } else {
+            self.goal = Goal::Finish(Outcome::Unreachable);
+        }
+    }
+}
+
+/// Standard deviation of the position, mm.
+fn deviation_mm(status: &Status) -> f64 {
+    let covariance = &status.estimate.covariance;
+    (covariance[0][0] + covariance[1][1]).max(0.0).sqrt()
+}

@@ -1,0 +1,276 @@
+//! Places worth going to: borders of the unknown, and surfaces that were seen from afar alone.
+
+use std::collections::{HashSet, VecDeque};
+
+use geometry::{Point, Pose2};
+use mapper::{Cell, Grid};
+
+use crate::cost_map::{CostMap, STEP_MM};
+use crate::planner::Reach;
+
+/// Targets of fewer nodes or cells are noise.
+const SMALLEST: usize = 4;
+/// A target extends this far from its first node, mm; what lies farther is another.
+const EXTENT_MM: f64 = 500.0;
+/// Unknown floor counts as gain this many steps behind its border.
+const DEPTH: u32 = 8;
+/// A border is looked at from this near, mm.
+const VIEW_MM: f64 = 220.0;
+/// Distances from which a surface is looked at, mm.
+const SURFACE_VIEW_MM: (f64, f64) = (230.0, 550.0);
+/// Raster of the surfaces seen closely, mm.
+const RASTER_MM: f64 = 100.0;
+
+/// What makes a place worth going to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Unknown floor begins there.
+    Frontier,
+    /// A surface was seen from afar alone: two door jambs look like a wall across the door.
+    Surface,
+}
+
+/// A place to look at, and from where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    pub kind: Kind,
+    /// Its middle.
+    pub centre: Point,
+    /// The node to look from.
+    pub view: usize,
+    /// Unknown floor, m², or unseen surface, m.
+    pub gain: f64,
+}
+
+/// Surfaces from which an echo came at a short distance.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SeenClosely {
+    squares: HashSet<(i32, i32)>,
+}
+
+impl SeenClosely {
+    /// An echo from `range_mm` along the heading of `sensor`, at most 15° off the axis.
+    pub fn echo(&mut self, sensor: &Pose2, range_mm: f64) {
+        for aside in [-0.2f64, 0.0, 0.2] {
+            let (sin, cos) = aside.sin_cos();
+            self.squares
+                .insert(square(sensor.point_at(range_mm * cos, range_mm * sin)));
+        }
+    }
+
+    /// Whether an echo came from about there.
+    pub fn contains(&self, point: Point) -> bool {
+        let (x, y) = square(point);
+        (-1..=1).any(|dx| (-1..=1).any(|dy| self.squares.contains(&(x + dx, y + dy))))
+    }
+}
+
+#[allow(clippy::cast_possible_truncation)] // within the grid
+fn square(point: Point) -> (i32, i32) {
+    let number = |mm: f64| (mm / RASTER_MM).floor() as i32;
+    (number(point.x_mm), number(point.y_mm))
+}
+
+/// The borders between reachable and unknown floor.
+pub(crate) fn frontiers(reach: &Reach, inflation_mm: f64) -> Vec<Target> {
+    let map = reach.map;
+    let unknown = |index: usize| {
+        let node = &map.nodes[index];
+        node.cell == Cell::Unknown
+            && node.clearance_mm >= inflation_mm
+            && reach.cost(index).is_none()
+    };
+    let mut border: Vec<usize> = reach
+        .nodes()
+        .flat_map(|index| map.neighbours(index))
+        .filter(|&index| unknown(index))
+        .collect();
+    border.sort_unstable();
+    border.dedup();
+    let points: Vec<Point> = border.iter().map(|&index| map.point(index)).collect();
+    let mut targets = Vec::new();
+    for group in groups(&points, 1.5 * STEP_MM) {
+        let nodes: Vec<usize> = group.iter().map(|&nth| border[nth]).collect();
+        let floor = flood(map, &nodes, unknown);
+        let near: Vec<Point> = group.iter().map(|&nth| points[nth]).collect();
+        let (Some(centre), true) = (middle(&near), floor >= SMALLEST) else {
+            continue;
+        };
+        let view = map
+            .within(centre, VIEW_MM)
+            .into_iter()
+            .filter(|&index| map.line(map.point(index), centre, |node| node.cell != Cell::Occupied))
+            .filter_map(|index| Some((reach.cost(index)?, index)))
+            .min()
+            .map(|(_, index)| index)
+            .or_else(|| reach.nearest(centre, EXTENT_MM));
+        #[allow(clippy::cast_precision_loss)] // some hundred
+        let gain = floor as f64 * (STEP_MM / 1000.0).powi(2);
+        targets.extend(view.map(|view| Target {
+            kind: Kind::Frontier,
+            centre,
+            view,
+            gain,
+        }));
+    }
+    targets
+}
+
+/// The occupied cells at reachable floor that were never seen closely.
+pub(crate) fn unseen_surfaces(reach: &Reach, grid: &Grid, seen: &SeenClosely) -> Vec<Target> {
+    let map = reach.map;
+    let points: Vec<Point> = grid
+        .cells()
+        .filter(|&(column, row)| grid.cell(column, row) == Cell::Occupied)
+        .map(|(column, row)| grid.middle(column, row))
+        .filter(|&point| !seen.contains(point))
+        .collect();
+    let mut targets = Vec::new();
+    for group in groups(&points, 2.0 * grid.cell_mm()) {
+        let near: Vec<Point> = group.iter().map(|&nth| points[nth]).collect();
+        let (Some(centre), true) = (middle(&near), group.len() >= SMALLEST) else {
+            continue;
+        };
+        let (nearest, farthest) = SURFACE_VIEW_MM;
+        let view = map
+            .within(centre, farthest)
+            .into_iter()
+            .filter(|&index| map.point(index).distance_mm(centre) >= nearest)
+            .filter(|&index| {
+                let from = map.point(index);
+                let short = 1.0 - 1.5 * STEP_MM / from.distance_mm(centre);
+                map.line(from, from.lerp(centre, short), |node| {
+                    node.cell != Cell::Occupied
+                })
+            })
+            .filter_map(|index| Some((reach.cost(index)?, index)))
+            .min();
+        #[allow(clippy::cast_precision_loss)] // some hundred
+        let gain = near.len() as f64 * grid.cell_mm() / 1000.0;
+        targets.extend(view.map(|(_, view)| Target {
+            kind: Kind::Surface,
+            centre,
+            view,
+            gain,
+        }));
+    }
+    targets
+}
+
+/// Groups of points whose neighbours are within `gap_mm`, each at most [`EXTENT_MM`] from its
+/// first point.
+fn groups(points: &[Point], gap_mm: f64) -> Vec<Vec<usize>> {
+    let mut todo: Vec<usize> = (0..points.len()).collect();
+    let mut groups = Vec::new();
+    while !todo.is_empty() {
+        let first = todo.remove(0);
+        let mut group = vec![first];
+        let mut next = 0;
+        while next < group.len() {
+            let from = points[group[next]];
+            next += 1;
+            todo.retain(|&other| {
+                let joins = points[other].distance_mm(from) <= gap_mm
+                    && points[other].distance_mm(points[first]) <= EXTENT_MM;
+                if joins {
+                    group.push(other);
+                }
+                !joins
+            });
+        }
+        groups.push(group);
+    }
+    groups
+}
+
+/// The point of the group nearest to its mean.
+fn middle(points: &[Point]) -> Option<Point> {
+    #[allow(clippy::cast_precision_loss)] // some hundred
+    let mean = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let mean = Point::new(mean(|p| p.x_mm), mean(|p| p.y_mm));
+    let nearer = |a: &&Point, b: &&Point| a.distance_mm(mean).total_cmp(&b.distance_mm(mean));
+    points.iter().min_by(nearer).copied()
+}
+
+/// Number of unknown nodes behind a border, [`DEPTH`] steps deep.
+fn flood(map: &CostMap, border: &[usize], unknown: impl Fn(usize) -> bool) -> usize {
+    let mut seen: HashSet<usize> = border.iter().copied().collect();
+    let mut todo: VecDeque<(usize, u32)> = border.iter().map(|&index| (index, 0)).collect();
+    while let Some((index, depth)) = todo.pop_front() {
+        if depth < DEPTH {
+            for next in map.neighbours(index) {
+                if unknown(next) && seen.insert(next) {
+                    todo.push_back((next, depth + 1));
+                }
+            }
+        }
+    }
+    seen.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost_map::tests::draw;
+
+    const HALF: [&str; 8] = [
+        "##########          ",
+        "#........#          ",
+        "#.........          ",
+        "#.........          ",
+        "#.........          ",
+        "#.........          ",
+        "#........#          ",
+        "##########          ",
+    ];
+
+    fn targets(rows: &[&str], see: impl Fn(&mut SeenClosely)) -> (Vec<Target>, Vec<Target>) {
+        let grid = draw(rows);
+        let map = CostMap::new(&grid, 0.0, &[], &[]);
+        let reach = Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), 120.0);
+        let mut seen = SeenClosely::default();
+        see(&mut seen);
+        (
+            frontiers(&reach, 120.0),
+            unseen_surfaces(&reach, &grid, &seen),
+        )
+    }
+
+    #[test]
+    fn open_door_is_frontier_and_closed_room_has_none() {
+        let (found, _) = targets(&HALF, |_| {});
+        assert_eq!(found.len(), 1, "{found:?}");
+        let centre = found[0].centre;
+        assert!(
+            centre.distance_mm(Point::new(1000.0, 400.0)) < 100.0,
+            "{centre:?}"
+        );
+        assert!(found[0].gain > 0.05 && found[0].gain < 0.5, "{found:?}");
+        let closed = HALF.map(|row| row.replace(".          ", "#          "));
+        let closed: Vec<&str> = closed.iter().map(String::as_str).collect();
+        assert!(targets(&closed, |_| {}).0.is_empty());
+    }
+
+    #[test]
+    fn surfaces_seen_closely_are_no_targets() {
+        let all = |seen: &mut SeenClosely| {
+            for step in 0..100 {
+                let x_mm = 10.0 * f64::from(step);
+                for y_mm in [60.0, 740.0] {
+                    seen.echo(
+                        &Pose2::new(x_mm, y_mm - 100.0, 0.5 * std::f64::consts::PI),
+                        100.0,
+                    );
+                }
+                seen.echo(&Pose2::new(150.0, x_mm, std::f64::consts::PI), 100.0);
+                if !(200.0..=600.0).contains(&x_mm) {
+                    seen.echo(&Pose2::new(850.0, x_mm, 0.0), 100.0);
+                }
+            }
+        };
+        let (_, unseen) = targets(&HALF, |_| {});
+        assert!(unseen.len() >= 4, "{unseen:?}");
+        let (_, unseen) = targets(&HALF, all);
+        assert!(unseen.is_empty(), "{unseen:?}");
+    }
+}

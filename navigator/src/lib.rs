@@ -1,0 +1,133 @@
+//! Where to go: exploration of an unknown room, and ways on a known map.
+//!
+//! Lengths, angles and frames are those of [`geometry`]; everything is in the frame of the grid.
+#![forbid(unsafe_code)]
+
+mod cost_map;
+mod driver;
+mod explorer;
+mod follower;
+mod frontier;
+mod goto;
+mod manoeuvre;
+mod planner;
+mod trail;
+mod walls;
+
+pub use explorer::Explorer;
+pub use goto::GoTo;
+
+use geometry::Mount;
+use mapper::PoseEstimate;
+
+/// A velocity to drive at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Velocity {
+    /// Forward speed, mm/s; negative is back.
+    pub forward_mm_s: f64,
+    /// Yaw rate, rad/s counter-clockwise.
+    pub yaw_rate_rad_s: f64,
+    /// Half the width of the front sensor's sweep around straight ahead, radians; 0 looks straight
+    /// ahead.
+    pub sweep_half_width_rad: f64,
+}
+
+/// Why the robot has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopReason {
+    /// Something stands in the way.
+    Obstacle,
+    /// A wheel does not turn though it is driven.
+    Stall,
+    /// The wheels and the gyroscope disagree.
+    Slip,
+    /// The stop deadline ran out: frames were lost.
+    Link,
+}
+
+/// What the robot reports in a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Status {
+    /// Time of the report, s.
+    pub time_s: f64,
+    /// Where the robot is in the frame of the grid.
+    pub estimate: PoseEstimate,
+    /// Forward speed as reported, mm/s.
+    pub speed_mm_s: f64,
+    /// Latest front, right and left range, mm; `None` is silence.
+    pub ranges_mm: [Option<f64>; 3],
+    /// Bearing of the front range, radians counter-clockwise from straight ahead.
+    pub front_bearing_rad: f64,
+    /// The obstacle stop holds the speed below the command.
+    pub obstacle_limited: bool,
+    /// A latched stop, if there is one.
+    pub stop: Option<StopReason>,
+}
+
+/// What to do until the next frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// Drive at this velocity.
+    Drive(Velocity),
+    /// Clear the fault and resume.
+    Resume,
+    /// Stand; there is nothing left to do.
+    Done(Outcome),
+}
+
+/// How it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything reachable is known, or the target is reached; the explorer is back at its start.
+    Complete,
+    /// The time ran out before everything was known; the explorer is back at its start.
+    TimeLimit,
+    /// No way leads to the target or back to the start.
+    Unreachable,
+}
+
+/// The robot's size, limits and habits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// The rangefinders: front, right, left.
+    pub mounts: [Mount; 3],
+    /// Clearance of the robot's middle that plans keep, mm: its radius and the map's error.
+    pub inflation_mm: f64,
+    /// Speed on known floor with ample clearance, mm/s.
+    pub cruise_mm_s: f64,
+    /// Speed beside unknown floor, mm/s.
+    pub slow_mm_s: f64,
+    /// Yaw rate of turns, rad/s.
+    pub yaw_rate_rad_s: f64,
+    /// Half the width of the front sensor's sweep, radians; 0 without a servo.
+    pub sweep_half_width_rad: f64,
+    /// Interval between rests for the gyro's bias, s …
+    pub rest_every_s: f64,
+    /// … and their length, s.
+    pub rest_s: f64,
+    /// A surface seen only from beyond this distance gets a closer look, mm.
+    pub closer_look_mm: f64,
+    /// Standard deviation of the position beyond which the robot returns to a known place, mm.
+    pub lost_mm: f64,
+    /// Time after which the explorer goes home, s.
+    pub time_limit_s: f64,
+}
+
+impl Default for Config {
+    /// The first board without a servo; a body of 100 mm radius.
+    fn default() -> Self {
+        Self {
+            mounts: Mount::first_board(),
+            inflation_mm: 120.0,
+            cruise_mm_s: 200.0,
+            slow_mm_s: 90.0,
+            yaw_rate_rad_s: 1.2,
+            sweep_half_width_rad: 0.0,
+            rest_every_s: 45.0,
+            rest_s: 1.5,
+            closer_look_mm: 850.0,
+            lost_mm: 80.0,
+            time_limit_s: 1500.0,
+        }
+    }
+}

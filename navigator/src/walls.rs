@@ -1,0 +1,72 @@
+//! The direction of the walls.
+
+use mapper::{Cell, Grid};
+
+/// Pairs of occupied cells this many columns or rows apart vote.
+const PAIR: std::ops::RangeInclusive<i32> = 5..=10;
+
+/// The direction, radians in −π/4..=π/4, along or across which most walls run; 0 where the map
+/// has none. Every pair of occupied cells some decimetres apart votes with four times its
+/// direction, so that opposite and perpendicular walls agree.
+pub(crate) fn direction_rad(grid: &Grid) -> f64 {
+    let occupied = |column, row| grid.cell(column, row) == Cell::Occupied;
+    let farthest = *PAIR.end();
+    let offsets: Vec<(i32, i32)> = (0..=farthest)
+        .flat_map(|row| (-farthest..=farthest).map(move |column| (column, row)))
+        .filter(|&(column, row)| {
+            let square = column * column + row * row;
+            (row > 0 || column > 0) && (PAIR.start().pow(2)..=farthest * farthest).contains(&square)
+        })
+        .collect();
+    let mut sum = (0.0, 0.0);
+    for (column, row) in grid.cells().filter(|&(column, row)| occupied(column, row)) {
+        for &(right, up) in &offsets {
+            let other = (
+                column.checked_add_signed(right as isize),
+                row.checked_add_signed(up as isize),
+            );
+            if let (Some(column), Some(row)) = other {
+                if occupied(column, row) {
+                    let (sin, cos) = (4.0 * f64::from(up).atan2(f64::from(right))).sin_cos();
+                    sum = (sum.0 + cos, sum.1 + sin);
+                }
+            }
+        }
+    }
+    f64::atan2(sum.1, sum.0) / 4.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::{Point, Segment};
+
+    #[test]
+    fn direction_of_turned_room_is_found() {
+        for degrees in [-40.0f64, -20.0, 0.0, 7.0, 30.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let at = |x: f64, y: f64| Point::new(x * cos - y * sin, x * sin + y * cos);
+            let corners = [
+                at(0.0, 0.0),
+                at(2000.0, 0.0),
+                at(2000.0, 1200.0),
+                at(0.0, 1200.0),
+            ];
+            let walls: Vec<Segment> = (0..3)
+                .map(|nth| Segment::new(corners[nth], corners[nth + 1]))
+                .collect();
+            let (low, high) = (Point::new(-2500.0, -2500.0), Point::new(2500.0, 2500.0));
+            let grid = Grid::from_fn(25.0, low, high, |point| {
+                let wall = walls.iter().any(|wall| wall.distance_mm(point) < 20.0);
+                if wall {
+                    4.0
+                } else {
+                    0.0
+                }
+            });
+            let found = direction_rad(&grid).to_degrees();
+            assert!((found - degrees).abs() < 2.0, "{found} {degrees}");
+        }
+        assert!(direction_rad(&Grid::new(25.0)).abs() < 1e-9);
+    }
+}
