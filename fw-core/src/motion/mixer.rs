@@ -174,8 +174,15 @@ impl Mixer {
             .max(-self.max_output);
         let headroom = self.max_output - rotation.abs();
         let forward = forward.to_bits().min(headroom).max(-headroom);
-        let left = self.left.duty(forward - rotation);
-        let right = self.right.duty(forward + rotation);
+        self.each(forward - rotation, forward + rotation)
+    }
+
+    /// Commands for each wheel's own output, 2⁻¹⁶ %, cut to its limit.
+    // Requirement: WIRE-eeprom-6
+    #[must_use]
+    pub(super) fn each(&mut self, left: i32, right: i32) -> MotorCommands {
+        let left = self.left.duty(left);
+        let right = self.right.duty(right);
         self.commands(hundredths(left), hundredths(right))
     }
 

@@ -9,14 +9,18 @@
 pub mod deadline;
 pub mod drive_monitor;
 pub mod mixer;
+pub mod obstacle_limit;
 pub mod odometry;
 pub mod pid;
 pub mod pose_controller;
 #[cfg(test)]
 mod simulation;
 pub mod trig;
+pub mod velocity_controller;
 
 pub use deadline::StopDeadline;
 pub use drive_monitor::DriveMonitor;
+pub use obstacle_limit::ObstacleLimit;
 pub use odometry::Odometry;
 pub use pose_controller::PoseController;
+pub use velocity_controller::VelocityController;

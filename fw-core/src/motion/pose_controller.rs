@@ -11,7 +11,7 @@
 //! cannot do better does not hunt. From the final approach on the rotation PID's derivative acts on the
 //! deviation from a planned turn rate: heavily damped gains would else creep through the last 20°.
 
-mod stiction;
+pub(super) mod stiction;
 mod tracking_error;
 
 use fixed::types::I16F16;

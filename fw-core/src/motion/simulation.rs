@@ -1,6 +1,7 @@
 //! Closed loop at 100 Hz on the model of the first board's body, odometry and drive monitor included.
 
 mod faults;
+mod velocity;
 
 use std::f64::consts::{PI, TAU};
 use std::println;
@@ -13,10 +14,10 @@ use crate::eeprom::{config_with, fields, first_board, Config};
 use crate::types::{Delta, Duty, Faults, Millimetres, MotorCommand, MotorCommands, Pose, Turns};
 
 /// A robot on an open floor.
-struct Robot {
+struct Robot<C = PoseController> {
     world: World,
     odometry: Odometry,
-    controller: PoseController,
+    controller: C,
     commands: MotorCommands,
     monitor: DriveMonitor,
     faults: Faults,
@@ -50,11 +51,17 @@ pub(super) fn pose(x: f64, y: f64, degrees: f64) -> Pose {
 
 impl Robot {
     fn new(config: &Config, params: Params) -> Self {
+        Self::with(PoseController::new(config), config, params)
+    }
+}
+
+impl<C> Robot<C> {
+    fn with(controller: C, config: &Config, params: Params) -> Self {
         let world = World::new(params, Room::default(), plant::Pose2::default(), 1);
         Self {
             world,
             odometry: Odometry::new(config, 0, 0),
-            controller: PoseController::new(config),
+            controller,
             commands: MotorCommands::BRAKE,
             monitor: DriveMonitor::new(config),
             faults: Faults::NONE,
@@ -86,7 +93,9 @@ impl Robot {
         let step = plant::Pose2::default().advance_arc(mm(left), mm(right), 125.0);
         self.world.push(&step);
     }
+}
 
+impl Robot {
     fn drive(&mut self, ticks: u32) {
         for _ in 0..ticks {
             let (pose, delta) = self.tick();

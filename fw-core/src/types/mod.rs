@@ -7,7 +7,7 @@ mod motion;
 mod units;
 
 pub use faults::{Fault, Faults};
-pub use motion::{Delta, HeadingCorrection, MotorCommand, MotorCommands, Pose};
+pub use motion::{Delta, HeadingCorrection, MotorCommand, MotorCommands, Pose, Velocity};
 pub use units::{Duty, Micrometres, Micros, Millimetres, Milliseconds, Ohms, Turns, Volts};
 
 /// A rangefinder, in the order of the frame.

@@ -27,6 +27,15 @@ pub struct Delta {
     pub turn: i32,
 }
 
+/// A commanded motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Velocity {
+    /// µm/s, forward positive.
+    pub forward: i32,
+    /// 2⁻³² turns/s, counter-clockwise positive.
+    pub yaw_rate: i32,
+}
+
 /// What the gyroscope adds to the heading of the encoders, 2⁻³² turns, counter-clockwise positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HeadingCorrection {

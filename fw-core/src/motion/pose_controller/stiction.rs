@@ -32,7 +32,7 @@ impl StictionBoost {
 
 /// First-order low pass of 40 ms for the derivatives: at low speed single counts are no speed.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct LowPass(i32);
+pub(crate) struct LowPass(i32);
 
 impl LowPass {
     /// The filtered rate.

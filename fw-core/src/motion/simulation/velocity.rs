@@ -1,0 +1,148 @@
+//! Velocity controller and obstacle stop in the closed loop, at the spread of motors and battery.
+
+use super::*;
+use crate::motion::{ObstacleLimit, VelocityController};
+use crate::types::Velocity;
+
+/// By velocity, with what the front rangefinder would see.
+type Driven = Robot<(VelocityController, ObstacleLimit)>;
+
+/// Distance ahead on an open floor, mm: no limit.
+const FAR: f64 = 30_000.0;
+
+fn first_driven(params: Params) -> Driven {
+    driven(&first_board(), params)
+}
+
+fn driven(config: &Config, params: Params) -> Driven {
+    let parts = (
+        VelocityController::new(config),
+        ObstacleLimit::new(config, true),
+    );
+    Robot::with(parts, config, params)
+}
+
+fn velocity(mm_s: f64, turns_s: f64) -> Velocity {
+    Velocity {
+        forward: (mm_s * 1000.0) as i32,
+        yaw_rate: (turns_s * 4_294_967_296.0) as i32,
+    }
+}
+
+impl Driven {
+    /// One tick; the front sensor sees `ahead` millimetres.
+    fn follow(&mut self, command: Velocity, ahead: Option<f64>) {
+        let (_, delta) = self.tick();
+        let (controller, obstacle) = &mut self.controller;
+        if let Some(ahead) = ahead {
+            obstacle.on_range(0, Some(Millimetres(I32F32::from_num(ahead))));
+        }
+        obstacle.step(&delta);
+        self.commands = controller.step(command, obstacle, &delta);
+    }
+
+    /// Mean of forward speed, mm/s, and yaw rate, turns/s, over some ticks.
+    fn mean(&mut self, command: Velocity, ticks: u32) -> (f64, f64) {
+        let counts = self.world.wheel_counts();
+        for _ in 0..ticks {
+            self.follow(command, Some(FAR));
+        }
+        let now = self.world.wheel_counts();
+        // They count down when the wheels roll forward.
+        let mm_s = |counts: i64| -counts as f64 * 80.0 * PI / 3840.0 * 100.0 / f64::from(ticks);
+        let (left, right) = (mm_s(now.left - counts.left), mm_s(now.right - counts.right));
+        (f64::midpoint(left, right), (right - left) / 125.0 / TAU)
+    }
+}
+
+/// Motors 15 % apart from the first board's, batteries empty to full.
+fn spread() -> impl Iterator<Item = Params> {
+    let gains = [
+        (1.0, 1.0),
+        (0.85, 0.85),
+        (1.15, 1.15),
+        (0.85, 1.15),
+        (1.15, 0.85),
+    ];
+    let scaled = |motor: MotorParams, gain| MotorParams {
+        speeds_deg_s: motor.speeds_deg_s.map(|speed| speed * gain),
+        ..motor
+    };
+    [0.01, 0.5, 1.0].into_iter().flat_map(move |charge| {
+        gains.into_iter().map(move |(left, right)| {
+            let mut params = Params::default();
+            params.battery.charge = [charge; 2];
+            params.motors = Sides::new(
+                scaled(MotorParams::first_board_left(), left),
+                scaled(MotorParams::first_board_right(), right),
+            );
+            params
+        })
+    })
+}
+
+/// After two seconds the speed is within 5 %, the yaw rate too, as a difference of the wheels' speeds;
+/// where a wheel saturates, forward is less and the yaw rate is kept.
+// Requirement: WIRE-velocity-4, WIRE-velocity-5
+#[test]
+fn velocity_is_tracked_within_5_percent_at_the_spread() {
+    let mut worst = (0.0_f64, 0.0_f64);
+    for params in spread() {
+        for (forward, yaw_rate) in [
+            (20.0, 0.0),
+            (50.0, 0.0),
+            (100.0, 0.0),
+            (150.0, 0.0),
+            (200.0, 0.0),
+            (-40.0, 0.0),
+            (0.0, 0.06),
+            (0.0, -0.12),
+            (0.0, 0.2),
+            (100.0, 0.1),
+            (60.0, -0.1),
+            (180.0, 0.1),
+        ] {
+            let mut robot = first_driven(params.clone());
+            let command = velocity(forward, yaw_rate);
+            robot.mean(command, 200);
+            let (speed, rate) = robot.mean(command, 100);
+            let wheels = (rate - yaw_rate) * 125.0 * PI;
+            let size = forward.abs().max(yaw_rate.abs() * 125.0 * PI);
+            let saturated = robot.controller.0.applied().forward != command.forward;
+            let error = if saturated { 0.0 } else { speed - forward };
+            let relative = (error.abs() / size, wheels.abs() / size);
+            worst = (worst.0.max(relative.0), worst.1.max(relative.1));
+            println!("{forward} {yaw_rate}: {speed:.1} {rate:.4} {saturated}");
+            assert!(
+                relative.0 <= 0.05 && relative.1 <= 0.05,
+                "{forward} {yaw_rate} {speed} {rate}"
+            );
+            let slower = speed > f64::min(80.0, 0.7 * forward) && speed < forward;
+            assert!(!saturated || slower && robot.controller.0.clipped());
+        }
+    }
+    println!("{worst:?}");
+}
+
+/// From full speed to zero: at rest within a second, and not a count for ten more.
+// Requirement: WIRE-velocity-6
+#[test]
+fn zero_command_brakes_and_does_not_creep() {
+    for params in spread() {
+        for command in [
+            velocity(200.0, 0.0),
+            velocity(0.0, 0.2),
+            velocity(80.0, -0.1),
+        ] {
+            let mut robot = first_driven(params.clone());
+            robot.mean(command, 300);
+            robot.mean(Velocity::default(), 100);
+            let counts = robot.world.wheel_counts();
+            for _ in 0..1000 {
+                robot.follow(Velocity::default(), Some(FAR));
+                assert_eq!(robot.commands, MotorCommands::BRAKE);
+            }
+            assert_eq!(robot.world.wheel_counts(), counts);
+        }
+    }
+}
