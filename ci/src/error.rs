@@ -4,7 +4,7 @@ use std::fmt;
 
 pub use anyhow::{Context, Error, Result, bail, ensure};
 
-/// Decides the exit code, see `docs/gates.md`.
+/// Decides the exit code, see `cargo xtask --help`.
 #[derive(Debug)]
 pub enum Failure {
     /// The command line is wrong: 2.
