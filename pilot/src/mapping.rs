@@ -20,8 +20,10 @@ pub struct RangeSample {
     pub pose: Pose,
     /// Front, right, left; in the sweep mode the first is the swept one. Millimetres.
     pub ranges_mm: [Option<f64>; 3],
-    /// Sweep mode: the bearing of the first, degrees.
+    /// Where the front sensor sweeps: the bearing of the first, degrees.
     pub bearing_deg: Option<f64>,
+    /// Guarded Velocity: the gyro's own angle, degrees.
+    pub gyro_deg: Option<f64>,
 }
 
 impl RangeSample {
@@ -33,6 +35,7 @@ impl RangeSample {
             pose,
             ranges_mm: snapshot.ranges_mm,
             bearing_deg: snapshot.bearing_deg,
+            gyro_deg: None,
         })
     }
 }
@@ -44,8 +47,8 @@ pub struct Mapping {
     recording: String,
 }
 
-/// First line of a recording.
-const HEAD: &str = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg";
+/// First line of a recording; older ones end with `bearing_deg`.
+const HEAD: &str = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg,gyro_deg";
 
 /// The files a mapping leaves.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -173,9 +176,10 @@ fn csv_line(sample: &RangeSample) -> String {
     } = sample.pose;
     let [front, right, left] = sample.ranges_mm.map(number);
     format!(
-        "{},{x_mm:.3},{y_mm:.3},{rotation_deg:.3},{front},{right},{left},{}\n",
+        "{},{x_mm:.3},{y_mm:.3},{rotation_deg:.3},{front},{right},{left},{},{}\n",
         sample.time_us,
-        number(sample.bearing_deg)
+        number(sample.bearing_deg),
+        number(sample.gyro_deg)
     )
 }
 
@@ -193,7 +197,8 @@ pub fn load_recording(path: &Path) -> Result<Vec<RangeSample>, Error> {
 fn parse_recording(text: &str) -> Result<Vec<RangeSample>, (usize, String)> {
     let mut lines = (1..).zip(text.lines());
     match lines.next() {
-        Some((_, head)) if head.trim() == HEAD => {}
+        Some((_, head))
+            if head.trim() == HEAD || HEAD.strip_suffix(",gyro_deg") == Some(head.trim()) => {}
         _ => return Err((1, format!("no recording: the first line must be {HEAD}"))),
     }
     lines
@@ -204,12 +209,10 @@ fn parse_recording(text: &str) -> Result<Vec<RangeSample>, (usize, String)> {
 
 fn parse_sample(line: &str) -> Result<RangeSample, String> {
     let words: Vec<&str> = line.trim().split(',').collect();
-    let &[time, x, y, rotation, front, right, left, bearing] = words.as_slice() else {
-        return Err(format!(
-            "{} values where a report has 8: {HEAD}",
-            words.len()
-        ));
-    };
+    let (&[time, x, y, rotation, front, right, left, bearing], gyro) = words
+        .split_first_chunk()
+        .filter(|(_, more)| more.len() < 2)
+        .ok_or_else(|| format!("{} values where a report has 9: {HEAD}", words.len()))?;
     let maybe = |field: &str, word: &str| -> Result<Option<f64>, String> {
         if word.is_empty() {
             return Ok(None);
@@ -230,6 +233,7 @@ fn parse_sample(line: &str) -> Result<RangeSample, String> {
             maybe("left_mm", left)?,
         ],
         bearing_deg: maybe("bearing_deg", bearing)?,
+        gyro_deg: maybe("gyro_deg", gyro.first().copied().unwrap_or_default())?,
     })
 }
 
@@ -264,12 +268,14 @@ mod tests {
                 pose: Pose::new(1.5, -2.0, 90.0),
                 ranges_mm: [Some(1234.5), None, Some(80.0)],
                 bearing_deg: None,
+                gyro_deg: None,
             },
             RangeSample {
                 time_us: 50_000,
                 pose: Pose::default(),
                 ranges_mm: [None; 3],
                 bearing_deg: Some(-45.0),
+                gyro_deg: Some(-725.25),
             },
         ];
         let mut mapping = Mapping::new(mapper::Config::default());
@@ -277,6 +283,8 @@ mod tests {
             mapping.add(sample);
         }
         assert_eq!(parse_recording(&mapping.recording).unwrap(), samples);
+        let old = parse_recording(&format!("{}\n1,2,3,4,,,,5\n", &HEAD[..HEAD.len() - 9])).unwrap();
+        assert_eq!((old[0].bearing_deg, old[0].gyro_deg), (Some(5.0), None));
     }
 
     #[test]
