@@ -1,5 +1,7 @@
 //! Driving to a pose, and from pose to pose. Every early end of a drive stops the robot.
 
+mod pose_follower;
+
 use crate::error::Error;
 use crate::pose::Pose;
 use crate::session::{CommandRequest, Session};

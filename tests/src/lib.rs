@@ -6,6 +6,7 @@
 //! | [`io_faults`] | a board whose I/O fails at a chosen call |
 //! | [`mod@reference`] | EEPROM images and frames written by hand from the document's tables |
 //! | [`throughput`] | how fast frames may come, for how long, and what a torn one costs |
+//! | [`truth_track`] | the true pose at each report |
 //! | [`stack`] | how much of its stack the firmware has used |
 #![forbid(unsafe_code)]
 
@@ -14,3 +15,4 @@ pub mod reference;
 pub mod stack;
 pub mod test_board;
 pub mod throughput;
+pub mod truth_track;

@@ -1,13 +1,12 @@
 //! The whole robot, end to end, without hardware: boots the release ELF on the virtual board with a
-//! blank EEPROM, configures it as a user would, drives the default room's tour at 40 frames a second
-//! and leaves the map, the trajectory and a page of figures.
+//! blank EEPROM, configures it as a user would, drives the default room at 40 frames a second and
+//! leaves the map, the trajectory and a page of figures.
 //!
-//! `demo --elf PATH [--out DIRECTORY] [--seed N]`; exit code 1 where a bar is missed, 2 on a wrong
-//! argument.
+//! Exit code 1 where a bar is missed, 2 on a wrong argument.
 #![forbid(unsafe_code)]
 
-mod pose_error;
 mod report;
+mod tour;
 
 use std::error::Error;
 use std::fs;
@@ -18,18 +17,12 @@ use clap::Parser;
 use fw_core::eeprom::fields;
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
-use host_link::drive::{self, ArrivalCriteria};
 use host_link::eeprom;
-use host_link::pose::Pose;
-use host_link::session::{Session, RATE_HZ};
 use host_link::settings::Settings;
-use host_link::statistics::LinkStatistics;
-use mapper::{map_iou, map_plot, MapScore};
-use pilot::mapping::{mapper_config, Mapping, RangeSample};
 use pilot::virtual_board;
-use pose_error::PoseErrors;
-use report::Report;
+use report::Bars;
 use robot_tests::stack::Stack;
+use serde_json::{json, Value};
 use twin::plant::Room;
 use twin::{Board, Options};
 
@@ -46,7 +39,7 @@ const CELL_MM: f64 = 25.0;
 /// How near an occupied cell and a wall must be to agree, millimetres.
 const TOLERANCE_MM: f64 = 100.0;
 
-/// Drives the default room's tour on the virtual board and writes map, trajectory and report.
+/// Drives the default room on the virtual board and writes map, trajectory and report.
 #[derive(Parser)]
 struct Arguments {
     /// The release ELF
@@ -61,80 +54,63 @@ struct Arguments {
 }
 
 fn main() {
-    let arguments = Arguments::parse();
-    match run(&arguments) {
-        Ok(report) if report.missed_bars.is_empty() => {}
-        Ok(report) => {
-            for missed in report.missed_bars {
-                eprintln!("demo: missed: {missed}");
-            }
-            std::process::exit(1);
-        }
-        Err(error) => {
-            eprintln!("demo: {error}");
-            std::process::exit(1);
-        }
+    let missed = run(&Arguments::parse()).unwrap_or_else(|error| vec![error.to_string()]);
+    for missed in &missed {
+        eprintln!("demo: missed: {missed}");
     }
+    std::process::exit(i32::from(!missed.is_empty()));
 }
 
-fn run(arguments: &Arguments) -> Result<Report, Box<dyn Error>> {
-    let wall = Instant::now();
+/// Returns the bars that were missed.
+fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
+    let (begun, out) = (Instant::now(), &arguments.out);
     let elf = fs::read(&arguments.elf).map_err(|e| format!("{}: {e}", arguments.elf.display()))?;
-    fs::create_dir_all(&arguments.out)?;
+    fs::create_dir_all(out)?;
     let room = Room::two_rooms();
 
-    println!("1/5  boot with a blank EEPROM");
+    println!("1/4  boot with a blank EEPROM");
     let (board, stack) = boot_blank(&elf, arguments.seed, &room)?;
-    println!("2/5  write {CONFIGURATION} to the EEPROM");
+    println!("2/4  write {CONFIGURATION} to the EEPROM");
     let mut machine = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
     let reset_to_ready_ms = configure(&mut machine)?;
+    let metres = room.tour_length_mm() / 1000.0;
     println!(
-        "3/5  drive {:.1} m through {} way-points",
-        room.tour_length_mm() / 1000.0,
+        "3/4  drive {metres:.1} m through {} way-points",
         room.tour.len()
     );
-    let drive = drive_tour(&mut machine, &board, &room)?;
-    println!("4/5  draw the map");
-    let score = draw(&drive, &board, &room, &arguments.out)?;
+    let mut report = tour::run(&mut machine, &board, &room, out)?;
 
-    println!("5/5  report");
+    println!("4/4  report");
+    fs::write(out.join("uart.log"), board.uart())?;
     let unmodelled = board.unmodelled();
     let truth = board.truth();
-    let mut report = Report {
-        seed: arguments.seed,
-        virtual_seconds: seconds(board.now_us()),
-        wall_seconds: wall.elapsed().as_secs_f64(),
-        realtime_factor: drive.virtual_seconds / drive.wall_seconds,
-        driving_virtual_seconds: drive.virtual_seconds,
-        path_m: truth.path_mm / 1000.0,
-        way_points: room.tour.len(),
-        frames_sent: drive.link.frames,
-        frames_accepted: drive.link.accepted,
-        frames_rejected: drive.link.rejected,
-        reset_to_ready_ms,
-        position_error_mm_max: drive.errors.worst_mm,
-        heading_error_deg_max: drive.errors.worst_deg,
-        position_error_mm_max_with_latency: drive.errors.late_mm,
-        heading_error_deg_max_with_latency: drive.errors.late_deg,
-        position_error_mm_end: drive.errors.last_mm,
-        heading_error_deg_end: drive.errors.last_deg,
-        map_iou: score.iou,
-        map_precision: score.precision,
-        map_recall: score.recall,
-        collisions: truth.collisions,
-        instructions: board.instructions(),
-        stack_used_bytes: stack.used(&board),
-        unmodelled_registers: unmodelled.lines.len(),
-        unmodelled: unmodelled.lines,
-        missed_bars: Vec::new(),
-    };
-    report.missed_bars = report.missed();
-    let json = serde_json::to_string_pretty(&report)? + "\n";
-    fs::write(arguments.out.join("report.json"), json)?;
-    let page = report.page();
-    fs::write(arguments.out.join("report.md"), &page)?;
-    println!("\n{page}\nLeft in {}", arguments.out.display());
-    Ok(report)
+    extend(
+        &mut report,
+        json!({
+            "seed": arguments.seed,
+            "virtual_seconds": seconds(board.now_us()),
+            "wall_seconds": begun.elapsed().as_secs_f64(),
+            "path_m": truth.path_mm / 1000.0,
+            "reset_to_ready_ms": reset_to_ready_ms,
+            "collisions": truth.collisions,
+            "instructions": board.instructions(),
+            "stack_used_bytes": stack.used(&board),
+            "unmodelled_registers": unmodelled.lines.len(),
+            "unmodelled": unmodelled.lines,
+        }),
+    );
+    let bars = Bars::of("demo")?;
+    let missed = bars.missed(&report);
+    report["missed_bars"] = json!(missed);
+    fs::write(
+        out.join("report.json"),
+        serde_json::to_string_pretty(&report)? + "\n",
+    )?;
+    let command = format!("cargo xtask demo --seed {}", arguments.seed);
+    let page = report::page(&report, &bars, &command);
+    fs::write(out.join("report.md"), &page)?;
+    println!("\n{page}\nLeft in {}", out.display());
+    Ok(missed)
 }
 
 /// A blank EEPROM must keep the robot from starting, and the log must say so.
@@ -176,75 +152,26 @@ fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
     Ok(programmed.ready_ms)
 }
 
-/// The result of a drive.
-struct Drive {
-    survey: Mapping,
-    errors: PoseErrors,
-    link: LinkStatistics,
-    virtual_seconds: f64,
-    wall_seconds: f64,
+/// Adds figures to a report.
+fn extend(report: &mut Value, more: Value) {
+    if let (Value::Object(report), Value::Object(more)) = (report, more) {
+        report.extend(more);
+    }
 }
 
-fn drive_tour(machine: &mut BoardIo, board: &Board, room: &Room) -> Result<Drive, Box<dyn Error>> {
-    let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
-    let mut survey = Mapping::new(mapper_config(session.config(), CELL_MM));
-    let mut errors = PoseErrors::new(board, room);
-    let way: Vec<Pose> = room.tour.iter().map(|pose| place(*pose)).collect();
-    let begun_us = board.now_us();
-    let begun = Instant::now();
-    drive::tour(
-        &mut session,
-        &way,
-        &ArrivalCriteria::default(),
-        |_, snapshot| {
-            if let Some(look) = RangeSample::of(snapshot) {
-                errors.record(board, look.pose);
-                survey.add(&look);
-            }
-        },
-        |index, arrival| {
-            println!(
-                "     {:2}/{}  ({:6.0}, {:6.0}) mm, {:4.0}°  off by {:.1} mm, {:.2}°  after {:.1} s",
-                index + 1,
-                way.len(),
-                arrival.pose.x_mm,
-                arrival.pose.y_mm,
-                arrival.pose.rotation_deg,
-                arrival.off_mm,
-                arrival.off_deg,
-                arrival.seconds
-            );
-        },
-    )?;
-    Ok(Drive {
-        link: session.statistics(),
-        survey,
-        errors,
-        virtual_seconds: seconds(board.now_us() - begun_us),
-        wall_seconds: begun.elapsed().as_secs_f64(),
-    })
-}
+/// Virtual and wall time of a drive.
+struct Timer(u64, Instant);
 
-/// Writes the map, the trajectory and the log; compares the map with the true walls.
-fn draw(drive: &Drive, board: &Board, room: &Room, out: &Path) -> Result<MapScore, Box<dyn Error>> {
-    // The robot's frame: where it stood at its reset.
-    let walls = room.relative_to_start().visible_surfaces();
-    let grid = drive.survey.mapper().grid();
-    drive.survey.save_map(&out.join("map"))?;
-    fs::write(out.join("map.png"), map_plot::map(grid)?)?;
-    let trajectory = map_plot::trajectory(
-        grid,
-        &drive.errors.estimate,
-        &drive.errors.true_path,
-        &walls,
-    )?;
-    fs::write(out.join("trajectory.png"), trajectory)?;
-    fs::write(out.join("uart.log"), board.uart())?;
-    Ok(map_iou(grid, &walls, TOLERANCE_MM))
-}
+impl Timer {
+    fn start(board: &Board) -> Self {
+        Self(board.now_us(), Instant::now())
+    }
 
-fn place(pose: twin::plant::Pose2) -> Pose {
-    Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
+    fn figures(&self, board: &Board) -> Value {
+        let driving = seconds(board.now_us() - self.0);
+        let factor = driving / self.1.elapsed().as_secs_f64();
+        json!({"driving_virtual_seconds": driving, "realtime_factor": factor})
+    }
 }
 
 #[allow(clippy::cast_precision_loss)] // exact below 285 years

@@ -1,0 +1,100 @@
+//! The default room's tour in an ideal world: what the odometry alone is good for.
+
+use std::error::Error;
+use std::path::Path;
+
+use host_link::board_io::BoardIo;
+use host_link::drive::{self, ArrivalCriteria};
+use host_link::pose::Pose;
+use host_link::session::{Session, RATE_HZ};
+use mapper::{map_iou, map_plot};
+use pilot::mapping::{mapper_config, Mapping, RangeSample};
+use robot_tests::truth_track::TruthTrack;
+use serde_json::{json, Value};
+use twin::plant::{Pose2, Room};
+use twin::Board;
+
+use super::{Timer, CELL_MM, READY_MS, TOLERANCE_MM};
+
+/// Drives the tour; leaves the map and the trajectory in `out`; returns the figures.
+pub fn run(
+    machine: &mut BoardIo,
+    board: &Board,
+    room: &Room,
+    out: &Path,
+) -> Result<Value, Box<dyn Error>> {
+    let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
+    let mut mapping = Mapping::new(mapper_config(session.config(), CELL_MM));
+    let mut truth = TruthTrack::new(board);
+    let (mut estimate, mut true_path) = (Vec::new(), Vec::new());
+    // Distance and turn to the truth at the tick, and at the frame's end: worst of each, and the last.
+    let (mut worst, mut last) = ([[0.0_f64; 2]; 2], [0.0; 2]);
+    let way: Vec<Pose> = room.tour.iter().map(in_degrees).collect();
+    let timer = Timer::start(board);
+    drive::tour(
+        &mut session,
+        &way,
+        &ArrivalCriteria::default(),
+        |_, snapshot| {
+            let Some(sample) = RangeSample::of(snapshot) else {
+                return;
+            };
+            let poses = truth.sample(board);
+            for (worst, pose) in worst.iter_mut().zip(&poses).rev() {
+                let pose = in_degrees(pose);
+                last = [
+                    sample.pose.distance_mm(pose),
+                    sample.pose.rotation_to_deg(pose).abs(),
+                ];
+                *worst = [worst[0].max(last[0]), worst[1].max(last[1])];
+            }
+            estimate.push(sample.pose);
+            true_path.push(poses[0]);
+            mapping.add(&sample);
+        },
+        |index, arrival| {
+            let (pose, number, count) = (arrival.pose, index + 1, way.len());
+            println!(
+                "     {number:2}/{count}  ({:6.0}, {:6.0}) mm, {:4.0}°  off by {:.1} mm, {:.2}°  after {:.1} s",
+                pose.x_mm, pose.y_mm, pose.rotation_deg, arrival.off_mm, arrival.off_deg, arrival.seconds
+            );
+        },
+    )?;
+    let mut figures = timer.figures(board);
+    // The robot's frame: where it stood at its reset.
+    let walls = room.relative_to_start().visible_surfaces();
+    let grid = mapping.mapper().grid();
+    mapping.save_map(&out.join("map"))?;
+    std::fs::write(out.join("map.png"), map_plot::map(grid)?)?;
+    let estimate: Vec<Pose2> = estimate.into_iter().map(in_radians).collect();
+    let trajectory = map_plot::trajectory(grid, &estimate, &true_path, &walls)?;
+    std::fs::write(out.join("trajectory.png"), trajectory)?;
+    let score = map_iou(grid, &walls, TOLERANCE_MM);
+    super::extend(
+        &mut figures,
+        json!({
+            "way_points": way.len(),
+            "frames_sent": session.statistics().frames,
+            "frames_accepted": session.statistics().accepted,
+            "frames_rejected": session.statistics().rejected,
+            "position_error_mm_max": worst[0][0],
+            "heading_error_deg_max": worst[0][1],
+            "position_error_mm_max_with_latency": worst[1][0],
+            "heading_error_deg_max_with_latency": worst[1][1],
+            "position_error_mm_end": last[0],
+            "heading_error_deg_end": last[1],
+            "map_iou": score.iou,
+            "map_precision": score.precision,
+            "map_recall": score.recall,
+        }),
+    );
+    Ok(figures)
+}
+
+fn in_degrees(pose: &Pose2) -> Pose {
+    Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
+}
+
+fn in_radians(pose: Pose) -> Pose2 {
+    Pose2::new(pose.x_mm, pose.y_mm, pose.rotation_deg.to_radians())
+}
