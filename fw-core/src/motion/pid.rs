@@ -85,6 +85,14 @@ impl Pid {
         }
     }
 
+    /// Integrates errors of any size up to the limit: for a set-point that the controlled quantity
+    /// follows all the time.
+    #[must_use]
+    pub(super) const fn integrating_all(mut self) -> Self {
+        self.integration_limit = self.limit;
+        self
+    }
+
     /// Clears the integral.
     pub fn reset(&mut self) {
         self.sum = 0;

@@ -58,7 +58,7 @@ impl WheelSpeed {
         // Hundredths of a percent per mm/s are percent per mm a tick.
         let (full_duty, full_speed) = (10_000 - dead_zone, i32::from(wheel.full_speed_mm_s));
         Self {
-            pi: Pid::new(gains, I16F16::lit("100")),
+            pi: Pid::new(gains, I16F16::lit("100")).integrating_all(),
             headroom: (i32::from(wheel.limit.hundredths()) - dead_zone) * (1 << 16) / 100,
             feed_forward: (full_duty << 16) / full_speed.max(1),
             speed_per_output: (full_speed << 16) / full_duty.max(1),
