@@ -134,8 +134,7 @@ impl Imperfections {
 
     /// The robot of this seed: `params` with the deviations that the seed draws.
     #[must_use]
-    pub fn draw(&self, params: &Params, seed: u64) -> Params {
-        let mut params = params.clone();
+    pub fn draw(&self, mut params: Params, seed: u64) -> Params {
         let mut rng = Rng::stream(seed, stream::DRAW);
         // Always the same draws: what is switched off changes nothing else.
         let mut within = |bound: Option<f64>| {

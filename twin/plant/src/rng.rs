@@ -34,6 +34,15 @@ impl Rng {
         (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// A whole number below `count`.
+    ///
+    /// # Panics
+    /// If `count` is 0.
+    #[allow(clippy::cast_possible_truncation)] // below `count`
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.next_u64() % count as u64) as usize
+    }
+
     /// Uniform in −`bound` .. `bound`.
     pub fn within(&mut self, bound: f64) -> f64 {
         bound * (2.0 * self.unit() - 1.0)

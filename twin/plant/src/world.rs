@@ -80,10 +80,11 @@ impl World {
     /// `params` with the imperfections that the seed draws.
     #[must_use]
     pub fn new(params: Params, room: Room, pose: Pose2, seed: u64) -> Self {
-        let params = params.imperfections.draw(&params, seed);
+        let imperfections = params.imperfections;
+        let params = imperfections.draw(params, seed);
         Self {
-            sonar: Sonar::new(params.rangefinder, &room, &params.imperfections),
-            floor: Floor::new(&params.imperfections, seed),
+            sonar: Sonar::new(params.rangefinder, &room, &imperfections),
+            floor: Floor::new(&imperfections, seed),
             motors: params.motors.map(Motor::new),
             counts: Sides::default(),
             battery: Battery::new(params.battery),

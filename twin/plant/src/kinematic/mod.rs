@@ -102,12 +102,11 @@ impl KinematicRobot {
     /// the seed draws.
     #[must_use]
     pub fn new(room: Room, start: Pose2, imperfections: Imperfections, seed: u64) -> Self {
-        let configured = Params::default();
-        let actual = imperfections.draw(&configured, seed);
+        let actual = imperfections.draw(Params::default(), seed);
         let gyro = imperfections.draw_gyro(GyroParams::exact(), seed);
         Self {
             ranging: Ranging::new(&actual, &room, &imperfections, Rng::new(seed)),
-            configured: configured.chassis,
+            configured: Chassis::default(),
             actual: actual.chassis,
             pose: start,
             time_s: 0.0,

@@ -1,9 +1,13 @@
 //! The room the robot drives in: walls, furniture, a start pose and a tour.
 
 mod format;
+mod generate;
+mod reachable;
 mod visible;
 
 pub use format::{ParseError, Problem};
+pub use generate::generate;
+pub use reachable::{CELL_MM, REACHABLE_MM};
 
 use geometry::{Circle, Point, RayHit, Segment};
 
