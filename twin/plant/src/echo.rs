@@ -432,3 +432,6 @@ impl Burst<'_> {
         rays.min_by(f64::total_cmp)
     }
 }
+
+#[cfg(test)]
+mod tests;

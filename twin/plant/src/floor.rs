@@ -75,3 +75,6 @@ fn crosses(way: &Segment, sill: &Segment) -> bool {
     };
     side(sill, way.from) != side(sill, way.to) && side(way, sill.from) != side(way, sill.to)
 }
+
+#[cfg(test)]
+mod tests;

@@ -184,3 +184,6 @@ impl Imperfections {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;
