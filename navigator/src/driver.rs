@@ -22,8 +22,8 @@ const DECELERATION: f64 = 200.0;
 const BY_CLEARANCE: (f64, f64) = (1.2, 60.0);
 /// Floor this near to unknown cells is driven slowly, mm.
 const UNKNOWN_NEAR_MM: f64 = 110.0;
-/// Standing below this speed, mm/s, for this time, s, with the obstacle stop active is blocked.
-const BLOCKED: (f64, f64) = (12.0, 0.8);
+/// Driving below this speed, mm/s, for this time, s, though more is commanded, is blocked.
+const BLOCKED: (f64, f64) = (12.0, 1.0);
 /// Way back after a stop, mm, and the robot's front edge ahead of the axle, mm.
 const BACK_MM: f64 = 150.0;
 const FRONT_EDGE_MM: f64 = 120.0;
@@ -159,8 +159,7 @@ impl Driver {
             |from: Point, to: Point| map.line(from, to, |node| passable(node, inflation_mm));
         let fastest = (fastest_mm_s, self.config.yaw_rate_rad_s);
         let velocity = follower.step(&pose, fastest, clear)?;
-        let held =
-            velocity.forward_mm_s > 0.0 && status.obstacle_limited && status.speed_mm_s < BLOCKED.0;
+        let held = velocity.forward_mm_s > BLOCKED.0 && status.speed_mm_s < BLOCKED.0;
         if !held {
             self.moving_s = status.time_s;
         } else if status.time_s - self.moving_s > BLOCKED.1 {

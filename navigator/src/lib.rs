@@ -119,7 +119,7 @@ impl Default for Config {
         Self {
             mounts: Mount::first_board(),
             inflation_mm: 120.0,
-            cruise_mm_s: 200.0,
+            cruise_mm_s: 170.0,
             slow_mm_s: 90.0,
             yaw_rate_rad_s: 1.2,
             sweep_half_width_rad: 0.0,

@@ -1,6 +1,6 @@
 //! The direction of the walls.
 
-use mapper::{Cell, Grid};
+use mapper::Grid;
 
 /// Pairs of occupied cells this many columns or rows apart vote.
 const PAIR: std::ops::RangeInclusive<i32> = 5..=10;
@@ -9,27 +9,28 @@ const PAIR: std::ops::RangeInclusive<i32> = 5..=10;
 /// has none. Every pair of occupied cells some decimetres apart votes with four times its
 /// direction, so that opposite and perpendicular walls agree.
 pub(crate) fn direction_rad(grid: &Grid) -> f64 {
-    let occupied = |column, row| grid.cell(column, row) == Cell::Occupied;
+    let occupied_from = (Grid::OCCUPIED / (1.0 - Grid::OCCUPIED)).ln();
+    let occupied = |column, row| grid.log_odds(column, row) > occupied_from;
     let farthest = *PAIR.end();
-    let offsets: Vec<(i32, i32)> = (0..=farthest)
-        .flat_map(|row| (-farthest..=farthest).map(move |column| (column, row)))
-        .filter(|&(column, row)| {
-            let square = column * column + row * row;
-            (row > 0 || column > 0) && (PAIR.start().pow(2)..=farthest * farthest).contains(&square)
+    let votes: Vec<(isize, isize, f64, f64)> = (0..=farthest)
+        .flat_map(|up| (-farthest..=farthest).map(move |right| (right, up)))
+        .filter(|&(right, up)| {
+            let square = right * right + up * up;
+            (up > 0 || right > 0) && (PAIR.start().pow(2)..=farthest * farthest).contains(&square)
+        })
+        .map(|(right, up)| {
+            let (sin, cos) = (4.0 * f64::from(up).atan2(f64::from(right))).sin_cos();
+            (right as isize, up as isize, cos, sin)
         })
         .collect();
     let mut sum = (0.0, 0.0);
     for (column, row) in grid.cells().filter(|&(column, row)| occupied(column, row)) {
-        for &(right, up) in &offsets {
-            let other = (
-                column.checked_add_signed(right as isize),
-                row.checked_add_signed(up as isize),
-            );
-            if let (Some(column), Some(row)) = other {
-                if occupied(column, row) {
-                    let (sin, cos) = (4.0 * f64::from(up).atan2(f64::from(right))).sin_cos();
-                    sum = (sum.0 + cos, sum.1 + sin);
-                }
+        for &(right, up, cos, sin) in &votes {
+            let other = column
+                .checked_add_signed(right)
+                .zip(row.checked_add_signed(up));
+            if other.is_some_and(|(column, row)| occupied(column, row)) {
+                sum = (sum.0 + cos, sum.1 + sin);
             }
         }
     }

@@ -1,0 +1,217 @@
+//! Explores a room with the robot without firmware, and compares with the truth afterwards.
+
+use std::time::{Duration, Instant};
+
+use geometry::{Point, Pose2, Segment};
+use mapper::{map_iou, Cell, Grid, Mount, PoseEstimate, SonarModel};
+use navigator::{Action, Config, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
+use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
+use plant::{Imperfections, Room};
+
+/// Seconds of a frame.
+const FRAME_S: f64 = 0.025;
+/// The body's radius and the space around it that reachable floor needs, mm.
+const BODY_MM: f64 = 150.0;
+
+/// What a run was.
+#[derive(Clone, Debug)]
+pub struct Run {
+    pub outcome: Option<Outcome>,
+    /// Stops that were cleared.
+    pub resumed: u32,
+    pub collisions: usize,
+    pub fastest_contact_mm_s: f64,
+    pub coverage: f64,
+    pub iou: f64,
+    pub minutes: f64,
+    /// Where it ended, in the frame of the start.
+    pub end: Pose2,
+    pub path_mm: f64,
+    pub host: Duration,
+    pub slowest_step: Duration,
+    pub grid: Grid,
+    pub walls: Vec<Segment>,
+    pub truth: Vec<Pose2>,
+}
+
+/// What navigates.
+pub enum Navigator {
+    Explorer(Explorer),
+    GoTo(GoTo),
+}
+
+impl Navigator {
+    fn step(&mut self, grid: &Grid, status: &Status) -> Action {
+        match self {
+            Self::Explorer(explorer) => explorer.step(grid, status),
+            Self::GoTo(goto) => goto.step(grid, status),
+        }
+    }
+}
+
+/// Explores with the true pose and an ideal map. `stop` gives the stops that are latched at a time.
+pub fn explore(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopReason>) -> Run {
+    let explorer = Explorer::new(Config::default());
+    drive(
+        room,
+        seed,
+        Navigator::Explorer(explorer),
+        Grid::new(25.0),
+        stop,
+    )
+}
+
+/// Drives until the navigator is done, beginning with this map.
+pub fn drive(
+    room: &Room,
+    seed: u64,
+    mut navigator: Navigator,
+    grid: Grid,
+    mut stop: impl FnMut(f64) -> Option<StopReason>,
+) -> Run {
+    let room = room.relative_to_start();
+    let mut robot = KinematicRobot::new(
+        room.clone(),
+        Pose2::default(),
+        Imperfections::default(),
+        seed,
+    );
+    let mut mapper = IdealMapper {
+        grid,
+        ranges_mm: [None; 3],
+    };
+    let mut run = Run {
+        outcome: None,
+        resumed: 0,
+        collisions: 0,
+        fastest_contact_mm_s: 0.0,
+        coverage: 0.0,
+        iou: 0.0,
+        minutes: 0.0,
+        end: Pose2::default(),
+        path_mm: 0.0,
+        host: Duration::ZERO,
+        slowest_step: Duration::ZERO,
+        grid: Grid::new(25.0),
+        walls: room.visible_surfaces(),
+        truth: Vec::new(),
+    };
+    let mut velocity = Velocity::default();
+    let mut last = robot.sample().odometry;
+    while run.outcome.is_none() && robot.sample().time_s < 1800.0 {
+        robot.step(
+            FRAME_S,
+            VelocityInput {
+                forward_mm_s: velocity.forward_mm_s,
+                yaw_rate_rad_s: velocity.yaw_rate_rad_s,
+                sweep_half_width_rad: velocity.sweep_half_width_rad,
+            },
+        );
+        let sample = robot.sample();
+        let pose = robot.true_pose();
+        mapper.observe(&room, &pose, &sample);
+        let covariance = [[100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1e-4]];
+        let status = Status {
+            time_s: sample.time_s,
+            estimate: PoseEstimate { pose, covariance },
+            speed_mm_s: sample.odometry.relative_to(&last).x_mm / FRAME_S,
+            ranges_mm: sample.ranges_mm,
+            front_bearing_rad: sample.front_bearing_rad,
+            obstacle_limited: sample.obstacle_limited,
+            stop: stop(sample.time_s),
+        };
+        last = sample.odometry;
+        run.truth.push(pose);
+        let began = Instant::now();
+        let action = navigator.step(&mapper.grid, &status);
+        let took = began.elapsed();
+        run.host += took;
+        run.slowest_step = run.slowest_step.max(took);
+        match action {
+            Action::Drive(command) => velocity = command,
+            Action::Resume => {
+                velocity = Velocity::default();
+                run.resumed += 1;
+            }
+            Action::Done(outcome) => run.outcome = Some(outcome),
+        }
+    }
+    run.minutes = robot.sample().time_s / 60.0;
+    run.collisions = robot.collisions().len();
+    let speeds = robot
+        .collisions()
+        .iter()
+        .map(|collision| collision.speed_mm_s);
+    run.fastest_contact_mm_s = speeds.fold(0.0, f64::max);
+    run.path_mm = robot.path_mm();
+    run.end = robot.true_pose();
+    run.coverage = coverage(&room, &mapper.grid);
+    run.iou = map_iou(&mapper.grid, &run.walls, 100.0).iou;
+    run.grid = mapper.grid.clone();
+    run
+}
+
+/// Share of the reachable floor that the map calls free.
+pub fn coverage(room: &Room, grid: &Grid) -> f64 {
+    let (low, high) = room.bounds();
+    let cell = 50.0;
+    let size = |mm: f64| (mm / cell).ceil() as usize + 1;
+    let (columns, rows) = (size(high.x_mm - low.x_mm), size(high.y_mm - low.y_mm));
+    let point = |index: usize| {
+        let (column, row) = (index % columns, index / columns);
+        let (x_mm, y_mm) = (column as f64 * cell, row as f64 * cell);
+        Point::new(low.x_mm + x_mm, low.y_mm + y_mm)
+    };
+    let mut reached = vec![false; columns * rows];
+    let start = size(-low.y_mm - cell) * columns + size(-low.x_mm - cell);
+    let mut todo = vec![start];
+    while let Some(index) = todo.pop() {
+        if !reached[index] && room.clearance_mm(point(index)) >= BODY_MM {
+            reached[index] = true;
+            todo.extend([index - 1, index + 1, index - columns, index + columns]);
+        }
+    }
+    let all = reached.iter().filter(|&&reached| reached).count();
+    let known = |&index: &usize| reached[index] && grid.cell_at(point(index)) == Cell::Free;
+    (0..reached.len()).filter(known).count() as f64 / all.max(1) as f64
+}
+
+/// A map from the true pose, with the readings that the true room explains: what a perfect
+/// localisation and rejection of multi-path echoes would give.
+struct IdealMapper {
+    grid: Grid,
+    ranges_mm: [Option<f64>; 3],
+}
+
+impl IdealMapper {
+    fn observe(&mut self, room: &Room, pose: &Pose2, sample: &SensorSample) {
+        let mut mounts = Mount::first_board();
+        mounts[0].bearing_rad = sample.front_bearing_rad;
+        for (nth, mount) in mounts.iter().enumerate() {
+            let range = sample.ranges_mm[nth];
+            let sensor = mount.sensor_pose(pose);
+            let truth = room.cast(&sensor).map_or(4000.0, |hit| hit.distance_mm);
+            let mut sonar = SonarModel {
+                half_angle_rad: 0.12,
+                ..SonarModel::default()
+            };
+            match range {
+                Some(range) if Some(range) != self.ranges_mm[nth] => {
+                    if (range - truth).abs() < 40.0 {
+                        sonar.enter_echo(&mut self.grid, &sensor, truth);
+                    } else {
+                        sonar.silent_mm = range.min(truth) - 60.0;
+                        sonar.enter_silence(&mut self.grid, &sensor);
+                    }
+                }
+                None if sample.time_s > 0.2 => {
+                    sonar.silent_mm = truth.min(800.0) - 60.0;
+                    sonar.free = 0.3;
+                    sonar.enter_silence(&mut self.grid, &sensor);
+                }
+                _ => {}
+            }
+            self.ranges_mm[nth] = range;
+        }
+    }
+}
