@@ -52,7 +52,7 @@ impl Workspace {
     pub fn cargo(&self, words: &str) -> Cmd<'_> {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let cargo = self.sh.cmd(cargo).args(words.split_whitespace());
-        // What `cargo run` told this program about itself, it would take for its own.
+        // Cargo would take the variables that `cargo run` set for this program for its own.
         let keys = std::env::vars_os().filter_map(|(key, _)| key.into_string().ok());
         let own = ["CARGO_PKG_", "CARGO_MANIFEST_"];
         let own = keys.filter(|key| own.iter().any(|start| key.starts_with(start)));

@@ -21,7 +21,7 @@ fuzz_target!(|data: &[u8]| {
                 assert_eq!(received.len(), frame_len(setup.mode));
                 assert_eq!(received[0], setup.key_from_pi);
                 assert!(command.tune.cell < setup.cells);
-                // What was said just now is not fresh a second time.
+                // A repeated frame is not fresh.
                 if setup.mode.has(Field::Sequence) {
                     assert!(link.receive(&received, 0, reply).is_err());
                 }

@@ -1,4 +1,4 @@
-//! The log's queue: whatever is said and however slowly it leaves, what leaves are whole lines,
+//! The log's queue: whatever is logged and however slowly it leaves, what leaves are whole lines,
 //! numbered one after the other, and every dropped line is counted.
 #![no_main]
 
@@ -12,7 +12,7 @@ fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes::new(data);
     let mut log: Log<256> = Log::new();
     let mut left = Vec::new();
-    let mut said = 0_u32;
+    let mut logged = 0_u32;
     while bytes.more() {
         let choice = bytes.byte();
         if choice & 1 == 0 {
@@ -29,20 +29,20 @@ fuzz_target!(|data: &[u8]| {
             line.hex(number as u32, choice >> 3)
                 .fixed(fixed(number), choice >> 4);
         });
-        said += 1;
+        logged += 1;
     }
     while !log.pending().is_empty() {
         left.extend_from_slice(log.pending());
         log.sent(log.pending().len());
     }
-    check(&left, said, log.dropped());
+    check(&left, logged, log.dropped());
 });
 
 fn fixed(number: i64) -> fixed_point::types::I32F32 {
     fixed_point::types::I32F32::from_bits(number)
 }
 
-fn check(left: &[u8], said: u32, dropped: u32) {
+fn check(left: &[u8], logged: u32, dropped: u32) {
     let text = std::str::from_utf8(left).expect("the log is ASCII");
     assert!(text.is_ascii());
     assert!(text.is_empty() || text.ends_with('\n'), "a torn last line");
@@ -67,6 +67,6 @@ fn check(left: &[u8], said: u32, dropped: u32) {
             _ => whole += 1,
         }
     }
-    assert_eq!(whole + dropped, said, "a line is gone uncounted");
+    assert_eq!(whole + dropped, logged, "a line is gone uncounted");
     assert_eq!(reported, dropped, "a dropped line was not reported");
 }

@@ -53,22 +53,22 @@ fn check(text: &str, touched: Option<usize>) {
             assert!(again.as_ref() == Ok(&settings), "{again:?}");
         }
         Err(error) => {
-            let told = error.to_string();
-            assert!(told.contains("robot.toml"), "{told}");
+            let text = error.to_string();
+            assert!(text.contains("robot.toml"), "{text}");
             match error {
                 Error::Content { line, what, .. } => {
                     assert!(!what.is_empty());
                     assert!(
                         line.is_none_or(|line| line <= text.lines().count() + 1),
-                        "{told}"
+                        "{text}"
                     );
                     if let (Some(touched), Some(line)) = (touched, line) {
-                        assert!(line > touched, "{told}: a line that was good");
+                        assert!(line > touched, "{text}: a line that was good");
                     }
                 }
                 Error::Rejected { location, what } => {
-                    assert!(location.ends_with(')'), "no field is named: {told}");
-                    assert!(what.contains("accepted: "), "{told}");
+                    assert!(location.ends_with(')'), "no field is named: {text}");
+                    assert!(what.contains("accepted: "), "{text}");
                 }
                 other => panic!("{other}"),
             }

@@ -27,7 +27,7 @@ use fixed::types::I32F32;
 pub enum Level {
     /// `I`: for information.
     Info,
-    /// `W`: the robot goes on, somebody should look.
+    /// `W`: the robot goes on.
     Warn,
     /// `E`: the robot stopped or refuses to start.
     Error,
@@ -240,11 +240,11 @@ fn power_of_ten(decimals: u8) -> (NonZeroU32, u8) {
     (power, decimals)
 }
 
-/// The queue of bytes between the robot and the UART: `N` bytes, of which whoever transmits owns
+/// The queue of bytes between the robot and the UART: `N` bytes, of which the transmitter owns
 /// those of [`Self::pending`] until [`Self::sent`].
 ///
 /// A line enters whole or not at all; when there is no room the newest is dropped, and how many
-/// were is said in a line of its own as soon as there is room.
+/// were is logged in a line of its own as soon as there is room.
 #[derive(Clone, Debug)]
 pub struct Log<const N: usize = 1024> {
     bytes: [u8; N],
@@ -254,7 +254,7 @@ pub struct Log<const N: usize = 1024> {
     len: usize,
     /// The number of the next line, below 100 000.
     number: u32,
-    /// Lines dropped since the last time it was said.
+    /// Lines dropped since the last line about it.
     unreported: u32,
     /// Lines dropped since the start.
     dropped: u32,

@@ -75,7 +75,7 @@ pub fn start() {
     adc.cr2().write(|w| w.adon().set_bit());
 }
 
-/// Starts one scan: 40 µs, and 40 more for the chip's own channels. Every scan sets the stream up anew,
+/// Starts one scan: 40 µs, and 40 more for the chip's own channels. Every scan sets the stream up again,
 /// so an overrun or a lost request costs one scan and never swaps the taps.
 #[inline]
 pub fn begin() {

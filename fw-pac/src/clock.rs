@@ -10,7 +10,7 @@
 //! and raises the NMI. The NMI ends in the safe state of [`crate::safe_state`] and the reset that follows;
 //! the next boot finds the crystal dead, takes the fallback, reports it, and the robot stands until
 //! it is sent off again. Going on driving through the change was decided against: for its duration
-//! nobody could say how long a microsecond is.
+//! the length of a microsecond would be unknown.
 
 use crate::registers::Registers;
 use stm32f4::stm32f411::{flash, rcc, FLASH, PWR, RCC};

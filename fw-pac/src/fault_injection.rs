@@ -26,7 +26,7 @@ pub fn tick() {
     {
         use cortex_m::peripheral::NVIC;
         use stm32f4::stm32f411::Interrupt;
-        // SAFETY: nobody handles it; that is the point.
+        // SAFETY: unhandled on purpose.
         unsafe { NVIC::unmask(Interrupt::RTC_ALARM) };
         NVIC::pend(Interrupt::RTC_ALARM);
     }

@@ -54,7 +54,7 @@ pub fn start() {
     }
 }
 
-/// Sends one sensor's pulse; its echo counts until it is over or the sensor is triggered anew.
+/// Sends one sensor's pulse; its echo counts until it is over or the sensor is triggered again.
 pub fn trigger(which: RangefinderId) {
     free(|token| PROGRESS.borrow(token)[which as usize].set(Progress::Triggered));
     let (trigger, _) = pins(which);

@@ -62,7 +62,7 @@ fn update<R>(cs: &CriticalSection, change: impl FnOnce(&mut State) -> R) -> R {
 #[repr(align(4))]
 struct Buffers<const COUNT: usize, const LEN: usize>(UnsafeCell<[[u8; LEN]; COUNT]>);
 
-// SAFETY: `Handover` gives each buffer one owner: the DMA, nobody, or the robot's priority (the claimed frame
+// SAFETY: `Handover` gives each buffer one owner: the DMA, none, or the robot's priority (the claimed frame
 // and the one free buffer that is in use).
 unsafe impl<const COUNT: usize, const LEN: usize> Sync for Buffers<COUNT, LEN> {}
 
@@ -134,7 +134,7 @@ impl FreshReply<'_> {
             update(cs, |state| {
                 let fresh = TX.get(self.0.reply.buffer);
                 let armed = TX.get(state.handover.dma_buffers().transmit);
-                // SAFETY: `fresh` is free and `armed` only read by the DMA; nobody writes either.
+                // SAFETY: `fresh` is free and `armed` only read by the DMA; neither is written.
                 let begin_alike = unsafe { (&*fresh)[..SAME_PREFIX] == (&*armed)[..SAME_PREFIX] };
                 let fetched = state.len.saturating_sub(Transmit::remaining().into());
                 if SS.is_high() && fetched <= IDLE_FETCH {

@@ -18,7 +18,7 @@ use rig::{Events, Rig};
 /// Any accepted configuration, any order of ticks, frames, echoes, temperatures, faults and pauses, a
 /// gyroscope that answers or does not: nothing panics or overflows; the motors brake from the deadline on
 /// and as long as a fault blocks them, never exceed their limits and never turn before a frame was taken;
-/// the pose is the encoders' own until a slip is told of; a distance is one that sound can have gone;
+/// the pose is the encoders' own until a slip is reported; a distance is one that sound can have gone;
 /// every reply is one the Pi takes.
 // Requirement: DOC-3.2-1, DOC-4.1-2, WIRE-deadline-1, WIRE-deadline-3, WIRE-servo-1, WIRE-eeprom-6
 pub fn robot_obeys_whatever_happens(values: AcceptedConfig, start: Micros, script: Script) -> Seen {
@@ -85,7 +85,7 @@ const WHEELS: Faults = Faults::LEFT_STALLED
     .union(Faults::RIGHT_REVERSED)
     .union(Faults::ENCODER_JUMP);
 
-/// A robot whose wheels do not turn is stopped in time: told to turn from a start, by any percentage,
+/// A robot whose wheels do not turn is stopped in time: commanded to turn from a start, by any percentage,
 /// it brakes and is faulted after [`EARLIEST`](drive_monitor::EARLIEST) ticks at the earliest, and after
 /// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
 // Requirement: WIRE-status-1, WIRE-status-3
@@ -130,7 +130,7 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
         if accused {
             assert!(robot.state() == State::Faulted);
             assert!(outputs.left == MotorCommand::Brake && outputs.right == MotorCommand::Brake);
-            // The first tick only told them: so many have been judged.
+            // The first tick only set them: so many have been judged.
             after = after.or(Some(tick));
         }
         assert!(accused == after.is_some());

@@ -74,10 +74,10 @@ struct State {
     slept: bool,
     /// Waiting for the robot: when it ended and what it says.
     frame: Option<(u64, Word)>,
-    /// Waiting for the robot: when it was, what must come of it, and whether somebody talks to the robot.
+    /// Waiting for the robot: when it was, what must come of it, and whether frames arrive.
     tick: Option<(u64, AllowedMotion, bool)>,
     /// What must be: when a frame last ended, whether the robot is stopped or faulted.
-    heard: Option<u64>,
+    received: Option<u64>,
     stopped: bool,
     faulted: bool,
     /// What the motors were last permitted, and whether a frame was handled or a fault found since; for
@@ -90,10 +90,10 @@ struct State {
 
 impl Hash for State {
     fn hash<H: Hasher>(&self, state: &mut H) {
-        // The supervisor's own time follows from what was heard; states are compared in full.
+        // The supervisor's own time follows from what was received; states are compared in full.
         (self.supervisor.halted(), self.supervisor.faults()).hash(state);
         (self.clock, self.ticked, self.slept, self.frame).hash(state);
-        (self.tick.map(|tick| tick.0), self.heard, self.met).hash(state);
+        (self.tick.map(|tick| tick.0), self.received, self.met).hash(state);
         (self.stopped, self.faulted, self.ticks, self.frames).hash(state);
     }
 }
@@ -102,13 +102,13 @@ impl fmt::Debug for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} µs, {} after tick {}; waiting: frame {:?}, tick {:?}; heard at {:?}, must be {}{}; {:?}",
+            "{} µs, {} after tick {}; waiting: frame {:?}, tick {:?}; received at {:?}, must be {}{}; {:?}",
             self.clock - START,
             self.clock - self.ticked,
             self.ticks,
             self.frame.map(|(at, word)| (at - START, word)),
             self.tick.map(|(at, permit, _)| (at - START, permit)),
-            self.heard.map(|at| at - START),
+            self.received.map(|at| at - START),
             if self.stopped { "stopped" } else { "free" },
             if self.faulted { " and faulted" } else { "" },
             self.supervisor,
@@ -159,7 +159,8 @@ fn micros(time: u64) -> Micros {
 impl State {
     /// The time is up, by the rules.
     fn silent(&self, now: u64) -> bool {
-        self.heard.is_some_and(|heard| now - heard >= DEADLINE)
+        self.received
+            .is_some_and(|received| now - received >= DEADLINE)
     }
 
     /// A tick, by the rules.
@@ -170,12 +171,12 @@ impl State {
         self.stopped |= self.silent(now) || self.faulted;
         let permit = if self.stopped {
             AllowedMotion::Brake
-        } else if self.heard.is_some() {
+        } else if self.received.is_some() {
             AllowedMotion::Drive
         } else {
             AllowedMotion::Coast
         };
-        let attended = self.heard.is_some() && !self.silent(now);
+        let attended = self.received.is_some() && !self.silent(now);
         self.tick = Some((now, permit, attended));
     }
 
@@ -183,7 +184,7 @@ impl State {
     fn frame_at(&mut self, now: u64, word: Word) {
         self.frames += 1;
         self.stopped |= self.silent(now);
-        self.heard = Some(now);
+        self.received = Some(now);
         match word {
             Word::Alive => {}
             Word::Stop => self.stopped = true,
@@ -227,7 +228,7 @@ impl Robot {
                     return if next.supervisor.link_alive(micros(at)) == attended {
                         Ok(())
                     } else {
-                        Err("whether somebody talks to the robot is mistaken".into())
+                        Err("whether frames arrive is mistaken".into())
                     };
                 }
                 Err(match expected {
@@ -267,7 +268,7 @@ impl Model for Robot {
             slept: false,
             frame: None,
             tick: None,
-            heard: None,
+            received: None,
             stopped: false,
             faulted: false,
             permit: AllowedMotion::Coast,

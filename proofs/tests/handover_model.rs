@@ -23,7 +23,7 @@ const TICKS: u8 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Purpose {
     Answer,
-    /// The armed reply anew.
+    /// The armed reply again.
     Refresh,
     Standby,
 }

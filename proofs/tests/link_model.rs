@@ -52,7 +52,7 @@ struct State {
     ticks: u8,
     /// What should be known: the newest frame that arrived whole, and when.
     newest: Option<usize>,
-    heard: Option<Micros>,
+    received: Option<Micros>,
     /// The last of the old frames handed on one after the other, in the order they were sent, and
     /// how many they are.
     row: Option<(usize, usize)>,
@@ -74,7 +74,7 @@ impl State {
             self.sent.len(),
             self.ticks,
             (self.newest, self.row),
-            (self.heard, self.permit),
+            (self.received, self.permit),
         )
     }
 }
@@ -100,11 +100,11 @@ impl fmt::Debug for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "tick {}, {} sent, newest heard {:?} at {:?}, {:?}",
+            "tick {}, {} sent, newest received {:?} at {:?}, {:?}",
             self.ticks,
             self.sent.len(),
             self.newest,
-            self.heard,
+            self.received,
             self.supervisor
         )
     }
@@ -151,7 +151,7 @@ impl Model for Link {
             sent: Vec::new(),
             ticks: 0,
             newest: None,
-            heard: None,
+            received: None,
             row: None,
             permit: None,
         }]
@@ -200,8 +200,8 @@ impl Model for Link {
                     _ => Some((which, 1)),
                 };
                 // Four old frames in a row that count upwards are another beginning, not repeats.
-                let anew = next.row.is_some_and(|(_, row)| row == 4);
-                let fresh = anew || next.newest.is_none_or(|newest| which > newest);
+                let restarted = next.row.is_some_and(|(_, row)| row == 4);
+                let fresh = restarted || next.newest.is_none_or(|newest| which > newest);
                 if *self == Self::Forgetful {
                     next.stm = StmLink::new(SETUP);
                 }
@@ -215,7 +215,7 @@ impl Model for Link {
                 if fresh {
                     next.row = None;
                     next.newest = Some(which);
-                    next.heard = Some(now);
+                    next.received = Some(now);
                 }
                 let intent = |command: Command| SupervisorCommand {
                     resumes: false,
@@ -240,7 +240,9 @@ impl Model for Link {
                     next.permit = Some(permit);
                 }
                 let allowed = u32::from(DEADLINE_MS) * 1000;
-                let silent = next.heard.is_some_and(|heard| now.since(heard) >= allowed);
+                let silent = next
+                    .received
+                    .is_some_and(|received| now.since(received) >= allowed);
                 if silent && permit != AllowedMotion::Brake {
                     return Err("the motors run although the link has been silent".into());
                 }

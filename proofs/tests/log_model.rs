@@ -1,10 +1,10 @@
-//! T13, every interleaving of whoever writes the log and of what sends it: the core's own queue between
+//! T13, every interleaving of the log's writer and its transmitter: the core's own queue between
 //! the robot's priority and the DMA of USART1, as `fw-pac/src/uart.rs` and `fw-pac/src/app.rs` use it.
 //!
 //! The queue is the code's own. The transmitter is a model of `Uart::service`: registers cannot run here.
 //! Its steps are that function's accesses to a register or to the queue, one by one; before and
 //! after each the DMA may move a byte, end or fail, and its interrupt may become pending. A line enters
-//! the queue in one step, for nobody else at its priority can come between its bytes; what the DMA has
+//! the queue in one step, for nothing at its priority comes between its bytes; what the DMA has
 //! in hand is compared before and after, so it does not matter when within the step it reads.
 //!
 //! `cargo test -p proofs --test log_model -- --nocapture` shows the way to each broken invariant.
@@ -198,7 +198,7 @@ fn byte_at(log: &Log<QUEUE>, at: usize) -> Option<u8> {
 
 impl State {
     /// Everything the future depends on. The numbers of the queue's lines follow from what was written
-    /// and read; what is neither pending nor in hand is overwritten before anybody reads it.
+    /// and read; what is neither pending nor in hand is overwritten before it is read.
     #[allow(clippy::type_complexity, reason = "a list of fields")]
     fn essence(
         &self,
@@ -299,9 +299,9 @@ enum Service {
     /// The flags of the transfer before stand when the next one starts.
     KeepingFlags,
     /// The stream has no interrupt.
-    Unheard,
+    Unseen,
     /// It has none where a transfer fails.
-    HalfHeard,
+    HalfSeen,
     /// The stream's interrupt may come within a line: another priority than the robot's. The writer's
     /// view of the queue is as old as the line's beginning.
     Preempting,
@@ -362,8 +362,8 @@ impl Service {
     /// A flag that stands raises the interrupt: when the stream ends, and when a handler does.
     fn raise(self, next: &mut State) {
         next.pending |= match self {
-            Self::Unheard => false,
-            Self::HalfHeard => next.complete,
+            Self::Unseen => false,
+            Self::HalfSeen => next.complete,
             _ => next.complete || next.failed,
         };
     }
@@ -386,7 +386,7 @@ fn check(state: &State, next: &State) -> Result<(), String> {
     if idle && next.stream.is_none() {
         // Nothing will happen until the robot has something to do.
         if !next.log.pending().is_empty() {
-            return Err("lines wait and nobody will send them".into());
+            return Err("lines wait and nothing will send them".into());
         }
         let (read, dropped) = (next.reader, next.log.dropped());
         let accounted = u32::from(read.lines) + dropped == u32::from(next.written);
@@ -568,8 +568,8 @@ fn broken_transmitter_is_found() {
         (Service::Impatient, "free to be overwritten"),
         (Service::Restarting, "torn line"),
         (Service::KeepingFlags, "free to be overwritten"),
-        (Service::Unheard, "nobody will send"),
-        (Service::HalfHeard, "nobody will send"),
+        (Service::Unseen, "nothing will send"),
+        (Service::HalfSeen, "nothing will send"),
         (Service::Preempting, "free to be overwritten"),
     ] {
         let found = search(&broken, LIMIT).expect_err("broken");

@@ -752,7 +752,7 @@ def sessions():
         s.receive("stm", bytes(frame))
         s.exchange()
         s.done()
-        s = Session("a reply written anew keeps its number", mode)
+        s = Session("a reply written again keeps its number", mode)
         s.exchange()
         s.send("stm", cell=0)
         s.send("stm", again=True, cell=1)
@@ -760,7 +760,7 @@ def sessions():
         s.receive("pi", reply)
         s.exchange()
         s.done()
-        s = Session("the Pi's program starts anew", mode)
+        s = Session("the Pi's program restarts", mode)
         s.many(20)
         s.start("pi")
         for _ in range(5):
@@ -777,7 +777,7 @@ def sessions():
     for _ in range(5):
         s.exchange()
     s.done()
-    s = Session("128 frames lost in a row: stale until four in a row begin anew", 0x11)
+    s = Session("128 frames lost in a row: stale until four in a row restart the count", 0x11)
     s.exchange()
     s.many(128, to_stm=False)
     for _ in range(6):
@@ -795,7 +795,7 @@ def sessions():
     for _ in range(5):
         s.exchange()
     s.done()
-    s = Session("two old frames again and again never begin anew", 0x11)
+    s = Session("two old frames again and again never restart the count", 0x11)
     old = [s.exchange() for _ in range(2)]
     s.exchange()
     for _ in range(6):

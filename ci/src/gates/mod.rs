@@ -33,7 +33,7 @@ use When::{Change, Night, Quick};
 /// A gate's name, the command that runs it, and what returns its figure.
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
-/// Cheap and telling ones first; `docs/gates.md` says what each checks.
+/// Cheap ones first; `docs/gates.md` says what each checks.
 const GATES: [Gate; 28] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),

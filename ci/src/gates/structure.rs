@@ -62,7 +62,7 @@ pub fn hygiene(session: &Session) -> Result<String> {
 }
 
 /// Packages of the workspace, and the ones that they must not depend on, however indirectly, unless
-/// an optional feature says so.
+/// an optional feature names them.
 const ARROWS: [(&str, &str); 7] = [
     (
         "fw-core",

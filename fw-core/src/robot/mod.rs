@@ -141,7 +141,7 @@ impl Robot {
         }
     }
 
-    /// The 100 Hz tick: where the robot is, whether it may move, and what the motors are told.
+    /// The 100 Hz tick: where the robot is, whether it may move, and the motor commands.
     // Requirement: DOC-4.1-2
     pub fn on_tick(&mut self, input: TickInput, adc_words: &[u16], log: &mut Log) -> TickOutput {
         self.delta = self.odometry.step(input.left, input.right);
@@ -196,7 +196,7 @@ impl Robot {
         }
     }
 
-    /// The servo's pulse and the rangefinder to trigger. Nobody talks to the robot, or a fault has
+    /// The servo's pulse and the rangefinder to trigger. Without frames, or where a fault has
     /// stopped it: the servo rests.
     // Requirement: WIRE-servo-1
     fn update_ranging(&mut self, now: Micros) -> (Option<u16>, Option<RangefinderId>) {
@@ -215,7 +215,7 @@ impl Robot {
     }
 
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
-    /// the Pi asks anew.
+    /// the Pi asks again.
     // Requirement: WIRE-deadline-5
     fn stop_motion(&mut self) {
         match self.request {
@@ -405,7 +405,7 @@ impl Robot {
         self.supervisor.faults()
     }
 
-    /// Where the robot believes it is.
+    /// The estimated pose.
     // Requirement: DOC-1-1
     #[must_use]
     pub const fn pose(&self) -> Pose {

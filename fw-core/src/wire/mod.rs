@@ -129,7 +129,7 @@ pub enum Order {
     Resume = 2,
 }
 
-/// What the Pi tells the STM. Fields that the mode's chain does not carry keep their default.
+/// What the Pi sends. Fields that the mode's chain does not carry keep their default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Command {
     /// Where the robot should be.
@@ -148,10 +148,10 @@ pub struct Command {
     pub order: Order,
 }
 
-/// What the STM tells the Pi. Fields that the mode's chain does not carry keep their default.
+/// What the STM sends. Fields that the mode's chain does not carry keep their default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Where the robot believes it is.
+    /// The estimated pose.
     pub pose: PoseCode,
     /// Tuning modes: rotation in degrees or displacement in millimetres.
     pub measurement: Binary64,

@@ -130,15 +130,15 @@ fn sign_fields_reverse_encoders_and_motors() {
     let (x, turn) = rolled(&[(ENCODER_RIGHT_REVERSED, 1)], 1, 1);
     assert!(x.abs() < 0.001 && turn < -0.1, "clockwise: {turn}");
 
-    let told = |changes: Changes| {
+    let duties = |changes: Changes| {
         let mut bench = Bench::new(Mode::TuneRotate, changes);
         bench.frame(&percent(40.0));
         let outputs = bench.tick();
         (duty(outputs.left), duty(outputs.right))
     };
-    assert_eq!(told(&[]), (-4000, 4000));
-    assert_eq!(told(&[(MOTOR_LEFT_REVERSED, 1)]), (4000, 4000));
-    assert_eq!(told(&[(MOTOR_RIGHT_REVERSED, 1)]), (-4000, -4000));
+    assert_eq!(duties(&[]), (-4000, 4000));
+    assert_eq!(duties(&[(MOTOR_LEFT_REVERSED, 1)]), (4000, 4000));
+    assert_eq!(duties(&[(MOTOR_RIGHT_REVERSED, 1)]), (-4000, -4000));
 }
 
 // Requirement: WIRE-platform-4
@@ -232,7 +232,7 @@ fn stop_deadline_field_sets_time() {
     }
 }
 
-/// What the motors are told in the first tick towards a target.
+/// The duties of the first tick towards a target.
 fn first_duties(changes: Changes, command: &Command) -> (i32, i32) {
     let mut bench = Bench::new(Mode::Normal, changes);
     bench.frame(command);

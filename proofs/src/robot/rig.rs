@@ -119,7 +119,7 @@ pub struct Rig {
     triggered: (RangefinderId, Micros),
     /// When the robot last took a frame, if it ever did.
     fresh: Option<Micros>,
-    /// The robot has told of a slip, or was told of one.
+    /// The robot has reported a slip, or the gyroscope did.
     slipped: bool,
     /// The cases met so far.
     pub seen: Seen,

@@ -94,7 +94,7 @@ pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) ->
     Seen::NOTHING.case(0, !later).case(1, later)
 }
 
-/// What the STM sends the Pi understands, field by field; written anew with fresher data it has the
+/// What the STM sends the Pi understands, field by field; written again with fresher data it has the
 /// same number, and the fresher data is what arrives.
 // Requirement: DOC-5-2
 pub fn report_survives_the_wire(setup: Setup, report: Report, reply: u32, staler: bool) -> Seen {
@@ -213,15 +213,15 @@ fn numbered(setup: Setup, own: u8) -> ([u8; MAX_FRAME], [u8; MAX_FRAME]) {
 /// Frames of up to three old numbers, in turn as often as one likes, never count: not the same one
 /// again and again, not two in turn, not three. So none of them feeds the stop deadline.
 // Requirement: WIRE-sequence-3
-pub fn old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) -> Seen {
-    let stale = |number| !is_fresh(Some(heard), number);
+pub fn old_frames_never_count(mode: Mode, accepted: u8, old: [u8; 3]) -> Seen {
+    let stale = |number| !is_fresh(Some(accepted), number);
     if !table(mode).guarded || !old.into_iter().all(stale) {
         return Seen::NOTHING;
     }
     let len = table(mode).len;
     let setup = plain(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    let (there, back) = numbered(setup, heard);
+    let (there, back) = numbered(setup, accepted);
     assert!(stm.receive(&there[..len], 0, 1).is_ok());
     assert!(pi.receive(&back[..len]).is_ok());
     let old = old.map(|number| (number, numbered(setup, number)));
@@ -240,12 +240,18 @@ pub fn old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) -> Seen {
         .case(2, upwards(first, second) && upwards(second, third))
 }
 
-/// A frame with a wrong bit helps nobody to begin anew: of four old frames that count upwards, one
+/// A frame with a wrong bit restarts no sequence: of four old frames that count upwards, one
 /// of them disturbed, none is taken.
 // Requirement: WIRE-sequence-3
-pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8, bit: u8) -> Seen {
-    let first = heard.wrapping_sub(behind);
-    let stale = |place| !is_fresh(Some(heard), first.wrapping_add(place));
+pub fn disturbed_frame_never_counts(
+    mode: Mode,
+    accepted: u8,
+    behind: u8,
+    which: u8,
+    bit: u8,
+) -> Seen {
+    let first = accepted.wrapping_sub(behind);
+    let stale = |place| !is_fresh(Some(accepted), first.wrapping_add(place));
     if !table(mode).guarded || which >= 4 || !(0..4).all(stale) {
         return Seen::NOTHING;
     }
@@ -255,7 +261,7 @@ pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8
     }
     let setup = plain(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    let (there, back) = numbered(setup, heard);
+    let (there, back) = numbered(setup, accepted);
     assert!(stm.receive(&there[..len], 0, 1).is_ok());
     assert!(pi.receive(&back[..len]).is_ok());
     for place in 0..4 {
@@ -278,9 +284,9 @@ pub fn disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8
 pub fn ends_find_each_other(
     mode: Mode,
     pi_sent: u8,
-    stm_heard: u8,
+    stm_accepted: u8,
     stm_sent: u8,
-    pi_heard: u8,
+    pi_accepted: u8,
 ) -> Seen {
     if !table(mode).guarded {
         return Seen::NOTHING;
@@ -290,11 +296,11 @@ pub fn ends_find_each_other(
     let mut frame = [0; MAX_FRAME];
     let len = table(mode).len;
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    // 0 = heard nothing yet.
-    let (there, _) = numbered(setup, stm_heard);
-    assert!(stm_heard == 0 || stm.receive(&there[..len], 0, 1).is_ok());
-    let (_, back) = numbered(setup, pi_heard);
-    assert!(pi_heard == 0 || pi.receive(&back[..len]).is_ok());
+    // 0 = accepted nothing yet.
+    let (there, _) = numbered(setup, stm_accepted);
+    assert!(stm_accepted == 0 || stm.receive(&there[..len], 0, 1).is_ok());
+    let (_, back) = numbered(setup, pi_accepted);
+    assert!(pi_accepted == 0 || pi.receive(&back[..len]).is_ok());
     for _ in 0..pi_sent {
         let _ = pi.send(&command, &mut frame);
     }
@@ -318,9 +324,9 @@ pub fn ends_find_each_other(
 /// Undisturbed exchanges after which the ends understand each other.
 pub const EXCHANGES: u32 = 5;
 
-/// Every number of one end against every number that the other heard last, in both directions, while
+/// Every number of one end against every number that the other accepted last, in both directions, while
 /// the way back is at rest, has carried nothing yet, wraps, was cut off for long, or comes to the last
-/// number heard within the row. What an end accepts depends on nothing that it sends, so no more
+/// number accepted within the row. What an end accepts depends on nothing that it sends, so no more
 /// combinations matter.
 #[cfg(test)]
 fn encounters() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
@@ -335,28 +341,30 @@ fn encounters() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
     ];
     let mode = Mode::GuardedTuneRotate;
     (0..=255).flat_map(move |sent| {
-        (0..=255).flat_map(move |heard| {
-            ways_back.into_iter().flat_map(move |(other, other_heard)| {
-                [
-                    (mode, sent, heard, other, other_heard),
-                    (mode, other, other_heard, sent, heard),
-                ]
-            })
+        (0..=255).flat_map(move |accepted| {
+            ways_back
+                .into_iter()
+                .flat_map(move |(other, other_accepted)| {
+                    [
+                        (mode, sent, accepted, other, other_accepted),
+                        (mode, other, other_accepted, sent, accepted),
+                    ]
+                })
         })
     })
 }
 
-/// Every old number after every number heard, with every neighbour as the second and the third.
+/// Every old number after every number accepted, with every neighbour as the second and the third.
 #[cfg(test)]
 fn old_frames() -> impl Iterator<Item = (Mode, u8, [u8; 3])> {
     let near = [0, 1, 2, 255];
-    (0..=255_u8).flat_map(move |heard| {
+    (0..=255_u8).flat_map(move |accepted| {
         (0..=128_u8).flat_map(move |behind| {
             near.into_iter().flat_map(move |second| {
                 near.into_iter().map(move |third| {
-                    let old = heard.wrapping_sub(behind);
+                    let old = accepted.wrapping_sub(behind);
                     let old = [old, old.wrapping_add(second), old.wrapping_add(third)];
-                    (Mode::GuardedTuneRotate, heard, old)
+                    (Mode::GuardedTuneRotate, accepted, old)
                 })
             })
         })
@@ -368,10 +376,10 @@ fn old_frames() -> impl Iterator<Item = (Mode, u8, [u8; 3])> {
 fn disturbed_rows() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
     let guarded = |mode: &Mode| table(*mode).guarded;
     Mode::ALL.iter().copied().filter(guarded).flat_map(|mode| {
-        [0, 1, 200].into_iter().flat_map(move |heard| {
+        [0, 1, 200].into_iter().flat_map(move |accepted| {
             [4, 64, 128].into_iter().flat_map(move |behind| {
                 (0..4).flat_map(move |which| {
-                    (0..=255).map(move |bit| (mode, heard, behind, which, bit))
+                    (0..=255).map(move |bit| (mode, accepted, behind, which, bit))
                 })
             })
         })
@@ -403,7 +411,7 @@ crate::properties! {
         sampled 300_000;
     }
     property T2 report_survives_the_wire(setup: Setup, report: Report, reply: u32, staler: bool) {
-        cases ["written anew", "as first written"];
+        cases ["written again", "as first written"];
         kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any(), any());
         kani tune_rotate [unwind(12)] = (any_setup(Mode::TuneRotate), any(), any(), any());
         kani tune_move [unwind(12)] = (any_setup(Mode::TuneMove), any(), any(), any());
@@ -420,16 +428,16 @@ crate::properties! {
         sampled 300_000;
     }
     theorem T8 ends_find_each_other(
-        mode: Mode, pi_sent: u8, stm_heard: u8, stm_sent: u8, pi_heard: u8
+        mode: Mode, pi_sent: u8, stm_accepted: u8, stm_sent: u8, pi_accepted: u8
     ) {
         cases ["at once", "after three stale frames each"];
         exhaustive encounters();
     }
-    theorem T8 old_frames_never_count(mode: Mode, heard: u8, old: [u8; 3]) {
+    theorem T8 old_frames_never_count(mode: Mode, accepted: u8, old: [u8; 3]) {
         cases ["the same again and again", "two in turn", "three that count upwards"];
         exhaustive old_frames();
     }
-    theorem T8 disturbed_frame_never_counts(mode: Mode, heard: u8, behind: u8, which: u8, bit: u8) {
+    theorem T8 disturbed_frame_never_counts(mode: Mode, accepted: u8, behind: u8, which: u8, bit: u8) {
         cases ["in the checksum", "in the number"];
         exhaustive disturbed_rows();
     }

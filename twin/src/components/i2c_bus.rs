@@ -26,7 +26,7 @@ pub struct I2cBus {
     pub eeprom: Option<Eeprom>,
     /// The MPU6050, unless none is fitted: on the STM's side of the switch.
     pub mpu: Option<Mpu6050>,
-    /// Whom the switch connects the EEPROM to.
+    /// What the switch connects the EEPROM to.
     controller: I2cController,
     /// Clock pulses until a device on the EEPROM's side releases `SDA`.
     sda_held: Option<u32>,
@@ -54,7 +54,7 @@ impl I2cBus {
         }
     }
 
-    /// Whom the switch connects the EEPROM to.
+    /// What the switch connects the EEPROM to.
     #[must_use]
     pub fn controller(&self) -> I2cController {
         self.controller

@@ -206,9 +206,9 @@ fn gyro_event_is_one_line_of_its_level() {
     ] {
         let mut log = Log::new();
         log_event(event, &mut log);
-        let said = std::str::from_utf8(log.pending()).unwrap();
-        assert_eq!(said.lines().count(), 1, "{said}");
-        assert!(said.starts_with(level), "{said}");
-        assert!(said.ends_with(&std::format!(": {text}\n")), "{said}");
+        let logged = std::str::from_utf8(log.pending()).unwrap();
+        assert_eq!(logged.lines().count(), 1, "{logged}");
+        assert!(logged.starts_with(level), "{logged}");
+        assert!(logged.ends_with(&std::format!(": {text}\n")), "{logged}");
     }
 }

@@ -1,8 +1,8 @@
-//! A robot that drives does what its controller says, and what the Pi wants is the last that it applied.
+//! A driving robot applies its controller's commands, towards the target that the Pi applied last.
 
 use super::*;
 
-/// A robot whose wheels roll as they are told, beside a controller that is told the same.
+/// A robot with ideal wheels, beside a controller with the same input.
 struct Course {
     bench: Bench,
     controller: PoseController,
@@ -18,7 +18,7 @@ impl Course {
         }
     }
 
-    /// A tick: what the motors are told.
+    /// A tick: the motor commands.
     fn tick(&mut self) -> [MotorCommand; 2] {
         self.ticks += 1;
         let outputs = self.bench.tick();
@@ -34,7 +34,7 @@ impl Course {
     }
 
     /// What the controller says in the tick that was.
-    fn said(&mut self) -> [MotorCommand; 2] {
+    fn expected(&mut self) -> [MotorCommand; 2] {
         let robot = &self.bench.robot;
         let wheels = self.controller.drive(&robot.pose(), &robot.delta);
         [wheels.left, wheels.right]
@@ -46,7 +46,7 @@ impl Course {
             if tick % 5 == 0 {
                 self.bench.frame(command);
             }
-            assert_eq!(self.tick(), self.said(), "tick {}", self.ticks);
+            assert_eq!(self.tick(), self.expected(), "tick {}", self.ticks);
         }
     }
 }
@@ -88,11 +88,11 @@ fn drive_after_stop_begins_from_rest() {
     course.follow(&target, 40);
     // Five ticks have passed since the last frame; the 25th is 250 ms after it.
     for tick in 5..60 {
-        let told = course.tick();
+        let commands = course.tick();
         if tick < 24 {
-            assert_eq!(told, course.said());
+            assert_eq!(commands, course.expected());
         } else {
-            assert_eq!(told, [MotorCommand::Brake; 2]);
+            assert_eq!(commands, [MotorCommand::Brake; 2]);
             course.controller.halt();
         }
     }

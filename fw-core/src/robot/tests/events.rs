@@ -21,29 +21,29 @@ fn lost_frames_are_counted_logged_and_a_fault() {
          W00001: 2 frames lost: not read before the next one\n"
     );
     let report = bench.frame(&Command::default());
-    assert_eq!(report.faults, Faults::FRAME_REJECTED, "the Pi is told");
+    assert_eq!(report.faults, Faults::FRAME_REJECTED, "in the report");
 }
 
 #[test]
 fn fault_is_latched_and_logged_once() {
     for bit in 0..16 {
         let mut bench = Bench::new(Mode::GuardedNormal);
-        let told = |log: &Log| log.pending().split(|&byte| byte == b'\n').count();
+        let lines_of = |log: &Log| log.pending().split(|&byte| byte == b'\n').count();
         let mut log = Log::<1024>::new();
         event_log::log_faults(Faults::from_bits(1 << bit), &mut log);
-        let lines = told(&log);
+        let lines = lines_of(&log);
         for _ in 0..3 {
             bench
                 .robot
                 .raise(Faults::from_bits(1 << bit), &mut bench.log);
             assert_eq!(bench.robot.faults(), Faults::from_bits(1 << bit));
-            assert_eq!(told(&bench.log), lines, "{bit}");
+            assert_eq!(lines_of(&bench.log), lines, "{bit}");
         }
-        // All others beside it, of which each is told of, and this one is not again.
+        // All others beside it: each is logged, this one not again.
         bench.robot.raise(Faults::ALL_BITS, &mut bench.log);
         assert_eq!(bench.robot.faults(), Faults::ALL_BITS);
         event_log::log_faults(Faults::from_bits(!(1 << bit)), &mut log);
-        assert_eq!(told(&bench.log), told(&log), "{bit}");
+        assert_eq!(lines_of(&bench.log), lines_of(&log), "{bit}");
     }
 }
 
@@ -129,12 +129,12 @@ fn chip_temperature_sets_speed_of_sound() {
     assert!(near(measured, warm), "{measured} {warm}");
     bench.robot.on_temperature(0, 1501, &mut bench.log);
     assert!(near(of_ten_milliseconds(&mut bench), assumed));
-    let told = |text: &str| bench.log().matches(text).count();
+    let lines_of = |text: &str| bench.log().matches(text).count();
     assert_eq!(
-        told(": no temperature: speed of sound 343 m/s assumed\n"),
+        lines_of(": no temperature: speed of sound 343 m/s assumed\n"),
         2
     );
-    assert_eq!(told(": air at 28 deg C\n"), 1);
+    assert_eq!(lines_of(": air at 28 deg C\n"), 1);
 }
 
 // Requirement: WIRE-platform-12

@@ -1,5 +1,5 @@
 //! What a tick renews only where its input changed is at any time what would come of working it all
-//! out anew.
+//! out afresh.
 
 use super::*;
 use crate::log::tests::transmitted;
@@ -45,7 +45,7 @@ fn expected_report(robot: &Robot) -> Report {
     }
 }
 
-/// What becomes of a robot in `mode`: how many distances and lines about silent sensors it told.
+/// What becomes of a robot in `mode`: how many distances and lines about silent sensors it gave.
 fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
     let mut bench = Bench::new(mode);
     let mut triggered = [bench.sample.now; 3];
@@ -69,13 +69,13 @@ fn check(mode: Mode, events: &[Event]) -> (usize, usize) {
                     triggered[which as usize] = bench.sample.now;
                 }
                 let text = transmitted(&mut bench.log);
-                for (which, told) in RangefinderId::ALL.into_iter().zip(&mut silent) {
+                for (which, silent) in RangefinderId::ALL.into_iter().zip(&mut silent) {
                     let row = bench.robot.stats(which).consecutive_misses;
                     // Three in a row make one silent, an answer ends it.
-                    let due = if *told { row == 0 } else { row >= 3 };
+                    let due = if *silent { row == 0 } else { row >= 3 };
                     let line = std::format!("{} rangefinder", which.name());
                     assert_eq!(text.contains(&line), due, "{line}: {text}");
-                    *told ^= due;
+                    *silent ^= due;
                     lines += usize::from(due);
                 }
             }
@@ -116,9 +116,9 @@ fn report_matches_state_after_any_events() {
                 .new_tree(&mut runner)
                 .expect("events")
                 .current();
-            let (heard, told) = check(mode, &events);
-            distances += heard;
-            lines += told;
+            let (new_distances, new_lines) = check(mode, &events);
+            distances += new_distances;
+            lines += new_lines;
         }
         assert!(
             distances > 100 && lines > 30,

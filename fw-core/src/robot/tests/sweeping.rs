@@ -30,7 +30,7 @@ fn sweeper() -> Bench {
 #[test]
 fn servo_scan_swings_while_link_is_alive() {
     let mut bench = sweeper();
-    assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "nobody did yet");
+    assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "no frame yet");
     // Half a second to get to the first end, then a bearing every 60 ms: 18 steps of 10° there, and
     // back again.
     let (bearings, pulses) = swept(&mut bench, 50 + 37 * 6, 10);

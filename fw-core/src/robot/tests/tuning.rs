@@ -13,7 +13,7 @@ fn of(percent: f64) -> Command {
 
 #[test]
 fn percentage_rounds_to_nearest_hundredth() {
-    for (said, hundredths) in [
+    for (value, hundredths) in [
         (0.0, 0),
         (0.0049, 0),
         (0.0051, 1),
@@ -26,8 +26,8 @@ fn percentage_rounds_to_nearest_hundredth() {
         (100.0, 10_000),
         (-100.0, -10_000),
     ] {
-        let duty = percent(Binary64(f64::to_bits(said)));
-        assert_eq!(duty, Duty::saturating(hundredths), "{said}");
+        let duty = percent(Binary64(f64::to_bits(value)));
+        assert_eq!(duty, Duty::saturating(hundredths), "{value}");
     }
 }
 
@@ -140,8 +140,8 @@ fn tuned_cell_logs_its_upper_resistor() {
             },
             ..Command::default()
         });
-        let said = std::format!("I00000: tuned tap {}: upper resistor ", tap + 1);
-        let ohm = bench.log().strip_prefix(&said).expect("a line");
+        let start = std::format!("I00000: tuned tap {}: upper resistor ", tap + 1);
+        let ohm = bench.log().strip_prefix(&start).expect("a line");
         let ohm: f64 = ohm.strip_suffix(" ohm\n").unwrap().parse().unwrap();
         let truth = lower * ((below + 3.9) / pin[usize::from(tap)] - 1.0);
         // A step of the tap's voltage, 2⁻¹⁶ V, is 0.25 and 0.3 ohm.
