@@ -13,6 +13,23 @@ pub enum Cell {
     Unknown,
 }
 
+fn probability(log_odds: f32) -> f32 {
+    1.0 - 1.0 / (1.0 + log_odds.exp())
+}
+
+impl Cell {
+    fn of(log_odds: f32) -> Self {
+        let probability = probability(log_odds);
+        if probability > Grid::OCCUPIED {
+            Self::Occupied
+        } else if probability < Grid::FREE {
+            Self::Free
+        } else {
+            Self::Unknown
+        }
+    }
+}
+
 /// A grid of log-odds that grows where it is written to. A cell that was never written has the
 /// log-odds 0: probability one half.
 #[derive(Clone, Debug)]
@@ -114,33 +131,32 @@ impl Grid {
     /// Probability (0..1) that the cell is occupied.
     #[must_use]
     pub fn probability(&self, column: usize, row: usize) -> f32 {
-        1.0 - 1.0 / (1.0 + self.log_odds(column, row).exp())
+        probability(self.log_odds(column, row))
     }
 
     /// State of the cell in this column and row.
     #[must_use]
     pub fn cell(&self, column: usize, row: usize) -> Cell {
-        let probability = self.probability(column, row);
-        if probability > Self::OCCUPIED {
-            Cell::Occupied
-        } else if probability < Self::FREE {
-            Cell::Free
-        } else {
-            Cell::Unknown
+        Cell::of(self.log_odds(column, row))
+    }
+
+    /// Log-odds of the cell at a point; 0 outside the grid.
+    #[must_use]
+    pub fn log_odds_at(&self, point: Point) -> f32 {
+        let index = |mm: f64, first: i32| usize::try_from(self.number(mm) - first);
+        match (
+            index(point.x_mm, self.first.0),
+            index(point.y_mm, self.first.1),
+        ) {
+            (Ok(column), Ok(row)) => self.log_odds(column, row),
+            _ => 0.0,
         }
     }
 
     /// State of the cell at a point; unknown outside the grid.
     #[must_use]
     pub fn cell_at(&self, point: Point) -> Cell {
-        let index = |mm: f64, first: i32| usize::try_from(self.number(mm) - first);
-        match (
-            index(point.x_mm, self.first.0),
-            index(point.y_mm, self.first.1),
-        ) {
-            (Ok(column), Ok(row)) => self.cell(column, row),
-            _ => Cell::Unknown,
-        }
+        Cell::of(self.log_odds_at(point))
     }
 
     /// Column and row of every cell, row by row from the lower left.

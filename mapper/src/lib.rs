@@ -28,6 +28,7 @@
 pub mod evaluation;
 mod grid;
 pub mod line_plot;
+mod localiser;
 pub mod map_plot;
 mod mapper;
 mod png_canvas;
@@ -39,6 +40,9 @@ mod sonar_model;
 pub use evaluation::{map_iou, MapScore};
 pub use geometry::{Mount, Point, Pose2, Segment};
 pub use grid::{Cell, Grid};
+pub use localiser::{
+    CalibrationEstimate, Localiser, LocaliserConfig, MatcherConfig, MotionNoise, Observation,
+};
 pub use mapper::{Config, Counters, Mapper};
 pub use png_canvas::PlotError;
 pub use pose_estimate::PoseEstimate;

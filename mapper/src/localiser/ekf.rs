@@ -1,0 +1,376 @@
+//! Extended Kalman filter of the pose and of the calibration.
+//!
+//! The gyroscope's increments turn the heading, the encoders' move the position. Where both are
+//! present, the difference of their turns is a measurement of the calibration: at rest of the
+//! gyroscope's bias, driving straight of the wheels' difference, turning of the scales.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::calibration::{CalibrationEstimate, MotionNoise};
+use crate::Pose2;
+
+/// Number of states.
+const N: usize = 8;
+/// Position of the states; 0 to 2 are x, y (mm) and the heading (rad).
+const TRAVEL: usize = 3;
+const DIFFERENCE: usize = 4;
+const TURN: usize = 5;
+const SCALE: usize = 6;
+const BIAS: usize = 7;
+
+/// What the odometry and the gyroscope report between two observations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Increment {
+    pub time_s: f64,
+    pub forward_mm: f64,
+    pub turn_rad: f64,
+    pub gyro_rad: Option<f64>,
+}
+
+/// Time over which the turns of encoders and gyroscope are compared, s.
+const COMPARISON_S: f64 = 0.5;
+/// Quantisation of the encoders' turn over that time, rad: half a count per wheel.
+const TURN_STEP_RAD: f64 = 3e-4;
+/// A difference beyond this many deviations is slip and says nothing about the calibration.
+const SLIP_GATE: f64 = 4.0;
+/// Error of the bias that the core takes off at every rest, rad/s: 0.05 °/s over 64 samples.
+const RESET_BIAS_RAD_S: f64 = 1.1e-4;
+
+/// Sums since the last comparison of the turns.
+#[derive(Clone, Copy, Debug, Default)]
+struct Comparison {
+    time_s: f64,
+    forward_mm: f64,
+    turn_rad: f64,
+    gyro_rad: f64,
+    variance: f64,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Ekf {
+    noise: MotionNoise,
+    state: SVector<f64, N>,
+    covariance: SMatrix<f64, N, N>,
+    comparison: Comparison,
+}
+
+impl Ekf {
+    pub fn new(noise: MotionNoise, pose: &Pose2, pose_covariance: &Matrix3<f64>) -> Self {
+        let mut state = SVector::<f64, N>::zeros();
+        let pose = Vector3::new(pose.x_mm, pose.y_mm, pose.heading_rad);
+        state.fixed_rows_mut::<3>(0).copy_from(&pose);
+        let mut covariance = SMatrix::<f64, N, N>::zeros();
+        covariance
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(pose_covariance);
+        for (nth, deviation) in noise.calibration.iter().enumerate() {
+            covariance[(TRAVEL + nth, TRAVEL + nth)] = deviation * deviation;
+        }
+        let comparison = Comparison::default();
+        Self {
+            noise,
+            state,
+            covariance,
+            comparison,
+        }
+    }
+
+    pub fn pose(&self) -> Pose2 {
+        Pose2::new(self.state[0], self.state[1], self.state[2])
+    }
+
+    pub fn pose_covariance(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(0, 0).into()
+    }
+
+    pub fn calibration(&self) -> CalibrationEstimate {
+        let value = |nth: usize| (self.state[nth], self.covariance[(nth, nth)].sqrt());
+        let scale = |nth: usize| (1.0 + value(nth).0, value(nth).1);
+        let (travel, turn) = (value(TRAVEL), value(TURN));
+        CalibrationEstimate {
+            travel_scale: scale(TRAVEL),
+            wheel_ratio: scale(DIFFERENCE),
+            track_scale: ((1.0 + travel.0) / (1.0 + turn.0), travel.1.hypot(turn.1)),
+            gyro_scale: scale(SCALE),
+            gyro_bias_rad_s: value(BIAS),
+        }
+    }
+
+    /// Predicts, and returns the motion in the frame of the pose before.
+    pub fn advance(&mut self, by: &Increment) -> Pose2 {
+        let Self { noise, state, .. } = *self;
+        let half_turn = by.turn_rad.abs() * noise.track_mm / 2.0;
+        // The sum of what both wheels rolled.
+        let rolled = 2.0 * by.forward_mm.abs().max(half_turn);
+        let wheel = noise.wheel * noise.wheel * rolled;
+        let encoder_variance = wheel / (noise.track_mm * noise.track_mm);
+        let gyro_variance = noise.gyro_walk * noise.gyro_walk * by.time_s;
+
+        let travel = by.forward_mm * (1.0 + state[TRAVEL]);
+        let mut turn_row = SMatrix::<f64, 1, N>::zeros();
+        let (turn, turn_variance) = if let Some(gyro) = by.gyro_rad {
+            let rate_free = gyro - state[BIAS] * by.time_s;
+            turn_row[SCALE] = rate_free;
+            turn_row[BIAS] = -by.time_s * (1.0 + state[SCALE]);
+            (rate_free * (1.0 + state[SCALE]), gyro_variance)
+        } else {
+            turn_row[TURN] = by.turn_rad;
+            turn_row[DIFFERENCE] = by.forward_mm / noise.track_mm;
+            let turn = by.turn_rad * (1.0 + state[TURN]);
+            (
+                turn + state[DIFFERENCE] * turn_row[DIFFERENCE],
+                encoder_variance,
+            )
+        };
+        let motion = Pose2::default().advance_arc(
+            travel - turn * noise.track_mm / 2.0,
+            travel + turn * noise.track_mm / 2.0,
+            noise.track_mm,
+        );
+        let (sin, cos) = (state[2] + turn / 2.0).sin_cos();
+        let (dx, dy) = (travel * cos, travel * sin);
+        let mut jacobian = SMatrix::<f64, N, N>::identity();
+        jacobian
+            .fixed_view_mut::<1, N>(2, 0)
+            .zip_apply(&turn_row, |cell, by| *cell += by);
+        jacobian[(0, 2)] = -dy;
+        jacobian[(1, 2)] = dx;
+        for nth in TRAVEL..N {
+            jacobian[(0, nth)] = -dy / 2.0 * turn_row[nth];
+            jacobian[(1, nth)] = dx / 2.0 * turn_row[nth];
+        }
+        jacobian[(0, TRAVEL)] += by.forward_mm * cos;
+        jacobian[(1, TRAVEL)] += by.forward_mm * sin;
+        let next = self.pose().compose(&motion);
+        let next = Vector3::new(next.x_mm, next.y_mm, next.heading_rad);
+        self.state.fixed_rows_mut::<3>(0).copy_from(&next);
+        self.covariance = jacobian * self.covariance * jacobian.transpose();
+        let slip = noise.slip * noise.slip * by.forward_mm.abs();
+        let along = wheel / 4.0;
+        self.covariance[(0, 0)] += along * cos * cos + slip;
+        self.covariance[(1, 1)] += along * sin * sin + slip;
+        self.covariance[(0, 1)] += along * sin * cos;
+        self.covariance[(1, 0)] += along * sin * cos;
+        self.covariance[(2, 2)] += turn_variance;
+        self.covariance[(BIAS, BIAS)] += noise.bias_walk * noise.bias_walk * by.time_s;
+        self.compare_turns(by, encoder_variance + gyro_variance);
+        motion
+    }
+
+    fn compare_turns(&mut self, by: &Increment, variance: f64) {
+        let Some(gyro_rad) = by.gyro_rad else {
+            self.comparison = Comparison::default();
+            return;
+        };
+        let sums = &mut self.comparison;
+        sums.time_s += by.time_s;
+        sums.forward_mm += by.forward_mm;
+        sums.turn_rad += by.turn_rad;
+        sums.gyro_rad += gyro_rad;
+        sums.variance += variance;
+        if sums.time_s < COMPARISON_S {
+            return;
+        }
+        let sums = std::mem::take(sums);
+        let at_rest = sums.forward_mm == 0.0 && sums.turn_rad == 0.0;
+        if at_rest {
+            self.covariance[(BIAS, BIAS)] += RESET_BIAS_RAD_S * RESET_BIAS_RAD_S;
+        }
+        let quantisation = if at_rest { 0.0 } else { TURN_STEP_RAD };
+        let bias_free = sums.gyro_rad - self.state[BIAS] * sums.time_s;
+        let scale = 1.0 + self.state[SCALE];
+        let mut row = SMatrix::<f64, 1, N>::zeros();
+        row[TURN] = sums.turn_rad;
+        row[DIFFERENCE] = sums.forward_mm / self.noise.track_mm;
+        row[SCALE] = -bias_free;
+        row[BIAS] = sums.time_s * scale;
+        let expected = sums.turn_rad * (1.0 + self.state[TURN])
+            + self.state[DIFFERENCE] * row[DIFFERENCE]
+            - bias_free * scale;
+        self.measure(&row, -expected, sums.variance + quantisation * quantisation);
+    }
+
+    /// Updates by one scalar measurement with this row, innovation and variance, unless the
+    /// innovation is improbable.
+    fn measure(&mut self, row: &SMatrix<f64, 1, N>, innovation: f64, variance: f64) {
+        let cross = self.covariance * row.transpose();
+        let total = (row * cross)[0] + variance;
+        if innovation * innovation > SLIP_GATE * SLIP_GATE * total {
+            return;
+        }
+        let gain = cross / total;
+        self.state += gain * innovation;
+        self.covariance -= gain * cross.transpose();
+        self.symmetrise();
+    }
+
+    /// Replaces the pose's mean and covariance; the calibration follows by its correlation.
+    pub fn replace_pose(&mut self, mean: &Vector3<f64>, covariance: &Matrix3<f64>) {
+        let prior = self.pose_covariance();
+        let Some(inverse) = prior.try_inverse() else {
+            return;
+        };
+        let gain = self.covariance.fixed_view::<N, 3>(0, 0) * inverse;
+        let offset = mean - self.state.fixed_rows::<3>(0);
+        self.state += gain * offset;
+        self.covariance -= gain * (prior - covariance) * gain.transpose();
+        self.symmetrise();
+    }
+
+    fn symmetrise(&mut self) {
+        self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plant::Rng;
+
+    const FRAME_S: f64 = 0.025;
+
+    /// A robot with errors of calibration, and its filter.
+    struct Robot {
+        truth: Pose2,
+        ekf: Ekf,
+        rng: Rng,
+        wheels: [f64; 2],
+        gyro: (f64, f64),
+    }
+
+    impl Robot {
+        /// With errors as large as the filter's deviations say.
+        fn new(seed: u64) -> Self {
+            let mut rng = Rng::new(seed);
+            let mut noise = MotionNoise::default();
+            // Small enough for the linear model.
+            noise.calibration[1] = 0.001;
+            noise.slip = 0.002;
+            let [travel, difference, _, scale, bias] = noise.calibration.map(|d| d * rng.normal());
+            Self {
+                truth: Pose2::default(),
+                ekf: Ekf::new(noise, &Pose2::default(), &Matrix3::zeros()),
+                wheels: [
+                    1.0 + travel - difference / 2.0,
+                    1.0 + travel + difference / 2.0,
+                ],
+                gyro: (1.0 / (1.0 + scale), bias),
+                rng,
+            }
+        }
+
+        /// One frame in which the wheels report these millimetres.
+        fn frame(&mut self, left: f64, right: f64, with_gyro: bool) {
+            let track_mm = self.ekf.noise.track_mm;
+            let mut roll = |mm: f64, scale: f64| {
+                mm * scale + self.ekf.noise.wheel * mm.abs().sqrt() * self.rng.normal()
+            };
+            let (a, b) = (roll(left, self.wheels[0]), roll(right, self.wheels[1]));
+            let next = self.truth.advance_arc(a, b, track_mm);
+            let turn = next.heading_rad - self.truth.heading_rad;
+            self.truth = next;
+            let walk = self.ekf.noise.gyro_walk * FRAME_S.sqrt() * self.rng.normal();
+            self.ekf.advance(&Increment {
+                time_s: FRAME_S,
+                forward_mm: f64::midpoint(left, right),
+                turn_rad: (right - left) / track_mm,
+                gyro_rad: with_gyro.then_some(turn * self.gyro.0 + self.gyro.1 * FRAME_S + walk),
+            });
+        }
+
+        fn drive(&mut self, seconds: f64, left: f64, right: f64, with_gyro: bool) {
+            let mut time_s = 0.0;
+            while time_s < seconds {
+                self.frame(left, right, with_gyro);
+                time_s += FRAME_S;
+            }
+        }
+
+        /// Squared error in units of the covariance: 3 in the mean.
+        fn nees(&self) -> f64 {
+            let (pose, truth) = (self.ekf.pose(), self.truth);
+            let turn = truth.turn_to_rad(&pose);
+            let off = Vector3::new(pose.x_mm - truth.x_mm, pose.y_mm - truth.y_mm, turn);
+            let information = self.ekf.pose_covariance().try_inverse().unwrap();
+            off.dot(&(information * off))
+        }
+    }
+
+    #[test]
+    fn rest_reveals_bias_of_gyro() {
+        let mut robot = Robot::new(1);
+        robot.gyro.1 = 0.03f64.to_radians();
+        robot.drive(3.0, 0.0, 0.0, true);
+        let (bias, deviation) = robot.ekf.calibration().gyro_bias_rad_s;
+        assert!(
+            (bias - robot.gyro.1).abs() < 0.005f64.to_radians(),
+            "{bias}"
+        );
+        assert!(deviation < 0.01f64.to_radians(), "{deviation}");
+        assert!(robot.ekf.pose().heading_rad.abs() < 0.05f64.to_radians());
+    }
+
+    #[test]
+    fn straight_drive_with_gyro_reveals_wheel_ratio() {
+        let mut robot = Robot::new(2);
+        robot.wheels = [0.998, 1.002];
+        robot.drive(30.0, 4.0, 4.0, true);
+        let (ratio, deviation) = robot.ekf.calibration().wheel_ratio;
+        assert!(
+            (ratio - 1.004).abs() < 3.0 * deviation,
+            "{ratio} {deviation}"
+        );
+        assert!(deviation < 0.0015, "{deviation}");
+    }
+
+    #[test]
+    fn slip_of_wheels_changes_no_calibration() {
+        let mut robot = Robot::new(3);
+        robot.drive(10.0, 4.0, 4.0, true);
+        let before = robot.ekf.calibration();
+        robot.ekf.advance(&Increment {
+            time_s: FRAME_S,
+            forward_mm: 4.0,
+            turn_rad: 0.0,
+            gyro_rad: Some(0.2),
+        });
+        robot.drive(0.5, 0.0, 0.0, true);
+        let change = robot.ekf.calibration().wheel_ratio.0 - before.wheel_ratio.0;
+        assert!(change.abs() < 1e-4, "{change}");
+    }
+
+    #[test]
+    fn predicted_covariance_agrees_with_errors() {
+        for with_gyro in [true, false] {
+            let mut sum = 0.0;
+            for seed in 0..200 {
+                let mut robot = Robot::new(seed);
+                for _ in 0..4 {
+                    robot.drive(8.0, 4.0, 4.0, with_gyro);
+                    robot.drive(1.0, -2.5, 2.5, with_gyro);
+                    robot.drive(1.0, 0.0, 0.0, with_gyro);
+                }
+                sum += robot.nees();
+            }
+            assert!((1.5..4.0).contains(&(sum / 200.0)), "{with_gyro} {sum}");
+        }
+    }
+
+    #[test]
+    fn replaced_pose_moves_calibration_by_its_correlation() {
+        let mut robot = Robot::new(5);
+        robot.drive(25.0, 4.0, 4.0, true);
+        let pose = robot.ekf.pose();
+        let reported_mm = 4.0 * 25.0 / FRAME_S;
+        let mean = Vector3::new(1.002 * reported_mm, pose.y_mm, pose.heading_rad);
+        let covariance = Matrix3::from_diagonal(&Vector3::new(1.0, 100.0, 1e-4));
+        robot.ekf.replace_pose(&mean, &covariance);
+        let (scale, deviation) = robot.ekf.calibration().travel_scale;
+        assert!(
+            (scale - 1.002).abs() < 0.001 && deviation < 0.002,
+            "{scale} {deviation}"
+        );
+        let kept = robot.ekf.pose_covariance();
+        assert!((kept - covariance).norm() < 1e-6, "{kept}");
+    }
+}

@@ -1,0 +1,291 @@
+//! What readings say about the cells of the occupancy grid.
+//!
+//! An echo whose bearing is known occupies a short piece of surface; one without a bearing only an
+//! arc nearby. The cone in front of an echo is free as far as surfaces would have answered: a
+//! smooth surface that a ray meets obliquely answers nothing, so such a ray neither clears it nor
+//! goes on behind it.
+
+use std::f64::consts::PI;
+
+use geometry::wrap_angle;
+
+use super::surface::{Beam, Element, Kind};
+use super::surface_map::SurfaceMap;
+use crate::{Grid, Point, Pose2};
+
+/// Log-odds of one reading: free near the axis, free by silence, occupied.
+const FREE: f32 = -0.35;
+const SILENT: f32 = -0.06;
+const OCCUPIED: f32 = 0.55;
+/// The robot stood here.
+const BODY: f32 = -1.0;
+/// Radius of the body that is certainly free, mm.
+const BODY_MM: f64 = 80.0;
+/// Silence says something up to here, mm.
+const SILENT_MM: f64 = 1000.0;
+/// Without a bearing, echoes beyond this range occupy nothing, mm.
+const ARC_MM: f64 = 700.0;
+/// Half the arc that such an echo occupies, rad.
+const ARC_RAD: f64 = 0.12;
+/// Step between rays, rad.
+const RAY_RAD: f64 = 0.04;
+/// A cell with more log-odds stops rays.
+const WALL: f32 = 1.5;
+/// Space before the surface that is not cleared, mm.
+const MARGIN_MM: f64 = 40.0;
+
+/// The grid with the surfaces in it.
+#[derive(Clone, Debug)]
+pub(super) struct Evidence {
+    pub grid: Grid,
+    pub surfaces: SurfaceMap,
+}
+
+impl Evidence {
+    pub fn new(cell_mm: f64) -> Self {
+        Self {
+            grid: Grid::new(cell_mm),
+            surfaces: SurfaceMap::default(),
+        }
+    }
+
+    /// Whether a known surface lies between the sensor and the echo: a double bounce.
+    pub fn is_behind_wall(&self, element: &Element, beam: &Beam) -> bool {
+        let point = element.point(beam);
+        let from = element.sensor.position();
+        let reach = element.range_mm - 150.0;
+        let mut away = 50.0;
+        let mut hits = 0;
+        while away < reach {
+            let at = from.lerp(point, away / element.range_mm);
+            if self.grid.log_odds_at(at) > WALL {
+                hits += 1;
+                if hits >= 2 {
+                    return true;
+                }
+            }
+            away += 20.0;
+        }
+        false
+    }
+
+    /// Enters an echo.
+    pub fn enter_echo(&mut self, element: &Element, beam: &Beam) {
+        let edge_mm = element.range_mm - MARGIN_MM;
+        self.clear(&element.sensor, beam, edge_mm, FREE);
+        if element.has_bearing() {
+            let point = element.point(beam);
+            self.surfaces
+                .insert(point, element.towards_rad, element.kind);
+            let surface = Pose2::new(point.x_mm, point.y_mm, element.towards_rad + PI / 2.0);
+            self.occupy(point, OCCUPIED);
+            if element.kind != Kind::Edge {
+                for along in [-20.0, 20.0] {
+                    self.occupy(surface.point_at(along, 0.0), OCCUPIED / 2.0);
+                }
+            }
+        } else if element.range_mm < ARC_MM && !self.is_explained(element, beam) {
+            let step = 20.0 / element.range_mm.max(50.0);
+            let mut off = -ARC_RAD;
+            while off <= ARC_RAD {
+                let towards = element.sensor.heading_rad + off;
+                self.occupy(element.point_towards(beam, towards), OCCUPIED / 2.0);
+                off += step;
+            }
+        }
+    }
+
+    /// Whether a surface on the arc answers for this echo.
+    fn is_explained(&self, element: &Element, beam: &Beam) -> bool {
+        self.surfaces
+            .near(element.point(beam), 0.3 * element.range_mm)
+            .any(|surfel| {
+                let towards = surfel.facing_rad + PI;
+                let off = wrap_angle(towards - element.sensor.heading_rad).abs();
+                let point = element.point_towards(beam, towards);
+                off < beam.incidence_rad && point.distance_mm(surfel.point) < 60.0
+            })
+    }
+
+    /// Enters a reading without an echo.
+    pub fn enter_silence(&mut self, sensor: &Pose2, beam: &Beam) {
+        self.clear(sensor, beam, SILENT_MM, SILENT);
+    }
+
+    /// The robot's body was here.
+    pub fn enter_body(&mut self, pose: &Pose2) {
+        let (x, y) = (pose.x_mm, pose.y_mm);
+        let (columns, rows) = self
+            .grid
+            .cover(x - BODY_MM..x + BODY_MM, y - BODY_MM..y + BODY_MM);
+        for row in rows {
+            for column in columns.clone() {
+                if self.grid.middle(column, row).distance_mm(pose.position()) < BODY_MM {
+                    self.grid.add(column, row, BODY);
+                }
+            }
+        }
+    }
+
+    fn occupy(&mut self, point: Point, log_odds: f32) {
+        let (columns, rows) = self
+            .grid
+            .cover(point.x_mm..point.x_mm, point.y_mm..point.y_mm);
+        self.grid.add(columns.start, rows.start, log_odds);
+    }
+
+    /// Clears the cone up to `reach_mm`.
+    fn clear(&mut self, sensor: &Pose2, beam: &Beam, reach_mm: f64, log_odds: f32) {
+        let half = beam.half_angle_rad * 0.9;
+        let step_mm = self.grid.cell_mm();
+        let mut off = -half;
+        while off <= half {
+            let heading_rad = sensor.heading_rad + off;
+            let ray = Pose2 {
+                heading_rad,
+                ..*sensor
+            };
+            #[allow(clippy::cast_possible_truncation)] // a weight
+            let weight = log_odds * (1.0 - 0.7 * (off / half).powi(2)) as f32;
+            off += RAY_RAD;
+            let mut away = 0.0;
+            while away < reach_mm {
+                let point = ray.point_at(away, 0.0);
+                away += step_mm;
+                if self.grid.log_odds_at(point) > WALL && self.is_oblique(point, heading_rad, beam)
+                {
+                    break;
+                }
+                // Neighbouring rays overlap near the sensor.
+                #[allow(clippy::cast_possible_truncation)] // a weight
+                let share = (away * RAY_RAD / step_mm).min(1.0) as f32;
+                self.occupy(point, weight * share);
+            }
+        }
+    }
+
+    /// Whether no surface known at `point` would answer a ray along `heading_rad`.
+    fn is_oblique(&self, point: Point, heading_rad: f64, beam: &Beam) -> bool {
+        let answers =
+            |facing: f64| wrap_angle(facing + PI - heading_rad).abs() < beam.incidence_rad - 0.1;
+        let mut near = self.surfaces.near(point, self.grid.cell_mm()).peekable();
+        near.peek().is_some() && !near.any(|s| s.edge || answers(s.facing_rad))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Cell;
+    use nalgebra::Matrix3;
+
+    const BEAM: Beam = Beam {
+        half_angle_rad: 0.2618,
+        incidence_rad: 0.5236,
+    };
+
+    fn echo(range_mm: f64, kind: Kind, spread_rad: f64) -> Element {
+        let sensor = Pose2::default();
+        Element {
+            sensor,
+            range_mm,
+            kind,
+            towards_rad: 0.0,
+            spread_rad,
+        }
+    }
+
+    fn evidence_of(elements: &[Element]) -> Evidence {
+        let mut evidence = Evidence::new(25.0);
+        evidence.surfaces.begin(&Pose2::default(), Matrix3::zeros());
+        for element in elements {
+            evidence.enter_echo(element, &BEAM);
+        }
+        evidence
+    }
+
+    fn occupied(evidence: &Evidence) -> Vec<Point> {
+        let grid = &evidence.grid;
+        let cells = grid
+            .cells()
+            .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied);
+        cells.map(|(c, r)| grid.middle(c, r)).collect()
+    }
+
+    #[test]
+    fn echo_with_bearing_occupies_its_point_and_frees_cone() {
+        let evidence = evidence_of(&[echo(1000.0, Kind::Wall, 0.03); 12]);
+        let found = occupied(&evidence);
+        assert!(!found.is_empty());
+        assert!(
+            found
+                .iter()
+                .all(|p| p.distance_mm(Point::new(1000.0, 0.0)) < 50.0),
+            "{found:?}"
+        );
+        for (x, y, cell) in [
+            (500.0, 0.0, Cell::Free),
+            (500.0, 80.0, Cell::Free),
+            (500.0, 200.0, Cell::Unknown),
+            (1100.0, 0.0, Cell::Unknown),
+        ] {
+            assert_eq!(evidence.grid.cell_at(Point::new(x, y)), cell, "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn echo_without_bearing_occupies_arc_only_nearby() {
+        assert!(!occupied(&evidence_of(&[echo(600.0, Kind::Unclear, 0.2); 6])).is_empty());
+        assert!(occupied(&evidence_of(&[echo(800.0, Kind::Unclear, 0.2); 6])).is_empty());
+    }
+
+    #[test]
+    fn known_surface_stays_unless_it_would_have_answered() {
+        for (facing_deg, expected) in [(180.0f64, Cell::Free), (130.0, Cell::Occupied)] {
+            let mut evidence = evidence_of(&[]);
+            let at = Point::new(510.0, 10.0);
+            for _ in 0..5 {
+                let towards = (facing_deg + 180.0).to_radians();
+                evidence.surfaces.insert(at, towards, Kind::Wall);
+                evidence.occupy(at, OCCUPIED);
+            }
+            for _ in 0..20 {
+                evidence.enter_echo(&echo(1500.0, Kind::Unclear, 0.2), &BEAM);
+            }
+            assert_eq!(evidence.grid.cell_at(at), expected, "{facing_deg}");
+            // Behind a surface that mirrors the sound away nothing is seen.
+            let behind = evidence.grid.cell_at(Point::new(900.0, 18.0));
+            assert_eq!(behind == Cell::Free, expected == Cell::Free, "{facing_deg}");
+        }
+    }
+
+    #[test]
+    fn echo_through_known_wall_is_a_double_bounce() {
+        let wall: Vec<Element> = (0..8)
+            .flat_map(|_| [0.0, -0.02, 0.02])
+            .map(|off| Element {
+                towards_rad: off,
+                ..echo(700.0, Kind::Wall, 0.03)
+            })
+            .collect();
+        let evidence = evidence_of(&wall);
+        let echo = |range| echo(range, Kind::Wall, 0.03);
+        assert!(evidence.is_behind_wall(&echo(1600.0), &BEAM));
+        assert!(!evidence.is_behind_wall(&echo(720.0), &BEAM));
+        assert!(!evidence_of(&[]).is_behind_wall(&echo(1600.0), &BEAM));
+    }
+
+    #[test]
+    fn silence_is_weak_evidence_up_to_one_metre() {
+        let mut evidence = evidence_of(&[]);
+        let at = |evidence: &Evidence, x| evidence.grid.cell_at(Point::new(x, 0.0));
+        evidence.enter_silence(&Pose2::default(), &BEAM);
+        assert_eq!(at(&evidence, 600.0), Cell::Unknown);
+        for _ in 0..60 {
+            evidence.enter_silence(&Pose2::default(), &BEAM);
+        }
+        assert_eq!(at(&evidence, 600.0), Cell::Free);
+        assert_eq!(at(&evidence, 1200.0), Cell::Unknown);
+        assert!(occupied(&evidence).is_empty());
+    }
+}

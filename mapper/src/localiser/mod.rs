@@ -1,0 +1,350 @@
+//! Localisation and mapping with three sparse rangefinders.
+//!
+//! The [`Localiser`] predicts its pose by gyroscope and encoders ([`ekf`]), turns ranges along
+//! about 0.4 m of way into oriented surface elements ([`surface`]), matches each such stretch once
+//! to the surfaces that it knows ([`matcher`], [`surface_map`]), corrects pose and calibration by
+//! the result, and only then enters the stretch into the map ([`evidence`]).
+
+mod calibration;
+mod ekf;
+mod evidence;
+mod likelihood;
+mod matcher;
+mod surface;
+mod surface_map;
+
+use nalgebra::Matrix3;
+
+pub use calibration::{CalibrationEstimate, MotionNoise};
+pub use matcher::MatcherConfig;
+
+use crate::{Grid, Mount, Pose2, PoseEstimate};
+use ekf::{Ekf, Increment};
+use evidence::Evidence;
+use geometry::wrap_angle;
+use surface::{element, Beam, Element, Reading};
+use surface_map::SurfaceMap;
+
+/// What one frame reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Time of the frame, s.
+    pub time_s: f64,
+    /// The pose that the robot reports.
+    pub odometry: Pose2,
+    /// The gyroscope's own angle, rad, not wrapped; `None` without a gyroscope.
+    pub gyro_rad: Option<f64>,
+    /// The latest ranges in the order of [`LocaliserConfig::mounts`], mm; `None` without an echo.
+    pub ranges_mm: [Option<f64>; 3],
+    /// Bearing of the first one, rad counter-clockwise from straight ahead.
+    pub front_bearing_rad: f64,
+}
+
+/// How to localise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocaliserConfig {
+    /// Width of the map's cells, mm.
+    pub cell_mm: f64,
+    /// The rangefinders: front, right, left.
+    pub mounts: [Mount; 3],
+    /// Mean age of a new range, s.
+    pub range_age_s: f64,
+    /// Nearest and farthest range accepted, mm.
+    pub limits_mm: (f64, f64),
+    /// Half the opening angle of the beam, rad.
+    pub half_angle_rad: f64,
+    /// Largest angle of incidence with an echo, rad.
+    pub incidence_rad: f64,
+    /// Noise of the motion.
+    pub motion: MotionNoise,
+    /// Weight of the matches; `None` = mapping by prediction alone.
+    pub matcher: Option<MatcherConfig>,
+    /// Whether the slope of the range gives an echo's bearing.
+    pub bearings: bool,
+    /// Length of a stretch, mm of way.
+    pub stretch_mm: f64,
+}
+
+impl Default for LocaliserConfig {
+    /// The first board; cells of 25 mm. The wire carries ranges below 2500 mm.
+    fn default() -> Self {
+        Self {
+            cell_mm: 25.0,
+            mounts: Mount::first_board(),
+            // A slot of 20 ms and half a frame.
+            range_age_s: 0.032,
+            limits_mm: (30.0, 2490.0),
+            half_angle_rad: 15f64.to_radians(),
+            incidence_rad: 30f64.to_radians(),
+            motion: MotionNoise::default(),
+            matcher: Some(MatcherConfig::default()),
+            bearings: true,
+            stretch_mm: 400.0,
+        }
+    }
+}
+
+/// A rangefinder turning by this much covers new ground like 100 mm of way, rad.
+const TURN_PER_100_MM: f64 = 0.25;
+/// Way of a sensor, mm, or turn of its beam, rad, before its next reading is kept.
+const SPACING: (f64, f64) = (5.0, 0.03);
+/// Readings of earlier stretches that help to find bearings.
+const CONTEXT: usize = 10;
+
+/// The readings of one sensor.
+#[derive(Clone, Debug, Default)]
+struct Track {
+    /// In the dead reckoning's frame, oldest first.
+    readings: Vec<Reading>,
+    /// How many of them belong to earlier stretches.
+    old: usize,
+    latest: Option<f64>,
+    /// Beam's heading and time of the last value.
+    taken: (f64, f64),
+}
+
+/// Localisation and map.
+#[derive(Clone, Debug)]
+pub struct Localiser {
+    config: LocaliserConfig,
+    beam: Beam,
+    ekf: Ekf,
+    evidence: Evidence,
+    last: Option<Observation>,
+    /// The prediction without corrections: what readings of one stretch are relative to. With the
+    /// motion of the last frame and its duration, s.
+    dead_reckoning: Pose2,
+    motion: (Pose2, f64),
+    /// Way since the end of the last stretch, turns included, mm.
+    way_mm: f64,
+    trace: Vec<Pose2>,
+    tracks: [Track; 3],
+}
+
+impl Localiser {
+    /// Starts with an empty map at its origin.
+    #[must_use]
+    pub fn new(config: LocaliserConfig) -> Self {
+        let evidence = Evidence::new(config.cell_mm);
+        let start = PoseEstimate {
+            pose: Pose2::default(),
+            covariance: [[0.0; 3]; 3],
+        };
+        Self::starting(config, evidence, &start)
+    }
+
+    /// Starts on a saved map. Without a start, the robot may stand anywhere on its free cells.
+    #[must_use]
+    pub fn on_map(config: LocaliserConfig, grid: Grid, start: &PoseEstimate) -> Self {
+        let surfaces = SurfaceMap::from_grid(&grid);
+        Self::starting(config, Evidence { grid, surfaces }, start)
+    }
+
+    fn starting(config: LocaliserConfig, evidence: Evidence, start: &PoseEstimate) -> Self {
+        let covariance = Matrix3::from_fn(|row, column| start.covariance[row][column]);
+        let ekf = Ekf::new(config.motion, &start.pose, &covariance);
+        let beam = Beam {
+            half_angle_rad: config.half_angle_rad,
+            incidence_rad: config.incidence_rad,
+        };
+        Self {
+            config,
+            beam,
+            ekf,
+            evidence,
+            last: None,
+            dead_reckoning: Pose2::default(),
+            motion: (Pose2::default(), 1.0),
+            way_mm: 0.0,
+            trace: Vec::new(),
+            tracks: Default::default(),
+        }
+    }
+
+    /// Takes one frame's report. Give every report once, in order of time.
+    pub fn observe(&mut self, now: &Observation) {
+        let Some(last) = self.last.replace(*now) else {
+            return;
+        };
+        let turn_rad = wrap_angle(now.odometry.heading_rad - last.odometry.heading_rad);
+        let between = now.odometry.relative_to(&last.odometry);
+        let (sin, cos) = (turn_rad / 2.0).sin_cos();
+        let increment = Increment {
+            time_s: now.time_s - last.time_s,
+            forward_mm: between.x_mm * cos + between.y_mm * sin,
+            turn_rad,
+            gyro_rad: now
+                .gyro_rad
+                .zip(last.gyro_rad)
+                .map(|(now, last)| now - last),
+        };
+        let motion = self.ekf.advance(&increment);
+        self.dead_reckoning = self.dead_reckoning.compose(&motion);
+        self.motion = (motion, increment.time_s.max(1e-3));
+        self.way_mm += motion.x_mm.hypot(motion.y_mm);
+        self.way_mm += motion.heading_rad.abs() * 100.0 / TURN_PER_100_MM;
+        if self
+            .trace
+            .last()
+            .is_none_or(|at| at.distance_mm(&self.dead_reckoning) > 25.0)
+        {
+            self.trace.push(self.dead_reckoning);
+        }
+        for sensor in 0..3 {
+            self.take_range(sensor, now);
+        }
+        if self.way_mm >= self.config.stretch_mm {
+            self.end_stretch();
+        }
+    }
+
+    /// Keeps a range if it is a new measurement.
+    fn take_range(&mut self, sensor: usize, now: &Observation) {
+        let mut mount = self.config.mounts[sensor];
+        if sensor == 0 {
+            mount.bearing_rad = now.front_bearing_rad;
+        }
+        let (motion, time_s) = self.motion;
+        let back = -self.config.range_age_s / time_s;
+        let then = Pose2::new(
+            back * motion.x_mm,
+            back * motion.y_mm,
+            back * motion.heading_rad,
+        );
+        let at = mount.sensor_pose(&self.dead_reckoning.compose(&then));
+        let (nearest, farthest) = self.config.limits_mm;
+        let value = now.ranges_mm[sensor].filter(|range| *range < farthest);
+        let track = &mut self.tracks[sensor];
+        // The same value is the same measurement, reported again.
+        let repeat = match value {
+            #[allow(clippy::float_cmp)]
+            Some(_) => track.latest == value,
+            None => now.time_s - track.taken.1 < 0.055,
+        };
+        if repeat || value.is_some_and(|range| range < nearest) {
+            return;
+        }
+        track.latest = value;
+        track.taken.1 = now.time_s;
+        let near = track.readings.last().is_some_and(|last| {
+            last.sensor.distance_mm(&at) < SPACING.0
+                && last.sensor.turn_to_rad(&at).abs() < SPACING.1
+        });
+        if !near {
+            track.readings.push(Reading {
+                sensor: at,
+                range_mm: value,
+            });
+            // A swept beam sees new ground with the robot at rest.
+            let swept = (at.heading_rad - self.dead_reckoning.heading_rad - track.taken.0).abs();
+            if sensor == 0 {
+                self.way_mm += swept * 100.0 / TURN_PER_100_MM / 4.0;
+            }
+            track.taken.0 = at.heading_rad - self.dead_reckoning.heading_rad;
+        }
+    }
+
+    /// Matches the readings since the last stretch to the map, then enters them.
+    fn end_stretch(&mut self) {
+        self.way_mm = 0.0;
+        let mut elements: Vec<Element> = Vec::new();
+        for track in &self.tracks {
+            let new = track.old..track.readings.len();
+            elements.extend(new.filter_map(|at| element(&track.readings, at, &self.beam)));
+        }
+        if !self.config.bearings {
+            for element in &mut elements {
+                element.forget_bearing();
+            }
+        }
+        let to_robot = Pose2::default().relative_to(&self.dead_reckoning);
+        for element in &mut elements {
+            *element = element.moved(&to_robot);
+        }
+        self.correct(&elements);
+        self.enter(&elements, &to_robot);
+        for track in &mut self.tracks {
+            let surplus = track.readings.len().saturating_sub(CONTEXT);
+            track.readings.drain(..surplus);
+            track.old = track.readings.len();
+        }
+        self.trace.clear();
+    }
+
+    /// Corrects the pose by a match of these elements, given in the robot's frame.
+    fn correct(&mut self, elements: &[Element]) {
+        let Some(config) = &self.config.matcher else {
+            return;
+        };
+        let pose = self.ekf.pose();
+        let visible: Vec<Element> = elements
+            .iter()
+            .filter(|e| !self.evidence.is_behind_wall(&e.moved(&pose), &self.beam))
+            .copied()
+            .collect();
+        let prior = (&pose, &self.ekf.pose_covariance());
+        let surfaces = &self.evidence.surfaces;
+        if let Some(found) = matcher::find(surfaces, &visible, prior, &self.beam, config) {
+            if found.cost < 0.5 * likelihood::LIMIT {
+                self.ekf.replace_pose(&found.mean, &found.covariance);
+            }
+        }
+    }
+
+    /// Enters the stretch into the map; the silent readings and the way with it.
+    fn enter(&mut self, elements: &[Element], to_robot: &Pose2) {
+        let pose = self.ekf.pose();
+        let frame = pose.compose(to_robot);
+        self.evidence
+            .surfaces
+            .begin(&pose, self.ekf.pose_covariance());
+        for element in elements.iter().map(|e| e.moved(&pose)) {
+            if !self.evidence.is_behind_wall(&element, &self.beam) {
+                self.evidence.enter_echo(&element, &self.beam);
+            }
+        }
+        for track in &self.tracks {
+            for reading in &track.readings[track.old..] {
+                if reading.range_mm.is_none() {
+                    self.evidence
+                        .enter_silence(&frame.compose(&reading.sensor), &self.beam);
+                }
+            }
+        }
+        for at in &self.trace {
+            self.evidence.enter_body(&frame.compose(at));
+        }
+    }
+
+    /// The pose in the map's frame.
+    #[must_use]
+    pub fn estimate(&self) -> PoseEstimate {
+        let covariance = self.ekf.pose_covariance();
+        let rows = [0, 1, 2].map(|row| [0, 1, 2].map(|column| covariance[(row, column)]));
+        PoseEstimate {
+            pose: self.ekf.pose(),
+            covariance: rows,
+        }
+    }
+
+    /// The odometry's origin in the map's frame: `map_to_odom().compose(&odometry)` is the pose.
+    #[must_use]
+    pub fn map_to_odom(&self) -> Pose2 {
+        let odometry = self.last.map_or_else(Pose2::default, |last| last.odometry);
+        self.ekf
+            .pose()
+            .compose(&Pose2::default().relative_to(&odometry))
+    }
+
+    /// The corrected map.
+    #[must_use]
+    pub const fn grid(&self) -> &Grid {
+        &self.evidence.grid
+    }
+
+    /// What was learned about wheels and gyroscope.
+    #[must_use]
+    pub fn calibration(&self) -> CalibrationEstimate {
+        self.ekf.calibration()
+    }
+}

@@ -1,0 +1,227 @@
+//! The map that is matched against: surface elements with the direction they face.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+use geometry::wrap_angle;
+use nalgebra::Matrix3;
+
+use super::surface::Kind;
+use crate::{Cell, Grid, Point, Pose2};
+
+/// A piece of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Surfel {
+    pub point: Point,
+    /// Direction of its outward normal, towards where it was seen from, rad.
+    pub facing_rad: f64,
+    /// An edge or a leg: seen from everywhere.
+    pub edge: bool,
+    /// Number of elements in the mean.
+    pub weight: f64,
+    /// The stretch that it was first seen in.
+    record: usize,
+}
+
+/// Where the robot was when a stretch was entered, and how well it knew.
+#[derive(Clone, Debug)]
+pub(super) struct Record {
+    position: Point,
+    covariance: Matrix3<f64>,
+}
+
+impl Record {
+    /// What the record's error means for a pose that is found by its surfels: they are displaced
+    /// and turned about where the robot was.
+    pub fn covariance_at(&self, pose: &Pose2) -> Matrix3<f64> {
+        let mut lever = Matrix3::identity();
+        lever[(0, 2)] = self.position.y_mm - pose.y_mm;
+        lever[(1, 2)] = pose.x_mm - self.position.x_mm;
+        lever * self.covariance * lever.transpose()
+    }
+}
+
+/// Width of a cell, mm.
+const CELL_MM: f64 = 50.0;
+/// Surfels of a cell whose normals differ less are one, rad.
+const SAME_RAD: f64 = 0.5;
+/// The mean forgets beyond this many elements.
+const LARGEST_WEIGHT: f64 = 30.0;
+
+#[derive(Clone, Debug, Default)]
+pub(super) struct SurfaceMap {
+    cells: HashMap<(i32, i32), Vec<Surfel>>,
+    records: Vec<Record>,
+}
+
+#[allow(clippy::cast_possible_truncation)] // saturates
+fn number(mm: f64) -> i32 {
+    (mm / CELL_MM).floor() as i32
+}
+
+impl SurfaceMap {
+    /// Begins a stretch: what is inserted next was seen from about `pose`.
+    pub fn begin(&mut self, pose: &Pose2, covariance: Matrix3<f64>) {
+        self.records.push(Record {
+            position: pose.position(),
+            covariance,
+        });
+    }
+
+    /// The stretch that a surfel of this map was first seen in.
+    pub fn record(&self, surfel: &Surfel) -> &Record {
+        &self.records[surfel.record]
+    }
+
+    /// Enters an element at `point`, whose surface is in direction `towards_rad` from the sensor.
+    pub fn insert(&mut self, point: Point, towards_rad: f64, kind: Kind) {
+        let record = self.records.len() - 1;
+        let facing_rad = towards_rad + PI;
+        let edge = kind == Kind::Edge;
+        let cell = self
+            .cells
+            .entry((number(point.x_mm), number(point.y_mm)))
+            .or_default();
+        let same = |s: &&mut Surfel| {
+            s.edge == edge && (edge || wrap_angle(s.facing_rad - facing_rad).abs() < SAME_RAD)
+        };
+        if let Some(surfel) = cell.iter_mut().find(same) {
+            surfel.weight = (surfel.weight + 1.0).min(LARGEST_WEIGHT);
+            surfel.point = surfel.point.lerp(point, 1.0 / surfel.weight);
+            surfel.facing_rad += wrap_angle(facing_rad - surfel.facing_rad) / surfel.weight;
+        } else {
+            cell.push(Surfel {
+                point,
+                facing_rad,
+                edge,
+                weight: 1.0,
+                record,
+            });
+        }
+    }
+
+    /// The surfels in the cells that the square of this half width around `point` meets.
+    pub fn near(&self, point: Point, half_mm: f64) -> impl Iterator<Item = &Surfel> {
+        let range = move |mm: f64| number(mm - half_mm)..=number(mm + half_mm);
+        range(point.x_mm)
+            .flat_map(move |column| range(point.y_mm).map(move |row| (column, row)))
+            .filter_map(|key| self.cells.get(&key))
+            .flatten()
+    }
+
+    /// The surfaces of an occupancy grid: a line through the occupied cells around each one, which
+    /// faces the side or sides with free cells.
+    pub fn from_grid(grid: &Grid) -> Self {
+        let mut map = Self::default();
+        map.begin(&Pose2::default(), Matrix3::zeros());
+        let occupied = |(column, row): &(usize, usize)| grid.cell(*column, *row) == Cell::Occupied;
+        for (column, row) in grid.cells().filter(occupied) {
+            let middle = grid.middle(column, row);
+            let around: Vec<Point> = (column.saturating_sub(3)..=column + 3)
+                .flat_map(|c| (row.saturating_sub(3)..=row + 3).map(move |r| (c, r)))
+                .filter(occupied)
+                .map(|(c, r)| grid.middle(c, r))
+                .collect();
+            let line = Line::through(&around);
+            let aside = [line.normal_rad, line.normal_rad + PI];
+            for normal_rad in aside {
+                let from = Pose2::new(middle.x_mm, middle.y_mm, normal_rad);
+                let free = [2.0, 3.0, 4.0].into_iter().any(|cells| {
+                    grid.cell_at(from.point_at(cells * grid.cell_mm(), 0.0)) == Cell::Free
+                });
+                if free {
+                    let kind = if line.is_compact {
+                        Kind::Edge
+                    } else {
+                        Kind::Wall
+                    };
+                    // The cells' line, at this cell.
+                    let off = from.relative_to(&line.middle).point_at(0.0, 0.0);
+                    let point = line.middle.point_at(off.x_mm, 0.0);
+                    map.insert(point, normal_rad + PI, kind);
+                }
+            }
+        }
+        for surfel in map.cells.values_mut().flatten() {
+            surfel.weight = LARGEST_WEIGHT;
+        }
+        map
+    }
+}
+
+/// The line of least squares through points.
+struct Line {
+    /// On the line, heading along it.
+    middle: Pose2,
+    normal_rad: f64,
+    /// As wide as long.
+    is_compact: bool,
+}
+
+impl Line {
+    fn through(points: &[Point]) -> Self {
+        let count = f64::from(u32::try_from(points.len()).unwrap_or(1));
+        let x = points.iter().map(|p| p.x_mm).sum::<f64>() / count;
+        let y = points.iter().map(|p| p.y_mm).sum::<f64>() / count;
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for point in points {
+            let (dx, dy) = (point.x_mm - x, point.y_mm - y);
+            (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
+        }
+        let along = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let difference = (xx - yy).hypot(2.0 * xy);
+        Self {
+            middle: Pose2::new(x, y, along),
+            normal_rad: along + PI / 2.0,
+            is_compact: difference < 0.5 * (xx + yy),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn saved_walls_face_their_free_sides() {
+        // A thin wall along x with free floor on both sides of its left half, and a leg.
+        let leg = Point::new(300.0, 512.5);
+        let (low, high) = (Point::new(-1000.0, -1000.0), Point::new(1000.0, 1000.0));
+        let grid = Grid::from_fn(25.0, low, high, |p| {
+            if p.y_mm.abs() < 25.0 || p.distance_mm(leg) < 30.0 {
+                4.0
+            } else if p.y_mm > 0.0 || p.x_mm < 0.0 {
+                -4.0
+            } else {
+                0.0
+            }
+        });
+        let map = SurfaceMap::from_grid(&grid);
+        let facing = |at: Point, expected: f64| {
+            let mut near = map.near(at, 30.0).filter(|s| !s.edge);
+            near.any(|s| wrap_angle(s.facing_rad - expected).abs() < 0.2)
+        };
+        for (x, up, down) in [(-500.0, true, true), (500.0, true, false)] {
+            assert_eq!(facing(Point::new(x, 0.0), PI / 2.0), up, "{x}");
+            assert_eq!(facing(Point::new(x, 0.0), -PI / 2.0), down, "{x}");
+        }
+        assert!(map.near(leg, 30.0).any(|s| s.edge));
+    }
+
+    #[test]
+    fn record_moves_pose_by_turn_about_where_it_was_made() {
+        let mut map = SurfaceMap::default();
+        let covariance = Matrix3::from_diagonal(&nalgebra::Vector3::new(0.0, 0.0, 0.0001));
+        map.begin(&Pose2::new(1000.0, 0.0, 0.0), covariance);
+        map.insert(Point::new(1000.0, 500.0), PI / 2.0, Kind::Wall);
+        let surfel = *map.near(Point::new(1000.0, 500.0), 10.0).next().unwrap();
+        let there = map
+            .record(&surfel)
+            .covariance_at(&Pose2::new(3000.0, 0.0, 0.0));
+        // 0.01 rad over 2 m.
+        assert!(
+            (there[(1, 1)].sqrt() - 20.0).abs() < 1e-9 && there[(0, 0)].abs() < 1e-9,
+            "{there}"
+        );
+    }
+}

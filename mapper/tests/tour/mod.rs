@@ -1,0 +1,333 @@
+//! A drive through every part of a room with the localiser on board, on the robot without firmware.
+//!
+//! The way is planned on the true room and followed by the true pose: what is judged is the
+//! localiser, not a navigator.
+
+use std::collections::BinaryHeap;
+
+use mapper::{map_iou, Localiser, LocaliserConfig, MapScore, Observation, Point, Pose2, Segment};
+use plant::kinematic::{KinematicRobot, VelocityInput};
+use plant::{Imperfections, Room};
+
+/// Width of the plan's cells, mm.
+const CELL_MM: f64 = 50.0;
+/// Way from obstacles that is kept, and that is preferred, mm.
+const KEEP_MM: f64 = 170.0;
+const PREFER_MM: f64 = 260.0;
+/// What lies this near to the way is covered, mm.
+const SEEN_MM: f64 = 450.0;
+/// Period of the frames, s.
+pub const FRAME_S: f64 = 0.025;
+
+/// The floor as a lattice of points.
+struct Floor<'a> {
+    room: &'a Room,
+    low: Point,
+    columns: usize,
+    clearance: Vec<f64>,
+}
+
+impl<'a> Floor<'a> {
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss
+    )]
+    fn new(room: &'a Room) -> Self {
+        let (low, high) = room.bounds();
+        let columns = ((high.x_mm - low.x_mm) / CELL_MM).ceil() as usize;
+        let rows = ((high.y_mm - low.y_mm) / CELL_MM).ceil() as usize;
+        let mut floor = Self {
+            room,
+            low,
+            columns,
+            clearance: Vec::new(),
+        };
+        let clearance = (0..columns * rows).map(|cell| room.clearance_mm(floor.point(cell)));
+        floor.clearance = clearance.collect();
+        floor
+    }
+
+    #[allow(clippy::cast_precision_loss)]
+    fn point(&self, cell: usize) -> Point {
+        let (column, row) = (cell % self.columns, cell / self.columns);
+        let at = |low: f64, number: usize| low + (number as f64 + 0.5) * CELL_MM;
+        Point::new(at(self.low.x_mm, column), at(self.low.y_mm, row))
+    }
+
+    fn step(&self, cell: usize, direction: usize) -> Option<usize> {
+        let column = cell % self.columns;
+        let next = match direction {
+            0 if column + 1 < self.columns => cell + 1,
+            1 => cell + self.columns,
+            2 if column > 0 => cell - 1,
+            3 => cell.checked_sub(self.columns)?,
+            _ => return None,
+        };
+        (next < self.clearance.len() && self.clearance[next] > KEEP_MM).then_some(next)
+    }
+
+    /// The cheapest way from a cell to one that `wanted` accepts: few turns, away from obstacles.
+    fn way(&self, from: usize, wanted: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
+        let mut cost = vec![u32::MAX; self.clearance.len() * 4];
+        let mut origin = vec![usize::MAX; cost.len()];
+        let mut queue = BinaryHeap::new();
+        for direction in 0..4 {
+            cost[from * 4 + direction] = 0;
+            queue.push((std::cmp::Reverse(0), from * 4 + direction));
+        }
+        while let Some((std::cmp::Reverse(so_far), state)) = queue.pop() {
+            if so_far > cost[state] {
+                continue;
+            }
+            let (cell, direction) = (state / 4, state % 4);
+            if so_far > 0 && wanted(cell) {
+                let mut way = vec![cell];
+                let mut at = state;
+                while origin[at] != usize::MAX {
+                    at = origin[at];
+                    way.push(at / 4);
+                }
+                way.reverse();
+                return Some(way);
+            }
+            for turn in [0, 1, 3] {
+                let heading = (direction + turn) % 4;
+                let Some(next) = self.step(cell, heading) else {
+                    continue;
+                };
+                let narrow = if self.clearance[next] < PREFER_MM {
+                    3
+                } else {
+                    0
+                };
+                let total = so_far + 1 + narrow + if turn == 0 { 0 } else { 12 };
+                let state_next = next * 4 + heading;
+                if total < cost[state_next] {
+                    cost[state_next] = total;
+                    origin[state_next] = state;
+                    queue.push((std::cmp::Reverse(total), state_next));
+                }
+            }
+        }
+        None
+    }
+
+    /// Way-points through everything reachable, and back to the start.
+    fn tour(&self) -> Vec<Point> {
+        let start = self.room.start.position();
+        let by_distance = |&a: &usize, &b: &usize| {
+            self.point(a)
+                .distance_mm(start)
+                .total_cmp(&self.point(b).distance_mm(start))
+        };
+        let open = |cell: &usize| self.clearance[*cell] > KEEP_MM;
+        let home = (0..self.clearance.len())
+            .filter(open)
+            .min_by(by_distance)
+            .unwrap();
+        let mut seen = vec![false; self.clearance.len()];
+        let mut cells = vec![home];
+        loop {
+            let at = *cells.last().unwrap();
+            for cell in 0..seen.len() {
+                for &visited in &cells[cells.len().saturating_sub(200)..] {
+                    seen[cell] |= self.point(cell).distance_mm(self.point(visited)) < SEEN_MM;
+                }
+            }
+            let wanted = |cell: usize| !seen[cell] && self.clearance[cell] > PREFER_MM;
+            let Some(way) = self.way(at, wanted) else {
+                break;
+            };
+            cells.extend(&way[1..]);
+        }
+        cells.extend(
+            self.way(cells[cells.len() - 1], |cell| cell == home)
+                .unwrap_or_default(),
+        );
+        let straight = |a: usize, b: usize, c: usize| {
+            c > b && b > a && c - b == b - a || c < b && b < a && b - c == a - b
+        };
+        let mut corners: Vec<usize> = Vec::new();
+        for (nth, &cell) in cells.iter().enumerate() {
+            let inner = nth > 0 && nth + 1 < cells.len();
+            if !(inner && straight(cells[nth - 1], cell, cells[nth + 1])) {
+                corners.push(cell);
+            }
+        }
+        corners.dedup();
+        corners.into_iter().map(|cell| self.point(cell)).collect()
+    }
+}
+
+/// The result of a drive.
+pub struct Drive {
+    pub localiser: Localiser,
+    pub robot: KinematicRobot,
+    /// By frame, relative to the start: estimate, truth, odometry.
+    pub poses: Vec<[Pose2; 3]>,
+    /// Squared errors in units of the reported covariance, one per second.
+    pub nees: Vec<f64>,
+    /// Time that the localiser took, s.
+    pub cost_s: f64,
+}
+
+impl Drive {
+    /// A robot at the room's start.
+    pub fn new(room: &Room, world: Imperfections, seed: u64, config: LocaliserConfig) -> Self {
+        Self {
+            localiser: Localiser::new(config),
+            robot: KinematicRobot::new(room.clone(), room.start, world, seed),
+            poses: Vec::new(),
+            nees: Vec::new(),
+            cost_s: 0.0,
+        }
+    }
+
+    pub fn observation(robot: &KinematicRobot) -> Observation {
+        let sample = robot.sample();
+        Observation {
+            time_s: sample.time_s,
+            odometry: sample.odometry,
+            gyro_rad: sample.gyro_rad,
+            ranges_mm: sample.ranges_mm,
+            front_bearing_rad: sample.front_bearing_rad,
+        }
+    }
+
+    fn frame(&mut self, start: &Pose2, command: VelocityInput) {
+        self.robot.step(FRAME_S, command);
+        let observation = Self::observation(&self.robot);
+        let clock = std::time::Instant::now();
+        self.localiser.observe(&observation);
+        self.cost_s += clock.elapsed().as_secs_f64();
+        let truth = self.robot.true_pose().relative_to(start);
+        let estimate = self.localiser.estimate();
+        self.poses
+            .push([estimate.pose, truth, observation.odometry]);
+        if self.poses.len() % 40 == 0 {
+            let covariance = nalgebra::Matrix3::from_fn(|r, c| estimate.covariance[r][c]);
+            let off = nalgebra::Vector3::new(
+                estimate.pose.x_mm - truth.x_mm,
+                estimate.pose.y_mm - truth.y_mm,
+                truth.turn_to_rad(&estimate.pose),
+            );
+            if let Some(inverse) = covariance.try_inverse() {
+                self.nees.push((off.transpose() * inverse * off)[0]);
+            }
+        }
+    }
+
+    /// Drives through the whole room, the front sensor swept by this half width.
+    pub fn tour(&mut self, room: &Room, sweep_half_width_rad: f64) {
+        let (mut rest, mut next_rest) = (2.0, 45.0);
+        let mut goals = Floor::new(room).tour().into_iter();
+        let mut goal = goals.next();
+        let mut turning = false;
+        while let Some(target) = goal {
+            let mut command = VelocityInput {
+                sweep_half_width_rad,
+                ..VelocityInput::default()
+            };
+            let pose = self.robot.true_pose();
+            let towards = Pose2::new(target.x_mm, target.y_mm, 0.0).relative_to(&pose);
+            let away = towards.x_mm.hypot(towards.y_mm);
+            let off = towards.y_mm.atan2(towards.x_mm);
+            let time_s = self.robot.sample().time_s;
+            if rest > 0.0 {
+                rest -= FRAME_S;
+            } else if away < 30.0 {
+                goal = goals.next();
+                if time_s > next_rest {
+                    (rest, next_rest) = (1.5, time_s + 45.0);
+                }
+            } else {
+                turning = off.abs() > if turning { 0.05 } else { 0.4 };
+                if turning {
+                    command.yaw_rate_rad_s = (3.0 * off).clamp(-0.9, 0.9);
+                } else {
+                    command.forward_mm_s = 150f64.min(60.0 + away);
+                    command.yaw_rate_rad_s = (2.0 * off).clamp(-0.6, 0.6);
+                }
+            }
+            assert!(time_s < 3000.0, "stuck at {pose:?} before {target:?}");
+            self.frame(&room.start, command);
+        }
+    }
+}
+
+/// The figures of a drive, map and poses compared after the best rigid alignment of the way.
+#[derive(Clone, Copy, Debug)]
+pub struct Figures {
+    pub map: MapScore,
+    pub median_mm: f64,
+    pub worst_mm: f64,
+    pub heading_deg: f64,
+    pub raw_worst_mm: f64,
+    pub nees: f64,
+    pub minutes: f64,
+    /// Host time per second of the robot, ms.
+    pub ms_per_s: f64,
+}
+
+impl Drive {
+    #[allow(clippy::cast_precision_loss)]
+    pub fn result(&self, room: &Room) -> Figures {
+        let (frame, errors, heading_deg) = aligned(&self.poses, 0);
+        let (_, raw, _) = aligned(&self.poses, 2);
+        let to = Pose2::default().relative_to(&frame);
+        let point = |p: Point| to.point_at(p.x_mm, p.y_mm);
+        let walls = room.relative_to_start().visible_surfaces();
+        let moved = |s: &Segment| Segment::new(point(s.from), point(s.to));
+        let walls: Vec<Segment> = walls.iter().map(moved).collect();
+        let seconds = self.robot.sample().time_s;
+        Figures {
+            map: map_iou(self.localiser.grid(), &walls, 100.0),
+            median_mm: errors[errors.len() / 2],
+            worst_mm: errors[errors.len() - 1],
+            heading_deg,
+            raw_worst_mm: raw[raw.len() - 1],
+            nees: self.nees.iter().sum::<f64>() / self.nees.len() as f64,
+            minutes: seconds / 60.0,
+            ms_per_s: self.cost_s * 1000.0 / seconds,
+        }
+    }
+}
+
+#[allow(clippy::cast_precision_loss)]
+fn aligned(poses: &[[Pose2; 3]], which: usize) -> (Pose2, Vec<f64>, f64) {
+    let n = poses.len() as f64;
+    let mean = |k: usize| {
+        let (x, y) = poses
+            .iter()
+            .fold((0.0, 0.0), |(x, y), p| (x + p[k].x_mm, y + p[k].y_mm));
+        (x / n, y / n)
+    };
+    let (a, b) = (mean(which), mean(1));
+    let (mut s, mut c) = (0.0, 0.0);
+    for p in poses {
+        let (ax, ay) = (p[which].x_mm - a.0, p[which].y_mm - a.1);
+        let (bx, by) = (p[1].x_mm - b.0, p[1].y_mm - b.1);
+        c += ax * bx + ay * by;
+        s += ax * by - ay * bx;
+    }
+    let turn = s.atan2(c);
+    let rotated = Pose2::new(0.0, 0.0, turn).point_at(a.0, a.1);
+    let frame = Pose2::new(b.0 - rotated.x_mm, b.1 - rotated.y_mm, turn);
+    let mut errors: Vec<f64> = poses
+        .iter()
+        .map(|p| frame.compose(&p[which]).distance_mm(&p[1]))
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let heading = poses
+        .iter()
+        .map(|p| {
+            frame
+                .compose(&p[which])
+                .turn_to_rad(&p[1])
+                .abs()
+                .to_degrees()
+        })
+        .fold(0.0, f64::max);
+    (frame, errors, heading)
+}
