@@ -174,18 +174,8 @@ impl Config {
     // Requirement: DOC-6-4, DOC-6-5, WIRE-refused-2
     pub fn decode(image: &Image) -> Result<Self, ConfigError> {
         image.verify()?;
-        let (platform, base): (&[u8], _) = if image.is_original() {
-            (&FIRST_PLATFORM, PLATFORM)
-        } else {
-            (&image.0, 0)
-        };
-        Self::from_fields(|field| {
-            if field.address >= PLATFORM {
-                field.read(platform, base)
-            } else {
-                image.get(field)
-            }
-        })
+        let original = image.is_original();
+        Self::from_fields(|field| raw(image, original, field))
     }
 
     /// The configuration of raw values, if they are accepted. `raw` always answers the same for a
@@ -475,6 +465,17 @@ impl Config {
     #[must_use]
     pub const fn velocity_limits(&self) -> &VelocityLimits {
         &self.velocity_limits
+    }
+}
+
+/// The raw value of a field; on an `original` image the first board's platform.
+// One copy in flash: a copy for each field would be 0.7 KiB more.
+#[inline(never)]
+fn raw(image: &Image, original: bool, field: &Field) -> u64 {
+    if original && field.address >= PLATFORM {
+        field.read(&FIRST_PLATFORM, PLATFORM)
+    } else {
+        image.get(field)
     }
 }
 
