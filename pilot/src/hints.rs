@@ -81,7 +81,9 @@ fn explanation(cause: Cause) -> &'static str {
         Cause::Stale => {
             "frames were repeated, or an end restarted, from which the fourth frame recovers"
         }
-        Cause::Status => "the two ends are of different versions, or the wire is noisy",
+        Cause::Status | Cause::Velocity => {
+            "the two ends are of different versions, or the wire is noisy"
+        }
         Cause::Crc => {
             "the wire is noisy (shorten it, or lower --spi-hz), or the two ends run different modes"
         }

@@ -235,7 +235,8 @@ use fw_core::binary64::Binary64;
 use fw_core::types::{Faults, Micros, Turns};
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
-    CellCode, Command, DistanceCode, Mode, Order, PoseCode, Report, Sequence, Setup, State,
+    CellCode, Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, Sequence, Setup,
+    State, VelocityCode,
 };
 
 macro_rules! wrappers {
@@ -260,27 +261,29 @@ impl Input for Faults {
     }
 }
 
-wrappers!(Micros, Turns, DistanceCode);
+wrappers!(Micros, Turns, DistanceCode, GyroCode);
 
 structures! {
     PoseCode { x, y, rotation }
     CellCode { cell, voltage }
     Sequence { own, seen }
-    Command { expected, apply, percent, tune, sequence, clear_faults, order }
+    VelocityCode { forward, yaw_rate }
+    Command { expected, apply, percent, velocity, sweep, tune, sequence, clear_faults, order }
     Context { key_from_pi, key_from_stm, cells, own, last }
     Setup { mode, key_from_pi, key_from_stm, cells }
 }
 
 impl Input for Mode {
     fn draw(source: &mut impl Source) -> Self {
-        match source.bits8() % 7 {
+        match source.bits8() % 8 {
             0 => Self::Normal,
             1 => Self::TuneRotate,
             2 => Self::TuneMove,
             3 => Self::GuardedNormal,
             4 => Self::GuardedTuneRotate,
             5 => Self::GuardedTuneMove,
-            _ => Self::GuardedSweep,
+            6 => Self::GuardedSweep,
+            _ => Self::GuardedVelocity,
         }
     }
 }
@@ -297,9 +300,12 @@ impl Input for Report {
                 Input::draw(source),
             ],
             bearing: Input::draw(source),
+            gyro: Input::draw(source),
             sequence: Input::draw(source),
             faults: Input::draw(source),
             state: Input::draw(source),
+            obstacle_limited: Input::draw(source),
+            clipped: Input::draw(source),
         }
     }
 }

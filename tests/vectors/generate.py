@@ -25,6 +25,12 @@ A few results derived by hand, so that this program is not its own witness eithe
   double, 50 % (5.1.2)
       50 = 1.5625 * 2^5: exponent 1023 + 5 = 0x404, fraction 0.5625 = 0x9: 0x4049000000000000
       least significant byte first: 00 00 00 00 00 00 49 40
+  velocity, 123.456 mm/s, -45 degrees/s
+      123 456 um/s = 0x0001E240 (65 536 rest 57 920 = 0xE240)
+      -1/8 turn/s * 2^32 = -0x20000000 = 0xE0000000
+      00 01 E2 40  E0 00 00 00  00 00
+  gyro, -1.5 turns: -1.5 * 2^24 = -0x1800000 = 0xFE800000: FE 80 00 00
+      128 turns = 2^31: wraps to 0x80000000, which is none: 80 00 00 01
   CRC-16/IBM-3740 of one byte 0x00: the register 0xFFFF, eight shifts
       FFFF -> FFFE^1021 = EFDF -> DFBE^1021 = CF9F -> 9F3E^1021 = 8F1F -> 1E3E^1021 = 0E1F
            -> 1C3E -> 387C -> 70F8 -> E1F0                                   = 0xE1F0
@@ -73,6 +79,17 @@ def bearing_code(turn):
     return nearest(turn * 0x10000) % 0x10000
 
 
+NO_GYRO = -(2**31)
+
+
+def gyro_code(turns):
+    """`None` = no gyroscope or no bias yet."""
+    if turns is None:
+        return NO_GYRO
+    code = (nearest(turns * 2**24) + 2**31) % 2**32 - 2**31
+    return NO_GYRO + 1 if code == NO_GYRO else code
+
+
 def double_bytes(number):
     return struct.pack("<d", number)
 
@@ -104,7 +121,7 @@ ORDERS = ["none", "stop", "resume"]
 BYTES = {
     "transmission key": 1, "position": 10, "double": 8, "battery": 2, "distance front": 2,
     "distance right": 2, "distance left": 2, "all data used": 0, "sequence": 2, "status": 3,
-    "bearing": 2, "crc": 2,
+    "bearing": 2, "crc": 2, "velocity": 10, "gyro": 4,
 }
 KEY, END, RANGES = "transmission key", "all data used", ["distance front", "distance right", "distance left"]
 GUARD = ["sequence", "status"]
@@ -116,10 +133,12 @@ CHAINS = {
     0x11: [KEY, *GUARD, "double", "battery", "crc", END],
     0x12: [KEY, *GUARD, "double", "battery", "crc", END],
     0x20: [KEY, *GUARD, "position", "battery", "distance front", "bearing", "crc", END],
+    0x30: [KEY, *GUARD, "velocity", "gyro", "battery", "distance front", "bearing", *RANGES[1:], "crc", END],
 }
 NAMES = {
     0x00: "Normal", 0x01: "TuneRotatePID", 0x02: "TuneMovePID", 0x10: "Guarded Normal",
     0x11: "Guarded TuneRotate", 0x12: "Guarded TuneMove", 0x20: "Guarded Sweep",
+    0x30: "Guarded Velocity",
 }
 SETUP = {"key_from_pi": 0x96, "key_from_stm": 0x5A, "cells": 8}
 
@@ -134,7 +153,9 @@ def write(strategy, direction, setup, values, before):
     v = values
     if strategy == KEY:
         return bytes([setup["key_from_pi" if command else "key_from_stm"]])
-    if strategy == "position":
+    if strategy == "velocity" and command:
+        return be(v["forward"], 4) + be(v["yaw_rate"], 4) + b"\0\0"
+    if strategy in ("position", "velocity"):
         top = 0x8000 if command and v["apply"] else 0
         return be(v["x"], 4) + be(v["y"], 4) + be(top | v["rotation"], 2)
     if strategy == "double":
@@ -144,13 +165,16 @@ def write(strategy, direction, setup, values, before):
     if strategy.startswith("distance"):
         return b"\0\0" if command else be(v["distance " + strategy.split()[1]], 2)
     if strategy == "bearing":
-        return b"\0\0" if command else be(v["bearing"], 2)
+        return be(v.get("sweep", 0) if command else v["bearing"], 2)
+    if strategy == "gyro":
+        return b"\0\0\0\0" if command else be(v["gyro"], 4)
     if strategy == "sequence":
         return bytes([v["own"], v["seen"]])
     if strategy == "status":
         if command:
             return be(v["clear_faults"], 2) + bytes([ORDERS.index(v["order"])])
-        return be(v["faults"], 2) + bytes([STATES.index(v["state"])])
+        flags = 0x40 * v.get("obstacle_limited", False) | 0x80 * v.get("clipped", False)
+        return be(v["faults"], 2) + bytes([STATES.index(v["state"]) | flags])
     if strategy == "crc":
         return be(crc16(before), 2)
     assert strategy == END
@@ -176,7 +200,12 @@ def read(strategy, direction, setup, last, frame, at):
         if b[0] != setup["key_from_pi" if command else "key_from_stm"]:
             raise Rejected(strategy, at, "key")
         return {}
-    if strategy == "position":
+    if strategy == "velocity" and command:
+        forward, yaw_rate, reserved = struct.unpack(">iiH", b)
+        if reserved:
+            raise Rejected(strategy, at + 8, "velocity")
+        return {"forward": forward, "yaw_rate": yaw_rate}
+    if strategy in ("position", "velocity"):
         x, y, rotation = struct.unpack(">iiH", b)
         values = {"x": x, "y": y, "rotation": rotation & 0x7FFF}
         if command:
@@ -197,18 +226,22 @@ def read(strategy, direction, setup, last, frame, at):
     if strategy.startswith("distance"):
         return {} if command else {"distance " + strategy.split()[1]: b[0] << 8 | b[1]}
     if strategy == "bearing":
-        return {} if command else {"bearing": b[0] << 8 | b[1]}
+        return {"sweep" if command else "bearing": b[0] << 8 | b[1]}
+    if strategy == "gyro":
+        return {} if command else {"gyro": struct.unpack(">i", b)[0]}
     if strategy == "sequence":
         if last is not None and not 1 <= (b[0] - last) % 256 <= 127:
             raise Rejected(strategy, at, "stale")
         return {"own": b[0], "seen": b[1]}
     if strategy == "status":
-        codes = ORDERS if command else STATES
-        if b[2] >= len(codes):
+        codes, code = (ORDERS, b[2]) if command else (STATES, b[2] & 0x3F)
+        if code >= len(codes):
             raise Rejected(strategy, at + 2, "status")
         bits = b[0] << 8 | b[1]
-        return ({"clear_faults": bits, "order": codes[b[2]]} if command
-                else {"faults": bits, "state": codes[b[2]]})
+        if command:
+            return {"clear_faults": bits, "order": codes[code]}
+        flags = {"obstacle_limited": b[2] & 0x40, "clipped": b[2] & 0x80}
+        return {"faults": bits, "state": codes[code], **{name: True for name, on in flags.items() if on}}
     if strategy == "crc":
         if (b[0] << 8 | b[1]) != crc16(frame[:at]):
             raise Rejected(strategy, at, "crc")
@@ -230,6 +263,8 @@ def read_frame(mode, direction, setup, last, frame):
     for strategy in CHAINS[mode]:
         values.update(read(strategy, direction, setup, last, frame, at))
         at += BYTES[strategy]
+    if mode == 0x20:
+        values.pop("sweep", None)
     return values
 
 
@@ -245,11 +280,15 @@ def carried(mode, direction, values):
             "position": ["x", "y", "rotation"] + (["apply"] if direction == COMMAND else []),
             "double": ["double"], "battery": ["cell", "voltage"], "sequence": ["own", "seen"],
             "status": ["clear_faults", "order"] if direction == COMMAND else ["faults", "state"],
-            "bearing": ["bearing"] if direction == REPORT else [],
+            "bearing": ["bearing"] if direction == REPORT else ["sweep"] if mode == 0x30 else [],
+            "velocity": ["forward", "yaw_rate"] if direction == COMMAND else ["x", "y", "rotation"],
+            "gyro": ["gyro"] if direction == REPORT else [],
         }.get(strategy)
         if names is None:
             names = [strategy] if strategy.startswith("distance") and direction == REPORT else []
         kept.update({name: values[name] for name in names})
+        if strategy == "status" and direction == REPORT:
+            kept.update({flag: True for flag in ("obstacle_limited", "clipped") if values.get(flag)})
     return kept
 
 
@@ -315,6 +354,14 @@ def codes():
     out["bearings"] = both(bearing_code, lambda code: F(code, 0x10000), "turn",
                            [decimal(turn, 32) for turn in turns],
                            [0, 1, 0x4000, 0x8000, 0xC000, 0xFFFF])
+    gyros = both(gyro_code, lambda code: F(code, 2**24), "turn",
+                 # The third is half a code, a tie; 128 turns wrap, and to the code of none.
+                 ["0", "0.5", "0.0000000298023223876953125", "-0.0000000298023223876953125", "-1.5", "127.9999",
+                  "127.99999999", "128", "-128", "129.25", "-1000.125", "2147483647.5"],
+                 [0, 1, -1, 2**24, -(2**31) + 1, 2**31 - 1])
+    gyros["encode"].append({"turn": None, "code": NO_GYRO})
+    gyros["decode"].append({"code": NO_GYRO, "turn": None})
+    out["gyros"] = gyros
     samples = [b"", b"\0", b"\xFF", b"123456789", bytes(24), b"\xFF" * 24, bytes(range(24)),
                b"\x96\x01\x00\x00\x00\x00"]
     out["crc16"] = [{"bytes": data.hex(), "crc": crc16(data)} for data in samples]
@@ -399,10 +446,23 @@ def strategies():
         for code in (0x0001, 0x1FFF, 0x8000, 0xFFFE, 0xFFFF):
             add("code 0x%04X" % code, strategy, REPORT, {key: code})
 
-    add("dummy", "bearing", COMMAND, {})
-    add("a dummy of anything", "bearing", COMMAND, None, "read", b"\xAB\xCD")
+    for turn in ["0", "0.25", "0.0123", "0.5"]:
+        add("sweep of %s turn to either side" % turn, "bearing", COMMAND, {"sweep": bearing_code(F(turn))},
+            physical={"turn": turn})
     for turn in ["0", "0.25", "0.5", "0.75", "0.9999847412109375", "0.99999237060546875"]:
         add("%s turn" % turn, "bearing", REPORT, {"bearing": bearing_code(F(turn))}, physical={"turn": turn})
+
+    for name, forward, yaw_rate in [
+            ("standing", 0, 0), ("the hand derivation", 123_456, -(1 << 29)), ("distinct bytes", 0x01020304, 0x05060708),
+            ("largest", 2**31 - 1, 2**31 - 1), ("smallest", -(2**31), -(2**31))]:
+        add(name, "velocity", COMMAND, {"forward": forward, "yaw_rate": yaw_rate})
+        pose = {"x": forward, "y": yaw_rate, "rotation": 0x2345}
+        add(name, "velocity", REPORT, pose)
+    add("dummy", "gyro", COMMAND, {})
+    add("a dummy of anything", "gyro", COMMAND, None, "read", b"\xAB\xCD\xEF\x01")
+    for text in ["0", "-1.5", "0.25", "127.75", "128", None]:
+        add("%s turns" % text, "gyro", REPORT, {"gyro": gyro_code(None if text is None else F(text))},
+            physical={"turn": text})
 
     for own, seen in [(1, 0), (0, 255), (255, 254), (128, 1), (77, 200)]:
         for direction in (COMMAND, REPORT):
@@ -414,6 +474,9 @@ def strategies():
     for state in STATES:
         add("state " + state, "status", REPORT, {"faults": 0, "state": state})
         add("all bits, " + state, "status", REPORT, {"faults": 0xFFFF, "state": state})
+        for flags in [["obstacle_limited"], ["clipped"], ["obstacle_limited", "clipped"]]:
+            add(", ".join([state, *flags]), "status", REPORT,
+                {"faults": 0, "state": state, **{flag: True for flag in flags}})
     for bit, fault in enumerate(FAULTS):
         add("fault " + fault, "status", REPORT, {"faults": 1 << bit, "state": "ready"})
         add("clear " + fault, "status", COMMAND, {"clear_faults": 1 << bit, "order": "none"})
@@ -431,22 +494,26 @@ QUIET = {  # every value a frame can carry, at rest
     "x": 0, "y": 0, "rotation": 0, "apply": False, "double": double_bits(0.0), "cell": 0, "voltage": 0,
     "distance front": 0xFFFF, "distance right": 0xFFFF, "distance left": 0xFFFF, "bearing": 0,
     "own": 1, "seen": 0, "clear_faults": 0, "order": "none", "faults": 0, "state": "ready",
+    "forward": 0, "yaw_rate": 0, "sweep": 0, "gyro": NO_GYRO,
 }
 BUSY = {  # every byte of it distinct from its neighbours
     "x": 0x01020304, "y": -0x05060708, "rotation": 0x1234, "apply": True, "double": double_bits(-12.3456789),
     "cell": 1, "voltage": 1480, "distance front": 0x1122, "distance right": 0x3344, "distance left": 0x5566,
     "bearing": 0xC0DE, "own": 0x42, "seen": 0x41, "clear_faults": 0x0A05, "order": "resume",
-    "faults": 0x050A, "state": "moving",
+    "faults": 0x050A, "state": "moving", "forward": 0x11223344, "yaw_rate": -0x12233445, "sweep": 0x2AAB,
+    "gyro": 0x61728394,
 }
 LARGEST = {
     "x": 2**31 - 1, "y": 2**31 - 1, "rotation": 0x7FFF, "apply": True, "double": double_bits(100.0),
     "cell": 7, "voltage": 0x1FFF, "distance front": 0xFFFE, "distance right": 0xFFFE,
     "distance left": 0xFFFE, "bearing": 0xFFFF, "own": 0xFF, "seen": 0xFF, "clear_faults": 0xFFFF,
-    "order": "resume", "faults": 0xFFFF, "state": "faulted",
+    "order": "resume", "faults": 0xFFFF, "state": "faulted", "forward": 2**31 - 1, "yaw_rate": 2**31 - 1,
+    "sweep": 0xFFFF, "gyro": 2**31 - 1,
 }
 SMALLEST = {
     **QUIET, "x": -(2**31), "y": -(2**31), "double": double_bits(-100.0), "cell": 0, "own": 0, "seen": 0xFF,
     "distance front": 0, "distance right": 0, "distance left": 0, "state": "booting",
+    "forward": -(2**31), "yaw_rate": -(2**31), "gyro": -(2**31) + 1,
 }
 
 
@@ -490,6 +557,8 @@ def frames():
                 else:
                     for state in STATES:
                         add("state " + state, mode, direction, {**BUSY, "state": state}, last=0x41)
+                    for flags in (["obstacle_limited"], ["clipped"], ["obstacle_limited", "clipped"]):
+                        add(", ".join(flags), mode, direction, {**BUSY, **{f: True for f in flags}}, last=0x41)
                     for bit, fault in enumerate(FAULTS):
                         add("fault " + fault, mode, direction, {**BUSY, "faults": 1 << bit}, last=0x41)
     # The examples of docs/interfaces.md.
@@ -503,6 +572,9 @@ def frames():
     add("example: stopped", 0x11, REPORT,
         {**QUIET, "own": 5, "seen": 4, "faults": 1 << FAULTS.index("FRAME_REJECTED"), "state": "stopped",
          "double": double_bits(90.0), "voltage": voltage_code(F("3.7"))}, last=4, setup=two)
+    add("example: drive a curve", 0x30, COMMAND,
+        {**QUIET, "own": 5, "seen": 4, "forward": 120_000, "yaw_rate": 1 << 29, "sweep": 0x2AAB, "cell": 1},
+        last=4, setup=two)
     # What an original end may send and ours never does.
     data = bytearray(write_frame(0, COMMAND, SETUP, BUSY))
     data[13:19] = b"\xDE\xAD\xBE\xEF\x12\x34"
@@ -595,7 +667,11 @@ def rejected():
                 add("counter %d after %d" % (own, last), mode, direction, data, last=last,
                     expect=("sequence", "stale"))
             count = len(ORDERS if direction == COMMAND else STATES)
-            for code in (count, count + 1, 0x80, 0xFF):
+            if "velocity" in chain and direction == COMMAND:
+                for reserved in (b"\0\1", b"\x80\0", b"\xFF\xFF"):
+                    add("velocity's last bytes " + reserved.hex(), mode, direction,
+                        changed(start["velocity"] + 8, *reserved), last=0x41, expect=("velocity", "velocity"))
+            for code in (count, count + 1, 0x80 if direction == COMMAND else 0x88, 0xFF):
                 add("code %d where %d exist" % (code, count), mode, direction, changed(start["status"] + 2, code),
                     last=0x41, expect=("status", "status"))
             for at in range(len(good)):
@@ -723,7 +799,7 @@ def sessions():
         s.receive("stm", frame[:len(frame) // 2])
         s.exchange()
         s.done()
-    for mode in (0x10, 0x11, 0x12, 0x20):
+    for mode in (0x10, 0x11, 0x12, 0x20, 0x30):
         s = Session("lost frames are counted", mode)
         s.exchange()
         for lost in (1, 2, 5):
@@ -1035,7 +1111,7 @@ def eeprom():
         text = "%s = %r%s" % (name, value, why or "")
         refuse(text + (", original" if original else ""), image, BY_NAME[name][0], name, shown(name, value))
 
-    for mode in (0x03, 0x0F, 0x13, 0x1F, 0x21, 0xFF):
+    for mode in (0x03, 0x0F, 0x13, 0x1F, 0x21, 0x2F, 0x31, 0xFF):
         field("mode", mode)
         field("mode", mode, original=True)
     for name, (address, kind, low, high) in BY_NAME.items():
@@ -1092,12 +1168,16 @@ def by_hand():
     assert write("battery", REPORT, SETUP, battery, b"").hex() == "25c8"
     assert distance_code(F(1000)) == 0x6666 and distance_code(F(250)) == 0x199A
     assert distance_code(F(2500)) == 0xFFFF and distance_code(F("2499.98")) == 0xFFFE
+    velocity = {"forward": nearest(F("123.456") * 1000), "yaw_rate": nearest(F(-45, 360) * 2**32)}
+    assert write("velocity", COMMAND, SETUP, velocity, b"").hex() == "0001e240e00000000000"
+    assert write("gyro", REPORT, SETUP, {"gyro": gyro_code(F("-1.5"))}, b"").hex() == "fe800000"
+    assert write("gyro", REPORT, SETUP, {"gyro": gyro_code(F(128))}, b"").hex() == "80000001"
     assert double_bytes(50.0).hex() == "0000000000004940"
     assert crc16(b"\0") == 0xE1F0 and crc16(b"123456789") == 0x29B1
     assert zlib.crc32(b"123456789") == 0xCBF43926
     frame = write_frame(1, COMMAND, SETUP, {"double": double_bits(50.0), "cell": 1, "voltage": 0})
     assert frame.hex() == "9600000000000049402000"
-    assert [length_of(mode) for mode in CHAINS] == [19, 11, 11, 26, 18, 18, 24]
+    assert [length_of(mode) for mode in CHAINS] == [19, 11, 11, 26, 18, 18, 24, 32]
 
 
 def text_of(value, depth=0):

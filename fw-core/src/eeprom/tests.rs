@@ -286,7 +286,7 @@ fn rejections_read_as_one_sentence() {
         (
             MODE,
             7,
-            "00 address 0x0C: mode is 7, accepted: 0x00, 0x01, 0x02, 0x10, 0x11, 0x12, 0x20",
+            "00 address 0x0C: mode is 7, accepted: 0x00, 0x01, 0x02, 0x10, 0x11, 0x12, 0x20, 0x30",
         ),
         (
             MODE,

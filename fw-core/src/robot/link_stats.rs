@@ -203,6 +203,6 @@ mod tests {
         line.gap.recent = u32::MAX;
         line.tick(Micros(0), false, true, &counters, &mut log);
         let text = transmitted(&mut log);
-        assert!(text.ends_with(" status 1 crc 1\n"), "{text}");
+        assert!(text.ends_with(" status 1 crc 1 velocity 1\n"), "{text}");
     }
 }

@@ -61,7 +61,9 @@ enum MeasuredQuantity {
 impl MeasuredQuantity {
     const fn of(mode: Mode) -> Self {
         match mode {
-            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep => Self::Pose,
+            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep | Mode::GuardedVelocity => {
+                Self::Pose
+            }
             Mode::TuneRotate | Mode::GuardedTuneRotate => Self::Rotation,
             Mode::TuneMove | Mode::GuardedTuneMove => Self::Displacement,
         }

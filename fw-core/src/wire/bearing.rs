@@ -1,12 +1,13 @@
-//! Bearing: where the servo pointed when the reading of this frame was taken.
+//! Bearing: where the servo pointed when the reading of this frame was taken; the sweep's width.
 //!
-//! STM → Pi: turn × 0x10000, big-endian. From the Pi the two bytes are dummies: sent as 0, ignored.
+//! Both ways turn × 0x10000, big-endian. Pi → STM: half the width of the sweep around straight ahead, in
+//! [`Mode::GuardedVelocity`](super::Mode::GuardedVelocity); 0 and ignored in the sweep mode.
 
 use super::error::FieldError;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
 
-/// Sends the bearing of the swept rangefinder's reading.
+/// Sends the bearing of the swept rangefinder's reading one way and the sweep's width the other.
 #[derive(Debug)]
 pub struct Bearing;
 
@@ -18,15 +19,15 @@ impl Strategy for Bearing {
     fn parse_command(
         reader: &mut FrameReader<'_>,
         _context: &Context,
-        _command: &mut Command,
+        command: &mut Command,
     ) -> Result<(), FieldError> {
-        let [_, _] = reader.take()?;
+        command.sweep = u16::from_be_bytes(reader.take()?);
         Ok(())
     }
 
     #[inline]
-    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {
-        writer.put([0, 0]);
+    fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
+        writer.put(command.sweep.to_be_bytes());
     }
 
     #[inline]

@@ -15,11 +15,13 @@ use super::bearing::Bearing;
 use super::crc::Crc;
 use super::distance::{Front, Left, Right};
 use super::double::Double;
+use super::gyro::Gyro;
 use super::key::Key;
 use super::position::Position;
 use super::sequence::Sequence;
 use super::status::Status;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::velocity::Velocity;
 use super::{Command, FrameError, Report, MAX_FRAME};
 
 // Requirement: WIRE-chain-3
@@ -58,7 +60,8 @@ macro_rules! strategies {
 }
 
 strategies! {
-    Key, Sequence, Status, Position, Double, Battery, Front, Right, Left, Bearing, Crc, AllDataUsed
+    Key, Sequence, Status, Position, Double, Battery, Front, Right, Left, Bearing, Velocity, Gyro,
+    Crc, AllDataUsed
 }
 
 // Requirement: DOC-5.2-1, WIRE-chain-3, WIRE-modes-1
@@ -244,4 +247,8 @@ modes! {
     // Requirement: WIRE-modes-6
     GuardedSweep = 0x20, "Guarded Sweep":
         [Key, Sequence, Status, Position, Battery, Front, Bearing, Crc, AllDataUsed];
+    /// Drives by forward speed and yaw rate; the gyroscope's angle, every rangefinder, the front one swept.
+    // Requirement: WIRE-modes-7
+    GuardedVelocity = 0x30, "Guarded Velocity":
+        [Key, Sequence, Status, Velocity, Gyro, Battery, Front, Bearing, Right, Left, Crc, AllDataUsed];
 }

@@ -7,7 +7,7 @@
     reason = "codes are cut to their width on purpose"
 )]
 
-use super::{CellCode, DistanceCode, PoseCode};
+use super::{CellCode, DistanceCode, GyroCode, PoseCode};
 use crate::types::{Millimetres, Pose, Turns, Volts};
 use fixed::types::{I32F32, U16F16};
 
@@ -138,6 +138,29 @@ impl DistanceCode {
         // code · 500 / 13107.
         let scaled = (i64::from(self.0).wrapping_mul(1000) << 32).wrapping_add(13_107);
         Some(Millimetres(I32F32::from_bits(scaled / 26_214)))
+    }
+}
+
+impl GyroCode {
+    /// The nearest code of an angle of 2⁻³² turns (a tie goes up), wrapping; what would be
+    /// [`Self::NONE`] is the next one.
+    // Requirement: WIRE-gyro-1
+    #[inline]
+    #[must_use]
+    pub const fn from_angle(angle: i64) -> Self {
+        match (angle.wrapping_add(1 << 7) >> 8) as i32 {
+            i32::MIN => Self(i32::MIN + 1),
+            code => Self(code),
+        }
+    }
+
+    /// The angle, 2⁻²⁴ turns; nothing for [`Self::NONE`].
+    #[must_use]
+    pub const fn angle(self) -> Option<i32> {
+        match self {
+            Self::NONE => None,
+            Self(code) => Some(code),
+        }
     }
 }
 

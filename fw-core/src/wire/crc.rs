@@ -1,6 +1,6 @@
 //! CRC: CRC-16/IBM-3740 over every byte before it, big-endian.
 //!
-//! Initial value 0xFFFF, polynomial 0x1021, not reflected, no final inversion. Up to 26 bytes it
+//! Initial value 0xFFFF, polynomial 0x1021, not reflected, no final inversion. Up to 32 bytes it
 //! detects every error of up to 3 bits and every burst of up to 16.
 
 #![allow(

@@ -85,6 +85,8 @@ pub enum Reason {
     UnknownState(u8),
     /// An order that does not exist.
     UnknownOrder(u8),
+    /// Bytes of the velocity that must be 0 are not.
+    Reserved(u16),
     /// The checksum does not match the bytes before it.
     Crc {
         /// What those bytes give.
@@ -113,11 +115,13 @@ pub enum Cause {
     Status,
     /// A wrong checksum.
     Crc,
+    /// A velocity whose reserved bytes are not 0.
+    Velocity,
 }
 
 impl Cause {
     /// Every cause, in the order of their counters.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Short,
         Self::Long,
         Self::Key,
@@ -126,6 +130,7 @@ impl Cause {
         Self::Stale,
         Self::Status,
         Self::Crc,
+        Self::Velocity,
     ];
 
     /// One lower-case word, as in the log, on the screen and in JSON.
@@ -140,6 +145,7 @@ impl Cause {
             Self::Stale => "stale",
             Self::Status => "status",
             Self::Crc => "crc",
+            Self::Velocity => "velocity",
         }
     }
 }
@@ -157,6 +163,7 @@ impl Reason {
             Self::Stale { .. } => Cause::Stale,
             Self::UnknownState(_) | Self::UnknownOrder(_) => Cause::Status,
             Self::Crc { .. } => Cause::Crc,
+            Self::Reserved(_) => Cause::Velocity,
         }
     }
 
@@ -202,6 +209,9 @@ impl Reason {
             }
             Self::UnknownOrder(found) => {
                 line.text("unknown order ").int(found.into());
+            }
+            Self::Reserved(found) => {
+                line.text("reserved bytes 0x").hex(found.into(), 4);
             }
             Self::Crc { expected, found } => {
                 line.text("checksum 0x")

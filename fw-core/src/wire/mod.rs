@@ -35,6 +35,7 @@ pub mod crc;
 pub mod distance;
 pub mod double;
 pub mod error;
+pub mod gyro;
 pub mod handover;
 pub mod key;
 pub mod link;
@@ -42,6 +43,7 @@ pub mod position;
 pub mod sequence;
 pub mod status;
 pub mod strategy;
+pub mod velocity;
 
 pub use chain::{
     chain, frame_len, parse_command, parse_report, write_command, write_report, Field, Mode,
@@ -53,7 +55,7 @@ use crate::binary64::Binary64;
 use crate::types::Faults;
 
 /// The longest frame of any mode, in bytes.
-pub const MAX_FRAME: usize = 26;
+pub const MAX_FRAME: usize = 32;
 
 /// A pose as the wire carries it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,6 +87,30 @@ impl DistanceCode {
 }
 
 impl Default for DistanceCode {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+/// A velocity as the wire carries it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VelocityCode {
+    /// Forward speed, µm/s.
+    pub forward: i32,
+    /// Yaw rate, 2⁻³² turns/s, counter-clockwise positive.
+    pub yaw_rate: i32,
+}
+
+/// The gyroscope's angle as the wire carries it: 2⁻²⁴ turns, counter-clockwise positive, wrapping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GyroCode(pub i32);
+
+impl GyroCode {
+    /// No gyroscope, or no bias yet.
+    pub const NONE: Self = Self(i32::MIN);
+}
+
+impl Default for GyroCode {
     fn default() -> Self {
         Self::NONE
     }
@@ -138,6 +164,10 @@ pub struct Command {
     pub apply: bool,
     /// Tuning modes: percent to set on the engines, −100 ..= 100.
     pub percent: Binary64,
+    /// Velocity mode.
+    pub velocity: VelocityCode,
+    /// Velocity mode: half the width of the front rangefinder's sweep around straight ahead, turn × 0x10000.
+    pub sweep: u16,
     /// Reference voltage of a cell being tuned; voltage 0 = no tuning.
     pub tune: CellCode,
     /// Guarded modes.
@@ -159,14 +189,20 @@ pub struct Report {
     pub cell: CellCode,
     /// Front, right, left; in the sweep mode the first is the swept one.
     pub ranges: [DistanceCode; 3],
-    /// Sweep mode: bearing of the reading, turn × 0x10000.
+    /// Sweep and velocity mode: bearing of the first reading, turn × 0x10000.
     pub bearing: u16,
+    /// Velocity mode: the gyroscope's angle since reset.
+    pub gyro: GyroCode,
     /// Guarded modes.
     pub sequence: Sequence,
     /// Guarded modes: latched faults, see [`Faults::TABLE`].
     pub faults: Faults,
     /// Guarded modes.
     pub state: State,
+    /// Guarded modes: the obstacle stop limits the speed.
+    pub obstacle_limited: bool,
+    /// Guarded modes: the commanded velocity was beyond a limit.
+    pub clipped: bool,
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 //! | byte | Pi → STM | STM → Pi |
 //! |---|---|---|
 //! | 1–2 | fault bits to clear, big-endian | latched fault bits, big-endian |
-//! | 3 | order: 0 none, 1 stop, 2 resume | state: 0 booting … 4 faulted |
+//! | 3 | order: 0 none, 1 stop, 2 resume | bits 0–2: state, 0 booting … 4 faulted; bit 6: the obstacle stop limits the speed; bit 7: a command was clipped |
 //!
-//! An order or state that does not exist is rejected; fault bits are taken as they come.
+//! An order or state that does not exist and a 1 in bits 3–5 are rejected; fault bits are taken as they
+//! come.
 
 use super::error::{FieldError, Reason};
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
@@ -15,6 +16,11 @@ use crate::types::Faults;
 /// Sends faults and state one way, clearing and orders the other.
 #[derive(Debug)]
 pub struct Status;
+
+/// The obstacle stop limits the speed.
+const OBSTACLE: u8 = 1 << 6;
+/// A command was clipped.
+const CLIPPED: u8 = 1 << 7;
 
 /// The fault bits and the code after them.
 // Requirement: WIRE-status-2
@@ -62,15 +68,24 @@ impl Strategy for Status {
         report: &mut Report,
     ) -> Result<(), FieldError> {
         let (bits, code) = parse(reader)?;
-        report.state =
-            State::from_code(code).ok_or_else(|| reader.error(1, Reason::UnknownState(code)))?;
+        report.state = State::from_code(code & !(OBSTACLE | CLIPPED))
+            .ok_or_else(|| reader.error(1, Reason::UnknownState(code)))?;
+        report.obstacle_limited = code & OBSTACLE != 0;
+        report.clipped = code & CLIPPED != 0;
         report.faults = bits;
         Ok(())
     }
 
     #[inline]
     fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
-        write(writer, report.faults, report.state as u8);
+        // Requirement: WIRE-status-7
+        let obstacle = u8::from(report.obstacle_limited) * OBSTACLE;
+        let clipped = u8::from(report.clipped) * CLIPPED;
+        write(
+            writer,
+            report.faults,
+            report.state as u8 | obstacle | clipped,
+        );
     }
 }
 

@@ -249,9 +249,14 @@ fn unknown_order_and_state_are_rejected_at_their_byte() {
             };
             let expected = [
                 (code > 2).then(|| error(Reason::UnknownOrder(code))),
-                (code > 4).then(|| error(Reason::UnknownState(code))),
+                (code & 0x3F > 4).then(|| error(Reason::UnknownState(code))),
             ];
             assert_eq!(errors(mode, &command, &report), expected);
+            // Requirement: WIRE-status-7
+            if let Ok(report) = parse_report(mode, &CONTEXT, &report, 0) {
+                let flags = (report.obstacle_limited, report.clipped);
+                assert_eq!(flags, (code & 0x40 != 0, code & 0x80 != 0));
+            }
         }
     }
     let states: Vec<_> = (0..=255).filter_map(State::from_code).collect();
@@ -429,6 +434,26 @@ fn four_ascending_stale_frames_restart_sequence() {
         let taken = restarts(&[1, 2, 3, 101, 4, 5, 6, 7]);
         let expected = [false, false, false, true, false, false, false, true];
         assert_eq!(taken, expected);
+    }
+}
+
+// Requirement: WIRE-velocity-2
+#[test]
+fn velocity_reserved_bytes_reject_the_frame() {
+    let mode = Mode::GuardedVelocity;
+    for reserved in [1, 0x8000, u16::MAX] {
+        let mut frame = command_frame(mode, &Command::default());
+        frame[14..16].copy_from_slice(&u16::to_be_bytes(reserved));
+        let error = parse_command(mode, &CONTEXT, &frame, 0).unwrap_err();
+        assert_eq!(
+            (error.offset, error.reason),
+            (14, Reason::Reserved(reserved))
+        );
+        assert_eq!(
+            format!("{error}"),
+            format!("velocity at byte 14: reserved bytes 0x{reserved:04X}")
+        );
+        assert_eq!(error.reason.cause(), Cause::Velocity);
     }
 }
 

@@ -15,7 +15,7 @@ fn vectors(name: &str) -> Vec<Value> {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-// Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2, WIRE-modes-5, WIRE-modes-6
+// Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2, WIRE-modes-5, WIRE-modes-6, WIRE-modes-7
 #[test]
 fn mode_table_matches_document() {
     let rows = rows(&["mode", "name", "chain", "bytes"]);

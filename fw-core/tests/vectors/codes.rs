@@ -4,7 +4,7 @@ use crate::json::{bytes, file, int, list, text, Value};
 use fixed::types::{I32F32, U0F32, U16F16};
 use fw_core::eeprom::crc32;
 use fw_core::types::{Millimetres, Pose, Turns, Volts};
-use fw_core::wire::{code, crc::crc16, CellCode, DistanceCode, PoseCode};
+use fw_core::wire::{code, crc::crc16, CellCode, DistanceCode, GyroCode, PoseCode};
 
 fn millimetres(text: &str) -> Millimetres {
     Millimetres(I32F32::from_str(text).expect("millimetres"))
@@ -158,4 +158,29 @@ fn checksums_match_vectors() {
     for vector in list(&codes["crc32"]) {
         assert_eq!(crc32(&bytes(vector)), int::<u32>(vector, "crc"), "{vector}");
     }
+}
+
+// Requirement: WIRE-gyro-1
+#[test]
+fn gyro_codes_match_vectors() {
+    let angle = |vector: &Value| {
+        vector["turn"]
+            .as_str()
+            .map(|text| I32F32::from_str(text).expect("turns").to_bits())
+    };
+    each(
+        "gyros",
+        |vector| {
+            let code = angle(vector).map_or(GyroCode::NONE, GyroCode::from_angle);
+            assert_eq!(code.0, int::<i32>(vector, "code"), "{vector}");
+        },
+        |vector| {
+            let code = GyroCode(int(vector, "code"));
+            assert_eq!(
+                code.angle().map(|code| i64::from(code) << 8),
+                angle(vector),
+                "{vector}"
+            );
+        },
+    );
 }

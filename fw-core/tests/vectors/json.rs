@@ -3,8 +3,8 @@
 use fw_core::binary64::Binary64;
 use fw_core::types::Faults;
 use fw_core::wire::{
-    Cause, CellCode, Command, DistanceCode, FrameError, Mode, Order, PoseCode, Report, Sequence,
-    Setup, State,
+    Cause, CellCode, Command, DistanceCode, FrameError, GyroCode, Mode, Order, PoseCode, Report,
+    Sequence, Setup, State, VelocityCode,
 };
 pub use serde_json::Value;
 
@@ -108,6 +108,9 @@ const COMMAND_KEYS: &[&str] = &[
     "seen",
     "clear_faults",
     "order",
+    "forward",
+    "yaw_rate",
+    "sweep",
 ];
 
 /// The keys that a report's values have.
@@ -126,6 +129,9 @@ const REPORT_KEYS: &[&str] = &[
     "seen",
     "faults",
     "state",
+    "obstacle_limited",
+    "clipped",
+    "gyro",
 ];
 
 fn known(values: &Value, keys: &[&str]) {
@@ -173,6 +179,11 @@ pub fn command(values: &Value) -> Command {
         expected: pose(values),
         apply: values["apply"].as_bool().unwrap_or_default(),
         percent: double(values),
+        velocity: VelocityCode {
+            forward: maybe(values, "forward").unwrap_or_default(),
+            yaw_rate: maybe(values, "yaw_rate").unwrap_or_default(),
+        },
+        sweep: maybe(values, "sweep").unwrap_or_default(),
         tune: cell(values),
         sequence: sequence(values),
         clear_faults: Faults::from_bits(maybe(values, "clear_faults").unwrap_or_default()),
@@ -203,6 +214,9 @@ pub fn report(values: &Value) -> Report {
             range("distance left"),
         ],
         bearing: maybe(values, "bearing").unwrap_or_default(),
+        gyro: maybe(values, "gyro").map_or(GyroCode::NONE, GyroCode),
+        obstacle_limited: values["obstacle_limited"].as_bool().unwrap_or_default(),
+        clipped: values["clipped"].as_bool().unwrap_or_default(),
         sequence: sequence(values),
         faults: Faults::from_bits(maybe(values, "faults").unwrap_or_default()),
         state: match &values["state"] {

@@ -10,7 +10,7 @@ use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
     chain, parse_command, parse_report, write_command, write_report, CellCode, DistanceCode, Field,
-    Mode, PoseCode, MAX_FRAME,
+    GyroCode, Mode, PoseCode, MAX_FRAME,
 };
 
 fn context(vector: &Value) -> Context {
@@ -65,7 +65,7 @@ fn check(field: Field, vector: &Value) {
     }
 }
 
-// Requirement: DOC-5.1-1, DOC-5.1.1-1, DOC-5.1.1-5, DOC-5.1.3-1, DOC-5.1.4-3, WIRE-crc-2
+// Requirement: DOC-5.1-1, DOC-5.1.1-1, DOC-5.1.1-5, DOC-5.1.3-1, DOC-5.1.4-3, WIRE-crc-2, WIRE-velocity-1
 #[test]
 fn strategy_bytes_match_vectors_in_both_directions() {
     let file = file("strategies");
@@ -131,7 +131,17 @@ fn physical_values_convert_to_their_codes() {
             }
             "bearing" => {
                 let code = bearing_code(turns("turn"));
-                assert_eq!(code, int::<u16>(values, "bearing"), "{vector}");
+                let sent = maybe(values, "bearing").or(maybe(values, "sweep"));
+                assert_eq!(Some(code), sent, "{vector}");
+            }
+            "gyro" => {
+                let angle = physical["turn"]
+                    .as_str()
+                    .map(|text| I32F32::from_str(text).unwrap());
+                let code = angle.map_or(GyroCode::NONE, |angle| {
+                    GyroCode::from_angle(angle.to_bits())
+                });
+                assert_eq!(code.0, int::<i32>(values, "gyro"), "{vector}");
             }
             name @ ("distance front" | "distance right" | "distance left") => {
                 let distance = (!physical["mm"].is_null()).then(|| millimetres("mm"));

@@ -367,7 +367,7 @@ impl Rig {
     fn order_is_right(&self, order: BusRequest) {
         let drives = matches!(
             self.setup.mode,
-            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep
+            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep | Mode::GuardedVelocity
         );
         assert!(order == BusRequest::Idle || drives && self.config.gyro());
     }

@@ -147,8 +147,8 @@ pub fn three_wrong_bits_are_rejected(mode: Mode, one: u8, two: u8, three: u8) ->
 /// Every basis vector of every length.
 #[cfg(test)]
 fn basis() -> impl Iterator<Item = (Frame, u8)> {
-    (0..=26).flat_map(|len| {
-        (0..=208_usize).map(move |bit| {
+    (0..=32).flat_map(|len| {
+        (0..=256_usize).map(move |bit| {
             let mut frame = [0; MAX_FRAME];
             if let Some(byte) = frame.get_mut(bit / 8) {
                 *byte = 1 << (bit % 8);
@@ -161,16 +161,16 @@ fn basis() -> impl Iterator<Item = (Frame, u8)> {
 #[cfg(test)]
 fn bursts() -> impl Iterator<Item = (Mode, u8, u16)> {
     Mode::ALL.iter().flat_map(|&mode| {
-        (0..208).flat_map(move |start| (0x8000..=u16::MAX).map(move |p| (mode, start, p)))
+        (0..=255).flat_map(move |start| (0x8000..=u16::MAX).map(move |p| (mode, start, p)))
     })
 }
 
 #[cfg(test)]
 fn triples() -> impl Iterator<Item = (Mode, u8, u8, u8)> {
     Mode::ALL.iter().flat_map(|&mode| {
-        (0..208).flat_map(move |one| {
-            (one + 1..208)
-                .flat_map(move |two| (two + 1..208).map(move |three| (mode, one, two, three)))
+        let bits = u8::try_from(table(mode).len * 8 - 1).unwrap_or(u8::MAX);
+        (0..=bits).flat_map(move |one| {
+            (one..=bits).flat_map(move |two| (two..=bits).map(move |three| (mode, one, two, three)))
         })
     })
 }

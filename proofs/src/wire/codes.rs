@@ -2,7 +2,7 @@
 
 use fixed::types::{I32F32, U16F16};
 use fw_core::wire::code::{bearing, bearing_code};
-use fw_core::wire::{CellCode, DistanceCode, PoseCode};
+use fw_core::wire::{CellCode, DistanceCode, GyroCode, PoseCode};
 
 use crate::property::Seen;
 use fw_core::types::{Millimetres, Pose, Turns, Volts};
@@ -93,6 +93,23 @@ pub fn bearing_code_is_nearest(heading: u32) -> Seen {
     Seen::NOTHING
         .case(0, code == 0 && heading > 1 << 31)
         .case(1, back.0 == heading)
+}
+
+/// A gyroscope's angle has the nearest of the codes that wrap at ±128 turns, and never the code of none but
+/// for the one next to it.
+// Requirement: WIRE-code-1, WIRE-gyro-1
+pub fn gyro_code_is_nearest(angle: i64) -> Seen {
+    let code = GyroCode::from_angle(angle).angle();
+    assert!(code.is_some());
+    // In 2⁻³² turns, modulo 256 turns.
+    let back = i64::from(code.unwrap_or_default()) << 8;
+    let missing = (angle.wrapping_sub(back) << 24) >> 24;
+    let beside_none = code == Some(i32::MIN + 1);
+    assert!(-128 <= missing && missing < 128 || beside_none && (-384..-128).contains(&missing));
+    Seen::NOTHING
+        .case(0, missing == -128)
+        .case(1, beside_none && missing < -128)
+        .case(2, angle >> 40 != 0 && angle >> 40 != -1)
 }
 
 /// A voltage's code is back to itself after the way to volts.
@@ -231,6 +248,11 @@ crate::properties! {
         stepped (0..=u32::MAX).step_by(1 << 10).flat_map(|heading| {
             [heading, heading.wrapping_sub(1), heading.wrapping_add(1)].map(|heading| (heading,))
         });
+    }
+    theorem T2 gyro_code_is_nearest(angle: i64) {
+        cases ["a tie", "the code of none", "wrapped"];
+        kani proof [unwind(4)];
+        sampled 300_000;
     }
     theorem T2 voltage_code_round_trips(cell: u8, voltage: u16) {
         cases ["no voltage", "the highest voltage"];

@@ -5,6 +5,7 @@ use fw_core::wire::{
     write_command, write_report, CellCode, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
 };
 
+use super::parsing::LONGER;
 use super::table::{is_fresh, table, word, Frame};
 use crate::property::Seen;
 
@@ -20,7 +21,12 @@ fn carried_of_command(mode: Mode, command: &Command, received: &Command) -> Comm
         tune: command.tune,
         ..Command::default()
     };
-    if table.double.is_some() {
+    if table.bearing.is_some() {
+        carried.sweep = command.sweep;
+    }
+    if table.gyro.is_some() {
+        carried.velocity = command.velocity;
+    } else if table.double.is_some() {
         carried.percent = command.percent;
     } else {
         carried.expected = command.expected;
@@ -57,10 +63,15 @@ fn carried_of_report(mode: Mode, report: &Report, received: &Report) -> Report {
     if table.bearing.is_some() {
         carried.bearing = report.bearing;
     }
+    if table.gyro.is_some() {
+        carried.gyro = report.gyro;
+    }
     if table.guarded {
         carried.sequence = received.sequence;
         carried.faults = report.faults;
         carried.state = report.state;
+        carried.obstacle_limited = report.obstacle_limited;
+        carried.clipped = report.clipped;
     }
     carried
 }
@@ -128,7 +139,7 @@ pub fn report_survives_the_wire(setup: Setup, report: Report, reply: u32, staler
 pub fn rejection_changes_one_counter(
     setup: Setup,
     first: Frame,
-    second: [u8; 28],
+    second: [u8; LONGER],
     clocked: u8,
 ) -> Seen {
     let mut link = StmLink::new(setup);
@@ -418,7 +429,7 @@ crate::properties! {
         sampled 300_000;
     }
     property T1 rejection_changes_one_counter(
-        setup: Setup, first: Frame, second: [u8; 28], clocked: u8
+        setup: Setup, first: Frame, second: [u8; LONGER], clocked: u8
     ) {
         cases ["after a frame was taken", "before any was taken"];
         kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any(), any());

@@ -101,11 +101,12 @@ pub fn guarded_report_follows_the_table(mode: Mode, context: Context, frame: Fra
         .case(0, right)
         .case(1, frame[0] != context.key_from_stm)
         .case(2, !is_fresh(context.last, frame[1]))
-        .case(3, frame[5] > 4)
+        .case(3, frame[5] & 0x3F > 4)
+        .case(4, right && frame[5] > 4)
 }
 
 /// Room for frames longer than any mode's.
-pub const LONGER: usize = 28;
+pub const LONGER: usize = 34;
 
 /// A frame that is not exactly as long as its mode's is rejected at both ends: short, long within
 /// the buffer, or long beyond it.
@@ -142,7 +143,7 @@ fn lengths() -> impl Iterator<Item = (Mode, Context, [u8; LONGER], u8, u16)> {
         last: None,
     };
     Mode::ALL.iter().flat_map(move |&mode| {
-        (0..=28).flat_map(move |len| {
+        (0..=34).flat_map(move |len| {
             [0, 1, u16::MAX].map(move |beyond| (mode, context, [0; LONGER], len, beyond))
         })
     })
@@ -169,14 +170,16 @@ crate::properties! {
         kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
         kani tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any());
         kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any());
+        kani velocity [unwind(12)] = (Mode::GuardedVelocity, any(), any());
         sampled 200_000;
     }
     theorem T1 guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
-        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such state"];
+        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such state", "limited or clipped"];
         kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
         kani tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any());
         kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any());
+        kani velocity [unwind(12)] = (Mode::GuardedVelocity, any(), any());
         sampled 200_000;
     }
     theorem T1 odd_length_is_rejected(

@@ -23,6 +23,9 @@ pub struct Table {
     pub ranges: (usize, usize),
     /// The bearing.
     pub bearing: Option<usize>,
+    /// The gyroscope's angle; the velocity stands where the position is, and the last two readings
+    /// behind the bearing.
+    pub gyro: Option<usize>,
     /// Bytes in all.
     pub len: usize,
 }
@@ -37,6 +40,7 @@ pub const fn table(mode: Mode) -> Table {
         battery: 11,
         ranges: (13, 3),
         bearing: None,
+        gyro: None,
         len: 19,
     };
     match mode {
@@ -71,6 +75,16 @@ pub const fn table(mode: Mode) -> Table {
             ranges: (18, 1),
             bearing: Some(20),
             len: 24,
+            ..plain
+        },
+        Mode::GuardedVelocity => Table {
+            guarded: true,
+            position: 6,
+            gyro: Some(16),
+            battery: 20,
+            ranges: (22, 3),
+            bearing: Some(24),
+            len: 32,
             ..plain
         },
     }
@@ -149,7 +163,7 @@ pub const fn command_is_right(mode: Mode, context: &Context, frame: &Frame) -> b
             let percent = double(frame, at);
             is_number(percent) && percent & !(1 << 63) <= HUNDRED
         }
-        None => true,
+        None => table.gyro.is_none() || word(frame, table.position + 8) == 0,
     }
 }
 
@@ -160,7 +174,7 @@ pub const fn report_is_right(mode: Mode, context: &Context, frame: &Frame) -> bo
     if frame[0] != context.key_from_stm || frame[table.battery] >> 5 >= context.cells {
         return false;
     }
-    if table.guarded && (!is_fresh(context.last, frame[1]) || frame[5] > 4) {
+    if table.guarded && (!is_fresh(context.last, frame[1]) || frame[5] & 0x3F > 4) {
         return false;
     }
     match table.double {
@@ -182,10 +196,21 @@ pub fn command_says(mode: Mode, frame: &Frame, command: &Command) -> bool {
                 && !command.apply
         }
         None => {
-            command.percent == default.percent
-                && command.expected == pose(frame, table.position)
-                && command.apply == (frame[table.position + 8] >> 7 == 1)
+            let carried = if table.gyro.is_some() {
+                command.velocity.forward == long(frame, table.position)
+                    && command.velocity.yaw_rate == long(frame, table.position + 4)
+                    && command.expected == default.expected
+                    && !command.apply
+            } else {
+                command.expected == pose(frame, table.position)
+                    && command.apply == (frame[table.position + 8] >> 7 == 1)
+            };
+            command.percent == default.percent && carried
         }
+    };
+    let sweep = match table.bearing {
+        Some(at) => word(frame, at),
+        None => 0,
     };
     let guard = if table.guarded {
         let order = match frame[5] {
@@ -205,7 +230,11 @@ pub fn command_says(mode: Mode, frame: &Frame, command: &Command) -> bool {
             && command.clear_faults.is_empty()
             && command.order == default.order
     };
-    driven && guard && command.tune == cell(frame, table.battery)
+    driven
+        && guard
+        && (table.gyro.is_some() || command.velocity == default.velocity)
+        && command.sweep == sweep
+        && command.tune == cell(frame, table.battery)
 }
 
 /// Whether `report` is what a right frame of the STM says; what the mode does not carry has its
@@ -221,7 +250,7 @@ pub fn report_says(mode: Mode, frame: &Frame, report: &Report) -> bool {
         }
     };
     let guard = if table.guarded {
-        let state = match frame[5] {
+        let state = match frame[5] & 0x3F {
             0 => State::Booting,
             1 => State::Ready,
             2 => State::Moving,
@@ -235,18 +264,27 @@ pub fn report_says(mode: Mode, frame: &Frame, report: &Report) -> bool {
             })
             && report.faults.bits() == word(frame, 3)
             && report.state == state
+            && report.obstacle_limited == (frame[5] & 0x40 != 0)
+            && report.clipped == (frame[5] & 0x80 != 0)
     } else {
         report.sequence == default.sequence
             && report.faults.is_empty()
             && report.state == default.state
+            && !report.obstacle_limited
+            && !report.clipped
     };
     let (first, count) = table.ranges;
     let range = |which: usize| {
         if which < count {
-            word(frame, first + 2 * which)
+            let behind_bearing = which > 0 && table.bearing.is_some();
+            word(frame, first + 2 * (which + usize::from(behind_bearing)))
         } else {
             0xFFFF
         }
+    };
+    let gyro = match table.gyro {
+        Some(at) => long(frame, at),
+        None => i32::MIN,
     };
     let bearing = match table.bearing {
         Some(at) => word(frame, at),
@@ -259,4 +297,5 @@ pub fn report_says(mode: Mode, frame: &Frame, report: &Report) -> bool {
         && report.ranges[1].0 == range(1)
         && report.ranges[2].0 == range(2)
         && report.bearing == bearing
+        && report.gyro.0 == gyro
 }
