@@ -3,6 +3,11 @@
 //! Both ways turn × 0x10000, big-endian. Pi → STM: half the width of the sweep around straight ahead, in
 //! [`Mode::GuardedVelocity`](super::Mode::GuardedVelocity); 0 and ignored in the sweep mode.
 
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
 use super::error::FieldError;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
@@ -15,7 +20,7 @@ impl Strategy for Bearing {
     const NAME: &'static str = "bearing";
     const LEN: usize = 2;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -25,12 +30,12 @@ impl Strategy for Bearing {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
         writer.put(command.sweep.to_be_bytes());
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -40,7 +45,7 @@ impl Strategy for Bearing {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
         writer.put(report.bearing.to_be_bytes());
     }

@@ -2,6 +2,11 @@
 //!
 //! From the Pi the two bytes are dummies: sent as 0, ignored.
 
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
 use super::error::FieldError;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, DistanceCode, Report};
@@ -25,7 +30,7 @@ impl<const WHICH: usize> Strategy for Distance<WHICH> {
     };
     const LEN: usize = 2;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -36,12 +41,12 @@ impl<const WHICH: usize> Strategy for Distance<WHICH> {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {
         writer.put([0, 0]);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -54,7 +59,7 @@ impl<const WHICH: usize> Strategy for Distance<WHICH> {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
         let code = report.ranges.get(WHICH).copied().unwrap_or_default();
         writer.put(code.0.to_be_bytes());

@@ -3,6 +3,11 @@
 //! STM → Pi: turns × 2²⁴, counter-clockwise positive, 32-bit two's complement, big-endian, wrapping;
 //! 0x8000_0000 = none. From the Pi the four bytes are dummies: sent as 0, ignored.
 
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
 use super::error::FieldError;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, GyroCode, Report};
@@ -15,7 +20,7 @@ impl Strategy for Gyro {
     const NAME: &'static str = "gyro";
     const LEN: usize = 4;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -25,13 +30,13 @@ impl Strategy for Gyro {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {
         writer.put([0; Self::LEN]);
     }
 
     // Requirement: WIRE-gyro-1
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -41,7 +46,7 @@ impl Strategy for Gyro {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
         writer.put(report.gyro.0.to_be_bytes());
     }

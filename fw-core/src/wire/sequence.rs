@@ -9,6 +9,11 @@
 //! the first frame after a reset always is. A repeated or older frame is rejected; four in a row that
 //! count upwards mean that the sender has restarted or was cut off for long.
 
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
 use super::error::{FieldError, Reason};
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report, Sequence as Counters};
@@ -19,7 +24,7 @@ pub struct Sequence;
 
 /// Whether counter `a` is strictly newer than `b`: 1 to 127 steps ahead, wrapping.
 // Requirement: WIRE-sequence-1
-#[inline]
+#[inline(always)]
 #[must_use]
 pub const fn newer(a: u8, b: u8) -> bool {
     a.wrapping_sub(b).wrapping_sub(1) < 0x7F
@@ -56,7 +61,7 @@ impl ResyncDetector {
 }
 
 // Requirement: WIRE-sequence-6
-#[inline]
+#[inline(always)]
 fn parse(reader: &mut FrameReader<'_>, last: Option<u8>) -> Result<Counters, FieldError> {
     let [own, seen] = reader.take()?;
     match last {
@@ -66,7 +71,7 @@ fn parse(reader: &mut FrameReader<'_>, last: Option<u8>) -> Result<Counters, Fie
 }
 
 // Requirement: WIRE-sequence-4
-#[inline]
+#[inline(always)]
 fn write(writer: &mut FrameWriter<'_>, context: Context) {
     writer.put([context.own, context.last.unwrap_or_default()]);
 }
@@ -75,7 +80,7 @@ impl Strategy for Sequence {
     const NAME: &'static str = "sequence";
     const LEN: usize = 2;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         reader: &mut FrameReader<'_>,
         context: &Context,
@@ -85,12 +90,12 @@ impl Strategy for Sequence {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(writer: &mut FrameWriter<'_>, context: &Context, _command: &Command) {
         write(writer, *context);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         context: &Context,
@@ -100,7 +105,7 @@ impl Strategy for Sequence {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(writer: &mut FrameWriter<'_>, context: &Context, _report: &Report) {
         write(writer, *context);
     }

@@ -8,6 +8,11 @@
 //! An order or state that does not exist and a 1 in bits 3–5 are rejected; fault bits are taken as they
 //! come.
 
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
 use super::error::{FieldError, Reason};
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Order, Report, State};
@@ -24,7 +29,7 @@ const CLIPPED: u8 = 1 << 7;
 
 /// The fault bits and the code after them.
 // Requirement: WIRE-status-2
-#[inline]
+#[inline(always)]
 fn parse(reader: &mut FrameReader<'_>) -> Result<(Faults, u8), FieldError> {
     reader.require(3)?;
     let faults = Faults::from_bits(u16::from_be_bytes(reader.take()?));
@@ -33,7 +38,7 @@ fn parse(reader: &mut FrameReader<'_>) -> Result<(Faults, u8), FieldError> {
 }
 
 // Requirement: WIRE-status-4
-#[inline]
+#[inline(always)]
 fn write(writer: &mut FrameWriter<'_>, bits: Faults, code: u8) {
     writer.put(bits.bits().to_be_bytes());
     writer.put([code]);
@@ -43,7 +48,7 @@ impl Strategy for Status {
     const NAME: &'static str = "status";
     const LEN: usize = 3;
 
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -56,12 +61,12 @@ impl Strategy for Status {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
         write(writer, command.clear_faults, command.order as u8);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -76,7 +81,7 @@ impl Strategy for Status {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
         // Requirement: WIRE-status-7
         let obstacle = u8::from(report.obstacle_limited) * OBSTACLE;

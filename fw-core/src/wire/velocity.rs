@@ -6,6 +6,11 @@
 //! | 5–8 | yaw rate, turn/s × 2³², counter-clockwise positive, the same | actual y |
 //! | 9–10 | 0; anything else is rejected | actual rotation |
 
+#![allow(
+    clippy::inline_always,
+    reason = "as straight-line code in a chain it is a few loads and comparisons"
+)]
+
 use super::error::{FieldError, Reason};
 use super::position::Position;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
@@ -20,7 +25,7 @@ impl Strategy for Velocity {
     const LEN: usize = 10;
 
     // Requirement: WIRE-velocity-1, WIRE-velocity-2
-    #[inline]
+    #[inline(always)]
     fn parse_command(
         reader: &mut FrameReader<'_>,
         _context: &Context,
@@ -37,14 +42,14 @@ impl Strategy for Velocity {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
         writer.put(command.velocity.forward.to_be_bytes());
         writer.put(command.velocity.yaw_rate.to_be_bytes());
         writer.put([0, 0]);
     }
 
-    #[inline]
+    #[inline(always)]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         context: &Context,
@@ -53,7 +58,7 @@ impl Strategy for Velocity {
         Position::parse_report(reader, context, report)
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_report(writer: &mut FrameWriter<'_>, context: &Context, report: &Report) {
         Position::write_report(writer, context, report);
     }
