@@ -8,7 +8,8 @@
 //! | hold | Within both tolerances and at rest for 50 ms: braked. A disturbance beyond 1⅝ position tolerances or 1⅗ heading tolerances restarts. |
 //!
 //! An attempt that ends outside the tolerances widens them by a half, once, so that a robot that
-//! cannot do better does not hunt. From the final approach on the rotation PID's derivative acts on the
+//! cannot do better does not hunt. The obstacle stop bounds the distance that the forward PID receives to
+//! the one at which it drives with the allowed speed, and clears its integral. From the final approach on the rotation PID's derivative acts on the
 //! deviation from a planned turn rate: heavily damped gains would else creep through the last 20°.
 
 pub(super) mod stiction;
@@ -18,7 +19,9 @@ use fixed::types::I16F16;
 
 use super::mixer::Mixer;
 use super::pid::Pid;
-use crate::eeprom::Config;
+use super::ObstacleLimit;
+use crate::divide::div_rem;
+use crate::eeprom::{Config, Wheel};
 use crate::types::{Delta, Duty, MotorCommands, Pose, Turns};
 use stiction::{LowPass, RateProfile, StictionBoost};
 use tracking_error::{TrackingError, FRACTION_BITS};
@@ -90,6 +93,11 @@ pub struct PoseController {
     settled_ticks: u8,
     /// Heading that [`Self::tune_move`] holds while active.
     tuning_heading: Option<Turns>,
+    /// Distance at which the forward PID drives with 1 mm/s, 2⁻¹⁶ mm.
+    distance_per_speed: i32,
+    /// Range of the distance that the forward PID receives.
+    allowed: (I16F16, I16F16),
+    held_back: bool,
 }
 
 impl PoseController {
@@ -116,7 +124,29 @@ impl PoseController {
             widened: false,
             settled_ticks: 0,
             tuning_heading: None,
+            distance_per_speed: distance_per_speed(config),
+            allowed: (I16F16::MIN, I16F16::MAX),
+            held_back: false,
         }
+    }
+
+    /// The obstacle stop's limits from the next [`Self::drive`] on; without a call there are none.
+    pub fn limit_speed(&mut self, obstacle: &ObstacleLimit) {
+        let distance = |speed: i32| {
+            let bits = i64::from(speed) * i64::from(self.distance_per_speed) / 1000;
+            I16F16::from_bits(bits.min(i32::MAX.into()) as i32)
+        };
+        self.allowed = (
+            -distance(obstacle.max_reverse()),
+            distance(obstacle.max_forward()),
+        );
+    }
+
+    /// Whether the obstacle stop reduced the forward drive of the last tick: the time of arrival does not
+    /// run.
+    #[must_use]
+    pub const fn held_back(&self) -> bool {
+        self.held_back
     }
 
     /// Drives to `target` from now on. The same target again has no effect.
@@ -167,6 +197,7 @@ impl PoseController {
     pub fn drive(&mut self, pose: &Pose, delta: &Delta) -> MotorCommands {
         self.mixer.observe(delta);
         self.tuning_heading = None;
+        self.held_back = false;
         let speed = self.speed.step(delta.travel);
         let turn_rate = self.turn_rate.step(degrees(delta.turn));
         if self.phase == Phase::Idle || self.phase == Phase::Hold && *pose == self.last_pose {
@@ -198,8 +229,13 @@ impl PoseController {
         };
         let moved = delta.left != 0 || delta.right != 0;
         let misaligned = turn.saturating_abs() > heading_tolerance / 2;
-        let (distance, turn) = (millimetres(distance), degrees(turn));
-        let boosted = matches!(self.phase, Phase::FinalApproach { .. });
+        let (wanted, turn) = (millimetres(distance), degrees(turn));
+        let distance = wanted.max(self.allowed.0).min(self.allowed.1);
+        if distance != wanted {
+            self.held_back = true;
+            self.forward.reset();
+        }
+        let boosted = matches!(self.phase, Phase::FinalApproach { .. }) && !self.held_back;
         let forward =
             self.forward.step(distance, speed) + self.forward_boost.step(distance, boosted, moved);
         let approaching = matches!(self.phase, Phase::Approach { .. });
@@ -326,6 +362,22 @@ impl PoseController {
         let duty = i32::from(duty.hundredths());
         self.mixer.raw(duty - rotation, duty + rotation)
     }
+}
+
+/// The distance at which the forward PID holds 1 mm/s, rather less, 2⁻¹⁶ mm: P of it is D of the speed
+/// and half of what the stronger motor needs for it.
+fn distance_per_speed(config: &Config) -> i32 {
+    let gains = config.forward();
+    // 2⁻³² % per mm a tick.
+    let half_need = |wheel: &Wheel| {
+        let full_duty = 10_000 - u64::from(wheel.dead_zone.hundredths().unsigned_abs());
+        div_rem(full_duty << 31, wheel.full_speed_mm_s.into()).0
+    };
+    let need = half_need(config.left()).min(half_need(config.right()));
+    let damping = gains.d.value().to_bits().unsigned_abs() + need;
+    // A hundredth of a tick's way, 2⁻¹⁶.
+    let p = gains.p.value().to_bits().unsigned_abs() * 100;
+    div_rem(damping << 16, p).0.min(1 << 24) as i32
 }
 
 /// `distance`, cut to ±[`MAX_ERROR`], times 1 − |`heading_error`| / `gate`; 0 beyond the gate.

@@ -30,6 +30,8 @@ const TICKS: u32 = 100;
 const PER_MICROMETRE: i32 = 1_407_374_884;
 /// π, Q29.
 const PI: u64 = 1_686_629_713;
+/// The response's two lags: 2³ ticks each.
+const LAG_SHIFT: u32 = 3;
 /// Largest output of a wheel's feed-forward and PI, 2⁻¹⁶ %: twice full duty, and any sum of them fits.
 const MAX_OUTPUT: i64 = 200 << 16;
 /// Largest deviation of a wheel's speed that its PI is given, 2⁻¹⁶ mm a tick: 10 m/s.
@@ -72,8 +74,8 @@ impl WheelSpeed {
     fn step(&mut self, required: i32, measured: i32) -> i32 {
         let [first, second] = &mut self.lag;
         let drive = 4 * (required - *first) + *second;
-        *first += (required - *first) >> 3;
-        *second += (*first - *second) >> 3;
+        *first += (required - *first) >> LAG_SHIFT;
+        *second += (*first - *second) >> LAG_SHIFT;
         let deviation = second
             .saturating_sub(measured)
             .max(-MAX_ERROR)
@@ -185,11 +187,11 @@ impl VelocityController {
             .max(-self.max_yaw_rate)
             .min(self.max_yaw_rate);
         let Velocity {
-            forward,
+            forward: before,
             yaw_rate: turning,
         } = self.applied;
         let free = obstacle.limit(speed);
-        let forward = obstacle.limit(towards(forward, free, self.speed_step));
+        let forward = obstacle.limit(towards(before, free, self.speed_step));
         let turning = towards(turning, yaw_rate, self.yaw_step);
         self.clipped =
             speed != commanded.forward || forward != free || turning != commanded.yaw_rate;
@@ -197,12 +199,19 @@ impl VelocityController {
             forward,
             yaw_rate: turning,
         };
+        // Slowed by the obstacle stop, the wheels follow with one of the two lags.
+        let slowing = (forward - before).min(0);
+        let driven = if free < speed && forward > 0 {
+            (forward + (slowing << LAG_SHIFT)).max(0)
+        } else {
+            forward
+        };
         if forward == 0 && turning == 0 && self.left.is_slow() && self.right.is_slow() {
             self.stand();
             return MotorCommands::BRAKE;
         }
         // 2⁻¹⁶ mm a tick; at most 20 mm and 32 mm.
-        let forward = upper(forward << 1, PER_MICROMETRE);
+        let driven = upper(driven << 1, PER_MICROMETRE);
         let rotation = upper(turning, self.half_track_turn) / TICKS as i32;
         let (travel, turn) = (
             delta.travel.to_bits(),
@@ -210,10 +219,10 @@ impl VelocityController {
         );
         let left = self
             .left
-            .step(forward - rotation, travel.saturating_sub(turn));
+            .step(driven - rotation, travel.saturating_sub(turn));
         let right = self
             .right
-            .step(forward + rotation, travel.saturating_add(turn));
+            .step(driven + rotation, travel.saturating_add(turn));
         let excess = larger(self.left.excess(left), self.right.excess(right));
         if excess == 0 {
             return self.mixer.each(left, right);

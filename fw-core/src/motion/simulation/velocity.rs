@@ -146,3 +146,61 @@ fn zero_command_brakes_and_does_not_creep() {
         }
     }
 }
+
+/// Smallest distance from the front edge to a wall 1.5 m ahead on the way there, mm, and where it ends;
+/// an echo every 60 ms.
+fn approach(mut drive: impl FnMut(Option<f64>) -> f64) -> (f64, f64) {
+    let (mut least, mut now) = (f64::MAX, 1500.0);
+    for tick in 0..3000 {
+        let echo = now + 20.0;
+        now = 1500.0 - drive((tick % 6 == 0).then_some(echo));
+        least = least.min(now);
+    }
+    (least, now)
+}
+
+/// From any speed the robot comes to rest at the stop distance, within 6 mm, at the spread.
+// Requirement: WIRE-obstacle-1, WIRE-obstacle-2
+#[test]
+fn wall_ahead_stops_the_velocity_at_the_stop_distance() {
+    for params in spread() {
+        for speed in [50.0, 100.0, 200.0] {
+            let mut robot = first_driven(params.clone());
+            let (least, end) = approach(|ahead| {
+                robot.follow(velocity(speed, 0.0), ahead);
+                robot.world.pose().x_mm
+            });
+            println!("{speed}: {least:.1} {end:.1}");
+            assert!(least >= 144.0 && end <= 151.0, "{speed}: {least} {end}");
+            assert!(robot.controller.1.limited(1_000) && !robot.controller.0.clipped());
+        }
+    }
+}
+
+/// A target behind a wall is held back in front of it, and reached when the wall is gone.
+// Requirement: WIRE-obstacle-5
+#[test]
+fn wall_before_a_target_holds_it_back_until_it_is_gone() {
+    for params in spread() {
+        let mut robot = Robot::new(&first_board(), params);
+        let mut obstacle = ObstacleLimit::new(&first_board(), false);
+        robot.controller.set_target(pose(2500.0, 0.0, 0.0));
+        let mut drive = |ahead: Option<f64>| {
+            let (pose, delta) = robot.tick();
+            if let Some(ahead) = ahead {
+                obstacle.on_range(0, Some(Millimetres(I32F32::from_num(ahead))));
+            }
+            obstacle.step(&delta);
+            robot.controller.limit_speed(&obstacle);
+            robot.commands = robot.controller.drive(&pose, &delta);
+            robot.world.pose().x_mm
+        };
+        let (least, end) = approach(&mut drive);
+        println!("{least:.1} {end:.1}");
+        for _ in 0..3000 {
+            drive(Some(FAR));
+        }
+        assert!(least >= 149.0 && end <= 151.0, "{least} {end}");
+        assert!(robot.controller.arrived() && robot.faults == Faults::NONE);
+    }
+}
