@@ -1,10 +1,6 @@
-//! Explores the default room with some seeds and prints a table:
-//! `cargo run --release -p navigator --example explore -- FIRST LAST [FOLDER]`
-#![allow(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss
-)]
+//! Explores the default room and the generated rooms of some seeds, and prints a table:
+//! `cargo run --release -p navigator --example explore -- default|rooms FIRST LAST [FOLDER]`
+#![allow(clippy::cast_precision_loss)]
 
 #[path = "../tests/closed_loop/mod.rs"]
 mod closed_loop;
@@ -12,16 +8,23 @@ mod closed_loop;
 use std::{env, error::Error, fs, path::PathBuf};
 
 use mapper::map_plot;
-use plant::Room;
+use plant::{room, Room};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
-    let number = |nth: usize| arguments.get(nth).map_or(Ok(1), |text| text.parse::<u64>());
-    println!("room seed | done collisions contact coverage iou home path minutes ms/s slowest");
-    for seed in number(0)?..=number(1)? {
-        let run = closed_loop::explore(&Room::two_rooms(), seed, |_| None);
+    let [kind, first, last, folder @ ..] = &arguments[..] else {
+        return Err("default|rooms FIRST LAST [FOLDER]".into());
+    };
+    println!("room seed | outcome collisions mm/s coverage iou home path minutes ms/s slowest");
+    for seed in first.parse::<u64>()?..=last.parse()? {
+        let room = if kind == "rooms" {
+            room::generate(seed)
+        } else {
+            Room::two_rooms()
+        };
+        let run = closed_loop::explore(&room, seed, |_| None);
         println!(
-            "default {seed} | {:?} {} {:.0} {:.3} {:.3} {:.0} {:.1} {:.1} {:.2} {:.1}",
+            "{kind} {seed} | {:?} {} {:.0} {:.3} {:.3} {:.0} {:.1} {:.1} {:.2} {:.1}",
             run.outcome,
             run.collisions,
             run.fastest_contact_mm_s,
@@ -33,10 +36,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             run.host.as_secs_f64() * 1000.0 / (run.minutes * 60.0),
             run.slowest_step.as_secs_f64() * 1000.0,
         );
-        if let Some(folder) = arguments.get(2).map(PathBuf::from) {
+        if let Some(folder) = folder.first().map(PathBuf::from) {
             fs::create_dir_all(&folder)?;
             let plot = map_plot::trajectory(&run.grid, &run.truth, &run.truth, &run.walls)?;
-            fs::write(folder.join(format!("default-{seed}.png")), plot)?;
+            fs::write(folder.join(format!("{kind}-{seed}.png")), plot)?;
         }
     }
     Ok(())

@@ -30,6 +30,8 @@ pub(crate) struct Node {
 pub(crate) struct CostMap {
     /// Pose of node 0; the rows run along its heading.
     frame: Pose2,
+    /// One step along the rows.
+    step: Point,
     pub columns: usize,
     rows: usize,
     pub nodes: Vec<Node>,
@@ -56,7 +58,9 @@ impl CostMap {
         let columns = steps(fold(f64::max, |p| p.x_mm) - x) + 1;
         let rows = steps(fold(f64::max, |p| p.y_mm) - y) + 1;
         let Point { x_mm, y_mm } = along.point_at(x, y);
+        let (sin, cos) = direction_rad.sin_cos();
         let mut map = Self {
+            step: Point::new(STEP_MM * cos, STEP_MM * sin),
             frame: Pose2::new(x_mm, y_mm, direction_rad),
             columns,
             rows,
@@ -81,23 +85,26 @@ impl CostMap {
     /// Where a node is.
     #[allow(clippy::cast_precision_loss)] // some hundred
     pub fn point(&self, index: usize) -> Point {
-        let (column, row) = (index % self.columns, index / self.columns);
-        self.frame
-            .point_at(column as f64 * STEP_MM, row as f64 * STEP_MM)
+        let (column, row) = ((index % self.columns) as f64, (index / self.columns) as f64);
+        let Point { x_mm, y_mm } = self.step;
+        Point::new(
+            self.frame.x_mm + column * x_mm - row * y_mm,
+            self.frame.y_mm + column * y_mm + row * x_mm,
+        )
     }
 
     /// The node nearest to a point.
     pub fn index(&self, point: Point) -> Option<usize> {
-        let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(&self.frame);
-        let (x, y) = (
-            (local.x_mm / STEP_MM).round(),
-            (local.y_mm / STEP_MM).round(),
-        );
-        (x >= 0.0
-            && y >= 0.0
-            && steps(x * STEP_MM) < self.columns
-            && steps(y * STEP_MM) < self.rows)
-            .then(|| steps(y * STEP_MM) * self.columns + steps(x * STEP_MM))
+        let (dx, dy) = (point.x_mm - self.frame.x_mm, point.y_mm - self.frame.y_mm);
+        let Point { x_mm, y_mm } = self.step;
+        let column = ((dx * x_mm + dy * y_mm) / (STEP_MM * STEP_MM)).round();
+        let row = ((dy * x_mm - dx * y_mm) / (STEP_MM * STEP_MM)).round();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
+        let number = |number: f64, count: usize| {
+            (number >= 0.0 && (number as usize) < count).then_some(number as usize)
+        };
+        let (column, row) = number(column, self.columns).zip(number(row, self.rows))?;
+        Some(row * self.columns + column)
     }
 
     /// The node nearest to a point; `None` beyond the grid.
@@ -160,8 +167,8 @@ fn steps(mm: f64) -> usize {
 struct Field<'a> {
     grid: &'a Grid,
     cells: Vec<Cell>,
-    clearance_mm: Vec<f64>,
-    known_mm: Vec<f64>,
+    clearance_mm: Vec<f32>,
+    known_mm: Vec<f32>,
 }
 
 impl<'a> Field<'a> {
@@ -188,8 +195,8 @@ impl<'a> Field<'a> {
                 cells[index] = Cell::Occupied;
             });
         }
-        field.clearance_mm = field.distances(cells.iter().map(|cell| *cell == Cell::Occupied));
-        field.known_mm = field.distances(cells.iter().map(|cell| *cell != Cell::Free));
+        field.clearance_mm = field.distances(|index| cells[index] == Cell::Occupied);
+        field.known_mm = field.distances(|index| cells[index] != Cell::Free);
         field.cells = cells;
         field
     }
@@ -214,44 +221,37 @@ impl<'a> Field<'a> {
 
     /// Distance of every cell to the nearest source, mm: Borgefors' two-pass chamfer transform
     /// with the weights that err least (Borgefors, "Distance transformations in digital images",
-    /// 1986).
-    fn distances(&self, sources: impl Iterator<Item = bool>) -> Vec<f64> {
-        let (columns, cell_mm) = (self.grid.columns(), self.grid.cell_mm());
-        let (side, corner) = (0.955 * cell_mm, 1.369 * cell_mm);
-        let mut field: Vec<f64> = sources
-            .map(|source| if source { 0.0 } else { f64::INFINITY })
-            .collect();
-        let count = field.len();
-        for pass in 0..2 {
-            for step in 0..count {
-                let index = if pass == 0 { step } else { count - 1 - step };
-                let column = index % columns;
-                let (first, last) = (column == 0, column + 1 == columns);
-                // Of the half plane that this pass has visited already.
-                let (left, right) = if pass == 0 {
-                    (first, last)
-                } else {
-                    (last, first)
-                };
-                let ahead = [
-                    (1, side, left),
-                    (columns + 1, corner, left),
-                    (columns, side, false),
-                    (columns.saturating_sub(1), corner, right),
-                ];
-                for (offset, weight, beyond) in ahead {
-                    if !beyond && offset <= step {
-                        let other = if pass == 0 {
-                            index - offset
-                        } else {
-                            index + offset
-                        };
-                        field[index] = field[index].min(field[other] + weight);
-                    }
+    /// 1986), inside a frame of cells without a source.
+    #[allow(clippy::cast_possible_truncation)] // weights
+    fn distances(&self, is_source: impl Fn(usize) -> bool) -> Vec<f32> {
+        let (columns, rows) = (self.grid.columns(), self.grid.rows());
+        let (side, corner) = (
+            0.955 * self.grid.cell_mm() as f32,
+            1.369 * self.grid.cell_mm() as f32,
+        );
+        let width = columns + 2;
+        let mut field = vec![f32::INFINITY; width * (rows + 2)];
+        let inside = |row: usize| (row + 1) * width + 1..(row + 1) * width + 1 + columns;
+        for row in 0..rows {
+            for (column, index) in inside(row).enumerate() {
+                if is_source(row * columns + column) {
+                    field[index] = 0.0;
                 }
             }
         }
-        field
+        for index in (0..rows).flat_map(inside) {
+            let above = field[index - width - 1].min(field[index - width + 1]) + corner;
+            let beside = field[index - width].min(field[index - 1]) + side;
+            field[index] = field[index].min(above).min(beside);
+        }
+        for index in (0..rows).flat_map(inside).rev() {
+            let below = field[index + width + 1].min(field[index + width - 1]) + corner;
+            let beside = field[index + width].min(field[index + 1]) + side;
+            field[index] = field[index].min(below).min(beside);
+        }
+        (0..rows)
+            .flat_map(|row| field[inside(row)].to_vec())
+            .collect()
     }
 
     fn point(&self, index: usize) -> Point {
@@ -270,8 +270,8 @@ impl<'a> Field<'a> {
             .zip(number(point.y_mm - origin.y_mm, self.grid.rows()))
             .map(|(column, row)| row * self.grid.columns() + column);
         Node {
-            clearance_mm: index.map_or(f64::INFINITY, |index| self.clearance_mm[index]),
-            known_mm: index.map_or(0.0, |index| self.known_mm[index]),
+            clearance_mm: index.map_or(f64::INFINITY, |index| self.clearance_mm[index].into()),
+            known_mm: index.map_or(0.0, |index| self.known_mm[index].into()),
             cell: index.map_or(Cell::Unknown, |index| self.cells[index]),
             driven: false,
         }

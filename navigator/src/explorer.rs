@@ -172,7 +172,11 @@ impl Explorer {
             }
             Goal::Choose | Goal::Look(_) => self.choose(grid, status),
             Goal::Approach(target) => {
-                self.look(Some(target.centre), status);
+                if target.kind == Kind::Frontier && self.tries(target.centre) > 0 {
+                    self.enter(target.centre, status);
+                } else {
+                    self.look(Some(target.centre), status);
+                }
                 self.goal = Goal::Look(target);
             }
             Goal::Return => {
@@ -225,6 +229,29 @@ impl Explorer {
         self.driver.enqueue(turns.map(Motion::Turn));
     }
 
+    /// Drives straight to unknown floor that no look could clear, as far as the front sensor lets it,
+    /// and looks from there: beside an edge or in a narrow passage the echoes come from the sides.
+    fn enter(&mut self, centre: Point, status: &Status) {
+        let pose = status.estimate.pose;
+        let bearing = f64::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
+        let facing = self.driver.trail.net_rad + wrap_angle(bearing - pose.heading_rad);
+        self.driver.enqueue([
+            Motion::Turn(facing),
+            Motion::Rest(0.3),
+            Motion::Straight(distance_mm(&pose, centre)),
+            Motion::Turn(facing + LOOK_RAD),
+            Motion::Turn(facing - LOOK_RAD),
+        ]);
+    }
+
+    /// Number of fruitless looks at a place.
+    fn tries(&self, centre: Point) -> usize {
+        self.tries
+            .iter()
+            .filter(|at| at.distance_mm(centre) < SAME_MM)
+            .count()
+    }
+
     /// Chooses the next target, or goes home.
     fn choose(&mut self, grid: &Grid, status: &Status) {
         let (pose, config) = (status.estimate.pose, self.driver.config);
@@ -255,13 +282,7 @@ impl Explorer {
                 self.tries.push(last.centre);
             }
         }
-        let tries = |target: &Target| {
-            self.tries
-                .iter()
-                .filter(|&&t| same(t, target.centre))
-                .count()
-        };
-        targets.retain(|target| tries(target) < TRIES);
+        targets.retain(|target| self.tries(target.centre) < TRIES);
         self.targets = targets.len();
         // An uncertain robot stays near.
         let caution = 1.0 + deviation_mm / config.lost_mm;

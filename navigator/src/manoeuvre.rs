@@ -9,6 +9,8 @@ use crate::{Config, Status, Velocity};
 const TURNED_RAD: f64 = 0.035;
 /// No manoeuvre takes longer, s.
 const LONGEST_S: f64 = 20.0;
+/// A straight way ends this far before a front echo, mm.
+const NEAR_MM: f64 = 230.0;
 /// Fastest way back, mm/s: nothing looks there.
 const BACK_MM_S: f64 = 45.0;
 
@@ -57,7 +59,8 @@ impl Manoeuvre {
             }
             Kind::Straight(mm) => {
                 let done = pose.relative_to(&from).x_mm;
-                let blocked = mm > 0.0 && status.obstacle_limited && elapsed_s > 0.5;
+                let near = status.ranges_mm[0].is_some_and(|range| range < NEAR_MM);
+                let blocked = mm > 0.0 && (near || status.obstacle_limited && elapsed_s > 0.5);
                 let left = (mm - done) * mm.signum();
                 let fastest = if mm < 0.0 {
                     BACK_MM_S

@@ -7,9 +7,10 @@
 
 mod closed_loop;
 
-use closed_loop::{drive, explore, Navigator};
+use closed_loop::{drive, explore};
 use geometry::Point;
-use navigator::{Config, GoTo, Outcome, StopReason};
+use mapper::Grid;
+use navigator::{Config, GoTo, Outcome, Status, StopReason};
 use plant::Room;
 
 #[test]
@@ -68,8 +69,9 @@ fn goal_on_known_map_is_reached_and_goal_in_wall_is_refused() {
         (4900.0, 2100.0, Outcome::Complete),
         (5400.0, 3300.0, Outcome::Unreachable),
     ] {
-        let goto = GoTo::new(Config::default(), Point::new(x_mm, y_mm));
-        let run = drive(&room, 104, Navigator::GoTo(goto), map.clone(), |_| None);
+        let mut goto = GoTo::new(Config::default(), Point::new(x_mm, y_mm));
+        let navigate = |grid: &Grid, status: &Status| goto.step(grid, status);
+        let run = drive(&room, 104, navigate, map.clone(), |_| None);
         assert_eq!((run.outcome, run.collisions), (Some(outcome), 0));
         let left_mm = run.end.position().distance_mm(Point::new(x_mm, y_mm));
         assert!(

@@ -2,16 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use geometry::{Point, Pose2, Segment};
+use geometry::{Pose2, Segment};
 use mapper::{map_iou, Cell, Grid, Mount, PoseEstimate, SonarModel};
-use navigator::{Action, Config, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
+use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
 use plant::{Imperfections, Room};
 
 /// Seconds of a frame.
 const FRAME_S: f64 = 0.025;
-/// The body's radius and the space around it that reachable floor needs, mm.
-const BODY_MM: f64 = 150.0;
 
 /// What a run was.
 #[derive(Clone, Debug)]
@@ -34,38 +32,18 @@ pub struct Run {
     pub truth: Vec<Pose2>,
 }
 
-/// What navigates.
-pub enum Navigator {
-    Explorer(Explorer),
-    GoTo(GoTo),
-}
-
-impl Navigator {
-    fn step(&mut self, grid: &Grid, status: &Status) -> Action {
-        match self {
-            Self::Explorer(explorer) => explorer.step(grid, status),
-            Self::GoTo(goto) => goto.step(grid, status),
-        }
-    }
-}
-
 /// Explores with the true pose and an ideal map. `stop` gives the stops that are latched at a time.
 pub fn explore(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopReason>) -> Run {
-    let explorer = Explorer::new(Config::default());
-    drive(
-        room,
-        seed,
-        Navigator::Explorer(explorer),
-        Grid::new(25.0),
-        stop,
-    )
+    let mut explorer = Explorer::new(Config::default());
+    let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
+    drive(room, seed, navigate, Grid::new(25.0), stop)
 }
 
-/// Drives until the navigator is done, beginning with this map.
+/// Drives until `navigate` is done, beginning with this map.
 pub fn drive(
     room: &Room,
     seed: u64,
-    mut navigator: Navigator,
+    mut navigate: impl FnMut(&Grid, &Status) -> Action,
     grid: Grid,
     mut stop: impl FnMut(f64) -> Option<StopReason>,
 ) -> Run {
@@ -123,7 +101,7 @@ pub fn drive(
         last = sample.odometry;
         run.truth.push(pose);
         let began = Instant::now();
-        let action = navigator.step(&mapper.grid, &status);
+        let action = navigate(&mapper.grid, &status);
         let took = began.elapsed();
         run.host += took;
         run.slowest_step = run.slowest_step.max(took);
@@ -152,28 +130,12 @@ pub fn drive(
 }
 
 /// Share of the reachable floor that the map calls free.
-pub fn coverage(room: &Room, grid: &Grid) -> f64 {
-    let (low, high) = room.bounds();
-    let cell = 50.0;
-    let size = |mm: f64| (mm / cell).ceil() as usize + 1;
-    let (columns, rows) = (size(high.x_mm - low.x_mm), size(high.y_mm - low.y_mm));
-    let point = |index: usize| {
-        let (column, row) = (index % columns, index / columns);
-        let (x_mm, y_mm) = (column as f64 * cell, row as f64 * cell);
-        Point::new(low.x_mm + x_mm, low.y_mm + y_mm)
-    };
-    let mut reached = vec![false; columns * rows];
-    let start = size(-low.y_mm - cell) * columns + size(-low.x_mm - cell);
-    let mut todo = vec![start];
-    while let Some(index) = todo.pop() {
-        if !reached[index] && room.clearance_mm(point(index)) >= BODY_MM {
-            reached[index] = true;
-            todo.extend([index - 1, index + 1, index - columns, index + columns]);
-        }
-    }
-    let all = reached.iter().filter(|&&reached| reached).count();
-    let known = |&index: &usize| reached[index] && grid.cell_at(point(index)) == Cell::Free;
-    (0..reached.len()).filter(known).count() as f64 / all.max(1) as f64
+fn coverage(room: &Room, grid: &Grid) -> f64 {
+    let floor = room.reachable_floor();
+    let known = floor
+        .iter()
+        .filter(|&&point| grid.cell_at(point) == Cell::Free);
+    known.count() as f64 / floor.len().max(1) as f64
 }
 
 /// A map from the true pose, with the readings that the true room explains: what a perfect
