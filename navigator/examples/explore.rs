@@ -8,6 +8,7 @@ mod closed_loop;
 use std::{env, error::Error, fs, path::PathBuf};
 
 use mapper::map_plot;
+use navigator::Config;
 use plant::{room, Room};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -15,19 +16,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [kind, first, last, folder @ ..] = &arguments[..] else {
         return Err("default|rooms FIRST LAST [FOLDER]".into());
     };
-    println!("room seed | outcome collisions mm/s coverage iou home path minutes ms/s slowest");
+    println!("room seed | outcome collisions coverage iou median worst heading home path minutes ms/s slowest");
     for seed in first.parse::<u64>()?..=last.parse()? {
         let room = if kind == "rooms" {
             room::generate(seed)
         } else {
             Room::two_rooms()
         };
-        let run = closed_loop::explore(&room, seed, |_| None);
+        let run = closed_loop::explore_localised(&room, seed, Config::default());
+        let (median_mm, worst_mm, heading_deg) = run.errors();
         println!(
-            "{kind} {seed} | {:?} {} {:.0} {:.3} {:.3} {:.0} {:.1} {:.1} {:.2} {:.1}",
+            "{kind} {seed} | {:?} {} {:.3} {:.3} {median_mm:.0} {worst_mm:.0} {heading_deg:.1} {:.0} {:.1} {:.1} {:.2} {:.1}",
             run.outcome,
-            run.collisions,
-            run.fastest_contact_mm_s,
+            run.collisions.len(),
             run.coverage,
             run.iou,
             run.end.x_mm.hypot(run.end.y_mm),
@@ -36,9 +37,15 @@ fn main() -> Result<(), Box<dyn Error>> {
             run.host.as_secs_f64() * 1000.0 / (run.minutes * 60.0),
             run.slowest_step.as_secs_f64() * 1000.0,
         );
+        for hit in &run.collisions {
+            println!(
+                "  {:.0} s {:.0} mm/s at {:.1?}",
+                hit.time_s, hit.speed_mm_s, hit.pose
+            );
+        }
         if let Some(folder) = folder.first().map(PathBuf::from) {
             fs::create_dir_all(&folder)?;
-            let plot = map_plot::trajectory(&run.grid, &run.truth, &run.truth, &run.walls)?;
+            let plot = map_plot::trajectory(&run.grid, &run.estimate, &run.truth, &run.walls)?;
             fs::write(folder.join(format!("{kind}-{seed}.png")), plot)?;
         }
     }

@@ -3,10 +3,12 @@
 use std::time::{Duration, Instant};
 
 use geometry::{Pose2, Segment};
-use mapper::{map_iou, Cell, Grid, Mount, PoseEstimate, SonarModel};
+use mapper::{
+    map_iou, Cell, Grid, Localiser, LocaliserConfig, Mount, Observation, PoseEstimate, SonarModel,
+};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
-use plant::{Imperfections, Room};
+use plant::{Collision, Imperfections, Room};
 
 /// Seconds of a frame.
 const FRAME_S: f64 = 0.025;
@@ -17,8 +19,7 @@ pub struct Run {
     pub outcome: Option<Outcome>,
     /// Stops that were cleared.
     pub resumed: u32,
-    pub collisions: usize,
-    pub fastest_contact_mm_s: f64,
+    pub collisions: Vec<Collision>,
     pub coverage: f64,
     pub iou: f64,
     pub minutes: f64,
@@ -30,13 +31,58 @@ pub struct Run {
     pub grid: Grid,
     pub walls: Vec<Segment>,
     pub truth: Vec<Pose2>,
+    pub estimate: Vec<Pose2>,
+}
+
+/// What knows the pose and makes the map.
+pub trait Mapping {
+    fn observe(&mut self, room: &Room, truth: &Pose2, sample: &SensorSample);
+    fn estimate(&self) -> PoseEstimate;
+    fn grid(&self) -> &Grid;
+}
+
+impl Mapping for Localiser {
+    fn observe(&mut self, _: &Room, _: &Pose2, sample: &SensorSample) {
+        Self::observe(
+            self,
+            &Observation {
+                time_s: sample.time_s,
+                odometry: sample.odometry,
+                gyro_rad: sample.gyro_rad,
+                ranges_mm: sample.ranges_mm,
+                front_bearing_rad: sample.front_bearing_rad,
+            },
+        );
+    }
+
+    fn estimate(&self) -> PoseEstimate {
+        Self::estimate(self)
+    }
+
+    fn grid(&self) -> &Grid {
+        Self::grid(self)
+    }
+}
+
+/// Explores with the localiser.
+pub fn explore_localised(room: &Room, seed: u64, config: Config) -> Run {
+    let mut explorer = Explorer::new(config);
+    let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
+    let mut localiser = Localiser::new(LocaliserConfig::default());
+    drive(room, seed, navigate, &mut localiser, |_| None)
 }
 
 /// Explores with the true pose and an ideal map. `stop` gives the stops that are latched at a time.
 pub fn explore(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopReason>) -> Run {
     let mut explorer = Explorer::new(Config::default());
     let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
-    drive(room, seed, navigate, Grid::new(25.0), stop)
+    drive(
+        room,
+        seed,
+        navigate,
+        &mut IdealMapper::new(Grid::new(25.0)),
+        stop,
+    )
 }
 
 /// Drives until `navigate` is done, beginning with this map.
@@ -44,7 +90,7 @@ pub fn drive(
     room: &Room,
     seed: u64,
     mut navigate: impl FnMut(&Grid, &Status) -> Action,
-    grid: Grid,
+    mapping: &mut dyn Mapping,
     mut stop: impl FnMut(f64) -> Option<StopReason>,
 ) -> Run {
     let room = room.relative_to_start();
@@ -54,15 +100,10 @@ pub fn drive(
         Imperfections::default(),
         seed,
     );
-    let mut mapper = IdealMapper {
-        grid,
-        ranges_mm: [None; 3],
-    };
     let mut run = Run {
         outcome: None,
         resumed: 0,
-        collisions: 0,
-        fastest_contact_mm_s: 0.0,
+        collisions: Vec::new(),
         coverage: 0.0,
         iou: 0.0,
         minutes: 0.0,
@@ -73,6 +114,7 @@ pub fn drive(
         grid: Grid::new(25.0),
         walls: room.visible_surfaces(),
         truth: Vec::new(),
+        estimate: Vec::new(),
     };
     let mut velocity = Velocity::default();
     let mut last = robot.sample().odometry;
@@ -86,12 +128,11 @@ pub fn drive(
             },
         );
         let sample = robot.sample();
-        let pose = robot.true_pose();
-        mapper.observe(&room, &pose, &sample);
-        let covariance = [[100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1e-4]];
+        let truth = robot.true_pose();
+        mapping.observe(&room, &truth, &sample);
         let status = Status {
             time_s: sample.time_s,
-            estimate: PoseEstimate { pose, covariance },
+            estimate: mapping.estimate(),
             speed_mm_s: sample.odometry.relative_to(&last).x_mm / FRAME_S,
             ranges_mm: sample.ranges_mm,
             front_bearing_rad: sample.front_bearing_rad,
@@ -99,9 +140,10 @@ pub fn drive(
             stop: stop(sample.time_s),
         };
         last = sample.odometry;
-        run.truth.push(pose);
+        run.truth.push(truth);
+        run.estimate.push(status.estimate.pose);
         let began = Instant::now();
-        let action = navigate(&mapper.grid, &status);
+        let action = navigate(mapping.grid(), &status);
         let took = began.elapsed();
         run.host += took;
         run.slowest_step = run.slowest_step.max(took);
@@ -115,18 +157,29 @@ pub fn drive(
         }
     }
     run.minutes = robot.sample().time_s / 60.0;
-    run.collisions = robot.collisions().len();
-    let speeds = robot
-        .collisions()
-        .iter()
-        .map(|collision| collision.speed_mm_s);
-    run.fastest_contact_mm_s = speeds.fold(0.0, f64::max);
+    run.collisions = robot.collisions().to_vec();
     run.path_mm = robot.path_mm();
     run.end = robot.true_pose();
-    run.coverage = coverage(&room, &mapper.grid);
-    run.iou = map_iou(&mapper.grid, &run.walls, 100.0).iou;
-    run.grid = mapper.grid.clone();
+    run.coverage = coverage(&room, mapping.grid());
+    run.iou = map_iou(mapping.grid(), &run.walls, 100.0).iou;
+    run.grid = mapping.grid().clone();
     run
+}
+
+impl Run {
+    /// Position errors, median and worst, mm, and the worst heading error, degrees; in the frame of
+    /// the start.
+    pub fn errors(&self) -> (f64, f64, f64) {
+        let pairs = || self.truth.iter().zip(&self.estimate);
+        let mut off: Vec<f64> = pairs().map(|(a, b)| a.distance_mm(b)).collect();
+        off.sort_by(f64::total_cmp);
+        let turned = pairs().map(|(a, b)| a.turn_to_rad(b).abs().to_degrees());
+        (
+            off[off.len() / 2],
+            off[off.len() - 1],
+            turned.fold(0.0, f64::max),
+        )
+    }
 }
 
 /// Share of the reachable floor that the map calls free.
@@ -138,15 +191,39 @@ fn coverage(room: &Room, grid: &Grid) -> f64 {
     known.count() as f64 / floor.len().max(1) as f64
 }
 
-/// A map from the true pose, with the readings that the true room explains: what a perfect
+/// The true pose, and a map from it with the readings that the true room explains: what a perfect
 /// localisation and rejection of multi-path echoes would give.
-struct IdealMapper {
+pub struct IdealMapper {
     grid: Grid,
+    pose: Pose2,
     ranges_mm: [Option<f64>; 3],
 }
 
 impl IdealMapper {
+    pub fn new(grid: Grid) -> Self {
+        Self {
+            grid,
+            pose: Pose2::default(),
+            ranges_mm: [None; 3],
+        }
+    }
+}
+
+impl Mapping for IdealMapper {
+    fn estimate(&self) -> PoseEstimate {
+        let covariance = [[100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1e-4]];
+        PoseEstimate {
+            pose: self.pose,
+            covariance,
+        }
+    }
+
+    fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
     fn observe(&mut self, room: &Room, pose: &Pose2, sample: &SensorSample) {
+        self.pose = *pose;
         let mut mounts = Mount::first_board();
         mounts[0].bearing_rad = sample.front_bearing_rad;
         for (nth, mount) in mounts.iter().enumerate() {
