@@ -14,7 +14,7 @@ use crate::{eeprom, reset};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{CellCode, Command, Field, Order, Report, State};
+use fw_core::wire::{CellCode, Command, Field, Order, Report, State, VelocityCode};
 
 /// Default frames per second (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
@@ -36,6 +36,34 @@ pub struct CommandRequest {
     pub percent: f64,
     /// A cell and the reference voltage it is tuned to, instead of the cycle over the cells.
     pub tune: Option<CellCode>,
+    /// Velocity mode: how to drive; none stands.
+    pub velocity: Option<VelocityRequest>,
+}
+
+/// A velocity to drive at, and what the front rangefinder looks at meanwhile.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct VelocityRequest {
+    /// Forward speed, millimetres a second; negative drives back.
+    pub forward_mm_s: f64,
+    /// Yaw rate, degrees a second, counter-clockwise; saturates at half a turn a second.
+    pub yaw_rate_deg_s: f64,
+    /// Half the width of the front rangefinder's sweep around straight ahead, degrees, up to 180; 0 looks
+    /// straight ahead.
+    pub sweep_half_width_deg: f64,
+}
+
+impl VelocityRequest {
+    /// The nearest codes of the velocity and of the sweep.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
+    fn code(self) -> (VelocityCode, u16) {
+        let turns = |degrees: f64, per_turn: f64| (degrees / 360.0 * per_turn).round();
+        let velocity = VelocityCode {
+            forward: (self.forward_mm_s * 1000.0).round() as i32,
+            yaw_rate: turns(self.yaw_rate_deg_s, 4_294_967_296.0) as i32,
+        };
+        let sweep = turns(self.sweep_half_width_deg, 65_536.0).min(32_768.0);
+        (velocity, sweep as u16)
+    }
 }
 
 /// A session over one [`BoardIo`].
@@ -237,7 +265,10 @@ impl<'m> Session<'m> {
     fn command(&mut self, request: &CommandRequest) -> Command {
         let cell = self.cell;
         self.cell = (cell + 1) % self.config.cells().max(1);
+        let (velocity, sweep) = request.velocity.unwrap_or_default().code();
         Command {
+            velocity,
+            sweep,
             expected: request.target.map(Pose::code).unwrap_or_default(),
             apply: request.target.is_some(),
             percent: Binary64(request.percent.to_bits()),

@@ -4,7 +4,7 @@ use crate::pose::Pose;
 use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{DistanceCode, Field, Mode, Report, State};
+use fw_core::wire::{DistanceCode, Field, GyroCode, Mode, Report, State};
 use serde::Serialize;
 
 /// Full scale of a distance code, millimetres (document, 5.1.4).
@@ -25,9 +25,16 @@ pub struct Snapshot {
     pub cells_v: Vec<Option<f64>>,
     /// Millimetres front, right, left; none = out of range, no echo, or not measured yet.
     pub ranges_mm: [Option<f64>; 3],
-    /// Sweep mode: the bearing at which the first range was measured, degrees counter-clockwise from
+    /// Sweep and velocity mode: the bearing at which the first range was measured, degrees counter-clockwise from
     /// straight ahead, −180 to 180.
     pub bearing_deg: Option<f64>,
+    /// Velocity mode: the gyroscope's angle since the STM's reset, turns, counter-clockwise; none without a
+    /// gyroscope or before its first bias.
+    pub gyro_turns: Option<f64>,
+    /// Guarded modes: the obstacle stop limits the speed.
+    pub obstacle_limited: bool,
+    /// Guarded modes: the commanded velocity was beyond a limit.
+    pub clipped: bool,
     /// Guarded modes.
     pub state: Option<&'static str>,
     /// Guarded modes: names of the latched faults.
@@ -36,6 +43,9 @@ pub struct Snapshot {
     pub link: LinkStatistics,
     /// The counters of the STM's end; none without its log.
     pub stm: Option<StmStatistics>,
+    /// The latest gyro code, and the codes since the first without their wrap.
+    #[serde(skip)]
+    gyro: Option<(i32, i64)>,
     #[serde(skip)]
     kind: Mode,
 }
@@ -52,10 +62,14 @@ impl Snapshot {
             cells_v: vec![None; config.cells().into()],
             ranges_mm: [None; 3],
             bearing_deg: None,
+            gyro_turns: None,
+            obstacle_limited: false,
+            clipped: false,
             state: None,
             faults: Vec::new(),
             link: LinkStatistics::default(),
             stm: None,
+            gyro: None,
             kind: config.mode(),
         }
     }
@@ -64,7 +78,7 @@ impl Snapshot {
     pub fn update(&mut self, now_us: u64, report: &Report, statistics: LinkStatistics) {
         self.time_us = now_us;
         self.link = statistics;
-        if self.kind.has(Field::Position) {
+        if self.kind.has(Field::Position) || self.kind.has(Field::Velocity) {
             self.pose = Some(Pose::from_code(report.pose));
             self.ranges_mm = report.ranges.map(distance_mm);
         } else {
@@ -80,7 +94,18 @@ impl Snapshot {
         if self.kind.has(Field::Status) {
             self.state = Some(state_name(report.state));
             self.faults = fault_names(report.faults);
+            (self.obstacle_limited, self.clipped) = (report.obstacle_limited, report.clipped);
         }
+        self.gyro_turns = (report.gyro != GyroCode::NONE).then(|| self.unwrap_gyro(report.gyro.0));
+    }
+
+    /// Turns of a gyro code that wraps at ±128 turns.
+    #[allow(clippy::cast_precision_loss)] // exact below 2^29 turns
+    fn unwrap_gyro(&mut self, code: i32) -> f64 {
+        let (last, whole) = self.gyro.unwrap_or((code, code.into()));
+        let whole = whole + i64::from(code.wrapping_sub(last));
+        self.gyro = Some((code, whole));
+        whole as f64 / 16_777_216.0
     }
 }
 
@@ -106,4 +131,38 @@ pub const fn state_name(state: State) -> &'static str {
 #[must_use]
 pub fn fault_names(faults: Faults) -> Vec<&'static str> {
     faults.iter().map(|fault| fault.name).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fw_core::eeprom::{fields, Image};
+
+    // Requirement: WIRE-gyro-1
+    #[test]
+    fn gyro_angle_is_unwrapped_and_survives_a_gap() {
+        let mode = Mode::GuardedVelocity.code().into();
+        let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
+        let mut snapshot = Snapshot::new(&config);
+        let quarter = i32::MAX / 512;
+        for (code, turns) in [
+            (None, None),
+            (Some(0), Some(0.0)),
+            (Some(-quarter), Some(-0.25)),
+            (Some(i32::MIN + 1), Some(-128.0)),
+            (None, None),
+            (Some(i32::MAX - 4 * quarter), Some(-129.0)),
+        ] {
+            let gyro = code.map_or(GyroCode::NONE, GyroCode);
+            let report = Report {
+                gyro,
+                ..Report::default()
+            };
+            snapshot.update(0, &report, LinkStatistics::default());
+            let close = |(a, b): (f64, f64)| (a - b).abs() < 1e-6;
+            assert_eq!(snapshot.gyro_turns.is_some(), turns.is_some());
+            assert!(snapshot.gyro_turns.zip(turns).is_none_or(close), "{code:?}");
+        }
+        assert!(snapshot.pose.is_some() && snapshot.bearing_deg.is_some());
+    }
 }

@@ -3,6 +3,7 @@
 use super::*;
 use crate::mock_board::mock_board;
 use fw_core::eeprom::{fields, Image, FIELDS};
+use fw_core::wire::Mode;
 
 /// The first board's EEPROM with so many cells.
 fn image(cells: u8) -> Image {
@@ -33,6 +34,44 @@ fn frames_cycle_cells_unless_one_is_tuned() {
     let cycled = |cell| CellCode { cell, voltage: 0 };
     assert_eq!(sent[..4], [cycled(0), cycled(1), tune, tune]);
     assert_eq!(sent[4..], [cycled(0), cycled(1), cycled(0)]);
+}
+
+// Requirement: WIRE-velocity-1
+#[test]
+fn velocity_is_sent_by_its_nearest_code() {
+    let image = image(1).with(fields::MODE, Mode::GuardedVelocity.code().into());
+    let (board, mut io) = mock_board(&image, None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let request = |forward_mm_s, yaw_rate_deg_s, sweep_half_width_deg| CommandRequest {
+        velocity: Some(VelocityRequest {
+            forward_mm_s,
+            yaw_rate_deg_s,
+            sweep_half_width_deg,
+        }),
+        ..CommandRequest::default()
+    };
+    for request in [
+        request(123.4567, -90.0, 45.0),
+        request(-1e9, 720.0, 999.0),
+        CommandRequest::default(),
+    ] {
+        session.exchange(&request).unwrap();
+    }
+    let sent: Vec<_> = board
+        .borrow()
+        .commands
+        .iter()
+        .map(|c| (c.velocity, c.sweep))
+        .collect();
+    let code = |forward, yaw_rate| VelocityCode { forward, yaw_rate };
+    assert_eq!(
+        sent,
+        [
+            (code(123_457, -0x4000_0000), 0x2000),
+            (code(i32::MIN, i32::MAX), 0x8000),
+            (code(0, 0), 0),
+        ]
+    );
 }
 
 // Requirement: WIRE-rejected-1, WIRE-rejected-4
