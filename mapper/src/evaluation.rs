@@ -1,6 +1,11 @@
-//! Comparison of a map with known walls.
+//! Comparison of a map and of estimated poses with the truth, which only the caller knows.
+//!
+//! Poses and map are compared after an alignment, a pose of the estimate's frame in the truth's:
+//! [`best_alignment`] of the whole run, as trajectory benchmarks do, or [`start_alignment`].
 
-use crate::{Cell, Grid, Point, Segment};
+use geometry::wrap_angle;
+
+use crate::{Cell, Grid, Point, Pose2, Segment};
 
 /// The comparison of a map with the truth; every figure in 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,6 +64,106 @@ pub fn map_iou(grid: &Grid, walls: &[Segment], tolerance_mm: f64) -> MapScore {
     }
 }
 
+/// The rigid motion, without scale, that brings the positions of `estimate` nearest to those of `truth`
+/// at the same times, by least squares: the estimate's frame in the truth's. Where the positions do
+/// not determine the rotation (a robot that stood), the headings do. The identity without poses.
+#[must_use]
+pub fn best_alignment(estimate: &[Pose2], truth: &[Pose2]) -> Pose2 {
+    #[allow(clippy::cast_precision_loss)] // far below 2^53
+    let count = estimate.len().min(truth.len()).max(1) as f64;
+    let mean = |poses: &[Pose2]| {
+        let pairs = poses.iter().take(estimate.len().min(truth.len()));
+        let sum = pairs.fold((0.0, 0.0), |(x, y), p| (x + p.x_mm, y + p.y_mm));
+        Point::new(sum.0 / count, sum.1 / count)
+    };
+    let (from, to) = (mean(estimate), mean(truth));
+    // Kabsch's rotation in the plane; each heading weighs as little as a square millimetre.
+    let (mut sin, mut cos) = (0.0, 0.0);
+    for (e, t) in estimate.iter().zip(truth) {
+        let (ax, ay) = (e.x_mm - from.x_mm, e.y_mm - from.y_mm);
+        let (bx, by) = (t.x_mm - to.x_mm, t.y_mm - to.y_mm);
+        let (turn_sin, turn_cos) = (t.heading_rad - e.heading_rad).sin_cos();
+        sin += ax * by - ay * bx + turn_sin;
+        cos += ax * bx + ay * by + turn_cos;
+    }
+    let rotation = Pose2::new(0.0, 0.0, sin.atan2(cos));
+    let turned = rotation.point_at(from.x_mm, from.y_mm);
+    Pose2::new(
+        to.x_mm - turned.x_mm,
+        to.y_mm - turned.y_mm,
+        rotation.heading_rad,
+    )
+}
+
+/// The alignment that makes the first poses equal.
+#[must_use]
+pub fn start_alignment(estimate: &Pose2, truth: &Pose2) -> Pose2 {
+    truth.compose(&Pose2::default().relative_to(estimate))
+}
+
+/// Differences of aligned poses from the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PoseErrors {
+    /// Median of the position's error, mm.
+    pub position_mm_median: f64,
+    /// Largest error of the position, mm.
+    pub position_mm_max: f64,
+    /// Largest error of the heading, degrees.
+    pub heading_deg_max: f64,
+}
+
+/// The errors of `estimate` at each pose, mm and degrees, after this alignment with `truth`.
+pub fn pose_error_series<'a>(
+    estimate: &'a [Pose2],
+    truth: &'a [Pose2],
+    alignment: &'a Pose2,
+) -> impl Iterator<Item = (f64, f64)> + 'a {
+    estimate.iter().zip(truth).map(|(estimate, truth)| {
+        let aligned = alignment.compose(estimate);
+        let turn = wrap_angle(truth.heading_rad - aligned.heading_rad);
+        (aligned.distance_mm(truth), turn.abs().to_degrees())
+    })
+}
+
+/// Median and worst of [`pose_error_series`]; zeros without poses.
+#[must_use]
+pub fn pose_errors(estimate: &[Pose2], truth: &[Pose2], alignment: &Pose2) -> PoseErrors {
+    let (mut positions, headings): (Vec<f64>, Vec<f64>) =
+        pose_error_series(estimate, truth, alignment).unzip();
+    positions.sort_by(f64::total_cmp);
+    PoseErrors {
+        position_mm_median: positions.get(positions.len() / 2).copied().unwrap_or(0.0),
+        position_mm_max: positions.last().copied().unwrap_or(0.0),
+        heading_deg_max: headings.into_iter().fold(0.0, f64::max),
+    }
+}
+
+/// Surfaces of the truth's frame in the estimate's, for [`map_iou`].
+#[must_use]
+pub fn in_estimate_frame(surfaces: &[Segment], alignment: &Pose2) -> Vec<Segment> {
+    let moved = |point: Point| {
+        let pose = Pose2::new(point.x_mm, point.y_mm, 0.0);
+        pose.relative_to(alignment).position()
+    };
+    let surfaces = surfaces.iter();
+    surfaces
+        .map(|s| Segment::new(moved(s.from), moved(s.to)))
+        .collect()
+}
+
+/// Share, 0..=1, of the reachable floor (points in the truth's frame) that the map calls free; 0
+/// without such points.
+#[must_use]
+pub fn coverage(grid: &Grid, floor: &[Point], alignment: &Pose2) -> f64 {
+    let free = |point: &&Point| {
+        let at = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(alignment);
+        grid.cell_at(at.position()) == Cell::Free
+    };
+    #[allow(clippy::cast_precision_loss)] // far below 2^53
+    let share = floor.iter().filter(free).count() as f64 / floor.len().max(1) as f64;
+    share
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,5 +207,87 @@ mod tests {
             ];
             assert!(off.iter().all(|off| off.abs() < 0.05), "{name}: {score:?}");
         }
+    }
+
+    /// A run of an ell, seen from a frame that lies at `frame` in the truth's.
+    fn run(frame: &Pose2) -> (Vec<Pose2>, Vec<Pose2>) {
+        let ahead = (0..50).map(|nth| Pose2::new(20.0 * f64::from(nth), 0.0, 0.0));
+        let left = (0..30).map(|nth| Pose2::new(1000.0, 20.0 * f64::from(nth), 1.5));
+        let truth: Vec<Pose2> = ahead.chain(left).collect();
+        let estimate = truth.iter().map(|pose| pose.relative_to(frame)).collect();
+        (estimate, truth)
+    }
+
+    #[test]
+    fn alignment_recovers_frame_of_estimate() {
+        let frame = Pose2::new(300.0, -40.0, 2.5);
+        let (estimate, truth) = run(&frame);
+        let start = start_alignment(&estimate[0], &truth[0]);
+        for found in [best_alignment(&estimate, &truth), start] {
+            assert!(found.distance_mm(&frame) < 1e-6 && found.turn_to_rad(&frame).abs() < 1e-9);
+            let errors = pose_errors(&estimate, &truth, &found);
+            assert!(errors.position_mm_max < 1e-6 && errors.heading_deg_max < 1e-6);
+        }
+        let stood = best_alignment(&estimate[..1], &truth[..1]);
+        assert!(stood.distance_mm(&frame) < 1e-6 && stood.turn_to_rad(&frame).abs() < 1e-9);
+        assert_eq!(best_alignment(&[], &[]), Pose2::default());
+        assert_eq!(pose_errors(&[], &[], &frame), PoseErrors::default());
+    }
+
+    #[test]
+    fn pose_errors_have_median_worst_and_wrapped_heading() {
+        let (_, truth) = run(&Pose2::default());
+        let mut estimate = truth.clone();
+        for pose in &mut estimate[..30] {
+            pose.y_mm += 8.0;
+        }
+        estimate[79].heading_rad += std::f64::consts::TAU - 0.1;
+        let errors = pose_errors(&estimate, &truth, &Pose2::default());
+        let expected = [0.0, 8.0, 0.1_f64.to_degrees()];
+        let found = [
+            errors.position_mm_median,
+            errors.position_mm_max,
+            errors.heading_deg_max,
+        ];
+        assert!(
+            found
+                .iter()
+                .zip(expected)
+                .all(|(a, b)| (a - b).abs() < 1e-9),
+            "{found:?}"
+        );
+        // The whole run aligned is nearer than the start alone; a scale error is not taken out.
+        let best = best_alignment(&estimate, &truth);
+        assert!(pose_errors(&estimate, &truth, &best).position_mm_max < 7.9);
+        let long: Vec<Pose2> = truth
+            .iter()
+            .map(|p| Pose2::new(1.1 * p.x_mm, 1.1 * p.y_mm, 0.0))
+            .collect();
+        assert!(pose_errors(&long, &truth, &best_alignment(&long, &truth)).position_mm_max > 40.0);
+    }
+
+    #[test]
+    fn coverage_and_map_agreement_follow_alignment() {
+        // A free strip and a wall in a map whose frame is turned by 90° and moved.
+        let mut grid = line(10.0, 1000.0);
+        let (columns, rows) = grid.cover(1.0..999.0, -90.0..-60.0);
+        for (column, row) in columns.flat_map(|c| rows.clone().map(move |r| (c, r))) {
+            grid.add(column, row, -5.0);
+        }
+        let frame = Pose2::new(500.0, 100.0, std::f64::consts::FRAC_PI_2);
+        let wall = |s: &Segment| [s.from, s.to].map(|p| frame.point_at(p.x_mm, p.y_mm));
+        let true_walls = super::tests::wall(1000.0).map(|s| {
+            let [from, to] = wall(&s);
+            Segment::new(from, to)
+        });
+        let seen = in_estimate_frame(&true_walls, &frame);
+        assert!(map_iou(&grid, &seen, 20.0).iou > 0.95);
+        let floor: Vec<Point> = (1..80)
+            .map(|nth| frame.point_at(25.0 * f64::from(nth), -75.0))
+            .collect();
+        let covered = coverage(&grid, &floor, &frame);
+        assert!((covered - 0.5).abs() < 0.02, "{covered}");
+        assert!(coverage(&grid, &floor, &Pose2::default()) < 0.1);
+        assert!(coverage(&grid, &[], &frame).abs() < 1e-9);
     }
 }
