@@ -7,7 +7,7 @@ use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::uart::LogSource;
-use plant::{Chassis, Pose2, Rng, Room};
+use plant::{Chassis, Imperfections, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::fs;
 use std::io::ErrorKind;
@@ -22,8 +22,10 @@ pub struct Options {
     pub elf: PathBuf,
     /// A room file; the default room without it.
     pub room: Option<PathBuf>,
-    /// The true wheels and the true track, independent of the EEPROM.
+    /// The wheels and the track, independent of the EEPROM; the true ones, but for imperfections.
     pub chassis: Chassis,
+    /// What the seed draws to make the world as imperfect as a real one.
+    pub imperfections: Imperfections,
     /// Seed of everything random.
     pub seed: u64,
     /// How warm the air is, °C.
@@ -200,6 +202,7 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
         eeprom: Some(eeprom),
         params: plant::Params {
             chassis: options.chassis,
+            imperfections: options.imperfections,
             ..plant::Params::default()
         },
         ..twin::Options::default()

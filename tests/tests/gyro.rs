@@ -6,9 +6,9 @@ use fw_core::types::Faults;
 use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, MAX_FRAME};
 use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
-use twin::plant::{Room, Sides};
+use twin::plant::{GyroParams, Room, Sides};
 use twin::trace::EventKind;
-use twin::{I2cController, Mpu6050Fault, Mpu6050Params, Options};
+use twin::{I2cController, Mpu6050Fault, Options};
 
 /// A robot in Guarded Normal, and the Pi's end of its link.
 struct GyroRobot {
@@ -27,7 +27,7 @@ fn image(gyro: bool) -> Image {
         .with(fields::GYRO, gyro.into())
 }
 
-fn options(gyro: bool, mpu: Option<Mpu6050Params>) -> Options {
+fn options(gyro: bool, mpu: Option<GyroParams>) -> Options {
     Options {
         eeprom: Some(image(gyro).0.to_vec()),
         room: Room::default(),
@@ -37,7 +37,7 @@ fn options(gyro: bool, mpu: Option<Mpu6050Params>) -> Options {
 }
 
 impl GyroRobot {
-    fn new(gyro: bool, mpu: Option<Mpu6050Params>) -> Self {
+    fn new(gyro: bool, mpu: Option<GyroParams>) -> Self {
         let config = Config::decode(&image(gyro)).expect("accepted");
         let robot = Self {
             rig: Rig::new(options(gyro, mpu)),
@@ -131,7 +131,7 @@ impl GyroRobot {
 /// Stands two seconds, turns left by a quarter, then drives 1.5 m; its left wheel slips for a second
 /// on the way.
 fn slipping(gyro: bool) -> GyroRobot {
-    let mut robot = GyroRobot::new(gyro, Some(Mpu6050Params::default()));
+    let mut robot = GyroRobot::new(gyro, Some(GyroParams::default()));
     robot.stand(2_000);
     robot.go((0.0, 0.0, 90.0), 4_000);
     robot.go((0.0, 1500.0, 90.0), 2_500);
@@ -187,7 +187,7 @@ fn gyro_one_second_slip_keeps_heading_within_1_degree() {
 fn gyro_without_slip_changes_nothing_and_detects_twist() {
     let way = [(0.0, 0.0, 120.0), (300.0, 200.0, 0.0), (0.0, 0.0, 270.0)];
     let drive = |gyro: bool| {
-        let mut robot = GyroRobot::new(gyro, Some(Mpu6050Params::default()));
+        let mut robot = GyroRobot::new(gyro, Some(GyroParams::default()));
         robot.stand(1_500);
         for pose in way {
             robot.go(pose, 5_000);
@@ -222,7 +222,7 @@ fn gyro_without_slip_changes_nothing_and_detects_twist() {
 /// Drives with a broken gyroscope to a pose by the encoders alone, and expects the log to contain
 /// `expected_log`.
 fn drive_with_fault(
-    mpu: Option<Mpu6050Params>,
+    mpu: Option<GyroParams>,
     breaks: impl FnOnce(&GyroRobot),
     expected_log: &str,
 ) -> GyroRobot {
@@ -276,7 +276,7 @@ fn set_fault(robot: &GyroRobot, fault: Mpu6050Fault) {
 // Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
 #[test]
 fn gyro_absent_or_wrong_drives_by_encoders() {
-    let fitted = Some(Mpu6050Params::default());
+    let fitted = Some(GyroParams::default());
     let _ = drive_with_fault(None, |_| {}, "gyro: no answer at 0x68");
     let _ = drive_with_fault(
         fitted,
@@ -293,7 +293,7 @@ fn gyro_absent_or_wrong_drives_by_encoders() {
 // Requirement: DOC-3.1-3
 #[test]
 fn gyro_failing_later_drives_by_encoders() {
-    let fitted = Some(Mpu6050Params::default());
+    let fitted = Some(GyroParams::default());
     let later = |fault: Mpu6050Fault| {
         move |robot: &GyroRobot| {
             robot.rig.run_us(1_000_000);
@@ -326,7 +326,7 @@ fn gyro_failing_later_drives_by_encoders() {
 
 #[test]
 fn gyro_reads_continue_while_pi_has_eeprom() {
-    let mut robot = GyroRobot::new(true, Some(Mpu6050Params::default()));
+    let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
     robot.stand(1_000);
     let reads = |robot: &GyroRobot| {
         let bus = robot

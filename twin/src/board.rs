@@ -109,9 +109,13 @@ impl Board {
         let words = options.calibration_words.map(u16::to_le_bytes).concat();
         let calibration = image("calibration", words, Some(CALIBRATION_WORDS))?;
         let start = options.start.unwrap_or(options.room.start);
+        let imperfections = options.params.imperfections;
         let world = World::new(options.params, options.room, start, options.seed);
         let eeprom = options.eeprom.as_deref().map(Eeprom::new);
-        let mpu = options.mpu.map(|errors| Mpu6050::new(errors, options.seed));
+        let mpu = options.mpu.map(|errors| {
+            let errors = imperfections.draw_gyro(errors, options.seed);
+            Mpu6050::new(errors, options.seed)
+        });
         let model = BoardModel::new(world, SharedBus::new(I2cBus::new(eeprom, mpu)));
         let board = VirtualBoard::new(model, options.crystal).map_err(EmulationEnded::because)?;
         let emulator = Emulator::start(board, vec![firmware, calibration], options.debugger)?;

@@ -73,7 +73,7 @@ pub mod virtual_board;
 
 pub use board::{Board, Reset, ResetSource, Truth};
 pub use components::i2c_bus::I2cController;
-pub use components::mpu6050::{Mpu6050Fault, Mpu6050Params};
+pub use components::mpu6050::Mpu6050Fault;
 pub use components::spi_master::SpiStep;
 pub use emulator::{Debugger, EmulationEnded};
 pub use options::Options;

@@ -1,8 +1,7 @@
 //! Configuration of a virtual robot.
 
-use plant::{Params, Pose2, Room};
+use plant::{GyroParams, Params, Pose2, Room};
 
-use crate::components::mpu6050::Mpu6050Params;
 use crate::emulator::Debugger;
 
 /// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
@@ -15,12 +14,12 @@ pub struct Options {
     pub room: Room,
     /// Where the robot starts; the room's own start when `None`.
     pub start: Option<Pose2>,
-    /// Motors, battery, chassis and rangefinders.
+    /// Motors, battery, chassis and rangefinders, and the world's imperfections: none by default.
     pub params: Params,
     /// The EEPROM's first bytes, erased past their end; `None`: no EEPROM is fitted.
     pub eeprom: Option<Vec<u8>>,
-    /// The MPU6050's errors; `None`: none is fitted.
-    pub mpu: Option<Mpu6050Params>,
+    /// The MPU6050's errors, unless the imperfections draw them; `None`: none is fitted.
+    pub mpu: Option<GyroParams>,
     /// Whether the 8 MHz crystal works.
     pub crystal: bool,
     /// The factory's calibration words: voltage reference, temperature sensor at 30 and at 110 °C.
@@ -37,7 +36,7 @@ impl Default for Options {
             start: None,
             params: Params::default(),
             eeprom: Some(Vec::new()),
-            mpu: Some(Mpu6050Params::default()),
+            mpu: Some(GyroParams::default()),
             crystal: true,
             // The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the
             // converter's model returns (STM32F411xC/xE datasheet, temperature sensor and internal

@@ -54,6 +54,10 @@ pub struct VirtualBoardArgs {
     /// Seed of everything random
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// A world without imperfections: wheels and track as stated, grip everywhere, walls that scatter
+    /// ultrasound, a steady gyroscope
+    #[arg(long)]
+    pub ideal: bool,
     /// Air temperature, °C
     #[arg(long, default_value_t = 20, allow_negative_numbers = true)]
     pub air: i16,
@@ -87,6 +91,11 @@ impl BoardArgs {
                 wheel_diameter_mm: plant::Sides::new(left, right),
                 track_mm: board.true_track,
                 ..plant::Chassis::default()
+            },
+            imperfections: if board.ideal {
+                plant::Imperfections::none()
+            } else {
+                plant::Imperfections::default()
             },
             seed: board.seed,
             air_c: board.air,

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use twin::plant::{Imperfections, Params};
 use twin::{Board, Debugger, Options};
 
 /// Virtual time between two reads of the log.
@@ -27,6 +28,12 @@ struct Arguments {
     /// File with the EEPROM's contents
     #[arg(long)]
     eeprom: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// A world without imperfections
+    #[arg(long)]
+    ideal: bool,
     /// Listens for a debugger on ADDRESS:PORT; port 0 takes any free one
     #[arg(long, value_name = "ADDRESS:PORT")]
     gdb: Option<String>,
@@ -57,7 +64,17 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         None => None,
     };
+    let imperfections = if arguments.ideal {
+        Imperfections::none()
+    } else {
+        Imperfections::default()
+    };
     let options = Options {
+        seed: arguments.seed,
+        params: Params {
+            imperfections,
+            ..Params::default()
+        },
         eeprom: Some(read(arguments.eeprom.as_ref())?),
         debugger,
         ..Options::default()

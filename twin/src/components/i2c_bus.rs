@@ -224,10 +224,11 @@ mod tests {
     use super::I2cController::{Pi, Stm};
     use super::*;
     use crate::components::eeprom::ADDRESS;
-    use crate::components::mpu6050::{Mpu6050Params, ADDRESS as MPU_ADDRESS};
+    use crate::components::mpu6050::ADDRESS as MPU_ADDRESS;
+    use plant::GyroParams;
 
     fn bus() -> I2cBus {
-        let mpu = Mpu6050::new(Mpu6050Params::default(), 1);
+        let mpu = Mpu6050::new(GyroParams::default(), 1);
         I2cBus::new(Some(Eeprom::new(&[7])), Some(mpu))
     }
 

@@ -7,14 +7,14 @@
 //! | `PWR_MGMT_1` | asleep at power-up (0x40): the data registers keep their values; `DEVICE_RESET` puts every register back |
 //! | `SMPLRT_DIV`, `CONFIG` | a sample every (1 + divider) ms with the low-pass on, eighths of a ms without; the low-pass is two equal lags of the table's delay together |
 //! | `GYRO_CONFIG` | full scale 250, 500, 1000 or 2000 °/s; what is beyond saturates |
-//! | `GYRO_ZOUT` | rate · scale + bias + noise; the other data registers read 0 |
+//! | `GYRO_ZOUT` | rate · scale + bias + drift + noise ([`GyroParams`]); the other data registers read 0 |
 //! | `INT_ENABLE`, `INT_STATUS`, `INT_PIN_CFG` | data ready: a pulse of 50 µs, or held until the status (or, so set, anything) is read; active low if so set |
 //! | address pointer | set by the first byte written, advances with every byte either way |
 //!
 //! Not modelled: accelerometers, the x and y axes, temperature, FIFO, the auxiliary bus, self-test, the
 //! standby bits, and the start-up times.
 
-use plant::Rng;
+use plant::{GyroParams, Rng};
 
 /// The address on the bus with AD0 low.
 pub const ADDRESS: u8 = 0x68;
@@ -44,28 +44,6 @@ const PULSE_NS: u64 = 50_000;
 /// Delay of the gyroscope's low-pass by `DLPF_CFG`, milliseconds (RM, 4.3).
 const DELAY_MS: [f64; 8] = [0.98, 1.9, 2.8, 4.8, 8.3, 13.4, 18.6, 0.17];
 
-/// The errors of one part.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mpu6050Params {
-    /// Reading at rest, °/s (PS, 6.1: ±20).
-    pub bias_deg_s: f64,
-    /// Scale factor: 1 is exact (PS, 6.1: ±3 %).
-    pub scale: f64,
-    /// Standard deviation of its noise, °/s rms (PS, 6.1: 0.05).
-    pub noise_deg_s: f64,
-}
-
-impl Default for Mpu6050Params {
-    /// Errors well within the data sheet.
-    fn default() -> Self {
-        Self {
-            bias_deg_s: -3.7,
-            scale: 1.02,
-            noise_deg_s: 0.05,
-        }
-    }
-}
-
 /// Its fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mpu6050Fault {
@@ -85,7 +63,7 @@ pub enum Mpu6050Fault {
 /// The part.
 #[derive(Clone, Debug)]
 pub struct Mpu6050 {
-    params: Mpu6050Params,
+    params: GyroParams,
     /// Its fault; change it at any time.
     pub fault: Mpu6050Fault,
     registers: [u8; REGISTERS],
@@ -107,7 +85,7 @@ pub struct Mpu6050 {
 impl Mpu6050 {
     /// A part just powered.
     #[must_use]
-    pub fn new(params: Mpu6050Params, seed: u64) -> Self {
+    pub fn new(params: GyroParams, seed: u64) -> Self {
         let mut part = Self {
             params,
             fault: Mpu6050Fault::None,
@@ -140,8 +118,8 @@ impl Mpu6050 {
         self.reading = false;
     }
 
-    /// Its errors, to be changed at any time: a bias that drifts.
-    pub fn params_mut(&mut self) -> &mut Mpu6050Params {
+    /// Its errors, to be changed at any time: a bias that jumps.
+    pub fn params_mut(&mut self) -> &mut GyroParams {
         &mut self.params
     }
 
@@ -188,11 +166,12 @@ impl Mpu6050 {
         self.sample(now);
     }
 
+    #[expect(clippy::cast_precision_loss, reason = "nanoseconds of days")]
     fn sample(&mut self, now: u64) {
         if self.fault != Mpu6050Fault::Frozen {
             let scale = f64::from(1 << (self.registers[GYRO_CONFIG] >> 3 & 3));
             let noise = self.params.noise_deg_s * self.rng.normal();
-            let rate = self.lags[1] * self.params.scale + self.params.bias_deg_s + noise;
+            let rate = self.params.reading_deg_s(self.lags[1], now as f64 / 1e9) + noise;
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "it saturates, as the part does"

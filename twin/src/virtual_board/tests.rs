@@ -3,10 +3,10 @@
 use super::*;
 use crate::components::eeprom::Eeprom;
 use crate::components::i2c_bus::{I2cBus, I2cController::Stm, SharedBus};
-use crate::components::mpu6050::{Mpu6050, Mpu6050Params, ADDRESS};
+use crate::components::mpu6050::{Mpu6050, ADDRESS};
 use crate::components::spi_master::{pack, SpiStep};
 use crate::fixture::Fixture;
-use plant::{Params, Pose2, Room, Sides, World};
+use plant::{GyroParams, Params, Pose2, Room, Sides, World};
 
 /// A board whose ports, SPI1, SYSCFG, TIM2 to TIM4 and TIM1 have their clocks.
 fn board() -> Fixture<McuOnBoard> {
@@ -134,7 +134,8 @@ fn tim1_pulse_turns_servo_once_outputs_are_enabled() {
 fn mpu_measures_yaw_rate_and_pulses_interrupt() {
     let mut board = board();
     let mut mpu = Mpu6050::new(
-        Mpu6050Params {
+        GyroParams {
+            drift_deg_s_min: 0.0,
             bias_deg_s: 0.0,
             scale: 1.0,
             noise_deg_s: 0.0,

@@ -1,7 +1,7 @@
 use super::*;
 
 fn part() -> Mpu6050 {
-    Mpu6050::new(Mpu6050Params::default(), 1)
+    Mpu6050::new(GyroParams::default(), 1)
 }
 
 fn set(part: &mut Mpu6050, register: usize, value: u8) {
@@ -71,9 +71,22 @@ fn rate_has_bias_scale_delay_and_saturation() {
 }
 
 #[test]
+fn bias_drifts_with_time_since_power_up() {
+    let mut part = awake();
+    *part.params_mut() = GyroParams {
+        drift_deg_s_min: 0.6,
+        ..GyroParams::exact()
+    };
+    for (minutes, expected) in [(0, 0.0), (5, 3.0), (10, 6.0)] {
+        part.step_ms(minutes * 60_000_000_000, 0.0);
+        assert!((f64::from(rate(&mut part)) / 65.5 - expected).abs() < 0.02);
+    }
+}
+
+#[test]
 fn noise_depends_on_seed_and_has_stated_size() {
     let draw = |seed| {
-        let mut part = Mpu6050::new(Mpu6050Params::default(), seed);
+        let mut part = Mpu6050::new(GyroParams::default(), seed);
         set(&mut part, PWR_MGMT_1, 0);
         let sample = |ms: u64| {
             part.step_ms(ms * 1_000_000, 0.0);
