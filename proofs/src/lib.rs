@@ -21,7 +21,7 @@
 //! | [`wire`] | T1, T2: frames, links, codes |
 //! | [`binary64`] | T4: binary64 to fixed point and back |
 //! | [`eeprom`] | T3, T5: the image, bounds of an accepted configuration |
-//! | [`motion`] | T5 to T8, T14: heading, position, controllers, mixer, drive monitor, stop deadline |
+//! | [`motion`] | T5 to T8, T14 to T16: heading, position, controllers, mixer, drive monitor, stop deadline, obstacle stop |
 //! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders, battery |
 //! | [`log`] | T13: the log's queue |
 //! | [`robot`] | T5, T8, T14: the whole robot under any order of events |
@@ -70,6 +70,8 @@ pub const PROPERTIES: &[&[Property]] = &[
     motion::pid::PROPERTIES,
     motion::mixer::PROPERTIES,
     motion::pose_controller::PROPERTIES,
+    motion::obstacle_limit::PROPERTIES,
+    motion::velocity_controller::PROPERTIES,
     motion::drive_monitor::PROPERTIES,
     motion::deadline::PROPERTIES,
     sensing::rangefinder::PROPERTIES,

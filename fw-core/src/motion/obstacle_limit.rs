@@ -92,6 +92,7 @@ impl ObstacleLimit {
     /// A measurement of the front sensor that has ended: its bearing at the trigger, turn × 0x10000
     /// counter-clockwise from straight ahead, and its distance, `None` if nothing answered. Counts from
     /// the next [`Self::step`] on.
+    // Requirement: WIRE-obstacle-2
     pub fn on_range(&mut self, bearing: u16, distance: Option<Millimetres>) {
         if (bearing as i16).unsigned_abs() > CONE {
             return;
@@ -110,6 +111,7 @@ impl ObstacleLimit {
     }
 
     /// Every tick, with the robot's motion since the last one.
+    // Requirement: WIRE-obstacle-1
     pub fn step(&mut self, delta: &Delta) {
         let travel = delta.travel.to_bits();
         if travel > 0 {
@@ -156,6 +158,7 @@ impl ObstacleLimit {
     }
 
     /// Largest speed backward, µm/s, not negative.
+    // Requirement: WIRE-obstacle-3, WIRE-obstacle-4
     #[must_use]
     pub fn max_reverse(&self) -> i32 {
         match self.reverse_way {

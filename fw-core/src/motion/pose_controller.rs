@@ -131,6 +131,7 @@ impl PoseController {
     }
 
     /// The obstacle stop's limits from the next [`Self::drive`] on; without a call there are none.
+    // Requirement: WIRE-obstacle-5
     pub fn limit_speed(&mut self, obstacle: &ObstacleLimit) {
         let distance = |speed: i32| {
             let bits = i64::from(speed) * i64::from(self.distance_per_speed) / 1000;

@@ -34,8 +34,8 @@ const PI: u64 = 1_686_629_713;
 const LAG_SHIFT: u32 = 3;
 /// Largest output of a wheel's feed-forward and PI, 2⁻¹⁶ %: twice full duty, and any sum of them fits.
 const MAX_OUTPUT: i64 = 200 << 16;
-/// Largest deviation of a wheel's speed that its PI is given, 2⁻¹⁶ mm a tick: 10 m/s.
-const MAX_ERROR: i32 = 100 << 16;
+/// Largest speed that a saturated wheel is slowed by, 2⁻¹⁶ mm a tick: 100 m/s.
+const MAX_EXCESS: i64 = 1 << 26;
 /// Speed below which a wheel that is to stand is braked, 2⁻¹⁶ mm a tick: 10 mm/s.
 const SLOW: i32 = (1 << 16) / 10;
 
@@ -76,10 +76,7 @@ impl WheelSpeed {
         let drive = 4 * (required - *first) + *second;
         *first += (required - *first) >> LAG_SHIFT;
         *second += (*first - *second) >> LAG_SHIFT;
-        let deviation = second
-            .saturating_sub(measured)
-            .max(-MAX_ERROR)
-            .min(MAX_ERROR);
+        let deviation = second.saturating_sub(measured);
         let deviation = self.deviation.step(I16F16::from_bits(deviation));
         if required != 0 {
             self.backward = required < 0;
@@ -96,9 +93,11 @@ impl WheelSpeed {
     }
 
     /// Speed that does not fit into the duty, 2⁻¹⁶ mm a tick.
+    // Requirement: WIRE-velocity-5
     fn excess(&self, output: i32) -> i32 {
         let excess = output - output.max(-self.headroom).min(self.headroom);
-        ((i64::from(excess) * i64::from(self.speed_per_output)) >> 16) as i32
+        let excess = (i64::from(excess) * i64::from(self.speed_per_output)) >> 16;
+        excess.max(-MAX_EXCESS).min(MAX_EXCESS) as i32
     }
 
     /// An output for a speed that is lower by `excess`.
@@ -174,6 +173,7 @@ impl VelocityController {
     }
 
     /// One tick towards `commanded`, after [`ObstacleLimit::step`]; `delta` is the motion since the last.
+    // Requirement: WIRE-velocity-3, WIRE-velocity-4, WIRE-velocity-6
     #[must_use]
     pub fn step(
         &mut self,
@@ -206,8 +206,10 @@ impl VelocityController {
         } else {
             forward
         };
-        if forward == 0 && turning == 0 && self.left.is_slow() && self.right.is_slow() {
-            self.stand();
+        let still = (forward | free | turning | yaw_rate) == 0;
+        if still && self.left.is_slow() && self.right.is_slow() {
+            self.left.reset();
+            self.right.reset();
             return MotorCommands::BRAKE;
         }
         // 2⁻¹⁶ mm a tick; at most 20 mm and 32 mm.
