@@ -1,6 +1,6 @@
 //! Obstacle stop: the range of speeds that keeps the robot clear of what the front rangefinder sees.
 //!
-//! Forward: `v·t_r + v²/(2a) ≤ max(0, d − overhang − stop_distance)`, t_r the reaction time, a the
+//! Forward: `v·t_r + v²/(2a) ≤ max(0, d − overhang − stop_distance)`, `t_r` the reaction time, a the
 //! deceleration, d the last echo within ±15° of straight ahead less the forward way since. The echo is
 //! void after a newer one, three readings without one in a row, and 15° of turning; without an echo
 //! the blind speed is the limit. Backward, where no sensor looks: the reverse speed, and where driven
@@ -30,7 +30,7 @@ pub struct ObstacleLimit {
     clearance: i32,
     /// 2a, 2⁻²⁸ squared units of speed per 2⁻¹⁶ mm.
     deceleration: u32,
-    /// 2·a·t_r, units of speed.
+    /// `2·a·t_r`, units of speed.
     reaction: u32,
     /// µm/s.
     blind_speed: i32,

@@ -87,9 +87,7 @@ impl WheelSpeed {
             self.pi.step(deviation, I16F16::ZERO)
         };
         let output = (i64::from(drive) * i64::from(self.feed_forward)) >> 16;
-        (output + i64::from(correction.to_bits()))
-            .max(-MAX_OUTPUT)
-            .min(MAX_OUTPUT) as i32
+        (output + i64::from(correction.to_bits())).clamp(-MAX_OUTPUT, MAX_OUTPUT) as i32
     }
 
     /// Speed that does not fit into the duty, 2⁻¹⁶ mm a tick.
@@ -97,13 +95,13 @@ impl WheelSpeed {
     fn excess(&self, output: i32) -> i32 {
         let excess = output - output.max(-self.headroom).min(self.headroom);
         let excess = (i64::from(excess) * i64::from(self.speed_per_output)) >> 16;
-        excess.max(-MAX_EXCESS).min(MAX_EXCESS) as i32
+        excess.clamp(-MAX_EXCESS, MAX_EXCESS) as i32
     }
 
     /// An output for a speed that is lower by `excess`.
     fn slowed(&self, output: i32, excess: i32) -> i32 {
         let less = (i64::from(excess) * i64::from(self.feed_forward)) >> 16;
-        output.saturating_sub(less.max(-2 * MAX_OUTPUT).min(2 * MAX_OUTPUT) as i32)
+        output.saturating_sub(less.clamp(-2 * MAX_OUTPUT, 2 * MAX_OUTPUT) as i32)
     }
 
     fn is_slow(&self) -> bool {

@@ -155,7 +155,7 @@ pub fn commanded_speed_stops_in_time(
         // Units of 256 µm/s; both sides times 2·a·10⁶·2¹⁶ mm⁻¹, over 2¹⁰.
         let n = fastest >> 8;
         assert!(fastest == n << 8);
-        let needed = (n * n << 25) + (n * reaction * deceleration << 18);
+        let needed = ((n * n) << 25) + ((n * reaction * deceleration) << 18);
         assert!(needed <= room * 15_625 * deceleration);
         seen = seen.case(0, room == 0).case(1, room > 0 && allowed > 0);
     } else {
