@@ -88,6 +88,8 @@ impl Default for LocaliserConfig {
 const TURN_PER_100_MM: f64 = 0.25;
 /// Way of a sensor, mm, or turn of its beam, rad, before its next reading is kept.
 const SPACING: (f64, f64) = (5.0, 0.03);
+/// Swept readings at rest that make a stretch.
+const LOOK: f64 = 20.0;
 /// Readings of earlier stretches that help to find bearings.
 const CONTEXT: usize = 10;
 
@@ -99,8 +101,8 @@ struct Track {
     /// How many of them belong to earlier stretches.
     old: usize,
     latest: Option<f64>,
-    /// Beam's heading and time of the last value.
-    taken: (f64, f64),
+    /// Time of the last value, s.
+    time_s: f64,
 }
 
 /// Localisation and map.
@@ -219,13 +221,13 @@ impl Localiser {
         let repeat = match value {
             #[allow(clippy::float_cmp)]
             Some(_) => track.latest == value,
-            None => now.time_s - track.taken.1 < 0.055,
+            None => now.time_s - track.time_s < 0.055,
         };
         if repeat || value.is_some_and(|range| range < nearest) {
             return;
         }
         track.latest = value;
-        track.taken.1 = now.time_s;
+        track.time_s = now.time_s;
         let near = track.readings.last().is_some_and(|last| {
             last.sensor.distance_mm(&at) < SPACING.0
                 && last.sensor.turn_to_rad(&at).abs() < SPACING.1
@@ -236,11 +238,9 @@ impl Localiser {
                 range_mm: value,
             });
             // A swept beam sees new ground with the robot at rest.
-            let swept = (at.heading_rad - self.dead_reckoning.heading_rad - track.taken.0).abs();
-            if sensor == 0 {
-                self.way_mm += swept * 100.0 / TURN_PER_100_MM / 4.0;
+            if motion == Pose2::default() {
+                self.way_mm += self.config.stretch_mm / LOOK;
             }
-            track.taken.0 = at.heading_rad - self.dead_reckoning.heading_rad;
         }
     }
 
