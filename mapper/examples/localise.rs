@@ -1,51 +1,27 @@
-//! The localiser on drives through whole rooms, with its parts switched off one at a time.
+//! The localiser on drives through whole rooms, with its parts switched off one at a time:
+//! `cargo run --release -p mapper --example localise -- ROOMS FIRST LAST [SWEEP_DEG [CASE [FOLDER]]]`
 //!
-//! `cargo run --release -p mapper --example localise -- [FIRST..LAST seed] [sweep in degrees]`
+//! ROOMS is `default` (the seeds draw robots) or `generated` (they draw rooms, too). Without a case
+//! all of them; with a folder the maps are drawn there.
 
 #[path = "../tests/tour/mod.rs"]
 mod tour;
 
-use mapper::LocaliserConfig;
-use plant::{Imperfections, Room};
+use std::{env, error::Error, fs, path::PathBuf};
+
+use mapper::{map_plot, LocaliserConfig, MatcherConfig};
+use plant::{room, Imperfections, Room};
 use tour::Drive;
 
-fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let (first, last) = arguments
-        .get(1)
-        .and_then(|range| range.split_once(".."))
-        .map_or((1, 4), |(a, b)| (a.parse().unwrap(), b.parse().unwrap()));
-    let sweep: f64 = arguments
-        .get(2)
-        .map_or(0.0, |degrees| degrees.parse().unwrap());
-    let only = arguments.get(3).map_or("", |s| s.as_str());
-    println!(
-        "{:20}  seed   iou     P     R  median  worst  heading   raw worst  NEES  minutes  ms/s",
-        ""
-    );
-    let env = |name: &str| std::env::var(name).ok().and_then(|v| v.parse::<f64>().ok());
-    let base = || {
-        let mut config = LocaliserConfig::default();
-        let m = config.matcher.as_mut().unwrap();
-        if let Some(v) = env("DRIFT") {
-            m.drift = v
-        }
-        if let Some(v) = env("TEMP") {
-            m.temperature = v
-        }
-        if let Some(v) = env("SURF") {
-            m.surface_mm = v
-        }
-        if let Some(v) = env("AGE") {
-            config.range_age_s = v
-        }
-        if let Some(v) = env("LEN") {
-            config.stretch_mm = v
-        }
-        config
+fn cases() -> Vec<(&'static str, LocaliserConfig)> {
+    let base = LocaliserConfig::default;
+    let unweighted = MatcherConfig {
+        temperature: 1.0,
+        ..MatcherConfig::default()
     };
-    let cases: [(&str, LocaliserConfig); 4] = [
+    vec![
         ("everything", base()),
+        ("no gyroscope", base()),
         (
             "no matching",
             LocaliserConfig {
@@ -60,26 +36,59 @@ fn main() {
                 ..base()
             },
         ),
-        ("temperature 1", {
-            let mut c = base();
-            c.matcher.as_mut().unwrap().temperature = 1.0;
-            c
-        }),
-    ];
-    for (name, config) in cases {
-        if !name.starts_with(only) {
+        (
+            "readings independent",
+            LocaliserConfig {
+                matcher: Some(unweighted),
+                ..base()
+            },
+        ),
+    ]
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let argument = |nth: usize, default: &'static str| {
+        arguments
+            .get(nth)
+            .map_or(default, String::as_str)
+            .to_owned()
+    };
+    let generated = argument(0, "default") == "generated";
+    let seeds = argument(1, "1").parse::<u64>()?..=argument(2, "4").parse()?;
+    let sweep = argument(3, "0").parse::<f64>()?.to_radians();
+    println!(
+        "{:20}  seed   iou     P     R  median  worst  heading   raw worst  NEES  minutes  ms/s",
+        ""
+    );
+    for (name, config) in cases() {
+        if !name.starts_with(&argument(4, "")) {
             continue;
         }
-        for seed in first..=last {
-            let room = Room::two_rooms();
+        for seed in seeds.clone() {
+            let room = if generated {
+                room::generate(seed)
+            } else {
+                Room::two_rooms()
+            };
             let mut drive = Drive::new(&room, Imperfections::default(), seed, config.clone());
-            drive.tour(&room, sweep.to_radians());
+            drive.with_gyro = name != "no gyroscope";
+            drive.tour(&room, sweep);
             let r = drive.result(&room);
             println!(
                 "{name:20} {seed:5} {:.3} {:.3} {:.3} {:6.0}  {:6.0}  {:6.1}  {:9.0}  {:5.1}  {:5.1}  {:5.2}",
                 r.map.iou, r.map.precision, r.map.recall, r.median_mm, r.worst_mm, r.heading_deg,
                 r.raw_worst_mm, r.nees, r.minutes, r.ms_per_s,
             );
+            if let Some(folder) = arguments.get(5).map(PathBuf::from) {
+                fs::create_dir_all(&folder)?;
+                let column =
+                    |which: usize| drive.poses.iter().map(|p| p[which]).collect::<Vec<_>>();
+                let (grid, walls) = (drive.localiser.grid(), drive.walls(&room));
+                let plot = map_plot::trajectory(grid, &column(0), &column(1), &walls)?;
+                fs::write(folder.join(format!("{seed}.png")), plot)?;
+            }
         }
     }
+    Ok(())
 }

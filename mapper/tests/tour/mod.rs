@@ -164,6 +164,7 @@ impl<'a> Floor<'a> {
 pub struct Drive {
     pub localiser: Localiser,
     pub robot: KinematicRobot,
+    pub with_gyro: bool,
     /// By frame, relative to the start: estimate, truth, odometry.
     pub poses: Vec<[Pose2; 3]>,
     /// Squared errors in units of the reported covariance, one per second.
@@ -178,6 +179,7 @@ impl Drive {
         Self {
             localiser: Localiser::new(config),
             robot: KinematicRobot::new(room.clone(), room.start, world, seed),
+            with_gyro: true,
             poses: Vec::new(),
             nees: Vec::new(),
             cost_s: 0.0,
@@ -197,7 +199,8 @@ impl Drive {
 
     fn frame(&mut self, start: &Pose2, command: VelocityInput) {
         self.robot.step(FRAME_S, command);
-        let observation = Self::observation(&self.robot);
+        let mut observation = Self::observation(&self.robot);
+        observation.gyro_rad = observation.gyro_rad.filter(|_| self.with_gyro);
         let clock = std::time::Instant::now();
         self.localiser.observe(&observation);
         self.cost_s += clock.elapsed().as_secs_f64();
@@ -271,18 +274,25 @@ pub struct Figures {
 }
 
 impl Drive {
-    #[allow(clippy::cast_precision_loss)]
-    pub fn result(&self, room: &Room) -> Figures {
-        let (frame, errors, heading_deg) = aligned(&self.poses, 0);
-        let (_, raw, _) = aligned(&self.poses, 2);
+    /// The room's visible surfaces in the map's frame, by the best rigid alignment of the way.
+    pub fn walls(&self, room: &Room) -> Vec<Segment> {
+        let (frame, _, _) = aligned(&self.poses, 0);
         let to = Pose2::default().relative_to(&frame);
         let point = |p: Point| to.point_at(p.x_mm, p.y_mm);
         let walls = room.relative_to_start().visible_surfaces();
-        let moved = |s: &Segment| Segment::new(point(s.from), point(s.to));
-        let walls: Vec<Segment> = walls.iter().map(moved).collect();
+        walls
+            .iter()
+            .map(|s| Segment::new(point(s.from), point(s.to)))
+            .collect()
+    }
+
+    #[allow(clippy::cast_precision_loss)]
+    pub fn result(&self, room: &Room) -> Figures {
+        let (_, errors, heading_deg) = aligned(&self.poses, 0);
+        let (_, raw, _) = aligned(&self.poses, 2);
         let seconds = self.robot.sample().time_s;
         Figures {
-            map: map_iou(self.localiser.grid(), &walls, 100.0),
+            map: map_iou(self.localiser.grid(), &self.walls(room), 100.0),
             median_mm: errors[errors.len() / 2],
             worst_mm: errors[errors.len() - 1],
             heading_deg,
