@@ -13,7 +13,7 @@ use crate::Pose2;
 /// Largest cost of an element: an outlier.
 pub(super) const LIMIT: f64 = 9.0;
 /// Half the number of lattice points per axis.
-pub(super) const ASIDE: i32 = 6;
+pub(super) const ASIDE: i32 = 5;
 /// A surfel answers for its surroundings up to this distance along the surface, mm …
 const ALONG_MM: f64 = 60.0;
 /// … and beyond with this deviation.
@@ -21,7 +21,7 @@ const BEYOND_MM: f64 = 25.0;
 /// Error of the map's normals, rad.
 const FACING_RAD: f64 = 0.08;
 /// Surfels that an element is compared with.
-const PARTNERS: usize = 5;
+const PARTNERS: usize = 3;
 
 /// An element and a surfel, for one heading: `cost = fixed + (n·t + c)²/σ² + …` for a translation t.
 struct Pair {

@@ -217,29 +217,31 @@ fn fit(readings: &[Reading], unclear: &Element, beam: &Beam) -> Option<Element> 
 fn wall_misfit(readings: &[Reading], direction: f64, beam: &Beam) -> f64 {
     let (sin, cos) = direction.sin_cos();
     // The wall's distance from the origin along the direction, by each reading.
-    let distance = |reading: &Reading| {
+    scatter(readings.iter().map(|reading| {
         let off = wrap_angle(direction - reading.sensor.heading_rad).abs();
         let beyond = (off - beam.half_angle_rad).max(0.0);
-        let range = reading.range_mm.unwrap_or(0.0) * beyond.cos();
+        // Its cosine to 2e-4.
+        let range = reading.range_mm.unwrap_or(0.0) * (1.0 - beyond * beyond / 2.0);
         range + reading.sensor.x_mm * cos + reading.sensor.y_mm * sin
-    };
-    scatter(readings.iter().map(distance))
+    }))
 }
 
-/// Sum of the squared residuals of an edge in this direction from the middle reading, mm².
+/// Sum of the squared residuals of an edge in this direction from the middle reading, mm². A change
+/// of its distance changes all ranges alike, to first order.
 fn edge_misfit(readings: &[Reading], from: &Element, direction: f64) -> f64 {
-    let towards = Pose2 {
-        heading_rad: direction,
+    let heading_rad = direction;
+    let edge = Pose2 {
+        heading_rad,
         ..from.sensor
-    };
-    let mut away = from.range_mm;
-    let residual = |away: f64, reading: &Reading| {
-        let edge = towards.point_at(away, 0.0);
-        reading.range_mm.unwrap_or(0.0) - edge.distance_mm(reading.sensor.position())
-    };
-    let count = f64::from(u32::try_from(readings.len()).unwrap_or(1));
-    away += readings.iter().map(|r| residual(away, r)).sum::<f64>() / count;
-    readings.iter().map(|r| residual(away, r).powi(2)).sum()
+    }
+    .point_at(from.range_mm, 0.0);
+    scatter(readings.iter().map(|reading| {
+        let (dx, dy) = (
+            edge.x_mm - reading.sensor.x_mm,
+            edge.y_mm - reading.sensor.y_mm,
+        );
+        reading.range_mm.unwrap_or(0.0) - (dx * dx + dy * dy).sqrt()
+    }))
 }
 
 /// Sum of the squared differences from the mean.
