@@ -1,13 +1,13 @@
 //! Driving to a pose, and from pose to pose. Every early end of a drive stops the robot.
 
-#[allow(dead_code)] // for the mode that carries a velocity
 mod pose_follower;
 
 use crate::error::Error;
 use crate::pose::Pose;
-use crate::session::{CommandRequest, Session};
+use crate::session::{CommandRequest, Session, VelocityRequest};
 use crate::snapshot::Snapshot;
 use fw_core::wire::{Field, Report};
+use pose_follower::PoseFollower;
 use std::collections::VecDeque;
 
 /// When a drive counts as done.
@@ -96,7 +96,7 @@ pub fn follow<'m>(
     mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
     let mode = session.config().mode();
-    if !mode.has(Field::Position) {
+    if !mode.has(Field::Position) && !mode.has(Field::Velocity) {
         return Err(Error::WrongMode {
             mode: mode.name(),
             required: "position to drive to",
@@ -106,16 +106,26 @@ pub fn follow<'m>(
     let begun_us = session.now_us();
     let from = session.snapshot().pose.unwrap_or_default();
     let seconds = criteria.allowance_s(from.distance_mm(target));
-    let request = CommandRequest {
+    let mut request = CommandRequest {
         target: Some(target),
         ..CommandRequest::default()
     };
+    // Where the frame carries a velocity, the pose is followed here.
+    let mut follower = mode
+        .has(Field::Velocity)
+        .then(|| PoseFollower::new(target, criteria.tolerance_mm, criteria.tolerance_deg));
     let mut rest = RestDetector::default();
-    let mut moving = StopOnDrop {
-        session,
-        arrived: false,
-    };
+    let mut moving = StopOnDrop::new(session);
     loop {
+        if let Some(follower) = &mut follower {
+            let pose = moving.session.snapshot().pose.unwrap_or_default();
+            let (forward_mm_s, yaw_rate_deg_s) = follower.step(pose);
+            request.velocity = Some(VelocityRequest {
+                forward_mm_s,
+                yaw_rate_deg_s,
+                ..VelocityRequest::default()
+            });
+        }
         let report = moving.session.exchange(&request)?;
         watch(moving.session, report.as_ref())?;
         if let Some(report) = report {
@@ -174,9 +184,18 @@ fn seconds_since(begun_us: u64, now_us: u64) -> f64 {
 }
 
 /// Stops the robot when dropped before it arrived.
-struct StopOnDrop<'s, 'm> {
-    session: &'s mut Session<'m>,
+pub struct StopOnDrop<'s, 'm> {
+    /// The session to drive in.
+    pub session: &'s mut Session<'m>,
     arrived: bool,
+}
+
+impl<'s, 'm> StopOnDrop<'s, 'm> {
+    /// Stops the robot when this is dropped.
+    pub fn new(session: &'s mut Session<'m>) -> Self {
+        let arrived = false;
+        Self { session, arrived }
+    }
 }
 
 impl Drop for StopOnDrop<'_, '_> {

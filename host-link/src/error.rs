@@ -189,6 +189,16 @@ pub enum Error {
         /// Rotation left, degrees, signed.
         off_deg: f64,
     },
+    /// A drive by a plan ended before it was complete.
+    #[error("{what} after {seconds:.0} s: {reason}; look for an obstacle and start again")]
+    Incomplete {
+        /// What is left undone.
+        what: &'static str,
+        /// Why.
+        reason: &'static str,
+        /// Seconds it took.
+        seconds: f64,
+    },
     /// The robot stopped or faulted while it should drive.
     #[error(
         "the robot is {state} (faults: {faults}) and will not drive; remove the cause, then run \
@@ -248,7 +258,7 @@ impl Error {
             Self::Rejected { .. } | Self::WrongMode { .. } => Exit::Rejected,
             Self::NotReady { .. } => Exit::NotReady,
             Self::Spi(_) | Self::Silent { .. } | Self::ModeMismatch { .. } => Exit::Link,
-            Self::NotReached { .. } => Exit::NotReached,
+            Self::NotReached { .. } | Self::Incomplete { .. } => Exit::NotReached,
             Self::Fault { .. } => Exit::Fault,
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
             Self::Unwritable { .. } => Exit::Output,

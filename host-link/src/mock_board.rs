@@ -50,6 +50,8 @@ pub struct MockBoard {
     pub commands: Vec<Command>,
     /// What the board reports in its next reply.
     pub report: Report,
+    /// What the robot does with a command: changes what it reports.
+    pub on_command: Option<Box<dyn FnMut(&Command, &mut Report)>>,
     /// Unread bytes of the UART log.
     pub log: Vec<u8>,
     /// Whether the log's wire is there.
@@ -198,6 +200,9 @@ impl MockBoard {
         }
         if self.commands.len() >= self.garbled_from {
             back.fill(0xFF);
+        }
+        if let Some(robot) = &mut self.on_command {
+            robot(&command, &mut self.report);
         }
         self.commands.push(command);
     }
@@ -354,6 +359,7 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
         memory: memory.clone(),
         commands: Vec::new(),
         report: Report::default(),
+        on_command: None,
         log: Vec::new(),
         log_connected: true,
         garbled_from: usize::MAX,
