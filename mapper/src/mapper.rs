@@ -76,15 +76,21 @@ impl Mapper {
     /// of [`Config::mounts`], mm, `None` = no echo or out of range. Give every report once, repeats
     /// of a measurement included; ranges without a mount are ignored.
     pub fn observe(&mut self, pose: &Pose2, ranges_mm: &[Option<f64>]) {
-        for (index, range_mm) in ranges_mm.iter().enumerate() {
-            if let Some(mount) = self.config.mounts.get(index) {
-                let reading = Reading {
-                    sensor: mount.sensor_pose(pose),
-                    range_mm: *range_mm,
-                };
-                let verdict = self.filters[index].take(reading);
-                self.enter(verdict);
-            }
+        for (sensor, range_mm) in ranges_mm.iter().enumerate() {
+            self.observe_fixed(pose, sensor, *range_mm);
+        }
+    }
+
+    /// Takes the latest range of one rangefinder along its mount, otherwise like
+    /// [`Mapper::observe`].
+    pub fn observe_fixed(&mut self, pose: &Pose2, sensor: usize, range_mm: Option<f64>) {
+        if let Some(mount) = self.config.mounts.get(sensor) {
+            let reading = Reading {
+                sensor: mount.sensor_pose(pose),
+                range_mm,
+            };
+            let verdict = self.filters[sensor].take(reading);
+            self.enter(verdict);
         }
     }
 

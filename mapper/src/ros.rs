@@ -1,6 +1,6 @@
 //! The map as the pair of files that ROS map servers read: a PGM picture and a YAML text.
 
-use crate::{Cell, Grid};
+use crate::{Cell, Grid, Point};
 
 /// The picture: binary PGM, one pixel per cell, the top row the largest y; 0 = occupied,
 /// 254 = free, 205 = unknown, as the thresholds of [`yaml`] read them.
@@ -33,6 +33,91 @@ pub fn yaml(grid: &Grid, picture: &str) -> String {
     )
 }
 
+/// The value of a line `key: value` of the metadata.
+///
+/// # Errors
+/// Names the key that is missing.
+pub fn value<'y>(yaml: &'y str, key: &str) -> Result<&'y str, String> {
+    let mut lines = yaml.lines().filter_map(|line| line.split_once(':'));
+    let found = lines.find(|(found, _)| found.trim() == key);
+    found
+        .map(|(_, value)| value.trim())
+        .ok_or_else(|| format!("no line `{key}:`"))
+}
+
+/// Log-odds of what a picture calls occupied or free.
+const KNOWN: f32 = 4.0;
+
+/// The map of a picture and its metadata, which [`pgm`] and [`yaml`] or a ROS map server wrote.
+///
+/// # Errors
+/// What is wrong with either.
+pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
+    let number = |key: &str| {
+        let text = value(yaml, key)?;
+        let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+        number.ok_or_else(|| format!("{key}: {text} is no number"))
+    };
+    let origin = value(yaml, "origin")?.trim_matches(['[', ']']);
+    let origin: Vec<f64> = origin
+        .split(',')
+        .flat_map(|word| word.trim().parse())
+        .collect();
+    let &[x_m, y_m, 0.0] = origin.as_slice() else {
+        return Err("origin: expected is [x, y, 0]".into());
+    };
+    let cell_mm = number("resolution")? * 1000.0;
+    if !(1.0..=1000.0).contains(&cell_mm) {
+        return Err(format!("resolution: {cell_mm} mm is not within 1 to 1000"));
+    }
+    let (occupied, free) = (number("occupied_thresh")?, number("free_thresh")?);
+    let (columns, rows, pixels) =
+        picture(pgm).ok_or("the picture is no whole binary PGM of 8 bits")?;
+    let corner = Point::new(x_m * 1000.0, y_m * 1000.0);
+    #[allow(clippy::cast_precision_loss)] // some thousand cells
+    let far = Point::new(
+        corner.x_mm + (columns as f64 - 0.5) * cell_mm,
+        corner.y_mm + (rows as f64 - 0.5) * cell_mm,
+    );
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
+    let index = |mm: f64| (mm / cell_mm) as usize;
+    Ok(Grid::from_fn(cell_mm, corner, far, |point| {
+        let (column, row) = (
+            index(point.x_mm - corner.x_mm),
+            index(point.y_mm - corner.y_mm),
+        );
+        let Some(&pixel) = rows
+            .checked_sub(row + 1)
+            .filter(|_| column < columns)
+            .and_then(|from_top| pixels.get(from_top * columns + column))
+        else {
+            return 0.0;
+        };
+        match (255.0 - f64::from(pixel)) / 255.0 {
+            share if share > occupied => KNOWN,
+            share if share < free => -KNOWN,
+            _ => 0.0,
+        }
+    }))
+}
+
+/// Columns, rows and pixels of a binary PGM without comments.
+fn picture(pgm: &[u8]) -> Option<(usize, usize, &[u8])> {
+    let mut rest = pgm;
+    let mut word = || {
+        let end = rest.iter().position(u8::is_ascii_whitespace)?;
+        let (word, more) = rest.split_at(end);
+        rest = &more[1..];
+        std::str::from_utf8(word).ok()
+    };
+    if word()? != "P5" {
+        return None;
+    }
+    let (columns, rows) = (word()?.parse().ok()?, word()?.parse().ok()?);
+    (word()? == "255" && Some(rest.len()) == usize::checked_mul(columns, rows))
+        .then_some((columns, rows, rest))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -62,6 +147,28 @@ mod tests {
                 _ => 205,
             };
             assert_eq!(pixel, expected, "{middle:?}");
+        }
+    }
+
+    #[test]
+    fn written_map_reads_back() {
+        let grid = grid();
+        let (text, file) = (yaml(&grid, "map.pgm"), pgm(&grid));
+        let back = read(&text, &file).unwrap();
+        for (column, row) in grid.cells() {
+            let middle = grid.middle(column, row);
+            assert_eq!(back.cell_at(middle), grid.cell(column, row), "{middle:?}");
+        }
+        for (yaml, pgm, expected) in [
+            ("", &file[..], "no line `origin:`"),
+            (&text.replace("0.025", "9.025"), &file, "9025 mm is not"),
+            (&text.replace("0.0]", "1.0]"), &file, "[x, y, 0]"),
+            (&text.replace("0.65", "x"), &file, "occupied_thresh: x"),
+            (&text, &file[..file.len() - 1], "no whole binary PGM"),
+            (&text, b"P2\n", "no whole binary PGM"),
+        ] {
+            let error = read(yaml, pgm).unwrap_err();
+            assert!(error.contains(expected), "{error}");
         }
     }
 
