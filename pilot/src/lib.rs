@@ -16,11 +16,13 @@
 //! | [`tune`] | steps, model, gains, dividers |
 //! | [`calibrate`] | wheel diameters and track from measured runs |
 //! | [`ground_truth`] | the true end of a run |
+//! | [`exploring`] | driving by a plan with localisation |
 //! | [`mapping`] | mapping while driving; recordings |
 //! | `virtual_board` | the firmware's ELF on the virtual board (feature `virtual`) |
 #![forbid(unsafe_code)]
 
 pub mod calibrate;
+pub mod exploring;
 pub mod ground_truth;
 pub mod hints;
 pub mod mapping;

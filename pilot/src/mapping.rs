@@ -7,7 +7,7 @@ use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::snapshot::Snapshot;
-use mapper::{Mapper, Mount, map_plot, ros};
+use mapper::{Grid, Mapper, Mount, Pose2, map_plot, ros};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ impl RangeSample {
             pose,
             ranges_mm: snapshot.ranges_mm,
             bearing_deg: snapshot.bearing_deg,
-            gyro_deg: None,
+            gyro_deg: snapshot.gyro_turns.map(|turns| turns * 360.0),
         })
     }
 }
@@ -80,6 +80,12 @@ impl Mapping {
             Some(bearing) => {
                 self.mapper
                     .observe_scan(&pose, 0, bearing.to_radians(), sample.ranges_mm[0]);
+                // The sweep mode reports no others.
+                for (sensor, range) in sample.ranges_mm.iter().enumerate().skip(1) {
+                    if range.is_some() {
+                        self.mapper.observe_fixed(&pose, sensor, *range);
+                    }
+                }
             }
             None => self.mapper.observe(&pose, &sample.ranges_mm),
         }
@@ -114,23 +120,8 @@ impl Mapping {
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
-        let files = Files {
-            png: image::with_suffix(stem, ".png"),
-            pgm: image::with_suffix(stem, ".pgm"),
-            yaml: image::with_suffix(stem, ".yaml"),
-        };
-        let odometry: Vec<mapper::Pose2> = self.trace.iter().copied().map(mapper_pose).collect();
-        let grid = self.mapper.grid();
-        let png =
-            map_plot::trajectory(grid, &odometry, &[], &[]).map_err(|cause| Error::Unwritable {
-                path: files.png.clone(),
-                cause: cause.to_string(),
-            })?;
-        image::save(&files.png, &png)?;
-        image::save(&files.pgm, &ros::pgm(grid))?;
-        let picture = files.pgm.file_name().unwrap_or_default().to_string_lossy();
-        image::save(&files.yaml, ros::yaml(grid, &picture).as_bytes())?;
-        Ok(files)
+        let odometry: Vec<Pose2> = self.trace.iter().copied().map(mapper_pose).collect();
+        save_map(self.mapper.grid(), &odometry, stem)
     }
 
     /// Writes the recording (CSV).
@@ -142,9 +133,42 @@ impl Mapping {
     }
 }
 
+/// Writes a map: `stem`.png under the path, `stem`.pgm and `stem`.yaml as ROS map servers read them.
+///
+/// # Errors
+/// [`Error::Unwritable`].
+pub fn save_map(grid: &Grid, path: &[Pose2], stem: &Path) -> Result<Files, Error> {
+    let files = Files {
+        png: image::with_suffix(stem, ".png"),
+        pgm: image::with_suffix(stem, ".pgm"),
+        yaml: image::with_suffix(stem, ".yaml"),
+    };
+    let png = map_plot::trajectory(grid, path, &[], &[]).map_err(|cause| Error::Unwritable {
+        path: files.png.clone(),
+        cause: cause.to_string(),
+    })?;
+    image::save(&files.png, &png)?;
+    image::save(&files.pgm, &ros::pgm(grid))?;
+    let picture = files.pgm.file_name().unwrap_or_default().to_string_lossy();
+    image::save(&files.yaml, ros::yaml(grid, &picture).as_bytes())?;
+    Ok(files)
+}
+
+/// Reads a map that [`save_map`] or a ROS map server wrote, by its YAML file.
+///
+/// # Errors
+/// [`Error::Unreadable`], [`Error::Content`].
+pub fn load_map(path: &Path) -> Result<Grid, Error> {
+    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    let wrong = |what| Error::content(path, None, what);
+    let picture = path.with_file_name(ros::value(&text, "image").map_err(wrong)?);
+    let pixels = fs::read(&picture).map_err(|cause| Error::unreadable(&picture, &cause))?;
+    ros::read(&text, &pixels).map_err(wrong)
+}
+
 /// The pose as the mapper takes it.
-fn mapper_pose(pose: Pose) -> mapper::Pose2 {
-    mapper::Pose2::new(pose.x_mm, pose.y_mm, pose.rotation_deg.to_radians())
+pub(crate) fn mapper_pose(pose: Pose) -> Pose2 {
+    Pose2::new(pose.x_mm, pose.y_mm, pose.rotation_deg.to_radians())
 }
 
 /// The mapper's settings for a configuration: its rangefinders and their bearings.

@@ -62,6 +62,8 @@ pub enum Command {
     Tour(Tour),
     /// Draw a map (PNG, and PGM + YAML for ROS) while driving, or from a recording
     Map(Map),
+    /// Explore an unknown room alone: localise, avoid, map everything reachable, come back
+    Explore(Explore),
     /// Measure the drive or a battery tap, and tune gains or divider by it
     Tune {
         #[command(subcommand)]
@@ -364,6 +366,19 @@ pub struct Map {
     pub cell: u16,
     #[command(flatten)]
     pub criteria: CriteriaArgs,
+}
+
+#[derive(Args)]
+pub struct Explore {
+    /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
+    #[arg(long, value_name = "STEM", default_value = "map")]
+    pub out: PathBuf,
+    /// Record every report (CSV)
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
+    #[arg(long)]
+    pub yes: bool,
 }
 
 /// When a drive counts as done.

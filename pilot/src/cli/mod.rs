@@ -6,6 +6,7 @@ mod calibrate;
 mod connection;
 mod drive;
 mod eeprom;
+mod explore;
 mod map;
 mod mode;
 mod monitor;
@@ -78,6 +79,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         Command::Tune { command } => tune::run(command, context),
         Command::Calibrate { command } => calibrate::run(command, context),
         Command::Map(map) => map::run(map, context),
+        Command::Explore(explore) => explore::run(explore, context),
     }?;
     Ok(Exit::Ok)
 }

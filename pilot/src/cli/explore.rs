@@ -1,0 +1,192 @@
+//! `explore`: the robot finds its own way and maps the room.
+
+use super::args::Explore;
+use super::connection::{Connection, Context};
+use super::prompt;
+use fw_core::eeprom::fields;
+use fw_core::wire::{Field, Mode};
+use host_link::eeprom;
+use host_link::error::Error;
+use host_link::session::Session;
+use host_link::settings::{self, Settings};
+use host_link::statistics::LinkStatistics;
+use mapper::{Cell, Grid, Localiser, PoseEstimate};
+use navigator::{Explorer, Outcome};
+use pilot::exploring::{self, Drive, Localisation, Plan, Step};
+use pilot::mapping::Files;
+use serde::Serialize;
+
+/// Cells of the map, mm.
+const CELL_MM: f64 = 25.0;
+/// Frames between two live lines: counting the map's cells takes time.
+const LIVE_FRAMES: u32 = 20;
+
+/// Explores and leaves the map.
+pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
+    context.with_board(|connection| {
+        ensure_mode(connection, explore.yes, context)?;
+        let mut session = context.open_session(&mut connection.io)?;
+        let config = session.config();
+        let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
+        let mut localisation = Localisation::new(localiser, config, CELL_MM);
+        let mut plan = Explorer::new(exploring::navigator_config(config));
+        let driven = drive(&mut session, &mut localisation, &mut plan, context);
+        // What was seen before an error is worth keeping, whatever the error was.
+        let link = session.statistics();
+        let saved = save(explore, &localisation, driven.as_ref().ok(), link, context);
+        complete(&driven?, "the room is not wholly explored")?;
+        saved
+    })
+}
+
+/// Drives by a plan with a live line.
+pub fn drive(
+    session: &mut Session<'_>,
+    localisation: &mut Localisation,
+    plan: &mut impl Plan,
+    context: Context<'_>,
+) -> Result<Drive, Error> {
+    let (output, mut frames) = (context.output, 0);
+    let driven = exploring::drive(session, localisation, plan, |step| {
+        frames += 1;
+        if output.is_live() && frames % LIVE_FRAMES == 0 {
+            output.live(&line(step));
+        }
+    });
+    output.end_live();
+    driven
+}
+
+/// An error where the plan ended early.
+pub fn complete(drive: &Drive, what: &'static str) -> Result<(), Error> {
+    let reason = match drive.outcome {
+        Outcome::Complete => return Ok(()),
+        Outcome::TimeLimit => "the time ran out",
+        Outcome::Unreachable => "no way is left that the map shows free",
+    };
+    let seconds = drive.seconds;
+    Err(Error::Incomplete {
+        what,
+        reason,
+        seconds,
+    })
+}
+
+fn line(step: &Step<'_>) -> String {
+    let PoseEstimate { pose, .. } = step.estimate;
+    format!(
+        "x {:6.0} mm  y {:6.0} mm  {:4.0}°  free {:5.1} m²  targets {}",
+        pose.x_mm,
+        pose.y_mm,
+        pose.heading_rad.to_degrees(),
+        free_m2(step.grid),
+        step.targets
+    )
+}
+
+/// Area of the map that is free, m².
+#[allow(clippy::cast_precision_loss)] // far below 2^53
+fn free_m2(grid: &Grid) -> f64 {
+    let free = grid
+        .cells()
+        .filter(|&(column, row)| grid.cell(column, row) == Cell::Free);
+    free.count() as f64 * grid.cell_mm().powi(2) / 1e6
+}
+
+/// Makes both ends run Guarded Velocity: with `--yes`, or where a person agrees, writes it to the EEPROM
+/// with the gyro on and resets the STM.
+// Requirement: DOC-5.2-2
+pub fn ensure_mode(
+    connection: &mut Connection,
+    yes: bool,
+    context: Context<'_>,
+) -> Result<(), Error> {
+    let Connection { io, journal, .. } = connection;
+    let image = eeprom::read(io)?;
+    let mode = settings::decode(&image)?.mode();
+    if mode.has(Field::Velocity) {
+        return Ok(());
+    }
+    let wanted = Mode::GuardedVelocity;
+    let question = format!(
+        "The EEPROM holds the mode {}; this command drives in {}. Write it, with gyro = 1, and reset the STM?",
+        mode.name(),
+        wanted.name()
+    );
+    if !yes && !prompt::confirm(&question, &io.interrupt, context.output)? {
+        return Err(Error::WrongMode {
+            mode: mode.name(),
+            required: "velocity to drive at",
+        });
+    }
+    let wanted = [(fields::MODE, wanted.code().into()), (fields::GYRO, 1)];
+    let wanted = Settings::from_image(&image)?.with(&wanted)?;
+    let (timeout, output) = (context.board.ready_timeout, context.output);
+    eeprom::program(io, wanted.image(), timeout, Some(journal), |step| {
+        output.progress(step)
+    })?;
+    output.live("");
+    output.message(&format!(
+        "mode {} -> Guarded Velocity, gyro = 1",
+        mode.name()
+    ));
+    Ok(())
+}
+
+#[derive(Serialize)]
+struct Done {
+    files: Files,
+    raw_files: Files,
+    outcome: Option<&'static str>,
+    seconds: Option<f64>,
+    stops: Option<u32>,
+    free_m2: f64,
+    path_mm: f64,
+    link: LinkStatistics,
+}
+
+fn save(
+    explore: &Explore,
+    localisation: &Localisation,
+    drive: Option<&Drive>,
+    link: LinkStatistics,
+    context: Context<'_>,
+) -> Result<(), Error> {
+    let raw = &localisation.raw;
+    if let Some(recording) = &explore.record {
+        raw.save_recording(recording)?;
+    }
+    let mut raw_stem = explore.out.clone().into_os_string();
+    raw_stem.push("-raw");
+    let done = Done {
+        files: localisation.save_map(&explore.out)?,
+        raw_files: raw.save_map(raw_stem.as_ref())?,
+        outcome: drive.map(|drive| outcome_name(drive.outcome)),
+        seconds: drive.map(|drive| drive.seconds),
+        stops: drive.map(|drive| drive.stops),
+        free_m2: free_m2(localisation.localiser.grid()),
+        path_mm: raw.path_mm(),
+        link,
+    };
+    context.output.result(&done, || {
+        format!(
+            "map of {:.1} m² over {:.1} m of way in {}, {}, {}; by odometry alone in {}",
+            done.free_m2,
+            done.path_mm / 1000.0,
+            done.files.png.display(),
+            done.files.pgm.display(),
+            done.files.yaml.display(),
+            done.raw_files.png.display()
+        )
+    });
+    Ok(())
+}
+
+/// An outcome's word.
+const fn outcome_name(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Complete => "complete",
+        Outcome::TimeLimit => "time-limit",
+        Outcome::Unreachable => "unreachable",
+    }
+}

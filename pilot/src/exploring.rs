@@ -1,0 +1,337 @@
+//! A robot that finds its own way: every report goes to the localiser, its estimate and map to the
+//! plan, and the plan's velocity to the robot.
+//!
+//! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
+
+use crate::mapping::{self, Files, Mapping, RangeSample};
+use fw_core::eeprom::Config;
+use fw_core::types::Faults;
+use fw_core::wire::{Field, Order, Report, State};
+use host_link::drive::StopOnDrop;
+use host_link::error::Error;
+use host_link::pose::Pose;
+use host_link::session::{CommandRequest, Session, VelocityRequest};
+use host_link::snapshot;
+use mapper::{Grid, Localiser, LocaliserConfig, Mount, Observation, Pose2, PoseEstimate};
+use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
+use std::collections::VecDeque;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Chooses the next velocity: exploring, or going to a point.
+pub trait Plan {
+    /// Takes a frame: the map as it is now and the robot's report.
+    fn step(&mut self, grid: &Grid, status: &Status) -> Action;
+
+    /// Targets that were left when the last one was chosen.
+    fn targets(&self) -> usize {
+        1
+    }
+}
+
+impl Plan for Explorer {
+    fn step(&mut self, grid: &Grid, status: &Status) -> Action {
+        Explorer::step(self, grid, status)
+    }
+
+    fn targets(&self) -> usize {
+        Explorer::targets(self)
+    }
+}
+
+impl Plan for GoTo {
+    fn step(&mut self, grid: &Grid, status: &Status) -> Action {
+        GoTo::step(self, grid, status)
+    }
+}
+
+/// Where the robot is and what it has seen: the localiser, and beside it the map, the path and the
+/// recording that the reported poses alone give.
+pub struct Localisation {
+    /// The estimate and the corrected map.
+    pub localiser: Localiser,
+    /// By the reported poses.
+    pub raw: Mapping,
+    /// Every estimated pose, in order.
+    pub path: Vec<Pose2>,
+    /// Time that localising and planning took on this computer.
+    pub busy: Duration,
+}
+
+impl Localisation {
+    /// With the rangefinders of a configuration.
+    #[must_use]
+    pub fn new(localiser: Localiser, config: &Config, cell_mm: f64) -> Self {
+        Self {
+            localiser,
+            raw: Mapping::new(mapping::mapper_config(config, cell_mm)),
+            path: Vec::new(),
+            busy: Duration::ZERO,
+        }
+    }
+
+    /// Takes one report.
+    pub fn observe(&mut self, sample: &RangeSample) -> PoseEstimate {
+        let begun = Instant::now();
+        self.localiser.observe(&observation(sample));
+        let estimate = self.localiser.estimate();
+        self.busy += begun.elapsed();
+        self.raw.add(sample);
+        self.path.push(estimate.pose);
+        estimate
+    }
+
+    /// Writes `stem`.png (the corrected map under the estimated path), `stem`.pgm and `stem`.yaml.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
+        mapping::save_map(self.localiser.grid(), &self.path, stem)
+    }
+}
+
+/// What a frame led to, for whoever watches.
+pub struct Step<'a> {
+    /// The report.
+    pub sample: RangeSample,
+    /// Where the robot is in the map's frame.
+    pub estimate: PoseEstimate,
+    /// The map.
+    pub grid: &'a Grid,
+    /// Targets left.
+    pub targets: usize,
+}
+
+/// How a drive ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// The plan's end.
+    pub outcome: Outcome,
+    /// Seconds on the board's clock.
+    pub seconds: f64,
+    /// Stops that the plan answered.
+    pub stops: u32,
+}
+
+/// Drives by the plan until it is done. `watch` gets every valid report.
+///
+/// # Errors
+/// [`Error::WrongMode`] in a mode that does not carry a velocity; those of [`Session::exchange`];
+/// [`Error::Fault`] on a fault that no plan can answer. The robot is stopped in every case.
+pub fn drive(
+    session: &mut Session<'_>,
+    localisation: &mut Localisation,
+    plan: &mut impl Plan,
+    mut watch: impl FnMut(&Step<'_>),
+) -> Result<Drive, Error> {
+    let mode = session.config().mode();
+    if !mode.has(Field::Velocity) {
+        return Err(Error::WrongMode {
+            mode: mode.name(),
+            required: "velocity to drive at",
+        });
+    }
+    session.resume()?;
+    let begun_us = session.now_us();
+    let moving = StopOnDrop::new(session);
+    let session = &mut *moving.session;
+    let (mut request, mut stops) = (CommandRequest::default(), Stops::default());
+    let mut speed = SpeedMeter::default();
+    loop {
+        let Some(report) = session.exchange(&request)? else {
+            continue;
+        };
+        let Some(sample) = RangeSample::of(session.snapshot()) else {
+            continue;
+        };
+        let time_s = seconds(sample.time_us.saturating_sub(begun_us));
+        let stop = stops.update(&report, time_s)?;
+        let estimate = localisation.observe(&sample);
+        let begun = Instant::now();
+        let status = Status {
+            time_s,
+            estimate,
+            speed_mm_s: speed.update(time_s, sample.pose),
+            ranges_mm: sample.ranges_mm,
+            front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
+            obstacle_limited: session.snapshot().obstacle_limited,
+            stop,
+        };
+        let grid = localisation.localiser.grid();
+        let action = plan.step(grid, &status);
+        localisation.busy += begun.elapsed();
+        let targets = plan.targets();
+        watch(&Step {
+            sample,
+            estimate,
+            grid,
+            targets,
+        });
+        request = match action {
+            Action::Drive(velocity) => CommandRequest {
+                velocity: Some(velocity_request(velocity)),
+                clear_faults: report.faults & Faults::SLIP,
+                ..CommandRequest::default()
+            },
+            Action::Resume => CommandRequest {
+                order: Order::Resume,
+                clear_faults: report.faults,
+                ..CommandRequest::default()
+            },
+            Action::Done(outcome) => {
+                return Ok(Drive {
+                    outcome,
+                    seconds: time_s,
+                    stops: stops.count,
+                });
+            }
+        };
+    }
+}
+
+/// Faults that a plan answers by another way.
+const STALLS: Faults = Faults::LEFT_STALLED
+    .union(Faults::RIGHT_STALLED)
+    .union(Faults::LEFT_REVERSED)
+    .union(Faults::RIGHT_REVERSED)
+    .union(Faults::ENCODER_JUMP);
+
+/// A slip that is latched again so soon after it was cleared has not ended, s.
+const SLIP_LASTS_S: f64 = 1.0;
+
+/// Reads stops out of the reported state and faults.
+#[derive(Default)]
+struct Stops {
+    count: u32,
+    stopped: bool,
+    slipped_s: Option<f64>,
+}
+
+impl Stops {
+    /// The stop that a report shows, if it does.
+    ///
+    /// # Errors
+    /// [`Error::Fault`] where driving on needs a person.
+    fn update(&mut self, report: &Report, time_s: f64) -> Result<Option<StopReason>, Error> {
+        let is_held = matches!(report.state, State::Stopped | State::Faulted);
+        let beyond_plans = (report.faults & Faults::BLOCKING).difference(STALLS);
+        if is_held && !beyond_plans.is_empty() {
+            return Err(Error::Fault {
+                state: snapshot::state_name(report.state),
+                faults: snapshot::fault_names(report.faults).join(", "),
+            });
+        }
+        let slips = report.faults.intersects(Faults::SLIP);
+        let since_s = self.slipped_s.map_or(f64::INFINITY, |then| time_s - then);
+        if slips {
+            self.slipped_s = Some(time_s);
+        }
+        let reason = if !is_held {
+            // A wheel that slips over a sill is what the localiser is for.
+            (slips && (0.1..SLIP_LASTS_S).contains(&since_s)).then_some(StopReason::Slip)
+        } else if report.faults.intersects(STALLS) {
+            Some(StopReason::Stall)
+        } else {
+            Some(StopReason::Link)
+        };
+        let stopped = reason.is_some();
+        self.count += u32::from(stopped && !self.stopped);
+        self.stopped = stopped;
+        Ok(reason)
+    }
+}
+
+/// Length of the window of the measured speed, reports.
+const SPEED_WINDOW: usize = 5;
+
+/// The forward speed over the last reports.
+#[derive(Default)]
+struct SpeedMeter(VecDeque<(f64, Pose)>);
+
+impl SpeedMeter {
+    /// Takes a report's time, s, and pose; mm/s.
+    fn update(&mut self, time_s: f64, pose: Pose) -> f64 {
+        self.0.push_back((time_s, pose));
+        if self.0.len() > SPEED_WINDOW {
+            self.0.pop_front();
+        }
+        let (then_s, then) = self.0[0];
+        let (sin, cos) = pose.rotation_deg.to_radians().sin_cos();
+        let ahead_mm = (pose.x_mm - then.x_mm) * cos + (pose.y_mm - then.y_mm) * sin;
+        ahead_mm / (time_s - then_s).max(0.01)
+    }
+}
+
+fn velocity_request(velocity: Velocity) -> VelocityRequest {
+    VelocityRequest {
+        forward_mm_s: velocity.forward_mm_s,
+        yaw_rate_deg_s: velocity.yaw_rate_rad_s.to_degrees(),
+        sweep_half_width_deg: velocity.sweep_half_width_rad.to_degrees(),
+    }
+}
+
+/// A report as the localiser takes it.
+#[must_use]
+pub fn observation(sample: &RangeSample) -> Observation {
+    Observation {
+        time_s: seconds(sample.time_us),
+        odometry: mapping::mapper_pose(sample.pose),
+        gyro_rad: sample.gyro_deg.map(f64::to_radians),
+        ranges_mm: sample.ranges_mm,
+        front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
+    }
+}
+
+/// The localiser's settings for a configuration.
+#[must_use]
+pub fn localiser_config(config: &Config, cell_mm: f64) -> LocaliserConfig {
+    LocaliserConfig {
+        cell_mm,
+        mounts: mounts(config),
+        ..LocaliserConfig::default()
+    }
+}
+
+/// Half the width of the front sensor's sweep, degrees.
+const SWEEP_DEG: f64 = 60.0;
+/// Share of the slower wheel's full speed without load that a drive can count on.
+const SPEED_RESERVE: f64 = 0.85;
+
+/// The plan's settings for a configuration.
+#[must_use]
+pub fn navigator_config(config: &Config) -> navigator::Config {
+    let limits = config.velocity_limits();
+    let defaults = navigator::Config::default();
+    let slower = config
+        .left()
+        .full_speed_mm_s
+        .min(config.right().full_speed_mm_s);
+    let fastest = SPEED_RESERVE * f64::from(slower);
+    navigator::Config {
+        mounts: mounts(config),
+        cruise_mm_s: defaults
+            .cruise_mm_s
+            .min(fastest)
+            .min(limits.speed_mm_s.into()),
+        sweep_half_width_rad: if config.servo().is_some() {
+            SWEEP_DEG.to_radians()
+        } else {
+            0.0
+        },
+        ..defaults
+    }
+}
+
+fn mounts(config: &Config) -> [Mount; 3] {
+    let fitted = mapping::mapper_config(config, 25.0).mounts;
+    let mut mounts = Mount::first_board();
+    for (mount, fitted) in mounts.iter_mut().zip(fitted) {
+        *mount = fitted;
+    }
+    mounts
+}
+
+#[allow(clippy::cast_precision_loss)] // exact below 285 years
+fn seconds(us: u64) -> f64 {
+    us as f64 / 1e6
+}

@@ -1,0 +1,142 @@
+//! The loop of localiser and plan over a session, on a robot without firmware in an imperfect world.
+
+use fw_core::eeprom::{Image, fields};
+use fw_core::types::Faults;
+use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, State};
+use host_link::board_io::Interrupt;
+use host_link::error::Error;
+use host_link::mock_board::{Shared, mock_board};
+use host_link::session::{RATE_HZ, Session};
+use mapper::Localiser;
+use navigator::{Explorer, Outcome};
+use pilot::exploring::{self, Drive, Localisation};
+use plant::kinematic::{KinematicRobot, VelocityInput};
+use plant::{Imperfections, Room};
+use std::cell::RefCell;
+use std::f64::consts::TAU;
+use std::rc::Rc;
+
+/// A room of 2.4 m by 1.8 m with a box in a corner, for the robot that starts in its middle.
+fn room() -> Room {
+    Room::default()
+        .with_wall(-1200.0, -900.0, 1200.0, -900.0)
+        .with_wall(1200.0, -900.0, 1200.0, 900.0)
+        .with_wall(1200.0, 900.0, -1200.0, 900.0)
+        .with_wall(-1200.0, 900.0, -1200.0, -900.0)
+        .with_box(&plant::Pose2::new(950.0, 700.0, 0.0), 500.0, 400.0)
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the wire's ranges
+fn report_of(robot: &KinematicRobot, report: &mut Report) {
+    let sample = robot.sample();
+    let turn = sample.odometry.heading_rad.rem_euclid(TAU) / TAU;
+    report.pose = PoseCode {
+        x: (sample.odometry.x_mm * 1000.0) as i32,
+        y: (sample.odometry.y_mm * 1000.0) as i32,
+        rotation: (turn * 32_768.0) as u16 & 0x7FFF,
+    };
+    let gyro = sample.gyro_rad.map(|rad| (rad / TAU * 16_777_216.0) as i32);
+    report.gyro = gyro.map_or(GyroCode::NONE, GyroCode);
+    report.ranges = sample.ranges_mm.map(|range| {
+        let code = range.map(|mm| (mm * 65_535.0 / 2500.0) as u16);
+        code.map_or(DistanceCode::NONE, DistanceCode)
+    });
+    report.bearing = (sample.front_bearing_rad / TAU * 65_536.0) as i32 as u16;
+    report.obstacle_limited = sample.obstacle_limited;
+}
+
+/// Explores the room. `trouble` may change each command's report, and gets the number of the frame.
+/// Returns what came of it, the robot, and all commands.
+fn explore(
+    mut trouble: impl FnMut(usize, &Command, &mut Report, &Interrupt) + 'static,
+) -> (
+    Result<Drive, Error>,
+    Localisation,
+    Rc<RefCell<KinematicRobot>>,
+    Shared,
+) {
+    let robot = KinematicRobot::new(room(), room().start, Imperfections::default(), 3);
+    let robot = Rc::new(RefCell::new(robot));
+    let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+    let (board, mut io) = mock_board(&image, None);
+    let (driven, mut frames) = (Rc::clone(&robot), 0);
+    let interrupt = io.interrupt.clone();
+    board.borrow_mut().on_command = Some(Box::new(move |command, report| {
+        frames += 1;
+        trouble(frames, command, report, &interrupt);
+        let stands = matches!(report.state, State::Stopped | State::Faulted);
+        let share = if stands { 0.0 } else { 1.0 };
+        let velocity = VelocityInput {
+            forward_mm_s: share * f64::from(command.velocity.forward) / 1000.0,
+            yaw_rate_rad_s: share * f64::from(command.velocity.yaw_rate) / 4_294_967_296.0 * TAU,
+            sweep_half_width_rad: f64::from(command.sweep) / 65_536.0 * TAU,
+        };
+        driven.borrow_mut().step(0.025, velocity);
+        report_of(&driven.borrow(), report);
+    }));
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let config = session.config();
+    let localiser = Localiser::new(exploring::localiser_config(config, 25.0));
+    let mut localisation = Localisation::new(localiser, config, 25.0);
+    let mut plan = Explorer::new(exploring::navigator_config(config));
+    let driven = exploring::drive(&mut session, &mut localisation, &mut plan, |_| ());
+    (driven, localisation, robot, board)
+}
+
+fn ends_with_stop(board: &Shared) -> bool {
+    let orders = board
+        .borrow()
+        .commands
+        .iter()
+        .rev()
+        .map(|command| command.order)
+        .collect::<Vec<_>>();
+    orders[..10].iter().all(|&order| order == Order::Stop)
+}
+
+#[test]
+fn room_is_explored_in_spite_of_stall_and_lost_link() {
+    let (driven, localisation, robot, board) = explore(|frame, command, report, _| {
+        let latched = match frame {
+            1500 => (State::Faulted, Faults::LEFT_STALLED),
+            2500 => (State::Stopped, Faults::LINK_LOST),
+            _ if command.order == Order::Resume => {
+                (State::Ready, report.faults.difference(command.clear_faults))
+            }
+            _ => (report.state, report.faults),
+        };
+        (report.state, report.faults) = latched;
+    });
+    let driven = driven.unwrap();
+    assert_eq!((driven.outcome, driven.stops), (Outcome::Complete, 2));
+    assert!(ends_with_stop(&board));
+    let robot = robot.borrow();
+    assert!(robot.collisions().is_empty(), "{:?}", robot.collisions());
+    let (path, truth) = (localisation.path.last().unwrap(), robot.true_pose());
+    let off_mm = path.distance_mm(&truth);
+    assert!(off_mm < 60.0, "{path:?} is {truth:?}: {off_mm}");
+    let coverage = mapper::evaluation::coverage(
+        localisation.localiser.grid(),
+        &room().reachable_floor(),
+        &plant::Pose2::default(),
+    );
+    assert!(coverage > 0.95, "{coverage}");
+}
+
+#[test]
+fn interrupt_and_empty_battery_stop_the_robot() {
+    let (driven, _, _, board) = explore(|frame, _, _, interrupt| {
+        if frame == 300 {
+            interrupt.raise();
+        }
+    });
+    assert!(matches!(driven, Err(Error::Interrupted)), "{driven:?}");
+    assert!(ends_with_stop(&board));
+    let (driven, _, _, board) = explore(|frame, _, report, _| {
+        if frame == 300 {
+            (report.state, report.faults) = (State::Faulted, Faults::BATTERY_CUTOFF);
+        }
+    });
+    assert!(matches!(driven, Err(Error::Fault { .. })), "{driven:?}");
+    assert!(ends_with_stop(&board));
+}
