@@ -4,21 +4,27 @@
 use std::path::PathBuf;
 
 use regex_lite::escape;
-use serde_json::Value;
+use serde::Deserialize;
 use xshell::Cmd;
 
 use crate::elf::{BANNED, Elf};
 use crate::error::{Context, Failure, Result, bail, ensure};
 use crate::process::{self, pattern};
 use crate::session::Session;
-use crate::workspace::{list, text};
 use crate::{firmware, stack};
 
 /// Where the defects are.
 const FILE: &str = "ci/defects.toml";
 
+/// The file.
+#[derive(Deserialize)]
+struct Defects {
+    defect: Vec<Defect>,
+}
+
 /// One defect.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Defect {
     name: String,
     /// What is wrong with it, one sentence.
@@ -32,41 +38,19 @@ pub struct Defect {
     /// Who must notice: `elf`, `stack`, `loop FILE FILTER`, or a package and a filter of its tests.
     noticed_by: String,
     /// Whether every `cargo xtask test` tries it.
+    #[serde(default)]
     pub sample: bool,
 }
 
 /// Every defect; each must fit its file.
 pub fn all(session: &Session) -> Result<Vec<Defect>> {
-    let defects = parse(&session.sh.read_file(FILE)?).context(FILE)?;
+    let Defects { defect: defects } = toml::from_str(&session.sh.read_file(FILE)?).context(FILE)?;
     for defect in &defects {
         let source = session.sh.read_file(&defect.file)?;
         let changes = defect.applied(&source)? != source;
         ensure!(changes, "{} changes nothing", defect.name);
     }
     Ok(defects)
-}
-
-fn parse(source: &str) -> Result<Vec<Defect>> {
-    let defects: Value = toml::from_str(source)?;
-    let defects = list(&defects["defect"]).iter().map(|defect| {
-        let text = |key: &str| {
-            let value = text(&defect[key]).to_owned();
-            let missing = || format!("{key} is missing in {defect}");
-            Some(value)
-                .filter(|value| !value.is_empty())
-                .with_context(missing)
-        };
-        Ok(Defect {
-            name: text("name")?,
-            description: text("description")?,
-            file: text("file")?,
-            from: text("from")?,
-            to: text("to")?,
-            noticed_by: text("noticed-by")?,
-            sample: defect["sample"] == true,
-        })
-    });
-    defects.collect()
 }
 
 impl Defect {
@@ -97,20 +81,7 @@ impl<'a> Copy<'a> {
     fn new(session: &'a Session) -> Result<Self> {
         let folder = session.target.join("defects");
         let (root, target) = (folder.join("workspace"), folder.join("target"));
-        session.sh.create_dir(&root)?;
-        // What is gone from the workspace must not be built.
-        for copy in session.files(&root)? {
-            if !session.root.join(copy.strip_prefix(&root)?).is_file() {
-                std::fs::remove_file(copy)?;
-            }
-        }
-        for file in session.files("")? {
-            let copy = root.join(file.strip_prefix(&session.root)?);
-            if std::fs::read(&file)? != std::fs::read(&copy).unwrap_or_default() {
-                session.sh.create_dir(copy.parent().unwrap_or(&root))?;
-                session.sh.copy_file(&file, copy)?;
-            }
-        }
+        session.copy_to(&root)?;
         Ok(Self {
             session,
             root,
@@ -211,20 +182,14 @@ pub fn try_all<'a>(session: &Session, defects: impl Iterator<Item = &'a Defect>)
 mod tests {
     use super::*;
 
-    const LIST: &str = "[[defect]]\nname = \"a\"\ndescription = \"b\"\nfile = \"c\"\n\
-                        from = \"f(a, b);\"\nto = \"f(b, a);\"\nnoticed-by = \"elf\"\n";
-
     #[test]
     fn defect_is_found_however_its_code_is_formatted() {
-        let defect = &parse(LIST).unwrap()[0];
+        let defect = "[[defect]]\nname = \"a\"\ndescription = \"b\"\nfile = \"c\"\n\
+                      from = \"f(a, b);\"\nto = \"f(b, a);\"\nnoticed-by = \"elf\"\n";
+        let defect = &toml::from_str::<Defects>(defect).unwrap().defect[0];
         let source = "g();\n    f(\n        a,\n        b);\n";
         assert_eq!(defect.applied(source).unwrap(), "g();\n    f(b, a);\n");
         assert!(defect.applied("f(a);").is_err());
         assert!(defect.applied(&source.repeat(2)).is_err());
-    }
-
-    #[test]
-    fn incomplete_defect_is_rejected() {
-        assert!(parse(&LIST.replace("elf", "")).is_err());
     }
 }

@@ -1,9 +1,6 @@
 //! The fuzz targets: finding or installing cargo-fuzz, building, running.
 
 use std::path::Path;
-use std::process::Command;
-use std::sync::Mutex;
-use std::thread;
 
 use xshell::{Cmd, cmd};
 
@@ -13,10 +10,6 @@ use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 
 const CARGO_FUZZ: CargoTool = CargoTool("fuzz", "0.13.1");
-
-/// The longest input that goes into a committed corpus, bytes: long enough for several frames or a second
-/// of ticks, short enough to be tried often.
-const LONGEST_SEED: usize = 512;
 
 /// How long to fuzz one target.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +41,20 @@ pub fn build(workspace: &Workspace) -> Result<Vec<String>> {
         .collect())
 }
 
+/// Fuzzes one target, or all, for so many seconds each.
+pub fn run_chosen(workspace: &Workspace, target: Option<String>, seconds: u32) -> Result<String> {
+    let mut targets = build(workspace)?;
+    if let Some(name) = target {
+        if !targets.contains(&name) {
+            let targets = targets.join(", ");
+            let unknown = format!("no fuzz target {name}; there are {targets}");
+            bail!(Failure::Usage(unknown));
+        }
+        targets = vec![name];
+    }
+    run(workspace, &targets, Effort::Seconds(seconds))
+}
+
 /// `cargo fuzz` with a subcommand, in the workspace's root.
 fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Result<Cmd<'s>> {
     let fuzz = cmd!(
@@ -63,19 +70,18 @@ fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Result<Cmd<'s>>
     Ok(fuzz.env("PATH", paths))
 }
 
-/// Fuzzes the targets, two at a time, from their committed corpora; what they learn stays in
-/// `target/fuzz/corpus`, what breaks one in `fuzz/artifacts`. Prints each one's last figures. An error
-/// names every target that broke.
+/// Fuzzes the targets from their committed corpora; what they learn stays in `target/fuzz/corpus`, what
+/// breaks one in `fuzz/artifacts`. Prints each one's last figures. An error names every target that broke.
 pub fn run(workspace: &Workspace, targets: &[String], effort: Effort) -> Result<String> {
-    let mut commands = Vec::new();
+    let (folder, limits) = match effort {
+        Effort::Inputs(count, seconds) => {
+            let limits = format!("-seed=1 -runs={count} -max_total_time={seconds}");
+            ("smoke", limits)
+        }
+        Effort::Seconds(seconds) => ("corpus", format!("-max_total_time={seconds}")),
+    };
+    let (mut broken, mut least) = (Vec::new(), u64::MAX);
     for target in targets {
-        let (folder, limits) = match effort {
-            Effort::Inputs(count, seconds) => (
-                "smoke",
-                format!("-seed=1 -runs={count} -max_total_time={seconds}"),
-            ),
-            Effort::Seconds(seconds) => ("corpus", format!("-max_total_time={seconds}")),
-        };
         // New inputs go to the first folder; the committed seeds are only read.
         let learned = workspace.target.join("fuzz").join(folder).join(target);
         if matches!(effort, Effort::Inputs(..)) {
@@ -84,25 +90,8 @@ pub fn run(workspace: &Workspace, targets: &[String], effort: Effort) -> Result<
         workspace.sh.create_dir(&learned)?;
         let fuzz = cargo_fuzz(workspace, "run")?.arg(target).arg(learned);
         let fuzz = fuzz.arg(workspace.root.join("fuzz/corpus").join(target));
-        let fuzz = fuzz.arg("--").args(limits.split(' '));
-        commands.push((target, Command::from(fuzz)));
-    }
-    let (next, done) = (Mutex::new(commands.into_iter()), Mutex::new(Vec::new()));
-    thread::scope(|scope| {
-        for _ in 0..2 {
-            scope.spawn(|| {
-                while let Some((target, fuzz)) = next.lock().ok().and_then(|mut next| next.next()) {
-                    let ran = process::tee(fuzz, |_| true);
-                    done.lock()
-                        .map(|mut done| done.push((target, ran)))
-                        .unwrap_or_default();
-                }
-            });
-        }
-    });
-    let (mut broken, mut least) = (Vec::new(), u64::MAX);
-    for (target, ran) in done.into_inner().unwrap_or_default() {
-        let (success, text) = ran?;
+        let fuzz = fuzz.args(["--"]).args(limits.split(' '));
+        let (success, text) = process::tee(fuzz, |_| true)?;
         let (executions, figures) = last_figures(&text).context("the fuzzer printed no figures")?;
         println!("  {target}: {executions} executions, {figures}");
         least = least.min(executions);
@@ -127,36 +116,6 @@ fn last_figures(text: &str) -> Option<(u64, &str)> {
     let line = pattern(r"(?m)^#(\d+)\s.*?(cov: .*)$");
     let last = line.captures_iter(text).last()?;
     Some((last[1].parse().ok()?, last.get(2)?.as_str()))
-}
-
-/// Renews the committed corpus of one target: its named seeds, and the fewest inputs of the rest and
-/// of what long runs learned that reach all that those reach together. Returns how many there were
-/// before and are now.
-pub fn minimise(workspace: &Workspace, target: &str) -> Result<(usize, usize)> {
-    let committed = workspace.root.join("fuzz/corpus").join(target);
-    let learned = workspace.target.join("fuzz/corpus").join(target);
-    let old = workspace.target.join("fuzz/before").join(target);
-    workspace.sh.remove_path(&old)?;
-    workspace.sh.create_dir(&learned)?;
-    workspace.sh.create_dir(&old)?;
-    let before = workspace.files(&committed)?;
-    for file in &before {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        // The fuzzer names its files by their SHA-1; the others were written by hand.
-        if name.len() == 40 && name.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-            std::fs::rename(file, old.join(&*name))?;
-        }
-    }
-    let fuzz = cargo_fuzz(workspace, "run")?
-        .arg(target)
-        .args([&committed, &old, &learned]);
-    fuzz.args([
-        "--",
-        "-set_cover_merge=1",
-        &format!("-max_len={LONGEST_SEED}"),
-    ])
-    .run()?;
-    Ok((before.len(), workspace.files(&committed)?.len()))
 }
 
 #[cfg(test)]

@@ -27,7 +27,6 @@ use clap::{Args, Parser, Subcommand};
 
 use error::{Failure, Result, bail};
 use flash::Board;
-use fuzz::Effort;
 use gates::When;
 use kani::Shard;
 use session::Session;
@@ -109,9 +108,6 @@ enum Command {
         target: Option<String>,
         #[arg(long, default_value_t = 60)]
         seconds: u32,
-        /// Renew the committed corpus instead: the fewest of all inputs that reach as much
-        #[arg(long)]
-        minimise: bool,
     },
     /// Every requirement with the code that meets it and what checks that
     Trace,
@@ -183,42 +179,15 @@ fn run(cli: Cli) -> Result<ExitCode> {
             }
             println!("{}", kani::prove(session, shard)?);
         }
-        Command::Fuzz {
-            target,
-            seconds,
-            minimise,
-        } => fuzz(session, target, seconds, minimise)?,
+        Command::Fuzz { target, seconds } => {
+            println!("{}", fuzz::run_chosen(session, target, seconds)?);
+        }
         Command::Trace => Trace::read(session)?.print(),
         Command::Defects { only } => println!("noticed: {}", defects::run(session, &only)?),
         Command::Mutants(Handed { arguments }) => drop(mutants::run(session, &arguments)?),
         Command::Coverage => println!("{}", coverage::run(session)?),
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn fuzz(session: &Session, target: Option<String>, seconds: u32, minimise: bool) -> Result<()> {
-    let mut targets = fuzz::build(session)?;
-    if let Some(name) = target {
-        if !targets.contains(&name) {
-            let targets = targets.join(", ");
-            bail!(Failure::Usage(format!(
-                "no fuzz target {name}; there are {targets}"
-            )));
-        }
-        targets = vec![name];
-    }
-    if minimise {
-        for target in &targets {
-            let (before, now) = fuzz::minimise(session, target)?;
-            println!("{target}: {before} inputs before, {now} now");
-        }
-    } else {
-        println!(
-            "{}",
-            fuzz::run(session, &targets, Effort::Seconds(seconds))?
-        );
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -108,6 +108,26 @@ impl Workspace {
         Ok(files)
     }
 
+    /// Brings a copy of the workspace up to date; equal files keep their time, so that cargo builds only what
+    /// changed.
+    pub fn copy_to(&self, root: &Path) -> Result<()> {
+        self.sh.create_dir(root)?;
+        // What is gone from the workspace must not be built.
+        for copy in self.files(root)? {
+            if !self.root.join(copy.strip_prefix(root)?).is_file() {
+                std::fs::remove_file(copy)?;
+            }
+        }
+        for file in self.files("")? {
+            let copy = root.join(file.strip_prefix(&self.root)?);
+            if std::fs::read(&file)? != std::fs::read(&copy).unwrap_or_default() {
+                self.sh.create_dir(copy.parent().unwrap_or(root))?;
+                self.sh.copy_file(&file, copy)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Every Rust file, by its path from the root, with its text.
     pub fn rust_files(&self) -> Result<Vec<(String, String)>> {
         let mut files = self.files("")?;

@@ -15,7 +15,7 @@ const NAMES: [&str; 3] = ["gdb-multiarch", "arm-none-eabi-gdb", "gdb"];
 
 /// A debugger for the robot's processor, installed where that is possible.
 pub fn find(workspace: &Workspace) -> Result<&'static str> {
-    let find = || NAMES.into_iter().find(|name| knows_arm(workspace, name));
+    let find = || NAMES.into_iter().find(|name| knows_arm(name));
     if let Some(name) = find() {
         return Ok(name);
     }
@@ -29,42 +29,29 @@ pub fn find(workspace: &Workspace) -> Result<&'static str> {
     }
 }
 
-fn knows_arm(workspace: &Workspace, name: &str) -> bool {
-    let commands = [
-        "-nx",
-        "-batch",
-        "-ex",
-        "set architecture arm",
-        "-ex",
-        "show architecture",
-    ];
+/// A GDB with these options and commands, one a line.
+fn gdb(name: &str, options: &str, commands: &str) -> Command {
+    let mut gdb = Command::new(name);
+    gdb.args(options.split(' '));
+    gdb.args(commands.lines().flat_map(|command| ["-ex", command]));
+    gdb
+}
+
+fn knows_arm(name: &str) -> bool {
     // An unknown architecture is no error to GDB's exit code, and its wording changes.
-    let answer = process::output(workspace.sh.cmd(name).args(commands));
-    answer.is_some_and(|answer| answer.contains("\"arm\""))
+    let commands = "set architecture arm\nshow architecture";
+    let answer = gdb(name, "-nx -batch", commands).output();
+    answer.is_ok_and(|answer| String::from_utf8_lossy(&answer.stdout).contains("\"arm\""))
 }
 
 /// Loads `elf` through the debug server at `address`, compares every section, resets the core and
 /// lets it run. [`Failure::Board`] where a section differs or GDB did not get through.
 pub fn load(name: &str, elf: &Path, address: &str) -> Result<()> {
-    let connect = format!("target extended-remote {address}");
-    let mut gdb = Command::new(name);
-    gdb.args([
-        "-nx",
-        "-batch",
-        "-ex",
-        "set confirm off",
-        "-ex",
-        "set remotetimeout 60",
-    ]);
-    gdb.args(["-ex", &connect, "-ex", "load", "-ex", "compare-sections"]);
-    gdb.args([
-        "-ex",
-        "monitor reset",
-        "-ex",
-        "echo running\\n",
-        "-ex",
-        "detach",
-    ]);
+    let commands = format!(
+        "set confirm off\nset remotetimeout 60\ntarget extended-remote {address}\nload\n\
+         compare-sections\nmonitor reset\necho running\\n\ndetach"
+    );
+    let mut gdb = gdb(name, "-nx -batch", &commands);
     gdb.arg(elf);
     let (success, text) = process::tee(gdb, |_| true)?;
     match judge(success, &text) {
@@ -96,24 +83,11 @@ fn judge(success: bool, text: &str) -> std::result::Result<usize, &str> {
 
 /// Opens the debugger at the terminal on the server at `address`.
 pub fn open(name: &str, elf: &Path, address: &str) -> Result<()> {
-    let connect = format!("target extended-remote {address}");
-    let mut gdb = Command::new(name);
-    gdb.args([
-        "-q",
-        "-ex",
-        &connect,
-        "-ex",
-        "load",
-        "-ex",
-        "monitor reset halt",
-    ]);
-    gdb.args([
-        "-ex",
-        "maintenance flush register-cache",
-        "-ex",
-        "break main",
-    ]);
-    let status = gdb.arg(elf).status()?;
+    let commands = format!(
+        "target extended-remote {address}\nload\nmonitor reset halt\n\
+         maintenance flush register-cache\nbreak main"
+    );
+    let status = gdb(name, "-q", &commands).arg(elf).status()?;
     ensure!(status.success(), "{name} ended with {status}");
     Ok(())
 }

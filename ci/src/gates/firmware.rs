@@ -83,11 +83,7 @@ pub fn reproducible(session: &Session) -> Result<String> {
         .target
         .join("reproducible/a folder of another length");
     sh.remove_path(&elsewhere)?;
-    for file in session.files("")? {
-        let copy = elsewhere.join(file.strip_prefix(&session.root)?);
-        sh.create_dir(copy.parent().unwrap_or(&elsewhere))?;
-        sh.copy_file(&file, copy)?;
-    }
+    session.copy_to(&elsewhere)?;
     let second = firmware::build_in(
         session,
         session.toolchain()?,
