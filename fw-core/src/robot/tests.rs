@@ -7,6 +7,7 @@ use crate::wire::{DistanceCode, PiLink, MAX_FRAME};
 
 mod driving;
 mod events;
+mod platform;
 mod renewal;
 mod sweeping;
 mod tuning;
@@ -20,6 +21,8 @@ pub(super) struct Bench {
     reply: u32,
     pub(super) log: Log,
     pub(super) sample: TickInput,
+    /// The ADC words of the two taps; some 3.6 V a cell.
+    words: [u16; 2],
 }
 
 impl Bench {
@@ -44,13 +47,13 @@ impl Bench {
             reply: 0,
             log: Log::new(),
             sample,
+            words: [3428, 3574],
         }
     }
 
     pub(super) fn tick(&mut self) -> TickOutput {
         self.sample.now = self.sample.now.after(TICK_US);
-        self.robot
-            .on_tick(self.sample, &[3428, 3574], &mut self.log)
+        self.robot.on_tick(self.sample, &self.words, &mut self.log)
     }
 
     pub(super) fn frame(&mut self, command: &Command) -> Report {
@@ -282,14 +285,11 @@ fn tuning_stop_needs_zero_percent() {
 #[test]
 fn empty_battery_stops_robot() {
     let mut bench = Bench::new(Mode::Normal);
+    bench.words = [100, 100];
     let mut last = MotorCommand::Coast;
     for _ in 0..100 {
         bench.frame(&go(1000));
-        bench.sample.now = bench.sample.now.after(TICK_US);
-        last = bench
-            .robot
-            .on_tick(bench.sample, &[100, 100], &mut bench.log)
-            .left;
+        last = bench.tick().left;
     }
     assert_eq!(
         (last, bench.robot.state()),
