@@ -107,6 +107,33 @@ pub fn search<M: Model>(model: &M, limit: usize) -> Result<Visited, Counterexamp
     })
 }
 
+/// States of the largest search.
+const LIMIT: usize = 10_000_000;
+
+/// Searches `model` completely and prints how much was visited.
+///
+/// # Panics
+/// With the counter-example, if there is one; if fewer than `least` states are reached.
+pub fn assert_holds<M: Model>(model: &M, least: usize) {
+    let visited = search(model, LIMIT).unwrap_or_else(|found| panic!("{found}"));
+    println!("{visited:?}");
+    assert!(visited.states >= least && visited.depth > 8);
+}
+
+/// Searches models that are broken on purpose, each beside a part of the sentence that names its broken
+/// invariant, and prints the counter-examples.
+///
+/// # Panics
+/// If a search finds none, or another one.
+pub fn assert_broken<M: Model + Debug>(cases: &[(M, &str)]) {
+    for (broken, expected) in cases {
+        let found = search(broken, LIMIT).err();
+        let found = found.unwrap_or_else(|| panic!("{broken:?} is not found"));
+        println!("{broken:?}: {found}");
+        assert!(found.broken.contains(expected), "{broken:?}: {found}");
+    }
+}
+
 /// The run to state number `at` and the event after it.
 fn run_to<M: Model>(
     reached: &[Reached<M>],
