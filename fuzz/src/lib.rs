@@ -8,13 +8,11 @@ pub struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
     /// Reads `data` from its beginning.
-    #[must_use]
     pub const fn new(data: &'a [u8]) -> Self {
         Self(data)
     }
 
     /// Whether bytes are left.
-    #[must_use]
     pub const fn more(&self) -> bool {
         !self.0.is_empty()
     }

@@ -126,7 +126,6 @@ impl Binary64 {
 
     /// The number `value` / 2^`fraction_bits`: exact up to 53 significant bits, else the nearest,
     /// ties to even. Zero is +0.
-    #[must_use]
     pub const fn from_scaled(value: i64, fraction_bits: u8) -> Self {
         if value == 0 {
             return Self(0);
@@ -151,7 +150,6 @@ impl Binary64 {
 
     /// The number as binary64: exact up to 53 significant bits (every I32F32 below 2²¹ in
     /// magnitude), else the nearest, ties to even.
-    #[must_use]
     pub fn from_fixed(value: I32F32) -> Self {
         Self::from_scaled(value.to_bits(), 32)
     }

@@ -6,7 +6,6 @@
 
 /// `(n / d, n % d)`; by zero `(u64::MAX, n)`.
 #[inline(never)]
-#[must_use]
 pub const fn div_rem(n: u64, d: u64) -> (u64, u64) {
     let mut quotient = n;
     let mut rest = 0_u64;
@@ -27,7 +26,6 @@ pub const fn div_rem(n: u64, d: u64) -> (u64, u64) {
 /// `n / d` in Q16 to 15 significant bits where it is at most 1, fewer above, by one 32-bit division;
 /// never above 2³². By zero as by the smallest number.
 #[inline(never)]
-#[must_use]
 pub const fn ratio(n: u64, d: u64) -> u32 {
     // Both by the same shift to the top of a word, the divisor cut to its half.
     let spare = (n | d | 1).leading_zeros();

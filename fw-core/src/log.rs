@@ -65,7 +65,6 @@ impl Line {
     const ROOM: usize = MAX_LINE - 1;
 
     /// An empty line.
-    #[must_use]
     pub const fn new() -> Self {
         Self {
             bytes: [0; MAX_LINE],
@@ -74,13 +73,11 @@ impl Line {
     }
 
     /// The text so far.
-    #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or_default()
     }
 
     /// The text so far.
-    #[must_use]
     pub fn as_str(&self) -> &str {
         core::str::from_utf8(self.as_bytes()).unwrap_or_default()
     }
@@ -268,7 +265,6 @@ impl<const N: usize> Default for Log<N> {
 
 impl<const N: usize> Log<N> {
     /// An empty queue.
-    #[must_use]
     pub const fn new() -> Self {
         Self {
             bytes: [0; N],
@@ -316,7 +312,6 @@ impl<const N: usize> Log<N> {
 
     /// The bytes to transmit next: contiguous, and neither moved nor overwritten until
     /// [`Self::sent`] says that they have left. Empty when there is nothing to say.
-    #[must_use]
     pub fn pending(&self) -> &[u8] {
         let rest = self.bytes.get(self.start..).unwrap_or_default();
         rest.get(..self.len).unwrap_or(rest)
@@ -332,7 +327,6 @@ impl<const N: usize> Log<N> {
     }
 
     /// Lines dropped since the start.
-    #[must_use]
     pub const fn dropped(&self) -> u32 {
         self.dropped
     }

@@ -46,7 +46,6 @@ const REST_DEG: f64 = 0.1;
 
 impl ArrivalCriteria {
     /// Seconds a drive over `mm` may take when no time-out is given.
-    #[must_use]
     pub fn allowance_s(&self, mm: f64) -> f64 {
         self.timeout_s.unwrap_or(SETTLING_S + mm / SLOWEST_MM_S)
     }

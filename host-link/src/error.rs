@@ -249,7 +249,6 @@ pub enum Error {
 
 impl Error {
     /// The exit code a command ends with when this is its error.
-    #[must_use]
     pub fn exit(&self) -> Exit {
         match self {
             Self::Usage(_) => Exit::Usage,

@@ -20,7 +20,6 @@ pub struct Link {
 
 impl Link {
     /// The end for a configuration: its mode's chain, its keys, its cells.
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
             end: PiLink::new(config.link_setup()),
@@ -74,7 +73,6 @@ impl Link {
     }
 
     /// The counters so far.
-    #[must_use]
     pub fn statistics(&self) -> LinkStatistics {
         let counters = self.end.counters();
         let numbered = self.mode.has(Field::Sequence);

@@ -45,7 +45,6 @@ pub enum LogLine {
 
 impl LogLine {
     /// The line's number, which every line of the log takes: 0 to 99999 and again.
-    #[must_use]
     pub const fn number(&self) -> u32 {
         match self {
             Self::Sample { number, .. }
@@ -83,7 +82,6 @@ impl LogParser {
     }
 
     /// Lines that do not have the log's form.
-    #[must_use]
     pub const fn malformed(&self) -> u64 {
         self.malformed
     }

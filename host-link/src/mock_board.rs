@@ -345,7 +345,6 @@ impl LogSource for MockLine<BUS> {
 }
 
 /// A board whose EEPROM holds `memory`, and the I/O that reaches it.
-#[must_use]
 pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
     let interrupt = Interrupt::new();
     let link = Config::decode(memory).ok();

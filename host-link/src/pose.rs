@@ -23,7 +23,6 @@ const TURN_CODES: f64 = 32_768.0;
 
 impl Pose {
     /// A pose from millimetres, millimetres and degrees.
-    #[must_use]
     pub const fn new(x_mm: f64, y_mm: f64, rotation_deg: f64) -> Self {
         Self {
             x_mm,
@@ -33,7 +32,6 @@ impl Pose {
     }
 
     /// A pose from the wire.
-    #[must_use]
     pub fn from_code(code: PoseCode) -> Self {
         Self {
             x_mm: f64::from(code.x) / 1000.0,

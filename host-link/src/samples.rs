@@ -25,7 +25,6 @@ pub struct Sample {
 
 impl Sample {
     /// Seconds since the record's first sample.
-    #[must_use]
     pub fn seconds(&self) -> f64 {
         f64::from(self.tick) * TICK_S
     }
@@ -79,13 +78,11 @@ impl SampleRecorder {
     }
 
     /// The samples so far.
-    #[must_use]
     pub fn samples(&self) -> &[Sample] {
         &self.samples
     }
 
     /// Lines lost since the first sample.
-    #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost
     }

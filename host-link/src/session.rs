@@ -98,7 +98,6 @@ impl<'m> Session<'m> {
     }
 
     /// A session by a configuration that is known already. `rate_hz` 0 counts as 1.
-    #[must_use]
     pub fn with_config(io: &'m mut BoardIo, config: Config, rate_hz: u32) -> Self {
         let now = io.clock.micros();
         Self {
@@ -119,19 +118,16 @@ impl<'m> Session<'m> {
     }
 
     /// The configuration both ends work by.
-    #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
     }
 
     /// The latest of everything the robot reported.
-    #[must_use]
     pub fn snapshot(&self) -> &Snapshot {
         &self.snapshot
     }
 
     /// The link's counters.
-    #[must_use]
     pub fn statistics(&self) -> LinkStatistics {
         self.link.statistics()
     }
@@ -245,7 +241,6 @@ impl<'m> Session<'m> {
     }
 
     /// Why the STM's log cannot be read, if so.
-    #[must_use]
     pub fn log_error(&self) -> Option<&str> {
         self.log_error.as_deref()
     }

@@ -52,7 +52,6 @@ pub struct Snapshot {
 
 impl Snapshot {
     /// Nothing reported yet.
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
             time_us: 0,
@@ -110,13 +109,11 @@ impl Snapshot {
 }
 
 /// Millimetres, none for 0xFFFF.
-#[must_use]
 pub fn distance_mm(code: DistanceCode) -> Option<f64> {
     (code != DistanceCode::NONE).then(|| f64::from(code.0) * (FULL_SCALE_MM / 65_535.0))
 }
 
 /// A state's word.
-#[must_use]
 pub const fn state_name(state: State) -> &'static str {
     match state {
         State::Booting => "booting",
@@ -128,7 +125,6 @@ pub const fn state_name(state: State) -> &'static str {
 }
 
 /// The names of the latched faults.
-#[must_use]
 pub fn fault_names(faults: Faults) -> Vec<&'static str> {
     faults.iter().map(|fault| fault.name).collect()
 }

@@ -9,7 +9,6 @@ pub struct RejectCounts([u32; Cause::ALL.len()]);
 
 impl RejectCounts {
     /// Rejected for `cause`.
-    #[must_use]
     pub fn get(&self, cause: Cause) -> u32 {
         self.0.get(cause as usize).copied().unwrap_or_default()
     }
@@ -30,7 +29,6 @@ impl RejectCounts {
     }
 
     /// Rejected for any cause.
-    #[must_use]
     pub fn total(&self) -> u32 {
         self.0.iter().copied().fold(0, u32::saturating_add)
     }

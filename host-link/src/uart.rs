@@ -26,7 +26,6 @@ pub struct SerialPort {
 
 impl SerialPort {
     /// The device's file.
-    #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),

@@ -30,7 +30,6 @@ const PIECE_MM: f64 = 10.0;
 /// empty, and never more than the smaller of P and R. Free and unknown cells do not count.
 ///
 /// `walls` should hold the visible surfaces alone: a wall behind a cupboard is not missing.
-#[must_use]
 pub fn map_iou(grid: &Grid, walls: &[Segment], tolerance_mm: f64) -> MapScore {
     let occupied: Vec<Point> = grid
         .cells()
@@ -67,7 +66,6 @@ pub fn map_iou(grid: &Grid, walls: &[Segment], tolerance_mm: f64) -> MapScore {
 /// The rigid motion, without scale, that brings the positions of `estimate` nearest to those of `truth`
 /// at the same times, by least squares: the estimate's frame in the truth's. Where the positions do
 /// not determine the rotation (a robot that stood), the headings do. The identity without poses.
-#[must_use]
 pub fn best_alignment(estimate: &[Pose2], truth: &[Pose2]) -> Pose2 {
     #[allow(clippy::cast_precision_loss)] // far below 2^53
     let count = estimate.len().min(truth.len()).max(1) as f64;
@@ -96,7 +94,6 @@ pub fn best_alignment(estimate: &[Pose2], truth: &[Pose2]) -> Pose2 {
 }
 
 /// The alignment that makes the first poses equal.
-#[must_use]
 pub fn start_alignment(estimate: &Pose2, truth: &Pose2) -> Pose2 {
     truth.compose(&Pose2::default().relative_to(estimate))
 }
@@ -126,7 +123,6 @@ pub fn pose_error_series<'a>(
 }
 
 /// Median and worst of [`pose_error_series`]; zeros without poses.
-#[must_use]
 pub fn pose_errors(estimate: &[Pose2], truth: &[Pose2], alignment: &Pose2) -> PoseErrors {
     let (mut positions, headings): (Vec<f64>, Vec<f64>) =
         pose_error_series(estimate, truth, alignment).unzip();
@@ -139,7 +135,6 @@ pub fn pose_errors(estimate: &[Pose2], truth: &[Pose2], alignment: &Pose2) -> Po
 }
 
 /// Surfaces of the truth's frame in the estimate's, for [`map_iou`].
-#[must_use]
 pub fn in_estimate_frame(surfaces: &[Segment], alignment: &Pose2) -> Vec<Segment> {
     let moved = |point: Point| {
         let pose = Pose2::new(point.x_mm, point.y_mm, 0.0);
@@ -153,7 +148,6 @@ pub fn in_estimate_frame(surfaces: &[Segment], alignment: &Pose2) -> Vec<Segment
 
 /// Share, 0..=1, of the reachable floor (points in the truth's frame) that the map calls free; 0
 /// without such points.
-#[must_use]
 pub fn coverage(grid: &Grid, floor: &[Point], alignment: &Pose2) -> f64 {
     let free = |point: &&Point| {
         let at = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(alignment);

@@ -56,7 +56,6 @@ impl Grid {
     pub const FREE: f32 = 0.196;
 
     /// An empty grid of cells `cell_mm` wide.
-    #[must_use]
     pub const fn new(cell_mm: f64) -> Self {
         Self {
             cell_mm,
@@ -68,7 +67,6 @@ impl Grid {
     }
 
     /// A grid over the rectangle between two corners, its cells' log-odds given by their middle.
-    #[must_use]
     pub fn from_fn(cell_mm: f64, low: Point, high: Point, log_odds: impl Fn(Point) -> f32) -> Self {
         let mut grid = Self::new(cell_mm);
         let (columns, rows) = grid.cover(low.x_mm..high.x_mm, low.y_mm..high.y_mm);
@@ -81,25 +79,21 @@ impl Grid {
     }
 
     /// Width of a cell, mm.
-    #[must_use]
     pub const fn cell_mm(&self) -> f64 {
         self.cell_mm
     }
 
     /// Columns (along x).
-    #[must_use]
     pub const fn columns(&self) -> usize {
         self.columns
     }
 
     /// Rows (along y).
-    #[must_use]
     pub const fn rows(&self) -> usize {
         self.rows
     }
 
     /// The lower left corner of the whole grid.
-    #[must_use]
     pub fn origin(&self) -> Point {
         Point::new(
             f64::from(self.first.0) * self.cell_mm,
@@ -108,7 +102,6 @@ impl Grid {
     }
 
     /// Middle of the cell in this column and row.
-    #[must_use]
     #[allow(clippy::cast_precision_loss)] // at most 4000
     pub fn middle(&self, column: usize, row: usize) -> Point {
         let origin = self.origin();
@@ -119,7 +112,6 @@ impl Grid {
     }
 
     /// Log-odds of the cell in this column and row; 0 outside the grid.
-    #[must_use]
     pub fn log_odds(&self, column: usize, row: usize) -> f32 {
         if column < self.columns && row < self.rows {
             self.log_odds[row * self.columns + column]
@@ -129,19 +121,16 @@ impl Grid {
     }
 
     /// Probability (0..1) that the cell is occupied.
-    #[must_use]
     pub fn probability(&self, column: usize, row: usize) -> f32 {
         probability(self.log_odds(column, row))
     }
 
     /// State of the cell in this column and row.
-    #[must_use]
     pub fn cell(&self, column: usize, row: usize) -> Cell {
         Cell::of(self.log_odds(column, row))
     }
 
     /// Log-odds of the cell at a point; 0 outside the grid.
-    #[must_use]
     pub fn log_odds_at(&self, point: Point) -> f32 {
         let index = |mm: f64, first: i32| usize::try_from(self.number(mm) - first);
         match (
@@ -154,7 +143,6 @@ impl Grid {
     }
 
     /// State of the cell at a point; unknown outside the grid.
-    #[must_use]
     pub fn cell_at(&self, point: Point) -> Cell {
         Cell::of(self.log_odds_at(point))
     }

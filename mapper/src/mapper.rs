@@ -57,7 +57,6 @@ pub struct Mapper {
 
 impl Mapper {
     /// An empty map.
-    #[must_use]
     pub fn new(config: Config) -> Self {
         let gate = Gate {
             still_mm: config.gate_mm,
@@ -142,13 +141,11 @@ impl Mapper {
     }
 
     /// The map so far.
-    #[must_use]
     pub const fn grid(&self) -> &Grid {
         &self.grid
     }
 
     /// Number of readings by outcome so far.
-    #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
     }

@@ -4,7 +4,6 @@ use crate::{Cell, Grid, Point};
 
 /// The picture: binary PGM, one pixel per cell, the top row the largest y; 0 = occupied,
 /// 254 = free, 205 = unknown, as the thresholds of [`yaml`] read them.
-#[must_use]
 pub fn pgm(grid: &Grid) -> Vec<u8> {
     let (columns, rows) = (grid.columns(), grid.rows());
     let mut file = format!("P5\n{columns} {rows}\n255\n").into_bytes();
@@ -20,7 +19,6 @@ pub fn pgm(grid: &Grid) -> Vec<u8> {
 
 /// The metadata: the picture's name, metres per pixel, and the position of its lower left pixel (x, y
 /// in metres, yaw).
-#[must_use]
 pub fn yaml(grid: &Grid, picture: &str) -> String {
     let origin = grid.origin();
     format!(

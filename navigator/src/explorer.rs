@@ -70,7 +70,6 @@ pub struct Explorer {
 
 impl Explorer {
     /// An explorer that starts where the first frame finds it.
-    #[must_use]
     pub fn new(config: Config) -> Self {
         Self {
             driver: Driver::new(config),
@@ -86,7 +85,6 @@ impl Explorer {
     }
 
     /// Number of targets left when the last one was chosen.
-    #[must_use]
     pub const fn targets(&self) -> usize {
         self.targets
     }

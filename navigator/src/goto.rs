@@ -22,7 +22,6 @@ pub struct GoTo {
 
 impl GoTo {
     /// A way to `target`, in the frame of the grid.
-    #[must_use]
     pub fn new(config: Config, target: Point) -> Self {
         Self {
             driver: Driver::new(config),

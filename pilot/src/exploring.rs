@@ -60,7 +60,6 @@ pub struct Localisation {
 
 impl Localisation {
     /// With the rangefinders of a configuration.
-    #[must_use]
     pub fn new(localiser: Localiser, config: &Config, cell_mm: f64) -> Self {
         Self {
             localiser,
@@ -271,7 +270,6 @@ fn velocity_request(velocity: Velocity) -> VelocityRequest {
 }
 
 /// A report as the localiser takes it.
-#[must_use]
 pub fn observation(sample: &RangeSample) -> Observation {
     Observation {
         time_s: seconds(sample.time_us),
@@ -283,7 +281,6 @@ pub fn observation(sample: &RangeSample) -> Observation {
 }
 
 /// The localiser's settings for a configuration.
-#[must_use]
 pub fn localiser_config(config: &Config, cell_mm: f64) -> LocaliserConfig {
     LocaliserConfig {
         cell_mm,
@@ -298,7 +295,6 @@ const SWEEP_DEG: f64 = 60.0;
 const SPEED_RESERVE: f64 = 0.85;
 
 /// The plan's settings for a configuration.
-#[must_use]
 pub fn navigator_config(config: &Config) -> navigator::Config {
     let limits = config.velocity_limits();
     let defaults = navigator::Config::default();

@@ -23,7 +23,6 @@ pub struct Point {
 
 impl Point {
     /// A point so many millimetres ahead and to the left.
-    #[must_use]
     pub const fn new(ahead_mm: f64, left_mm: f64) -> Self {
         Self { ahead_mm, left_mm }
     }

@@ -7,7 +7,6 @@ use host_link::snapshot::Snapshot;
 use host_link::statistics::RejectCounts;
 
 /// What to check; empty when all is well.
-#[must_use]
 pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
     let mut hints = Vec::new();
     let link = &snapshot.link;

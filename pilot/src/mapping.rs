@@ -28,7 +28,6 @@ pub struct RangeSample {
 
 impl RangeSample {
     /// What a snapshot holds for the mapper; none in a mode without poses.
-    #[must_use]
     pub fn of(snapshot: &Snapshot) -> Option<Self> {
         snapshot.pose.map(|pose| Self {
             time_us: snapshot.time_us,
@@ -63,7 +62,6 @@ pub struct Files {
 
 impl Mapping {
     /// An empty mapping.
-    #[must_use]
     pub fn new(config: mapper::Config) -> Self {
         Self {
             mapper: Mapper::new(config),
@@ -94,19 +92,16 @@ impl Mapping {
     }
 
     /// The mapper.
-    #[must_use]
     pub fn mapper(&self) -> &Mapper {
         &self.mapper
     }
 
     /// The reported poses, in order.
-    #[must_use]
     pub fn trace(&self) -> &[Pose] {
         &self.trace
     }
 
     /// Path length of the trace, millimetres.
-    #[must_use]
     pub fn path_mm(&self) -> f64 {
         self.trace
             .windows(2)
@@ -173,7 +168,6 @@ pub(crate) fn mapper_pose(pose: Pose) -> Pose2 {
 
 /// The mapper's settings for a configuration: its rangefinders and their bearings.
 // Requirement: WIRE-platform-5
-#[must_use]
 pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
     let mut settings = mapper::Config {
         cell_mm,

@@ -70,7 +70,6 @@ pub struct SimulatedTape {
 
 impl SimulatedTape {
     /// The robot's position now becomes its marks.
-    #[must_use]
     pub fn new(board: &Board) -> Self {
         Self {
             board: board.clone(),
@@ -137,7 +136,6 @@ pub struct VirtualBoard {
 }
 
 /// The I/O of a board that exists already, for tests and the demo.
-#[must_use]
 pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
     io_with(board, spi_hz, interrupt, None)
 }
@@ -233,7 +231,6 @@ const TAIL_LINES: usize = 4;
 
 impl VirtualBoard {
     /// The last lines of the STM's log, each marked as such.
-    #[must_use]
     pub fn log_tail(&self) -> String {
         let log = self.board.uart();
         let log = String::from_utf8_lossy(&log);

@@ -37,7 +37,6 @@ pub trait Input: Sized {
 
 /// An arbitrary value: all of them at once under Kani.
 #[cfg(kani)]
-#[must_use]
 pub fn any<T: Input>() -> T {
     T::draw(&mut Symbolic)
 }
@@ -68,7 +67,6 @@ pub struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
     /// Draws from `bytes`.
-    #[must_use]
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self(bytes)
     }
@@ -95,13 +93,11 @@ pub struct Biased<'a>(Bytes<'a>);
 
 impl<'a> Biased<'a> {
     /// Draws from `bytes`; all zeros draw the simplest value of every type.
-    #[must_use]
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self(Bytes(bytes))
     }
 
     /// Whether all bytes have been drawn: everything after them is zero.
-    #[must_use]
     pub const fn is_spent(&self) -> bool {
         self.0 .0.is_empty()
     }

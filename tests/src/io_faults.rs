@@ -58,7 +58,6 @@ pub struct Calls(Rc<RefCell<FaultPlan>>);
 impl Calls {
     /// The numbers of the calls so far, without those between two other polls of the same wait: a
     /// fault there has the same effect.
-    #[must_use]
     pub fn distinct(&self) -> Vec<usize> {
         let plan = self.0.borrow();
         let is_poll = |call: &usize| plan.polls.binary_search(call).is_ok();
@@ -153,7 +152,6 @@ impl DelayNs for FaultyIo<Box<dyn DelayNs>> {
 }
 
 /// `io` with a fault, and the count of its calls.
-#[must_use]
 pub fn with_fault(io: BoardIo, fault: IoFault) -> (BoardIo, Calls) {
     fn faulty<T>(inner: T, calls: &Calls) -> FaultyIo<T> {
         FaultyIo {

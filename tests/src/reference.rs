@@ -9,7 +9,6 @@ pub const KEY_PI: u8 = 0x96;
 pub const KEY_STM: u8 = 0x5A;
 
 /// An original EEPROM of the first board: pages 0x00 to 0x02 (document, chapter 6), the rest erased.
-#[must_use]
 pub fn original_image() -> Vec<u8> {
     let mut image = vec![0xFF; IMAGE_LEN];
     let mut put = |address: usize, bytes: &[u8]| {
@@ -46,7 +45,6 @@ pub fn original_image() -> Vec<u8> {
 }
 
 /// The original image in another mode.
-#[must_use]
 pub fn image_in_mode(mode: u8) -> Vec<u8> {
     let mut image = original_image();
     image[0x000C] = mode;
@@ -54,7 +52,6 @@ pub fn image_in_mode(mode: u8) -> Vec<u8> {
 }
 
 /// A Normal frame of the Pi (document, 5.2.1): key, expected pose, battery, three dummies.
-#[must_use]
 pub fn normal_frame(x_um: i32, y_um: i32, rotation: u16, apply: bool) -> [u8; 19] {
     let mut frame = [0; 19];
     frame[0] = KEY_PI;
@@ -66,7 +63,6 @@ pub fn normal_frame(x_um: i32, y_um: i32, rotation: u16, apply: bool) -> [u8; 19
 }
 
 /// A tuning frame of the Pi (document, 5.2.2 and 5.2.3): key, percent, battery.
-#[must_use]
 pub fn tuning_frame(percent: f64) -> [u8; 11] {
     let mut frame = [0; 11];
     frame[0] = KEY_PI;
@@ -100,7 +96,6 @@ impl NormalReply {
     ///
     /// # Panics
     /// On any other length.
-    #[must_use]
     pub fn of(frame: &[u8]) -> Self {
         assert_eq!(frame.len(), 19);
         let four = |at: usize| {
@@ -121,7 +116,6 @@ impl NormalReply {
 }
 
 /// CRC-16/IBM-3740, bit by bit: initial 0xFFFF, polynomial 0x1021.
-#[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte) << 8, |crc: u16, _| {

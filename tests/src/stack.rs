@@ -37,13 +37,11 @@ impl Stack {
     }
 
     /// Bytes that are reserved.
-    #[must_use]
     pub fn bytes(&self) -> u64 {
         self.range.end - self.range.start
     }
 
     /// Bytes from the stack's beginning to the deepest that was written.
-    #[must_use]
     pub fn used(&self, board: &Board) -> u64 {
         self.bytes() - board.painted(self.range.clone(), PAINT)
     }

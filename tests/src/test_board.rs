@@ -25,7 +25,6 @@ pub const READY_US: u64 = 200_000;
 ///
 /// # Panics
 /// Where there is none: the firmware has to be built first.
-#[must_use]
 pub fn elf(variable: &str) -> Vec<u8> {
     let path = std::env::var_os(variable).map_or_else(
         || {
@@ -66,7 +65,6 @@ impl Rig {
     ///
     /// # Panics
     /// Where the board cannot be made.
-    #[must_use]
     pub fn new(options: Options) -> Self {
         Self::with_elf(&elf(ELF), options)
     }
@@ -75,14 +73,12 @@ impl Rig {
     ///
     /// # Panics
     /// Where the board cannot be made.
-    #[must_use]
     pub fn with_elf(elf: &[u8], options: Options) -> Self {
         let board = Board::new(elf, options).expect("a board");
         Self { board }
     }
 
     /// A robot with this EEPROM, booted until READY or for as long as that may take.
-    #[must_use]
     pub fn booted(eeprom: Option<Vec<u8>>) -> Self {
         let rig = Self::new(Options {
             eeprom,
@@ -96,7 +92,6 @@ impl Rig {
     ///
     /// # Panics
     /// With the log, where it has not.
-    #[must_use]
     pub fn ready(options: Options) -> Self {
         let rig = Self::new(options);
         assert!(rig.await_ready(), "{}", rig.log());
@@ -107,7 +102,6 @@ impl Rig {
     ///
     /// # Panics
     /// With the log, where it has not.
-    #[must_use]
     pub fn configured(eeprom: Vec<u8>) -> Self {
         Self::ready(Options {
             eeprom: Some(eeprom),
@@ -124,7 +118,6 @@ impl Rig {
     ///
     /// # Panics
     /// Where it is not ASCII.
-    #[must_use]
     pub fn log(&self) -> String {
         let bytes = self.board.uart();
         assert!(bytes.is_ascii(), "the log is ASCII");
@@ -135,7 +128,6 @@ impl Rig {
     ///
     /// # Panics
     /// Where the emulation has ended.
-    #[must_use]
     pub fn frame(&self, bytes: &[u8]) -> Vec<u8> {
         let mut back = vec![0; bytes.len()];
         self.board
@@ -146,7 +138,6 @@ impl Rig {
     }
 
     /// The same frame at 40 Hz for `us`, the last reply.
-    #[must_use]
     pub fn keep_sending(&self, bytes: &[u8], us: u64) -> Vec<u8> {
         let ends = self.board.now_us() + us;
         let mut back = self.frame(bytes);
@@ -158,7 +149,6 @@ impl Rig {
     }
 
     /// Whether both motors get nothing.
-    #[must_use]
     pub fn motors_off(&self) -> bool {
         self.board.truth().duty == Sides::default()
     }

@@ -75,7 +75,6 @@ fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
 }
 
 /// The shortest period of Normal frames at a clock of `hz`, nanoseconds.
-#[must_use]
 pub fn shortest_period(hz: u64) -> u64 {
     2 * SETUP_NS + NORMAL * 8_000_000_000 / hz + GAP_NS
 }

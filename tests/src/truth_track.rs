@@ -19,7 +19,6 @@ pub struct TruthTrack {
 
 impl TruthTrack {
     /// Poses are seen from where the robot stands now.
-    #[must_use]
     pub fn new(board: &Board) -> Self {
         board.trace_writes(TIM5_CCR1);
         let start = board.truth().pose;

@@ -185,25 +185,21 @@ impl Board {
     }
 
     /// Virtual time since power-on, nanoseconds.
-    #[must_use]
     pub fn now_ns(&self) -> u64 {
         running(self.emulator.now())
     }
 
     /// Virtual time since power-on, microseconds.
-    #[must_use]
     pub fn now_us(&self) -> u64 {
         self.now_ns() / 1000
     }
 
     /// Instructions the core has retired since power-on.
-    #[must_use]
     pub fn instructions(&self) -> u64 {
         self.stopped(|stopped| stopped.instructions)
     }
 
     /// The true state right now.
-    #[must_use]
     pub fn truth(&self) -> Truth {
         self.stopped(|stopped| {
             let at_ns = stopped.now;
@@ -231,13 +227,11 @@ impl Board {
     }
 
     /// The log's bytes so far.
-    #[must_use]
     pub fn uart(&self) -> Vec<u8> {
         self.uart_from(0)
     }
 
     /// The log's bytes from byte `from` on.
-    #[must_use]
     pub fn uart_from(&self, from: usize) -> Vec<u8> {
         self.model(move |model| {
             let new = model.log.get(from..).unwrap_or_default();
@@ -246,31 +240,26 @@ impl Board {
     }
 
     /// The log's bytes so far with their times.
-    #[must_use]
     pub fn log(&self) -> Vec<LogByte> {
         self.model(|model| model.log.clone())
     }
 
     /// Every change of READY and of the LEDs so far.
-    #[must_use]
     pub fn outputs(&self) -> Vec<OutputChange> {
         self.model(|model| model.outputs.clone())
     }
 
     /// Every burst of a rangefinder so far.
-    #[must_use]
     pub fn pings(&self) -> Vec<Ping> {
         self.model(|model| model.pings.clone())
     }
 
     /// Whether READY is high.
-    #[must_use]
     pub fn is_ready(&self) -> bool {
         self.stopped(|stopped| stopped.mcu().is_ready())
     }
 
     /// Which LEDs are lit, bit 0 = LED 1.
-    #[must_use]
     pub fn leds(&self) -> u8 {
         self.stopped(|stopped| {
             let chip = &stopped.mcu().chip;
@@ -283,13 +272,11 @@ impl Board {
     }
 
     /// Every register access without a model and every objection of a model so far.
-    #[must_use]
     pub fn unmodelled(&self) -> Unmodelled {
         self.stopped(|stopped| Unmodelled::of(stopped.session))
     }
 
     /// Every reset so far.
-    #[must_use]
     pub fn resets(&self) -> Vec<Reset> {
         self.stopped(|stopped| {
             let resets = stopped.session.resets().iter();

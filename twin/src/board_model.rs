@@ -115,7 +115,6 @@ const ENCODERS: [pinout::EncoderPins; 2] = [pinout::LEFT_ENCODER, pinout::RIGHT_
 
 impl BoardModel {
     /// The board of a robot in `world`.
-    #[must_use]
     pub fn new(world: World, i2c: SharedBus) -> Self {
         let counts = world.wheel_counts();
         Self {
@@ -221,7 +220,6 @@ impl BoardModel {
     }
 
     /// The true pose and the wheels' speeds, °/s, at `now`, which lies within the present tick.
-    #[must_use]
     pub fn at(&self, now: u64) -> (Pose2, Sides<f64>) {
         let after = Motion::of(&self.world);
         let left = u32::try_from(self.next_tick.saturating_sub(now)).unwrap_or(u32::MAX);

@@ -39,7 +39,6 @@ impl StoppedBoard<'_> {
     }
 
     /// [`StoppedBoard::now`] in the emulator's type.
-    #[must_use]
     pub const fn at(&self) -> VirtualNanos {
         VirtualNanos(self.now)
     }

@@ -56,14 +56,12 @@ impl Board {
     }
 
     /// Takes the events traced since the last call, in order.
-    #[must_use]
     pub fn take_events(&self) -> Vec<Event> {
         self.stopped(|stopped| std::mem::take(&mut stopped.tracer.events))
     }
 
     /// The words in memory from `address` on, as a debugger reads them. Panics where there is no
     /// memory.
-    #[must_use]
     pub fn words(&self, address: u64, count: u64) -> Vec<u32> {
         self.stopped(move |stopped| {
             let mut word = |nth| {
@@ -87,7 +85,6 @@ impl Board {
     }
 
     /// How many bytes from the start of a painted range are still unchanged.
-    #[must_use]
     pub fn painted(&self, range: Range<u64>, byte: u8) -> u64 {
         self.stopped(move |stopped| {
             let mut read = |address| stopped.host.read(address, Width::W8).ok();

@@ -16,7 +16,6 @@ pub struct Pin {
 ///
 /// # Panics
 /// When the part has no such port or pin; the names are constants of this crate.
-#[must_use]
 pub const fn pin(port: char, number: u8) -> Pin {
     let port = match port {
         'A' => 0,

@@ -54,7 +54,6 @@ impl Unmodelled {
     }
 
     /// Whether there is nothing to report.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }

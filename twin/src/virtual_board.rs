@@ -39,7 +39,6 @@ pub struct McuOnBoard {
 
 impl McuOnBoard {
     /// Whether the firmware drives READY high; the board pulls it down.
-    #[must_use]
     pub fn is_ready(&self) -> bool {
         self.chip.output(pinout::READY) == Some(Level::High)
     }

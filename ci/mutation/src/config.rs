@@ -42,7 +42,6 @@ pub struct Stage {
 
 impl Config {
     /// The package's own tests.
-    #[must_use]
     pub fn of(package: String) -> Self {
         Self {
             package,
@@ -75,7 +74,6 @@ impl Config {
     }
 
     /// The stages: the quick tests beside the code, all tests of the package, other packages'.
-    #[must_use]
     pub fn stages(&self) -> Vec<Stage> {
         let stage = |packages: &[String], all: bool, skip: &[String]| Stage {
             packages: packages.to_vec(),

@@ -58,13 +58,11 @@ impl Excuses {
     }
 
     /// Whether this mutant may survive.
-    #[must_use]
     pub fn cover(&self, mutant: &Mutant) -> bool {
         self.all().any(|excused| excused.is(mutant))
     }
 
     /// The excuses of mutants that are not in the list.
-    #[must_use]
     pub fn stale(&self, all: &[Mutant]) -> Vec<&Excused> {
         let stale = |excused: &&Excused| !all.iter().any(|mutant| excused.is(mutant));
         self.all().filter(stale).collect()

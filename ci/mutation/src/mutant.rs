@@ -117,7 +117,6 @@ impl std::fmt::Display for Mutant {
 
 impl Mutant {
     /// The source with this change alone.
-    #[must_use]
     pub fn applied(&self, text: &str) -> String {
         let (from, to) = self.span.bytes(text);
         [&text[..from], &self.replacement, &text[to..]].concat()
@@ -126,7 +125,6 @@ impl Mutant {
 
 impl Span {
     /// Its bytes in the file's text.
-    #[must_use]
     pub fn bytes(&self, text: &str) -> (usize, usize) {
         let byte = |position: Position| {
             let lines = text.split_inclusive('\n').take(position.line - 1);
@@ -139,7 +137,6 @@ impl Span {
     }
 
     /// The line with this part marked; empty where it is several lines.
-    #[must_use]
     pub fn marked(&self, text: &str) -> String {
         let line = text.lines().nth(self.start.line.saturating_sub(1));
         let (Some(line), true) = (line, self.start.line == self.end.line) else {

@@ -33,7 +33,6 @@ impl Report {
     }
 
     /// How many mutants were tried.
-    #[must_use]
     pub fn tried(&self) -> usize {
         self.files.values().flatten().sum()
     }

@@ -100,7 +100,6 @@ impl Program {
 
     /// An empty program, to be filled by [`Self::add_code`]: its stack, and the vector table from
     /// the reset handler on.
-    #[must_use]
     pub fn new(stack: Range<u32>, handlers: &[u32]) -> Self {
         Self {
             vectors: [&[stack.end], handlers].concat(),

@@ -44,7 +44,6 @@ pub struct Level {
 
 impl Level {
     /// Bytes that this level adds to what it preempts.
-    #[must_use]
     pub fn bytes(&self) -> u32 {
         self.routine + self.frame
     }
@@ -73,7 +72,6 @@ pub struct Report {
 
 impl Report {
     /// The bound: the most bytes that all levels use together.
-    #[must_use]
     pub fn worst(&self) -> u32 {
         let sum: u32 = self.levels.iter().map(Level::bytes).sum();
         sum.max(self.restarted)

@@ -39,7 +39,6 @@ impl Gain {
     pub const MAX: Self = Self(I32F32::lit("10000"));
 
     /// `None` beyond 0 ..= 10 000.
-    #[must_use]
     pub fn new(value: I32F32) -> Option<Self> {
         (I32F32::ZERO..=Self::MAX.0)
             .contains(&value)
@@ -307,13 +306,11 @@ impl Config {
     }
 
     /// The chain of strategies.
-    #[must_use]
     pub const fn mode(&self) -> Mode {
         self.mode
     }
 
     /// What both ends of the link need to know to understand each other.
-    #[must_use]
     pub const fn link_setup(&self) -> Setup {
         Setup {
             mode: self.mode,
@@ -324,80 +321,67 @@ impl Config {
     }
 
     /// Gains of the forward PID, percent of duty per millimetre.
-    #[must_use]
     pub const fn forward(&self) -> &Gains {
         &self.forward
     }
 
     /// Gains of the rotation PID, percent of duty per degree.
-    #[must_use]
     pub const fn rotation(&self) -> &Gains {
         &self.rotation
     }
 
     /// Battery cells in series, 1 ..= 8.
-    #[must_use]
     pub const fn cells(&self) -> u8 {
         self.cells
     }
 
     /// Volts at an ADC pin that read as [`Self::adc_max_word`], 0.1 ..= 10.
-    #[must_use]
     pub const fn adc_max_volts(&self) -> I32F32 {
         self.adc_max
     }
 
     /// The ADC's largest word, 1 ..= 65 535.
-    #[must_use]
     pub const fn adc_max_word(&self) -> u16 {
         self.adc_max_word
     }
 
     /// One divider per cell; tap n is the sum of cells 1 to n.
-    #[must_use]
     pub fn dividers(&self) -> &[Divider] {
         let cells = usize::from(self.cells);
         self.dividers.get(..cells).unwrap_or_default()
     }
 
     /// The left wheel.
-    #[must_use]
     pub const fn left(&self) -> &Wheel {
         &self.left
     }
 
     /// The right wheel.
-    #[must_use]
     pub const fn right(&self) -> &Wheel {
         &self.right
     }
 
     /// Distance between the wheels' contact points, 20 mm to 2 m.
-    #[must_use]
     pub const fn track(&self) -> Micrometres {
         self.track
     }
 
     /// Encoder counts per wheel turn, both channels, both edges: 100 ..= 60 000.
-    #[must_use]
     pub const fn counts_per_turn(&self) -> u16 {
         self.counts_per_turn
     }
 
     /// Time without a fresh valid frame until the motors brake, 20 ms to 2 s.
-    #[must_use]
     pub const fn stop_deadline(&self) -> Milliseconds {
         self.stop_deadline
     }
 
     /// Rangefinders fitted, 0 ..= 3, in the order front, right, left; at least 1 in the sweep mode.
-    #[must_use]
     pub const fn rangefinders(&self) -> u8 {
         self.rangefinders
     }
 
     /// Where a rangefinder points, counter-clockwise from straight ahead.
-    #[must_use]
     pub const fn bearing(&self, rangefinder: RangefinderId) -> Turns {
         let [front, right, left] = self.bearings;
         match rangefinder {
@@ -408,61 +392,51 @@ impl Config {
     }
 
     /// The servo of the front rangefinder, if there is one; there is in the sweep mode.
-    #[must_use]
     pub const fn servo(&self) -> Option<Servo> {
         self.servo
     }
 
     /// Whether the MPU6050 corrects the heading while a wheel slips.
-    #[must_use]
     pub const fn gyro(&self) -> bool {
         self.gyro
     }
 
     /// Time between pose lines in the log, up to 60 s; 0 = none.
-    #[must_use]
     pub const fn log_period(&self) -> Milliseconds {
         self.log_period
     }
 
     /// Rate of the UART log, 9 600 ..= 2 000 000 baud.
-    #[must_use]
     pub const fn log_baud(&self) -> u32 {
         self.log_baud
     }
 
     /// A cell below this is reported, up to 5 V; 0 = off.
-    #[must_use]
     pub const fn battery_warn(&self) -> Volts {
         self.battery_warn
     }
 
     /// A cell below this stops the motors, up to [`Self::battery_warn`]; 0 = off.
-    #[must_use]
     pub const fn battery_cutoff(&self) -> Volts {
         self.battery_cutoff
     }
 
     /// Distance from the target that counts as arrived, 0.2 mm to 65.5 mm.
-    #[must_use]
     pub const fn position_tolerance(&self) -> Micrometres {
         self.position_tolerance
     }
 
     /// Rotation from the target that counts as arrived, 0.044° to 45°.
-    #[must_use]
     pub const fn rotation_tolerance(&self) -> Turns {
         self.rotation_tolerance
     }
 
     /// The obstacle stop's figures.
-    #[must_use]
     pub const fn obstacle_stop(&self) -> &ObstacleStop {
         &self.obstacle_stop
     }
 
     /// The limits of a commanded velocity.
-    #[must_use]
     pub const fn velocity_limits(&self) -> &VelocityLimits {
         &self.velocity_limits
     }

@@ -42,7 +42,6 @@ const fn constraint(
 
 impl Constraint {
     /// Whether a configuration whose fields are all within their ranges meets it.
-    #[must_use]
     pub fn holds(&self, config: &Config) -> bool {
         let scans = config.mode() == Mode::GuardedSweep;
         let (left, right) = (config.left(), config.right());

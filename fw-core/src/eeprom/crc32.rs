@@ -49,7 +49,6 @@ impl Crc32 {
 ///
 /// It detects every burst of up to 32 bits, and here, up to 91,607 bits long, every error of up to
 /// 3 bits (the protected bytes are 1680).
-#[must_use]
 pub fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = Crc32::new();
     for &byte in bytes {

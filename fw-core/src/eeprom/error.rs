@@ -137,7 +137,6 @@ impl ConfigError {
     }
 
     /// The page, 0x00 ..= 0x03.
-    #[must_use]
     pub const fn page(&self) -> u8 {
         (self.address >> 8) as u8
     }

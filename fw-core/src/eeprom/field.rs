@@ -196,13 +196,11 @@ impl Field {
 
     /// Whether a raw value is accepted in a robot of `cells` battery cells.
     // Requirement: WIRE-eeprom-4, WIRE-eeprom-13
-    #[must_use]
     pub fn contains(&self, raw: u64, cells: u8) -> bool {
         self.tap > cells || self.accepted.contains(raw)
     }
 
     /// The only value it may hold, if there is but one.
-    #[must_use]
     pub const fn constant(&self) -> Option<u32> {
         match *self.accepted {
             Accepted::IntRange { min, max } if min == max => Some(min),

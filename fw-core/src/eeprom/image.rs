@@ -132,7 +132,6 @@ impl Image {
     };
 
     /// The raw value of a field.
-    #[must_use]
     pub const fn get(&self, field: &Field) -> u64 {
         field.read(&self.0, 0)
     }
@@ -193,7 +192,6 @@ impl Image {
 
     /// Whether the defined bytes of page 0x03 are blank: the first board's platform applies.
     // Requirement: WIRE-eeprom-1
-    #[must_use]
     pub const fn is_original(&self) -> bool {
         let mut at = PLATFORM as usize;
         while at < PLATFORM as usize + PLATFORM_LEN {
@@ -228,7 +226,6 @@ impl Image {
     }
 
     /// The checksum that the image holds.
-    #[must_use]
     pub const fn stored_checksum(&self) -> u32 {
         let at = CRC_ADDRESS as usize;
         u32::from_le_bytes([

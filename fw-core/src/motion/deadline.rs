@@ -15,7 +15,6 @@ pub struct StopDeadline {
 
 impl StopDeadline {
     /// Expired until the first frame.
-    #[must_use]
     pub const fn new(allowed: Milliseconds) -> Self {
         Self {
             allowed: allowed.0 as u32 * 1000,

@@ -105,7 +105,6 @@ pub struct DriveMonitor {
 
 impl DriveMonitor {
     /// At rest, without a fault.
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         let turn = i32::from(config.counts_per_turn());
         Self {

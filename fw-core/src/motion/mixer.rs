@@ -115,7 +115,6 @@ pub struct Mixer {
 impl Mixer {
     /// Equal gains until identified.
     // Requirement: WIRE-platform-3
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         let left = Motor::new(config.left());
         let right = Motor::new(config.right());
@@ -222,7 +221,6 @@ impl Mixer {
     }
 
     /// Factors of the left and the right wheel's output, ¼ ..= 1: 1 for the weaker wheel.
-    #[must_use]
     pub const fn gain_balance(&self) -> (I16F16, I16F16) {
         (
             I16F16::from_bits(self.left.gain_balance),

@@ -51,7 +51,6 @@ pub struct ObstacleLimit {
 
 impl ObstacleLimit {
     /// Without an echo. `by_velocity`: the way back is limited too.
-    #[must_use]
     pub fn new(config: &Config, by_velocity: bool) -> Self {
         let ObstacleStop {
             stop_distance_mm,
@@ -140,26 +139,22 @@ impl ObstacleLimit {
     }
 
     /// The speed nearest to `commanded` that is allowed, µm/s, forward positive.
-    #[must_use]
     pub fn limit(&self, commanded: i32) -> i32 {
         commanded.min(self.max_forward).max(-self.max_reverse())
     }
 
     /// Whether a commanded speed is not allowed, µm/s.
-    #[must_use]
     pub fn limited(&self, commanded: i32) -> bool {
         self.limit(commanded) != commanded
     }
 
     /// Largest speed forward, µm/s, not negative.
-    #[must_use]
     pub const fn max_forward(&self) -> i32 {
         self.max_forward
     }
 
     /// Largest speed backward, µm/s, not negative.
     // Requirement: WIRE-obstacle-3, WIRE-obstacle-4
-    #[must_use]
     pub fn max_reverse(&self) -> i32 {
         match self.reverse_way {
             Some(way) if self.backward >= way => 0,
@@ -170,7 +165,6 @@ impl ObstacleLimit {
 
 /// The largest `n` below 2¹⁴ with `n² + reaction·n ≤ energy`, bit by bit without a division;
 /// `reaction` below 2¹⁷.
-#[must_use]
 pub const fn stoppable(reaction: u32, energy: u32) -> u32 {
     let (mut n, mut rest) = (0, energy);
     let mut bit = SPEED_BITS;

@@ -119,7 +119,6 @@ pub struct Odometry {
 impl Odometry {
     /// At the origin, with the counters as first read: the first sample never moves the pose.
     // Requirement: WIRE-platform-2, WIRE-platform-3
-    #[must_use]
     pub fn new(config: &Config, left: u32, right: u16) -> Self {
         Self {
             left: Wheel::new(config.left(), false, config),
@@ -189,7 +188,6 @@ impl Odometry {
     }
 
     /// Position to the nearest 2⁻³² mm, heading to the nearest 2⁻³² turns.
-    #[must_use]
     pub const fn pose(&self) -> Pose {
         Pose {
             x: Millimetres(I32F32::from_bits((self.x >> 8) + ((self.x >> 7) & 1))),

@@ -70,7 +70,6 @@ pub struct Pid {
 impl Pid {
     /// With an output within ±`limit` percent, 0 ..= 100.
     // Requirement: DOC-6.0.2-1, WIRE-eeprom-11
-    #[must_use]
     pub fn new(gains: &Gains, limit: I16F16) -> Self {
         let back_calculation = gains.anti_windup.value().to_bits() >> 16;
         let limit = limit.to_bits().clamp(0, 100 << 16);
@@ -151,7 +150,6 @@ impl Pid {
     }
 
     /// The integral part, percent.
-    #[must_use]
     pub const fn integral(&self) -> I16F16 {
         I16F16::from_bits((self.sum >> 16) as i32)
     }

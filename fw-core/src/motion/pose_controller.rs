@@ -102,7 +102,6 @@ pub struct PoseController {
 
 impl PoseController {
     /// Braked, without a target.
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         let heading_tolerance = (config.rotation_tolerance().0 as i32).max(MIN_HEADING_TOLERANCE);
         // Requirement: WIRE-platform-11
@@ -145,7 +144,6 @@ impl PoseController {
 
     /// Whether the obstacle stop reduced the forward drive of the last tick: the time of arrival does not
     /// run.
-    #[must_use]
     pub const fn held_back(&self) -> bool {
         self.held_back
     }
@@ -169,13 +167,11 @@ impl PoseController {
     }
 
     /// Whether the robot holds the target's pose; false without a target.
-    #[must_use]
     pub fn arrived(&self) -> bool {
         self.phase == Phase::Hold
     }
 
     /// Whether there is a target that is not reached yet.
-    #[must_use]
     pub fn moving(&self) -> bool {
         !matches!(self.phase, Phase::Idle | Phase::Hold)
     }

@@ -87,7 +87,6 @@ impl Reduced {
 
 /// Sine and cosine of `phase`, Q31 (one is `i32::MAX`), absolute error ≤ 5.8e-10.
 // One copy in flash.
-#[must_use]
 #[inline(never)]
 pub const fn sin_cos(phase: Turns) -> (i32, i32) {
     let reduced = Reduced::of((phase.0 as u64) << 32);
@@ -105,7 +104,6 @@ pub const fn sin_cos(phase: Turns) -> (i32, i32) {
 
 /// The direction of the vector (x, y), error ≤ 8e-6 turns (0.003°); 0 for the zero vector. Any unit
 /// that both share.
-#[must_use]
 pub const fn direction(x: i64, y: i64) -> Turns {
     let (across, along) = (y.unsigned_abs(), x.unsigned_abs());
     let steep = across > along;

@@ -137,7 +137,6 @@ pub struct VelocityController {
 
 impl VelocityController {
     /// At rest.
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         let limits = config.velocity_limits();
         let forward = config.forward();
@@ -255,13 +254,11 @@ impl VelocityController {
     }
 
     /// The velocity that the wheels follow, within all limits.
-    #[must_use]
     pub const fn applied(&self) -> Velocity {
         self.applied
     }
 
     /// Whether a limit of speed, yaw rate, acceleration or duty reduced the last command.
-    #[must_use]
     pub const fn clipped(&self) -> bool {
         self.clipped
     }

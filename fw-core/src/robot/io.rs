@@ -53,7 +53,6 @@ pub struct TickOutput {
 /// | stopped | ● ○ ○ ● |
 /// | faulted | ○ ● ● ○ |
 // Requirement: WIRE-status-6
-#[must_use]
 pub const fn leds(state: State) -> u8 {
     match state {
         State::Booting => 0b0001,

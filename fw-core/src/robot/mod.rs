@@ -108,7 +108,6 @@ pub struct Robot {
 impl Robot {
     /// A configured robot, standing, its pose zero: `first` is where the counters stand now.
     // Requirement: DOC-3.2-1
-    #[must_use]
     pub fn new(config: &Config, first: TickInput) -> Self {
         let sweeps = config.mode() == Mode::GuardedSweep;
         Self {
@@ -396,32 +395,27 @@ impl Robot {
     }
 
     /// What the robot is doing.
-    #[must_use]
     pub const fn state(&self) -> State {
         self.supervisor.state()
     }
 
     /// Latched faults, see [`Faults::TABLE`].
-    #[must_use]
     pub const fn faults(&self) -> Faults {
         self.supervisor.faults()
     }
 
     /// The estimated pose.
     // Requirement: DOC-1-1
-    #[must_use]
     pub const fn pose(&self) -> Pose {
         self.odometry.pose()
     }
 
     /// How a rangefinder's triggers ended so far.
-    #[must_use]
     pub fn stats(&self, which: RangefinderId) -> EchoStats {
         self.rangefinders.stats(which)
     }
 
     /// The link's counters.
-    #[must_use]
     pub const fn counters(&self) -> &LinkCounters {
         self.link.counters()
     }

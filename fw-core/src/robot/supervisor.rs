@@ -44,7 +44,6 @@ pub struct Supervisor {
 
 impl Supervisor {
     /// Ready, nothing latched; the deadline runs from the first fresh frame on.
-    #[must_use]
     pub const fn new(deadline: StopDeadline) -> Self {
         Self {
             deadline,
@@ -56,19 +55,16 @@ impl Supervisor {
     }
 
     /// What the robot is doing.
-    #[must_use]
     pub const fn state(&self) -> State {
         self.state
     }
 
     /// Whether the motors must stand still until an explicit resume.
-    #[must_use]
     pub const fn halted(&self) -> bool {
         self.halted
     }
 
     /// Latched faults, see [`Faults::TABLE`].
-    #[must_use]
     pub const fn faults(&self) -> Faults {
         self.faults
     }

@@ -144,7 +144,6 @@ pub struct Battery {
 impl Battery {
     /// Without a reading.
     // Requirement: DOC-6.0.3-2, WIRE-platform-10
-    #[must_use]
     pub fn new(config: &Config) -> Self {
         // Filtered words have 12 fractional bits, voltages 16, the full scale 32.
         let unit = Factor::new(
@@ -212,14 +211,12 @@ impl Battery {
     }
 
     /// The number of cells, 1 ..= 8.
-    #[must_use]
     pub const fn cells(&self) -> u8 {
         self.cells
     }
 
     /// Voltage of every cell; 0 V before its tap's first word.
     #[inline]
-    #[must_use]
     pub fn voltages(&self) -> &[Volts] {
         let cells = usize::from(self.cells);
         self.voltages.get(..cells).unwrap_or_default()
@@ -227,13 +224,11 @@ impl Battery {
 
     /// Voltage of cell `index`, from 0; `None` beyond the last cell.
     #[inline]
-    #[must_use]
     pub fn cell(&self, index: u8) -> Option<Volts> {
         self.voltages().get(usize::from(index)).copied()
     }
 
     /// The cell that [`Self::walk`] shows next.
-    #[must_use]
     pub const fn upcoming(&self) -> u8 {
         self.next
     }
@@ -252,7 +247,6 @@ impl Battery {
     ///
     /// The lower resistor is kept. Tune from cell 1 upwards: each cell depends on the tap below.
     // Requirement: DOC-5.1.3-3
-    #[must_use]
     pub fn tune(&self, index: u8, reference: Volts) -> Option<u32> {
         let reference = reference.0.to_bits();
         if reference == 0 || index >= self.cells {
@@ -269,13 +263,11 @@ impl Battery {
     }
 
     /// Whether a cell was below the warning voltage for half a second; ends 50 mV above it.
-    #[must_use]
     pub const fn low(&self) -> bool {
         self.low
     }
 
     /// Whether a cell was below the cut-off voltage for half a second; latched until the restart.
-    #[must_use]
     pub const fn empty(&self) -> bool {
         self.empty
     }

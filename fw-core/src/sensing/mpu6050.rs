@@ -174,7 +174,6 @@ impl Default for Mpu6050 {
 
 impl Mpu6050 {
     /// Waits for the part's power-up.
-    #[must_use]
     pub const fn new() -> Self {
         Self {
             stage: Stage::Wait(POWER_UP_TICKS),

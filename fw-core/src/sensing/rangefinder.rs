@@ -128,7 +128,6 @@ pub struct Rangefinders {
 impl Rangefinders {
     /// The first `count`, 0 ..= 3, of front, right and left; sound at 343 m/s, as at 19 °C.
     // Requirement: WIRE-platform-4
-    #[must_use]
     pub fn new(count: u8) -> Self {
         Self {
             sensors: [Sensor::default(); 3],
@@ -238,7 +237,6 @@ impl Rangefinders {
 
     /// The last reading, at most one cycle old: without an echo it becomes [`Echo::TimedOut`] and then
     /// [`Echo::Missing`].
-    #[must_use]
     pub fn reading(&self, which: RangefinderId) -> Reading {
         self.sensors
             .get(which as usize)
@@ -246,7 +244,6 @@ impl Rangefinders {
     }
 
     /// The distance of the last reading, if it has one.
-    #[must_use]
     pub fn distance(&self, which: RangefinderId) -> Option<Millimetres> {
         match self.reading(which).echo {
             Echo::Distance(distance) => Some(distance),
@@ -255,7 +252,6 @@ impl Rangefinders {
     }
 
     /// Results of the sensor's triggers.
-    #[must_use]
     pub fn stats(&self, which: RangefinderId) -> EchoStats {
         self.sensors
             .get(which as usize)

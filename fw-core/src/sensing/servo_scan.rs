@@ -76,7 +76,6 @@ impl ServoScan {
     /// Without pulses at first. The servo scans, or parks straight ahead; without a servo the sensor
     /// always points there.
     // Requirement: WIRE-platform-6
-    #[must_use]
     pub fn new(config: &Config, scans: bool) -> Self {
         let servo = config.servo();
         let travel = servo.map_or(HALF_TURN, |servo| servo.travel.0 >> 16);
@@ -157,7 +156,6 @@ impl ServoScan {
 
     /// The sensor's bearing, turn × 0x10000, while it is settled and may be triggered.
     // Requirement: WIRE-bearing-2
-    #[must_use]
     pub fn settled_bearing(&self) -> Option<u16> {
         match self.phase {
             Phase::Parked => Some(self.centre),
@@ -167,7 +165,6 @@ impl ServoScan {
     }
 
     /// Whether the bearing is unknown: earlier readings are void.
-    #[must_use]
     pub const fn is_off(&self) -> bool {
         matches!(self.phase, Phase::Off)
     }

@@ -54,7 +54,6 @@ impl Calibration {
     };
 
     /// Whether a working part can hold these words.
-    #[must_use]
     pub const fn is_plausible(&self) -> bool {
         within(self.reference, REFERENCE)
             && within(self.cold, COLD)
@@ -72,7 +71,6 @@ pub struct Thermometer {
 
 impl Thermometer {
     /// Without a reading.
-    #[must_use]
     pub const fn new(calibration: Calibration) -> Self {
         Self {
             calibration,

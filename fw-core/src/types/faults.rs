@@ -89,7 +89,6 @@ impl Faults {
     pub const ALL_BITS: Self = Self(u16::MAX);
 
     /// The set with these bits; bits without a fault are kept.
-    #[must_use]
     pub const fn from_bits(bits: u16) -> Self {
         Self(bits)
     }

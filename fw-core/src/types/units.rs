@@ -67,7 +67,6 @@ impl Duty {
     pub const FULL: i16 = 10_000;
 
     /// The nearest duty the bridge can be given.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "within 10 000 by then")]
     pub const fn saturating(hundredths: i32) -> Self {
         if hundredths > Self::FULL as i32 {

@@ -85,7 +85,6 @@ macro_rules! modes {
             pub const ALL: &'static [Self] = &[$($(Self::$mode,)+)*];
 
             /// The mode of a number in the EEPROM; nothing for a number without one.
-            #[must_use]
             pub const fn from_code(code: u8) -> Option<Self> {
                 match code {
                     $($($code => Some(Self::$mode),)+)*
@@ -118,7 +117,6 @@ macro_rules! modes {
         }
 
         /// The strategies of a mode, in the order of their bytes.
-        #[must_use]
         pub const fn chain(mode: Mode) -> &'static [Field] {
             match mode {
                 $($(Mode::$mode)|+ => &[$(Field::$strategy),*],)*
@@ -127,7 +125,6 @@ macro_rules! modes {
 
         /// Bytes of a mode's frame.
         #[inline]
-        #[must_use]
         pub const fn frame_len(mode: Mode) -> usize {
             match mode {
                 $($(Mode::$mode)|+ => 0 $(+ <$strategy as Strategy>::LEN)*,)*

@@ -15,7 +15,6 @@ impl PoseCode {
     /// The nearest codes; lengths beyond ±2 147 483.648 mm saturate, a rotation that rounds to a
     /// whole turn is 0.
     #[inline]
-    #[must_use]
     pub fn from_pose(pose: &Pose) -> Self {
         Self {
             x: length_code(pose.x),
@@ -26,7 +25,6 @@ impl PoseCode {
 
     /// The pose, to the nearest 2⁻³² mm; the rotation exactly.
     #[inline]
-    #[must_use]
     pub fn to_pose(&self) -> Pose {
         Pose {
             x: length(self.x),
@@ -87,7 +85,6 @@ impl CellCode {
     /// taken modulo 8.
     // Requirement: DOC-5.1.3-2
     #[inline]
-    #[must_use]
     pub fn from_volts(cell: u8, voltage: Volts) -> Self {
         let scaled = u64::from(voltage.0.to_bits()).wrapping_mul(200);
         let code = scaled.wrapping_add(1 << 15) >> 16;
@@ -99,7 +96,6 @@ impl CellCode {
 
     /// The voltage, to the nearest 2⁻¹⁶ V.
     #[inline]
-    #[must_use]
     pub fn to_volts(&self) -> Volts {
         let code = u32::from(self.voltage & Self::MAX_VOLTAGE);
         // code · 2¹⁶ / 200 = code · 8192 / 25.
@@ -113,7 +109,6 @@ impl DistanceCode {
     /// more, is out of range: [`Self::NONE`].
     // Requirement: DOC-5.1.4-1
     #[inline]
-    #[must_use]
     pub fn from_distance(distance: Option<Millimetres>) -> Self {
         let Some(Millimetres(distance)) = distance else {
             return Self::NONE;
@@ -146,7 +141,6 @@ impl GyroCode {
     /// [`Self::NONE`] is the next one.
     // Requirement: WIRE-gyro-1
     #[inline]
-    #[must_use]
     pub const fn from_angle(angle: i64) -> Self {
         match (angle.wrapping_add(1 << 7) >> 8) as i32 {
             i32::MIN => Self(i32::MIN + 1),
@@ -167,14 +161,12 @@ impl GyroCode {
 /// A bearing's nearest code: turn × 0x10000 (a tie goes up), wrapping.
 // Requirement: WIRE-bearing-1
 #[inline]
-#[must_use]
 pub fn bearing_code(bearing: Turns) -> u16 {
     (bearing.0.wrapping_add(1 << 15) >> 16) as u16
 }
 
 /// The bearing of a code, exactly.
 #[inline]
-#[must_use]
 pub fn bearing(code: u16) -> Turns {
     Turns(u32::from(code) << 16)
 }

@@ -22,7 +22,6 @@ pub struct Crc;
 /// word goes into the ones 64 or 128 bits behind it by shifts.
 // Requirement: WIRE-crc-1
 #[inline(never)]
-#[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
     let mut crc = 0xFFFF;
     let mut rest = bytes;

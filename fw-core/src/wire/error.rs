@@ -152,7 +152,6 @@ impl Cause {
 
 impl Reason {
     /// How it is counted.
-    #[must_use]
     pub const fn cause(&self) -> Cause {
         match self {
             Self::Short { .. } => Cause::Short,

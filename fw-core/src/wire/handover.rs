@@ -88,7 +88,6 @@ pub struct Handover {
 
 impl Handover {
     /// Reply `first` armed in transmit buffer 0, receive buffer 0 empty.
-    #[must_use]
     pub const fn new(first: u32) -> Self {
         Self {
             receiving: 0,
@@ -106,7 +105,6 @@ impl Handover {
 
     /// The DMA's buffers.
     #[inline]
-    #[must_use]
     pub const fn dma_buffers(&self) -> DmaBuffers {
         DmaBuffers {
             receive: self.receiving,
@@ -142,7 +140,6 @@ impl Handover {
 
     /// When the frame that [`Self::claim`] would return ended.
     #[inline]
-    #[must_use]
     pub fn ended_at(&self) -> Option<Micros> {
         self.ended.map(|frame| frame.at)
     }
@@ -187,7 +184,6 @@ impl Handover {
 
     /// Where to rebuild the armed reply, and its number; none where a frame has carried it.
     #[inline]
-    #[must_use]
     pub fn fresh_reply(&self) -> Option<Reply> {
         (!self.transmitted).then(|| Reply {
             buffer: self.free(),
@@ -198,7 +194,6 @@ impl Handover {
     /// The armed buffer, where `fresh` may be copied over its bytes: they are the same reply and begin
     /// alike. Chip-select must be high.
     #[inline]
-    #[must_use]
     pub fn refresh(&self, fresh: Reply, begin_alike: bool) -> Option<u8> {
         let same = self.fresh_reply().map(|reply| reply.number) == Some(fresh.number);
         (same && begin_alike).then_some(self.armed.buffer)
@@ -206,7 +201,6 @@ impl Handover {
 
     /// Where to build the reply after the armed one, and its number.
     #[inline]
-    #[must_use]
     pub fn next_reply(&self) -> Reply {
         Reply {
             buffer: self.free(),

@@ -42,7 +42,6 @@ pub struct LinkCounters {
 
 impl LinkCounters {
     /// Frames rejected for a cause.
-    #[must_use]
     pub fn rejected(&self, cause: Cause) -> u32 {
         self.rejected
             .get(cause as usize)
@@ -51,7 +50,6 @@ impl LinkCounters {
     }
 
     /// Frames rejected for any cause.
-    #[must_use]
     pub fn rejected_total(&self) -> u32 {
         self.rejected
             .iter()
@@ -59,7 +57,6 @@ impl LinkCounters {
     }
 
     /// Every frame that arrived: accepted, rejected or dropped unread.
-    #[must_use]
     pub fn frames(&self) -> u32 {
         self.accepted
             .saturating_add(self.rejected_total())
@@ -166,7 +163,6 @@ pub struct StmLink {
 
 impl StmLink {
     /// The link after a reset: nothing accepted.
-    #[must_use]
     pub const fn new(setup: Setup) -> Self {
         Self {
             endpoint: LinkEndpoint::new(setup),
@@ -174,7 +170,6 @@ impl StmLink {
     }
 
     /// The mode whose chain it runs.
-    #[must_use]
     pub const fn mode(&self) -> Mode {
         self.endpoint.mode
     }
@@ -238,7 +233,6 @@ impl StmLink {
     }
 
     /// Frames received, counted.
-    #[must_use]
     pub const fn counters(&self) -> &LinkCounters {
         &self.endpoint.counters
     }
@@ -258,7 +252,6 @@ pub struct PiLink {
 
 impl PiLink {
     /// The link at the program's start: nothing sent, nothing accepted.
-    #[must_use]
     pub const fn new(setup: Setup) -> Self {
         Self {
             endpoint: LinkEndpoint::new(setup),
@@ -266,7 +259,6 @@ impl PiLink {
     }
 
     /// The mode whose chain it runs.
-    #[must_use]
     pub const fn mode(&self) -> Mode {
         self.endpoint.mode
     }
@@ -302,7 +294,6 @@ impl PiLink {
     }
 
     /// Frames received, counted.
-    #[must_use]
     pub const fn counters(&self) -> &LinkCounters {
         &self.endpoint.counters
     }

@@ -25,7 +25,6 @@ pub struct Sequence;
 /// Whether counter `a` is strictly newer than `b`: 1 to 127 steps ahead, wrapping.
 // Requirement: WIRE-sequence-1
 #[inline(always)]
-#[must_use]
 pub const fn newer(a: u8, b: u8) -> bool {
     a.wrapping_sub(b).wrapping_sub(1) < 0x7F
 }

@@ -97,7 +97,6 @@ impl Strategy for Status {
 impl Order {
     /// The order of a code; nothing for a code without one.
     #[inline]
-    #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::None),
@@ -111,7 +110,6 @@ impl Order {
 impl State {
     /// The state of a code; nothing for a code without one.
     #[inline]
-    #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::Booting),

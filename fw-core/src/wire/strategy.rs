@@ -65,7 +65,6 @@ pub struct FrameReader<'a> {
 impl<'a> FrameReader<'a> {
     /// A frame of which `overflow_len` more bytes were clocked than `frame` holds.
     #[inline]
-    #[must_use]
     pub const fn new(frame: &'a [u8], overflow_len: usize) -> Self {
         Self {
             frame,
@@ -76,14 +75,12 @@ impl<'a> FrameReader<'a> {
 
     /// Offset of the next byte.
     #[inline]
-    #[must_use]
     pub const fn offset(&self) -> usize {
         self.offset
     }
 
     /// Bytes not taken yet, those beyond the buffer included.
     #[inline]
-    #[must_use]
     pub const fn remaining(&self) -> usize {
         self.frame
             .len()
@@ -93,7 +90,6 @@ impl<'a> FrameReader<'a> {
 
     /// The bytes taken so far.
     #[inline]
-    #[must_use]
     pub fn taken(&self) -> &'a [u8] {
         self.frame.get(..self.offset).unwrap_or_default()
     }
@@ -130,7 +126,6 @@ impl<'a> FrameReader<'a> {
 
     /// Error of the field whose `len` bytes end before the next one to be taken.
     #[inline]
-    #[must_use]
     pub const fn error(&self, len: usize, reason: Reason) -> FieldError {
         FieldError::new(self.offset.wrapping_sub(len), reason)
     }
@@ -166,14 +161,12 @@ pub struct FrameWriter<'a> {
 impl<'a> FrameWriter<'a> {
     /// An empty frame.
     #[inline]
-    #[must_use]
     pub fn new(frame: &'a mut [u8; MAX_FRAME]) -> Self {
         Self { frame, offset: 0 }
     }
 
     /// The bytes put so far.
     #[inline]
-    #[must_use]
     pub fn written(&self) -> &[u8] {
         self.frame.get(..self.offset).unwrap_or_default()
     }

@@ -1,6 +1,7 @@
 //! What the vectors of `tests/vectors` and the properties of `proofs/` do not already check: exact
 //! errors, counters, sequence numbers.
 
+use super::sequence::newer;
 use super::strategy::{Context, FrameReader};
 use super::*;
 use crate::types::{Faults, Volts};
@@ -47,6 +48,38 @@ fn errors(mode: Mode, command: &[u8], report: &[u8]) -> [Option<FrameError>; 2] 
         parse_command(mode, &CONTEXT, command, 0).err(),
         parse_report(mode, &CONTEXT, report, 0).err(),
     ]
+}
+
+fn offset_of(mode: Mode, field: Field) -> Option<usize> {
+    let place = chain(mode).iter().position(|&other| other == field)?;
+    Some(
+        chain(mode)[..place]
+            .iter()
+            .map(|field| field.byte_len())
+            .sum(),
+    )
+}
+
+// Requirement: DOC-5.1-1, WIRE-rejected-3
+#[test]
+fn short_frame_names_strategy_that_lacks_bytes() {
+    for &mode in Mode::ALL {
+        let command = command_frame(mode, &Command::default());
+        let report = report_frame(mode, &Report::default());
+        for len in 0..frame_len(mode) {
+            let cut = chain(mode)
+                .iter()
+                .find(|&&field| offset_of(mode, field).unwrap() + field.byte_len() > len)
+                .unwrap();
+            let offset = offset_of(mode, *cut).unwrap();
+            for error in errors(mode, &command[..len], &report[..len]) {
+                let error = error.unwrap();
+                assert_eq!((error.field, usize::from(error.offset)), (*cut, offset));
+                assert!(matches!(error.reason, Reason::Short { left, .. }
+                    if usize::from(left) == len - offset));
+            }
+        }
+    }
 }
 
 // Requirement: DOC-5.1.5-1, WIRE-crc-2
@@ -101,6 +134,98 @@ fn codes_too_large_for_their_bits_are_cut() {
     let frame = command_frame(Mode::Normal, &command);
     assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
     assert_eq!(CellCode::from_volts(0xFA, Volts::default()).cell, 2);
+}
+
+// Requirement: DOC-5.1.6-1, DOC-5.1-3, DOC-5.1.6-3
+#[test]
+fn wrong_key_is_rejected_before_anything_else() {
+    for &mode in Mode::ALL {
+        for found in 0..=255 {
+            for (error, expected) in errors(mode, &[found], &[found])
+                .into_iter()
+                .zip([0x96, 0x5A])
+            {
+                let error = error.unwrap();
+                if found == expected {
+                    assert_ne!(error.field, Field::Key);
+                } else {
+                    let reason = Reason::Key { expected, found };
+                    assert_eq!((error.field, error.reason), (Field::Key, reason));
+                }
+            }
+        }
+    }
+}
+
+// Requirement: DOC-5.1.3-5, WIRE-battery-3
+#[test]
+fn cell_not_configured_is_rejected_at_both_ends() {
+    for &mode in Mode::ALL {
+        for cell in 0..8 {
+            let code = CellCode { cell, voltage: 840 };
+            let command = Command {
+                tune: code,
+                ..Command::default()
+            };
+            let report = Report {
+                cell: code,
+                ..Report::default()
+            };
+            let expected = (cell > 1).then(|| FrameError {
+                field: Field::Battery,
+                offset: u16::try_from(offset_of(mode, Field::Battery).unwrap()).unwrap(),
+                reason: Reason::Cell {
+                    cells: 2,
+                    found: cell,
+                },
+            });
+            let found = errors(
+                mode,
+                &command_frame(mode, &command),
+                &report_frame(mode, &report),
+            );
+            assert_eq!(found, [expected; 2]);
+        }
+    }
+}
+
+// Requirement: WIRE-double-1, WIRE-double-2
+#[test]
+fn percentage_beyond_100_and_nonfinite_doubles_are_rejected() {
+    let (beyond, not) = (Some(Reason::PercentOutOfRange), Some(Reason::NotFinite));
+    for (value, as_percent, as_measurement) in [
+        (-0.0, None, None),
+        (1e-310, None, None),
+        (100.0, None, None),
+        (-100.0, None, None),
+        (100.000_000_000_000_02, beyond, None),
+        (-100.000_000_000_000_02, beyond, None),
+        (1e300, beyond, None),
+        (f64::NAN, not, not),
+        (-f64::NAN, not, not),
+        (f64::INFINITY, not, not),
+        (f64::NEG_INFINITY, not, not),
+    ] {
+        let value = Binary64(value.to_bits());
+        let command = Command {
+            percent: value,
+            ..Command::default()
+        };
+        let report = Report {
+            measurement: value,
+            ..Report::default()
+        };
+        let modes = Mode::ALL.iter().filter(|mode| mode.has(Field::Double));
+        for &mode in modes {
+            let found = errors(
+                mode,
+                &command_frame(mode, &command),
+                &report_frame(mode, &report),
+            );
+            let found = found.map(|error| error.map(|error| error.reason));
+            assert_eq!(found, [as_percent, as_measurement], "{value:?}");
+        }
+    }
 }
 
 // Requirement: WIRE-status-2, WIRE-status-4
@@ -216,6 +341,17 @@ fn overrun_counter_saturates() {
     assert_eq!(stm.counters().frames(), u32::MAX);
 }
 
+// Requirement: WIRE-sequence-1
+#[test]
+fn newer_is_1_to_127_steps_ahead() {
+    for a in 0..=255_u8 {
+        for b in 0..=255_u8 {
+            let ahead = (i32::from(a) - i32::from(b)).rem_euclid(256);
+            assert_eq!(newer(a, b), (1..128).contains(&ahead));
+        }
+    }
+}
+
 // Requirement: WIRE-sequence-2, WIRE-sequence-4
 #[test]
 fn thousand_exchanges_wrap_counters_without_loss() {
@@ -254,6 +390,28 @@ fn accepted(mode: Mode, last: u8, numbers: &[u8]) -> (Vec<bool>, LinkCounters) {
     assert!(receive(last));
     let accepted = numbers.iter().map(|&own| receive(own)).collect();
     (accepted, *stm.counters())
+}
+
+// Requirement: WIRE-sequence-6
+#[test]
+fn repeated_frame_is_stale_in_guarded_modes_only() {
+    for &mode in Mode::ALL {
+        let numbered = mode.has(Field::Sequence);
+        let (accepted, counters) = accepted(mode, 1, &[1, 2]);
+        assert_eq!(accepted, [!numbered, true]);
+        assert_eq!(counters.rejected(Cause::Stale), u32::from(numbered));
+    }
+}
+
+#[test]
+fn lost_frames_count_as_missed() {
+    for mode in guarded() {
+        for lost in 0..=126_u8 {
+            let (accepted, counters) = accepted(mode, 200, &[201_u8.wrapping_add(lost)]);
+            assert_eq!(accepted, [true]);
+            assert_eq!(counters.missed, u32::from(lost));
+        }
+    }
 }
 
 // Requirement: WIRE-sequence-3, WIRE-sequence-7

@@ -91,7 +91,6 @@ fn frame_numbered(setup: Setup, command: bool, own: u8) -> Vec<u8> {
     Pair::sending(setup, command, own, 0).send(command, &Command::default(), &Report::default())
 }
 
-// Requirement: WIRE-double-2, WIRE-status-4
 #[test]
 fn frames_encode_to_vector_bytes() {
     for vector in list(&file("frames"))
@@ -131,8 +130,7 @@ fn frames_decode_to_vector_values() {
     }
 }
 
-// Requirement: DOC-5.1-3, DOC-5.1.3-5, DOC-5.1.6-1, DOC-5.1.6-3, WIRE-battery-3, WIRE-rejected-1
-// Requirement: WIRE-rejected-2, WIRE-rejected-3
+// Requirement: DOC-5.1-3, WIRE-rejected-1, WIRE-rejected-2
 #[test]
 fn rejected_frames_match_vector_errors() {
     for vector in list(&file("rejected")) {

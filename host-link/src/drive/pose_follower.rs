@@ -28,7 +28,6 @@ pub struct PoseFollower {
 
 impl PoseFollower {
     /// Follows `target` to well within the tolerances.
-    #[must_use]
     pub const fn new(target: Pose, tolerance_mm: f64, tolerance_deg: f64) -> Self {
         Self {
             target,

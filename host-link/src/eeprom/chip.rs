@@ -31,7 +31,6 @@ const ATTEMPTS: usize = 3;
 /// The bursts that turn `before` into `after`: every stretch of differing bytes, cut at the 32-byte
 /// boundaries.
 // Requirement: WIRE-eeprom-5
-#[must_use]
 pub fn bursts(before: &Image, after: &Image) -> Vec<Range<usize>> {
     let mut bursts = Vec::new();
     for stretch in differences(before, after) {

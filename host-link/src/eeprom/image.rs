@@ -53,7 +53,6 @@ pub fn save(path: &Path, image: &[u8]) -> Result<(), Error> {
 }
 
 /// `path` with `suffix` added to its name.
-#[must_use]
 pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
@@ -61,7 +60,6 @@ pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 }
 
 /// Hexadecimal with addresses, sixteen bytes a line; lines of unwritten cells only are left out.
-#[must_use]
 pub fn hex(image: &Image) -> String {
     let mut text = String::new();
     for (address, row) in (0usize..).step_by(16).zip(image.0.chunks(16)) {
@@ -78,7 +76,6 @@ pub fn hex(image: &Image) -> String {
 }
 
 /// The stretches in which two images differ.
-#[must_use]
 pub fn differences(before: &Image, after: &Image) -> Vec<Range<usize>> {
     let mut stretches: Vec<Range<usize>> = Vec::new();
     for at in (0..IMAGE_LEN).filter(|&at| before.0.get(at) != after.0.get(at)) {

@@ -14,13 +14,11 @@ pub struct Journal(PathBuf);
 
 impl Journal {
     /// A journal kept in the file `path`, which exists only while a write runs.
-    #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self(path.into())
     }
 
     /// The file.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.0
     }
@@ -68,13 +66,11 @@ impl Journal {
     }
 
     /// Whether a write was complete but possibly not followed by a reset.
-    #[must_use]
     pub fn reset_due(&self) -> bool {
         self.reset_marker().exists()
     }
 
     /// Whether the latest write did not end.
-    #[must_use]
     pub fn unfinished(&self) -> bool {
         self.0.exists()
     }

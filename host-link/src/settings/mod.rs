@@ -85,13 +85,11 @@ impl Settings {
     }
 
     /// The image to write. Undefined bytes are those of the image that it was read from.
-    #[must_use]
     pub const fn image(&self) -> &Image {
         &self.image
     }
 
     /// The image with page 0x03 written, though it only holds the first board's values.
-    #[must_use]
     pub fn platform_written(&self) -> Image {
         let mut image = self.image.clone();
         for field in &fields::FIELDS {
@@ -102,19 +100,16 @@ impl Settings {
     }
 
     /// In units.
-    #[must_use]
     pub const fn config(&self) -> &Config {
         &self.config
     }
 
     /// Whether page 0x03 is written; without it the image is an original one.
-    #[must_use]
     pub const fn platform_page(&self) -> bool {
         !self.image.is_original()
     }
 
     /// The raw value of a field; of an unwritten page 0x03 the first board's.
-    #[must_use]
     pub fn get(&self, field: &Field) -> u64 {
         if field.address >= PLATFORM && self.image.is_original() {
             Image::FIRST_BOARD.get(field)
@@ -124,7 +119,6 @@ impl Settings {
     }
 
     /// As JSON: the sections and keys of the file.
-    #[must_use]
     pub fn json(&self) -> serde_json::Value {
         // What was rendered is read back: one way from fields to keys.
         toml::from_str(&render(self)).unwrap_or_default()

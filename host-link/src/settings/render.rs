@@ -29,7 +29,6 @@ fn about(section: &str) -> &'static str {
 }
 
 /// The file's text. Reading it back gives the same settings.
-#[must_use]
 pub fn render(settings: &Settings) -> String {
     let mut text = String::from(HEAD);
     let mut section = String::new();
@@ -69,7 +68,6 @@ pub struct Change {
 }
 
 /// The fields in which `after` differs from `before`.
-#[must_use]
 pub fn changes(before: &Settings, after: &Settings) -> Vec<Change> {
     format::all()
         .filter(|field| before.get(field) != after.get(field))

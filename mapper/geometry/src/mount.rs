@@ -17,7 +17,6 @@ pub struct Mount {
 
 impl Mount {
     /// A mount from millimetres and radians.
-    #[must_use]
     pub const fn new(ahead_mm: f64, left_mm: f64, bearing_rad: f64) -> Self {
         Self {
             ahead_mm,
@@ -28,7 +27,6 @@ impl Mount {
 
     /// Front, right and left rangefinder of the first board, in the order of the frame. The
     /// distances from the axle's middle are assumptions.
-    #[must_use]
     pub const fn first_board() -> [Self; 3] {
         [
             Self::new(80.0, 0.0, 0.0),
@@ -38,7 +36,6 @@ impl Mount {
     }
 
     /// Pose of the sensor on a robot at `robot`.
-    #[must_use]
     pub fn sensor_pose(&self, robot: &Pose2) -> Pose2 {
         robot.compose(&Pose2::new(self.ahead_mm, self.left_mm, self.bearing_rad))
     }

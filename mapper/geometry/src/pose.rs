@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 
 /// The angle in −π ..= π that differs from `radians` by whole turns.
-#[must_use]
 pub fn wrap_angle(radians: f64) -> f64 {
     radians - TAU * (radians / TAU).round()
 }
@@ -19,7 +18,6 @@ pub struct Point {
 
 impl Point {
     /// A point from millimetres.
-    #[must_use]
     pub const fn new(x_mm: f64, y_mm: f64) -> Self {
         Self { x_mm, y_mm }
     }
@@ -53,7 +51,6 @@ pub struct Pose2 {
 
 impl Pose2 {
     /// A pose from millimetres and radians.
-    #[must_use]
     pub const fn new(x_mm: f64, y_mm: f64, heading_rad: f64) -> Self {
         Self {
             x_mm,
@@ -63,20 +60,17 @@ impl Pose2 {
     }
 
     /// Where it is.
-    #[must_use]
     pub const fn position(&self) -> Point {
         Point::new(self.x_mm, self.y_mm)
     }
 
     /// The unit vector along the heading.
-    #[must_use]
     pub fn direction(&self) -> Point {
         let (sin, cos) = self.heading_rad.sin_cos();
         Point::new(cos, sin)
     }
 
     /// The point `ahead_mm` ahead and `left_mm` to the left, in the frame this pose is in.
-    #[must_use]
     pub fn point_at(&self, ahead_mm: f64, left_mm: f64) -> Point {
         let (sin, cos) = self.heading_rad.sin_cos();
         Point::new(
@@ -127,13 +121,11 @@ impl Pose2 {
     }
 
     /// Distance between the positions, mm.
-    #[must_use]
     pub fn distance_mm(&self, other: &Self) -> f64 {
         self.position().distance_mm(other.position())
     }
 
     /// The turn from this heading to that of `other`, radians in −π ..= π.
-    #[must_use]
     pub fn turn_to_rad(&self, other: &Self) -> f64 {
         wrap_angle(other.heading_rad - self.heading_rad)
     }

@@ -31,13 +31,11 @@ pub struct RayHit {
 
 impl Segment {
     /// A segment from end to end.
-    #[must_use]
     pub const fn new(from: Point, to: Point) -> Self {
         Self { from, to }
     }
 
     /// Length, mm.
-    #[must_use]
     pub fn length_mm(&self) -> f64 {
         self.from.distance_mm(self.to)
     }
@@ -52,7 +50,6 @@ impl Segment {
     }
 
     /// Distance of a point to the nearest point of the segment, mm.
-    #[must_use]
     pub fn distance_mm(&self, point: Point) -> f64 {
         let (dx, dy) = (self.to.x_mm - self.from.x_mm, self.to.y_mm - self.from.y_mm);
         let square = dx * dx + dy * dy;
@@ -66,7 +63,6 @@ impl Segment {
     }
 
     /// Where the ray from `origin` along the unit vector `direction` meets the segment.
-    #[must_use]
     pub fn ray_hit(&self, origin: Point, direction: Point) -> Option<RayHit> {
         let (ux, uy) = (direction.x_mm, direction.y_mm);
         let (dx, dy) = (self.to.x_mm - self.from.x_mm, self.to.y_mm - self.from.y_mm);
@@ -86,13 +82,11 @@ impl Segment {
 
 impl Circle {
     /// Distance of a point to the circle's line, mm; 0 inside.
-    #[must_use]
     pub fn distance_mm(&self, point: Point) -> f64 {
         (self.centre.distance_mm(point) - self.radius_mm).max(0.0)
     }
 
     /// Where the ray from `origin` along the unit vector `direction` meets the circle from outside.
-    #[must_use]
     pub fn ray_hit(&self, origin: Point, direction: Point) -> Option<RayHit> {
         let (ox, oy) = (
             self.centre.x_mm - origin.x_mm,

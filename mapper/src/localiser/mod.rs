@@ -125,7 +125,6 @@ pub struct Localiser {
 
 impl Localiser {
     /// Starts with an empty map at its origin.
-    #[must_use]
     pub fn new(config: LocaliserConfig) -> Self {
         let evidence = Evidence::new(config.cell_mm);
         let start = PoseEstimate {
@@ -136,7 +135,6 @@ impl Localiser {
     }
 
     /// Starts on a saved map. Without a start, the robot may stand anywhere on its free cells.
-    #[must_use]
     pub fn on_map(config: LocaliserConfig, grid: Grid, start: &PoseEstimate) -> Self {
         let surfaces = SurfaceMap::from_grid(&grid);
         Self::starting(config, Evidence { grid, surfaces }, start)
@@ -317,7 +315,6 @@ impl Localiser {
     }
 
     /// The pose in the map's frame.
-    #[must_use]
     pub fn estimate(&self) -> PoseEstimate {
         let covariance = self.ekf.pose_covariance();
         let rows = [0, 1, 2].map(|row| [0, 1, 2].map(|column| covariance[(row, column)]));
@@ -328,7 +325,6 @@ impl Localiser {
     }
 
     /// The odometry's origin in the map's frame: `map_to_odom().compose(&odometry)` is the pose.
-    #[must_use]
     pub fn map_to_odom(&self) -> Pose2 {
         let odometry = self.last.map_or_else(Pose2::default, |last| last.odometry);
         self.ekf
@@ -337,13 +333,11 @@ impl Localiser {
     }
 
     /// The corrected map.
-    #[must_use]
     pub const fn grid(&self) -> &Grid {
         &self.evidence.grid
     }
 
     /// What was learned about wheels and gyroscope.
-    #[must_use]
     pub fn calibration(&self) -> CalibrationEstimate {
         self.ekf.calibration()
     }

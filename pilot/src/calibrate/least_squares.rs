@@ -22,7 +22,6 @@ const DELTA: f64 = 1e-6;
 
 /// Finds the factors within `1 ± reach` for which the sum of the squared `residuals` is least. They
 /// must be as many for every pair of factors, at least two.
-#[must_use]
 pub fn fit_factors(residuals: impl Fn([f64; 2]) -> Vec<f64>, reach: [f64; 2]) -> Fitted {
     let cost = |factors| residuals(factors).iter().map(|r| r * r).sum::<f64>();
     let mut best = ([1.0, 1.0], cost([1.0, 1.0]));

@@ -19,14 +19,12 @@ const MAX_UNANSWERED: u32 = 8;
 pub const LENGTHS_MM: (f64, f64) = (300.0, 5000.0);
 
 /// A straight drive, seen from where the robot stands.
-#[must_use]
 pub fn straight(length_mm: f64) -> Vec<Pose> {
     vec![Pose::new(length_mm, 0.0, 0.0)]
 }
 
 /// A square to the right (clockwise) or to the left, turning on the spot at its corners, and back to
 /// the rotation of the start.
-#[must_use]
 pub fn square(side_mm: f64, clockwise: bool) -> Vec<Pose> {
     let (l, s) = (side_mm, if clockwise { -1.0 } else { 1.0 });
     vec![

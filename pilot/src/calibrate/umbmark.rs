@@ -34,14 +34,12 @@ pub struct SquareRun {
 
 impl SquareRun {
     /// The measured end minus that of odometry.
-    #[must_use]
     pub fn error(&self) -> Point {
         self.measured.minus(self.path.odometry_end())
     }
 }
 
 /// The direction's word.
-#[must_use]
 pub const fn direction_name(clockwise: bool) -> &'static str {
     if clockwise {
         "clockwise"

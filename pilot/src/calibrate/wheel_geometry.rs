@@ -18,7 +18,6 @@ pub struct WheelGeometry {
 
 impl WheelGeometry {
     /// Left and right diameter and track, millimetres.
-    #[must_use]
     pub const fn new(left_mm: f64, right_mm: f64, track_mm: f64) -> Self {
         Self {
             left_mm,
@@ -28,7 +27,6 @@ impl WheelGeometry {
     }
 
     /// The wheels of a configuration.
-    #[must_use]
     pub fn from_config(config: &Config) -> Self {
         let mm = |Micrometres(micrometres)| f64::from(micrometres) / 1000.0;
         Self {
@@ -39,7 +37,6 @@ impl WheelGeometry {
     }
 
     /// The raw values of their fields, to the nearest micrometre.
-    #[must_use]
     pub fn values(&self) -> [(&'static Field, u64); 3] {
         #[allow(
             clippy::cast_possible_truncation,

@@ -22,7 +22,6 @@ const STANDSTILL_MM: f64 = 0.002;
 
 impl WheelPath {
     /// An empty path of a robot configured with `wheels`.
-    #[must_use]
     pub const fn new(wheels: WheelGeometry) -> Self {
         Self {
             wheels,
@@ -52,25 +51,21 @@ impl WheelPath {
     }
 
     /// Whether it moved at all.
-    #[must_use]
     pub fn moved(&self) -> bool {
         !self.rolled.is_empty()
     }
 
     /// The wheels the robot was configured with.
-    #[must_use]
     pub const fn wheels(&self) -> &WheelGeometry {
         &self.wheels
     }
 
     /// The end by the robot's own odometry.
-    #[must_use]
     pub fn odometry_end(&self) -> Point {
         self.end_with(&self.wheels)
     }
 
     /// The end if the wheels are truly these: every piece an exact arc.
-    #[must_use]
     pub fn end_with(&self, wheels: &WheelGeometry) -> Point {
         let left_scale = wheels.left_mm / self.wheels.left_mm;
         let right_scale = wheels.right_mm / self.wheels.right_mm;

@@ -42,7 +42,6 @@ const SHORTEST: usize = 20;
 
 /// The steps in a record: from a sample of duty 0 on to the last with the same duty. A step whose
 /// beginning was lost is left out.
-#[must_use]
 pub fn steps(samples: &[Sample]) -> Vec<Step> {
     let mut steps: Vec<Step> = Vec::new();
     let mut open = false;
@@ -69,14 +68,12 @@ pub fn steps(samples: &[Sample]) -> Vec<Step> {
 }
 
 /// The travel after `t` seconds at steady speed 1, through two lags of `lag` seconds.
-#[must_use]
 pub fn unit_travel(t: f64, lag: f64) -> f64 {
     t - 2.0 * lag + (t + 2.0 * lag) * (-t / lag).exp()
 }
 
 impl DriveModel {
     /// The model's travel of a step after `t` seconds.
-    #[must_use]
     pub fn step_travel(&self, percent: f64, t: f64) -> f64 {
         let speed = self.gain * (percent.abs() - self.dead_zone);
         speed.copysign(percent) * unit_travel(t, self.lag_s)
@@ -188,7 +185,6 @@ fn linear(steps: &[Step], lag: f64) -> Option<Fitted> {
 }
 
 /// The model's position beside the measured one, seconds and position; not-a-number between steps.
-#[must_use]
 pub fn replay(model: &DriveModel, steps: &[Step]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     for step in steps {

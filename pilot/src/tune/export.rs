@@ -11,7 +11,6 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// The samples as a table: seconds, percent, degrees or millimetres.
-#[must_use]
 pub fn csv(axis: Axis, samples: &[Sample]) -> String {
     let mut text = format!("seconds,percent,{}\n", axis.unit());
     for sample in samples {

@@ -37,7 +37,6 @@ pub struct Factors {
 
 impl Factors {
     /// Those of an axis.
-    #[must_use]
     pub fn of(axis: Axis, settings: &Settings) -> Self {
         let factor = |field| f64::from_bits(settings.get(field));
         let [p, i, d, anti_windup] = axis.fields().map(factor);
@@ -50,7 +49,6 @@ impl Factors {
     }
 
     /// The raw values of the axis' fields.
-    #[must_use]
     pub fn values(&self, axis: Axis) -> [(&'static Field, u64); 4] {
         let [p, i, d, anti_windup] = axis.fields();
         [
@@ -77,7 +75,6 @@ impl Factors {
 }
 
 /// Factors for the model; `present` gives the anti wind-up factor.
-#[must_use]
 pub fn propose(model: &DriveModel, damping: f64, present: &Factors) -> Factors {
     let lag = model.lag_s.max(TICK_S);
     let p = 1.0 / (4.0 * damping * damping * lag * model.gain);
@@ -135,7 +132,6 @@ const HORIZON_S: f64 = 5.0;
 const FINE: u8 = 10;
 
 /// What the firmware's own regulator does with these gains and this drive, from rest.
-#[must_use]
 pub fn predict(axis: Axis, model: &DriveModel, factors: &Factors) -> Response {
     let (target, tolerance, limit) = axis.prediction_case();
     let reach = limit.min(100.0 - model.dead_zone);

@@ -18,13 +18,11 @@ use crate::input::{Input, Source};
 pub struct AcceptedConfig([u64; COUNT]);
 
 /// The first board's gains of the forward PID.
-#[must_use]
 pub fn forward_gains() -> Gains {
     gains([FORWARD_P, FORWARD_I, FORWARD_D, FORWARD_ANTI_WINDUP])
 }
 
 /// The first board's gains of the rotation PID.
-#[must_use]
 pub fn rotation_gains() -> Gains {
     gains([ROTATION_P, ROTATION_I, ROTATION_D, ROTATION_ANTI_WINDUP])
 }
@@ -40,7 +38,6 @@ fn gains([p, i, d, anti_windup]: [&Field; 4]) -> Gains {
 }
 
 /// The gain of a binary64, 0 where it is none.
-#[must_use]
 pub fn gain_of(value: Binary64) -> Gain {
     let value = value.to_fixed().unwrap_or_default();
     Gain::new(value).unwrap_or_default()
@@ -51,7 +48,6 @@ impl AcceptedConfig {
     pub const FIRST_BOARD: Self = Self(FIRST_BOARD);
 
     /// The raw value of a field.
-    #[must_use]
     pub fn get(&self, field: &Field) -> u64 {
         self.0[usize::from(field.index)]
     }
@@ -65,14 +61,12 @@ impl AcceptedConfig {
 
     /// The configuration, if it is accepted: always for a drawn one; Kani's harnesses and
     /// [`Self::with`] put any values in here.
-    #[must_use]
     pub fn config(&self) -> Option<Config> {
         Config::from_fields(|field| self.get(field)).ok()
     }
 
     /// Any raw values in these fields; the others are the first board's.
     #[cfg(kani)]
-    #[must_use]
     pub fn of_any(chosen: impl Fn(&Field) -> bool) -> Self {
         let mut values = Self::FIRST_BOARD;
         for field in &FIELDS {
@@ -86,35 +80,30 @@ impl AcceptedConfig {
 
     /// Any gains of both regulators.
     #[cfg(kani)]
-    #[must_use]
     pub fn of_any_gains() -> Self {
         Self::of_any(|field| field.address >> 8 == 1)
     }
 
     /// Any battery.
     #[cfg(kani)]
-    #[must_use]
     pub fn of_any_battery() -> Self {
         Self::of_any(|field| field.address >> 8 == 2)
     }
 
     /// Any platform.
     #[cfg(kani)]
-    #[must_use]
     pub fn of_any_platform() -> Self {
         Self::of_any(|field| field.address >> 8 == 3)
     }
 
     /// Any wheels and motors.
     #[cfg(kani)]
-    #[must_use]
     pub fn of_any_wheels() -> Self {
         Self::of_any(is_of_a_wheel)
     }
 
     /// Any mode, and any platform but its wheels and motors.
     #[cfg(kani)]
-    #[must_use]
     pub fn of_any_mode() -> Self {
         Self::of_any(|field| matches!(field.address >> 8, 0 | 3) && !is_of_a_wheel(field))
     }

@@ -8,7 +8,6 @@ use super::accepted::AcceptedConfig;
 use crate::property::Seen;
 
 /// The promise, written out independently of the field table.
-#[must_use]
 pub fn is_bounded(config: &Config) -> bool {
     let gains = |gains: &Gains| {
         [gains.p, gains.i, gains.d, gains.anti_windup]

@@ -31,7 +31,6 @@ pub struct Table {
 }
 
 /// The table of a mode.
-#[must_use]
 pub const fn table(mode: Mode) -> Table {
     let plain = Table {
         guarded: false,
@@ -91,7 +90,6 @@ pub const fn table(mode: Mode) -> Table {
 }
 
 /// Two bytes, the upper one first.
-#[must_use]
 pub const fn word(frame: &Frame, at: usize) -> u16 {
     (frame[at] as u16) << 8 | frame[at + 1] as u16
 }
@@ -122,7 +120,6 @@ const fn is_number(bits: u64) -> bool {
 }
 
 /// Whether `own` is 1 to 127 steps after `last`.
-#[must_use]
 pub const fn is_fresh(last: Option<u8>, own: u8) -> bool {
     match last {
         None => true,
@@ -149,7 +146,6 @@ const fn cell(frame: &Frame, at: usize) -> CellCode {
 }
 
 /// Whether a frame of the Pi is right in everything but its CRC.
-#[must_use]
 pub const fn command_is_right(mode: Mode, context: &Context, frame: &Frame) -> bool {
     let table = table(mode);
     if frame[0] != context.key_from_pi || frame[table.battery] >> 5 >= context.cells {
@@ -168,7 +164,6 @@ pub const fn command_is_right(mode: Mode, context: &Context, frame: &Frame) -> b
 }
 
 /// Whether a frame of the STM is right in everything but its CRC.
-#[must_use]
 pub const fn report_is_right(mode: Mode, context: &Context, frame: &Frame) -> bool {
     let table = table(mode);
     if frame[0] != context.key_from_stm || frame[table.battery] >> 5 >= context.cells {
@@ -185,7 +180,6 @@ pub const fn report_is_right(mode: Mode, context: &Context, frame: &Frame) -> bo
 
 /// Whether `command` is what a right frame of the Pi says; what the mode does not carry has its
 /// default.
-#[must_use]
 pub fn command_says(mode: Mode, frame: &Frame, command: &Command) -> bool {
     let table = table(mode);
     let default = Command::default();
@@ -239,7 +233,6 @@ pub fn command_says(mode: Mode, frame: &Frame, command: &Command) -> bool {
 
 /// Whether `report` is what a right frame of the STM says; what the mode does not carry has its
 /// default.
-#[must_use]
 pub fn report_says(mode: Mode, frame: &Frame, report: &Report) -> bool {
     let table = table(mode);
     let default = Report::default();

@@ -21,7 +21,6 @@ pub struct Course {
 
 impl Course {
     /// A new pair of speeds every half second, with a jitter of one count.
-    #[must_use]
     pub const fn curves() -> Self {
         Self {
             curves: true,
@@ -33,7 +32,6 @@ impl Course {
     }
 
     /// Some 47° on the spot, then straight on at 177 mm/s.
-    #[must_use]
     pub const fn straight() -> Self {
         Self {
             curves: false,

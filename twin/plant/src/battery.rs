@@ -11,7 +11,6 @@ pub struct Divider {
 
 impl Divider {
     /// Voltage at the pin for a voltage at the tap.
-    #[must_use]
     pub fn pin(&self, tap: f64) -> f64 {
         tap * self.lower_ohm / (self.upper_ohm + self.lower_ohm)
     }
@@ -65,7 +64,6 @@ pub struct Battery {
 
 impl Battery {
     /// A rested battery.
-    #[must_use]
     pub fn new(params: BatteryParams) -> Self {
         Self {
             charge: params.charge,
@@ -83,7 +81,6 @@ impl Battery {
 
     /// Voltages against ground of `CELL_1` and `CELL_2` under the present load: tap n is the sum of
     /// the cells up to n.
-    #[must_use]
     pub fn taps(&self) -> [f64; 2] {
         let drop = self.current_a * self.params.cell_ohm;
         let [one, two] = self
@@ -94,7 +91,6 @@ impl Battery {
 
     /// Voltages at the ADC pins. The second exceeds the ADC's 3.3 V above 8.25 V; clipping is the
     /// ADC's.
-    #[must_use]
     pub fn pins(&self) -> [f64; 2] {
         let taps = self.taps();
         std::array::from_fn(|cell| self.params.dividers[cell].pin(taps[cell]))

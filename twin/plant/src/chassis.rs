@@ -35,21 +35,18 @@ impl Default for Chassis {
 
 impl Chassis {
     /// Millimetres that the wheels roll when they turn by these degrees.
-    #[must_use]
     pub fn travel(&self, turned_deg: Sides<f64>) -> Sides<f64> {
         let wheels = turned_deg.zip(self.wheel_diameter_mm);
         wheels.map(|(degrees, diameter)| degrees * diameter * PI / 360.0)
     }
 
     /// Encoder counts, signed as the encoders count, for wheels that turn by these degrees.
-    #[must_use]
     pub fn counts(&self, turned_deg: Sides<f64>) -> Sides<f64> {
         let wheels = turned_deg.zip(self.encoder_sign);
         wheels.map(|(degrees, sign)| degrees * sign * self.counts_per_turn / 360.0)
     }
 
     /// The pose after the wheels rolled these millimetres.
-    #[must_use]
     pub fn roll(&self, pose: &Pose2, travel: Sides<f64>) -> Pose2 {
         pose.advance_arc(travel.left, travel.right, self.track_mm)
     }

@@ -28,7 +28,6 @@ impl Default for GyroParams {
 
 impl GyroParams {
     /// A part without errors.
-    #[must_use]
     pub const fn exact() -> Self {
         Self {
             bias_deg_s: 0.0,
@@ -39,7 +38,6 @@ impl GyroParams {
     }
 
     /// What the part reads without noise at this rate, °/s, so many seconds after switch-on.
-    #[must_use]
     pub fn reading_deg_s(&self, rate_deg_s: f64, time_s: f64) -> f64 {
         rate_deg_s * self.scale + self.bias_deg_s + self.drift_deg_s_min * time_s / 60.0
     }

@@ -118,7 +118,6 @@ impl Default for Imperfections {
 
 impl Imperfections {
     /// A world as configured: what remains are the rangefinders' noise and outliers.
-    #[must_use]
     pub const fn none() -> Self {
         Self {
             geometry: None,
@@ -133,7 +132,6 @@ impl Imperfections {
     }
 
     /// The robot of this seed: `params` with the deviations that the seed draws.
-    #[must_use]
     pub fn draw(&self, mut params: Params, seed: u64) -> Params {
         let mut rng = Rng::stream(seed, stream::DRAW);
         // Always the same draws: what is switched off changes nothing else.
@@ -173,7 +171,6 @@ impl Imperfections {
     }
 
     /// The gyroscope of this seed: `params`, or what the seed draws instead.
-    #[must_use]
     pub fn draw_gyro(&self, params: GyroParams, seed: u64) -> GyroParams {
         let mut rng = Rng::stream(seed, stream::DRAW_GYRO);
         self.gyro.map_or(params, |spread| GyroParams {

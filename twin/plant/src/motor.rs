@@ -40,7 +40,6 @@ impl MotorInput {
     };
 
     /// Driven with this duty, −1..=1.
-    #[must_use]
     pub const fn run(duty: f64) -> Self {
         Self { duty, brake: false }
     }
@@ -83,7 +82,6 @@ impl MotorParams {
     };
 
     /// The first board's left motor.
-    #[must_use]
     pub const fn first_board_left() -> Self {
         Self {
             dead_zone: 0.16,
@@ -95,7 +93,6 @@ impl MotorParams {
     }
 
     /// The first board's right motor.
-    #[must_use]
     pub const fn first_board_right() -> Self {
         Self {
             dead_zone: 0.23,
@@ -137,7 +134,6 @@ pub struct Motor {
 
 impl Motor {
     /// A motor at rest.
-    #[must_use]
     pub const fn new(params: MotorParams) -> Self {
         Self {
             params,
@@ -202,13 +198,11 @@ impl Motor {
     }
 
     /// Speed of the wheel, °/s, positive forward.
-    #[must_use]
     pub fn speed_deg_s(&self) -> f64 {
         self.speed
     }
 
     /// Current that the motor draws from the battery, ampere.
-    #[must_use]
     pub fn current_a(&self) -> f64 {
         self.current_a
     }

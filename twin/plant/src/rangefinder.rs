@@ -41,7 +41,6 @@ const RAYS_ASIDE: i32 = 6;
 
 impl RangefinderParams {
     /// The sensor without noise and outliers.
-    #[must_use]
     pub fn exact() -> Self {
         Self {
             noise_mm: 0.0,
@@ -57,7 +56,6 @@ impl RangefinderParams {
     /// A ray's return weakens off the axis, with the angle of incidence and with distance. An
     /// oblique wall is detected by the ray that meets it closest to its normal; one that no ray
     /// meets within about 70° of its normal reflects the sound away.
-    #[must_use]
     pub fn nearest_return(&self, room: &Room, sensor: &Pose2) -> Option<f64> {
         (-RAYS_ASIDE..=RAYS_ASIDE)
             .filter_map(|ray| {
@@ -90,7 +88,6 @@ impl RangefinderParams {
     }
 
     /// Width of the echo pulse for a distance, µs: there and back at 331.3 + 0.606·T m/s.
-    #[must_use]
     pub fn echo_us(&self, range_mm: f64) -> f64 {
         2.0 * range_mm / (331.3 + 0.606 * self.temperature_c) * 1000.0
     }

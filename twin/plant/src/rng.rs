@@ -11,13 +11,11 @@ pub struct Rng(SplitMix64);
 
 impl Rng {
     /// A generator for this seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(SplitMix64::seed_from_u64(seed))
     }
 
     /// One of the independent generators of a run: a draw from one changes nothing in another.
-    #[must_use]
     pub fn stream(seed: u64, number: u64) -> Self {
         let mut parent = Self::new(seed ^ number.wrapping_mul(0xD1B5_4A32_D192_ED03));
         Self::new(parent.next_u64())

@@ -44,7 +44,6 @@ pub struct Servo {
 
 impl Servo {
     /// A released servo in the middle of its travel.
-    #[must_use]
     pub const fn new(params: ServoParams) -> Self {
         Self {
             params,
@@ -76,7 +75,6 @@ impl Servo {
     }
 
     /// Angle, radians counter-clockwise from the middle of its travel.
-    #[must_use]
     pub const fn angle_rad(&self) -> f64 {
         self.angle_rad
     }

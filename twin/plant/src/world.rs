@@ -78,7 +78,6 @@ pub struct World {
 impl World {
     /// A robot at rest at `pose` (the room's frame) with its encoders at zero. Its true figures are
     /// `params` with the imperfections that the seed draws.
-    #[must_use]
     pub fn new(params: Params, room: Room, pose: Pose2, seed: u64) -> Self {
         let imperfections = params.imperfections;
         let params = imperfections.draw(params, seed);
@@ -158,20 +157,17 @@ impl World {
     }
 
     /// The encoders' counts, with the encoders' sign.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation)] // 2^63 counts are 600 million kilometres
     pub fn wheel_counts(&self) -> Sides<i64> {
         self.counts.map(|exact| exact.floor() as i64)
     }
 
     /// The encoders' exact positions in counts: a quadrature edge lies at every integer.
-    #[must_use]
     pub fn wheel_phase(&self) -> Sides<f64> {
         self.counts
     }
 
     /// The wheels' speeds, °/s, positive forward.
-    #[must_use]
     pub fn wheel_speeds_deg_s(&self) -> Sides<f64> {
         Sides::new(
             self.motors.left.speed_deg_s(),
@@ -180,37 +176,31 @@ impl World {
     }
 
     /// The robot's true pose in the room's frame.
-    #[must_use]
     pub fn pose(&self) -> Pose2 {
         self.pose
     }
 
     /// Seconds since the start of the run.
-    #[must_use]
     pub fn time_s(&self) -> f64 {
         self.time_s
     }
 
     /// Length of the robot's true path so far, mm.
-    #[must_use]
     pub fn path_mm(&self) -> f64 {
         self.path_mm
     }
 
     /// The room.
-    #[must_use]
     pub fn room(&self) -> &Room {
         &self.room
     }
 
     /// The robot's true parameters.
-    #[must_use]
     pub fn params(&self) -> &Params {
         &self.params
     }
 
     /// The battery.
-    #[must_use]
     pub fn battery(&self) -> &Battery {
         &self.battery
     }
@@ -223,7 +213,6 @@ impl World {
     }
 
     /// The servo of the front rangefinder.
-    #[must_use]
     pub const fn servo(&self) -> &Servo {
         &self.servo
     }
@@ -237,7 +226,6 @@ impl World {
     ///
     /// # Panics
     /// If there is no such sensor.
-    #[must_use]
     pub fn mount(&self, sensor: usize) -> Mount {
         let mut mount = self.params.mounts[sensor];
         if sensor == crate::FRONT {
@@ -251,7 +239,6 @@ impl World {
     ///
     /// # Panics
     /// If there is no such sensor.
-    #[must_use]
     pub fn true_range_mm(&self, sensor: usize) -> Option<f64> {
         let at = self.mount(sensor).sensor_pose(&self.pose);
         self.sonar.nearest_return(&self.room, &at)
@@ -282,13 +269,11 @@ impl World {
     }
 
     /// The microcontroller's temperature, °C.
-    #[must_use]
     pub fn chip_temperature_c(&self) -> f64 {
         self.params.rangefinder.temperature_c + self.params.chip_over_air_k
     }
 
     /// The collisions so far; a lasting contact counts once.
-    #[must_use]
     pub fn collisions(&self) -> &[Collision] {
         &self.collision.collisions
     }

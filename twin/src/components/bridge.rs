@@ -12,7 +12,6 @@ const TIM4: usize = 2;
 const TIM4_FUNCTION: u8 = 2;
 
 /// What the firmware applies to the motor right now.
-#[must_use]
 pub fn input(chip: &Stm32f411, pins: BridgePins) -> MotorInput {
     let high = |pin| chip.output(pin) == Some(Level::High);
     drive(enable(chip, pins), high(pins.in1), high(pins.in2))

@@ -40,7 +40,6 @@ pub struct Eeprom {
 
 impl Eeprom {
     /// A part with these contents, erased (0xFF) past their end.
-    #[must_use]
     pub fn new(bytes: &[u8]) -> Self {
         let mut contents = bytes.to_vec();
         contents.resize(SIZE, 0xFF);
@@ -57,7 +56,6 @@ impl Eeprom {
     }
 
     /// The contents.
-    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -68,7 +66,6 @@ impl Eeprom {
     }
 
     /// Write cycles so far.
-    #[must_use]
     pub fn writes(&self) -> u64 {
         self.writes
     }
@@ -79,13 +76,11 @@ impl Eeprom {
     }
 
     /// The write-protect pin's level.
-    #[must_use]
     pub fn is_write_protected(&self) -> bool {
         self.write_protected
     }
 
     /// Whether a read is under way, in which a lost clock leaves the part driving the data line.
-    #[must_use]
     pub fn is_reading(&self) -> bool {
         self.phase == Phase::Reading
     }

@@ -48,7 +48,6 @@ impl Encoder {
     }
 
     /// When the next edge is due.
-    #[must_use]
     pub fn next_event(&self) -> Option<u64> {
         self.edges.front().map(|edge| edge.at)
     }
@@ -59,7 +58,6 @@ impl Encoder {
     }
 
     /// The levels of channels 1 and 2 at a position: channel 1 leads while the count rises.
-    #[must_use]
     pub fn levels(count: i64) -> [Level; 2] {
         let phase = count.rem_euclid(4);
         [

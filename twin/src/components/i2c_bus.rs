@@ -42,7 +42,6 @@ pub const CLEARING_PULSES: u32 = 9;
 
 impl I2cBus {
     /// The bus with these devices, connected to the STM as the pull-down leaves it.
-    #[must_use]
     pub fn new(eeprom: Option<Eeprom>, mpu: Option<Mpu6050>) -> Self {
         Self {
             eeprom,
@@ -55,7 +54,6 @@ impl I2cBus {
     }
 
     /// What the switch connects the EEPROM to.
-    #[must_use]
     pub fn controller(&self) -> I2cController {
         self.controller
     }
@@ -81,7 +79,6 @@ impl I2cBus {
     }
 
     /// Whether `SDA` is held low on the wires of `side`.
-    #[must_use]
     pub fn is_sda_held(&self, side: I2cController) -> bool {
         let by_mpu = self.sda_held_by_mpu.is_some() && side == I2cController::Stm;
         by_mpu || self.sda_held.is_some() && self.controller == side
@@ -182,7 +179,6 @@ pub struct SharedBus(Arc<Mutex<I2cBus>>);
 
 impl SharedBus {
     /// Shares `bus`.
-    #[must_use]
     pub fn new(bus: I2cBus) -> Self {
         Self(Arc::new(Mutex::new(bus)))
     }

@@ -84,7 +84,6 @@ pub struct Mpu6050 {
 
 impl Mpu6050 {
     /// A part just powered.
-    #[must_use]
     pub fn new(params: GyroParams, seed: u64) -> Self {
         let mut part = Self {
             params,
@@ -124,19 +123,16 @@ impl Mpu6050 {
     }
 
     /// Contents of register `address`.
-    #[must_use]
     pub fn register(&self, address: u8) -> u8 {
         self.registers[usize::from(address) % REGISTERS]
     }
 
     /// How often its rate has been read.
-    #[must_use]
     pub fn reads(&self) -> u64 {
         self.reads
     }
 
     /// Whether a read is under way, in which a lost clock leaves the part driving the data line.
-    #[must_use]
     pub fn is_reading(&self) -> bool {
         self.reading
     }
@@ -196,7 +192,6 @@ impl Mpu6050 {
     }
 
     /// When the pin changes by itself.
-    #[must_use]
     pub fn next_event(&self) -> Option<u64> {
         self.falls
     }

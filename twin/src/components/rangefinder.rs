@@ -55,7 +55,6 @@ impl Rangefinder {
     }
 
     /// When the echo line changes next.
-    #[must_use]
     pub fn next_event(&self) -> Option<u64> {
         self.rise.or(self.fall)
     }

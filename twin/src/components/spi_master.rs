@@ -21,7 +21,6 @@ pub enum SpiStep {
 
 impl SpiStep {
     /// The bytes, most significant bit first.
-    #[must_use]
     pub fn bytes(bytes: &[u8], hz: u64) -> Self {
         let mosi = bytes
             .iter()
@@ -31,7 +30,6 @@ impl SpiStep {
     }
 
     /// Nanoseconds it takes.
-    #[must_use]
     pub fn duration(&self) -> u64 {
         match self {
             Self::Select(_) => 0,
@@ -83,7 +81,6 @@ impl SpiMaster {
 
     /// When the clock `ahead` clocks from here rises (0 = the next one), or when the step in hand
     /// ends, whichever is first. Bits settle half a period after the step begins, mode 0.
-    #[must_use]
     pub fn next_event(&self, ahead: usize) -> Option<u64> {
         Some(match self.steps.front()? {
             SpiStep::Select(_) => self.began,
@@ -135,7 +132,6 @@ impl SpiMaster {
 }
 
 /// Bits as bytes, most significant first; a rest of fewer than eight is dropped.
-#[must_use]
 pub fn pack(bits: &[bool]) -> Vec<u8> {
     bits.chunks_exact(8)
         .map(|byte| byte.iter().fold(0, |byte, &bit| byte << 1 | u8::from(bit)))

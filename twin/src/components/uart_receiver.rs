@@ -47,7 +47,6 @@ impl Peer for UartReceiver {
 
 /// Whether a receiver at [`BAUD`] still reads a sender at `baud`: within 3 %, half a bit in ten
 /// with what the receiver's own clock may be off.
-#[must_use]
 pub fn is_readable(baud: u64) -> bool {
     baud.abs_diff(BAUD) * 100 <= BAUD * 3
 }

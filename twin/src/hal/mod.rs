@@ -15,31 +15,26 @@ use crate::board::Board;
 
 impl Board {
     /// /dev/spidev0.0: mode 0, 8 MHz, chip select by the controller.
-    #[must_use]
     pub fn spi(&self) -> Spi {
         self.spi_with(SpiTiming::default())
     }
 
     /// The same with other timing.
-    #[must_use]
     pub fn spi_with(&self, timing: SpiTiming) -> Spi {
         Spi::new(self.clone(), timing)
     }
 
     /// /dev/i2c-1 at 400 kHz: the EEPROM, while the switch connects it to the Pi.
-    #[must_use]
     pub fn i2c(&self) -> I2c {
         I2c::new(self.clone())
     }
 
     /// One of the Pi's GPIO lines.
-    #[must_use]
     pub fn pin(&self, line: Line) -> Pin {
         Pin::new(self.clone(), line)
     }
 
     /// A delay in virtual time.
-    #[must_use]
     pub fn delay(&self) -> Delay {
         Delay(self.clone())
     }

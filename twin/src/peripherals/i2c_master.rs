@@ -23,7 +23,6 @@ pub struct I2cPeripheral {
 
 impl I2cPeripheral {
     /// The controller of an interface whose bus runs at `clock_hz`.
-    #[must_use]
     pub fn with_clock(clock_hz: u64) -> Self {
         Self {
             inner: I2c::with_clock(clock_hz),
@@ -34,14 +33,12 @@ impl I2cPeripheral {
 
     /// Whether the controller receives by DMA with `LAST` set: then the stream's count decides how
     /// the next byte is acknowledged.
-    #[must_use]
     pub fn uses_last(registers: &RegisterFile) -> bool {
         let control = registers.get(Register::Cr2);
         cr2::LAST.is_set(control) && cr2::DMAEN.is_set(control)
     }
 
     /// Whether a received byte waits in `DR`.
-    #[must_use]
     pub fn has_byte(registers: &RegisterFile) -> bool {
         sr1::RXNE.is_set(registers.get(Register::Sr1))
     }

@@ -62,7 +62,6 @@ impl SpiSlave {
     }
 
     /// Whether a clock edge reaches the shift register.
-    #[must_use]
     pub fn is_selected(&self, registers: &RegisterFile) -> bool {
         let control = registers.get(Register::Cr1);
         let selected = if cr1::SSM.is_set(control) {
@@ -75,7 +74,6 @@ impl SpiSlave {
 
     /// Clocks until the next one at which a buffer moves: 1 before a word's first
     /// clock, then the rest of the word.
-    #[must_use]
     pub fn clocks_to_act(&self, registers: &RegisterFile) -> u32 {
         if self.bits == 0 {
             1

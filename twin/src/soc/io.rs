@@ -25,7 +25,6 @@ impl Stm32f411 {
     ///
     /// # Panics
     /// When there is no such channel or timer.
-    #[must_use]
     pub fn pulse(&self, nth: usize, channel: u8) -> (Option<Pulse>, Option<Level>) {
         let channel = Channel::new(channel).expect("a timer has four channels");
         let registers = self.bus.slots()[self.slots.tim[nth]].registers();
@@ -40,7 +39,6 @@ impl Stm32f411 {
     ///
     /// # Panics
     /// When there is no such channel.
-    #[must_use]
     pub fn tim1_output(&self, channel: u8) -> Option<Level> {
         let channel = Channel::new(channel).expect("a timer has four channels");
         let registers = self.bus.slots()[self.slots.tim1].registers();
@@ -58,7 +56,6 @@ impl Stm32f411 {
     }
 
     /// The SPI slave's registers.
-    #[must_use]
     pub fn spi_registers(&self) -> &RegisterFile {
         self.bus.slots()[self.slots.spi].registers()
     }
@@ -76,7 +73,6 @@ impl Stm32f411 {
     }
 
     /// The bit rate USART1 is set to, RM0383 section 19.3.4, or zero while it is off.
-    #[must_use]
     pub fn usart1_baud(&self) -> u64 {
         let registers = self.bus.slots()[self.slots.usart1].registers();
         let clocks = self.bus.slots()[self.slots.rcc].registers();

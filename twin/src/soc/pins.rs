@@ -33,7 +33,6 @@ impl Stm32f411 {
     }
 
     /// What the pin is configured to be.
-    #[must_use]
     pub fn role(&self, pin: Pin) -> Role {
         let registers = self.port(pin);
         match registers.get(Register::Moder) >> (pin.number * 2) & 3 {
@@ -45,7 +44,6 @@ impl Stm32f411 {
     }
 
     /// The level the firmware drives on a pin, `None` where it drives none.
-    #[must_use]
     pub fn output(&self, pin: Pin) -> Option<Level> {
         let registers = self.port(pin);
         let bit = |register| registers.get(register) >> pin.number & 1 != 0;

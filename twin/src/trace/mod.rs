@@ -77,7 +77,6 @@ pub struct Span {
 }
 
 /// The complete runs through `traced` in `events`.
-#[must_use]
 pub fn spans(traced: &TracedFunction, events: &[Event]) -> Vec<Span> {
     let functions = &traced.functions;
     let mut open: Option<(Event, &Function)> = None;
@@ -111,7 +110,6 @@ pub fn spans(traced: &TracedFunction, events: &[Event]) -> Vec<Span> {
 
 /// The same runs without the instructions of the runs in `inner` inside them: the function's own
 /// cost where the handlers that pre-empt it are traced too.
-#[must_use]
 pub fn exclusive(spans: &[Span], inner: &[Span]) -> Vec<Span> {
     let own = |span: &Span| {
         let range = span.entered + 1..span.entered + span.instructions;
@@ -126,7 +124,6 @@ pub fn exclusive(spans: &[Span], inner: &[Span]) -> Vec<Span> {
 }
 
 /// How many of the instructions within `runs` each function executed itself, most first.
-#[must_use]
 pub fn shares(functions: &[Function], runs: &[Span], events: &[Event]) -> Vec<(String, u64)> {
     let mut counts = vec![0; functions.len()];
     let mut runs = runs.iter().peekable();

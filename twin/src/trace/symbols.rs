@@ -75,7 +75,6 @@ impl TracedFunction {
     }
 
     /// Every instruction to watch: the first one, and each that returns or leaves by a tail call.
-    #[must_use]
     pub fn watched(&self) -> Vec<u64> {
         let ends = self.functions.iter().flat_map(|function| {
             let leaves = function.tail_calls.iter().map(|(at, _)| *at);

@@ -12,7 +12,6 @@ pub enum Flow {
 }
 
 /// Halfwords of the instruction that begins with `first`, A5.1.
-#[must_use]
 pub const fn halfwords(first: u16) -> usize {
     match first >> 11 {
         0b11101..=0b11111 => 2,
@@ -21,7 +20,6 @@ pub const fn halfwords(first: u16) -> usize {
 }
 
 /// The effect of the instruction of these halfwords at `address`; narrow ones ignore `second`.
-#[must_use]
 pub fn flow(address: u64, first: u16, second: u16) -> Flow {
     if halfwords(first) == 1 {
         return match first {

@@ -116,7 +116,6 @@ impl Default for GyroFusion {
 
 impl GyroFusion {
     /// Without a bias.
-    #[must_use]
     pub const fn new() -> Self {
         Self {
             bias: Bias::new(),
@@ -128,13 +127,11 @@ impl GyroFusion {
     }
 
     /// Whether the heading follows the gyroscope now.
-    #[must_use]
     pub const fn is_slipping(&self) -> bool {
         matches!(self.trust, Trust::Slipping { .. })
     }
 
     /// 2⁻⁸ LSB, within ±[`MAX_BIAS`]; `None` before the first rest.
-    #[must_use]
     pub const fn bias(&self) -> Option<i32> {
         self.bias.get()
     }
@@ -302,7 +299,6 @@ const fn turn_of(raw: i16, bias: i32) -> i32 {
 }
 
 /// A bias of 2⁻⁸ LSB, within ±[`MAX_BIAS`], in hundredths of a degree per second.
-#[must_use]
 pub const fn hundredths(bias: i32) -> i32 {
     bias * 1000 / (LSB_PER_DEGREE_TENTHS as i32 * 256)
 }

@@ -100,7 +100,6 @@ pub struct KinematicRobot {
 impl KinematicRobot {
     /// The first board's robot at rest at `start` (the room's frame), with the true figures that
     /// the seed draws.
-    #[must_use]
     pub fn new(room: Room, start: Pose2, imperfections: Imperfections, seed: u64) -> Self {
         let actual = imperfections.draw(Params::default(), seed);
         let gyro = imperfections.draw_gyro(GyroParams::exact(), seed);
@@ -206,7 +205,6 @@ impl KinematicRobot {
     }
 
     /// What the robot reports now.
-    #[must_use]
     pub fn sample(&self) -> SensorSample {
         let (ranges_mm, front_bearing_rad) = self.ranging.readings();
         SensorSample {
@@ -220,25 +218,21 @@ impl KinematicRobot {
     }
 
     /// The true pose in the room's frame: for the comparison after the run alone.
-    #[must_use]
     pub fn true_pose(&self) -> Pose2 {
         self.pose
     }
 
     /// Length of the true path, mm.
-    #[must_use]
     pub fn path_mm(&self) -> f64 {
         self.path_mm
     }
 
     /// The true wheels and track.
-    #[must_use]
     pub fn true_chassis(&self) -> &Chassis {
         &self.actual
     }
 
     /// The collisions so far.
-    #[must_use]
     pub fn collisions(&self) -> &[Collision] {
         &self.collision.collisions
     }

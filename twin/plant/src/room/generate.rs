@@ -33,7 +33,6 @@ const ATTEMPTS: usize = 20;
 /// A room of this seed: 12 to 40 m², two to four rooms joined by doors of 700 to 900 mm, furniture with
 /// and without legs, in many a slanted wall, something soft, sills and a carpet. No passage that
 /// matters is below 450 mm. The robot starts somewhere in it, under any heading; there is no tour.
-#[must_use]
 pub fn generate(seed: u64) -> Room {
     let mut rng = Rng::stream(seed, 0x0100);
     loop {

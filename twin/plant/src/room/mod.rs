@@ -40,7 +40,6 @@ impl Room {
     ///
     /// # Panics
     /// Never: a test reads the text.
-    #[must_use]
     pub fn two_rooms() -> Self {
         Self::parse(DEFAULT_ROOM).expect("the default room is well-formed")
     }
@@ -91,7 +90,6 @@ impl Room {
     }
 
     /// The first surface on the ray from `from` along its heading.
-    #[must_use]
     pub fn cast(&self, from: &Pose2) -> Option<RayHit> {
         let (origin, direction) = (from.position(), from.direction());
         let straight = self.straight().map(|s| s.ray_hit(origin, direction));
@@ -103,7 +101,6 @@ impl Room {
     }
 
     /// Distance from a point to the nearest surface, mm; infinite in an empty room.
-    #[must_use]
     pub fn clearance_mm(&self, point: Point) -> f64 {
         let straight = self.straight().map(|s| s.distance_mm(point));
         let round = self.circles.iter().map(|c| c.distance_mm(point));
@@ -112,7 +109,6 @@ impl Room {
 
     /// Corners of the bounding box of all surfaces: smallest and largest x and y. Both zero in an
     /// empty room.
-    #[must_use]
     pub fn bounds(&self) -> (Point, Point) {
         let straight = self.straight().flat_map(|s| [s.from, s.to]);
         let round = self.circles.iter().flat_map(|c| {
@@ -161,7 +157,6 @@ impl Room {
     }
 
     /// Length of the tour from the start, in straight lines, mm.
-    #[must_use]
     pub fn tour_length_mm(&self) -> f64 {
         let starts = std::iter::once(&self.start).chain(&self.tour);
         starts.zip(&self.tour).map(|(a, b)| a.distance_mm(b)).sum()

@@ -113,7 +113,6 @@ impl ClearanceGrid {
 impl Room {
     /// The reachable floor: the middles of the 25 mm cells in which the middle of the robot's axle can
     /// come to stand from the start with 50 mm around its body. Empty where the start is too narrow.
-    #[must_use]
     pub fn reachable_floor(&self) -> Vec<Point> {
         let grid = ClearanceGrid::new(self);
         let reached = grid.flood(self.start.position(), REACHABLE_MM);

@@ -22,7 +22,6 @@ impl Room {
     /// The surfaces that are visible from the reachable floor, as straight pieces of at most 20 mm: what
     /// a perfect map shows. Visible is what lies within range of a reachable cell, in sight, and within
     /// 25° of its normal.
-    #[must_use]
     pub fn visible_surfaces(&self) -> Vec<Segment> {
         let grid = ClearanceGrid::new(self);
         let reached = grid.flood(self.start.position(), REACHABLE_MM);
