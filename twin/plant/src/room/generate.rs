@@ -1,5 +1,8 @@
 //! Rooms from a seed: a flat of two to four rooms with doors and furniture.
 
+mod furniture;
+
+use furniture::{Piece, FOOTPRINT_MM};
 use geometry::{Point, Segment};
 
 use super::reachable::{ClearanceGrid, CELL_MM, REACHABLE_MM};
@@ -24,8 +27,6 @@ const POCKET_CELLS: usize = 6;
 const START_MM: f64 = 350.0;
 /// Least share of a room's area with wide passages.
 const OPEN_SHARE: f64 = 0.2;
-/// How far furniture may stick into other furniture unnoticed, mm.
-const FOOTPRINT_MM: f64 = 30.0;
 /// Floor for each piece of furniture, mm².
 const FURNITURE_MM2: (f64, f64) = (2.5e6, 4.5e6);
 const ATTEMPTS: usize = 20;
@@ -278,7 +279,7 @@ impl<'a> Flat<'a> {
     /// Puts a piece of furniture into a room, where it overlaps nothing and leaves every passage wide.
     fn furnish(&mut self, rect: &Rect, grid: &mut ClearanceGrid, open: &mut Vec<bool>) {
         for _ in 0..ATTEMPTS {
-            let piece = self.piece(rect);
+            let piece = Piece::draw(self.rng, rect);
             let is_open = |&point: &Point| grid.index(point).is_some_and(|index| open[index]);
             let inside = |&point: &Point| rect.contains(point);
             let free = |&point: &Point| self.room.clearance_mm(point) >= FOOTPRINT_MM;
@@ -308,47 +309,6 @@ impl<'a> Flat<'a> {
         }
     }
 
-    fn piece(&mut self, rect: &Rect) -> Piece {
-        let rng = &mut *self.rng;
-        let side = rect.side(rng);
-        let Point { x_mm, y_mm } = rect.point(rng);
-        let turned = Pose2::new(x_mm, y_mm, rng.within(std::f64::consts::PI));
-        let straight = Pose2::new(x_mm, y_mm, 0.0);
-        match rng.below(8) {
-            // Cupboards and shelves.
-            0..=2 => {
-                let (depth, width) = (between(rng, (250.0, 600.0)), between(rng, (400.0, 1200.0)));
-                Piece::at_wall(rng, side, depth, width)
-            }
-            // A sofa.
-            3 => {
-                let (depth, width) = (between(rng, (600.0, 900.0)), between(rng, (900.0, 1900.0)));
-                Piece::at_wall(rng, side, depth, width).softened()
-            }
-            // A curtain.
-            4 => {
-                let width = between(rng, (600.0, 1600.0));
-                Piece::at_wall(rng, side, 2.0 * FOOTPRINT_MM, width).softened()
-            }
-            // A table to drive under.
-            5 => {
-                let (width, depth) = (between(rng, (600.0, 1200.0)), between(rng, (550.0, 800.0)));
-                Piece::legs(&straight, width, depth, between(rng, (15.0, 30.0)))
-            }
-            // A stool with legs too close for the robot.
-            6 => {
-                let side = between(rng, (200.0, 260.0));
-                Piece::legs(&turned, side, side, between(rng, (10.0, 15.0)))
-            }
-            // A crate, or a pillar.
-            _ if chance(rng, 0.6) => {
-                let (width, depth) = (between(rng, (250.0, 600.0)), between(rng, (250.0, 500.0)));
-                Piece::block(&turned, width, depth, vec![turned.position()])
-            }
-            _ => Piece::legs(&turned, 0.0, 0.0, between(rng, (60.0, 200.0))),
-        }
-    }
-
     /// A sill under some doors, and a carpet.
     fn lay_sills(&mut self) {
         for door in self.doors.clone() {
@@ -365,60 +325,6 @@ impl<'a> Flat<'a> {
             let carpet = Room::default().with_box(&centre, width * share, depth * share);
             self.room.sills.extend(carpet.segments);
         }
-    }
-}
-
-/// A piece of furniture.
-struct Piece {
-    surfaces: Room,
-    /// Points inside of it that must be clear of other surfaces.
-    footprint: Vec<Point>,
-    /// Points that must lie on open floor.
-    on_open_floor: Vec<Point>,
-}
-
-impl Piece {
-    /// A box of `depth` along its centre's heading.
-    fn block(centre: &Pose2, depth: f64, width: f64, on_open_floor: Vec<Point>) -> Self {
-        let inner = |size: f64| (size / 2.0 - FOOTPRINT_MM).max(0.0);
-        let (rows, columns) = (inner(depth), inner(width));
-        let shares = || (-8..=8).map(|nth| f64::from(nth) / 8.0);
-        let row = |x: f64| shares().map(move |y| centre.point_at(x * rows, y * columns));
-        Self {
-            surfaces: Room::default().with_box(centre, depth, width),
-            footprint: shares().flat_map(row).collect(),
-            on_open_floor,
-        }
-    }
-
-    /// A box with its back to a wall, somewhere along it.
-    fn at_wall(rng: &mut Rng, (wall, length): (Pose2, f64), depth: f64, width: f64) -> Self {
-        let width = width.min(length);
-        let along = rng.within((length - width) / 2.0);
-        let centre = wall.point_at(depth / 2.0, along);
-        let before = wall.point_at(depth + PASSAGE_MM + CELL_MM, along);
-        let centre = Pose2::new(centre.x_mm, centre.y_mm, wall.heading_rad);
-        Self::block(&centre, depth, width, vec![before])
-    }
-
-    /// Four legs at the corners of a rectangle, or a pillar where it has no size.
-    fn legs(centre: &Pose2, width: f64, depth: f64, radius_mm: f64) -> Self {
-        let corners = [(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)];
-        let count = if width > 0.0 { 4 } else { 1 };
-        let legs = corners[..count].iter();
-        let legs = legs.map(|(x, y)| centre.point_at(x * width, y * depth));
-        let on_open_floor: Vec<Point> = legs.collect();
-        let stand = |room: Room, leg: &Point| room.with_circle(*leg, radius_mm);
-        Self {
-            surfaces: on_open_floor.iter().fold(Room::default(), stand),
-            footprint: Vec::new(),
-            on_open_floor,
-        }
-    }
-
-    fn softened(mut self) -> Self {
-        self.surfaces = self.surfaces.softened();
-        self
     }
 }
 
