@@ -23,6 +23,8 @@ pub(crate) struct Node {
     pub cell: Cell,
     /// On the driven way.
     pub driven: bool,
+    /// A beam that would have shown a wall has passed here.
+    pub seen: bool,
 }
 
 /// The lattice. Nodes are numbered row by row.
@@ -72,6 +74,7 @@ impl CostMap {
         for &point in driven {
             for index in map.within(point, DRIVEN_MM + 0.5 * STEP_MM) {
                 map.nodes[index].driven = true;
+                map.nodes[index].seen = true;
             }
         }
         map
@@ -274,6 +277,7 @@ impl<'a> Field<'a> {
             known_mm: index.map_or(0.0, |index| self.known_mm[index].into()),
             cell: index.map_or(Cell::Unknown, |index| self.cells[index]),
             driven: false,
+            seen: false,
         }
     }
 }

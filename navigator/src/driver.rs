@@ -10,11 +10,14 @@ use crate::cost_map::{CostMap, Node};
 use crate::follower::Follower;
 use crate::manoeuvre::{Kind, Manoeuvre};
 use crate::planner::{passable, Reach};
+use crate::sight::Sight;
 use crate::trail::Trail;
 use crate::{walls, Action, Config, Status, StopReason, Velocity};
 
 /// Interval between two looks at the map along the path, s.
 const CHECK_S: f64 = 1.0;
+/// Delay of that look when something appears in front, s: the next echoes may refute it.
+const APPEARED_S: f64 = 0.2;
 /// Way ahead that decides the speed, mm, and the deceleration that is counted on, mm/s².
 const SPEED_AHEAD_MM: f64 = 350.0;
 const DECELERATION: f64 = 200.0;
@@ -46,6 +49,7 @@ pub(crate) enum Step {
 pub(crate) struct Driver {
     pub config: Config,
     pub trail: Trail,
+    pub sight: Sight,
     /// Motions that come before the path.
     pub queue: VecDeque<Manoeuvre>,
     pub follower: Option<Follower>,
@@ -62,6 +66,7 @@ impl Driver {
         Self {
             config,
             trail: Trail::default(),
+            sight: Sight::default(),
             queue: VecDeque::new(),
             follower: None,
             marks: Vec::new(),
@@ -76,8 +81,14 @@ impl Driver {
     /// The lattice of the grid as it is now.
     pub fn survey(&mut self, grid: &Grid, time_s: f64) -> CostMap {
         self.marks.retain(|&(since_s, _)| time_s - since_s < MARK_S);
-        let marks: Vec<Point> = self.marks.iter().map(|&(_, point)| point).collect();
-        CostMap::new(grid, walls::direction_rad(grid), &marks, &self.trail.points)
+        let marked = self.marks.iter().map(|&(_, point)| point);
+        let marks: Vec<Point> = marked.chain(self.sight.unexplained()).collect();
+        let walls_rad = walls::direction_rad(grid);
+        let mut map = CostMap::new(grid, walls_rad, &marks, &self.trail.points);
+        for index in 0..map.nodes.len() {
+            map.nodes[index].seen |= self.sight.is_seen_through(map.point(index));
+        }
+        map
     }
 
     /// Follows the cheapest way to a reachable node.
@@ -96,6 +107,13 @@ impl Driver {
     pub fn step(&mut self, grid: &Grid, status: &Status) -> Step {
         let pose = status.estimate.pose;
         self.trail.observe(&pose);
+        let walls_rad = self
+            .map
+            .as_ref()
+            .map_or(pose.heading_rad, CostMap::direction_rad);
+        if self.sight.observe(status, &self.config, grid, walls_rad) {
+            self.checked_s = self.checked_s.min(status.time_s - CHECK_S + APPEARED_S);
+        }
         if let Some(reason) = status.stop {
             self.recover(reason, status);
             return Step::Act(Action::Resume);
@@ -155,8 +173,9 @@ impl Driver {
             return None;
         };
         let fastest_mm_s = speed_limit(follower, map, &self.config);
-        let clear =
-            |from: Point, to: Point| map.line(from, to, |node| passable(node, inflation_mm));
+        let clear = |from: Point, to: Point| {
+            map.line(from, to, |node| node.seen && passable(node, inflation_mm))
+        };
         let fastest = (fastest_mm_s, self.config.yaw_rate_rad_s);
         let velocity = follower.step(&pose, fastest, clear)?;
         let held = velocity.forward_mm_s > BLOCKED.0 && status.speed_mm_s < BLOCKED.0;
@@ -201,7 +220,7 @@ fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
     let at = |node: &Node| {
         let (gain, slowest) = BY_CLEARANCE;
         let spare_mm = (node.clearance_mm - config.inflation_mm).max(0.0);
-        let known = if node.known_mm > UNKNOWN_NEAR_MM {
+        let known = if node.seen && node.known_mm > UNKNOWN_NEAR_MM {
             config.cruise_mm_s
         } else {
             config.slow_mm_s

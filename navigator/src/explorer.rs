@@ -8,7 +8,7 @@ use mapper::{Cell, Grid};
 
 use crate::cost_map::CostMap;
 use crate::driver::{distance_mm, Driver, Step};
-use crate::frontier::{frontiers, unseen_surfaces, Kind, SeenClosely, Target};
+use crate::frontier::{frontiers, unseen_surfaces, Kind, Target};
 use crate::manoeuvre::Kind as Motion;
 use crate::planner::Reach;
 use crate::{Action, Config, Outcome, Status, Velocity};
@@ -58,8 +58,6 @@ pub struct Explorer {
     driver: Driver,
     goal: Goal,
     start: Option<Pose2>,
-    seen: SeenClosely,
-    ranges_mm: [Option<f64>; 3],
     /// Middles of targets that were looked at in vain, once per try.
     tries: Vec<Point>,
     /// Places on the way and the position's standard deviation there, mm.
@@ -75,8 +73,6 @@ impl Explorer {
             driver: Driver::new(config),
             goal: Goal::Begin,
             start: None,
-            seen: SeenClosely::default(),
-            ranges_mm: [None; 3],
             tries: Vec::new(),
             anchors: Vec::new(),
             returned_s: 0.0,
@@ -116,24 +112,9 @@ impl Explorer {
         Action::Drive(Velocity::default())
     }
 
-    /// Remembers what was seen closely and where the position was well known.
-    #[allow(clippy::float_cmp)] // a repeat of the same measurement
+    /// Remembers where the position was well known.
     fn record(&mut self, status: &Status) {
         let pose = status.estimate.pose;
-        for (nth, range_mm) in status.ranges_mm.into_iter().enumerate() {
-            if let Some(range_mm) =
-                range_mm.filter(|range| *range <= self.driver.config.closer_look_mm)
-            {
-                if self.ranges_mm[nth] != Some(range_mm) {
-                    let mut mount = self.driver.config.mounts[nth];
-                    if nth == 0 {
-                        mount.bearing_rad = status.front_bearing_rad;
-                    }
-                    self.seen.echo(&mount.sensor_pose(&pose), range_mm);
-                }
-            }
-        }
-        self.ranges_mm = status.ranges_mm;
         let spaced = |&(last, _): &(Point, f64)| distance_mm(&pose, last) >= ANCHORS.0;
         if self.anchors.last().is_none_or(spaced) {
             self.anchors.push((pose.position(), deviation_mm(status)));
@@ -147,7 +128,7 @@ impl Explorer {
                 Kind::Frontier => map
                     .at(target.centre)
                     .is_some_and(|node| node.cell != Cell::Unknown),
-                Kind::Surface => self.seen.contains(target.centre),
+                Kind::Surface => self.driver.sight.is_seen_closely(target.centre),
             },
             _ => false,
         }
@@ -270,7 +251,7 @@ impl Explorer {
             }
         }
         let mut targets = frontiers(&reach, config.inflation_mm);
-        targets.extend(unseen_surfaces(&reach, grid, &self.seen));
+        targets.extend(unseen_surfaces(&reach, grid, &self.driver.sight));
         let same = |a: Point, b: Point| a.distance_mm(b) < SAME_MM;
         if let Goal::Look(last) = self.goal {
             let again =

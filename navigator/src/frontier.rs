@@ -2,11 +2,12 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use geometry::{Point, Pose2};
+use geometry::Point;
 use mapper::{Cell, Grid};
 
 use crate::cost_map::{CostMap, STEP_MM};
 use crate::planner::Reach;
+use crate::sight::Sight;
 
 /// Targets of fewer nodes or cells are noise.
 const SMALLEST: usize = 4;
@@ -18,8 +19,6 @@ const DEPTH: u32 = 8;
 const VIEW_MM: f64 = 220.0;
 /// Distances from which a surface is looked at, mm.
 const SURFACE_VIEW_MM: (f64, f64) = (230.0, 550.0);
-/// Raster of the surfaces seen closely, mm.
-const RASTER_MM: f64 = 100.0;
 
 /// What makes a place worth going to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,35 +39,6 @@ pub(crate) struct Target {
     pub view: usize,
     /// Unknown floor, m², or unseen surface, m.
     pub gain: f64,
-}
-
-/// Surfaces from which an echo came at a short distance.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct SeenClosely {
-    squares: HashSet<(i32, i32)>,
-}
-
-impl SeenClosely {
-    /// An echo from `range_mm` along the heading of `sensor`, at most 15° off the axis.
-    pub fn echo(&mut self, sensor: &Pose2, range_mm: f64) {
-        for aside in [-0.2f64, 0.0, 0.2] {
-            let (sin, cos) = aside.sin_cos();
-            self.squares
-                .insert(square(sensor.point_at(range_mm * cos, range_mm * sin)));
-        }
-    }
-
-    /// Whether an echo came from about there.
-    pub fn contains(&self, point: Point) -> bool {
-        let (x, y) = square(point);
-        (-1..=1).any(|dx| (-1..=1).any(|dy| self.squares.contains(&(x + dx, y + dy))))
-    }
-}
-
-#[allow(clippy::cast_possible_truncation)] // within the grid
-fn square(point: Point) -> (i32, i32) {
-    let number = |mm: f64| (mm / RASTER_MM).floor() as i32;
-    (number(point.x_mm), number(point.y_mm))
 }
 
 /// The borders between reachable and unknown floor.
@@ -117,13 +87,13 @@ pub(crate) fn frontiers(reach: &Reach, inflation_mm: f64) -> Vec<Target> {
 }
 
 /// The occupied cells at reachable floor that were never seen closely.
-pub(crate) fn unseen_surfaces(reach: &Reach, grid: &Grid, seen: &SeenClosely) -> Vec<Target> {
+pub(crate) fn unseen_surfaces(reach: &Reach, grid: &Grid, sight: &Sight) -> Vec<Target> {
     let map = reach.map;
     let points: Vec<Point> = grid
         .cells()
         .filter(|&(column, row)| grid.cell(column, row) == Cell::Occupied)
         .map(|(column, row)| grid.middle(column, row))
-        .filter(|&point| !seen.contains(point))
+        .filter(|&point| !sight.is_seen_closely(point))
         .collect();
     let mut targets = Vec::new();
     for group in groups(&points, 2.0 * grid.cell_mm()) {
@@ -212,6 +182,7 @@ fn flood(map: &CostMap, border: &[usize], unknown: impl Fn(usize) -> bool) -> us
 mod tests {
     use super::*;
     use crate::cost_map::tests::draw;
+    use geometry::Pose2;
 
     const HALF: [&str; 8] = [
         "##########          ",
@@ -224,11 +195,11 @@ mod tests {
         "##########          ",
     ];
 
-    fn targets(rows: &[&str], see: impl Fn(&mut SeenClosely)) -> (Vec<Target>, Vec<Target>) {
+    fn targets(rows: &[&str], see: impl Fn(&mut Sight)) -> (Vec<Target>, Vec<Target>) {
         let grid = draw(rows);
         let map = CostMap::new(&grid, 0.0, &[], &[]);
         let reach = Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), 120.0);
-        let mut seen = SeenClosely::default();
+        let mut seen = Sight::default();
         see(&mut seen);
         (
             frontiers(&reach, 120.0),
@@ -253,18 +224,18 @@ mod tests {
 
     #[test]
     fn surfaces_seen_closely_are_no_targets() {
-        let all = |seen: &mut SeenClosely| {
+        let all = |seen: &mut Sight| {
             for step in 0..100 {
                 let x_mm = 10.0 * f64::from(step);
                 for y_mm in [60.0, 740.0] {
-                    seen.echo(
+                    seen.see_surface(
                         &Pose2::new(x_mm, y_mm - 100.0, 0.5 * std::f64::consts::PI),
                         100.0,
                     );
                 }
-                seen.echo(&Pose2::new(150.0, x_mm, std::f64::consts::PI), 100.0);
+                seen.see_surface(&Pose2::new(150.0, x_mm, std::f64::consts::PI), 100.0);
                 if !(200.0..=600.0).contains(&x_mm) {
-                    seen.echo(&Pose2::new(850.0, x_mm, 0.0), 100.0);
+                    seen.see_surface(&Pose2::new(850.0, x_mm, 0.0), 100.0);
                 }
             }
         };

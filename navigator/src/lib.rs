@@ -11,6 +11,7 @@ mod frontier;
 mod goto;
 mod manoeuvre;
 mod planner;
+mod sight;
 mod trail;
 mod walls;
 

@@ -41,7 +41,8 @@ pub(crate) fn passable(node: &Node, inflation_mm: f64) -> bool {
 fn cost(node: &Node, inflation_mm: f64) -> u32 {
     let lack = |mm: f64| ((AMPLE_MM - mm) / (AMPLE_MM - inflation_mm)).clamp(0.0, 2.0);
     let (tight, unknown) = (lack(node.clearance_mm), lack(node.known_mm + inflation_mm));
-    (STEP_MM * (1.0 + 2.0 * tight * tight + unknown)) as u32
+    let unseen = if node.seen { 0.0 } else { 1.0 };
+    (STEP_MM * (1.0 + 2.0 * tight * tight + unknown + unseen)) as u32
 }
 
 impl<'a> Reach<'a> {

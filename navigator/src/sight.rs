@@ -1,0 +1,222 @@
+//! What the sensors saw lately or at short distance, at once and without the map: the map enters
+//! readings only after some decimetres of way.
+
+use std::collections::HashSet;
+use std::f64::consts::FRAC_PI_2;
+
+use geometry::{wrap_angle, Point, Pose2};
+use mapper::Grid;
+
+use crate::{Config, Status};
+
+/// Raster of the surfaces seen closely and of the floor seen through, mm.
+const SURFACE_MM: f64 = 100.0;
+const FLOOR_MM: f64 = 50.0;
+/// Smooth walls answer a beam within this of their normal, radians: only such a beam along one of
+/// the walls' directions shows that floor is free …
+const NORMAL_RAD: f64 = 0.25;
+/// … up to this distance, mm, within this half angle, radians.
+const FLOOR_REACH_MM: f64 = 800.0;
+const FLOOR_HALF_RAD: f64 = 0.15;
+/// A front or a side echo nearer than this comes from something in or beside the way, mm.
+const NEAR_MM: [f64; 3] = [700.0, 400.0, 400.0];
+/// Half the angle that it may come from, radians.
+const CONE_RAD: f64 = 0.24;
+/// A later reading within this of a point's direction that reaches this much farther refutes it.
+const REFUTED: (f64, f64) = (0.15, 80.0);
+/// Echoes are forgotten after this way, mm, a turn of one radian counting as 400 mm: then they are
+/// in the map.
+const MEMORY_MM: f64 = 700.0;
+const TURN_MM: f64 = 400.0;
+/// Occupied cells this near to an echo explain it, mm.
+const EXPLAINED_MM: f64 = 90.0;
+/// Silence is a new reading after this, s.
+const SILENCE_S: f64 = 0.06;
+
+/// A set of squares of the plane.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Squares {
+    squares: HashSet<(i32, i32)>,
+}
+
+impl Squares {
+    fn key(point: Point, raster_mm: f64) -> (i32, i32) {
+        #[allow(clippy::cast_possible_truncation)] // within the grid
+        let number = |mm: f64| (mm / raster_mm).floor() as i32;
+        (number(point.x_mm), number(point.y_mm))
+    }
+}
+
+/// The memory.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sight {
+    surfaces: Squares,
+    floor: Squares,
+    /// Way at the echo, mm, and a place that it may have come from.
+    echoes: Vec<(f64, Point)>,
+    way_mm: f64,
+    last: Option<Pose2>,
+    /// Value and time of every sensor's last reading.
+    readings: [(Option<f64>, f64); 3],
+}
+
+impl Sight {
+    /// Takes a frame; `walls_rad` is one of the walls' directions. Returns whether something
+    /// near appeared that is not in the map.
+    pub fn observe(
+        &mut self,
+        status: &Status,
+        config: &Config,
+        grid: &Grid,
+        walls_rad: f64,
+    ) -> bool {
+        let pose = status.estimate.pose;
+        if let Some(last) = self.last.replace(pose) {
+            self.way_mm += last.distance_mm(&pose) + TURN_MM * last.turn_to_rad(&pose).abs();
+        }
+        let since_mm = self.way_mm - MEMORY_MM;
+        self.echoes.retain(|&(at_mm, _)| at_mm > since_mm);
+        let mut appeared = false;
+        for (nth, range_mm) in status.ranges_mm.into_iter().enumerate() {
+            let (last_mm, last_s) = self.readings[nth];
+            #[allow(clippy::float_cmp)] // a repeat of the same measurement
+            let repeat =
+                last_mm == range_mm && (range_mm.is_some() || status.time_s - last_s < SILENCE_S);
+            if repeat {
+                continue;
+            }
+            self.readings[nth] = (range_mm, status.time_s);
+            let mut mount = config.mounts[nth];
+            if nth == 0 {
+                mount.bearing_rad = status.front_bearing_rad;
+            }
+            let sensor = mount.sensor_pose(&pose);
+            self.see_floor(&sensor, range_mm, walls_rad);
+            if let Some(range_mm) = range_mm {
+                if range_mm <= config.closer_look_mm {
+                    self.see_surface(&sensor, range_mm);
+                }
+                appeared |= self.see_near(&sensor, range_mm, NEAR_MM[nth], grid);
+            }
+        }
+        appeared
+    }
+
+    /// Floor that a beam along one of the walls' directions passed.
+    fn see_floor(&mut self, sensor: &Pose2, range_mm: Option<f64>, walls_rad: f64) {
+        let off = (sensor.heading_rad - walls_rad) / FRAC_PI_2;
+        if (off - off.round()).abs() * FRAC_PI_2 > NORMAL_RAD {
+            return;
+        }
+        let reach = range_mm.map_or(FLOOR_REACH_MM, |range| range.min(FLOOR_REACH_MM));
+        let mut ahead = 0.0;
+        while ahead < reach {
+            let aside = ahead * FLOOR_HALF_RAD;
+            for left in [-aside, 0.0, aside] {
+                let key = Squares::key(sensor.point_at(ahead, left), FLOOR_MM);
+                self.floor.squares.insert(key);
+            }
+            ahead += 0.8 * FLOOR_MM;
+        }
+    }
+
+    /// A surface answered at a short distance.
+    pub fn see_surface(&mut self, sensor: &Pose2, range_mm: f64) {
+        for aside in [-0.2f64, 0.0, 0.2] {
+            let (sin, cos) = aside.sin_cos();
+            let point = sensor.point_at(range_mm * cos, range_mm * sin);
+            self.surfaces
+                .squares
+                .insert(Squares::key(point, SURFACE_MM));
+        }
+    }
+
+    /// An echo refutes earlier ones nearer on its axis, and a near one is remembered unless the map
+    /// has a surface there.
+    fn see_near(&mut self, sensor: &Pose2, range_mm: f64, near_mm: f64, grid: &Grid) -> bool {
+        self.echoes.retain(|&(_, point)| {
+            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(sensor);
+            let off = wrap_angle(local.y_mm.atan2(local.x_mm)).abs();
+            off > REFUTED.0 || local.x_mm.hypot(local.y_mm) > range_mm - REFUTED.1
+        });
+        if range_mm >= near_mm {
+            return false;
+        }
+        let arc = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share: f64| {
+            let (sin, cos) = (share * CONE_RAD).sin_cos();
+            sensor.point_at(range_mm * cos, range_mm * sin)
+        });
+        let explained = arc.iter().any(|&point| is_occupied_near(grid, point));
+        if !explained {
+            self.echoes.extend(arc.map(|point| (self.way_mm, point)));
+        }
+        !explained
+    }
+
+    /// Whether an echo came from about there at a short distance.
+    pub fn is_seen_closely(&self, point: Point) -> bool {
+        let (x, y) = Squares::key(point, SURFACE_MM);
+        (-1..=1).any(|dx| (-1..=1).any(|dy| self.surfaces.squares.contains(&(x + dx, y + dy))))
+    }
+
+    /// Whether a beam passed this floor.
+    pub fn is_seen_through(&self, point: Point) -> bool {
+        self.floor.squares.contains(&Squares::key(point, FLOOR_MM))
+    }
+
+    /// Places from which echoes came that the map does not explain.
+    pub fn unexplained(&self) -> impl Iterator<Item = Point> + '_ {
+        self.echoes.iter().map(|&(_, point)| point)
+    }
+}
+
+fn is_occupied_near(grid: &Grid, point: Point) -> bool {
+    let cell_mm = grid.cell_mm();
+    let reach = (EXPLAINED_MM / cell_mm).floor();
+    let mut dy = -reach;
+    while dy <= reach {
+        let mut dx = -reach;
+        while dx <= reach {
+            let at = Point::new(point.x_mm + dx * cell_mm, point.y_mm + dy * cell_mm);
+            if grid.cell_at(at) == mapper::Cell::Occupied {
+                return true;
+            }
+            dx += 1.0;
+        }
+        dy += 1.0;
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost_map::tests::draw;
+
+    #[test]
+    fn echo_is_remembered_until_map_or_later_echo_explains_it() {
+        let (empty, wall) = (
+            draw(&["....."; 5]),
+            draw(&["....#", "....#", "....#", "....#", "....#"]),
+        );
+        let sensor = Pose2::new(0.0, 250.0, 0.0);
+        let mut sight = Sight::default();
+        assert!(!sight.see_near(&sensor, 450.0, 700.0, &wall));
+        assert!(sight.see_near(&sensor, 350.0, 700.0, &empty));
+        assert_eq!(sight.unexplained().count(), 5);
+        // Beyond the axis' middle part, the places stay possible.
+        assert!(!sight.see_near(&sensor, 900.0, 700.0, &empty));
+        assert_eq!(sight.unexplained().count(), 2);
+    }
+
+    #[test]
+    fn floor_counts_as_seen_through_along_walls_alone() {
+        for (heading_rad, seen) in [(0.1, true), (0.8, false), (-1.5, true)] {
+            let mut sight = Sight::default();
+            let sensor = Pose2::new(0.0, 0.0, heading_rad);
+            sight.see_floor(&sensor, Some(500.0), 0.0);
+            assert_eq!(sight.is_seen_through(sensor.point_at(400.0, 0.0)), seen);
+            assert!(!sight.is_seen_through(sensor.point_at(600.0, 0.0)));
+        }
+    }
+}
