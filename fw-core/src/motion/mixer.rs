@@ -115,6 +115,8 @@ pub struct Mixer {
 impl Mixer {
     /// Equal gains until identified.
     // Requirement: WIRE-platform-3
+    // Start-up only: one copy in flash.
+    #[inline(never)]
     pub fn new(config: &Config) -> Self {
         let left = Motor::new(config.left());
         let right = Motor::new(config.right());

@@ -32,6 +32,8 @@ const PER_MICROMETRE: i32 = 1_407_374_884;
 const PI: u64 = 1_686_629_713;
 /// The response's two lags: 2³ ticks each.
 const LAG_SHIFT: u32 = 3;
+/// Largest output of a wheel's PI, percent.
+const PI_LIMIT: I16F16 = I16F16::lit("100");
 /// Largest output of a wheel's feed-forward and PI, 2⁻¹⁶ %: twice full duty, and any sum of them fits.
 const MAX_OUTPUT: i64 = 200 << 16;
 /// Largest speed that a saturated wheel is slowed by, 2⁻¹⁶ mm a tick: 100 m/s.
@@ -55,12 +57,14 @@ struct WheelSpeed {
 }
 
 impl WheelSpeed {
+    // Start-up only: one copy in flash.
+    #[inline(never)]
     fn new(wheel: &eeprom::Wheel, gains: &Gains) -> Self {
         let dead_zone = i32::from(wheel.dead_zone.hundredths());
         // Hundredths of a percent per mm/s are percent per mm a tick.
         let (full_duty, full_speed) = (10_000 - dead_zone, i32::from(wheel.full_speed_mm_s));
         Self {
-            pi: Pid::new(gains, I16F16::lit("100")).integrating_all(),
+            pi: Pid::new(gains, PI_LIMIT).integrating_all(),
             headroom: (i32::from(wheel.limit.hundredths()) - dead_zone) * (1 << 16) / 100,
             feed_forward: (full_duty << 16) / full_speed.max(1),
             speed_per_output: (full_speed << 16) / full_duty.max(1),
@@ -71,6 +75,7 @@ impl WheelSpeed {
     }
 
     /// Output, 2⁻¹⁶ %, for a required and a measured speed, 2⁻¹⁶ mm a tick, within ±2²⁶ and any.
+    #[inline(never)]
     fn step(&mut self, required: i32, measured: i32) -> i32 {
         let [first, second] = &mut self.lag;
         let drive = 4 * (required - *first) + *second;
@@ -92,6 +97,7 @@ impl WheelSpeed {
 
     /// Speed that does not fit into the duty, 2⁻¹⁶ mm a tick.
     // Requirement: WIRE-velocity-5
+    #[inline(never)]
     fn excess(&self, output: i32) -> i32 {
         let excess = output - output.max(-self.headroom).min(self.headroom);
         let excess = (i64::from(excess) * i64::from(self.speed_per_output)) >> 16;
@@ -99,6 +105,7 @@ impl WheelSpeed {
     }
 
     /// An output for a speed that is lower by `excess`.
+    #[inline(never)]
     fn slowed(&self, output: i32, excess: i32) -> i32 {
         let less = (i64::from(excess) * i64::from(self.feed_forward)) >> 16;
         output.saturating_sub(less.clamp(-2 * MAX_OUTPUT, 2 * MAX_OUTPUT) as i32)
@@ -274,6 +281,7 @@ const fn larger(a: i32, b: i32) -> i32 {
 }
 
 /// `from` one `step` towards `to`.
+#[inline(never)]
 fn towards(from: i32, to: i32, step: i32) -> i32 {
     from.saturating_add(to.saturating_sub(from).max(-step).min(step))
 }

@@ -93,10 +93,10 @@ pub fn decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: 
 crate::properties! {
     theorem T5 accepted_configuration_is_bounded(values: AcceptedConfig) {
         cases ["other than the first board's", "at the end of a range"];
-        kani any_gains [unwind(66)] = (AcceptedConfig::of_any_gains(),);
-        kani any_battery [unwind(66)] = (AcceptedConfig::of_any_battery(),);
-        kani any_wheels [unwind(66)] = (AcceptedConfig::of_any_wheels(),);
-        kani any_mode [unwind(66)] = (AcceptedConfig::of_any_mode(),);
+        kani any_gains [unwind(80)] = (AcceptedConfig::of_any_gains(),);
+        kani any_battery [unwind(80)] = (AcceptedConfig::of_any_battery(),);
+        kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(),);
+        kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(),);
         sampled 50_000;
     }
     property T5 decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: u64) {

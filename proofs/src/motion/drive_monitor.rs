@@ -401,7 +401,7 @@ crate::properties! {
         parameters: Parameters, before: (MotorCommands, (i32, i32)), command: MotorCommands, counts: (i32, i32)
     ) {
         cases ["a jump", "no jump", "the longest"];
-        kani proof [unwind(66)];
+        kani proof [unwind(80)];
         sampled 300_000;
     }
     property T14 healthy_wheel_raises_no_fault(values: AcceptedConfig, phases: Phases) {

@@ -290,7 +290,7 @@ crate::properties! {
     ) {
         cases ["at a limit", "on the spot", "no output"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
-        kani any_limits [unwind(66)] = (of_any_limits(), Driven::NOT, any(), any());
+        kani any_limits [unwind(80)] = (of_any_limits(), Driven::NOT, any(), any());
         kani any_gains [unwind(24)] =
             (AcceptedConfig::FIRST_BOARD, Driven::far_enough(any(), any()), any(), any());
         sampled 100_000;
@@ -300,7 +300,7 @@ crate::properties! {
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
         needs [accepted_configuration_is_bounded];
-        kani any_platform [unwind(66)] =
+        kani any_platform [unwind(80)] =
             (AcceptedConfig::of_any_platform(), Driven::NOT, any(), any());
         sampled 100_000;
     }
@@ -309,7 +309,7 @@ crate::properties! {
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
-        kani unlearned [unwind(66)] =
+        kani unlearned [unwind(80)] =
             (AcceptedConfig::FIRST_BOARD, Driven::NOT, any(), any());
         sampled 100_000;
     }
