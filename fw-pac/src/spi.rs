@@ -34,9 +34,6 @@ const TX_LEN: usize = MAX_FRAME.next_power_of_two();
 /// Bytes that the idle transmitter may hold ready.
 const IDLE_FETCH: usize = 2;
 
-/// A transmit buffer's bytes, for copying with few stores.
-type Words = [u32; TX_LEN / 4];
-
 /// Number of the first reply: the wire counts from 1.
 const FIRST_REPLY: u32 = 1;
 
@@ -136,17 +133,17 @@ impl FreshReply<'_> {
                 let armed = TX.get(state.handover.dma_buffers().transmit);
                 // SAFETY: `fresh` is free and `armed` only read by the DMA; neither is written.
                 let begin_alike = unsafe { (&*fresh)[..SAME_PREFIX] == (&*armed)[..SAME_PREFIX] };
+                let Some(armed) = state.handover.refresh(self.0.reply, begin_alike) else {
+                    return;
+                };
+                #[allow(clippy::cast_ptr_alignment, reason = "`Buffers` is aligned to words")]
+                let (to, from): (*mut u32, *const u32) = (TX.get(armed).cast(), fresh.cast());
                 let fetched = state.len.saturating_sub(Transmit::remaining().into());
-                if SS.is_high() && fetched <= IDLE_FETCH {
-                    if let Some(armed) = state.handover.refresh(self.0.reply, begin_alike) {
-                        #[allow(
-                            clippy::cast_ptr_alignment,
-                            reason = "`Buffers` is aligned to words"
-                        )]
-                        let (to, from): (*mut Words, *const Words) =
-                            (TX.get(armed).cast(), fresh.cast());
+                // The pin last: SAME_PREFIX covers what is fetched between this read and the stores.
+                if fetched <= IDLE_FETCH && SS.is_high() {
+                    for word in 0..TX_LEN / 4 {
                         // SAFETY: both are whole transmit buffers, and not the same one.
-                        unsafe { to.write_volatile(from.read()) };
+                        unsafe { to.add(word).write_volatile(from.add(word).read()) };
                     }
                 }
             });

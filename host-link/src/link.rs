@@ -3,9 +3,14 @@
 use crate::board_io::{Clock, IoError};
 use crate::error::Error;
 use crate::statistics::{LinkStatistics, RejectCounts};
-use embedded_hal::spi::SpiDevice;
+use embedded_hal::spi::{Operation, SpiDevice};
 use fw_core::eeprom::Config;
+use fw_core::wire::handover::GAP_US;
 use fw_core::wire::{Command, Field, FrameError, Mode, PiLink, Report, MAX_FRAME};
+
+/// From the fall of chip-select to the first clock, nanoseconds: the STM needs 60 (docs/interfaces.md), and
+/// spidev's delays are whole microseconds.
+const SETUP_NS: u32 = 1_000;
 
 /// The Pi's end of the link.
 pub struct Link {
@@ -15,6 +20,8 @@ pub struct Link {
     last_good_us: Option<u64>,
     worst_gap_us: u64,
     worst_transfer_us: u64,
+    /// Earliest begin of the next frame.
+    due_us: u64,
     round_trip: RoundTrip,
 }
 
@@ -28,12 +35,20 @@ impl Link {
             last_good_us: None,
             worst_gap_us: 0,
             worst_transfer_us: 0,
+            due_us: 0,
             round_trip: RoundTrip::default(),
         }
     }
 
-    /// Sends `command` and returns the STM's frame of the same transfer; the inner `Err` is the reason of
-    /// its rejection.
+    /// Before this time, µs of [`Self::exchange`]'s clock, no frame may begin.
+    // Requirement: WIRE-spi-7
+    #[must_use]
+    pub const fn due_us(&self) -> u64 {
+        self.due_us
+    }
+
+    /// Sends `command`, not before [`Self::due_us`], and returns the STM's frame of the same transfer; the
+    /// inner `Err` is the reason of its rejection.
     ///
     /// # Errors
     /// [`Error::Spi`]: the bus itself failed; nothing is known about the frame.
@@ -54,9 +69,12 @@ impl Link {
         };
         let begun_us = clock.micros();
         self.round_trip.sent(begun_us);
-        spi.transfer(back, out)
+        let transfer = Operation::Transfer(back, out);
+        spi.transaction(&mut [Operation::DelayNs(SETUP_NS), transfer])
             .map_err(|cause| Error::Spi(cause.to_string()))?;
         let ended_us = clock.micros();
+        // One more, since the clock counts whole microseconds.
+        self.due_us = ended_us + u64::from(GAP_US) + 1;
         let transfer_us = ended_us.saturating_sub(begun_us);
         self.worst_transfer_us = self.worst_transfer_us.max(transfer_us);
         self.frames += 1;

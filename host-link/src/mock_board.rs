@@ -62,7 +62,8 @@ pub struct MockBoard {
     link: Option<StmLink>,
     /// Number of the next reply.
     reply: u32,
-    now_us: u64,
+    /// Time of the mock, µs.
+    pub now_us: u64,
     low_since_us: u64,
     busy_until_us: u64,
     pointer: usize,
@@ -318,8 +319,10 @@ impl SpiDevice for MockLine<BUS> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
         for part in parts {
-            if let spi::Operation::Transfer(back, out) = part {
-                board.frame(back, out);
+            match part {
+                spi::Operation::Transfer(back, out) => board.frame(back, out),
+                spi::Operation::DelayNs(ns) => board.pass(u64::from(*ns / 1000)),
+                _ => {}
             }
         }
         Ok(())

@@ -245,10 +245,11 @@ impl<'m> Session<'m> {
         self.log_error.as_deref()
     }
 
-    /// Waits for the next slot. Missed slots are skipped.
+    /// Waits for the next slot and the gap after the last frame. Missed slots are skipped.
     fn pace(&mut self) {
         let now = self.io.clock.micros();
-        if let Ok(wait) = u32::try_from(self.next_us.saturating_sub(now)) {
+        let due_us = self.next_us.max(self.link.due_us());
+        if let Ok(wait) = u32::try_from(due_us.saturating_sub(now)) {
             if wait > 0 {
                 self.io.delay.delay_us(wait);
             }

@@ -43,8 +43,9 @@ pub struct LongRun {
     pub jitter_without_frames_us: f64,
 }
 
-/// A robot in a corridor long enough to drive straight on for the whole run.
-fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
+/// A robot in a corridor long enough to drive straight on for the whole run, its core at `mips` instructions
+/// a microsecond.
+fn in_a_corridor(elf: &[u8], mips: u64) -> Result<Rig, Box<dyn Error>> {
     let mut image = image_in_mode(0);
     image[0x0203] = CELLS;
     let divider: Vec<u8> = image[0x0210..0x0218].to_vec();
@@ -64,6 +65,7 @@ fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
                 .with_wall(-1e3, 1e3, 1e5, 1e3)
                 .with_wall(-1e3, -1e3, 1e5, -1e3),
             start: Some(start),
+            mips: mips.try_into()?,
             ..Options::default()
         },
     );
@@ -172,12 +174,18 @@ pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
 }
 
 /// `rate` Normal frames a second at a clock of `hz` for `seconds` virtual seconds, driving straight on
-/// meanwhile so that every tick's data is new.
+/// meanwhile so that every tick's data is new; the core runs at `mips` instructions a microsecond.
 ///
 /// # Errors
 /// Where the robot does not start or does not drive.
-pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun, Box<dyn Error>> {
-    let rig = in_a_corridor(elf)?;
+pub fn long_run(
+    elf: &[u8],
+    mips: u64,
+    hz: u64,
+    rate: u64,
+    seconds: u64,
+) -> Result<LongRun, Box<dyn Error>> {
+    let rig = in_a_corridor(elf, mips)?;
     rig.board.trace_writes(TIM5_CCR1);
     rig.board.run_us(2_000_000);
     let quiet = worst_jitter_us(&times(&rig.board.take_events(), is_tick));
@@ -212,8 +220,10 @@ pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun,
         times(&events, is_tick),
         times(&events, |what| *what == EventKind::ChipSelect(true)),
     );
-    // A tick, and some for the odometry's error.
-    if falls.len() != replies.len() || behind_us > 12_500.0 {
+    // A tick, two frames, and some for the odometry's error.
+    #[allow(clippy::cast_precision_loss)] // frames a second, far below 2⁵²
+    let limit_us = 12_300.0 + 2e6 / rate as f64;
+    if falls.len() != replies.len() || behind_us > limit_us {
         return Err(format!("{} frames, {behind_us} µs behind", falls.len()).into());
     }
     let mut seen = LongRun {
@@ -255,19 +265,27 @@ fn follow(replies: &[NormalReply], falls: &[u64], ticks: &[u64], seen: &mut Long
     }
 }
 
-/// Frames that the log says were rejected or overrun.
-fn dropped(log: &str) -> u64 {
-    let mut dropped = 0;
+/// The log's counts: frames rejected, and frames lost because they came too fast.
+#[must_use]
+pub fn logged_counts(log: &str) -> (usize, usize) {
+    let mut counts = (0, 0);
     for line in log.lines() {
         let text = line.split_once(": ").map_or("", |(_, text)| text);
         let number = || text.split(' ').next().and_then(|word| word.parse().ok());
         if text.starts_with("frame rejected: ") {
-            dropped += 1;
-        } else if text.ends_with("more frames rejected") || text.ends_with("were lost") {
-            dropped += number().unwrap_or(0);
+            counts.0 += 1;
+        } else if text.ends_with(" more frames rejected") {
+            counts.0 += number().unwrap_or(0);
+        } else if text.ends_with(" frames lost: not read before the next one") {
+            counts.1 += number().unwrap_or(0);
         }
     }
-    dropped
+    counts
+}
+
+fn dropped(log: &str) -> u64 {
+    let (rejected, lost) = logged_counts(log);
+    (rejected + lost) as u64
 }
 
 /// Result of [`torn_frames`].
@@ -284,7 +302,7 @@ pub struct TornFrames {
 /// # Errors
 /// Where the robot does not start.
 pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> Result<TornFrames, Box<dyn Error>> {
-    let rig = in_a_corridor(elf)?;
+    let rig = in_a_corridor(elf, 100)?;
     rig.board.run_us(100_000);
     let frame = normal_frame(0, 0, 0, false);
     let mut seen = TornFrames { torn: 0, lost: 0 };

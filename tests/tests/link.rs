@@ -10,153 +10,32 @@ use std::time::SystemTime;
 
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::{Command, FrameError, Order, PiLink, PoseCode, Reason, MAX_FRAME};
+use robot_tests::disturbance::{Disturbance, Random, LEN};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
+use robot_tests::throughput::logged_counts;
 use twin::components::spi_master::pack;
 use twin::plant::Rng;
-use twin::SpiStep;
+use twin::{Options, SpiStep};
 
-/// Environment variable with seeds, `A..B`, each run at every phase; otherwise three seeds that change
-/// from day to day, each at one phase.
+/// Environment variable with seeds, `A..B`, each run at every phase; otherwise four seeds that change
+/// from day to day, each at one phase, in turn at 60 and 100 MIPS.
 const SEEDS: &str = "ROBOT_LINK_SEEDS";
+/// Environment variable with their instructions a microsecond, 60 to 100.
+const MIPS: &str = "ROBOT_LINK_MIPS";
 /// Phases of a run's begin within the tick.
 const PHASES: u64 = 8;
 /// Frames of a run.
 const FRAMES: usize = 20_000;
-/// Chip-selects that end this far apart are each read and answered, and the tick's period, nanoseconds.
-const BUSY_NS: u64 = 100_000;
+/// Chip-selects that end this many instructions apart are each read and answered: the longest tick, two
+/// frames, and the interrupts meanwhile.
+const BUSY_INSTRUCTIONS: u64 = 12_000;
+/// The tick's period, nanoseconds.
 const TICK_NS: u64 = 10_000_000;
+/// A chip-select that rises may go unseen where the frame goes on and ends within this time, nanoseconds.
+const UNSEEN_NS: u64 = 3_000;
 /// Frames played at a time. The sequence numbers distinguish fresh from old over 127 frames.
 const BATCH: usize = 64;
-/// From a frame's end to the next one's begin, nanoseconds.
-const GAP_NS: u64 = 20_000;
-/// From the chip select's edge to the clocks, and back, nanoseconds.
-const SETUPS_NS: [u64; 4] = [60, 250, 500, 1_000];
-/// Bytes of a Guarded Normal frame.
-const LEN: usize = 26;
-const BITS: usize = 8 * LEN;
-/// Clock rates, hertz, and how often each comes: the slow ones take the most time.
-const CLOCKS: [(u64, usize); 8] = [
-    (100_000, 1),
-    (400_000, 1),
-    (1_000_000, 2),
-    (4_000_000, 4),
-    (8_000_000, 8),
-    (12_000_000, 8),
-    (16_000_000, 8),
-    (25_000_000, 8),
-];
-/// Wrong bits, of a million.
-const RATES: [u64; 5] = [1, 10, 100, 1_000, 10_000];
-
-struct Random(Rng);
-
-impl Random {
-    /// 0 ..= below − 1.
-    fn below(&mut self, below: usize) -> usize {
-        let scaled = (u128::from(self.0.next_u64()) * below as u128) >> 64;
-        usize::try_from(scaled).expect("below a usize")
-    }
-
-    fn clock(&mut self) -> u64 {
-        let mut left = self.below(CLOCKS.iter().map(|(_, often)| often).sum());
-        for (hz, often) in CLOCKS {
-            if left < often {
-                return hz;
-            }
-            left -= often;
-        }
-        unreachable!("below the sum")
-    }
-
-    /// The bits of a frame that are wrong at a rate; one less where the checksum cannot tell, which is so
-    /// for one in some 32 000 patterns of an even number.
-    fn wrong_bits(&mut self, of_a_million: u64) -> Vec<usize> {
-        let wrong = |_: &usize| (self.below(1_000_000) as u64) < of_a_million;
-        let mut bits: Vec<_> = (0..BITS).filter(wrong).collect();
-        let remainder = (0..BITS).fold(0_u16, |crc, bit| {
-            let shifted = crc << 1 | u16::from(bits.contains(&bit));
-            shifted ^ if crc >> 15 == 1 { 0x1021 } else { 0 }
-        });
-        if remainder == 0 {
-            bits.pop();
-        }
-        bits
-    }
-}
-
-/// The disturbance of a frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Disturbance {
-    Good,
-    /// Ends before its last byte.
-    Short(usize),
-    /// Goes on after its last byte.
-    Long(usize),
-    /// Ends inside a byte, after so many bits.
-    Torn(usize),
-    /// The chip select falls and rises, and nothing is clocked.
-    Glitch,
-    /// The chip select rises for a microsecond after so many bits.
-    Split(usize),
-    /// These bits arrive wrong at the STM, those at the Pi.
-    Noise(Vec<usize>, Vec<usize>),
-}
-
-impl Disturbance {
-    fn bad(random: &mut Random) -> Self {
-        match random.below(8) {
-            0 => Self::Short(1 + random.below(LEN - 1)),
-            1 => Self::Long(1 + random.below(64)),
-            2 => Self::Torn(8 * random.below(LEN) + 1 + random.below(7)),
-            3 => Self::Glitch,
-            4 => Self::Split(8 + random.below(BITS - 16)),
-            _ => {
-                let rate = RATES[random.below(RATES.len())];
-                Self::Noise(random.wrong_bits(rate), random.wrong_bits(rate))
-            }
-        }
-    }
-
-    fn reaches_the_stm_whole(&self) -> bool {
-        match self {
-            Self::Good => true,
-            Self::Noise(there, _) => there.is_empty(),
-            _ => false,
-        }
-    }
-
-    fn reaches_the_pi_whole(&self) -> bool {
-        match self {
-            Self::Good => true,
-            Self::Noise(_, back) => back.is_empty(),
-            _ => false,
-        }
-    }
-
-    /// Frames that the STM rejects of it.
-    fn rejections(&self) -> usize {
-        match self {
-            Self::Split(_) => 2,
-            _ => usize::from(!self.reaches_the_stm_whole()),
-        }
-    }
-
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Short(_) => "short",
-            Self::Long(_) => "long",
-            Self::Torn(_) => "torn",
-            Self::Glitch => "glitch",
-            Self::Split(_) => "split",
-            Self::Noise(there, _) if !there.is_empty() => "noise to the STM",
-            Self::Noise(_, back) if !back.is_empty() => "noise to the Pi",
-            Self::Noise(..) => "noise that spared it",
-        }
-    }
-}
-
 /// A frame in transfer.
 struct Frame {
     disturbance: Disturbance,
@@ -178,10 +57,12 @@ struct PiEnd {
     end: PiLink,
     seed: u64,
     random: Random,
+    /// [`BUSY_INSTRUCTIONS`] in nanoseconds.
+    busy_ns: u64,
     now_ns: u64,
     /// The latest chip-selects, the last one at the end.
     ends: Vec<ChipSelectEnd>,
-    /// Chip-selects that ended within [`BUSY_NS`] of the one before.
+    /// Chip-selects that ended within [`Self::busy_ns`] of the one before.
     close: usize,
     /// Replies that came once more.
     repeated: usize,
@@ -190,12 +71,14 @@ struct PiEnd {
     frames: usize,
     /// Replies that do not acknowledge the frame before theirs yet.
     late: usize,
+    /// Replies that were whole because the robot had not seen their chip-select rise.
+    unseen: usize,
     /// Replies put together from two that the checksum let through.
     spliced: usize,
 }
 
 impl PiEnd {
-    fn new(seed: u64) -> Self {
+    fn new(seed: u64, mips: u64) -> Self {
         let image = image_in_mode(0x10);
         let image = Image(*image.first_chunk().expect("an image"));
         let config = Config::decode(&image).expect("accepted");
@@ -203,6 +86,7 @@ impl PiEnd {
             end: PiLink::new(config.link_setup()),
             seed,
             random: Random(Rng::new(seed)),
+            busy_ns: BUSY_INSTRUCTIONS * 1000 / mips,
             now_ns: 0,
             ends: vec![ChipSelectEnd {
                 at_ns: 0,
@@ -215,11 +99,12 @@ impl PiEnd {
             frames: 0,
             late: 0,
             spliced: 0,
+            unseen: 0,
         }
     }
 
     /// Puts a frame on the wires.
-    fn play(&mut self, disturbance: Disturbance, steps: &mut Vec<SpiStep>) -> Frame {
+    fn send(&mut self, disturbance: Disturbance, steps: &mut Vec<SpiStep>) -> Frame {
         let command = if disturbance.reaches_the_stm_whole() {
             Command::default()
         } else {
@@ -236,46 +121,16 @@ impl PiEnd {
         let mut out = [0; MAX_FRAME];
         let len = self.end.send(&command, &mut out);
         assert_eq!(len, LEN);
-        let hz = self.random.clock();
-        let setup_ns = SETUPS_NS[self.random.below(SETUPS_NS.len())];
-        let mut bytes = out.to_vec();
-        if let Disturbance::Long(more) = disturbance {
-            bytes.extend((0..more).map(|_| self.random.0.next_u64().to_le_bytes()[0]));
-        }
-        let SpiStep::Bits { mut mosi, .. } = SpiStep::bytes(&bytes, hz) else {
-            unreachable!("bytes are bits")
-        };
-        match &disturbance {
-            Disturbance::Short(less) => mosi.truncate(8 * (LEN - less)),
-            Disturbance::Torn(bits) => mosi.truncate(*bits),
-            Disturbance::Glitch => mosi.clear(),
-            Disturbance::Noise(there, _) => there.iter().for_each(|&bit| mosi[bit] ^= true),
-            _ => {}
-        }
-        let clocks = mosi.len();
-        let rest = match disturbance {
-            Disturbance::Split(bits) => Some(mosi.split_off(bits)),
-            _ => None,
-        };
+        let mut clocks = 0;
         let mut ends_ns = Vec::new();
-        for (mosi, wait) in [(Some(mosi), GAP_NS), (rest, 1_000)] {
-            let Some(mosi) = mosi else { continue };
-            let bits = mosi.len() as u64;
-            self.now_ns += wait;
-            self.now_ns += match disturbance {
-                Disturbance::Glitch => 200,
-                _ => 2 * setup_ns + bits * 1_000_000_000 / hz,
-            };
-            ends_ns.push(self.now_ns);
-            steps.extend([SpiStep::Wait(wait), SpiStep::Select(true)]);
-            if disturbance == Disturbance::Glitch {
-                steps.push(SpiStep::Wait(200));
-            } else {
-                steps.push(SpiStep::Wait(setup_ns));
-                steps.push(SpiStep::Bits { mosi, hz });
-                steps.push(SpiStep::Wait(setup_ns));
+        for step in disturbance.play(&out, &mut self.random) {
+            self.now_ns += step.duration();
+            match &step {
+                SpiStep::Bits { mosi, .. } => clocks += mosi.len(),
+                SpiStep::Select(false) => ends_ns.push(self.now_ns),
+                _ => {}
             }
-            steps.push(SpiStep::Select(false));
+            steps.push(step);
         }
         Frame {
             number: out[1],
@@ -288,7 +143,7 @@ impl PiEnd {
     /// Notes the end of a chip-select; `good` is the sequence number of a frame that arrived whole.
     fn note_end(&mut self, at_ns: u64, good: Option<u8>) {
         let last = self.ends.last().expect("never empty");
-        let close = at_ns - last.at_ns <= BUSY_NS;
+        let close = at_ns - last.at_ns <= self.busy_ns;
         self.close += usize::from(close);
         let mut accepted = good.map_or_else(|| last.accepted.clone(), |number| vec![number]);
         if close && good.is_none() {
@@ -310,7 +165,9 @@ impl PiEnd {
     fn may_report(&self, seen: u8) -> bool {
         let mut ends = self.ends.iter().rev();
         let last = self.ends.last().expect("never empty").at_ns;
-        let busy = ends.clone().take_while(|end| last - end.at_ns <= BUSY_NS);
+        let busy = ends
+            .clone()
+            .take_while(|end| last - end.at_ns <= self.busy_ns);
         let known = busy.count() + 1;
         ends.by_ref()
             .take(known)
@@ -320,7 +177,7 @@ impl PiEnd {
     /// Whether two chip-selects ended while the robot may have been busy, so that a reply is repeated.
     fn may_repeat(&self) -> bool {
         let [before, last] = self.ends.last_chunk().expect("a frame was sent");
-        last.at_ns - before.at_ns <= BUSY_NS
+        last.at_ns - before.at_ns <= self.busy_ns
     }
 
     /// Checks the reply to a frame.
@@ -334,8 +191,13 @@ impl PiEnd {
         }
         let reply = self.end.receive(&pack(&miso));
         // Two parts of different replies are a burst of errors longer than the checksum's 16 bits,
-        // and 1 in 65 536 of those has the right one: counted, and held to that share at the end.
-        let spliced = matches!(frame.disturbance, Disturbance::Split(_)) && reply.is_ok();
+        // and 1 in 65 536 of those has the right one: counted, and held to that share at the end. Where
+        // the frame ends before the robot comes to stop its DMA, the parts are of one reply.
+        let ends = &frame.ends_ns;
+        let one = ends[ends.len() - 1] - ends[0] < UNSEEN_NS;
+        let split = matches!(frame.disturbance, Disturbance::Split(_)) && reply.is_ok();
+        let spliced = split && !one;
+        self.unseen += usize::from(split && one);
         self.spliced += usize::from(spliced);
         let repeated = matches!(
             reply,
@@ -343,7 +205,7 @@ impl PiEnd {
         ) && self.may_repeat();
         self.repeated += usize::from(repeated);
         assert!(
-            repeated || (reply.is_ok() && !spliced) == frame.disturbance.reaches_the_pi_whole(),
+            repeated || (reply.is_ok() && !split) == frame.disturbance.reaches_the_pi_whole(),
             "seed {} frame {} {:?}: {reply:?}",
             self.seed,
             self.frames,
@@ -384,7 +246,7 @@ impl PiEnd {
         let mut steps = Vec::new();
         let frames: Vec<_> = disturbances
             .into_iter()
-            .map(|disturbance| self.play(disturbance, &mut steps))
+            .map(|disturbance| self.send(disturbance, &mut steps))
             .collect();
         let miso = rig.spi_steps(steps);
         let mut rest = &miso[..];
@@ -396,34 +258,6 @@ impl PiEnd {
         rig.run_us(100);
         self.now_ns += 100_000;
     }
-}
-
-fn guarded() -> Rig {
-    let rig = Rig::configured(image_in_mode(0x10));
-    rig.run_us(100_000);
-    rig
-}
-
-/// The log's counts: frames rejected, and frames lost because they came too fast.
-fn logged_counts(log: &str) -> (usize, usize) {
-    let mut counts = (0, 0);
-    for line in log.lines() {
-        let text = line.split_once(": ").map_or("", |(_, text)| text);
-        let number = || {
-            text.split(' ')
-                .next()
-                .and_then(|n| n.parse().ok())
-                .unwrap_or(0)
-        };
-        if text.starts_with("frame rejected: ") {
-            counts.0 += 1;
-        } else if text.ends_with(" more frames rejected") {
-            counts.0 += number();
-        } else if text.ends_with(" frames lost: not read before the next one") {
-            counts.1 += number();
-        }
-    }
-    counts
 }
 
 /// The robot has not moved or restarted, and its log counts every rejected frame.
@@ -451,11 +285,16 @@ fn assert_unmoved(rig: &Rig, pi: &PiEnd) {
     rig.assert_modelled();
 }
 
-/// Sends disturbed and good frames from `seed`, from a point `phase` of [`PHASES`] in the tick on.
-fn run(seed: u64, phase: u64) {
-    let rig = guarded();
-    rig.run_us(phase * TICK_NS / PHASES / 1000);
-    let mut pi = PiEnd::new(seed);
+/// Sends disturbed and good frames from `seed`, from a point `phase` of [`PHASES`] in the tick on, to a core
+/// of `mips` instructions a microsecond.
+fn run(seed: u64, phase: u64, mips: u64) {
+    let rig = Rig::ready(Options {
+        eeprom: Some(image_in_mode(0x10)),
+        mips: mips.try_into().expect("a core that runs"),
+        ..Options::default()
+    });
+    rig.run_us(100_000 + phase * TICK_NS / PHASES / 1000);
+    let mut pi = PiEnd::new(seed, mips);
     while pi.frames < FRAMES {
         let mut disturbances = Vec::new();
         while disturbances.len() < BATCH - 8 {
@@ -467,8 +306,8 @@ fn run(seed: u64, phase: u64) {
         pi.exchange(&rig, disturbances);
     }
     println!(
-        "seed {seed} phase {phase}: {} frames: {:?}; {} acknowledged late, {} repeated, {} spliced replies",
-        pi.frames, pi.counts, pi.late, pi.repeated, pi.spliced
+        "{mips} MIPS seed {seed} phase {phase}: {} frames: {:?}; {} acknowledged late, {} repeated, {} unseen, {} spliced",
+        pi.frames, pi.counts, pi.late, pi.repeated, pi.unseen, pi.spliced
     );
     // Expected is one in 65 536; three times that and two more would be no accident.
     let share = 2 + 3 * pi.count("split") / 65_536;
@@ -480,15 +319,17 @@ fn run(seed: u64, phase: u64) {
 #[test]
 fn link_rejects_disturbed_frames_and_accepts_good_ones() {
     if let Ok(seeds) = std::env::var(SEEDS) {
-        let bound = |text: &str| text.parse::<u64>().expect("ROBOT_LINK_SEEDS=A..B");
+        let number = |text: &str| text.parse::<u64>().expect("a number");
         let (first, end) = seeds.split_once("..").expect("ROBOT_LINK_SEEDS=A..B");
-        let runs = (bound(first)..bound(end)).flat_map(|seed| (0..PHASES).map(move |p| (seed, p)));
-        return runs.for_each(|(seed, phase)| run(seed, phase));
+        let mips = std::env::var(MIPS).map_or(100, |text| number(&text));
+        let runs =
+            (number(first)..number(end)).flat_map(|seed| (0..PHASES).map(move |p| (seed, p)));
+        return runs.for_each(|(seed, phase)| run(seed, phase, mips));
     }
     let day = SystemTime::UNIX_EPOCH
         .elapsed()
         .map_or(0, |age| age.as_secs() / 86_400);
-    for seed in 3 * day..3 * day + 3 {
-        run(seed, seed % PHASES);
+    for seed in 4 * day..4 * day + 4 {
+        run(seed, seed % PHASES, if seed % 2 == 0 { 60 } else { 100 });
     }
 }

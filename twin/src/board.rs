@@ -117,7 +117,8 @@ impl Board {
             Mpu6050::new(errors, options.seed)
         });
         let model = BoardModel::new(world, SharedBus::new(I2cBus::new(eeprom, mpu)));
-        let board = VirtualBoard::new(model, options.crystal).map_err(EmulationEnded::because)?;
+        let board = VirtualBoard::new(model, options.crystal, options.mips)
+            .map_err(EmulationEnded::because)?;
         let emulator = Emulator::start(board, vec![firmware, calibration], options.debugger)?;
         Ok(Self {
             emulator: Arc::new(emulator),

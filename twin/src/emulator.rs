@@ -5,17 +5,19 @@
 //! two threads changes nothing.
 
 use std::net::TcpListener;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, Receiver, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop};
+use rigless::emulator::{self, Access, AccessKind, Driver, Host, Settled, Start, Stop};
 use rigless::image::Image;
 use rigless::session::Session;
+use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::trace::{Event, EventKind};
+use crate::trace::{Event, EventKind, Snapshot};
 use crate::virtual_board::{McuOnBoard, VirtualBoard};
 
 /// The board between two runs, for work on it.
@@ -53,6 +55,53 @@ pub struct Tracer {
     pub chip_select: bool,
     /// The events.
     pub events: Vec<Event>,
+    /// Registers at whose accesses the memory in [`Tracer::memory`] is recorded.
+    pub triggers: Vec<u64>,
+    /// That memory.
+    pub memory: Range<u64>,
+    /// The records.
+    pub snapshots: Vec<Snapshot>,
+    /// Where the core stands still.
+    pub stall: Option<Stall>,
+}
+
+/// A standstill of the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stall {
+    /// The instruction before which the core stands still.
+    pub address: u64,
+    /// Arrivals before that.
+    pub skip: u64,
+    /// For how many nanoseconds; 0 once it is over.
+    pub ns: u64,
+}
+
+impl Tracer {
+    /// How long the core stands still on its arrival at `address`, nanoseconds.
+    fn stall_ns(&mut self, address: u64) -> Option<u64> {
+        let stall = self
+            .stall
+            .as_mut()
+            .filter(|stall| stall.address == address)?;
+        if stall.skip > 0 {
+            stall.skip -= 1;
+            return None;
+        }
+        Some(std::mem::take(&mut stall.ns)).filter(|&ns| ns > 0)
+    }
+
+    /// Records the memory before what the core does after `access`.
+    fn take_snapshot(&mut self, access: &Access, value: u64, host: &mut dyn Host) {
+        let byte = |address| host.read(address, Width::W8).ok();
+        let bytes = self.memory.clone().filter_map(byte);
+        self.snapshots.push(Snapshot {
+            at_ns: access.virtual_time.0,
+            register: access.address,
+            written: (access.kind == AccessKind::Write).then_some(value),
+            instruction: access.program_counter.unwrap_or_default(),
+            bytes: bytes.filter_map(|byte| byte.try_into().ok()).collect(),
+        });
+    }
 }
 
 type Work = Box<dyn FnOnce(&mut StoppedBoard<'_>) + Send>;
@@ -78,16 +127,36 @@ struct EmulatorDriver {
     /// The virtual time of each requested stop.
     stops: Sender<u64>,
     tracer: Tracer,
+    /// The end of a stall, see [`Tracer::stall`].
+    stalled_until: Option<VirtualNanos>,
 }
 
 impl Driver<VirtualBoard> for EmulatorDriver {
     fn on_settled(
         &mut self,
         session: &mut Session<VirtualBoard>,
-        _host: &mut dyn Host,
+        host: &mut dyn Host,
         settled: Settled,
     ) {
         let tracer = &mut self.tracer;
+        match settled {
+            Settled::Access { access, value } if tracer.triggers.contains(&access.address) => {
+                tracer.take_snapshot(&access, value, host);
+            }
+            Settled::Hit(hit) => {
+                if let Some(ns) = tracer.stall_ns(hit.address) {
+                    let until = VirtualNanos(hit.at.0 + ns);
+                    self.stalled_until = Some(until);
+                    session.pause_at(Some(until));
+                    host.hold(true);
+                }
+            }
+            Settled::Stop(stop) if self.stalled_until.is_some_and(|end| end <= stop.at) => {
+                self.stalled_until = None;
+                host.hold(false);
+            }
+            _ => {}
+        }
         let mut record = |kind, at: VirtualNanos, instructions| {
             tracer.events.push(Event {
                 kind,
@@ -201,6 +270,7 @@ impl Emulator {
                     commands: received,
                     stops: reports,
                     tracer: Tracer::default(),
+                    stalled_until: None,
                 };
                 emulator::run(session, &start, driver)
                     .map(drop)

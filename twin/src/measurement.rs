@@ -6,7 +6,8 @@ use rigless::emulator::Watch;
 use rigless::soc::Width;
 
 use crate::board::Board;
-use crate::trace::{functions, Event, Function, TraceError, TracedFunction};
+use crate::emulator::Stall;
+use crate::trace::{functions, Event, Function, Snapshot, TraceError, TracedFunction};
 
 #[expect(
     clippy::missing_panics_doc,
@@ -58,6 +59,34 @@ impl Board {
     /// Takes the events traced since the last call, in order.
     pub fn take_events(&self) -> Vec<Event> {
         self.stopped(|stopped| std::mem::take(&mut stopped.tracer.events))
+    }
+
+    /// Records `memory` at every access of the firmware to `registers` from now on.
+    pub fn trace_memory(&self, registers: &[u64], memory: Range<u64>) {
+        let triggers = registers.to_vec();
+        self.stopped(move |stopped| {
+            stopped.tracer.triggers = triggers;
+            stopped.tracer.memory = memory;
+        });
+    }
+
+    /// Takes the records of [`Board::trace_memory`] since the last call, in order.
+    #[must_use]
+    pub fn take_snapshots(&self) -> Vec<Snapshot> {
+        self.stopped(|stopped| std::mem::take(&mut stopped.tracer.snapshots))
+    }
+
+    /// Stops the core for `ns` nanoseconds when it has arrived at the instruction at `address` `skip` times
+    /// from now and arrives again; the peripherals and the board go on meanwhile. In place of an earlier stall.
+    pub fn stall_once(&self, address: u64, skip: u64, ns: u64) {
+        self.stopped(move |stopped| {
+            let stall = Stall { address, skip, ns };
+            if let Some(before) = stopped.tracer.stall.replace(stall) {
+                let watch = Watch::Instruction(before.address);
+                stopped.session.unwatch(watch);
+            }
+            stopped.session.watch(Watch::Instruction(address));
+        });
     }
 
     /// The words in memory from `address` on, as a debugger reads them. Panics where there is no

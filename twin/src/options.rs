@@ -1,8 +1,13 @@
 //! Configuration of a virtual robot.
 
+use std::num::NonZeroU64;
+
 use plant::{GyroParams, Params, Pose2, Room};
 
 use crate::emulator::Debugger;
+
+/// One instruction per cycle at 100 MHz.
+const FULL_SPEED: NonZeroU64 = NonZeroU64::new(100).expect("not zero");
 
 /// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
 /// the default room.
@@ -22,6 +27,11 @@ pub struct Options {
     pub mpu: Option<GyroParams>,
     /// Whether the 8 MHz crystal works.
     pub crystal: bool,
+    /// Instructions that the core retires in a microsecond of its 100 MHz clock. The default, 100, is
+    /// one per cycle; behind wait states and branches the part reaches 60 to 75.
+    pub mips: NonZeroU64,
+    /// Whether the idle SPI slave fetches two bytes ahead of the first clock, not one.
+    pub spi_preloads: bool,
     /// The factory's calibration words: voltage reference, temperature sensor at 30 and at 110 °C.
     pub calibration_words: [u16; 3],
     /// A debugger's port.
@@ -38,6 +48,8 @@ impl Default for Options {
             eeprom: Some(Vec::new()),
             mpu: Some(GyroParams::default()),
             crystal: true,
+            mips: FULL_SPEED,
+            spi_preloads: false,
             // The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the
             // converter's model returns (STM32F411xC/xE datasheet, temperature sensor and internal
             // reference characteristics).

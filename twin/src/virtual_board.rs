@@ -23,10 +23,9 @@ pub const CRYSTAL_HZ: u64 = 8_000_000;
 /// The rail, millivolts.
 const RAIL_MV: u32 = 3300;
 
-/// One instruction for each cycle of the 100 MHz core clock: what the part does from zero-wait
-/// memory, and within a few per cent of it behind its flash accelerator (RM0383 section 3.4.2). The
-/// rate is the same while the firmware still runs from the 16 MHz oscillator.
-pub const INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(100_000_000).expect("not zero");
+const MILLION: NonZeroU64 = NonZeroU64::new(1_000_000).expect("not zero");
+/// The core's clock, hertz.
+const CORE_HZ: NonZeroU64 = NonZeroU64::new(100_000_000).expect("not zero");
 
 /// The microcontroller, and everything on its board that advances with virtual time.
 #[derive(Debug)]
@@ -74,14 +73,18 @@ impl Mcu for McuOnBoard {
 pub struct VirtualBoard {
     /// Its one target.
     pub mcu: McuOnBoard,
+    /// Instructions that the core retires in a second of virtual time, also while it still runs from the
+    /// 16 MHz oscillator.
+    instructions_per_second: NonZeroU64,
 }
 
 impl VirtualBoard {
-    /// The microcontroller on `board`; without a crystal its oscillator never starts.
+    /// The microcontroller on `board`, at `mips` instructions a microsecond; without a crystal
+    /// its oscillator never starts.
     ///
     /// # Errors
     /// A part whose description contradicts itself.
-    pub fn new(board: BoardModel, crystal: bool) -> Result<Self, Error> {
+    pub fn new(board: BoardModel, crystal: bool, mips: NonZeroU64) -> Result<Self, Error> {
         let mut chip = Stm32f411::new()?;
         chip.rcc
             .attach_crystals(if crystal { CRYSTAL_HZ } else { 0 }, 0);
@@ -90,7 +93,10 @@ impl VirtualBoard {
         chip.i2c[0].inner.attach(StmPort(board.i2c.clone()));
         let mut mcu = McuOnBoard { chip, board };
         mcu.board.connect(&mut mcu.chip, VirtualNanos(0));
-        Ok(Self { mcu })
+        Ok(Self {
+            mcu,
+            instructions_per_second: MILLION.saturating_mul(mips),
+        })
     }
 }
 
@@ -113,13 +119,13 @@ impl Board for VirtualBoard {
         let lines = u32::from(Operate::cpu(&self.mcu).interrupt_lines);
         let core = armv7m::Core {
             variant: armv7m::Variant::M4,
-            clock_hz: INSTRUCTIONS_PER_SECOND,
+            clock_hz: CORE_HZ,
             interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
             // PM0214 section 4.3: four priority bits.
             priority_bits: 4,
             // PM0214 section 4.5: the reference clock is the core's over eight.
             refclk_divider: NonZeroU32::new(8).expect("not zero"),
-            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+            instructions_per_second: self.instructions_per_second,
             boot: "flash",
         }
         .spec_with_parts(

@@ -74,6 +74,20 @@ fn velocity_is_sent_by_its_nearest_code() {
     );
 }
 
+// Requirement: WIRE-spi-7
+#[test]
+fn frames_at_any_rate_keep_gap_and_set_up_time() {
+    let (board, mut io) = mock_board(&image(2), None);
+    let mut session = Session::open(&mut io, 1_000_000, 100).unwrap();
+    session.exchange(&CommandRequest::default()).unwrap();
+    for _ in 0..5 {
+        let ended_us = board.borrow().now_us;
+        session.exchange(&CommandRequest::default()).unwrap();
+        // A frame takes the mock no time: the gap, the clock's resolution, the set-up time.
+        assert_eq!(board.borrow().now_us - ended_us, 20 + 1 + 1);
+    }
+}
+
 // Requirement: WIRE-rejected-1, WIRE-rejected-4
 #[test]
 fn rejected_reply_is_counted_and_keeps_last_values() {

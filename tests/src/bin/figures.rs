@@ -246,7 +246,7 @@ impl Firmware {
         let (hand, codec) = codecs(reference)?;
         let wire = |hz| 1_000_000_000 / shortest_period(hz);
         let (hz, rate, seconds) = LONG;
-        let long = long_run(&self.elf, hz, rate, seconds)?;
+        let long = long_run(&self.elf, 100, hz, rate, seconds)?;
         let torn = torn_frames(&self.elf, hz, rate)?;
         let lossless = |hz, rate| self.with_robot(0, |rig| lossless(rig, hz, rate));
         let at_8_mhz = sustained(8_000_000, lossless)?;

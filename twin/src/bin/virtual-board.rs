@@ -8,6 +8,7 @@
 use std::error::Error;
 use std::io::Write;
 use std::net::TcpListener;
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -40,6 +41,9 @@ struct Arguments {
     /// Does not wait for the debugger
     #[arg(long)]
     run: bool,
+    /// Instructions a microsecond, printed at the start
+    #[arg(long, default_value_t = Options::default().mips)]
+    mips: NonZeroU64,
 }
 
 fn read(path: Option<&PathBuf>) -> Result<Vec<u8>, String> {
@@ -76,9 +80,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             ..Params::default()
         },
         eeprom: Some(read(arguments.eeprom.as_ref())?),
+        mips: arguments.mips,
         debugger,
         ..Options::default()
     };
+    println!("core: {} instructions a microsecond", arguments.mips);
     let board = Board::new(&elf, options)?;
     let mut shown = 0;
     let mut due = Instant::now();

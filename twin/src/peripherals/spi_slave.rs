@@ -44,6 +44,11 @@ pub struct SpiSlave {
     overrun: bool,
     /// `DR` was read since the overrun, so a read of `SR` clears it.
     overrun_read: bool,
+    /// Whether the idle block moves its first word to the shift register and asks for a second one before
+    /// the first clock. RM0383 20.3 leaves it open.
+    pub preloads: bool,
+    /// The shift register holds the next word.
+    loaded: bool,
     shift_out: u16,
     shift_in: u16,
     /// Bits of the word on the wire already sampled.
@@ -107,9 +112,11 @@ impl SpiSlave {
         let width = Self::word_bits(registers);
         let lsb_first = cr1::LSBFIRST.is_set(registers.get(Register::Cr1));
         if self.bits == 0 {
-            self.shift_out = self.transmit;
+            if !std::mem::take(&mut self.loaded) {
+                self.shift_out = self.transmit;
+                self.transmit_full = false;
+            }
             self.shift_in = 0;
-            self.transmit_full = false;
         }
         let position = if lsb_first {
             self.bits
@@ -142,6 +149,12 @@ impl SpiSlave {
     }
 
     fn refresh(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        let waits = self.bits == 0 && !self.loaded && cr1::SPE.is_set(registers.get(Register::Cr1));
+        if self.preloads && waits && self.transmit_full {
+            self.shift_out = self.transmit;
+            self.transmit_full = false;
+            self.loaded = true;
+        }
         registers.set(Register::Sr, self.status());
         registers.set(Register::Dr, u64::from(self.receive));
         let control = registers.get(Register::Cr2);
@@ -249,6 +262,7 @@ impl Device for SpiSlave {
     fn reset(&mut self) {
         *self = Self {
             nss: self.nss,
+            preloads: self.preloads,
             ..Self::default()
         };
     }

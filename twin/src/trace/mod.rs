@@ -11,12 +11,12 @@
 //! - Between a pin and a register: [`Board::trace_chip_select`](crate::Board::trace_chip_select)
 //!   records the chip select's edges, [`Board::trace_writes`](crate::Board::trace_writes) every
 //!   write to a register.
+//! - Memory at a register's accesses: [`Board::trace_memory`](crate::Board::trace_memory).
 //! - Instructions per callee: [`Board::profile`](crate::Board::profile) watches every instruction
 //!   of the firmware; [`shares`] counts those within the function's runs.
 //!
-//! The core retires one instruction per 10 ns of virtual time while it is awake
-//! ([`crate::virtual_board::INSTRUCTIONS_PER_SECOND`]), so a span's virtual time follows from its
-//! instructions unless the core sleeps in it.
+//! The core retires [`Options::mips`](crate::Options::mips) instructions a microsecond of virtual time while
+//! it is awake, so a span's virtual time follows from its instructions unless the core sleeps in it.
 
 mod symbols;
 mod thumb;
@@ -51,6 +51,21 @@ pub struct Event {
     pub at_ns: u64,
     /// Instructions retired before it.
     pub instructions: u64,
+}
+
+/// Memory at an access of the firmware to a register.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Snapshot {
+    /// Nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// The register's address.
+    pub register: u64,
+    /// The value written; none for a read.
+    pub written: Option<u64>,
+    /// The address of the accessing instruction.
+    pub instruction: u64,
+    /// The memory's bytes.
+    pub bytes: Vec<u8>,
 }
 
 impl Event {

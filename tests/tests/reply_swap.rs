@@ -1,0 +1,308 @@
+//! Every reply on the wire is one that the core built, byte for byte: the swap of the armed reply under
+//! latency.
+//!
+//! Two frames a tick, the first around the instant at which the tick refreshes the reply, the second 20 µs
+//! behind it; the robot drives, so replies differ in every field. In each trial the core stands still for up
+//! to 250 cycles at one instruction of the swap: instructions around an access to the transmitting stream.
+
+use std::collections::{BTreeSet, HashSet};
+
+use fw_core::eeprom::{Config, Image};
+use fw_core::wire::{Command, PiLink, PoseCode, MAX_FRAME};
+use robot_tests::disturbance::Random;
+use robot_tests::reference::{image_in_mode, normal_frame, KEY_STM};
+use robot_tests::test_board::{elf, Rig, ELF, TIM5_CCR1};
+use twin::components::spi_master::pack;
+use twin::plant::{Pose2, Rng, Room};
+use twin::trace::{functions, EventKind, Snapshot};
+use twin::{Options, SpiStep};
+
+/// Environment variable with seeds, `A..B`, each run at every phase; otherwise two at every 64th and those near the
+/// refresh.
+const SEEDS: &str = "ROBOT_SWAP_SEEDS";
+/// DMA2's stream 3 (RM0383, 9.5): control, count, memory address.
+const S3CR: u64 = 0x4002_6458;
+const S3NDTR: u64 = S3CR + 4;
+const S3M0AR: u64 = S3CR + 12;
+/// Transmit buffers of the firmware, and bytes of each.
+const BUFFERS: u64 = 3;
+const BUFFER: usize = 32;
+/// Time from one commanded pose to the other, nanoseconds.
+const STAY_NS: u64 = 3_000_000_000;
+const TICK_NS: u64 = 10_000_000;
+/// From a frame's end to the next one's begin, nanoseconds.
+const GAP_NS: u64 = 20_000;
+/// Begins of the first frame, this far apart, half of them before the refresh, nanoseconds.
+const PHASES: usize = 1_200;
+const PHASE_NS: u64 = 50;
+/// Phases to either side of the refresh that are never left out.
+const NEAR: usize = 30;
+const SETUPS_NS: [u64; 4] = [60, 250, 500, 1_000];
+const CLOCKS: [u64; 2] = [8_000_000, 12_000_000];
+/// Longest stall, nanoseconds: 250 cycles, where 100 are demanded.
+const STALL_NS: usize = 2_500;
+
+/// The Pi's end: in turn two poses at both ends of a room.
+enum Pi {
+    Normal,
+    Guarded(Box<PiLink>),
+}
+
+impl Pi {
+    fn new(mode: u8) -> Self {
+        if mode == 0 {
+            return Self::Normal;
+        }
+        let image = image_in_mode(mode);
+        let image = Image(*image.first_chunk().expect("an image"));
+        let config = Config::decode(&image).expect("accepted");
+        Self::Guarded(Box::new(PiLink::new(config.link_setup())))
+    }
+
+    fn frame(&mut self, now_ns: u64) -> Vec<u8> {
+        let (x, y) = match now_ns / STAY_NS % 2 {
+            0 => (2_500_000, 300_000),
+            _ => (300_000, -300_000),
+        };
+        match self {
+            Self::Normal => normal_frame(x, y, 0, true).to_vec(),
+            Self::Guarded(link) => {
+                let expected = PoseCode {
+                    x,
+                    y,
+                    ..PoseCode::default()
+                };
+                let command = Command {
+                    expected,
+                    apply: true,
+                    ..Command::default()
+                };
+                let mut frame = [0; MAX_FRAME];
+                let len = link.send(&command, &mut frame);
+                frame[..len].to_vec()
+            }
+        }
+    }
+}
+
+/// The replies that may be on the wire: the armed one, and its refreshes.
+#[derive(Default)]
+struct Built {
+    replies: Vec<Vec<u8>>,
+}
+
+impl Built {
+    /// A stream that is armed has one reply; at a refresh the fresh one lies complete in one of the buffers.
+    fn note(&mut self, snapshot: &Snapshot, base: u64) {
+        let buffers = snapshot.bytes.chunks(BUFFER).map(<[u8]>::to_vec);
+        match snapshot.written {
+            Some(armed) if snapshot.register == S3M0AR => {
+                let nth = usize::try_from((armed - base) / BUFFER as u64).expect("a buffer");
+                self.replies = buffers.skip(nth).take(1).collect();
+            }
+            _ if is_refresh(snapshot) => self.replies.extend(buffers),
+            _ => {}
+        }
+    }
+
+    fn has(&self, reply: &[u8]) -> bool {
+        self.replies.iter().any(|built| built.starts_with(reply))
+    }
+}
+
+/// The firmware looks how far the transmitter has come: then it refreshes the armed reply, or does not.
+fn is_refresh(access: &Snapshot) -> bool {
+    access.register == S3NDTR && access.written.is_none()
+}
+
+/// A driving robot, and where its replies lie and are swapped.
+struct Drive {
+    rig: Rig,
+    pi: Pi,
+    /// The first transmit buffer.
+    base: u64,
+    /// Instructions of the swap, and of them those that refresh a reply.
+    swap: Vec<u64>,
+    stores: Vec<u64>,
+    /// A tick's begin, and how long after it the reply is refreshed, nanoseconds.
+    tick_ns: u64,
+    refresh_ns: u64,
+    built: Built,
+}
+
+impl Drive {
+    fn new(elf: &[u8], mode: u8, mips: u64, spi_preloads: bool) -> Self {
+        let rig = Rig::with_elf(
+            elf,
+            Options {
+                eeprom: Some(image_in_mode(mode)),
+                room: Room::default().with_box(&Pose2::new(1_500.0, 0.0, 0.0), 5_000.0, 2_000.0),
+                start: Some(Pose2::new(0.0, 0.0, 0.0)),
+                mips: mips.try_into().expect("a core that runs"),
+                spi_preloads,
+                ..Options::default()
+            },
+        );
+        assert!(rig.await_ready(), "{}", rig.log());
+        let mut drive = Self {
+            rig,
+            pi: Pi::new(mode),
+            base: 0,
+            swap: Vec::new(),
+            stores: Vec::new(),
+            tick_ns: 0,
+            refresh_ns: 0,
+            built: Built::default(),
+        };
+        drive.find_swap(elf);
+        drive
+    }
+
+    /// Drives for two seconds and looks where the firmware uses its transmitting stream.
+    fn find_swap(&mut self, elf: &[u8]) {
+        self.rig.trace_memory(&[S3CR, S3NDTR, S3M0AR], 0..0);
+        self.rig.trace_writes(TIM5_CCR1);
+        for _ in 0..200 {
+            self.exchange();
+        }
+        let accesses = self.rig.take_snapshots();
+        let armed = accesses.iter().filter(|access| access.register == S3M0AR);
+        self.base = armed
+            .filter_map(|access| access.written)
+            .min()
+            .expect("armed");
+        let refresh = accesses.iter().rfind(|access| is_refresh(access));
+        let refresh = refresh.expect("refreshed");
+        let stores = refresh.instruction..refresh.instruction + 60;
+        let at: BTreeSet<u64> = accesses.iter().map(|access| access.instruction).collect();
+        let near = |address: &u64| at.iter().any(|at| (at - 40..at + 80).contains(address));
+        let all = functions(elf).expect("an ELF file").into_iter();
+        self.swap = all.flat_map(|f| f.instructions).filter(near).collect();
+        let near_stores = self.swap.iter().copied().filter(|at| stores.contains(at));
+        self.stores = near_stores.collect();
+        let events = self.rig.take_events();
+        let is_tick = |kind| {
+            matches!(
+                kind,
+                EventKind::Write {
+                    address: TIM5_CCR1,
+                    ..
+                }
+            )
+        };
+        let ticks = events.iter().filter(|event| is_tick(event.kind));
+        self.tick_ns = ticks.last().expect("ticks").at_ns;
+        self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
+        let end = self.base + BUFFERS * BUFFER as u64;
+        self.rig.trace_memory(&[S3NDTR, S3M0AR], self.base..end);
+        self.exchange();
+        for snapshot in self.rig.take_snapshots() {
+            self.built.note(&snapshot, self.base);
+        }
+    }
+
+    fn exchange(&mut self) {
+        let frame = self.pi.frame(self.rig.now_ns());
+        let _ = self.rig.frame(&frame);
+        self.rig.run_us(10_000);
+    }
+
+    /// Two frames around the next refresh, the first from `phase` on. Returns their replies, and whether each
+    /// is one that was built.
+    fn trial(&mut self, hz: u64, setup_ns: u64, phase: u64) -> [(Vec<u8>, bool); 2] {
+        let now = self.rig.now_ns();
+        let tick = self.tick_ns + (now - self.tick_ns).div_ceil(TICK_NS) * TICK_NS;
+        let begin = tick + self.refresh_ns + phase * PHASE_NS - PHASES as u64 / 2 * PHASE_NS;
+        let mut at = now;
+        let mut steps = Vec::new();
+        let frames = [begin.saturating_sub(now), GAP_NS].map(|wait| {
+            let frame = self.pi.frame(now);
+            let bits = SpiStep::bytes(&frame, hz);
+            let setup = SpiStep::Wait(setup_ns);
+            at += wait + 2 * setup_ns + bits.duration();
+            steps.extend([SpiStep::Wait(wait), SpiStep::Select(true), setup.clone()]);
+            steps.extend([bits, setup, SpiStep::Select(false)]);
+            (frame.len(), at)
+        });
+        let miso = pack(&self.rig.spi_steps(steps));
+        let snapshots = self.rig.take_snapshots();
+        if let Some(refresh) = snapshots.iter().find(|snapshot| is_refresh(snapshot)) {
+            if refresh.at_ns < begin {
+                self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
+            }
+        }
+        let mut snapshots = snapshots.iter().peekable();
+        let mut replies = miso.chunks(frames[0].0);
+        let outcome = frames.map(|(_, ends)| {
+            let reply = replies.next().expect("as many as frames").to_vec();
+            while let Some(snapshot) = snapshots.next_if(|snapshot| snapshot.at_ns <= ends) {
+                self.built.note(snapshot, self.base);
+            }
+            let built = self.built.has(&reply);
+            (reply, built)
+        });
+        snapshots.for_each(|snapshot| self.built.note(snapshot, self.base));
+        outcome
+    }
+}
+
+/// Drives with two frames a tick at every `nth` phase, each clock and set-up time, the core stalled at a
+/// random instruction of the swap. The SPI slave fetches two bytes ahead where `seed` is odd, else one.
+fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
+    let elf = elf(ELF);
+    let mut drive = Drive::new(&elf, mode, mips, seed % 2 == 1);
+    let mut random = Random(Rng::new(seed));
+    let mut seen: Vec<HashSet<u8>> = Vec::new();
+    let (mut frames, mut wrong) = (0, Vec::new());
+    for hz in CLOCKS {
+        for setup_ns in SETUPS_NS {
+            let first = random.below(nth);
+            let sampled = |phase: &usize| phase.abs_diff(PHASES / 2) < NEAR || phase % nth == first;
+            for phase in (0..PHASES).filter(sampled) {
+                let instructions = [&drive.swap, &drive.stores][random.below(2)];
+                let address = instructions[random.below(instructions.len())];
+                let stall_ns = random.below(STALL_NS + 1) as u64;
+                drive
+                    .rig
+                    .stall_once(address, random.below(4) as u64, stall_ns);
+                for (reply, built) in drive.trial(hz, setup_ns, phase as u64) {
+                    frames += 1;
+                    if !built {
+                        wrong.push(format!("{hz} Hz, set-up {setup_ns} ns, phase {phase}, {stall_ns} ns at {address:#x}: {reply:02x?}"));
+                    }
+                    assert_eq!(reply[0], KEY_STM);
+                    seen.resize_with(reply.len(), HashSet::new);
+                    let mut fields = seen.iter_mut().zip(&reply);
+                    fields.by_ref().for_each(|(values, &byte)| {
+                        values.insert(byte);
+                    });
+                }
+            }
+        }
+    }
+    let values: Vec<_> = seen.iter().map(HashSet::len).collect();
+    println!("mode {mode:#x} {mips} MIPS seed {seed}: {frames} frames, {} wrong, values of each byte {values:?}", wrong.len());
+    assert!(
+        wrong.is_empty(),
+        "{} of {frames} replies were never built: {:#?}",
+        wrong.len(),
+        &wrong[..wrong.len().min(5)]
+    );
+    drive.rig.assert_modelled();
+}
+
+// Requirement: WIRE-spi-6
+#[test]
+fn reply_swap_under_latency_sends_whole_replies() {
+    let seeds = std::env::var(SEEDS).ok();
+    let number = |text: &str| text.parse::<u64>().expect("ROBOT_SWAP_SEEDS=A..B");
+    let range = seeds.as_deref().and_then(|seeds| seeds.split_once(".."));
+    let (seeds, nth) = range.map_or((1..3, 64), |(a, b)| (number(a)..number(b), 1));
+    for seed in seeds {
+        for mode in [0, 0x10] {
+            for mips in [60, 100] {
+                run(mode, mips, seed, nth);
+            }
+        }
+    }
+}
