@@ -146,8 +146,13 @@ impl Rangefinders {
     }
 
     /// Every 10 ms: the sensor to trigger now, pointing at `bearing` (turn × 0x10000); none while the
-    /// bearing is unknown. A sensor without an echo by its next trigger becomes [`Echo::Missing`].
-    pub fn tick(&mut self, now: Micros, bearing: Option<u16>) -> Option<RangefinderId> {
+    /// bearing is unknown, unless the sensors at the `sides` need none. A sensor without an echo by its next trigger becomes [`Echo::Missing`].
+    pub fn tick(
+        &mut self,
+        now: Micros,
+        bearing: Option<u16>,
+        sides: bool,
+    ) -> Option<RangefinderId> {
         self.ticks = self.ticks.saturating_add(1);
         let slot = match self.count {
             0 => return None,
@@ -171,9 +176,9 @@ impl Rangefinders {
         if self.ticks < slot {
             return None;
         }
-        let bearing = bearing?;
         let which = self.current.wrapping_add(1);
         let which = if which < self.count { which } else { 0 };
+        let bearing = bearing.or((sides && which != 0).then_some(0))?;
         let sensor = self.sensors.get_mut(usize::from(which))?;
         if let Some((_, bearing)) = sensor.pending {
             sensor.record(Echo::Missing, bearing);

@@ -11,6 +11,9 @@
 //! | 47 to 60 ms | it settles |
 //! | 60 ms | next trigger |
 //!
+//! The scan covers the whole travel or, by command, a part of it around the centre. The sensors at the sides
+//! are triggered while it turns.
+//!
 //! Pulses begin with the first fresh frame and end with the stop deadline or a blocking fault. Without
 //! pulses the servo is free to be moved, so after a pause the sensor is not triggered until the servo
 //! had the time for its whole travel.
@@ -41,6 +44,8 @@ pub const FULL_TRAVEL_TICKS: u8 = 50;
 enum Phase {
     /// Without pulses, position unknown.
     Off,
+    /// Turning from anywhere, for so many more ticks.
+    Homing(u8),
     /// Turning, for so many more ticks.
     Turning(u8),
     /// At its bearing.
@@ -62,11 +67,16 @@ pub struct ServoScan {
     centre: u16,
     /// Change of bearing from 1.0 to 2.0 ms, turn × 0x10000; negative if a longer pulse turns clockwise.
     travel: i32,
-    /// Steps of the travel.
+    /// Half the width of the scan, turn × 0x10000, at most half the travel; commanded, and in use.
+    commanded: u16,
+    half_width: u16,
+    /// Deviation of the pulse width at either end of the scan, microseconds.
+    half_span: u16,
+    /// Steps of the scan.
     steps: NonZeroU16,
-    /// Steps from the 1.0 ms end.
+    /// Steps from the end of the shorter pulse.
     position: u16,
-    /// Scans towards the 2.0 ms end.
+    /// Scans towards the longer pulse.
     ascending: bool,
     /// Ticks to the next pulse.
     next_pulse: u8,
@@ -79,7 +89,7 @@ impl ServoScan {
     pub fn new(config: &Config, scans: bool) -> Self {
         let servo = config.servo();
         let travel = servo.map_or(HALF_TURN, |servo| servo.travel.0 >> 16);
-        let steps = (travel * STEPS_PER_TURN).div_ceil(1 << 16);
+        let half_width = (travel / 2) as u16;
         let travel = travel as i32;
         Self {
             phase: if servo.is_some() {
@@ -94,8 +104,10 @@ impl ServoScan {
             } else {
                 travel
             },
-            // 18 at most.
-            steps: NonZeroU16::new(steps as u16).unwrap_or(NonZeroU16::MIN),
+            commanded: half_width,
+            half_width,
+            half_span: HALF_SPAN,
+            steps: steps(travel as u32),
             position: 0,
             ascending: true,
             next_pulse: 0,
@@ -121,27 +133,52 @@ impl ServoScan {
         };
         self.phase = match self.phase {
             Phase::Off => {
+                self.apply_width();
                 self.position = 0;
                 self.ascending = true;
-                Phase::Turning(FULL_TRAVEL_TICKS)
+                Phase::Homing(FULL_TRAVEL_TICKS)
             }
+            Phase::Homing(left) if left > 1 => Phase::Homing(left - 1),
             Phase::Turning(left) if left > 1 => Phase::Turning(left - 1),
-            Phase::Turning(_) if self.scans => Phase::Settled,
-            Phase::Turning(_) => Phase::Parked,
+            Phase::Homing(_) | Phase::Turning(_) if self.scans => Phase::Settled,
+            Phase::Homing(_) | Phase::Turning(_) => Phase::Parked,
             Phase::Listening(left) if left > 1 => Phase::Listening(left - 1),
             // Only with a pulse: without one the servo would start a tick late.
-            Phase::Listening(_) if pulse_due => {
-                self.step();
-                Phase::Turning(STEP_TICKS)
-            }
+            Phase::Listening(_) if pulse_due => Phase::Turning(self.step()),
             phase @ (Phase::Listening(_) | Phase::Settled | Phase::Parked) => phase,
         };
         (pulse_due && self.phase != Phase::Parked).then(|| self.pulse_width())
     }
 
-    /// The next bearing, reversing at the ends of the travel: consecutive readings differ in it.
+    /// Half the width of the scan around straight ahead, turn × 0x10000, cut to the travel: from the next step
+    /// on. 0 looks straight ahead.
+    // Requirement: WIRE-sweep-1
+    pub fn set_width(&mut self, half_width: u16) {
+        self.commanded = half_width.min((self.travel.unsigned_abs() / 2) as u16);
+    }
+
+    /// Takes the commanded width; the position nearest to the present one.
+    fn apply_width(&mut self) {
+        let before = self.pulse_width();
+        self.half_width = self.commanded;
+        let width = 2 * u32::from(self.half_width);
+        let travel = self.travel.unsigned_abs().max(1);
+        self.half_span = (u32::from(HALF_SPAN) * width / travel) as u16;
+        self.steps = steps(width);
+        let start = CENTRE_WIDTH - self.half_span;
+        let way = u32::from(before.saturating_sub(start)) * u32::from(self.steps.get());
+        let position = way / u32::from(2 * self.half_span).max(1);
+        self.position = position.min(self.steps.get().into()) as u16;
+    }
+
+    /// The next bearing, reversing at the ends of the scan: consecutive readings differ in it. Ticks until the
+    /// servo is settled there.
     // Requirement: WIRE-bearing-4, WIRE-bearing-5
-    fn step(&mut self) {
+    fn step(&mut self) -> u8 {
+        let (before, changed) = (self.pulse_width(), self.commanded != self.half_width);
+        if changed {
+            self.apply_width();
+        }
         if self.position >= self.steps.get() {
             self.ascending = false;
         } else if self.position == 0 {
@@ -152,6 +189,12 @@ impl ServoScan {
         } else {
             self.position - 1
         };
+        if !changed {
+            return STEP_TICKS;
+        }
+        // 25 ms for 10°.
+        let way = u32::from(self.pulse_width().abs_diff(before)) * self.travel.unsigned_abs();
+        STEP_TICKS + ((way / u32::from(2 * HALF_SPAN) * 90) >> 16) as u8
     }
 
     /// The sensor's bearing, turn × 0x10000, while it is settled and may be triggered.
@@ -160,13 +203,23 @@ impl ServoScan {
         match self.phase {
             Phase::Parked => Some(self.centre),
             Phase::Settled => Some(self.bearing()),
-            Phase::Off | Phase::Turning(_) | Phase::Listening(_) => None,
+            Phase::Off | Phase::Homing(_) | Phase::Turning(_) | Phase::Listening(_) => None,
         }
     }
 
     /// Whether the bearing is unknown: earlier readings are void.
     pub const fn is_off(&self) -> bool {
         matches!(self.phase, Phase::Off)
+    }
+
+    /// Whether the sensors at the sides may be triggered while the front one's bearing is unknown.
+    #[must_use]
+    pub const fn is_scanning(&self) -> bool {
+        self.scans
+            && matches!(
+                self.phase,
+                Phase::Turning(_) | Phase::Settled | Phase::Listening(_)
+            )
     }
 
     /// The sensor was triggered: the servo rests until every object within range has answered.
@@ -181,8 +234,8 @@ impl ServoScan {
         if !self.scans {
             return CENTRE_WIDTH;
         }
-        CENTRE_WIDTH - HALF_SPAN
-            + (2 * HALF_SPAN * self.position + self.steps.get() / 2) / self.steps
+        CENTRE_WIDTH - self.half_span
+            + (2 * self.half_span * self.position + self.steps.get() / 2) / self.steps
     }
 
     /// Bearing encoded by the rounded pulse, turn × 0x10000.
@@ -192,6 +245,11 @@ impl ServoScan {
         let angle = deviation * self.travel / (2 * i32::from(HALF_SPAN));
         self.centre.wrapping_add(angle as u16)
     }
+}
+
+/// Steps of at most 10° in a scan of this width, turn × 0x10000, at most half a turn: 1 to 18.
+fn steps(width: u32) -> NonZeroU16 {
+    NonZeroU16::new((width * STEPS_PER_TURN).div_ceil(1 << 16) as u16).unwrap_or(NonZeroU16::MIN)
 }
 
 #[cfg(test)]

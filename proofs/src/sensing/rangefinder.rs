@@ -30,7 +30,7 @@ const AHEAD: Option<u16> = Some(0);
 /// The front sensor, triggered at `trigger`.
 fn triggered(trigger: Micros) -> Rangefinders {
     let mut all = Rangefinders::new(3);
-    assert!(all.tick(trigger, AHEAD) == Some(RangefinderId::Front));
+    assert!(all.tick(trigger, AHEAD, false) == Some(RangefinderId::Front));
     all
 }
 
@@ -131,7 +131,7 @@ pub fn missing_edge_is_no_distance(
     for _ in 0..9 {
         if !front_again {
             now = now.after(10_000);
-            front_again = all.tick(now, AHEAD) == Some(RangefinderId::Front);
+            front_again = all.tick(now, AHEAD, false) == Some(RangefinderId::Front);
         }
     }
     assert!(front_again);
@@ -153,7 +153,7 @@ pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
     for tick in 0..36 {
         let now = Micros(tick * 10_000);
         let bearing = (allowed >> tick & 1 != 0).then_some(7);
-        let Some(which) = all.tick(now, bearing) else {
+        let Some(which) = all.tick(now, bearing, false) else {
             continue;
         };
         assert!(bearing.is_some());
@@ -202,7 +202,7 @@ pub fn reading_keeps_its_triggers_bearing(bearings: [u16; 24], answers: u32, del
         let now = Micros(tick * 10_000);
         // Some bearings stand for a turning servo.
         let bearing = (bearing & 0xF != 0).then_some(bearing);
-        if all.tick(now, bearing).is_some() {
+        if all.tick(now, bearing, false).is_some() {
             pending = (answers >> tick & 1 != 0).then_some((triggered.len(), now));
             triggered.push(bearing);
         }

@@ -79,7 +79,7 @@ pub fn servo_is_at_the_bearing_of_the_reading(
             }
         }
         let now = Micros(tick * 10_000);
-        if all.tick(now, scan.settled_bearing()) == Some(RangefinderId::Front) {
+        if all.tick(now, scan.settled_bearing(), false) == Some(RangefinderId::Front) {
             scan.triggered();
             all.echo(RangefinderId::Front, now.after(500), now.after(9_500));
             let bearing = all.reading(RangefinderId::Front).bearing;

@@ -106,6 +106,8 @@ pub struct GyroFusion {
     /// The last reading, and its age in ticks.
     raw: i16,
     age: u8,
+    /// Turned since the first bias, 2⁻³² turns.
+    angle: i64,
 }
 
 impl Default for GyroFusion {
@@ -123,6 +125,7 @@ impl GyroFusion {
             trust: unverified(0),
             raw: 0,
             age: STALE_TICKS,
+            angle: 0,
         }
     }
 
@@ -134,6 +137,14 @@ impl GyroFusion {
     /// 2⁻⁸ LSB, within ±[`MAX_BIAS`]; `None` before the first rest.
     pub const fn bias(&self) -> Option<i32> {
         self.bias.get()
+    }
+
+    /// The gyroscope's own angle since the first bias, 2⁻³² turns, wrapping, the last known bias taken off each
+    /// tick; `None` before the first bias.
+    // Requirement: WIRE-gyro-2
+    #[must_use]
+    pub fn angle(&self) -> Option<i64> {
+        self.bias().map(|_| self.angle)
     }
 
     /// The sensor is lost: restarts without a bias. An active slip ends.
@@ -176,6 +187,7 @@ impl GyroFusion {
             return (nothing, None);
         };
         let gyro = turn_of(self.raw, bias);
+        self.angle = self.angle.wrapping_add(gyro.into());
         let difference = gyro.wrapping_sub(turn);
         self.window.push(difference, turn);
         match self.trust {

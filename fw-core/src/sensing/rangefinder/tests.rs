@@ -11,7 +11,7 @@ const AHEAD: Option<u16> = Some(0);
 /// The front sensor, triggered at `at`.
 fn triggered(at: Micros) -> Rangefinders {
     let mut rangefinders = Rangefinders::new(1);
-    assert_eq!(rangefinders.tick(at, AHEAD), Some(Front));
+    assert_eq!(rangefinders.tick(at, AHEAD, false), Some(Front));
     rangefinders
 }
 
@@ -25,7 +25,7 @@ fn missing_echo_times_out_at_20_ms_before_its_cause_is_known() {
         rangefinders.echo(Front, Micros(500), Micros(5_500));
         let mut seen = Vec::new();
         for k in 1..=12 {
-            rangefinders.tick(Micros(k * TICK), AHEAD);
+            rangefinders.tick(Micros(k * TICK), AHEAD, false);
             if k == 10 && answers {
                 // A US-015 without an echo lowers its line after 38 ms.
                 rangefinders.echo(Front, Micros(60_500), Micros(98_500));

@@ -52,7 +52,7 @@ fn scanned(config: &Config, ticks: u32, start: f64) -> Vec<(u32, f64, f64)> {
         let pulse = scan.tick(true);
         assert_eq!(pulse.is_some(), k % 2 == 0, "{k}");
         assert!(pulse.is_none_or(|us| (1000..=2000).contains(&us)));
-        if rangefinders.tick(now, scan.settled_bearing()) == Some(Front) {
+        if rangefinders.tick(now, scan.settled_bearing(), false) == Some(Front) {
             scan.triggered();
             rangefinders.echo(Front, now.after(500), now.after(500 + 1000));
             let bearing = rangefinders.reading(Front).bearing;
