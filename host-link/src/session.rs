@@ -13,8 +13,8 @@ use crate::statistics::LinkStatistics;
 use crate::{eeprom, reset};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
-use fw_core::types::Faults;
-use fw_core::wire::{CellCode, Command, Field, Order, Report, State, VelocityCode};
+use fw_core::types::{Faults, Velocity};
+use fw_core::wire::{CellCode, Command, Field, Order, Report, State};
 
 /// Default frames per second (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
@@ -55,9 +55,9 @@ pub struct VelocityRequest {
 impl VelocityRequest {
     /// The nearest codes of the velocity and of the sweep.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
-    fn code(self) -> (VelocityCode, u16) {
+    fn code(self) -> (Velocity, u16) {
         let turns = |degrees: f64, per_turn: f64| (degrees / 360.0 * per_turn).round();
-        let velocity = VelocityCode {
+        let velocity = Velocity {
             forward: (self.forward_mm_s * 1000.0).round() as i32,
             yaw_rate: turns(self.yaw_rate_deg_s, 4_294_967_296.0) as i32,
         };

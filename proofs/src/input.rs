@@ -228,11 +228,11 @@ macro_rules! structures {
 }
 
 use fw_core::binary64::Binary64;
-use fw_core::types::{Faults, Micros, Turns};
+use fw_core::types::{Faults, Micros, Turns, Velocity};
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
     CellCode, Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, Sequence, Setup,
-    State, VelocityCode,
+    State,
 };
 
 macro_rules! wrappers {
@@ -263,7 +263,7 @@ structures! {
     PoseCode { x, y, rotation }
     CellCode { cell, voltage }
     Sequence { own, seen }
-    VelocityCode { forward, yaw_rate }
+    Velocity { forward, yaw_rate }
     Command { expected, apply, percent, velocity, sweep, tune, sequence, clear_faults, order }
     Context { key_from_pi, key_from_stm, cells, own, last }
     Setup { mode, key_from_pi, key_from_stm, cells }

@@ -140,6 +140,7 @@ pub struct VelocityController {
     /// The velocity that the wheels follow, within all limits.
     applied: Velocity,
     clipped: bool,
+    held_back: bool,
 }
 
 impl VelocityController {
@@ -173,6 +174,7 @@ impl VelocityController {
             mixer: Mixer::new(config),
             applied: Velocity::default(),
             clipped: false,
+            held_back: false,
         }
     }
 
@@ -195,6 +197,7 @@ impl VelocityController {
             yaw_rate: turning,
         } = self.applied;
         let free = obstacle.limit(speed);
+        self.held_back = free != speed;
         let forward = obstacle.limit(towards(before, free, self.speed_step));
         let turning = towards(turning, yaw_rate, self.yaw_step);
         self.clipped =
@@ -257,12 +260,18 @@ impl VelocityController {
         self.left.reset();
         self.right.reset();
         self.applied = Velocity::default();
-        self.clipped = false;
+        (self.clipped, self.held_back) = (false, false);
     }
 
     /// The velocity that the wheels follow, within all limits.
     pub const fn applied(&self) -> Velocity {
         self.applied
+    }
+
+    /// Whether the obstacle stop reduced the last command.
+    #[must_use]
+    pub const fn held_back(&self) -> bool {
+        self.held_back
     }
 
     /// Whether a limit of speed, yaw rate, acceleration or duty reduced the last command.

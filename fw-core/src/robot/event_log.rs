@@ -7,6 +7,8 @@ use crate::wire::{FrameError, PoseCode, State};
 
 /// Ticks without a line about rejected frames after one: a broken wire must not fill the log.
 const QUIET_TICKS: u16 = 100;
+/// Ticks without a limit after which the way is logged as free.
+const FREE_TICKS: u8 = 100;
 /// Milliseconds of a tick.
 const TICK_MS: u16 = 10;
 /// Consecutive misses after which a rangefinder counts as silent.
@@ -25,6 +27,8 @@ pub(super) struct EventLog {
     suppressed: u32,
     /// Ticks until the next line about rejected frames.
     quiet_ticks: u16,
+    /// Ticks until the way is logged as free; 0 once it is.
+    until_free: u8,
     /// Ticks from one pose line to the next, 0 = none.
     pose_period: u16,
     until_pose: u16,
@@ -43,6 +47,7 @@ impl EventLog {
             rejected: None,
             suppressed: 0,
             quiet_ticks: 0,
+            until_free: 0,
             pose_period: period.0.div_ceil(TICK_MS),
             until_pose: 0,
             silent: [false; 3],
@@ -88,11 +93,23 @@ impl EventLog {
         });
     }
 
-    /// Once a tick: logs a change of state, a rejected frame, suppressed ones, or a new target; at most
-    /// one line, since a line is the longest thing that a tick does. Returns whether there was one.
+    /// Once a tick: logs a change of state, the begin and the end of the obstacle stop, a rejected frame,
+    /// suppressed ones, or a new target; at most one line, since a line is the longest thing that a tick
+    /// does. Returns whether there was one.
     // Requirement: DOC-2.1-3
-    pub(super) fn tick(&mut self, state: State, faults: Faults, log: &mut Log) -> bool {
+    pub(super) fn tick(
+        &mut self,
+        state: State,
+        faults: Faults,
+        obstacle: bool,
+        log: &mut Log,
+    ) -> bool {
         self.quiet_ticks = self.quiet_ticks.saturating_sub(1);
+        self.until_free = match self.until_free {
+            0 | 1 => self.until_free,
+            _ if obstacle => FREE_TICKS,
+            ticks => ticks - 1,
+        };
         if state != self.state {
             self.state = state;
             let (level, text) = match state {
@@ -106,6 +123,13 @@ impl EventLog {
                 State::Faulted => (Level::Error, "faulted: motors off"),
             };
             log.text(level, text);
+        } else if obstacle && self.until_free == 0 {
+            // Requirement: WIRE-obstacle-6
+            self.until_free = FREE_TICKS;
+            log.text(Level::Info, "obstacle: speed limited");
+        } else if !obstacle && self.until_free == 1 {
+            self.until_free = 0;
+            log.text(Level::Info, "obstacle: way free");
         } else if let Some(error) = self.rejected.take() {
             self.quiet_ticks = QUIET_TICKS;
             log.line(Level::Warn, |line| {

@@ -21,13 +21,18 @@ pub use supervisor::{AllowedMotion, Supervisor, SupervisorCommand};
 use crate::binary64::Binary64;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
-use crate::motion::{DriveMonitor, Odometry, PoseController, StopDeadline};
+use crate::motion::{
+    DriveMonitor, ObstacleLimit, Odometry, PoseController, StopDeadline, VelocityController,
+};
 use crate::sensing::battery::MAX_CELLS;
-use crate::sensing::{Battery, EchoStats, Rangefinders, ServoScan};
+use crate::sensing::{Battery, Echo, EchoStats, Rangefinders, Reading, ServoScan};
 use crate::sensing::{Calibration, Thermometer};
-use crate::types::{Delta, Duty, Faults, Micros, MotorCommands, Pose, RangefinderId};
+use crate::types::{
+    Delta, Duty, Faults, Micros, MotorCommand, MotorCommands, Pose, RangefinderId, Velocity,
+};
 use crate::wire::{
-    CellCode, Command, Field, FrameError, LinkCounters, Mode, PoseCode, Report, State, StmLink,
+    CellCode, Command, Field, FrameError, LinkCounters, Mode, Order, PoseCode, Report, State,
+    StmLink,
 };
 use event_log::EventLog;
 use link_stats::LinkStats;
@@ -43,6 +48,8 @@ enum DriveRequest {
     None,
     /// Drive to the controller's target.
     Target,
+    /// Drive with this velocity.
+    Velocity(Velocity),
     /// Tuning: a constant duty.
     Duty(Duty),
 }
@@ -82,6 +89,8 @@ pub struct Robot {
     gyro_enabled: bool,
     slip_monitor: SlipMonitor,
     controller: PoseController,
+    velocity_controller: VelocityController,
+    obstacle: ObstacleLimit,
     drive_monitor: DriveMonitor,
     /// Motor commands applied since the last tick.
     applied: MotorCommands,
@@ -110,6 +119,7 @@ impl Robot {
     // Requirement: DOC-3.2-1
     pub fn new(config: &Config, first: TickInput) -> Self {
         let sweeps = config.mode() == Mode::GuardedSweep;
+        let by_velocity = config.mode() == Mode::GuardedVelocity;
         Self {
             quantity: MeasuredQuantity::of(config.mode()),
             // Requirement: DOC-5.2-1, WIRE-ready-2
@@ -123,12 +133,14 @@ impl Robot {
                 && MeasuredQuantity::of(config.mode()) == MeasuredQuantity::Pose,
             slip_monitor: SlipMonitor::new(),
             controller: PoseController::new(config),
+            velocity_controller: VelocityController::new(config),
+            obstacle: ObstacleLimit::new(config, by_velocity),
             drive_monitor: DriveMonitor::new(config),
             applied: MotorCommands::default(),
             battery: Battery::new(config),
             // The sweep is of one, which then need not wait for the others.
             rangefinders: Rangefinders::new(if sweeps { 1 } else { config.rangefinders() }),
-            servo_scan: ServoScan::new(config, sweeps),
+            servo_scan: ServoScan::new(config, sweeps || by_velocity),
             thermometer: Thermometer::new(Calibration::UNWRITTEN),
             request: DriveRequest::None,
             target: PoseCode::default(),
@@ -152,6 +164,7 @@ impl Robot {
             .wrapping_add(self.delta.travel.to_bits().into());
         self.rotation = self.rotation.wrapping_add(self.delta.turn.into());
         let pose = self.odometry.pose();
+        self.obstacle.step(&self.delta);
         let faults = self.drive_monitor.step(&self.applied, &self.delta);
         self.raise(faults, log);
 
@@ -169,6 +182,10 @@ impl Robot {
         let busy = match self.request {
             DriveRequest::None => false,
             DriveRequest::Target => self.controller.moving(),
+            // Until the wheels are held.
+            DriveRequest::Velocity(velocity) => {
+                velocity != Velocity::default() || matches!(self.applied.left, MotorCommand::Run(_))
+            }
             DriveRequest::Duty(duty) => duty != Duty::ZERO,
         };
         let wheels = match self.supervisor.on_tick(input.now, requested, busy) {
@@ -179,11 +196,17 @@ impl Robot {
             }
             AllowedMotion::Drive => self.drive(&pose),
         };
+        self.report.clipped = self.velocity_controller.clipped();
+        self.report.obstacle_limited =
+            self.velocity_controller.held_back() || self.controller.held_back();
         self.applied = wheels;
         self.log_tick(input.now, log);
         let (servo, trigger) = self.update_ranging(input.now);
         while let Some(which) = self.rangefinders.take_updated() {
             self.update_range(which);
+            if which == RangefinderId::Front {
+                self.update_obstacle();
+            }
             self.event_log
                 .rangefinder(which, &self.rangefinders.stats(which), log);
         }
@@ -206,22 +229,38 @@ impl Robot {
         if self.servo_scan.is_off() {
             self.rangefinders.invalidate();
         }
-        let trigger = self
-            .rangefinders
-            .tick(now, self.servo_scan.settled_bearing());
+        let trigger = self.rangefinders.tick(
+            now,
+            self.servo_scan.settled_bearing(),
+            self.servo_scan.is_scanning(),
+        );
         if trigger == Some(RangefinderId::Front) {
             self.servo_scan.triggered();
         }
         (servo, trigger)
     }
 
-    /// Stopped: a later resume drives to the target from rest, and in the tuning modes nowhere until
-    /// the Pi asks again.
+    /// A measurement of the front rangefinder that has ended.
+    fn update_obstacle(&mut self) {
+        let Reading { echo, bearing } = self.rangefinders.reading(RangefinderId::Front);
+        match echo {
+            Echo::Distance(distance) => self.obstacle.on_range(bearing, Some(distance)),
+            Echo::OutOfRange | Echo::Missing => self.obstacle.on_range(bearing, None),
+            Echo::NotMeasured | Echo::TimedOut => {}
+        }
+    }
+
+    /// Stopped: a later resume drives to the target from rest, and in the tuning modes and by velocity
+    /// nowhere until the next command.
     // Requirement: WIRE-deadline-5
     fn stop_motion(&mut self) {
         match self.request {
             DriveRequest::None => {}
             DriveRequest::Target => self.controller.halt(),
+            DriveRequest::Velocity(_) => {
+                self.velocity_controller.stand();
+                self.request = DriveRequest::Velocity(Velocity::default());
+            }
             DriveRequest::Duty(_) => {
                 self.controller.halt();
                 self.request = DriveRequest::Duty(Duty::ZERO);
@@ -237,7 +276,12 @@ impl Robot {
                     // Halted since the target was set.
                     self.controller.set_target(self.target.to_pose());
                 }
+                self.controller.limit_speed(&self.obstacle);
                 self.controller.drive(pose, &self.delta)
+            }
+            (DriveRequest::Velocity(velocity), _) => {
+                self.velocity_controller
+                    .step(velocity, &self.obstacle, &self.delta)
             }
             (DriveRequest::Duty(duty), MeasuredQuantity::Displacement) => {
                 self.controller.tune_move(duty, pose, &self.delta)
@@ -290,6 +334,12 @@ impl Robot {
         if tuning {
             if !self.supervisor.halted() {
                 self.request = DriveRequest::Duty(duty);
+            }
+        } else if self.link.mode().has(Field::Velocity) {
+            self.servo_scan.set_width(command.sweep);
+            // Requirement: WIRE-velocity-7
+            if command.order == Order::None && !self.supervisor.halted() {
+                self.request = DriveRequest::Velocity(command.velocity);
             }
         } else if command.apply {
             // Requirement: WIRE-modes-2, DOC-5.1.1-4
@@ -421,9 +471,12 @@ impl Robot {
     }
 
     fn log_tick(&mut self, now: Micros, log: &mut Log) {
-        let mut busy = self
-            .event_log
-            .tick(self.supervisor.state(), self.supervisor.faults(), log);
+        let mut busy = self.event_log.tick(
+            self.supervisor.state(),
+            self.supervisor.faults(),
+            self.report.obstacle_limited,
+            log,
+        );
         if let DriveRequest::Duty(duty) = self.request {
             event_log::log_tuning(duty, self.thousandths(), log);
         }

@@ -4,13 +4,18 @@
 use super::{MeasuredQuantity, Robot};
 use crate::binary64::Binary64;
 use crate::types::{Pose, RangefinderId};
-use crate::wire::{CellCode, DistanceCode, PoseCode, MAX_FRAME};
+use crate::wire::{CellCode, DistanceCode, GyroCode, PoseCode, MAX_FRAME};
 
 impl Robot {
     /// Pose, measurement and voltages of a tick, in the wire's codes.
     // Requirement: DOC-2.1-4
     pub(super) fn update_report(&mut self, pose: &Pose) {
         self.report.pose = PoseCode::from_pose(pose);
+        // Requirement: WIRE-gyro-3
+        self.report.gyro = self
+            .slip_monitor
+            .angle()
+            .map_or(GyroCode::NONE, GyroCode::from_angle);
         if self.quantity != MeasuredQuantity::Pose {
             self.report.measurement = self.measurement();
         }

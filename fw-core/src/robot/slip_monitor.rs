@@ -28,6 +28,11 @@ impl SlipMonitor {
         }
     }
 
+    /// The gyroscope's own angle, 2⁻³² turns, see [`GyroFusion::angle`].
+    pub(super) fn angle(&self) -> Option<i64> {
+        self.gyro.angle()
+    }
+
     /// Adds the last tick's slip to the turn that the controller sees.
     pub(super) const fn add_to(&self, delta: &mut Delta) {
         delta.turn = delta.turn.wrapping_add(self.added);

@@ -11,6 +11,7 @@ mod platform;
 mod renewal;
 mod sweeping;
 mod tuning;
+mod velocity;
 
 const TICK_US: u32 = 10_000;
 

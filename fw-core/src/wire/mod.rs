@@ -52,7 +52,7 @@ pub use error::{Cause, FieldError, FrameError, Reason};
 pub use link::{LinkCounters, PiLink, Setup, StmLink};
 
 use crate::binary64::Binary64;
-use crate::types::Faults;
+use crate::types::{Faults, Velocity};
 
 /// The longest frame of any mode, in bytes.
 pub const MAX_FRAME: usize = 32;
@@ -90,15 +90,6 @@ impl Default for DistanceCode {
     fn default() -> Self {
         Self::NONE
     }
-}
-
-/// A velocity as the wire carries it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct VelocityCode {
-    /// Forward speed, µm/s.
-    pub forward: i32,
-    /// Yaw rate, 2⁻³² turns/s, counter-clockwise positive.
-    pub yaw_rate: i32,
 }
 
 /// The gyroscope's angle as the wire carries it: 2⁻²⁴ turns, counter-clockwise positive, wrapping.
@@ -165,7 +156,7 @@ pub struct Command {
     /// Tuning modes: percent to set on the engines, −100 ..= 100.
     pub percent: Binary64,
     /// Velocity mode.
-    pub velocity: VelocityCode,
+    pub velocity: Velocity,
     /// Velocity mode: half the width of the front rangefinder's sweep around straight ahead, turn × 0x10000.
     pub sweep: u16,
     /// Reference voltage of a cell being tuned; voltage 0 = no tuning.

@@ -14,7 +14,8 @@
 use super::error::{FieldError, Reason};
 use super::position::Position;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
-use super::{Command, Report, VelocityCode};
+use super::{Command, Report};
+use crate::types;
 
 /// Sends the commanded velocity one way and the actual pose the other.
 #[derive(Debug)]
@@ -32,7 +33,7 @@ impl Strategy for Velocity {
         command: &mut Command,
     ) -> Result<(), FieldError> {
         reader.require(Self::LEN)?;
-        command.velocity = VelocityCode {
+        command.velocity = types::Velocity {
             forward: i32::from_be_bytes(reader.take()?),
             yaw_rate: i32::from_be_bytes(reader.take()?),
         };

@@ -1,10 +1,10 @@
 //! The vectors' files, and their values as the core's types.
 
 use fw_core::binary64::Binary64;
-use fw_core::types::Faults;
+use fw_core::types::{Faults, Velocity};
 use fw_core::wire::{
     Cause, CellCode, Command, DistanceCode, FrameError, GyroCode, Mode, Order, PoseCode, Report,
-    Sequence, Setup, State, VelocityCode,
+    Sequence, Setup, State,
 };
 pub use serde_json::Value;
 
@@ -179,7 +179,7 @@ pub fn command(values: &Value) -> Command {
         expected: pose(values),
         apply: values["apply"].as_bool().unwrap_or_default(),
         percent: double(values),
-        velocity: VelocityCode {
+        velocity: Velocity {
             forward: maybe(values, "forward").unwrap_or_default(),
             yaw_rate: maybe(values, "yaw_rate").unwrap_or_default(),
         },

@@ -3,6 +3,7 @@
 use super::*;
 use crate::mock_board::mock_board;
 use fw_core::eeprom::{fields, Image, FIELDS};
+use fw_core::types::Velocity;
 use fw_core::wire::Mode;
 
 /// The first board's EEPROM with so many cells.
@@ -63,7 +64,7 @@ fn velocity_is_sent_by_its_nearest_code() {
         .iter()
         .map(|c| (c.velocity, c.sweep))
         .collect();
-    let code = |forward, yaw_rate| VelocityCode { forward, yaw_rate };
+    let code = |forward, yaw_rate| Velocity { forward, yaw_rate };
     assert_eq!(
         sent,
         [

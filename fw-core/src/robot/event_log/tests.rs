@@ -57,7 +57,7 @@ fn state_change_is_logged_once_with_its_level() {
     ] {
         for expected in [&[line][..], &NOTHING] {
             let mut logged = false;
-            let lines = lines_of(|log| logged = event_log.tick(state, faults, log));
+            let lines = lines_of(|log| logged = event_log.tick(state, faults, false, log));
             assert_eq!(lines, expected);
             assert_eq!(logged, !expected.is_empty());
         }
@@ -78,7 +78,7 @@ fn rejected_frames_are_logged_once_a_second() {
         if tick == 600 {
             event_log.frame_rejected(stale(1));
         }
-        let logged = event_log.tick(State::Booting, Faults::NONE, &mut log);
+        let logged = event_log.tick(State::Booting, Faults::NONE, false, &mut log);
         let new = lines(&mut log);
         assert_eq!(logged, !new.is_empty());
         all.extend(new.into_iter().map(|line| (tick, line)));
@@ -104,7 +104,7 @@ fn state_is_logged_before_rejection_and_target() {
         "W: frame rejected: sequence at byte 9: stale, number 1 after 7",
         "I: target 500.000 -0.020 mm, 90.00 deg",
     ] {
-        let lines = lines_of(|log| _ = event_log.tick(State::Ready, Faults::NONE, log));
+        let lines = lines_of(|log| _ = event_log.tick(State::Ready, Faults::NONE, false, log));
         assert_eq!(lines, [expected]);
     }
 }

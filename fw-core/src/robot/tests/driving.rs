@@ -6,6 +6,7 @@ use super::*;
 struct Course {
     bench: Bench,
     controller: PoseController,
+    obstacle: ObstacleLimit,
     ticks: u32,
 }
 
@@ -14,6 +15,7 @@ impl Course {
         Self {
             bench: Bench::new(Mode::Normal),
             controller: PoseController::new(&first_board()),
+            obstacle: ObstacleLimit::new(&first_board(), false),
             ticks: 0,
         }
     }
@@ -36,6 +38,8 @@ impl Course {
     /// What the controller says in the tick that was.
     fn expected(&mut self) -> [MotorCommand; 2] {
         let robot = &self.bench.robot;
+        self.obstacle.step(&robot.delta);
+        self.controller.limit_speed(&self.obstacle);
         let wheels = self.controller.drive(&robot.pose(), &robot.delta);
         [wheels.left, wheels.right]
     }

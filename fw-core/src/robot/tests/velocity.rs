@@ -1,0 +1,154 @@
+//! Mode 0x30: driven by velocity, the gyroscope's angle, the sweep, and the obstacle stop.
+
+use super::*;
+use crate::wire::GyroCode;
+
+fn drive(mm_s: i32) -> Command {
+    Command {
+        velocity: Velocity {
+            forward: mm_s * 1000,
+            yaw_rate: 0,
+        },
+        ..Command::default()
+    }
+}
+
+fn order(order: Order, mm_s: i32) -> Command {
+    Command {
+        order,
+        ..drive(mm_s)
+    }
+}
+
+/// Some ticks with a frame in each: whether the motors run, and the last report.
+fn follow(bench: &mut Bench, command: &Command, ticks: u32) -> (bool, Report) {
+    let mut last = (false, Report::default());
+    for _ in 0..ticks {
+        let report = bench.frame(command);
+        last = (runs(&bench.tick()), report);
+    }
+    last
+}
+
+// Requirement: WIRE-velocity-7
+#[test]
+fn velocity_counts_again_one_frame_after_resume() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    assert!(follow(&mut bench, &drive(80), 3).0);
+    assert!(!follow(&mut bench, &order(Order::Stop, 80), 1).0);
+    assert!(!follow(&mut bench, &drive(80), 5).0);
+    assert_eq!(bench.robot.state(), State::Stopped);
+    assert!(!follow(&mut bench, &order(Order::Resume, 80), 3).0);
+    assert_eq!(bench.robot.state(), State::Ready);
+    assert!(follow(&mut bench, &drive(80), 3).0);
+    assert_eq!(bench.robot.state(), State::Moving);
+}
+
+// Requirement: WIRE-deadline-1, WIRE-deadline-5
+#[test]
+fn velocity_without_frames_brakes_at_deadline() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    follow(&mut bench, &drive(80), 5);
+    let running = (0..40).take_while(|_| runs(&bench.tick())).count();
+    assert_eq!(running, 24);
+    assert_eq!(bench.robot.state(), State::Stopped);
+    bench.frame(&order(Order::Resume, 0));
+    let outputs = bench.tick();
+    assert_eq!([outputs.left, outputs.right], [MotorCommand::Brake; 2]);
+}
+
+#[test]
+fn zero_velocity_holds_wheels_and_is_ready() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    for _ in 0..30 {
+        bench.frame(&drive(0));
+        let outputs = bench.tick();
+        assert_eq!([outputs.left, outputs.right], [MotorCommand::Brake; 2]);
+        assert_eq!(bench.robot.state(), State::Ready);
+    }
+}
+
+// Requirement: WIRE-status-7, WIRE-obstacle-2, WIRE-obstacle-6
+#[test]
+fn blind_speed_is_reported_and_logged() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    let (_, report) = follow(&mut bench, &drive(150), 3);
+    assert!(report.obstacle_limited && report.clipped);
+    assert!(bench.log().contains("obstacle: speed limited\n"));
+    let (_, report) = follow(&mut bench, &drive(0), 90);
+    assert!(!report.obstacle_limited && !report.clipped);
+    assert!(!bench.log().contains("way free"));
+    follow(&mut bench, &drive(0), 20);
+    assert!(bench.log().ends_with("obstacle: way free\n"));
+}
+
+// Requirement: WIRE-obstacle-5
+#[test]
+fn pose_target_is_held_back_before_obstacle() {
+    let mut bench = Bench::new(Mode::GuardedNormal);
+    let apply = go(2000);
+    let mut limited = 0;
+    for _ in 0..200 {
+        limited += u32::from(bench.frame(&apply).obstacle_limited);
+        let outputs = bench.tick();
+        if let Some(which) = outputs.trigger {
+            let at = bench.sample.now;
+            // 170 mm: overhang and stop distance.
+            bench
+                .robot
+                .on_echo(which, at.after(500), at.after(500 + 985));
+        }
+    }
+    assert!(limited > 150, "{limited}");
+    assert_eq!(bench.robot.state(), State::Moving);
+    assert!(!bench.robot.faults().intersects(Faults::BLOCKING));
+    assert!(bench.log().contains("obstacle: speed limited\n"));
+}
+
+// Requirement: WIRE-gyro-3
+#[test]
+fn robot_without_gyro_reports_no_angle() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    assert_eq!(follow(&mut bench, &drive(50), 50).1.gyro, GyroCode::NONE);
+}
+
+/// Every trigger of some seconds, all answered: sensor, tick, bearing of the reading in degrees.
+fn triggers(sweep: u16, servo: u64) -> std::vec::Vec<(RangefinderId, u32, f64)> {
+    let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::SERVO, servo)]);
+    let mut all = std::vec::Vec::new();
+    for tick in 0..400 {
+        let report = bench.frame(&Command { sweep, ..drive(0) });
+        if let Some(which) = bench.tick().trigger {
+            let at = bench.sample.now;
+            bench.robot.on_echo(which, at.after(500), at.after(5000));
+            let bearing = report.bearing.cast_signed();
+            all.push((which, tick, f64::from(bearing) * 360.0 / 65_536.0));
+        }
+    }
+    all
+}
+
+// Requirement: WIRE-sweep-1
+#[test]
+fn sweep_keeps_commanded_width_and_every_sensor_cycle() {
+    for (sweep, servo, width) in [
+        (0, 1, 0.0),
+        (0x1555, 1, 30.0),
+        (0xFFFF, 1, 90.0),
+        (0x1555, 0, 0.0),
+    ] {
+        let all = triggers(sweep, servo);
+        let (first, last) = (all[0].1, all[all.len() - 1].1);
+        assert_eq!(all.len() as u32, (last - first) / 2 + 1, "every 20 ms");
+        assert!(all.windows(2).all(|two| two[0].0 != two[1].0));
+        let bearings = || all.iter().map(|trigger| trigger.2);
+        let (low, high) = (
+            bearings().fold(0.0, f64::min),
+            bearings().fold(0.0, f64::max),
+        );
+        assert!(
+            (low + width).abs() < 0.2 && (high - width).abs() < 0.2,
+            "{low} to {high}"
+        );
+    }
+}
