@@ -19,6 +19,7 @@ use fixed::types::I16F16;
 
 use super::mixer::Mixer;
 use super::pid::Pid;
+use super::trig::upper;
 use super::ObstacleLimit;
 use crate::divide::div_rem;
 use crate::eeprom::{Config, Wheel};
@@ -133,7 +134,9 @@ impl PoseController {
     // Requirement: WIRE-obstacle-5
     pub fn limit_speed(&mut self, obstacle: &ObstacleLimit) {
         let distance = |speed: i32| {
-            let bits = i64::from(speed) * i64::from(self.distance_per_speed) / 1000;
+            // mm/s, 2⁻⁶: 2³⁸ / 1000.
+            let speed = upper(speed, 274_877_906);
+            let bits = (i64::from(speed) * i64::from(self.distance_per_speed)) >> 6;
             I16F16::from_bits(bits.min(i32::MAX.into()) as i32)
         };
         self.allowed = (

@@ -157,7 +157,7 @@ impl VelocityController {
         };
         let left = WheelSpeed::new(config.left(), &gains);
         let right = WheelSpeed::new(config.right(), &gains);
-        let half_track_turn = ((u64::from(config.track().0) * PI / 1000) >> 13) as i32;
+        let half_track_turn = (div_rem(u64::from(config.track().0) * PI, 1000).0 >> 13) as i32;
         Self {
             max_speed: i32::from(limits.speed_mm_s) * 1000,
             max_yaw_rate: limits.yaw_rate.min(i32::MAX as u32) as i32,
