@@ -148,7 +148,7 @@ impl VelocityController {
     pub fn new(config: &Config) -> Self {
         let limits = config.velocity_limits();
         let forward = config.forward();
-        let half = |gain: Gain| Gain::new(gain.value() / 2).unwrap_or_default();
+        let half = |gain: Gain| Gain::new(gain.value() >> 1_u32).unwrap_or_default();
         let gains = Gains {
             p: half(forward.d),
             i: half(forward.p),
