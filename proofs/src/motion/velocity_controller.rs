@@ -6,17 +6,7 @@ use fw_core::types::{MotorCommand, MotorCommands, Velocity};
 
 use super::obstacle_limit::Event;
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::input::{Input, Source};
 use crate::property::Seen;
-
-impl Input for Velocity {
-    fn draw(source: &mut impl Source) -> Self {
-        Self {
-            forward: Input::draw(source),
-            yaw_rate: Input::draw(source),
-        }
-    }
-}
 
 /// Controller and obstacle stop at rest.
 fn parts(config: &Config) -> (VelocityController, ObstacleLimit) {
