@@ -6,8 +6,8 @@ fn limit() -> ObstacleLimit {
     ObstacleLimit::new(&first_board(), true)
 }
 
-fn mm(distance: i32) -> Option<Millimetres> {
-    Some(Millimetres(I32F32::from_num(distance)))
+fn mm(distance: i32) -> Millimetres {
+    Millimetres(I32F32::from_num(distance))
 }
 
 /// After a tick with this travel, mm, and turn, degrees.
@@ -50,7 +50,7 @@ fn stoppable_is_the_largest_speed_that_stops() {
 fn echo_allows_what_stops_before_the_stop_distance() {
     for distance in [0, 169, 170, 171, 180, 200, 250, 500, 1000, 2500] {
         let mut limit = limit();
-        limit.on_range(0, mm(distance));
+        limit.on_range(0, Some(mm(distance)));
         let found = moved(&mut limit, 0.0, 0.0);
         // The reaction is rounded up by at most a unit.
         let exact = expected(f64::from(distance));
@@ -68,7 +68,7 @@ fn echo_allows_what_stops_before_the_stop_distance() {
 #[test]
 fn forward_way_shortens_the_distance() {
     let mut limit = limit();
-    limit.on_range(0, mm(500));
+    limit.on_range(0, Some(mm(500)));
     for (travel, distance) in [
         (100.0, 400),
         (-50.0, 400),
@@ -78,7 +78,7 @@ fn forward_way_shortens_the_distance() {
     ] {
         let found = moved(&mut limit, travel, 0.0);
         let mut fresh = self::limit();
-        fresh.on_range(0, mm(distance));
+        fresh.on_range(0, Some(mm(distance)));
         assert_eq!(found, moved(&mut fresh, 0.0, 0.0), "{travel}");
     }
     assert_eq!(limit.max_forward(), 0);
@@ -95,13 +95,13 @@ fn echo_is_void_after_three_misses_or_15_degrees() {
         }
         moved(limit, 0.0, 0.0)
     };
-    limit.on_range(0, mm(170));
+    limit.on_range(0, Some(mm(170)));
     assert_eq!(misses(&mut limit, 2), 0);
-    limit.on_range(0, mm(170));
+    limit.on_range(0, Some(mm(170)));
     assert_eq!(misses(&mut limit, 2), 0);
     assert_eq!(misses(&mut limit, 1), BLIND);
     for side in [1.0, -1.0] {
-        limit.on_range(0, mm(170));
+        limit.on_range(0, Some(mm(170)));
         assert_eq!(moved(&mut limit, 0.0, side * 10.0), 0);
         assert_eq!(moved(&mut limit, 0.0, side * 4.99), 0);
         assert_eq!(moved(&mut limit, 0.0, side * -20.0), 0);
@@ -109,7 +109,7 @@ fn echo_is_void_after_three_misses_or_15_degrees() {
         assert_eq!(moved(&mut limit, 0.0, side * -0.02), BLIND);
         // It stays void after turning back.
         assert_eq!(moved(&mut limit, 0.0, side * 15.0), BLIND);
-        limit.on_range(0, mm(170));
+        limit.on_range(0, Some(mm(170)));
         assert_eq!(moved(&mut limit, 0.0, side * 14.0), 0);
     }
 }
@@ -119,9 +119,9 @@ fn echo_is_void_after_three_misses_or_15_degrees() {
 fn reading_beyond_15_degrees_is_ignored() {
     for bearing in [0xAAA_u16, 0x1_0000_u32.wrapping_sub(0xAAA) as u16] {
         let (mut limit, sideways) = (limit(), (bearing as i16 + (bearing as i16).signum()) as u16);
-        limit.on_range(sideways, mm(170));
+        limit.on_range(sideways, Some(mm(170)));
         assert_eq!(moved(&mut limit, 0.0, 0.0), BLIND);
-        limit.on_range(bearing, mm(170));
+        limit.on_range(bearing, Some(mm(170)));
         for _ in 0..3 {
             limit.on_range(sideways, None);
         }

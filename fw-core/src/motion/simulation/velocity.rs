@@ -49,7 +49,8 @@ impl Driven {
         }
         let now = self.world.wheel_counts();
         // They count down when the wheels roll forward.
-        let mm_s = |counts: i64| -counts as f64 * 80.0 * PI / 3840.0 * 100.0 / f64::from(ticks);
+        let mm_s =
+            |counts: i64| f64::from(-counts as i32) * 80.0 * PI / 3840.0 * 100.0 / f64::from(ticks);
         let (left, right) = (mm_s(now.left - counts.left), mm_s(now.right - counts.right));
         (f64::midpoint(left, right), (right - left) / 125.0 / TAU)
     }
