@@ -334,7 +334,7 @@ impl<'m> Session<'m> {
         if self.config.mode().has(Field::Status) && matches!(state, State::Stopped | State::Faulted)
         {
             return Err(Error::Fault {
-                state: crate::snapshot::state_name(state),
+                state: state.name(),
                 faults: crate::snapshot::fault_names(faults).join(", "),
             });
         }

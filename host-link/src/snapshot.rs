@@ -4,7 +4,7 @@ use crate::pose::Pose;
 use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{DistanceCode, Field, GyroCode, Mode, Report, State};
+use fw_core::wire::{DistanceCode, Field, GyroCode, Mode, Report};
 use serde::Serialize;
 
 /// Full scale of a distance code, millimetres (document, 5.1.4).
@@ -91,7 +91,7 @@ impl Snapshot {
             *cell = Some(f64::from(report.cell.voltage) / 200.0);
         }
         if self.kind.has(Field::Status) {
-            self.state = Some(state_name(report.state));
+            self.state = Some(report.state.name());
             self.faults = fault_names(report.faults);
             (self.obstacle_limited, self.clipped) = (report.obstacle_limited, report.clipped);
         }
@@ -111,17 +111,6 @@ impl Snapshot {
 /// Millimetres, none for 0xFFFF.
 pub fn distance_mm(code: DistanceCode) -> Option<f64> {
     (code != DistanceCode::NONE).then(|| f64::from(code.0) * (FULL_SCALE_MM / 65_535.0))
-}
-
-/// A state's word.
-pub const fn state_name(state: State) -> &'static str {
-    match state {
-        State::Booting => "booting",
-        State::Ready => "ready",
-        State::Moving => "moving",
-        State::Stopped => "stopped",
-        State::Faulted => "faulted",
-    }
 }
 
 /// The names of the latched faults.

@@ -216,7 +216,7 @@ impl Stops {
         let beyond_plans = (report.faults & Faults::BLOCKING).difference(STALLS);
         if is_held && !beyond_plans.is_empty() {
             return Err(Error::Fault {
-                state: snapshot::state_name(report.state),
+                state: report.state.name(),
                 faults: snapshot::fault_names(report.faults).join(", "),
             });
         }

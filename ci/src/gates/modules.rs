@@ -88,7 +88,7 @@ impl Modules {
         let included = included.captures_iter(source);
         self.files
             .extend(included.map(|file| format!("{beside}/{}", &file[1])));
-        let item = r"(?m)^((?: *#\[.*\]\n)*) *(?:pub(?:\(crate\))? )?mod (\w+);";
+        let item = r"(?m)^((?: *#\[.*\]\n)*) *(?:pub(?:\(\w+\))? )?mod (\w+);";
         for declared in pattern(item).captures_iter(source) {
             let (attributes, name) = (&declared[1], &declared[2]);
             let below = format!("{folder}/{name}");

@@ -1,6 +1,6 @@
 //! How the world differs from its textbook: what no configuration knows of a robot and its floor.
 
-use crate::{GyroParams, Params, Rng};
+use crate::{GyroParams, Rng};
 
 /// The random generators of a run, beside the rangefinders'.
 pub(crate) mod stream {
@@ -129,45 +129,6 @@ impl Imperfections {
             soft_surfaces: false,
             gyro: None,
         }
-    }
-
-    /// The robot of this seed: `params` with the deviations that the seed draws.
-    pub fn draw(&self, mut params: Params, seed: u64) -> Params {
-        let mut rng = Rng::stream(seed, stream::DRAW);
-        // Always the same draws: what is switched off changes nothing else.
-        let mut within = |bound: Option<f64>| {
-            let drawn = rng.within(1.0);
-            bound.map_or(0.0, |bound| bound * drawn)
-        };
-        let geometry = self.geometry;
-        let chassis = &mut params.chassis;
-        for diameter in [
-            &mut chassis.wheel_diameter_mm.left,
-            &mut chassis.wheel_diameter_mm.right,
-        ] {
-            *diameter *= 1.0 + within(geometry.map(|spread| spread.wheel));
-        }
-        chassis.track_mm *= 1.0 + within(geometry.map(|spread| spread.track));
-        for motor in [&mut params.motors.left, &mut params.motors.right] {
-            let faster = 1.0 + within(self.drive.map(|spread| spread.speed));
-            motor.speeds_deg_s = motor.speeds_deg_s.map(|speed| speed * faster);
-            motor.dead_zone *= 1.0 + within(self.drive.map(|spread| spread.dead_zone));
-            motor.lag_s *= 1.0 + within(self.drive.map(|spread| spread.lag));
-        }
-        let (charge, ohm) = (within(Some(1.0)), within(Some(1.0)));
-        if let Some(spread) = self.drive {
-            let between =
-                |[low, high]: [f64; 2], drawn: f64| low + (high - low) * (drawn + 1.0) / 2.0;
-            let start = between(spread.charge, charge);
-            // The cells stay as unequal as they are.
-            let down = params.battery.charge[0] - start;
-            params.battery.charge = params
-                .battery
-                .charge
-                .map(|charge| (charge - down).clamp(0.0, 1.0));
-            params.battery.cell_ohm = between(spread.cell_ohm, ohm);
-        }
-        params
     }
 
     /// The gyroscope of this seed: `params`, or what the seed draws instead.

@@ -35,6 +35,7 @@ mod gyro;
 mod imperfections;
 pub mod kinematic;
 mod motor;
+mod params;
 mod rangefinder;
 mod rng;
 pub mod room;
@@ -50,12 +51,13 @@ pub use geometry::{Mount, Pose2};
 pub use gyro::GyroParams;
 pub use imperfections::{DriveSpread, GeometrySpread, GyroSpread, Imperfections, Sill};
 pub use motor::{Motor, MotorInput, MotorParams};
+pub use params::Params;
 pub use rangefinder::RangefinderParams;
 pub use rng::Rng;
 pub use room::Room;
 pub use servo::{Servo, ServoParams};
 pub use sides::Sides;
-pub use world::{Params, World};
+pub use world::World;
 
 /// Index of the front rangefinder, in the order of the frame.
 pub const FRONT: usize = 0;

@@ -4,50 +4,7 @@ use crate::collision::{Collision, CollisionDetector};
 use crate::echo::Sonar;
 use crate::faults::Faults;
 use crate::floor::Floor;
-use crate::{
-    Battery, BatteryParams, Chassis, Imperfections, Motor, MotorInput, MotorParams, Mount, Pose2,
-    RangefinderParams, Rng, Room, Servo, ServoParams, Sides,
-};
-
-/// The figures of a robot. The default is the first board in a world without imperfections.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Params {
-    /// The motors.
-    pub motors: Sides<MotorParams>,
-    /// The battery.
-    pub battery: BatteryParams,
-    /// Wheels, track, encoders, body.
-    pub chassis: Chassis,
-    /// Where the rangefinders sit: front, right, left.
-    pub mounts: [Mount; 3],
-    /// Their beam and errors, and the air.
-    pub rangefinder: RangefinderParams,
-    /// The servo that turns the front one, if it is sent any pulses.
-    pub servo: ServoParams,
-    /// How much warmer the microcontroller is than the air, K.
-    pub chip_over_air_k: f64,
-    /// What deviates from these figures, and how the floor and the surfaces disturb.
-    pub imperfections: Imperfections,
-}
-
-impl Default for Params {
-    fn default() -> Self {
-        Self {
-            motors: Sides::new(
-                MotorParams::first_board_left(),
-                MotorParams::first_board_right(),
-            ),
-            battery: BatteryParams::default(),
-            chassis: Chassis::default(),
-            mounts: Mount::first_board(),
-            rangefinder: RangefinderParams::default(),
-            servo: ServoParams::default(),
-            // 50 mW through the package's 51 K/W.
-            chip_over_air_k: 2.5,
-            imperfections: Imperfections::none(),
-        }
-    }
-}
+use crate::{Battery, Motor, MotorInput, Mount, Params, Pose2, Rng, Room, Servo, Sides};
 
 /// Longest integration step, s: a hundredth of the motors' lags or less.
 const LONGEST_STEP_S: f64 = 0.001;

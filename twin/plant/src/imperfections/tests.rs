@@ -1,4 +1,5 @@
 use super::*;
+use crate::Params;
 
 const SEEDS: u32 = 400;
 
