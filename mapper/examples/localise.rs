@@ -37,6 +37,13 @@ fn cases() -> Vec<(&'static str, LocaliserConfig)> {
             },
         ),
         (
+            "no right angles",
+            LocaliserConfig {
+                right_angles: false,
+                ..base()
+            },
+        ),
+        (
             "readings independent",
             LocaliserConfig {
                 matcher: Some(unweighted),

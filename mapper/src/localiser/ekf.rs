@@ -4,19 +4,23 @@
 //! present, the difference of their turns is a measurement of the calibration: at rest of the
 //! gyroscope's bias, driving straight of the wheels' difference, turning of the scales.
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::calibration::{CalibrationEstimate, MotionNoise};
 use crate::Pose2;
 
 /// Number of states.
-const N: usize = 8;
+const N: usize = 9;
 /// Position of the states; 0 to 2 are x, y (mm) and the heading (rad).
 const TRAVEL: usize = 3;
 const DIFFERENCE: usize = 4;
 const TURN: usize = 5;
 const SCALE: usize = 6;
 const BIAS: usize = 7;
+/// Direction of the room's walls, modulo a right angle, rad.
+const WALLS: usize = 8;
 
 /// What the odometry and the gyroscope report between two observations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +40,13 @@ const SLIP_GATE: f64 = 4.0;
 /// Error of the bias that the core takes off at every rest, rad/s: 0.05 °/s over 64 samples.
 const RESET_BIAS_RAD_S: f64 = 1.1e-4;
 
+/// Deviation of a wall's direction by one stretch, and the largest difference from a right angle
+/// that is taken for an error, rad.
+const WALL_RAD: f64 = 0.035;
+const WALL_GATE_RAD: f64 = 0.12;
+/// The majority is as hard to change as this many walls.
+const MOST_VOTES: u32 = 10;
+
 /// Sums since the last comparison of the turns.
 #[derive(Clone, Copy, Debug, Default)]
 struct Comparison {
@@ -52,6 +63,8 @@ pub(super) struct Ekf {
     state: SVector<f64, N>,
     covariance: SMatrix<f64, N, N>,
     comparison: Comparison,
+    /// Walls that agreed with the room's direction less those that did not.
+    votes: u32,
 }
 
 impl Ekf {
@@ -72,6 +85,7 @@ impl Ekf {
             state,
             covariance,
             comparison,
+            votes: 0,
         }
     }
 
@@ -190,6 +204,30 @@ impl Ekf {
         self.measure(&row, -expected, sums.variance + quantisation * quantisation);
     }
 
+    /// Takes the direction of a wall's normal in the robot's frame, rad. What most walls agree with
+    /// (majority vote of Boyer and Moore) is the room's direction; a wall at right angles to it
+    /// corrects the heading, a slanted one does not.
+    pub fn observe_wall(&mut self, normal_rad: f64) {
+        let direction = self.state[2] + normal_rad;
+        if self.votes == 0 {
+            self.state[WALLS] = direction;
+            self.covariance.row_mut(WALLS).fill(0.0);
+            self.covariance.column_mut(WALLS).fill(0.0);
+            self.covariance[(WALLS, WALLS)] = 1.0;
+        }
+        let off = self.state[WALLS] - direction;
+        let off = off - FRAC_PI_2 * (off / FRAC_PI_2).round();
+        if off.abs() > WALL_GATE_RAD {
+            self.votes -= 1;
+            return;
+        }
+        self.votes = (self.votes + 1).min(MOST_VOTES);
+        let mut row = SMatrix::<f64, 1, N>::zeros();
+        row[2] = 1.0;
+        row[WALLS] = -1.0;
+        self.measure(&row, off, WALL_RAD * WALL_RAD);
+    }
+
     /// Updates by one scalar measurement with this row, innovation and variance, unless the
     /// innovation is improbable.
     fn measure(&mut self, row: &SMatrix<f64, 1, N>, innovation: f64, variance: f64) {
@@ -223,154 +261,4 @@ impl Ekf {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use plant::Rng;
-
-    const FRAME_S: f64 = 0.025;
-
-    /// A robot with errors of calibration, and its filter.
-    struct Robot {
-        truth: Pose2,
-        ekf: Ekf,
-        rng: Rng,
-        wheels: [f64; 2],
-        gyro: (f64, f64),
-    }
-
-    impl Robot {
-        /// With errors as large as the filter's deviations say.
-        fn new(seed: u64) -> Self {
-            let mut rng = Rng::new(seed);
-            let mut noise = MotionNoise::default();
-            // Small enough for the linear model.
-            noise.calibration[1] = 0.001;
-            noise.slip = 0.002;
-            let [travel, difference, _, scale, bias] = noise.calibration.map(|d| d * rng.normal());
-            Self {
-                truth: Pose2::default(),
-                ekf: Ekf::new(noise, &Pose2::default(), &Matrix3::zeros()),
-                wheels: [
-                    1.0 + travel - difference / 2.0,
-                    1.0 + travel + difference / 2.0,
-                ],
-                gyro: (1.0 / (1.0 + scale), bias),
-                rng,
-            }
-        }
-
-        /// One frame in which the wheels report these millimetres.
-        fn frame(&mut self, left: f64, right: f64, with_gyro: bool) {
-            let track_mm = self.ekf.noise.track_mm;
-            let mut roll = |mm: f64, scale: f64| {
-                mm * scale + self.ekf.noise.wheel * mm.abs().sqrt() * self.rng.normal()
-            };
-            let (a, b) = (roll(left, self.wheels[0]), roll(right, self.wheels[1]));
-            let next = self.truth.advance_arc(a, b, track_mm);
-            let turn = next.heading_rad - self.truth.heading_rad;
-            self.truth = next;
-            let walk = self.ekf.noise.gyro_walk * FRAME_S.sqrt() * self.rng.normal();
-            self.ekf.advance(&Increment {
-                time_s: FRAME_S,
-                forward_mm: f64::midpoint(left, right),
-                turn_rad: (right - left) / track_mm,
-                gyro_rad: with_gyro.then_some(turn * self.gyro.0 + self.gyro.1 * FRAME_S + walk),
-            });
-        }
-
-        fn drive(&mut self, seconds: f64, left: f64, right: f64, with_gyro: bool) {
-            let mut time_s = 0.0;
-            while time_s < seconds {
-                self.frame(left, right, with_gyro);
-                time_s += FRAME_S;
-            }
-        }
-
-        /// Squared error in units of the covariance: 3 in the mean.
-        fn nees(&self) -> f64 {
-            let (pose, truth) = (self.ekf.pose(), self.truth);
-            let turn = truth.turn_to_rad(&pose);
-            let off = Vector3::new(pose.x_mm - truth.x_mm, pose.y_mm - truth.y_mm, turn);
-            let information = self.ekf.pose_covariance().try_inverse().unwrap();
-            off.dot(&(information * off))
-        }
-    }
-
-    #[test]
-    fn rest_reveals_bias_of_gyro() {
-        let mut robot = Robot::new(1);
-        robot.gyro.1 = 0.03f64.to_radians();
-        robot.drive(3.0, 0.0, 0.0, true);
-        let (bias, deviation) = robot.ekf.calibration().gyro_bias_rad_s;
-        assert!(
-            (bias - robot.gyro.1).abs() < 0.005f64.to_radians(),
-            "{bias}"
-        );
-        assert!(deviation < 0.01f64.to_radians(), "{deviation}");
-        assert!(robot.ekf.pose().heading_rad.abs() < 0.05f64.to_radians());
-    }
-
-    #[test]
-    fn straight_drive_with_gyro_reveals_wheel_ratio() {
-        let mut robot = Robot::new(2);
-        robot.wheels = [0.998, 1.002];
-        robot.drive(30.0, 4.0, 4.0, true);
-        let (ratio, deviation) = robot.ekf.calibration().wheel_ratio;
-        assert!(
-            (ratio - 1.004).abs() < 3.0 * deviation,
-            "{ratio} {deviation}"
-        );
-        assert!(deviation < 0.0015, "{deviation}");
-    }
-
-    #[test]
-    fn slip_of_wheels_changes_no_calibration() {
-        let mut robot = Robot::new(3);
-        robot.drive(10.0, 4.0, 4.0, true);
-        let before = robot.ekf.calibration();
-        robot.ekf.advance(&Increment {
-            time_s: FRAME_S,
-            forward_mm: 4.0,
-            turn_rad: 0.0,
-            gyro_rad: Some(0.2),
-        });
-        robot.drive(0.5, 0.0, 0.0, true);
-        let change = robot.ekf.calibration().wheel_ratio.0 - before.wheel_ratio.0;
-        assert!(change.abs() < 1e-4, "{change}");
-    }
-
-    #[test]
-    fn predicted_covariance_agrees_with_errors() {
-        for with_gyro in [true, false] {
-            let mut sum = 0.0;
-            for seed in 0..200 {
-                let mut robot = Robot::new(seed);
-                for _ in 0..4 {
-                    robot.drive(8.0, 4.0, 4.0, with_gyro);
-                    robot.drive(1.0, -2.5, 2.5, with_gyro);
-                    robot.drive(1.0, 0.0, 0.0, with_gyro);
-                }
-                sum += robot.nees();
-            }
-            assert!((1.5..4.0).contains(&(sum / 200.0)), "{with_gyro} {sum}");
-        }
-    }
-
-    #[test]
-    fn replaced_pose_moves_calibration_by_its_correlation() {
-        let mut robot = Robot::new(5);
-        robot.drive(25.0, 4.0, 4.0, true);
-        let pose = robot.ekf.pose();
-        let reported_mm = 4.0 * 25.0 / FRAME_S;
-        let mean = Vector3::new(1.002 * reported_mm, pose.y_mm, pose.heading_rad);
-        let covariance = Matrix3::from_diagonal(&Vector3::new(1.0, 100.0, 1e-4));
-        robot.ekf.replace_pose(&mean, &covariance);
-        let (scale, deviation) = robot.ekf.calibration().travel_scale;
-        assert!(
-            (scale - 1.002).abs() < 0.001 && deviation < 0.002,
-            "{scale} {deviation}"
-        );
-        let kept = robot.ekf.pose_covariance();
-        assert!((kept - covariance).norm() < 1e-6, "{kept}");
-    }
-}
+mod tests;

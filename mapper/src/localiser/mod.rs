@@ -22,7 +22,7 @@ use crate::{Grid, Mount, Pose2, PoseEstimate};
 use ekf::{Ekf, Increment};
 use evidence::Evidence;
 use geometry::wrap_angle;
-use surface::{element, Beam, Element, Reading};
+use surface::{element, Beam, Element, Kind, Reading};
 use surface_map::SurfaceMap;
 
 /// What one frame reports.
@@ -61,6 +61,8 @@ pub struct LocaliserConfig {
     pub matcher: Option<MatcherConfig>,
     /// Whether the slope of the range gives an echo's bearing.
     pub bearings: bool,
+    /// Whether walls at right angles to the first one correct the heading.
+    pub right_angles: bool,
     /// Length of a stretch, mm of way.
     pub stretch_mm: f64,
 }
@@ -79,6 +81,7 @@ impl Default for LocaliserConfig {
             motion: MotionNoise::default(),
             matcher: Some(MatcherConfig::default()),
             bearings: true,
+            right_angles: true,
             stretch_mm: 400.0,
         }
     }
@@ -90,6 +93,10 @@ const TURN_PER_100_MM: f64 = 0.25;
 const SPACING: (f64, f64) = (5.0, 0.03);
 /// Swept readings at rest that make a stretch.
 const LOOK: f64 = 20.0;
+/// Elements that show a wall's direction, and how well they agree (mean cosine of four times the
+/// angle).
+const FEWEST_OF_WALL: f64 = 10.0;
+const AGREEMENT: f64 = 0.9;
 /// Readings of earlier stretches that help to find bearings.
 const CONTEXT: usize = 10;
 
@@ -259,6 +266,9 @@ impl Localiser {
         for element in &mut elements {
             *element = element.moved(&to_robot);
         }
+        if self.config.right_angles {
+            self.observe_walls(&elements);
+        }
         self.correct(&elements);
         self.enter(&elements, &to_robot);
         for track in &mut self.tracks {
@@ -267,6 +277,23 @@ impl Localiser {
             track.old = track.readings.len();
         }
         self.trace.clear();
+    }
+
+    /// Corrects the heading by the mean direction of the walls in these elements, modulo a right
+    /// angle.
+    fn observe_walls(&mut self, elements: &[Element]) {
+        let walls = || {
+            elements
+                .iter()
+                .filter(|e| e.kind == Kind::Wall && e.has_bearing())
+        };
+        let (sin, cos, count) = walls().fold((0.0, 0.0, 0.0), |(sin, cos, count), wall| {
+            let (s, c) = (4.0 * wall.towards_rad).sin_cos();
+            (sin + s, cos + c, count + 1.0)
+        });
+        if count >= FEWEST_OF_WALL && sin.hypot(cos) > AGREEMENT * count {
+            self.ekf.observe_wall(sin.atan2(cos) / 4.0);
+        }
     }
 
     /// Corrects the pose by a match of these elements, given in the robot's frame.

@@ -1,0 +1,182 @@
+//! Tests of the filter.
+
+use super::*;
+use plant::Rng;
+
+const FRAME_S: f64 = 0.025;
+
+/// A robot with errors of calibration, and its filter.
+struct Robot {
+    truth: Pose2,
+    ekf: Ekf,
+    rng: Rng,
+    wheels: [f64; 2],
+    gyro: (f64, f64),
+}
+
+impl Robot {
+    /// With errors as large as the filter's deviations say.
+    fn new(seed: u64) -> Self {
+        let mut rng = Rng::new(seed);
+        let mut noise = MotionNoise::default();
+        // Small enough for the linear model.
+        noise.calibration[1] = 0.001;
+        noise.slip = 0.002;
+        let [travel, difference, _, scale, bias] = noise.calibration.map(|d| d * rng.normal());
+        Self {
+            truth: Pose2::default(),
+            ekf: Ekf::new(noise, &Pose2::default(), &Matrix3::zeros()),
+            wheels: [
+                1.0 + travel - difference / 2.0,
+                1.0 + travel + difference / 2.0,
+            ],
+            gyro: (1.0 / (1.0 + scale), bias),
+            rng,
+        }
+    }
+
+    /// One frame in which the wheels report these millimetres.
+    fn frame(&mut self, left: f64, right: f64, with_gyro: bool) {
+        let track_mm = self.ekf.noise.track_mm;
+        let mut roll = |mm: f64, scale: f64| {
+            mm * scale + self.ekf.noise.wheel * mm.abs().sqrt() * self.rng.normal()
+        };
+        let (a, b) = (roll(left, self.wheels[0]), roll(right, self.wheels[1]));
+        let next = self.truth.advance_arc(a, b, track_mm);
+        let turn = next.heading_rad - self.truth.heading_rad;
+        self.truth = next;
+        let walk = self.ekf.noise.gyro_walk * FRAME_S.sqrt() * self.rng.normal();
+        self.ekf.advance(&Increment {
+            time_s: FRAME_S,
+            forward_mm: f64::midpoint(left, right),
+            turn_rad: (right - left) / track_mm,
+            gyro_rad: with_gyro.then_some(turn * self.gyro.0 + self.gyro.1 * FRAME_S + walk),
+        });
+    }
+
+    fn drive(&mut self, seconds: f64, left: f64, right: f64, with_gyro: bool) {
+        let mut time_s = 0.0;
+        while time_s < seconds {
+            self.frame(left, right, with_gyro);
+            time_s += FRAME_S;
+        }
+    }
+
+    /// Squared error in units of the covariance: 3 in the mean.
+    fn nees(&self) -> f64 {
+        let (pose, truth) = (self.ekf.pose(), self.truth);
+        let turn = truth.turn_to_rad(&pose);
+        let off = Vector3::new(pose.x_mm - truth.x_mm, pose.y_mm - truth.y_mm, turn);
+        let information = self.ekf.pose_covariance().try_inverse().unwrap();
+        off.dot(&(information * off))
+    }
+}
+
+#[test]
+fn rest_reveals_bias_of_gyro() {
+    let mut robot = Robot::new(1);
+    robot.gyro.1 = 0.03f64.to_radians();
+    robot.drive(3.0, 0.0, 0.0, true);
+    let (bias, deviation) = robot.ekf.calibration().gyro_bias_rad_s;
+    assert!(
+        (bias - robot.gyro.1).abs() < 0.005f64.to_radians(),
+        "{bias}"
+    );
+    assert!(deviation < 0.01f64.to_radians(), "{deviation}");
+    assert!(robot.ekf.pose().heading_rad.abs() < 0.05f64.to_radians());
+}
+
+#[test]
+fn straight_drive_with_gyro_reveals_wheel_ratio() {
+    let mut robot = Robot::new(2);
+    robot.wheels = [0.998, 1.002];
+    robot.drive(30.0, 4.0, 4.0, true);
+    let (ratio, deviation) = robot.ekf.calibration().wheel_ratio;
+    assert!(
+        (ratio - 1.004).abs() < 3.0 * deviation,
+        "{ratio} {deviation}"
+    );
+    assert!(deviation < 0.0015, "{deviation}");
+}
+
+#[test]
+fn slip_of_wheels_changes_no_calibration() {
+    let mut robot = Robot::new(3);
+    robot.drive(10.0, 4.0, 4.0, true);
+    let before = robot.ekf.calibration();
+    robot.ekf.advance(&Increment {
+        time_s: FRAME_S,
+        forward_mm: 4.0,
+        turn_rad: 0.0,
+        gyro_rad: Some(0.2),
+    });
+    robot.drive(0.5, 0.0, 0.0, true);
+    let change = robot.ekf.calibration().wheel_ratio.0 - before.wheel_ratio.0;
+    assert!(change.abs() < 1e-4, "{change}");
+}
+
+#[test]
+fn predicted_covariance_agrees_with_errors() {
+    for with_gyro in [true, false] {
+        let mut sum = 0.0;
+        for seed in 0..200 {
+            let mut robot = Robot::new(seed);
+            for _ in 0..4 {
+                robot.drive(8.0, 4.0, 4.0, with_gyro);
+                robot.drive(1.0, -2.5, 2.5, with_gyro);
+                robot.drive(1.0, 0.0, 0.0, with_gyro);
+            }
+            sum += robot.nees();
+        }
+        assert!((1.5..4.0).contains(&(sum / 200.0)), "{with_gyro} {sum}");
+    }
+}
+
+#[test]
+fn replaced_pose_moves_calibration_by_its_correlation() {
+    let mut robot = Robot::new(5);
+    robot.drive(25.0, 4.0, 4.0, true);
+    let pose = robot.ekf.pose();
+    let reported_mm = 4.0 * 25.0 / FRAME_S;
+    let mean = Vector3::new(1.002 * reported_mm, pose.y_mm, pose.heading_rad);
+    let covariance = Matrix3::from_diagonal(&Vector3::new(1.0, 100.0, 1e-4));
+    robot.ekf.replace_pose(&mean, &covariance);
+    let (scale, deviation) = robot.ekf.calibration().travel_scale;
+    assert!(
+        (scale - 1.002).abs() < 0.001 && deviation < 0.002,
+        "{scale} {deviation}"
+    );
+    let kept = robot.ekf.pose_covariance();
+    assert!((kept - covariance).norm() < 1e-6, "{kept}");
+}
+
+#[test]
+fn right_angles_hold_heading_and_slanted_wall_does_not() {
+    let mut robot = Robot::new(6);
+    robot.ekf.observe_wall(0.1);
+    robot.ekf.observe_wall(0.1);
+    // A turn of unknown size, a slanted wall, then the wall to the left.
+    robot.drive(1.0, -2.5, 2.5, true);
+    let noise = SMatrix::<f64, 9, 1>::from_fn(|nth, _| if nth == 2 { 0.03 } else { 0.0 });
+    robot.ekf.covariance += noise * noise.transpose();
+    let (before, turned) = (robot.ekf.pose(), robot.truth.heading_rad);
+    robot.ekf.observe_wall(0.1 + 0.3 - turned);
+    assert_eq!(robot.ekf.pose(), before);
+    for _ in 0..20 {
+        robot.ekf.observe_wall(0.1 + FRAC_PI_2 - turned - 0.02);
+    }
+    let off = robot.ekf.pose().heading_rad - (turned + 0.02);
+    assert!(off.abs() < 0.01, "{off}");
+    assert!(robot.ekf.pose_covariance()[(2, 2)].sqrt() < 0.03);
+}
+
+#[test]
+fn majority_of_walls_is_direction_of_room() {
+    let mut robot = Robot::new(7);
+    robot.ekf.observe_wall(0.5);
+    for _ in 0..5 {
+        robot.ekf.observe_wall(0.0);
+    }
+    let direction = robot.ekf.state[WALLS];
+    assert!(direction.abs() < 0.02, "{direction}");
+}
