@@ -89,7 +89,7 @@ impl Localisation {
     }
 }
 
-/// What a frame led to, for whoever watches.
+/// What a frame led to, for the display.
 pub struct Step<'a> {
     /// The report.
     pub sample: RangeSample,
