@@ -29,8 +29,8 @@ pub const GAP_US: u32 = 20;
 pub const SWAP_WINDOW_US: u32 = 12;
 
 /// Bytes that the transmitter may have fetched when a refresh is complete that began with chip-select
-/// high: two held ready, and one every 0.67 µs at 12 MHz in the 2.3 µs that 40 instructions and 100 cycles
-/// of latency take at 60 MHz.
+/// high: two held ready, and one every 0.67 µs at 12 MHz in the 1.8 µs that 45 instructions at 60 a
+/// microsecond and 100 cycles of latency take. The rest is margin: 250 cycles are tested.
 pub const SAME_PREFIX: usize = 6;
 
 /// A frame in its buffer.
