@@ -190,8 +190,8 @@ impl Drive {
                 }
             )
         };
-        let ticks = events.iter().filter(|event| is_tick(event.kind));
-        self.tick_ns = ticks.last().expect("ticks").at_ns;
+        let tick = events.iter().rfind(|event| is_tick(event.kind));
+        self.tick_ns = tick.expect("ticks").at_ns;
         self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
         let end = self.base + BUFFERS * BUFFER as u64;
         self.rig.trace_memory(&[S3NDTR, S3M0AR], self.base..end);
@@ -252,7 +252,7 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
     let elf = elf(ELF);
     let mut drive = Drive::new(&elf, mode, mips, seed % 2 == 1);
     let mut random = Random(Rng::new(seed));
-    let mut seen: Vec<HashSet<u8>> = Vec::new();
+    let mut values: Vec<HashSet<u8>> = Vec::new();
     let (mut frames, mut wrong) = (0, Vec::new());
     for hz in CLOCKS {
         for setup_ns in SETUPS_NS {
@@ -271,16 +271,15 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
                         wrong.push(format!("{hz} Hz, set-up {setup_ns} ns, phase {phase}, {stall_ns} ns at {address:#x}: {reply:02x?}"));
                     }
                     assert_eq!(reply[0], KEY_STM);
-                    seen.resize_with(reply.len(), HashSet::new);
-                    let mut fields = seen.iter_mut().zip(&reply);
-                    fields.by_ref().for_each(|(values, &byte)| {
+                    values.resize_with(reply.len(), HashSet::new);
+                    for (values, byte) in values.iter_mut().zip(reply) {
                         values.insert(byte);
-                    });
+                    }
                 }
             }
         }
     }
-    let values: Vec<_> = seen.iter().map(HashSet::len).collect();
+    let values: Vec<_> = values.iter().map(HashSet::len).collect();
     println!("mode {mode:#x} {mips} MIPS seed {seed}: {frames} frames, {} wrong, values of each byte {values:?}", wrong.len());
     assert!(
         wrong.is_empty(),
