@@ -16,6 +16,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [kind, first, last, folder @ ..] = &arguments[..] else {
         return Err("default|rooms FIRST LAST [FOLDER]".into());
     };
+    let sweep: f64 = env::var("SWEEP").map_or(0.0, |s| s.parse().unwrap());
+    let config = Config {
+        sweep_half_width_rad: sweep.to_radians(),
+        ..Config::default()
+    };
     println!("room seed | outcome collisions coverage iou median worst heading home path minutes ms/s slowest");
     for seed in first.parse::<u64>()?..=last.parse()? {
         let room = if kind == "rooms" {
@@ -23,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         } else {
             Room::two_rooms()
         };
-        let run = closed_loop::explore_localised(&room, seed, Config::default());
+        let run = closed_loop::explore_localised(&room, seed, config);
         let (median_mm, worst_mm, heading_deg) = run.errors();
         println!(
             "{kind} {seed} | {:?} {} {:.3} {:.3} {median_mm:.0} {worst_mm:.0} {heading_deg:.1} {:.0} {:.1} {:.1} {:.2} {:.1}",

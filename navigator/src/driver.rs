@@ -2,6 +2,7 @@
 //! answers stops.
 
 use std::collections::VecDeque;
+use std::f64::consts::FRAC_PI_2;
 
 use geometry::{Point, Pose2};
 use mapper::{Cell, Grid};
@@ -18,6 +19,11 @@ use crate::{walls, Action, Config, Status, StopReason, Velocity};
 const CHECK_S: f64 = 1.0;
 /// Delay of that look when something appears in front, s: the next echoes may refute it.
 const APPEARED_S: f64 = 0.2;
+/// Way ahead on which slanted walls have to be seen before it is driven, mm, the turn that shows
+/// them, radians, and the width of a sweep that makes the turn unnecessary, radians.
+const SLANT: (f64, f64, f64) = (350.0, 0.8, 0.6);
+/// The heading counts as along the walls within this, radians.
+const ALIGNED_RAD: f64 = 0.3;
 /// Way ahead that decides the speed, mm, and the deceleration that is counted on, mm/s².
 const SPEED_AHEAD_MM: f64 = 350.0;
 const DECELERATION: f64 = 200.0;
@@ -31,7 +37,7 @@ const BLOCKED: (f64, f64) = (12.0, 1.0);
 const BACK_MM: f64 = 150.0;
 const FRONT_EDGE_MM: f64 = 120.0;
 /// A mark is forgotten after this, s: what stopped the robot may have been an outlier.
-const MARK_S: f64 = 120.0;
+const MARK_S: f64 = 400.0;
 
 /// The outcome of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,12 +128,8 @@ impl Driver {
             self.rested_s = status.time_s;
             self.enqueue([Kind::Rest(self.config.rest_s)]);
         }
-        while let Some(motion) = self.queue.front_mut() {
-            if let Some(velocity) = motion.step(status, self.trail.net_rad, &self.config) {
-                self.moving_s = status.time_s;
-                return self.drive(velocity);
-            }
-            self.queue.pop_front();
+        if let Some(velocity) = self.next_motion(status) {
+            return self.drive(velocity);
         }
         if let Some(velocity) = self.follow_path(grid, status) {
             return self.drive(velocity);
@@ -137,6 +139,18 @@ impl Driver {
             return Step::Interrupted;
         }
         Step::Arrived
+    }
+
+    /// The velocity of the first motion that has not ended.
+    fn next_motion(&mut self, status: &Status) -> Option<Velocity> {
+        while let Some(motion) = self.queue.front_mut() {
+            if let Some(velocity) = motion.step(status, self.trail.net_rad, &self.config) {
+                self.moving_s = status.time_s;
+                return Some(velocity);
+            }
+            self.queue.pop_front();
+        }
+        None
     }
 
     fn drive(&self, velocity: Velocity) -> Step {
@@ -172,6 +186,18 @@ impl Driver {
         let (Some(follower), Some(map)) = (&mut self.follower, &self.map) else {
             return None;
         };
+        let quarters = (pose.heading_rad - map.direction_rad()) / FRAC_PI_2;
+        let aligned = (quarters - quarters.round()).abs() * FRAC_PI_2 < ALIGNED_RAD;
+        if aligned && self.config.sweep_half_width_rad < SLANT.2 {
+            let ahead = follower.ahead(SLANT.0.min(follower.remaining_mm()))?;
+            let driven = map.at(ahead).is_some_and(|node| node.driven);
+            if !driven && !self.sight.is_slant_seen(ahead) {
+                let net_rad = self.trail.net_rad;
+                let turn = -SLANT.1.copysign(net_rad);
+                self.enqueue([Kind::Turn(net_rad + turn), Kind::Turn(net_rad)]);
+                return self.next_motion(status);
+            }
+        }
         let fastest_mm_s = speed_limit(follower, map, &self.config);
         let clear = |from: Point, to: Point| {
             map.line(from, to, |node| node.seen && passable(node, inflation_mm))
@@ -183,10 +209,7 @@ impl Driver {
             self.moving_s = status.time_s;
         } else if status.time_s - self.moving_s > BLOCKED.1 {
             self.recover(StopReason::Obstacle, status);
-            return self
-                .queue
-                .front_mut()
-                .and_then(|motion| motion.step(status, self.trail.net_rad, &self.config));
+            return self.next_motion(status);
         }
         Some(velocity)
     }

@@ -19,7 +19,7 @@ const NORMAL_RAD: f64 = 0.25;
 const FLOOR_REACH_MM: f64 = 800.0;
 const FLOOR_HALF_RAD: f64 = 0.15;
 /// A front or a side echo nearer than this comes from something in or beside the way, mm.
-const NEAR_MM: [f64; 3] = [700.0, 400.0, 400.0];
+const NEAR_MM: [f64; 3] = [700.0, 500.0, 500.0];
 /// Half the angle that it may come from, radians.
 const CONE_RAD: f64 = 0.24;
 /// A later reading within this of a point's direction that reaches this much farther refutes it.
@@ -30,6 +30,10 @@ const MEMORY_MM: f64 = 700.0;
 const TURN_MM: f64 = 400.0;
 /// Occupied cells this near to an echo explain it, mm.
 const EXPLAINED_MM: f64 = 90.0;
+/// Beams within this of half-way between the walls' directions see slanted walls, radians …
+const SLANT_RAD: f64 = 0.2;
+/// … this far around the robot, mm.
+const SLANT_REACH_MM: f64 = 500.0;
 /// Silence is a new reading after this, s.
 const SILENCE_S: f64 = 0.06;
 
@@ -54,6 +58,8 @@ pub(crate) struct Sight {
     floor: Squares,
     /// Way at the echo, mm, and a place that it may have come from.
     echoes: Vec<(f64, Point)>,
+    /// Where the beams turned half-way between the walls' directions.
+    looks: Vec<Point>,
     way_mm: f64,
     last: Option<Pose2>,
     /// Value and time of every sensor's last reading.
@@ -73,6 +79,11 @@ impl Sight {
         let pose = status.estimate.pose;
         if let Some(last) = self.last.replace(pose) {
             self.way_mm += last.distance_mm(&pose) + TURN_MM * last.turn_to_rad(&pose).abs();
+        }
+        let quarters = (pose.heading_rad - walls_rad) / FRAC_PI_2;
+        let slant = 0.5 - (quarters - quarters.round()).abs();
+        if slant * FRAC_PI_2 < SLANT_RAD && !self.is_looked_at(pose.position(), 100.0) {
+            self.looks.push(pose.position());
         }
         let since_mm = self.way_mm - MEMORY_MM;
         self.echoes.retain(|&(at_mm, _)| at_mm > since_mm);
@@ -157,6 +168,18 @@ impl Sight {
     pub fn is_seen_closely(&self, point: Point) -> bool {
         let (x, y) = Squares::key(point, SURFACE_MM);
         (-1..=1).any(|dx| (-1..=1).any(|dy| self.surfaces.squares.contains(&(x + dx, y + dy))))
+    }
+
+    fn is_looked_at(&self, point: Point, radius_mm: f64) -> bool {
+        self.looks
+            .iter()
+            .any(|look| look.distance_mm(point) <= radius_mm)
+    }
+
+    /// Whether a slanted wall here would have been seen, as far as it extends to its normal through
+    /// the place of a look.
+    pub fn is_slant_seen(&self, point: Point) -> bool {
+        self.is_looked_at(point, SLANT_REACH_MM)
     }
 
     /// Whether a beam passed this floor.
