@@ -19,9 +19,9 @@ use crate::{walls, Action, Config, Status, StopReason, Velocity};
 const CHECK_S: f64 = 1.0;
 /// Delay of that look when something appears in front, s: the next echoes may refute it.
 const APPEARED_S: f64 = 0.2;
-/// Way ahead on which slanted walls have to be seen before it is driven, mm, the turn that shows
+/// Slanted walls are looked for this long before the reach of the last look ends, mm; the turn that shows
 /// them, radians, and the width of a sweep that makes the turn unnecessary, radians.
-const SLANT: (f64, f64, f64) = (350.0, 0.8, 0.6);
+const SLANT: (f64, f64, f64) = (130.0, 0.8, 0.6);
 /// The heading counts as along the walls within this, radians.
 const ALIGNED_RAD: f64 = 0.3;
 /// Way ahead that decides the speed, mm, and the deceleration that is counted on, mm/s².
@@ -173,7 +173,7 @@ impl Driver {
             while mm < follower.remaining_mm() - 100.0 {
                 let node = map.at(follower.ahead(mm)?);
                 self.interrupted |= !node.is_some_and(|node| {
-                    node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 30.0
+                    node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 15.0
                         || passable(node, inflation_mm)
                 });
                 mm += 50.0;
@@ -189,7 +189,7 @@ impl Driver {
         let quarters = (pose.heading_rad - map.direction_rad()) / FRAC_PI_2;
         let aligned = (quarters - quarters.round()).abs() * FRAC_PI_2 < ALIGNED_RAD;
         if aligned && self.config.sweep_half_width_rad < SLANT.2 {
-            let ahead = follower.ahead(SLANT.0.min(follower.remaining_mm()))?;
+            let ahead = follower.ahead(self.sight.slant_reach_mm() - SLANT.0)?;
             let driven = map.at(ahead).is_some_and(|node| node.driven);
             if !driven && !self.sight.is_slant_seen(ahead) {
                 let net_rad = self.trail.net_rad;

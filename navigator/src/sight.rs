@@ -28,12 +28,14 @@ const REFUTED: (f64, f64) = (0.15, 80.0);
 /// in the map.
 const MEMORY_MM: f64 = 700.0;
 const TURN_MM: f64 = 400.0;
-/// Occupied cells this near to an echo explain it, mm.
-const EXPLAINED_MM: f64 = 90.0;
+/// Occupied cells this near to an echo explain it: mm, and mm per mm of its range.
+const EXPLAINED: (f64, f64) = (40.0, 0.1);
 /// Beams within this of half-way between the walls' directions see slanted walls, radians …
 const SLANT_RAD: f64 = 0.2;
-/// … this far around the robot, mm.
-const SLANT_REACH_MM: f64 = 500.0;
+/// … this far around the robot, mm; with a silent front sensor, which may face one, only this far.
+const SLANT_REACH_MM: (f64, f64) = (500.0, 250.0);
+/// Silence of the front sensor counts after this way, mm.
+const SILENT_WAY_MM: f64 = 100.0;
 /// Silence is a new reading after this, s.
 const SILENCE_S: f64 = 0.06;
 
@@ -61,6 +63,8 @@ pub(crate) struct Sight {
     /// Where the beams turned half-way between the walls' directions.
     looks: Vec<Point>,
     way_mm: f64,
+    /// Way at the last front echo, mm.
+    front_mm: f64,
     last: Option<Pose2>,
     /// Value and time of every sensor's last reading.
     readings: [(Option<f64>, f64); 3],
@@ -104,6 +108,9 @@ impl Sight {
             let sensor = mount.sensor_pose(&pose);
             self.see_floor(&sensor, range_mm, walls_rad);
             if let Some(range_mm) = range_mm {
+                if nth == 0 {
+                    self.front_mm = self.way_mm;
+                }
                 if range_mm <= config.closer_look_mm {
                     self.see_surface(&sensor, range_mm);
                 }
@@ -157,7 +164,10 @@ impl Sight {
             let (sin, cos) = (share * CONE_RAD).sin_cos();
             sensor.point_at(range_mm * cos, range_mm * sin)
         });
-        let explained = arc.iter().any(|&point| is_occupied_near(grid, point));
+        let within_mm = EXPLAINED.0 + EXPLAINED.1 * range_mm;
+        let explained = arc
+            .iter()
+            .any(|&point| is_occupied_near(grid, point, within_mm));
         if !explained {
             self.echoes.extend(arc.map(|point| (self.way_mm, point)));
         }
@@ -176,10 +186,20 @@ impl Sight {
             .any(|look| look.distance_mm(point) <= radius_mm)
     }
 
+    /// How far from the place of a look slanted walls count as seen at present, mm.
+    pub fn slant_reach_mm(&self) -> f64 {
+        let silent = self.way_mm - self.front_mm > SILENT_WAY_MM;
+        if silent {
+            SLANT_REACH_MM.1
+        } else {
+            SLANT_REACH_MM.0
+        }
+    }
+
     /// Whether a slanted wall here would have been seen, as far as it extends to its normal through
     /// the place of a look.
     pub fn is_slant_seen(&self, point: Point) -> bool {
-        self.is_looked_at(point, SLANT_REACH_MM)
+        self.is_looked_at(point, self.slant_reach_mm())
     }
 
     /// Whether a beam passed this floor.
@@ -193,9 +213,9 @@ impl Sight {
     }
 }
 
-fn is_occupied_near(grid: &Grid, point: Point) -> bool {
+fn is_occupied_near(grid: &Grid, point: Point, within_mm: f64) -> bool {
     let cell_mm = grid.cell_mm();
-    let reach = (EXPLAINED_MM / cell_mm).floor();
+    let reach = (within_mm / cell_mm).floor();
     let mut dy = -reach;
     while dy <= reach {
         let mut dx = -reach;
