@@ -1,7 +1,6 @@
 //! What the vectors of `tests/vectors` and the properties of `proofs/` do not already check: exact
 //! errors, counters, sequence numbers.
 
-use super::sequence::newer;
 use super::strategy::{Context, FrameReader};
 use super::*;
 use crate::types::{Faults, Volts};
@@ -134,59 +133,6 @@ fn codes_too_large_for_their_bits_are_cut() {
     let frame = command_frame(Mode::Normal, &command);
     assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
     assert_eq!(CellCode::from_volts(0xFA, Volts::default()).cell, 2);
-}
-
-// Requirement: DOC-5.1.6-1, DOC-5.1-3, DOC-5.1.6-3
-#[test]
-fn wrong_key_is_rejected_before_anything_else() {
-    for &mode in Mode::ALL {
-        for found in 0..=255 {
-            for (error, expected) in errors(mode, &[found], &[found])
-                .into_iter()
-                .zip([0x96, 0x5A])
-            {
-                let error = error.unwrap();
-                if found == expected {
-                    assert_ne!(error.field, Field::Key);
-                } else {
-                    let reason = Reason::Key { expected, found };
-                    assert_eq!((error.field, error.reason), (Field::Key, reason));
-                }
-            }
-        }
-    }
-}
-
-// Requirement: DOC-5.1.3-5, WIRE-battery-3
-#[test]
-fn cell_not_configured_is_rejected_at_both_ends() {
-    for &mode in Mode::ALL {
-        for cell in 0..8 {
-            let code = CellCode { cell, voltage: 840 };
-            let command = Command {
-                tune: code,
-                ..Command::default()
-            };
-            let report = Report {
-                cell: code,
-                ..Report::default()
-            };
-            let expected = (cell > 1).then(|| FrameError {
-                field: Field::Battery,
-                offset: u16::try_from(offset_of(mode, Field::Battery).unwrap()).unwrap(),
-                reason: Reason::Cell {
-                    cells: 2,
-                    found: cell,
-                },
-            });
-            let found = errors(
-                mode,
-                &command_frame(mode, &command),
-                &report_frame(mode, &report),
-            );
-            assert_eq!(found, [expected; 2]);
-        }
-    }
 }
 
 // Requirement: WIRE-double-1, WIRE-double-2
@@ -339,17 +285,6 @@ fn overrun_counter_saturates() {
     stm.overrun(u32::MAX);
     assert_eq!(stm.counters().overrun, u32::MAX);
     assert_eq!(stm.counters().frames(), u32::MAX);
-}
-
-// Requirement: WIRE-sequence-1
-#[test]
-fn newer_is_1_to_127_steps_ahead() {
-    for a in 0..=255_u8 {
-        for b in 0..=255_u8 {
-            let ahead = (i32::from(a) - i32::from(b)).rem_euclid(256);
-            assert_eq!(newer(a, b), (1..128).contains(&ahead));
-        }
-    }
 }
 
 // Requirement: WIRE-sequence-2, WIRE-sequence-4
