@@ -1,5 +1,5 @@
 //! Explores the default room and the generated rooms of some seeds, and prints a table:
-//! `cargo run --release -p navigator --example explore -- default|rooms FIRST LAST [FOLDER]`
+//! `cargo run --release -p navigator --example explore -- default|rooms FIRST LAST [SWEEP_DEG [FOLDER]]`
 #![allow(clippy::cast_precision_loss)]
 
 #[path = "../tests/closed_loop/mod.rs"]
@@ -13,12 +13,14 @@ use plant::{room, Room};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
-    let [kind, first, last, folder @ ..] = &arguments[..] else {
-        return Err("default|rooms FIRST LAST [FOLDER]".into());
+    let [kind, first, last, more @ ..] = &arguments[..] else {
+        return Err("default|rooms FIRST LAST [SWEEP_DEG [FOLDER]]".into());
     };
-    let sweep: f64 = env::var("SWEEP").map_or(0.0, |s| s.parse().unwrap());
+    let sweep_deg = more
+        .first()
+        .map_or(Ok(0.0), |degrees| degrees.parse::<f64>())?;
     let config = Config {
-        sweep_half_width_rad: sweep.to_radians(),
+        sweep_half_width_rad: sweep_deg.to_radians(),
         ..Config::default()
     };
     println!("room seed | outcome collisions coverage iou median worst heading home path minutes ms/s slowest");
@@ -28,7 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         } else {
             Room::two_rooms()
         };
-        let run = closed_loop::explore_localised(&room, seed, config);
+        let run =
+            closed_loop::explore(&room, seed, config, &mut closed_loop::localiser(), |_| None);
         let (median_mm, worst_mm, heading_deg) = run.errors();
         println!(
             "{kind} {seed} | {:?} {} {:.3} {:.3} {median_mm:.0} {worst_mm:.0} {heading_deg:.1} {:.0} {:.1} {:.1} {:.2} {:.1}",
@@ -48,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 hit.time_s, hit.speed_mm_s, hit.pose
             );
         }
-        if let Some(folder) = folder.first().map(PathBuf::from) {
+        if let Some(folder) = more.get(1).map(PathBuf::from) {
             fs::create_dir_all(&folder)?;
             let plot = map_plot::trajectory(&run.grid, &run.estimate, &run.truth, &run.walls)?;
             fs::write(folder.join(format!("{kind}-{seed}.png")), plot)?;

@@ -1,5 +1,39 @@
 //! Where to go: exploration of an unknown room, and ways on a known map.
 //!
+//! ```
+//! use geometry::{Point, Pose2};
+//! use mapper::{Grid, PoseEstimate};
+//! use navigator::{Action, Config, GoTo, Status};
+//!
+//! // A map of free floor; the robot stands at 0.5 m, 0.5 m and looks along x.
+//! let (low, high) = (Point::new(0.0, 0.0), Point::new(2000.0, 1000.0));
+//! let map = Grid::from_fn(25.0, low, high, |_| -4.0);
+//! let pose = Pose2::new(500.0, 500.0, 0.0);
+//! let mut goto = GoTo::new(Config { rest_every_s: 1e9, ..Config::default() }, Point::new(1500.0, 500.0));
+//! let mut status = Status {
+//!     time_s: 0.0,
+//!     estimate: PoseEstimate { pose, ..PoseEstimate::default() },
+//!     speed_mm_s: 0.0,
+//!     ranges_mm: [Some(2000.0), None, None],
+//!     front_bearing_rad: 0.0,
+//!     obstacle_limited: false,
+//!     stop: None,
+//! };
+//! let mut ahead = false;
+//! for _ in 0..400 {
+//!     status.time_s += 0.025;
+//!     if let Action::Drive(velocity) = goto.step(&map, &status) {
+//!         ahead |= velocity.forward_mm_s > 20.0;
+//!     }
+//! }
+//! assert!(ahead);
+//! ```
+//!
+//! Give every frame to [`Explorer::step`] or [`GoTo::step`] and do what the [`Action`] says. Plans
+//! are made seldom; most frames cost microseconds. Paths run along the walls' directions, where
+//! an ultrasonic sensor sees smooth walls; before the robot drives where a slanted wall could not
+//! have answered, it turns its sensors there.
+//!
 //! Lengths, angles and frames are those of [`geometry`]; everything is in the frame of the grid.
 #![forbid(unsafe_code)]
 

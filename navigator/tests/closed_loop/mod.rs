@@ -3,9 +3,7 @@
 use std::time::{Duration, Instant};
 
 use geometry::{Pose2, Segment};
-use mapper::{
-    map_iou, Cell, Grid, Localiser, LocaliserConfig, Mount, Observation, PoseEstimate, SonarModel,
-};
+use mapper::{map_iou, Cell, Grid, Localiser, LocaliserConfig, Observation, PoseEstimate};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
 use plant::{Collision, Imperfections, Room};
@@ -64,28 +62,25 @@ impl Mapping for Localiser {
     }
 }
 
-/// Explores with the localiser.
-pub fn explore_localised(room: &Room, seed: u64, config: Config) -> Run {
+/// A localiser with an empty map.
+pub fn localiser() -> Localiser {
+    Localiser::new(LocaliserConfig::default())
+}
+
+/// Explores. `stop` gives the stops that are latched at a time.
+pub fn explore(
+    room: &Room,
+    seed: u64,
+    config: Config,
+    mapping: &mut dyn Mapping,
+    stop: impl FnMut(f64) -> Option<StopReason>,
+) -> Run {
     let mut explorer = Explorer::new(config);
     let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
-    let mut localiser = Localiser::new(LocaliserConfig::default());
-    drive(room, seed, navigate, &mut localiser, |_| None)
+    drive(room, seed, navigate, mapping, stop)
 }
 
-/// Explores with the true pose and an ideal map. `stop` gives the stops that are latched at a time.
-pub fn explore(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopReason>) -> Run {
-    let mut explorer = Explorer::new(Config::default());
-    let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
-    drive(
-        room,
-        seed,
-        navigate,
-        &mut IdealMapper::new(Grid::new(25.0)),
-        stop,
-    )
-}
-
-/// Drives until `navigate` is done, beginning with this map.
+/// Drives until `navigate` is done.
 pub fn drive(
     room: &Room,
     seed: u64,
@@ -189,68 +184,4 @@ fn coverage(room: &Room, grid: &Grid) -> f64 {
         .iter()
         .filter(|&&point| grid.cell_at(point) == Cell::Free);
     known.count() as f64 / floor.len().max(1) as f64
-}
-
-/// The true pose, and a map from it with the readings that the true room explains: what a perfect
-/// localisation and rejection of multi-path echoes would give.
-pub struct IdealMapper {
-    grid: Grid,
-    pose: Pose2,
-    ranges_mm: [Option<f64>; 3],
-}
-
-impl IdealMapper {
-    pub fn new(grid: Grid) -> Self {
-        Self {
-            grid,
-            pose: Pose2::default(),
-            ranges_mm: [None; 3],
-        }
-    }
-}
-
-impl Mapping for IdealMapper {
-    fn estimate(&self) -> PoseEstimate {
-        let covariance = [[100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1e-4]];
-        PoseEstimate {
-            pose: self.pose,
-            covariance,
-        }
-    }
-
-    fn grid(&self) -> &Grid {
-        &self.grid
-    }
-
-    fn observe(&mut self, room: &Room, pose: &Pose2, sample: &SensorSample) {
-        self.pose = *pose;
-        let mut mounts = Mount::first_board();
-        mounts[0].bearing_rad = sample.front_bearing_rad;
-        for (nth, mount) in mounts.iter().enumerate() {
-            let range = sample.ranges_mm[nth];
-            let sensor = mount.sensor_pose(pose);
-            let truth = room.cast(&sensor).map_or(4000.0, |hit| hit.distance_mm);
-            let mut sonar = SonarModel {
-                half_angle_rad: 0.12,
-                ..SonarModel::default()
-            };
-            match range {
-                Some(range) if Some(range) != self.ranges_mm[nth] => {
-                    if (range - truth).abs() < 40.0 {
-                        sonar.enter_echo(&mut self.grid, &sensor, truth);
-                    } else {
-                        sonar.silent_mm = range.min(truth) - 60.0;
-                        sonar.enter_silence(&mut self.grid, &sensor);
-                    }
-                }
-                None if sample.time_s > 0.2 => {
-                    sonar.silent_mm = truth.min(800.0) - 60.0;
-                    sonar.free = 0.3;
-                    sonar.enter_silence(&mut self.grid, &sensor);
-                }
-                _ => {}
-            }
-            self.ranges_mm[nth] = range;
-        }
-    }
 }
