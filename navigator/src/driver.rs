@@ -144,6 +144,10 @@ impl Driver {
     /// The velocity of the first motion that has not ended.
     fn next_motion(&mut self, status: &Status) -> Option<Velocity> {
         while let Some(motion) = self.queue.front_mut() {
+            if motion.is_forward() && self.sight.is_blocked(&status.estimate.pose) {
+                self.queue.pop_front();
+                continue;
+            }
             if let Some(velocity) = motion.step(status, self.trail.net_rad, &self.config) {
                 self.moving_s = status.time_s;
                 return Some(velocity);

@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 use geometry::{wrap_angle, Point, Pose2};
 use mapper::{Cell, Grid};
 
-use crate::cost_map::CostMap;
+use crate::cost_map::{CostMap, Node};
 use crate::driver::{distance_mm, Driver, Step};
 use crate::frontier::{frontiers, unseen_surfaces, Kind, Target};
 use crate::manoeuvre::Kind as Motion;
@@ -151,7 +151,11 @@ impl Explorer {
             }
             Goal::Choose | Goal::Look(_) => self.choose(grid, status),
             Goal::Approach(target) => {
-                if target.kind == Kind::Frontier && self.tries(target.centre) > 0 {
+                let map = self.driver.survey(grid, status.time_s);
+                let at = status.estimate.pose.position();
+                let wide = |node: &Node| node.clearance_mm >= self.driver.config.inflation_mm;
+                let clear = map.line(at, target.centre, wide);
+                if target.kind == Kind::Frontier && clear && self.tries(target.centre) > 0 {
                     self.enter(target.centre, status);
                 } else {
                     self.look(Some(target.centre), status);

@@ -36,6 +36,8 @@ const SLANT_RAD: f64 = 0.2;
 const SLANT_REACH_MM: (f64, f64) = (500.0, 250.0);
 /// Silence of the front sensor counts after this way, mm.
 const SILENT_WAY_MM: f64 = 100.0;
+/// The way straight ahead of the middle of the axle: its length and half its width, mm.
+const BODY_AHEAD_MM: (f64, f64) = (280.0, 135.0);
 /// Silence is a new reading after this, s.
 const SILENCE_S: f64 = 0.06;
 
@@ -205,6 +207,14 @@ impl Sight {
     /// Whether a beam passed this floor.
     pub fn is_seen_through(&self, point: Point) -> bool {
         self.floor.squares.contains(&Squares::key(point, FLOOR_MM))
+    }
+
+    /// Whether an unexplained echo came from the way straight ahead of the body.
+    pub fn is_blocked(&self, pose: &Pose2) -> bool {
+        self.unexplained().any(|point| {
+            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
+            (0.0..BODY_AHEAD_MM.0).contains(&local.x_mm) && local.y_mm.abs() < BODY_AHEAD_MM.1
+        })
     }
 
     /// Places from which echoes came that the map does not explain.
