@@ -80,7 +80,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             };
             let mut drive = Drive::new(&room, Imperfections::default(), seed, config.clone());
             drive.with_gyro = name != "no gyroscope";
-            drive.tour(&room, sweep);
+            drive.tour(&room, sweep, 3000.0);
             let r = drive.result(&room);
             println!(
                 "{name:20} {seed:5} {:.3} {:.3} {:.3} {:6.0}  {:6.0}  {:6.1}  {:9.0}  {:5.1}  {:5.1}  {:5.2}",

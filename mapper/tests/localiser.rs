@@ -2,7 +2,7 @@
 
 mod tour;
 
-use mapper::LocaliserConfig;
+use mapper::{Localiser, LocaliserConfig, Pose2};
 use plant::{Imperfections, Room};
 use tour::Drive;
 
@@ -15,7 +15,7 @@ fn default_room_is_mapped_within_error_bounds() {
         11,
         LocaliserConfig::default(),
     );
-    drive.tour(&room, 0.0);
+    drive.tour(&room, 0.0, 3000.0);
     let result = drive.result(&room);
     assert!(result.map.iou > 0.85, "{result:?}");
     assert!(
@@ -26,4 +26,41 @@ fn default_room_is_mapped_within_error_bounds() {
     assert!(result.raw_worst_mm > 3.0 * result.worst_mm, "{result:?}");
     // 3 for an exact covariance.
     assert!((0.3..12.0).contains(&result.nees), "{result:?}");
+    assert!(
+        result.minutes < 10.0 && result.ms_per_s < 500.0,
+        "{result:?}"
+    );
+}
+
+#[test]
+fn unknown_start_on_saved_map_is_found() {
+    let room = Room::two_rooms();
+    let config = LocaliserConfig::default();
+    let mut first = Drive::new(&room, Imperfections::default(), 11, config.clone());
+    first.tour(&room, 0.0, 3000.0);
+    let frame = first.frame();
+    for (seed, start) in [
+        (12, Pose2::new(4600.0, 600.0, 2.0)),
+        (15, Pose2::new(0.0, 900.0, 3.0)),
+    ] {
+        let room = Room {
+            start,
+            ..room.clone()
+        };
+        let map = first.localiser.grid().clone();
+        let mut second = Drive::new(&room, Imperfections::default(), seed, config.clone());
+        second.localiser = Localiser::on_map(config.clone(), map, None);
+        // Somewhere on 20 m² of floor.
+        let start_covariance = second.localiser.estimate().covariance;
+        assert!(
+            start_covariance[0][0].sqrt() > 1000.0,
+            "{start_covariance:?}"
+        );
+        second.tour(&room, 0.0, 80.0);
+        assert!(second.localiser.is_located(), "{seed}");
+        for [estimate, truth, _] in &second.poses[second.search_frames..] {
+            let off = frame.compose(estimate).distance_mm(&start.compose(truth));
+            assert!(off < 150.0, "{seed}: {off} mm");
+        }
+    }
 }

@@ -242,6 +242,19 @@ impl Ekf {
         self.symmetrise();
     }
 
+    /// Puts the pose elsewhere, without regard to the past.
+    pub fn relocate(&mut self, mean: &Vector3<f64>, covariance: &Matrix3<f64>) {
+        self.state.fixed_rows_mut::<3>(0).copy_from(mean);
+        for nth in [0, 1, 2, WALLS] {
+            self.covariance.row_mut(nth).fill(0.0);
+            self.covariance.column_mut(nth).fill(0.0);
+        }
+        self.covariance
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(covariance);
+        self.votes = 0;
+    }
+
     /// Replaces the pose's mean and covariance; the calibration follows by its correlation.
     pub fn replace_pose(&mut self, mean: &Vector3<f64>, covariance: &Matrix3<f64>) {
         let prior = self.pose_covariance();

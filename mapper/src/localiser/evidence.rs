@@ -180,8 +180,8 @@ mod tests {
     use nalgebra::Matrix3;
 
     const BEAM: Beam = Beam {
-        half_angle_rad: 0.2618,
-        incidence_rad: 0.5236,
+        half_angle_rad: PI / 12.0,
+        incidence_rad: PI / 6.0,
     };
 
     fn echo(range_mm: f64, kind: Kind, spread_rad: f64) -> Element {

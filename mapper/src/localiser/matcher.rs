@@ -43,6 +43,8 @@ pub(super) struct Match {
     pub covariance: Matrix3<f64>,
     /// Mean cost of the elements at the best pose, 0 (perfect) to the limit.
     pub cost: f64,
+    /// Elements with a counterpart in the map.
+    pub matched: usize,
 }
 
 /// Largest steps (mm, mm, rad) of the lattice that the moments are taken on.
@@ -122,6 +124,7 @@ pub(super) fn find(
         mean: root * mean + prior_mean,
         covariance: root * covariance * root.transpose(),
         cost: smallest * config.temperature / count,
+        matched: problem.candidates.len(),
     })
 }
 
@@ -152,8 +155,8 @@ mod tests {
     use std::f64::consts::PI;
 
     const BEAM: Beam = Beam {
-        half_angle_rad: 0.2618,
-        incidence_rad: 0.5236,
+        half_angle_rad: std::f64::consts::PI / 12.0,
+        incidence_rad: std::f64::consts::FRAC_PI_6,
     };
     const CONFIG: MatcherConfig = MatcherConfig {
         temperature: 2.0,

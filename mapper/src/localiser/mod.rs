@@ -6,86 +6,28 @@
 //! the result, and only then enters the stretch into the map ([`evidence`]).
 
 mod calibration;
+mod config;
 mod ekf;
 mod evidence;
+mod global;
 mod likelihood;
 mod matcher;
 mod surface;
 mod surface_map;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 pub use calibration::{CalibrationEstimate, MotionNoise};
+pub use config::{LocaliserConfig, Observation};
 pub use matcher::MatcherConfig;
 
-use crate::{Grid, Mount, Pose2, PoseEstimate};
+use crate::{Grid, Pose2, PoseEstimate};
 use ekf::{Ekf, Increment};
 use evidence::Evidence;
 use geometry::wrap_angle;
+use global::{GlobalSearch, Outcome};
 use surface::{element, Beam, Element, Kind, Reading};
 use surface_map::SurfaceMap;
-
-/// What one frame reports.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation {
-    /// Time of the frame, s.
-    pub time_s: f64,
-    /// The pose that the robot reports.
-    pub odometry: Pose2,
-    /// The gyroscope's own angle, rad, not wrapped; `None` without a gyroscope.
-    pub gyro_rad: Option<f64>,
-    /// The latest ranges in the order of [`LocaliserConfig::mounts`], mm; `None` without an echo.
-    pub ranges_mm: [Option<f64>; 3],
-    /// Bearing of the first one, rad counter-clockwise from straight ahead.
-    pub front_bearing_rad: f64,
-}
-
-/// How to localise.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LocaliserConfig {
-    /// Width of the map's cells, mm.
-    pub cell_mm: f64,
-    /// The rangefinders: front, right, left.
-    pub mounts: [Mount; 3],
-    /// Mean age of a new range, s.
-    pub range_age_s: f64,
-    /// Nearest and farthest range accepted, mm.
-    pub limits_mm: (f64, f64),
-    /// Half the opening angle of the beam, rad.
-    pub half_angle_rad: f64,
-    /// Largest angle of incidence with an echo, rad.
-    pub incidence_rad: f64,
-    /// Noise of the motion.
-    pub motion: MotionNoise,
-    /// Weight of the matches; `None` = mapping by prediction alone.
-    pub matcher: Option<MatcherConfig>,
-    /// Whether the slope of the range gives an echo's bearing.
-    pub bearings: bool,
-    /// Whether walls at right angles to the first one correct the heading.
-    pub right_angles: bool,
-    /// Length of a stretch, mm of way.
-    pub stretch_mm: f64,
-}
-
-impl Default for LocaliserConfig {
-    /// The first board; cells of 25 mm. The wire carries ranges below 2500 mm.
-    fn default() -> Self {
-        Self {
-            cell_mm: 25.0,
-            mounts: Mount::first_board(),
-            // A slot of 20 ms and half a frame.
-            range_age_s: 0.032,
-            limits_mm: (30.0, 2490.0),
-            half_angle_rad: 15f64.to_radians(),
-            incidence_rad: 30f64.to_radians(),
-            motion: MotionNoise::default(),
-            matcher: Some(MatcherConfig::default()),
-            bearings: true,
-            right_angles: true,
-            stretch_mm: 400.0,
-        }
-    }
-}
 
 /// A rangefinder turning by this much covers new ground like 100 mm of way, rad.
 const TURN_PER_100_MM: f64 = 0.25;
@@ -97,6 +39,8 @@ const LOOK: f64 = 20.0;
 /// angle).
 const FEWEST_OF_WALL: f64 = 10.0;
 const AGREEMENT: f64 = 0.9;
+/// Error of the dead reckoning during the search for the start: mm, mm, rad.
+const LOCATED: [f64; 3] = [20.0, 20.0, 0.02];
 /// Readings of earlier stretches that help to find bearings.
 const CONTEXT: usize = 10;
 
@@ -128,6 +72,8 @@ pub struct Localiser {
     way_mm: f64,
     trace: Vec<Pose2>,
     tracks: [Track; 3],
+    /// While the start on a saved map is unknown.
+    search: Option<GlobalSearch>,
 }
 
 impl Localiser {
@@ -141,10 +87,26 @@ impl Localiser {
         Self::starting(config, evidence, &start)
     }
 
-    /// Starts on a saved map. Without a start, the robot may stand anywhere on its free cells.
-    pub fn on_map(config: LocaliserConfig, grid: Grid, start: &PoseEstimate) -> Self {
+    /// Starts on a saved map. Without a start, the robot may stand anywhere on its free floor: until
+    /// [`Localiser::is_located`], the estimate's covariance spans everywhere that it may be, and the
+    /// map stays as it is. Driving some metres locates it.
+    #[must_use]
+    pub fn on_map(config: LocaliserConfig, grid: Grid, start: Option<PoseEstimate>) -> Self {
         let surfaces = SurfaceMap::from_grid(&grid);
-        Self::starting(config, Evidence { grid, surfaces }, start)
+        let search = start.is_none().then(|| GlobalSearch::new(&surfaces, &grid));
+        let evidence = Evidence { grid, surfaces };
+        let mut localiser = Self::starting(config, evidence, &start.unwrap_or_default());
+        localiser.search = search;
+        if localiser.search.is_some() {
+            localiser.search(Vec::new());
+        }
+        localiser
+    }
+
+    /// Whether the estimate is a place rather than a search.
+    #[must_use]
+    pub const fn is_located(&self) -> bool {
+        self.search.is_none()
     }
 
     fn starting(config: LocaliserConfig, evidence: Evidence, start: &PoseEstimate) -> Self {
@@ -165,6 +127,7 @@ impl Localiser {
             way_mm: 0.0,
             trace: Vec::new(),
             tracks: Default::default(),
+            search: None,
         }
     }
 
@@ -262,21 +225,44 @@ impl Localiser {
                 element.forget_bearing();
             }
         }
-        let to_robot = Pose2::default().relative_to(&self.dead_reckoning);
-        for element in &mut elements {
-            *element = element.moved(&to_robot);
+        if self.search.is_some() {
+            self.search(elements);
+        } else {
+            let to_robot = Pose2::default().relative_to(&self.dead_reckoning);
+            for element in &mut elements {
+                *element = element.moved(&to_robot);
+            }
+            if self.config.right_angles {
+                self.observe_walls(&elements);
+            }
+            self.correct(&elements);
+            self.enter(&elements, &to_robot);
         }
-        if self.config.right_angles {
-            self.observe_walls(&elements);
-        }
-        self.correct(&elements);
-        self.enter(&elements, &to_robot);
         for track in &mut self.tracks {
             let surplus = track.readings.len().saturating_sub(CONTEXT);
             track.readings.drain(..surplus);
             track.old = track.readings.len();
         }
         self.trace.clear();
+    }
+
+    /// Searches the saved map for the robot, with these elements (dead reckoning's frame).
+    fn search(&mut self, elements: Vec<Element>) {
+        let Some(search) = &mut self.search else {
+            return;
+        };
+        let stretch = (elements, std::mem::take(&mut self.trace));
+        let map = (&self.evidence.surfaces, &self.evidence.grid);
+        let config = self.config.matcher.unwrap_or_default();
+        match search.advance(stretch, &self.dead_reckoning, map, (&self.beam, &config)) {
+            Outcome::Searching(mean, covariance) => self.ekf.relocate(&mean, &covariance),
+            Outcome::Located(place) => {
+                let slack = Vector3::from(LOCATED).component_mul(&Vector3::from(LOCATED));
+                let covariance = place.covariance + Matrix3::from_diagonal(&slack);
+                self.ekf.relocate(&place.mean, &covariance);
+                self.search = None;
+            }
+        }
     }
 
     /// Corrects the heading by the mean direction of the walls in these elements, modulo a right

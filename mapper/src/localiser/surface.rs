@@ -296,10 +296,11 @@ mod tests {
     use super::*;
     use geometry::{Circle, Segment};
     use plant::Rng;
+    use std::f64::consts::FRAC_PI_2;
 
     const BEAM: Beam = Beam {
-        half_angle_rad: 0.2618,
-        incidence_rad: 0.5236,
+        half_angle_rad: std::f64::consts::PI / 12.0,
+        incidence_rad: std::f64::consts::FRAC_PI_6,
     };
 
     /// Readings to the left every 12 mm along x, by the distance that `range` gives.
@@ -307,7 +308,7 @@ mod tests {
         let mut rng = Rng::new(1);
         (0..33)
             .map(|step| {
-                let sensor = Pose2::new(12.0 * f64::from(step), 0.0, 1.5708);
+                let sensor = Pose2::new(12.0 * f64::from(step), 0.0, FRAC_PI_2);
                 let noise = rng.normal();
                 let range_mm = range(&sensor).map(|mm| mm + noise * (1.0 + 0.001 * mm));
                 Reading { sensor, range_mm }
@@ -325,7 +326,7 @@ mod tests {
             let beyond = (tilt_deg.to_radians().abs() - BEAM.half_angle_rad).max(0.0);
             let readings = drive(|at| Some(wall.distance_mm(at.position()) / beyond.cos()));
             let found = element(&readings, 16, &BEAM).unwrap();
-            let off = (found.towards_rad - 1.5708).to_degrees() - tilt_deg;
+            let off = (found.towards_rad - FRAC_PI_2).to_degrees() - tilt_deg;
             assert!(
                 off.abs() < 3.0 && found.has_bearing(),
                 "{tilt_deg} {found:?}"

@@ -130,10 +130,10 @@ impl<'a> Floor<'a> {
         let mut cells = vec![home];
         loop {
             let at = *cells.last().unwrap();
-            for cell in 0..seen.len() {
-                for &visited in &cells[cells.len().saturating_sub(200)..] {
-                    seen[cell] |= self.point(cell).distance_mm(self.point(visited)) < SEEN_MM;
-                }
+            let latest = &cells[cells.len().saturating_sub(200)..];
+            for (cell, seen) in seen.iter_mut().enumerate() {
+                let near = |&at: &usize| self.point(cell).distance_mm(self.point(at)) < SEEN_MM;
+                *seen |= latest.iter().any(near);
             }
             let wanted = |cell: usize| !seen[cell] && self.clearance[cell] > PREFER_MM;
             let Some(way) = self.way(at, wanted) else {
@@ -165,6 +165,8 @@ pub struct Drive {
     pub localiser: Localiser,
     pub robot: KinematicRobot,
     pub with_gyro: bool,
+    /// Frames until the localiser was located.
+    pub search_frames: usize,
     /// By frame, relative to the start: estimate, truth, odometry.
     pub poses: Vec<[Pose2; 3]>,
     /// Squared errors in units of the reported covariance, one per second.
@@ -180,6 +182,7 @@ impl Drive {
             localiser: Localiser::new(config),
             robot: KinematicRobot::new(room.clone(), room.start, world, seed),
             with_gyro: true,
+            search_frames: 0,
             poses: Vec::new(),
             nees: Vec::new(),
             cost_s: 0.0,
@@ -197,18 +200,19 @@ impl Drive {
         }
     }
 
-    fn frame(&mut self, start: &Pose2, command: VelocityInput) {
+    fn drive_frame(&mut self, start: &Pose2, command: VelocityInput) {
         self.robot.step(FRAME_S, command);
         let mut observation = Self::observation(&self.robot);
         observation.gyro_rad = observation.gyro_rad.filter(|_| self.with_gyro);
         let clock = std::time::Instant::now();
         self.localiser.observe(&observation);
+        self.search_frames += usize::from(!self.localiser.is_located());
         self.cost_s += clock.elapsed().as_secs_f64();
         let truth = self.robot.true_pose().relative_to(start);
         let estimate = self.localiser.estimate();
         self.poses
             .push([estimate.pose, truth, observation.odometry]);
-        if self.poses.len() % 40 == 0 {
+        if self.poses.len().is_multiple_of(40) {
             let covariance = nalgebra::Matrix3::from_fn(|r, c| estimate.covariance[r][c]);
             let off = nalgebra::Vector3::new(
                 estimate.pose.x_mm - truth.x_mm,
@@ -221,8 +225,9 @@ impl Drive {
         }
     }
 
-    /// Drives through the whole room, the front sensor swept by this half width.
-    pub fn tour(&mut self, room: &Room, sweep_half_width_rad: f64) {
+    /// Drives through the whole room, at most for `longest_s`, the front sensor swept by this half
+    /// width.
+    pub fn tour(&mut self, room: &Room, sweep_half_width_rad: f64, longest_s: f64) {
         let (mut rest, mut next_rest) = (2.0, 45.0);
         let mut goals = Floor::new(room).tour().into_iter();
         let mut goal = goals.next();
@@ -253,8 +258,10 @@ impl Drive {
                     command.yaw_rate_rad_s = (2.0 * off).clamp(-0.6, 0.6);
                 }
             }
-            assert!(time_s < 3000.0, "stuck at {pose:?} before {target:?}");
-            self.frame(&room.start, command);
+            if time_s > longest_s {
+                return;
+            }
+            self.drive_frame(&room.start, command);
         }
     }
 }
@@ -274,10 +281,14 @@ pub struct Figures {
 }
 
 impl Drive {
+    /// The map's frame in that of the start, by the best rigid alignment of the way.
+    pub fn frame(&self) -> Pose2 {
+        aligned(&self.poses, 0).0
+    }
+
     /// The room's visible surfaces in the map's frame, by the best rigid alignment of the way.
     pub fn walls(&self, room: &Room) -> Vec<Segment> {
-        let (frame, _, _) = aligned(&self.poses, 0);
-        let to = Pose2::default().relative_to(&frame);
+        let to = Pose2::default().relative_to(&self.frame());
         let point = |p: Point| to.point_at(p.x_mm, p.y_mm);
         let walls = room.relative_to_start().visible_surfaces();
         walls
@@ -304,40 +315,29 @@ impl Drive {
     }
 }
 
+/// Best rigid alignment (least squares) of the poses in column `which` to the truth: the frame that
+/// they are in, the sorted position errors in mm, and the largest heading error in degrees.
 #[allow(clippy::cast_precision_loss)]
 fn aligned(poses: &[[Pose2; 3]], which: usize) -> (Pose2, Vec<f64>, f64) {
-    let n = poses.len() as f64;
-    let mean = |k: usize| {
-        let (x, y) = poses
-            .iter()
-            .fold((0.0, 0.0), |(x, y), p| (x + p[k].x_mm, y + p[k].y_mm));
-        (x / n, y / n)
+    let middle = |column: usize| {
+        let sum = |of: fn(&Pose2) -> f64| poses.iter().map(|row| of(&row[column])).sum::<f64>();
+        let count = poses.len() as f64;
+        Point::new(sum(|p| p.x_mm) / count, sum(|p| p.y_mm) / count)
     };
-    let (a, b) = (mean(which), mean(1));
-    let (mut s, mut c) = (0.0, 0.0);
-    for p in poses {
-        let (ax, ay) = (p[which].x_mm - a.0, p[which].y_mm - a.1);
-        let (bx, by) = (p[1].x_mm - b.0, p[1].y_mm - b.1);
-        c += ax * bx + ay * by;
-        s += ax * by - ay * bx;
+    let (from, to) = (middle(which), middle(1));
+    let (mut sin, mut cos) = (0.0, 0.0);
+    for row in poses {
+        let (ax, ay) = (row[which].x_mm - from.x_mm, row[which].y_mm - from.y_mm);
+        let (bx, by) = (row[1].x_mm - to.x_mm, row[1].y_mm - to.y_mm);
+        cos += ax * bx + ay * by;
+        sin += ax * by - ay * bx;
     }
-    let turn = s.atan2(c);
-    let rotated = Pose2::new(0.0, 0.0, turn).point_at(a.0, a.1);
-    let frame = Pose2::new(b.0 - rotated.x_mm, b.1 - rotated.y_mm, turn);
-    let mut errors: Vec<f64> = poses
-        .iter()
-        .map(|p| frame.compose(&p[which]).distance_mm(&p[1]))
-        .collect();
+    let turn = sin.atan2(cos);
+    let turned = Pose2::new(0.0, 0.0, turn).point_at(from.x_mm, from.y_mm);
+    let frame = Pose2::new(to.x_mm - turned.x_mm, to.y_mm - turned.y_mm, turn);
+    let pairs = || poses.iter().map(|row| (frame.compose(&row[which]), row[1]));
+    let mut errors: Vec<f64> = pairs().map(|(a, b)| a.distance_mm(&b)).collect();
     errors.sort_by(f64::total_cmp);
-    let heading = poses
-        .iter()
-        .map(|p| {
-            frame
-                .compose(&p[which])
-                .turn_to_rad(&p[1])
-                .abs()
-                .to_degrees()
-        })
-        .fold(0.0, f64::max);
-    (frame, errors, heading)
+    let heading = pairs().map(|(a, b)| a.turn_to_rad(&b).abs().to_degrees());
+    (frame, errors, heading.fold(0.0, f64::max))
 }

@@ -1,0 +1,66 @@
+//! What the localiser takes, and how it works.
+
+use super::{MatcherConfig, MotionNoise};
+use crate::{Mount, Pose2};
+
+/// What one frame reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Time of the frame, s.
+    pub time_s: f64,
+    /// The pose that the robot reports.
+    pub odometry: Pose2,
+    /// The gyroscope's own angle, rad, not wrapped; `None` without a gyroscope.
+    pub gyro_rad: Option<f64>,
+    /// The latest ranges in the order of [`LocaliserConfig::mounts`], mm; `None` without an echo.
+    pub ranges_mm: [Option<f64>; 3],
+    /// Bearing of the first one, rad counter-clockwise from straight ahead.
+    pub front_bearing_rad: f64,
+}
+
+/// How to localise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocaliserConfig {
+    /// Width of the map's cells, mm.
+    pub cell_mm: f64,
+    /// The rangefinders: front, right, left.
+    pub mounts: [Mount; 3],
+    /// Mean age of a new range, s.
+    pub range_age_s: f64,
+    /// Nearest and farthest range accepted, mm.
+    pub limits_mm: (f64, f64),
+    /// Half the opening angle of the beam, rad.
+    pub half_angle_rad: f64,
+    /// Largest angle of incidence with an echo, rad.
+    pub incidence_rad: f64,
+    /// Noise of the motion.
+    pub motion: MotionNoise,
+    /// Weight of the matches; `None` = mapping by prediction alone.
+    pub matcher: Option<MatcherConfig>,
+    /// Whether the slope of the range gives an echo's bearing.
+    pub bearings: bool,
+    /// Whether walls at right angles to the first one correct the heading.
+    pub right_angles: bool,
+    /// Length of a stretch, mm of way.
+    pub stretch_mm: f64,
+}
+
+impl Default for LocaliserConfig {
+    /// The first board; cells of 25 mm. The wire carries ranges below 2500 mm.
+    fn default() -> Self {
+        Self {
+            cell_mm: 25.0,
+            mounts: Mount::first_board(),
+            // A slot of 20 ms and half a frame.
+            range_age_s: 0.032,
+            limits_mm: (30.0, 2490.0),
+            half_angle_rad: 15f64.to_radians(),
+            incidence_rad: 30f64.to_radians(),
+            motion: MotionNoise::default(),
+            matcher: Some(MatcherConfig::default()),
+            bearings: true,
+            right_angles: true,
+            stretch_mm: 400.0,
+        }
+    }
+}

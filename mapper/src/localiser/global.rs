@@ -1,0 +1,381 @@
+//! The search for the robot on a saved map, from an unknown start.
+//!
+//! While the robot drives, its elements and its way are kept in the dead reckoning's frame. At the
+//! end of every stretch all poses on free floor are scored by them, coarsely; the best ones are
+//! refined by the matcher. The robot is located when one of them explains nearly everything and
+//! all that are clearly elsewhere are improbable.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::likelihood::LIMIT;
+use super::matcher::{self, MatcherConfig};
+use super::surface::{Beam, Element};
+use super::surface_map::{SurfaceMap, Surfel};
+use crate::{Cell, Grid, Point, Pose2};
+
+/// Way that is remembered, in stretches: the dead reckoning's error stays small within.
+const STRETCHES: usize = 16;
+/// Fewest elements for a decision.
+const FEWEST: usize = 150;
+/// Fewest points of the way, 25 mm apart.
+const FEWEST_OF_WAY: usize = 80;
+/// Elements and points of the way that are scored coarsely.
+const SAMPLES: usize = 60;
+/// Points of the way that are not on free floor rule a pose out.
+const BLOCKED: usize = 8;
+/// Spacing of the coarse poses, mm and headings per turn.
+const SPACING_MM: f64 = 100.0;
+const HEADINGS: u32 = 72;
+/// Coarse poses that are refined, and deviations of their error (mm, rad).
+const REFINED: usize = 24;
+const COARSE: (f64, f64) = (60.0, 0.05);
+/// Poses nearer than this (mm, rad) are the same place.
+const SAME: (f64, f64) = (250.0, 0.25);
+/// Mean cost of the elements at the right place, at most.
+const GOOD: f64 = 0.3 * LIMIT;
+/// Probability of all other places, at most.
+const DOUBT: f64 = 0.01;
+/// Successive searches that find the same place.
+const AGREEING: u32 = 3;
+
+/// Variance of a pose on a map without free floor, mm² and rad².
+const NOWHERE: f64 = 1e8;
+
+/// Distance classes of the surfaces that face in one of [`SECTORS`] directions.
+const SECTORS: usize = 12;
+const FIELD_MM: f64 = 50.0;
+const REACH_MM: f64 = 150.0;
+
+/// What was seen since the start, in the dead reckoning's frame.
+#[derive(Clone, Debug)]
+pub(super) struct GlobalSearch {
+    field: Field,
+    stretches: Vec<(Vec<Element>, Vec<Pose2>)>,
+    /// The dead reckoning's origin by the best place, and how many searches agree on it.
+    frame: Pose2,
+    searches: u32,
+}
+
+/// A place where the robot may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub mean: Vector3<f64>,
+    pub covariance: Matrix3<f64>,
+    /// Sum of the costs of all elements and points of the way.
+    cost: f64,
+    probability: f64,
+}
+
+/// The outcome of a search.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Outcome {
+    /// Mean and covariance over everywhere that it may be.
+    Searching(Vector3<f64>, Matrix3<f64>),
+    Located(Place),
+}
+
+impl GlobalSearch {
+    pub fn new(surfaces: &SurfaceMap, grid: &Grid) -> Self {
+        Self {
+            field: Field::new(surfaces, grid),
+            stretches: Vec::new(),
+            frame: Pose2::default(),
+            searches: 0,
+        }
+    }
+
+    /// Takes a stretch and searches; the result is the pose now, at `dead_reckoning`.
+    pub fn advance(
+        &mut self,
+        (elements, way): (Vec<Element>, Vec<Pose2>),
+        dead_reckoning: &Pose2,
+        (surfaces, grid): (&SurfaceMap, &Grid),
+        (beam, config): (&Beam, &MatcherConfig),
+    ) -> Outcome {
+        self.stretches.push((elements, way));
+        if self.stretches.len() > STRETCHES {
+            self.stretches.remove(0);
+        }
+        let to_robot = Pose2::default().relative_to(dead_reckoning);
+        let moved = |e: &Element| e.has_bearing().then(|| e.moved(&to_robot));
+        let elements: Vec<Element> = self
+            .stretches
+            .iter()
+            .flat_map(|s| &s.0)
+            .filter_map(moved)
+            .collect();
+        let ways = self.stretches.iter().flat_map(|s| &s.1);
+        let way: Vec<Pose2> = ways.map(|at| to_robot.compose(at)).collect();
+        let mut coarse = self.coarse(&thinned(&elements), &thinned(&way), beam);
+        if coarse.is_empty() {
+            // Nowhere on the map can this be driven: the map or the way is wrong.
+            self.stretches.clear();
+            coarse = self.coarse(&[], &[], beam);
+        }
+        let mut places: Vec<Place> = Vec::new();
+        if elements.len() >= FEWEST && way.len() >= FEWEST_OF_WAY {
+            for (pose, _) in coarse.iter().take(REFINED) {
+                let place = refine(&elements, &way, pose, (surfaces, grid), (beam, config));
+                places.extend(place);
+            }
+        }
+        // What the samples leave out counts as well.
+        #[allow(clippy::cast_precision_loss)] // some hundreds
+        let temperature = config.temperature / (elements.len() / SAMPLES + 1) as f64;
+        weigh(&mut places, temperature);
+        if let Some(best) = places.first() {
+            let elsewhere: f64 = places
+                .iter()
+                .filter(|p| !is_same(&best.pose(), &p.pose()))
+                .map(|p| p.probability)
+                .sum();
+            #[allow(clippy::cast_precision_loss)] // some hundreds
+            let mean_cost = best.cost / thinned(&elements).len() as f64;
+            let frame = best.pose().compose(&to_robot);
+            let same = is_same(&frame, &self.frame);
+            self.searches = if same { self.searches + 1 } else { 1 };
+            self.frame = frame;
+            if elsewhere < DOUBT && mean_cost < GOOD && self.searches >= AGREEING {
+                return Outcome::Located(*best);
+            }
+        }
+        let (mean, covariance) = spread(&coarse, temperature);
+        Outcome::Searching(mean, covariance)
+    }
+
+    /// Poses on free floor with their cost per element, the best and distinct ones first, then the
+    /// others.
+    fn coarse(&self, elements: &[Element], way: &[Pose2], beam: &Beam) -> Vec<(Pose2, f64)> {
+        let mut poses = Vec::new();
+        for heading in 0..HEADINGS {
+            let heading_rad = f64::from(heading) * TAU / f64::from(HEADINGS);
+            let turn = Pose2::new(0.0, 0.0, heading_rad);
+            let elements: Vec<(Point, f64)> = elements
+                .iter()
+                .map(|e| e.moved(&turn))
+                .map(|e| (e.point(beam), e.towards_rad + PI))
+                .collect();
+            let way: Vec<Point> = way.iter().map(|at| turn.compose(at).position()).collect();
+            for at in self.field.floor() {
+                let shift = |p: &Point| Point::new(p.x_mm + at.x_mm, p.y_mm + at.y_mm);
+                let blocked = way.iter().filter(|p| !self.field.is_free(shift(p)));
+                let blocked = blocked.take(BLOCKED).count();
+                if blocked < BLOCKED {
+                    let cost = |(p, facing): &(Point, f64)| self.field.cost(shift(p), *facing);
+                    #[allow(clippy::cast_precision_loss)] // below BLOCKED
+                    let cost = elements.iter().map(cost).sum::<f64>() + LIMIT * blocked as f64;
+                    poses.push((Pose2::new(at.x_mm, at.y_mm, heading_rad), cost));
+                }
+            }
+        }
+        poses.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut distinct: Vec<(Pose2, f64)> = Vec::new();
+        for pose in &poses {
+            if distinct.len() < REFINED && !distinct.iter().any(|known| is_same(&known.0, &pose.0))
+            {
+                distinct.push(*pose);
+            }
+        }
+        distinct.extend(poses);
+        distinct
+    }
+}
+
+impl Place {
+    fn pose(&self) -> Pose2 {
+        Pose2::new(self.mean[0], self.mean[1], self.mean[2])
+    }
+}
+
+fn is_same(a: &Pose2, b: &Pose2) -> bool {
+    a.distance_mm(b) < SAME.0 && a.turn_to_rad(b).abs() < SAME.1
+}
+
+/// At most [`SAMPLES`] of the values, evenly spaced.
+fn thinned<T: Copy>(values: &[T]) -> Vec<T> {
+    values
+        .iter()
+        .step_by(values.len() / SAMPLES + 1)
+        .copied()
+        .collect()
+}
+
+fn refine(
+    elements: &[Element],
+    way: &[Pose2],
+    pose: &Pose2,
+    (surfaces, grid): (&SurfaceMap, &Grid),
+    (beam, config): (&Beam, &MatcherConfig),
+) -> Option<Place> {
+    let deviations = Vector3::new(COARSE.0, COARSE.0, COARSE.1);
+    let prior = Matrix3::from_diagonal(&deviations.component_mul(&deviations));
+    let elements = thinned(elements);
+    let found = matcher::find(surfaces, &elements, (pose, &prior), beam, config)?;
+    let at = Pose2::new(found.mean[0], found.mean[1], found.mean[2]);
+    let blocked = |step: &&Pose2| grid.cell_at(at.compose(step).position()) == Cell::Occupied;
+    let way = thinned(way);
+    let missing = elements.len() - found.matched + way.iter().filter(blocked).count();
+    #[allow(clippy::cast_precision_loss)] // some hundreds
+    let cost = found.cost * found.matched as f64 + LIMIT * missing as f64;
+    Some(Place {
+        mean: found.mean,
+        covariance: found.covariance,
+        cost,
+        probability: 0.0,
+    })
+}
+
+/// Sorts the places by their cost and sets their probabilities.
+fn weigh(places: &mut [Place], temperature: f64) {
+    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let lowest = places.first().map_or(0.0, |place| place.cost);
+    let likelihood = |place: &Place| (-0.5 * (place.cost - lowest) / temperature).exp();
+    let total: f64 = places.iter().map(likelihood).sum();
+    for place in places {
+        place.probability = likelihood(place) / total;
+    }
+}
+
+/// Mean and covariance of weighted poses; the headings around the mean direction.
+fn spread(poses: &[(Pose2, f64)], temperature: f64) -> (Vector3<f64>, Matrix3<f64>) {
+    let lowest = poses.first().map_or(0.0, |pose| pose.1);
+    let weight = |cost: f64| (-0.5 * (cost - lowest) / temperature).exp();
+    let (mut total, mut sum, mut direction) = (0.0, Vector3::zeros(), (0.0, 0.0));
+    for (pose, cost) in poses {
+        let (share, (sin, cos)) = (weight(*cost), pose.heading_rad.sin_cos());
+        total += share;
+        sum += Vector3::new(pose.x_mm, pose.y_mm, 0.0) * share;
+        direction = (direction.0 + share * sin, direction.1 + share * cos);
+    }
+    if total <= 0.0 {
+        return (Vector3::zeros(), Matrix3::identity() * NOWHERE);
+    }
+    let mut mean = sum / total;
+    mean[2] = direction.0.atan2(direction.1);
+    // Half the coarse spacing.
+    let mut covariance = Matrix3::from_diagonal(&Vector3::new(2500.0, 2500.0, 0.002));
+    for (pose, cost) in poses {
+        let turn = geometry::wrap_angle(pose.heading_rad - mean[2]);
+        let off = Vector3::new(pose.x_mm - mean[0], pose.y_mm - mean[1], turn);
+        covariance += off * off.transpose() * (weight(*cost) / total);
+    }
+    (mean, covariance)
+}
+
+/// Costs of elements by place and direction, looked up.
+#[derive(Clone, Debug)]
+struct Field {
+    low: Point,
+    columns: usize,
+    rows: usize,
+    costs: Vec<[f32; SECTORS]>,
+    free: Vec<bool>,
+}
+
+impl Field {
+    #[allow(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss
+    )]
+    fn new(surfaces: &SurfaceMap, grid: &Grid) -> Self {
+        let cells = |count: usize| (count as f64 * grid.cell_mm() / FIELD_MM).ceil() as usize;
+        let (columns, rows) = (cells(grid.columns()), cells(grid.rows()));
+        let mut field = Self {
+            low: grid.origin(),
+            columns,
+            rows,
+            costs: vec![[LIMIT as f32; SECTORS]; columns * rows],
+            free: Vec::new(),
+        };
+        for index in 0..columns * rows {
+            let middle = field.middle(index);
+            field.free.push(grid.cell_at(middle) == Cell::Free);
+            for surfel in surfaces.near(middle, REACH_MM) {
+                let off = middle.distance_mm(surfel.point) / COARSE.0;
+                let cost = (off * off / (1.0 + off * off / LIMIT)) as f32;
+                for sector in 0..SECTORS {
+                    if faces(surfel, sector) {
+                        field.costs[index][sector] = field.costs[index][sector].min(cost);
+                    }
+                }
+            }
+        }
+        field
+    }
+
+    #[allow(clippy::cast_precision_loss)]
+    fn middle(&self, index: usize) -> Point {
+        let (column, row) = (index % self.columns, index / self.columns);
+        let at = |low: f64, number: usize| low + (number as f64 + 0.5) * FIELD_MM;
+        Point::new(at(self.low.x_mm, column), at(self.low.y_mm, row))
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // negative is far outside
+    fn index(&self, point: Point) -> Option<usize> {
+        let (x, y) = (point.x_mm - self.low.x_mm, point.y_mm - self.low.y_mm);
+        let (column, row) = ((x / FIELD_MM) as usize, (y / FIELD_MM) as usize);
+        let inside = x >= 0.0 && y >= 0.0 && column < self.columns && row < self.rows;
+        inside.then_some(row * self.columns + column)
+    }
+
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss
+    )]
+    fn cost(&self, point: Point, facing_rad: f64) -> f64 {
+        let sector = (facing_rad.rem_euclid(TAU) / TAU * SECTORS as f64) as usize;
+        let cost = |index: usize| f64::from(self.costs[index][sector.min(SECTORS - 1)]);
+        self.index(point).map_or(LIMIT, cost)
+    }
+
+    fn is_free(&self, point: Point) -> bool {
+        self.index(point).is_some_and(|index| self.free[index])
+    }
+
+    /// Places where the robot may stand, on the coarse lattice.
+    fn floor(&self) -> impl Iterator<Item = Point> + '_ {
+        let apart = |number: usize| number.is_multiple_of(2);
+        debug_assert!((SPACING_MM - 2.0 * FIELD_MM).abs() < 1e-9);
+        (0..self.free.len())
+            .filter(move |index| apart(index % self.columns) && apart(index / self.columns))
+            .filter(|index| self.free[*index])
+            .map(|index| self.middle(index))
+    }
+}
+
+/// Whether a surfel answers to elements whose surface faces into this sector, give or take one.
+#[allow(clippy::cast_precision_loss)]
+fn faces(surfel: &Surfel, sector: usize) -> bool {
+    let middle = (sector as f64 + 0.5) * TAU / SECTORS as f64;
+    surfel.edge
+        || geometry::wrap_angle(surfel.facing_rad - middle).abs() < 0.75 * TAU / SECTORS as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Localiser, LocaliserConfig};
+
+    #[test]
+    fn map_without_free_floor_gives_finite_uncertain_pose() {
+        let localiser = Localiser::on_map(LocaliserConfig::default(), Grid::new(25.0), None);
+        let estimate = localiser.estimate();
+        assert!(!localiser.is_located());
+        assert!(estimate.pose.x_mm.is_finite() && estimate.covariance[0][0] > 1e6);
+    }
+
+    #[test]
+    fn spread_covers_all_places_by_their_weight() {
+        let at = |x_mm| Pose2::new(x_mm, 0.0, PI);
+        let (mean, covariance) =
+            spread(&[(at(0.0), 5.0), (at(2000.0), 5.0), (at(9e3), 900.0)], 1.0);
+        assert!(
+            (mean[0] - 1000.0).abs() < 1e-6 && (covariance[(0, 0)].sqrt() - 1000.0).abs() < 2.0
+        );
+        assert!(geometry::wrap_angle(mean[2] - PI).abs() < 1e-9 && covariance[(2, 2)] < 0.01);
+    }
+}
