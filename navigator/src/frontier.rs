@@ -1,6 +1,6 @@
 //! Places worth going to: borders of the unknown, and surfaces that were seen from afar alone.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 
 use geometry::Point;
 use mapper::{Cell, Grid};
@@ -130,23 +130,38 @@ pub(crate) fn unseen_surfaces(reach: &Reach, grid: &Grid, sight: &Sight) -> Vec<
 /// Groups of points whose neighbours are within `gap_mm`, each at most [`EXTENT_MM`] from its
 /// first point.
 fn groups(points: &[Point], gap_mm: f64) -> Vec<Vec<usize>> {
-    let mut todo: Vec<usize> = (0..points.len()).collect();
+    #[allow(clippy::cast_possible_truncation)] // within the grid
+    let square = |point: Point| {
+        (
+            (point.x_mm / gap_mm).floor() as i32,
+            (point.y_mm / gap_mm).floor() as i32,
+        )
+    };
+    let mut squares: HashMap<(i32, i32), Vec<usize>> = HashMap::new();
+    for (nth, &point) in points.iter().enumerate() {
+        squares.entry(square(point)).or_default().push(nth);
+    }
+    let mut taken = vec![false; points.len()];
     let mut groups = Vec::new();
-    while !todo.is_empty() {
-        let first = todo.remove(0);
-        let mut group = vec![first];
-        let mut next = 0;
-        while next < group.len() {
-            let from = points[group[next]];
-            next += 1;
-            todo.retain(|&other| {
-                let joins = points[other].distance_mm(from) <= gap_mm
+    for first in 0..points.len() {
+        if taken[first] {
+            continue;
+        }
+        let mut group = Vec::new();
+        let mut todo = vec![first];
+        taken[first] = true;
+        while let Some(nth) = todo.pop() {
+            group.push(nth);
+            let (x, y) = square(points[nth]);
+            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (x + dx, y + dy)));
+            for &other in around.filter_map(|at| squares.get(&at)).flatten() {
+                let joins = points[other].distance_mm(points[nth]) <= gap_mm
                     && points[other].distance_mm(points[first]) <= EXTENT_MM;
-                if joins {
-                    group.push(other);
+                if joins && !taken[other] {
+                    taken[other] = true;
+                    todo.push(other);
                 }
-                !joins
-            });
+            }
         }
         groups.push(group);
     }

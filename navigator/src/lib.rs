@@ -19,14 +19,16 @@
 //!     obstacle_limited: false,
 //!     stop: None,
 //! };
-//! let mut ahead = false;
-//! for _ in 0..400 {
+//! // A robot that does at once what is commanded, 40 times per second.
+//! while let Action::Drive(velocity) = goto.step(&map, &status) {
+//!     let (along, turn) = (velocity.forward_mm_s / 40.0, velocity.yaw_rate_rad_s / 40.0);
+//!     let pose = &mut status.estimate.pose;
+//!     *pose = pose.advance_arc(along - turn * 50.0, along + turn * 50.0, 100.0);
+//!     status.speed_mm_s = velocity.forward_mm_s;
 //!     status.time_s += 0.025;
-//!     if let Action::Drive(velocity) = goto.step(&map, &status) {
-//!         ahead |= velocity.forward_mm_s > 20.0;
-//!     }
 //! }
-//! assert!(ahead);
+//! assert!(status.estimate.pose.position().distance_mm(Point::new(1500.0, 500.0)) < 60.0);
+//! assert!(status.time_s < 30.0);
 //! ```
 //!
 //! Give every frame to [`Explorer::step`] or [`GoTo::step`] and do what the [`Action`] says. Plans
