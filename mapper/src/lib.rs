@@ -1,4 +1,4 @@
-//! Log-odds occupancy grid from poses and ranges.
+//! Localisation, and log-odds occupancy grids from poses and ranges.
 //!
 //! ```
 //! use mapper::{map_iou, Cell, Config, Mapper, Point, Pose2, Segment};
@@ -21,6 +21,9 @@
 //! ([`Config`]), and enters the rest into a [`Grid`] by a model of the sonar's cone
 //! ([`SonarModel`]). [`ros`] writes the grid as the PGM and YAML pair of ROS map servers,
 //! [`map_plot`] and [`line_plot`] draw PNG files, [`evaluation`] compares a grid with known walls.
+//!
+//! [`Localiser`] does the same without true poses: it takes odometry, gyroscope and ranges, estimates
+//! pose and calibration by what it has mapped, and finds itself on a saved map.
 //!
 //! Lengths, angles and frames are those of [`geometry`]; the grid is in the frame of the poses.
 #![forbid(unsafe_code)]
