@@ -4,6 +4,7 @@
 //! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
 
 use crate::mapping::{self, Files, Mapping, RangeSample};
+use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
 use fw_core::wire::{Field, Order, Report, State};
@@ -16,7 +17,7 @@ use mapper::{Grid, Localiser, LocaliserConfig, Mount, Observation, Pose2, PoseEs
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use std::collections::VecDeque;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Chooses the next velocity: exploring, or going to a point.
 pub trait Plan {
@@ -54,7 +55,7 @@ pub struct Localisation {
     pub raw: Mapping,
     /// Every estimated pose, in order.
     pub path: Vec<Pose2>,
-    /// Time that localising and planning took on this computer.
+    /// Time of this computer's core that localising and planning took.
     pub busy: Duration,
 }
 
@@ -71,7 +72,7 @@ impl Localisation {
 
     /// Takes one report.
     pub fn observe(&mut self, sample: &RangeSample) -> PoseEstimate {
-        let begun = Instant::now();
+        let begun = ThreadTime::now();
         self.localiser.observe(&observation(sample));
         let estimate = self.localiser.estimate();
         self.busy += begun.elapsed();
@@ -146,7 +147,7 @@ pub fn drive(
         let time_s = seconds(sample.time_us.saturating_sub(begun_us));
         let stop = stops.update(&report, time_s)?;
         let estimate = localisation.observe(&sample);
-        let begun = Instant::now();
+        let begun = ThreadTime::now();
         let status = Status {
             time_s,
             estimate,

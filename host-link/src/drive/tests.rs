@@ -29,8 +29,15 @@ fn assert_holds_position(board: &MockBoard) {
 // Requirement: DOC-3.2-2
 #[test]
 fn drive_ends_at_its_target() {
-    for mode in [Mode::Normal, Mode::GuardedNormal] {
+    for mode in [Mode::Normal, Mode::GuardedNormal, Mode::GuardedVelocity] {
         let (board, mut io) = mock_board(&image(mode), None);
+        // A velocity lasts a frame.
+        board.borrow_mut().on_command = Some(Box::new(|command, report| {
+            let speeds = [command.velocity.forward, command.velocity.yaw_rate].map(f64::from);
+            let turned = speeds[1] / 4_294_967_296.0 * 360.0 * 0.025;
+            let step = Pose::new(speeds[0] * 0.025e-3, 0.0, turned);
+            report.pose = step.in_frame_of(Pose::from_code(report.pose)).code();
+        }));
         let arrival = drive(&mut io).unwrap();
         assert!(arrival.off_mm < 5.0, "{arrival:?}");
         assert!(arrival.off_deg.abs() < 1.0, "{arrival:?}");

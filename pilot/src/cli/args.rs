@@ -11,7 +11,7 @@ use pilot::calibrate::distance::Measured;
 use pilot::mode;
 use pilot::tune::Axis;
 use pilot::tune::step_response::StepPlan;
-use pilot::waypoints::MAX_ROTATION_DEG;
+use pilot::waypoints::{MAX_ROTATION_DEG, parse_pose};
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -56,7 +56,7 @@ pub enum Command {
     Status(Status),
     /// Show pose, cells, ranges and the link's counters, live
     Monitor(Monitor),
-    /// Drive to a pose and stop there
+    /// Drive to a pose and stop there; with --map, find the way to a point of a saved map
     Goto(Goto),
     /// Drive from way-point to way-point
     Tour(Tour),
@@ -326,16 +326,38 @@ pub struct Goto {
     #[arg(value_parser = number(-MAX_COORDINATE_MM..=MAX_COORDINATE_MM))]
     pub y: f64,
     /// Degrees, counter-clockwise
-    #[arg(value_name = "ROT", value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
-    pub rotation: f64,
+    #[arg(value_name = "ROT", required_unless_present = "map", value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
+    pub rotation: Option<f64>,
+    /// Go to X Y of this map (the .yaml that `explore` or ROS wrote), around what it shows
+    #[arg(long, value_name = "FILE", conflicts_with = "rotation")]
+    pub map: Option<PathBuf>,
+    /// Where the robot stands on the map: mm, mm and degrees; without it the robot finds out by itself
+    #[arg(long, value_name = "X,Y,ROT", requires = "map", allow_hyphen_values = true, value_parser = parse_start)]
+    pub start: Option<Pose>,
+    /// With --map: write the mode Guarded Velocity to the EEPROM without asking, where it holds another
+    #[arg(long, requires = "map")]
+    pub yes: bool,
     #[command(flatten)]
     pub criteria: CriteriaArgs,
+}
+
+/// A pose from three numbers, separated by commas.
+fn parse_start(text: &str) -> Result<Pose, String> {
+    match text
+        .split(',')
+        .map(str::trim)
+        .collect::<Vec<_>>()
+        .as_slice()
+    {
+        [x, y, rotation] => parse_pose(x, y, rotation),
+        _ => Err("accepted is X,Y,ROT: 1200,-350,90".into()),
+    }
 }
 
 impl Goto {
     /// The pose to drive to.
     pub fn target(&self) -> Pose {
-        Pose::new(self.x, self.y, self.rotation)
+        Pose::new(self.x, self.y, self.rotation.unwrap_or_default())
     }
 }
 

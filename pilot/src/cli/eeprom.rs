@@ -79,7 +79,7 @@ fn check_overwrite(file: &Path, force: bool) -> Result<(), Error> {
 }
 
 fn init(file: Option<&Path>, force: bool, output: Output) -> Result<(), Error> {
-    let text = render(&Settings::first_board()?);
+    let text = render(&Settings::sample()?);
     let Some(file) = file else {
         output.result(&json!({ "toml": text }), || text.clone());
         return Ok(());

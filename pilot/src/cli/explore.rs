@@ -1,6 +1,6 @@
 //! `explore`: the robot finds its own way and maps the room.
 
-use super::args::Explore;
+use super::args::{Explore, Goto};
 use super::connection::{Connection, Context};
 use super::prompt;
 use fw_core::eeprom::fields;
@@ -10,11 +10,12 @@ use host_link::error::Error;
 use host_link::session::Session;
 use host_link::settings::{self, Settings};
 use host_link::statistics::LinkStatistics;
-use mapper::{Cell, Grid, Localiser, PoseEstimate};
-use navigator::{Explorer, Outcome};
+use mapper::{Cell, Grid, Localiser, Point, Pose2, PoseEstimate};
+use navigator::{Explorer, GoTo, Outcome};
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
-use pilot::mapping::Files;
+use pilot::mapping::{self, Files};
 use serde::Serialize;
+use std::path::Path;
 
 /// Cells of the map, mm.
 const CELL_MM: f64 = 25.0;
@@ -39,8 +40,51 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
     })
 }
 
+/// Covariance of a start that a person gives: 50 mm and 5°.
+const GIVEN_START: [[f64; 3]; 3] = [[2500.0, 0.0, 0.0], [0.0, 2500.0, 0.0], [0.0, 0.0, 0.0076]];
+
+#[derive(Serialize)]
+struct Arrival {
+    x_mm: f64,
+    y_mm: f64,
+    off_mm: f64,
+    seconds: f64,
+}
+
+/// Goes to a point of a saved map.
+pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error> {
+    let grid = mapping::load_map(map)?;
+    let target = Point::new(goto.x, goto.y);
+    let start = goto.start.map(|start| PoseEstimate {
+        pose: Pose2::new(start.x_mm, start.y_mm, start.rotation_deg.to_radians()),
+        covariance: GIVEN_START,
+    });
+    context.with_board(|connection| {
+        ensure_mode(connection, goto.yes, context)?;
+        let mut session = context.open_session(&mut connection.io)?;
+        let config = session.config();
+        let settings = exploring::localiser_config(config, grid.cell_mm());
+        let localiser = Localiser::on_map(settings, grid, &start.unwrap_or_default());
+        let mut localisation = Localisation::new(localiser, config, CELL_MM);
+        let mut plan = GoTo::new(exploring::navigator_config(config), target);
+        let driven = drive(&mut session, &mut localisation, &mut plan, context)?;
+        complete(&driven, "the target is not reached")?;
+        let pose = localisation.localiser.estimate().pose;
+        let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
+        let off_mm = pose.position().distance_mm(target);
+        let arrival = Arrival { x_mm, y_mm, off_mm, seconds };
+        context.output.result(&arrival, || {
+            format!(
+                "arrived at x {x_mm:.0} mm, y {y_mm:.0} mm of the map after {seconds:.1} s ({off_mm:.0} mm \
+                 from the target)"
+            )
+        });
+        Ok(())
+    })
+}
+
 /// Drives by a plan with a live line.
-pub fn drive(
+fn drive(
     session: &mut Session<'_>,
     localisation: &mut Localisation,
     plan: &mut impl Plan,
@@ -58,7 +102,7 @@ pub fn drive(
 }
 
 /// An error where the plan ended early.
-pub fn complete(drive: &Drive, what: &'static str) -> Result<(), Error> {
+fn complete(drive: &Drive, what: &'static str) -> Result<(), Error> {
     let reason = match drive.outcome {
         Outcome::Complete => return Ok(()),
         Outcome::TimeLimit => "the time ran out",
@@ -96,11 +140,7 @@ fn free_m2(grid: &Grid) -> f64 {
 /// Makes both ends run Guarded Velocity: with `--yes`, or where a person agrees, writes it to the EEPROM
 /// with the gyro on and resets the STM.
 // Requirement: DOC-5.2-2
-pub fn ensure_mode(
-    connection: &mut Connection,
-    yes: bool,
-    context: Context<'_>,
-) -> Result<(), Error> {
+fn ensure_mode(connection: &mut Connection, yes: bool, context: Context<'_>) -> Result<(), Error> {
     let Connection { io, journal, .. } = connection;
     let image = eeprom::read(io)?;
     let mode = settings::decode(&image)?.mode();

@@ -70,7 +70,10 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         }),
         Command::Mode { mode } => mode::run(*mode, context),
         Command::Monitor(monitor) => monitor::run(monitor, context),
-        Command::Goto(goto) => drive::run(&[goto.target()], &goto.criteria, context),
+        Command::Goto(goto) => match &goto.map {
+            Some(map) => explore::go_to(goto, map, context),
+            None => drive::run(&[goto.target()], &goto.criteria, context),
+        },
         Command::Tour(tour) => drive::run(
             &pilot::waypoints::load(&tour.file)?,
             &tour.criteria,
