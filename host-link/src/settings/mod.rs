@@ -13,6 +13,7 @@ pub use render::{changes, render, Change};
 
 use crate::error::Error;
 use fw_core::eeprom::{fields, Config, Field, Image, PLATFORM};
+use fw_core::wire::Mode;
 use std::fs;
 use std::path::Path;
 
@@ -49,6 +50,16 @@ impl Settings {
     /// None.
     pub fn first_board() -> Result<Self, Error> {
         Self::from_image(&Image::FIRST_BOARD)
+    }
+
+    /// The sample to start from: the first board's in Guarded Velocity, which serves every command, with
+    /// the gyro on.
+    ///
+    /// # Errors
+    /// None.
+    pub fn sample() -> Result<Self, Error> {
+        let mode = Mode::GuardedVelocity.code().into();
+        Self::first_board()?.with(&[(fields::MODE, mode), (fields::GYRO, 1)])
     }
 
     /// What an image holds. One of layout 1 is converted.
