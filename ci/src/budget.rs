@@ -55,13 +55,14 @@ fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     path.split('.').try_fold(value, |value, key| value.get(key))
 }
 
-/// The number at a dotted path of a report; of a list, its length.
+/// The number at a dotted path of a report; of a list, its length; 1 and 0 for true and false.
 pub fn figure(report: &Value, path: &str) -> Option<f64> {
     let value = at(report, path)?;
     #[expect(clippy::cast_precision_loss, reason = "lists are shorter than 2^52")]
     value
         .as_f64()
         .or_else(|| Some(value.as_array()?.len() as f64))
+        .or_else(|| value.as_bool().map(|flag| f64::from(u8::from(flag))))
 }
 
 /// Every figure of a section and of the tables in it, by dotted path.

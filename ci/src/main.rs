@@ -68,9 +68,13 @@ enum Command {
         #[arg(long, default_value = "")]
         features: String,
     },
-    /// The virtual robot drives the default room: target/demo/
+    /// The virtual robot explores the default room: target/demo/; with --tour it drives the room's tour:
+    /// target/tour/
     #[command(disable_help_flag = true)]
     Demo(Handed),
+    /// The virtual robot explores generated rooms, e.g. --seeds 1..10: a table
+    #[command(disable_help_flag = true)]
+    ExploreBench(Handed),
     /// Measure the ELF on the emulated core: target/figures.json; with --profile, where the tick's
     /// instructions go
     #[command(disable_help_flag = true)]
@@ -156,6 +160,9 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Command::Demo(Handed { arguments }) => {
             let out = programs::demo(session, &arguments)?;
             println!("demo: see {}", session.relative(&out));
+        }
+        Command::ExploreBench(Handed { arguments }) => {
+            programs::explore_bench(session, &arguments)?;
         }
         Command::Figures(Handed { arguments }) => {
             let out = programs::figures(session, &arguments)?;

@@ -15,9 +15,10 @@ fn robot_tests<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
     Ok(session.cargo_with_board(&words)?.arg("--"))
 }
 
-/// Drives the default room, with `more` arguments of the demo program; returns the folder it leaves.
+/// Explores the default room, with `more` arguments of the demo program; returns the folder it leaves.
 pub fn demo(session: &Session, more: &[String]) -> Result<PathBuf> {
-    let out = session.target.join("demo");
+    let is_tour = more.iter().any(|word| word == "--tour");
+    let out = session.target.join(if is_tour { "tour" } else { "demo" });
     // The report of an earlier run must not pass for this one's.
     session.sh.remove_path(out.join("report.json"))?;
     session.sh.create_dir(&out)?;
@@ -26,6 +27,15 @@ pub fn demo(session: &Session, more: &[String]) -> Result<PathBuf> {
         .arg(&session.image()?.path);
     demo.arg("--out").arg(&out).args(more).run()?;
     Ok(out)
+}
+
+/// Explores generated rooms, with `more` arguments of the bench.
+pub fn explore_bench(session: &Session, more: &[String]) -> Result<()> {
+    let bench = robot_tests(session, "explore-bench")?
+        .arg("--elf")
+        .arg(&session.image()?.path);
+    let out = session.target.join("explore-bench");
+    Ok(bench.arg("--out").arg(out).args(more).run()?)
 }
 
 /// Measures the release ELF, and the reference codec of `tests/bench` beside it, with `more` arguments of

@@ -7,11 +7,13 @@
 //! | [`mod@reference`] | EEPROM images and frames written by hand from the document's tables |
 //! | [`disturbance`] | disturbed frames |
 //! | [`throughput`] | how fast frames may come, for how long, and what a torn one costs |
+//! | [`exploration`] | a room explored, and its comparison with the truth |
 //! | [`truth_track`] | the true pose at each report |
 //! | [`stack`] | how much of its stack the firmware has used |
 #![forbid(unsafe_code)]
 
 pub mod disturbance;
+pub mod exploration;
 pub mod io_faults;
 pub mod reference;
 pub mod stack;

@@ -1,5 +1,6 @@
 //! The true poses at the ticks whose reports arrive.
 
+use host_link::pose::Pose;
 use twin::plant::Pose2;
 use twin::trace::EventKind;
 use twin::Board;
@@ -12,23 +13,25 @@ const NEAREST_NS: u64 = 80_000;
 
 /// Looks up the truth for every report.
 pub struct TruthTrack {
-    start: Pose2,
     /// When the robot's ticks were, the latest last.
     ticks: Vec<u64>,
+    /// The latest reported pose, and the true one at its tick.
+    latest: Option<(Pose, Pose2)>,
 }
 
 impl TruthTrack {
-    /// Poses are seen from where the robot stands now.
+    /// From now on.
     pub fn new(board: &Board) -> Self {
         board.trace_writes(TIM5_CCR1);
-        let start = board.truth().pose;
-        let ticks = Vec::new();
-        Self { start, ticks }
+        let (ticks, latest) = (Vec::new(), None);
+        Self { ticks, latest }
     }
 
-    /// For the reply of a frame that has just ended: the true pose at the tick before the frame, that is
-    /// the one of now, rolled back by the wheels' speeds; and the one of now.
-    pub fn sample(&mut self, board: &Board) -> [Pose2; 2] {
+    /// For the reply of a frame that has just ended: the true pose at the tick that the reported pose is
+    /// of, and the one of now, in the room's frame. The tick is the one before the frame, its pose the one
+    /// of now, rolled back by the wheels' speeds; a reply that repeats the one before, because the status
+    /// changed after it was armed (docs/interfaces.md), is of the same tick.
+    pub fn sample(&mut self, board: &Board, reported: Pose) -> [Pose2; 2] {
         let events = board.take_events();
         let ticks = events.iter().filter(
             |event| matches!(event.kind, EventKind::Write { address, .. } if address == TIM5_CCR1),
@@ -47,6 +50,9 @@ impl TruthTrack {
             let chassis = world.params().chassis;
             chassis.roll(&world.pose(), chassis.travel(turned))
         });
-        [then, now.pose].map(|pose| pose.relative_to(&self.start))
+        let repeated = self.latest.filter(|(pose, _)| *pose == reported);
+        let then = repeated.map_or(then, |(_, then)| then);
+        self.latest = Some((reported, then));
+        [then, now.pose]
     }
 }

@@ -34,7 +34,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 28] = [
+const GATES: [Gate; 29] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -56,6 +56,7 @@ const GATES: [Gate; 28] = [
     ("mutants", Change, proofs::mutants),
     ("loop", Change, tests::in_the_loop),
     ("demo", Change, tests::demo),
+    ("tour", Change, tests::tour),
     ("figures", Change, tests::figures),
     ("kani", Change, proofs::kani),
     ("supply", Change, source::supply),

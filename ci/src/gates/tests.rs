@@ -28,8 +28,16 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
 }
 
 pub fn demo(session: &Session) -> Result<String> {
-    let ran = programs::demo(session, &[]);
-    let out = session.target.join("demo");
+    run_demo(session, "demo", &[])
+}
+
+pub fn tour(session: &Session) -> Result<String> {
+    run_demo(session, "tour", &["--tour".into()])
+}
+
+fn run_demo(session: &Session, kind: &str, arguments: &[String]) -> Result<String> {
+    let ran = programs::demo(session, arguments);
+    let out = session.target.join(kind);
     let files = [
         "map.png",
         "map.pgm",
@@ -47,7 +55,7 @@ pub fn demo(session: &Session) -> Result<String> {
         "the demo left no {}",
         missing.join(", ")
     );
-    let (bars, report) = check_report(session, "demo", &out.join("report.json"), ran)?;
+    let (bars, report) = check_report(session, kind, &out.join("report.json"), ran)?;
     check_stack_use(session, &report)?;
     let figure = |key| budget::figure(&report, key).unwrap_or(f64::NAN);
     Ok(format!(

@@ -1,10 +1,12 @@
 //! The whole robot, end to end, without hardware: boots the release ELF on the virtual board with a
-//! blank EEPROM, configures it as a user would, drives the default room at 40 frames a second and
-//! leaves the map, the trajectory and a page of figures.
+//! blank EEPROM, configures it as a user would, lets it explore the default room in an imperfect world
+//! and leaves the map, the trajectory and a page of figures. With `--tour` it drives the room's tour in
+//! an ideal world instead.
 //!
 //! Exit code 1 where a bar is missed, 2 on a wrong argument.
 #![forbid(unsafe_code)]
 
+mod explore;
 mod report;
 mod tour;
 
@@ -14,16 +16,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use fw_core::eeprom::fields;
-use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom;
 use host_link::settings::Settings;
 use pilot::virtual_board;
 use report::Bars;
+use robot_tests::exploration;
 use robot_tests::stack::Stack;
 use serde_json::{json, Value};
-use twin::plant::Room;
+use twin::plant::{Imperfections, Room};
 use twin::{Board, Options};
 
 /// The configuration that the demo writes, as a user would.
@@ -34,12 +35,8 @@ const REFUSAL_US: u64 = 1_000_000;
 const READY_MS: u32 = 1_000;
 /// The Pi's SPI clock, hertz.
 const SPI_HZ: u32 = 8_000_000;
-/// Cells of the map, millimetres.
-const CELL_MM: f64 = 25.0;
-/// How near an occupied cell and a wall must be to agree, millimetres.
-const TOLERANCE_MM: f64 = 100.0;
 
-/// Drives the default room on the virtual board and writes map, trajectory and report.
+/// Explores the default room on the virtual board and writes map, trajectory and report.
 #[derive(Parser)]
 struct Arguments {
     /// The release ELF
@@ -51,6 +48,9 @@ struct Arguments {
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Drive the room's tour in an ideal world
+    #[arg(long)]
+    tour: bool,
 }
 
 fn main() {
@@ -69,16 +69,22 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
     let room = Room::two_rooms();
 
     println!("1/4  boot with a blank EEPROM");
-    let (board, stack) = boot_blank(&elf, arguments.seed, &room)?;
+    let (world, kind) = if arguments.tour {
+        (Imperfections::none(), "tour")
+    } else {
+        (Imperfections::default(), "demo")
+    };
+    let (board, stack) = boot_blank(&elf, exploration::options(&room, world, arguments.seed))?;
     println!("2/4  write {CONFIGURATION} to the EEPROM");
     let mut machine = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
     let reset_to_ready_ms = configure(&mut machine)?;
-    let metres = room.tour_length_mm() / 1000.0;
-    println!(
-        "3/4  drive {metres:.1} m through {} way-points",
-        room.tour.len()
-    );
-    let mut report = tour::run(&mut machine, &board, &room, out)?;
+    let mut report = if arguments.tour {
+        println!("3/4  drive through {} way-points", room.tour.len());
+        tour::run(&mut machine, &board, &room, out)?
+    } else {
+        println!("3/4  explore a room that the robot does not know");
+        explore::run(&mut machine, &board, &room, out)?
+    };
 
     println!("4/4  report");
     fs::write(out.join("uart.log"), board.uart())?;
@@ -99,14 +105,15 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
             "unmodelled": unmodelled.lines,
         }),
     );
-    let bars = Bars::of("demo")?;
+    let bars = Bars::of(kind)?;
     let missed = bars.missed(&report);
     report["missed_bars"] = json!(missed);
     fs::write(
         out.join("report.json"),
         serde_json::to_string_pretty(&report)? + "\n",
     )?;
-    let command = format!("cargo xtask demo --seed {}", arguments.seed);
+    let tour = if arguments.tour { " --tour" } else { "" };
+    let command = format!("cargo xtask demo --seed {}{tour}", arguments.seed);
     let page = report::page(&report, &bars, &command);
     fs::write(out.join("report.md"), &page)?;
     println!("\n{page}\nLeft in {}", out.display());
@@ -114,15 +121,8 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
 }
 
 /// A blank EEPROM must keep the robot from starting, and the log must say so.
-fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<(Board, Stack), Box<dyn Error>> {
-    let board = Board::new(
-        elf,
-        Options {
-            seed,
-            room: room.clone(),
-            ..Options::default()
-        },
-    )?;
+fn boot_blank(elf: &[u8], options: Options) -> Result<(Board, Stack), Box<dyn Error>> {
+    let board = Board::new(elf, options)?;
     let stack = Stack::paint(elf, &board)?;
     if board.run_until(REFUSAL_US, 10_000, Board::is_ready) {
         return Err("READY rose without a configuration".into());
@@ -136,14 +136,12 @@ fn boot_blank(elf: &[u8], seed: u64, room: &Room) -> Result<(Board, Stack), Box<
     Ok((board, stack))
 }
 
-/// Writes the first board's configuration as `robot eeprom write` does, in Guarded Normal: every tick
-/// refreshes its replies; milliseconds to READY.
+/// Writes the sample configuration as `robot eeprom write` does; milliseconds to READY.
 fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
     let settings = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("..")
         .join(CONFIGURATION);
-    let guarded = (fields::MODE, u64::from(Mode::GuardedNormal.code()));
-    let settings = Settings::load(&settings)?.with(&[guarded])?;
+    let settings = Settings::load(&settings)?;
     let programmed = eeprom::program(machine, settings.image(), READY_MS, None, |_| {})?;
     println!(
         "     {} bytes in {} bursts, READY after {} ms",

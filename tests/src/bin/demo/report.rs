@@ -27,10 +27,14 @@ impl Bars {
         let keys = sections.into_iter().flatten().flat_map(|bars| bars.keys());
         keys.filter_map(|key| {
             let (sign, bar) = self.bound(key)?;
-            let kept = report[key].as_f64().is_some_and(|figure| match sign {
-                "≤" => figure <= bar,
-                _ => figure >= bar,
-            });
+            let flag = report[key].as_bool().map(|flag| f64::from(u8::from(flag)));
+            let kept = report[key]
+                .as_f64()
+                .or(flag)
+                .is_some_and(|figure| match sign {
+                    "≤" => figure <= bar,
+                    _ => figure >= bar,
+                });
             (!kept).then(|| format!("{key} is {}, the bar is {sign} {bar}", report[key]))
         })
         .collect()
@@ -38,7 +42,7 @@ impl Bars {
 }
 
 /// What the page shows of the figures that the run has: key, meaning, decimals, unit.
-const ROWS: [(&str, &str, usize, &str); 31] = [
+const ROWS: [(&str, &str, usize, &str); 32] = [
     ("path_m", "path", 1, " m"),
     ("way_points", "way-points reached", 0, ""),
     ("coverage", "reachable floor that the map calls free", 3, ""),
@@ -87,6 +91,12 @@ const ROWS: [(&str, &str, usize, &str); 31] = [
         "position error of odometry alone, worst",
         1,
         " mm",
+    ),
+    (
+        "raw_error_ratio",
+        "… times that of the corrected pose",
+        1,
+        "",
     ),
     (
         "raw_heading_error_deg_max",
@@ -138,7 +148,8 @@ pub fn page(report: &Value, bars: &Bars, command: &str) -> String {
         "\nErrors compare the pose in a frame with the truth at the tick it was computed in.\n\n\
          `map.png` the map · `map.pgm`, `map.yaml` the same for ROS map_server · `trajectory.png` estimated \
          against true path over the map and the true walls · `uart.log` the STM's log · `report.json` these \
-         figures for scripts\n\nRepeat: `{command}`\n"
+         figures for scripts · after exploring `map-raw.*` the map by odometry alone, `error.png` the errors over \
+         time, `recording.csv` every report\n\nRepeat: `{command}`\n"
     );
     page
 }
@@ -164,7 +175,7 @@ mod tests {
                 "c is 2, the bar is ≥ 3"
             ]
         );
-        let page = page(&json!({"path_m": 2.25}), &Bars::of("demo").unwrap(), "x");
+        let page = page(&json!({"path_m": 2.25}), &Bars::of("tour").unwrap(), "x");
         assert!(page.contains("| path | 2.2 m | ≥ 25 m |"), "{page}");
     }
 }

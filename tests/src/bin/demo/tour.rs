@@ -9,12 +9,13 @@ use host_link::pose::Pose;
 use host_link::session::{Session, RATE_HZ};
 use mapper::{map_iou, map_plot};
 use pilot::mapping::{mapper_config, Mapping, RangeSample};
+use robot_tests::exploration::{CELL_MM, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;
 use serde_json::{json, Value};
 use twin::plant::{Pose2, Room};
 use twin::Board;
 
-use super::{Timer, CELL_MM, READY_MS, TOLERANCE_MM};
+use super::{Timer, READY_MS};
 
 /// Drives the tour; leaves the map and the trajectory in `out`; returns the figures.
 pub fn run(
@@ -39,7 +40,7 @@ pub fn run(
             let Some(sample) = RangeSample::of(snapshot) else {
                 return;
             };
-            let poses = truth.sample(board);
+            let poses = truth.sample(board, sample.pose);
             for (worst, pose) in worst.iter_mut().zip(&poses).rev() {
                 let pose = in_degrees(pose);
                 last = [
@@ -61,8 +62,8 @@ pub fn run(
         },
     )?;
     let mut figures = timer.figures(board);
-    // The robot's frame: where it stood at its reset.
-    let walls = room.relative_to_start().visible_surfaces();
+    // The default room's frame is the robot's: where it stood at its reset.
+    let walls = room.visible_surfaces();
     let grid = mapping.mapper().grid();
     mapping.save_map(&out.join("map"))?;
     std::fs::write(out.join("map.png"), map_plot::map(grid)?)?;

@@ -1,0 +1,59 @@
+//! The default room, unknown to the robot, in an imperfect world.
+
+use std::error::Error;
+use std::path::Path;
+
+use host_link::board_io::BoardIo;
+use mapper::map_plot;
+use robot_tests::exploration;
+use serde_json::Value;
+use twin::plant::Room;
+use twin::Board;
+
+use super::Timer;
+
+/// Reports between two lines of progress: half a minute.
+const PROGRESS: u32 = 1200;
+
+/// Explores; leaves maps, trajectory and errors in `out`; returns the figures.
+pub fn run(
+    machine: &mut BoardIo,
+    board: &Board,
+    room: &Room,
+    out: &Path,
+) -> Result<Value, Box<dyn Error>> {
+    let timer = Timer::start(board);
+    let mut reports = 0;
+    let run = exploration::explore(machine, board, |step| {
+        reports += 1;
+        if reports % PROGRESS == 0 {
+            let (pose, seconds) = (step.estimate.pose, reports / 40);
+            println!(
+                "     {seconds:4} s  ({:6.0}, {:6.0}) mm, {:4.0}°  {} targets left",
+                pose.x_mm,
+                pose.y_mm,
+                pose.heading_rad.to_degrees(),
+                step.targets
+            );
+        }
+    })?;
+    let mut figures = timer.figures(board);
+    if let Err(error) = &run.drive {
+        println!("     ended early: {error}");
+    }
+    run.localisation.save_map(&out.join("map"))?;
+    run.localisation.raw.save_map(&out.join("map-raw"))?;
+    run.localisation
+        .raw
+        .save_recording(&out.join("recording.csv"))?;
+    let map = map_plot::map(run.localisation.localiser.grid())?;
+    for (name, picture) in [
+        ("map.png", map),
+        ("trajectory.png", run.trajectory_plot(room)?),
+        ("error.png", run.error_plot()?),
+    ] {
+        std::fs::write(out.join(name), picture)?;
+    }
+    super::extend(&mut figures, serde_json::to_value(run.figures(room))?);
+    Ok(figures)
+}
