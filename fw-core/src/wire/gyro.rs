@@ -1,7 +1,7 @@
 //! Gyro: the gyroscope's own angle since reset.
 //!
 //! STM → Pi: turns × 2²⁴, counter-clockwise positive, 32-bit two's complement, big-endian, wrapping;
-//! 0x8000_0000 = none. From the Pi the four bytes are dummies: sent as 0, ignored.
+//! `0x8000_0000` = none. From the Pi the four bytes are dummies: sent as 0, ignored.
 
 #![allow(
     clippy::inline_always,

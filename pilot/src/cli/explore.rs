@@ -64,7 +64,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let mut session = context.open_session(&mut connection.io)?;
         let config = session.config();
         let settings = exploring::localiser_config(config, grid.cell_mm());
-        let localiser = Localiser::on_map(settings, grid, &start.unwrap_or_default());
+        let localiser = Localiser::on_map(settings, grid, start);
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
         let mut plan = GoTo::new(exploring::navigator_config(config), target);
         let driven = drive(&mut session, &mut localisation, &mut plan, context)?;
