@@ -29,6 +29,9 @@ pub enum IoFault {
     Interrupt(usize),
 }
 
+/// What the robot does with a command: changes what it reports.
+pub type OnCommand = Box<dyn FnMut(&Command, &mut Report)>;
+
 /// The board as seen through its lines and buses.
 #[allow(clippy::struct_excessive_bools)] // so many lines
 pub struct MockBoard {
@@ -50,8 +53,8 @@ pub struct MockBoard {
     pub commands: Vec<Command>,
     /// What the board reports in its next reply.
     pub report: Report,
-    /// What the robot does with a command: changes what it reports.
-    pub on_command: Option<Box<dyn FnMut(&Command, &mut Report)>>,
+    /// Called with every accepted command.
+    pub on_command: Option<OnCommand>,
     /// Unread bytes of the UART log.
     pub log: Vec<u8>,
     /// Whether the log's wire is there.

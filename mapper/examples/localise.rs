@@ -89,10 +89,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             );
             if let Some(folder) = arguments.get(5).map(PathBuf::from) {
                 fs::create_dir_all(&folder)?;
-                let column =
-                    |which: usize| drive.poses.iter().map(|p| p[which]).collect::<Vec<_>>();
                 let (grid, walls) = (drive.localiser.grid(), drive.walls(&room));
-                let plot = map_plot::trajectory(grid, &column(0), &column(1), &walls)?;
+                let plot = map_plot::trajectory(grid, &drive.column(0), &drive.column(1), &walls)?;
                 fs::write(folder.join(format!("{seed}.png")), plot)?;
             }
         }

@@ -5,6 +5,7 @@
 
 use std::collections::BinaryHeap;
 
+use mapper::evaluation::{best_alignment, in_estimate_frame, pose_errors};
 use mapper::{map_iou, Localiser, LocaliserConfig, MapScore, Observation, Point, Pose2, Segment};
 use plant::kinematic::{KinematicRobot, VelocityInput};
 use plant::{Imperfections, Room};
@@ -281,63 +282,37 @@ pub struct Figures {
 }
 
 impl Drive {
+    /// Estimated (0), true (1) or raw (2) poses, in order.
+    pub fn column(&self, which: usize) -> Vec<Pose2> {
+        self.poses.iter().map(|poses| poses[which]).collect()
+    }
+
     /// The map's frame in that of the start, by the best rigid alignment of the way.
     pub fn frame(&self) -> Pose2 {
-        aligned(&self.poses, 0).0
+        best_alignment(&self.column(0), &self.column(1))
     }
 
     /// The room's visible surfaces in the map's frame, by the best rigid alignment of the way.
     pub fn walls(&self, room: &Room) -> Vec<Segment> {
-        let to = Pose2::default().relative_to(&self.frame());
-        let point = |p: Point| to.point_at(p.x_mm, p.y_mm);
         let walls = room.relative_to_start().visible_surfaces();
-        walls
-            .iter()
-            .map(|s| Segment::new(point(s.from), point(s.to)))
-            .collect()
+        in_estimate_frame(&walls, &self.frame())
     }
 
     #[allow(clippy::cast_precision_loss)]
     pub fn result(&self, room: &Room) -> Figures {
-        let (_, errors, heading_deg) = aligned(&self.poses, 0);
-        let (_, raw, _) = aligned(&self.poses, 2);
+        let (estimate, truth, raw) = (self.column(0), self.column(1), self.column(2));
+        let errors = pose_errors(&estimate, &truth, &self.frame());
+        let raw_frame = best_alignment(&raw, &truth);
         let seconds = self.robot.sample().time_s;
         Figures {
             map: map_iou(self.localiser.grid(), &self.walls(room), 100.0),
-            median_mm: errors[errors.len() / 2],
-            worst_mm: errors[errors.len() - 1],
-            heading_deg,
-            raw_worst_mm: raw[raw.len() - 1],
+            median_mm: errors.position_mm_median,
+            worst_mm: errors.position_mm_max,
+            heading_deg: errors.heading_deg_max,
+            raw_worst_mm: pose_errors(&raw, &truth, &raw_frame).position_mm_max,
             nees: self.nees.iter().sum::<f64>() / self.nees.len() as f64,
             minutes: seconds / 60.0,
             ms_per_s: self.cost_s * 1000.0 / seconds,
         }
     }
-}
-
-/// Best rigid alignment (least squares) of the poses in column `which` to the truth: the frame that
-/// they are in, the sorted position errors in mm, and the largest heading error in degrees.
-#[allow(clippy::cast_precision_loss)]
-fn aligned(poses: &[[Pose2; 3]], which: usize) -> (Pose2, Vec<f64>, f64) {
-    let middle = |column: usize| {
-        let sum = |of: fn(&Pose2) -> f64| poses.iter().map(|row| of(&row[column])).sum::<f64>();
-        let count = poses.len() as f64;
-        Point::new(sum(|p| p.x_mm) / count, sum(|p| p.y_mm) / count)
-    };
-    let (from, to) = (middle(which), middle(1));
-    let (mut sin, mut cos) = (0.0, 0.0);
-    for row in poses {
-        let (ax, ay) = (row[which].x_mm - from.x_mm, row[which].y_mm - from.y_mm);
-        let (bx, by) = (row[1].x_mm - to.x_mm, row[1].y_mm - to.y_mm);
-        cos += ax * bx + ay * by;
-        sin += ax * by - ay * bx;
-    }
-    let turn = sin.atan2(cos);
-    let turned = Pose2::new(0.0, 0.0, turn).point_at(from.x_mm, from.y_mm);
-    let frame = Pose2::new(to.x_mm - turned.x_mm, to.y_mm - turned.y_mm, turn);
-    let pairs = || poses.iter().map(|row| (frame.compose(&row[which]), row[1]));
-    let mut errors: Vec<f64> = pairs().map(|(a, b)| a.distance_mm(&b)).collect();
-    errors.sort_by(f64::total_cmp);
-    let heading = pairs().map(|(a, b)| a.turn_to_rad(&b).abs().to_degrees());
-    (frame, errors, heading.fold(0.0, f64::max))
 }

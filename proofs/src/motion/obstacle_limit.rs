@@ -116,7 +116,7 @@ pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
         .case(2, n > 0 && n < fastest)
 }
 
-/// After any events: v·t_r + v²/(2a) ≤ max(0, d − overhang − stop distance) for the commanded forward
+/// After any events: `v·t_r + v²/(2a)` ≤ max(0, d − overhang − stop distance) for the commanded forward
 /// speed v, the blind speed without an echo; backward the reverse speed, and driven by velocity only
 /// what stops within the reverse distance.
 // Requirement: WIRE-obstacle-1, WIRE-obstacle-2, WIRE-obstacle-3, WIRE-obstacle-4

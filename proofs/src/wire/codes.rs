@@ -105,7 +105,7 @@ pub fn gyro_code_is_nearest(angle: i64) -> Seen {
     let back = i64::from(code.unwrap_or_default()) << 8;
     let missing = (angle.wrapping_sub(back) << 24) >> 24;
     let beside_none = code == Some(i32::MIN + 1);
-    assert!(-128 <= missing && missing < 128 || beside_none && (-384..-128).contains(&missing));
+    assert!((-128..128).contains(&missing) || beside_none && (-384..-128).contains(&missing));
     Seen::NOTHING
         .case(0, missing == -128)
         .case(1, beside_none && missing < -128)

@@ -183,29 +183,22 @@ pub const fn report_is_right(mode: Mode, context: &Context, frame: &Frame) -> bo
 pub fn command_says(mode: Mode, frame: &Frame, command: &Command) -> bool {
     let table = table(mode);
     let default = Command::default();
-    let driven = match table.double {
-        Some(at) => {
-            command.percent.0 == double(frame, at)
-                && command.expected == default.expected
-                && !command.apply
-        }
-        None => {
-            let carried = if table.gyro.is_some() {
-                command.velocity.forward == long(frame, table.position)
-                    && command.velocity.yaw_rate == long(frame, table.position + 4)
-                    && command.expected == default.expected
-                    && !command.apply
-            } else {
-                command.expected == pose(frame, table.position)
-                    && command.apply == (frame[table.position + 8] >> 7 == 1)
-            };
-            command.percent == default.percent && carried
-        }
+    let driven = if let Some(at) = table.double {
+        command.percent.0 == double(frame, at)
+            && command.expected == default.expected
+            && !command.apply
+    } else if table.gyro.is_some() {
+        command.velocity.forward == long(frame, table.position)
+            && command.velocity.yaw_rate == long(frame, table.position + 4)
+            && command.percent == default.percent
+            && command.expected == default.expected
+            && !command.apply
+    } else {
+        command.expected == pose(frame, table.position)
+            && command.percent == default.percent
+            && command.apply == (frame[table.position + 8] >> 7 == 1)
     };
-    let sweep = match table.bearing {
-        Some(at) => word(frame, at),
-        None => 0,
-    };
+    let sweep = table.bearing.map_or(0, |at| word(frame, at));
     let guard = if table.guarded {
         let order = match frame[5] {
             0 => Order::None,

@@ -139,7 +139,7 @@ fn sweep_keeps_commanded_width_and_every_sensor_cycle() {
     ] {
         let all = triggers(sweep, servo);
         let (first, last) = (all[0].1, all[all.len() - 1].1);
-        assert_eq!(all.len() as u32, (last - first) / 2 + 1, "every 20 ms");
+        assert_eq!(all.len(), (last - first) as usize / 2 + 1, "every 20 ms");
         assert!(all.windows(2).all(|two| two[0].0 != two[1].0));
         let bearings = || all.iter().map(|trigger| trigger.2);
         let (low, high) = (
