@@ -16,6 +16,7 @@ use host_link::snapshot;
 use mapper::{Grid, Localiser, LocaliserConfig, Mount, Observation, Pose2, PoseEstimate};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use std::collections::VecDeque;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
@@ -113,7 +114,8 @@ pub struct Drive {
     pub stops: u32,
 }
 
-/// Drives by the plan until it is done. `watch` gets every valid report.
+/// Drives by the plan until it is done, or until `watch`, which gets every valid report, breaks off what
+/// then counts as complete.
 ///
 /// # Errors
 /// [`Error::WrongMode`] in a mode that does not carry a velocity; those of [`Session::exchange`];
@@ -122,7 +124,7 @@ pub fn drive(
     session: &mut Session<'_>,
     localisation: &mut Localisation,
     plan: &mut impl Plan,
-    mut watch: impl FnMut(&Step<'_>),
+    mut watch: impl FnMut(&Step<'_>) -> ControlFlow<()>,
 ) -> Result<Drive, Error> {
     let mode = session.config().mode();
     if !mode.has(Field::Velocity) {
@@ -161,12 +163,16 @@ pub fn drive(
         let action = plan.step(grid, &status);
         localisation.busy += begun.elapsed();
         let targets = plan.targets();
-        watch(&Step {
+        let step = Step {
             sample,
             estimate,
             grid,
             targets,
-        });
+        };
+        let action = match watch(&step) {
+            ControlFlow::Continue(()) => action,
+            ControlFlow::Break(()) => Action::Done(Outcome::Complete),
+        };
         request = match action {
             Action::Drive(velocity) => CommandRequest {
                 velocity: Some(velocity_request(velocity)),
@@ -187,6 +193,30 @@ pub fn drive(
             }
         };
     }
+}
+
+/// Explores until the robot knows where it stands on a saved map. `watch` gets every valid report.
+///
+/// # Errors
+/// Those of [`drive`].
+pub fn locate(
+    session: &mut Session<'_>,
+    on_map: &mut Localiser,
+    mut watch: impl FnMut(&Step<'_>),
+) -> Result<Drive, Error> {
+    let config = session.config();
+    let cell_mm = on_map.grid().cell_mm();
+    let around = Localiser::new(localiser_config(config, cell_mm));
+    let mut around = Localisation::new(around, config, cell_mm);
+    let mut plan = Explorer::new(navigator_config(config));
+    drive(session, &mut around, &mut plan, |step| {
+        watch(step);
+        on_map.observe(&observation(&step.sample));
+        if on_map.is_located() {
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    })
 }
 
 /// Faults that a plan answers by another way.

@@ -3,17 +3,18 @@
 use fw_core::eeprom::{Image, fields};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, State};
-use host_link::board_io::Interrupt;
+use host_link::board_io::{BoardIo, Interrupt};
 use host_link::error::Error;
 use host_link::mock_board::{Shared, mock_board};
 use host_link::session::{RATE_HZ, Session};
-use mapper::Localiser;
-use navigator::{Explorer, Outcome};
+use mapper::{Localiser, Point, Pose2, ros};
+use navigator::{Explorer, GoTo, Outcome};
 use pilot::exploring::{self, Drive, Localisation};
 use plant::kinematic::{KinematicRobot, VelocityInput};
 use plant::{Imperfections, Room};
 use std::cell::RefCell;
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 use std::rc::Rc;
 
 /// A room of 2.4 m by 1.8 m with a box in a corner, for the robot that starts in its middle.
@@ -23,7 +24,7 @@ fn room() -> Room {
         .with_wall(1200.0, -900.0, 1200.0, 900.0)
         .with_wall(1200.0, 900.0, -1200.0, 900.0)
         .with_wall(-1200.0, 900.0, -1200.0, -900.0)
-        .with_box(&plant::Pose2::new(950.0, 700.0, 0.0), 500.0, 400.0)
+        .with_box(&Pose2::new(950.0, 700.0, 0.0), 500.0, 400.0)
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the wire's ranges
@@ -45,22 +46,17 @@ fn report_of(robot: &KinematicRobot, report: &mut Report) {
     report.obstacle_limited = sample.obstacle_limited;
 }
 
-/// Explores the room. `trouble` may change each command's report, and gets the number of the frame.
-/// Returns what came of it, the robot, and all commands.
-fn explore(
+/// A board whose robot drives in the room from `start`. `trouble` may change each command's report, and
+/// gets the number of the frame.
+fn rig(
+    start: Pose2,
     mut trouble: impl FnMut(usize, &Command, &mut Report, &Interrupt) + 'static,
-) -> (
-    Result<Drive, Error>,
-    Localisation,
-    Rc<RefCell<KinematicRobot>>,
-    Shared,
-) {
-    let robot = KinematicRobot::new(room(), room().start, Imperfections::default(), 3);
+) -> (Rc<RefCell<KinematicRobot>>, Shared, BoardIo) {
+    let robot = KinematicRobot::new(room(), start, Imperfections::default(), 3);
     let robot = Rc::new(RefCell::new(robot));
     let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
-    let (board, mut io) = mock_board(&image, None);
-    let (driven, mut frames) = (Rc::clone(&robot), 0);
-    let interrupt = io.interrupt.clone();
+    let (board, io) = mock_board(&image, None);
+    let (driven, interrupt, mut frames) = (Rc::clone(&robot), io.interrupt.clone(), 0);
     board.borrow_mut().on_command = Some(Box::new(move |command, report| {
         frames += 1;
         trouble(frames, command, report, &interrupt);
@@ -74,13 +70,20 @@ fn explore(
         driven.borrow_mut().step(0.025, velocity);
         report_of(&driven.borrow(), report);
     }));
-    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    (robot, board, io)
+}
+
+/// Explores the room.
+fn explore(io: &mut BoardIo) -> (Result<Drive, Error>, Localisation) {
+    let mut session = Session::open(io, RATE_HZ, 100).unwrap();
     let config = session.config();
     let localiser = Localiser::new(exploring::localiser_config(config, 25.0));
     let mut localisation = Localisation::new(localiser, config, 25.0);
     let mut plan = Explorer::new(exploring::navigator_config(config));
-    let driven = exploring::drive(&mut session, &mut localisation, &mut plan, |_| ());
-    (driven, localisation, robot, board)
+    let driven = exploring::drive(&mut session, &mut localisation, &mut plan, |_| {
+        ControlFlow::Continue(())
+    });
+    (driven, localisation)
 }
 
 fn ends_with_stop(board: &Shared) -> bool {
@@ -96,7 +99,7 @@ fn ends_with_stop(board: &Shared) -> bool {
 
 #[test]
 fn room_is_explored_in_spite_of_stall_and_lost_link() {
-    let (driven, localisation, robot, board) = explore(|frame, command, report, _| {
+    let (robot, board, mut io) = rig(room().start, |frame, command, report, _| {
         let latched = match frame {
             1500 => (State::Faulted, Faults::LEFT_STALLED),
             2500 => (State::Stopped, Faults::LINK_LOST),
@@ -107,6 +110,7 @@ fn room_is_explored_in_spite_of_stall_and_lost_link() {
         };
         (report.state, report.faults) = latched;
     });
+    let (driven, localisation) = explore(&mut io);
     let driven = driven.unwrap();
     assert_eq!((driven.outcome, driven.stops), (Outcome::Complete, 2));
     assert!(ends_with_stop(&board));
@@ -118,25 +122,54 @@ fn room_is_explored_in_spite_of_stall_and_lost_link() {
     let coverage = mapper::evaluation::coverage(
         localisation.localiser.grid(),
         &room().reachable_floor(),
-        &plant::Pose2::default(),
+        &Pose2::default(),
     );
     assert!(coverage > 0.95, "{coverage}");
 }
 
 #[test]
 fn interrupt_and_empty_battery_stop_the_robot() {
-    let (driven, _, _, board) = explore(|frame, _, _, interrupt| {
+    let (_, board, mut io) = rig(room().start, |frame, _, _, interrupt| {
         if frame == 300 {
             interrupt.raise();
         }
     });
+    let (driven, _) = explore(&mut io);
     assert!(matches!(driven, Err(Error::Interrupted)), "{driven:?}");
     assert!(ends_with_stop(&board));
-    let (driven, _, _, board) = explore(|frame, _, report, _| {
+    let (_, board, mut io) = rig(room().start, |frame, _, report, _| {
         if frame == 300 {
             (report.state, report.faults) = (State::Faulted, Faults::BATTERY_CUTOFF);
         }
     });
+    let (driven, _) = explore(&mut io);
     assert!(matches!(driven, Err(Error::Fault { .. })), "{driven:?}");
     assert!(ends_with_stop(&board));
+}
+
+#[test]
+fn saved_map_leads_to_a_point_from_an_unknown_start() {
+    let (_, _, mut io) = rig(room().start, |_, _, _, _| ());
+    let (driven, explored) = explore(&mut io);
+    driven.unwrap();
+    let grid = explored.localiser.grid();
+    let grid = ros::read(&ros::yaml(grid, "map.pgm"), &ros::pgm(grid)).unwrap();
+    let (robot, _, mut io) = rig(Pose2::new(-600.0, -350.0, 1.0), |_, _, _, _| ());
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let config = session.config();
+    let settings = exploring::localiser_config(config, grid.cell_mm());
+    let mut localiser = Localiser::on_map(settings, grid, None);
+    exploring::locate(&mut session, &mut localiser, |_| ()).unwrap();
+    assert!(localiser.is_located());
+    let (config, target) = (session.config(), Point::new(600.0, -400.0));
+    let mut localisation = Localisation::new(localiser, config, 25.0);
+    let mut plan = GoTo::new(exploring::navigator_config(config), target);
+    let driven = exploring::drive(&mut session, &mut localisation, &mut plan, |_| {
+        ControlFlow::Continue(())
+    });
+    assert_eq!(driven.unwrap().outcome, Outcome::Complete);
+    let end = robot.borrow().true_pose();
+    let off_mm = end.position().distance_mm(target);
+    assert!(off_mm < 150.0, "{end:?} is {off_mm} mm from {target:?}");
+    assert!(robot.borrow().collisions().is_empty());
 }

@@ -2,6 +2,7 @@
 //! the robot never sees.
 
 use std::error::Error;
+use std::ops::ControlFlow;
 
 use host_link::board_io::BoardIo;
 use host_link::session::{Session, RATE_HZ};
@@ -86,6 +87,7 @@ pub fn explore(
         raw.push(observation.odometry);
         times_s.push(observation.time_s);
         watch(step);
+        ControlFlow::Continue(())
     });
     let link = session.statistics();
     Ok(Exploration {

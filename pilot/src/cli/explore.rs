@@ -2,6 +2,7 @@
 
 use super::args::{Explore, Goto};
 use super::connection::{Connection, Context};
+use super::output::Output;
 use super::prompt;
 use fw_core::eeprom::fields;
 use fw_core::wire::{Field, Mode};
@@ -15,6 +16,7 @@ use navigator::{Explorer, GoTo, Outcome};
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
 use serde::Serialize;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Cells of the map, mm.
@@ -64,7 +66,16 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let mut session = context.open_session(&mut connection.io)?;
         let config = session.config();
         let settings = exploring::localiser_config(config, grid.cell_mm());
-        let localiser = Localiser::on_map(settings, grid, start);
+        let mut localiser = Localiser::on_map(settings, grid, start);
+        if !localiser.is_located() {
+            let located = exploring::locate(&mut session, &mut localiser, live(context.output));
+            context.output.end_live();
+            complete(&located?, "the robot is not found on the map")?;
+            if !localiser.is_located() {
+                return Err(Error::Usage("what is around does not fit the map: give --start".into()));
+            }
+        }
+        let config = session.config();
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
         let mut plan = GoTo::new(exploring::navigator_config(config), target);
         let driven = drive(&mut session, &mut localisation, &mut plan, context)?;
@@ -90,15 +101,24 @@ fn drive(
     plan: &mut impl Plan,
     context: Context<'_>,
 ) -> Result<Drive, Error> {
-    let (output, mut frames) = (context.output, 0);
+    let mut show = live(context.output);
     let driven = exploring::drive(session, localisation, plan, |step| {
+        show(step);
+        ControlFlow::Continue(())
+    });
+    context.output.end_live();
+    driven
+}
+
+/// Shows a live line now and then.
+fn live(output: Output) -> impl FnMut(&Step<'_>) {
+    let mut frames = 0;
+    move |step| {
         frames += 1;
         if output.is_live() && frames % LIVE_FRAMES == 0 {
             output.live(&line(step));
         }
-    });
-    output.end_live();
-    driven
+    }
 }
 
 /// An error where the plan ended early.
