@@ -163,13 +163,13 @@ pub fn drive(
         let action = plan.step(grid, &status);
         localisation.busy += begun.elapsed();
         let targets = plan.targets();
-        let step = Step {
+        let frame = Step {
             sample,
             estimate,
             grid,
             targets,
         };
-        let action = match watch(&step) {
+        let action = match watch(&frame) {
             ControlFlow::Continue(()) => action,
             ControlFlow::Break(()) => Action::Done(Outcome::Complete),
         };

@@ -183,7 +183,7 @@ fn ensure_mode(connection: &mut Connection, yes: bool, context: Context<'_>) -> 
     let wanted = Settings::from_image(&image)?.with(&wanted)?;
     let (timeout, output) = (context.board.ready_timeout, context.output);
     eeprom::program(io, wanted.image(), timeout, Some(journal), |step| {
-        output.progress(step)
+        output.progress(step);
     })?;
     output.live("");
     output.message(&format!(
