@@ -76,6 +76,9 @@ const ARROWS: [(&str, &str); 7] = [
     ("twin", "fw-core host-link pilot navigator mapper"),
 ];
 
+/// The files of the Pi's program that set up the virtual board.
+const VIRTUAL: [&str; 2] = ["pilot/src/cli/board_args.rs", "pilot/src/virtual_board.rs"];
+
 /// The dependency arrows point one way; fw-core is the same code wherever it is built.
 pub fn arrows(session: &Session) -> Result<String> {
     let mut findings = Vec::new();
@@ -92,6 +95,13 @@ pub fn arrows(session: &Session) -> Result<String> {
                 .split(' ')
                 .filter(|name| built.contains_key(*name));
             findings.extend(wrong.map(|name| format!("{from} depends on {name}")));
+        }
+    }
+    // With the feature `virtual` all of the Pi's program could reach the room: its files that do.
+    for (name, source) in session.rust_files()? {
+        let plant = source.contains("plant::") || source.contains("twin::");
+        if plant && name.starts_with("pilot/src/") && !VIRTUAL.contains(&name.as_str()) {
+            findings.push(format!("{name} sees the virtual room"));
         }
     }
     let direct = built_of(session, "--package fw-core --depth 1")?;
