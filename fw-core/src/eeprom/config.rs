@@ -204,13 +204,14 @@ impl Config {
 
     /// Of raw values within their ranges.
     fn of_checked(raw: &impl Fn(&'static Field) -> u64) -> Self {
+        let raw = |field: &Field| raw_at(raw, field.index);
         let flag = |field| raw(field) != 0;
         let word = |field| raw(field) as u16;
         let micrometres = |field| Micrometres(raw(field) as u32);
         let turns = |field| Turns((raw(field) as u32) << 16);
         let millivolts = |field| Volts(U16F16::from_bits(((raw(field) as u32) << 16) / 1000));
         let duty = |field| Duty::saturating(i32::from(word(field)));
-        let real = |field| Binary64(raw(field)).to_fixed().unwrap_or_default();
+        let real = |field| real(raw(field));
         let gains = |p, i, d, anti_windup| Gains {
             p: Gain(real(p)),
             i: Gain(real(i)),
@@ -440,6 +441,18 @@ impl Config {
     pub const fn velocity_limits(&self) -> &VelocityLimits {
         &self.velocity_limits
     }
+}
+
+/// The raw value of the field at an index: a number takes less code at each call than an address.
+#[inline(never)]
+fn raw_at(raw: &impl Fn(&'static Field) -> u64, index: u8) -> u64 {
+    FIELDS.get(usize::from(index)).map_or(0, raw)
+}
+
+/// A checked number.
+#[inline(never)]
+fn real(bits: u64) -> I32F32 {
+    Binary64(bits).to_fixed().unwrap_or_default()
 }
 
 /// The raw value of a field; on an `original` image the first board's platform.
