@@ -281,8 +281,7 @@ impl<const N: usize> Log<N> {
     /// What all lines share stays out of line: it would be repeated at every place that says one.
     #[inline]
     pub fn line(&mut self, level: Level, write: impl FnOnce(&mut Line)) {
-        let mut line = Line::new();
-        self.begin(level, &mut line);
+        let mut line = self.begin(level);
         write(&mut line);
         self.end(&mut line);
     }
@@ -296,8 +295,10 @@ impl<const N: usize> Log<N> {
     }
 
     #[inline(never)]
-    fn begin(&mut self, level: Level, line: &mut Line) {
+    fn begin(&mut self, level: Level) -> Line {
+        let mut line = Line::new();
         line.header(level, self.take_number());
+        line
     }
 
     #[inline(never)]
