@@ -72,8 +72,17 @@ impl Motor {
         }
     }
 
-    /// The largest output this wheel can follow, 2⁻¹⁶ %.
-    fn max_output(&self) -> i32 {
+    /// Counts per duty, any unit, at least 1.
+    #[inline(never)]
+    fn gain(&self) -> u32 {
+        let (response, excitation) = (self.response.max(0), self.excitation.max(1));
+        ratio(response.unsigned_abs(), excitation.unsigned_abs()).max(1)
+    }
+
+    /// Scales this wheel by its gain and the other's; the largest output it can follow then, 2⁻¹⁶ %.
+    #[inline(never)]
+    fn balance(&mut self, own: u32, other: u32) -> i32 {
+        self.gain_balance = ratio(other.into(), own.into()).clamp(1 << 14, 1 << 16) as i32;
         // At most 100 % · 4. The headroom is below 2²³ and not negative, so nine more bits fit a 32-bit
         // division; the seven bits left out are 0.002 %.
         let balance = self.gain_balance.max(1 << 14) as u32;
@@ -149,19 +158,11 @@ impl Mixer {
     }
 
     fn balance(&mut self) {
-        let gain = |motor: &Motor| {
-            let (response, excitation) = (motor.response.max(0), motor.excitation.max(1));
-            ratio(response.unsigned_abs(), excitation.unsigned_abs()).max(1)
-        };
-        let (left, right) = (gain(&self.left), gain(&self.right));
-        let balance =
-            |own: u32, other: u32| ratio(other.into(), own.into()).clamp(1 << 14, 1 << 16) as i32;
-        self.left.gain_balance = balance(left, right);
-        self.right.gain_balance = balance(right, left);
+        let (left, right) = (self.left.gain(), self.right.gain());
         self.max_output = self
             .left
-            .max_output()
-            .min(self.right.max_output())
+            .balance(left, right)
+            .min(self.right.balance(right, left))
             .min(100 * PERCENT);
     }
 

@@ -368,16 +368,18 @@ impl PoseController {
 /// and half of what the stronger motor needs for it.
 fn distance_per_speed(config: &Config) -> i32 {
     let gains = config.forward();
-    // 2⁻³² % per mm a tick.
-    let half_need = |wheel: &Wheel| {
-        let full_duty = 10_000 - u64::from(wheel.dead_zone.hundredths().unsigned_abs());
-        div_rem(full_duty << 31, wheel.full_speed_mm_s.into()).0
-    };
     let need = half_need(config.left()).min(half_need(config.right()));
     let damping = gains.d.value().to_bits().unsigned_abs() + need;
     // A hundredth of a tick's way, 2⁻¹⁶.
     let p = gains.p.value().to_bits().unsigned_abs() * 100;
     div_rem(damping << 16, p).0.min(1 << 24) as i32
+}
+
+/// Half the duty that a wheel needs for 1 mm a tick, 2⁻³² %.
+#[inline(never)]
+fn half_need(wheel: &Wheel) -> u64 {
+    let full_duty = 10_000 - u64::from(wheel.dead_zone.hundredths().unsigned_abs());
+    div_rem(full_duty << 31, wheel.full_speed_mm_s.into()).0
 }
 
 /// `distance`, cut to ±[`MAX_ERROR`], times 1 − |`heading_error`| / `gate`; 0 beyond the gate.

@@ -115,6 +115,7 @@ impl WheelSpeed {
         self.lag[1].abs() < SLOW
     }
 
+    #[inline(never)]
     fn reset(&mut self) {
         self.pi.reset();
         self.lag = [0; 2];

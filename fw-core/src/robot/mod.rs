@@ -118,10 +118,11 @@ impl Robot {
     /// A configured robot, standing, its pose zero: `first` is where the counters stand now.
     // Requirement: DOC-3.2-1
     pub fn new(config: &Config, first: TickInput) -> Self {
+        let quantity = MeasuredQuantity::of(config.mode());
         let sweeps = config.mode() == Mode::GuardedSweep;
         let by_velocity = config.mode() == Mode::GuardedVelocity;
         Self {
-            quantity: MeasuredQuantity::of(config.mode()),
+            quantity,
             // Requirement: DOC-5.2-1, WIRE-ready-2
             link: StmLink::new(config.link_setup()),
             // Requirement: WIRE-platform-8
@@ -129,8 +130,7 @@ impl Robot {
             odometry: Odometry::new(config, first.left, first.right),
             delta: Delta::default(),
             // Requirement: WIRE-platform-7
-            gyro_enabled: config.gyro()
-                && MeasuredQuantity::of(config.mode()) == MeasuredQuantity::Pose,
+            gyro_enabled: config.gyro() && quantity == MeasuredQuantity::Pose,
             slip_monitor: SlipMonitor::new(),
             controller: PoseController::new(config),
             velocity_controller: VelocityController::new(config),

@@ -266,6 +266,8 @@ impl Mpu6050 {
         GyroReading::Rate(i16::from_be_bytes(word))
     }
 
+    // One copy in flash.
+    #[inline(never)]
     fn lost(&mut self, error: DeviceError) -> GyroReading {
         self.stage = Stage::Wait(self.pause);
         self.pause = (self.pause * 2).min(MAX_PAUSE);

@@ -24,7 +24,8 @@ impl PoseCode {
     }
 
     /// The pose, to the nearest 2⁻³² mm; the rotation exactly.
-    #[inline]
+    // One copy in flash.
+    #[inline(never)]
     pub fn to_pose(&self) -> Pose {
         Pose {
             x: length(self.x),
@@ -36,7 +37,7 @@ impl PoseCode {
 
 /// Millimetres × 1000, nearest (a tie goes up), saturating.
 // Requirement: DOC-5.1.1-2, WIRE-code-1
-#[inline]
+#[inline(never)]
 fn length_code(length: Millimetres) -> i32 {
     let bits = length.0.to_bits();
     // Whole and fractional millimetres apart: both products stay far inside 64 bits.
@@ -52,7 +53,7 @@ fn length_code(length: Millimetres) -> i32 {
 }
 
 /// Code / 1000 in millimetres, to the nearest 2⁻³² mm, without a 64-bit division.
-#[inline]
+#[inline(never)]
 fn length(code: i32) -> Millimetres {
     // code · 2³² / 1000 = code · 2²⁹ / 125; 125 goes k times into code, leaving r, and
     // 2²⁹ / 125 = 4 294 967 + 37 / 125.
