@@ -150,13 +150,20 @@ macro_rules! modes {
         ) -> Result<Command, FrameError> {
             let mut reader = FrameReader::new(frame, overflow_len);
             let mut command = Command::default();
-            match mode {
-                $($(Mode::$mode)|+ => {
-                    $($strategy::parse_command(&mut reader, context, &mut command)
-                        .map_err(|error| error.of(Field::$strategy))?;)*
-                })*
-            }
-            Ok(command)
+            // One exit for every error of every chain.
+            let (error, field) = 'failed: {
+                match mode {
+                    $($(Mode::$mode)|+ => {
+                        $(if let Err(error) =
+                            $strategy::parse_command(&mut reader, context, &mut command)
+                        {
+                            break 'failed (error, Field::$strategy);
+                        })*
+                    })*
+                }
+                return Ok(command);
+            };
+            Err(error.of(field, frame.len(), overflow_len))
         }
 
         /// On the Pi: the report in a frame of the STM. `overflow_len` bytes were clocked after
@@ -176,7 +183,7 @@ macro_rules! modes {
             match mode {
                 $($(Mode::$mode)|+ => {
                     $($strategy::parse_report(&mut reader, context, &mut report)
-                        .map_err(|error| error.of(Field::$strategy))?;)*
+                        .map_err(|error| error.of(Field::$strategy, frame.len(), overflow_len))?;)*
                 })*
             }
             Ok(report)

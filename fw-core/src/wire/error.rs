@@ -15,28 +15,93 @@ pub struct FrameError {
     pub reason: Reason,
 }
 
-/// A strategy's error: a [`FrameError`] before the chain adds which strategy it is.
+/// A strategy's error: a [`FrameError`] before the chain adds which strategy it is. Its parts are numbers,
+/// so that every exit of a chain sets registers; [`Self::of`] makes the reason of them, in one place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldError {
     offset: u16,
-    reason: Reason,
+    kind: Kind,
+    /// The reason's numbers, in their order.
+    numbers: (u16, u16),
+}
+
+/// The variants of [`Reason`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Short,
+    Long,
+    Key,
+    NotFinite,
+    PercentOutOfRange,
+    Cell,
+    Stale,
+    UnknownState,
+    UnknownOrder,
+    Reserved,
+    Crc,
 }
 
 impl FieldError {
+    /// Bytes left need not be right: [`Self::of`] counts them.
     #[inline]
     pub(super) const fn new(offset: usize, reason: Reason) -> Self {
+        let (kind, numbers) = match reason {
+            Reason::Short { needed, .. } => (Kind::Short, (needed, 0)),
+            Reason::Long { .. } => (Kind::Long, (0, 0)),
+            Reason::Key { expected, found } => (Kind::Key, (expected as u16, found as u16)),
+            Reason::NotFinite => (Kind::NotFinite, (0, 0)),
+            Reason::PercentOutOfRange => (Kind::PercentOutOfRange, (0, 0)),
+            Reason::Cell { cells, found } => (Kind::Cell, (cells as u16, found as u16)),
+            Reason::Stale { last, found } => (Kind::Stale, (last as u16, found as u16)),
+            Reason::UnknownState(found) => (Kind::UnknownState, (found as u16, 0)),
+            Reason::UnknownOrder(found) => (Kind::UnknownOrder, (found as u16, 0)),
+            Reason::Reserved(found) => (Kind::Reserved, (found, 0)),
+            Reason::Crc { expected, found } => (Kind::Crc, (expected, found)),
+        };
         Self {
             offset: saturating(offset),
-            reason,
+            kind,
+            numbers,
         }
     }
 
-    #[inline]
-    pub(super) const fn of(self, field: Field) -> FrameError {
+    /// Of a frame with `len` bytes in its buffer and `overflow_len` beyond: they say how many were left.
+    #[cold]
+    #[inline(never)]
+    pub(super) const fn of(self, field: Field, len: usize, overflow_len: usize) -> FrameError {
+        let (first, second) = self.numbers;
+        let left = len.saturating_sub(self.offset as usize);
+        let (expected, found) = (first as u8, second as u8);
         FrameError {
             field,
             offset: self.offset,
-            reason: self.reason,
+            reason: match self.kind {
+                Kind::Short => Reason::Short {
+                    needed: first,
+                    left: saturating(left),
+                },
+                Kind::Long => Reason::Long {
+                    left: saturating(left.saturating_add(overflow_len)),
+                },
+                Kind::Key => Reason::Key { expected, found },
+                Kind::NotFinite => Reason::NotFinite,
+                Kind::PercentOutOfRange => Reason::PercentOutOfRange,
+                Kind::Cell => Reason::Cell {
+                    cells: expected,
+                    found,
+                },
+                Kind::Stale => Reason::Stale {
+                    last: expected,
+                    found,
+                },
+                Kind::UnknownState => Reason::UnknownState(expected),
+                Kind::UnknownOrder => Reason::UnknownOrder(expected),
+                Kind::Reserved => Reason::Reserved(first),
+                Kind::Crc => Reason::Crc {
+                    expected: first,
+                    found: second,
+                },
+            },
         }
     }
 }

@@ -132,12 +132,8 @@ impl<'a> FrameReader<'a> {
 
     #[inline]
     const fn short(&self, needed: usize) -> FieldError {
-        let left = self.frame.len().saturating_sub(self.offset);
-        let reason = Reason::Short {
-            needed: saturating(needed),
-            left: saturating(left),
-        };
-        FieldError::new(self.offset, reason)
+        let needed = saturating(needed);
+        FieldError::new(self.offset, Reason::Short { needed, left: 0 })
     }
 }
 
