@@ -145,7 +145,7 @@ impl Disturbance {
         }
     }
 
-    /// Puts `frame` on the wires at a random clock and set-up time, [`GAP_NS`] after the one before.
+    /// Puts `frame` on the wires at a random clock and set-up time, the guaranteed gap after the one before.
     ///
     /// # Panics
     /// Never: bytes are bits.

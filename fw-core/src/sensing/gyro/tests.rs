@@ -346,3 +346,27 @@ fn reading_is_converted_to_the_nearest_turn() {
         }
     }
 }
+
+// Requirement: WIRE-gyro-2
+#[test]
+fn angle_starts_with_first_bias_and_keeps_its_past() {
+    let degrees = |sim: &Simulation| sim.gyro.angle().unwrap() as f64 / 4_294_967_296.0 * 360.0;
+    let mut sim = Simulation::new();
+    sim.scale = 1.0;
+    sim.run(83, 0.0, 0.0);
+    assert_eq!(sim.gyro.angle(), None);
+    sim.run(1, 0.0, 0.0);
+    assert!(degrees(&sim).abs() < 0.2);
+    sim.run(400, 1.0, 1.0);
+    let turned = degrees(&sim);
+    assert!((turned - 400.0).abs() < 0.5, "{turned}");
+    // The rest under another bias counts as a turn until it is known, and is not taken back then.
+    sim.bias += 2.0;
+    sim.run(60, 0.0, 0.0);
+    let before = degrees(&sim);
+    assert!((before - turned - 1.2).abs() < 0.2, "{before}");
+    sim.run(60, 0.0, 0.0);
+    let known = degrees(&sim);
+    sim.run(100, 0.0, 0.0);
+    assert!(known - turned > 1.0 && (degrees(&sim) - known).abs() < 0.1);
+}
