@@ -4,6 +4,8 @@
 use std::error::Error;
 use std::ops::ControlFlow;
 
+use fw_core::eeprom::{fields, Field};
+use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
 use host_link::session::{Session, RATE_HZ};
 use host_link::statistics::LinkStatistics;
@@ -30,6 +32,12 @@ pub const TOLERANCE_MM: f64 = 100.0;
 pub const PI_RATIO: f64 = 18.0;
 /// How long READY may take, milliseconds.
 const READY_MS: u32 = 1_000;
+
+/// Changes of a configuration that exploring needs: its mode, and the gyro on.
+pub const CHANGES: [(&Field, u64); 2] = [
+    (fields::MODE, Mode::GuardedVelocity as u64),
+    (fields::GYRO, 1),
+];
 
 /// A virtual robot at the start of a room, its world as imperfect as the seed says.
 #[must_use]

@@ -1,5 +1,6 @@
 //! The true poses at the ticks whose reports arrive.
 
+use geometry::wrap_angle;
 use host_link::pose::Pose;
 use twin::plant::Pose2;
 use twin::trace::EventKind;
@@ -11,12 +12,15 @@ use crate::test_board::TIM5_CCR1;
 /// and the frame. A later tick is not in the reply yet.
 const NEAREST_NS: u64 = 80_000;
 
+/// Ticks that a reply may be of: those of two frames.
+const TICKS: usize = 6;
+
 /// Looks up the truth for every report.
 pub struct TruthTrack {
     /// When the robot's ticks were, the latest last.
     ticks: Vec<u64>,
     /// The latest reported pose, and the true one at its tick.
-    latest: Option<(Pose, Pose2)>,
+    latest: Option<(Pose2, Pose2)>,
 }
 
 impl TruthTrack {
@@ -28,30 +32,43 @@ impl TruthTrack {
     }
 
     /// For the reply of a frame that has just ended: the true pose at the tick that the reported pose is
-    /// of, and the one of now, in the room's frame. The tick is the one before the frame, its pose the one
-    /// of now, rolled back by the wheels' speeds; a reply that repeats the one before, because the status
-    /// changed after it was armed (docs/interfaces.md), is of the same tick.
+    /// of, and the one of now, in the room's frame. The tick is mostly the one before the frame; a reply
+    /// that was not refreshed, because the status changed after it was armed (docs/interfaces.md), is of an
+    /// earlier one: the one since whose pose the robot moved most nearly as it reports.
     pub fn sample(&mut self, board: &Board, reported: Pose) -> [Pose2; 2] {
+        let reported = Pose2::new(
+            reported.x_mm,
+            reported.y_mm,
+            reported.rotation_deg.to_radians(),
+        );
         let events = board.take_events();
         let ticks = events.iter().filter(
             |event| matches!(event.kind, EventKind::Write { address, .. } if address == TIM5_CCR1),
         );
         self.ticks.extend(ticks.map(|event| event.at_ns));
         let now = board.truth();
-        let recent = self.ticks.iter().rev().take(4);
-        let age_ns = recent
-            .map(|tick| now.at_ns - tick)
-            .find(|age| *age >= NEAREST_NS)
-            .unwrap_or(0);
-        #[allow(clippy::cast_precision_loss)] // some ten milliseconds
-        let back_s = -(age_ns as f64) / 1e9;
-        let turned = now.wheel_deg_s.map(|speed| speed * back_s);
-        let then = board.world(move |world| {
-            let chassis = world.params().chassis;
-            chassis.roll(&world.pose(), chassis.travel(turned))
+        let chassis = board.world(|world| world.params().chassis);
+        let recent = self.ticks.iter().rev().take(TICKS);
+        let ages_ns = recent.map(|tick| now.at_ns - tick);
+        let then = ages_ns.filter(|age| *age >= NEAREST_NS).map(|age_ns| {
+            #[allow(clippy::cast_precision_loss)] // some ten milliseconds
+            let back_s = -(age_ns as f64) / 1e9;
+            // Rolled back by the wheels' speeds.
+            let turned = now.wheel_deg_s.map(|speed| speed * back_s);
+            chassis.roll(&now.pose, chassis.travel(turned))
         });
-        let repeated = self.latest.filter(|(pose, _)| *pose == reported);
-        let then = repeated.map_or(then, |(_, then)| then);
+        let mismatch = |then: &Pose2| {
+            self.latest.map_or(0.0, |(reported_before, before)| {
+                let [is, was] = [
+                    reported.relative_to(&reported_before),
+                    then.relative_to(&before),
+                ];
+                let turn = wrap_angle(is.heading_rad - was.heading_rad).abs();
+                is.distance_mm(&was) + turn * chassis.track_mm / 2.0
+            })
+        };
+        let nearest = then.min_by(|a, b| mismatch(a).total_cmp(&mismatch(b)));
+        let then = nearest.unwrap_or(now.pose);
         self.latest = Some((reported, then));
         [then, now.pose]
     }

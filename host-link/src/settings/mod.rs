@@ -52,14 +52,12 @@ impl Settings {
         Self::from_image(&Image::FIRST_BOARD)
     }
 
-    /// The sample to start from: the first board's in Guarded Velocity, which serves every command, with
-    /// the gyro on.
+    /// The sample to start from: the first board's in Guarded Normal.
     ///
     /// # Errors
     /// None.
     pub fn sample() -> Result<Self, Error> {
-        let mode = Mode::GuardedVelocity.code().into();
-        Self::first_board()?.with(&[(fields::MODE, mode), (fields::GYRO, 1)])
+        Self::first_board()?.with(&[(fields::MODE, Mode::GuardedNormal.code().into())])
     }
 
     /// What an image holds. One of layout 1 is converted.

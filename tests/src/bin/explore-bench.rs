@@ -89,7 +89,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn explore(elf: &[u8], seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
     let room = room::generate(seed);
     let mut options = exploration::options(&room, Imperfections::default(), seed);
-    options.eeprom = Some(Settings::sample()?.image().0.to_vec());
+    let settings = Settings::sample()?.with(&exploration::CHANGES)?;
+    options.eeprom = Some(settings.image().0.to_vec());
     let board = Board::new(elf, options)?;
     let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
     let run = exploration::explore(&mut io, &board, |_| ())?;

@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use fw_core::eeprom::Field;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom;
 use host_link::settings::Settings;
@@ -69,15 +70,15 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
     let room = Room::two_rooms();
 
     println!("1/4  boot with a blank EEPROM");
-    let (world, kind) = if arguments.tour {
-        (Imperfections::none(), "tour")
+    let (world, kind, changes) = if arguments.tour {
+        (Imperfections::none(), "tour", &[][..])
     } else {
-        (Imperfections::default(), "demo")
+        (Imperfections::default(), "demo", &exploration::CHANGES[..])
     };
     let (board, stack) = boot_blank(&elf, exploration::options(&room, world, arguments.seed))?;
     println!("2/4  write {CONFIGURATION} to the EEPROM");
     let mut machine = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
-    let reset_to_ready_ms = configure(&mut machine)?;
+    let reset_to_ready_ms = configure(&mut machine, changes)?;
     let mut report = if arguments.tour {
         println!("3/4  drive through {} way-points", room.tour.len());
         tour::run(&mut machine, &board, &room, out)?
@@ -136,12 +137,12 @@ fn boot_blank(elf: &[u8], options: Options) -> Result<(Board, Stack), Box<dyn Er
     Ok((board, stack))
 }
 
-/// Writes the sample configuration as `robot eeprom write` does; milliseconds to READY.
-fn configure(machine: &mut BoardIo) -> Result<u32, Box<dyn Error>> {
+/// Writes the sample configuration with these changes, as `robot eeprom write` does; milliseconds to READY.
+fn configure(machine: &mut BoardIo, changes: &[(&Field, u64)]) -> Result<u32, Box<dyn Error>> {
     let settings = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("..")
         .join(CONFIGURATION);
-    let settings = Settings::load(&settings)?;
+    let settings = Settings::load(&settings)?.with(changes)?;
     let programmed = eeprom::program(machine, settings.image(), READY_MS, None, |_| {})?;
     println!(
         "     {} bytes in {} bursts, READY after {} ms",
