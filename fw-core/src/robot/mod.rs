@@ -11,6 +11,7 @@
 mod event_log;
 mod io;
 mod link_stats;
+mod ranging;
 mod reply;
 mod slip_monitor;
 mod supervisor;
@@ -25,8 +26,7 @@ use crate::motion::{
     DriveMonitor, ObstacleLimit, Odometry, PoseController, StopDeadline, VelocityController,
 };
 use crate::sensing::battery::MAX_CELLS;
-use crate::sensing::{Battery, Echo, EchoStats, Rangefinders, Reading, ServoScan};
-use crate::sensing::{Calibration, Thermometer};
+use crate::sensing::{Battery, Calibration, Rangefinders, ServoScan, Thermometer};
 use crate::types::{
     Delta, Duty, Faults, Micros, MotorCommand, MotorCommands, Pose, RangefinderId, Velocity,
 };
@@ -220,36 +220,6 @@ impl Robot {
         }
     }
 
-    /// The servo's pulse and the rangefinder to trigger. Without frames, or where a fault has
-    /// stopped it: the servo rests.
-    // Requirement: WIRE-servo-1
-    fn update_ranging(&mut self, now: Micros) -> (Option<u16>, Option<RangefinderId>) {
-        let live = self.supervisor.link_alive(now) && self.supervisor.state() != State::Faulted;
-        let servo = self.servo_scan.tick(live);
-        if self.servo_scan.is_off() {
-            self.rangefinders.invalidate();
-        }
-        let trigger = self.rangefinders.tick(
-            now,
-            self.servo_scan.settled_bearing(),
-            self.servo_scan.is_scanning(),
-        );
-        if trigger == Some(RangefinderId::Front) {
-            self.servo_scan.triggered();
-        }
-        (servo, trigger)
-    }
-
-    /// A measurement of the front rangefinder that has ended.
-    fn update_obstacle(&mut self) {
-        let Reading { echo, bearing } = self.rangefinders.reading(RangefinderId::Front);
-        match echo {
-            Echo::Distance(distance) => self.obstacle.on_range(bearing, Some(distance)),
-            Echo::OutOfRange | Echo::Missing => self.obstacle.on_range(bearing, None),
-            Echo::NotMeasured | Echo::TimedOut => {}
-        }
-    }
-
     /// Stopped: a later resume drives to the target from rest, and in the tuning modes and by velocity
     /// nowhere until the next command.
     // Requirement: WIRE-deadline-5
@@ -401,25 +371,6 @@ impl Robot {
         });
     }
 
-    /// An echo of the rangefinder triggered last: both edges on the robot's clock.
-    pub fn on_echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
-        self.rangefinders.echo(which, rise, fall);
-        self.update_range(which);
-    }
-
-    /// The factory's words for the temperature sensor; without them sound is taken at 343 m/s.
-    pub fn calibrate(&mut self, calibration: Calibration) {
-        self.thermometer = Thermometer::new(calibration);
-    }
-
-    /// The words of the chip's temperature sensor and of its voltage reference, once a second or so:
-    /// how fast sound travels from now on.
-    pub fn on_temperature(&mut self, sensor: u16, reference: u16, log: &mut Log) {
-        let air = self.thermometer.read(sensor, reference);
-        self.rangefinders.set_temperature(air);
-        self.event_log.temperature(air, log);
-    }
-
     /// Latches faults that the registers found.
     #[inline]
     pub fn raise(&mut self, faults: Faults, log: &mut Log) {
@@ -458,11 +409,6 @@ impl Robot {
     // Requirement: DOC-1-1
     pub const fn pose(&self) -> Pose {
         self.odometry.pose()
-    }
-
-    /// How a rangefinder's triggers ended so far.
-    pub fn stats(&self, which: RangefinderId) -> EchoStats {
-        self.rangefinders.stats(which)
     }
 
     /// The link's counters.
