@@ -14,7 +14,10 @@ pub struct Pose {
     pub heading: Turns,
 }
 
-// Without a branch between the parts, which the compiler would merge into a call of `memcmp`.
+#[allow(
+    clippy::needless_bitwise_bool,
+    reason = "the compiler would merge lazy comparisons into a call of `memcmp`"
+)]
 impl PartialEq for Pose {
     fn eq(&self, other: &Self) -> bool {
         (self.x == other.x) & (self.y == other.y) & (self.heading == other.heading)

@@ -68,6 +68,10 @@ impl FieldError {
     /// Of a frame with `len` bytes in its buffer and `overflow_len` beyond: they say how many were left.
     #[cold]
     #[inline(never)]
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "as wide as the number it was made of"
+    )]
     pub(super) const fn of(self, field: Field, len: usize, overflow_len: usize) -> FrameError {
         let (first, second) = self.numbers;
         let left = len.saturating_sub(self.offset as usize);
