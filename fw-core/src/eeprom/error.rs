@@ -99,7 +99,7 @@ impl Accepted {
                 line.int(min.into()).text(" to ").int(max.into());
             }
             Self::RealRange { min, max } => {
-                line.fixed(min, 1).text(" to ").fixed(max, 1);
+                line.fixed(*min, 1).text(" to ").fixed(*max, 1);
             }
         }
     }

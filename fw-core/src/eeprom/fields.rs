@@ -16,14 +16,14 @@ const SWITCH: Accepted = int(0, 1);
 /// degree or sample is full duty at the smallest error there is.
 // Requirement: WIRE-refused-4
 const GAIN: Accepted = Accepted::RealRange {
-    min: I32F32::ZERO,
-    max: I32F32::lit("10000"),
+    min: &I32F32::ZERO,
+    max: &I32F32::lit("10000"),
 };
 /// No microcontroller's ADC measures more than 10 V; less than 100 mV is noise.
 // Requirement: DOC-6.0.3-1, WIRE-refused-6
 const ADC_VOLTS: Accepted = Accepted::RealRange {
-    min: I32F32::lit("0.1"),
-    max: I32F32::lit("10"),
+    min: &I32F32::lit("0.1"),
+    max: &I32F32::lit("10"),
 };
 /// Larger than any divider for a battery needs; times a 16-bit word still far inside 64 bits.
 const UPPER: Accepted = int(0, 10_000_000);
