@@ -1,0 +1,199 @@
+//! Mode 0x30 on the virtual board: tracking, obstacle stop, silence, the gyro's angle, the sweep.
+
+use fw_core::eeprom::{fields, Config, Field, Image};
+use fw_core::types::{Faults, Velocity};
+use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, PiLink, Report, State, MAX_FRAME};
+use host_link::snapshot::distance_mm;
+use robot_tests::test_board::Rig;
+use twin::plant::{GyroParams, Room};
+use twin::Options;
+
+/// A robot in mode 0x30, and the Pi's end of its link.
+struct Driven {
+    rig: Rig,
+    pi: PiLink,
+    last: Report,
+}
+
+/// Forward speed in mm/s and yaw rate in degrees/s.
+type Speeds = (f64, f64);
+
+const STAND: Speeds = (0.0, 0.0);
+/// On an open floor the blind speed is the limit.
+const FAST_BLIND: (&Field, u64) = (fields::BLIND_SPEED, 300);
+
+impl Driven {
+    fn new(room: Room, changes: &[(&Field, u64)]) -> Self {
+        let mut image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+        for &(field, raw) in changes {
+            image = image.with(field, raw);
+        }
+        let config = Config::decode(&image).expect("accepted");
+        let rig = Rig::ready(Options {
+            eeprom: Some(image.0.to_vec()),
+            room,
+            mpu: (image.get(fields::GYRO) != 0).then(GyroParams::default),
+            ..Options::default()
+        });
+        Self {
+            rig,
+            pi: PiLink::new(config.link_setup()),
+            last: Report::default(),
+        }
+    }
+
+    /// Frames at 40 Hz for so many milliseconds.
+    #[allow(clippy::cast_possible_truncation, reason = "as saturates")]
+    fn drive(&mut self, (forward, yaw): Speeds, sweep: u16, ms: u32) -> Vec<Report> {
+        let command = Command {
+            velocity: Velocity {
+                forward: (forward * 1000.0) as i32,
+                yaw_rate: (yaw / 360.0 * 4_294_967_296.0) as i32,
+            },
+            sweep,
+            ..Command::default()
+        };
+        let exchange = |_| {
+            let mut frame = [0; MAX_FRAME];
+            let len = self.pi.send(&command, &mut frame);
+            self.last = self
+                .pi
+                .receive(&self.rig.frame(&frame[..len]))
+                .expect("a valid reply");
+            self.rig.run_us(25_000 - 60);
+            self.last
+        };
+        (0..ms / 25).map(exchange).collect()
+    }
+
+    /// Mean true speeds over so many milliseconds.
+    fn measured(&mut self, speeds: Speeds, ms: u32) -> Speeds {
+        let before = self.rig.truth();
+        self.drive(speeds, 0, ms);
+        let after = self.rig.truth();
+        let seconds = f64::from(ms) / 1000.0;
+        let turned = (after.pose.heading_rad - before.pose.heading_rad).to_degrees();
+        let turned = (turned + 180.0).rem_euclid(360.0) - 180.0;
+        ((after.path_mm - before.path_mm) / seconds, turned / seconds)
+    }
+}
+
+fn wall(x_mm: f64) -> Room {
+    Room::default().with_wall(x_mm, -1000.0, x_mm, 1000.0)
+}
+
+// Requirement: WIRE-velocity-1, WIRE-velocity-4, WIRE-velocity-6
+#[test]
+fn velocity_tracks_within_five_percent_and_zero_holds() {
+    let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
+    for (forward, yaw) in [
+        (100.0, 0.0),
+        (40.0, 0.0),
+        (60.0, 20.0),
+        (60.0, -20.0),
+        (20.0, 30.0),
+    ] {
+        robot.drive((forward, yaw), 0, 2000);
+        let (speed, rate) = robot.measured((forward, yaw), 2000);
+        assert!((speed / forward - 1.0).abs() <= 0.05, "{speed} mm/s");
+        let rate_error = (rate - yaw).abs();
+        assert!(rate_error <= 0.05 * yaw.abs() + 0.5, "{rate} deg/s");
+        assert_eq!(robot.last.state, State::Moving);
+    }
+    robot.drive(STAND, 0, 1000);
+    let (speed, rate) = robot.measured(STAND, 1000);
+    assert!(speed < 0.01 && rate.abs() < 0.01, "{speed} {rate}");
+    assert_eq!(
+        (robot.last.state, robot.last.clipped),
+        (State::Ready, false)
+    );
+    robot.rig.assert_modelled();
+}
+
+// Requirement: WIRE-obstacle-1, WIRE-obstacle-6, WIRE-status-7
+#[test]
+fn obstacle_stops_before_wall_until_way_is_free() {
+    let mut robot = Driven::new(wall(1000.0), &[]);
+    let reports = robot.drive((120.0, 0.0), 0, 15_000);
+    assert_eq!(robot.rig.truth().collisions, 0);
+    // Overhang and stop distance, and 1 % of the speed of sound.
+    let ahead = distance_mm(robot.last.ranges[0]).expect("an echo");
+    assert!((168.0..200.0).contains(&ahead), "{ahead} mm");
+    assert!(robot.last.obstacle_limited && robot.last.faults.is_empty());
+    assert!(!reports[100].obstacle_limited, "far from it");
+    robot.drive((-50.0, 0.0), 0, 2000);
+    assert!(!robot.last.obstacle_limited);
+    let log = robot.rig.log();
+    assert!(
+        log.contains("obstacle: speed limited") && log.contains("obstacle: way free"),
+        "{log}"
+    );
+}
+
+// Requirement: WIRE-deadline-1
+#[test]
+fn velocity_silence_brakes_within_deadline() {
+    let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
+    robot.drive((100.0, 0.0), 0, 2000);
+    robot.rig.run_us(200_000);
+    assert!(!robot.rig.motors_off());
+    robot.rig.run_us(35_000);
+    assert!(robot.rig.motors_off());
+    robot.drive((100.0, 0.0), 0, 1000);
+    assert_eq!(robot.last.state, State::Stopped);
+    assert!(robot.last.faults.intersects(Faults::LINK_LOST) && robot.rig.motors_off());
+}
+
+// Requirement: WIRE-velocity-3, WIRE-velocity-5, WIRE-status-7
+#[test]
+fn velocity_beyond_limits_is_reported_as_clipped() {
+    let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
+    robot.drive((80.0, 0.0), 0, 2000);
+    assert!(!robot.last.clipped);
+    robot.drive((1000.0, 20.0), 0, 3000);
+    assert!(robot.last.clipped);
+    let (_, rate) = robot.measured((1000.0, 20.0), 2000);
+    assert!((rate - 20.0).abs() < 1.5, "the yaw rate is kept: {rate}");
+}
+
+// Requirement: WIRE-gyro-2, WIRE-gyro-3
+#[test]
+fn gyro_angle_counts_turns_from_first_bias() {
+    let mut robot = Driven::new(Room::default(), &[(fields::GYRO, 1)]);
+    robot.drive(STAND, 0, 100);
+    assert_eq!(robot.last.gyro, GyroCode::NONE);
+    robot.drive(STAND, 0, 2500);
+    let before = robot.rig.truth().pose.heading_rad;
+    assert!(robot.last.gyro.angle().expect("a bias").abs() < 1 << 12);
+    robot.drive((0.0, 60.0), 0, 10_000);
+    robot.drive(STAND, 0, 1500);
+    let turned = f64::from(robot.last.gyro.angle().expect("a bias")) / 16_777_216.0;
+    let truth = (robot.rig.truth().pose.heading_rad - before) / std::f64::consts::TAU;
+    let error = (turned - truth + 0.5).rem_euclid(1.0) - 0.5;
+    // More than one turn, 3 % of scale.
+    assert!(turned > 1.4 && error.abs() < 0.06, "{turned} turns");
+
+    let mut blank = Driven::new(Room::default(), &[]);
+    blank.drive(STAND, 0, 2500);
+    assert_eq!(blank.last.gyro, GyroCode::NONE);
+}
+
+// Requirement: WIRE-sweep-1
+#[test]
+fn sweep_keeps_its_width_and_every_sensor_measures() {
+    let room = wall(600.0)
+        .with_wall(-500.0, 400.0, 600.0, 400.0)
+        .with_wall(-500.0, -400.0, 600.0, -400.0);
+    let mut robot = Driven::new(room, &[(fields::SERVO, 1)]);
+    for (sweep, degrees) in [(0x1555, 30.0), (0, 0.0), (0xFFFF, 90.0)] {
+        robot.drive(STAND, sweep, 1500);
+        let reports = robot.drive(STAND, sweep, 4000);
+        let bearings = || reports.iter().map(|report| report.bearing.cast_signed());
+        for (end, expected) in [(bearings().min(), -degrees), (bearings().max(), degrees)] {
+            let end = f64::from(end.expect("reports")) / 65_536.0 * 360.0;
+            assert!((end - expected).abs() < 0.3, "{end} of {expected} degrees");
+        }
+        let mut sides = reports.iter().flat_map(|report| &report.ranges[1..]);
+        assert!(sides.all(|range| *range != DistanceCode::NONE));
+    }
+}
