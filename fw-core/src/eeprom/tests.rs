@@ -361,7 +361,7 @@ fn ends(field: &Field) -> (Vec<u64>, Vec<u64>) {
             ];
             let beyond = [bits(min - step), bits(max + step)];
             let outside = special.map(f64::to_bits).into_iter().chain(beyond);
-            (std::vec![bits(min), bits(max)], outside.collect())
+            (std::vec![bits(*min), bits(*max)], outside.collect())
         }
         Accepted::Mode => {
             let known: Vec<u64> = Mode::ALL.iter().map(|mode| mode.code().into()).collect();
