@@ -276,7 +276,7 @@ pub fn logged_counts(log: &str) -> (usize, usize) {
             counts.0 += 1;
         } else if text.ends_with(" more frames rejected") {
             counts.0 += number().unwrap_or(0);
-        } else if text.ends_with(" frames lost: not read before the next one") {
+        } else if text.ends_with(" frames lost: not read in time") {
             counts.1 += number().unwrap_or(0);
         }
     }

@@ -177,7 +177,7 @@ fn gyro_one_second_slip_keeps_heading_within_1_degree() {
     assert!((bias + 3.7).abs() < 0.05, "{log}");
     let of = |what: &str| log.find(what).unwrap_or_else(|| panic!("{what}\n{log}"));
     assert!(of("gyro: bias") < of("gyro: agrees"));
-    assert!(of("gyro: agrees") < of("slip: the heading follows the gyro"));
+    assert!(of("gyro: agrees") < of("slip: heading by the gyro"));
     assert!(of("slip: ") < of("slip over: heading corrected by"));
     assert!(!without.log().contains("slip") && !without.log().contains("gyro"));
     with.rig.assert_modelled();

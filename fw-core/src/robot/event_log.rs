@@ -88,7 +88,7 @@ impl EventLog {
                     .text(" deg C");
             }
             None => {
-                line.text("no temperature: speed of sound 343 m/s assumed");
+                line.text("no temperature: sound at 343 m/s");
             }
         });
     }

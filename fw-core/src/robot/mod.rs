@@ -367,7 +367,7 @@ impl Robot {
         self.supervisor.raise(Faults::FRAME_REJECTED);
         log.line(Level::Warn, |line| {
             line.int(frames.into())
-                .text(" frames lost: not read before the next one");
+                .text(" frames lost: not read in time");
         });
     }
 

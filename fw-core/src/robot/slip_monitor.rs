@@ -103,7 +103,7 @@ fn log_event(event: Event, log: &mut Log) {
                 .decimal(gyro::hundredths(bias).into(), 2)
                 .text(" deg/s"),
             Event::Trusted => line.text("gyro: agrees with the wheels"),
-            Event::SlipStarted => line.text("slip: the heading follows the gyro"),
+            Event::SlipStarted => line.text("slip: heading by the gyro"),
             Event::SlipEnded(added) => line
                 .text("slip over: heading corrected by ")
                 .decimal((added >> 8).saturating_mul(36_000) >> 24, 2)

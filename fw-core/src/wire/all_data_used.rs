@@ -2,7 +2,7 @@
 //! chain.
 
 use super::error::{FieldError, Reason};
-use super::strategy::{saturating, Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::{Command, Report};
 
 /// Accepts only the end of the frame.
@@ -12,13 +12,11 @@ pub struct AllDataUsed;
 // Requirement: DOC-5.1.5-1
 #[inline]
 fn parse(reader: &FrameReader<'_>) -> Result<(), FieldError> {
-    match reader.remaining() {
-        0 => Ok(()),
-        left => {
-            let left = saturating(left);
-            Err(reader.error(0, Reason::Long { left }))
-        }
+    if reader.remaining() == 0 {
+        return Ok(());
     }
+    // The chain counts what is left.
+    Err(reader.error(0, Reason::Long { left: 0 }))
 }
 
 impl Strategy for AllDataUsed {

@@ -191,7 +191,7 @@ fn rangefinder_is_silent_after_three_misses() {
 fn temperature_is_logged_when_known_and_when_lost() {
     let mut event_log = EventLog::new(Milliseconds(0));
     let degrees = |degrees: f64| Some(I16F16::from_num(degrees));
-    let lost = Some("W: no temperature: speed of sound 343 m/s assumed");
+    let lost = Some("W: no temperature: sound at 343 m/s");
     for (air, line) in [
         (None, lost),
         (degrees(-12.4), Some("I: air at -12 deg C")),

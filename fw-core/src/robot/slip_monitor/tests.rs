@@ -173,11 +173,7 @@ fn gyro_event_is_one_line_of_its_level() {
         (Event::BiasUpdated(0), 'I', "gyro: bias 0.00 deg/s"),
         (Event::BiasUpdated(-16_768), 'I', "gyro: bias -1.00 deg/s"),
         (Event::Trusted, 'I', "gyro: agrees with the wheels"),
-        (
-            Event::SlipStarted,
-            'W',
-            "slip: the heading follows the gyro",
-        ),
+        (Event::SlipStarted, 'W', "slip: heading by the gyro"),
         (
             Event::SlipEnded(1 << 30),
             'I',
