@@ -33,10 +33,12 @@ pub const PI_RATIO: f64 = 18.0;
 /// How long READY may take, milliseconds.
 const READY_MS: u32 = 1_000;
 
-/// Changes of a configuration that exploring needs: its mode, and the gyro on.
-pub const CHANGES: [(&Field, u64); 2] = [
+/// Changes of a configuration for exploring: its mode, the gyro on, and the front sensor on its servo, which
+/// sees the slanted walls that fixed sensors miss.
+pub const CHANGES: [(&Field, u64); 3] = [
     (fields::MODE, Mode::GuardedVelocity as u64),
     (fields::GYRO, 1),
+    (fields::SERVO, 1),
 ];
 
 /// A virtual robot at the start of a room, its world as imperfect as the seed says.
