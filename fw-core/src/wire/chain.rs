@@ -107,7 +107,8 @@ macro_rules! modes {
             }
 
             /// Whether its frames carry a field.
-            #[inline]
+            #[allow(clippy::inline_always, reason = "of a field that is a constant it is a bit of a mask")]
+            #[inline(always)]
             #[must_use]
             pub const fn has(self, field: Field) -> bool {
                 match self {
