@@ -39,6 +39,8 @@ pub struct ObstacleLimit {
     reverse_way: Option<i32>,
     /// The last echo less the forward way since, 2⁻¹⁶ mm.
     ahead: Option<i32>,
+    /// The echo is newer than the limit.
+    fresh: bool,
     /// Turned since that echo, 2⁻³² turns.
     turned: i32,
     misses: u8,
@@ -80,6 +82,7 @@ impl ObstacleLimit {
             reverse_way: by_velocity
                 .then(|| (i32::from(reverse_distance_mm) - stopping as i32).max(0) * MM),
             ahead: None,
+            fresh: false,
             turned: 0,
             misses: 0,
             backward: 0,
@@ -100,6 +103,7 @@ impl ObstacleLimit {
             // Down to the next 2⁻¹⁶ mm.
             let bits = (distance.0.to_bits() >> 16).clamp(0, i32::MAX.into());
             self.ahead = Some(bits as i32);
+            self.fresh = true;
             (self.turned, self.misses) = (0, 0);
         } else {
             self.misses = self.misses.saturating_add(1);
@@ -126,8 +130,10 @@ impl ObstacleLimit {
         if self.turned.unsigned_abs() > MAX_TURN {
             self.ahead = None;
         }
+        let fresh = core::mem::take(&mut self.fresh);
         self.max_forward = match &mut self.ahead {
             None => self.blind_speed,
+            Some(_) if travel <= 0 && !fresh => self.max_forward,
             Some(ahead) => {
                 *ahead = ahead.saturating_sub(travel.max(0));
                 let room = ahead.saturating_sub(self.clearance).max(0) as u32;

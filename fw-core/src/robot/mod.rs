@@ -305,18 +305,18 @@ impl Robot {
             if !self.supervisor.halted() {
                 self.request = DriveRequest::Duty(duty);
             }
-        } else if self.link.mode().has(Field::Velocity) {
-            self.servo_scan.set_width(command.sweep);
-            // Requirement: WIRE-velocity-7
-            if command.order == Order::None && !self.supervisor.halted() {
-                self.request = DriveRequest::Velocity(command.velocity);
-            }
         } else if command.apply {
             // Requirement: WIRE-modes-2, DOC-5.1.1-4
             let known = self.request == DriveRequest::Target && command.expected == self.target;
             if !known {
                 let PoseCode { x, y, rotation } = command.expected;
                 self.set_target(x, y, rotation);
+            }
+        } else if self.link.mode().has(Field::Velocity) {
+            self.servo_scan.set_width(command.sweep);
+            // Requirement: WIRE-velocity-7
+            if command.order == Order::None && !self.supervisor.halted() {
+                self.request = DriveRequest::Velocity(command.velocity);
             }
         }
         if command.tune.voltage != 0 {
