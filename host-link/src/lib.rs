@@ -5,7 +5,8 @@
 //!
 //! ```
 //! use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-//! use fw_core::wire::Command;
+//! use fw_core::eeprom::fields;
+//! use fw_core::wire::{Command, Mode};
 //! use host_link::board_io::{erase, Clock};
 //! use host_link::link::Link;
 //! use host_link::pose::Pose;
@@ -43,7 +44,8 @@
 //! }
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let settings = Settings::load("config/first-board.toml".as_ref())?;
+//! let normal = (fields::MODE, u64::from(Mode::Normal.code()));
+//! let settings = Settings::load("config/first-board.toml".as_ref())?.with(&[normal])?;
 //! let mut link = Link::new(settings.config());
 //! let target = Pose { x_mm: 1000.0, ..Pose::default() };
 //! let command = Command { expected: target.code(), apply: true, ..Command::default() };

@@ -16,7 +16,7 @@ pub struct FrameError {
 }
 
 /// A strategy's error: a [`FrameError`] before the chain adds which strategy it is. Its parts are numbers,
-/// so that every exit of a chain sets registers; [`Self::of`] makes the reason of them, in one place.
+/// so that every exit of a chain sets registers; `of` makes the reason of them, in one place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldError {
     offset: u16,
