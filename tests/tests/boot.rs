@@ -152,7 +152,7 @@ fn boot_wrong_page_3_crc_stays_off() {
     assert!(Rig::booted(Some(image.clone())).board.is_ready());
     image[0x0310] ^= 4;
     let rig = Rig::booted(Some(image));
-    assert_stays_off(&rig, "page 0x03 address 0x34");
+    assert_stays_off(&rig, "page 0x03 address 0x4E");
 }
 
 #[test]
