@@ -123,7 +123,7 @@ impl PiEnd {
         assert_eq!(len, LEN);
         let mut clocks = 0;
         let mut ends_ns = Vec::new();
-        for step in disturbance.play(&out, &mut self.random) {
+        for step in disturbance.play(&out[..len], &mut self.random) {
             self.now_ns += step.duration();
             match &step {
                 SpiStep::Bits { mosi, .. } => clocks += mosi.len(),
