@@ -6,7 +6,7 @@ use fw_core::wire::State;
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
 use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
-use twin::plant::Sides;
+use twin::plant::{Room, Sides};
 use twin::{Board, Options, ResetSource};
 
 fn driving() -> Rig {
@@ -151,9 +151,12 @@ fn empty_battery_stops_for_good() {
 fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
     let image = Image::FIRST_BOARD
         .with(fields::BATTERY_WARN, warn_mv)
-        .with(fields::BATTERY_CUTOFF, cutoff_mv);
+        .with(fields::BATTERY_CUTOFF, cutoff_mv)
+        // At full speed: the load that drains it.
+        .with(fields::BLIND_SPEED, 2000);
     let mut options = Options {
         eeprom: Some(image.0.to_vec()),
+        room: Room::default(),
         ..Options::default()
     };
     options.params.battery.capacity_ah = 0.004;
@@ -173,7 +176,8 @@ fn lowest(rig: &Rig) -> f64 {
 fn battery_warns_and_cuts_off_at_configured_voltages() {
     let (warn, cutoff) = (3.75, 3.65);
     let rig = on_its_last_charge(3750, 3650);
-    let go = normal_frame(3_000_000, 0, 0, true);
+    // Farther than the charge lasts.
+    let go = normal_frame(30_000_000, 0, 0, true);
     let (mut below_warn, mut below_cutoff) = (0, 0);
     while !rig.motors_off() || rig.now_us() < 200_000 {
         let _ = rig.keep_sending(&go, 25_000);
