@@ -18,8 +18,6 @@ use twin::Board;
 
 /// Rooms at a time.
 const THREADS: usize = 2;
-/// The Pi's SPI clock, hertz.
-const SPI_HZ: u32 = 8_000_000;
 
 /// Explores generated rooms and prints a table.
 #[derive(Parser)]
@@ -92,7 +90,7 @@ fn explore(elf: &[u8], seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
     let settings = Settings::sample()?.with(&exploration::CHANGES)?;
     options.eeprom = Some(settings.image().0.to_vec());
     let board = Board::new(elf, options)?;
-    let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+    let mut io = virtual_board::board_io(&board, exploration::SPI_HZ, Interrupt::new());
     let run = exploration::explore(&mut io, &board, |_| ())?;
     if let Err(error) = &run.drive {
         eprintln!("seed {seed} ended early: {error}");

@@ -32,10 +32,6 @@ use twin::{Board, Options};
 const CONFIGURATION: &str = "host-link/config/first-board.toml";
 /// How long READY must stay low with a blank EEPROM, microseconds.
 const REFUSAL_US: u64 = 1_000_000;
-/// How long READY may take after the configuration is written, milliseconds.
-const READY_MS: u32 = 1_000;
-/// The Pi's SPI clock, hertz.
-const SPI_HZ: u32 = 8_000_000;
 
 /// Explores the default room on the virtual board and writes map, trajectory and report.
 #[derive(Parser)]
@@ -77,7 +73,7 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
     };
     let (board, stack) = boot_blank(&elf, exploration::options(&room, world, arguments.seed))?;
     println!("2/4  write {CONFIGURATION} to the EEPROM");
-    let mut machine = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+    let mut machine = virtual_board::board_io(&board, exploration::SPI_HZ, Interrupt::new());
     let reset_to_ready_ms = configure(&mut machine, changes)?;
     let mut report = if arguments.tour {
         println!("3/4  drive through {} way-points", room.tour.len());
@@ -143,7 +139,13 @@ fn configure(machine: &mut BoardIo, changes: &[(&Field, u64)]) -> Result<u32, Bo
         .join("..")
         .join(CONFIGURATION);
     let settings = Settings::load(&settings)?.with(changes)?;
-    let programmed = eeprom::program(machine, settings.image(), READY_MS, None, |_| {})?;
+    let programmed = eeprom::program(
+        machine,
+        settings.image(),
+        exploration::READY_MS,
+        None,
+        |_| {},
+    )?;
     println!(
         "     {} bytes in {} bursts, READY after {} ms",
         programmed.bytes, programmed.bursts, programmed.ready_ms

@@ -9,13 +9,13 @@ use host_link::pose::Pose;
 use host_link::session::{Session, RATE_HZ};
 use mapper::{map_iou, map_plot};
 use pilot::mapping::{mapper_config, Mapping, RangeSample};
-use robot_tests::exploration::{CELL_MM, TOLERANCE_MM};
+use robot_tests::exploration::{CELL_MM, READY_MS, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;
 use serde_json::{json, Value};
 use twin::plant::{Pose2, Room};
 use twin::Board;
 
-use super::{Timer, READY_MS};
+use super::Timer;
 
 /// Drives the tour; leaves the map and the trajectory in `out`; returns the figures.
 pub fn run(

@@ -227,11 +227,6 @@ impl KinematicRobot {
         self.path_mm
     }
 
-    /// The true wheels and track.
-    pub fn true_chassis(&self) -> &Chassis {
-        &self.actual
-    }
-
     /// The collisions so far.
     pub fn collisions(&self) -> &[Collision] {
         &self.collision.collisions
