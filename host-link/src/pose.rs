@@ -1,11 +1,11 @@
 //! Poses as the Pi computes with them: millimetres and degrees in f64, and the wire's codes.
 
 use fw_core::wire::PoseCode;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A pose on the Pi. The document gives the axes: x ahead, y to the left of where the robot stood
 /// when it was switched on, rotation counter-clockwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Millimetres.
     pub x_mm: f64,

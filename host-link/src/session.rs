@@ -222,11 +222,11 @@ impl<'m> Session<'m> {
         self.io.log.read_new()
     }
 
-    /// Reads the STM's log for the counters of its end: [`Snapshot::stm`]. A failure ends the reading and
-    /// is kept in [`Self::log_error`].
-    pub fn poll_log(&mut self) {
+    /// Reads the STM's log for the counters of its end, [`Snapshot::stm`], and returns the bytes read. A
+    /// failure ends the reading and is kept in [`Self::log_error`].
+    pub fn poll_log(&mut self) -> Vec<u8> {
         if self.log_error.is_some() {
-            return;
+            return Vec::new();
         }
         match self.io.log.read_new() {
             Ok(bytes) => {
@@ -235,8 +235,12 @@ impl<'m> Session<'m> {
                         self.snapshot.stm = Some(link);
                     }
                 }
+                bytes
             }
-            Err(why) => self.log_error = Some(why.to_string()),
+            Err(why) => {
+                self.log_error = Some(why.to_string());
+                Vec::new()
+            }
         }
     }
 

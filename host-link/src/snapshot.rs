@@ -4,19 +4,23 @@ use crate::pose::Pose;
 use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{DistanceCode, Field, GyroCode, Mode, Report};
-use serde::Serialize;
+use fw_core::wire::{DistanceCode, Field, GyroCode, Mode, Report, State};
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// A name out of a table of this program.
+type Name = &'static str;
 
 /// Full scale of a distance code, millimetres (document, 5.1.4).
 const FULL_SCALE_MM: f64 = 2500.0;
 
 /// The latest of everything. Fields the mode does not carry stay empty.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// Microseconds on the board's clock, of the latest valid frame.
     pub time_us: u64,
     /// The mode's name.
-    pub mode: &'static str,
+    #[serde(deserialize_with = "mode_name")]
+    pub mode: Name,
     /// The reported pose.
     pub pose: Option<Pose>,
     /// Tuning modes: rotation in degrees or displacement in millimetres.
@@ -36,8 +40,10 @@ pub struct Snapshot {
     /// Guarded modes: the commanded velocity was beyond a limit.
     pub clipped: bool,
     /// Guarded modes.
-    pub state: Option<&'static str>,
+    #[serde(deserialize_with = "state_name")]
+    pub state: Option<Name>,
     /// Guarded modes: names of the latched faults.
+    #[serde(deserialize_with = "known_faults")]
     pub faults: Vec<&'static str>,
     /// The link's counters at this end.
     pub link: LinkStatistics,
@@ -118,10 +124,55 @@ pub fn fault_names(faults: Faults) -> Vec<&'static str> {
     faults.iter().map(|fault| fault.name).collect()
 }
 
+fn mode_name<'de, D: Deserializer<'de>>(value: D) -> Result<&'static str, D::Error> {
+    let name = String::deserialize(value)?;
+    let known = Mode::ALL.iter().map(|mode| mode.name());
+    Ok(known
+        .into_iter()
+        .find(|&known| known == name)
+        .unwrap_or("unknown"))
+}
+
+fn state_name<'de, D: Deserializer<'de>>(value: D) -> Result<Option<&'static str>, D::Error> {
+    let name = Option::<String>::deserialize(value)?;
+    let known = (0..=u8::MAX).filter_map(State::from_code).map(State::name);
+    Ok(name.map(|name| {
+        known
+            .clone()
+            .find(|&known| known == name)
+            .unwrap_or("unknown")
+    }))
+}
+
+/// The faults that this program knows.
+fn known_faults<'de, D: Deserializer<'de>>(value: D) -> Result<Vec<&'static str>, D::Error> {
+    let names = Vec::<String>::deserialize(value)?;
+    let known = Faults::TABLE.iter().map(|fault| fault.name);
+    Ok(known
+        .filter(|known| names.iter().any(|name| name == known))
+        .collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use fw_core::eeprom::{fields, Image};
+
+    #[test]
+    fn snapshot_as_json_reads_back() {
+        let mode = Mode::GuardedVelocity.code().into();
+        let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
+        let mut snapshot = Snapshot::new(&config);
+        let report = Report {
+            state: State::Faulted,
+            faults: Faults::SLIP | Faults::LEFT_STALLED,
+            ..Report::default()
+        };
+        snapshot.update(7, &report, LinkStatistics::default());
+        snapshot.kind = Mode::default();
+        let json = serde_json::to_string(&snapshot).unwrap();
+        assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
+    }
 
     // Requirement: WIRE-gyro-1
     #[test]

@@ -1,7 +1,8 @@
 //! What each end counts of the frames it receives.
 
 use fw_core::wire::{Cause, LinkCounters};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::HashMap;
 
 /// Rejected frames by cause. As JSON an object of those that occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,8 +47,16 @@ impl Serialize for RejectCounts {
     }
 }
 
+impl<'de> Deserialize<'de> for RejectCounts {
+    fn deserialize<D: Deserializer<'de>>(value: D) -> Result<Self, D::Error> {
+        let by_name = HashMap::<String, u32>::deserialize(value)?;
+        let count = |cause: Cause| by_name.get(cause.name()).copied().unwrap_or_default();
+        Ok(Self(Cause::ALL.map(count)))
+    }
+}
+
 /// The Pi's end: replies of the STM since the session began.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkStatistics {
     /// Frames exchanged.
     pub frames: u64,
@@ -75,7 +84,7 @@ pub struct LinkStatistics {
 }
 
 /// The STM's end, from its log: frames of the Pi since the STM's reset.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StmStatistics {
     /// Frames that arrived.
     pub frames: u32,
@@ -109,6 +118,7 @@ mod tests {
         causes.set(Cause::Short, u32::MAX);
         let json = serde_json::to_string(&causes).unwrap();
         assert_eq!(json, r#"{"short":4294967295,"crc":3}"#);
+        assert_eq!(serde_json::from_str::<RejectCounts>(&json).unwrap(), causes);
         assert_eq!(causes.total(), u32::MAX);
     }
 }

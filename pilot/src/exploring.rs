@@ -134,11 +134,10 @@ pub fn drive(
         });
     }
     session.resume()?;
-    let begun_us = session.now_us();
+    let mut runner = PlanRunner::new(session.now_us());
     let moving = StopOnDrop::new(session);
     let session = &mut *moving.session;
-    let (mut request, mut stops) = (CommandRequest::default(), Stops::default());
-    let mut speed = SpeedMeter::default();
+    let mut request = CommandRequest::default();
     loop {
         let Some(report) = session.exchange(&request)? else {
             continue;
@@ -146,21 +145,10 @@ pub fn drive(
         let Some(sample) = RangeSample::of(session.snapshot()) else {
             continue;
         };
-        let time_s = seconds(sample.time_us.saturating_sub(begun_us));
-        let stop = stops.update(&report, time_s)?;
         let estimate = localisation.observe(&sample);
         let begun = ThreadTime::now();
-        let status = Status {
-            time_s,
-            estimate,
-            speed_mm_s: speed.update(time_s, sample.pose),
-            ranges_mm: sample.ranges_mm,
-            front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
-            obstacle_limited: session.snapshot().obstacle_limited,
-            stop,
-        };
         let grid = localisation.localiser.grid();
-        let action = plan.step(grid, &status);
+        let next = runner.step(plan, grid, estimate, &sample, &report)?;
         localisation.busy += begun.elapsed();
         let targets = plan.targets();
         let frame = Step {
@@ -169,29 +157,79 @@ pub fn drive(
             grid,
             targets,
         };
-        let action = match watch(&frame) {
-            ControlFlow::Continue(()) => action,
-            ControlFlow::Break(()) => Action::Done(Outcome::Complete),
+        let watched = watch(&frame);
+        request = match (next, watched) {
+            (ControlFlow::Break(drive), _) => return Ok(drive),
+            (_, ControlFlow::Break(())) => return Ok(runner.end(Outcome::Complete)),
+            (ControlFlow::Continue(next), _) => next,
         };
-        request = match action {
-            Action::Drive(velocity) => CommandRequest {
+    }
+}
+
+/// Follows a plan frame by frame.
+pub struct PlanRunner {
+    begun_us: u64,
+    time_s: f64,
+    stops: Stops,
+    speed: SpeedMeter,
+}
+
+impl PlanRunner {
+    /// Begins at this time on the board's clock, microseconds.
+    pub fn new(begun_us: u64) -> Self {
+        Self {
+            begun_us,
+            time_s: 0.0,
+            stops: Stops::default(),
+            speed: SpeedMeter::default(),
+        }
+    }
+
+    /// Takes a valid report with its sample, the estimate and the map that it led to; what to send next, or
+    /// how the drive ended.
+    ///
+    /// # Errors
+    /// [`Error::Fault`] on a fault that no plan can answer.
+    pub fn step(
+        &mut self,
+        plan: &mut (impl Plan + ?Sized),
+        grid: &Grid,
+        estimate: PoseEstimate,
+        sample: &RangeSample,
+        report: &Report,
+    ) -> Result<ControlFlow<Drive, CommandRequest>, Error> {
+        self.time_s = seconds(sample.time_us.saturating_sub(self.begun_us));
+        let status = Status {
+            time_s: self.time_s,
+            estimate,
+            speed_mm_s: self.speed.update(self.time_s, sample.pose),
+            ranges_mm: sample.ranges_mm,
+            front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
+            obstacle_limited: report.obstacle_limited,
+            stop: self.stops.update(report, self.time_s)?,
+        };
+        Ok(match plan.step(grid, &status) {
+            Action::Drive(velocity) => ControlFlow::Continue(CommandRequest {
                 velocity: Some(velocity_request(velocity)),
                 clear_faults: report.faults & Faults::SLIP,
                 ..CommandRequest::default()
-            },
-            Action::Resume => CommandRequest {
+            }),
+            Action::Resume => ControlFlow::Continue(CommandRequest {
                 order: Order::Resume,
                 clear_faults: report.faults,
                 ..CommandRequest::default()
-            },
-            Action::Done(outcome) => {
-                return Ok(Drive {
-                    outcome,
-                    seconds: time_s,
-                    stops: stops.count,
-                });
-            }
-        };
+            }),
+            Action::Done(outcome) => ControlFlow::Break(self.end(outcome)),
+        })
+    }
+
+    /// The drive up to the last report.
+    fn end(&self, outcome: Outcome) -> Drive {
+        Drive {
+            outcome,
+            seconds: self.time_s,
+            stops: self.stops.count,
+        }
     }
 }
 
