@@ -203,9 +203,9 @@ impl Board {
     /// The true state right now.
     pub fn truth(&self) -> Truth {
         self.stopped(|stopped| {
-            let at_ns = stopped.now;
+            let (at_ns, at) = (stopped.now, stopped.at());
             let McuOnBoard { chip, board } = stopped.mcu();
-            let duty = |pins| bridge::input(chip, pins).duty;
+            let duty = |pins| bridge::input(chip, at, pins).duty;
             let (pose, wheel_deg_s) = board.at(at_ns);
             Truth {
                 at_ns,

@@ -380,9 +380,10 @@ impl BoardModel {
     /// Integrates the world over the next tick with what the bridge applies now.
     fn step_world(&mut self, chip: &mut Stm32f411) {
         let start = self.next_tick;
+        let at = VirtualNanos(start);
         self.next_tick += TICK_NS;
-        let left = bridge::input(chip, pinout::LEFT_BRIDGE);
-        let right = bridge::input(chip, pinout::RIGHT_BRIDGE);
+        let left = bridge::input(chip, at, pinout::LEFT_BRIDGE);
+        let right = bridge::input(chip, at, pinout::RIGHT_BRIDGE);
         self.step_imu(start);
         let before = self.world.wheel_phase();
         self.before = Motion::of(&self.world);

@@ -61,7 +61,7 @@ pub const RIGHT_BRIDGE: BridgePins = BridgePins {
 pub struct EncoderPins {
     /// The channel that leads when the count rises, and the other one.
     pub pins: [Pin; 2],
-    /// The timer's index among TIM2 to TIM5.
+    /// The timer's index: 0 is TIM2, 1 is TIM3.
     pub timer: usize,
     /// The alternate function that connects them.
     pub function: u8,

@@ -2,33 +2,24 @@
 
 use plant::MotorInput;
 use rigless::device::Level;
+use rigless::time::VirtualNanos;
 
 use crate::pinout::BridgePins;
 use crate::soc::{Role, Stm32f411};
 
-/// TIM4's index among TIM2 to TIM5.
-const TIM4: usize = 2;
 /// The alternate function that puts TIM4 on the enables.
 const TIM4_FUNCTION: u8 = 2;
 
-/// What the firmware applies to the motor right now.
-pub fn input(chip: &Stm32f411, pins: BridgePins) -> MotorInput {
+/// What the firmware applies to the motor at `now`.
+pub fn input(chip: &Stm32f411, now: VirtualNanos, pins: BridgePins) -> MotorInput {
     let high = |pin| chip.output(pin) == Some(Level::High);
-    drive(enable(chip, pins), high(pins.in1), high(pins.in2))
+    drive(enable(chip, now, pins), high(pins.in1), high(pins.in2))
 }
 
 /// The share of the time the enable is high, 0..=1.
-fn enable(chip: &Stm32f411, pins: BridgePins) -> f64 {
+fn enable(chip: &Stm32f411, now: VirtualNanos, pins: BridgePins) -> f64 {
     match chip.role(pins.enable) {
-        Role::Function(TIM4_FUNCTION) => match chip.pulse(TIM4, pins.channel) {
-            (Some(pulse), _) if pulse.period.0 > 0 => {
-                #[expect(clippy::cast_precision_loss, reason = "a period is far below 2^53 ns")]
-                let share = pulse.width.0 as f64 / pulse.period.0 as f64;
-                share
-            }
-            (_, Some(Level::High)) => 1.0,
-            _ => 0.0,
-        },
+        Role::Function(TIM4_FUNCTION) => chip.pwm_duty(now, pins.channel).unwrap_or(0.0),
         Role::Output if chip.output(pins.enable) == Some(Level::High) => 1.0,
         // The bridge pulls an undriven input low.
         _ => 0.0,

@@ -1,8 +1,9 @@
-//! The peripherals of the STM32F411 that the emulator does not model: external interrupts, their
+//! The peripherals of the STM32F411 that the emulator does not model, or too slowly: PWM, external interrupts, their
 //! multiplexer, the SPI slave, additions to the I2C model, and the connection to the board.
 
 pub mod board_port;
 pub mod exti;
 pub mod i2c_master;
+pub mod pwm_timer;
 pub mod spi_slave;
 pub mod syscfg;

@@ -1,7 +1,6 @@
 //! The part's peripherals as seen from the board, beside its pins' levels.
 
 use rigless::device::{DeviceContext, Level, RegisterFile};
-use rigless::edge::Pulse;
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::peripherals::tim::Channel;
 use rigless::time::VirtualNanos;
@@ -10,7 +9,7 @@ use super::Stm32f411;
 use crate::peripherals::spi_slave::SpiSlave;
 
 impl Stm32f411 {
-    /// Puts `level` on the input of a channel (1 to 4) of TIM2 to TIM5 (0 to 3).
+    /// Puts `level` on the input of a channel (1 to 4) of TIM2 (0) or TIM3 (1).
     ///
     /// # Panics
     /// When there is no such channel or timer.
@@ -20,18 +19,13 @@ impl Stm32f411 {
         self.tim[nth].drive_input(channel, level, registers, &mut context);
     }
 
-    /// The pulse a channel (1 to 4) of TIM2 to TIM5 (0 to 3) puts out, and its level for an output
-    /// that repeats none.
+    /// The share of the time that a channel (1 to 4) of TIM4 is high, 0..=1; none while its output is off.
     ///
     /// # Panics
-    /// When there is no such channel or timer.
-    pub fn pulse(&self, nth: usize, channel: u8) -> (Option<Pulse>, Option<Level>) {
-        let channel = Channel::new(channel).expect("a timer has four channels");
-        let registers = self.bus.slots()[self.slots.tim[nth]].registers();
-        (
-            self.tim[nth].pulse(channel, registers),
-            self.tim[nth].output(channel, registers),
-        )
+    /// When there is no such channel.
+    pub fn pwm_duty(&self, now: VirtualNanos, channel: u8) -> Option<f64> {
+        let registers = self.bus.slots()[self.slots.pwm].registers();
+        self.pwm.duty(now, channel, registers)
     }
 
     /// The level TIM1 puts out on a channel (1 to 4); `None` while it drives none, as until its outputs'

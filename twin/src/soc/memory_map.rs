@@ -15,10 +15,9 @@ use crate::peripherals::{board_port, spi_slave};
 use crate::pin::PORTS;
 
 /// The general-purpose timers `rigless` models, in the order of [`super::Stm32f411::tim`].
-pub const TIMERS: [(&str, tim::Counter); 4] = [
+pub const TIMERS: [(&str, tim::Counter); 3] = [
     ("TIM2", tim::Counter::Wide),
     ("TIM3", tim::Counter::Narrow),
-    ("TIM4", tim::Counter::Narrow),
     ("TIM5", tim::Counter::Wide),
 ];
 
@@ -237,7 +236,7 @@ pub fn bus() -> Result<Bus, Error> {
         .into_iter()
         .chain(I2C)
         .chain(TIMERS.map(|(name, _)| name))
-        .chain(["TIM1", "FLASH", "DWT", "IWDG", "C_ADC", "ADC1"])
+        .chain(["TIM1", "TIM4", "FLASH", "DWT", "IWDG", "C_ADC", "ADC1"])
     {
         let clock: Clock = reference
             .clock_of(instance)
@@ -268,7 +267,9 @@ fn corrections(mut builder: Builder) -> Builder {
         // Section 13.4.12: ARR resets to all ones.
         builder = builder.reset(timer, "ARR", counter.mask());
     }
-    builder = builder.reset("TIM1", "ARR", 0xFFFF);
+    for timer in ["TIM1", "TIM4"] {
+        builder = builder.reset(timer, "ARR", 0xFFFF);
+    }
     for interface in I2C {
         // Section 18.6.6: the error flags are rc_w0.
         builder = builder.write_modify(interface, "SR1", WriteModify::ZeroToClear);

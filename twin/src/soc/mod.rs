@@ -28,6 +28,7 @@ use rigless::time::VirtualNanos;
 use crate::peripherals::board_port::{BoardPort, PinChange};
 use crate::peripherals::exti::Exti;
 use crate::peripherals::i2c_master::I2cPeripheral;
+use crate::peripherals::pwm_timer::PwmTimer;
 use crate::peripherals::spi_slave::SpiSlave;
 use crate::peripherals::syscfg::Syscfg;
 use crate::pin::PORTS;
@@ -48,6 +49,7 @@ enum Model {
     AdcCommon,
     Tim(usize),
     Tim1,
+    Pwm,
     Dma(usize),
     Rtc,
     Dbg,
@@ -78,8 +80,10 @@ pub struct Stm32f411 {
     pub adc: Adc,
     /// Its common block.
     pub adc_common: AdcCommon,
-    /// TIM2 to TIM5.
+    /// TIM2, TIM3 and TIM5.
     pub tim: [Tim<General>; memory_map::TIMERS.len()],
+    /// TIM4.
+    pub pwm: PwmTimer,
     /// TIM1.
     pub tim1: Tim<Advanced>,
     /// DMA1 and DMA2.
@@ -110,6 +114,7 @@ struct Slots {
     gpio: [usize; PORTS.len()],
     tim: [usize; memory_map::TIMERS.len()],
     tim1: usize,
+    pwm: usize,
     i2c1: usize,
     usart1: usize,
     dma1: usize,
@@ -136,6 +141,7 @@ impl Stm32f411 {
             gpio: [0; PORTS.len()],
             tim: [0; memory_map::TIMERS.len()],
             tim1: wire("TIM1", Model::Tim1)?,
+            pwm: wire("TIM4", Model::Pwm)?,
             i2c1: 0,
             usart1: wire("USART1", Model::Usart(0))?,
             dma1: wire("DMA1", Model::Dma(0))?,
@@ -183,6 +189,7 @@ impl Stm32f411 {
             adc: Adc::with_clock(RESET_HZ / 2),
             adc_common: AdcCommon::with_clock(RESET_HZ),
             tim: memory_map::TIMERS.map(|(_, counter)| Tim::with_clock(RESET_HZ, counter)),
+            pwm: PwmTimer::with_clock(RESET_HZ),
             tim1: Tim::with_clock(RESET_HZ, Counter::Narrow).breaks_on("RCC", rcc::CLOCK_FAILURE),
             dma: [
                 Dma::new(&memory_map::DMA1_REQUESTS, &[], false),
@@ -337,6 +344,7 @@ impl Mcu for Stm32f411 {
             Model::AdcCommon => Some(&mut self.adc_common),
             Model::Tim(nth) => Some(&mut self.tim[nth]),
             Model::Tim1 => Some(&mut self.tim1),
+            Model::Pwm => Some(&mut self.pwm),
             Model::Dma(nth) => Some(&mut self.dma[nth]),
             Model::Rtc => Some(&mut self.rtc),
             Model::Dbg => Some(&mut self.dbg),

@@ -2,6 +2,7 @@
 
 mod exti;
 mod i2c;
+mod pwm;
 mod spi;
 
 use super::*;
