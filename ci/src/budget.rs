@@ -26,21 +26,19 @@ impl Budget {
     /// bar that is missed or has no figure in the report.
     pub fn check(&self, name: &str, report: &Value) -> Result<usize> {
         let (mut bars, mut missed) = (Vec::new(), Vec::new());
-        let sections = self.0[name].as_object().into_iter().flatten();
-        for (bound, section) in sections {
+        for (bound, section) in self.0[name].as_object().into_iter().flatten() {
             let start = bars.len();
-            leaves(section, String::new(), &mut bars);
+            leaves(section, "", &mut bars);
             for (path, bar) in &bars[start..] {
                 let bar = bar.with_context(|| format!("ci/budget.toml: {path} is no number"))?;
                 let figure = figure(report, path);
-                let good = match bound.as_str() {
-                    "at_most" => figure.is_some_and(|figure| figure <= bar),
-                    "at_least" => figure.is_some_and(|figure| figure >= bar),
+                let (good, bound) = match bound.as_str() {
+                    "at_most" => (figure.is_some_and(|figure| figure <= bar), "at most"),
+                    "at_least" => (figure.is_some_and(|figure| figure >= bar), "at least"),
                     _ => bail!("ci/budget.toml: {name}.{bound} is neither at_most nor at_least"),
                 };
                 if !good {
                     let figure = figure.map_or("unknown".into(), |figure| figure.to_string());
-                    let bound = bound.replace('_', " ");
                     missed.push(format!("{path} is {figure}, the bar is {bound} {bar}"));
                 }
             }
@@ -66,48 +64,34 @@ pub fn figure(report: &Value, path: &str) -> Option<f64> {
 }
 
 /// Every figure of a section and of the tables in it, by dotted path.
-fn leaves(value: &Value, path: String, found: &mut Vec<(String, Option<f64>)>) {
+fn leaves(value: &Value, path: &str, found: &mut Vec<(String, Option<f64>)>) {
     let Some(table) = value.as_object() else {
-        return found.push((path, value.as_f64()));
+        return found.push((path.to_owned(), value.as_f64()));
     };
     for (key, value) in table {
-        let path = if path.is_empty() {
-            key.clone()
-        } else {
-            format!("{path}.{key}")
-        };
-        leaves(value, path, found);
+        let path = format!("{path}.{key}");
+        leaves(value, path.trim_start_matches('.'), found);
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bar_missed_or_unmeasured_is_named() {
-        let budget = "# bars\n[demo.at_most]\nerror_mm = 30 # of 25 m\nregisters = 0\n\
-                      [demo.at_least]\ntick.mean = 2_000\n";
-        let budget = Budget::parse(budget).unwrap();
-        let check = |name: &str, report: &str| {
-            let checked = budget.check(name, &serde_json::from_str(report).unwrap());
-            checked.map_err(|error| error.to_string())
-        };
-        let good = r#"{"error_mm": 3.5, "registers": [], "tick": {"mean": 2000}}"#;
-        assert_eq!(check("demo", good), Ok(3));
-        let bad = check(
-            "demo",
-            r#"{"error_mm": 30.5, "registers": ["TIM9"], "tick": 1}"#,
-        );
-        let expected = "tick.mean is unknown, the bar is at least 2000; error_mm is 30.5, the bar is \
-                        at most 30; registers is 1, the bar is at most 0";
-        assert_eq!(bad, Err(expected.into()));
-        assert_eq!(
-            check("figures", good),
-            Err("ci/budget.toml has no bar for figures".into())
-        );
-        assert_eq!(budget.value("demo.at_least.tick.mean").unwrap(), 2000);
-        assert!(budget.value("demo.at_least.tock").is_err());
-        assert!(Budget::parse("[a]\nb = 1\nb = 2\n").is_err());
-    }
+#[test]
+fn bar_missed_or_unmeasured_is_named() {
+    let budget = "# bars\n[demo.at_most]\nerror_mm = 30 # of 25 m\nregisters = 0\n\
+                  [demo.at_least]\ntick.mean = 2_000\n";
+    let budget = Budget::parse(budget).unwrap();
+    let check = |name: &str, report: &str| {
+        let checked = budget.check(name, &serde_json::from_str(report).unwrap());
+        checked.map_err(|error| error.to_string())
+    };
+    let good = r#"{"error_mm": 3.5, "registers": [], "tick": {"mean": 2000}}"#;
+    assert_eq!(check("demo", good), Ok(3));
+    let bad = r#"{"error_mm": 30.5, "registers": ["TIM9"], "tick": 1}"#;
+    let expected = "tick.mean is unknown, the bar is at least 2000; error_mm is 30.5, the bar is at \
+                    most 30; registers is 1, the bar is at most 0";
+    assert_eq!(check("demo", bad), Err(expected.into()));
+    let none = "ci/budget.toml has no bar for figures";
+    assert_eq!(check("figures", good), Err(none.into()));
+    assert_eq!(budget.value("demo.at_least.tick.mean").unwrap(), 2000);
+    assert!(budget.value("demo.at_least.tock").is_err());
+    assert!(Budget::parse("[a]\nb = 1\nb = 2\n").is_err());
 }

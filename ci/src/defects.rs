@@ -8,7 +8,7 @@ use serde::Deserialize;
 use xshell::Cmd;
 
 use crate::elf::{BANNED, Elf};
-use crate::error::{Context, Failure, Result, bail, ensure};
+use crate::error::{Context, Kind, Result, bail, ensure, fail};
 use crate::process::{self, pattern};
 use crate::session::Session;
 use crate::{firmware, stack};
@@ -75,20 +75,7 @@ struct Copy<'a> {
     target: PathBuf,
 }
 
-impl<'a> Copy<'a> {
-    /// Brings the copy up to date; equal files keep their time, so that cargo builds only what
-    /// changed.
-    fn new(session: &'a Session) -> Result<Self> {
-        let folder = session.target.join("defects");
-        let (root, target) = (folder.join("workspace"), folder.join("target"));
-        session.copy_to(&root)?;
-        Ok(Self {
-            session,
-            root,
-            target,
-        })
-    }
-
+impl Copy<'_> {
     /// Puts a defect in, asks who must notice, and takes it out again; what noticed it.
     fn try_one(&self, defect: &Defect) -> Result<String> {
         let (sh, file) = (&self.session.sh, self.root.join(&defect.file));
@@ -101,29 +88,24 @@ impl<'a> Copy<'a> {
 
     fn noticed(&self, defect: &Defect) -> Result<Option<String>> {
         let session = self.session;
-        let (gate, rest) = defect
-            .noticed_by
-            .split_once(' ')
-            .unwrap_or((&defect.noticed_by, ""));
-        match gate {
-            "elf" => {
+        let by = &defect.noticed_by;
+        match by.split_once(' ').unwrap_or((by, "")) {
+            ("elf", _) => {
                 let bytes = session.sh.read_binary_file(self.elf()?)?;
                 let symbols = Elf::parse(&bytes)?.symbols();
                 let found = BANNED.iter().find(|kind| !kind.among(&symbols).is_empty());
                 Ok(found.map(|kind| kind.name.to_owned()))
             }
-            "stack" => Ok(stack::bound(session, &self.elf()?)
-                .err()
-                .map(|error| error.to_string())),
-            "loop" => {
-                let tests = format!("test --release --package robot-tests --test {rest}");
-                failures(
-                    session
-                        .cargo_with_board(&tests)?
-                        .env("ROBOT_ELF", self.elf()?),
-                )
+            ("stack", _) => {
+                let bound = stack::bound(session, &self.elf()?);
+                Ok(bound.err().map(|error| error.to_string()))
             }
-            package => {
+            ("loop", rest) => {
+                let tests = format!("test --release --package robot-tests --test {rest}");
+                let tests = session.cargo_with_board(&tests)?;
+                failures(tests.env("ROBOT_ELF", self.elf()?))
+            }
+            (package, rest) => {
                 let tests = "test --locked --no-fail-fast --config profile.dev.opt-level=0";
                 let tests = format!("{tests} --package {package} --lib {rest}");
                 let _in_copy = session.sh.push_dir(&self.root);
@@ -141,7 +123,7 @@ impl<'a> Copy<'a> {
 
 /// The first test that failed, or `None` where all passed.
 fn failures(tests: Cmd<'_>) -> Result<Option<String>> {
-    let (success, text) = process::tee(tests, |_| true)?;
+    let (success, text) = process::tee(tests)?;
     let ran = pattern(r"(?m)^test result: .*\. ([1-9]\d* passed|\d+ passed; [1-9])");
     ensure!(ran.is_match(&text), "no test ran: does the defect compile?");
     let failed = pattern(r"(?m)^test (.*) \.\.\. FAILED$").captures(&text);
@@ -154,7 +136,7 @@ pub fn run(session: &Session, only: &[String]) -> Result<String> {
     let defects = all(session)?;
     let known = |name: &String| defects.iter().any(|defect| defect.name == *name);
     if let Some(unknown) = only.iter().find(|name| !known(name)) {
-        bail!(Failure::Usage(format!("no defect is called {unknown}")));
+        return fail(Kind::Usage, format!("no defect is called {unknown}"));
     }
     let chosen = |defect: &&Defect| only.is_empty() || only.contains(&defect.name);
     try_all(session, defects.iter().filter(chosen))
@@ -162,7 +144,14 @@ pub fn run(session: &Session, only: &[String]) -> Result<String> {
 
 /// Tries defects; an error names those that are not noticed.
 pub fn try_all<'a>(session: &Session, defects: impl Iterator<Item = &'a Defect>) -> Result<String> {
-    let copy = Copy::new(session)?;
+    let folder = session.target.join("defects");
+    let (root, target) = (folder.join("workspace"), folder.join("target"));
+    session.copy_to(&root)?;
+    let copy = Copy {
+        session,
+        root,
+        target,
+    };
     let (mut noticed, mut missed) = (Vec::new(), Vec::new());
     for defect in defects {
         println!("\n== {}: {}", defect.name, defect.description);
@@ -178,18 +167,13 @@ pub fn try_all<'a>(session: &Session, defects: impl Iterator<Item = &'a Defect>)
     Ok(noticed.join(", "))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn defect_is_found_however_its_code_is_formatted() {
-        let defect = "[[defect]]\nname = \"a\"\ndescription = \"b\"\nfile = \"c\"\n\
-                      from = \"f(a, b);\"\nto = \"f(b, a);\"\nnoticed-by = \"elf\"\n";
-        let defect = &toml::from_str::<Defects>(defect).unwrap().defect[0];
-        let source = "g();\n    f(\n        a,\n        b);\n";
-        assert_eq!(defect.applied(source).unwrap(), "g();\n    f(b, a);\n");
-        assert!(defect.applied("f(a);").is_err());
-        assert!(defect.applied(&source.repeat(2)).is_err());
-    }
+#[test]
+fn defect_is_found_however_its_code_is_formatted() {
+    let defect = "[[defect]]\nname = \"a\"\ndescription = \"b\"\nfile = \"c\"\n\
+                  from = \"f(a, b);\"\nto = \"f(b, a);\"\nnoticed-by = \"elf\"\n";
+    let defect = &toml::from_str::<Defects>(defect).unwrap().defect[0];
+    let source = "g();\n    f(\n        a,\n        b);\n";
+    assert_eq!(defect.applied(source).unwrap(), "g();\n    f(b, a);\n");
+    assert!(defect.applied("f(a);").is_err());
+    assert!(defect.applied(&source.repeat(2)).is_err());
 }

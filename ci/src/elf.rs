@@ -61,10 +61,9 @@ impl<'a> Elf<'a> {
 
     /// What is wrong with the vector table: entries that can be taken but are not handled.
     pub fn bad_vectors(&self) -> Result<Vec<String>> {
-        let mut tables = self.file.sections().filter(|section| {
-            allocated(section) && section.address() == FLASH.start && section.size() >= 64
-        });
-        let table = tables.next().and_then(|table| table.data().ok());
+        let mut tables = self.file.sections().filter(allocated);
+        let table = tables.find(|found| found.address() == FLASH.start && found.size() >= 64);
+        let table = table.and_then(|table| table.data().ok());
         let table = table.context("no vector table at the start of the flash (0x08000000)")?;
         let words = table.chunks_exact(4);
         let words = words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
@@ -94,10 +93,8 @@ fn reserved(entry: usize) -> bool {
 fn judge_vectors(words: &[u32]) -> Vec<String> {
     let mut wrong = Vec::new();
     if words.len() < VECTORS {
-        wrong.push(format!(
-            "the vector table has {} entries of {VECTORS}",
-            words.len()
-        ));
+        let count = words.len();
+        wrong.push(format!("the vector table has {count} entries of {VECTORS}"));
     }
     for (entry, &word) in words.iter().take(VECTORS).enumerate() {
         let good = match entry {
@@ -112,37 +109,37 @@ fn judge_vectors(words: &[u32]) -> Vec<String> {
     wrong
 }
 
-/// A kind of code that must not be in the release ELF.
+/// A kind of code that must not be in the release ELF, and the pieces of mangled names (of the old and
+/// of the new mangling, parted by blanks) that show it.
 pub struct Banned {
-    /// What it is.
     pub name: &'static str,
-    /// Pieces of mangled names, of the old and of the new mangling, parted by blanks.
     pieces: &'static str,
+}
+
+const fn banned(name: &'static str, pieces: &'static str) -> Banned {
+    Banned { name, pieces }
 }
 
 /// Everything a proven core has no use for.
 // Requirement: DOC-3.1-2
 pub const BANNED: [Banned; 4] = [
-    Banned {
-        name: "a panic path",
-        pieces: "4core9panicking rust_begin_unwind _fail17h unwrap_failed expect_failed \
-                 slice_error_fail 10panic_impl",
-    },
-    Banned {
-        name: "text formatting",
-        pieces: "4core3fmt 3fmt9Formatter 3fmt5write",
-    },
-    Banned {
-        name: "a software floating-point helper",
-        pieces: "__aeabi_d __aeabi_f2d __aeabi_i2d __aeabi_ui2d __aeabi_l2d __aeabi_ul2d \
-                 __aeabi_cd __aeabi_f __adddf3 __subdf3 __muldf3 __divdf3 __extendsfdf2 \
-                 __truncdfsf2 __floatsidf __floatunsidf __floatdidf __floatundidf __fixdfsi \
-                 __fixdfdi __fixunsdfsi __fixunsdfdi __gedf2 __ledf2 __eqdf2 __unorddf2",
-    },
-    Banned {
-        name: "a heap",
-        pieces: "__rust_alloc __rust_dealloc __rg_alloc 5alloc5 _5alloc malloc",
-    },
+    banned(
+        "a panic path",
+        "4core9panicking rust_begin_unwind _fail17h unwrap_failed expect_failed slice_error_fail \
+         10panic_impl",
+    ),
+    banned("text formatting", "4core3fmt 3fmt9Formatter 3fmt5write"),
+    banned(
+        "a software floating-point helper",
+        "__aeabi_d __aeabi_f2d __aeabi_i2d __aeabi_ui2d __aeabi_l2d __aeabi_ul2d __aeabi_cd \
+         __aeabi_f __adddf3 __subdf3 __muldf3 __divdf3 __extendsfdf2 __truncdfsf2 __floatsidf \
+         __floatunsidf __floatdidf __floatundidf __fixdfsi __fixdfdi __fixunsdfsi __fixunsdfdi \
+         __gedf2 __ledf2 __eqdf2 __unorddf2",
+    ),
+    banned(
+        "a heap",
+        "__rust_alloc __rust_dealloc __rg_alloc 5alloc5 _5alloc malloc",
+    ),
 ];
 
 impl Banned {
@@ -154,50 +151,31 @@ impl Banned {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    // Requirement: WIRE-safe-1
-    #[test]
-    fn vector_table_with_a_hole_is_named() {
-        let mut words = vec![0x0800_0201; VECTORS];
-        words[0] = 0x2002_0000;
-        for (entry, word) in words.iter_mut().enumerate() {
-            if reserved(entry) {
-                *word = 0;
-            }
-        }
-        assert!(judge_vectors(&words).is_empty());
-        words[16 + 35] = 0;
-        words[3] = 0x0800_0200;
-        assert_eq!(judge_vectors(&words).len(), 2);
-        // One more finding: the table is too short.
-        assert_eq!(judge_vectors(&words[..90]).len(), 3);
+// Requirement: WIRE-safe-1
+#[test]
+fn open_vector_or_wrong_stack_start_is_named() {
+    let vector = |entry| if reserved(entry) { 0 } else { 0x0800_0201 };
+    let mut words: Vec<_> = (0..VECTORS).map(vector).collect();
+    for (start, wrong) in [0x2002_0000, 0, 0x0800_0000, 0x2001_fffc, 0x2002_0008]
+        .into_iter()
+        .zip([0, 1, 1, 1, 1])
+    {
+        words[0] = start;
+        assert_eq!(judge_vectors(&words).len(), wrong, "{start:#x}");
     }
+    (words[0], words[3], words[16 + 35]) = (0x2002_0000, 0x0800_0200, 0);
+    assert_eq!(judge_vectors(&words).len(), 2);
+    // One more finding: the table is too short.
+    assert_eq!(judge_vectors(&words[..90]).len(), 3);
+}
 
-    #[test]
-    fn stack_start_outside_ram_or_unaligned_is_named() {
-        let mut words = vec![0x0800_0201; VECTORS];
-        for start in [0, 0x0800_0000, 0x2001_fffc, 0x2002_0008] {
-            words[0] = start;
-            assert_eq!(judge_vectors(&words).len(), 1, "{start:#x}");
-        }
-    }
-
-    // Requirement: DOC-3.1-2
-    #[test]
-    fn banned_symbol_is_found_in_both_manglings() {
-        let symbols = [
-            "_ZN4core9panicking9panic_fmt17h0123456789abcdefE",
-            "_RNvNtCs1234_4core9panicking5panic",
-            "_RNvNtCs1234_4core3fmt5write",
-            "__aeabi_dadd",
-            "__aeabi_memcpy",
-            "__aeabi_uldivmod",
-            "_RNvCs_6fw_pac4main",
-        ];
-        let found = BANNED.each_ref().map(|kind| kind.among(&symbols).len());
-        assert_eq!(found, [2, 1, 1, 0]);
-    }
+// Requirement: DOC-3.1-2
+#[test]
+fn banned_symbol_is_found_in_both_manglings() {
+    let symbols = "_ZN4core9panicking9panic_fmt17h0123456789abcdefE \
+        _RNvNtCs1234_4core9panicking5panic _RNvNtCs1234_4core3fmt5write __aeabi_dadd \
+        __aeabi_memcpy __aeabi_uldivmod _RNvCs_6fw_pac4main";
+    let symbols: Vec<_> = symbols.split(' ').collect();
+    let found = BANNED.each_ref().map(|kind| kind.among(&symbols).len());
+    assert_eq!(found, [2, 1, 1, 0]);
 }

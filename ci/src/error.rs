@@ -1,44 +1,33 @@
 //! Failures with an exit code of their own; every other error ends with 1.
 
-use std::fmt;
-
 pub use anyhow::{Context, Error, Result, bail, ensure};
 
-/// Decides the exit code, see `cargo xtask --help`.
-#[derive(Debug)]
-pub enum Failure {
-    /// The command line is wrong: 2.
-    Usage(String),
-    /// No toolchain on this machine builds for the robot's processor: 3.
-    NoToolchain(String),
-    /// A program that the command needs is not installed: 4.
-    MissingProgram(String),
-    /// The gate cannot be decided here, and why; it never counts as passed.
-    Skipped(String),
-    /// The board, real or virtual, does not answer or holds something else than it was given: 5.
-    Board(String),
+/// Why a command fails; the number is the exit code, see `cargo xtask --help`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The gate cannot be decided here; it never counts as passed.
+    Skipped = 1,
+    Usage = 2,
+    /// No toolchain on this machine builds for the robot's processor.
+    NoToolchain = 3,
+    /// A program that the command needs is not installed.
+    MissingProgram = 4,
+    /// The board, real or virtual, does not answer or holds something else than it was given.
+    Board = 5,
 }
 
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Usage(text)
-        | Self::NoToolchain(text)
-        | Self::MissingProgram(text)
-        | Self::Skipped(text)
-        | Self::Board(text)) = self;
-        f.write_str(text)
+/// An error of that kind.
+#[derive(Debug)]
+pub struct Failure(pub Kind, pub String);
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.1)
     }
 }
 
 impl std::error::Error for Failure {}
 
-/// The process's exit code for an error.
-pub fn exit_code(error: &Error) -> u8 {
-    match error.downcast_ref() {
-        None | Some(Failure::Skipped(_)) => 1,
-        Some(Failure::Usage(_)) => 2,
-        Some(Failure::NoToolchain(_)) => 3,
-        Some(Failure::MissingProgram(_)) => 4,
-        Some(Failure::Board(_)) => 5,
-    }
+pub fn fail<T>(kind: Kind, text: impl Into<String>) -> Result<T> {
+    Err(Failure(kind, text.into()).into())
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::elf::{Elf, Sizes};
 use crate::error::Result;
-use crate::toolchain::{TARGET, Toolchain};
+use crate::toolchain::{TARGET, Toolchain, entries};
 use crate::workspace::{Workspace, list, text};
 
 /// A built ELF, kept apart from builds with other features.
@@ -18,28 +18,18 @@ pub struct Image {
 
 /// Builds the firmware of this workspace with `features` (comma-separated, `""` for what is flashed).
 pub fn build(workspace: &Workspace, toolchain: &Toolchain, features: &str) -> Result<Image> {
-    let built = build_in(
-        workspace,
-        toolchain,
-        &workspace.root,
-        &toolchain.target_dir,
-        features,
-    )?;
-    let parts = ["fw-pac"]
-        .into_iter()
-        .chain(features.split(',').filter(|name| !name.is_empty()));
-    let name = parts.collect::<Vec<_>>().join("-");
+    let (sh, target) = (&workspace.sh, &toolchain.target_dir);
+    let built = build_in(workspace, toolchain, &workspace.root, target, features)?;
+    let name = format!("fw-pac-{features}").replace(',', "-");
+    let name = name.trim_end_matches('-');
     // Cargo keeps one file whatever the features: a copy per set of features stays valid.
-    let path = toolchain.target_dir.join(format!("elf/{name}.elf"));
-    workspace.sh.create_dir(toolchain.target_dir.join("elf"))?;
-    workspace.sh.copy_file(&built, &path)?;
-    let bytes = workspace.sh.read_binary_file(&path)?;
+    let path = target.join(format!("elf/{name}.elf"));
+    sh.create_dir(target.join("elf"))?;
+    sh.copy_file(&built, &path)?;
+    let bytes = sh.read_binary_file(&path)?;
     let sizes = Elf::parse(&bytes)?.sizes();
-    let Sizes { flash, ram } = sizes;
-    println!(
-        "firmware: {}: flash {flash} bytes, static RAM {ram} bytes",
-        workspace.relative(&path)
-    );
+    let (Sizes { flash, ram }, file) = (sizes, workspace.relative(&path));
+    println!("firmware: {file}: flash {flash} bytes, static RAM {ram} bytes");
     Ok(Image { path, bytes, sizes })
 }
 
@@ -54,21 +44,16 @@ pub fn build_in(
     let _in_root = workspace.sh.push_dir(root);
     let words = "build --locked --package fw-pac --profile firmware";
     let cargo = toolchain.cargo(workspace, words, &flags(workspace, toolchain, root)?);
-    cargo
-        .arg("--target-dir")
-        .arg(target_dir)
-        .args(["--features", features])
-        .run()?;
+    let cargo = cargo.args(["--features", features]).arg("--target-dir");
+    cargo.arg(target_dir).run()?;
     Ok(target_dir.join(TARGET).join("firmware/fw-pac"))
 }
 
 /// The target's flags of `.cargo/config.toml`, which a plain `cargo build` takes by itself and
 /// [`Toolchain::cargo`] replaces.
 pub fn target_flags(workspace: &Workspace) -> Result<Vec<String>> {
-    let config = workspace
-        .sh
-        .read_file(workspace.root.join(".cargo/config.toml"))?;
-    let config: Value = toml::from_str(&config)?;
+    let config = workspace.root.join(".cargo/config.toml");
+    let config: Value = toml::from_str(&workspace.sh.read_file(config)?)?;
     let flags = list(&config["target"][TARGET]["rustflags"]).iter();
     Ok(flags.map(|flag| text(flag).to_owned()).collect())
 }
@@ -78,9 +63,8 @@ fn flags(workspace: &Workspace, toolchain: &Toolchain, root: &Path) -> Result<Ve
     let mut names = vec![(cargo_home(), "/cargo"), (root.to_path_buf(), "/robot")];
     names.extend(toolchain.remap.iter().cloned());
     // Each registry's folder carries a hash of its address: give it a name without.
-    let registries = std::fs::read_dir(cargo_home().join("registry/src"));
-    let registries = registries.into_iter().flatten().flatten();
-    names.extend(registries.map(|folder| (folder.path(), "/registry")));
+    let registries = entries(cargo_home().join("registry/src"));
+    names.extend(registries.map(|folder| (folder, "/registry")));
     // rustc takes the last prefix that fits, so the longest must come last.
     names.sort_by_key(|(from, _)| from.as_os_str().len());
     let remap = |(from, to): (PathBuf, _)| format!("--remap-path-prefix={}={to}", from.display());

@@ -5,18 +5,13 @@
 //! declared but not checked.
 
 use crate::budget::Budget;
-use crate::error::{Context, Result, ensure};
+use crate::error::{Context, Kind, Result, ensure, fail};
 use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 
 /// Why Kani is not run, and how it would be.
-pub const MISSING: &str = "Kani is not installed (`cargo install --locked kani-verifier && cargo kani \
+const MISSING: &str = "Kani is not installed (`cargo install --locked kani-verifier && cargo kani \
     setup`); the same properties ran exhaustively or sampled among the unit tests";
-
-/// Kani's version, where it is installed with its bundle.
-pub fn version(workspace: &Workspace) -> Option<String> {
-    process::output(workspace.cargo("kani --version"))
-}
 
 /// `K/N`: every N-th harness, K from 0. Neighbours cost alike, so each machine of N gets one of them.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +32,9 @@ impl Shard {
 /// the harnesses that fail, take too long or were not checked, and those with a cover that cannot be
 /// reached.
 pub fn prove(workspace: &Workspace, shard: Shard) -> Result<String> {
+    let Some(version) = process::output(workspace.cargo("kani --version")) else {
+        return fail(Kind::MissingProgram, MISSING);
+    };
     let limit = Budget::read(workspace)?;
     let limit = limit.value("kani.at_most.harness_seconds")?.as_f64();
     let limit = limit.context("harness_seconds is no number")?;
@@ -46,22 +44,20 @@ pub fn prove(workspace: &Workspace, shard: Shard) -> Result<String> {
     let chosen: Vec<_> = declared.lines().skip(number).step_by(count).collect();
     ensure!(!chosen.is_empty(), "fewer harnesses than shards");
     let _in_proofs = workspace.sh.push_dir("proofs");
-    let mut kani = workspace.cargo("kani");
     // From 0.59 on Kani can end a harness itself; without that, what takes too long fails afterwards.
     let help = process::output(workspace.cargo("kani --help")).unwrap_or_default();
-    if help.contains("--harness-timeout") {
-        let timeout = format!("{limit}s");
-        kani = kani.args(["-Z", "unstable-options", "--harness-timeout", &timeout]);
-    }
+    let timeout = format!("kani -Z unstable-options --harness-timeout {limit}s");
+    let can_end = help.contains("--harness-timeout");
+    let mut kani = workspace.cargo(if can_end { &timeout } else { "kani" });
     // A shard is chosen before anything is compiled; without a choice Kani finds every harness itself.
     if count > 1 {
         let names = chosen.iter().flat_map(|name| ["--harness", *name]);
         kani = kani.arg("--exact").args(names);
     }
-    let (success, text) = process::tee(kani, is_summary)?;
+    let (success, text) = process::tee_lines(kani, is_summary)?;
     let figure = judge(&text, &chosen, limit)?;
     ensure!(success, "Kani did not end with 0");
-    Ok(figure)
+    Ok(format!("{version}: {figure}"))
 }
 
 /// Whether a line is worth printing: Kani prints four for each of some thousand checks, and its model
@@ -100,78 +96,54 @@ impl Harness<'_> {
     }
 }
 
-/// The harnesses in the order Kani checked them.
-fn harnesses(text: &str) -> Vec<Harness<'_>> {
-    let sections = text.split("Checking harness ").skip(1);
-    sections.filter_map(harness).collect()
-}
-
 fn harness(section: &str) -> Option<Harness<'_>> {
     let (name, text) = section.split_once("...")?;
-    let covers = pattern(r"(?m)^ \*\* (\d+) of (\d+) cover properties satisfied");
-    let covers = covers.captures(text);
+    let covers = pattern(r"(?m)^ \*\* (\d+) of (\d+) cover properties satisfied").captures(text);
     let covers = covers.and_then(|found| found[1].parse().ok().zip(found[2].parse().ok()));
     let seconds = pattern(r"(?m)^Verification Time: ([\d.]+)s").captures(text);
+    let seconds = seconds.and_then(|found| found[1].parse().ok());
     // An assertion that cannot be reached is no failure.
-    let unreached = r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#;
-    let unreached = pattern(unreached);
-    let unreached = unreached
-        .captures_iter(text)
-        .filter_map(|found| found.get(1));
+    let unreached = pattern(r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#);
+    let unreached = unreached.captures_iter(text);
     Some(Harness {
         name,
         successful: text.contains("\nVERIFICATION:- SUCCESSFUL\n"),
         covers: covers.unwrap_or_default(),
-        unreached: unreached.map(|found| found.as_str()).collect(),
-        seconds: seconds
-            .and_then(|found| found[1].parse().ok())
-            .unwrap_or(0.0),
+        unreached: unreached.map(|found| found.extract::<1>().1[0]).collect(),
+        seconds: seconds.unwrap_or(0.0),
     })
 }
 
 /// Prints each harness; the closing figure of a run in which the `chosen` ones were proven.
 fn judge(text: &str, chosen: &[&str], limit: f64) -> Result<String> {
-    let harnesses = harnesses(text);
-    for Harness {
-        name,
-        covers: (some, all),
-        seconds,
-        ..
-    } in &harnesses
-    {
+    let sections = text.split("Checking harness ").skip(1);
+    let harnesses: Vec<_> = sections.filter_map(harness).collect();
+    for one in &harnesses {
+        let ((some, all), seconds, name) = (one.covers, one.seconds, one.name);
         println!("  {seconds:7.1} s  {some} of {all} covers  {name}");
     }
-    let complaints = harnesses
-        .iter()
-        .filter_map(|harness| harness.complaint(limit));
-    let mut complaints: Vec<_> = complaints.collect();
+    let complaints = harnesses.iter().filter_map(|one| one.complaint(limit));
     let checked = |name: &&&str| harnesses.iter().any(|harness| harness.name == **name);
     let unchecked = chosen.iter().filter(|name| !checked(name));
-    complaints.extend(unchecked.map(|name| format!("{name} was not checked")));
-    ensure!(complaints.is_empty(), complaints.join("; "));
+    let complaints = complaints.chain(unchecked.map(|name| format!("{name} was not checked")));
+    let complaints = complaints.collect::<Vec<_>>().join("; ");
+    ensure!(complaints.is_empty(), complaints);
     // After the last harness: a run that was cut short has no such line.
-    let complete = text
-        .lines()
-        .rev()
-        .find_map(|line| line.strip_prefix("Complete - "));
+    let complete = pattern(r"(?m)^Complete - (.*)$").captures_iter(text).last();
     let by_time = |one: &&Harness, other: &&Harness| one.seconds.total_cmp(&other.seconds);
     let slowest = harnesses.iter().max_by(by_time);
-    let (complete, Harness { name, seconds, .. }) =
-        complete.zip(slowest).context("Kani did not complete")?;
+    let (complete, slowest) = complete.zip(slowest).context("Kani did not complete")?;
     let sum: f64 = harnesses.iter().map(|harness| harness.seconds).sum();
+    let (complete, Harness { name, seconds, .. }) = (&complete[1], slowest);
     Ok(format!(
         "{complete} {sum:.0} s in all; the longest, {name}, took {seconds:.0} s."
     ))
 }
 
+/// What Kani 0.65 prints, without the checks and most of what its solver says.
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What Kani 0.65 prints, without the checks and most of what its solver says.
-    const GOOD: &str = "\
+const GOOD: &str = "\
 Kani Rust Verifier 0.65.0 (cargo plugin)
-    Finished `dev` profile [optimized + debuginfo] target(s) in 5.40s
 Checking harness units::shortest_way_arrives::harness::proof...
 CBMC version 6.6.0 (cbmc-6.6.0) 64-bit x86_64 linux
 SAT checker: instance is UNSATISFIABLE
@@ -207,29 +179,19 @@ Manual Harness Summary:
 Complete - 2 successfully verified harnesses, 0 failures, 2 total.
 ";
 
-    const NAMES: [&str; 2] = [
-        "units::shortest_way_arrives::harness::proof",
-        "units::span_survives_the_wrap::harness::proof",
-    ];
-
-    #[test]
-    fn good_run_ends_with_its_longest_harness() {
-        let figure = "2 successfully verified harnesses, 0 failures, 2 total. 6 s in all; the \
-                      longest, units::shortest_way_arrives::harness::proof, took 5 s.";
-        assert_eq!(judge(GOOD, &NAMES, 300.0).unwrap(), figure);
-        let printed: Vec<_> = GOOD.lines().filter(|line| is_summary(line)).collect();
-        assert!(printed.contains(&" ** 3 of 3 cover properties satisfied"));
-        assert!(
-            !printed
-                .iter()
-                .any(|line| line.contains("Status") || line.contains("SAT"))
-        );
-    }
-
-    #[test]
-    fn harness_that_proves_less_than_it_says_is_named() {
-        // What replaces what in the good run, and the complaint.
-        let cases = "\
+#[test]
+fn harness_that_proves_less_than_it_says_is_named() {
+    let names = ["shortest_way_arrives", "span_survives_the_wrap"];
+    let names = names.map(|name| format!("units::{name}::harness::proof"));
+    let judge = |text: &str| judge(text, &[&names[0], &names[1]], 300.0);
+    let figure = "2 successfully verified harnesses, 0 failures, 2 total. 6 s in all; the longest, \
+                  units::shortest_way_arrives::harness::proof, took 5 s.";
+    assert_eq!(judge(GOOD).unwrap(), figure);
+    let printed: Vec<_> = GOOD.lines().filter(|line| is_summary(line)).collect();
+    assert!(printed.contains(&" ** 3 of 3 cover properties satisfied"));
+    assert!(!printed.concat().contains("Status") && !printed.concat().contains("SAT"));
+    // What replaces what in the good run, and the complaint.
+    let cases = "\
 2 of 2 cover => 1 of 2 cover => wrap::harness::proof has 1 cover(s)
 3 of 3 cover => 2 of 3 cover => has 1 cover(s) that cannot be reached, across a full turn:
  ** 2 of 2 cover =>  => wrap::harness::proof has no cover
@@ -237,22 +199,18 @@ VERIFICATION:- SUCCESSFUL => VERIFICATION:- FAILED => arrives::harness::proof is
 1.4145411s => 300.5s => wrap::harness::proof took 300 s of 300
 span_survives => x => span_survives_the_wrap::harness::proof was not
 Complete -  => error: => Kani did not complete";
-        for case in cases.lines() {
-            let [from, to, complaint] = case.split(" => ").collect::<Vec<_>>()[..] else {
-                panic!("{case}");
-            };
-            let mut text = GOOD.replacen(from, to, 1);
-            if complaint.contains("across") {
-                text = text.replacen("SATISFIED", "UNREACHABLE", 1);
-            }
-            let error = judge(&text, &NAMES, 300.0).unwrap_err().to_string();
-            assert!(error.contains(complaint), "{error}");
+    for case in cases.lines() {
+        let [from, to, complaint] = case.split(" => ").collect::<Vec<_>>()[..] else {
+            panic!("{case}");
+        };
+        let mut text = GOOD.replacen(from, to, 1);
+        if complaint.contains("across") {
+            text = text.replacen("SATISFIED", "UNREACHABLE", 1);
         }
-        let cut = &GOOD[..GOOD.find("SUMMARY").unwrap()];
-        let error = judge(cut, &NAMES, 300.0).unwrap_err().to_string();
-        assert!(
-            error.contains("arrives::harness::proof is not proven"),
-            "{error}"
-        );
+        let error = judge(&text).unwrap_err().to_string();
+        assert!(error.contains(complaint), "{error}");
     }
+    let cut = &GOOD[..GOOD.find("SUMMARY").unwrap()];
+    let error = judge(cut).unwrap_err().to_string();
+    assert!(error.contains("arrives::harness::proof is not proven"));
 }

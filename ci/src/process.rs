@@ -6,22 +6,31 @@ use std::process::{Command, Stdio};
 use regex_lite::Regex;
 use xshell::Cmd;
 
-use crate::error::Result;
+use crate::error::{Kind, Result, fail};
 
 /// What a command prints, run silently; `None` where it cannot be started or does not end with 0.
 pub fn output(command: Cmd<'_>) -> Option<String> {
     command.quiet().ignore_stderr().read().ok()
 }
 
-/// Runs with its output and errors printed as far as `printed` takes the line; whether it ended
-/// with 0, and all lines.
-pub fn tee(command: impl Into<Command>, printed: fn(&str) -> bool) -> Result<(bool, String)> {
+/// Requires what `installed` looks for; runs `install` once where it is missing.
+pub fn require(installed: impl Fn() -> bool, install: &Cmd<'_>, what: &str) -> Result<()> {
+    if installed() || (install.run().is_ok() && installed()) {
+        return Ok(());
+    }
+    let missing = format!("{what} is missing and `{install}` failed");
+    fail(Kind::MissingProgram, missing)
+}
+
+/// Runs with its output and errors printed; whether it ended with 0, and all lines.
+pub fn tee(command: impl Into<Command>) -> Result<(bool, String)> {
+    tee_lines(command, |_| true)
+}
+
+/// [`tee`], printing the lines that `printed` accepts.
+pub fn tee_lines(command: impl Into<Command>, printed: fn(&str) -> bool) -> Result<(bool, String)> {
     let mut command = command.into();
-    let words = [command.get_program()]
-        .into_iter()
-        .chain(command.get_args());
-    let words: Vec<_> = words.map(|word| word.to_string_lossy()).collect();
-    eprintln!("$ {}", words.join(" "));
+    eprintln!("$ {command:?}");
     let (reader, writer) = std::io::pipe()?;
     command.stdin(Stdio::null());
     command.stdout(writer.try_clone()?).stderr(writer);
@@ -30,13 +39,11 @@ pub fn tee(command: impl Into<Command>, printed: fn(&str) -> bool) -> Result<(bo
     drop(command);
     let mut text = String::new();
     for line in BufReader::new(reader).split(b'\n') {
-        let line = line?;
-        let line = String::from_utf8_lossy(&line);
+        let line = String::from_utf8_lossy(&line?).into_owned();
         if printed(&line) {
             println!("{line}");
         }
-        text += &line;
-        text.push('\n');
+        text = text + &line + "\n";
     }
     Ok((child.wait()?.success(), text))
 }

@@ -12,7 +12,7 @@ use crate::toolchain::TARGET;
 
 fn robot_tests<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
     let words = format!("run --release --package robot-tests --bin {program}");
-    Ok(session.cargo_with_board(&words)?.arg("--"))
+    Ok(session.cargo_with_board(&words)?.arg("--").arg("--elf"))
 }
 
 /// Explores the default room, with `more` arguments of the demo program; returns the folder it leaves.
@@ -22,18 +22,14 @@ pub fn demo(session: &Session, more: &[String]) -> Result<PathBuf> {
     // The report of an earlier run must not pass for this one's.
     session.sh.remove_path(out.join("report.json"))?;
     session.sh.create_dir(&out)?;
-    let demo = robot_tests(session, "demo")?
-        .arg("--elf")
-        .arg(&session.image()?.path);
+    let demo = robot_tests(session, "demo")?.arg(&session.image()?.path);
     demo.arg("--out").arg(&out).args(more).run()?;
     Ok(out)
 }
 
 /// Explores generated rooms, with `more` arguments of the bench.
 pub fn explore_bench(session: &Session, more: &[String]) -> Result<()> {
-    let bench = robot_tests(session, "explore-bench")?
-        .arg("--elf")
-        .arg(&session.image()?.path);
+    let bench = robot_tests(session, "explore-bench")?.arg(&session.image()?.path);
     let out = session.target.join("explore-bench");
     Ok(bench.arg("--out").arg(out).args(more).run()?)
 }
@@ -44,15 +40,9 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
     let reference = bench_on_core(session, "reference-codec")?;
     let out = session.target.join("figures.json");
     session.sh.remove_path(&out)?;
-    let figures = robot_tests(session, "figures")?
-        .arg("--elf")
-        .arg(&session.image()?.path);
-    let figures = figures
-        .arg("--out")
-        .arg(&out)
-        .arg("--reference")
-        .arg(reference);
-    figures.args(more).run()?;
+    let figures = robot_tests(session, "figures")?.arg(&session.image()?.path);
+    let figures = figures.arg("--out").arg(&out).arg("--reference");
+    figures.arg(reference).args(more).run()?;
     Ok(out)
 }
 
@@ -62,18 +52,12 @@ pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
     let build = "build --quiet --release --package pilot --features virtual";
     session.cargo_with_board(build)?.quiet().run()?;
     let mut program = Command::new(session.target.join("release/robot"));
-    program
-        .args(arguments)
-        .arg("--virtual")
-        .arg("--elf")
-        .arg(&session.image()?.path);
-    if !arguments
-        .iter()
-        .any(|word| word.starts_with("--eeprom-image"))
-    {
-        program
-            .arg("--eeprom-image")
-            .arg(session.target.join("virtual/eeprom.bin"));
+    program.args(arguments).args(["--virtual", "--elf"]);
+    program.arg(&session.image()?.path);
+    let names_image = |word: &String| word.starts_with("--eeprom-image");
+    if !arguments.iter().any(names_image) {
+        let image = session.target.join("virtual/eeprom.bin");
+        program.arg("--eeprom-image").arg(image);
     }
     let code = program.status()?.code();
     Ok(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(1))
@@ -85,27 +69,22 @@ fn bench_on_core(session: &Session, program: &str) -> Result<PathBuf> {
     let target = toolchain.target_dir.join("bench");
     let flags = firmware::target_flags(session)?;
     let _in_bench = session.sh.push_dir("tests/bench");
-    let words = format!("build --locked --release --bin {program}");
+    let words = format!("build --locked --release --bin {program} --target-dir");
     let build = toolchain.cargo(session, &words, &flags);
-    build.arg("--target-dir").arg(&target).run()?;
+    build.arg(&target).run()?;
     Ok(target.join(TARGET).join("release").join(program))
 }
 
 /// Compares the odometry with others (`tests/bench`): builds what is compared for the core and for the
 /// host, runs both and prints the table.
 pub fn bench(session: &Session) -> Result<()> {
-    let elf = bench_on_core(session, "on-core")?;
+    let (sh, elf) = (&session.sh, bench_on_core(session, "on-core")?);
     let target = session.target.join("bench");
     let build = "build --locked --release --manifest-path tests/bench/Cargo.toml --bin on-host";
-    session
-        .cargo(build)
-        .arg("--target-dir")
-        .arg(&target)
-        .run()?;
+    let build = session.cargo(build).arg("--target-dir");
+    build.arg(&target).run()?;
     let (program, lines) = (target.join("release/on-host"), target.join("on-host.txt"));
-    session
-        .sh
-        .write_file(&lines, cmd!(session.sh, "{program}").read()?)?;
-    let bench = robot_tests(session, "bench")?.arg("--elf").arg(elf);
+    sh.write_file(&lines, cmd!(sh, "{program}").read()?)?;
+    let bench = robot_tests(session, "bench")?.arg(elf);
     Ok(bench.arg("--host").arg(lines).run()?)
 }

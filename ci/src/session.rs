@@ -26,35 +26,33 @@ impl Deref for Session {
 impl Session {
     /// With the firmware's toolchain of this provider, or of the first that works.
     pub fn new(provider: Option<Provider>) -> Result<Self> {
-        let workspace = Workspace::find()?;
-        let (toolchain, image) = (OnceCell::new(), OnceCell::new());
         Ok(Self {
-            workspace,
+            workspace: Workspace::find()?,
             provider,
-            toolchain,
-            image,
+            toolchain: OnceCell::new(),
+            image: OnceCell::new(),
         })
     }
 
     pub fn toolchain(&self) -> Result<&Toolchain> {
-        if let Some(toolchain) = self.toolchain.get() {
-            return Ok(toolchain);
-        }
-        let toolchain = Toolchain::find(self, self.provider)?;
-        Ok(self.toolchain.get_or_init(|| toolchain))
+        once(&self.toolchain, || Toolchain::find(self, self.provider))
     }
 
     /// What is flashed.
     pub fn image(&self) -> Result<&Image> {
-        if let Some(image) = self.image.get() {
-            return Ok(image);
-        }
-        let image = self.build("")?;
-        Ok(self.image.get_or_init(|| image))
+        once(&self.image, || self.build(""))
     }
 
     /// The firmware with these features.
     pub fn build(&self, features: &str) -> Result<Image> {
         firmware::build(self, self.toolchain()?, features)
     }
+}
+
+fn once<T>(cell: &OnceCell<T>, find: impl FnOnce() -> Result<T>) -> Result<&T> {
+    let found = match cell.get() {
+        None => Some(find()?),
+        Some(_) => None,
+    };
+    Ok(cell.get_or_init(|| found.expect("just found")))
 }

@@ -17,7 +17,7 @@ pub struct Bound {
 pub fn bound(workspace: &Workspace, elf: &Path) -> Result<Bound> {
     let options = "--priority-bits 4 --ram-start 0x20000000 --masked boot";
     let stack_bound = workspace.cargo(&format!("run --quiet --package stack-bound -- {options}"));
-    let (success, text) = process::tee(stack_bound.arg(elf), |_| true)?;
+    let (success, text) = process::tee(stack_bound.arg(elf))?;
     let bound = parse(&text);
     ensure!(bound.is_some() || !success, "stack-bound printed no bound");
     bound.with_context(|| text.lines().last().unwrap_or_default().to_owned())
@@ -29,15 +29,10 @@ fn parse(text: &str) -> Option<Bound> {
     Some(Bound { worst, reserved })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bound_is_read_from_the_last_line() {
-        let text = "  thread  40 bytes\n  at most 4664 of 8192 bytes (5000 if …), 9 routines\n";
-        let Bound { worst, reserved } = parse(text).unwrap();
-        assert_eq!((worst, reserved), (4664, 8192));
-        assert!(parse("stack-bound: recursion: a -> a\n").is_none());
-    }
+#[test]
+fn bound_is_read_from_the_last_line() {
+    let text = "  thread  40 bytes\n  at most 4664 of 8192 bytes (5000 if …), 9 routines\n";
+    let Bound { worst, reserved } = parse(text).unwrap();
+    assert_eq!((worst, reserved), (4664, 8192));
+    assert!(parse("stack-bound: recursion: a -> a\n").is_none());
 }

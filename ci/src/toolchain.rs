@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use xshell::{Cmd, cmd};
 
-use crate::error::{Context, Failure, Result, bail, ensure};
+use crate::error::{Context, Kind, Result, ensure, fail};
 use crate::process;
 use crate::workspace::{Workspace, release};
 
@@ -41,28 +41,26 @@ impl Toolchain {
     /// Takes the first provider that works, or only `forced`; prints which, and why the others do not.
     pub fn find(workspace: &Workspace, forced: Option<Provider>) -> Result<Self> {
         let mut reasons = Vec::new();
-        for provider in Provider::value_variants() {
-            if forced.is_some_and(|forced| forced != *provider) {
-                continue;
-            }
+        let providers = Provider::value_variants().iter();
+        for provider in providers.filter(|found| forced.is_none_or(|forced| forced == **found)) {
             let found = match provider {
                 Provider::Installed => installed(workspace),
                 Provider::Rustup => rustup(workspace),
                 Provider::Debian => debian(workspace),
             };
-            match found {
+            let error = match found {
                 Ok(toolchain) => return Ok(toolchain),
-                Err(error) => {
-                    println!("set-up: {TARGET}: not by {provider:?}: {error}");
-                    reasons.push(format!("{provider:?}: {error}"));
-                }
-            }
+                Err(error) => error,
+            };
+            println!("set-up: {TARGET}: not by {provider:?}: {error}");
+            reasons.push(format!("{provider:?}: {error}; "));
         }
-        bail!(Failure::NoToolchain(format!(
-            "no toolchain for {TARGET} on this machine ({}); install the target with `rustup target \
-             add {TARGET}`, or on Debian the packages {PACKAGES} {LINKER_PACKAGE}",
-            reasons.join("; "),
-        )))
+        let reasons = reasons.concat();
+        let missing = format!(
+            "no toolchain for {TARGET} on this machine ({reasons}else install it: `rustup target add \
+             {TARGET}`, or on Debian the packages {PACKAGES} {LINKER_PACKAGE})"
+        );
+        fail(Kind::NoToolchain, missing)
     }
 
     /// This toolchain's cargo; `words` are parted by blanks, `flags` are the compiler's.
@@ -82,39 +80,34 @@ impl Toolchain {
             _ => workspace.cargo(words),
         };
         // The strongest of cargo's settings, and the only one that keeps blanks in a path whole.
-        let flags = flags.join("\x1f");
-        cargo
-            .args(["--target", TARGET])
-            .env("CARGO_ENCODED_RUSTFLAGS", flags)
+        let cargo = cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"));
+        cargo.args(["--target", TARGET])
     }
 }
 
 /// The paths of a file or folder below every host and target of a sysroot.
 pub fn in_rustlib(sysroot: &Path, name: &str) -> Vec<PathBuf> {
-    let folders = std::fs::read_dir(sysroot.join("lib/rustlib"));
-    let folders = folders.into_iter().flatten().flatten();
-    let paths = folders.map(|folder| folder.path().join(name));
+    let folders = entries(sysroot.join("lib/rustlib"));
+    let paths = folders.map(|folder| folder.join(name));
     paths.filter(|path| path.exists()).collect()
 }
 
+/// The paths in a folder; none where there is no such folder.
+pub fn entries(folder: impl AsRef<Path>) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path())
+}
+
 fn has_core(sysroot: &Path) -> bool {
-    let libraries = std::fs::read_dir(sysroot.join("lib/rustlib").join(TARGET).join("lib"));
-    let mut names = libraries
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.file_name());
-    names.any(|name| name.to_string_lossy().starts_with("libcore-"))
+    let mut libraries = entries(sysroot.join("lib/rustlib").join(TARGET).join("lib"));
+    libraries.any(|library| library.to_string_lossy().contains("/libcore-"))
 }
 
 fn installed(workspace: &Workspace) -> Result<Toolchain> {
     let sysroot = &workspace.sysroot;
-    ensure!(
-        has_core(sysroot),
-        "{} has no core for it",
-        sysroot.display()
-    );
-    println!("set-up: {TARGET}: in {}", sysroot.display());
+    let folder = sysroot.display();
+    ensure!(has_core(sysroot), "{folder} has no core for it");
+    println!("set-up: {TARGET}: in {folder}");
     Ok(Toolchain {
         provider: Provider::Installed,
         target_dir: workspace.target.clone(),
@@ -128,12 +121,9 @@ fn installed(workspace: &Workspace) -> Result<Toolchain> {
 
 fn rustup(workspace: &Workspace) -> Result<Toolchain> {
     cmd!(workspace.sh, "timeout 180 rustup target add {TARGET}").run()?;
-    let toolchain = installed(workspace).context("rustup gave it to another toolchain")?;
-    let provider = Provider::Rustup;
-    Ok(Toolchain {
-        provider,
-        ..toolchain
-    })
+    let mut toolchain = installed(workspace).context("rustup gave it to another toolchain")?;
+    toolchain.provider = Provider::Rustup;
+    Ok(toolchain)
 }
 
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
@@ -150,11 +140,8 @@ fn debian(workspace: &Workspace) -> Result<Toolchain> {
     let (sh, sources) = (&workspace.sh, Path::new(DEBIAN_SOURCES));
     let version = || process::output(cmd!(sh, "{DEBIAN_RUSTC} --version")).unwrap_or_default();
     let complete = || {
-        let files = [
-            Path::new("/usr/bin/cargo"),
-            &sources.join("library/core/src/lib.rs"),
-        ];
-        release(&version()) >= OLDEST && files.iter().all(|file| file.is_file())
+        let core = sources.join("library/core/src/lib.rs");
+        release(&version()) >= OLDEST && core.is_file() && Path::new("/usr/bin/cargo").is_file()
     };
     if !complete() {
         apt_install(workspace, PACKAGES).or_else(|error| {
@@ -170,11 +157,8 @@ fn debian(workspace: &Workspace) -> Result<Toolchain> {
     if linker().is_none() {
         apt_install(workspace, LINKER_PACKAGE)?;
     }
-    let (major, minor) = OLDEST;
-    ensure!(
-        complete(),
-        "{DEBIAN_RUSTC} {major}.{minor} or newer with {DEBIAN_SOURCES} is missing after the installation"
-    );
+    let missing = "is too old, or its sources of core are missing, after the installation";
+    ensure!(complete(), "{DEBIAN_RUSTC} {missing}");
     let linker = linker().context("neither ld.lld nor rust-lld is there after the installation")?;
     let (version, lld) = (version(), linker.display());
     println!("set-up: {TARGET}: Debian's {version} with its sources of core, linked by {lld}");
@@ -200,11 +184,10 @@ pub fn apt_install(workspace: &Workspace, packages: &str) -> Result<()> {
     );
     let sudo = if root { "" } else { "sudo -n" };
     let apt = |words: &str| {
-        let apt = "timeout 600 env DEBIAN_FRONTEND=noninteractive apt-get -q -y";
+        let apt = "env DEBIAN_FRONTEND=noninteractive timeout 600 apt-get -q -y";
         let words = format!("{sudo} {apt} {words}");
-        let mut words = words.split_whitespace();
-        let program = words.next().unwrap_or_default();
-        sh.cmd(program).args(words).ignore_stdout().run()
+        let command = cmd!(sh, "env").args(words.split_whitespace());
+        command.ignore_stdout().run()
     };
     let install = format!("install --no-install-recommends {packages}");
     // The package list may be old: it is renewed only where the installation fails.

@@ -45,9 +45,8 @@ impl Trace {
                 trace.findings.push(format!("{id}: no code cites it"));
             }
             if checks.is_empty() {
-                trace
-                    .findings
-                    .push(format!("{id}: no test or property cites it"));
+                let unchecked = format!("{id}: no test or property cites it");
+                trace.findings.push(unchecked);
             }
         }
         Ok(trace)
@@ -64,11 +63,10 @@ impl Trace {
     }
 
     fn add(&mut self, id: String, text: String) {
-        let rest = Requirement::default();
         if self.requirements.contains_key(&id) {
             self.findings.push(format!("{id} for the second time"));
         }
-        self.requirements.insert(id, Requirement { text, ..rest });
+        self.requirements.entry(id).or_default().text = text;
     }
 
     /// The requirements of the page: `- ID: sentence`; and of the document, by the middle of `DOC-…`: each
@@ -99,8 +97,8 @@ impl Trace {
             let (name, body) = section.split_once('\n').unwrap_or((section, ""));
             let name = name.trim_start_matches(['#', ' ']);
             if !mark.is_match(body) && !body.trim().is_empty() {
-                self.findings
-                    .push(format!("{INTERFACES}: \"{name}\" states no requirement"));
+                let none = format!("{INTERFACES}: \"{name}\" states no requirement");
+                self.findings.push(none);
             }
             for paragraph in body.split("\n\n") {
                 let mut start = 0;
@@ -109,14 +107,13 @@ impl Trace {
                     let end = found.get(0).map_or(0, |whole| whole.start());
                     let words = paragraph[start..end].split_whitespace().collect::<Vec<_>>();
                     let words = words.join(" ");
-                    let text =
-                        format!("{name}: {}", words.trim_start_matches(['.', ',', ';', ' ']));
+                    let words = words.trim_start_matches(['.', ',', ';', ' ']);
                     start = end + whole.len();
                     for item in item.captures_iter(items) {
                         let first: u32 = item[2].parse().unwrap_or(0);
                         let last = item.get(3).and_then(|last| last.as_str().parse().ok());
                         for number in first..=last.unwrap_or(first) {
-                            self.add(format!("{}{number}", &item[1]), text.clone());
+                            self.add(format!("{}{number}", &item[1]), format!("{name}: {words}"));
                         }
                     }
                 }
@@ -128,16 +125,14 @@ impl Trace {
     fn read_source(&mut self, name: &str, source: &str) {
         // Tests, properties and models of the hardware check and meet nothing, nor do test modules.
         let check = pattern(r"^(tests|proofs|fuzz|twin)/|/tests/|tests\.rs$").is_match(name);
-        let tests = pattern(r"(?m)^ *#\[cfg\(test\)\]\n.*\{$").find(source);
+        let tests = pattern(r"(?m)^ *#\[cfg\(test\)\]\n.*\{$|^(// Requirement: .*\n)?#\[test\]")
+            .find(source);
         let tests = tests.map_or(source.len(), |tests| tests.start());
         for citation in pattern(CITATION).captures_iter(source) {
             let at = citation.get(1).map_or(0, |ids| ids.start());
             let place = format!("{name}:{}", source[..at].lines().count());
-            if source[at..]
-                .lines()
-                .nth(1)
-                .is_none_or(|below| below.trim().is_empty())
-            {
+            let below = source[at..].lines().nth(1).unwrap_or_default();
+            if below.trim().is_empty() {
                 self.findings.push(format!("{place}: cites above nothing"));
             }
             for id in citation[1].split(',').map(str::trim) {
@@ -156,88 +151,76 @@ impl Trace {
 /// A citation of requirements, parted by commas.
 const CITATION: &str = r"(?m)^ *// Requirement: (.*)$";
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn some() -> Trace {
-        let ids = ["DOC-1-1", "WIRE-a-1", "WIRE-a-2"];
-        let requirements = ids.map(|id| (id.to_owned(), Requirement::default())).into();
-        Trace {
-            requirements,
-            findings: Vec::new(),
-        }
-    }
-
-    #[test]
-    fn section_of_the_document_without_a_line_is_named() {
-        let findings = |left_out: &[&str], more: &str| {
-            let sections = DOCUMENT.split(' ');
-            let sections = sections.filter(|section| !left_out.contains(section));
-            let lines = sections.map(|section| format!("- DOC-{section}-1: It does.\n"));
-            let mut trace = Trace::default();
-            trace.read_requirements(&(lines.collect::<String>() + more));
-            trace.findings.join("; ")
-        };
-        assert_eq!(findings(&[], ""), "");
-        let missing = "no line of section 4; no line of section 5.1.3";
-        assert_eq!(findings(&["4", "5.1.3"], ""), missing);
-        assert_eq!(findings(&["4"], "- 4: the chapter's title.\n"), "");
-        let unknown = findings(&[], "- DOC-5.1.7-1: It does.\n");
-        assert_eq!(unknown, "there is no section 5.1.7");
-        let twice = findings(&[], "- DOC-1-1: It does.\n");
-        assert_eq!(twice, "DOC-1-1 for the second time");
-    }
-
-    #[test]
-    fn mark_ends_the_text_of_its_requirements() {
+#[test]
+fn section_of_the_document_without_a_line_is_named() {
+    let findings = |left_out: &[&str], more: &str| {
+        let sections = DOCUMENT.split(' ');
+        let sections = sections.filter(|section| !left_out.contains(section));
+        let lines = sections.map(|section| format!("- DOC-{section}-1: It does.\n"));
         let mut trace = Trace::default();
-        trace.read_interfaces(
-            "# Title\n\nWords.\n\n## A\n\n### B\n\nIt [does](x.md) [WIRE-a-1,\nDOC-1-1]. Then\nit\nstops \
-             [WIRE-b-1\nto 2].\n\nMore [WIRE-a-1].\n",
-        );
-        let title = format!("{INTERFACES}: \"Title\" states no requirement");
-        assert_eq!(
-            trace.findings,
-            [title, "WIRE-a-1 for the second time".into()]
-        );
-        let found = trace.requirements.iter();
-        let found: Vec<_> = found
-            .map(|(id, one)| format!("{id} {}", one.text))
-            .collect();
-        let expected = [
-            "DOC-1-1 B: It [does](x.md)",
-            "WIRE-a-1 B: More",
-            "WIRE-b-1 B: Then it stops",
-            "WIRE-b-2 B: Then it stops",
-        ];
-        assert_eq!(found, expected);
+        trace.read_requirements(&(lines.collect::<String>() + more));
+        trace.findings.join("; ")
+    };
+    let missing = "no line of section 4; no line of section 5.1.3";
+    assert_eq!(findings(&["4", "5.1.3"], ""), missing);
+    for (left_out, more, found) in [
+        ("", "", ""),
+        ("4", "- 4: the chapter's title.\n", ""),
+        ("", "- DOC-5.1.7-1: It does.\n", "there is no section 5.1.7"),
+        ("", "- DOC-1-1: It does.\n", "DOC-1-1 for the second time"),
+    ] {
+        assert_eq!(findings(&[left_out], more), found);
     }
+}
 
-    #[test]
-    fn citation_is_code_or_check_by_its_place() {
-        let mut trace = some();
-        // Written apart, for this file is read by the gate as well.
-        let mut read = |name: &str, source: &str| {
-            trace.read_source(name, &source.replace("CITES", "// Requirement:"));
-        };
-        let code = "    CITES DOC-1-1\nCITES WIRE-a-1\nfn f() {}\n#[cfg(test)]\nmod a;\n#[cfg(test)]\nmod b {\n\
-                    CITES DOC-1-1\nfn t() {}\n";
-        read("a/src/b.rs", code);
-        read("proofs/src/c.rs", "CITES WIRE-a-1\nx");
-        read("a.rs", "CITES DOC-1-2\nfn f() {}\nCITES WIRE-a-2\n\n");
-        let expected = [
-            "a.rs:1: DOC-1-2 is no requirement",
-            "a.rs:3: cites above nothing",
-        ];
-        assert_eq!(trace.findings, expected);
-        let [doc, wire, _] = trace.requirements.values().collect::<Vec<_>>()[..] else {
-            panic!("three requirements");
-        };
-        assert_eq!(
-            (doc.code.join(" "), doc.checks.join(" ")),
-            ("a/src/b.rs:1".into(), "a/src/b.rs:8".into())
-        );
-        assert_eq!(wire.checks, ["proofs/src/c.rs:1"]);
+#[test]
+fn mark_ends_the_text_of_its_requirements() {
+    let mut trace = Trace::default();
+    trace.read_interfaces(
+        "# Title\n\nWords.\n\n## A\n\n### B\n\nIt [does](x.md) [WIRE-a-1,\nDOC-1-1]. Then\nit\nstops \
+         [WIRE-b-1\nto 2].\n\nMore [WIRE-a-1].\n",
+    );
+    let found = trace.findings.join("; ").replace(INTERFACES, "");
+    assert_eq!(
+        found,
+        ": \"Title\" states no requirement; WIRE-a-1 for the second time"
+    );
+    let found = trace
+        .requirements
+        .iter()
+        .map(|(id, one)| format!("{id} {}", one.text));
+    let expected = "DOC-1-1 B: It [does](x.md)|WIRE-a-1 B: More|WIRE-b-1 B: Then it stops|\
+                    WIRE-b-2 B: Then it stops";
+    assert_eq!(found.collect::<Vec<_>>().join("|"), expected);
+}
+
+#[test]
+fn citation_is_code_or_check_by_its_place() {
+    let mut trace = Trace::default();
+    for id in ["DOC-1-1", "WIRE-a-1", "WIRE-a-2"] {
+        trace.add(id.into(), String::new());
     }
+    // Written apart, for this file is read by the gate as well.
+    let mut read = |name: &str, source: &str| {
+        trace.read_source(name, &source.replace("CITES", "// Requirement:"));
+    };
+    let code = "    CITES DOC-1-1\nCITES WIRE-a-1\nfn f() {}\n#[cfg(test)]\nmod a;\n#[cfg(test)]\nmod b {\n\
+                CITES DOC-1-1\nfn t() {}\n";
+    read("a/src/b.rs", code);
+    read("proofs/src/c.rs", "CITES WIRE-a-1\nx");
+    read(
+        "c.rs",
+        "CITES WIRE-a-2\nfn f() {}\nCITES WIRE-a-2\n#[test]\nfn t() {}\n",
+    );
+    read("a.rs", "CITES DOC-1-2\nfn f() {}\nCITES WIRE-a-2\n\n");
+    let expected = "a.rs:1: DOC-1-2 is no requirement; a.rs:3: cites above nothing";
+    assert_eq!(trace.findings.join("; "), expected);
+    let [doc, wire, last] = trace.requirements.values().collect::<Vec<_>>()[..] else {
+        panic!("three requirements");
+    };
+    let of_doc = [doc.code.join(" "), doc.checks.join(" ")];
+    assert_eq!(of_doc, ["a/src/b.rs:1", "a/src/b.rs:8"]);
+    assert_eq!(wire.checks, ["proofs/src/c.rs:1"]);
+    let of_last = [last.code.join(" "), last.checks.join(" ")];
+    assert_eq!(of_last, ["c.rs:1 a.rs:3", "c.rs:3"]);
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use xshell::{Cmd, Shell, cmd};
 
-use crate::error::{Context, Failure, Result, bail};
+use crate::error::{Context, Kind, Result, fail};
 use crate::process;
 
 pub struct Workspace {
@@ -27,7 +27,7 @@ impl Workspace {
         sh.change_dir(&root);
         let Some(sysroot) = process::output(cmd!(sh, "rustc --print sysroot")) else {
             let missing = "rustc does not answer; install Rust with rustup";
-            bail!(Failure::MissingProgram(missing.into()));
+            return fail(Kind::MissingProgram, missing);
         };
         let mut workspace = Self {
             sh,
@@ -38,13 +38,17 @@ impl Workspace {
         let metadata = workspace.metadata("--no-deps")?;
         workspace.target = text(&metadata["target_directory"]).into();
         // What `cargo run` added for this program alone.
-        let paths = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
         let own = [&workspace.target, &workspace.sysroot];
-        let paths = std::env::split_paths(&paths)
-            .filter(|path| !own.iter().any(|own| path.starts_with(own)));
-        workspace
-            .sh
-            .set_var("LD_LIBRARY_PATH", std::env::join_paths(paths)?);
+        let is_own = |path: &PathBuf| own.iter().any(|own| path.starts_with(own));
+        let paths = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+        let paths = std::env::split_paths(&paths).filter(|path| !is_own(path));
+        let paths = std::env::join_paths(paths)?;
+        workspace.sh.set_var("LD_LIBRARY_PATH", paths);
+        // Where `require_tool` installs.
+        let mut paths = vec![workspace.target.join("tools/bin")];
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        paths.extend(std::env::split_paths(&path));
+        workspace.sh.set_var("PATH", std::env::join_paths(paths)?);
         Ok(workspace)
     }
 
@@ -64,12 +68,34 @@ impl Workspace {
     pub fn cargo_with_board(&self, words: &str) -> Result<Cmd<'_>> {
         let metadata = self.metadata("")?;
         let declared = list(&metadata["packages"]).iter();
-        let newest = declared
-            .map(|package| version(text(&package["rust_version"])))
-            .max();
+        let declared = declared.map(|package| version(text(&package["rust_version"])));
+        let newest = declared.max();
         let rustc = release(&cmd!(self.sh, "rustc --version").quiet().read()?);
         let ignore = (newest > Some(rustc)).then_some("--ignore-rust-version");
         Ok(self.cargo(words).args(ignore))
+    }
+
+    /// rustup, which waits long where there is no network.
+    pub fn rustup(&self, words: &str) -> Cmd<'_> {
+        let rustup = cmd!(self.sh, "timeout 300 rustup");
+        rustup.args(words.split(' '))
+    }
+
+    /// Requires cargo's subcommand `NAME@VERSION`; builds it below the target folder where it is missing,
+    /// which leaves the machine's own cargo alone.
+    pub fn require_tool(&self, tool: &str) -> Result<()> {
+        let root = self.target.join("tools");
+        let build = root.join("build");
+        // It starts other programs and waits: unoptimised it builds in half the time. Its own target
+        // folder: ours may be of another compiler's settings.
+        let install = self.cargo("install --debug --locked --quiet --root");
+        let install = install.arg(root).arg(format!("cargo-{tool}"));
+        let install = install.env("CARGO_PROFILE_DEV_DEBUG", "0");
+        let install = install.env("CARGO_TARGET_DIR", build);
+        let name = tool.split('@').next().unwrap_or(tool);
+        let version = format!("{name} --version");
+        let installed = || process::output(self.cargo(&version)).is_some();
+        process::require(installed, &install, &format!("cargo-{name}"))
     }
 
     /// What `cargo metadata` says.
@@ -97,8 +123,7 @@ impl Workspace {
                 if !path.is_dir() {
                     files.push(path);
                 } else if path != self.target
-                    && !path.ends_with("target")
-                    && !path.ends_with(".git")
+                    && !["target", ".git"].iter().any(|name| path.ends_with(name))
                 {
                     folders.push(path);
                 }
@@ -130,11 +155,15 @@ impl Workspace {
 
     /// Every Rust file, by its path from the root, with its text.
     pub fn rust_files(&self) -> Result<Vec<(String, String)>> {
-        let mut files = self.files("")?;
-        files.retain(|file| file.extension().is_some_and(|ending| ending == "rs"));
-        let read =
-            |file: PathBuf| Ok((self.relative(&file).to_string(), self.sh.read_file(&file)?));
-        files.into_iter().map(read).collect()
+        self.texts("", "rs")
+    }
+
+    /// Every file below a folder with this extension, by its path from the root, with its text.
+    pub fn texts(&self, folder: &str, extension: &str) -> Result<Vec<(String, String)>> {
+        let mut files = self.files(folder)?;
+        files.retain(|file| file.extension().is_some_and(|found| found == extension));
+        let read = |file: &PathBuf| Ok((self.relative(file).to_string(), self.sh.read_file(file)?));
+        files.iter().map(read).collect()
     }
 }
 

@@ -87,33 +87,21 @@ impl BoardIo {
     /// # Errors
     /// [`Error::Pin`].
     pub fn is_ready(&mut self) -> Result<bool, Error> {
-        retry(|| self.ready.is_high()).map_err(|cause| pin_error("STM_READY", &cause))
+        retry("STM_READY", || self.ready.is_high())
     }
 }
 
 fn drive(line: &mut DynOutput, net: &'static str, high: bool) -> Result<(), Error> {
-    retry(|| line.set_state(high.into())).map_err(|cause| pin_error(net, &cause))
+    retry(net, || line.set_state(high.into()))
 }
-
-fn pin_error(net: &'static str, cause: &IoError) -> Error {
-    Error::Pin {
-        net,
-        cause: cause.to_string(),
-    }
-}
-
-/// How often a line is tried before its failure counts.
-const ATTEMPTS: usize = 3;
 
 /// Tries `act` up to three times: one disturbed system call must not leave a line where it is.
-fn retry<T>(mut act: impl FnMut() -> Result<T, IoError>) -> Result<T, IoError> {
-    let mut outcome = act();
-    for _ in 1..ATTEMPTS {
-        if outcome.is_err() {
-            outcome = act();
-        }
-    }
-    outcome
+fn retry<T>(net: &'static str, mut act: impl FnMut() -> Result<T, IoError>) -> Result<T, Error> {
+    let outcome = act().or_else(|_| act()).or_else(|_| act());
+    outcome.map_err(|cause| Error::Pin {
+        net,
+        cause: cause.to_string(),
+    })
 }
 
 /// A driver's error as text: drivers of all kinds share one [`BoardIo`].
@@ -133,23 +121,22 @@ impl fmt::Display for IoError {
     }
 }
 
-impl digital::Error for IoError {
-    fn kind(&self) -> digital::ErrorKind {
-        digital::ErrorKind::Other
-    }
+/// An error of a kind that embedded-hal does not name, and the drivers that fail with it.
+macro_rules! erased {
+    ($($bus:ident),+) => {$(
+        impl $bus::Error for IoError {
+            fn kind(&self) -> $bus::ErrorKind {
+                $bus::ErrorKind::Other
+            }
+        }
+
+        impl<T: $bus::ErrorType> $bus::ErrorType for Erased<T> {
+            type Error = IoError;
+        }
+    )+};
 }
 
-impl i2c::Error for IoError {
-    fn kind(&self) -> i2c::ErrorKind {
-        i2c::ErrorKind::Other
-    }
-}
-
-impl spi::Error for IoError {
-    fn kind(&self) -> spi::ErrorKind {
-        spi::ErrorKind::Other
-    }
-}
+erased!(digital, i2c, spi);
 
 /// A driver with its error type replaced by [`IoError`].
 pub struct Erased<T>(T);
@@ -157,10 +144,6 @@ pub struct Erased<T>(T);
 /// Makes a field of [`BoardIo`] of any embedded-hal driver.
 pub fn erase<T>(driver: T) -> Box<Erased<T>> {
     Box::new(Erased(driver))
-}
-
-impl<T: digital::ErrorType> digital::ErrorType for Erased<T> {
-    type Error = IoError;
 }
 
 impl<T: OutputPin> OutputPin for Erased<T> {
@@ -183,10 +166,6 @@ impl<T: InputPin> InputPin for Erased<T> {
     }
 }
 
-impl<T: i2c::ErrorType> i2c::ErrorType for Erased<T> {
-    type Error = IoError;
-}
-
 impl<T: I2c> I2c for Erased<T> {
     fn transaction(
         &mut self,
@@ -196,10 +175,6 @@ impl<T: I2c> I2c for Erased<T> {
         let outcome = self.0.transaction(address, operations);
         outcome.map_err(IoError::new)
     }
-}
-
-impl<T: spi::ErrorType> spi::ErrorType for Erased<T> {
-    type Error = IoError;
 }
 
 impl<T: SpiDevice> SpiDevice for Erased<T> {

@@ -128,21 +128,19 @@ pub fn follow<'m>(
         let report = moving.session.exchange(&request)?;
         watch(moving.session, report.as_ref())?;
         if let Some(report) = report {
-            moving
-                .session
-                .ensure_drivable(report.state, report.faults)?;
+            let session = &*moving.session;
+            session.ensure_drivable(report.state, report.faults)?;
             let snapshot = moving.session.snapshot();
             let pose = Pose::from_code(report.pose);
             let still = rest.settled(snapshot.time_us, pose);
             let (off_mm, off_deg) = (pose.distance_mm(target), pose.rotation_to_deg(target));
             if still && off_mm <= criteria.tolerance_mm && off_deg.abs() <= criteria.tolerance_deg {
                 moving.arrived = true;
-                let seconds = seconds_since(begun_us, snapshot.time_us);
                 return Ok(Arrival {
                     pose,
                     off_mm,
                     off_deg,
-                    seconds,
+                    seconds: seconds_since(begun_us, snapshot.time_us),
                 });
             }
         }
@@ -219,9 +217,8 @@ impl RestDetector {
             self.0.clear();
         }
         self.0.push_back((now_us, pose));
-        self.0
-            .front()
-            .is_some_and(|&(since, _)| now_us.saturating_sub(since) >= REST_US)
+        let rests = |&(since, _): &(u64, Pose)| now_us.saturating_sub(since) >= REST_US;
+        self.0.front().is_some_and(rests)
     }
 }
 

@@ -273,38 +273,25 @@ impl Error {
         line: impl Into<Option<usize>>,
         what: impl Into<String>,
     ) -> Self {
-        Self::Content {
-            path: path.into(),
-            line: line.into(),
-            what: what.into(),
-        }
+        let (path, line, what) = (path.into(), line.into(), what.into());
+        Self::Content { path, line, what }
     }
 
     /// `path` could not be read.
     pub fn unreadable(path: impl Into<PathBuf>, cause: &std::io::Error) -> Self {
-        Self::Unreadable {
-            path: path.into(),
-            cause: cause.to_string(),
-        }
+        let (path, cause) = (path.into(), cause.to_string());
+        Self::Unreadable { path, cause }
     }
 
     /// `path` could not be written.
     pub fn unwritable(path: impl Into<PathBuf>, cause: &std::io::Error) -> Self {
-        Self::Unwritable {
-            path: path.into(),
-            cause: cause.to_string(),
-        }
+        let (path, cause) = (path.into(), cause.to_string());
+        Self::Unwritable { path, cause }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exit_codes_are_ascending() {
-        assert!(Exit::ALL
-            .windows(2)
-            .all(|pair| pair[0].0.code() < pair[1].0.code()));
-    }
+#[test]
+fn exit_codes_are_ascending() {
+    let codes = Exit::ALL.iter().map(|(exit, _)| exit.code());
+    assert!(codes.is_sorted_by(|one, next| one < next));
 }

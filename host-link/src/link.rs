@@ -63,9 +63,8 @@ impl Link {
         let mut back = [0; MAX_FRAME];
         let len = self.end.send(command, &mut out);
         let (Some(out), Some(back)) = (out.get(..len), back.get_mut(..len)) else {
-            return Err(Error::Spi(format!(
-                "a chain of {len} bytes exceeds the longest frame"
-            )));
+            let long = format!("a chain of {len} bytes exceeds the longest frame");
+            return Err(Error::Spi(long));
         };
         let begun_us = clock.micros();
         self.round_trip.sent(begun_us);
@@ -155,34 +154,25 @@ impl RoundTrip {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn round_trip_ends_at_first_confirming_reply() {
-        let mut trip = RoundTrip::default();
-        let mut at = 0;
-        let mut frame = |trip: &mut RoundTrip, seen| {
-            at += 25_000;
-            trip.sent(at);
-            trip.seen(seen, at + 60);
-            trip.latest_us
-        };
-        // 77 is of another session, and not of this one's 77th frame.
-        assert_eq!(frame(&mut trip, 77), None);
-        assert_eq!(frame(&mut trip, 77), None);
-        assert_eq!(frame(&mut trip, 2), Some(25_060));
-        // Confirmed again and again: nothing new was accepted.
-        assert_eq!(frame(&mut trip, 2), Some(25_060));
-        assert_eq!(frame(&mut trip, 3), Some(50_060));
-        assert_eq!(frame(&mut trip, 5), Some(25_060));
-        assert_eq!(trip.worst_us, Some(50_060));
-        for number in 6..=1000_u64 {
-            assert_eq!(
-                frame(&mut trip, u8::try_from(number & 0xFF).unwrap()),
-                Some(25_060)
-            );
-        }
+#[test]
+fn round_trip_ends_at_first_confirming_reply() {
+    let mut trip = RoundTrip::default();
+    let mut at = 0;
+    let mut frame = |seen: u64, latest_us| {
+        at += 25_000;
+        trip.sent(at);
+        trip.seen(u8::try_from(seen & 0xFF).unwrap(), at + 60);
+        assert_eq!(trip.latest_us, latest_us, "{seen}");
+    };
+    // 77 is of another session, and not of this one's 77th frame.
+    frame(77, None);
+    frame(77, None);
+    frame(2, Some(25_060));
+    // Confirmed again and again: nothing new was accepted.
+    frame(2, Some(25_060));
+    frame(3, Some(50_060));
+    for number in 5..=1000 {
+        frame(number, Some(25_060));
     }
+    assert_eq!(trip.worst_us, Some(50_060));
 }

@@ -111,20 +111,16 @@ fn parse(line: &[u8]) -> Option<LogLine> {
         });
     }
     if let Some(tuned) = body.strip_prefix("tuned tap ") {
-        let (tap, ohm) = tuned
-            .strip_suffix(" ohm")?
-            .split_once(": upper resistor ")?;
-        let tap = whole(tap).and_then(|tap| u8::try_from(tap).ok())?;
+        let tuned = tuned.strip_suffix(" ohm")?;
+        let (tap, ohm) = tuned.split_once(": upper resistor ")?;
+        let tap = u8::try_from(whole(tap)?).ok()?;
         let ohm = whole(ohm)?;
-        return (1..=8)
-            .contains(&tap)
-            .then_some(LogLine::Tuned { number, tap, ohm });
+        let tuned = LogLine::Tuned { number, tap, ohm };
+        return (1..=8).contains(&tap).then_some(tuned);
     }
     if let Some(text) = body.strip_prefix("L ") {
-        return Some(LogLine::Link {
-            number,
-            link: link(text)?,
-        });
+        let link = link(text)?;
+        return Some(LogLine::Link { number, link });
     }
     Some(LogLine::Other { number })
 }
@@ -172,8 +168,8 @@ fn known(text: &str) -> Result<Option<u32>, ()> {
 
 /// Digits only.
 fn whole(text: &str) -> Option<u32> {
-    let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    digits.then(|| text.parse().ok()).flatten()
+    let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+    text.parse().ok().filter(|_| digits)
 }
 
 /// A decimal number with exactly so many places: a torn one has fewer, two run together have more.
@@ -182,9 +178,8 @@ fn decimal(text: &str, places: usize) -> Option<f64> {
     let (before, after) = digits.split_once('.')?;
     let plain = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
     let good = (1..=12).contains(&before.len()) && after.len() == places;
-    (good && plain(before) && plain(after))
-        .then(|| text.parse().ok())
-        .flatten()
+    let good = good && plain(before) && plain(after);
+    text.parse().ok().filter(|_| good)
 }
 
 #[cfg(test)]
@@ -195,44 +190,12 @@ mod tests {
         I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n\
         I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n";
 
-    fn lines() -> Vec<LogLine> {
-        let sample = |number, percent, value| LogLine::Sample {
-            number,
-            percent,
-            value,
-        };
-        vec![
-            LogLine::Other { number: 7 },
-            sample(8, -50.0, -0.034),
-            sample(9, 0.0, 123_456.789),
-            LogLine::Tuned {
-                number: 10,
-                tap: 2,
-                ohm: 33_120,
-            },
-            LogLine::Other { number: 11 },
-            LogLine::Link {
-                number: 12,
-                link: disturbed(),
-            },
-            LogLine::Link {
-                number: 13,
-                link: StmStatistics {
-                    frames: 40,
-                    accepted: 40,
-                    recent_gap_us: 25_013,
-                    worst_gap_us: 25_013,
-                    ..StmStatistics::default()
-                },
-            },
-        ]
-    }
-
-    fn disturbed() -> StmStatistics {
+    /// What [`LOG`] says; and the statistics of its line 12.
+    fn lines() -> (Vec<LogLine>, StmStatistics) {
         let mut causes = RejectCounts::default();
         causes.set(Cause::Stale, 1);
         causes.set(Cause::Crc, 3);
-        StmStatistics {
+        let disturbed = StmStatistics {
             frames: 45,
             accepted: 40,
             rejected: 4,
@@ -242,36 +205,66 @@ mod tests {
             recent_gap_us: 25_013,
             worst_gap_us: 3_600_000,
             round_trip_frames: Some(1),
-        }
+        };
+        let good = StmStatistics {
+            frames: 40,
+            accepted: 40,
+            recent_gap_us: 25_013,
+            worst_gap_us: 25_013,
+            ..StmStatistics::default()
+        };
+        let sample = |number, percent, value| LogLine::Sample {
+            number,
+            percent,
+            value,
+        };
+        let (number, tap, ohm) = (10, 2, 33_120);
+        let link = |number, link| LogLine::Link { number, link };
+        let lines = vec![
+            LogLine::Other { number: 7 },
+            sample(8, -50.0, -0.034),
+            sample(9, 0.0, 123_456.789),
+            LogLine::Tuned { number, tap, ohm },
+            LogLine::Other { number: 11 },
+            link(12, disturbed),
+            link(13, good),
+        ];
+        (lines, disturbed)
+    }
+
+    /// What is read of a line without each of its stretches of bytes.
+    fn read_torn(line: &[u8]) -> impl Iterator<Item = LogLine> + '_ {
+        let stretches =
+            (0..line.len() - 1).flat_map(|from| (from + 1..line.len()).map(move |to| (from, to)));
+        stretches.flat_map(|(from, to)| {
+            LogParser::default().feed(&[&line[..from], &line[to..]].concat())
+        })
     }
 
     // Requirement: WIRE-log-3
     #[test]
     fn link_line_with_lost_bytes_never_miscounts() {
-        let line = b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n";
         let counts = |link: StmStatistics| (link.frames, link.accepted, link.lost, link.causes);
-        for from in 0..line.len() - 1 {
-            for to in from + 1..line.len() {
-                let torn = [&line[..from], &line[to..]].concat();
-                for read in LogParser::default().feed(&torn) {
-                    if let LogLine::Link { link, .. } = read {
-                        assert_eq!(counts(link), counts(disturbed()), "{from}..{to}");
-                    }
-                }
+        let good = counts(lines().1);
+        for read in read_torn(b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n") {
+            if let LogLine::Link { link, .. } = read {
+                assert_eq!(counts(link), good);
             }
         }
         for wrong in [
-            "L 45 40 1 2 3600001 3600000 1 stale 1 crc 3",
-            "L 45 40 1 - 25013 3600000 1 stale 1 crc 3",
-            "L 45 40 1 2 25013 3600000 256 stale 1 crc 3",
-            "L 45 40 1 2 25013 3600000 1 crc 3 stale 1",
-            "L 45 40 1 2 25013 3600000 1 stale 1 stale 1 crc 2",
-            "L 41 40 1 2 25013 3600000 1 crc 0",
-            "L 42 40 1 2 25013 3600000 1 noise 1",
+            "I00012: L 45 40 1 2 3600001 3600000 1 stale 1 crc 3",
+            "I00012: L 45 40 1 - 25013 3600000 1 stale 1 crc 3",
+            "I00012: L 45 40 1 2 25013 3600000 256 stale 1 crc 3",
+            "I00012: L 45 40 1 2 25013 3600000 1 crc 3 stale 1",
+            "I00012: L 45 40 1 2 25013 3600000 1 stale 1 stale 1 crc 2",
+            "I00012: L 41 40 1 2 25013 3600000 1 crc 0",
+            "I00012: L 42 40 1 2 25013 3600000 1 noise 1",
+            // Two lines in one.
+            "I00001: T 50.00 1.2I00002: T 50.00 3.400",
+            "I00001: T 50.00 1.200I00002: T 50.00 3.400",
         ] {
-            let line = format!("I00012: {wrong}\n");
             let mut lines = LogParser::default();
-            assert_eq!(lines.feed(line.as_bytes()), [], "{wrong}");
+            assert_eq!(lines.feed(format!("{wrong}\n").as_bytes()), [], "{wrong}");
             assert_eq!(lines.malformed(), 1);
         }
     }
@@ -280,11 +273,8 @@ mod tests {
     fn log_in_pieces_of_any_size_reads_same() {
         for size in 1..LOG.len() {
             let mut parser = LogParser::default();
-            let read: Vec<LogLine> = LOG
-                .chunks(size)
-                .flat_map(|part| parser.feed(part))
-                .collect();
-            assert_eq!(read, lines());
+            let read = LOG.chunks(size).flat_map(|part| parser.feed(part));
+            assert!(read.eq(lines().0));
             assert_eq!(parser.malformed(), 0);
         }
     }
@@ -292,66 +282,37 @@ mod tests {
     #[test]
     fn lost_bytes_never_make_another_sample() {
         // A number may lose a digit unseen before its point; everything else must be noticed.
-        let line = b"I00008: T -50.00 -0.034\n";
-        for from in 0..line.len() - 1 {
-            for to in from + 1..line.len() {
-                let torn = [&line[..from], &line[to..]].concat();
-                for read in LogParser::default().feed(&torn) {
-                    if let LogLine::Sample {
-                        number,
-                        percent,
-                        value,
-                    } = read
-                    {
-                        let digit = [
-                            (-5.0, -0.034),
-                            (0.0, -0.034),
-                            (50.0, -0.034),
-                            (-50.0, 0.034),
-                            (5.0, -0.034),
-                            (-0.0, -0.034),
-                        ];
-                        assert!(number == 8 && digit.contains(&(percent, value)), "{read:?}");
-                    }
-                }
+        let percents = [-5.0, 0.0, 50.0, 5.0, -0.0];
+        let mut digits = percents.map(|percent| (percent, -0.034)).to_vec();
+        digits.push((-50.0, 0.034));
+        for read in read_torn(b"I00008: T -50.00 -0.034\n") {
+            if let LogLine::Sample { percent, value, .. } = read {
+                let good = read.number() == 8 && digits.contains(&(percent, value));
+                assert!(good, "{read:?}");
             }
         }
     }
 
     #[test]
-    fn merged_lines_are_malformed() {
-        let mut parser = LogParser::default();
-        assert_eq!(
-            parser.feed(b"I00001: T 50.00 1.2I00002: T 50.00 3.400\n"),
-            []
-        );
-        assert_eq!(
-            parser.feed(b"I00001: T 50.00 1.200I00002: T 50.00 3.400\n"),
-            []
-        );
-        assert_eq!(parser.malformed(), 2);
-    }
-
-    #[test]
     fn line_after_noise_is_read() {
-        let mut state = 1_u32;
+        let (mut state, expected) = (1_u32, lines().0);
+        let mut byte = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            // Half noise, half the alphabet of the log.
+            let byte = state.to_be_bytes()[0];
+            let letter = LOG[usize::from(byte) % LOG.len()];
+            if byte & 1 == 0 {
+                byte
+            } else {
+                letter
+            }
+        };
         let mut parser = LogParser::default();
         for _ in 0..2000 {
-            let noise: Vec<u8> = (0..300)
-                .map(|_| {
-                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                    // Half noise, half the alphabet of the log.
-                    let byte = state.to_be_bytes()[0];
-                    if byte & 1 == 0 {
-                        byte
-                    } else {
-                        LOG[usize::from(byte) % LOG.len()]
-                    }
-                })
-                .collect();
+            let noise: Vec<u8> = (0..300).map(|_| byte()).collect();
             parser.feed(&noise);
             parser.feed(b"\n");
-            assert_eq!(parser.feed(LOG), lines());
+            assert_eq!(parser.feed(LOG), expected);
         }
     }
 
@@ -362,9 +323,7 @@ mod tests {
             parser.feed(&[b'I'; 1000]);
         }
         assert!(parser.partial.len() <= LONGEST + 1);
-        assert_eq!(
-            parser.feed(b"\nI00001: x\n"),
-            [LogLine::Other { number: 1 }]
-        );
+        let line = LogLine::Other { number: 1 };
+        assert_eq!(parser.feed(b"\nI00001: x\n"), [line]);
     }
 }

@@ -93,15 +93,15 @@ struct DriveModel {
 }
 
 impl DriveModel {
+    /// The log's next line.
+    fn line(&mut self, text: &str) -> String {
+        self.lines += 1;
+        format!("I{:05}: {text}\n", (self.lines - 1) % 100_000)
+    }
+
     /// One tick of 10 ms, and its line of the log.
     fn tick(&mut self) -> String {
-        let line = format!(
-            "I{:05}: T {:.2} {:.3}\n",
-            self.lines % 100_000,
-            self.percent,
-            self.position
-        );
-        self.lines += 1;
+        let line = self.line(&format!("T {:.2} {:.3}", self.percent, self.position));
         let beyond = (self.percent.abs() - 20.0).max(0.0).copysign(self.percent);
         if self.percent == 0.0 {
             // It brakes.
@@ -139,9 +139,6 @@ impl MockBoard {
 
     /// One I2C write to the EEPROM.
     fn write(&mut self, bytes: &[u8]) -> Result<(), IoError> {
-        if !self.selected || self.now_us < self.busy_until_us {
-            return Err(injected());
-        }
         let [high, low, data @ ..] = bytes else {
             return Err(injected());
         };
@@ -149,10 +146,8 @@ impl MockBoard {
         if data.is_empty() {
             return Ok(());
         }
-        assert!(
-            data.len() <= 32 && self.pointer % 32 + data.len() <= 32,
-            "burst crosses a row"
-        );
+        let fits = self.pointer % 32 + data.len() <= 32;
+        assert!(fits, "burst crosses a row");
         if !self.protected {
             self.memory.0[self.pointer..self.pointer + data.len()].copy_from_slice(data);
         }
@@ -160,15 +155,11 @@ impl MockBoard {
         Ok(())
     }
 
-    fn read(&mut self, out: &mut [u8]) -> Result<(), IoError> {
-        if !self.selected || self.now_us < self.busy_until_us {
-            return Err(injected());
-        }
+    fn read(&mut self, out: &mut [u8]) {
         for byte in out {
             *byte = self.memory.0[self.pointer % IMAGE_LEN];
             self.pointer += 1;
         }
-        Ok(())
     }
 
     /// One frame; in every frame the robot covers half of its distance to the target.
@@ -179,9 +170,8 @@ impl MockBoard {
         let len = link.encode_reply(self.reply, &self.report, &mut reply);
         self.reply += 1;
         back.copy_from_slice(&reply[..len]);
-        let command = link
-            .receive(out, 0, self.reply)
-            .expect("the Pi sends good frames");
+        let command = link.receive(out, 0, self.reply);
+        let command = command.expect("the Pi sends good frames");
         if command.apply {
             let half = |from: i32, to: i32| from + (to - from) / 2;
             let (from, to) = (self.report.pose, command.expected);
@@ -194,13 +184,9 @@ impl MockBoard {
         self.drive.percent = f64::from_bits(command.percent.0);
         self.report.measurement = Binary64(self.drive.position.to_bits());
         if command.tune.voltage != 0 && self.log_connected {
-            let tuned = format!(
-                "I{:05}: tuned tap {}: upper resistor 33120 ohm\n",
-                self.drive.lines % 100_000,
-                command.tune.cell + 1
-            );
-            self.log.extend(tuned.as_bytes());
-            self.drive.lines += 1;
+            let tap = command.tune.cell + 1;
+            let tuned = format!("tuned tap {tap}: upper resistor 33120 ohm");
+            self.log.extend(self.drive.line(&tuned).as_bytes());
         }
         if self.commands.len() >= self.garbled_from {
             back.fill(0xFF);
@@ -214,8 +200,8 @@ impl MockBoard {
     /// Advances time: motion and log of the drive in a tuning mode.
     fn pass(&mut self, us: u64) {
         self.now_us += us;
-        let tunes = Config::decode(&self.memory)
-            .is_ok_and(|config| matches!(config.mode(), Mode::TuneRotate | Mode::TuneMove));
+        let mode = Config::decode(&self.memory).map(|config| config.mode());
+        let tunes = matches!(mode, Ok(Mode::TuneRotate | Mode::TuneMove));
         while self.drive.ticks * 10_000 < self.now_us {
             self.drive.ticks += 1;
             if tunes && !self.in_reset && !self.selected {
@@ -248,14 +234,10 @@ impl<const WHICH: usize> MockLine<WHICH> {
         match WHICH {
             RESET if high && board.in_reset => {
                 board.in_reset = false;
-                board.link = Config::decode(&board.memory)
-                    .ok()
-                    .map(|config| StmLink::new(config.link_setup()));
-                board.reply = 1;
-                board.drive = DriveModel {
-                    ticks: board.drive.ticks,
-                    ..DriveModel::default()
-                };
+                let ticks = board.drive.ticks;
+                (board.link, board.reply) = (link(&board.memory), 1);
+                board.drive = DriveModel::default();
+                board.drive.ticks = ticks;
                 if board.now_us - board.low_since_us >= 100_000 {
                     board.resets += 1;
                 }
@@ -305,8 +287,11 @@ impl I2c for MockLine<BUS> {
         assert_eq!(address, 0x50);
         for part in parts {
             match part {
+                _ if !board.selected || board.now_us < board.busy_until_us => {
+                    return Err(injected())
+                }
                 Operation::Write(bytes) => board.write(bytes)?,
-                Operation::Read(out) => board.read(out)?,
+                Operation::Read(out) => board.read(out),
             }
         }
         Ok(())
@@ -350,10 +335,13 @@ impl LogSource for MockLine<BUS> {
     }
 }
 
+fn link(memory: &Image) -> Option<StmLink> {
+    let config = Config::decode(memory).ok()?;
+    Some(StmLink::new(config.link_setup()))
+}
+
 /// A board whose EEPROM holds `memory`, and the I/O that reaches it.
 pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
-    let interrupt = Interrupt::new();
-    let link = Config::decode(memory).ok();
     let board = Rc::new(RefCell::new(MockBoard {
         fault,
         calls: 0,
@@ -369,13 +357,13 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
         log_connected: true,
         garbled_from: usize::MAX,
         drive: DriveModel::default(),
-        link: link.map(|config| StmLink::new(config.link_setup())),
+        link: link(memory),
         reply: 1,
         now_us: 0,
         low_since_us: 0,
         busy_until_us: 0,
         pointer: 0,
-        interrupt,
+        interrupt: Interrupt::new(),
     }));
     let io = reconnect(&board);
     (board, io)
@@ -383,17 +371,19 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 
 /// A second connection to the same board.
 pub fn reconnect(board: &Shared) -> BoardIo {
-    let interrupt = board.borrow().interrupt.clone();
+    fn line<const WHICH: usize>(board: &Shared) -> Box<MockLine<WHICH>> {
+        Box::new(MockLine(board.clone()))
+    }
     BoardIo {
-        spi: Box::new(MockLine::<BUS>(board.clone())),
-        i2c: Box::new(MockLine::<BUS>(board.clone())),
-        reset: Box::new(MockLine::<RESET>(board.clone())),
-        select: Box::new(MockLine::<SELECT>(board.clone())),
-        protect: Box::new(MockLine::<PROTECT>(board.clone())),
-        ready: Box::new(MockLine::<READY>(board.clone())),
-        delay: Box::new(MockLine::<BUS>(board.clone())),
-        clock: Box::new(MockLine::<BUS>(board.clone())),
-        log: Box::new(MockLine::<BUS>(board.clone())),
-        interrupt,
+        spi: line::<BUS>(board),
+        i2c: line::<BUS>(board),
+        reset: line::<RESET>(board),
+        select: line::<SELECT>(board),
+        protect: line::<PROTECT>(board),
+        ready: line::<READY>(board),
+        delay: line::<BUS>(board),
+        clock: line::<BUS>(board),
+        log: line::<BUS>(board),
+        interrupt: board.borrow().interrupt.clone(),
     }
 }

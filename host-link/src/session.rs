@@ -158,18 +158,15 @@ impl<'m> Session<'m> {
         self.pace();
         let now_us = self.io.clock.micros();
         let command = self.command(request);
-        match self
-            .link
-            .exchange(&mut *self.io.spi, &mut *self.io.clock, &command)?
-        {
+        let (spi, clock) = (&mut *self.io.spi, &mut *self.io.clock);
+        match self.link.exchange(spi, clock, &command)? {
             Ok(report) => {
                 self.last_good_us = now_us;
                 self.unanswered = 0;
-                self.snapshot
-                    .update(now_us, &report, self.link.statistics());
-                if let Err(why) = self.mode_check.update(&report) {
-                    return Err(self.mode_mismatch(why));
-                }
+                let statistics = self.link.statistics();
+                self.snapshot.update(now_us, &report, statistics);
+                let checked = self.mode_check.update(&report);
+                checked.map_err(|why| self.mode_mismatch(why))?;
                 Ok(Some(report))
             }
             Err(wrong) => {
@@ -228,20 +225,15 @@ impl<'m> Session<'m> {
         if self.log_error.is_some() {
             return Vec::new();
         }
-        match self.io.log.read_new() {
-            Ok(bytes) => {
-                for line in self.lines.feed(&bytes) {
-                    if let LogLine::Link { link, .. } = line {
-                        self.snapshot.stm = Some(link);
-                    }
-                }
-                bytes
-            }
-            Err(why) => {
-                self.log_error = Some(why.to_string());
-                Vec::new()
+        let bytes = self.io.log.read_new();
+        self.log_error = bytes.as_ref().err().map(ToString::to_string);
+        let bytes = bytes.unwrap_or_default();
+        for line in self.lines.feed(&bytes) {
+            if let LogLine::Link { link, .. } = line {
+                self.snapshot.stm = Some(link);
             }
         }
+        bytes
     }
 
     /// Why the STM's log cannot be read, if so.
@@ -312,8 +304,7 @@ impl<'m> Session<'m> {
         if !self.config.mode().has(Field::Status) {
             return Ok(());
         }
-        let mut state = report.state;
-        let mut faults = report.faults;
+        let (mut state, mut faults) = (report.state, report.faults);
         for _ in 0..RESUME_FRAMES {
             if state != State::Stopped && !faults.intersects(Faults::LINK_LOST) {
                 break;
@@ -335,8 +326,8 @@ impl<'m> Session<'m> {
     /// # Errors
     /// [`Error::Fault`].
     pub fn ensure_drivable(&self, state: State, faults: Faults) -> Result<(), Error> {
-        if self.config.mode().has(Field::Status) && matches!(state, State::Stopped | State::Faulted)
-        {
+        let stands = matches!(state, State::Stopped | State::Faulted);
+        if stands && self.config.mode().has(Field::Status) {
             return Err(Error::Fault {
                 state: state.name(),
                 faults: crate::snapshot::fault_names(faults).join(", "),
@@ -349,24 +340,14 @@ impl<'m> Session<'m> {
     /// brake; without further frames the stop deadline holds the motors.
     /// Ctrl-C does not end this early.
     pub fn stop(&mut self) {
+        let mode = self.config.mode();
         for _ in 0..STOP_FRAMES {
-            let request = if self.config.mode().has(Field::Status) {
-                CommandRequest {
-                    order: Order::Stop,
-                    ..CommandRequest::default()
-                }
-            } else {
-                let here = self
-                    .config
-                    .mode()
-                    .has(Field::Position)
-                    .then_some(self.snapshot.pose)
-                    .flatten();
-                CommandRequest {
-                    target: here,
-                    ..CommandRequest::default()
-                }
-            };
+            let mut request = CommandRequest::default();
+            if mode.has(Field::Status) {
+                request.order = Order::Stop;
+            } else if mode.has(Field::Position) {
+                request.target = self.snapshot.pose;
+            }
             if let Err(Error::Spi(_)) = self.exchange_uninterruptible(&request) {
                 // Nothing more can be sent: the stop deadline does it.
                 return;

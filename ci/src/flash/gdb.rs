@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::error::{Failure, Result, bail, ensure};
-use crate::process;
+use crate::error::{Kind, Result, ensure, fail};
+use crate::process::{self, pattern};
 use crate::toolchain::apt_install;
 use crate::workspace::Workspace;
 
@@ -16,17 +16,12 @@ const NAMES: [&str; 3] = ["gdb-multiarch", "arm-none-eabi-gdb", "gdb"];
 /// A debugger for the robot's processor, installed where that is possible.
 pub fn find(workspace: &Workspace) -> Result<&'static str> {
     let find = || NAMES.into_iter().find(|name| knows_arm(name));
-    if let Some(name) = find() {
+    let installed = || apt_install(workspace, "gdb-multiarch").is_ok();
+    if let Some(name) = find().or_else(|| installed().then(find)?) {
         return Ok(name);
     }
-    let installed = apt_install(workspace, "gdb-multiarch");
-    match (find(), installed) {
-        (Some(name), _) => Ok(name),
-        (None, installed) => bail!(Failure::MissingProgram(format!(
-            "no GDB for ARM here (install gdb-multiarch or arm-none-eabi-gdb; {})",
-            installed.map_or_else(|error| error.to_string(), |()| "it does not start".into())
-        ))),
-    }
+    let missing = "no GDB for ARM here (install gdb-multiarch or arm-none-eabi-gdb)";
+    fail(Kind::MissingProgram, missing)
 }
 
 /// A GDB with these options and commands, one a line.
@@ -53,25 +48,20 @@ pub fn load(name: &str, elf: &Path, address: &str) -> Result<()> {
     );
     let mut gdb = gdb(name, "-nx -batch", &commands);
     gdb.arg(elf);
-    let (success, text) = process::tee(gdb, |_| true)?;
+    let (success, text) = process::tee(gdb)?;
     match judge(success, &text) {
+        Err(reason) => return fail(Kind::Board, format!("not flashed: {reason}")),
         Ok(sections) => println!("flash: {sections} sections compared, all alike"),
-        Err(reason) => bail!(Failure::Board(format!("not flashed: {reason}"))),
     }
     Ok(())
 }
 
 /// How many sections were compared, or what went wrong: GDB only prints it and goes on.
 fn judge(success: bool, text: &str) -> std::result::Result<usize, &str> {
-    const BAD: [&str; 4] = [
-        "Connection ",
-        "Remote connection closed",
-        "Remote communication error",
-        "MIS-MATCHED",
-    ];
-    let bad = |line: &&str| BAD.iter().any(|bad| line.contains(bad));
+    let bad = pattern("Connection |Remote (connection closed|communication error)|MIS-MATCHED");
+    let bad = text.lines().find(|line| bad.is_match(line));
     let sections = text.lines().filter(|line| line.starts_with("Section "));
-    match (text.lines().find(bad), sections.count()) {
+    match (bad, sections.count()) {
         (Some(line), _) => Err(line),
         _ if !success => Err("GDB ended with an error"),
         _ if !text.contains("Transfer rate") => Err("GDB loaded nothing"),
@@ -97,36 +87,31 @@ pub fn wait_for(address: &str, limit: Duration) -> Result<()> {
     let end = Instant::now() + limit;
     while TcpStream::connect(address).is_err() {
         if Instant::now() > end {
-            bail!(Failure::Board(format!("no debug server at {address}")));
+            return fail(Kind::Board, format!("no debug server at {address}"));
         }
         std::thread::sleep(Duration::from_millis(100));
     }
     Ok(())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn load_counts_only_if_every_section_matches() {
-        let good = "\
+#[test]
+fn load_counts_only_if_every_section_matches() {
+    let good = "\
 Loading section .vector_table, size 0x198 lma 0x8000000
 Transfer rate: 30 KB/sec, 5000 bytes/write.
 Section .vector_table, range 0x8000000 -- 0x8000198: matched.
 Section .text, range 0x8000198 -- 0x80021a0: matched.
 running
 ";
-        assert_eq!(judge(true, good), Ok(2));
-        assert!(judge(false, good).is_err());
-        let spoiled = [
-            ("80021a0: matched.", "80021a0: MIS-MATCHED!"),
-            ("Transfer rate", ""),
-            ("running", ""),
-            ("Section ", ""),
-        ];
-        for (word, instead) in spoiled {
-            assert!(judge(true, &good.replace(word, instead)).is_err(), "{word}");
-        }
+    assert_eq!(judge(true, good), Ok(2));
+    assert!(judge(false, good).is_err());
+    for change in [
+        "80021a0: matched>80021a0: MIS-MATCHED",
+        "Transfer rate>",
+        "running>",
+        "Section >",
+    ] {
+        let (word, instead) = change.split_once('>').unwrap();
+        assert!(judge(true, &good.replace(word, instead)).is_err(), "{word}");
     }
 }

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use xshell::cmd;
 
-use crate::error::{Failure, Result};
+use crate::error::{Kind, Result, fail};
+use crate::process::pattern;
 use crate::workspace::Workspace;
 
 /// Lines as they come.
@@ -32,30 +33,25 @@ impl Lines {
 
     /// A serial device at the log's rate.
     pub fn read_serial(workspace: &Workspace, device: &str) -> Result<Self> {
-        let stty = cmd!(
-            workspace.sh,
-            "stty -F {device} 115200 cs8 -cstopb -parenb raw -echo"
-        );
-        let board = |error| Failure::Board(format!("{device}: {error}"));
-        stty.run().map_err(|error| board(error.to_string()))?;
-        let port = File::open(device).map_err(|error| board(error.to_string()))?;
-        Ok(Self::read(port))
+        let options = "115200 cs8 -cstopb -parenb raw -echo".split(' ');
+        let stty = cmd!(workspace.sh, "stty -F {device}").args(options);
+        match (stty.run(), File::open(device)) {
+            (Ok(()), Ok(port)) => Ok(Self::read(port)),
+            (Err(error), _) => fail(Kind::Board, format!("{device}: {error}")),
+            (_, Err(error)) => fail(Kind::Board, format!("{device}: {error}")),
+        }
     }
 
-    /// Prints the first log lines: at most `most`, the first within `limit`, the others until there is
-    /// a pause. Returns how many there were.
+    /// Prints the first log lines (`<I|W|E><count>: <text>`, five digits): at most `most`, the first
+    /// within `limit`, the others until there is a pause of two seconds. Returns how many there were.
     pub fn print(&self, most: usize, limit: Duration) -> usize {
-        const PAUSE: Duration = Duration::from_secs(2);
-        let mut end = Instant::now() + limit;
-        let mut printed = 0;
-        while printed < most {
-            let Some(line) = self.next_before(end) else {
-                break;
-            };
-            if is_log(&line) {
+        let log_line = pattern(r"^[IWE]\d{5}: .");
+        let (mut end, mut printed) = (Instant::now() + limit, 0);
+        while let Some(line) = self.next_before(end).filter(|_| printed < most) {
+            if log_line.is_match(&line) {
                 println!("  {line}");
                 printed += 1;
-                end = Instant::now() + PAUSE;
+                end = Instant::now() + Duration::from_secs(2);
             }
         }
         printed
@@ -77,27 +73,13 @@ impl Lines {
     }
 }
 
-/// Whether this is a line of the robot's log: `<I|W|E><count>: <text>`, five digits.
-fn is_log(line: &str) -> bool {
-    let bytes = line.as_bytes();
-    bytes.len() > 8
-        && b"IWE".contains(&bytes[0])
-        && bytes[1..6].iter().all(u8::is_ascii_digit)
-        && &bytes[6..8] == b": "
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn log_lines_are_found_among_others() {
-        let text = "noise\ngdb: 127.0.0.1:3333\nI00000: a\r\nx\nI0012: short count\nX00012: level\n\
-                    I00012 colon\nI00012:\nW00001: b\n";
-        let lines = Lines::read(text.as_bytes());
-        let limit = Duration::from_secs(5);
-        let address = lines.find("gdb: ", limit);
-        assert_eq!(address.as_deref(), Some("127.0.0.1:3333"));
-        assert_eq!(lines.print(10, limit), 2);
-    }
+#[test]
+fn log_lines_are_found_among_others() {
+    let text = "noise\ngdb: 127.0.0.1:3333\nI00000: a\r\nx\nI0012: short count\nX00012: level\n\
+                I00012 colon\nI00012:\nW00001: b\n";
+    let lines = Lines::read(text.as_bytes());
+    let limit = Duration::from_secs(5);
+    let address = lines.find("gdb: ", limit);
+    assert_eq!(address.as_deref(), Some("127.0.0.1:3333"));
+    assert_eq!(lines.print(10, limit), 2);
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Args;
 use xshell::{Cmd, cmd};
 
-use crate::error::{Context, Failure, Result, bail, ensure};
+use crate::error::{Context, Kind, Result, fail};
 use crate::process;
 use crate::session::Session;
 use log_lines::Lines;
@@ -38,12 +38,10 @@ pub struct Board {
 fn has_probe_rs() -> Result<bool> {
     let missing = "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
                    install openocd`) is installed; `--virtual` needs neither";
-    let probe_rs = process::installed("probe-rs");
-    ensure!(
-        probe_rs || process::installed("openocd"),
-        Failure::MissingProgram(missing.into())
-    );
-    Ok(probe_rs)
+    match ["probe-rs", "openocd"].map(process::installed) {
+        [false, false] => fail(Kind::MissingProgram, missing),
+        [probe_rs, _] => Ok(probe_rs),
+    }
 }
 
 /// Writes, verifies, resets, prints the first log lines.
@@ -57,23 +55,20 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
     }
     let probe_rs = has_probe_rs()?;
     // Listen before the reset, or the first lines are gone.
-    let serial = board.serial.as_deref();
-    let log = serial
-        .map(|device| Lines::read_serial(session, device))
-        .transpose()?;
+    let log = board.serial.as_deref();
+    let log = log.map(|device| Lines::read_serial(session, device));
+    let log = log.transpose()?;
     let written = if probe_rs {
         let written = cmd!(sh, "probe-rs download --chip {CHIP} --verify {elf}").run();
         written.and_then(|()| cmd!(sh, "probe-rs reset --chip {CHIP}").run())
     } else {
         let program = format!("program \"{}\" verify reset exit", elf.display());
-        openocd(session, &board.interface)
-            .arg("-c")
-            .arg(program)
-            .run()
+        let openocd = openocd(session, &board.interface).arg("-c");
+        openocd.arg(program).run()
     };
     if let Err(error) = written {
         let hint = "is the probe plugged in and the board on?";
-        bail!(Failure::Board(format!("{error}; {hint}")));
+        return fail(Kind::Board, format!("{error}; {hint}"));
     }
     println!("flash: written, verified, reset");
     if let Some(log) = log {
@@ -84,17 +79,17 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
 }
 
 fn print_log(log: &Lines) -> Result<()> {
-    let seconds = LOG_TIMEOUT.as_secs();
-    let silent = || Failure::Board(format!("flashed, but no log line came within {seconds} s"));
-    ensure!(log.print(LOG_LINES, LOG_TIMEOUT) > 0, silent());
+    if log.print(LOG_LINES, LOG_TIMEOUT) == 0 {
+        let seconds = LOG_TIMEOUT.as_secs();
+        let silent = format!("flashed, but no log line came within {seconds} s");
+        return fail(Kind::Board, silent);
+    }
     Ok(())
 }
 
 fn openocd<'s>(session: &'s Session, interface: &str) -> Cmd<'s> {
-    cmd!(
-        session.sh,
-        "openocd -f interface/{interface}.cfg -f target/stm32f4x.cfg"
-    )
+    let openocd = cmd!(session.sh, "openocd -f interface/{interface}.cfg");
+    openocd.args(["-f", "target/stm32f4x.cfg"])
 }
 
 /// Opens GDB on the board.
@@ -105,12 +100,10 @@ pub fn debug(session: &Session, board: &Board) -> Result<()> {
         let board = VirtualBoard::start(session)?;
         return gdb::open(gdb, elf, &board.address);
     }
-    let (sh, address) = (&session.sh, "127.0.0.1:3333");
+    let address = "127.0.0.1:3333";
     let server = if has_probe_rs()? {
-        cmd!(
-            sh,
-            "probe-rs gdb --chip {CHIP} --gdb-connection-string {address}"
-        )
+        let server = cmd!(session.sh, "probe-rs gdb --chip {CHIP}");
+        server.args(["--gdb-connection-string", address])
     } else {
         openocd(session, &board.interface)
     };
@@ -152,14 +145,13 @@ impl VirtualBoard {
         let build = "build --release --package twin --bin virtual-board";
         session.cargo_with_board(build)?.run()?;
         let program = session.target.join("release/virtual-board");
-        let mut server = Server::start(
-            cmd!(session.sh, "{program} --gdb 127.0.0.1:0"),
-            Stdio::piped(),
-        )?;
+        let board = cmd!(session.sh, "{program} --gdb 127.0.0.1:0");
+        let mut server = Server::start(board, Stdio::piped())?;
         let log = Lines::read(server.0.stdout.take().context("virtual-board: no output")?);
-        let silent = "the virtual board did not print the address of its debug server";
-        let address = log.find("gdb: ", LOG_TIMEOUT);
-        let address = address.context(Failure::Board(silent.into()))?;
+        let Some(address) = log.find("gdb: ", LOG_TIMEOUT) else {
+            let silent = "the virtual board did not print the address of its debug server";
+            return fail(Kind::Board, silent);
+        };
         Ok(Self {
             server,
             log,

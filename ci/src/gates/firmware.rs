@@ -12,11 +12,8 @@ use crate::stack::{self, Bound};
 
 pub fn budget(session: &Session) -> Result<String> {
     let Sizes { flash, ram } = session.image()?.sizes;
-    check_bars(
-        session,
-        "firmware",
-        &json!({"flash_bytes": flash, "static_ram_bytes": ram}),
-    )?;
+    let figures = json!({"flash_bytes": flash, "static_ram_bytes": ram});
+    check_bars(session, "firmware", &figures)?;
     Ok(format!("flash {flash} bytes, static RAM {ram} bytes"))
 }
 
@@ -33,17 +30,10 @@ pub fn contents(session: &Session) -> Result<String> {
     let home = std::env::var("HOME").unwrap_or_default().into();
     let mut folders = vec![session.root.clone(), session.sysroot.clone(), home];
     folders.push(firmware::cargo_home());
-    folders.extend(
-        session
-            .toolchain()?
-            .remap
-            .iter()
-            .map(|(from, _)| from.clone()),
-    );
-    for folder in folders
-        .iter()
-        .map(|folder| format!("{}/", folder.display()))
-    {
+    let remap = session.toolchain()?.remap.iter();
+    folders.extend(remap.map(|(from, _)| from.clone()));
+    for folder in folders {
+        let folder = format!("{}/", folder.display());
         // A HOME of / or nothing is in every text.
         if folder.len() > 2 && elf.contains(&folder) {
             findings.push(format!("a path of this machine: {folder}"));
@@ -55,12 +45,10 @@ pub fn contents(session: &Session) -> Result<String> {
 /// The worst case of the stack against what is reserved and against its budget.
 pub fn stack(session: &Session) -> Result<String> {
     let Bound { worst, reserved } = stack::bound(session, &session.image()?.path)?;
-    ensure!(
-        worst <= reserved,
-        "the stack can reach {worst} bytes, reserved are {reserved}"
-    );
+    let figure = format!("at most {worst} of {reserved} bytes");
+    ensure!(worst <= reserved, "the stack can overflow: {figure}");
     check_bars(session, "stack", &json!({"worst_bytes": worst}))?;
-    Ok(format!("at most {worst} of {reserved} bytes"))
+    Ok(figure)
 }
 
 /// The stack that a run used must be within the computed bound. Returns both, in bytes.
@@ -68,8 +56,9 @@ pub fn check_stack_use(session: &Session, report: &Value) -> Result<(f64, u32)> 
     let Bound { worst, .. } = stack::bound(session, &session.image()?.path)?;
     let used = figure(report, "stack_used_bytes");
     let used = used.context("stack_used_bytes is not in the report")?;
+    let good = used > 0.0 && used <= f64::from(worst);
     ensure!(
-        used > 0.0 && used <= f64::from(worst),
+        good,
         "the run used {used} bytes of stack, computed are at most {worst}"
     );
     Ok((used, worst))
@@ -84,21 +73,13 @@ pub fn reproducible(session: &Session) -> Result<String> {
         .join("reproducible/a folder of another length");
     sh.remove_path(&elsewhere)?;
     session.copy_to(&elsewhere)?;
-    let second = firmware::build_in(
-        session,
-        session.toolchain()?,
-        &elsewhere,
-        &elsewhere.join("target"),
-        "",
-    )?;
+    let (toolchain, target) = (session.toolchain()?, elsewhere.join("target"));
+    let second = firmware::build_in(session, toolchain, &elsewhere, &target, "")?;
     let other = sh.read_binary_file(&second)?;
     if *first != other {
-        let at = first
-            .iter()
-            .zip(&other)
-            .take_while(|(one, other)| one == other)
-            .count();
-        bail!("{} differs from byte {at:#x} on", second.display());
+        let mut pairs = first.iter().zip(&other);
+        let at = pairs.position(|(one, other)| one != other);
+        bail!("{} differs from byte {at:x?} on", second.display());
     }
     sh.remove_path(&elsewhere)?;
     Ok(format!("{} equal bytes", other.len()))

@@ -13,9 +13,11 @@ use clap::Args;
 use serde_json::Value;
 
 use crate::budget::Budget;
-use crate::error::{Failure, Result, bail};
+use crate::error::{Failure, Kind, Result, bail, fail};
+use crate::kani::{self, Shard};
 use crate::session::Session;
 use crate::trace::Trace;
+use crate::{coverage, defects, mutants};
 
 /// The commands that run a gate.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -53,16 +55,16 @@ const GATES: [Gate; 29] = [
     ("stack", Quick, firmware::stack),
     ("reproducible", Change, firmware::reproducible),
     ("defects", Change, proofs::defects),
-    ("mutants", Change, proofs::mutants),
+    ("mutants", Change, |session| mutants::of_the_change(session)),
     ("loop", Change, tests::in_the_loop),
     ("demo", Change, tests::demo),
     ("tour", Change, tests::tour),
     ("figures", Change, tests::figures),
-    ("kani", Change, proofs::kani),
+    ("kani", Change, |session| kani::prove(session, Shard::ALL)),
     ("supply", Change, source::supply),
     ("fuzz", Night, proofs::fuzz),
-    ("coverage", Night, proofs::coverage),
-    ("all-defects", Night, proofs::all_defects),
+    ("coverage", Night, |session| coverage::run(session)),
+    ("all-defects", Night, |session| defects::run(session, &[])),
     ("all-mutants", Night, proofs::all_mutants),
 ];
 
@@ -84,7 +86,7 @@ impl Choice {
         let mut chosen = self.only.iter().chain(self.may_skip.iter().flatten());
         if let Some(unknown) = chosen.find(|name| !names.contains(&name.as_str())) {
             let names = names.join(", ");
-            bail!(Failure::Usage(format!("{unknown}: the gates are {names}")));
+            return fail(Kind::Usage, format!("{unknown}: the gates are {names}"));
         }
         Ok(())
     }
@@ -116,14 +118,12 @@ pub fn run(session: &Session, choice: &Choice, of: &[When], quick: bool) -> Resu
             println!("\n== {name}");
             run(session)
         } else {
-            Err(Failure::Skipped("left out by --quick".into()).into())
+            fail(Kind::Skipped, "left out by --quick")
         };
         let (result, figure) = match outcome {
             Ok(figure) => (PASSED, figure),
             Err(error) => match error.downcast_ref() {
-                Some(Failure::MissingProgram(why) | Failure::Skipped(why)) => {
-                    (SKIPPED, why.clone())
-                }
+                Some(Failure(Kind::MissingProgram | Kind::Skipped, why)) => (SKIPPED, why.clone()),
                 _ => (FAILED, format!("{error:#}")),
             },
         };
@@ -142,11 +142,8 @@ fn summarise(rows: &[Row], choice: &Choice) -> bool {
     for Row(name, result, figure) in rows {
         println!("{name:<13} {result:<8} {figure}");
     }
-    let of = |result| {
-        rows.iter()
-            .filter(move |row| row.1 == result)
-            .map(|row| row.0)
-    };
+    let all = |result| rows.iter().filter(move |row| row.1 == result);
+    let of = |result| all(result).map(|row| row.0);
     if let Some(name) = of(FAILED).next() {
         println!("\n`cargo xtask test --only {name}` runs that gate alone");
     }
@@ -202,43 +199,28 @@ fn requirements(session: &Session) -> Result<String> {
     passed_without(&findings, figure)
 }
 
-#[cfg(test)]
-mod unit_tests {
-    use super::*;
+#[test]
+fn figure_stays_on_one_line() {
+    assert_eq!(one_line("a\n  b"), "a b");
+    assert_eq!(one_line(&"ä".repeat(500)).chars().count(), 161);
+}
 
-    #[test]
-    fn figure_stays_on_one_line() {
-        assert_eq!(one_line("a\n  b"), "a b");
-        assert_eq!(one_line(&"ä".repeat(500)).chars().count(), 161);
+#[test]
+fn skipped_gate_fails_unless_it_may_be_skipped() {
+    let row = |name, result| Row(name, result, String::new());
+    let rows = [row("fmt", PASSED), row("kani", SKIPPED)];
+    for (may_skip, good) in [(None, true), (Some("kani"), true), (Some("fuzz"), false)] {
+        let may_skip = may_skip.map(|name| vec![name.to_owned()]);
+        let only = Vec::new();
+        let choice = Choice { only, may_skip };
+        choice.check().unwrap();
+        assert_eq!(summarise(&rows, &choice), good);
     }
-
-    #[test]
-    fn skipped_gate_fails_unless_it_may_be_skipped() {
-        let row = |name, result| Row(name, result, String::new());
-        let rows = [row("fmt", PASSED), row("kani", SKIPPED)];
-        let good = |may_skip: Option<&str>| {
-            let may_skip = may_skip.map(|name| vec![name.to_owned()]);
-            let only = Vec::new();
-            let choice = Choice { only, may_skip };
-            choice.check().unwrap();
-            summarise(&rows, &choice)
-        };
-        assert!(good(None));
-        assert!(good(Some("kani")));
-        assert!(!good(Some("fuzz")));
-        assert!(!summarise(&[row("fmt", FAILED)], &Choice::default()));
-    }
-
-    #[test]
-    fn unknown_gate_is_rejected() {
-        let only = vec!["kanu".into()];
-        let may_skip = None;
-        let error = Choice { only, may_skip }.check().unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .starts_with("kanu: the gates are setup, fmt"),
-            "{error}"
-        );
-    }
+    assert!(!summarise(&[row("fmt", FAILED)], &Choice::default()));
+    let (only, may_skip) = (vec!["kanu".into()], None);
+    let error = Choice { only, may_skip }.check().unwrap_err().to_string();
+    assert!(
+        error.starts_with("kanu: the gates are setup, fmt"),
+        "{error}"
+    );
 }

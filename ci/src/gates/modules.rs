@@ -20,9 +20,8 @@ pub fn gate(session: &Session) -> Result<String> {
     for manifest in WORKSPACES {
         for package in session.packages(manifest)? {
             for target in list(&package["targets"]) {
-                let root = session
-                    .relative(Path::new(text(&target["src_path"])))
-                    .to_string();
+                let root = Path::new(text(&target["src_path"]));
+                let root = session.relative(root).to_string();
                 let found = Modules::read(&files, &root);
                 let cycle = found.cycle();
                 if !cycle.is_empty() {
@@ -35,10 +34,8 @@ pub fn gate(session: &Session) -> Result<String> {
     }
     let unused = files.keys().filter(|file| !compiled.contains(*file));
     findings.extend(unused.map(|file| format!("{file}: no crate compiles it")));
-    passed_without(
-        &findings,
-        format!("{} files of {crates} crates, no cycle", files.len()),
-    )
+    let figure = format!("{} files of {crates} crates, no cycle", files.len());
+    passed_without(&findings, figure)
 }
 
 /// The modules of one crate.
@@ -61,11 +58,8 @@ impl Modules {
         let name = pattern(r"(\w+)\s*(?:[,}]|$)");
         for export in export.captures_iter(source) {
             for name in name.captures_iter(&export[2]) {
-                for used in found
-                    .uses
-                    .values_mut()
-                    .filter(|used| used.contains(&name[1]))
-                {
+                let users = found.uses.values_mut();
+                for used in users.filter(|used| used.contains(&name[1])) {
                     used.insert(export[1].to_owned());
                 }
             }
@@ -86,17 +80,15 @@ impl Modules {
         let beside = file.rsplit_once('/').map_or("", |(beside, _)| beside);
         let included = pattern(r#"include(?:_str)?!\("(.*\.rs)"\)"#);
         let included = included.captures_iter(source);
-        self.files
-            .extend(included.map(|file| format!("{beside}/{}", &file[1])));
+        let included = included.map(|file| format!("{beside}/{}", &file[1]));
+        self.files.extend(included);
         let item = r"(?m)^((?: *#\[.*\]\n)*) *(?:pub(?:\(\w+\))? )?mod (\w+);";
         for declared in pattern(item).captures_iter(source) {
             let (attributes, name) = (&declared[1], &declared[2]);
             let below = format!("{folder}/{name}");
             let own = pattern(r#"path = "(.*)""#).captures(attributes);
-            let own = own.map(|own| format!("{beside}/{}", &own[1]));
-            let candidates = own
-                .into_iter()
-                .chain([format!("{below}.rs"), format!("{below}/mod.rs")]);
+            let own = own.map(|own| format!("{beside}/{}", &own[1])).into_iter();
+            let candidates = own.chain([".rs", "/mod.rs"].map(|end| format!("{below}{end}")));
             if attributes.contains("cfg(test)") {
                 let mut tests = Self::default();
                 candidates.for_each(|own| tests.file(files, &own, &below, &[]));
@@ -149,53 +141,34 @@ fn paths(source: &str, depth: usize) -> BTreeSet<String> {
     names
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn modules(a: &str) -> Modules {
-        let files = [
-            (
-                "src/lib.rs",
-                "mod a;\nmod b;\npub use b::{deep::B, C as D};\n",
-            ),
-            ("src/a.rs", a),
-            (
-                "src/b/mod.rs",
-                "mod deep;\nfn f() {\n    crate::a::g()\n}\n",
-            ),
-            (
-                "src/b/deep.rs",
-                "use super::C;\nuse crate::b::D;\nconst E: &str = include_str!(\"e.in.rs\");\n",
-            ),
-        ];
-        let files = files.map(|(name, text)| (name.to_owned(), text.to_owned()));
-        Modules::read(&files.into(), "src/lib.rs")
-    }
-
-    #[test]
-    fn cycle_is_found_in_every_notation() {
-        for a in [
-            "use crate::b;\n",
-            "use super::{\n    x::Y,\n    b::Z,\n};\n",
-            "fn f() {\n    crate::b::g()\n}\n",
-            "use crate::{x::{Y, Z}, B};\n",
-            "use super::D;\n",
-        ] {
-            let found = modules(a);
-            assert!(found.cycle().into_iter().eq(["a", "b"]), "{a}");
-            assert_eq!(found.files.len(), 5);
-        }
-    }
-
-    #[test]
-    fn use_in_tests_or_comments_is_no_cycle() {
-        for a in [
-            "use crate::a::c;\nuse super::C;\n",
+#[test]
+fn cycle_is_found_in_every_notation_but_not_in_tests_or_comments() {
+    for (a, is_cycle) in [
+        ("use crate::b;\n", true),
+        ("use super::{\n    x::Y,\n    b::Z,\n};\n", true),
+        ("fn f() {\n    crate::b::g()\n}\n", true),
+        ("use crate::{x::{Y, Z}, B};\n", true),
+        ("use super::D;\n", true),
+        ("use crate::a::c;\nuse super::C;\n", false),
+        (
             "\n#[cfg(test)]\nmod tests {\n    use crate::b::C;\n}\n",
-            "/// See [`crate::b`].\nstruct S;\n",
-        ] {
-            assert!(modules(a).cycle().is_empty(), "{a}");
-        }
+            false,
+        ),
+        ("/// See [`crate::b`].\nstruct S;\n", false),
+    ] {
+        let root = "mod a;\nmod b;\npub use b::{deep::B, C as D};\n";
+        let deep = "use super::C;\nuse crate::b::D;\nconst E: &str = include_str!(\"e.in.rs\");\n";
+        let b = "mod deep;\nfn f() {\n    crate::a::g()\n}\n";
+        let files = [
+            ("lib.rs", root),
+            ("a.rs", a),
+            ("b/mod.rs", b),
+            ("b/deep.rs", deep),
+        ];
+        let files = files.map(|(name, text)| (format!("src/{name}"), text.to_owned()));
+        let found = Modules::read(&files.into(), "src/lib.rs");
+        let expected: &[&str] = if is_cycle { &["a", "b"] } else { &[] };
+        assert!(found.cycle().into_iter().eq(expected), "{a}");
+        assert_eq!(found.files.len(), 5);
     }
 }

@@ -3,18 +3,15 @@
 use serde_json::{Map, Value};
 
 use super::check_bars;
-use crate::error::{Context, Error, Failure, Result, bail};
+use crate::error::{Context, Error, Result};
 use crate::fuzz::{self, Effort};
-use crate::kani::{self, Shard};
 use crate::session::Session;
-use crate::{coverage, defects, mutants};
+use crate::{defects, mutants};
 
 /// The theorems' table against its floors: a proof that went missing fails here.
 pub fn floors(session: &Session) -> Result<String> {
-    let list = session
-        .cargo("run --quiet --package proofs --example theorems")
-        .read()?;
-    let counts = counts(&list)?;
+    let list = session.cargo("run --quiet --package proofs --example theorems");
+    let counts = counts(&list.read()?)?;
     let figures = counts.iter().map(|(name, count)| format!("{count} {name}"));
     let figures = figures.collect::<Vec<_>>().join(", ");
     check_bars(session, "proofs", &Value::Object(counts))?;
@@ -23,11 +20,9 @@ pub fn floors(session: &Session) -> Result<String> {
 
 /// The rows of each kind, and the sums of the columns, by the names in the list's first line.
 fn counts(list: &str) -> Result<Map<String, Value>> {
-    let mut rows = list
-        .lines()
-        .map(|line| line.split('\t').collect::<Vec<_>>());
-    let head = rows.next().unwrap_or_default();
-    let rows: Vec<_> = rows.collect();
+    let rows = list.lines().map(|line| line.split('\t'));
+    let rows: Vec<Vec<_>> = rows.map(Iterator::collect).collect();
+    let (head, rows) = rows.split_first().context("the list is empty")?;
     let column = |name: &str| {
         let at = head.iter().position(|found| *found == name);
         let at = at.with_context(|| format!("the theorems' list has no column {name}"))?;
@@ -40,30 +35,17 @@ fn counts(list: &str) -> Result<Map<String, Value>> {
     for name in ["harnesses", "covers", "tests"] {
         // A count, or names parted by commas.
         let names = |cell: &str| cell.split(',').filter(|name| !name.is_empty()).count();
-        let sum: usize = column(name)?
-            .map(|cell| cell.parse().unwrap_or_else(|_| names(cell)))
-            .sum();
-        counts.insert(name.into(), sum.into());
+        let cells = column(name)?;
+        let cells = cells.map(|cell| cell.parse().unwrap_or_else(|_| names(cell)));
+        counts.insert(name.into(), cells.sum::<usize>().into());
     }
     Ok(counts)
-}
-
-pub fn kani(session: &Session) -> Result<String> {
-    let Some(version) = kani::version(session) else {
-        bail!(Failure::Skipped(kani::MISSING.into()));
-    };
-    Ok(format!("{version}: {}", kani::prove(session, Shard::ALL)?))
 }
 
 /// Every target on the same inputs each time, as far as the time goes; the nightly workflow looks for
 /// new ones.
 pub fn fuzz(session: &Session) -> Result<String> {
-    let targets = fuzz::build(session)?;
-    fuzz::run(session, &targets, Effort::Inputs(500_000, 30))
-}
-
-pub fn coverage(session: &Session) -> Result<String> {
-    coverage::run(session)
+    fuzz::run(session, None, Effort::Inputs(500_000, 30))
 }
 
 /// Every seeded defect fits the code; the samples are tried.
@@ -73,33 +55,18 @@ pub fn defects(session: &Session) -> Result<String> {
     Ok(format!("{} fit the code; noticed: {noticed}", all.len()))
 }
 
-pub fn all_defects(session: &Session) -> Result<String> {
-    defects::run(session, &[])
-}
-
-pub fn mutants(session: &Session) -> Result<String> {
-    mutants::of_the_change(session)
-}
-
 /// All mutants of the core.
 pub fn all_mutants(session: &Session) -> Result<String> {
     let arguments = ["--jobs", "2", "--report", "target/mutants.md"];
     mutants::run(session, &arguments.map(str::to_owned))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_of_the_theorems_are_summed_by_name() {
-        let list = "kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n\
-                    theorem\tT0\tunits\ta\t1\t3\texhaustive,sampled\t\n\
-                    property\tT1\twire\tb\t2\t4\t\ta\n";
-        let expected = serde_json::json!({
-            "theorems": 1, "sampled": 1, "harnesses": 3, "covers": 7, "tests": 2
-        });
-        assert_eq!(Value::Object(counts(list).unwrap()), expected);
-        assert!(counts("").is_err());
-    }
+#[test]
+fn columns_of_the_theorems_are_summed_by_name() {
+    let list = "kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n\
+                theorem\tT0\tunits\ta\t1\t3\texhaustive,sampled\t\n\
+                property\tT1\twire\tb\t2\t4\t\ta\n";
+    let expected = r#"{"covers":7,"harnesses":3,"sampled":1,"tests":2,"theorems":1}"#;
+    assert_eq!(Value::Object(counts(list).unwrap()).to_string(), expected);
+    assert!(counts("").is_err());
 }

@@ -2,8 +2,7 @@
 
 use xshell::{Cmd, cmd};
 
-use crate::cargo_tool::CargoTool;
-use crate::error::{Failure, Result, bail};
+use crate::error::{Kind, Result, fail};
 use crate::process;
 use crate::session::Session;
 use crate::toolchain::{Provider, TARGET, apt_install};
@@ -15,27 +14,19 @@ pub const WORKSPACES: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "tests/bench
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
 const OLDEST: &str = "1.85";
 
-const CARGO_DENY: CargoTool = CargoTool("deny", "0.20.2");
-
-/// Requires a rustup component that a machine may lack; tries to get it once.
+/// Requires a rustup component that a machine may lack.
 fn require(session: &Session, subcommand: &str, component: &str) -> Result<()> {
     let version = format!("{subcommand} --version");
     let installed = || process::output(session.cargo(&version)).is_some();
-    let add = || cmd!(session.sh, "timeout 120 rustup component add {component}").run();
-    if !installed() && (add().is_err() || !installed()) {
-        let missing = format!("{component} is not installed (`rustup component add {component}`)");
-        bail!(Failure::MissingProgram(missing));
-    }
-    Ok(())
+    let add = session.rustup(&format!("component add {component}"));
+    process::require(installed, &add, component)
 }
 
 pub fn fmt(session: &Session) -> Result<String> {
     require(session, "fmt", "rustfmt")?;
-    session.cargo("fmt --all --check").run()?;
-    for manifest in &WORKSPACES[1..] {
-        session
-            .cargo(&format!("fmt --manifest-path {manifest} --check"))
-            .run()?;
+    for manifest in WORKSPACES {
+        let words = format!("fmt --all --manifest-path {manifest} --check");
+        session.cargo(&words).run()?;
     }
     Ok(String::new())
 }
@@ -43,101 +34,82 @@ pub fn fmt(session: &Session) -> Result<String> {
 /// What the core is checked against must not be edited by hand.
 pub fn vectors(session: &Session) -> Result<String> {
     if !process::installed("python3") && apt_install(session, "python3").is_err() {
-        bail!(Failure::Skipped("python3 is not installed".into()));
+        return fail(Kind::Skipped, "python3 is not installed");
     }
     cmd!(session.sh, "python3 tests/vectors/generate.py --check").run()?;
     Ok(String::new())
 }
 
-pub fn clippy(session: &Session) -> Result<String> {
-    require(session, "clippy", "clippy")?;
-    let deny = "-- -D warnings";
-    session
-        .cargo(&format!("clippy --all-targets {deny}"))
-        .run()?;
-    session
-        .cargo("clippy --package fw-core --lib -- -D clippy::float_arithmetic")
-        .run()?;
-    session
-        .cargo(&format!("clippy --package pilot --features linux {deny}"))
-        .run()?;
-    let board = session.cargo_with_board(&format!("clippy --all-targets {BOARD}"))?;
-    board.args(deny.split(' ')).run()?;
-    for manifest in &WORKSPACES[1..] {
-        let clippy = session.cargo(&format!("clippy --manifest-path {manifest} --target-dir"));
-        clippy
-            .arg(session.target.join("clippy"))
-            .args(deny.split(' '))
-            .run()?;
-    }
+/// Clippy's or rustdoc's words for the firmware, where the machine's compiler has the target: it is
+/// not in Debian's.
+fn on_target(session: &Session, words: &str) -> Result<String> {
     if session.toolchain()?.provider == Provider::Debian {
-        // Clippy belongs to the machine's compiler, which has no core for the target.
         return Ok("without fw-pac: the target is Debian's".into());
     }
-    let pac = format!("clippy --package fw-pac --target {TARGET} {deny}");
-    session.cargo(&pac).run()?;
+    let target = format!("--package fw-pac --target {TARGET}");
+    let words = words.replace("TARGET", &target);
+    session.cargo(&words).run()?;
     Ok("all packages".into())
+}
+
+pub fn clippy(session: &Session) -> Result<String> {
+    require(session, "clippy", "clippy")?;
+    for words in [
+        "--all-targets -- -D warnings",
+        "--package fw-core --lib -- -D clippy::float_arithmetic",
+        "--package pilot --features linux -- -D warnings",
+    ] {
+        session.cargo(&format!("clippy {words}")).run()?;
+    }
+    let board = format!("clippy --all-targets {BOARD}");
+    let board = session.cargo_with_board(&board)?;
+    board.args(["--", "-D", "warnings"]).run()?;
+    for manifest in &WORKSPACES[1..] {
+        let words = format!("clippy --manifest-path {manifest} -- -D warnings");
+        let clippy = session.cargo(&words);
+        clippy
+            .env("CARGO_TARGET_DIR", session.target.join("clippy"))
+            .run()?;
+    }
+    on_target(session, "clippy TARGET -- -D warnings")
 }
 
 pub fn docs(session: &Session) -> Result<String> {
-    let run = |doc: Cmd<'_>| doc.env("RUSTDOCFLAGS", "-D warnings").run();
-    run(session.cargo("doc --no-deps"))?;
-    run(session.cargo_with_board(&format!("doc --no-deps {BOARD}"))?)?;
-    if session.toolchain()?.provider == Provider::Debian {
-        return Ok("without fw-pac: the target is Debian's".into());
-    }
-    run(session.cargo(&format!("doc --no-deps --package fw-pac --target {TARGET}")))?;
-    Ok("all packages".into())
+    let _deny = session.sh.push_env("RUSTDOCFLAGS", "-D warnings");
+    session.cargo("doc --no-deps").run()?;
+    let board = format!("doc --no-deps {BOARD}");
+    session.cargo_with_board(&board)?.run()?;
+    on_target(session, "doc --no-deps TARGET")
 }
 
 pub fn msrv(session: &Session) -> Result<String> {
-    let sh = &session.sh;
     // The toolchain's own choice of compiler must win over the one this program runs under.
     let foreign = ["RUSTC", "CARGO", "RUSTUP_TOOLCHAIN"].into_iter();
     let cargo = || {
-        foreign
-            .clone()
-            .fold(cmd!(sh, "rustup run {OLDEST} cargo"), Cmd::env_remove)
+        let cargo = cmd!(session.sh, "rustup run {OLDEST} cargo");
+        foreign.clone().fold(cargo, Cmd::env_remove)
     };
     let installed = || process::output(cargo().arg("--version")).is_some();
-    let install = cmd!(
-        sh,
-        "timeout 300 rustup toolchain install {OLDEST} --profile minimal"
-    );
-    if !installed() && (install.run().is_err() || !installed()) {
-        let install = format!("`rustup toolchain install {OLDEST}`");
-        bail!(Failure::Skipped(format!(
-            "no Rust {OLDEST} here ({install})"
-        )));
-    }
-    let check = cargo().args([
-        "check",
-        "--locked",
-        "--package",
-        "fw-core",
-        "--package",
-        "proofs",
-    ]);
-    check
-        .arg("--target-dir")
-        .arg(session.target.join("oldest"))
-        .run()?;
+    let install = session.rustup(&format!("toolchain install {OLDEST} --profile minimal"));
+    process::require(installed, &install, &format!("Rust {OLDEST}"))?;
+    let words = "check --locked --package fw-core --package proofs --target-dir";
+    let check = cargo().args(words.split(' '));
+    check.arg(session.target.join("oldest")).run()?;
     Ok(format!("Rust {OLDEST}"))
 }
 
 /// Licences, bans and sources of the dependencies.
 pub fn supply(session: &Session) -> Result<String> {
+    session.require_tool("deny@0.20.2")?;
     for manifest in WORKSPACES {
         // Locked: what is committed is what is checked. One list of exceptions for all of them: not each
         // has what is excepted. Advisories need the network; the nightly workflow checks them.
         let words = format!(
-            "--locked --manifest-path {manifest} --config deny.toml check --hide-inclusion-graph \
+            "deny --locked --manifest-path {manifest} --config deny.toml check --hide-inclusion-graph \
              --allow license-exception-not-encountered bans licenses sources"
         );
-        CARGO_DENY.command(session)?.args(words.split(' ')).run()?;
+        session.cargo(&words).run()?;
     }
-    Ok(format!(
-        "bans, licenses, sources of {} workspaces",
-        WORKSPACES.len()
-    ))
+    let count = WORKSPACES.len();
+    Ok(format!("bans, licenses, sources of {count} workspaces"))
 }

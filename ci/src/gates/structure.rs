@@ -14,6 +14,8 @@ use crate::session::Session;
 use crate::toolchain::TARGET;
 use crate::workspace::{list, text};
 
+const FORBIDDEN: &str = "\nunsafe_code = \"forbid\"\n";
+
 /// `unsafe` only in fw-pac, licences and lock files present and current, no toolchain file.
 pub fn hygiene(session: &Session) -> Result<String> {
     let mut findings = Vec::new();
@@ -21,20 +23,13 @@ pub fn hygiene(session: &Session) -> Result<String> {
         for package in session.packages(workspace)? {
             let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
             let manifest = session.sh.read_file(manifest)?;
-            let forbidden = [
-                "\n[lints]\nworkspace = true\n",
-                "\nunsafe_code = \"forbid\"\n",
-            ];
+            let forbidden = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
             if name != "fw-pac" && !forbidden.iter().any(|lint| manifest.contains(lint)) {
                 findings.push(format!("{name}: no lint forbids unsafe code"));
             }
         }
     }
-    if !session
-        .sh
-        .read_file("Cargo.toml")?
-        .contains("\nunsafe_code = \"forbid\"\n")
-    {
+    if !session.sh.read_file("Cargo.toml")?.contains(FORBIDDEN) {
         findings.push("Cargo.toml: no lint forbids unsafe code".into());
     }
     for name in ["rust-toolchain", "rust-toolchain.toml"] {
@@ -83,24 +78,17 @@ const VIRTUAL: [&str; 2] = ["pilot/src/cli/board_args.rs", "pilot/src/virtual_bo
 pub fn arrows(session: &Session) -> Result<String> {
     let mut findings = Vec::new();
     let packages = session.packages("Cargo.toml")?;
-    let package = |name: &str| {
-        packages
-            .iter()
-            .find(|package| text(&package["name"]) == name)
-    };
     for (from, forbidden) in ARROWS {
-        if package(from).is_some() {
-            let built = built_of(session, &format!("--package {from}"))?;
-            let wrong = forbidden
-                .split(' ')
-                .filter(|name| built.contains_key(*name));
-            findings.extend(wrong.map(|name| format!("{from} depends on {name}")));
-        }
+        let built = built_of(session, &format!("--package {from}"))?;
+        let wrong = forbidden
+            .split(' ')
+            .filter(|name| built.contains_key(*name));
+        findings.extend(wrong.map(|name| format!("{from} depends on {name}")));
     }
     // With the feature `virtual` all of the Pi's program could reach the room: its files that do.
-    for (name, source) in session.rust_files()? {
+    for (name, source) in session.texts("pilot/src", "rs")? {
         let plant = source.contains("plant::") || source.contains("twin::");
-        if plant && name.starts_with("pilot/src/") && !VIRTUAL.contains(&name.as_str()) {
+        if plant && !VIRTUAL.contains(&name.as_str()) {
             findings.push(format!("{name} sees the virtual room"));
         }
     }
@@ -108,25 +96,21 @@ pub fn arrows(session: &Session) -> Result<String> {
     if !direct.keys().eq(["fixed", "fw-core"]) {
         findings.push(format!("fw-core depends on {direct:?}, not on fixed alone"));
     }
-    let core = package("fw-core").context("no package fw-core")?;
-    if core["features"]
-        .as_object()
-        .is_some_and(|features| !features.is_empty())
-    {
+    let mut core = packages
+        .iter()
+        .filter(|package| text(&package["name"]) == "fw-core");
+    let core = core.next().context("no package fw-core")?;
+    if core["features"] != json!({}) {
         findings.push("fw-core has features".into());
     }
-    for (name, source) in session.rust_files()? {
-        if name.starts_with("fw-core/src/") {
-            let conditions = conditions(&source).into_iter();
-            findings.extend(conditions.map(|condition| format!("{name}: cfg({condition})")));
-        }
+    for (name, source) in session.texts("fw-core/src", "rs")? {
+        let conditions = conditions(&source).into_iter();
+        findings.extend(conditions.map(|condition| format!("{name}: cfg({condition})")));
     }
     // What fw-core is built of in the proofs and in the firmware must be what it asks for alone.
     let alone = built_of(session, "--package fw-core")?;
-    for package in [
-        "--package proofs",
-        &format!("--package fw-pac --target {TARGET}"),
-    ] {
+    let firmware = format!("--package fw-pac --target {TARGET}");
+    for package in ["--package proofs", &firmware] {
         let built = built_of(session, package)?;
         let differs = |(name, features): &(_, _)| built.get(*name) != Some(*features);
         let different = alone.iter().filter(differs);
@@ -139,22 +123,18 @@ pub fn arrows(session: &Session) -> Result<String> {
 /// version and features.
 fn built_of(session: &Session, package: &str) -> Result<BTreeMap<String, String>> {
     let words = "tree --edges normal --no-dedupe --prefix none --format {p}[{f}]";
-    let tree = session
-        .cargo(&format!("{words} {package}"))
-        .quiet()
-        .read()?;
+    let tree = session.cargo(&format!("{words} {package}"));
+    let tree = tree.quiet().read()?;
     let crates = tree.lines().filter_map(|line| line.split_once(' '));
-    Ok(crates
-        .map(|(name, rest)| (name.to_owned(), rest.to_owned()))
-        .collect())
+    let crates = crates.map(|(name, rest)| (name.to_owned(), rest.to_owned()));
+    Ok(crates.collect())
 }
 
 /// What the conditions of `cfg(…)`, `cfg_attr(…)` and `cfg!(…)` name besides `test` and `kani`.
 fn conditions(source: &str) -> Vec<&str> {
     let allowed = ["test", "kani", "not", "any", "all", ""];
-    let lines = source
-        .lines()
-        .filter(|line| !line.trim_start().starts_with("//"));
+    let code = |line: &&str| !line.trim_start().starts_with("//");
+    let lines = source.lines().filter(code);
     let conditions = lines.filter_map(|line| {
         let whole = line.split_once("cfg(").or(line.split_once("cfg!("));
         let whole = whole.and_then(|(_, condition)| condition.split([']', '{', ';']).next());
@@ -181,28 +161,21 @@ pub fn size(session: &Session) -> Result<String> {
             }
         }
     }
-    let documents = session.files("docs")?.into_iter();
-    let documents = documents.filter(|file| file.extension().is_some_and(|ending| ending == "md"));
-    let mut words = 0;
-    for document in documents {
-        words += session.sh.read_file(document)?.split_whitespace().count();
-    }
-    println!("  {lines} lines of Rust, {longest} in the longest file, {words} words in docs/");
+    let documents = session.texts("docs", "md")?;
+    let words = documents
+        .iter()
+        .map(|(_, text)| text.split_whitespace().count());
+    let words: usize = words.sum();
+    let figure = format!("{lines} lines of Rust, {longest} in a file, {words} words in docs/");
+    println!("  {figure}");
     let figures = json!({"rust_lines": lines, "file_lines": longest, "docs_words": words});
     check_bars(session, "size", &figures)?;
-    Ok(format!(
-        "{lines} lines of Rust, {longest} in a file, {words} words in docs/"
-    ))
+    Ok(figure)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn condition_other_than_test_is_named() {
-        let source = "#[cfg(test)]\n// #[cfg(never)]\n#[cfg(not(kani))]\n#[cfg(feature = \"x\")]\n\
-                      #[cfg_attr(test, derive(Debug))]\nif cfg!(debug_assertions) {\n";
-        assert_eq!(conditions(source), ["feature", "x", "debug_assertions"]);
-    }
+#[test]
+fn condition_other_than_test_is_named() {
+    let source = "#[cfg(test)]\n// #[cfg(never)]\n#[cfg(not(kani))]\n#[cfg(feature = \"x\")]\n\
+                  #[cfg_attr(test, derive(Debug))]\nif cfg!(debug_assertions) {\n";
+    assert_eq!(conditions(source), ["feature", "x", "debug_assertions"]);
 }

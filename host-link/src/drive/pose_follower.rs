@@ -77,8 +77,8 @@ mod tests {
     /// A robot that follows the velocity with a lag of 150 ms and reports a frame late.
     fn drive(target: Pose, seconds: u32) -> Pose {
         let mut follower = PoseFollower::new(target, 5.0, 1.0);
-        let (mut pose, mut reported, mut speed, mut rate) =
-            (Pose::default(), Pose::default(), 0.0, 0.0);
+        let (mut pose, mut reported) = (Pose::default(), Pose::default());
+        let (mut speed, mut rate) = (0.0, 0.0);
         for _ in 0..seconds * 40 {
             let (forward, yaw) = follower.step(reported);
             assert!((-REVERSE.0..=SPEED_MM_S).contains(&forward) && yaw.abs() <= YAW_DEG_S.1);
@@ -88,10 +88,8 @@ mod tests {
             let step = Pose::new(speed * 0.025, 0.0, rate * 0.025);
             pose = step.in_frame_of(pose);
         }
-        assert!(
-            speed.abs() < 0.5 && rate.abs() < 0.5,
-            "moves: {speed} {rate}"
-        );
+        let at_rest = speed.abs() < 0.5 && rate.abs() < 0.5;
+        assert!(at_rest, "moves: {speed} {rate}");
         pose
     }
 

@@ -80,19 +80,11 @@ fn drive_panic_in_callback_stops_robot() {
 fn drive_timeout_stops_robot() {
     let (board, mut io) = mock_board(&image(Mode::Normal), None);
     let mut session = Session::open(&mut io, 40, 100).unwrap();
-    let criteria = ArrivalCriteria {
-        timeout_s: Some(0.1),
-        ..ArrivalCriteria::default()
-    };
+    let (timeout_s, rest) = (Some(0.1), ArrivalCriteria::default());
+    let criteria = ArrivalCriteria { timeout_s, ..rest };
     let error = go_to(&mut session, TARGET, &criteria, |_, _| {}).unwrap_err();
     assert!(matches!(error, Error::NotReached { .. }), "{error:?}");
     assert_holds_position(&board.borrow());
-}
-
-#[test]
-fn drive_spi_failure_is_reported() {
-    let (_, mut io) = mock_board(&image(Mode::Normal), Some(IoFault::BusesFail(20)));
-    assert!(matches!(drive(&mut io), Err(Error::Spi(_))));
 }
 
 #[test]
@@ -101,10 +93,10 @@ fn drive_key_mismatch_detected_within_ten_frames() {
     // The STM booted with another key than the EEPROM holds now.
     board.borrow_mut().memory = image(Mode::Normal).with(fields::KEY_FROM_STM, 0x11);
     let error = drive(&mut io).unwrap_err();
-    assert!(
-        matches!(&error, Error::ModeMismatch { frames: 10, reason, .. } if reason.contains("key")),
-        "{error:?}"
-    );
+    let Error::ModeMismatch { frames, reason, .. } = error else {
+        panic!("{error:?}");
+    };
+    assert!(frames == 10 && reason.contains("key"), "{reason}");
 }
 
 #[test]
@@ -113,36 +105,29 @@ fn drive_of_faulted_robot_is_rejected() {
     board.borrow_mut().report.state = State::Faulted;
     board.borrow_mut().report.faults = fw_core::types::Faults::BATTERY_CUTOFF;
     let error = drive(&mut io).unwrap_err();
-    assert!(
-        matches!(&error, Error::Fault { faults, .. } if faults == "battery-cutoff"),
-        "{error:?}"
-    );
+    let is_fault = matches!(&error, Error::Fault { faults, .. } if faults == "battery-cutoff");
+    assert!(is_fault, "{error:?}");
     assert!(board.borrow().commands.iter().all(|command| !command.apply));
 }
 
 #[test]
-fn drive_in_tuning_mode_is_rejected() {
+fn drive_in_tuning_mode_or_without_spi_is_rejected() {
     let (_, mut io) = mock_board(&image(Mode::TuneRotate), None);
     assert!(matches!(drive(&mut io), Err(Error::WrongMode { .. })));
+    let (_, mut io) = mock_board(&image(Mode::Normal), Some(IoFault::BusesFail(20)));
+    assert!(matches!(drive(&mut io), Err(Error::Spi(_))));
 }
 
 #[test]
-fn rest_creeping_robot_is_not_at_rest() {
+fn rest_takes_quarter_second_without_creeping() {
     let mut rest = RestDetector::default();
     let mut at_rest = false;
     for frame in 0..400_u32 {
         // 4 mm/s: below the limit from frame to frame, far above it over a quarter second.
-        let pose = Pose {
-            x_mm: f64::from(frame) * 0.1,
-            ..Pose::default()
-        };
+        let pose = Pose::new(f64::from(frame) * 0.1, 0.0, 0.0);
         at_rest |= rest.settled(u64::from(frame) * 25_000, pose);
     }
     assert!(!at_rest);
-}
-
-#[test]
-fn rest_standing_robot_rests_after_quarter_second() {
     let mut rest = RestDetector::default();
     let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Pose::default()));
     assert_eq!(settled, Some(10));

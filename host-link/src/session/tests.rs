@@ -24,12 +24,9 @@ fn frames_cycle_cells_unless_one_is_tuned() {
         cell: 1,
         voltage: 740,
     };
-    for request in [None, None, Some(tune), Some(tune), None, None, None] {
-        let request = CommandRequest {
-            tune: request,
-            ..CommandRequest::default()
-        };
-        session.exchange(&request).unwrap();
+    for tune in [None, None, Some(tune), Some(tune), None, None, None] {
+        let rest = CommandRequest::default();
+        session.exchange(&CommandRequest { tune, ..rest }).unwrap();
     }
     let sent: Vec<_> = board.borrow().commands.iter().map(|c| c.tune).collect();
     let cycled = |cell| CellCode { cell, voltage: 0 };
@@ -58,21 +55,12 @@ fn velocity_is_sent_by_its_nearest_code() {
     ] {
         session.exchange(&request).unwrap();
     }
-    let sent: Vec<_> = board
-        .borrow()
-        .commands
-        .iter()
-        .map(|c| (c.velocity, c.sweep))
-        .collect();
+    let board = board.borrow();
+    let sent = board.commands.iter().map(|c| (c.velocity, c.sweep));
     let code = |forward, yaw_rate| Velocity { forward, yaw_rate };
-    assert_eq!(
-        sent,
-        [
-            (code(123_457, -0x4000_0000), 0x2000),
-            (code(i32::MIN, i32::MAX), 0x8000),
-            (code(0, 0), 0),
-        ]
-    );
+    let first = (code(123_457, -0x4000_0000), 0x2000);
+    let limits = (code(i32::MIN, i32::MAX), 0x8000);
+    assert!(sent.eq([first, limits, (code(0, 0), 0)]));
 }
 
 // Requirement: WIRE-spi-7
@@ -95,23 +83,16 @@ fn rejected_reply_is_counted_and_keeps_last_values() {
     let (board, mut io) = mock_board(&image(2), None);
     board.borrow_mut().report.pose.x = 1_234_000;
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
-    assert!(session
-        .exchange(&CommandRequest::default())
-        .unwrap()
-        .is_some());
-    assert!(session
-        .exchange(&CommandRequest::default())
-        .unwrap()
-        .is_some());
+    let request = CommandRequest::default();
+    for _ in 0..2 {
+        assert!(session.exchange(&request).unwrap().is_some());
+    }
     let before = (session.snapshot().pose, session.snapshot().cells_v.clone());
     assert_eq!(before.0.map(|pose| pose.x_mm), Some(1234.0));
-    {
-        let mut board = board.borrow_mut();
-        board.report.pose.x = 0;
-        board.garbled_from = 0;
-    }
+    board.borrow_mut().report.pose.x = 0;
+    board.borrow_mut().garbled_from = 0;
     for rejected in 1..=5 {
-        assert_eq!(session.exchange(&CommandRequest::default()), Ok(None));
+        assert_eq!(session.exchange(&request), Ok(None));
         let statistics = session.statistics();
         assert_eq!((statistics.accepted, statistics.rejected), (2, rejected));
         assert_eq!(statistics.causes.get(fw_core::wire::Cause::Key), rejected);
