@@ -88,7 +88,6 @@
 //! | [`snapshot`] | the latest values in physical units |
 //! | [`uart`] | the STM's log as bytes |
 //! | [`log`] | the STM's log as lines |
-//! | [`samples`] | the log's tuning samples on one time base |
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
@@ -105,7 +104,6 @@ pub mod mock_board;
 mod mode_check;
 pub mod pose;
 pub mod reset;
-pub mod samples;
 pub mod session;
 pub mod settings;
 pub mod snapshot;

@@ -43,23 +43,21 @@ pub struct Devices {
 /// # Errors
 /// [`Error::Device`] names the device and what to do.
 pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
-    let mut chip = Chip::new(&devices.gpiochip)
-        .map_err(|cause| device(&devices.gpiochip, &cause, GPIO_ADVICE))?;
+    let gpio_failed = |cause| device(&devices.gpiochip, &cause, GPIO_ADVICE);
+    let mut chip = Chip::new(&devices.gpiochip).map_err(gpio_failed)?;
     let mut pin = |net: &str, offset: u32, flags: LineRequestFlags, value: u8| {
-        line(&mut chip, offset)
-            .and_then(|line| line.request(flags, value, net))
-            .and_then(CdevPin::new)
-            .map_err(|cause| {
-                let name = format!("{} line {offset} ({net})", devices.gpiochip.display());
-                device(Path::new(&name), &cause, GPIO_ADVICE)
-            })
+        let line = chip.get_line(offset);
+        let handle = line.and_then(|line| line.request(flags, value, net));
+        handle.and_then(CdevPin::new).map_err(|cause| {
+            let name = format!("{} line {offset} ({net})", devices.gpiochip.display());
+            device(Path::new(&name), &cause, GPIO_ADVICE)
+        })
     };
     let protect = pin("WP_EEPROM", PROTECT, LineRequestFlags::OUTPUT, 1)?;
     let select = pin("SELECT", SELECT, LineRequestFlags::OUTPUT, 0)?;
     let ready = pin("STM_READY", READY, LineRequestFlags::INPUT, 0)?;
-    let reset = line(&mut chip, RESET)
-        .map_err(|cause| device(&devices.gpiochip, &cause, GPIO_ADVICE))
-        .map(OpenDrain::new)?;
+    let line = chip.get_line(RESET).map_err(gpio_failed)?;
+    let reset = OpenDrain { line, low: None };
 
     // Requirement: DOC-2.1-5, WIRE-spi-4
     let mut spi = SpidevDevice::open(&devices.spi)
@@ -105,21 +103,10 @@ fn device(name: &Path, cause: &dyn std::fmt::Display, advice: &str) -> Error {
     }
 }
 
-fn line(chip: &mut Chip, offset: u32) -> Result<Line, linux_embedded_hal::gpio_cdev::Error> {
-    chip.get_line(offset)
-}
-
 /// A line that is driven low or released to an input, never driven high.
 pub struct OpenDrain {
     line: Line,
     low: Option<LineHandle>,
-}
-
-impl OpenDrain {
-    /// Released.
-    fn new(line: Line) -> Self {
-        Self { line, low: None }
-    }
 }
 
 impl ErrorType for OpenDrain {

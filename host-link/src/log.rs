@@ -119,8 +119,7 @@ fn parse(line: &[u8]) -> Option<LogLine> {
         return (1..=8).contains(&tap).then_some(tuned);
     }
     if let Some(text) = body.strip_prefix("L ") {
-        let link = link(text)?;
-        return Some(LogLine::Link { number, link });
+        return link(text).map(|link| LogLine::Link { number, link });
     }
     Some(LogLine::Other { number })
 }

@@ -371,19 +371,17 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 
 /// A second connection to the same board.
 pub fn reconnect(board: &Shared) -> BoardIo {
-    fn line<const WHICH: usize>(board: &Shared) -> Box<MockLine<WHICH>> {
-        Box::new(MockLine(board.clone()))
-    }
+    let at = || board.clone();
     BoardIo {
-        spi: line::<BUS>(board),
-        i2c: line::<BUS>(board),
-        reset: line::<RESET>(board),
-        select: line::<SELECT>(board),
-        protect: line::<PROTECT>(board),
-        ready: line::<READY>(board),
-        delay: line::<BUS>(board),
-        clock: line::<BUS>(board),
-        log: line::<BUS>(board),
+        spi: Box::new(MockLine::<BUS>(at())),
+        i2c: Box::new(MockLine::<BUS>(at())),
+        reset: Box::new(MockLine::<RESET>(at())),
+        select: Box::new(MockLine::<SELECT>(at())),
+        protect: Box::new(MockLine::<PROTECT>(at())),
+        ready: Box::new(MockLine::<READY>(at())),
+        delay: Box::new(MockLine::<BUS>(at())),
+        clock: Box::new(MockLine::<BUS>(at())),
+        log: Box::new(MockLine::<BUS>(at())),
         interrupt: board.borrow().interrupt.clone(),
     }
 }

@@ -74,16 +74,11 @@ impl ModeCheck {
         }
         let step = i64::from(report.pose.x) - i64::from(self.x_um);
         self.x_um = report.pose.x;
-        if step.unsigned_abs() < JUMP_UM {
-            self.jumps = 0;
-        } else {
-            self.jumps += 1;
-        }
+        let jumps = step.unsigned_abs() >= JUMP_UM;
+        self.jumps = if jumps { self.jumps + 1 } else { 0 };
         if self.jumps >= MAX_JUMPS {
-            return Err(format!(
-                "positions {} m apart from frame to frame",
-                step / 1_000_000
-            ));
+            let metres = step / 1_000_000;
+            return Err(format!("positions {metres} m apart from frame to frame"));
         }
         Ok(())
     }
@@ -141,22 +136,20 @@ mod tests {
 
     #[test]
     fn other_chain_is_detected_within_ten_frames() {
-        for &pi in Mode::ALL {
-            for &stm in Mode::ALL {
-                let same = chain(pi) == chain(stm);
-                assert_eq!(
-                    is_detected(pi, stm, 2),
-                    !same,
-                    "{} {}",
-                    pi.name(),
-                    stm.name()
-                );
-            }
+        for (pi, stm) in Mode::ALL
+            .iter()
+            .flat_map(|&pi| Mode::ALL.iter().map(move |&stm| (pi, stm)))
+        {
+            let differs = chain(pi) != chain(stm);
+            assert_eq!(
+                is_detected(pi, stm, 2),
+                differs,
+                "{} {}",
+                pi.name(),
+                stm.name()
+            );
         }
-    }
-
-    #[test]
-    fn other_chain_with_one_cell_is_detected_in_normal() {
+        // A single cell is no evidence, but the position is.
         assert!(is_detected(Mode::Normal, Mode::GuardedNormal, 1));
         assert!(is_detected(Mode::Normal, Mode::TuneMove, 1));
         assert!(!is_detected(Mode::Normal, Mode::Normal, 1));

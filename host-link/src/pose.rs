@@ -80,41 +80,22 @@ impl Pose {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pose_codes_round_saturate_and_wrap() {
-        assert_eq!(
-            Pose::new(1.0, -2.5, 90.0).code(),
-            PoseCode {
-                x: 1000,
-                y: -2500,
-                rotation: 0x2000
-            }
-        );
-        assert_eq!(
-            Pose::new(1e12, -1e12, -90.0).code(),
-            PoseCode {
-                x: i32::MAX,
-                y: i32::MIN,
-                rotation: 0x6000
-            }
-        );
-        assert_eq!(Pose::new(0.0, 0.0, 359.999).code().rotation, 0);
-        assert_eq!(Pose::new(0.0, 0.0, 720.0 + 359.99).code().rotation, 0x7FFF);
+#[test]
+fn pose_codes_round_saturate_and_wrap() {
+    for (x_mm, y_mm, deg, x, y, rotation) in [
+        (1.0, -2.5, 90.0, 1000, -2500, 0x2000),
+        (1e12, -1e12, -90.0, i32::MAX, i32::MIN, 0x6000),
+        (0.0, 0.0, 359.999, 0, 0, 0),
+        (0.0, 0.0, 1079.99, 0, 0, 0x7FFF),
+    ] {
+        let code = PoseCode { x, y, rotation };
+        assert_eq!(Pose::new(x_mm, y_mm, deg).code(), code);
     }
+}
 
-    #[test]
-    fn rotation_difference_takes_shortest_way() {
-        assert!(
-            (Pose::new(0.0, 0.0, 350.0).rotation_to_deg(Pose::new(0.0, 0.0, 10.0)) - 20.0).abs()
-                < 1e-9
-        );
-        assert!(
-            (Pose::new(0.0, 0.0, 10.0).rotation_to_deg(Pose::new(0.0, 0.0, 350.0)) + 20.0).abs()
-                < 1e-9
-        );
-    }
+#[test]
+fn rotation_difference_takes_shortest_way() {
+    let [ten, back] = [10.0, 350.0].map(|deg| Pose::new(0.0, 0.0, deg));
+    assert!((back.rotation_to_deg(ten) - 20.0).abs() < 1e-9);
+    assert!((ten.rotation_to_deg(back) + 20.0).abs() < 1e-9);
 }

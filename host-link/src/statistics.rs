@@ -23,10 +23,8 @@ impl RejectCounts {
 
     /// Those that occurred, in the order of [`Cause::ALL`].
     pub fn nonzero(&self) -> impl Iterator<Item = (Cause, u32)> + '_ {
-        Cause::ALL
-            .into_iter()
-            .zip(self.0)
-            .filter(|&(_, count)| count > 0)
+        let counts = Cause::ALL.into_iter().zip(self.0);
+        counts.filter(|&(_, count)| count > 0)
     }
 
     /// Rejected for any cause.
@@ -107,18 +105,13 @@ pub struct StmStatistics {
     pub round_trip_frames: Option<u8>,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn reject_counts_serialize_nonzero_causes() {
-        let mut causes = RejectCounts::default();
-        causes.set(Cause::Crc, 3);
-        causes.set(Cause::Short, u32::MAX);
-        let json = serde_json::to_string(&causes).unwrap();
-        assert_eq!(json, r#"{"short":4294967295,"crc":3}"#);
-        assert_eq!(serde_json::from_str::<RejectCounts>(&json).unwrap(), causes);
-        assert_eq!(causes.total(), u32::MAX);
-    }
+#[test]
+fn reject_counts_serialize_nonzero_causes() {
+    let mut causes = RejectCounts::default();
+    causes.set(Cause::Crc, 3);
+    causes.set(Cause::Short, u32::MAX);
+    let json = serde_json::to_string(&causes).unwrap();
+    assert_eq!(json, r#"{"short":4294967295,"crc":3}"#);
+    assert_eq!(serde_json::from_str::<RejectCounts>(&json).unwrap(), causes);
+    assert_eq!(causes.total(), u32::MAX);
 }

@@ -62,25 +62,19 @@ fn spawn_reader(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
     let (sender, receiver) = channel();
     let path = path.to_owned();
     thread::spawn(move || {
-        let mut file = match File::open(&path) {
-            Ok(file) => file,
-            Err(cause) => {
-                let _ = sender.send(Err(cause.to_string()));
-                return;
-            }
-        };
+        let mut file = File::open(&path);
         let mut buffer = [0; 4096];
         loop {
-            let read = match file.read(&mut buffer) {
-                Ok(0) => {
-                    thread::sleep(POLL);
-                    Ok(Vec::new())
-                }
-                Ok(len) => Ok(buffer.get(..len).unwrap_or_default().to_vec()),
+            let read = match &mut file {
+                Ok(file) => file.read(&mut buffer).map_err(|cause| cause.to_string()),
                 Err(cause) => Err(cause.to_string()),
             };
+            if read == Ok(0) {
+                thread::sleep(POLL);
+            }
             let failed = read.is_err();
-            if sender.send(read).is_err() || failed {
+            let bytes = read.map(|len| buffer.get(..len).unwrap_or_default().to_vec());
+            if sender.send(bytes).is_err() || failed {
                 return;
             }
         }
@@ -88,32 +82,24 @@ fn spawn_reader(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
     receiver
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read_for(mut tty: SerialPort) -> Result<Vec<u8>, Error> {
-        for _ in 0..500 {
-            let fresh = tty.read_new()?;
-            if !fresh.is_empty() {
-                return Ok(fresh);
-            }
+#[test]
+fn serial_port_bytes_or_its_absence_arrive() {
+    let read = |path: &Path| {
+        let mut port = SerialPort::new(path);
+        let mut reads = (0..500).map(|_| {
             thread::sleep(POLL);
-        }
-        Ok(Vec::new())
-    }
-
-    #[test]
-    fn serial_port_bytes_arrive() {
-        let path = std::env::temp_dir().join(format!("robot-tty-{}", std::process::id()));
-        std::fs::write(&path, b"I00000: boot\n").unwrap();
-        assert_eq!(read_for(SerialPort::new(&path)).unwrap(), b"I00000: boot\n");
-        std::fs::remove_file(path).unwrap();
-    }
-
-    #[test]
-    fn serial_port_missing_is_an_error() {
-        let outcome = read_for(SerialPort::new("/nowhere/at/all"));
-        assert!(matches!(outcome, Err(Error::Device { .. })), "{outcome:?}");
-    }
+            port.read_new()
+        });
+        let is_something = |read: &Result<Vec<u8>, Error>| !read.as_ref().is_ok_and(Vec::is_empty);
+        reads.find(is_something)
+    };
+    let path = std::env::temp_dir().join(format!("robot-tty-{}", std::process::id()));
+    std::fs::write(&path, b"I00000: boot\n").unwrap();
+    assert_eq!(read(&path), Some(Ok(b"I00000: boot\n".to_vec())));
+    std::fs::remove_file(&path).unwrap();
+    let missing = read(&path);
+    assert!(
+        matches!(missing, Some(Err(Error::Device { .. }))),
+        "{missing:?}"
+    );
 }

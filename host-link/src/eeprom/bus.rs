@@ -117,17 +117,13 @@ impl<'b> EepromBus<'b> {
     fn restore(&mut self) -> Result<Option<u32>, Error> {
         let protect = self.io.set_protect(true);
         let select = self.io.set_select(false);
-        let reset = if self.reset_due {
-            reset::pulse(self.io)
-        } else {
-            Ok(())
-        };
+        let pulse = self.reset_due.then(|| reset::pulse(self.io));
         // Not before: after a panic on the way here the drop tries once more.
         self.released = true;
         let steps = [
             ("setting the write protection", protect),
             ("returning the EEPROM's bus to the STM", select),
-            ("resetting the STM", reset),
+            ("resetting the STM", pulse.unwrap_or(Ok(()))),
         ];
         for (step, result) in steps {
             result.map_err(|error| Error::NotRestored {

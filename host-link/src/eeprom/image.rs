@@ -22,10 +22,9 @@ pub const LARGEST_LEN: usize = 0x1_0000;
 pub fn load(path: &Path) -> Result<Image, Error> {
     let bytes = fs::read(path).map_err(|cause| Error::unreadable(path, &cause))?;
     if !(ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len()) {
-        let what = format!(
-            "{} bytes are no EEPROM image: accepted are {ORIGINAL_LEN} (pages 0x00 to 0x02) to {LARGEST_LEN} bytes",
-            bytes.len()
-        );
+        let accepted = format!("{ORIGINAL_LEN} (pages 0x00 to 0x02) to {LARGEST_LEN} bytes");
+        let len = bytes.len();
+        let what = format!("{len} bytes are no EEPROM image: accepted are {accepted}");
         return Err(Error::content(path, None, what));
     }
     let mut image = Image::BLANK;
@@ -46,9 +45,8 @@ pub fn save(path: &Path, image: &[u8]) -> Result<(), Error> {
         fs::create_dir_all(folder).map_err(unwritable)?;
     }
     let mut file = fs::File::create(&beside).map_err(unwritable)?;
-    file.write_all(image)
-        .and_then(|()| file.sync_all())
-        .map_err(unwritable)?;
+    let written = file.write_all(image).and_then(|()| file.sync_all());
+    written.map_err(unwritable)?;
     fs::rename(&beside, path).map_err(unwritable)
 }
 

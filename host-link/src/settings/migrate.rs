@@ -18,12 +18,8 @@ pub(super) fn from_layout_1(image: &Image) -> Option<Image> {
         for field in &FIELDS {
             let is_new = usize::from(field.address) >= CHECKSUM
                 || [LAYOUT_VERSION.address, LAYOUT_LENGTH.address].contains(&field.address);
-            let raw = if is_new {
-                Image::FIRST_BOARD.get(field)
-            } else {
-                image.get(field)
-            };
-            migrated.set(field, raw);
+            let source = if is_new { &Image::FIRST_BOARD } else { image };
+            migrated.set(field, source.get(field));
         }
         migrated.seal();
         migrated
@@ -37,9 +33,8 @@ mod tests {
     use fw_core::eeprom::fields::{BEARING_LEFT, CELLS, TRACK};
 
     fn layout_1() -> Image {
-        let mut image = Image::FIRST_BOARD
-            .with(TRACK, 131_072)
-            .with(BEARING_LEFT, 5);
+        let mut image = Image::FIRST_BOARD.with(TRACK, 131_072);
+        image.set(BEARING_LEFT, 5);
         // The old checksum covered undefined bytes, too.
         image.0[0x0280] = 0x55;
         image.set(LAYOUT_VERSION, 1);
@@ -55,11 +50,8 @@ mod tests {
         let old = layout_1();
         let settings = Settings::from_image(&old).unwrap();
         for field in FIELDS.iter().filter(|field| field.constant().is_none()) {
-            let before = if field.address < 0x0334 {
-                &old
-            } else {
-                &Image::FIRST_BOARD
-            };
+            let kept = field.address < 0x0334;
+            let before = if kept { &old } else { &Image::FIRST_BOARD };
             assert_eq!(settings.get(field), before.get(field), "{}", field.name);
         }
         assert_eq!(settings.image().get(LAYOUT_VERSION), 2);

@@ -93,22 +93,16 @@ fn unknown(table: &DeTable<'_>, prefix: &str, keys: &[String]) -> Result<(), (us
         match value.get_ref().as_table() {
             Some(inner) if is_section => unknown(inner, &section, keys)?,
             None if is_section => {
-                return Err((
-                    name.span().start,
-                    format!("{key} must be a section, [{key}]"),
-                ));
+                let what = format!("{key} must be a section, [{key}]");
+                return Err((name.span().start, what));
             }
             _ => {
-                let mut accepted: Vec<&str> = keys
-                    .iter()
-                    .filter_map(|key| key.strip_prefix(prefix))
-                    .map(|rest| rest.split('.').next().unwrap_or(rest))
-                    .collect();
+                let rests = keys.iter().filter_map(|key| key.strip_prefix(prefix));
+                let mut accepted: Vec<_> =
+                    rests.filter_map(|rest| rest.split('.').next()).collect();
                 accepted.dedup();
-                let what = format!(
-                    "unknown key {key}: accepted here are {}",
-                    accepted.join(", ")
-                );
+                let accepted = accepted.join(", ");
+                let what = format!("unknown key {key}: accepted here are {accepted}");
                 return Err((name.span().start, what));
             }
         }
@@ -125,10 +119,11 @@ fn raw(field: &Field, value: &DeValue<'_>) -> Result<u64, String> {
     match Format::of(field) {
         Format::Mode => mode(value),
         Format::Flag => Ok(value.as_bool().ok_or("true or false")?.into()),
-        Format::Hex | Format::Int => whole(value)
-            .and_then(|value| u64::try_from(value).ok())
-            .filter(|&value| value <= max)
-            .ok_or_else(|| format!("a whole number from 0 to {max}")),
+        Format::Hex | Format::Int => {
+            let value = whole(value).and_then(|value| u64::try_from(value).ok());
+            let value = value.filter(|&value| value <= max);
+            value.ok_or_else(|| format!("a whole number from 0 to {max}"))
+        }
         Format::Scaled(scale) => format::scaled(real(value)?, scale, max),
         Format::Bearing => format::bearing(real(value)?),
         Format::Real => Ok(real(value)?.to_bits()),
@@ -142,30 +137,21 @@ fn whole(value: &DeValue<'_>) -> Option<i64> {
 
 #[allow(clippy::cast_precision_loss)] // no field tells 2⁵³ from its neighbour
 fn real(value: &DeValue<'_>) -> Result<f64, String> {
-    let float = value
-        .as_float()
-        .and_then(|float| float.as_str().parse().ok());
-    float
-        .or_else(|| whole(value).map(|whole| whole as f64))
-        .ok_or_else(|| "a number".into())
+    let float = value.as_float();
+    let float = float.and_then(|float| float.as_str().parse().ok());
+    let number = float.or_else(|| whole(value).map(|whole| whole as f64));
+    number.ok_or_else(|| "a number".into())
 }
 
 fn mode(value: &DeValue<'_>) -> Result<u64, String> {
-    let by_name = value.as_str().and_then(|name| {
-        Mode::ALL
-            .iter()
-            .copied()
-            .find(|m| m.name().eq_ignore_ascii_case(name))
-    });
-    let by_code = whole(value)
-        .and_then(|code| u8::try_from(code).ok())
-        .and_then(Mode::from_code);
-    let mode = by_name.or(by_code).ok_or_else(|| {
-        let all: Vec<String> = Mode::ALL
-            .iter()
-            .map(|m| format!("\"{}\" ({:#04x})", m.name(), m.code()))
-            .collect();
-        all.join(", ")
+    let (name, code) = (value.as_str().unwrap_or_default(), whole(value));
+    let modes = Mode::ALL.iter().map(|mode| (mode.name(), mode.code()));
+    let meant = |&(by_name, by_code): &(&str, u8)| {
+        by_name.eq_ignore_ascii_case(name) || code == Some(by_code.into())
+    };
+    let mode = modes.clone().find(meant).ok_or_else(|| {
+        let all = modes.map(|(name, code)| format!("\"{name}\" ({code:#04x})"));
+        all.collect::<Vec<_>>().join(", ")
     })?;
-    Ok(mode.code().into())
+    Ok(mode.1.into())
 }

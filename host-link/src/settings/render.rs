@@ -69,15 +69,14 @@ pub struct Change {
 
 /// The fields in which `after` differs from `before`.
 pub fn changes(before: &Settings, after: &Settings) -> Vec<Change> {
-    format::all()
-        .filter(|field| before.get(field) != after.get(field))
-        .map(|field| Change {
-            key: format::key(field),
-            address: field.address,
-            before: format::text(field, before.get(field)),
-            after: format::text(field, after.get(field)),
-        })
-        .collect()
+    let changed = format::all().filter(|field| before.get(field) != after.get(field));
+    let change = |field| Change {
+        key: format::key(field),
+        address: field.address,
+        before: format::text(field, before.get(field)),
+        after: format::text(field, after.get(field)),
+    };
+    changed.map(change).collect()
 }
 
 #[cfg(test)]
@@ -124,70 +123,38 @@ mod tests {
         assert_eq!(Settings::from_image(original.image()).unwrap(), original);
     }
 
-    fn complaint(from: &str, to: &str) -> Error {
+    /// Reads the first board's file with a change on a line, which must be rejected; the complaint and
+    /// the line's number.
+    fn complaint(from: &str, to: &str) -> (Error, usize) {
         let text = render(&first());
-        assert!(text.contains(from), "{from} is not in the sample");
-        parse(&text.replacen(from, to, 1)).unwrap_err()
-    }
-
-    fn line_of(part: &str) -> usize {
-        render(&first())
-            .lines()
-            .position(|line| line.contains(part))
-            .unwrap()
-            + 1
+        let line = text.lines().position(|line| line.contains(from));
+        let line = line.expect("a part of the sample") + 1;
+        (parse(&text.replacen(from, to, 1)).unwrap_err(), line)
     }
 
     #[test]
     fn complaints_name_key_value_range_and_line() {
+        let mode = "link.mode = \"Normla\": accepted is \"Normal\" (0x00)";
+        let cells = "battery.cells = 300: accepted is a whole number from 0 to 255";
+        let servo = "platform.servo = 0: accepted is true or false";
         for (from, to, expected) in [
-            (
-                "cells = 2",
-                "cells = 300",
-                "battery.cells = 300: accepted is a whole number from 0 to 255",
-            ),
+            ("cells = 2", "cells = 300", cells),
             ("cells = 2", "cellz = 2", "unknown key battery.cellz"),
-            (
-                "mode = \"Normal\"",
-                "mode = \"Normla\"",
-                "link.mode = \"Normla\": accepted is \"Normal\" (0x00)",
-            ),
-            (
-                "servo = false",
-                "servo = 0",
-                "platform.servo = 0: accepted is true or false",
-            ),
-            (
-                "stop_deadline_ms = 250",
-                "stop_deadline_ms = 70000",
-                "accepted is a whole number from 0 to 65535",
-            ),
+            ("mode = \"Normal\"", "mode = \"Normla\"", mode),
+            ("servo = false", "servo = 0", servo),
+            ("_ms = 250", "_ms = 70000", "a whole number from 0 to 65535"),
             ("key_from_pi = 0x96", "key_from_pi = 0x96 7", ""),
         ] {
-            let line = line_of(from);
-            match complaint(from, to) {
-                Error::Content {
-                    line: Some(named),
-                    what,
-                    ..
-                } => {
-                    assert_eq!(named, line, "{what}");
-                    assert!(what.contains(expected), "{what}");
-                }
-                other => panic!("{other:?}"),
-            }
+            let (error, expected_line) = complaint(from, to);
+            let Error::Content { line, what, .. } = error else {
+                panic!("{error:?}");
+            };
+            assert_eq!(line, Some(expected_line), "{what}");
+            assert!(what.contains(expected), "{what}");
         }
-    }
-
-    #[test]
-    fn a_missing_key_is_named() {
-        let error = complaint("adc_max_word = 4095", "");
-        assert!(
-            error
-                .to_string()
-                .contains("battery.adc_max_word is missing"),
-            "{error}"
-        );
+        let missing = complaint("adc_max_word = 4095", "").0.to_string();
+        let expected = "battery.adc_max_word is missing";
+        assert!(missing.contains(expected), "{missing}");
     }
 
     #[test]
@@ -195,23 +162,14 @@ mod tests {
         for (from, to, key) in [
             ("cells = 2", "cells = 0", "battery.cells"),
             ("p = 6.5088", "p = nan", "pid.forward.p"),
-            (
-                "adc_max_word = 4095",
-                "adc_max_word = 0",
-                "battery.adc_max_word",
-            ),
+            ("word = 4095", "word = 0", "battery.adc_max_word"),
             ("track_mm = 125.0", "track_mm = 0.0", "platform.track_mm"),
         ] {
-            let line = line_of(from);
-            match complaint(from, to) {
-                Error::Rejected { location, .. } => {
-                    assert!(
-                        location.contains(&format!("line {line} ({key})")),
-                        "{location}"
-                    );
-                }
-                other => panic!("{other:?}"),
-            }
+            let (error, line) = complaint(from, to);
+            let expected = format!("line {line} ({key})");
+            let is_named =
+                matches!(&error, Error::Rejected { location, .. } if location.contains(&expected));
+            assert!(is_named, "{error:?}");
         }
     }
 }

@@ -6,7 +6,7 @@
 //! is searched for the least residual. Two levels of duty are needed to separate gain and
 //! dead zone.
 
-use host_link::samples::Sample;
+use crate::tune::samples::Sample;
 use serde::Serialize;
 
 /// The drive.

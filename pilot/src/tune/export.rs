@@ -3,9 +3,9 @@
 use super::Axis;
 use super::drive_model::{DriveModel, Step, replay};
 use super::gains::Response;
+use crate::tune::samples::Sample;
 use host_link::eeprom::image;
 use host_link::error::Error;
-use host_link::samples::Sample;
 use mapper::line_plot::{Curve, Panel, draw};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

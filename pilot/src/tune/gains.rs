@@ -11,11 +11,11 @@
 
 use super::Axis;
 use super::drive_model::DriveModel;
+use crate::tune::samples::TICK_S;
 use fixed::types::I16F16;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::{Field, Gain, Gains};
 use fw_core::motion::pid::Pid;
-use host_link::samples::TICK_S;
 use host_link::settings::Settings;
 use serde::Serialize;
 

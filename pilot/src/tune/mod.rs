@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`step_response`] | the steps, bounded, and stopped on every path |
 //! | [`temporary_mode`] | the EEPROM's mode changed for the steps, and restored on every path |
+//! | [`samples`] | the log's tuning samples on one time base |
 //! | [`drive_model`] | gain, dead zone and two equal lags from the samples |
 //! | [`gains`] | a PID for that model, and its predicted response |
 //! | [`export`] | samples as CSV, results as a picture |
@@ -14,6 +15,7 @@ pub mod battery;
 pub mod drive_model;
 pub mod export;
 pub mod gains;
+pub mod samples;
 pub mod step_response;
 pub mod temporary_mode;
 

@@ -1,8 +1,8 @@
 //! Step responses: constant duty for a bounded time and travel, rest in between, the log recorded. Every
 //! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
+use crate::tune::samples::SampleRecorder;
 use host_link::error::Error;
-use host_link::samples::SampleRecorder;
 use host_link::session::{CommandRequest, Session};
 
 /// Which steps.

@@ -2,12 +2,12 @@
 //! restored. And the fit on a known drive.
 
 use super::*;
+use crate::tune::samples::{Sample, SampleRecorder};
 use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
 use host_link::mock_board::{IoFault, MockBoard, mock_board};
-use host_link::samples::{Sample, SampleRecorder};
 use host_link::session::Session;
 use host_link::settings::Settings;
 use std::panic::{AssertUnwindSafe, catch_unwind};

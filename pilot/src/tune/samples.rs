@@ -1,7 +1,7 @@
 //! The log's samples on one time base. The STM writes one line a tick; gaps in the line numbers count
 //! the lost lines.
 
-use crate::log::{LogLine, LogParser};
+use host_link::log::{LogLine, LogParser};
 
 /// Seconds from one sample to the next.
 pub const TICK_S: f64 = 0.01;
