@@ -57,8 +57,8 @@ impl WheelMonitor {
     /// The faults found in this tick.
     fn step(&mut self, command: MotorCommand, counts: i32, min_counts: i32) -> Faults {
         let MotorCommand::Run(duty) = command else {
+            // The window restarts below: the lagged drive begins at nearly nothing.
             self.lag = MotorLag::default();
-            (self.ticks, self.counts) = (0, 0);
             return Faults::NONE;
         };
         let duty = i32::from(duty.hundredths());

@@ -238,6 +238,24 @@ mod tests {
         }
     }
 
+    /// No tick came between the deadline and the frame: the frame's orders count, not the silence.
+    #[test]
+    fn late_frame_clears_and_resumes_at_once() {
+        for (order, halted) in [(Order::None, true), (Order::Resume, false)] {
+            let (mut supervisor, _) = after(APPLY, 1);
+            let command = SupervisorCommand {
+                order,
+                clear_faults: Faults::LINK_LOST,
+                ..ALIVE
+            };
+            supervisor.on_fresh(Micros(DEADLINE_US), command);
+            assert_eq!(
+                (supervisor.faults(), supervisor.halted()),
+                (Faults::NONE, halted)
+            );
+        }
+    }
+
     #[test]
     fn stop_order_wins_over_apply() {
         let stop = SupervisorCommand {

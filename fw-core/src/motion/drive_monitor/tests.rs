@@ -104,3 +104,21 @@ fn wheel_turns_from_a_128th_of_a_turn() {
         }
     }
 }
+
+#[test]
+fn pause_or_weak_drive_restarts_the_window() {
+    for side in [Left, Right] {
+        let (first, _) = faults(side, 5000, 0, 100)[0];
+        let window = usize::from(WINDOW_TICKS) - 1;
+        for (pause, due) in [(MotorCommands::BRAKE, first), (side.driven(1000), window)] {
+            let mut monitor = monitor();
+            let turning = core::iter::repeat_n(side.driven(5000), first).chain([pause]);
+            for commands in turning {
+                assert_eq!(monitor.step(&commands, &side.rolled(10)), Faults::NONE);
+            }
+            let mut stands = || monitor.step(&side.driven(5000), &side.rolled(0));
+            let stalled = (0..200).find(|_| stands() == side.stalled());
+            assert_eq!(stalled, Some(due), "{side:?}");
+        }
+    }
+}

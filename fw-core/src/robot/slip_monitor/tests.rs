@@ -154,6 +154,27 @@ fn absent_gyro_is_fault_until_it_agrees_again() {
     assert!(!robot.bench.robot.faults().intersects(Faults::GYRO_LOST));
 }
 
+// Requirement: WIRE-fault-13
+#[test]
+fn contradicting_gyro_is_fault_but_not_slip_end() {
+    let lost = |robot: &Turned| robot.bench.robot.faults() & (Faults::SLIP | Faults::GYRO_LOST);
+    let mut robot = Turned::new(Mode::GuardedNormal);
+    robot.ticks(200, 0, 0, 0);
+    robot.ticks(100, SPIN, -10, 10);
+    // Held for 2 s with turning wheels.
+    robot.ticks(190, 0, -10, 10);
+    assert_eq!(lost(&robot), Faults::SLIP);
+    robot.ticks(30, 0, -10, 10);
+    assert_eq!(lost(&robot), Faults::SLIP | Faults::GYRO_LOST);
+    let mut upside_down = Turned::new(Mode::GuardedNormal);
+    upside_down.ticks(200, 0, 0, 0);
+    // Three verifications of 10° by the wheels.
+    upside_down.ticks(40, -SPIN, -10, 10);
+    assert_eq!(lost(&upside_down), Faults::NONE);
+    upside_down.ticks(20, -SPIN, -10, 10);
+    assert_eq!(lost(&upside_down), Faults::GYRO_LOST);
+}
+
 // Requirement: WIRE-platform-7
 #[test]
 fn gyro_not_configured_or_tuning_is_idle() {

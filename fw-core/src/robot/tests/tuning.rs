@@ -121,6 +121,40 @@ fn stop_order_ends_tuning_duty() {
     }
 }
 
+// Requirement: WIRE-deadline-5
+#[test]
+fn tune_move_after_stop_holds_the_new_heading() {
+    let mut bench = Bench::new(Mode::TuneMove);
+    bench.frame(&of(30.0));
+    for _ in 0..30 {
+        bench.tick();
+    }
+    assert_eq!(bench.robot.state(), State::Stopped);
+    // Turned by hand: against the motors' order it would turn back.
+    bench.sample.right = bench.sample.right.wrapping_add_signed(300);
+    bench.tick();
+    bench.frame(&of(0.0));
+    bench.frame(&of(30.0));
+    let outputs = bench.tick();
+    let duty = MotorCommand::Run(Duty::saturating(3000));
+    assert_eq!([outputs.left, outputs.right], [duty; 2]);
+}
+
+// Requirement: WIRE-status-2
+#[test]
+fn percentage_of_the_resuming_frame_is_driven() {
+    let mut bench = Bench::new(Mode::GuardedTuneRotate);
+    let order = |order, percent| Command {
+        order,
+        ..of(percent)
+    };
+    bench.frame(&order(Order::Stop, 0.0));
+    assert!(!runs(&bench.tick()));
+    bench.frame(&order(Order::Resume, 30.0));
+    let duty = MotorCommand::Run(Duty::saturating(3000));
+    assert_eq!(bench.tick().right, duty);
+}
+
 // Requirement: DOC-5.1.3-3, DOC-5.1.3-4, WIRE-battery-2
 #[test]
 fn tuned_cell_logs_its_upper_resistor() {

@@ -167,17 +167,36 @@ fn absent_part_is_reported_once_and_retried_ever_more_rarely() {
     bus.part.absent = true;
     bus.run(1_000);
     assert_eq!(bus.losses, [DeviceError::NotResponding]);
+    // Four missed reads, and the shortest pause.
+    let identify = |request: &BusRequest| matches!(request, BusRequest::Read { count: 1, .. });
+    assert_eq!(bus.requests.iter().position(identify), Some(104));
 }
 
 #[test]
 fn three_missed_reads_are_tolerated() {
     let mut bus = Bus::streaming();
+    for _ in 0..3 {
+        bus.part.absent = true;
+        bus.run(3);
+        assert!(bus.losses.is_empty());
+        bus.part.absent = false;
+        bus.run(10);
+        assert_eq!((bus.rates.len(), bus.losses.len()), (9, 0));
+    }
     bus.part.absent = true;
-    bus.run(3);
-    assert!(bus.losses.is_empty());
+    bus.run(5);
+    assert_eq!(bus.losses, [DeviceError::NotResponding]);
+    bus.part.absent = false;
+    while !matches!(bus.requests[..], [BusRequest::Read { register, .. }] if register == GYRO_ZOUT)
+    {
+        bus.run(1);
+    }
+    // The first read after a new set-up may fail, too.
+    bus.part.absent = true;
+    bus.run(1);
     bus.part.absent = false;
     bus.run(10);
-    assert_eq!(bus.rates.len(), 9);
+    assert_eq!((bus.rates.len(), bus.losses.len()), (9, 0));
 }
 
 #[test]
@@ -197,6 +216,8 @@ fn frozen_or_restarted_part_is_set_up_again() {
     bus.part.frozen = true;
     bus.run(400);
     assert_eq!(bus.losses, [DeviceError::Frozen]);
+    // 50 equal words each time.
+    assert_eq!(bus.rates.len(), 50 + 49);
     let (register, value) = (PWR_MGMT_1, 0x80);
     let reset = BusRequest::Write { register, value };
     assert!(bus.requests.contains(&reset));
