@@ -72,7 +72,7 @@ impl Trace {
     /// The requirements of the page: `- ID: sentence`; and of the document, by the middle of `DOC-…`: each
     /// section has one, or a line `- SECTION: what it says, and why that is none`.
     fn read_requirements(&mut self, page: &str) {
-        for row in pattern(r"(?m)^- ((?:DOC|WIRE)-[\w.]+-\d+): (.*)$").captures_iter(page) {
+        for row in pattern(r"(?m)^- ((?:DOC|NAV|WIRE)-[\w.]+-\d+): (.*)$").captures_iter(page) {
             self.add(row[1].to_owned(), row[2].to_owned());
         }
         let ids = self.requirements.keys();
@@ -91,7 +91,7 @@ impl Trace {
     /// The requirements of `docs/interfaces.md`: `[A, B-1 to 3]` ends the text of A, B-1, B-2 and B-3, which
     /// begins where the paragraph does or behind the mark before. A section without any is a finding.
     fn read_interfaces(&mut self, page: &str) {
-        let mark = pattern(r"\[((?:(?:DOC|WIRE)-[\w.]+-\d+(?:\s+to\s+\d+)?,?\s*)+)\]");
+        let mark = pattern(r"\[((?:(?:DOC|NAV|WIRE)-[\w.]+-\d+(?:\s+to\s+\d+)?,?\s*)+)\]");
         let item = pattern(r"([A-Z]+-[\w.]+-)(\d+)(?:\s+to\s+(\d+))?");
         for section in page.split("\n#") {
             let (name, body) = section.split_once('\n').unwrap_or((section, ""));

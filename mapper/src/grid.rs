@@ -19,10 +19,9 @@ fn probability(log_odds: f32) -> f32 {
 
 impl Cell {
     fn of(log_odds: f32) -> Self {
-        let probability = probability(log_odds);
-        if probability > Grid::OCCUPIED {
+        if log_odds > OCCUPIED_LOG_ODDS {
             Self::Occupied
-        } else if probability < Grid::FREE {
+        } else if log_odds < FREE_LOG_ODDS {
             Self::Free
         } else {
             Self::Unknown
@@ -44,6 +43,9 @@ pub struct Grid {
 
 /// The grid grows by this many cells at a time.
 const GROWTH: i32 = 32;
+/// Log-odds of [`Grid::OCCUPIED`] and [`Grid::FREE`].
+const OCCUPIED_LOG_ODDS: f32 = 0.619_039_2;
+const FREE_LOG_ODDS: f32 = -1.411_484_6;
 /// Farthest cell from the origin: 25 m at 25 mm. Readings beyond come from a lost robot.
 const FARTHEST: i32 = 2000;
 /// Log-odds are limited to ± this, so that a changed world can still change the map.
@@ -249,6 +251,16 @@ mod tests {
         assert_eq!(grid.cells().filter(written).count(), 1);
         let middle = grid.middle(column, row);
         assert!(middle.distance_mm(Point::new(12.5, 12.5)) < 1e-9);
+    }
+
+    #[test]
+    fn thresholds_of_log_odds_are_those_of_probability() {
+        for (log_odds, expected) in [
+            (OCCUPIED_LOG_ODDS, Grid::OCCUPIED),
+            (FREE_LOG_ODDS, Grid::FREE),
+        ] {
+            assert!((probability(log_odds) - expected).abs() < 1e-6);
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use mapper::{Localiser, LocaliserConfig, Pose2};
 use plant::{Imperfections, Room};
 use tour::Drive;
 
+// Requirement: NAV-pose-1
 #[test]
 fn default_room_is_mapped_within_error_bounds() {
     let room = Room::two_rooms();
@@ -32,6 +33,7 @@ fn default_room_is_mapped_within_error_bounds() {
     );
 }
 
+// Requirement: NAV-pose-2
 #[test]
 fn unknown_start_on_saved_map_is_found() {
     let room = Room::two_rooms();

@@ -32,7 +32,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let run =
             closed_loop::explore(&room, seed, config, &mut closed_loop::localiser(), |_| None);
-        let (median_mm, worst_mm, heading_deg) = run.errors();
+        let errors = run.errors();
+        let (median_mm, worst_mm) = (errors.position_mm_median, errors.position_mm_max);
+        let heading_deg = errors.heading_deg_max;
         println!(
             "{kind} {seed} | {:?} {} {:.3} {:.3} {median_mm:.0} {worst_mm:.0} {heading_deg:.1} {:.0} {:.1} {:.1} {:.2} {:.1}",
             run.outcome,

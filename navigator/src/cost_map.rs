@@ -12,6 +12,10 @@ const DRIVEN_MM: f64 = 30.0;
 /// Radius around the driven way that the body has shown to be free, mm.
 const BODY_MM: f64 = 100.0;
 
+/// Distances are computed in this fraction of a millimetre; none is beyond 65 m.
+const FRACTION: f64 = 16.0;
+const FARTHEST: u32 = 1 << 20;
+
 /// A node of the lattice.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
@@ -225,20 +229,19 @@ impl<'a> Field<'a> {
     /// Distance of every cell to the nearest source, mm: Borgefors' two-pass chamfer transform
     /// with the weights that err least (Borgefors, "Distance transformations in digital images",
     /// 1986), inside a frame of cells without a source.
-    #[allow(clippy::cast_possible_truncation)] // weights
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // weights
+    #[allow(clippy::cast_precision_loss)] // below 2²⁴
     fn distances(&self, is_source: impl Fn(usize) -> bool) -> Vec<f32> {
         let (columns, rows) = (self.grid.columns(), self.grid.rows());
-        let (side, corner) = (
-            0.955 * self.grid.cell_mm() as f32,
-            1.369 * self.grid.cell_mm() as f32,
-        );
+        let weight = |share: f64| (share * self.grid.cell_mm() * FRACTION).round() as u32;
+        let (side, corner) = (weight(0.955), weight(1.369));
         let width = columns + 2;
-        let mut field = vec![f32::INFINITY; width * (rows + 2)];
+        let mut field = vec![FARTHEST; width * (rows + 2)];
         let inside = |row: usize| (row + 1) * width + 1..(row + 1) * width + 1 + columns;
         for row in 0..rows {
             for (column, index) in inside(row).enumerate() {
                 if is_source(row * columns + column) {
-                    field[index] = 0.0;
+                    field[index] = 0;
                 }
             }
         }
@@ -253,7 +256,8 @@ impl<'a> Field<'a> {
             field[index] = field[index].min(below).min(beside);
         }
         (0..rows)
-            .flat_map(|row| field[inside(row)].to_vec())
+            .flat_map(|row| field[inside(row)].iter())
+            .map(|&distance| distance as f32 / FRACTION as f32)
             .collect()
     }
 

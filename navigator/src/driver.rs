@@ -2,9 +2,9 @@
 //! answers stops.
 
 use std::collections::VecDeque;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
-use geometry::{Point, Pose2};
+use geometry::{wrap_angle, Point, Pose2};
 use mapper::{Cell, Grid};
 
 use crate::cost_map::{CostMap, Node};
@@ -33,9 +33,17 @@ const BY_CLEARANCE: (f64, f64) = (1.2, 60.0);
 const UNKNOWN_NEAR_MM: f64 = 110.0;
 /// Driving below this speed, mm/s, for this time, s, though more is commanded, is blocked.
 const BLOCKED: (f64, f64) = (12.0, 1.0);
+/// Speed per way to the contact with a close echo, 1/s, and the part of that way that is kept, mm.
+const BY_CONTACT: (f64, f64) = (2.0, 15.0);
 /// Way back after a stop, mm, and the robot's front edge ahead of the axle, mm.
 const BACK_MM: f64 = 150.0;
 const FRONT_EDGE_MM: f64 = 120.0;
+/// A stop within this of the last one, mm, is the same obstacle …
+const SAME_PLACE_MM: f64 = 100.0;
+/// … unless it is the same stop, still reported, s; then the robot turns about, by this much more each
+/// time, radians, and drives away.
+const SAME_STOP_S: f64 = 0.5;
+const TURN_MORE_RAD: f64 = 0.7;
 /// A mark is forgotten after this, s: what stopped the robot may have been an outlier.
 const MARK_S: f64 = 400.0;
 
@@ -65,6 +73,8 @@ pub(crate) struct Driver {
     rested_s: f64,
     moving_s: f64,
     interrupted: bool,
+    /// Time and place of the last stop, and stops there before it.
+    stopped: (f64, Point, u32),
 }
 
 impl Driver {
@@ -81,6 +91,7 @@ impl Driver {
             rested_s: f64::NEG_INFINITY,
             moving_s: 0.0,
             interrupted: false,
+            stopped: (f64::NEG_INFINITY, Point::new(0.0, 0.0), 0),
         }
     }
 
@@ -129,10 +140,10 @@ impl Driver {
             self.enqueue([Kind::Rest(self.config.rest_s)]);
         }
         if let Some(velocity) = self.next_motion(status) {
-            return self.drive(velocity);
+            return self.drive(velocity, &pose);
         }
         if let Some(velocity) = self.follow_path(grid, status) {
-            return self.drive(velocity);
+            return self.drive(velocity, &pose);
         }
         self.follower = None;
         if std::mem::take(&mut self.interrupted) {
@@ -143,8 +154,10 @@ impl Driver {
 
     /// The velocity of the first motion that has not ended.
     fn next_motion(&mut self, status: &Status) -> Option<Velocity> {
+        let pose = &status.estimate.pose;
+        let blocked = self.sight.is_blocked(pose) || self.contact_limit(pose) < BLOCKED.0;
         while let Some(motion) = self.queue.front_mut() {
-            if motion.is_forward() && self.sight.is_blocked(&status.estimate.pose) {
+            if motion.is_forward() && blocked {
                 self.queue.pop_front();
                 continue;
             }
@@ -157,12 +170,20 @@ impl Driver {
         None
     }
 
-    fn drive(&self, velocity: Velocity) -> Step {
-        let sweep_half_width_rad = self.config.sweep_half_width_rad;
+    /// Drives at this velocity, slower before a contact; the turn goes on.
+    fn drive(&self, velocity: Velocity, pose: &Pose2) -> Step {
         Step::Act(Action::Drive(Velocity {
-            sweep_half_width_rad,
+            forward_mm_s: velocity.forward_mm_s.min(self.contact_limit(pose)),
+            sweep_half_width_rad: self.config.sweep_half_width_rad,
             ..velocity
         }))
+    }
+
+    /// Speed that stops before the body reaches a close echo, mm/s.
+    // Requirement: NAV-contact-1
+    fn contact_limit(&self, pose: &Pose2) -> f64 {
+        let way = |(way_mm, _): (f64, Point)| BY_CONTACT.0 * (way_mm - BY_CONTACT.1).max(0.0);
+        self.sight.contact(pose).map_or(f64::INFINITY, way)
     }
 
     fn follow_path(&mut self, grid: &Grid, status: &Status) -> Option<Velocity> {
@@ -218,25 +239,40 @@ impl Driver {
         Some(velocity)
     }
 
-    /// Drops the path; goes back within what was just driven straight; marks what stopped the
-    /// robot.
+    /// Drops the path, marks what stopped the robot, and goes back within what was just driven
+    /// straight; where that was in vain, turns about and leaves.
+    // Requirement: NAV-recovery-1
     fn recover(&mut self, reason: StopReason, status: &Status) {
+        let pose = status.estimate.pose;
+        let (last_s, place, times) = self.stopped;
+        let repeat = distance_mm(&pose, place) < SAME_PLACE_MM && last_s > f64::NEG_INFINITY;
+        let reported = repeat && status.time_s - last_s < SAME_STOP_S;
+        let times = times * u32::from(repeat) + u32::from(repeat && !reported);
+        self.stopped = (status.time_s, pose.position(), times);
+        if reported {
+            return;
+        }
         self.queue.clear();
         self.follower = None;
         self.interrupted = true;
         if reason == StopReason::Link {
             return;
         }
-        let pose = status.estimate.pose;
-        let echo = status.ranges_mm[0].filter(|&range| range < 250.0);
-        let ahead = self.config.mounts[0].ahead_mm;
-        let mm = echo.map_or(FRONT_EDGE_MM, |range| ahead + range);
+        let contact = self.sight.contact(&pose);
+        let (ahead_mm, left_mm) = contact.map_or((FRONT_EDGE_MM, 0.0), |(_, point)| {
+            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(&pose);
+            (local.x_mm, local.y_mm)
+        });
         for aside in [-50.0, 0.0, 50.0] {
-            self.marks
-                .push((status.time_s, pose.point_at(mm.max(FRONT_EDGE_MM), aside)));
+            let mark = pose.point_at(ahead_mm.max(FRONT_EDGE_MM), left_mm + aside);
+            self.marks.push((status.time_s, mark));
         }
         let back_mm = self.trail.reversible_mm().min(BACK_MM);
-        if back_mm > 20.0 {
+        if times > 0 {
+            let about = left_mm.atan2(ahead_mm) + PI + TURN_MORE_RAD * f64::from(times - 1);
+            let facing = self.trail.net_rad + wrap_angle(about);
+            self.enqueue([Kind::Turn(facing), Kind::Straight(BACK_MM)]);
+        } else if back_mm > 20.0 {
             self.enqueue([Kind::Straight(-back_mm)]);
         }
     }
@@ -268,4 +304,46 @@ fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
 /// Distance of a pose to a point, mm.
 pub(crate) fn distance_mm(pose: &Pose2, point: Point) -> f64 {
     pose.position().distance_mm(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mapper::PoseEstimate;
+
+    // Requirement: NAV-recovery-1
+    #[test]
+    fn stop_repeated_at_one_place_turns_about() {
+        let config = Config {
+            rest_every_s: 1e9,
+            ..Config::default()
+        };
+        let (mut driver, grid) = (Driver::new(config), Grid::new(25.0));
+        driver.rested_s = 0.0;
+        let mut frame = |time_s, stop| {
+            let status = Status {
+                time_s,
+                estimate: PoseEstimate::default(),
+                speed_mm_s: 0.0,
+                ranges_mm: [None; 3],
+                front_bearing_rad: 0.0,
+                obstacle_limited: false,
+                stop,
+            };
+            driver.step(&grid, &status)
+        };
+        let stall = Some(StopReason::Stall);
+        for (time_s, turns) in [(1.0, false), (2.0, true)] {
+            assert_eq!(frame(time_s, stall), Step::Act(Action::Resume));
+            // The resume is on its way.
+            assert_eq!(frame(time_s + 0.025, stall), Step::Act(Action::Resume));
+            match frame(time_s + 0.05, None) {
+                Step::Act(Action::Drive(velocity)) => {
+                    assert!(turns && velocity.yaw_rate_rad_s.abs() > 1.0, "{velocity:?}");
+                    assert!(velocity.forward_mm_s.abs() < 1e-9, "{velocity:?}");
+                }
+                step => assert_eq!((step, turns), (Step::Interrupted, false)),
+            }
+        }
+    }
 }

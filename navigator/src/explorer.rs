@@ -236,11 +236,13 @@ impl Explorer {
     }
 
     /// Chooses the next target, or goes home.
+    // Requirement: NAV-explore-1
     fn choose(&mut self, grid: &Grid, status: &Status) {
         let (pose, config) = (status.estimate.pose, self.driver.config);
         let map = self.driver.survey(grid, status.time_s);
         let reach = Reach::new(&map, &pose, config.inflation_mm);
         let deviation_mm = deviation_mm(status);
+        // Requirement: NAV-explore-2
         if deviation_mm > config.lost_mm && status.time_s - self.returned_s > ANCHORS.1 {
             self.returned_s = status.time_s;
             let known = self
@@ -258,10 +260,12 @@ impl Explorer {
         targets.extend(unseen_surfaces(&reach, grid, &self.driver.sight));
         let same = |a: Point, b: Point| a.distance_mm(b) < SAME_MM;
         if let Goal::Look(last) = self.goal {
-            let again =
-                |target: &&Target| target.kind == last.kind && same(target.centre, last.centre);
-            let left = targets.iter().find(again);
-            if left.is_some_and(|left| left.gain > FRUITLESS * last.gain) {
+            let left = |target: &Target| {
+                target.kind == last.kind
+                    && same(target.centre, last.centre)
+                    && target.gain > FRUITLESS * last.gain
+            };
+            if targets.iter().any(left) {
                 self.tries.push(last.centre);
             }
         }

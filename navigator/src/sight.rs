@@ -38,6 +38,10 @@ const SLANT_REACH_MM: (f64, f64) = (500.0, 250.0);
 const SILENT_WAY_MM: f64 = 100.0;
 /// The way straight ahead of the middle of the axle: its length and half its width, mm.
 const BODY_AHEAD_MM: (f64, f64) = (280.0, 135.0);
+/// Echoes nearer than this stop the robot before its body reaches them, mm.
+const CLOSE_MM: f64 = 350.0;
+/// Radius of the body with the error of an echo's place, mm.
+const BODY_RADIUS_MM: f64 = 110.0;
 /// Silence is a new reading after this, s.
 const SILENCE_S: f64 = 0.06;
 
@@ -62,6 +66,8 @@ pub(crate) struct Sight {
     floor: Squares,
     /// Way at the echo, mm, and a place that it may have come from.
     echoes: Vec<(f64, Point)>,
+    /// Way at every close echo, mm, and its place on the beam's axis, whether the map has it or not.
+    close: Vec<(f64, Point)>,
     /// Where the beams turned half-way between the walls' directions.
     looks: Vec<Point>,
     way_mm: f64,
@@ -92,7 +98,9 @@ impl Sight {
             self.looks.push(pose.position());
         }
         let since_mm = self.way_mm - MEMORY_MM;
-        self.echoes.retain(|&(at_mm, _)| at_mm > since_mm);
+        for echoes in [&mut self.echoes, &mut self.close] {
+            echoes.retain(|&(at_mm, _)| at_mm > since_mm);
+        }
         let mut appeared = false;
         for (nth, range_mm) in status.ranges_mm.into_iter().enumerate() {
             let (last_mm, last_s) = self.readings[nth];
@@ -154,11 +162,17 @@ impl Sight {
     /// An echo refutes earlier ones nearer on its axis, and a near one is remembered unless the map
     /// has a surface there.
     fn see_near(&mut self, sensor: &Pose2, range_mm: f64, near_mm: f64, grid: &Grid) -> bool {
-        self.echoes.retain(|&(_, point)| {
-            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(sensor);
-            let off = wrap_angle(local.y_mm.atan2(local.x_mm)).abs();
-            off > REFUTED.0 || local.x_mm.hypot(local.y_mm) > range_mm - REFUTED.1
-        });
+        for echoes in [&mut self.echoes, &mut self.close] {
+            echoes.retain(|&(_, point)| {
+                let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(sensor);
+                let off = wrap_angle(local.y_mm.atan2(local.x_mm)).abs();
+                off > REFUTED.0 || local.x_mm.hypot(local.y_mm) > range_mm - REFUTED.1
+            });
+        }
+        if range_mm < CLOSE_MM {
+            self.close
+                .push((self.way_mm, sensor.point_at(range_mm, 0.0)));
+        }
         if range_mm >= near_mm {
             return false;
         }
@@ -217,6 +231,17 @@ impl Sight {
         })
     }
 
+    /// The nearest close echo on the way straight ahead of the body, and the way to the contact, mm.
+    pub fn contact(&self, pose: &Pose2) -> Option<(f64, Point)> {
+        let way = |&(_, point): &(f64, Point)| {
+            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
+            let half_chord = (BODY_RADIUS_MM.powi(2) - local.y_mm.powi(2)).sqrt();
+            (local.x_mm > 0.0 && half_chord >= 0.0).then_some((local.x_mm - half_chord, point))
+        };
+        let ways = self.close.iter().filter_map(way);
+        ways.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     /// Places from which echoes came that the map does not explain.
     pub fn unexplained(&self) -> impl Iterator<Item = Point> + '_ {
         self.echoes.iter().map(|&(_, point)| point)
@@ -260,6 +285,25 @@ mod tests {
         // Beyond the axis' middle part, the places stay possible.
         assert!(!sight.see_near(&sensor, 900.0, 700.0, &empty));
         assert_eq!(sight.unexplained().count(), 2);
+    }
+
+    // Requirement: NAV-contact-1
+    #[test]
+    fn contact_of_close_echo_is_where_body_touches_it() {
+        let grid = draw(&["....."; 5]);
+        let mut sight = Sight::default();
+        let robot = Pose2::new(200.0, 200.0, 0.0);
+        let ahead = |bearing_rad| Pose2::new(280.0, 200.0, bearing_rad);
+        sight.see_near(&ahead(1.0), 150.0, 700.0, &grid);
+        assert_eq!(sight.contact(&robot), None, "passes beside it");
+        sight.see_near(&ahead(-0.6), 150.0, 700.0, &grid);
+        let (way_mm, point) = sight.contact(&robot).unwrap();
+        let touching = robot.point_at(way_mm, 0.0);
+        assert!((touching.distance_mm(point) - BODY_RADIUS_MM).abs() < 1e-6);
+        assert!((50.0..200.0).contains(&way_mm), "{way_mm}");
+        // A later reading through the place refutes it.
+        sight.see_near(&ahead(-0.6), 600.0, 700.0, &grid);
+        assert_eq!(sight.contact(&robot), None);
     }
 
     #[test]

@@ -4,6 +4,8 @@ use geometry::{Point, Pose2};
 
 /// Spacing of the way's points, mm.
 const SPACING_MM: f64 = 50.0;
+/// Floor this near to the way was driven over before, mm.
+const AGAIN_MM: f64 = 20.0;
 /// A straight way keeps its direction within this, radians.
 const STRAIGHT_RAD: f64 = 0.12;
 /// Farthest way back, mm: mode 0x30 reverses no farther.
@@ -12,7 +14,7 @@ const FARTHEST_BACK_MM: f64 = 280.0;
 /// The driven way in the map's frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trail {
-    /// Points of the way.
+    /// Points of the way; where it repeats itself, once.
     pub points: Vec<Point>,
     /// Sum of all turns, radians counter-clockwise.
     pub net_rad: f64,
@@ -34,6 +36,7 @@ impl Trail {
             .points
             .last()
             .is_none_or(|last| last.distance_mm(at) >= SPACING_MM)
+            && self.points.iter().all(|old| old.distance_mm(at) > AGAIN_MM)
         {
             self.points.push(at);
         }
@@ -64,7 +67,7 @@ mod tests {
         assert!((trail.reversible_mm() - 120.0).abs() < 1e-9);
         trail.observe(&Pose2::new(120.0, 0.0, 0.5));
         assert!(trail.reversible_mm() < 1e-9);
-        assert_eq!(trail.points.len(), 6);
+        assert_eq!(trail.points.len(), 5);
     }
 
     #[test]

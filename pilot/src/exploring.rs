@@ -360,24 +360,15 @@ pub fn localiser_config(config: &Config, cell_mm: f64) -> LocaliserConfig {
 
 /// Half the width of the front sensor's sweep, degrees.
 const SWEEP_DEG: f64 = 60.0;
-/// Share of the slower wheel's full speed without load that a drive can count on.
-const SPEED_RESERVE: f64 = 0.85;
 
 /// The plan's settings for a configuration.
 pub fn navigator_config(config: &Config) -> navigator::Config {
     let limits = config.velocity_limits();
     let defaults = navigator::Config::default();
-    let slower = config
-        .left()
-        .full_speed_mm_s
-        .min(config.right().full_speed_mm_s);
-    let fastest = SPEED_RESERVE * f64::from(slower);
     navigator::Config {
         mounts: mounts(config),
-        cruise_mm_s: defaults
-            .cruise_mm_s
-            .min(fastest)
-            .min(limits.speed_mm_s.into()),
+        // Where a wheel cannot follow, the core slows down and keeps the turn.
+        cruise_mm_s: defaults.cruise_mm_s.min(limits.speed_mm_s.into()),
         sweep_half_width_rad: if config.servo().is_some() {
             SWEEP_DEG.to_radians()
         } else {

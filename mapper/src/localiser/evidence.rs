@@ -29,8 +29,10 @@ const ARC_MM: f64 = 700.0;
 const ARC_RAD: f64 = 0.12;
 /// Step between rays, rad.
 const RAY_RAD: f64 = 0.04;
-/// A cell with more log-odds stops rays.
+/// A cell with more log-odds is a wall that hides what lies behind it …
 const WALL: f32 = 1.5;
+/// … and one with more than this stops rays that its surface would not answer.
+const SURFACE: f32 = 0.3;
 /// Space before the surface that is not cleared, mm.
 const MARGIN_MM: f64 = 40.0;
 
@@ -152,7 +154,8 @@ impl Evidence {
             while away < reach_mm {
                 let point = ray.point_at(away, 0.0);
                 away += step_mm;
-                if self.grid.log_odds_at(point) > WALL && self.is_oblique(point, heading_rad, beam)
+                if self.grid.log_odds_at(point) > SURFACE
+                    && self.is_oblique(point, heading_rad, beam)
                 {
                     break;
                 }
@@ -164,12 +167,19 @@ impl Evidence {
         }
     }
 
-    /// Whether no surface known at `point` would answer a ray along `heading_rad`.
+    /// Whether most of the surface known at `point` would not answer a ray along `heading_rad`.
     fn is_oblique(&self, point: Point, heading_rad: f64, beam: &Beam) -> bool {
         let answers =
             |facing: f64| wrap_angle(facing + PI - heading_rad).abs() < beam.incidence_rad - 0.1;
-        let mut near = self.surfaces.near(point, self.grid.cell_mm()).peekable();
-        near.peek().is_some() && !near.any(|s| s.edge || answers(s.facing_rad))
+        let near = self.surfaces.near(point, self.grid.cell_mm());
+        let votes = near.map(|s| {
+            if s.edge || answers(s.facing_rad) {
+                -s.weight
+            } else {
+                s.weight
+            }
+        });
+        votes.sum::<f64>() > 0.0
     }
 }
 

@@ -90,6 +90,7 @@ impl Localiser {
     /// Starts on a saved map. Without a start, the robot may stand anywhere on its free floor: until
     /// [`Localiser::is_located`], the estimate's covariance spans everywhere that it may be, and the
     /// map stays as it is. Driving some metres locates it.
+    // Requirement: NAV-pose-2
     #[must_use]
     pub fn on_map(config: LocaliserConfig, grid: Grid, start: Option<PoseEstimate>) -> Self {
         let surfaces = SurfaceMap::from_grid(&grid);
@@ -328,6 +329,7 @@ impl Localiser {
     }
 
     /// The pose in the map's frame.
+    // Requirement: NAV-pose-1
     pub fn estimate(&self) -> PoseEstimate {
         let covariance = self.ekf.pose_covariance();
         let rows = [0, 1, 2].map(|row| [0, 1, 2].map(|column| covariance[(row, column)]));

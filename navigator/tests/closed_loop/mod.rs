@@ -4,7 +4,8 @@
 use std::time::{Duration, Instant};
 
 use geometry::{Pose2, Segment};
-use mapper::{map_iou, Cell, Grid, Localiser, LocaliserConfig, Observation, PoseEstimate};
+use mapper::evaluation::{best_alignment, coverage, in_estimate_frame, pose_errors, PoseErrors};
+use mapper::{map_iou, Grid, Localiser, LocaliserConfig, Observation, PoseEstimate};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
 use plant::{Collision, Imperfections, Room};
@@ -156,33 +157,19 @@ pub fn drive(
     run.collisions = robot.collisions().to_vec();
     run.path_mm = robot.path_mm();
     run.end = robot.true_pose();
-    run.coverage = coverage(&room, mapping.grid());
-    run.iou = map_iou(mapping.grid(), &run.walls, 100.0).iou;
+    let aligned = best_alignment(&run.estimate, &run.truth);
+    let floor = room.reachable_floor();
+    run.coverage = coverage(mapping.grid(), &floor, &aligned);
+    let walls = in_estimate_frame(&run.walls, &aligned);
+    run.iou = map_iou(mapping.grid(), &walls, 100.0).iou;
     run.grid = mapping.grid().clone();
     run
 }
 
 impl Run {
-    /// Position errors, median and worst, mm, and the worst heading error, degrees; in the frame of
-    /// the start.
-    pub fn errors(&self) -> (f64, f64, f64) {
-        let pairs = || self.truth.iter().zip(&self.estimate);
-        let mut off: Vec<f64> = pairs().map(|(a, b)| a.distance_mm(b)).collect();
-        off.sort_by(f64::total_cmp);
-        let turned = pairs().map(|(a, b)| a.turn_to_rad(b).abs().to_degrees());
-        (
-            off[off.len() / 2],
-            off[off.len() - 1],
-            turned.fold(0.0, f64::max),
-        )
+    /// Errors after the best alignment.
+    pub fn errors(&self) -> PoseErrors {
+        let aligned = best_alignment(&self.estimate, &self.truth);
+        pose_errors(&self.estimate, &self.truth, &aligned)
     }
-}
-
-/// Share of the reachable floor that the map calls free.
-fn coverage(room: &Room, grid: &Grid) -> f64 {
-    let floor = room.reachable_floor();
-    let known = floor
-        .iter()
-        .filter(|&&point| grid.cell_at(point) == Cell::Free);
-    known.count() as f64 / floor.len().max(1) as f64
 }
