@@ -1,6 +1,7 @@
 //! Seeded defects: code made wrong on purpose where no mutant can stand (registers, the ELF, the
 //! stack, the Pi), to see that some gate notices. They are in `ci/defects.toml`.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use regex_lite::escape;
@@ -15,12 +16,6 @@ use crate::{firmware, stack};
 
 /// Where the defects are.
 const FILE: &str = "ci/defects.toml";
-
-/// The file.
-#[derive(Deserialize)]
-struct Defects {
-    defect: Vec<Defect>,
-}
 
 /// One defect.
 #[derive(Deserialize)]
@@ -44,13 +39,18 @@ pub struct Defect {
 
 /// Every defect; each must fit its file.
 pub fn all(session: &Session) -> Result<Vec<Defect>> {
-    let Defects { defect: defects } = toml::from_str(&session.sh.read_file(FILE)?).context(FILE)?;
+    let defects = parse(&session.sh.read_file(FILE)?).context(FILE)?;
     for defect in &defects {
         let source = session.sh.read_file(&defect.file)?;
         let changes = defect.applied(&source)? != source;
         ensure!(changes, "{} changes nothing", defect.name);
     }
     Ok(defects)
+}
+
+fn parse(text: &str) -> Result<Vec<Defect>> {
+    let mut file: BTreeMap<String, Vec<Defect>> = toml::from_str(text)?;
+    file.remove("defect").context("no defect")
 }
 
 impl Defect {
@@ -171,7 +171,7 @@ pub fn try_all<'a>(session: &Session, defects: impl Iterator<Item = &'a Defect>)
 fn defect_is_found_however_its_code_is_formatted() {
     let defect = "[[defect]]\nname = \"a\"\ndescription = \"b\"\nfile = \"c\"\n\
                   from = \"f(a, b);\"\nto = \"f(b, a);\"\nnoticed-by = \"elf\"\n";
-    let defect = &toml::from_str::<Defects>(defect).unwrap().defect[0];
+    let defect = &parse(defect).unwrap()[0];
     let source = "g();\n    f(\n        a,\n        b);\n";
     assert_eq!(defect.applied(source).unwrap(), "g();\n    f(b, a);\n");
     assert!(defect.applied("f(a);").is_err());

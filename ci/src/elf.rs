@@ -1,5 +1,7 @@
 //! What a release ELF is made of: sizes, symbols, vectors, texts.
 
+use std::collections::BTreeSet;
+
 use object::read::elf::ElfFile32;
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags};
 
@@ -47,10 +49,8 @@ impl<'a> Elf<'a> {
     /// The mangled names of all symbols that are defined in it.
     pub fn symbols(&self) -> Vec<&'a str> {
         let defined = self.file.symbols().filter(|symbol| !symbol.is_undefined());
-        let mut names: Vec<_> = defined.filter_map(|symbol| symbol.name().ok()).collect();
-        names.sort_unstable();
-        names.dedup();
-        names
+        let names: BTreeSet<_> = defined.filter_map(|symbol| symbol.name().ok()).collect();
+        names.into_iter().collect()
     }
 
     /// Whether `text` stands anywhere in the file, debugging information included.
@@ -81,12 +81,10 @@ const VECTORS: usize = 16 + 86;
 
 /// Entries that the processor (`ARMv7`-M, B1.5.2) or RM0383, table 37 reserve: nothing raises them.
 fn reserved(entry: usize) -> bool {
-    const EXCEPTIONS: [usize; 5] = [7, 8, 9, 10, 13];
     match entry.checked_sub(16) {
-        None => EXCEPTIONS.contains(&entry),
-        Some(number) => {
-            matches!(number, 19..=22 | 39 | 43..=46 | 48 | 52..=55 | 61..=66 | 74..=80 | 82 | 83)
-        }
+        None => matches!(entry, 7..=10 | 13),
+        Some(19..=22 | 39 | 43..=46 | 48 | 52..=55 | 61..=66 | 74..=80 | 82 | 83) => true,
+        Some(_) => false,
     }
 }
 

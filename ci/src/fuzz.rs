@@ -6,16 +6,6 @@ use crate::error::{Context, Kind, Result, ensure, fail};
 use crate::process::{self, pattern};
 use crate::workspace::Workspace;
 
-/// How long to fuzz one target.
-#[derive(Clone, Copy)]
-pub enum Effort {
-    /// The same inputs every time, from the committed corpus alone, until so many or so many seconds
-    /// are over: for a gate, which must not fail by chance on a change that did nothing.
-    Inputs(u32, u32),
-    /// Ever new inputs for so many seconds, building on what earlier runs learned.
-    Seconds(u32),
-}
-
 /// `cargo fuzz` by nightly Rust.
 fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Cmd<'s> {
     let fuzz = cmd!(workspace.sh, "rustup run nightly cargo fuzz {subcommand}");
@@ -26,8 +16,10 @@ fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Cmd<'s> {
 
 /// Builds every target, after finding or installing nightly Rust and cargo-fuzz, and fuzzes one or all
 /// from their committed corpora; what they learn stays in `target/fuzz/corpus`, what breaks one in
-/// `fuzz/artifacts`. An error names every target that broke.
-pub fn run(workspace: &Workspace, only: Option<&str>, effort: Effort) -> Result<String> {
+/// `fuzz/artifacts`. An error names every target that broke. Each gets so many `seconds` and ever new
+/// inputs; for a gate, which must not fail by chance on a change that did nothing, without `seconds`,
+/// the same inputs every time.
+pub fn run(workspace: &Workspace, only: Option<&str>, seconds: Option<u32>) -> Result<String> {
     let sh = &workspace.sh;
     let nightly = || process::output(cmd!(sh, "rustup run nightly rustc --version")).is_some();
     let install = workspace.rustup("toolchain install nightly --profile minimal");
@@ -44,18 +36,15 @@ pub fn run(workspace: &Workspace, only: Option<&str>, effort: Effort) -> Result<
         return fail(Kind::Usage, "no such file in fuzz/fuzz_targets");
     }
     cargo_fuzz(workspace, "build").run()?;
-    let (folder, limits) = match effort {
-        Effort::Inputs(count, seconds) => (
-            "smoke",
-            format!("-seed=1 -runs={count} -max_total_time={seconds}"),
-        ),
-        Effort::Seconds(seconds) => ("corpus", format!("-max_total_time={seconds}")),
+    let (folder, limits) = match seconds {
+        None => ("smoke", "-seed=1 -runs=500000 -max_total_time=30".into()),
+        Some(seconds) => ("corpus", format!("-max_total_time={seconds}")),
     };
     let (mut broken, mut least) = (Vec::new(), u64::MAX);
     for target in &targets {
         // New inputs go to the first folder; the committed seeds are only read.
         let learned = workspace.target.join("fuzz").join(folder).join(target);
-        if matches!(effort, Effort::Inputs(..)) {
+        if seconds.is_none() {
             sh.remove_path(&learned)?;
         }
         sh.create_dir(&learned)?;

@@ -66,84 +66,69 @@ fn is_summary(line: &str) -> bool {
     pattern(r"^(Kani|Checking| \*\*|VERIF|Verif|Complete)|error").is_match(line)
 }
 
-/// What Kani printed about one harness.
-#[derive(Debug)]
-struct Harness<'a> {
-    name: &'a str,
-    successful: bool,
-    /// Covers that were reached, and all.
-    covers: (u32, u32),
-    /// The descriptions of the covers that were not.
-    unreached: Vec<&'a str>,
-    seconds: f64,
-}
+/// A harness that Kani checked: its name, its seconds, and what is wrong with it, if anything.
+type Harness<'a> = (&'a str, f64, Option<String>);
 
-impl Harness<'_> {
-    /// What is wrong with it, or nothing.
-    fn complaint(&self, limit: f64) -> Option<String> {
-        let Self { name, seconds, .. } = self;
-        match self.covers {
-            _ if !self.successful => Some(format!("{name} is not proven")),
-            (_, 0) => Some(format!("{name} has no cover: it may prove nothing")),
-            (some, all) if some < all => Some(format!(
-                "{name} has {} cover(s) that cannot be reached, {}: it proves less than it says",
-                all - some,
-                self.unreached.join(", ")
-            )),
-            _ if *seconds > limit => Some(format!("{name} took {seconds:.0} s of {limit}")),
-            _ => None,
-        }
-    }
-}
-
-fn harness(section: &str) -> Option<Harness<'_>> {
+/// Prints and judges what Kani printed about one harness.
+fn harness(section: &str, limit: f64) -> Option<Harness<'_>> {
     let (name, text) = section.split_once("...")?;
     let covers = pattern(r"(?m)^ \*\* (\d+) of (\d+) cover properties satisfied").captures(text);
     let covers = covers.and_then(|found| found[1].parse().ok().zip(found[2].parse().ok()));
+    let (some, all): (u32, u32) = covers.unwrap_or_default();
     let seconds = pattern(r"(?m)^Verification Time: ([\d.]+)s").captures(text);
     let seconds = seconds.and_then(|found| found[1].parse().ok());
+    let seconds: f64 = seconds.unwrap_or(0.0);
+    println!("  {seconds:7.1} s  {some} of {all} covers  {name}");
     // An assertion that cannot be reached is no failure.
     let unreached = pattern(r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#);
-    let unreached = unreached.captures_iter(text);
-    Some(Harness {
-        name,
-        successful: text.contains("\nVERIFICATION:- SUCCESSFUL\n"),
-        covers: covers.unwrap_or_default(),
-        unreached: unreached.map(|found| found.extract::<1>().1[0]).collect(),
-        seconds: seconds.unwrap_or(0.0),
-    })
+    let unreached = unreached
+        .captures_iter(text)
+        .map(|found| found[1].to_owned());
+    let unreached = unreached.collect::<Vec<_>>().join(", ");
+    let complaint = if !text.contains("\nVERIFICATION:- SUCCESSFUL\n") {
+        "is not proven".into()
+    } else if all == 0 {
+        "has no cover: it may prove nothing".into()
+    } else if some < all {
+        let missing = format!("has {} cover(s) that cannot be reached", all - some);
+        format!("{missing}, {unreached}: it proves less than it says")
+    } else if seconds > limit {
+        format!("took {seconds:.0} s of {limit}")
+    } else {
+        return Some((name, seconds, None));
+    };
+    Some((name, seconds, Some(format!("{name} {complaint}"))))
 }
 
 /// Prints each harness; the closing figure of a run in which the `chosen` ones were proven.
 fn judge(text: &str, chosen: &[&str], limit: f64) -> Result<String> {
     let sections = text.split("Checking harness ").skip(1);
-    let harnesses: Vec<_> = sections.filter_map(harness).collect();
-    for one in &harnesses {
-        let ((some, all), seconds, name) = (one.covers, one.seconds, one.name);
-        println!("  {seconds:7.1} s  {some} of {all} covers  {name}");
-    }
-    let complaints = harnesses.iter().filter_map(|one| one.complaint(limit));
-    let checked = |name: &&&str| harnesses.iter().any(|harness| harness.name == **name);
+    let harnesses: Vec<_> = sections
+        .filter_map(|section| harness(section, limit))
+        .collect();
+    let complaints = harnesses
+        .iter()
+        .filter_map(|(.., complaint)| complaint.clone());
+    let checked = |name: &str| harnesses.iter().any(|harness| harness.0 == name);
     let unchecked = chosen.iter().filter(|name| !checked(name));
     let complaints = complaints.chain(unchecked.map(|name| format!("{name} was not checked")));
     let complaints = complaints.collect::<Vec<_>>().join("; ");
     ensure!(complaints.is_empty(), complaints);
     // After the last harness: a run that was cut short has no such line.
     let complete = pattern(r"(?m)^Complete - (.*)$").captures_iter(text).last();
-    let by_time = |one: &&Harness, other: &&Harness| one.seconds.total_cmp(&other.seconds);
-    let slowest = harnesses.iter().max_by(by_time);
+    let slowest = harnesses
+        .iter()
+        .max_by(|one, other| one.1.total_cmp(&other.1));
     let (complete, slowest) = complete.zip(slowest).context("Kani did not complete")?;
-    let sum: f64 = harnesses.iter().map(|harness| harness.seconds).sum();
-    let (complete, Harness { name, seconds, .. }) = (&complete[1], slowest);
-    Ok(format!(
-        "{complete} {sum:.0} s in all; the longest, {name}, took {seconds:.0} s."
-    ))
+    let (complete, (name, seconds, _)) = (&complete[1], slowest);
+    let sum: f64 = harnesses.iter().map(|harness| harness.1).sum();
+    let longest = format!("the longest, {name}, took {seconds:.0} s.");
+    Ok(format!("{complete} {sum:.0} s in all; {longest}"))
 }
 
 /// What Kani 0.65 prints, without the checks and most of what its solver says.
 #[cfg(test)]
 const GOOD: &str = "\
-Kani Rust Verifier 0.65.0 (cargo plugin)
 Checking harness units::shortest_way_arrives::harness::proof...
 CBMC version 6.6.0 (cbmc-6.6.0) 64-bit x86_64 linux
 SAT checker: instance is UNSATISFIABLE
@@ -156,25 +141,15 @@ Check 10: units::shortest_way_arrives::harness::proof.assertion.1
 \t - Status: UNREACHABLE
 
 SUMMARY:
- ** 0 of 7 failed (1 unreachable)
-
  ** 3 of 3 cover properties satisfied
-
-
 VERIFICATION:- SUCCESSFUL
 Verification Time: 4.7749815s
-
 Checking harness units::span_survives_the_wrap::harness::proof...
 
 SUMMARY:
- ** 0 of 6 failed
-
  ** 2 of 2 cover properties satisfied
-
-
 VERIFICATION:- SUCCESSFUL
 Verification Time: 1.4145411s
-
 Manual Harness Summary:
 Complete - 2 successfully verified harnesses, 0 failures, 2 total.
 ";

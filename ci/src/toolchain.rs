@@ -40,7 +40,7 @@ pub struct Toolchain {
 impl Toolchain {
     /// Takes the first provider that works, or only `forced`; prints which, and why the others do not.
     pub fn find(workspace: &Workspace, forced: Option<Provider>) -> Result<Self> {
-        let mut reasons = Vec::new();
+        let mut reasons = String::new();
         let providers = Provider::value_variants().iter();
         for provider in providers.filter(|found| forced.is_none_or(|forced| forced == **found)) {
             let found = match provider {
@@ -48,14 +48,13 @@ impl Toolchain {
                 Provider::Rustup => rustup(workspace),
                 Provider::Debian => debian(workspace),
             };
-            let error = match found {
-                Ok(toolchain) => return Ok(toolchain),
-                Err(error) => error,
+            let Err(error) = found else {
+                return found;
             };
-            println!("set-up: {TARGET}: not by {provider:?}: {error}");
-            reasons.push(format!("{provider:?}: {error}; "));
+            let reason = format!("{provider:?}: {error}; ");
+            println!("set-up: {TARGET}: not by {reason}");
+            reasons.push_str(&reason);
         }
-        let reasons = reasons.concat();
         let missing = format!(
             "no toolchain for {TARGET} on this machine ({reasons}else install it: `rustup target add \
              {TARGET}`, or on Debian the packages {PACKAGES} {LINKER_PACKAGE})"
@@ -120,7 +119,7 @@ fn installed(workspace: &Workspace) -> Result<Toolchain> {
 }
 
 fn rustup(workspace: &Workspace) -> Result<Toolchain> {
-    cmd!(workspace.sh, "timeout 180 rustup target add {TARGET}").run()?;
+    workspace.rustup(&format!("target add {TARGET}")).run()?;
     let mut toolchain = installed(workspace).context("rustup gave it to another toolchain")?;
     toolchain.provider = Provider::Rustup;
     Ok(toolchain)
@@ -178,9 +177,10 @@ pub fn apt_install(workspace: &Workspace, packages: &str) -> Result<()> {
     let sh = &workspace.sh;
     ensure!(process::installed("apt-get"), "this machine has no apt-get");
     let root = process::output(cmd!(sh, "id -u")).is_some_and(|id| id == "0");
+    let may = root || process::output(cmd!(sh, "sudo -n true")).is_some();
     ensure!(
-        root || process::output(cmd!(sh, "sudo -n true")).is_some(),
-        "neither root nor sudo without a password: `sudo apt-get install {packages}` would do it"
+        may,
+        "neither root nor sudo without a password for `apt-get install {packages}`"
     );
     let sudo = if root { "" } else { "sudo -n" };
     let apt = |words: &str| {

@@ -179,9 +179,7 @@ pub fn text(value: &Value) -> &str {
 
 /// The first two numbers of `1.95.0`.
 fn version(text: &str) -> (u32, u32) {
-    let mut numbers = text
-        .split(['.', '-'])
-        .map(|number| number.parse().unwrap_or(0));
+    let mut numbers = text.split(['.', '-']).flat_map(str::parse);
     (numbers.next().unwrap_or(0), numbers.next().unwrap_or(0))
 }
 

@@ -49,9 +49,9 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
     let (sh, elf) = (&session.sh, &session.image()?.path);
     if board.is_virtual {
         let gdb = gdb::find(session)?;
-        let board = VirtualBoard::start(session)?;
-        gdb::load(gdb, elf, &board.address)?;
-        return print_log(&board.log);
+        let (_board, log, address) = start_virtual_board(session)?;
+        gdb::load(gdb, elf, &address)?;
+        return print_log(&log);
     }
     let probe_rs = has_probe_rs()?;
     // Listen before the reset, or the first lines are gone.
@@ -97,8 +97,8 @@ pub fn debug(session: &Session, board: &Board) -> Result<()> {
     let elf = &session.image()?.path;
     let gdb = gdb::find(session)?;
     if board.is_virtual {
-        let board = VirtualBoard::start(session)?;
-        return gdb::open(gdb, elf, &board.address);
+        let (_board, _log, address) = start_virtual_board(session)?;
+        return gdb::open(gdb, elf, &address);
     }
     let address = "127.0.0.1:3333";
     let server = if has_probe_rs()? {
@@ -119,8 +119,8 @@ impl Server {
     fn start(command: Cmd<'_>, output: Stdio) -> Result<Self> {
         eprintln!("$ {command} &");
         let mut command = Command::from(command);
-        let child = command.stdin(Stdio::null()).stdout(output).spawn();
-        Ok(Self(child?))
+        command.stdin(Stdio::null()).stdout(output);
+        Ok(Self(command.spawn()?))
     }
 }
 
@@ -130,32 +130,20 @@ impl Drop for Server {
     }
 }
 
-/// The virtual board, switched on with its core held for the debugger.
-struct VirtualBoard {
-    /// Ends the program when it is dropped.
-    #[expect(dead_code, reason = "held")]
-    server: Server,
-    log: Lines,
-    address: String,
-}
-
-impl VirtualBoard {
-    /// Starts it with nothing in its flash: what runs then came through the debugger.
-    fn start(session: &Session) -> Result<Self> {
-        let build = "build --release --package twin --bin virtual-board";
-        session.cargo_with_board(build)?.run()?;
-        let program = session.target.join("release/virtual-board");
-        let board = cmd!(session.sh, "{program} --gdb 127.0.0.1:0");
-        let mut server = Server::start(board, Stdio::piped())?;
-        let log = Lines::read(server.0.stdout.take().context("virtual-board: no output")?);
-        let Some(address) = log.find("gdb: ", LOG_TIMEOUT) else {
-            let silent = "the virtual board did not print the address of its debug server";
-            return fail(Kind::Board, silent);
-        };
-        Ok(Self {
-            server,
-            log,
-            address,
-        })
+/// Starts the virtual board with nothing in its flash (what runs then came through the debugger) and its
+/// core held; its program, its log and its debug server's address.
+fn start_virtual_board(session: &Session) -> Result<(Server, Lines, String)> {
+    let build = "build --release --package twin --bin virtual-board";
+    session.cargo_with_board(build)?.run()?;
+    let program = session.target.join("release/virtual-board");
+    let board = cmd!(session.sh, "{program} --gdb 127.0.0.1:0");
+    let mut server = Server::start(board, Stdio::piped())?;
+    let log = Lines::read(server.0.stdout.take().context("virtual-board: no output")?);
+    match log.find("gdb: ", LOG_TIMEOUT) {
+        Some(address) => Ok((server, log, address)),
+        None => fail(
+            Kind::Board,
+            "the virtual board printed no debug server's address",
+        ),
     }
 }

@@ -4,7 +4,6 @@ use serde_json::{Map, Value};
 
 use super::check_bars;
 use crate::error::{Context, Error, Result};
-use crate::fuzz::{self, Effort};
 use crate::session::Session;
 use crate::{defects, mutants};
 
@@ -40,12 +39,6 @@ fn counts(list: &str) -> Result<Map<String, Value>> {
         counts.insert(name.into(), cells.sum::<usize>().into());
     }
     Ok(counts)
-}
-
-/// Every target on the same inputs each time, as far as the time goes; the nightly workflow looks for
-/// new ones.
-pub fn fuzz(session: &Session) -> Result<String> {
-    fuzz::run(session, None, Effort::Inputs(500_000, 30))
 }
 
 /// Every seeded defect fits the code; the samples are tried.

@@ -19,40 +19,43 @@ const FORBIDDEN: &str = "\nunsafe_code = \"forbid\"\n";
 /// `unsafe` only in fw-pac, licences and lock files present and current, no toolchain file.
 pub fn hygiene(session: &Session) -> Result<String> {
     let mut findings = Vec::new();
+    let mut require = |good: bool, finding: String| {
+        if !good {
+            findings.push(finding);
+        }
+    };
+    let unsafe_free = |manifest: &str, lints: &[&str]| {
+        let manifest = session.sh.read_file(manifest);
+        manifest.is_ok_and(|manifest| lints.iter().any(|lint| manifest.contains(lint)))
+    };
+    let root = unsafe_free("Cargo.toml", &[FORBIDDEN]);
+    require(root, "Cargo.toml: no lint forbids unsafe code".into());
     for workspace in WORKSPACES {
         for package in session.packages(workspace)? {
             let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
-            let manifest = session.sh.read_file(manifest)?;
-            let forbidden = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
-            if name != "fw-pac" && !forbidden.iter().any(|lint| manifest.contains(lint)) {
-                findings.push(format!("{name}: no lint forbids unsafe code"));
-            }
+            let lints = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
+            let good = name == "fw-pac" || unsafe_free(manifest, &lints);
+            require(good, format!("{name}: no lint forbids unsafe code"));
         }
+        let lock = workspace.replace(".toml", ".lock");
+        require(session.sh.path_exists(&lock), format!("{lock} is missing"));
     }
-    if !session.sh.read_file("Cargo.toml")?.contains(FORBIDDEN) {
-        findings.push("Cargo.toml: no lint forbids unsafe code".into());
+    for name in ["LICENSE-MIT", "LICENSE-APACHE", "README.md"] {
+        require(session.sh.path_exists(name), format!("{name} is missing"));
     }
     for name in ["rust-toolchain", "rust-toolchain.toml"] {
-        if session.sh.path_exists(name) {
-            let reason = "breaks every cargo call where what it lists cannot be fetched";
-            findings.push(format!("{name}: {reason}"));
-        }
-    }
-    let locks = WORKSPACES.map(|manifest| manifest.replace(".toml", ".lock"));
-    let files = ["LICENSE-MIT", "LICENSE-APACHE", "README.md"].into_iter();
-    for name in files.chain(locks.iter().map(String::as_str)) {
-        if !session.sh.path_exists(name) {
-            findings.push(format!("{name} is missing"));
-        }
+        let reason = "breaks every cargo call where what it lists cannot be fetched";
+        require(!session.sh.path_exists(name), format!("{name}: {reason}"));
     }
     // A lock file that cargo has to change, or that git does not keep, builds something else elsewhere.
-    if process::output(session.cargo("metadata --locked --format-version 1")).is_none() {
-        findings.push("Cargo.lock is stale (`cargo metadata --locked` says why)".into());
-    }
-    let tracked = cmd!(session.sh, "git ls-files --error-unmatch Cargo.lock");
-    if session.sh.path_exists(".git") && process::output(tracked).is_none() {
-        findings.push("Cargo.lock is not committed".into());
-    }
+    let current = process::output(session.cargo("metadata --locked --format-version 1")).is_some();
+    require(
+        current,
+        "Cargo.lock is stale (`cargo metadata --locked` says why)".into(),
+    );
+    let tracked = process::output(cmd!(session.sh, "git ls-files --error-unmatch Cargo.lock"));
+    let tracked = tracked.is_some() || !session.sh.path_exists(".git");
+    require(tracked, "Cargo.lock is not committed".into());
     passed_without(&findings, "licences, lock files, lints".into())
 }
 
