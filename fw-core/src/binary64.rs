@@ -3,16 +3,6 @@
 //! Every one of the 2⁶⁴ patterns decodes to the nearest fixed-point number (ties to the even one,
 //! as IEEE-754 rounds) or to a named error.
 
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::indexing_slicing,
-        clippy::panic,
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::float_arithmetic
-    )
-)]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,

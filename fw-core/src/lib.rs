@@ -51,6 +51,16 @@
 //! | [`types`] | units, pose, faults, motor commands, rangefinder ids |
 #![no_std]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::indexing_slicing,
+        clippy::panic,
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::float_arithmetic
+    )
+)]
 
 #[cfg(test)]
 extern crate std;

@@ -3,16 +3,6 @@
 //! The counter numbers every line, dropped ones included, and wraps from 99999 to 00000: a gap in
 //! the numbers is what was lost. A line is ASCII and at most [`MAX_LINE`] bytes long.
 
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::indexing_slicing,
-        clippy::panic,
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::float_arithmetic
-    )
-)]
 #![allow(
     clippy::cast_possible_truncation,
     reason = "digits are cut to their width on purpose"

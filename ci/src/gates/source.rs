@@ -56,7 +56,6 @@ pub fn clippy(session: &Session) -> Result<String> {
     require(session, "clippy", "clippy")?;
     for words in [
         "--all-targets -- -D warnings",
-        "--package fw-core --lib -- -D clippy::float_arithmetic",
         "--package pilot --features linux -- -D warnings",
     ] {
         session.cargo(&format!("clippy {words}")).run()?;

@@ -27,17 +27,6 @@
 //! | [`Config`] | the checked configuration, in units |
 //! | [`ConfigError`] | the rejected field, its value and what is accepted |
 
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::indexing_slicing,
-        clippy::panic,
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::float_arithmetic
-    )
-)]
-
 mod config;
 mod constraint;
 mod crc32;

@@ -195,6 +195,7 @@ pub(super) fn log_faults(new: Faults, log: &mut Log) {
 }
 
 /// Each fault's log line by its bit, empty for none: the part of the table that the firmware needs.
+#[allow(clippy::indexing_slicing, reason = "the compiler evaluates it")]
 const FAULT_LINES: [&str; Faults::TABLE.len()] = {
     let mut lines = [""; Faults::TABLE.len()];
     let mut bit = 0;

@@ -2,7 +2,7 @@
 //! chain.
 
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report};
 
 /// Accepts only the end of the frame.
@@ -24,11 +24,7 @@ impl Strategy for AllDataUsed {
     const LEN: usize = 0;
 
     #[inline]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        _command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, _command: &mut Command) -> Parsed {
         parse(reader)
     }
 
@@ -36,11 +32,7 @@ impl Strategy for AllDataUsed {
     fn write_command(_writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {}
 
     #[inline]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        _report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, _report: &mut Report) -> Parsed {
         parse(reader)
     }
 

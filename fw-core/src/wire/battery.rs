@@ -7,13 +7,8 @@
 //!
 //! A cell that the configuration does not have is rejected at both ends.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{CellCode, Command, Report};
 
 /// Sends a tune voltage one way and a measured one the other.
@@ -52,7 +47,7 @@ impl Strategy for Battery {
         reader: &mut FrameReader<'_>,
         context: &Context,
         command: &mut Command,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         command.tune = parse(reader, context.cells)?;
         Ok(())
     }
@@ -67,7 +62,7 @@ impl Strategy for Battery {
         reader: &mut FrameReader<'_>,
         context: &Context,
         report: &mut Report,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         report.cell = parse(reader, context.cells)?;
         Ok(())
     }

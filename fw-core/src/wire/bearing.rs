@@ -3,13 +3,7 @@
 //! Both ways turn × 0x10000, big-endian. Pi → STM: half the width of the sweep around straight ahead, in
 //! [`Mode::GuardedVelocity`](super::Mode::GuardedVelocity); 0 and ignored in the sweep mode.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
-use super::error::FieldError;
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report};
 
 /// Sends the bearing of the swept rangefinder's reading one way and the sweep's width the other.
@@ -21,11 +15,7 @@ impl Strategy for Bearing {
     const LEN: usize = 2;
 
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, command: &mut Command) -> Parsed {
         command.sweep = u16::from_be_bytes(reader.take()?);
         Ok(())
     }
@@ -36,11 +26,7 @@ impl Strategy for Bearing {
     }
 
     #[inline(always)]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         report.bearing = u16::from_be_bytes(reader.take()?);
         Ok(())
     }

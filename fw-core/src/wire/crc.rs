@@ -3,13 +3,8 @@
 //! Initial value 0xFFFF, polynomial 0x1021, not reflected, no final inversion. Up to 32 bytes it
 //! detects every error of up to 3 bits and every burst of up to 16.
 
-#![allow(
-    clippy::inline_always,
-    reason = "one shifted exclusive-or after the other, not a call"
-)]
-
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report};
 
 /// Sends and checks the checksum.
@@ -101,11 +96,7 @@ impl Strategy for Crc {
     const LEN: usize = 2;
 
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        _command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, _command: &mut Command) -> Parsed {
         parse(reader)
     }
 
@@ -115,11 +106,7 @@ impl Strategy for Crc {
     }
 
     #[inline(always)]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        _report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, _report: &mut Report) -> Parsed {
         parse(reader)
     }
 

@@ -2,13 +2,7 @@
 //!
 //! From the Pi the two bytes are dummies: sent as 0, ignored.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
-use super::error::FieldError;
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, DistanceCode, Report};
 
 /// The reading at place `WHICH` of [`Report::ranges`].
@@ -31,11 +25,7 @@ impl<const WHICH: usize> Strategy for Distance<WHICH> {
     const LEN: usize = 2;
 
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        _command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, _command: &mut Command) -> Parsed {
         // Requirement: DOC-5.1.4-3
         let [_, _] = reader.take()?;
         Ok(())
@@ -47,11 +37,7 @@ impl<const WHICH: usize> Strategy for Distance<WHICH> {
     }
 
     #[inline(always)]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         let code = DistanceCode(u16::from_be_bytes(reader.take()?));
         if let Some(range) = report.ranges.get_mut(WHICH) {
             *range = code;

@@ -4,7 +4,7 @@
 //! measured rotation (°) or displacement (mm), any finite number.
 
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report};
 use crate::binary64::Binary64;
 
@@ -31,11 +31,7 @@ impl Strategy for Double {
     const LEN: usize = 8;
 
     #[inline]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, command: &mut Command) -> Parsed {
         let percent = parse(reader)?;
         // Requirement: WIRE-double-1
         if percent.magnitude() > HUNDRED {
@@ -51,11 +47,7 @@ impl Strategy for Double {
     }
 
     #[inline]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         report.measurement = parse(reader)?;
         Ok(())
     }

@@ -3,13 +3,7 @@
 //! STM → Pi: turns × 2²⁴, counter-clockwise positive, 32-bit two's complement, big-endian, wrapping;
 //! `0x8000_0000` = none. From the Pi the four bytes are dummies: sent as 0, ignored.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
-use super::error::FieldError;
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, GyroCode, Report};
 
 /// Sends the gyroscope's angle.
@@ -21,11 +15,7 @@ impl Strategy for Gyro {
     const LEN: usize = 4;
 
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        _command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, _command: &mut Command) -> Parsed {
         let [_, _, _, _] = reader.take()?;
         Ok(())
     }
@@ -37,11 +27,7 @@ impl Strategy for Gyro {
 
     // Requirement: WIRE-gyro-1
     #[inline(always)]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         report.gyro = GyroCode(i32::from_be_bytes(reader.take()?));
         Ok(())
     }

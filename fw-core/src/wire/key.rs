@@ -3,7 +3,7 @@
 //! First in every chain, so that a frame of anything else is not read any further.
 
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report};
 
 /// Sends the own key, accepts only the other end's.
@@ -30,7 +30,7 @@ impl Strategy for Key {
         reader: &mut FrameReader<'_>,
         context: &Context,
         _command: &mut Command,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         parse(reader, context.key_from_pi)
     }
 
@@ -44,7 +44,7 @@ impl Strategy for Key {
         reader: &mut FrameReader<'_>,
         context: &Context,
         _report: &mut Report,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         parse(reader, context.key_from_stm)
     }
 

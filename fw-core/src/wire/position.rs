@@ -10,13 +10,8 @@
 //!
 //! The document calls x and y unsigned; a robot that goes backwards needs their sign.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
 use super::error::FieldError;
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, PoseCode, Report};
 
 /// Sends the expected pose one way and the actual one the other.
@@ -55,11 +50,7 @@ impl Strategy for Position {
     const LEN: usize = 10;
 
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, command: &mut Command) -> Parsed {
         (command.expected, command.apply) = parse(reader)?;
         Ok(())
     }
@@ -70,11 +61,7 @@ impl Strategy for Position {
     }
 
     #[inline(always)]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         // "NU - not used": whatever the original STM leaves there.
         (report.pose, _) = parse(reader)?;
         Ok(())

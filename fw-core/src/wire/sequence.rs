@@ -9,13 +9,8 @@
 //! the first frame after a reset always is. A repeated or older frame is rejected; four in a row that
 //! count upwards mean that the sender has restarted or was cut off for long.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report, Sequence as Counters};
 
 /// Sends and checks the frame counters.
@@ -84,7 +79,7 @@ impl Strategy for Sequence {
         reader: &mut FrameReader<'_>,
         context: &Context,
         command: &mut Command,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         command.sequence = parse(reader, context.last)?;
         Ok(())
     }
@@ -99,7 +94,7 @@ impl Strategy for Sequence {
         reader: &mut FrameReader<'_>,
         context: &Context,
         report: &mut Report,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         report.sequence = parse(reader, context.last)?;
         Ok(())
     }

@@ -8,13 +8,8 @@
 //! An order or state that does not exist and a 1 in bits 3–5 are rejected; fault bits are taken as they
 //! come.
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
 use super::error::{FieldError, Reason};
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Order, Report, State};
 use crate::types::Faults;
 
@@ -49,11 +44,7 @@ impl Strategy for Status {
     const LEN: usize = 3;
 
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, command: &mut Command) -> Parsed {
         let (bits, code) = parse(reader)?;
         command.order =
             Order::from_code(code).ok_or_else(|| reader.error(1, Reason::UnknownOrder(code)))?;
@@ -67,11 +58,7 @@ impl Strategy for Status {
     }
 
     #[inline(always)]
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError> {
+    fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         let (bits, code) = parse(reader)?;
         report.state = State::from_code(code & !(OBSTACLE | CLIPPED))
             .ok_or_else(|| reader.error(1, Reason::UnknownState(code)))?;

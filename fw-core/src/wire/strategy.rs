@@ -18,6 +18,9 @@ pub struct Context {
     pub last: Option<u8>,
 }
 
+/// Whether a strategy accepts its bytes.
+pub type Parsed = Result<(), FieldError>;
+
 /// The document's strategy interface: name, bytes needed, and a codec for each direction. A command
 /// goes from the Pi to the STM, a report from the STM to the Pi; both ends run the same code.
 // Requirement: DOC-5.1-1, DOC-5-1
@@ -35,7 +38,7 @@ pub trait Strategy {
         reader: &mut FrameReader<'_>,
         context: &Context,
         command: &mut Command,
-    ) -> Result<(), FieldError>;
+    ) -> Parsed;
 
     /// On the Pi: puts its bytes.
     fn write_command(writer: &mut FrameWriter<'_>, context: &Context, command: &Command);
@@ -44,11 +47,8 @@ pub trait Strategy {
     ///
     /// # Errors
     /// Bytes missing, or content this strategy does not accept.
-    fn parse_report(
-        reader: &mut FrameReader<'_>,
-        context: &Context,
-        report: &mut Report,
-    ) -> Result<(), FieldError>;
+    fn parse_report(reader: &mut FrameReader<'_>, context: &Context, report: &mut Report)
+        -> Parsed;
 
     /// On the STM: puts its bytes.
     fn write_report(writer: &mut FrameWriter<'_>, context: &Context, report: &Report);

@@ -51,12 +51,8 @@ fn errors(mode: Mode, command: &[u8], report: &[u8]) -> [Option<FrameError>; 2] 
 
 fn offset_of(mode: Mode, field: Field) -> Option<usize> {
     let place = chain(mode).iter().position(|&other| other == field)?;
-    Some(
-        chain(mode)[..place]
-            .iter()
-            .map(|field| field.byte_len())
-            .sum(),
-    )
+    let before = chain(mode)[..place].iter();
+    Some(before.map(|field| field.byte_len()).sum())
 }
 
 // Requirement: DOC-5.1-1, WIRE-rejected-3
@@ -66,10 +62,9 @@ fn short_frame_names_strategy_that_lacks_bytes() {
         let command = command_frame(mode, &Command::default());
         let report = report_frame(mode, &Report::default());
         for len in 0..frame_len(mode) {
-            let cut = chain(mode)
-                .iter()
-                .find(|&&field| offset_of(mode, field).unwrap() + field.byte_len() > len)
-                .unwrap();
+            let ends_beyond =
+                |field: &&Field| offset_of(mode, **field).unwrap() + field.byte_len() > len;
+            let cut = chain(mode).iter().find(ends_beyond).unwrap();
             let offset = offset_of(mode, *cut).unwrap();
             for error in errors(mode, &command[..len], &report[..len]) {
                 let error = error.unwrap();
@@ -96,12 +91,8 @@ fn long_frame_names_all_data_used_and_excess() {
                 },
             };
             let tail = std::vec![0xA5; excess];
-            let long = errors(
-                mode,
-                &[&command[..], &tail].concat(),
-                &[&report[..], &tail].concat(),
-            );
-            assert_eq!(long, [Some(expected); 2]);
+            let [long, back] = [&command, &report].map(|frame| [&frame[..], &tail].concat());
+            assert_eq!(errors(mode, &long, &back), [Some(expected); 2]);
             let beyond = parse_command(mode, &CONTEXT, &command, excess);
             assert_eq!(beyond, Err(expected));
         }
@@ -122,13 +113,8 @@ fn frame_reader_counts_offset_and_overflow() {
 
 #[test]
 fn codes_too_large_for_their_bits_are_cut() {
-    let mut command = Command {
-        tune: CellCode {
-            cell: 0xFA,
-            voltage: 0xFFFF,
-        },
-        ..Command::default()
-    };
+    let mut command = Command::default();
+    (command.tune.cell, command.tune.voltage) = (0xFA, 0xFFFF);
     command.expected.rotation = 0xFFFF;
     let frame = command_frame(Mode::Normal, &command);
     assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
@@ -153,21 +139,12 @@ fn percentage_beyond_100_and_nonfinite_doubles_are_rejected() {
         (f64::NEG_INFINITY, not, not),
     ] {
         let value = Binary64(value.to_bits());
-        let command = Command {
-            percent: value,
-            ..Command::default()
-        };
-        let report = Report {
-            measurement: value,
-            ..Report::default()
-        };
+        let (mut command, mut report) = (Command::default(), Report::default());
+        (command.percent, report.measurement) = (value, value);
         let modes = Mode::ALL.iter().filter(|mode| mode.has(Field::Double));
         for &mode in modes {
-            let found = errors(
-                mode,
-                &command_frame(mode, &command),
-                &report_frame(mode, &report),
-            );
+            let (there, back) = (command_frame(mode, &command), report_frame(mode, &report));
+            let found = errors(mode, &there, &back);
             let found = found.map(|error| error.map(|error| error.reason));
             assert_eq!(found, [as_percent, as_measurement], "{value:?}");
         }
@@ -213,41 +190,23 @@ fn unknown_order_and_state_are_rejected_at_their_byte() {
 // Requirement: WIRE-chain-2
 #[test]
 fn every_reason_reads_as_one_sentence() {
+    let key = |expected, found| Reason::Key { expected, found };
+    let crc = |expected, found| Reason::Crc { expected, found };
+    let stale = |last, found| Reason::Stale { last, found };
+    let short = "frame too short, needs 2 bytes, has 1";
+    let checksum = "checksum 0xF00D, expected 0x01AB";
+    let (left, cells, found) = (1, 2, 7);
     let texts = [
-        (
-            Reason::Short { needed: 2, left: 1 },
-            "frame too short, needs 2 bytes, has 1",
-        ),
+        (Reason::Short { needed: 2, left }, short),
         (Reason::Long { left: 3 }, "frame too long by 3"),
-        (
-            Reason::Key {
-                expected: 0x0A,
-                found: 0xB0,
-            },
-            "key 0xB0, expected 0x0A",
-        ),
+        (key(0x0A, 0xB0), "key 0xB0, expected 0x0A"),
         (Reason::NotFinite, "not a finite number"),
         (Reason::PercentOutOfRange, "percentage beyond -100 to 100"),
-        (
-            Reason::Cell { cells: 2, found: 7 },
-            "cell index 7 of 2 cells",
-        ),
-        (
-            Reason::Stale {
-                last: 255,
-                found: 128,
-            },
-            "stale, number 128 after 255",
-        ),
+        (Reason::Cell { cells, found }, "cell index 7 of 2 cells"),
+        (stale(255, 128), "stale, number 128 after 255"),
         (Reason::UnknownState(5), "unknown state 5"),
         (Reason::UnknownOrder(255), "unknown order 255"),
-        (
-            Reason::Crc {
-                expected: 0x01AB,
-                found: 0xF00D,
-            },
-            "checksum 0xF00D, expected 0x01AB",
-        ),
+        (crc(0x01AB, 0xF00D), checksum),
     ];
     for (reason, text) in texts {
         let error = FrameError {
@@ -267,10 +226,8 @@ fn every_cause_has_its_own_counter_and_name() {
         assert_eq!(cause as usize, place);
         let mut counters = LinkCounters::default();
         counters.reject(cause);
-        assert_eq!(
-            (counters.rejected(cause), counters.rejected_total()),
-            (1, 1)
-        );
+        assert_eq!(counters.rejected(cause), 1);
+        assert_eq!(counters.rejected_total(), 1);
     }
     names.sort_unstable();
     names.dedup();
@@ -380,14 +337,9 @@ fn velocity_reserved_bytes_reject_the_frame() {
         let mut frame = command_frame(mode, &Command::default());
         frame[14..16].copy_from_slice(&u16::to_be_bytes(reserved));
         let error = parse_command(mode, &CONTEXT, &frame, 0).unwrap_err();
-        assert_eq!(
-            (error.offset, error.reason),
-            (14, Reason::Reserved(reserved))
-        );
-        assert_eq!(
-            format!("{error}"),
-            format!("velocity at byte 14: reserved bytes 0x{reserved:04X}")
-        );
+        assert_eq!(error.reason, Reason::Reserved(reserved));
+        let text = format!("velocity at byte 14: reserved bytes 0x{reserved:04X}");
+        assert_eq!(format!("{error}"), text);
         assert_eq!(error.reason.cause(), Cause::Velocity);
     }
 }
@@ -398,10 +350,8 @@ fn reply_encoded_again_keeps_its_number() {
     for mode in guarded() {
         let stm = StmLink::new(setup(mode));
         let encoded = |number, faults| {
-            let report = Report {
-                faults: Faults::from_bits(faults),
-                ..Report::default()
-            };
+            let (faults, rest) = (Faults::from_bits(faults), Report::default());
+            let report = Report { faults, ..rest };
             let mut out = [0; MAX_FRAME];
             let len = stm.encode_reply(number, &report, &mut out);
             out[..len].to_vec()

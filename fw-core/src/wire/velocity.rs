@@ -6,14 +6,9 @@
 //! | 5–8 | yaw rate, turn/s × 2³², counter-clockwise positive, the same | actual y |
 //! | 9–10 | 0; anything else is rejected | actual rotation |
 
-#![allow(
-    clippy::inline_always,
-    reason = "as straight-line code in a chain it is a few loads and comparisons"
-)]
-
-use super::error::{FieldError, Reason};
+use super::error::Reason;
 use super::position::Position;
-use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
+use super::strategy::{Context, FrameReader, FrameWriter, Parsed, Strategy};
 use super::{Command, Report};
 use crate::types;
 
@@ -27,11 +22,7 @@ impl Strategy for Velocity {
 
     // Requirement: WIRE-velocity-1, WIRE-velocity-2
     #[inline(always)]
-    fn parse_command(
-        reader: &mut FrameReader<'_>,
-        _context: &Context,
-        command: &mut Command,
-    ) -> Result<(), FieldError> {
+    fn parse_command(reader: &mut FrameReader<'_>, _: &Context, command: &mut Command) -> Parsed {
         reader.require(Self::LEN)?;
         command.velocity = types::Velocity {
             forward: i32::from_be_bytes(reader.take()?),
@@ -55,7 +46,7 @@ impl Strategy for Velocity {
         reader: &mut FrameReader<'_>,
         context: &Context,
         report: &mut Report,
-    ) -> Result<(), FieldError> {
+    ) -> Parsed {
         Position::parse_report(reader, context, report)
     }
 
