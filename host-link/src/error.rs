@@ -234,6 +234,14 @@ pub enum Error {
         /// The lock file.
         path: PathBuf,
     },
+    /// What a server of the robot, or the connection to it, reports.
+    #[error("{text}")]
+    Server {
+        /// The sentence.
+        text: String,
+        /// The exit code.
+        exit: Exit,
+    },
     /// The steps or the log give no model.
     #[error("tuning has no usable result: {0}; gains and dividers are unchanged")]
     Tuning(String),
@@ -262,6 +270,7 @@ impl Error {
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
             Self::Unwritable { .. } => Exit::Output,
             Self::Busy { .. } => Exit::Busy,
+            Self::Server { exit, .. } => *exit,
             Self::Tuning(_) | Self::Calibration(_) => Exit::Tuning,
             Self::Interrupted => Exit::Interrupted,
         }

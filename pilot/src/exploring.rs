@@ -114,6 +114,24 @@ pub struct Drive {
     pub stops: u32,
 }
 
+impl Drive {
+    /// # Errors
+    /// [`Error::Incomplete`] with `what` is left undone, where the plan ended early.
+    pub fn ensure_complete(&self, what: &'static str) -> Result<(), Error> {
+        let reason = match self.outcome {
+            Outcome::Complete => return Ok(()),
+            Outcome::TimeLimit => "the time ran out",
+            Outcome::Unreachable => "no way is left that the map shows free",
+        };
+        let seconds = self.seconds;
+        Err(Error::Incomplete {
+            what,
+            reason,
+            seconds,
+        })
+    }
+}
+
 /// Drives by the plan until it is done, or until `watch`, which gets every valid report, breaks off what
 /// then counts as complete.
 ///

@@ -18,15 +18,19 @@
 //! | [`ground_truth`] | the true end of a run |
 //! | [`exploring`] | driving by a plan with localisation |
 //! | [`mapping`] | mapping while driving; recordings |
+//! | [`client`] | a client of a server |
+//! | [`serve`] | one process owns the robot, many look on |
 //! | `virtual_board` | the firmware's ELF on the virtual board (feature `virtual`) |
 #![forbid(unsafe_code)]
 
 pub mod calibrate;
+pub mod client;
 pub mod exploring;
 pub mod ground_truth;
 pub mod hints;
 pub mod mapping;
 pub mod mode;
+pub mod serve;
 pub mod tune;
 #[cfg(feature = "virtual")]
 pub mod virtual_board;

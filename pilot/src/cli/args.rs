@@ -56,6 +56,12 @@ pub enum Command {
     Status(Status),
     /// Show pose, cells, ranges and the link's counters, live
     Monitor(Monitor),
+    /// Own the robot and let other commands, programs and browsers use it: many look on, one drives
+    Serve(Serve),
+    /// Stop the robot, whichever client drives it
+    Stop,
+    /// Show the STM's log, live
+    Log,
     /// Drive to a pose and stop there; with --map, find the way to a point of a saved map
     Goto(Goto),
     /// Drive from way-point to way-point
@@ -314,6 +320,39 @@ pub struct Monitor {
     /// End after this many valid reports
     #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
     pub count: Option<u64>,
+}
+
+#[derive(Args)]
+pub struct Serve {
+    /// Also serve over TCP, e.g. 127.0.0.1:8040, clients that show the token
+    #[arg(long, value_name = "ADDRESS")]
+    pub listen: Option<String>,
+    /// Also serve a page for browsers; its address with the token is printed
+    #[cfg(feature = "web")]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080")]
+    pub web: Option<String>,
+    /// With --virtual: how many times faster than real time, or max
+    #[arg(long, value_name = "N", default_value = "1", value_parser = parse_speed)]
+    pub speed: Speed,
+    /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
+    #[arg(long)]
+    pub yes: bool,
+}
+
+/// How fast virtual time passes.
+#[derive(Clone, Copy, Debug)]
+pub enum Speed {
+    /// So many times real time.
+    Times(f64),
+    /// As fast as it goes.
+    Max,
+}
+
+fn parse_speed(text: &str) -> Result<Speed, String> {
+    if text == "max" {
+        return Ok(Speed::Max);
+    }
+    number(0.01..=1000.0)(text).map(Speed::Times)
 }
 
 #[derive(Args)]

@@ -157,7 +157,7 @@ fn not_built(name: &str, feature: &str, otherwise: &str) -> Error {
 }
 
 /// The flag that Ctrl-C raises; its handler can be installed only once.
-fn interrupt() -> Result<Interrupt, Error> {
+pub fn interrupt() -> Result<Interrupt, Error> {
     static INTERRUPT: OnceLock<Interrupt> = OnceLock::new();
     if let Some(installed) = INTERRUPT.get() {
         return Ok(installed.clone());

@@ -37,7 +37,7 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         // What was seen before an error is worth keeping, whatever the error was.
         let link = session.statistics();
         let saved = save(explore, &localisation, driven.as_ref().ok(), link, context);
-        complete(&driven?, "the room is not wholly explored")?;
+        driven?.ensure_complete("the room is not wholly explored")?;
         saved
     })
 }
@@ -70,7 +70,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         if !localiser.is_located() {
             let located = exploring::locate(&mut session, &mut localiser, live(context.output));
             context.output.end_live();
-            complete(&located?, "the robot is not found on the map")?;
+            located?.ensure_complete("the robot is not found on the map")?;
             if !localiser.is_located() {
                 return Err(Error::Usage("what is around does not fit the map: give --start".into()));
             }
@@ -79,7 +79,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
         let mut plan = GoTo::new(exploring::navigator_config(config), target);
         let driven = drive(&mut session, &mut localisation, &mut plan, context)?;
-        complete(&driven, "the target is not reached")?;
+        driven.ensure_complete("the target is not reached")?;
         let pose = localisation.localiser.estimate().pose;
         let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
         let off_mm = pose.position().distance_mm(target);
@@ -121,21 +121,6 @@ fn live(output: Output) -> impl FnMut(&Step<'_>) {
     }
 }
 
-/// An error where the plan ended early.
-fn complete(drive: &Drive, what: &'static str) -> Result<(), Error> {
-    let reason = match drive.outcome {
-        Outcome::Complete => return Ok(()),
-        Outcome::TimeLimit => "the time ran out",
-        Outcome::Unreachable => "no way is left that the map shows free",
-    };
-    let seconds = drive.seconds;
-    Err(Error::Incomplete {
-        what,
-        reason,
-        seconds,
-    })
-}
-
 fn line(step: &Step<'_>) -> String {
     let PoseEstimate { pose, .. } = step.estimate;
     format!(
@@ -160,7 +145,11 @@ fn free_m2(grid: &Grid) -> f64 {
 /// Makes both ends run Guarded Velocity: with `--yes`, or where a person agrees, writes it to the EEPROM
 /// with the gyro on and resets the STM.
 // Requirement: DOC-5.2-2
-fn ensure_mode(connection: &mut Connection, yes: bool, context: Context<'_>) -> Result<(), Error> {
+pub fn ensure_mode(
+    connection: &mut Connection,
+    yes: bool,
+    context: Context<'_>,
+) -> Result<(), Error> {
     let Connection { io, journal, .. } = connection;
     let image = eeprom::read(io)?;
     let mode = settings::decode(&image)?.mode();

@@ -12,7 +12,10 @@ mod mode;
 mod monitor;
 mod output;
 mod prompt;
+mod remote;
+mod serve;
 mod status;
+mod stop;
 mod tune;
 
 use args::{Arguments, Command};
@@ -58,6 +61,9 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         board: &arguments.board,
         output,
     };
+    if let Some(exit) = run_remote(&arguments.command, context)? {
+        return Ok(exit);
+    }
     match &arguments.command {
         Command::Eeprom { command } => return eeprom::run(command, context),
         Command::Status(status) => return status::run(status, context),
@@ -70,6 +76,9 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         }),
         Command::Mode { mode } => mode::run(*mode, context),
         Command::Monitor(monitor) => monitor::run(monitor, context),
+        Command::Serve(serve) => serve::run(serve, context),
+        Command::Stop => stop::run(context),
+        Command::Log => stop::log(context),
         Command::Goto(goto) => match &goto.map {
             Some(map) => explore::go_to(goto, map, context),
             None => drive::run(&[goto.target()], &goto.criteria, context),
@@ -85,4 +94,31 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         Command::Explore(explore) => explore::run(explore, context),
     }?;
     Ok(Exit::Ok)
+}
+
+/// Runs the command as a client, where a server of the robot runs and the command can be one.
+fn run_remote(command: &Command, context: Context<'_>) -> Result<Option<Exit>, Error> {
+    let name = match command {
+        Command::Status(_) => "status",
+        Command::Monitor(_) => "monitor",
+        Command::Stop => "stop",
+        Command::Log => "log",
+        Command::Goto(goto) if goto.map.is_none() => "goto",
+        Command::Explore(_) => "explore",
+        _ => return Ok(None),
+    };
+    let Some(mut client) = remote::connect(name, context)? else {
+        return Ok(None);
+    };
+    let client = &mut client;
+    match command {
+        Command::Status(_) => return status::of_server(client, context).map(Some),
+        Command::Monitor(monitor) => remote::monitor(client, monitor, context),
+        Command::Stop => remote::stop(client, context),
+        Command::Log => remote::log(client, context),
+        Command::Goto(goto) => remote::go_to(client, goto, context),
+        Command::Explore(explore) => remote::explore(client, explore, context),
+        _ => return Ok(None),
+    }?;
+    Ok(Some(Exit::Ok))
 }

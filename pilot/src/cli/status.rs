@@ -8,6 +8,7 @@ use host_link::error::{Error, Exit};
 use host_link::session::CommandRequest;
 use host_link::snapshot::Snapshot;
 use host_link::{eeprom, reset, settings};
+use pilot::client::Client;
 use pilot::hints;
 use serde::Serialize;
 
@@ -36,6 +37,29 @@ pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
         context.output.result(&seen, || summary(&seen));
         Ok(exit)
     })
+}
+
+/// Shows what the server knows.
+pub fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Error> {
+    let frame = client.status()?;
+    let unreachable = frame.error.is_some();
+    let exit = if unreachable { Exit::Link } else { Exit::Ok };
+    let mut hints = frame.advice;
+    hints.extend(
+        frame
+            .driver
+            .map(|driver| format!("{driver} drives the robot")),
+    );
+    let seen = Summary {
+        ready: !unreachable,
+        report: Some(frame.robot),
+        stop_deadline_ms: Some(frame.stop_deadline_ms),
+        hints,
+        error: frame.error,
+        exit: exit.code(),
+    };
+    context.output.result(&seen, || summary(&seen));
+    Ok(exit)
 }
 
 fn linked(

@@ -1,0 +1,86 @@
+//! `serve`: this process owns the robot, others use it.
+
+use super::args::{Serve, Speed};
+use super::connection::Context;
+use super::explore;
+use fw_core::eeprom::{Image, fields};
+use fw_core::wire::Mode;
+use host_link::eeprom;
+use host_link::error::Error;
+use pilot::serve::control::{self, Options};
+use pilot::serve::hub::Hub;
+use pilot::serve::{listener, token};
+use std::sync::Arc;
+
+/// Runs the command.
+pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
+    let simulated = context.board.virtual_board.chosen;
+    context.with_board(|connection| {
+        if simulated {
+            configure_blank(connection, context)?;
+        }
+        if serve.yes {
+            explore::ensure_mode(connection, true, context)?;
+        }
+        let (hub, events) = Hub::new();
+        let path = context.state_file("sock");
+        let _socket = listener::unix(&path, &hub)?;
+        context
+            .output
+            .message(&format!("serving on {}", path.display()));
+        if let Some(address) = &serve.listen {
+            let token = load_token(context)?;
+            listener::tcp(address, &token, &hub)?;
+            context.output.message(&format!("serving on {address}"));
+        }
+        #[cfg(feature = "web")]
+        if let Some(address) = &serve.web {
+            let token = load_token(context)?;
+            let url = pilot::web::serve(address, &token, &hub)?;
+            context.output.message(&format!("page: {url}"));
+        }
+        let options = Options {
+            rate_hz: context.board.rate,
+            ready_timeout_ms: context.board.ready_timeout,
+            speed: match serve.speed {
+                Speed::Times(speed) if simulated => Some(speed),
+                _ => None,
+            },
+        };
+        control::run(&mut connection.io, &options, events)
+    })
+}
+
+fn load_token(context: Context<'_>) -> Result<Arc<str>, Error> {
+    let path = context.state_file("token");
+    let token = token::load(&path)?;
+    context
+        .output
+        .message(&format!("token in {}", path.display()));
+    Ok(token.into())
+}
+
+/// A new virtual robot gets the first board's configuration for exploring.
+fn configure_blank(
+    connection: &mut super::connection::Connection,
+    context: Context<'_>,
+) -> Result<(), Error> {
+    let super::connection::Connection { io, journal, .. } = connection;
+    if eeprom::read(io)?.0.iter().any(|&byte| byte != 0xFF) {
+        return Ok(());
+    }
+    let image = Image::FIRST_BOARD
+        .with(fields::MODE, Mode::GuardedVelocity.code().into())
+        .with(fields::GYRO, 1)
+        .with(fields::SERVO, 1);
+    eeprom::program(
+        io,
+        &image,
+        context.board.ready_timeout,
+        Some(journal),
+        |_| (),
+    )?;
+    let text = "the virtual EEPROM was blank: the first board's configuration is in it now";
+    context.output.message(text);
+    Ok(())
+}

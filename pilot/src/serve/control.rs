@@ -1,0 +1,609 @@
+//! The control loop: one thread owns the robot, answers the clients once a frame and publishes it.
+
+use super::hub::{Client, ClientId, Event};
+use super::pacer::Pacer;
+use super::protocol::{Activity, Estimate, Failure, Frame, Message, Request, VERSION};
+use super::tiles::{BATCH, Tiles};
+use crate::exploring::{self, Plan, PlanRunner};
+use crate::hints;
+use crate::mapping::RangeSample;
+use fw_core::types::Faults;
+use fw_core::wire::{Field, Report};
+use host_link::board_io::BoardIo;
+use host_link::drive::{self, ArrivalCriteria, StopOnDrop};
+use host_link::error::{Error, Exit};
+use host_link::pose::Pose;
+use host_link::session::{CommandRequest, Session, VelocityRequest};
+use mapper::{Localiser, Point};
+use navigator::{Explorer, GoTo};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+/// Cells of the map, mm.
+pub const CELL_MM: f64 = 25.0;
+/// Frames between two looks for advice.
+const ADVICE_FRAMES: u32 = 20;
+/// Longest line of the log, bytes.
+const MAX_LOG_LINE: usize = 256;
+/// Time between two attempts to reach a robot that does not answer.
+const RETRY: Duration = Duration::from_secs(1);
+/// A pose that jumps farther is that of an STM that was reset: more than the way within the stop deadline, mm.
+const JUMP_MM: f64 = 150.0;
+
+/// How to serve.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Frames per second.
+    pub rate_hz: u32,
+    /// How long to await `STM_READY`, ms.
+    pub ready_timeout_ms: u32,
+    /// How much faster than real time virtual time passes; none: as the board's clock does by itself.
+    pub speed: Option<f64>,
+}
+
+/// What a client has made the robot do.
+enum Motion {
+    /// The latest velocity of [`Server::velocity`].
+    Velocity,
+    Pose(Pose, ArrivalCriteria),
+    Plan(Activity, Box<dyn Plan>),
+    /// The stop order alone.
+    Stop,
+    /// Clears the latched faults.
+    Clear,
+}
+
+impl Motion {
+    const fn activity(&self) -> Activity {
+        match self {
+            Self::Velocity => Activity::Drive,
+            Self::Pose(..) => Activity::Goto,
+            Self::Plan(activity, _) => *activity,
+            Self::Stop | Self::Clear => Activity::Idle,
+        }
+    }
+}
+
+/// The right to drive.
+struct Lease {
+    client: ClientId,
+    name: String,
+    length: Duration,
+    ends: Instant,
+}
+
+struct Server {
+    events: Receiver<Event>,
+    clients: BTreeMap<ClientId, Client>,
+    lease: Option<Lease>,
+    activity: Activity,
+    velocity: VelocityRequest,
+    /// What to do when the present motion has ended.
+    next: Option<Motion>,
+    /// Why the present motion must end.
+    cancelled: Option<Error>,
+    /// The plans' settings; none where the mode carries no velocity.
+    navigator: Option<navigator::Config>,
+    mode: &'static str,
+    localiser: Option<Localiser>,
+    tiles: Tiles,
+    pose: Option<Pose>,
+    targets: usize,
+    advice: Vec<String>,
+    frames: u32,
+    latest: Option<Frame>,
+    log: Vec<u8>,
+    pacer: Pacer,
+}
+
+/// Serves until Ctrl-C.
+///
+/// # Errors
+/// Those of [`Session::open`] the first time; later ones are shown to the clients, and the robot is tried
+/// again every second.
+pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Result<(), Error> {
+    let mut server = Server {
+        events,
+        clients: BTreeMap::new(),
+        lease: None,
+        activity: Activity::Idle,
+        velocity: VelocityRequest::default(),
+        next: None,
+        cancelled: None,
+        navigator: None,
+        mode: "",
+        localiser: None,
+        tiles: Tiles::default(),
+        pose: None,
+        targets: 0,
+        advice: Vec::new(),
+        frames: 0,
+        latest: None,
+        log: Vec::new(),
+        pacer: Pacer::new(options.speed),
+    };
+    let interrupt = io.interrupt.clone();
+    loop {
+        let session = Session::open(io, options.rate_hz, options.ready_timeout_ms);
+        let error = match session {
+            Ok(mut session) => server.serve(&mut session),
+            Err(error) if server.latest.is_none() => return Err(error),
+            Err(error) => error,
+        };
+        let again = Instant::now() + RETRY;
+        while Instant::now() < again {
+            if interrupt.check().is_err() {
+                return Ok(());
+            }
+            server.unreachable(&error);
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+impl Server {
+    /// Frames until the link ends; the reason.
+    fn serve(&mut self, session: &mut Session<'_>) -> Error {
+        let config = session.config();
+        self.mode = config.mode().name();
+        let drives = config.mode().has(Field::Velocity);
+        self.navigator = drives.then(|| exploring::navigator_config(config));
+        loop {
+            let outcome = match self.next.take() {
+                None => session
+                    .exchange(&CommandRequest::default())
+                    .and_then(|report| self.frame(session, report.as_ref())),
+                Some(motion) => self.perform(session, motion),
+            };
+            if let Err(error) = outcome {
+                return error;
+            }
+        }
+    }
+
+    /// Performs a motion to its end.
+    ///
+    /// # Errors
+    /// What ends the session, too.
+    fn perform(&mut self, session: &mut Session<'_>, motion: Motion) -> Result<(), Error> {
+        (self.activity, self.cancelled) = (motion.activity(), None);
+        let begun_us = session.now_us();
+        let outcome = match motion {
+            Motion::Velocity => self.follow_velocity(session),
+            Motion::Pose(target, criteria) => {
+                let watch = |session: &mut Session<'_>, report: Option<&Report>| {
+                    self.frame(session, report)
+                };
+                drive::follow(session, target, &criteria, watch).map(|_| ())
+            }
+            Motion::Plan(_, mut plan) => self.follow_plan(session, &mut *plan),
+            Motion::Stop => {
+                session.stop();
+                Ok(())
+            }
+            Motion::Clear => self.clear_faults(session),
+        };
+        let activity = std::mem::take(&mut self.activity);
+        #[allow(clippy::cast_precision_loss)] // exact below 285 years
+        let seconds = session.now_us().saturating_sub(begun_us) as f64 / 1e6;
+        self.cancelled = None;
+        self.report_end(activity, outcome.as_ref().err(), seconds);
+        if self.next.is_none() {
+            self.lease = None;
+        }
+        match outcome {
+            Err(error) if matches!(error.exit(), Exit::Link | Exit::Interrupted) => Err(error),
+            _ => Ok(()),
+        }
+    }
+
+    /// Reports the end of a motion to the client that drives.
+    fn report_end(&mut self, activity: Activity, error: Option<&Error>, seconds: f64) {
+        let error = error.map(Failure::from);
+        let done = Message::Done {
+            activity,
+            error,
+            seconds,
+        };
+        if let (Some(lease), true) = (&self.lease, activity != Activity::Idle) {
+            self.send_to(lease.client, &done);
+        }
+    }
+
+    fn follow_velocity(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
+        session.resume()?;
+        let moving = StopOnDrop::new(session);
+        loop {
+            let request = CommandRequest {
+                velocity: Some(self.velocity),
+                clear_faults: Faults::SLIP,
+                ..CommandRequest::default()
+            };
+            let report = moving.session.exchange(&request)?;
+            self.frame(moving.session, report.as_ref())?;
+            if let Some(report) = report {
+                moving
+                    .session
+                    .ensure_drivable(report.state, report.faults)?;
+            }
+        }
+    }
+
+    fn follow_plan(&mut self, session: &mut Session<'_>, plan: &mut dyn Plan) -> Result<(), Error> {
+        session.resume()?;
+        let mut runner = PlanRunner::new(session.now_us());
+        let moving = StopOnDrop::new(session);
+        let mut request = CommandRequest::default();
+        loop {
+            let report = moving.session.exchange(&request)?;
+            self.frame(moving.session, report.as_ref())?;
+            let sample = RangeSample::of(moving.session.snapshot());
+            let (Some(report), Some(sample)) = (report, sample) else {
+                continue;
+            };
+            let Some(localiser) = &self.localiser else {
+                continue;
+            };
+            let (grid, estimate) = (localiser.grid(), localiser.estimate());
+            match runner.step(plan, grid, estimate, &sample, &report)? {
+                ControlFlow::Continue(next) => request = next,
+                ControlFlow::Break(drive) => {
+                    return drive.ensure_complete("the drive is not complete");
+                }
+            }
+            self.targets = plan.targets();
+        }
+    }
+
+    fn clear_faults(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
+        let request = CommandRequest {
+            clear_faults: Faults::ALL_BITS,
+            ..CommandRequest::default()
+        };
+        for _ in 0..3 {
+            let report = session.exchange(&request)?;
+            self.frame(session, report.as_ref())?;
+        }
+        Ok(())
+    }
+
+    /// After each frame: the map, the clients, the lease.
+    ///
+    /// # Errors
+    /// Why the present motion must end.
+    fn frame(&mut self, session: &mut Session<'_>, report: Option<&Report>) -> Result<(), Error> {
+        let log = session.poll_log();
+        self.frames = self.frames.wrapping_add(1);
+        let config = session.config();
+        if report.is_some() {
+            if let Some(sample) = RangeSample::of(session.snapshot()) {
+                let last = self.pose.replace(sample.pose);
+                let jumped = |last: Pose| last.distance_mm(sample.pose) > JUMP_MM;
+                if self.localiser.is_none() || last.is_some_and(jumped) {
+                    let settings = exploring::localiser_config(config, CELL_MM);
+                    self.localiser = Some(Localiser::new(settings));
+                    self.new_map();
+                }
+                if let Some(localiser) = &mut self.localiser {
+                    localiser.observe(&exploring::observation(&sample));
+                }
+            }
+        }
+        if self.frames % ADVICE_FRAMES == 1 {
+            self.advice = hints::diagnose(session.snapshot(), config);
+            let unread = session.log_error();
+            self.advice
+                .extend(unread.map(|why| format!("the STM's log is not read: {why}")));
+        }
+        let estimate = self.localiser.as_ref().map(Localiser::estimate);
+        self.latest = Some(Frame {
+            robot: session.snapshot().clone(),
+            estimate: estimate.map(|estimate| Estimate {
+                pose: Pose::new(
+                    estimate.pose.x_mm,
+                    estimate.pose.y_mm,
+                    estimate.pose.heading_rad.to_degrees(),
+                ),
+                deviation_mm: (estimate.covariance[0][0] + estimate.covariance[1][1]).sqrt(),
+            }),
+            activity: self.activity,
+            driver: self.lease.as_ref().map(|lease| lease.name.clone()),
+            targets: self.targets,
+            advice: self.advice.clone(),
+            error: None,
+            clients: self.clients.len(),
+            stop_deadline_ms: config.stop_deadline().0,
+        });
+        self.publish(&log);
+        self.pacer.wait(session.now_us());
+        self.handle_events();
+        self.cancelled.take().map_or(Ok(()), Err)
+    }
+
+    /// Sends the frame, the log and the map to those who watch.
+    fn publish(&mut self, log: &[u8]) {
+        if self.clients.values().all(|client| client.every.is_none()) {
+            self.log.clear();
+            return;
+        }
+        let messages = self.log_lines(log);
+        let frame = self.latest.clone().map(Box::new).map(Message::Frame);
+        let frame = frame.as_ref().map(text);
+        let mut changed = Vec::new();
+        if let Some(localiser) = &self.localiser {
+            changed = self.tiles.update(localiser.grid());
+        }
+        let (frames, tiles) = (self.frames, &self.tiles);
+        // A client that does not keep up is dropped: nothing here waits for one.
+        self.clients.retain(|_, client| {
+            let Some(every) = client.every else {
+                return true;
+            };
+            let due = frame.iter().filter(|_| frames % every == 0);
+            let update: Vec<_> = changed
+                .iter()
+                .filter(|&&number| number < client.tiles)
+                .map(|&number| tiles.tile(number).clone())
+                .collect();
+            let fresh = tiles.from(client.tiles);
+            client.tiles += fresh.len();
+            let batches = [update, fresh.to_vec()].into_iter();
+            let batches = batches.filter(|tiles| !tiles.is_empty());
+            let batches: Vec<_> = batches
+                .map(|tiles| text(&Message::Tiles { tiles }))
+                .collect();
+            messages
+                .iter()
+                .chain(due)
+                .chain(&batches)
+                .all(|message| client.send(message))
+        });
+        debug_assert!(changed.len() <= BATCH);
+    }
+
+    /// The lines that these bytes complete.
+    fn log_lines(&mut self, bytes: &[u8]) -> Vec<Arc<str>> {
+        self.log.extend_from_slice(bytes);
+        let Some(end) = self.log.iter().rposition(|&byte| byte == b'\n') else {
+            self.log.truncate(MAX_LOG_LINE);
+            return Vec::new();
+        };
+        let rest = self.log.split_off(end + 1);
+        let whole = std::mem::replace(&mut self.log, rest);
+        let whole = String::from_utf8_lossy(&whole);
+        let lines = whole.lines().filter(|line| line.len() <= MAX_LOG_LINE);
+        lines
+            .map(|line| text(&Message::Log { line: line.into() }))
+            .collect()
+    }
+
+    fn new_map(&mut self) {
+        self.tiles = Tiles::default();
+        let message = text(&Message::Map { cell_mm: CELL_MM });
+        self.clients.retain(|_, client| {
+            client.tiles = 0;
+            client.every.is_none() || client.send(&message)
+        });
+    }
+
+    /// The robot does not answer: the clients are served all the same.
+    fn unreachable(&mut self, error: &Error) {
+        let waiting = self.next.take().map(|motion| motion.activity());
+        self.report_end(waiting.unwrap_or_default(), Some(error), 0.0);
+        self.lease = None;
+        if let Some(frame) = &mut self.latest {
+            (frame.error, frame.driver) = (Some(error.to_string()), None);
+            frame.activity = Activity::Idle;
+        }
+        self.publish(&[]);
+        self.handle_events();
+        self.cancelled = None;
+    }
+
+    fn handle_events(&mut self) {
+        while let Ok(event) = self.events.try_recv() {
+            match event {
+                Event::Joined(client) => {
+                    let id = client.id;
+                    self.clients.insert(id, client);
+                    self.reply(id, Ok(()));
+                }
+                Event::Asked(id, request) => {
+                    let outcome = self.handle(id, request);
+                    self.reply(id, outcome);
+                }
+                Event::Left(id) => {
+                    self.clients.remove(&id);
+                }
+            }
+        }
+        // Requirement: SERVE-2
+        if let Some(lease) = &self.lease {
+            let name = &lease.name;
+            if !self.clients.contains_key(&lease.client) {
+                self.cancel(format!("{name} has disconnected"));
+            } else if Instant::now() >= lease.ends {
+                self.cancel(format!("the lease of {name} has ended"));
+            }
+        }
+    }
+
+    fn cancel(&mut self, text: String) {
+        self.next = None;
+        let exit = Exit::NotReached;
+        self.cancelled = Some(refused(&text, exit));
+    }
+
+    fn reply(&mut self, id: ClientId, outcome: Result<(), Error>) {
+        let error = outcome.as_ref().err().map(Failure::from);
+        let version = VERSION;
+        self.send_to(id, &Message::Reply { version, error });
+        if let Some(client) = self.clients.get(&id) {
+            client.answered();
+        }
+    }
+
+    fn send_to(&mut self, id: ClientId, message: &Message) {
+        let keeps_up = self
+            .clients
+            .get(&id)
+            .is_none_or(|client| client.send(&text(message)));
+        if !keeps_up {
+            self.clients.remove(&id);
+        }
+    }
+
+    fn handle(&mut self, id: ClientId, request: Request) -> Result<(), Error> {
+        match request {
+            Request::Hello { .. } => return Err(refused("the first message is over", Exit::Usage)),
+            Request::Status => {
+                let frame = self.latest.clone();
+                let frame = frame.ok_or_else(|| refused("no frame yet", Exit::Link))?;
+                self.send_to(id, &Message::Frame(Box::new(frame)));
+            }
+            Request::Watch { every } => {
+                let message = Message::Map { cell_mm: CELL_MM };
+                if let Some(client) = self.clients.get_mut(&id) {
+                    (client.every, client.tiles) = (Some(every), 0);
+                }
+                self.send_to(id, &message);
+            }
+            Request::Drive {
+                forward_mm_s,
+                yaw_rate_deg_s,
+                lease_ms,
+            } => {
+                self.navigator()?;
+                self.take_lease(id, lease_ms)?;
+                self.velocity = VelocityRequest {
+                    forward_mm_s,
+                    yaw_rate_deg_s,
+                    ..VelocityRequest::default()
+                };
+                if self.activity != Activity::Drive {
+                    self.begin(Motion::Velocity);
+                }
+            }
+            Request::Goto {
+                x_mm,
+                y_mm,
+                rotation_deg,
+                tolerance,
+                timeout_s,
+                lease_ms,
+            } => {
+                let motion = if let Some(rotation_deg) = rotation_deg {
+                    let (tolerance_mm, tolerance_deg) = tolerance.unwrap_or((5.0, 1.0));
+                    let criteria = ArrivalCriteria {
+                        tolerance_mm,
+                        tolerance_deg,
+                        timeout_s,
+                    };
+                    Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg), criteria)
+                } else {
+                    let plan = GoTo::new(self.navigator()?, Point::new(x_mm, y_mm));
+                    Motion::Plan(Activity::Goto, Box::new(plan))
+                };
+                self.take_lease(id, lease_ms)?;
+                self.begin(motion);
+            }
+            Request::Explore { lease_ms } => {
+                let plan = Explorer::new(self.navigator()?);
+                self.take_lease(id, lease_ms)?;
+                self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
+            }
+            Request::Keep => match &mut self.lease {
+                Some(lease) if lease.client == id => lease.ends = Instant::now() + lease.length,
+                _ => return Err(refused("this client does not drive", Exit::Usage)),
+            },
+            // Requirement: SERVE-1
+            Request::Stop => {
+                let text = format!("stopped by {}", self.name(id));
+                if self.activity == Activity::Idle {
+                    if let Some(waiting) = self.next.replace(Motion::Stop) {
+                        let error = refused(&text, Exit::NotReached);
+                        self.report_end(waiting.activity(), Some(&error), 0.0);
+                    }
+                    self.lease = None;
+                } else {
+                    self.cancel(text);
+                }
+            }
+            Request::ClearFaults => {
+                self.free_for(id)?;
+                self.begin(Motion::Clear);
+            }
+            Request::NewMap => {
+                self.free_for(id)?;
+                self.localiser = None;
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins a motion in place of the present one.
+    fn begin(&mut self, motion: Motion) {
+        if self.activity != Activity::Idle {
+            self.cancel("another motion of the same client follows".into());
+        }
+        self.next = Some(motion);
+    }
+
+    /// # Errors
+    /// Another client drives, or the robot cannot be reached.
+    fn free_for(&self, id: ClientId) -> Result<(), Error> {
+        if let Some(error) = self.latest.as_ref().and_then(|frame| frame.error.as_ref()) {
+            return Err(refused(error, Exit::Link));
+        }
+        match &self.lease {
+            Some(lease) if lease.client != id => {
+                let text = format!("{} drives the robot; `robot stop` ends that", lease.name);
+                Err(refused(&text, Exit::Busy))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    // Requirement: SERVE-1
+    fn take_lease(&mut self, id: ClientId, lease_ms: u32) -> Result<(), Error> {
+        self.free_for(id)?;
+        let length = Duration::from_millis(lease_ms.into());
+        self.lease = Some(Lease {
+            client: id,
+            name: self.name(id),
+            length,
+            ends: Instant::now() + length,
+        });
+        Ok(())
+    }
+}
+
+impl Server {
+    fn name(&self, id: ClientId) -> String {
+        let client = self.clients.get(&id);
+        client.map(|client| client.name.clone()).unwrap_or_default()
+    }
+
+    /// # Errors
+    /// [`Error::WrongMode`].
+    fn navigator(&self) -> Result<navigator::Config, Error> {
+        self.navigator.ok_or(Error::WrongMode {
+            mode: self.mode,
+            required: "velocity to drive at",
+        })
+    }
+}
+
+fn refused(text: &str, exit: Exit) -> Error {
+    let text = text.into();
+    Error::Server { text, exit }
+}
+
+/// A message as it is sent.
+fn text(message: &Message) -> Arc<str> {
+    // Strings, numbers and maps with keys of strings cannot fail.
+    serde_json::to_string(message).unwrap_or_default().into()
+}

@@ -1,0 +1,363 @@
+//! The client protocol: one JSON object a line, or a web socket's text message.
+//!
+//! A client begins with `{"do":"hello","version":1,"name":"…"}`, over a network with the token; each
+//! request gets one reply.
+
+use host_link::error::{Error, Exit};
+use host_link::pose::{MAX_COORDINATE_MM, Pose};
+use host_link::snapshot::Snapshot;
+use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+
+/// Version of the protocol.
+pub const VERSION: u32 = 1;
+/// Longest line in either direction, bytes.
+pub const MAX_LINE: usize = 16 * 1024;
+/// Longest name of a client, characters.
+const MAX_NAME: usize = 40;
+/// Shortest and longest lease of the drive, ms.
+pub const LEASE_MS: RangeInclusive<u32> = 100..=5000;
+/// Lease of a client that asks for none, ms.
+pub const DEFAULT_LEASE_MS: u32 = 1000;
+/// Largest speed, mm/s, and yaw rate, degrees/s; the configuration limits them further.
+const MAX_VELOCITY: (f64, f64) = (1000.0, 180.0);
+
+/// What a client asks for.
+// Requirement: SERVE-3
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Request {
+    /// The first message.
+    Hello {
+        /// [`VERSION`].
+        version: u32,
+        /// How other clients see this one.
+        name: String,
+        /// Over a network: the content of the token's file.
+        #[serde(default)]
+        token: String,
+    },
+    /// The latest frame, once.
+    Status,
+    /// Every n-th frame, the log and the map from now on.
+    Watch {
+        /// 1 to 400; 1 without it.
+        #[serde(default = "one")]
+        every: u32,
+    },
+    /// Guarded Velocity: a velocity until the lease ends.
+    Drive {
+        /// mm/s, −1000 to 1000.
+        forward_mm_s: f64,
+        /// Degrees/s counter-clockwise, −180 to 180.
+        yaw_rate_deg_s: f64,
+        /// See [`LEASE_MS`].
+        #[serde(default = "default_lease")]
+        lease_ms: u32,
+    },
+    /// Drives to a pose of the robot's own frame, or in Guarded Velocity, without a rotation, to a point of the
+    /// map around what it shows. The lease must be kept.
+    Goto {
+        /// Millimetres.
+        x_mm: f64,
+        /// Millimetres.
+        y_mm: f64,
+        /// Degrees.
+        rotation_deg: Option<f64>,
+        /// Largest distance from the pose, mm, and difference from its rotation, degrees; 5 and 1 without it.
+        #[serde(default)]
+        tolerance: Option<(f64, f64)>,
+        /// Time for the pose, s; by its distance without it.
+        #[serde(default)]
+        timeout_s: Option<f64>,
+        /// See [`LEASE_MS`].
+        #[serde(default = "default_lease")]
+        lease_ms: u32,
+    },
+    /// Guarded Velocity: explores. The lease must be kept.
+    Explore {
+        /// See [`LEASE_MS`].
+        #[serde(default = "default_lease")]
+        lease_ms: u32,
+    },
+    /// Keeps the lease.
+    Keep,
+    /// Stops the robot, whichever client drives it.
+    Stop,
+    /// Clears the latched faults; the robot stays where it is.
+    ClearFaults,
+    /// Begins a new map where the robot stands.
+    NewMap,
+}
+
+const fn one() -> u32 {
+    1
+}
+
+const fn default_lease() -> u32 {
+    DEFAULT_LEASE_MS
+}
+
+impl Request {
+    /// Parses a line.
+    ///
+    /// # Errors
+    /// What is wrong, for any bytes that are no request within its ranges.
+    pub fn parse(line: &[u8]) -> Result<Self, String> {
+        if line.len() > MAX_LINE {
+            return Err(format!("a line has at most {MAX_LINE} bytes"));
+        }
+        let request: Self = serde_json::from_slice(line).map_err(|cause| cause.to_string())?;
+        request.check()?;
+        Ok(request)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Hello { version, name, .. } => {
+                within(
+                    "version",
+                    f64::from(*version),
+                    VERSION.into(),
+                    VERSION.into(),
+                )?;
+                let printable = !name.chars().any(char::is_control);
+                if !(1..=MAX_NAME).contains(&name.chars().count()) || !printable {
+                    return Err(format!(
+                        "name: accepted are 1 to {MAX_NAME} printable characters"
+                    ));
+                }
+            }
+            Self::Watch { every } => within("every", f64::from(*every), 1.0, 400.0)?,
+            Self::Drive {
+                forward_mm_s,
+                yaw_rate_deg_s,
+                lease_ms,
+            } => {
+                let (speed, yaw) = MAX_VELOCITY;
+                within("forward_mm_s", *forward_mm_s, -speed, speed)?;
+                within("yaw_rate_deg_s", *yaw_rate_deg_s, -yaw, yaw)?;
+                lease(*lease_ms)?;
+            }
+            Self::Goto {
+                x_mm,
+                y_mm,
+                rotation_deg,
+                tolerance,
+                timeout_s,
+                lease_ms,
+            } => {
+                within("x_mm", *x_mm, -MAX_COORDINATE_MM, MAX_COORDINATE_MM)?;
+                within("y_mm", *y_mm, -MAX_COORDINATE_MM, MAX_COORDINATE_MM)?;
+                within(
+                    "rotation_deg",
+                    rotation_deg.unwrap_or_default(),
+                    -36e3,
+                    36e3,
+                )?;
+                let (mm, deg) = tolerance.unwrap_or((1.0, 1.0));
+                within("tolerance", mm.min(deg), 1e-3, 1e6)?;
+                within("timeout_s", timeout_s.unwrap_or(1.0), 1e-3, 1e6)?;
+                lease(*lease_ms)?;
+            }
+            Self::Explore { lease_ms } => lease(*lease_ms)?,
+            Self::Status | Self::Keep | Self::Stop | Self::ClearFaults | Self::NewMap => {}
+        }
+        Ok(())
+    }
+}
+
+fn lease(ms: u32) -> Result<(), String> {
+    within(
+        "lease_ms",
+        ms.into(),
+        (*LEASE_MS.start()).into(),
+        (*LEASE_MS.end()).into(),
+    )
+}
+
+fn within(field: &str, value: f64, least: f64, most: f64) -> Result<(), String> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(format!("{field} = {value}: accepted is {least} to {most}"))
+}
+
+/// An error as clients get it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// The sentence.
+    pub text: String,
+    /// The exit code of a command that ends with it.
+    pub exit: u8,
+}
+
+impl From<&Error> for Failure {
+    fn from(error: &Error) -> Self {
+        Self {
+            text: error.to_string(),
+            exit: error.exit().code(),
+        }
+    }
+}
+
+impl From<Failure> for Error {
+    fn from(Failure { text, exit }: Failure) -> Self {
+        let known = Exit::ALL.iter().find(|(known, _)| known.code() == exit);
+        Self::Server {
+            text,
+            exit: known.map_or(Exit::Device, |&(exit, _)| exit),
+        }
+    }
+}
+
+/// What drives the robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Activity {
+    /// Nothing.
+    #[default]
+    Idle,
+    /// A client's velocity.
+    Drive,
+    /// The way to a pose or to a point of the map.
+    Goto,
+    /// The explorer.
+    Explore,
+}
+
+/// Where the robot is in the map's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Millimetres and degrees.
+    #[serde(flatten)]
+    pub pose: Pose,
+    /// Standard deviation of the position, mm.
+    pub deviation_mm: f64,
+}
+
+/// Everything about the robot after a frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// What the robot reported.
+    pub robot: Snapshot,
+    /// None in a mode without a pose.
+    pub estimate: Option<Estimate>,
+    /// What drives it …
+    pub activity: Activity,
+    /// … and the client that does.
+    pub driver: Option<String>,
+    /// The explorer's targets left.
+    pub targets: usize,
+    /// What to check; empty when all is well.
+    pub advice: Vec<String>,
+    /// Why the robot cannot be reached, if so.
+    pub error: Option<String>,
+    /// Clients, this one included.
+    pub clients: usize,
+    /// `STM_READY`'s configuration: time without a frame after which the motors brake, ms.
+    pub stop_deadline_ms: u16,
+}
+
+/// 32 × 32 cells of the map.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Tile {
+    /// Number of the tile along x; tile 0 begins at the origin.
+    pub column: i32,
+    /// Number of the tile along y.
+    pub row: i32,
+    /// Row by row from the lower left: `#` occupied, `.` free, blank unknown.
+    pub cells: String,
+}
+
+/// What a client gets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "kebab-case")]
+pub enum Message {
+    /// The answer to a request; `hello`'s has the version.
+    Reply {
+        /// [`VERSION`].
+        version: u32,
+        /// Why the request was refused, if it was.
+        error: Option<Failure>,
+    },
+    /// The robot after a frame.
+    Frame(Box<Frame>),
+    /// A line of the STM's log.
+    Log {
+        /// Without its end.
+        line: String,
+    },
+    /// A new map: the tiles so far belong to an old one.
+    Map {
+        /// Width of a cell, mm.
+        cell_mm: f64,
+    },
+    /// Tiles that changed.
+    Tiles {
+        /// At most eight.
+        tiles: Vec<Tile>,
+    },
+    /// This client's motion has ended.
+    Done {
+        /// What it was.
+        activity: Activity,
+        /// Why it did not end as planned, if so.
+        error: Option<Failure>,
+        /// Seconds on the board's clock.
+        seconds: f64,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    // Requirement: SERVE-3
+    #[test]
+    fn request_outside_its_range_is_refused_by_field() {
+        for (line, field) in [
+            (
+                r#"{"do":"drive","forward_mm_s":1001,"yaw_rate_deg_s":0}"#,
+                "forward_mm_s",
+            ),
+            (
+                r#"{"do":"drive","forward_mm_s":0,"yaw_rate_deg_s":-181}"#,
+                "yaw_rate_deg_s",
+            ),
+            (
+                r#"{"do":"drive","forward_mm_s":0,"yaw_rate_deg_s":0,"lease_ms":99}"#,
+                "lease_ms",
+            ),
+            (r#"{"do":"explore","lease_ms":5001}"#, "lease_ms"),
+            (r#"{"do":"goto","x_mm":1e10,"y_mm":0}"#, "x_mm"),
+            (r#"{"do":"watch","every":0}"#, "every"),
+            (r#"{"do":"hello","version":2,"name":"a"}"#, "version"),
+            (r#"{"do":"hello","version":1,"name":""}"#, "name"),
+            (r#"{"do":"explore","now":1}"#, "now"),
+            (r#"{"do":"jump"}"#, "jump"),
+            ("", "EOF"),
+        ] {
+            let error = Request::parse(line.as_bytes()).unwrap_err();
+            assert!(error.contains(field), "{line}: {error}");
+        }
+    }
+
+    proptest! {
+        // Requirement: SERVE-3
+        #[test]
+        fn request_of_any_bytes_is_checked_or_refused(
+            bytes in prop_oneof![
+                proptest::collection::vec(any::<u8>(), 0..200),
+                r#"\{"do":"(drive|goto|watch|hello|stop)"(,"(x_mm|every|name|lease_ms|forward_mm_s|yaw_rate_deg_s)":-?[0-9]{1,5}){0,4}\}"#
+                    .prop_map(String::into_bytes),
+            ]
+        ) {
+            if let Ok(request) = Request::parse(&bytes) {
+                let line = serde_json::to_vec(&request).unwrap();
+                prop_assert_eq!(Request::parse(&line), Ok(request));
+            }
+        }
+    }
+}

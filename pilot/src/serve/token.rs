@@ -1,0 +1,91 @@
+//! The token that clients over a network show: a file that its owner alone can read.
+
+use host_link::error::Error;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::Path;
+
+/// Random bytes of a new token.
+const BYTES: usize = 16;
+
+/// Reads the token; a file that does not exist is made with a new one.
+///
+/// # Errors
+/// [`Error::Unreadable`], [`Error::Unwritable`]; [`Error::Content`] of a file that others can read, or
+/// of less than 16 characters.
+// Requirement: SERVE-6
+pub fn load(path: &Path) -> Result<String, Error> {
+    let made = File::options()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(path);
+    match made {
+        Ok(mut file) => {
+            let mut random = [0; BYTES];
+            let source = Path::new("/dev/urandom");
+            let filled = File::open(source).and_then(|mut file| file.read_exact(&mut random));
+            filled.map_err(|cause| Error::unreadable(source, &cause))?;
+            let token: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
+            let written = writeln!(file, "{token}").and_then(|()| file.sync_all());
+            written.map_err(|cause| Error::unwritable(path, &cause))?;
+            return Ok(token);
+        }
+        Err(cause) if cause.kind() == ErrorKind::AlreadyExists => {}
+        Err(cause) => return Err(Error::unwritable(path, &cause)),
+    }
+    let unreadable = |cause| Error::unreadable(path, &cause);
+    let mode = fs::metadata(path).map_err(unreadable)?.mode();
+    if mode & 0o077 != 0 {
+        let what = "others can read the token; `chmod 600` it, or remove it for a new one";
+        return Err(Error::content(path, None, what));
+    }
+    let mut text = String::new();
+    let file = File::open(path).map_err(unreadable)?;
+    file.take(1024)
+        .read_to_string(&mut text)
+        .map_err(unreadable)?;
+    let token = text.trim();
+    if token.len() < BYTES {
+        let what =
+            format!("a token has at least {BYTES} characters; remove the file for a new one");
+        return Err(Error::content(path, None, what));
+    }
+    Ok(token.into())
+}
+
+/// Whether two tokens are the same, in a time that does not depend on where they differ.
+#[must_use]
+pub fn same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    let differ = one.iter().zip(other).fold(0, |sum, (a, b)| sum | (a ^ b));
+    one.len() == other.len() && differ == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    // Requirement: SERVE-6
+    #[test]
+    fn token_file_is_private_or_refused() {
+        let folder = std::env::temp_dir().join(format!("robot-token-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("token");
+        let token = load(&path).unwrap();
+        assert_eq!(token.len(), 2 * BYTES);
+        assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
+        assert_eq!(load(&path).as_ref(), Ok(&token));
+        assert!(
+            same(&token, &token) && !same(&token, &token[1..]) && !same(&token, &"0".repeat(32))
+        );
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+        assert!(matches!(load(&path), Err(Error::Content { .. })));
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+        fs::write(&path, "short\n").unwrap();
+        assert!(matches!(load(&path), Err(Error::Content { .. })));
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,243 @@
+//! The control loop and its clients on a board in memory.
+
+use fw_core::eeprom::{Image, fields};
+use fw_core::wire::{Command, Mode, Order};
+use host_link::board_io::Interrupt;
+use host_link::error::Error;
+use host_link::mock_board::mock_board;
+use pilot::client::{Client, EXPLORE};
+use pilot::serve::control::{self, Options};
+use pilot::serve::hub::{Hub, MAX_CLIENTS};
+use pilot::serve::listener::{self, Lines, TURN};
+use pilot::serve::protocol::{Activity, MAX_LINE, Message, Request};
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Ends the control loop, also when the scenario panics.
+struct End(Interrupt);
+
+impl Drop for End {
+    fn drop(&mut self) {
+        self.0.raise();
+    }
+}
+
+/// Serves a board in Guarded Velocity while the scenario runs; every command that the board got.
+fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command> {
+    let (hub, events) = Hub::new();
+    let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+    let (board, mut io) = mock_board(&image, None);
+    let end = End(io.interrupt.clone());
+    let options = Options {
+        rate_hz: 40,
+        ready_timeout_ms: 100,
+        speed,
+    };
+    thread::scope(|scope| {
+        let scenario = scope.spawn(move || {
+            let _end = end;
+            scenario(&hub);
+        });
+        control::run(&mut io, &options, events).unwrap();
+        scenario.join().unwrap();
+    });
+    let commands = board.borrow().commands.clone();
+    commands
+}
+
+fn join(hub: &Hub, name: &str) -> Client {
+    Client::local(hub.admit().unwrap(), name).unwrap()
+}
+
+fn drive(forward_mm_s: f64, lease_ms: u32) -> Request {
+    Request::Drive {
+        forward_mm_s,
+        yaw_rate_deg_s: 0.0,
+        lease_ms,
+    }
+}
+
+/// Waits until the client's motion has ended: how long it took, and why it ended.
+fn end_of_motion(client: &mut Client) -> (Duration, String) {
+    let begun = Instant::now();
+    loop {
+        if let Some(Message::Done { error, .. }) = client.next().unwrap() {
+            return (
+                begun.elapsed(),
+                error.map_or_else(String::new, |error| error.text),
+            );
+        }
+    }
+}
+
+/// Frames from the last one that drives until the stop order, and the speeds of those that drove.
+fn stops(commands: &[Command]) -> (usize, Vec<i32>) {
+    let mut speeds: Vec<_> = commands
+        .iter()
+        .map(|command| command.velocity.forward)
+        .collect();
+    let last = speeds.iter().rposition(|&speed| speed != 0).unwrap();
+    let stop = commands[last..]
+        .iter()
+        .position(|command| command.order == Order::Stop);
+    speeds.retain(|&speed| speed != 0);
+    speeds.dedup();
+    (stop.unwrap(), speeds)
+}
+
+// Requirement: SERVE-1, SERVE-2
+#[test]
+fn second_driver_is_refused_until_first_has_gone() {
+    let commands = serve(Some(1.0), |hub| {
+        let (mut first, mut second) = (join(hub, "first"), join(hub, "second"));
+        first.request(&drive(100.0, 5000)).unwrap();
+        for request in [
+            drive(50.0, 500),
+            EXPLORE,
+            Request::ClearFaults,
+            Request::Keep,
+        ] {
+            assert!(second.request(&request).is_err(), "{request:?}");
+        }
+        let refused = second.request(&drive(50.0, 500)).unwrap_err();
+        assert!(
+            refused.to_string().contains("first drives the robot"),
+            "{refused}"
+        );
+        assert_eq!(second.status().unwrap().driver.as_deref(), Some("first"));
+        drop(first);
+        while second.status().unwrap().activity != Activity::Idle {}
+        second.request(&drive(50.0, 500)).unwrap();
+        let (_, why) = end_of_motion(&mut second);
+        assert!(why.contains("the lease of second has ended"), "{why}");
+    });
+    assert_eq!(stops(&commands), (1, vec![100_000, 50_000]));
+}
+
+// Requirement: SERVE-2
+#[test]
+fn lease_without_renewal_ends_in_a_stop() {
+    let commands = serve(Some(1.0), |hub| {
+        let mut client = join(hub, "client");
+        client.request(&drive(100.0, 300)).unwrap();
+        for _ in 0..5 {
+            thread::sleep(Duration::from_millis(100));
+            client.request(&Request::Keep).unwrap();
+        }
+        let (after, why) = end_of_motion(&mut client);
+        assert!(why.contains("lease"), "{why}");
+        assert!((250..800).contains(&after.as_millis()), "{after:?}");
+    });
+    assert_eq!(stops(&commands), (1, vec![100_000]));
+}
+
+// Requirement: SERVE-1
+#[test]
+fn stop_of_a_watching_client_ends_each_motion() {
+    let goto = Request::Goto {
+        x_mm: 1000.0,
+        y_mm: 0.0,
+        rotation_deg: Some(0.0),
+        tolerance: None,
+        timeout_s: None,
+        lease_ms: 5000,
+    };
+    let commands = serve(Some(1.0), |hub| {
+        let (mut driver, mut watcher) = (join(hub, "driver"), join(hub, "watcher"));
+        for motion in [drive(100.0, 5000), goto, EXPLORE] {
+            driver.request(&motion).unwrap();
+            thread::sleep(Duration::from_millis(200));
+            assert_ne!(watcher.status().unwrap().activity, Activity::Idle);
+            watcher.request(&Request::Stop).unwrap();
+            let (after, why) = end_of_motion(&mut driver);
+            assert!(why.contains("stopped by watcher"), "{why}");
+            // Ten frames of the stop order before it is reported.
+            assert!(after < Duration::from_millis(600), "{after:?}");
+        }
+        // A stop of a robot that stands is sent, too.
+        watcher.request(&Request::Stop).unwrap();
+        thread::sleep(Duration::from_millis(400));
+    });
+    let ordered = commands
+        .iter()
+        .filter(|command| command.order == Order::Stop);
+    assert_eq!(ordered.count(), 40);
+}
+
+// Requirement: SERVE-5
+#[test]
+fn reader_that_does_not_read_is_dropped() {
+    serve(None, |hub| {
+        let (mut slow, mut other) = (join(hub, "slow"), join(hub, "other"));
+        slow.request(&Request::Watch { every: 1 }).unwrap();
+        while other.status().unwrap().clients > 1 {}
+        let mut messages = 0;
+        let error = loop {
+            match slow.next() {
+                Ok(message) => messages += usize::from(message.is_some()),
+                Err(error) => break error,
+            }
+        };
+        assert!(matches!(error, Error::Server { .. }));
+        assert!((512..600).contains(&messages), "{messages}");
+    });
+}
+
+// Requirement: SERVE-5
+#[test]
+fn hub_admits_a_bounded_number_of_clients() {
+    let (hub, _events) = Hub::new();
+    let mut ports: Vec<_> = (0..MAX_CLIENTS).map(|_| hub.admit().unwrap()).collect();
+    assert!(hub.admit().is_none());
+    ports.pop();
+    assert!(hub.admit().is_some());
+}
+
+/// What a client gets that sends these bytes, and whether the connection has ended.
+fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
+    let (hub, _events) = Hub::new();
+    let (mut client, server) = UnixStream::pair().unwrap();
+    server.set_read_timeout(Some(TURN)).unwrap();
+    let served = thread::spawn(move || {
+        listener::serve(&mut Lines::new(server), hub.admit().unwrap(), token);
+    });
+    // The server may refuse before everything is sent.
+    let _ = client.write_all(bytes);
+    let mut text = String::new();
+    let _ = client.read_to_string(&mut text);
+    served.join().unwrap();
+    text
+}
+
+// Requirement: SERVE-3, SERVE-6
+#[test]
+fn connection_without_a_valid_hello_gets_a_refusal() {
+    let hello = |token: &str| {
+        let hello = Request::Hello {
+            version: 1,
+            name: "a".into(),
+            token: token.into(),
+        };
+        [serde_json::to_vec(&hello).unwrap(), b"\n".to_vec()].concat()
+    };
+    for (bytes, token, reason) in [
+        (b"\x00\xFF{}\n".to_vec(), None, "expected"),
+        (
+            b"{\"do\":\"stop\"}\n".to_vec(),
+            None,
+            "the first message is `hello`",
+        ),
+        (vec![b'['; MAX_LINE + 8192], None, "at most 16384 bytes"),
+        (
+            hello("0123456789abcdef"),
+            Some("0123456789abcdeF"),
+            "the token is wrong",
+        ),
+        (hello(""), Some("0123456789abcdef"), "the token is wrong"),
+    ] {
+        let text = answer(&bytes, token);
+        assert!(text.contains(reason) && text.lines().count() == 1, "{text}");
+    }
+}
