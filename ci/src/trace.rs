@@ -72,7 +72,8 @@ impl Trace {
     /// The requirements of the page: `- ID: sentence`; and of the document, by the middle of `DOC-…`: each
     /// section has one, or a line `- SECTION: what it says, and why that is none`.
     fn read_requirements(&mut self, page: &str) {
-        for row in pattern(r"(?m)^- ((?:DOC|NAV|WIRE)-[\w.]+-\d+): (.*)$").captures_iter(page) {
+        for row in pattern(r"(?m)^- ((?:DOC|NAV|SERVE|WIRE)-[\w.]+-\d+): (.*)$").captures_iter(page)
+        {
             self.add(row[1].to_owned(), row[2].to_owned());
         }
         let ids = self.requirements.keys();

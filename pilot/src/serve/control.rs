@@ -420,7 +420,7 @@ impl Server {
                 }
             }
         }
-        // Requirement: SERVE-2
+        // Requirement: SERVE-drive-2
         if let Some(lease) = &self.lease {
             let name = &lease.name;
             if !self.clients.contains_key(&lease.client) {
@@ -519,7 +519,7 @@ impl Server {
                 Some(lease) if lease.client == id => lease.ends = Instant::now() + lease.length,
                 _ => return Err(refused("this client does not drive", Exit::Usage)),
             },
-            // Requirement: SERVE-1
+            // Requirement: SERVE-drive-1
             Request::Stop => {
                 let text = format!("stopped by {}", self.name(id));
                 if self.activity == Activity::Idle {
@@ -567,7 +567,7 @@ impl Server {
         }
     }
 
-    // Requirement: SERVE-1
+    // Requirement: SERVE-drive-1
     fn take_lease(&mut self, id: ClientId, lease_ms: u32) -> Result<(), Error> {
         self.free_for(id)?;
         let length = Duration::from_millis(lease_ms.into());

@@ -40,7 +40,7 @@ pub struct Client {
 
 impl Client {
     /// Queues a message; whether the client keeps up.
-    // Requirement: SERVE-5
+    // Requirement: SERVE-client-2
     #[must_use]
     pub fn send(&self, message: &Arc<str>) -> bool {
         self.queue.try_send(Arc::clone(message)).is_ok()

@@ -64,7 +64,7 @@ impl<S: Read + Write> Lines<S> {
 }
 
 impl<S: Read + Write> Transport for Lines<S> {
-    // Requirement: SERVE-3
+    // Requirement: SERVE-client-1
     fn receive(&mut self) -> io::Result<Option<Vec<u8>>> {
         if let Some(line) = self.line()? {
             return Ok(Some(line));
@@ -110,7 +110,7 @@ pub fn refusal(text: String, exit: Exit) -> String {
     serde_json::to_string(&Message::Reply { version, error }).unwrap_or_default()
 }
 
-// Requirement: SERVE-6
+// Requirement: SERVE-client-3
 fn greet(transport: &mut impl Transport, port: &mut Port, token: Option<&str>) -> io::Result<()> {
     let ends = Instant::now() + GREETING;
     while Instant::now() < ends {

@@ -23,7 +23,7 @@ pub const DEFAULT_LEASE_MS: u32 = 1000;
 const MAX_VELOCITY: (f64, f64) = (1000.0, 180.0);
 
 /// What a client asks for.
-// Requirement: SERVE-3
+// Requirement: SERVE-client-1
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Request {
@@ -314,7 +314,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    // Requirement: SERVE-3
+    // Requirement: SERVE-client-1
     #[test]
     fn request_outside_its_range_is_refused_by_field() {
         for (line, field) in [
@@ -345,7 +345,7 @@ mod tests {
     }
 
     proptest! {
-        // Requirement: SERVE-3
+        // Requirement: SERVE-client-1
         #[test]
         fn request_of_any_bytes_is_checked_or_refused(
             bytes in prop_oneof![

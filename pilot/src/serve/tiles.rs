@@ -26,6 +26,7 @@ impl Tiles {
     }
 
     /// Compares the next tiles with the grid; the numbers of those that changed.
+    // Requirement: SERVE-map-1
     pub fn update(&mut self, grid: &Grid) -> Vec<usize> {
         let first = [grid.origin().x_mm, grid.origin().y_mm].map(|mm| nearest(mm / grid.cell_mm()));
         let span = |first: i32, cells: usize| {
@@ -123,7 +124,7 @@ mod tests {
     use super::*;
     use mapper::Point;
 
-    // Requirement: SERVE-4
+    // Requirement: SERVE-map-1
     #[test]
     fn tiles_of_a_map_give_the_same_map() {
         let wall = |x_mm: f64| {

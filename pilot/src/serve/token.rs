@@ -14,7 +14,7 @@ const BYTES: usize = 16;
 /// # Errors
 /// [`Error::Unreadable`], [`Error::Unwritable`]; [`Error::Content`] of a file that others can read, or
 /// of less than 16 characters.
-// Requirement: SERVE-6
+// Requirement: SERVE-client-3
 pub fn load(path: &Path) -> Result<String, Error> {
     let made = File::options()
         .write(true)
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    // Requirement: SERVE-6
+    // Requirement: SERVE-client-3
     #[test]
     fn token_file_is_private_or_refused() {
         let folder = std::env::temp_dir().join(format!("robot-token-{}", std::process::id()));
