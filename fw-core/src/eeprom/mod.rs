@@ -34,16 +34,16 @@ mod error;
 mod field;
 pub mod fields;
 mod image;
+mod parts;
 
-pub use config::{
-    Config, Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel, MAX_CELLS,
-};
+pub use config::{Config, MAX_CELLS};
 pub use constraint::{Constraint, CONSTRAINTS};
 pub use crc32::crc32;
 pub use error::{ConfigError, Expected, FieldValue};
 pub use field::{Accepted, Field, Kind, Unit};
 pub use fields::FIELDS;
 pub use image::{Image, Span, CRC_ADDRESS, IMAGE_LEN, KEY, LAYOUT, PLATFORM, PLATFORM_LEN, SPANS};
+pub use parts::{Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel};
 
 #[cfg(test)]
 pub(crate) use tests::{config_with, first_board};

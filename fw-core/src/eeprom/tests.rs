@@ -89,17 +89,11 @@ fn original_image_decodes_with_first_platform() {
     assert!(config.left() == first.left() && config.right() == first.right());
     assert_eq!(config.track(), Micrometres(125_000));
 
-    let mut written = image_with(&[
-        (FORWARD_P, real(2.5)),
-        (FORWARD_I, real(0.125)),
-        (FORWARD_D, real(100.0)),
-        (FORWARD_ANTI_WINDUP, real(0.5)),
-        (ROTATION_P, real(1.25)),
-        (ROTATION_I, real(0.0)),
-        (ROTATION_D, real(50.0)),
-        (ROTATION_ANTI_WINDUP, real(1.0)),
-        (ADC_MAX, real(3.25)),
-    ]);
+    let gains = FIELDS.iter().filter(|field| field.address >> 8 == 1);
+    let values = [2.5, 0.125, 100.0, 0.5, 1.25, 0.0, 50.0, 1.0];
+    let mut changes: Vec<_> = gains.zip(values.map(real)).collect();
+    changes.push((ADC_MAX, real(3.25)));
+    let mut written = image_with(&changes);
     written.make_original();
     assert_eq!(written, image);
 }
@@ -120,33 +114,24 @@ fn page_three_by_hand_decodes() {
     image.seal();
     let config = Config::decode(&image).unwrap();
     assert_eq!(config.counts_per_turn(), 2000);
-    let left = Wheel {
-        diameter: Micrometres(170_000),
-        encoder_reversed: false,
-        motor_reversed: true,
-        dead_zone: Duty::saturating(1000),
-        limit: Duty::saturating(9000),
-        full_speed_mm_s: 150,
+    let wheel = |um, encoder_reversed, motor_reversed, dead_zone, limit, full_speed_mm_s| Wheel {
+        diameter: Micrometres(um),
+        encoder_reversed,
+        motor_reversed,
+        dead_zone: Duty::saturating(dead_zone),
+        limit: Duty::saturating(limit),
+        full_speed_mm_s,
     };
-    let right = Wheel {
-        diameter: Micrometres(120_000),
-        encoder_reversed: true,
-        motor_reversed: false,
-        dead_zone: Duty::saturating(2000),
-        limit: Duty::saturating(10_000),
-        full_speed_mm_s: 160,
-    };
+    let left = wheel(170_000, false, true, 1000, 9000, 150);
+    let right = wheel(120_000, true, false, 2000, 10_000, 160);
     assert_eq!((config.left(), config.right()), (&left, &right));
-    assert_eq!(config.track(), Micrometres(150_000));
-    assert_eq!(config.rangefinders(), 2);
+    assert_eq!((config.track().0, config.rangefinders()), (150_000, 2));
     let bearings = RangefinderId::ALL.map(|id| config.bearing(id));
     let expected = [0x0001, 0xC002, 0x4003].map(|code| Turns(code << 16));
     assert_eq!(bearings, expected);
-    let servo = Servo {
-        travel: Turns(0x5234 << 16),
-        reversed: true,
-    };
-    assert_eq!((config.servo(), config.gyro()), (Some(servo), true));
+    let servo = config.servo().unwrap();
+    assert_eq!(servo.travel, Turns(0x5234 << 16));
+    assert!(servo.reversed && config.gyro());
     assert_eq!(config.stop_deadline(), Milliseconds(300));
     assert_eq!(config.log_baud(), 115_200);
     assert_eq!(config.log_period(), Milliseconds(100));
