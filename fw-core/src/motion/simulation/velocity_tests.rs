@@ -125,6 +125,25 @@ fn velocity_is_tracked_within_5_percent_at_the_spread() {
     println!("{worst:?}");
 }
 
+/// A turn on the spot that the duty cannot follow is slowed itself: nothing winds up.
+// Requirement: WIRE-velocity-5
+#[test]
+fn saturated_turn_follows_what_the_duty_allows() {
+    let changes = [(fields::LIMIT_LEFT, 4000), (fields::LIMIT_RIGHT, 4000)];
+    for yaw_rate in [0.5, -0.5] {
+        let mut robot = driven(&config_with(&changes), Params::default());
+        robot.mean(velocity(0.0, yaw_rate), 300);
+        let (_, rate) = robot.mean(velocity(0.0, yaw_rate), 100);
+        let applied = f64::from(robot.controller.0.applied().yaw_rate) / 4_294_967_296.0;
+        println!("{rate:.4} {applied:.4}");
+        assert!(robot.controller.0.clipped());
+        assert!(
+            rate.abs() < 0.3 && (applied / rate - 1.0).abs() < 0.15,
+            "{rate} {applied}"
+        );
+    }
+}
+
 /// From full speed to zero: at rest within a second, and not a count for ten more.
 // Requirement: WIRE-velocity-6
 #[test]
