@@ -181,13 +181,16 @@ mod tests {
         let hours = 3 * 3600_u64;
         for second in 0..hours {
             let now = Micros(u32::try_from((second * 1_000_000) & 0xFFFF_FFFF).unwrap());
-            line.gap.saturate(now);
+            line.log_line(now, true, &counted(1), &mut log);
         }
+        // A rejected frame ends the silence in the log, but no gap.
+        let mut counters = counted(1);
+        counters.reject(Cause::Stale);
+        line.log_line(Micros(10_000), true, &counters, &mut log);
+        assert!(transmitted(&mut log).contains("L 3 1 1 2 4294967295 4294967295 1 stale 1\n"));
         line.on_frame(Micros(20_000));
-        for _ in 0..2 * PERIOD {
-            line.tick(Micros(30_000), false, true, &counted(2), &mut log);
-        }
-        assert!(transmitted(&mut log).ends_with("L 3 2 1 2 4294967295 4294967295 1\n"));
+        line.log_line(Micros(30_000), true, &counted(3), &mut log);
+        assert!(transmitted(&mut log).ends_with("L 4 3 1 2 0 4294967295 1\n"));
     }
 
     #[test]

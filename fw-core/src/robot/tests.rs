@@ -148,6 +148,9 @@ fn applied_target_drives_until_silence_brakes() {
     );
     assert_eq!(bench.robot.state(), State::Stopped);
     assert!(bench.log().contains("stopped: no fresh frame"));
+    assert!(bench
+        .log()
+        .contains(": target 1000.000 0.000 mm, 0.00 deg\n"));
     bench.frame(&go(1000));
     assert!(
         runs(&bench.tick()),

@@ -157,11 +157,16 @@ fn target_repeated_has_no_effect_and_changed_restarts() {
     }
 }
 
-#[test]
-fn halt_clears_the_integrals() {
+/// P and I.
+fn integrating() -> Config {
     let half = 0.5_f64.to_bits();
     let integral = [(fields::FORWARD_I, half), (fields::ROTATION_I, half)];
-    let config = gains_with(0.1, 0.1, 0.0, &integral);
+    gains_with(0.1, 0.1, 0.0, &integral)
+}
+
+#[test]
+fn halt_clears_the_integrals() {
+    let config = integrating();
     let (target, here) = (pose(30.0, 3.0, 10.0), pose(0.0, 0.0, 0.0));
     let mut fresh = PoseController::new(&config);
     fresh.set_target(target);
@@ -176,11 +181,51 @@ fn halt_clears_the_integrals() {
     assert_eq!(controller.drive(&here, &rolling(0.0, 0.0)), first);
 }
 
+#[test]
+fn halted_wheels_are_not_identified() {
+    let mut controller = controller(1.0, 1.0);
+    for _ in 0..500 {
+        controller.set_target(pose(1000.0, 0.0, 0.0));
+        let _ = controller.drive(&Pose::default(), &counts(40, 20));
+        controller.halt();
+    }
+    assert_eq!(controller.mixer.gain_balance(), (I16F16::ONE, I16F16::ONE));
+}
+
+/// What is allowed with an echo at this distance from the sensor, mm.
+fn limited(controller: &mut PoseController, distance: f64) {
+    let mut obstacle = ObstacleLimit::new(&first_board(), false);
+    let distance = crate::types::Millimetres(fixed::types::I32F32::from_num(distance));
+    obstacle.on_range(0, Some(distance));
+    obstacle.step(&STILL);
+    controller.limit_speed(&obstacle);
+}
+
+// Requirement: WIRE-obstacle-5
+#[test]
+fn held_back_ends_with_the_obstacle_and_is_not_boosted() {
+    let mut controller = controller(1.0, 1.0);
+    controller.set_target(pose(30.0, 0.0, 0.0));
+    limited(&mut controller, 172.0);
+    let first = controller.drive(&Pose::default(), &STILL);
+    for _ in 0..30 {
+        assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+        assert_eq!(controller.drive(&Pose::default(), &STILL), first);
+        assert!(controller.held_back());
+    }
+    limited(&mut controller, 2500.0);
+    let _ = controller.drive(&Pose::default(), &STILL);
+    assert!(!controller.held_back());
+}
+
 // Requirement: DOC-5.2.2-1
 #[test]
 fn tune_rotate_sets_opposite_duties_and_discards_the_target() {
     let mut controller = controller(1.0, 1.0);
     controller.set_target(pose(1000.0, 0.0, 0.0));
+    let mut braked = controller.clone();
+    let _ = braked.tune_rotate(Duty::ZERO);
+    assert!(!braked.moving());
     for duty in [1, -1, 3000, -10_000, 10_000] {
         let [duty, opposite] = [duty, -duty].map(Duty::saturating);
         let commands = controller.tune_rotate(duty);
@@ -210,10 +255,25 @@ fn tune_move_holds_the_first_heading_until_zero() {
     assert_outputs(tune(-4000, 177.5), -40.0, 1.5);
     assert_eq!(tune(0, 177.5), MotorCommands::BRAKE);
     assert_outputs(tune(4000, 177.5), 40.0, 0.0);
+    assert!(!controller.moving());
     let _ = controller.drive(&pose(0.0, 0.0, 0.0), &STILL);
     let here = pose(0.0, 0.0, 90.0);
     let commands = controller.tune_move(Duty::saturating(4000), &here, &STILL);
     assert_outputs(commands, 40.0, 0.0);
+}
+
+#[test]
+fn tune_move_begins_without_an_integral() {
+    let mut controller = PoseController::new(&integrating());
+    let mut tune = |duty, degrees| {
+        controller.tune_move(Duty::saturating(duty), &pose(0.0, 0.0, degrees), &STILL)
+    };
+    let _ = tune(4000, 0.0);
+    for _ in 0..50 {
+        let _ = tune(4000, 10.0);
+    }
+    let _ = tune(0, 10.0);
+    assert_outputs(tune(4000, 10.0), 40.0, 0.0);
 }
 
 /// 1 % per degree a tick, behind a filter of four ticks.

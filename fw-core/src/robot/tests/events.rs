@@ -152,6 +152,7 @@ fn pose_line_period_delays_link_line() {
         assert_eq!(pose, tick % 2 == 0, "{tick}");
         let link = bench.log().contains(": L ");
         assert!(!link || bench.log().lines().count() == 1, "{tick}");
+        assert!(!link || bench.log().ends_with(" 100000 100000 -\n"));
         links += u32::from(link);
     }
     // Once a second from the first frame on.

@@ -79,7 +79,10 @@ fn blind_speed_is_reported_and_logged() {
     assert!(!report.obstacle_limited && !report.clipped);
     assert!(!bench.log().contains("way free"));
     follow(&mut bench, &drive(0), 20);
-    assert!(bench.log().contains("obstacle: way free\n"));
+    assert_eq!(bench.log().matches("obstacle: way free\n").count(), 1);
+    follow(&mut bench, &drive(150), 3);
+    let (_, report) = follow(&mut bench, &order(Order::Stop, 150), 3);
+    assert!(!report.obstacle_limited && !report.clipped, "standing");
 }
 
 // Requirement: WIRE-obstacle-5

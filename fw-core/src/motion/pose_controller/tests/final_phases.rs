@@ -265,6 +265,7 @@ fn failed_attempt_widens_the_tolerances_by_half_once() {
     let config = gains(1.0, 1.0, 0.0);
     let rest = |controller: &mut PoseController, here: Pose| {
         for _ in 0..5 {
+            assert!(!controller.arrived());
             let _ = controller.drive(&here, &STILL);
         }
     };
@@ -312,6 +313,11 @@ fn derivative_counts_from_the_planned_turn_rate() {
             let planned = (f64::from(tick) * 0.1).min(f64::abs(most)).copysign(most);
             assert_outputs(commands, 0.0, planned);
         }
+        // Another target is planned from rest.
+        let mut other = controller.clone();
+        other.set_target(seen_from(TARGET, (0.0, 0.0, 1.0)));
+        let commands = other.drive(&here, &rolling(0.0, 0.0));
+        assert_outputs(commands, 0.0, f64::copysign(0.1, most));
         // A turn as planned is not opposed, once the filter has settled.
         for _ in 0..60 {
             let _ = controller.drive(&here, &rolling(0.0, most));

@@ -66,6 +66,39 @@ fn hold_brakes_within_its_limits_and_restart_resets_them() {
     }
 }
 
+#[test]
+fn final_rotation_and_hold_begin_without_an_integral() {
+    let config = integrating();
+    let target = seen_from(TARGET, (0.0, 0.0, 0.0));
+    let mut fresh = PoseController::new(&config);
+    fresh.set_target(target);
+    let mut held = fresh.clone();
+    let aside = seen_from(TARGET, (-5.0, 0.0, 20.0));
+    let first = fresh.drive(&aside, &rolling(0.0, 0.0));
+    for _ in 0..20 {
+        let _ = held.drive(&aside, &rolling(0.0, 0.0));
+    }
+    for _ in 0..5 {
+        let _ = held.drive(&target, &STILL);
+    }
+    assert!(held.arrived());
+    assert_eq!(held.drive(&aside, &rolling(0.0, 0.0)), first);
+    // In the final approach the bearing is the heading: only the forward PID integrates.
+    let mut approaching = PoseController::new(&config);
+    approaching.set_target(target);
+    for _ in 0..20 {
+        let _ = approaching.drive(&seen_from(TARGET, (-30.0, 0.0, 0.0)), &rolling(0.0, 0.0));
+    }
+    let _ = approaching.drive(&target, &rolling(0.0, 0.0));
+    assert_eq!(approaching.phase, Phase::FinalRotation);
+    let commands = approaching.drive(&aside, &rolling(0.0, 0.0));
+    let (forward, expected) = (outputs(commands).unwrap().0, outputs(first).unwrap().0);
+    assert!(
+        (forward - expected).abs() < ROUNDING,
+        "{forward} {expected}"
+    );
+}
+
 /// Beside a controller that evaluates its target every tick.
 #[test]
 fn hold_skips_the_evaluation_without_effect() {
