@@ -61,8 +61,8 @@ impl Config {
         let named = |path: &Path, error: &str| format!("{}: {error}", path.display());
         let config: Self =
             toml::from_str(&read(path)?).map_err(|error| named(path, &error.to_string()))?;
-        let known = |name: &&String| !operators::NAMES.contains(&name.as_str());
-        if let Some(unknown) = config.operators.iter().find(known) {
+        let known = |name: &str| operators::NAMES.iter().any(|(known, _)| *known == name);
+        if let Some(unknown) = config.operators.iter().find(|name| !known(name)) {
             return Err(named(path, &format!("no operator {unknown}")));
         }
         let Some(file) = &config.excuses else {

@@ -9,8 +9,9 @@ use serde_json::Value;
 
 use crate::config::{Config, Stage};
 use crate::mutant::Mutant;
+use crate::operators::{CONSTANT, NAMES};
 use crate::suite::{BuildError, Outcome, Suite};
-use crate::switch::{FEATURES, SWITCH, marked, switch};
+use crate::switch::{Constants, FEATURES, SWITCH, marked, switch};
 use crate::workspace::Workspace;
 
 /// Fewer mutants than this are built one by one sooner than all at once.
@@ -97,7 +98,10 @@ impl<'a> Engine<'a> {
                     let before = refused.len();
                     refused.extend(blamed(&messages, &copy.root));
                     if refused.len() == before {
-                        return Err("the code with all mutants does not compile".into());
+                        let error = messages.lines().find_map(rendered).unwrap_or_default();
+                        return Err(format!(
+                            "the code with all mutants does not compile: {error}"
+                        ));
                     }
                 }
                 Err(BuildError::Other(error)) => return Err(error),
@@ -118,12 +122,23 @@ impl<'a> Engine<'a> {
             }
         }
         let mut switched = BTreeSet::new();
-        for (file, mutants) in files {
-            edit(&root.join(file), |text| {
-                let (text, numbers) = switch(text, &mutants)?;
+        let sources = root.join(self.workspace.library.parent().unwrap_or(Path::new("")));
+        let mut modules = BTreeMap::<PathBuf, Constants>::new();
+        for path in sorted(&sources)? {
+            let file = path.strip_prefix(root).unwrap_or(&path);
+            let mutants = files.remove(file.to_str().unwrap_or_default());
+            let around = module(&path);
+            let around = around
+                .ancestors()
+                .skip(1)
+                .find_map(|outer| modules.get(outer));
+            let mut constants = around.cloned().unwrap_or_default();
+            edit(&path, |text| {
+                let (text, numbers) = switch(text, &mutants.unwrap_or_default(), &mut constants)?;
                 switched.extend(numbers.into_iter().map(|number| number - 1));
                 Ok(text)
             })?;
+            modules.insert(module(&path), constants);
         }
         edit(&root.join(&self.workspace.library), |text| {
             Ok([FEATURES, text, SWITCH].concat())
@@ -145,8 +160,19 @@ impl<'a> Engine<'a> {
             let switched = self.switched.as_ref();
             switched.is_some_and(|(_, numbers)| numbers.contains(index))
         };
-        let (mut left, plain): (Vec<usize>, Vec<usize>) =
+        let (mut left, mut plain): (Vec<usize>, Vec<usize>) =
             mutants.iter().partition(|index| has_switch(index));
+        // Of our own operators, what the compiler refused behind a switch it refuses without one.
+        if self.switched.is_some() {
+            plain.retain(|&index| {
+                let genre = &self.all[index].genre;
+                let refused = genre != CONSTANT && NAMES.iter().any(|(_, own)| own == genre);
+                if refused {
+                    outcomes.insert(index, Outcome::Unviable);
+                }
+                !refused
+            });
+        }
         for stage in 0..self.stages.len() {
             if let (Some((copy, _)), false) = (&mut self.switched, left.is_empty()) {
                 copy.prepare(self.config, &self.stages, stage)?;
@@ -227,6 +253,32 @@ impl Copy {
     }
 }
 
+/// The sources in a folder, a module before those inside it.
+fn sorted(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let (mut folders, mut files) = (vec![folder.to_owned()], Vec::new());
+    while let Some(folder) = folders.pop() {
+        let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
+        for entry in std::fs::read_dir(&folder).map_err(shown)? {
+            let path = entry.map_err(shown)?.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|kind| kind == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort_by_key(|path| module(path));
+    Ok(files)
+}
+
+/// The folder of the modules inside a file's.
+fn module(file: &Path) -> PathBuf {
+    match file.file_stem().and_then(|stem| stem.to_str()) {
+        Some("mod" | "lib" | "main") => file.with_file_name("").components().collect(),
+        _ => file.with_extension(""),
+    }
+}
+
 /// Rewrites a file.
 fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<(), String> {
     let shown = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
@@ -246,6 +298,13 @@ fn near(file: &str) -> Vec<String> {
         None | Some("mod") => vec![format!("{outer}::")],
         Some(inner) => vec![format!("{outer}::{inner}"), format!("{outer}::tests::")],
     }
+}
+
+/// The text of an error among the compiler's messages.
+fn rendered(message: &str) -> Option<String> {
+    let message: Value = serde_json::from_str(message).ok()?;
+    let message = &message["message"];
+    (message["level"] == "error").then(|| message["rendered"].as_str().map(str::to_owned))?
 }
 
 /// The indices of the mutants on the lines that the compiler's errors are about.

@@ -8,7 +8,7 @@
 //! ]
 //! ```
 //!
-//! A change of several lines has no `at`, one outside of functions no `function`.
+//! A change outside of functions has no `function`.
 
 use serde::Deserialize;
 

@@ -19,7 +19,7 @@
 //!     ..Mutant::default()
 //! };
 //! assert_eq!(mutant.applied(source), "fn sum(a: u8, b: u8) -> u8 { a - b }");
-//! let (switched, numbers) = switch(source, &[(7, &mutant)]).unwrap();
+//! let (switched, numbers) = switch(source, &[(7, &mutant)], &mut Default::default()).unwrap();
 //! assert!(switched.contains("crate::mutant_operation!(a, + [0_0_7 -], b)"));
 //! assert_eq!(numbers, [7]);
 //! ```
@@ -240,17 +240,15 @@ fn list(
     }
     let answer = String::from_utf8_lossy(&answer.stdout);
     let (mut mutants, functions) = mutant::parse(&answer, &workspace.root)?;
-    if config
-        .operators
-        .iter()
-        .any(|name| name == "delete-statement")
-    {
-        for (file, functions) in &functions {
-            let text = std::fs::read_to_string(workspace.root.join(file));
-            let text = text.map_err(|error| format!("{file}: {error}"))?;
-            let deleted = operators::delete_statements(file, &text, functions);
-            mutants.extend(deleted.map_err(|error| format!("{file}: {error}"))?);
-        }
+    let genres: Vec<_> = (operators::NAMES.iter())
+        .filter(|(name, _)| config.operators.iter().any(|chosen| chosen == name))
+        .map(|(_, genre)| *genre)
+        .collect();
+    for (file, functions) in functions.iter().filter(|_| !genres.is_empty()) {
+        let text = std::fs::read_to_string(workspace.root.join(file));
+        let text = text.map_err(|error| format!("{file}: {error}"))?;
+        let own = operators::list(file, &text, functions, &genres);
+        mutants.extend(own.map_err(|error| format!("{file}: {error}"))?);
     }
     Ok(mutants)
 }

@@ -37,7 +37,7 @@ pub struct Mutant {
     /// What changes, wherever it is: `replace + with -`.
     #[serde(rename = "name")]
     pub change: String,
-    /// The line with the changed part between `«` and `»`; empty where that is several lines.
+    /// The line with the changed part between `«` and `»`; of several lines the first.
     #[serde(skip)]
     pub at: String,
     /// The text that it replaces.
@@ -136,18 +136,19 @@ impl Span {
         (byte(self.start), byte(self.end))
     }
 
-    /// The line with this part marked; empty where it is several lines.
+    /// The line with this part marked; of several lines the first.
     pub fn marked(&self, text: &str) -> String {
         let line = text.lines().nth(self.start.line.saturating_sub(1));
-        let (Some(line), true) = (line, self.start.line == self.end.line) else {
+        let Some(line) = line else {
             return String::new();
         };
+        let one_line = self.start.line == self.end.line;
         let (mut marked, mut column) = (String::new(), 1);
         for letter in line.chars().map(Some).chain([None]) {
             if column == self.start.column {
                 marked.push('«');
             }
-            if column == self.end.column {
+            if one_line && column == self.end.column {
                 marked.push('»');
             }
             marked.extend(letter);
@@ -179,7 +180,7 @@ mod tests {
         assert_eq!(mutants[0].at, "a + b «+» c");
         assert_eq!(mutants[0].applied(text), "fn f() {\n    a + b - c\n}\n");
         assert_eq!(mutants[1].to_string(), "a.rs:1:8: replace f with ()");
-        assert_eq!(mutants[1].at, "");
+        assert_eq!(mutants[1].at, "fn f() «{");
         assert_eq!(functions["a.rs"][0].name, "f");
         std::fs::remove_dir_all(&folder).unwrap();
     }

@@ -5,71 +5,358 @@
 
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
-use syn::{BinOp, Expr, Stmt};
+use syn::{BinOp, Expr, Lit, ReturnType, Stmt};
 
 use crate::mutant::{Function, Mutant, Position, Span};
 
-/// The genre of deleted statements.
+/// A statement with an effect, deleted.
 pub const STATEMENT: &str = "Statement";
+/// A statement and the next one, swapped.
+pub const SWAP: &str = "Swap";
+/// An integer in a function, one more or one less.
+pub const LITERAL: &str = "Literal";
+/// An integer in a constant, one more or less; a large one doubled or halved.
+pub const CONSTANT: &str = "Constant";
 
-/// The names of the operators, for a configuration's `operators`.
-pub const NAMES: [&str; 1] = ["delete-statement"];
+/// The names of the operators, for a configuration's `operators`, and their genres.
+pub const NAMES: [(&str, &str); 4] = [
+    ("delete-statement", STATEMENT),
+    ("swap-statements", SWAP),
+    ("change-literal", LITERAL),
+    ("change-constant", CONSTANT),
+];
 
-/// Every assignment and call in these functions that stands as a statement, deleted.
+/// Constants above this are doubled and halved: their next numbers are rarely another behaviour.
+const LARGE: u128 = 1000;
+
+/// The mutants of these genres in these functions, and in the constants beside them.
 ///
 /// # Errors
 /// Where the text is no Rust.
-pub fn delete_statements(
+pub fn list(
     file: &str,
     text: &str,
     functions: &[Function],
+    genres: &[&str],
 ) -> syn::Result<Vec<Mutant>> {
-    let mut statements = Statements(Vec::new());
-    statements.visit_file(&syn::parse_file(text)?);
-    let mutants = statements.0.into_iter().filter_map(|span| {
+    let mut finder = Finder {
+        text,
+        genre: CONSTANT,
+        unit: false,
+        mutants: Vec::new(),
+    };
+    finder.visit_file(&syn::parse_file(text)?);
+    let mutants = finder.mutants.into_iter();
+    let mutants = mutants.filter(|mutant| genres.contains(&&*mutant.genre));
+    let mutants = mutants.filter_map(|mutant| {
+        let span = mutant.span;
         let inside = |function: &&Function| {
             function.span.start <= span.start && span.end <= function.span.end
         };
-        let function = functions.iter().rfind(inside)?;
-        Some(Mutant {
+        let function = functions.iter().rfind(inside);
+        let constant = mutant.genre == CONSTANT;
+        (constant || function.is_some()).then(|| Mutant {
             file: file.to_owned(),
-            function: function.name.clone(),
-            genre: STATEMENT.to_owned(),
-            change: "delete statement".to_owned(),
+            function: function.map_or_else(String::new, |function| function.name.clone()),
             at: span.marked(text),
-            span,
-            replacement: String::new(),
+            ..mutant
         })
     });
     Ok(mutants.collect())
 }
 
-struct Statements(Vec<Span>);
+struct Finder<'a> {
+    text: &'a str,
+    /// Of an integer here: in a constant, or in a function.
+    genre: &'static str,
+    /// The function returns nothing.
+    unit: bool,
+    mutants: Vec<Mutant>,
+}
 
-impl<'ast> Visit<'ast> for Statements {
-    fn visit_stmt(&mut self, statement: &'ast Stmt) {
-        if let Stmt::Expr(expression, Some(_)) = statement {
-            let effect = match expression {
-                Expr::Assign(_) | Expr::Call(_) | Expr::MethodCall(_) => true,
-                Expr::Binary(binary) => !matches!(
-                    binary.op,
-                    BinOp::Eq(_) | BinOp::Ne(_) | BinOp::Lt(_) | BinOp::Gt(_)
-                ),
-                _ => false,
-            };
-            if effect {
-                let position = |place: proc_macro2::LineColumn| Position {
-                    line: place.line,
-                    column: place.column + 1,
-                };
-                let span = statement.span();
-                self.0.push(Span {
-                    start: position(span.start()),
-                    end: position(span.end()),
-                });
+fn position(place: proc_macro2::LineColumn) -> Position {
+    Position {
+        line: place.line,
+        column: place.column + 1,
+    }
+}
+
+fn span(node: &impl Spanned) -> Span {
+    Span {
+        start: position(node.span().start()),
+        end: position(node.span().end()),
+    }
+}
+
+impl Finder<'_> {
+    fn add(&mut self, span: Span, genre: &str, change: String, replacement: String) {
+        self.mutants.push(Mutant {
+            genre: genre.to_owned(),
+            change,
+            span,
+            replacement,
+            ..Mutant::default()
+        });
+    }
+
+    fn delete(&mut self, node: &impl Spanned, replacement: &str) {
+        let change = "delete statement".to_owned();
+        self.add(span(node), STATEMENT, change, replacement.to_owned());
+    }
+
+    fn swap(&mut self, one: &Stmt, other: &Stmt) {
+        let text = |stmt| {
+            let (from, to) = span(stmt).bytes(self.text);
+            &self.text[from..to]
+        };
+        let both = Span {
+            start: span(one).start,
+            end: span(other).end,
+        };
+        let replacement = format!("{}\n{}", text(other), text(one));
+        self.add(
+            both,
+            SWAP,
+            "swap with the next statement".to_owned(),
+            replacement,
+        );
+    }
+
+    fn function(&mut self, output: &ReturnType, visit: impl FnOnce(&mut Self)) {
+        let outer = (self.genre, self.unit);
+        (self.genre, self.unit) = (LITERAL, matches!(output, ReturnType::Default));
+        visit(self);
+        (self.genre, self.unit) = outer;
+    }
+}
+
+/// Whether this stands for its effect alone, wherever it is.
+fn assigns(expression: &Expr) -> bool {
+    match expression {
+        Expr::Assign(_) => true,
+        Expr::Binary(binary) => is_assignment(binary.op),
+        _ => false,
+    }
+}
+
+fn is_assignment(op: BinOp) -> bool {
+    let op = quote::quote!(#op).to_string();
+    op.ends_with('=') && !["==", "!=", "<=", ">="].contains(&&*op)
+}
+
+fn calls(expression: &Expr) -> bool {
+    matches!(expression, Expr::Call(_) | Expr::MethodCall(_))
+}
+
+/// Whether it can be moved: not what declares, returns or has a value.
+fn moves(statement: &Stmt) -> bool {
+    match statement {
+        Stmt::Expr(expression, Some(_)) => assigns(expression) || calls(expression),
+        Stmt::Expr(Expr::If(branch), None) => branch.else_branch.is_none(),
+        Stmt::Expr(Expr::ForLoop(_) | Expr::While(_), _) => true,
+        _ => false,
+    }
+}
+
+/// Whether it declares a variable that is named elsewhere.
+fn declares(statement: &Stmt, elsewhere: &Places) -> bool {
+    let Stmt::Local(local) = statement else {
+        return false;
+    };
+    let mut declared = Places::default();
+    declared.visit_pat(&local.pat);
+    let named =
+        |(path, _): &(Vec<String>, bool)| elsewhere.0.iter().any(|(other, _)| other[0] == path[0]);
+    declared.0.iter().any(named)
+}
+
+/// The places that a statement names, `self.a.b` by its parts, and which of them it may write.
+#[derive(Default)]
+struct Places(Vec<(Vec<String>, bool)>);
+
+impl Places {
+    fn of(statement: &Stmt) -> Self {
+        let mut places = Self::default();
+        places.visit_stmt(statement);
+        places
+    }
+
+    /// Of a method of the whole `self` it is unknown what it writes.
+    fn write(&mut self, expression: &Expr) {
+        let place = path(expression).filter(|path| path[..] != ["self"]);
+        self.0.extend(place.map(|path| (path, true)));
+    }
+
+    fn meet(&self, other: &Self) -> bool {
+        let pairs = (self.0.iter()).flat_map(|one| other.0.iter().map(move |two| (one, two)));
+        let same = |one: &[String], two: &[String]| one.iter().zip(two).all(|(a, b)| a == b);
+        let mut pairs = pairs.filter(|(one, two)| one.1 || two.1);
+        pairs.any(|(one, two)| same(&one.0, &two.0))
+    }
+}
+
+impl<'ast> Visit<'ast> for Places {
+    fn visit_expr(&mut self, expression: &'ast Expr) {
+        match expression {
+            Expr::Assign(assign) => self.write(&assign.left),
+            Expr::Binary(binary) if is_assignment(binary.op) => self.write(&binary.left),
+            Expr::MethodCall(call) if !calculates(&call.method.to_string()) => {
+                self.write(&call.receiver);
+            }
+            Expr::Reference(reference) if reference.mutability.is_some() => {
+                self.write(&reference.expr);
+            }
+            _ => {}
+        }
+        match (path(expression), expression) {
+            (None, _) => visit::visit_expr(self, expression),
+            (Some(path), Expr::Index(index)) => {
+                self.0.push((path, false));
+                self.visit_expr(&index.index);
+            }
+            (Some(path), _) => self.0.push((path, false)),
+        }
+    }
+
+    fn visit_pat_ident(&mut self, name: &'ast syn::PatIdent) {
+        self.0.push((vec![name.ident.to_string()], true));
+    }
+}
+
+/// Methods of numbers: they change nothing.
+fn calculates(method: &str) -> bool {
+    let prefixes = [
+        "wrapping_",
+        "saturating_",
+        "checked_",
+        "unsigned_",
+        "to_",
+        "is_",
+    ];
+    ["abs", "clamp", "into", "max", "min"].contains(&method)
+        || prefixes.iter().any(|prefix| method.starts_with(prefix))
+}
+
+/// The parts of `a.b.c`; what is computed has none.
+fn path(expression: &Expr) -> Option<Vec<String>> {
+    match expression {
+        Expr::Path(name) => Some(vec![name.path.get_ident()?.to_string()]),
+        Expr::Field(field) => {
+            let mut path = path(&field.base)?;
+            let member = &field.member;
+            path.push(quote::quote!(#member).to_string());
+            Some(path)
+        }
+        Expr::Index(index) => path(&index.expr),
+        Expr::Paren(inner) => path(&inner.expr),
+        _ => None,
+    }
+}
+
+impl<'ast> Visit<'ast> for Finder<'_> {
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        let test = |attribute: &syn::Attribute| attribute.path().is_ident("cfg");
+        if !module.attrs.iter().any(test) {
+            visit::visit_item_mod(self, module);
+        }
+    }
+
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        self.function(&item.sig.output, |inner| inner.visit_block(&item.block));
+    }
+
+    fn visit_impl_item_fn(&mut self, item: &'ast syn::ImplItemFn) {
+        self.function(&item.sig.output, |inner| inner.visit_block(&item.block));
+    }
+
+    fn visit_item_const(&mut self, item: &'ast syn::ItemConst) {
+        if self.genre == CONSTANT {
+            self.visit_expr(&item.expr);
+        }
+    }
+
+    // Of traits: no place for a second one.
+    fn visit_impl_item_const(&mut self, _: &'ast syn::ImplItemConst) {}
+    fn visit_trait_item_const(&mut self, _: &'ast syn::TraitItemConst) {}
+    fn visit_item_static(&mut self, _: &'ast syn::ItemStatic) {}
+    fn visit_item_enum(&mut self, _: &'ast syn::ItemEnum) {}
+    fn visit_type(&mut self, _: &'ast syn::Type) {}
+    fn visit_pat(&mut self, _: &'ast syn::Pat) {}
+    fn visit_attribute(&mut self, _: &'ast syn::Attribute) {}
+    fn visit_generic_argument(&mut self, _: &'ast syn::GenericArgument) {}
+
+    fn visit_expr_repeat(&mut self, expression: &'ast syn::ExprRepeat) {
+        self.visit_expr(&expression.expr);
+    }
+
+    fn visit_expr_lit(&mut self, literal: &'ast syn::ExprLit) {
+        let Lit::Int(integer) = &literal.lit else {
+            return;
+        };
+        let Ok(value) = integer.base10_parse::<u128>() else {
+            return;
+        };
+        let others = if value > LARGE {
+            [Some(value * 2), Some(value / 2)]
+        } else {
+            [Some(value + 1), value.checked_sub(1)]
+        };
+        for other in others.into_iter().flatten() {
+            let text = format!("{other}{}", integer.suffix());
+            let change = format!("replace {integer} with {text}");
+            self.add(span(literal), self.genre, change, text);
+        }
+    }
+
+    fn visit_block(&mut self, block: &'ast syn::Block) {
+        for pair in block.stmts.windows(2) {
+            let [one, other] = pair else { continue };
+            let moves = moves(other) || moves(one) && matches!(other, Stmt::Local(_));
+            let stays = moves && !matches!(one, Stmt::Macro(_) | Stmt::Item(_));
+            let places = [Places::of(one), Places::of(other)];
+            let declared = declares(one, &places[1]) || declares(other, &places[0]);
+            if stays && !declared && places[0].meet(&places[1]) {
+                self.swap(one, other);
             }
         }
+        visit::visit_block(self, block);
+    }
+
+    fn visit_stmt(&mut self, statement: &'ast Stmt) {
+        match statement {
+            // Of one statement, that one is deleted inside.
+            Stmt::Expr(Expr::If(branch), _)
+                if branch.else_branch.is_none()
+                    && (branch.then_branch.stmts.len() > 1
+                        || !branch.then_branch.stmts.iter().all(moves)) =>
+            {
+                self.delete(statement, "");
+            }
+            Stmt::Expr(Expr::If(_), _) => {}
+            Stmt::Expr(expression, end) => {
+                let called = calls(expression) && (end.is_some() || self.unit);
+                let looped = matches!(expression, Expr::ForLoop(_) | Expr::While(_));
+                if assigns(expression) || called || looped {
+                    self.delete(statement, "");
+                }
+                if let (Expr::Match(choice), true) = (expression, end.is_some() || self.unit) {
+                    for arm in &choice.arms {
+                        if calls(&arm.body) {
+                            self.delete(&arm.body, "()");
+                        }
+                    }
+                }
+            }
+            _ => {}
+        }
         visit::visit_stmt(self, statement);
+    }
+
+    fn visit_arm(&mut self, arm: &'ast syn::Arm) {
+        if assigns(&arm.body) {
+            self.delete(&arm.body, "()");
+        }
+        visit::visit_arm(self, arm);
     }
 }
 
@@ -77,19 +364,66 @@ impl<'ast> Visit<'ast> for Statements {
 mod tests {
     use super::*;
 
-    #[test]
-    fn statements_with_effect_are_listed() {
-        let text = "fn f() {\n    a = 1;\n    b += 2;\n    g(a);\n    let c = 3;\n    c\n}\nfn t() { h(); }\n";
+    /// The changed text of every mutant.
+    fn changed(text: &str) -> Vec<String> {
+        let end = Position {
+            line: text.lines().count() + 1,
+            column: 1,
+        };
+        let start = Position { line: 1, column: 1 };
         let functions = [Function {
             name: "f".into(),
-            span: Span {
-                start: Position { line: 1, column: 1 },
-                end: Position { line: 7, column: 2 },
-            },
+            span: Span { start, end },
         }];
-        let mutants = delete_statements("a.rs", text, &functions).unwrap();
-        let places: Vec<_> = mutants.iter().map(|mutant| &*mutant.at).collect();
-        assert_eq!(places, ["«a = 1;»", "«b += 2;»", "«g(a);»"]);
-        assert_eq!(mutants[2].to_string(), "a.rs:4:5: delete statement in f");
+        let genres = NAMES.map(|(_, genre)| genre);
+        let mutants = list("a.rs", text, &functions, &genres).unwrap();
+        let changed = mutants.iter().map(|mutant| mutant.applied(text));
+        changed.map(|text| text.replace('\n', " ")).collect()
+    }
+
+    #[test]
+    fn statements_with_effect_are_deleted() {
+        let deleted = changed("fn f() { a = b; if c { return; } let d = e; g(); }");
+        assert_eq!(
+            deleted,
+            [
+                "fn f() {  if c { return; } let d = e; g(); }",
+                "fn f() { a = b;  let d = e; g(); }",
+                "fn f() { a = b; if c { return; } let d = e;  }",
+            ]
+        );
+        let deleted = changed("fn f() { match a { B => c = d, _ => e(), } }");
+        assert_eq!(
+            deleted,
+            [
+                "fn f() { match a { B => c = d, _ => (), } }",
+                "fn f() { match a { B => (), _ => e(), } }",
+            ]
+        );
+    }
+
+    #[test]
+    fn dependent_statements_are_swapped() {
+        let swapped = changed("fn f() { let a = self.b; self.b = c; self.d = c; }");
+        assert_eq!(
+            swapped[0],
+            "fn f() { self.b = c; let a = self.b; self.d = c; }"
+        );
+        assert_eq!(swapped.len(), 3);
+    }
+
+    #[test]
+    fn integers_are_changed_but_not_in_tests() {
+        assert_eq!(
+            changed("const A: [u8; 2] = [3; 2]; #[cfg(test)] mod t { const B: u8 = 1; }"),
+            [
+                "const A: [u8; 2] = [4; 2]; #[cfg(test)] mod t { const B: u8 = 1; }",
+                "const A: [u8; 2] = [2; 2]; #[cfg(test)] mod t { const B: u8 = 1; }",
+            ]
+        );
+        assert_eq!(
+            changed("fn f() -> u32 { 2000_u32 }"),
+            ["fn f() -> u32 { 4000u32 }", "fn f() -> u32 { 1000u32 }"]
+        );
     }
 }

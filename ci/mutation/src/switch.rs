@@ -1,6 +1,7 @@
 //! Rewrites a file so that the variable `MUTANT` of the built program switches one mutant on.
 //!
-//! Not switched, because the compiler evaluates them or has no place for a condition: constants,
+//! A private constant gets a function beside it, which its module and those inside call instead. Not
+//! switched, because the compiler evaluates them or has no place for a condition: other constants,
 //! types, patterns, fields, and what is inside macros.
 
 use std::collections::HashMap;
@@ -9,10 +10,10 @@ use proc_macro2::{Literal, Span, TokenStream};
 use quote::quote;
 use syn::spanned::Spanned;
 use syn::visit_mut::{self, VisitMut};
-use syn::{Arm, BinOp, Block, Expr, Stmt, parse_quote};
+use syn::{Arm, BinOp, Block, Expr, Ident, Item, Stmt, Visibility, parse_quote};
 
 use crate::mutant::Mutant;
-use crate::operators::STATEMENT;
+use crate::operators::{CONSTANT, LITERAL, STATEMENT, SWAP};
 
 /// What the crate's root needs: which mutant is on, and the macros of the switches.
 pub const SWITCH: &str = include_str!("switch.in.rs");
@@ -33,12 +34,20 @@ pub fn marked(line: &str) -> impl Iterator<Item = usize> + '_ {
     })
 }
 
+/// A private constant's function: the constant's name, and the number of its first mutant.
+pub type Constants = HashMap<String, usize>;
+
 /// The text with a switch for each of these numbered mutants, and the numbers of those that it
-/// has one for.
+/// has one for. `constants` are those with a function in the modules around; the file's own are
+/// added.
 ///
 /// # Errors
 /// Where the text is no Rust.
-pub fn switch(text: &str, mutants: &[(usize, &Mutant)]) -> syn::Result<(String, Vec<usize>)> {
+pub fn switch(
+    text: &str,
+    mutants: &[(usize, &Mutant)],
+    constants: &mut Constants,
+) -> syn::Result<(String, Vec<usize>)> {
     let mut file = syn::parse_file(text)?;
     let mut by_start = HashMap::<_, Vec<_>>::new();
     for &(number, mutant) in mutants {
@@ -49,7 +58,9 @@ pub fn switch(text: &str, mutants: &[(usize, &Mutant)]) -> syn::Result<(String, 
     let mut rewriter = Rewriter {
         mutants: by_start,
         switched: Vec::new(),
+        constants,
     };
+    rewriter.constants(&mut file.items);
     rewriter.visit_file_mut(&mut file);
     Ok((prettyplease::unparse(&file), rewriter.switched))
 }
@@ -58,6 +69,44 @@ struct Rewriter<'a> {
     /// By the line and column of what they change.
     mutants: HashMap<(usize, usize), Vec<(usize, &'a Mutant)>>,
     switched: Vec<usize>,
+    constants: &'a mut Constants,
+}
+
+/// The name of a constant's function.
+fn function_of(constant: &Ident) -> Ident {
+    quote::format_ident!("{constant}_mutated")
+}
+
+/// Replaces the integers of a constant by others, or notes which mutants they have.
+struct Integers<'a, 'b>(&'a mut Rewriter<'b>, Vec<(usize, Literal, TokenStream)>);
+
+impl VisitMut for Integers<'_, '_> {
+    fn visit_expr_mut(&mut self, expression: &mut Expr) {
+        if let Expr::Lit(literal) = expression {
+            let (numbers, others) = self.0.take(literal.span(), CONSTANT);
+            let place = literal.span().start();
+            let place = place.line << 16 | place.column;
+            let mutants = numbers.into_iter().zip(others);
+            self.1
+                .extend(mutants.map(|(number, other)| (place, number, other)));
+        }
+        visit_mut::visit_expr_mut(self, expression);
+    }
+}
+
+/// Replaces what starts at one place.
+struct Replace(usize, TokenStream);
+
+impl VisitMut for Replace {
+    fn visit_expr_mut(&mut self, expression: &mut Expr) {
+        let place = expression.span().start();
+        if matches!(expression, Expr::Lit(_)) && place.line << 16 | place.column == self.0 {
+            let other = &self.1;
+            *expression = parse_quote!(#other);
+        } else {
+            visit_mut::visit_expr_mut(self, expression);
+        }
+    }
 }
 
 impl Rewriter<'_> {
@@ -78,13 +127,87 @@ impl Rewriter<'_> {
         taken.into_iter().unzip()
     }
 
+    /// A function for each private constant with mutants; those with one of the same name from
+    /// around are no longer theirs.
+    fn constants(&mut self, items: &mut Vec<Item>) {
+        let mut functions = Vec::<Item>::new();
+        for item in items.iter_mut() {
+            let Item::Const(constant) = item else {
+                continue;
+            };
+            self.constants.remove(&constant.ident.to_string());
+            if !matches!(constant.vis, Visibility::Inherited) || constant.ident == "_" {
+                continue;
+            }
+            let mut integers = Integers(self, Vec::new());
+            integers.visit_expr_mut(&mut constant.expr);
+            let mutants = integers.1;
+            let Some((_, first, _)) = mutants.first() else {
+                continue;
+            };
+            let number = first.to_string().replace(MARK, "").parse().unwrap_or(0);
+            self.constants.insert(constant.ident.to_string(), number);
+            let arms = mutants.iter().map(|(place, number, other)| {
+                let mut value = constant.expr.clone();
+                Replace(*place, other.clone()).visit_expr_mut(&mut value);
+                quote!(#number => #value)
+            });
+            let (name, of, ty) = (&constant.ident, function_of(&constant.ident), &constant.ty);
+            functions.push(parse_quote! {
+                const fn #of(_: u32) -> #ty { match crate::active_mutant() { #(#arms,)* _ => #name } }
+            });
+        }
+        items.extend(functions);
+    }
+
+    /// The statements of a block, some with the next one moved before them or themselves behind it.
+    fn statements(&mut self, block: &mut Block) {
+        let pairs: Vec<_> = (block.stmts.iter())
+            .map(|statement| self.take(statement.span(), SWAP).0.pop())
+            .collect();
+        visit_mut::visit_block_mut(self, block);
+        let on = |number: &Literal, statement: &Stmt| -> Stmt {
+            parse_quote!(if crate::active_mutant() == #number { #statement })
+        };
+        let stmts = std::mem::take(&mut block.stmts);
+        for (index, statement) in stmts.iter().enumerate() {
+            let before = index
+                .checked_sub(1)
+                .and_then(|before| pairs[before].as_ref());
+            let next = pairs[index]
+                .as_ref()
+                .map(|number| (number, &stmts[index + 1]));
+            let mut off = Vec::new();
+            match next {
+                // The next one declares: this one moves behind it.
+                Some((number, Stmt::Local(_))) => off.push(number),
+                Some((number, next)) => block.stmts.push(on(number, next)),
+                None => {}
+            }
+            match (before, statement) {
+                (Some(number), Stmt::Local(_)) => {
+                    block.stmts.push(statement.clone());
+                    block.stmts.push(on(number, &stmts[index - 1]));
+                    continue;
+                }
+                (Some(number), _) => off.push(number),
+                (None, _) => {}
+            }
+            block.stmts.push(if off.is_empty() {
+                statement.clone()
+            } else {
+                parse_quote!(if true #(&& crate::active_mutant() != #off)* { #statement })
+            });
+        }
+    }
+
     /// A function that returns another value at once.
     fn body(&mut self, block: &mut Block) {
         let Some(first) = block.stmts.first() else {
             return;
         };
         let (numbers, values) = self.take(first.span(), "FnValue");
-        visit_mut::visit_block_mut(self, block);
+        self.visit_block_mut(block);
         for (number, value) in numbers.iter().zip(values) {
             let early = parse_quote!(if crate::active_mutant() == #number { return #value; });
             block.stmts.insert(0, early);
@@ -117,7 +240,10 @@ impl VisitMut for Rewriter<'_> {
     }
 
     fn visit_item_fn_mut(&mut self, item: &mut syn::ItemFn) {
-        self.body(&mut item.block);
+        // Not what `constants` made.
+        if !item.sig.ident.to_string().ends_with("_mutated") {
+            self.body(&mut item.block);
+        }
     }
 
     fn visit_impl_item_fn_mut(&mut self, item: &mut syn::ImplItemFn) {
@@ -127,6 +253,27 @@ impl VisitMut for Rewriter<'_> {
     fn visit_trait_item_fn_mut(&mut self, item: &mut syn::TraitItemFn) {
         if let Some(block) = &mut item.default {
             self.body(block);
+        }
+    }
+
+    fn visit_block_mut(&mut self, block: &mut Block) {
+        self.statements(block);
+    }
+
+    fn visit_item_use_mut(&mut self, item: &mut syn::ItemUse) {
+        if matches!(&item.tree, syn::UseTree::Path(path) if path.ident == "super") {
+            visit_mut::visit_item_use_mut(self, item);
+        }
+    }
+
+    // The test modules may import a constant by its name.
+    fn visit_use_tree_mut(&mut self, tree: &mut syn::UseTree) {
+        match tree {
+            syn::UseTree::Name(name) if self.constants.contains_key(&name.ident.to_string()) => {
+                let (name, of) = (&name.ident, function_of(&name.ident));
+                *tree = parse_quote!({#name, #of});
+            }
+            _ => visit_mut::visit_use_tree_mut(self, tree),
         }
     }
 
@@ -142,6 +289,7 @@ impl VisitMut for Rewriter<'_> {
         let (numbers, others) = match expression {
             Expr::Binary(binary) => self.take(binary.op.span(), "BinaryOperator"),
             Expr::Unary(unary) => self.take(unary.op.span(), "UnaryOperator"),
+            Expr::Lit(literal) => self.take(literal.span(), LITERAL),
             _ => (Vec::new(), Vec::new()),
         };
         visit_mut::visit_expr_mut(self, expression);
@@ -158,16 +306,38 @@ impl VisitMut for Rewriter<'_> {
                 let syn::ExprUnary { op, expr, .. } = unary;
                 *expression = parse_quote!(crate::mutant_sign!(#number, #op, #expr));
             }
+            (Expr::Lit(literal), Some(_)) => {
+                *expression = parse_quote! {
+                    (match crate::active_mutant() { #(#numbers => #others,)* _ => #literal })
+                };
+            }
+            (Expr::Path(name), _) => {
+                let name = name.path.get_ident();
+                let first = name.and_then(|name| self.constants.get(&name.to_string()));
+                if let (Some(name), Some(first)) = (name, first) {
+                    let first: Option<Literal> = format!("{MARK}{first}").parse().ok();
+                    let of = function_of(name);
+                    *expression = parse_quote!(#of(#first));
+                }
+            }
             _ => {}
         }
     }
 
     fn visit_arm_mut(&mut self, arm: &mut Arm) {
         let (deleted, _) = self.take(arm.span(), "MatchArm");
+        let (effects, _) = match &*arm.body {
+            Expr::Block(_) => Default::default(),
+            body => self.take(body.span(), STATEMENT),
+        };
         let guard = arm.guard.as_ref().map(|(_, guard)| guard.span());
         let guarded = guard.map(|span| self.take(span, "MatchArmGuard"));
         let (numbers, others) = guarded.unwrap_or_default();
         visit_mut::visit_arm_mut(self, arm);
+        for number in effects {
+            let body = &arm.body;
+            arm.body = parse_quote!({ if crate::active_mutant() != #number { #body; } });
+        }
         if deleted.is_empty() && numbers.is_empty() {
             return;
         }
@@ -201,7 +371,7 @@ mod tests {
         });
         let mutants: Vec<Mutant> = mutants.collect();
         let numbered: Vec<_> = (1..).zip(&mutants).collect();
-        let text = switch(text, &numbered).unwrap().0;
+        let text = switch(text, &numbered, &mut Constants::new()).unwrap().0;
         text.split_whitespace().collect()
     }
 
@@ -238,6 +408,20 @@ mod tests {
         );
         let deleted = switched("fn f() { g(); }", &[(10, STATEMENT, "")]);
         assert_eq!(deleted, "fnf(){ifcrate::active_mutant()!=0_0_1{g();}}");
+        let swapped = switched("fn f() { g(); h(); }", &[(10, SWAP, "")]);
+        let later = "iftrue&&crate::active_mutant()!=0_0_1{h();}";
+        let earlier = "ifcrate::active_mutant()==0_0_1{h();}";
+        assert_eq!(swapped, format!("fnf(){{{earlier}g();{later}}}"));
+        let literal = switched("fn f() -> u8 { 4 }", &[(16, LITERAL, "5")]);
+        assert!(
+            literal.contains("(matchcrate::active_mutant(){0_0_1=>5,_=>4,})"),
+            "{literal}"
+        );
+        let text = "const A: u8 = 3; fn f() -> u8 { A }";
+        let constant = switched(text, &[(15, CONSTANT, "4")]);
+        let function = "constfnA_mutated(_:u32)->u8{matchcrate::active_mutant(){0_0_1=>4,_=>A,}}";
+        assert!(constant.contains("{A_mutated(0_0_1)}"), "{constant}");
+        assert!(constant.ends_with(function), "{constant}");
     }
 
     #[test]
