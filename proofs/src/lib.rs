@@ -60,6 +60,7 @@ pub const PROPERTIES: &[&[Property]] = &[
     wire::parsing::PROPERTIES,
     wire::checksum::PROPERTIES,
     wire::link::PROPERTIES,
+    wire::sequence::PROPERTIES,
     wire::codes::PROPERTIES,
     binary64::PROPERTIES,
     eeprom::image::PROPERTIES,

@@ -94,21 +94,18 @@ impl Parameters {
         };
         let duty = i32::from(duty.hundredths());
         let beyond = (duty.abs() - i32::from(self.dead_zones[wheel])).max(0) * duty.signum();
-        if self.reversed[wheel] {
-            -beyond
-        } else {
-            beyond
-        }
+        beyond * self.sign(wheel)
+    }
+
+    /// −1 where a positive duty drives backward.
+    fn sign(self, wheel: usize) -> i32 {
+        1 - 2 * i32::from(self.reversed[wheel])
     }
 
     /// The duty that drives a wheel by `beyond`.
     fn duty(self, wheel: usize, beyond: i32) -> MotorCommand {
         let duty = (beyond.abs() + i32::from(self.dead_zones[wheel])) * beyond.signum();
-        MotorCommand::Run(Duty::saturating(if self.reversed[wheel] {
-            -duty
-        } else {
-            duty
-        }))
+        MotorCommand::Run(Duty::saturating(duty * self.sign(wheel)))
     }
 }
 
@@ -142,8 +139,7 @@ pub fn jump_is_detected_at_once(
         right,
         ..Delta::default()
     };
-    let (first, rolled) = before;
-    let _ = monitor.step(&first, &delta(rolled));
+    let _ = monitor.step(&before.0, &delta(before.1));
     let faults = monitor.step(&command, &delta(counts));
     let most = parameters.most().unsigned_abs();
     let jumps = counts.0.unsigned_abs() > most || counts.1.unsigned_abs() > most;
@@ -236,26 +232,16 @@ pub fn healthy_wheel_raises_no_fault(values: AcceptedConfig, phases: Phases) -> 
         for tick in 0..phase[0] {
             let command = [1, 3].map(|at| parameters.some_duty(at / 2, phase[at]));
             let counts = [2, 4].map(|at| parameters.some_counts(phase[at], tick));
-            let faults = monitor.step(
-                &MotorCommands {
-                    left: command[0],
-                    right: command[1],
-                },
-                &Delta {
-                    left: counts[0],
-                    right: counts[1],
-                    ..Delta::default()
-                },
-            );
+            let (mut motion, [left, right]) = (Delta::default(), command);
+            [motion.left, motion.right] = counts;
+            let faults = monitor.step(&MotorCommands { left, right }, &motion);
             for wheel in 0..2 {
                 let beyond = parameters.beyond(wheel, command[wheel]);
                 let sum = witnesses[wheel].step(beyond, counts[wheel]);
-                if faults.intersects(STALLED[wheel]) {
-                    assert!(sum.is_some_and(|sum| -least < sum && sum < least));
-                }
-                if faults.intersects(REVERSED[wheel]) {
-                    assert!(sum.is_some_and(|sum| sum <= -least));
-                }
+                let stands = sum.is_some_and(|sum| -least < sum && sum < least);
+                assert!(stands || !faults.intersects(STALLED[wheel]));
+                let turns_back = sum.is_some_and(|sum| sum <= -least);
+                assert!(turns_back || !faults.intersects(REVERSED[wheel]));
                 just_enough |= sum == Some(least);
             }
             let jumps = counts.iter().any(|counts| counts.abs() > parameters.most());
@@ -339,17 +325,11 @@ pub fn broken_wheel_is_detected_in_time(
         }
     }
     if past == Past::Rest {
-        let _ = step(
-            [MotorCommand::Brake, MotorCommand::Coast][usize::from(phases[0] & 1)],
-            0,
-        );
+        let rest = [MotorCommand::Brake, MotorCommand::Coast];
+        let _ = step(rest[usize::from(phases[0] & 1)], 0);
     }
     let (back, jitter) = broken;
-    let expected = if back {
-        REVERSED[wheel]
-    } else {
-        STALLED[wheel]
-    };
+    let expected = if back { REVERSED } else { STALLED }[wheel];
     let (least, mut stood) = (parameters.least(), 0);
     let mut after = None;
     for tick in 0..past.within() {
@@ -370,13 +350,11 @@ pub fn broken_wheel_is_detected_in_time(
     if past == Past::Rest {
         assert!(after >= Some(EARLIEST));
     }
+    let latest = after >= Some(AFTER_ANYTHING - 3);
     Seen::NOTHING
         .case(0, past == Past::Rest && after >= Some(FROM_REST - 1))
         .case(1, past == Past::Driving && after == Some(WHILE_DRIVING))
-        .case(
-            2,
-            past == Past::Anything && after >= Some(AFTER_ANYTHING - 3),
-        )
+        .case(2, past == Past::Anything && latest)
         .case(3, back && past == Past::Driving)
         .case(4, !back && past == Past::Anything)
         .case(5, past == Past::Rest && after == Some(EARLIEST))

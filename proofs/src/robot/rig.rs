@@ -134,17 +134,14 @@ impl Rig {
         };
         let mut robot = Robot::new(&config, sample);
         // A part of the middle, one as the factory may leave it, or any words.
+        let middle = |reference| Calibration {
+            reference,
+            cold: 959,
+            hot: 1207,
+        };
         robot.calibrate(match events.byte() % 4 {
-            0 | 1 => Calibration {
-                reference: 1501,
-                cold: 959,
-                hot: 1207,
-            },
-            2 => Calibration {
-                reference: 1400 + events.word() % 201,
-                cold: 959,
-                hot: 1207,
-            },
+            0 | 1 => middle(1501),
+            2 => middle(1400 + events.word() % 201),
             _ => Calibration {
                 reference: events.word(),
                 cold: events.word(),
@@ -320,16 +317,8 @@ impl Rig {
     /// the wheels or does not.
     pub fn stretch(&mut self, events: &mut Events<'_>) {
         let (wheels, apart, ticks) = (events.byte(), events.byte(), events.byte());
-        let counts = if wheels & 1 == 0 {
-            0
-        } else {
-            i32::from(wheels >> 1) % 32
-        };
-        let apart = if apart < 160 {
-            0
-        } else {
-            (i32::from(apart) - 208) * 64
-        };
+        let counts = i32::from(wheels & 1) * (i32::from(wheels >> 1) % 32);
+        let apart = (i32::from(apart) - 208) * if apart < 160 { 0 } else { 64 };
         // From a third of a second to one and a half.
         for _ in 0..32 + ticks / 2 {
             self.pass(-counts, counts, 0xE0, apart);
@@ -388,10 +377,8 @@ impl Rig {
         }
         // Silence, from the last frame that was taken.
         let allowed = u32::from(self.config.stop_deadline().0) * 1000;
-        if self
-            .fresh
-            .is_some_and(|fresh| self.now.since(fresh) >= allowed)
-        {
+        let since_fresh = self.fresh.map(|fresh| self.now.since(fresh));
+        if since_fresh >= Some(allowed) {
             assert!(braked && matches!(state, State::Stopped | State::Faulted));
             self.seen = self.seen.case(STOPPED, self.seen.has(DROVE));
         }
@@ -406,9 +393,7 @@ impl Rig {
             assert!((1000..=2000).contains(&width) && self.config.servo().is_some());
             assert!(state != State::Faulted);
             // Like the motors: not before a frame was taken, not after the silence.
-            assert!(self
-                .fresh
-                .is_some_and(|fresh| self.now.since(fresh) < allowed));
+            assert!(since_fresh.is_some_and(|since| since < allowed));
         }
     }
 }

@@ -1,16 +1,13 @@
 //! T1 and T2: what one end sends the other understands, and a rejected frame changes nothing.
 
-use fw_core::wire::strategy::Context;
-use fw_core::wire::{
-    write_command, write_report, CellCode, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
-};
+use fw_core::wire::{CellCode, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME};
 
 use super::parsing::LONGER;
-use super::table::{is_fresh, table, word, Frame};
+use super::table::{table, word, Frame};
 use crate::property::Seen;
 
 /// Whether both cells of a configuration and of a frame can exist.
-fn cell_exists(cell: CellCode, setup: Setup) -> bool {
+pub fn cell_exists(cell: CellCode, setup: Setup) -> bool {
     setup.cells <= 8 && cell.cell < setup.cells && cell.voltage <= CellCode::MAX_VOLTAGE
 }
 
@@ -77,7 +74,7 @@ fn carried_of_report(mode: Mode, report: &Report, received: &Report) -> Report {
 }
 
 /// The bits of 100.0.
-const HUNDRED: u64 = 100.0_f64.to_bits();
+pub const HUNDRED: u64 = 100.0_f64.to_bits();
 
 /// What the Pi sends the STM understands, field by field; frame after frame.
 // Requirement: DOC-5-2
@@ -172,238 +169,6 @@ pub fn rejection_changes_one_counter(
         .case(1, !primed && refused)
 }
 
-/// A frame that the STM once took is never taken a second time in a guarded mode, whatever came in
-/// between as long as the numbers have not gone half way around.
-// Requirement: WIRE-sequence-1, WIRE-sequence-6
-pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> Seen {
-    let possible = table(setup.mode).guarded
-        && cell_exists(command.tune, setup)
-        && command.percent.magnitude() <= HUNDRED
-        && between < 128;
-    if !possible {
-        return Seen::NOTHING;
-    }
-    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    let (mut frame, mut newer) = ([0; MAX_FRAME], [0; MAX_FRAME]);
-    let len = pi.send(&command, &mut frame);
-    assert!(stm.receive(&frame[..len], 0, 1).is_ok());
-    for _ in 0..between {
-        let _ = pi.send(&command, &mut newer);
-        assert!(stm.receive(&newer[..len], 0, 1).is_ok());
-    }
-    assert!(stm.receive(&frame[..len], 0, 1).is_err());
-    assert!(stm.counters().accepted == u32::from(between) + 1);
-    Seen::NOTHING.case(0, between == 0).case(1, between == 127)
-}
-
-/// The setup of the properties of sequence numbers.
-const fn plain(mode: Mode) -> Setup {
-    Setup {
-        mode,
-        key_from_pi: 0x96,
-        key_from_stm: 0x5A,
-        cells: 2,
-    }
-}
-
-/// A quiet frame of each end with this number.
-fn numbered(setup: Setup, own: u8) -> ([u8; MAX_FRAME], [u8; MAX_FRAME]) {
-    let context = Context {
-        key_from_pi: setup.key_from_pi,
-        key_from_stm: setup.key_from_stm,
-        cells: setup.cells,
-        own,
-        last: None,
-    };
-    let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
-    let _ = write_command(setup.mode, &context, &Command::default(), &mut there);
-    let _ = write_report(setup.mode, &context, &Report::default(), &mut back);
-    (there, back)
-}
-
-/// Frames of up to three old numbers, in turn as often as one likes, never count: not the same one
-/// again and again, not two in turn, not three. So none of them feeds the stop deadline.
-// Requirement: WIRE-sequence-3
-pub fn old_frames_never_count(mode: Mode, accepted: u8, old: [u8; 3]) -> Seen {
-    let stale = |number| !is_fresh(Some(accepted), number);
-    if !table(mode).guarded || !old.into_iter().all(stale) {
-        return Seen::NOTHING;
-    }
-    let len = table(mode).len;
-    let setup = plain(mode);
-    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    let (there, back) = numbered(setup, accepted);
-    assert!(stm.receive(&there[..len], 0, 1).is_ok());
-    assert!(pi.receive(&back[..len]).is_ok());
-    let old = old.map(|number| (number, numbered(setup, number)));
-    for _ in 0..4 {
-        for (_, (there, back)) in &old {
-            assert!(stm.receive(&there[..len], 0, 1).is_err());
-            assert!(pi.receive(&back[..len]).is_err());
-        }
-    }
-    assert!(stm.counters().accepted == 1 && pi.counters().accepted == 1);
-    let [(first, _), (second, _), (third, _)] = old;
-    let upwards = |number: u8, next: u8| next == number.wrapping_add(1);
-    Seen::NOTHING
-        .case(0, first == second && second == third)
-        .case(1, upwards(first, second) && first == third)
-        .case(2, upwards(first, second) && upwards(second, third))
-}
-
-/// A frame with a wrong bit restarts no sequence: of four old frames that count upwards, one
-/// of them disturbed, none is taken.
-// Requirement: WIRE-sequence-3
-pub fn disturbed_frame_never_counts(
-    mode: Mode,
-    accepted: u8,
-    behind: u8,
-    which: u8,
-    bit: u8,
-) -> Seen {
-    let first = accepted.wrapping_sub(behind);
-    let stale = |place| !is_fresh(Some(accepted), first.wrapping_add(place));
-    if !table(mode).guarded || which >= 4 || !(0..4).all(stale) {
-        return Seen::NOTHING;
-    }
-    let len = table(mode).len;
-    if usize::from(bit) >= 8 * len {
-        return Seen::NOTHING;
-    }
-    let setup = plain(mode);
-    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    let (there, back) = numbered(setup, accepted);
-    assert!(stm.receive(&there[..len], 0, 1).is_ok());
-    assert!(pi.receive(&back[..len]).is_ok());
-    for place in 0..4 {
-        let (mut there, mut back) = numbered(setup, first.wrapping_add(place));
-        if place == which {
-            there[usize::from(bit / 8)] ^= 1 << (bit % 8);
-            back[usize::from(bit / 8)] ^= 1 << (bit % 8);
-        }
-        assert!(stm.receive(&there[..len], 0, 1).is_err());
-        assert!(pi.receive(&back[..len]).is_err());
-    }
-    Seen::NOTHING
-        .case(0, usize::from(bit) >= 8 * (len - 2))
-        .case(1, bit / 8 == 1)
-}
-
-/// However the two ends stand to each other (one restarted, both, or any number of frames lost), after
-/// five undisturbed exchanges each takes the other's frames.
-// Requirement: WIRE-sequence-3, WIRE-sequence-7
-pub fn ends_find_each_other(
-    mode: Mode,
-    pi_sent: u8,
-    stm_accepted: u8,
-    stm_sent: u8,
-    pi_accepted: u8,
-) -> Seen {
-    if !table(mode).guarded {
-        return Seen::NOTHING;
-    }
-    let setup = plain(mode);
-    let (command, report) = (Command::default(), Report::default());
-    let mut frame = [0; MAX_FRAME];
-    let len = table(mode).len;
-    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
-    // 0 = accepted nothing yet.
-    let (there, _) = numbered(setup, stm_accepted);
-    assert!(stm_accepted == 0 || stm.receive(&there[..len], 0, 1).is_ok());
-    let (_, back) = numbered(setup, pi_accepted);
-    assert!(pi_accepted == 0 || pi.receive(&back[..len]).is_ok());
-    for _ in 0..pi_sent {
-        let _ = pi.send(&command, &mut frame);
-    }
-    let mut taken = (false, false);
-    let mut at_once = false;
-    let mut late = false;
-    for exchange in 0..EXCHANGES {
-        let mut reply = [0; MAX_FRAME];
-        let number = u32::from(stm_sent) + exchange + 1;
-        let _ = stm.encode_reply(number, &report, &mut reply);
-        let _ = pi.send(&command, &mut frame);
-        taken.0 = stm.receive(&frame[..len], 0, 1).is_ok();
-        taken.1 = pi.receive(&reply[..len]).is_ok();
-        at_once |= exchange == 0 && taken == (true, true);
-        late |= exchange == 2 && taken == (false, false);
-    }
-    assert!(taken == (true, true));
-    Seen::NOTHING.case(0, at_once).case(1, late)
-}
-
-/// Undisturbed exchanges after which the ends understand each other.
-pub const EXCHANGES: u32 = 5;
-
-/// Every number of one end against every number that the other accepted last, in both directions, while
-/// the way back is at rest, has carried nothing yet, wraps, was cut off for long, or comes to the last
-/// number accepted within the row. What an end accepts depends on nothing that it sends, so no more
-/// combinations matter.
-#[cfg(test)]
-fn encounters() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
-    let ways_back = [
-        (7, 7),
-        (0, 0),
-        (255, 0),
-        (0, 255),
-        (93, 218),
-        (45, 81),
-        (10, 14),
-    ];
-    let mode = Mode::GuardedTuneRotate;
-    (0..=255).flat_map(move |sent| {
-        (0..=255).flat_map(move |accepted| {
-            ways_back
-                .into_iter()
-                .flat_map(move |(other, other_accepted)| {
-                    [
-                        (mode, sent, accepted, other, other_accepted),
-                        (mode, other, other_accepted, sent, accepted),
-                    ]
-                })
-        })
-    })
-}
-
-/// Every old number after every number accepted, with every neighbour as the second and the third.
-#[cfg(test)]
-fn old_frames() -> impl Iterator<Item = (Mode, u8, [u8; 3])> {
-    let near = [0, 1, 2, 255];
-    (0..=255_u8).flat_map(move |accepted| {
-        (0..=128_u8).flat_map(move |behind| {
-            near.into_iter().flat_map(move |second| {
-                near.into_iter().map(move |third| {
-                    let old = accepted.wrapping_sub(behind);
-                    let old = [old, old.wrapping_add(second), old.wrapping_add(third)];
-                    (Mode::GuardedTuneRotate, accepted, old)
-                })
-            })
-        })
-    })
-}
-
-/// Every bit of every frame of a row, at both ends of what is old.
-#[cfg(test)]
-fn disturbed_rows() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
-    let guarded = |mode: &Mode| table(*mode).guarded;
-    Mode::ALL.iter().copied().filter(guarded).flat_map(|mode| {
-        [0, 1, 200].into_iter().flat_map(move |accepted| {
-            [4, 64, 128].into_iter().flat_map(move |behind| {
-                (0..4).flat_map(move |which| {
-                    (0..=255).map(move |bit| (mode, accepted, behind, which, bit))
-                })
-            })
-        })
-    })
-}
-
-#[cfg(test)]
-fn repeats() -> impl Iterator<Item = (Setup, Command, u8)> {
-    Mode::ALL
-        .iter()
-        .flat_map(|&mode| (0..128).map(move |between| (plain(mode), Command::default(), between)))
-}
-
 /// A setup with one mode, everything else arbitrary.
 #[cfg(kani)]
 fn any_setup(mode: Mode) -> Setup {
@@ -437,23 +202,5 @@ crate::properties! {
         kani guarded_tune_rotate [unwind(12)] =
             (any_setup(Mode::GuardedTuneRotate), any(), any(), 18);
         sampled 300_000;
-    }
-    theorem T8 ends_find_each_other(
-        mode: Mode, pi_sent: u8, stm_accepted: u8, stm_sent: u8, pi_accepted: u8
-    ) {
-        cases ["at once", "after three stale frames each"];
-        exhaustive encounters();
-    }
-    theorem T8 old_frames_never_count(mode: Mode, accepted: u8, old: [u8; 3]) {
-        cases ["the same again and again", "two in turn", "three that count upwards"];
-        exhaustive old_frames();
-    }
-    theorem T8 disturbed_frame_never_counts(mode: Mode, accepted: u8, behind: u8, which: u8, bit: u8) {
-        cases ["in the checksum", "in the number"];
-        exhaustive disturbed_rows();
-    }
-    property T8 repeated_frame_is_stale(setup: Setup, command: Command, between: u8) {
-        cases ["at once", "as late as the numbers allow"];
-        stepped repeats();
     }
 }
