@@ -117,8 +117,10 @@ pub fn follow<'m>(
     let mut moving = StopOnDrop::new(session);
     loop {
         if let Some(follower) = &mut follower {
-            let pose = moving.session.snapshot().pose.unwrap_or_default();
-            let (forward_mm_s, yaw_rate_deg_s) = follower.step(pose);
+            let snapshot = moving.session.snapshot();
+            let time_s = seconds_since(begun_us, snapshot.time_us);
+            let (forward_mm_s, yaw_rate_deg_s) =
+                follower.step(time_s, snapshot.pose.unwrap_or_default());
             request.velocity = Some(VelocityRequest {
                 forward_mm_s,
                 yaw_rate_deg_s,

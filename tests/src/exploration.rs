@@ -8,6 +8,7 @@ use fw_core::eeprom::{fields, Field};
 use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
 use host_link::session::{Session, RATE_HZ};
+use host_link::settings::Settings;
 use host_link::statistics::LinkStatistics;
 use mapper::evaluation::{
     best_alignment, coverage, in_estimate_frame, pose_error_series, pose_errors, start_alignment,
@@ -58,6 +59,17 @@ pub fn options(room: &Room, imperfections: Imperfections, seed: u64) -> Options 
     }
 }
 
+/// A virtual robot at the start of a room in an imperfect world, configured for exploring.
+///
+/// # Errors
+/// Where the board cannot be made.
+pub fn configured_board(elf: &[u8], room: &Room, seed: u64) -> Result<Board, Box<dyn Error>> {
+    let mut options = options(room, Imperfections::default(), seed);
+    let settings = Settings::sample()?.with(&CHANGES)?;
+    options.eeprom = Some(settings.image().0.to_vec());
+    Ok(Board::new(elf, options)?)
+}
+
 /// A run, with the truth beside it.
 pub struct Exploration {
     /// Estimates, maps and the recording.
@@ -66,7 +78,7 @@ pub struct Exploration {
     pub drive: Result<Drive, host_link::error::Error>,
     /// The link's counters.
     pub link: LinkStatistics,
-    /// The true pose in the room's frame at the tick of each report …
+    /// The true pose in the room's frame at the last tick before each report's frame …
     truth: Vec<Pose2>,
     /// … and at the end of its frame.
     late: Vec<Pose2>,
@@ -92,10 +104,11 @@ pub fn explore(
     let (mut truth, mut late, mut raw) = (Vec::new(), Vec::new(), Vec::new());
     let mut times_s = Vec::new();
     let drive = exploring::drive(&mut session, &mut localisation, &mut plan, |step| {
-        let [then, now] = track.sample(board, step.sample.pose);
+        let observation = exploring::observation(&step.sample);
+        // A reply of an earlier tick counts as an error.
+        let [_, then, now] = track.sample(board, step.sample.pose);
         truth.push(then);
         late.push(now);
-        let observation = exploring::observation(&step.sample);
         raw.push(observation.odometry);
         times_s.push(observation.time_s);
         watch(step);

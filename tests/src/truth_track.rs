@@ -32,10 +32,10 @@ impl TruthTrack {
     }
 
     /// For the reply of a frame that has just ended: the true pose at the tick that the reported pose is
-    /// of, and the one of now, in the room's frame. The tick is mostly the one before the frame; a reply
+    /// of, at the last tick before the frame, and now, in the room's frame. The first is mostly the one before the frame; a reply
     /// that was not refreshed, because the status changed after it was armed (docs/interfaces.md), is of an
     /// earlier one: the one since whose pose the robot moved most nearly as it reports.
-    pub fn sample(&mut self, board: &Board, reported: Pose) -> [Pose2; 2] {
+    pub fn sample(&mut self, board: &Board, reported: Pose) -> [Pose2; 3] {
         let reported = Pose2::new(
             reported.x_mm,
             reported.y_mm,
@@ -50,7 +50,7 @@ impl TruthTrack {
         let chassis = board.world(|world| world.params().chassis);
         let recent = self.ticks.iter().rev().take(TICKS);
         let ages_ns = recent.map(|tick| now.at_ns - tick);
-        let then = ages_ns.filter(|age| *age >= NEAREST_NS).map(|age_ns| {
+        let mut then = ages_ns.filter(|age| *age >= NEAREST_NS).map(|age_ns| {
             #[allow(clippy::cast_precision_loss)] // some ten milliseconds
             let back_s = -(age_ns as f64) / 1e9;
             // Rolled back by the wheels' speeds.
@@ -67,9 +67,15 @@ impl TruthTrack {
                 is.distance_mm(&was) + turn * chassis.track_mm / 2.0
             })
         };
-        let nearest = then.min_by(|a, b| mismatch(a).total_cmp(&mismatch(b)));
-        let then = nearest.unwrap_or(now.pose);
-        self.latest = Some((reported, then));
-        [then, now.pose]
+        let last = then.next().unwrap_or(now.pose);
+        let nearest = then.fold(last, |best, then| {
+            if mismatch(&then) < mismatch(&best) {
+                then
+            } else {
+                best
+            }
+        });
+        self.latest = Some((reported, nearest));
+        [nearest, last, now.pose]
     }
 }

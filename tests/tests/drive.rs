@@ -1,7 +1,13 @@
 //! Driving to a pose with the real, unequal motors: 5 mm and 1° at rest.
 
+use host_link::board_io::Interrupt;
+use host_link::drive::{go_to, ArrivalCriteria};
+use host_link::pose::Pose;
+use host_link::session::{Session, RATE_HZ};
+use pilot::virtual_board;
+use robot_tests::exploration::{configured_board, READY_MS, SPI_HZ};
 use robot_tests::reference::{normal_frame, original_image};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{elf, Rig, ELF};
 use twin::plant::Room;
 use twin::Options;
 
@@ -48,5 +54,26 @@ fn drive_reaches_poses_within_5_mm_and_1_degree() {
             "to {x} {y} {degrees}: {mm:.2} mm, {off:.2}° off"
         );
         assert_eq!(collisions, 0);
+    }
+}
+
+// Requirement: DOC-1-1
+#[test]
+fn pose_followed_by_velocity_ends_within_tolerances() {
+    let board = configured_board(&elf(ELF), &Room::default(), 31).expect("a board");
+    let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+    let mut session = Session::open(&mut io, RATE_HZ, READY_MS).expect("a session");
+    let criteria = ArrivalCriteria::default();
+    for (x, y, degrees) in [
+        (600.0, 0.0, 0.0),
+        (600.0, 0.0, 180.0),
+        (300.0, 300.0, 270.0),
+        (250.0, 300.0, 275.0),
+        (0.0, 0.0, 0.0),
+    ] {
+        let target = Pose::new(x, y, degrees);
+        let arrival = go_to(&mut session, target, &criteria, |_, _| ());
+        let arrival = arrival.expect("reached");
+        assert!(arrival.seconds < 20.0, "{arrival:?}");
     }
 }

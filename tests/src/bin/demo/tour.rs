@@ -40,7 +40,8 @@ pub fn run(
             let Some(sample) = RangeSample::of(snapshot) else {
                 return;
             };
-            let poses = truth.sample(board, sample.pose);
+            let [then, _, now] = truth.sample(board, sample.pose);
+            let poses = [then, now];
             for (worst, pose) in worst.iter_mut().zip(&poses).rev() {
                 let pose = in_degrees(pose);
                 last = [

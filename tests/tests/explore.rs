@@ -1,0 +1,82 @@
+//! Exploring on the virtual board: a small room that the robot does not know, in an imperfect world,
+//! and what goes wrong on the way.
+
+use host_link::board_io::Interrupt;
+use pilot::virtual_board;
+use robot_tests::exploration::{self, Figures, SPI_HZ};
+use robot_tests::test_board::{elf, ELF};
+use twin::plant::{Faults, Pose2, Room};
+use twin::Board;
+
+/// 2 m by 1.6 m with a box in it.
+fn small_room() -> Room {
+    let room = Room::default()
+        .with_wall(-400.0, -500.0, 1600.0, -500.0)
+        .with_wall(1600.0, -500.0, 1600.0, 1100.0)
+        .with_wall(1600.0, 1100.0, -400.0, 1100.0)
+        .with_wall(-400.0, 1100.0, -400.0, -500.0);
+    let corner = Pose2::new(1450.0, 950.0, 0.0);
+    room.with_box(&corner, 300.0, 300.0)
+}
+
+/// Explores it while `disturb` does what it likes at a time, s; checks that the robot comes home
+/// without a collision.
+fn explore(seed: u64, mut disturb: impl FnMut(&Board, f64)) -> Figures {
+    let room = small_room();
+    let board = exploration::configured_board(&elf(ELF), &room, seed).expect("a board");
+    let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+    let mut reports = 0.0;
+    let run = exploration::explore(&mut io, &board, |_| {
+        reports += 1.0;
+        disturb(&board, reports / 40.0);
+    });
+    let run = run.expect("a session");
+    let figures = run.figures(&room);
+    let truth = board.truth();
+    assert!(figures.completed, "{:?}", run.drive);
+    assert_eq!((truth.collisions, figures.frames_rejected), (0, 0));
+    assert!(
+        truth
+            .pose
+            .relative_to(&room.start)
+            .distance_mm(&Pose2::default())
+            < 100.0
+    );
+    let still = truth.wheel_deg_s;
+    assert!(
+        still.left.abs() < 1.0 && still.right.abs() < 1.0,
+        "{still:?}"
+    );
+    assert!(figures.coverage > 0.99 && figures.map_iou > 0.8);
+    assert!(board.unmodelled().is_empty());
+    figures
+}
+
+// Requirement: NAV-explore-1, NAV-pose-1
+#[test]
+fn unknown_room_is_mapped_and_robot_comes_home() {
+    let figures = explore(21, |_, _| ());
+    assert_eq!(figures.stops, 0);
+    assert!(figures.position_error_mm_max < 60.0 && figures.heading_error_deg_max < 5.0);
+}
+
+// Requirement: NAV-recovery-1
+#[test]
+fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
+    let mut silent = false;
+    let figures = explore(22, |board, time_s| {
+        let jam = (30.0..32.0).contains(&time_s);
+        let slip = f64::from(u8::from((50.0..50.5).contains(&time_s)));
+        board.set_faults(move |faults: &mut Faults| {
+            faults.jammed.left = jam;
+            faults.slip.right = slip;
+        });
+        if time_s > 15.0 && !silent {
+            silent = true;
+            // Longer than the stop deadline.
+            board.run_us(400_000);
+        }
+    });
+    assert!(figures.stops >= 2, "{}", figures.stops);
+    assert!(figures.position_error_mm_max < 150.0 && figures.heading_error_deg_max < 8.0);
+}
