@@ -74,14 +74,7 @@ impl Line {
 
     #[inline(never)]
     fn byte(&mut self, byte: u8) {
-        if self.len < Self::ROOM {
-            if let Some(slot) = self.bytes.get_mut(self.len) {
-                *slot = byte;
-                self.len = self.len.wrapping_add(1);
-            }
-        } else if let Some(last) = self.bytes.get_mut(Self::ROOM - 1) {
-            *last = b'~';
-        }
+        self.append(&[byte]);
     }
 
     fn newline(&mut self) {
@@ -92,10 +85,15 @@ impl Line {
     }
 
     /// A text; what is not printable ASCII becomes `?`.
-    #[inline(never)]
+    #[inline]
     pub fn text(&mut self, text: &str) -> &mut Self {
+        self.append(text.as_bytes())
+    }
+
+    #[inline(never)]
+    fn append(&mut self, text: &[u8]) -> &mut Self {
         let room = self.bytes.get_mut(self.len..Self::ROOM).unwrap_or_default();
-        for (slot, &byte) in room.iter_mut().zip(text.as_bytes()) {
+        for (slot, &byte) in room.iter_mut().zip(text) {
             *slot = if matches!(byte, b' '..=b'~') {
                 byte
             } else {
@@ -133,9 +131,8 @@ impl Line {
             *slot = b'0'.wrapping_add(digit as u8);
             used = used.wrapping_add(1);
         }
-        for &digit in buffer.iter().skip(buffer.len().wrapping_sub(used)) {
-            self.byte(digit);
-        }
+        let unused = buffer.len().wrapping_sub(used);
+        self.append(buffer.get(unused..).unwrap_or_default());
     }
 
     /// A decimal integer.
@@ -375,8 +372,9 @@ impl<const N: usize> Log<N> {
 
 /// As many bytes as both have.
 fn copy(to: &mut [u8], from: &[u8]) {
-    for (slot, &byte) in to.iter_mut().zip(from) {
-        *slot = byte;
+    let len = to.len().min(from.len());
+    if let (Some(to), Some(from)) = (to.get_mut(..len), from.get(..len)) {
+        to.copy_from_slice(from);
     }
 }
 

@@ -16,10 +16,8 @@ use super::fields::{
     MAX_YAW_RATE, MODE, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE,
     RANGEFINDERS, REACTION_TIME, REVERSE_DISTANCE, REVERSE_SPEED, ROTATION_ANTI_WINDUP, ROTATION_D,
     ROTATION_I, ROTATION_P, ROTATION_TOLERANCE, SERVO, SERVO_REVERSED, SERVO_TRAVEL, STOP_DEADLINE,
-    STOP_DISTANCE, TAP_1_LOWER, TAP_1_UPPER, TAP_2_LOWER, TAP_2_UPPER, TAP_3_LOWER, TAP_3_UPPER,
-    TAP_4_LOWER, TAP_4_UPPER, TAP_5_LOWER, TAP_5_UPPER, TAP_6_LOWER, TAP_6_UPPER, TAP_7_LOWER,
-    TAP_7_UPPER, TAP_8_LOWER, TAP_8_UPPER, TRACK, WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT,
-    YAW_ACCELERATION,
+    STOP_DISTANCE, TAP_1_LOWER, TAP_1_UPPER, TAP_8_LOWER, TRACK, WHEEL_DIAMETER_LEFT,
+    WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
 };
 use super::image::{Image, FIRST_PLATFORM, PLATFORM};
 use super::parts::{Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel};
@@ -103,7 +101,8 @@ impl Config {
 
     /// Of raw values within their ranges.
     fn of_checked(raw: &impl Fn(&'static Field) -> u64) -> Self {
-        let raw = |field: &Field| raw_at(raw, field.index);
+        let at = |index| raw_at(raw, index);
+        let raw = |field: &Field| at(field.index);
         let flag = |field| raw(field) != 0;
         let word = |field| raw(field) as u16;
         let micrometres = |field| Micrometres(raw(field) as u32);
@@ -117,9 +116,10 @@ impl Config {
             d: Gain(real(d)),
             anti_windup: Gain(real(anti_windup)),
         };
-        let divider = |upper, lower| Divider {
-            upper: Ohms(raw(upper) as u32),
-            lower: Ohms(raw(lower) as u32),
+        const { assert!(TAP_8_LOWER.index == TAP_1_UPPER.index + 15) };
+        let divider = |cell: usize| Divider {
+            upper: Ohms(at(TAP_1_UPPER.index + 2 * cell as u8) as u32),
+            lower: Ohms(at(TAP_1_LOWER.index + 2 * cell as u8) as u32),
         };
         let wheel = |diameter, encoder, motor, dead_zone, limit, full_speed| Wheel {
             diameter: micrometres(diameter),
@@ -139,16 +139,7 @@ impl Config {
             adc_max_word: word(ADC_MAX_WORD),
             cells: raw(CELLS) as u8,
             rangefinders: raw(RANGEFINDERS) as u8,
-            dividers: [
-                divider(TAP_1_UPPER, TAP_1_LOWER),
-                divider(TAP_2_UPPER, TAP_2_LOWER),
-                divider(TAP_3_UPPER, TAP_3_LOWER),
-                divider(TAP_4_UPPER, TAP_4_LOWER),
-                divider(TAP_5_UPPER, TAP_5_LOWER),
-                divider(TAP_6_UPPER, TAP_6_LOWER),
-                divider(TAP_7_UPPER, TAP_7_LOWER),
-                divider(TAP_8_UPPER, TAP_8_LOWER),
-            ],
+            dividers: core::array::from_fn(divider),
             left: wheel(
                 WHEEL_DIAMETER_LEFT,
                 ENCODER_LEFT_REVERSED,

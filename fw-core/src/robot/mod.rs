@@ -54,6 +54,13 @@ enum DriveRequest {
     Duty(Duty),
 }
 
+/// The mode's controller.
+#[derive(Clone, Debug)]
+enum Control {
+    Pose(PoseController),
+    Velocity(VelocityController),
+}
+
 /// What a mode measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MeasuredQuantity {
@@ -88,8 +95,7 @@ pub struct Robot {
     /// The configuration has a gyroscope, and the mode can use one.
     gyro_enabled: bool,
     slip_monitor: SlipMonitor,
-    controller: PoseController,
-    velocity_controller: VelocityController,
+    control: Control,
     obstacle: ObstacleLimit,
     drive_monitor: DriveMonitor,
     /// Motor commands applied since the last tick.
@@ -132,8 +138,11 @@ impl Robot {
             // Requirement: WIRE-platform-7
             gyro_enabled: config.gyro() && quantity == MeasuredQuantity::Pose,
             slip_monitor: SlipMonitor::new(),
-            controller: PoseController::new(config),
-            velocity_controller: VelocityController::new(config),
+            control: if by_velocity {
+                Control::Velocity(VelocityController::new(config))
+            } else {
+                Control::Pose(PoseController::new(config))
+            },
             obstacle: ObstacleLimit::new(config, by_velocity),
             drive_monitor: DriveMonitor::new(config),
             applied: MotorCommands::default(),
@@ -181,7 +190,10 @@ impl Robot {
         let requested = self.request != DriveRequest::None;
         let busy = match self.request {
             DriveRequest::None => false,
-            DriveRequest::Target => self.controller.moving(),
+            DriveRequest::Target => match &self.control {
+                Control::Pose(controller) => controller.moving(),
+                Control::Velocity(_) => false,
+            },
             // Until the wheels are held.
             DriveRequest::Velocity(velocity) => {
                 velocity != Velocity::default() || matches!(self.applied.left, MotorCommand::Run(_))
@@ -196,9 +208,10 @@ impl Robot {
             }
             AllowedMotion::Drive => self.drive(&pose),
         };
-        self.report.clipped = self.velocity_controller.clipped();
-        self.report.obstacle_limited =
-            self.velocity_controller.held_back() || self.controller.held_back();
+        (self.report.clipped, self.report.obstacle_limited) = match &self.control {
+            Control::Pose(controller) => (false, controller.held_back()),
+            Control::Velocity(controller) => (controller.clipped(), controller.held_back()),
+        };
         self.applied = wheels;
         self.log_tick(input.now, log);
         let (servo, trigger) = self.update_ranging(input.now);
@@ -224,41 +237,35 @@ impl Robot {
     /// nowhere until the next command.
     // Requirement: WIRE-deadline-5
     fn stop_motion(&mut self) {
-        match self.request {
-            DriveRequest::None => {}
-            DriveRequest::Target => self.controller.halt(),
-            DriveRequest::Velocity(_) => {
-                self.velocity_controller.stand();
-                self.request = DriveRequest::Velocity(Velocity::default());
-            }
-            DriveRequest::Duty(_) => {
-                self.controller.halt();
-                self.request = DriveRequest::Duty(Duty::ZERO);
-            }
+        match &mut self.control {
+            Control::Pose(controller) => controller.halt(),
+            Control::Velocity(controller) => controller.stand(),
+        }
+        match &mut self.request {
+            DriveRequest::None | DriveRequest::Target => {}
+            DriveRequest::Velocity(velocity) => *velocity = Velocity::default(),
+            DriveRequest::Duty(duty) => *duty = Duty::ZERO,
         }
     }
 
     fn drive(&mut self, pose: &Pose) -> MotorCommands {
-        match (self.request, self.quantity) {
-            (DriveRequest::None, _) => MotorCommands::default(),
-            (DriveRequest::Target, _) => {
-                if !self.controller.moving() && !self.controller.arrived() {
+        match (&mut self.control, self.request) {
+            (Control::Pose(controller), DriveRequest::Target) => {
+                if !controller.moving() && !controller.arrived() {
                     // Halted since the target was set.
-                    self.controller.set_target(self.target.to_pose());
+                    controller.set_target(self.target.to_pose());
                 }
-                self.controller.limit_speed(&self.obstacle);
-                self.controller.drive(pose, &self.delta)
+                controller.limit_speed(&self.obstacle);
+                controller.drive(pose, &self.delta)
             }
-            (DriveRequest::Velocity(velocity), _) => {
-                self.velocity_controller
-                    .step(velocity, &self.obstacle, &self.delta)
+            (Control::Pose(controller), DriveRequest::Duty(duty)) => match self.quantity {
+                MeasuredQuantity::Displacement => controller.tune_move(duty, pose, &self.delta),
+                MeasuredQuantity::Rotation | MeasuredQuantity::Pose => controller.tune_rotate(duty),
+            },
+            (Control::Velocity(controller), DriveRequest::Velocity(velocity)) => {
+                controller.step(velocity, &self.obstacle, &self.delta)
             }
-            (DriveRequest::Duty(duty), MeasuredQuantity::Displacement) => {
-                self.controller.tune_move(duty, pose, &self.delta)
-            }
-            (DriveRequest::Duty(duty), MeasuredQuantity::Rotation | MeasuredQuantity::Pose) => {
-                self.controller.tune_rotate(duty)
-            }
+            _ => MotorCommands::default(),
         }
     }
 
@@ -332,7 +339,9 @@ impl Robot {
         let expected = PoseCode { x, y, rotation };
         self.request = DriveRequest::Target;
         self.target = expected;
-        self.controller.set_target(expected.to_pose());
+        if let Control::Pose(controller) = &mut self.control {
+            controller.set_target(expected.to_pose());
+        }
         self.event_log.target_set(expected);
     }
 
