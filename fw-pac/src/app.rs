@@ -5,15 +5,16 @@
 
 use crate::gyro::Gyro;
 use crate::motors::Motors;
-use crate::priority::{Owned, Slot};
+use crate::priority::{FrameEnd, Owned, Slot};
 use crate::rangefinders::{self, Echo};
 use crate::spi::{Claim, SpiSlave};
 use crate::uart::Uart;
-use crate::{adc, fault_injection, leds, servo, tick, watchdog};
+use crate::{adc, clock, fault_injection, leds, servo, tick, watchdog};
 use cortex_m::interrupt::free;
 use fw_core::eeprom::Config;
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
+use fw_core::types::Faults;
 
 /// What the robot's priority owns.
 pub static APP: Owned<2, App> = Owned::new(App {
@@ -57,25 +58,25 @@ enum Event<'a> {
     Tick(TickInput),
 }
 
-/// An echo, or else the older of a frame and a tick, so that the core's clock never runs backwards. Both
-/// are compared and one is taken within one masked stretch, and handlers store theirs within another, so
-/// none with an earlier time comes in between.
+/// An echo, or else the older of a frame and a tick, so that the core's clock never runs backwards: no
+/// frame ends meanwhile, and a tick that is latched after the comparison is younger than that frame.
 #[inline]
 fn next_event(spi: &mut SpiSlave) -> Option<Event<'_>> {
-    free(|token| {
-        if let Some(echo) = rangefinders::take(token) {
-            return Some(Event::Echo(echo));
-        }
-        let tick_first = match (spi.ended_at(token), tick::latched_at(token)) {
-            (Some(frame), Some(tick)) => tick.since(frame) > u32::MAX / 2,
-            (frame, _) => frame.is_none(),
-        };
-        if tick_first {
-            tick::take(token).map(Event::Tick)
-        } else {
-            spi.claim(token).map(Event::Frame)
-        }
-    })
+    // SAFETY: the robot's priority, and nothing here raises it again.
+    unsafe {
+        FrameEnd::raised(|frame_end| {
+            let frame = spi.ended_at(frame_end);
+            let captured = free(|token| {
+                if let Some(echo) = rangefinders::take(token) {
+                    return Some(Event::Echo(echo));
+                }
+                let tick = tick::latched_at(token)?;
+                let first = frame.is_none_or(|frame| tick.since(frame) > u32::MAX / 2);
+                first.then(|| tick::take(token).map(Event::Tick))?
+            });
+            captured.or_else(|| spi.claim(frame_end).map(Event::Frame))
+        })
+    }
 }
 
 impl App {
@@ -173,6 +174,10 @@ impl Drivers {
         }
         if let Some(which) = outputs.trigger {
             rangefinders::trigger(which);
+        }
+        // Requirement: WIRE-fault-14
+        if clock::supply_is_low() {
+            robot.raise(Faults::SUPPLY_LOW, log);
         }
         if let Some((sensor, reference)) = adc::temperature() {
             robot.on_temperature(sensor, reference, log);

@@ -13,7 +13,7 @@
 //! the length of a microsecond would be unknown.
 
 use crate::registers::Registers;
-use stm32f4::stm32f411::{flash, rcc, FLASH, PWR, RCC};
+use stm32f4::stm32f411::{flash, pwr, rcc, FLASH, PWR, RCC};
 
 /// SYSCLK, AHB and APB2, hertz.
 pub const APB2_HZ: u32 = 100_000_000;
@@ -46,13 +46,21 @@ pub fn start() -> Option<Source> {
     rcc.apb1enr().modify(|_, w| w.pwren().set_bit());
     // Read back: a peripheral answers two bus cycles after its clock is enabled (ES0287, 2.2.7).
     let _ = rcc.apb1enr().read();
-    // 100 MHz needs scale 1 (RM0383, 5.4.1).
-    pwr.cr().modify(|_, w| w.vos().scale1());
+    // 100 MHz needs scale 1 (RM0383, 5.4.1); a backup domain that may be written, see below.
+    // The detector's fifth level: 2.66 V falling, 2.76 V rising (DS10314, embedded reset and power control).
+    pwr.cr().modify(|_, w| {
+        w.vos().scale1();
+        w.dbp().set_bit();
+        w.pls().set(4);
+        w.pvde().set_bit()
+    });
+    // PC14 and PC15 are the LSE's where an earlier firmware started it: a reset does not stop it (RM0383, 6.3.20).
+    rcc.bdcr().modify(|_, w| w.lseon().clear_bit());
 
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     let crystal = poll(CRYSTAL_POLLS, || rcc.cr().read().hserdy().bit_is_set());
     if crystal && lock(rcc, Source::Crystal) {
-        switch(rcc, flash)?;
+        switch(rcc, pwr, flash)?;
         rcc.cr().modify(|_, w| w.csson().set_bit());
         return Some(Source::Crystal);
     }
@@ -61,7 +69,7 @@ pub fn start() -> Option<Source> {
     // The PLL takes no new factors before it has stopped.
     poll(POLLS, || rcc.cr().read().pllrdy().bit_is_clear());
     if lock(rcc, Source::Internal) {
-        switch(rcc, flash)?;
+        switch(rcc, pwr, flash)?;
         return Some(Source::Internal);
     }
     None
@@ -85,15 +93,24 @@ fn lock(rcc: &rcc::RegisterBlock, source: Source) -> bool {
     poll(POLLS, || rcc.cr().read().pllrdy().bit_is_set())
 }
 
-/// Three wait states first (RM0383, table 5), then the bus dividers, then the switch.
-fn switch(rcc: &rcc::RegisterBlock, flash: &flash::RegisterBlock) -> Option<()> {
+/// Scale 1, which the regulator takes once the PLL runs; four wait states, for 100 MHz down to 2.4 V
+/// (RM0383, table 5): motors that stall on an empty battery pull the supply below the 2.7 V of three.
+/// Then the bus dividers and the switch.
+fn switch(
+    rcc: &rcc::RegisterBlock,
+    pwr: &pwr::RegisterBlock,
+    flash: &flash::RegisterBlock,
+) -> Option<()> {
+    if !poll(POLLS, || pwr.csr().read().vosrdy().bit_is_set()) {
+        return None;
+    }
     flash.acr().write(|w| {
-        w.latency().ws3();
+        w.latency().ws4();
         w.prften().set_bit();
         w.icen().set_bit();
         w.dcen().set_bit()
     });
-    if !poll(POLLS, || flash.acr().read().latency().is_ws3()) {
+    if !poll(POLLS, || flash.acr().read().latency().is_ws4()) {
         return None;
     }
     rcc.cfgr().modify(|_, w| {
@@ -108,6 +125,12 @@ fn switch(rcc: &rcc::RegisterBlock, flash: &flash::RegisterBlock) -> Option<()> 
 /// Whether `ready` came true within `polls` looks.
 fn poll(polls: u32, ready: impl Fn() -> bool) -> bool {
     (0..polls).any(|_| ready())
+}
+
+/// Whether the supply is below what [`start`] sets: motors that stall on an empty battery pull it down. At
+/// 2.4 V the flash is still read right, which leaves time for a tick to turn the motors off.
+pub fn supply_is_low() -> bool {
+    PWR::registers().csr().read().pvdo().bit_is_set()
 }
 
 /// Feeds the clock to every peripheral the firmware uses.

@@ -34,10 +34,12 @@ pub fn start() {
         w.tr(ECHO_FRONT).set_bit();
         w.tr(ECHO_LEFT).set_bit()
     });
-    clear(FRAME);
-    clear(ECHO_RIGHT);
-    clear(ECHO_FRONT);
-    clear(ECHO_LEFT);
+    exti.pr().write(|w| {
+        w.pr(FRAME).clear();
+        w.pr(ECHO_RIGHT).clear();
+        w.pr(ECHO_FRONT).clear();
+        w.pr(ECHO_LEFT).clear()
+    });
     exti.imr().write(|w| {
         w.mr(FRAME).set_bit();
         w.mr(ECHO_RIGHT).set_bit();

@@ -3,8 +3,8 @@
 //! | priority | handler | does |
 //! |---|---|---|
 //! | −2, −1 | NMI, HardFault, and any unexpected interrupt | [`crate::safe_state`], for good |
-//! | 0 | EXTI4 | end of a frame: swaps the SPI's buffers |
-//! | 1 | TIM5, EXTI0, EXTI9_5, EXTI15_10 | latch the tick, time the echoes |
+//! | 0 | TIM5, EXTI0, EXTI9_5, EXTI15_10 | latch the tick, time the echoes |
+//! | 1 | EXTI4 | end of a frame: swaps the SPI's buffers |
 //! | 2 | PendSV, DMA2_STREAM7, I2C1_EV, I2C1_ER, DMA1_STREAM0 | the robot: frames, echoes, ticks, log, gyroscope |
 //! | thread | `main` | feeds the watchdog, sleeps |
 
@@ -32,16 +32,22 @@ macro_rules! handlers {
             }
         )*
 
-        /// One store after the other and no loop: `cargo xtask stack` reads the levels from them.
+        /// One store after the other and no loop for the priorities: `cargo xtask stack` reads them.
         fn enable_all(nvic: &mut NVIC) {
-            $(
-                // SAFETY: interrupts are masked, and the tokens' owners are in place.
-                unsafe { nvic.set_priority(Interrupt::$name, $priority::NVIC) };
-                // Boot's polling leaves some of them pending.
-                NVIC::unpend(Interrupt::$name);
-                // SAFETY: as above.
-                unsafe { NVIC::unmask(Interrupt::$name) };
-            )*
+            const MASKS: [u32; 3] = {
+                let mut masks = [0; 3];
+                $(masks[Interrupt::$name as usize / 32] |= 1 << (Interrupt::$name as usize % 32);)*
+                masks
+            };
+            // SAFETY: interrupts are masked, and the tokens' owners are in place.
+            unsafe {
+                $(nvic.set_priority(Interrupt::$name, $priority::NVIC);)*
+                for (word, mask) in MASKS.into_iter().enumerate() {
+                    // Boot's polling leaves some of them pending.
+                    nvic.icpr[word].write(mask);
+                    nvic.iser[word].write(mask);
+                }
+            }
         }
     };
 }
@@ -51,13 +57,13 @@ handlers! {
     EXTI4: FrameEnd => |token| {
         let at = time::now();
         exti::clear(exti::FRAME);
-        spi::end_frame(at, &token.critical_section());
+        spi::end_frame(at, token);
         SCB::set_pendsv();
     };
-    TIM5: Capture => |_| tick::on_timer();
-    EXTI0: Capture => |_| on_edge(RangefinderId::Right, exti::ECHO_RIGHT);
-    EXTI9_5: Capture => |_| on_edge(RangefinderId::Front, exti::ECHO_FRONT);
-    EXTI15_10: Capture => |_| on_edge(RangefinderId::Left, exti::ECHO_LEFT);
+    TIM5: Capture => |token| tick::on_timer(&token.critical_section());
+    EXTI0: Capture => |token| on_edge(token, RangefinderId::Right, exti::ECHO_RIGHT);
+    EXTI9_5: Capture => |token| on_edge(token, RangefinderId::Front, exti::ECHO_FRONT);
+    EXTI15_10: Capture => |token| on_edge(token, RangefinderId::Left, exti::ECHO_LEFT);
     DMA2_STREAM7: RobotLevel => |token| APP.borrow(token).service_log();
     I2C1_EV: RobotLevel => |token| APP.borrow(token).on_gyro(Gyro::on_event);
     I2C1_ER: RobotLevel => |token| APP.borrow(token).on_gyro(Gyro::on_error);
@@ -65,10 +71,10 @@ handlers! {
 }
 
 #[inline]
-fn on_edge(which: RangefinderId, line: u8) {
+fn on_edge(token: &mut Capture, which: RangefinderId, line: u8) {
     let at = time::now();
     exti::clear(line);
-    rangefinders::on_edge(which, at);
+    rangefinders::on_edge(which, at, &token.critical_section());
 }
 
 // Requirement: DOC-2.1-6

@@ -3,9 +3,9 @@
 use crate::board::{LED_1, LED_2, LED_3, LED_4};
 use crate::gpio::Driver;
 
-/// Off, then outputs.
-pub fn start() {
-    show(0);
+/// Makes them outputs that show `lit`.
+pub fn start(lit: u8) {
+    show(lit);
     for led in [LED_1, LED_2, LED_3, LED_4] {
         led.output(Driver::PushPull);
     }

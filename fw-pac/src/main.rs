@@ -117,8 +117,7 @@ fn start_hardware(log: &mut Log) -> (Start, Uart) {
     board::READY.low();
     board::READY.output(Driver::PushPull);
     watchdog::start();
-    leds::start();
-    leds::show(fw_core::robot::leds(State::Booting));
+    leds::start(fw_core::robot::leds(State::Booting));
     let Some(clock) = clock::start() else {
         safe_state::halt(b"\nE: no clock, motors off\n");
     };

@@ -8,15 +8,16 @@ use core::cell::UnsafeCell;
 use core::marker::PhantomData;
 use core::mem::MaybeUninit;
 use cortex_m::interrupt::CriticalSection;
+use cortex_m::register::basepri;
 
 /// Proof of running at NVIC priority `LEVEL`, the lower the more urgent. Zero-sized, not to be copied
 /// and not to be sent to another priority.
 pub struct Priority<const LEVEL: u8>(PhantomData<*mut ()>);
 
-/// The end of an SPI frame: preempted by nothing but the safe state.
-pub type FrameEnd = Priority<0>;
-/// Timestamps of ticks and echoes.
-pub type Capture = Priority<1>;
+/// Timestamps of ticks and echoes: preempted by nothing but the safe state.
+pub type Capture = Priority<0>;
+/// The end of an SPI frame.
+pub type FrameEnd = Priority<1>;
 /// Everything that touches the robot's state.
 pub type RobotLevel = Priority<2>;
 
@@ -31,13 +32,30 @@ impl<const LEVEL: u8> Priority<LEVEL> {
     }
 }
 
-impl FrameEnd {
+impl Capture {
     /// The highest priority is as good as masked.
     #[inline]
     #[allow(clippy::unused_self, reason = "the token is the proof")]
     pub fn critical_section(&self) -> CriticalSection {
         // SAFETY: only what ends in the safe state preempts it.
         unsafe { CriticalSection::new() }
+    }
+}
+
+impl FrameEnd {
+    /// Runs `f` at this priority: only captures preempt it.
+    ///
+    /// # Safety
+    /// At the robot's priority or in boot, and not within another call.
+    #[inline]
+    pub unsafe fn raised<R>(f: impl FnOnce(&mut Self) -> R) -> R {
+        // SAFETY: no handler of this priority runs until the end, so the token is the only one.
+        unsafe {
+            basepri::write(Self::NVIC);
+            let result = f(&mut Self::new());
+            basepri::write(0);
+            result
+        }
     }
 }
 

@@ -43,14 +43,15 @@ static PROGRESS: Mutex<[Cell<Progress>; 3]> = Mutex::new([
     Cell::new(Progress::Idle),
 ]);
 
-/// Triggers low, echoes held low where no sensor is plugged in.
+/// Triggers low. Echoes come with 5 V, which no pin with a pull bears (DS10314, table 14): the board pulls
+/// them down where no sensor is plugged in.
 pub fn start() {
     for pin in [TRIGGER_FRONT, TRIGGER_RIGHT, TRIGGER_LEFT] {
         pin.low();
         pin.output(Driver::PushPull);
     }
     for pin in [ECHO_FRONT, ECHO_RIGHT, ECHO_LEFT] {
-        pin.input(Pull::PullDown);
+        pin.input(Pull::Floating);
     }
 }
 
@@ -96,18 +97,16 @@ const fn pins(which: RangefinderId) -> (Pin, Pin) {
 
 /// An edge of one sensor's echo, at `at`.
 #[inline]
-pub fn on_edge(which: RangefinderId, at: Micros) {
+pub fn on_edge(which: RangefinderId, at: Micros, token: &CriticalSection) {
     let (_, echo) = pins(which);
     let high = echo.is_high();
-    free(|token| {
-        let progress = &PROGRESS.borrow(token)[which as usize];
-        match progress.get() {
-            Progress::Triggered if high => progress.set(Progress::Rising(at)),
-            Progress::Rising(rise) if !high => {
-                progress.set(Progress::Received(rise, at));
-                SCB::set_pendsv();
-            }
-            _ => {}
+    let progress = &PROGRESS.borrow(token)[which as usize];
+    match progress.get() {
+        Progress::Triggered if high => progress.set(Progress::Rising(at)),
+        Progress::Rising(rise) if !high => {
+            progress.set(Progress::Received(rise, at));
+            SCB::set_pendsv();
         }
-    });
+        _ => {}
+    }
 }

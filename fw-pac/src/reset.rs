@@ -34,6 +34,8 @@ impl Cause {
 }
 
 /// Reads the cause and clears the flags.
+// Not inlined: boot's log line would be repeated for each cause.
+#[inline(never)]
 pub fn cause() -> Cause {
     let rcc = RCC::registers();
     let flags = rcc.csr().read();

@@ -1,7 +1,7 @@
 //! SPI1, slave to the Pi: whole frames in, whole frames out, whatever happens on the wire.
 //!
 //! Both directions run by DMA while the chip-select is low, without the processor. The rising edge of
-//! chip-select ([`end_frame`], the highest priority) stops both streams, reads the received length and arms
+//! chip-select ([`end_frame`]) stops both streams, reads the received length and arms
 //! the next buffers. Arming resets the peripheral, so every frame begins at bit 0 of byte 0: partial bits of
 //! a torn frame, an overrun and the byte that the transmitter held ready are dropped. From the edge to the
 //! last store of [`arm`] pass some 2 µs; the next frame may begin after 20.
@@ -11,11 +11,12 @@
 use crate::board::{MISO, MOSI, SCK, SS};
 use crate::dma::{control, Stream};
 use crate::gpio::{Driver, Pull};
+use crate::priority::{FrameEnd, Owned};
 use crate::registers::Registers;
 use crate::time;
 use core::cell::UnsafeCell;
 use core::marker::PhantomData;
-use cortex_m::interrupt::{free, CriticalSection, Mutex};
+use cortex_m::interrupt::free;
 use fw_core::types::Micros;
 use fw_core::wire::handover::{
     ClaimedFrame, DmaBuffers, Handover, Reply, GAP_US, RX_BUFFERS, SAME_PREFIX, TX_BUFFERS,
@@ -43,16 +44,17 @@ struct State {
     len: usize,
 }
 
-static STATE: Mutex<UnsafeCell<State>> = Mutex::new(UnsafeCell::new(State {
+static STATE: Owned<1, State> = Owned::new(State {
     handover: Handover::new(FIRST_REPLY),
     len: 0,
-}));
+});
 
-/// Changes the state; masked, so that no handler sees half a change.
+/// Changes the state; no frame ends meanwhile. For the values of this module that the slave lends: they
+/// are the robot's, and no change begins another.
 #[inline]
-fn update<R>(cs: &CriticalSection, change: impl FnOnce(&mut State) -> R) -> R {
-    // SAFETY: masked, so there is one change at a time; no change begins another.
-    change(unsafe { &mut *STATE.borrow(cs).get() })
+fn update<R>(change: impl FnOnce(&mut State) -> R) -> R {
+    // SAFETY: the robot's priority or boot, as above.
+    unsafe { FrameEnd::raised(|token| change(STATE.borrow(token))) }
 }
 
 /// Buffers that the DMA and the program use in turn, as [`Handover`] says.
@@ -103,7 +105,7 @@ impl FreeTxBuffer<'_> {
     /// Submits the buffer's bytes as the standby.
     #[inline]
     pub fn submit(self) {
-        free(|cs| update(cs, |state| state.handover.stand_by(self.reply)));
+        update(|state| state.handover.stand_by(self.reply));
     }
 }
 
@@ -127,17 +129,17 @@ impl FreshReply<'_> {
     /// Copies the buffer's bytes over the armed reply, where no frame can tell: see [`SAME_PREFIX`].
     #[inline]
     pub fn submit(self) {
-        free(|cs| {
-            update(cs, |state| {
-                let fresh = TX.get(self.0.reply.buffer);
-                let armed = TX.get(state.handover.dma_buffers().transmit);
-                // SAFETY: `fresh` is free and `armed` only read by the DMA; neither is written.
-                let begin_alike = unsafe { (&*fresh)[..SAME_PREFIX] == (&*armed)[..SAME_PREFIX] };
-                let Some(armed) = state.handover.refresh(self.0.reply, begin_alike) else {
-                    return;
-                };
-                #[allow(clippy::cast_ptr_alignment, reason = "`Buffers` is aligned to words")]
-                let (to, from): (*mut u32, *const u32) = (TX.get(armed).cast(), fresh.cast());
+        update(|state| {
+            let fresh = TX.get(self.0.reply.buffer);
+            let armed = TX.get(state.handover.dma_buffers().transmit);
+            // SAFETY: `fresh` is free and `armed` only read by the DMA; neither is written.
+            let begin_alike = unsafe { (&*fresh)[..SAME_PREFIX] == (&*armed)[..SAME_PREFIX] };
+            let Some(armed) = state.handover.refresh(self.0.reply, begin_alike) else {
+                return;
+            };
+            #[allow(clippy::cast_ptr_alignment, reason = "`Buffers` is aligned to words")]
+            let (to, from): (*mut u32, *const u32) = (TX.get(armed).cast(), fresh.cast());
+            free(|_| {
                 let fetched = state.len.saturating_sub(Transmit::remaining().into());
                 // The pin last: SAME_PREFIX covers what is fetched between this read and the stores.
                 if fetched <= IDLE_FETCH && SS.is_high() {
@@ -195,20 +197,18 @@ impl Claim<'_> {
     /// Returns the frame's buffer and submits the answer.
     #[inline]
     pub fn answer(self) {
-        free(|cs| {
-            update(cs, |state| {
-                // A chip-select that fell within the gap: its frame goes on undisturbed.
-                let now = if SS.is_high() {
-                    time::now()
-                } else {
-                    self.at().after(GAP_US)
-                };
-                if let Some(dma) = state.handover.answer(self.claimed.answer, now) {
-                    Receive::stop();
-                    Transmit::stop();
-                    arm(dma, state.len);
-                }
-            });
+        update(|state| {
+            // A chip-select that fell within the gap: its frame goes on undisturbed.
+            let now = if SS.is_high() {
+                time::now()
+            } else {
+                self.at().after(GAP_US)
+            };
+            if let Some(dma) = state.handover.answer(self.claimed.answer, now) {
+                Receive::stop();
+                Transmit::stop();
+                arm(dma, state.len);
+            }
         });
     }
 }
@@ -234,31 +234,29 @@ impl SpiSlave {
         let data = SPI1::registers().dr().as_ptr();
         Receive::connect(data);
         Transmit::connect(data);
-        let dma = free(|cs| update(cs, |state| state.handover.dma_buffers()));
+        let dma = update(|state| state.handover.dma_buffers());
         // SAFETY: interrupts are masked and the DMA stands; `TX_LEN` is at least a frame's.
         let len = build(FIRST_REPLY, unsafe { &mut *TX.get(dma.transmit).cast() });
         let mut standby = self.free_tx_buffer();
         build(standby.number(), standby.bytes());
         standby.submit();
-        free(|cs| {
-            update(cs, |state| {
-                state.len = len.min(MAX_FRAME);
-                arm(dma, state.len);
-            });
+        update(|state| {
+            state.len = len.min(MAX_FRAME);
+            arm(dma, state.len);
         });
     }
 
     /// When the frame that [`Self::claim`] would return ended.
     #[inline]
-    pub fn ended_at(&self, cs: &CriticalSection) -> Option<Micros> {
-        update(cs, |state| state.handover.ended_at())
+    pub fn ended_at(&self, token: &mut FrameEnd) -> Option<Micros> {
+        STATE.borrow(token).handover.ended_at()
     }
 
     /// The frame that ended last.
     #[inline]
     // Requirement: WIRE-spi-2
-    pub fn claim(&mut self, cs: &CriticalSection) -> Option<Claim<'_>> {
-        let claimed = update(cs, |state| state.handover.claim())?;
+    pub fn claim(&mut self, token: &mut FrameEnd) -> Option<Claim<'_>> {
+        let claimed = STATE.borrow(token).handover.claim()?;
         Some(Claim {
             claimed,
             slave: PhantomData,
@@ -268,7 +266,7 @@ impl SpiSlave {
     /// A buffer for the armed reply, unless a frame has carried it.
     #[inline]
     pub fn fresh_reply(&mut self) -> Option<FreshReply<'_>> {
-        let reply = free(|cs| update(cs, |state| state.handover.fresh_reply()))?;
+        let reply = update(|state| state.handover.fresh_reply())?;
         Some(FreshReply(FreeTxBuffer {
             reply,
             slave: PhantomData,
@@ -279,7 +277,7 @@ impl SpiSlave {
     #[inline]
     pub fn free_tx_buffer(&mut self) -> FreeTxBuffer<'_> {
         FreeTxBuffer {
-            reply: free(|cs| update(cs, |state| state.handover.next_reply())),
+            reply: update(|state| state.handover.next_reply()),
             slave: PhantomData,
         }
     }
@@ -287,8 +285,8 @@ impl SpiSlave {
 
 const STREAM: u32 = control::channel(3) | control::VERY_HIGH;
 
-/// Resets the peripheral and starts both directions, in the order of RM0383, 20.3.9; masked or at the
-/// highest priority, with both streams stopped. `len` is a reply's.
+/// Resets the peripheral and starts both directions, in the order of RM0383, 20.3.9; with no end of
+/// a frame in between and both streams stopped. `len` is a reply's.
 // Requirement: DOC-2.1-5, WIRE-spi-4
 #[inline(never)]
 fn arm(dma: DmaBuffers, len: usize) {
@@ -316,12 +314,11 @@ fn arm(dma: DmaBuffers, len: usize) {
 /// Ends a frame at the rising edge of chip-select.
 // Requirement: WIRE-spi-1, WIRE-spi-5
 #[inline]
-pub fn end_frame(at: Micros, cs: &CriticalSection) {
+pub fn end_frame(at: Micros, token: &mut FrameEnd) {
     Receive::stop();
     Transmit::stop();
     let clocked = RX_LEN.saturating_sub(Receive::remaining().into()) as u8;
-    update(cs, |state| {
-        let dma = state.handover.end_frame(clocked, at);
-        arm(dma, state.len);
-    });
+    let state = STATE.borrow(token);
+    let dma = state.handover.end_frame(clocked, at);
+    arm(dma, state.len);
 }

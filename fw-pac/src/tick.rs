@@ -1,13 +1,12 @@
 //! TIM5's interrupt: latches the 100 Hz tick, ends trigger pulses, starts the battery's conversion.
 //!
-//! It is above the robot's priority and only latches: both encoders and the time go into a slot within
-//! one masked stretch of a few instructions, so the sample is of the tick's instant however long the
-//! robot is busy with a frame.
+//! It has the highest priority and only latches: both encoders and the time go into a slot, so the sample
+//! is of the tick's instant, whatever the robot and the link are busy with.
 
 use crate::registers::Registers;
 use crate::{adc, encoders, rangefinders, time};
 use core::cell::Cell;
-use cortex_m::interrupt::{free, CriticalSection, Mutex};
+use cortex_m::interrupt::{CriticalSection, Mutex};
 use cortex_m::peripheral::SCB;
 use fw_core::robot::TickInput;
 use fw_core::types::Micros;
@@ -70,23 +69,23 @@ pub fn take(token: &CriticalSection) -> Option<TickInput> {
 
 /// A compare event of the timer.
 #[inline]
-pub fn on_timer() {
+pub fn on_timer(token: &CriticalSection) {
     let timer = TIM5::registers();
     let flags = timer.sr().read();
     let enabled = timer.dier().read();
+    // At once: a clear that is still under way at the exception's return would raise it again.
+    // SAFETY: a 1 leaves its flag.
+    timer.sr().write(|w| unsafe { w.bits(!flags.bits()) });
     if flags.cc2if().bit_is_set() && enabled.cc2ie().bit_is_set() {
         rangefinders::end_trigger();
         timer.dier().modify(|_, w| w.cc2ie().clear_bit());
-        timer.sr().write(|w| w.cc2if().clear_bit());
     }
     if flags.cc1if().bit_is_set() {
-        free(|token| LATCHED.borrow(token).set(Some(sample(token))));
+        LATCHED.borrow(token).set(Some(sample(token)));
         schedule(timer.ccr1().read().bits());
-        timer.sr().write(|w| w.cc1if().clear_bit());
         SCB::set_pendsv();
     }
     if flags.cc3if().bit_is_set() {
         adc::begin();
-        timer.sr().write(|w| w.cc3if().clear_bit());
     }
 }

@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, HashSet};
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::{Command, PiLink, PoseCode, MAX_FRAME};
 use robot_tests::disturbance::Random;
-use robot_tests::reference::{image_in_mode, normal_frame, KEY_STM};
+use robot_tests::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
 use robot_tests::test_board::{elf, Rig, ELF, TIM5_CCR1};
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
@@ -288,6 +288,31 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
         &wrong[..wrong.len().min(5)]
     );
     drive.rig.assert_modelled();
+}
+
+/// The transmitter holds a reply's first two bytes ready: a refresh that changes the second, the highest of x,
+/// must not be copied over it.
+// Requirement: WIRE-spi-6
+#[test]
+fn reply_refresh_across_zero_keeps_fetched_bytes() {
+    let rig = Rig::ready(Options {
+        eeprom: Some(image_in_mode(0)),
+        room: Room::default(),
+        start: Some(Pose2::new(0.0, 0.0, 0.0)),
+        spi_preloads: true,
+        ..Options::default()
+    });
+    let mut signs = Vec::new();
+    for x_um in [150_000, -150_000, 150_000] {
+        for _ in 0..400 {
+            let reply = NormalReply::of(&rig.frame(&normal_frame(x_um, 0, 0, true)));
+            assert!(reply.x.abs() < 200_000, "{reply:?}");
+            signs.push(reply.x < 0);
+            rig.run_us(10_000);
+        }
+    }
+    signs.dedup();
+    assert!(signs.len() >= 3, "x crosses zero both ways: {signs:?}");
 }
 
 // Requirement: WIRE-spi-6

@@ -3,9 +3,8 @@
 use robot_tests::test_board::{elf, ELF};
 use robot_tests::throughput::long_run;
 
-/// Worst distance of two ticks from the period, microseconds; 2.0 is the goal. A frame's end, or an answer
-/// that arms again with interrupts masked, holds a tick up for some 140 instructions.
-const JITTER_US: f64 = 2.5;
+/// Worst distance of two ticks from the period, microseconds.
+const JITTER_US: f64 = 2.0;
 
 // Requirement: WIRE-spi-5, WIRE-spi-6
 #[test]

@@ -10,14 +10,13 @@ use super::field::Field;
 use super::fields::{
     ACCELERATION, ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, BEARING_FRONT, BEARING_LEFT,
     BEARING_RIGHT, BLIND_SPEED, CELLS, COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT,
-    DECELERATION, ENCODER_LEFT_REVERSED, ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_ANTI_WINDUP,
-    FORWARD_D, FORWARD_I, FORWARD_P, FRONT_OVERHANG, FULL_SPEED_LEFT, FULL_SPEED_RIGHT, GYRO,
-    KEY_FROM_PI, KEY_FROM_STM, LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MAX_SPEED,
-    MAX_YAW_RATE, MODE, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE,
-    RANGEFINDERS, REACTION_TIME, REVERSE_DISTANCE, REVERSE_SPEED, ROTATION_ANTI_WINDUP, ROTATION_D,
-    ROTATION_I, ROTATION_P, ROTATION_TOLERANCE, SERVO, SERVO_REVERSED, SERVO_TRAVEL, STOP_DEADLINE,
-    STOP_DISTANCE, TAP_1_LOWER, TAP_1_UPPER, TAP_8_LOWER, TRACK, WHEEL_DIAMETER_LEFT,
-    WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
+    DECELERATION, ENCODER_LEFT_REVERSED, ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_P, FRONT_OVERHANG,
+    FULL_SPEED_LEFT, FULL_SPEED_RIGHT, GYRO, KEY_FROM_PI, KEY_FROM_STM, LIMIT_LEFT, LIMIT_RIGHT,
+    LOG_BAUD, LOG_PERIOD, MAX_SPEED, MAX_YAW_RATE, MODE, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED,
+    POSITION_TOLERANCE, RANGEFINDERS, REACTION_TIME, REVERSE_DISTANCE, REVERSE_SPEED,
+    ROTATION_ANTI_WINDUP, ROTATION_P, ROTATION_TOLERANCE, SERVO, SERVO_REVERSED, SERVO_TRAVEL,
+    STOP_DEADLINE, STOP_DISTANCE, TAP_1_LOWER, TAP_1_UPPER, TAP_8_LOWER, TRACK,
+    WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
 };
 use super::image::{Image, FIRST_PLATFORM, PLATFORM};
 use super::parts::{Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel};
@@ -108,54 +107,25 @@ impl Config {
         let micrometres = |field| Micrometres(raw(field) as u32);
         let turns = |field| Turns((raw(field) as u32) << 16);
         let millivolts = |field| Volts(U16F16::from_bits(((raw(field) as u32) << 16) / 1000));
-        let duty = |field| Duty::saturating(i32::from(word(field)));
         let real = |field| real(raw(field));
-        let gains = |p, i, d, anti_windup| Gains {
-            p: Gain(real(p)),
-            i: Gain(real(i)),
-            d: Gain(real(d)),
-            anti_windup: Gain(real(anti_windup)),
-        };
         const { assert!(TAP_8_LOWER.index == TAP_1_UPPER.index + 15) };
         let divider = |cell: usize| Divider {
             upper: Ohms(at(TAP_1_UPPER.index + 2 * cell as u8) as u32),
             lower: Ohms(at(TAP_1_LOWER.index + 2 * cell as u8) as u32),
         };
-        let wheel = |diameter, encoder, motor, dead_zone, limit, full_speed| Wheel {
-            diameter: micrometres(diameter),
-            encoder_reversed: flag(encoder),
-            motor_reversed: flag(motor),
-            dead_zone: duty(dead_zone),
-            limit: duty(limit),
-            full_speed_mm_s: word(full_speed),
-        };
         Self {
             mode: Mode::from_code(raw(MODE) as u8).unwrap_or_default(),
             key_from_pi: raw(KEY_FROM_PI) as u8,
             key_from_stm: raw(KEY_FROM_STM) as u8,
-            forward: gains(FORWARD_P, FORWARD_I, FORWARD_D, FORWARD_ANTI_WINDUP),
-            rotation: gains(ROTATION_P, ROTATION_I, ROTATION_D, ROTATION_ANTI_WINDUP),
+            forward: gains(&at, FORWARD_P),
+            rotation: gains(&at, ROTATION_P),
             adc_max: real(ADC_MAX),
             adc_max_word: word(ADC_MAX_WORD),
             cells: raw(CELLS) as u8,
             rangefinders: raw(RANGEFINDERS) as u8,
             dividers: core::array::from_fn(divider),
-            left: wheel(
-                WHEEL_DIAMETER_LEFT,
-                ENCODER_LEFT_REVERSED,
-                MOTOR_LEFT_REVERSED,
-                DEAD_ZONE_LEFT,
-                LIMIT_LEFT,
-                FULL_SPEED_LEFT,
-            ),
-            right: wheel(
-                WHEEL_DIAMETER_RIGHT,
-                ENCODER_RIGHT_REVERSED,
-                MOTOR_RIGHT_REVERSED,
-                DEAD_ZONE_RIGHT,
-                LIMIT_RIGHT,
-                FULL_SPEED_RIGHT,
-            ),
+            left: wheel(&at, 0),
+            right: wheel(&at, 1),
             track: micrometres(TRACK),
             counts_per_turn: word(COUNTS_PER_TURN),
             stop_deadline: Milliseconds(word(STOP_DEADLINE)),
@@ -337,6 +307,42 @@ impl Config {
 #[inline(never)]
 fn raw_at(raw: &impl Fn(&'static Field) -> u64, index: u8) -> u64 {
     FIELDS.get(usize::from(index)).map_or(0, raw)
+}
+
+/// The gains whose fields follow one another from `first`, by the raw values at their indices.
+#[inline(never)]
+fn gains(raw: &impl Fn(u8) -> u64, first: &Field) -> Gains {
+    const { assert!(ROTATION_ANTI_WINDUP.index == FORWARD_P.index + 7) };
+    let gain = |place| Gain(real(raw(first.index + place)));
+    Gains {
+        p: gain(0),
+        i: gain(1),
+        d: gain(2),
+        anti_windup: gain(3),
+    }
+}
+
+/// The wheel of a `side`: 0 left, 1 right, by the raw values at the fields' indices.
+#[inline(never)]
+fn wheel(raw: &impl Fn(u8) -> u64, side: u8) -> Wheel {
+    const {
+        assert!(WHEEL_DIAMETER_RIGHT.index == WHEEL_DIAMETER_LEFT.index + 1);
+        assert!(ENCODER_RIGHT_REVERSED.index == ENCODER_LEFT_REVERSED.index + 1);
+        assert!(MOTOR_RIGHT_REVERSED.index == MOTOR_LEFT_REVERSED.index + 1);
+        assert!(DEAD_ZONE_RIGHT.index == DEAD_ZONE_LEFT.index + 1);
+        assert!(LIMIT_RIGHT.index == LIMIT_LEFT.index + 1);
+        assert!(FULL_SPEED_RIGHT.index == FULL_SPEED_LEFT.index + 1);
+    }
+    let raw = |left: &Field| raw(left.index + side);
+    let duty = |field| Duty::saturating(i32::from(raw(field) as u16));
+    Wheel {
+        diameter: Micrometres(raw(WHEEL_DIAMETER_LEFT) as u32),
+        encoder_reversed: raw(ENCODER_LEFT_REVERSED) != 0,
+        motor_reversed: raw(MOTOR_LEFT_REVERSED) != 0,
+        dead_zone: duty(DEAD_ZONE_LEFT),
+        limit: duty(LIMIT_LEFT),
+        full_speed_mm_s: raw(FULL_SPEED_LEFT) as u16,
+    }
 }
 
 /// A checked number.

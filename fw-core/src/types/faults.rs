@@ -59,7 +59,7 @@ faults! {
     BATTERY_LOW = 3, "battery-low", false, "fw-core/src/robot/mod.rs",
         "a cell is below the warning voltage", Some("battery low: charge it");
     BATTERY_CUTOFF = 4, "battery-cutoff", true, "fw-core/src/robot/mod.rs",
-        "a cell is below the cut-off voltage", Some("battery empty: motors off");
+        "a cell is below the cut-off voltage, or none was measured for half a second", Some("battery empty: motors off");
     LEFT_STALLED = 5, "left-stalled", true, "fw-core/src/motion/drive_monitor.rs",
         "the left wheel does not follow its duty", Some("left wheel stalled");
     RIGHT_STALLED = 6, "right-stalled", true, "fw-core/src/motion/drive_monitor.rs",
@@ -79,6 +79,8 @@ faults! {
         "a wheel slipped or the robot was turned by force: the heading followed the gyroscope", None;
     GYRO_LOST = 13, "gyro-lost", false, "fw-core/src/robot/slip_monitor.rs",
         "the configuration has a gyroscope and it is missing or unreliable: encoders alone", None;
+    SUPPLY_LOW = 14, "supply-low", true, "fw-pac/src/app.rs",
+        "the supply of the STM fell below 2.7 V", Some("supply low: motors off");
 }
 
 impl Faults {

@@ -25,7 +25,8 @@ pub const TX_BUFFERS: u8 = 3;
 /// Least time from a rising edge of chip-select to the next falling edge, µs (docs/interfaces.md).
 pub const GAP_US: u32 = 20;
 /// Microseconds after the rising edge within which the armed reply may be replaced. What is left of
-/// [`GAP_US`] covers the interrupt's latency and the time to arm, at 60 instructions a microsecond.
+/// [`GAP_US`] covers, at 60 instructions a microsecond, every handler that captures a time (300), the
+/// longest masked stretch (60) and the time to arm (110).
 pub const SWAP_WINDOW_US: u32 = 12;
 
 /// Bytes that the transmitter may have fetched when a refresh is complete that began with chip-select
