@@ -89,13 +89,14 @@ pub fn begin() {
         TAPS as u16,
         control::channel(0) | control::HALF_WORDS | control::MEDIUM,
     );
+    // DDS: requests go on whatever the count of the last block was (RM0383, 11.8.1).
     adc.cr2().write(|w| {
         w.adon().set_bit();
-        w.dma().set_bit()
+        w.dma().set_bit().dds().set_bit()
     });
     adc.cr2().write(|w| {
         w.adon().set_bit();
-        w.dma().set_bit();
+        w.dma().set_bit().dds().set_bit();
         w.swstart().set_bit()
     });
 }

@@ -185,11 +185,13 @@ impl Gyro {
     /// I2C1's error interrupt.
     pub fn on_error(&mut self) {
         let i2c = I2C1::registers();
-        let refused = i2c.sr1().read().af().bit_is_set();
+        let status = i2c.sr1().read();
+        let (refused, lost) = (status.af().bit_is_set(), status.arlo().bit_is_set());
         // Every error flag is cleared by a 0.
         i2c.sr1().reset();
-        Dma::stop();
-        if self.phase != Phase::Idle {
+        // BERR alone has no cause here (ES0287, 2.10): the transfer goes on.
+        if self.phase != Phase::Idle && (refused || lost) {
+            Dma::stop();
             self.end(if refused {
                 BusResult::Nack
             } else {

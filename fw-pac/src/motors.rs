@@ -9,8 +9,8 @@
 //!
 //! Whenever a motor's inputs change, its enable goes low first and stays so for
 //! [`DEAD_TIME_CYCLES`], longer than the bridge needs to turn off, so upper and lower transistors of
-//! a leg never conduct together. The compare registers are not preloaded: a new duty, and a zero
-//! above all, takes effect at once and not at the next period.
+//! a leg never conduct together. The compare registers are preloaded, as PWM mode needs it (RM0383,
+//! 13.4.7); the zero before a change of inputs takes effect at once, by an update event.
 
 use crate::board::{LEFT_EN, LEFT_IN1, LEFT_IN2, RIGHT_EN, RIGHT_IN1, RIGHT_IN2};
 use crate::clock::APB1_TIMER_HZ;
@@ -54,8 +54,8 @@ impl Motors {
     pub fn start() -> Self {
         let timer = TIM4::registers();
         timer.ccmr2_output().write(|w| {
-            w.oc3m().pwm_mode1();
-            w.oc4m().pwm_mode1()
+            w.oc3m().pwm_mode1().oc3pe().set_bit();
+            w.oc4m().pwm_mode1().oc4pe().set_bit()
         });
         timer.psc().write(|w| w.psc().set(0));
         timer.arr().write(|w| w.arr().set((PERIOD - 1) as u16));
@@ -90,6 +90,7 @@ impl Motors {
             if turn_left {
                 timer.ccr4().write(|w| w.ccr().set(0));
             }
+            timer.egr().write(|w| w.ug().set_bit());
             cortex_m::asm::delay(DEAD_TIME_CYCLES);
             if turn_right {
                 apply(right_inputs, RIGHT_IN1, RIGHT_IN2);

@@ -44,6 +44,7 @@ fn panic(_: &PanicInfo) -> ! {
 unsafe fn NonMaskableInt() -> ! {
     // Otherwise the NMI stays pending and is taken again after the reset.
     RCC::registers().cir().modify(|_, w| w.cssc().set_bit());
+    uart::slow_down();
     halt(b"\nE: crystal failed, motors off\n")
 }
 

@@ -84,6 +84,13 @@ fn set_baud(baud: u32) {
     });
 }
 
+/// Keeps the rate where the clock has fallen from 100 MHz to the internal oscillator's 16 MHz.
+pub fn slow_down() {
+    let brr = USART1::registers().brr();
+    // SAFETY: a smaller divider of the same layout.
+    brr.modify(|r, w| unsafe { w.bits((r.bits() * 4 + 12) / 25) });
+}
+
 /// Sends `text` without DMA or interrupts, for the safe state. Bounded: gives up where the
 /// transmitter does not take a byte, as before boot has started it.
 pub fn write_blocking(text: &[u8]) {

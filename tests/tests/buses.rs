@@ -30,6 +30,25 @@ const STREAMS: [(u64, u64, u64, u64); 4] = [
     (control(1, 0), 1, 0, I2C1_DR),
 ];
 
+/// A master may see a bus error without a cause (ES0287, 2.10).
+// Requirement: DOC-6-1
+#[test]
+fn boot_ignores_spurious_bus_errors() {
+    let rig = Rig::new(Options {
+        eeprom: Some(original_image()),
+        ..Options::default()
+    });
+    while !rig.is_ready() && rig.now_us() < 20_000 {
+        rig.run_us(83);
+        rig.raise_bus_error();
+    }
+    assert!(
+        rig.is_ready() && !rig.log().contains("I2C"),
+        "{}",
+        rig.log()
+    );
+}
+
 // Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3, WIRE-spi-4, WIRE-eeprom-7
 #[test]
 fn buses_use_dma() {

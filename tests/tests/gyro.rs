@@ -128,6 +128,22 @@ impl GyroRobot {
     }
 }
 
+/// A master may see a bus error without a cause (ES0287, 2.10): at every step of the transfers.
+// Requirement: WIRE-fault-13
+#[test]
+fn gyro_ignores_spurious_bus_errors() {
+    let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
+    for step in 0..20_000 {
+        robot.rig.run_us(71);
+        robot.rig.raise_bus_error();
+        if step % 300 == 0 {
+            robot.exchange(&Command::default());
+        }
+    }
+    assert_eq!(robot.last.faults, Faults::NONE, "{}", robot.log());
+    assert!(robot.log().contains("gyro: bias"), "{}", robot.log());
+}
+
 /// Stands two seconds, turns left by a quarter, then drives 1.5 m; its left wheel slips for a second
 /// on the way.
 fn slipping(gyro: bool) -> GyroRobot {

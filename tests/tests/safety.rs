@@ -7,6 +7,7 @@ use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
 use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
 use twin::plant::{Room, Sides};
+use twin::trace::EventKind;
 use twin::{Board, Options, ResetSource};
 
 fn driving() -> Rig {
@@ -122,6 +123,90 @@ fn ends_standing(rig: &Rig, why: &str) {
     assert!(rig.motors_off(), "after the restart it stands");
     rig.run_us(100_000);
     assert!(rig.log().contains("watchdog"), "{}", rig.log());
+}
+
+/// Nothing moves for as long as the host goes on asking.
+fn stays_off(rig: &Rig, line: &str) {
+    assert!(rig.log().contains(line), "{}", rig.log());
+    assert_eq!(rig.leds(), leds(State::Faulted));
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let _ = rig.keep_sending(&go, 500_000);
+    assert!(rig.motors_off());
+}
+
+// Requirement: WIRE-fault-14
+#[test]
+fn supply_below_threshold_stops_motors() {
+    let rig = driving();
+    rig.set_supply(2_800);
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let _ = rig.keep_sending(&go, 100_000);
+    assert!(!rig.motors_off(), "{}", rig.log());
+    rig.set_supply(2_500);
+    assert!(rig.run_until(11_000, 100, |_| rig.motors_off()));
+    rig.set_supply(3_300);
+    stays_off(&rig, "supply low: motors off");
+}
+
+// Requirement: WIRE-fault-4
+#[test]
+fn stopped_converter_stops_motors() {
+    let rig = driving();
+    rig.stop_converter();
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let _ = rig.keep_sending(&go, 400_000);
+    assert!(!rig.motors_off(), "{}", rig.log());
+    let _ = rig.keep_sending(&go, 150_000);
+    assert!(rig.motors_off());
+    stays_off(&rig, "battery empty: motors off");
+}
+
+/// TIM4's event generation (RM0383, table 1).
+const TIM4_EGR: u64 = 0x4000_0814;
+/// Right and left motor: TIM4's compare value of the enable, the port's set and reset register, and the bits of
+/// both inputs in it.
+const BRIDGES: [(u64, u64, u64); 2] = [
+    (0x4000_083C, 0x4002_0018, 0x000C_000C),
+    (0x4000_0840, 0x4002_0818, 0xC000_C000),
+];
+/// More than the L298P's slowest turn-off, nanoseconds.
+const DEAD_TIME_NS: u64 = 2_000;
+
+// Requirement: DOC-2.3-2
+#[test]
+fn bridge_inputs_change_after_dead_time() {
+    let rig = driving();
+    rig.trace_writes(TIM4_EGR);
+    for (compare, port, _) in BRIDGES {
+        rig.trace_writes(compare);
+        rig.trace_writes(port);
+    }
+    for x_um in [-3_000_000, 3_000_000, -3_000_000] {
+        let _ = rig.keep_sending(&normal_frame(x_um, 0, 0, true), 1_500_000);
+    }
+    let events = rig.take_events();
+    for (compare, port, inputs) in BRIDGES {
+        let (mut duty, mut off_since, mut changes) = (None, None, 0);
+        for event in &events {
+            match event.kind {
+                EventKind::Write { address, value } if address == compare => {
+                    (duty, off_since) = (Some(value), None);
+                }
+                // A zero is in effect from the update on.
+                EventKind::Write { address, .. } if address == TIM4_EGR && duty == Some(0) => {
+                    off_since = Some(event.at_ns);
+                }
+                EventKind::Write { address, value } if address == port && value & inputs != 0 => {
+                    let off_since = off_since.expect("the enable is low");
+                    let off = event.at_ns - off_since;
+                    assert!(off >= DEAD_TIME_NS, "{off} ns at {}", event.at_ns);
+                    changes += 1;
+                }
+                _ => {}
+            }
+        }
+        assert!(changes >= 4, "{changes} changes of the inputs");
+    }
 }
 
 #[test]

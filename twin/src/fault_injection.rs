@@ -10,6 +10,9 @@ use crate::components::mpu6050::Mpu6050;
 
 /// TIM5's first control register, RM0383 table 1 and section 13.4.1.
 const TIM5_CR1: u64 = 0x4000_0C00;
+/// The clocks of APB2's peripherals, RM0383 section 6.3.12, and the converter's among them.
+const RCC_APB2ENR: u64 = 0x4002_3844;
+const ADC1EN: u64 = 1 << 8;
 
 impl Board {
     /// Changes what is broken in the physical world: a dead encoder, a missing or stuck echo, slip,
@@ -32,15 +35,42 @@ impl Board {
         });
     }
 
+    /// I2C1 sees a bus error that is none, ES0287 section 2.10.
+    pub fn raise_bus_error(&self) {
+        self.stopped(|stopped| {
+            let at = stopped.at();
+            stopped.mcu().chip.raise_i2c1_bus_error(at);
+        });
+    }
+
+    /// The 3.3 V rail, in millivolts, from now on.
+    pub fn set_supply(&self, millivolts: u32) {
+        self.stopped(move |stopped| stopped.mcu().chip.set_supply(millivolts));
+    }
+
+    /// The converter stops: no conversion ends any more.
+    pub fn stop_converter(&self) {
+        self.change(RCC_APB2ENR, |clocks| clocks & !ADC1EN);
+    }
+
     /// TIM5, the timer of the firmware's ticks, stops.
     ///
     /// # Panics
     /// While TIM5 has no clock, before the firmware has started it.
     pub fn stop_ticks(&self) {
-        self.stopped(|stopped| {
+        self.change(TIM5_CR1, |_| 0);
+    }
+
+    /// Changes a word of a peripheral that has its clock.
+    fn change(&self, address: u64, change: impl FnOnce(u64) -> u64 + Send + 'static) {
+        self.stopped(move |stopped| {
             let at = stopped.at();
-            let written = stopped.mcu().chip.write(at, TIM5_CR1, Width::W32, 0);
-            written.expect("TIM5 has its clock");
+            let chip = &mut stopped.mcu().chip;
+            let word = chip
+                .read(at, address, Width::W32)
+                .expect("it has its clock");
+            let written = chip.write(at, address, Width::W32, change(word));
+            written.expect("it has its clock");
         });
     }
 }

@@ -176,7 +176,9 @@ impl Battery {
     // Requirement: WIRE-eeprom-12
     pub fn sample(&mut self, words: &[u16]) {
         let mut words = words.iter();
-        let (mut below, mut lowest) = (0, u32::MAX);
+        // No conversion counts as empty: the voltage is not known.
+        let unknown = words.len() == 0;
+        let (mut below, mut lowest) = (0, if unknown { 0 } else { u32::MAX });
         let count = usize::from(self.cells);
         for (tap, cell) in self.taps.iter_mut().zip(&mut self.voltages).take(count) {
             if let Some(&word) = words.next() {

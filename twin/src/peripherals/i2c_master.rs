@@ -1,12 +1,13 @@
-//! `rigless`'s I2C controller with two additions.
+//! `rigless`'s I2C controller with three additions.
 //!
 //! - The last byte of a DMA reception. With `LAST` set (RM0383 section 18.3.8, 18.6.2 bit 12) the
 //!   hardware answers the byte that ends the stream's count with a NACK. The part sets
 //!   [`I2cPeripheral::next_is_last`] from the stream's count.
 //! - A bus held low by a device. `BUSY` is set (section 18.6.7 bit 1: on detection of `SDA` or `SCL`
 //!   low) and a requested start waits until the line is released.
+//! - A spurious `BERR` (ES0287 section 2.10): the flag and its interrupt; the transfer goes on.
 
-use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::i2c3::{cr1, cr2, sr1, sr2, Register};
 use rigless::soc::stm32f427::peripherals::i2c::I2c;
 use rigless::soc::RegisterSpec;
@@ -19,7 +20,12 @@ pub struct I2cPeripheral {
     pub inner: I2c,
     last: bool,
     held_low: bool,
+    /// The error line, raised by `BERR`.
+    bus_error: bool,
 }
+
+/// The error line's position among the instance's interrupts.
+const ERROR: usize = 1;
 
 impl I2cPeripheral {
     /// The controller of an interface whose bus runs at `clock_hz`.
@@ -28,6 +34,26 @@ impl I2cPeripheral {
             inner: I2c::with_clock(clock_hz),
             last: false,
             held_low: false,
+            bus_error: false,
+        }
+    }
+
+    /// Sets `BERR`, whatever is on the bus.
+    pub fn raise_bus_error(
+        &mut self,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let status = registers.get(Register::Sr1);
+        registers.set(Register::Sr1, sr1::BERR.set(status, 1));
+        self.update_error_line(registers, context);
+    }
+
+    fn update_error_line(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+        let raised = sr1::BERR.is_set(registers.get(Register::Sr1))
+            && cr2::ITERREN.is_set(registers.get(Register::Cr2));
+        if std::mem::replace(&mut self.bus_error, raised) != raised {
+            context.interrupt(ERROR, Level::from(raised));
         }
     }
 
@@ -113,6 +139,7 @@ impl Device for I2cPeripheral {
         self.set_busy(registers);
         self.inner.write(register, value, registers, context);
         self.set_busy(registers);
+        self.update_error_line(registers, context);
     }
 
     fn on_event(
@@ -158,6 +185,7 @@ impl Device for I2cPeripheral {
 
     fn reset(&mut self) {
         self.last = false;
+        self.bus_error = false;
         self.inner.reset();
     }
 

@@ -110,13 +110,29 @@ fn tap_without_words_is_not_a_low_cell() {
         (fields::TAP_4_UPPER, 0),
         (fields::TAP_4_LOWER, 1),
     ]));
-    for words in [&words(3.7, 3.7)[..], &[]] {
-        for _ in 0..1000 {
-            battery.sample(words);
-        }
-        assert!(!battery.low() && !battery.empty());
-        assert_eq!(battery.cell(3).unwrap().0, 0);
+    for _ in 0..1000 {
+        battery.sample(&words(3.7, 3.7));
     }
+    assert!(!battery.low() && !battery.empty());
+    assert_eq!(battery.cell(3).unwrap().0, 0);
+}
+
+// Requirement: WIRE-fault-4
+#[test]
+fn battery_unread_for_half_a_second_is_empty() {
+    let mut battery = Battery::new(&first_board());
+    for missing in [0, 1, DEBOUNCE_TICKS - 1, DEBOUNCE_TICKS] {
+        battery.sample(&words(3.7, 3.7));
+        for _ in 0..missing {
+            battery.sample(&[]);
+        }
+        let unread = missing == DEBOUNCE_TICKS;
+        assert_eq!((battery.low(), battery.empty()), (unread, unread));
+    }
+    // The supervision is off.
+    (battery.warn, battery.cutoff, battery.empty) = (0, 0, false);
+    battery.sample(&[]);
+    assert!(!battery.low() && !battery.empty());
 }
 
 // Requirement: WIRE-eeprom-12
