@@ -134,8 +134,8 @@ impl ServoScan {
         self.phase = match self.phase {
             Phase::Off => {
                 self.apply_width();
+                // From here the next step ascends.
                 self.position = 0;
-                self.ascending = true;
                 Phase::Homing(FULL_TRAVEL_TICKS)
             }
             Phase::Homing(left) if left > 1 => Phase::Homing(left - 1),

@@ -11,6 +11,7 @@ extern crate std;
 struct Turned {
     bench: Bench,
     outcome: BusResult,
+    logged: std::string::String,
     noise: u8,
     absent: bool,
     settings: [u8; 2],
@@ -21,6 +22,7 @@ impl Turned {
         Self {
             bench: Bench::with(mode, &[(fields::GYRO, 1)]),
             outcome: BusResult::Done,
+            logged: std::string::String::new(),
             noise: 0,
             absent: false,
             settings: [0; 2],
@@ -36,7 +38,7 @@ impl Turned {
         self.bench.sample.right = self.bench.sample.right.wrapping_add_signed(-right);
         let _ = self.bench.tick();
         let sent = self.bench.log.pending().len();
-        std::print!("{}", self.bench.log());
+        self.logged.push_str(self.bench.log());
         self.bench.log.sent(sent);
         self.noise = (self.noise + 3) % 7;
         self.outcome = match order {
@@ -173,6 +175,32 @@ fn contradicting_gyro_is_fault_but_not_slip_end() {
     assert_eq!(lost(&upside_down), Faults::NONE);
     upside_down.ticks(20, -SPIN, -10, 10);
     assert_eq!(lost(&upside_down), Faults::GYRO_LOST);
+}
+
+/// Its bias and its trust go with it, and a slip ends.
+#[test]
+fn gyro_lost_during_slip_restarts_without_bias() {
+    let mut robot = Turned::new(Mode::GuardedNormal);
+    robot.ticks(200, 0, 0, 0);
+    robot.ticks(50, SPIN, -10, 10);
+    robot.ticks(20, 0, -10, 10);
+    robot.absent = true;
+    robot.ticks(10, 0, 0, 0);
+    let texts = |text: &str| robot.logged.matches(text).count();
+    assert_eq!(texts("slip: heading by the gyro\n"), 1, "{}", robot.logged);
+    assert_eq!(
+        texts("slip over: heading corrected by "),
+        1,
+        "{}",
+        robot.logged
+    );
+    assert_eq!(
+        texts(": gyro: no answer at 0x68, encoders alone\n"),
+        1,
+        "{}",
+        robot.logged
+    );
+    assert_eq!(robot.bench.robot.slip_monitor.angle(), None);
 }
 
 // Requirement: WIRE-platform-7

@@ -46,16 +46,16 @@ fn servo_scan_swings_while_link_is_alive() {
 #[test]
 fn servo_scan_rests_in_silence_and_when_faulted() {
     let mut bench = sweeper();
-    let (bearings, _) = swept(&mut bench, 150, 10);
-    assert!(!bearings.is_empty());
+    let (first, _) = swept(&mut bench, 200, 10);
+    assert!(!first.is_empty());
     // The last frame was 100 ms before: of the next ticks the fifteenth is 250 ms after it, and silent.
     let (_, pulses) = swept(&mut bench, 14, 0);
     assert_eq!(pulses, 7);
     assert_ne!(bench.robot.report.ranges[0], DistanceCode::NONE);
     assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "silence");
     assert_eq!(bench.robot.report.ranges[0], DistanceCode::NONE);
-    let (bearings, _) = swept(&mut bench, 150, 10);
-    assert!(!bearings.is_empty(), "talked to again");
+    let (again, _) = swept(&mut bench, 200, 10);
+    assert_eq!(again, first, "from its first end again");
     bench.robot.raise(Faults::LEFT_STALLED, &mut bench.log);
     assert_eq!(swept(&mut bench, 100, 10), (Vec::new(), 0), "faulted");
 }
