@@ -49,7 +49,7 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
 /// Runs the Pi's program on the virtual board; `arguments` are its own, files in them are relative to
 /// the current folder. Returns its exit code.
 pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
-    let build = "build --quiet --release --package pilot --features virtual";
+    let build = "build --quiet --release --package pilot --features virtual,web";
     session.cargo_with_board(build)?.quiet().run()?;
     let mut program = Command::new(session.target.join("release/robot"));
     program.args(arguments).args(["--virtual", "--elf"]);

@@ -82,7 +82,7 @@ impl Client {
         Ok(client)
     }
 
-    /// Sends a request and waits for its reply; other messages wait for [`Self::next`].
+    /// Sends a request and waits for its reply; other messages wait for [`Self::message`].
     ///
     /// # Errors
     /// [`Error::Server`]: the refusal, or that the server has ended.
@@ -118,7 +118,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Error::Server`]: the server has ended.
-    pub fn next(&mut self) -> Result<Option<Message>, Error> {
+    pub fn message(&mut self) -> Result<Option<Message>, Error> {
         match self.queue.pop_front() {
             Some(message) => Ok(Some(message)),
             None => self.receive(),
@@ -174,7 +174,7 @@ impl Client {
                 self.request(&Request::Stop)?;
                 return Err(Error::Interrupted);
             }
-            match self.next()? {
+            match self.message()? {
                 Some(Message::Done { error, seconds, .. }) => {
                     return error.map_or(Ok(seconds), |why: Failure| Err(why.into()));
                 }

@@ -20,6 +20,7 @@
 //! | [`mapping`] | mapping while driving; recordings |
 //! | [`client`] | a client of a server |
 //! | [`serve`] | one process owns the robot, many look on |
+//! | `web` | the page of `serve --web` (feature `web`) |
 //! | `virtual_board` | the firmware's ELF on the virtual board (feature `virtual`) |
 #![forbid(unsafe_code)]
 
@@ -35,3 +36,5 @@ pub mod tune;
 #[cfg(feature = "virtual")]
 pub mod virtual_board;
 pub mod waypoints;
+#[cfg(feature = "web")]
+pub mod web;

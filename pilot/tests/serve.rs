@@ -43,8 +43,7 @@ fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command>
         control::run(&mut io, &options, events).unwrap();
         scenario.join().unwrap();
     });
-    let commands = board.borrow().commands.clone();
-    commands
+    std::mem::take(&mut board.borrow_mut().commands)
 }
 
 fn join(hub: &Hub, name: &str) -> Client {
@@ -63,7 +62,7 @@ fn drive(forward_mm_s: f64, lease_ms: u32) -> Request {
 fn end_of_motion(client: &mut Client) -> (Duration, String) {
     let begun = Instant::now();
     loop {
-        if let Some(Message::Done { error, .. }) = client.next().unwrap() {
+        if let Some(Message::Done { error, .. }) = client.message().unwrap() {
             return (
                 begun.elapsed(),
                 error.map_or_else(String::new, |error| error.text),
@@ -175,7 +174,7 @@ fn reader_that_does_not_read_is_dropped() {
         while other.status().unwrap().clients > 1 {}
         let mut messages = 0;
         let error = loop {
-            match slow.next() {
+            match slow.message() {
                 Ok(message) => messages += usize::from(message.is_some()),
                 Err(error) => break error,
             }
@@ -201,14 +200,14 @@ fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
     let (hub, _events) = Hub::new();
     let (mut client, server) = UnixStream::pair().unwrap();
     server.set_read_timeout(Some(TURN)).unwrap();
-    let served = thread::spawn(move || {
+    let thread = thread::spawn(move || {
         listener::serve(&mut Lines::new(server), hub.admit().unwrap(), token);
     });
     // The server may refuse before everything is sent.
     let _ = client.write_all(bytes);
     let mut text = String::new();
     let _ = client.read_to_string(&mut text);
-    served.join().unwrap();
+    thread.join().unwrap();
     text
 }
 

@@ -9,6 +9,7 @@
 //! | [`throughput`] | how fast frames may come, for how long, and what a torn one costs |
 //! | [`exploration`] | a room explored, and its comparison with the truth |
 //! | [`truth_track`] | the true pose at each report |
+//! | [`serving`] | the robot served to clients |
 //! | [`stack`] | how much of its stack the firmware has used |
 #![forbid(unsafe_code)]
 
@@ -16,6 +17,7 @@ pub mod disturbance;
 pub mod exploration;
 pub mod io_faults;
 pub mod reference;
+pub mod serving;
 pub mod stack;
 pub mod test_board;
 pub mod throughput;

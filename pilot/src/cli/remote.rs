@@ -24,7 +24,7 @@ pub fn monitor(client: &mut Client, command: &Monitor, context: Context<'_>) -> 
     let mut remaining = command.count.unwrap_or(u64::MAX);
     while remaining > 0 {
         interrupt.check()?;
-        let Some(Message::Frame(frame)) = client.next()? else {
+        let Some(Message::Frame(frame)) = client.message()? else {
             continue;
         };
         remaining -= 1;
@@ -62,7 +62,7 @@ pub fn log(client: &mut Client, context: Context<'_>) -> Result<(), Error> {
     client.request(&Request::Watch { every: 400 })?;
     loop {
         interrupt.check()?;
-        if let Some(Message::Log { line }) = client.next()? {
+        if let Some(Message::Log { line }) = client.message()? {
             context
                 .output
                 .result(&serde_json::json!({ "line": line }), || line);

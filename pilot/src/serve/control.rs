@@ -278,18 +278,17 @@ impl Server {
         let log = session.poll_log();
         self.frames = self.frames.wrapping_add(1);
         let config = session.config();
-        if report.is_some() {
-            if let Some(sample) = RangeSample::of(session.snapshot()) {
-                let last = self.pose.replace(sample.pose);
-                let jumped = |last: Pose| last.distance_mm(sample.pose) > JUMP_MM;
-                if self.localiser.is_none() || last.is_some_and(jumped) {
-                    let settings = exploring::localiser_config(config, CELL_MM);
-                    self.localiser = Some(Localiser::new(settings));
-                    self.new_map();
-                }
-                if let Some(localiser) = &mut self.localiser {
-                    localiser.observe(&exploring::observation(&sample));
-                }
+        let sample = RangeSample::of(session.snapshot());
+        if let Some(sample) = sample.filter(|_| report.is_some()) {
+            let last = self.pose.replace(sample.pose);
+            let jumped = |last: Pose| last.distance_mm(sample.pose) > JUMP_MM;
+            if self.localiser.is_none() || last.is_some_and(jumped) {
+                let settings = exploring::localiser_config(config, CELL_MM);
+                self.localiser = Some(Localiser::new(settings));
+                self.new_map();
+            }
+            if let Some(localiser) = &mut self.localiser {
+                localiser.observe(&exploring::observation(&sample));
             }
         }
         if self.frames % ADVICE_FRAMES == 1 {
@@ -409,11 +408,11 @@ impl Server {
                 Event::Joined(client) => {
                     let id = client.id;
                     self.clients.insert(id, client);
-                    self.reply(id, Ok(()));
+                    self.reply(id, &Ok(()));
                 }
                 Event::Asked(id, request) => {
-                    let outcome = self.handle(id, request);
-                    self.reply(id, outcome);
+                    let outcome = self.handle(id, &request);
+                    self.reply(id, &outcome);
                 }
                 Event::Left(id) => {
                     self.clients.remove(&id);
@@ -424,20 +423,20 @@ impl Server {
         if let Some(lease) = &self.lease {
             let name = &lease.name;
             if !self.clients.contains_key(&lease.client) {
-                self.cancel(format!("{name} has disconnected"));
+                self.cancel(&format!("{name} has disconnected"));
             } else if Instant::now() >= lease.ends {
-                self.cancel(format!("the lease of {name} has ended"));
+                self.cancel(&format!("the lease of {name} has ended"));
             }
         }
     }
 
-    fn cancel(&mut self, text: String) {
+    fn cancel(&mut self, text: &str) {
         self.next = None;
         let exit = Exit::NotReached;
-        self.cancelled = Some(refused(&text, exit));
+        self.cancelled = Some(refused(text, exit));
     }
 
-    fn reply(&mut self, id: ClientId, outcome: Result<(), Error>) {
+    fn reply(&mut self, id: ClientId, outcome: &Result<(), Error>) {
         let error = outcome.as_ref().err().map(Failure::from);
         let version = VERSION;
         self.send_to(id, &Message::Reply { version, error });
@@ -456,8 +455,8 @@ impl Server {
         }
     }
 
-    fn handle(&mut self, id: ClientId, request: Request) -> Result<(), Error> {
-        match request {
+    fn handle(&mut self, id: ClientId, request: &Request) -> Result<(), Error> {
+        match *request {
             Request::Hello { .. } => return Err(refused("the first message is over", Exit::Usage)),
             Request::Status => {
                 let frame = self.latest.clone();
@@ -529,7 +528,7 @@ impl Server {
                     }
                     self.lease = None;
                 } else {
-                    self.cancel(text);
+                    self.cancel(&text);
                 }
             }
             Request::ClearFaults => {
@@ -547,7 +546,7 @@ impl Server {
     /// Begins a motion in place of the present one.
     fn begin(&mut self, motion: Motion) {
         if self.activity != Activity::Idle {
-            self.cancel("another motion of the same client follows".into());
+            self.cancel("another motion of the same client follows");
         }
         self.next = Some(motion);
     }

@@ -3,6 +3,7 @@
 use super::protocol::Tile;
 use mapper::{Cell, Grid};
 use std::collections::HashMap;
+use std::hash::BuildHasher;
 
 /// Cells along the side of a tile.
 pub const SIDE: i32 = 32;
@@ -12,7 +13,7 @@ pub const BATCH: usize = 8;
 /// The tiles of one map, in the order of their first content.
 #[derive(Default)]
 pub struct Tiles {
-    tiles: Vec<Tile>,
+    all: Vec<Tile>,
     numbers: HashMap<(i32, i32), usize>,
     /// The next tile to compare, row by row over the grid.
     next: usize,
@@ -21,7 +22,7 @@ pub struct Tiles {
 impl Tiles {
     /// The tiles from this number on, at most [`BATCH`].
     pub fn from(&self, number: usize) -> &[Tile] {
-        let rest = self.tiles.get(number..).unwrap_or_default();
+        let rest = self.all.get(number..).unwrap_or_default();
         &rest[..rest.len().min(BATCH)]
     }
 
@@ -45,16 +46,16 @@ impl Tiles {
         for (column, row) in batch {
             let cells = cells(grid, first, column, row);
             match self.numbers.get(&(column, row)) {
-                Some(&number) if self.tiles[number].cells == cells => continue,
+                Some(&number) if self.all[number].cells == cells => {}
                 Some(&number) => {
-                    self.tiles[number].cells = cells;
+                    self.all[number].cells = cells;
                     changed.push(number);
                 }
                 None if cells.trim().is_empty() => {}
                 None => {
-                    self.numbers.insert((column, row), self.tiles.len());
-                    changed.push(self.tiles.len());
-                    self.tiles.push(Tile { column, row, cells });
+                    self.numbers.insert((column, row), self.all.len());
+                    changed.push(self.all.len());
+                    self.all.push(Tile { column, row, cells });
                 }
             }
         }
@@ -63,7 +64,7 @@ impl Tiles {
 
     /// A tile by its number.
     pub fn tile(&self, number: usize) -> &Tile {
-        &self.tiles[number]
+        &self.all[number]
     }
 }
 
@@ -91,7 +92,7 @@ fn nearest(cells: f64) -> i32 {
 }
 
 /// A grid out of tiles.
-pub fn grid(tiles: &HashMap<(i32, i32), String>, cell_mm: f64) -> Grid {
+pub fn grid<S: BuildHasher>(tiles: &HashMap<(i32, i32), String, S>, cell_mm: f64) -> Grid {
     use mapper::Point;
     let mm = |tile: i32| f64::from(tile) * f64::from(SIDE) * cell_mm;
     let ends = |axis: fn(&(i32, i32)) -> i32| {

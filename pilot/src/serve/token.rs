@@ -27,7 +27,7 @@ pub fn load(path: &Path) -> Result<String, Error> {
             let source = Path::new("/dev/urandom");
             let filled = File::open(source).and_then(|mut file| file.read_exact(&mut random));
             filled.map_err(|cause| Error::unreadable(source, &cause))?;
-            let token: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
+            let token = format!("{:032x}", u128::from_ne_bytes(random));
             let written = writeln!(file, "{token}").and_then(|()| file.sync_all());
             written.map_err(|cause| Error::unwritable(path, &cause))?;
             return Ok(token);
@@ -36,8 +36,8 @@ pub fn load(path: &Path) -> Result<String, Error> {
         Err(cause) => return Err(Error::unwritable(path, &cause)),
     }
     let unreadable = |cause| Error::unreadable(path, &cause);
-    let mode = fs::metadata(path).map_err(unreadable)?.mode();
-    if mode & 0o077 != 0 {
+    let metadata = fs::metadata(path).map_err(unreadable)?;
+    if metadata.mode() & 0o077 != 0 {
         let what = "others can read the token; `chmod 600` it, or remove it for a new one";
         return Err(Error::content(path, None, what));
     }

@@ -1,0 +1,86 @@
+//! The release ELF's robot, served to clients in real time.
+
+use std::thread;
+
+use fw_core::eeprom::Image;
+use host_link::board_io::Interrupt;
+use pilot::serve::control::{self, Options};
+use pilot::serve::hub::Hub;
+use pilot::virtual_board::board_io;
+use twin::Board;
+
+use crate::exploration::{CHANGES, READY_MS, SPI_HZ};
+use crate::test_board::Rig;
+
+struct End(Interrupt);
+
+impl Drop for End {
+    fn drop(&mut self) {
+        self.0.raise();
+    }
+}
+
+/// Serves a robot in Guarded Velocity in the default room while the scenario runs.
+///
+/// # Panics
+/// Where the robot cannot be served, and with the scenario.
+pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
+    let change = |image: Image, (field, raw)| image.with(field, raw);
+    let image = CHANGES.into_iter().fold(Image::FIRST_BOARD, change);
+    let rig = Rig::ready(twin::Options {
+        eeprom: Some(image.0.to_vec()),
+        room: twin::plant::Room::two_rooms(),
+        ..twin::Options::default()
+    });
+    let (hub, events) = Hub::new();
+    let end = End(Interrupt::new());
+    let mut io = board_io(&rig.board, SPI_HZ, end.0.clone());
+    let options = Options {
+        rate_hz: 40,
+        ready_timeout_ms: READY_MS,
+        speed: Some(1.0),
+    };
+    let board = rig.board.clone();
+    thread::scope(|scope| {
+        let scenario = scope.spawn(move || {
+            let _end = end;
+            scenario(&hub, &board);
+        });
+        control::run(&mut io, &options, events).expect("a robot that answers");
+        if let Err(panic) = scenario.join() {
+            std::panic::resume_unwind(panic);
+        }
+    });
+}
+
+/// Virtual time from `since_us` until both motors get nothing, microseconds.
+///
+/// # Panics
+/// After 5 s.
+pub fn stopped_after(board: &Board, since_us: u64) -> u64 {
+    loop {
+        let (now_us, truth) = (board.now_us(), board.truth());
+        let after_us = now_us.saturating_sub(since_us);
+        if truth.duty == twin::plant::Sides::default() {
+            return after_us;
+        }
+        assert!(after_us < 5_000_000, "the motors do not stop");
+        thread::sleep(std::time::Duration::from_millis(2));
+    }
+}
+
+/// Waits until both wheels turn.
+///
+/// # Panics
+/// After 10 s.
+pub fn await_motion(board: &Board) {
+    let ends_us = board.now_us() + 10_000_000;
+    loop {
+        let duty = board.truth().duty;
+        if duty.left != 0.0 && duty.right != 0.0 {
+            return;
+        }
+        assert!(board.now_us() < ends_us, "the motors do not start");
+        thread::sleep(std::time::Duration::from_millis(2));
+    }
+}

@@ -1,0 +1,117 @@
+//! The server on the virtual board: many clients, one driver, real sockets.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Instant;
+
+use host_link::error::Error;
+use pilot::client::Client;
+use pilot::serve::listener;
+use pilot::serve::protocol::{Message, Request};
+use robot_tests::serving::{await_motion, serve, stopped_after};
+
+/// Watching clients, and frames that each gets.
+const WATCHERS: usize = 20;
+const FRAMES: usize = 120;
+/// The frame period, and how far a frame may be from it, microseconds.
+const PERIOD_US: (u64, u64) = (25_000, 2_000);
+/// The stop deadline, microseconds.
+const DEADLINE_US: u64 = 250_000;
+
+fn socket(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("robot-{name}-{}.sock", std::process::id()))
+}
+
+fn drive() -> Request {
+    Request::Drive {
+        forward_mm_s: 100.0,
+        yaw_rate_deg_s: 0.0,
+        lease_ms: 5000,
+    }
+}
+
+// Requirement: SERVE-client-2
+#[test]
+fn twenty_watchers_leave_the_frame_period_alone() {
+    serve(|hub, _| {
+        let path = socket("watch");
+        let _socket = listener::unix(&path, hub).expect("a socket");
+        let watch = |number: usize| {
+            let name = format!("watcher {number}");
+            let mut client = Client::connect(&path, &name).unwrap().expect("a server");
+            client.request(&Request::Watch { every: 1 }).unwrap();
+            let (mut board_us, mut host) = (Vec::new(), Vec::new());
+            while board_us.len() < FRAMES {
+                if let Some(Message::Frame(frame)) = client.message().unwrap() {
+                    board_us.push(frame.robot.time_us);
+                    host.push(Instant::now());
+                }
+            }
+            (board_us, host)
+        };
+        let seen: Vec<_> = thread::scope(|scope| {
+            let watchers: Vec<_> = (0..WATCHERS)
+                .map(|number| scope.spawn(move || watch(number)))
+                .collect();
+            watchers
+                .into_iter()
+                .map(|watcher| watcher.join().unwrap())
+                .collect()
+        });
+        for (board_us, _) in &seen {
+            for pair in board_us.windows(2) {
+                let off_us = (pair[1] - pair[0]).abs_diff(PERIOD_US.0);
+                assert!(off_us <= PERIOD_US.1, "{off_us} us, or a frame is missing");
+            }
+        }
+        let mut host: Vec<_> = seen[0].1.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        host.sort();
+        println!(
+            "between two frames on this computer: median {:?}, worst {:?}",
+            host[FRAMES / 2],
+            host[FRAMES - 2]
+        );
+    });
+}
+
+// Requirement: SERVE-drive-1, SERVE-drive-2
+#[test]
+fn driver_that_is_gone_or_stopped_stops_the_wheels() {
+    serve(|hub, board| {
+        let path = socket("drive");
+        let _socket = listener::unix(&path, hub).expect("a socket");
+        let connect = |name| Client::connect(&path, name).unwrap().expect("a server");
+        let mut watcher = connect("watcher");
+        let refused = |client: &mut Client| match client.request(&drive()) {
+            Err(Error::Server { text, .. }) => text,
+            other => panic!("{other:?}"),
+        };
+
+        let mut driver = connect("driver");
+        driver.request(&drive()).unwrap();
+        await_motion(board);
+        let text = refused(&mut watcher);
+        assert!(text.contains("driver drives the robot"), "{text}");
+        let since_us = board.now_us();
+        drop(driver);
+        let gone_us = stopped_after(board, since_us);
+
+        let mut driver = connect("driver");
+        let accepted = AtomicBool::new(false);
+        while !accepted.load(Ordering::Relaxed) {
+            accepted.store(driver.request(&drive()).is_ok(), Ordering::Relaxed);
+        }
+        await_motion(board);
+        let since_us = board.now_us();
+        watcher.request(&Request::Stop).unwrap();
+        let stopped_us = stopped_after(board, since_us);
+        println!(
+            "wheels stop {gone_us} us after their driver has gone, {stopped_us} us after a stop"
+        );
+        assert!(
+            gone_us <= DEADLINE_US && stopped_us <= DEADLINE_US,
+            "{gone_us}, {stopped_us}"
+        );
+    });
+}
