@@ -32,9 +32,10 @@ impl TruthTrack {
     }
 
     /// For the reply of a frame that has just ended: the true pose at the tick that the reported pose is
-    /// of, at the last tick before the frame, and now, in the room's frame. The first is mostly the one before the frame; a reply
-    /// that was not refreshed, because the status changed after it was armed (docs/interfaces.md), is of an
-    /// earlier one: the one since whose pose the robot moved most nearly as it reports.
+    /// of, at the last tick before the frame, and now, in the room's frame. The first two are mostly the
+    /// same; a reply that was not refreshed, because the status changed after it was armed
+    /// (docs/interfaces.md), is of an earlier tick: the one since whose pose the robot moved most nearly as
+    /// it reports.
     pub fn sample(&mut self, board: &Board, reported: Pose) -> [Pose2; 3] {
         let reported = Pose2::new(
             reported.x_mm,
