@@ -138,6 +138,9 @@ impl Driver<VirtualBoard> for EmulatorDriver {
         host: &mut dyn Host,
         settled: Settled,
     ) {
+        if let Settled::Access { access, value } = settled {
+            session.board_mut().mcu.chip.check_access(&access, value);
+        }
         let tracer = &mut self.tracer;
         match settled {
             Settled::Access { access, value } if tracer.triggers.contains(&access.address) => {

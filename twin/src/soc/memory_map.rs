@@ -121,7 +121,7 @@ fn instances() -> Vec<Peripheral> {
 
 /// Clock enable and reset of every instance: enable register and field, reset register and field,
 /// RM0383 sections 6.3.5 to 6.3.12 in the spelling of the vendor's file.
-const CLOCKED: [(&str, &str, &str, &str, &str); 34] = [
+pub const CLOCKED: [(&str, &str, &str, &str, &str); 34] = [
     ("GPIOA", "AHB1ENR", "GPIOAEN", "AHB1RSTR", "GPIOARST"),
     ("GPIOB", "AHB1ENR", "GPIOBEN", "AHB1RSTR", "GPIOBRST"),
     ("GPIOC", "AHB1ENR", "GPIOCEN", "AHB1RSTR", "GPIOCRST"),

@@ -4,6 +4,7 @@
 mod io;
 pub mod memory_map;
 mod pins;
+mod rules;
 
 pub use pins::Role;
 
@@ -104,6 +105,7 @@ pub struct Stm32f411 {
     pub syscfg: Syscfg,
     /// The connection to the board.
     pub board_port: BoardPort,
+    rules: rules::Rules,
     bus: Bus,
     models: Box<[Model]>,
     slots: Slots,
@@ -121,6 +123,7 @@ struct Slots {
     spi: usize,
     rcc: usize,
     pwr: usize,
+    flash: usize,
     board_port: usize,
 }
 
@@ -148,6 +151,7 @@ impl Stm32f411 {
             spi: wire("SPI1", Model::Spi)?,
             rcc: wire("RCC", Model::Rcc)?,
             pwr: wire("PWR", Model::Pwr)?,
+            flash: wire("FLASH", Model::Flash)?,
             board_port: wire(crate::peripherals::board_port::NAME, Model::BoardPort)?,
         };
         for (nth, name) in PORTS.into_iter().enumerate() {
@@ -165,7 +169,6 @@ impl Stm32f411 {
         wire("USART2", Model::Usart(1))?;
         wire("USART6", Model::Usart(2))?;
         for (name, field) in [
-            ("FLASH", Model::Flash),
             ("ADC1", Model::Adc),
             ("C_ADC", Model::AdcCommon),
             ("DMA2", Model::Dma(1)),
@@ -203,6 +206,7 @@ impl Stm32f411 {
             exti: Exti::default(),
             syscfg: Syscfg::default(),
             board_port: BoardPort::default(),
+            rules: rules::Rules::default(),
             bus,
             models,
             slots,
@@ -326,6 +330,7 @@ impl Mcu for Stm32f411 {
     fn poll(&mut self, now: VirtualNanos) {
         self.update_next_is_last();
         self.clear_ready_of_missing_crystal();
+        self.check_clocks(now);
         let (registers, mut context) = self.bus.drive(now, self.slots.usart1);
         rigless::device::Device::poll(&mut self.usart[0], registers, &mut context);
     }

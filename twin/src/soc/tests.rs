@@ -3,6 +3,7 @@
 mod exti;
 mod i2c;
 mod pwm;
+mod rules;
 mod spi;
 
 use super::*;

@@ -1,0 +1,318 @@
+//! What the manuals forbid and the models let pass: orders of accesses, and values that only several
+//! blocks together make wrong. Each is reported as the models report, by [`crate::Board::unmodelled`].
+
+use rigless::device::RegisterFile;
+use rigless::emulator::{Access, AccessKind};
+use rigless::soc::stm32f427::generated as g;
+use rigless::soc::stm32f427::generated::i2c3::Register::{Ccr, Cr2, Trise};
+use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2rstr};
+use rigless::soc::Layout;
+use rigless::time::VirtualNanos;
+
+use super::{memory_map, Role, Stm32f411};
+use crate::pin::Pin;
+use crate::pinout;
+
+const DMA1: u64 = 0x4002_6000;
+const I2C1_CR1: u64 = 0x4000_5400;
+const GPIOB_MODER: u64 = 0x4002_0400;
+const ADC1_CR2: u64 = 0x4001_2008;
+/// `RCC_AHB1RSTR` to `RCC_APB2RSTR`.
+const RESETS: std::ops::RangeInclusive<u64> = 0x4002_3810..=0x4002_3824;
+
+/// The alternate function that connects I2C1 to its pins.
+const I2C_FUNCTION: Role = Role::Function(4);
+/// Resistance of the sources at the converter's pins, ohms: the weaker of the two battery taps, docs/board.md.
+const SOURCE_OHMS: f64 = 13_000.0;
+/// Sampling cycles of each code of `SMPx`, RM0383 section 11.12.4.
+const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
+/// Clock limits at VOS scale 3, 2 and 1, megahertz, RM0383 section 5.4.1.
+const SCALES: [u64; 4] = [64, 64, 84, 100];
+/// HCLK that each number of wait states allows above 2.7 V, megahertz, RM0383 table 5.
+const WAIT_STATES: [u64; 4] = [30, 64, 90, 100];
+
+/// What the rules remember.
+#[derive(Debug, Default)]
+pub struct Rules {
+    /// Streams that were switched off while items were left and not seen off since, DMA1's in the low byte.
+    stopping: u16,
+    /// Streams that the program has switched on.
+    enabled: u16,
+    /// I2C1 was reset by `SWRST` since its pins were connected.
+    i2c_reset: bool,
+    /// A block is held in reset.
+    resets: bool,
+    /// HCLK, and what must suit it, when it was last looked at.
+    clocks: [u64; 4],
+}
+
+impl Stm32f411 {
+    /// Applies the rules to an access that the core has made; `value` is what was read or written.
+    pub(crate) fn check_access(&mut self, access: &Access, value: u64) {
+        let Some(instance) = access.program_counter.and(self.bus.slot_at(access.address)) else {
+            return;
+        };
+        let (now, write) = (access.virtual_time, access.kind == AccessKind::Write);
+        if self.rules.resets && self.is_held_in_reset(instance) {
+            self.tell(
+                now,
+                instance,
+                "any",
+                "accessed while RCC holds the block in reset, RM0383 6.3.5",
+            );
+        }
+        match access.address {
+            DMA1..0x4002_6800 => self.check_stream(now, access.address - DMA1, value, write),
+            I2C1_CR1 if write => self.check_i2c(now, value),
+            GPIOB_MODER if write && !self.i2c_connected() => self.rules.i2c_reset = false,
+            ADC1_CR2 if write && value & (1 << 30 | 1 << 22) != 0 => {
+                self.check_sampling(now, value & 1 << 22 != 0);
+            }
+            address if write && RESETS.contains(&address) => {
+                let rcc = self.bus.slots()[self.slots.rcc].registers();
+                self.rules.resets = [Ahb1rstr, Apb1rstr, Apb2rstr]
+                    .iter()
+                    .any(|&r| rcc.get(r) != 0);
+            }
+            _ => {}
+        }
+    }
+
+    fn tell(
+        &mut self,
+        now: VirtualNanos,
+        slot: usize,
+        register: &'static str,
+        reason: &'static str,
+    ) {
+        self.bus.drive(now, slot).1.tell(register, reason);
+    }
+
+    fn registers(&self, instance: &str) -> &RegisterFile {
+        self.bus
+            .registers(instance)
+            .expect("an instance of the part")
+    }
+
+    fn is_held_in_reset(&self, slot: usize) -> bool {
+        let name = self.bus.slots()[slot].peripheral().name;
+        let rcc = self.bus.slots()[self.slots.rcc].registers();
+        memory_map::CLOCKED
+            .iter()
+            .any(|&(instance, _, _, register, field)| {
+                let row = g::rcc::Register::ALL
+                    .into_iter()
+                    .find(|row| row.spec().name == register);
+                let field = row.and_then(|row| row.spec().fields.iter().find(|f| f.name == field));
+                let (Some(row), Some(field)) = (row, field) else {
+                    return false;
+                };
+                instance == name && field.is_set(rcc.get(row))
+            })
+    }
+
+    /// RM0383 section 9.3.17: a stream's registers are written only once `EN` has been read as 0.
+    fn check_stream(&mut self, now: VirtualNanos, offset: u64, value: u64, write: bool) {
+        let (controller, register) = (offset >> 10, offset & 0x3FF);
+        if !(0x10..0xD0).contains(&register) {
+            return;
+        }
+        let (nth, register) = ((register - 0x10) / 0x18, (register - 0x10) % 0x18);
+        let stream = 1 << (controller * 8 + nth);
+        let enables = register == 0 && value & 1 != 0;
+        let rules = &mut self.rules;
+        if write && rules.stopping & stream != 0 && (register != 0 || enables) {
+            let slot = self
+                .bus
+                .slot_at(DMA1 + (controller << 10))
+                .expect("a controller");
+            self.tell(
+                now,
+                slot,
+                "SxCR",
+                "set up before EN was read as 0, RM0383 9.3.17",
+            );
+        } else if write && enables {
+            rules.enabled |= stream;
+        } else if write && register == 0 && rules.enabled & stream != 0 {
+            rules.enabled &= !stream;
+            let name = if controller == 0 { "DMA1" } else { "DMA2" };
+            let row = g::dma2::Register::ALL
+                .into_iter()
+                .find(|row| u64::from(row.spec().offset) == 0x14 + nth * 0x18);
+            // A stream at its end is off already.
+            if row.is_some_and(|row| self.registers(name).get(row) & 0xFFFF != 0) {
+                self.rules.stopping |= stream;
+            }
+        } else if !write && register == 0 && !enables {
+            rules.stopping &= !stream;
+        }
+    }
+
+    fn i2c_connected(&self) -> bool {
+        [pinout::SCL, pinout::SDA]
+            .into_iter()
+            .all(|pin| self.role(pin) == I2C_FUNCTION)
+    }
+
+    /// A write of I2C1's `CR1`.
+    fn check_i2c(&mut self, now: VirtualNanos, value: u64) {
+        if value & 1 << 15 != 0 {
+            self.rules.i2c_reset = self.i2c_connected();
+        }
+        if value & 1 == 0 {
+            return;
+        }
+        let slot = self.slots.i2c1;
+        if !self.rules.i2c_reset {
+            self.tell(now, slot, "CR1", "enabled without SWRST after its pins were connected: BUSY may be locked, RM0383 18.6.1");
+        }
+        let registers = self.bus.slots()[slot].registers();
+        let pclk = self.rcc.pclk1(self.bus.slots()[self.slots.rcc].registers());
+        let [frequency, control, rise] = [Cr2, Ccr, Trise].map(|r| registers.get(r));
+        let fast = control >> 15 & 1 != 0;
+        let (low, high) = match control >> 14 & 3 {
+            0b10 => (2, 1),
+            0b11 => (16, 9),
+            _ => (1, 1),
+        };
+        // The I2C specification's shortest low and high time and longest rise, nanoseconds.
+        let (low_ns, high_ns, rise_ns) = if fast {
+            (1_300, 600, 300)
+        } else {
+            (4_700, 4_000, 1_000)
+        };
+        let ns = |cycles: u64| cycles * (control & 0xFFF) * 1_000_000_000 / pclk.max(1);
+        if (frequency & 0x3F) * 1_000_000 != pclk {
+            self.tell(now, slot, "CR2", "FREQ is not APB1's clock, RM0383 18.6.2");
+        }
+        if ns(low) < low_ns || ns(high) < high_ns {
+            self.tell(
+                now,
+                slot,
+                "CCR",
+                "SCL is faster than the I2C specification allows, RM0383 18.6.8",
+            );
+        }
+        if (rise & 0x3F) != rise_ns * pclk / 1_000_000_000 + 1 {
+            self.tell(
+                now,
+                slot,
+                "TRISE",
+                "not the longest rise in APB1 cycles plus one, RM0383 18.6.9",
+            );
+        }
+    }
+
+    /// The channels of a conversion that starts: analog pins, sampled for long enough.
+    fn check_sampling(&mut self, now: VirtualNanos, injected: bool) {
+        use g::adc1::Register::{Cr1, Jsqr, Smpr1, Smpr2, Sqr1, Sqr2, Sqr3};
+        let adc = self.registers("ADC1");
+        let divider = 2 * ((self.registers("C_ADC").get(g::c_adc::Register::Ccr) >> 16 & 3) + 1);
+        let hz = self.rcc.pclk2(self.bus.slots()[self.slots.rcc].registers()) / divider;
+        let field = |register, place: u64| adc.get(register) >> (5 * place) & 0x1F;
+        let regular = (0..=adc.get(Sqr1) >> 20 & 0xF).map(|nth| match nth {
+            0..=5 => field(Sqr3, nth),
+            6..=11 => field(Sqr2, nth - 6),
+            _ => field(Sqr1, nth - 12),
+        });
+        // The injected group follows by itself with JAUTO.
+        let injected = injected || adc.get(Cr1) >> 10 & 1 != 0;
+        let places = (3 - (adc.get(Jsqr) >> 20 & 3)..4).filter(|_| injected);
+        let injected = places.map(|place| field(Jsqr, place));
+        let mut reasons = Vec::new();
+        if hz > 36_000_000 {
+            reasons.push("the converter's clock is above 36 MHz, DS10314 table 66");
+        }
+        for channel in regular.chain(injected) {
+            let (register, place) = if channel < 10 {
+                (Smpr2, channel)
+            } else {
+                (Smpr1, channel - 10)
+            };
+            let code = usize::try_from(adc.get(register) >> (3 * place) & 7).expect("three bits");
+            #[expect(clippy::cast_precision_loss, reason = "megahertz")]
+            let hz = hz as f64;
+            let cycles = f64::from(SAMPLING[code]);
+            // DS10314 equation 1: twelve bits to a quarter of the last one, 4 pF behind 6 kΩ.
+            let ohms = (cycles - 0.5) / (hz * 4e-12 * 14.0 * std::f64::consts::LN_2) - 6_000.0;
+            let enough = if channel < 16 {
+                ohms >= SOURCE_OHMS
+            } else {
+                cycles / hz >= 10e-6
+            };
+            if !enough {
+                reasons.push(
+                    "sampled too briefly for its source, DS10314 equation 1 and tables 70, 73",
+                );
+            }
+            let number = u8::try_from(channel).expect("five bits");
+            let pin = match number {
+                0..=7 => Some(Pin { port: 0, number }),
+                8..=9 => Some(Pin {
+                    port: 1,
+                    number: number - 8,
+                }),
+                10..=15 => Some(Pin {
+                    port: 2,
+                    number: number - 10,
+                }),
+                _ => None,
+            };
+            if pin.is_some_and(|pin| self.role(pin) != Role::Analog) {
+                reasons.push("converts a pin that is not analog, RM0383 11.3.3");
+            }
+        }
+        let slot = self.bus.slot_of("ADC1").expect("an instance of the part");
+        for reason in reasons {
+            self.tell(now, slot, "CR2", reason);
+        }
+    }
+
+    /// The limits of the buses, the voltage scale and the flash, whenever one of them has changed.
+    pub(super) fn check_clocks(&mut self, now: VirtualNanos) {
+        let rcc = self.bus.slots()[self.slots.rcc].registers();
+        let (hclk, pclk1, pclk2) = (self.rcc.hclk(rcc), self.rcc.pclk1(rcc), self.rcc.pclk2(rcc));
+        let scale = self.bus.slots()[self.slots.pwr]
+            .registers()
+            .get(g::pwr::Register::Cr)
+            >> 14
+            & 3;
+        let latency = self.bus.slots()[self.slots.flash]
+            .registers()
+            .get(g::flash::Register::Acr)
+            & 7;
+        let clocks = [hclk, pclk1, scale, latency];
+        if std::mem::replace(&mut self.rules.clocks, clocks) == clocks {
+            return;
+        }
+        let allowed =
+            |of: &[u64; 4], code: u64| of[usize::try_from(code).unwrap_or(3).min(3)] * 1_000_000;
+        for (exceeded, register, reason) in [
+            (
+                pclk1 > 50_000_000,
+                "CFGR",
+                "APB1 is faster than 50 MHz, RM0383 6.3.3",
+            ),
+            (
+                pclk2 > 100_000_000,
+                "CFGR",
+                "APB2 is faster than 100 MHz, RM0383 6.3.3",
+            ),
+            (
+                hclk > allowed(&SCALES, scale),
+                "CFGR",
+                "HCLK is too fast for the regulator's scale, RM0383 5.4.1",
+            ),
+            (
+                hclk > allowed(&WAIT_STATES, latency),
+                "CFGR",
+                "HCLK is too fast for the flash's wait states, RM0383 table 5",
+            ),
+        ] {
+            if exceeded {
+                self.tell(now, self.slots.rcc, register, reason);
+            }
+        }
+    }
+}

@@ -1,0 +1,137 @@
+use super::*;
+use rigless::emulator::{Access, AccessKind};
+
+const CFGR: u64 = RCC + 8;
+const ACR: u64 = 0x4002_3C00;
+const APB1RSTR: u64 = RCC + 0x20;
+const GPIOA_MODER: u64 = 0x4002_0000;
+const GPIOB_MODER: u64 = 0x4002_0400;
+const GPIOB_AFRL: u64 = 0x4002_0420;
+const I2C1: u64 = 0x4000_5400;
+const CR1: u64 = I2C1;
+const CR2: u64 = I2C1 + 4;
+const CCR: u64 = I2C1 + 0x1C;
+const TRISE: u64 = I2C1 + 0x20;
+const ADC1: u64 = 0x4001_2000;
+const STREAM: u64 = 0x4002_6010;
+const READ: u64 = u64::MAX;
+
+/// What is reported after these accesses, each an address and what is written, or [`READ`].
+fn reported(accesses: &[(u64, u64)]) -> Vec<&'static str> {
+    let mut part = super::part();
+    let enabled = [
+        (AHB1ENR, 0x0020_0003),
+        (APB1ENR, 1 << 21),
+        (APB2ENR, 1 << 8),
+    ];
+    for &(address, value) in enabled.iter().chain(accesses) {
+        let kind = if value == READ {
+            AccessKind::Read
+        } else {
+            AccessKind::Write
+        };
+        let answer = match kind {
+            AccessKind::Read => part.read(address),
+            AccessKind::Write => {
+                part.write(address, value);
+                value
+            }
+        };
+        let mut access = Access::new(kind, address, Width::W32, value);
+        access.program_counter = Some(0);
+        part.mcu.check_access(&access, answer);
+        part.act(Stm32f411::poll);
+    }
+    part.mcu
+        .drain_told()
+        .into_iter()
+        .map(|told| told.register)
+        .collect()
+}
+
+/// A stream that receives, stopped with items left.
+const STOPPED: [(u64, u64); 3] = [(STREAM + 4, 3), (STREAM, 1), (STREAM, 0)];
+/// I2C1 at 16 MHz with its pins connected: 400 kHz within the specification, and SWRST.
+const I2C: [(u64, u64); 7] = [
+    (GPIOB_MODER, 0xA280),
+    (GPIOB_AFRL, 0x4400_0000),
+    (CR1, 1 << 15),
+    (CR1, 0),
+    (CR2, 16),
+    (CCR, 0x800E),
+    (TRISE, 5),
+];
+/// A scan of IN0 and IN1 with 480 cycles of 4 MHz.
+const ADC: [(u64, u64); 4] = [
+    (GPIOA_MODER, 0xF),
+    (ADC1 + 0x10, 0o77),
+    (ADC1 + 0x2C, 1 << 20),
+    (ADC1 + 0x34, 1 << 5),
+];
+const SWSTART: (u64, u64) = (ADC1 + 8, 1 << 30 | 1);
+
+#[test]
+fn forbidden_accesses_are_reported_and_right_ones_not() {
+    type Accesses = [(u64, u64)];
+    type Case = (Vec<(u64, u64)>, &'static Accesses, &'static [&'static str]);
+    let instead = |accesses: &Accesses, nth: usize, value: u64| {
+        let mut changed = accesses.to_vec();
+        changed[nth].1 = value;
+        changed
+    };
+    let cases: [Case; 14] = [
+        (
+            STOPPED.into(),
+            &[(STREAM, READ), (STREAM + 4, 8), (STREAM, 1)],
+            &[],
+        ),
+        (STOPPED.into(), &[(STREAM + 4, 8)], &["SxCR"]),
+        (STOPPED.into(), &[(STREAM, 1)], &["SxCR"]),
+        (I2C.into(), &[(CR1, 1)], &[]),
+        (instead(&I2C, 2, 0), &[(CR1, 1)], &["CR1"]),
+        (
+            I2C.into(),
+            &[(GPIOB_MODER, 0), (GPIOB_MODER, 0xA280), (CR1, 1)],
+            &["CR1"],
+        ),
+        (instead(&I2C, 4, 50), &[(CR1, 1)], &["CR2"]),
+        (instead(&I2C, 5, 0x800A), &[(CR1, 1)], &["CCR"]),
+        (instead(&I2C, 6, 1), &[(CR1, 1)], &["TRISE"]),
+        (vec![(APB1RSTR, 1 << 21), (CR2, 16)], &[], &["any"]),
+        (vec![(APB1RSTR, 1 << 21), (APB1RSTR, 0)], &[(CR2, 16)], &[]),
+        (ADC.into(), &[SWSTART], &[]),
+        (instead(&ADC, 0, 3), &[SWSTART], &["CR2"]),
+        (instead(&ADC, 1, 0), &[SWSTART], &["CR2", "CR2"]),
+    ];
+    for (set_up, then, expected) in cases {
+        let accesses = [&set_up[..], then].concat();
+        assert_eq!(reported(&accesses), expected, "{accesses:x?}");
+    }
+}
+
+/// The PLL at 100 MHz needs scale 1, three wait states and APB1 at half its clock.
+#[test]
+fn clocks_beyond_limits_of_part_are_reported() {
+    const PWR: u64 = 0x4000_7000;
+    let cases: [(u64, u64, u64, &[&str]); 4] = [
+        (3, 3, 0x1002, &[]),
+        (3, 3, 0x0002, &["CFGR"]),
+        (2, 3, 0x1002, &["CFGR"]),
+        (3, 2, 0x1002, &["CFGR"]),
+    ];
+    for (scale, wait_states, cfgr, expected) in cases {
+        let mut part = super::part();
+        part.write(APB1ENR, 1 << 28);
+        part.write(PWR, scale << 14);
+        part.write(ACR, wait_states);
+        part.write(RCC + 4, 0x0500_1908);
+        part.write(RCC, 0x0100_0083);
+        part.run(1_000_000);
+        part.write(CFGR, cfgr);
+        part.run(1_000_000);
+        part.act(Stm32f411::poll);
+        let told = part.mcu.drain_told();
+        let told: Vec<_> = told.into_iter().map(|told| told.register).collect();
+        assert_eq!(told, expected, "{scale} {wait_states} {cfgr:#x}");
+    }
+}
