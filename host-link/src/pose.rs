@@ -45,7 +45,11 @@ impl Pose {
     #[must_use]
     pub fn code(self) -> PoseCode {
         #[allow(clippy::cast_possible_truncation)] // `as` saturates
-        let micrometres = |mm: f64| (mm * 1000.0).round() as i32;
+        let micrometres = |mm: f64| {
+            // A tie goes up, as in the core: `round` takes a negative one down.
+            let (code, floor) = (mm * 1000.0, (mm * 1000.0).floor());
+            (floor + f64::from(u8::from(code - floor >= 0.5))) as i32
+        };
         let turn = self.rotation_deg.rem_euclid(360.0) / 360.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 ..= 0x8000
         let rotation = (turn * TURN_CODES).round() as u16 & 0x7FFF;
@@ -85,6 +89,8 @@ fn pose_codes_round_saturate_and_wrap() {
     for (x_mm, y_mm, deg, x, y, rotation) in [
         (1.0, -2.5, 90.0, 1000, -2500, 0x2000),
         (1e12, -1e12, -90.0, i32::MAX, i32::MIN, 0x6000),
+        // A tie goes up.
+        (-0.0625 / 125.0, 0.0625 / 125.0, 0.0, 0, 1, 0),
         (0.0, 0.0, 359.999, 0, 0, 0),
         (0.0, 0.0, 1079.99, 0, 0, 0x7FFF),
     ] {

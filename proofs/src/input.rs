@@ -228,6 +228,8 @@ macro_rules! structures {
 }
 
 use fw_core::binary64::Binary64;
+use fw_core::motion::obstacle_limit::Track;
+use fw_core::motion::velocity_controller::VelocityRamp;
 use fw_core::types::{Faults, Micros, Turns, Velocity};
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
@@ -264,6 +266,8 @@ structures! {
     CellCode { cell, voltage }
     Sequence { own, seen }
     Velocity { forward, yaw_rate }
+    VelocityRamp { max_speed, max_yaw_rate, speed_step, yaw_step }
+    Track { ahead, fresh, turned, misses, backward, forward, max_forward }
     Command { expected, apply, percent, velocity, sweep, tune, sequence, clear_faults, order }
     Context { key_from_pi, key_from_stm, cells, own, last }
     Setup { mode, key_from_pi, key_from_stm, cells }

@@ -75,11 +75,13 @@ struct State {
     /// Waiting for the robot: when it ended and what it says.
     frame: Option<(u64, Word)>,
     /// Waiting for the robot: when it was, what must come of it, and whether frames arrive.
-    tick: Option<(u64, AllowedMotion, bool)>,
-    /// What must be: when a frame last ended, whether the robot is stopped or faulted.
+    tick: Option<(u64, AllowedMotion, bool, bool)>,
+    /// What must be: when a frame last ended, whether the robot is stopped or faulted, whether the loss of
+    /// the link is latched.
     received: Option<u64>,
     stopped: bool,
     faulted: bool,
+    lost: bool,
     /// What the motors were last permitted, and whether a frame was handled or a fault found since; for
     /// [`Robot::Blind`] alone.
     permit: AllowedMotion,
@@ -94,7 +96,14 @@ impl Hash for State {
         (self.supervisor.halted(), self.supervisor.faults()).hash(state);
         (self.clock, self.ticked, self.slept, self.frame).hash(state);
         (self.tick.map(|tick| tick.0), self.received, self.met).hash(state);
-        (self.stopped, self.faulted, self.ticks, self.frames).hash(state);
+        (
+            self.stopped,
+            self.faulted,
+            self.lost,
+            self.ticks,
+            self.frames,
+        )
+            .hash(state);
     }
 }
 
@@ -107,7 +116,7 @@ impl fmt::Debug for State {
             self.clock - self.ticked,
             self.ticks,
             self.frame.map(|(at, word)| (at - START, word)),
-            self.tick.map(|(at, permit, _)| (at - START, permit)),
+            self.tick.map(|(at, permit, ..)| (at - START, permit)),
             self.received.map(|at| at - START),
             if self.stopped { "stopped" } else { "free" },
             if self.faulted { " and faulted" } else { "" },
@@ -148,6 +157,8 @@ enum Robot {
     Forgetful,
     /// Any frame ends a stop.
     Eager,
+    /// The loss of the link is latched only while nothing else has stopped the robot.
+    Unlatched,
 }
 
 /// The code's clock.
@@ -168,6 +179,7 @@ impl State {
         self.clock = now;
         self.ticked = now;
         self.ticks += 1;
+        self.lost |= self.silent(now);
         self.stopped |= self.silent(now) || self.faulted;
         let permit = if self.stopped {
             AllowedMotion::Brake
@@ -177,19 +189,20 @@ impl State {
             AllowedMotion::Coast
         };
         let attended = self.received.is_some() && !self.silent(now);
-        self.tick = Some((now, permit, attended));
+        self.tick = Some((now, permit, attended, self.lost));
     }
 
     /// A fresh frame, by the rules.
     fn frame_at(&mut self, now: u64, word: Word) {
         self.frames += 1;
         self.stopped |= self.silent(now);
+        self.lost |= self.silent(now);
         self.received = Some(now);
         match word {
             Word::Alive => {}
             Word::Stop => self.stopped = true,
             Word::Resume => self.stopped = false,
-            Word::Cured => self.faulted = false,
+            Word::Cured => (self.faulted, self.lost) = (false, false),
         }
         self.frame = Some((now, word));
     }
@@ -207,10 +220,11 @@ impl Robot {
             (frame, _) => frame.is_none(),
         };
         match (next.frame, next.tick) {
-            (_, Some((at, expected, attended))) if tick_first => {
+            (_, Some((at, expected, attended, lost))) if tick_first => {
                 next.tick = None;
                 let wanted = expected != AllowedMotion::Coast;
                 let mut supervisor = next.supervisor;
+                let halted = supervisor.halted();
                 let permit = if next.met || self != Self::Blind {
                     supervisor.on_tick(micros(at), wanted, wanted)
                 } else {
@@ -220,15 +234,18 @@ impl Robot {
                     next.permit = permit;
                     next.met = false;
                 }
-                if self != Self::Forgetful {
+                if self != Self::Forgetful && !(self == Self::Unlatched && halted) {
                     next.supervisor = supervisor;
                 }
                 if permit == expected {
                     // What the servo's force goes by.
-                    return if next.supervisor.link_alive(micros(at)) == attended {
-                        Ok(())
-                    } else {
+                    let latched = next.supervisor.faults().intersects(Faults::LINK_LOST);
+                    return if next.supervisor.link_alive(micros(at)) != attended {
                         Err("whether frames arrive is mistaken".into())
+                    } else if latched != lost && self != Self::Forgetful {
+                        Err("the loss of the link is not latched, or still".into())
+                    } else {
+                        Ok(())
                     };
                 }
                 Err(match expected {
@@ -271,6 +288,7 @@ impl Model for Robot {
             received: None,
             stopped: false,
             faulted: false,
+            lost: false,
             permit: AllowedMotion::Coast,
             met: false,
             ticks: 0,
@@ -343,5 +361,6 @@ fn broken_deadline_is_found() {
         (Robot::FrameFirst, "is mistaken"),
         (Robot::Forgetful, "must stand"),
         (Robot::Eager, "must stand"),
+        (Robot::Unlatched, "is not latched"),
     ]);
 }

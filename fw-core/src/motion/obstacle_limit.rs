@@ -6,7 +6,7 @@
 //! the blind speed is the limit. Backward, where no sensor looks: the reverse speed, and where driven
 //! by velocity only the reverse distance before the next way forward.
 
-use crate::eeprom::{Config, ObstacleStop};
+use crate::eeprom::ObstacleStop;
 use crate::types::{Delta, Millimetres};
 
 /// Resolution of the forward limit: 2⁸ µm/s.
@@ -37,23 +37,31 @@ pub struct ObstacleLimit {
     reverse_speed: i32,
     /// Way back after which the robot brakes, 2⁻¹⁶ mm; none where it drives to a pose.
     reverse_way: Option<i32>,
+    track: Track,
+}
+
+/// What is remembered of echoes and ways.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Track {
     /// The last echo less the forward way since, 2⁻¹⁶ mm.
-    ahead: Option<i32>,
+    pub ahead: Option<i32>,
     /// The echo is newer than the limit.
-    fresh: bool,
+    pub fresh: bool,
     /// Turned since that echo, 2⁻³² turns.
-    turned: i32,
-    misses: u8,
-    /// Ways since the last change of direction, 2⁻¹⁶ mm.
-    backward: i32,
-    forward: i32,
-    /// Largest speed forward, µm/s.
-    max_forward: i32,
+    pub turned: i32,
+    /// Readings without an echo since.
+    pub misses: u8,
+    /// Way back since the last forward way of 10 mm, 2⁻¹⁶ mm, not negative.
+    pub backward: i32,
+    /// Forward way since the last one back, 2⁻¹⁶ mm, not negative.
+    pub forward: i32,
+    /// Largest speed forward, µm/s, not negative.
+    pub max_forward: i32,
 }
 
 impl ObstacleLimit {
     /// Without an echo. `by_velocity`: the way back is limited too.
-    pub fn new(config: &Config, by_velocity: bool) -> Self {
+    pub fn new(figures: &ObstacleStop, by_velocity: bool) -> Self {
         let ObstacleStop {
             stop_distance_mm,
             overhang_mm,
@@ -62,33 +70,37 @@ impl ObstacleLimit {
             blind_speed_mm_s,
             reverse_speed_mm_s,
             reverse_distance_mm,
-        } = *config.obstacle_stop();
+        } = *figures;
         let millimetres = |length: u16| i32::from(length) * MM;
         let deceleration = u32::from(deceleration_mm_s2);
         let reverse = u32::from(reverse_speed_mm_s);
-        // Rolled at the reverse speed until the robot stands, mm.
-        let stopping = reverse * u32::from(reaction_time.0) / 1000
-            + 1
-            + (reverse * reverse) / (2 * deceleration).max(1)
-            + 1;
+        let stopping = stopping_way(reverse, reaction_time.0.into(), deceleration);
         Self {
             clearance: millimetres(stop_distance_mm) + millimetres(overhang_mm),
             // (2·10³·a µm/s²) · (10³/2¹⁶ µm) / 2¹⁶ = a · 2·10⁶/2³², below 2³¹ in 2⁻²⁸.
             deceleration: deceleration * 125_000,
-            // 2·(10³·a)·(10⁻³·t) / 2⁸, rounded up.
-            reaction: (deceleration * u32::from(reaction_time.0)).div_ceil(1 << (SPEED_SHIFT - 1)),
+            reaction: reaction_speed(deceleration, reaction_time.0.into()),
             blind_speed: i32::from(blind_speed_mm_s) * 1000,
             reverse_speed: i32::from(reverse_speed_mm_s) * 1000,
             reverse_way: by_velocity
                 .then(|| (i32::from(reverse_distance_mm) - stopping as i32).max(0) * MM),
-            ahead: None,
-            fresh: false,
-            turned: 0,
-            misses: 0,
-            backward: 0,
-            forward: 0,
-            max_forward: i32::from(blind_speed_mm_s) * 1000,
+            track: Track {
+                max_forward: i32::from(blind_speed_mm_s) * 1000,
+                ..Track::default()
+            },
         }
+    }
+
+    /// What is remembered of echoes and ways.
+    pub const fn track(&self) -> &Track {
+        &self.track
+    }
+
+    /// As after the echoes and ways of `track`.
+    #[must_use]
+    pub const fn with_track(mut self, track: Track) -> Self {
+        self.track = track;
+        self
     }
 
     /// A measurement of the front sensor that has ended: its bearing at the trigger, turn × 0x10000
@@ -99,16 +111,17 @@ impl ObstacleLimit {
         if (bearing as i16).unsigned_abs() > CONE {
             return;
         }
+        let track = &mut self.track;
         if let Some(distance) = distance {
             // Down to the next 2⁻¹⁶ mm.
             let bits = (distance.0.to_bits() >> 16).clamp(0, i32::MAX.into());
-            self.ahead = Some(bits as i32);
-            self.fresh = true;
-            (self.turned, self.misses) = (0, 0);
+            track.ahead = Some(bits as i32);
+            track.fresh = true;
+            (track.turned, track.misses) = (0, 0);
         } else {
-            self.misses = self.misses.saturating_add(1);
-            if self.misses >= MAX_MISSES {
-                self.ahead = None;
+            track.misses = track.misses.saturating_add(1);
+            if track.misses >= MAX_MISSES {
+                track.ahead = None;
             }
         }
     }
@@ -116,29 +129,29 @@ impl ObstacleLimit {
     /// Every tick, with the robot's motion since the last one.
     // Requirement: WIRE-obstacle-1
     pub fn step(&mut self, delta: &Delta) {
+        let track = &mut self.track;
         let travel = delta.travel.to_bits();
         if travel > 0 {
-            self.forward = self.forward.saturating_add(travel);
-            if self.forward >= FORWARD_RUN {
-                self.backward = 0;
+            track.forward = track.forward.saturating_add(travel);
+            if track.forward >= FORWARD_RUN {
+                track.backward = 0;
             }
         } else if travel < 0 {
-            self.forward = 0;
-            self.backward = self.backward.saturating_sub(travel);
+            track.forward = 0;
+            track.backward = track.backward.saturating_sub(travel);
         }
-        self.turned = self.turned.saturating_add(delta.turn);
-        if self.turned.unsigned_abs() > MAX_TURN {
-            self.ahead = None;
+        track.turned = track.turned.saturating_add(delta.turn);
+        if track.turned.unsigned_abs() > MAX_TURN {
+            track.ahead = None;
         }
-        let fresh = core::mem::take(&mut self.fresh);
-        self.max_forward = match &mut self.ahead {
+        let fresh = core::mem::take(&mut track.fresh);
+        track.max_forward = match &mut track.ahead {
             None => self.blind_speed,
-            Some(_) if travel <= 0 && !fresh => self.max_forward,
+            Some(_) if travel <= 0 && !fresh => track.max_forward,
             Some(ahead) => {
                 *ahead = ahead.saturating_sub(travel.max(0));
                 let room = ahead.saturating_sub(self.clearance).max(0) as u32;
-                let energy = (u64::from(room) * u64::from(self.deceleration)) >> 28;
-                let energy = u32::try_from(energy).unwrap_or(u32::MAX);
+                let energy = braking_energy(room, self.deceleration);
                 (stoppable(self.reaction, energy) << SPEED_SHIFT) as i32
             }
         };
@@ -146,7 +159,7 @@ impl ObstacleLimit {
 
     /// The speed nearest to `commanded` that is allowed, µm/s, forward positive.
     pub fn limit(&self, commanded: i32) -> i32 {
-        commanded.min(self.max_forward).max(-self.max_reverse())
+        commanded.min(self.max_forward()).max(-self.max_reverse())
     }
 
     /// Whether a commanded speed is not allowed, µm/s.
@@ -156,17 +169,42 @@ impl ObstacleLimit {
 
     /// Largest speed forward, µm/s, not negative.
     pub const fn max_forward(&self) -> i32 {
-        self.max_forward
+        self.track.max_forward
     }
 
     /// Largest speed backward, µm/s, not negative.
     // Requirement: WIRE-obstacle-3, WIRE-obstacle-4
     pub fn max_reverse(&self) -> i32 {
         match self.reverse_way {
-            Some(way) if self.backward >= way => 0,
+            Some(way) if self.track.backward >= way => 0,
             _ => self.reverse_speed,
         }
     }
+}
+
+/// `2·a·t_r` in units of speed, rounded up: below 2¹⁷ for `a` ≤ 10 000 mm/s² and `t_r` ≤ 1000 ms.
+pub const fn reaction_speed(deceleration: u32, reaction_time: u32) -> u32 {
+    // 2·(10³·a)·(10⁻³·t) / 2⁸.
+    (deceleration * reaction_time).div_ceil(1 << (SPEED_SHIFT - 1))
+}
+
+/// `2·a·room` in squared units of speed, rounded down, saturating; `room` in 2⁻¹⁶ mm, `deceleration` in
+/// mm/s² / 125 000, below 2³¹.
+pub const fn braking_energy(room: u32, deceleration: u32) -> u32 {
+    let energy = (room as u64 * deceleration as u64) >> 28;
+    if energy > u32::MAX as u64 {
+        u32::MAX
+    } else {
+        energy as u32
+    }
+}
+
+/// Way from `speed`, at most 2000 mm/s, until the robot stands, mm, rounded up; reaction time in ms,
+/// at most 1000, deceleration in mm/s².
+pub const fn stopping_way(speed: u32, reaction_time: u32, deceleration: u32) -> u32 {
+    let braking = 2 * deceleration;
+    let braking = if braking == 0 { 1 } else { braking };
+    speed * reaction_time / 1000 + 1 + speed * speed / braking + 1
 }
 
 /// The largest `n` below 2¹⁴ with `n² + reaction·n ≤ energy`, bit by bit without a division;

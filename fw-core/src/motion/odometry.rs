@@ -16,7 +16,7 @@
 //! | sine and cosine | ≤ 0.5 together |
 //! | sums, two units of 2⁻⁴⁰ mm each | 0.001 |
 //!
-//! Measured over many headings: at most 0.35 µm. Numbers of 64 bits are split into two *signed* words,
+//! Measured over many headings: at most 0.40 µm. Numbers of 64 bits are split into two *signed* words,
 //! whose products with a word are one instruction of the Cortex-M4 each (SMULL, SMLAL, MLA, SMMLAR).
 
 mod slip;

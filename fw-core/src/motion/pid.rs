@@ -11,7 +11,7 @@
 //! No step overflows for any input and any accepted gain: gains are below 2¹⁴ with 32 fractional bits,
 //! so a term is below 2³⁰ percent and, with its 32 fractional bits, below 2⁶¹.
 
-use fixed::types::I16F16;
+use fixed::types::{I16F16, I32F32};
 
 use super::trig::{split, upper};
 use crate::eeprom::{self, Gains};
@@ -97,12 +97,11 @@ impl Pid {
         self.sum = 0;
     }
 
-    /// Bumpless transfer: sets the integral so that [`Self::step`] with this `error` and `rate` gives
-    /// `percent`, within the limits.
-    pub fn start_at(&mut self, percent: I16F16, error: I16F16, rate: I16F16) {
-        let others =
-            self.proportional.times(error.to_bits()) - self.derivative.times(rate.to_bits());
-        self.sum = clamp((i64::from(percent.to_bits()) << 16) - others, self.limit);
+    /// As after samples that left this integral part, percent; beyond the limit it is the limit.
+    #[must_use]
+    pub const fn with_integral(mut self, integral: I32F32) -> Self {
+        self.sum = clamp(integral.to_bits(), self.limit);
+        self
     }
 
     /// One sample. `error`: set-point less measurement; `rate`: change of the measurement since the last
@@ -150,8 +149,8 @@ impl Pid {
     }
 
     /// The integral part, percent.
-    pub const fn integral(&self) -> I16F16 {
-        I16F16::from_bits((self.sum >> 16) as i32)
+    pub const fn integral(&self) -> I32F32 {
+        I32F32::from_bits(self.sum)
     }
 }
 

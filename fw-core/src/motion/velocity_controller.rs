@@ -21,7 +21,7 @@ use super::pid::Pid;
 use super::pose_controller::stiction::LowPass;
 use super::trig::upper;
 use crate::divide::div_rem;
-use crate::eeprom::{self, Config, Gain, Gains};
+use crate::eeprom::{self, Config, Gain, Gains, VelocityLimits};
 use crate::types::{Delta, MotorCommands, Velocity};
 
 /// Ticks per second.
@@ -123,14 +123,80 @@ impl WheelSpeed {
     }
 }
 
+/// Limits of a commanded velocity and of its change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VelocityRamp {
+    /// µm/s, not negative.
+    pub max_speed: i32,
+    /// 2⁻³² turns/s, not negative.
+    pub max_yaw_rate: i32,
+    /// Change a tick, µm/s, not negative.
+    pub speed_step: i32,
+    /// Change a tick, 2⁻³² turns/s, not negative.
+    pub yaw_step: i32,
+}
+
+/// One tick of a [`VelocityRamp`].
+#[derive(Clone, Copy, Debug)]
+pub struct Followed {
+    /// The command within the limits of speed and yaw rate.
+    pub target: Velocity,
+    /// The target's forward speed within the obstacle stop's limit.
+    pub free: i32,
+    /// Nearer to it by a tick's change.
+    pub velocity: Velocity,
+    /// A limit of speed, yaw rate or acceleration reduced the command.
+    pub clipped: bool,
+}
+
+impl VelocityRamp {
+    /// Of the configured limits.
+    pub fn new(limits: &VelocityLimits) -> Self {
+        Self {
+            max_speed: i32::from(limits.speed_mm_s) * 1000,
+            max_yaw_rate: limits.yaw_rate.min(i32::MAX as u32) as i32,
+            speed_step: i32::from(limits.acceleration_mm_s2) * 10,
+            yaw_step: (limits.yaw_acceleration / TICKS) as i32,
+        }
+    }
+
+    /// From `before` one tick towards `commanded`.
+    // Requirement: WIRE-velocity-3
+    #[allow(clippy::inline_always, reason = "a part of the controller's step")]
+    #[inline(always)]
+    pub fn step(
+        &self,
+        before: Velocity,
+        commanded: Velocity,
+        obstacle: &ObstacleLimit,
+    ) -> Followed {
+        let speed = commanded.forward.max(-self.max_speed).min(self.max_speed);
+        let yaw_rate = commanded
+            .yaw_rate
+            .max(-self.max_yaw_rate)
+            .min(self.max_yaw_rate);
+        let free = obstacle.limit(speed);
+        let forward = obstacle.limit(towards(before.forward, free, self.speed_step));
+        let turning = towards(before.yaw_rate, yaw_rate, self.yaw_step);
+        Followed {
+            target: Velocity {
+                forward: speed,
+                yaw_rate,
+            },
+            free,
+            velocity: Velocity {
+                forward,
+                yaw_rate: turning,
+            },
+            clipped: speed != commanded.forward || forward != free || turning != commanded.yaw_rate,
+        }
+    }
+}
+
 /// The velocity controller.
 #[derive(Clone, Debug)]
 pub struct VelocityController {
-    max_speed: i32,
-    max_yaw_rate: i32,
-    /// Changes a tick.
-    speed_step: i32,
-    yaw_step: i32,
+    ramp: VelocityRamp,
     /// Half the difference of the wheels' ways per turn of the robot, 2⁻¹⁶ mm.
     half_track_turn: i32,
     /// Quarter of the yaw rate that a wheel's speed makes, 2⁻³² turns/s per 2⁻¹⁶ mm a tick.
@@ -147,7 +213,6 @@ pub struct VelocityController {
 impl VelocityController {
     /// At rest.
     pub fn new(config: &Config) -> Self {
-        let limits = config.velocity_limits();
         let forward = config.forward();
         let half = |gain: Gain| Gain::new(gain.value() >> 1_u32).unwrap_or_default();
         let gains = Gains {
@@ -160,10 +225,7 @@ impl VelocityController {
         let right = WheelSpeed::new(config.right(), &gains);
         let half_track_turn = (div_rem(u64::from(config.track().0) * PI, 1000).0 >> 13) as i32;
         Self {
-            max_speed: i32::from(limits.speed_mm_s) * 1000,
-            max_yaw_rate: limits.yaw_rate.min(i32::MAX as u32) as i32,
-            speed_step: i32::from(limits.acceleration_mm_s2) * 10,
-            yaw_step: (limits.yaw_acceleration / TICKS) as i32,
+            ramp: VelocityRamp::new(config.velocity_limits()),
             half_track_turn,
             yaw_per_speed: div_rem(
                 u64::from(TICKS / 4) << 32,
@@ -180,7 +242,7 @@ impl VelocityController {
     }
 
     /// One tick towards `commanded`, after [`ObstacleLimit::step`]; `delta` is the motion since the last.
-    // Requirement: WIRE-velocity-3, WIRE-velocity-4, WIRE-velocity-6
+    // Requirement: WIRE-velocity-4, WIRE-velocity-6
     #[must_use]
     pub fn step(
         &mut self,
@@ -188,25 +250,24 @@ impl VelocityController {
         obstacle: &ObstacleLimit,
         delta: &Delta,
     ) -> MotorCommands {
-        let speed = commanded.forward.max(-self.max_speed).min(self.max_speed);
-        let yaw_rate = commanded
-            .yaw_rate
-            .max(-self.max_yaw_rate)
-            .min(self.max_yaw_rate);
+        let before = self.applied.forward;
+        let Followed {
+            target,
+            free,
+            velocity,
+            clipped,
+        } = self.ramp.step(self.applied, commanded, obstacle);
         let Velocity {
-            forward: before,
-            yaw_rate: turning,
-        } = self.applied;
-        let free = obstacle.limit(speed);
-        self.held_back = free != speed;
-        let forward = obstacle.limit(towards(before, free, self.speed_step));
-        let turning = towards(turning, yaw_rate, self.yaw_step);
-        self.clipped =
-            speed != commanded.forward || forward != free || turning != commanded.yaw_rate;
-        self.applied = Velocity {
+            forward: speed,
+            yaw_rate,
+        } = target;
+        let Velocity {
             forward,
             yaw_rate: turning,
-        };
+        } = velocity;
+        self.held_back = free != speed;
+        self.clipped = clipped;
+        self.applied = velocity;
         // Slowed by the obstacle stop, the wheels follow with one of the two lags.
         let slowing = (forward - before).min(0);
         let driven = if free < speed && forward > 0 {
@@ -290,9 +351,9 @@ const fn larger(a: i32, b: i32) -> i32 {
     }
 }
 
-/// `from` one `step` towards `to`.
+/// `from` one `step`, not negative, towards `to`.
 #[inline(never)]
-fn towards(from: i32, to: i32, step: i32) -> i32 {
+pub fn towards(from: i32, to: i32, step: i32) -> i32 {
     from.saturating_add(to.saturating_sub(from).max(-step).min(step))
 }
 

@@ -143,7 +143,7 @@ impl Robot {
             } else {
                 Control::Pose(PoseController::new(config))
             },
-            obstacle: ObstacleLimit::new(config, by_velocity),
+            obstacle: ObstacleLimit::new(config.obstacle_stop(), by_velocity),
             drive_monitor: DriveMonitor::new(config),
             applied: MotorCommands::default(),
             battery: Battery::new(config),

@@ -99,9 +99,7 @@ impl Supervisor {
             Order::Resume => self.halted = false,
             Order::None => {
                 if command.resumes {
-                    if self.halted {
-                        self.faults = self.faults.difference(Faults::LINK_LOST);
-                    }
+                    self.faults = self.faults.difference(Faults::LINK_LOST);
                     self.halted = false;
                 }
             }
@@ -139,7 +137,7 @@ impl Supervisor {
     #[allow(clippy::inline_always, reason = "every frame calls it")]
     #[inline(always)]
     fn check_deadline(&mut self, now: Micros) {
-        if self.linked && self.deadline.expired(now) && !self.halted {
+        if self.linked && self.deadline.expired(now) {
             self.halted = true;
             self.faults |= Faults::LINK_LOST;
         }

@@ -1,11 +1,90 @@
 //! T5: what an accepted configuration promises to everything downstream.
 
-use fw_core::eeprom::fields::{CELLS, STOP_DEADLINE, TAP_1_UPPER, TRACK};
-use fw_core::eeprom::{Config, Gains, Image, Wheel};
+use fw_core::binary64::Binary64;
+use fw_core::eeprom::fields::{
+    ACCELERATION, ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, BLIND_SPEED, CELLS,
+    COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, DECELERATION, ENCODER_LEFT_REVERSED,
+    ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_ANTI_WINDUP, FORWARD_D, FORWARD_I, FORWARD_P,
+    FRONT_OVERHANG, FULL_SPEED_LEFT, FULL_SPEED_RIGHT, GYRO, LAYOUT_LENGTH, LAYOUT_VERSION,
+    LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MAX_SPEED, MAX_YAW_RATE, MODE,
+    MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE, RANGEFINDERS, REACTION_TIME,
+    REVERSE_DISTANCE, REVERSE_SPEED, ROTATION_ANTI_WINDUP, ROTATION_D, ROTATION_I, ROTATION_P,
+    ROTATION_TOLERANCE, SERVO, SERVO_REVERSED, SERVO_TRAVEL, SIGNS_RESERVED, STOP_DEADLINE,
+    STOP_DISTANCE, TAP_1_UPPER, TRACK, WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
+};
+use fw_core::eeprom::{Config, Field, Gains, Image, Wheel};
 use fw_core::wire::Mode;
 
 use super::accepted::AcceptedConfig;
 use crate::property::Seen;
+
+/// The integers of `docs/interfaces.md` with a range narrower than their bytes: the smallest and the largest.
+#[rustfmt::skip]
+const RANGES: &[(&Field, u64, u64)] = &[
+    (CELLS, 1, 8), (ADC_MAX_WORD, 1, 65_535), (LAYOUT_VERSION, 2, 2), (LAYOUT_LENGTH, 0x52, 0x52),
+    (COUNTS_PER_TURN, 100, 60_000), (WHEEL_DIAMETER_LEFT, 10_000, 1_000_000),
+    (WHEEL_DIAMETER_RIGHT, 10_000, 1_000_000), (TRACK, 20_000, 2_000_000),
+    (ENCODER_LEFT_REVERSED, 0, 1), (ENCODER_RIGHT_REVERSED, 0, 1), (MOTOR_LEFT_REVERSED, 0, 1),
+    (MOTOR_RIGHT_REVERSED, 0, 1), (SERVO_REVERSED, 0, 1), (SIGNS_RESERVED, 0, 0),
+    (RANGEFINDERS, 0, 3), (SERVO, 0, 1), (GYRO, 0, 1), (STOP_DEADLINE, 20, 2_000),
+    (DEAD_ZONE_LEFT, 0, 9_999), (DEAD_ZONE_RIGHT, 0, 9_999), (LIMIT_LEFT, 1, 10_000),
+    (LIMIT_RIGHT, 1, 10_000), (LOG_BAUD, 9_600, 2_000_000), (BATTERY_WARN, 0, 5_000),
+    (BATTERY_CUTOFF, 0, 5_000), (POSITION_TOLERANCE, 200, 65_535), (ROTATION_TOLERANCE, 8, 8_192),
+    (LOG_PERIOD, 0, 60_000), (SERVO_TRAVEL, 0, 32_768), (STOP_DISTANCE, 0, 2_000),
+    (FRONT_OVERHANG, 0, 1_000), (REACTION_TIME, 0, 1_000), (DECELERATION, 50, 10_000),
+    (BLIND_SPEED, 0, 2_000), (REVERSE_SPEED, 0, 2_000), (REVERSE_DISTANCE, 0, 10_000),
+    (MAX_SPEED, 10, 2_000), (MAX_YAW_RATE, 256, 32_768), (ACCELERATION, 50, 10_000),
+    (YAW_ACCELERATION, 256, 65_535), (FULL_SPEED_LEFT, 1, 5_000), (FULL_SPEED_RIGHT, 1, 5_000),
+];
+
+/// Whether the tables of `docs/interfaces.md` accept these raw values, without the code's own ranges.
+fn is_acceptable(values: &AcceptedConfig) -> bool {
+    let get = |field: &Field| values.get(field);
+    // 2⁻³², nearest: by `decoding_is_nearest`.
+    let real = |field: &Field, min: i64, max: i64| {
+        let fixed = Binary64(get(field)).to_fixed();
+        fixed.is_ok_and(|value: fixed::types::I32F32| (min..=max).contains(&value.to_bits()))
+    };
+    let gains = [
+        FORWARD_P,
+        FORWARD_I,
+        FORWARD_D,
+        FORWARD_ANTI_WINDUP,
+        ROTATION_P,
+        ROTATION_I,
+        ROTATION_D,
+        ROTATION_ANTI_WINDUP,
+    ];
+    let cells = get(CELLS);
+    let mut right = gains.into_iter().all(|gain| real(gain, 0, 10_000 << 32))
+        && real(ADC_MAX, 429_496_730, 10 << 32)
+        && matches!(get(MODE), 0..=2 | 0x10..=0x12 | 0x20 | 0x30)
+        && get(DEAD_ZONE_LEFT) < get(LIMIT_LEFT)
+        && get(DEAD_ZONE_RIGHT) < get(LIMIT_RIGHT)
+        && get(BATTERY_CUTOFF) <= get(BATTERY_WARN)
+        && (get(MODE) != 0x20 || get(SERVO) == 1 && get(RANGEFINDERS) >= 1);
+    for &(field, min, max) in RANGES {
+        right &= (min..=max).contains(&get(field));
+    }
+    let mut taps = FIELDS.iter().filter(|field| field.tap != 0);
+    while let (Some(upper), Some(lower)) = (taps.next(), taps.next()) {
+        right &= u64::from(upper.tap) > cells
+            || get(upper) <= 10_000_000
+                && (1..=10_000_000).contains(&get(lower))
+                && get(upper) <= 99 * get(lower);
+    }
+    right
+}
+
+/// Raw values are accepted exactly when the tables accept them.
+// Requirement: WIRE-eeprom-4, WIRE-refused-1
+pub fn acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) -> Seen {
+    let field = &FIELDS[usize::from(which) % FIELDS.len()];
+    let values = values.with(field, raw & field.kind.max());
+    let right = is_acceptable(&values);
+    assert!(values.config().is_some() == right);
+    Seen::NOTHING.case(0, right).case(1, !right)
+}
 
 /// The promise, written out independently of the field table.
 pub fn is_bounded(config: &Config) -> bool {
@@ -18,6 +97,7 @@ pub fn is_bounded(config: &Config) -> bool {
         (10_000..=1_000_000).contains(&wheel.diameter.0)
             && 0 <= wheel.dead_zone.hundredths()
             && wheel.dead_zone < wheel.limit
+            && (1..=5_000).contains(&wheel.full_speed_mm_s)
     };
     let dividers = config.dividers().iter().all(|divider| {
         (1..=10_000_000).contains(&divider.lower.0)
@@ -26,14 +106,28 @@ pub fn is_bounded(config: &Config) -> bool {
     let servo = config
         .servo()
         .is_none_or(|servo| (1..=1 << 31).contains(&servo.travel.0));
+    let (stop, limits) = (config.obstacle_stop(), config.velocity_limits());
+    let rate = |rate: u16| (50..=10_000).contains(&rate);
+    let obstacle_stop = stop.stop_distance_mm <= 2_000
+        && stop.overhang_mm <= 1_000
+        && stop.reaction_time.0 <= 1_000
+        && rate(stop.deceleration_mm_s2)
+        && stop.blind_speed_mm_s.max(stop.reverse_speed_mm_s) <= 2_000
+        && stop.reverse_distance_mm <= 10_000;
+    let velocity_limits = (10..=2_000).contains(&limits.speed_mm_s)
+        && (1 << 24..=1 << 31).contains(&limits.yaw_rate)
+        && rate(limits.acceleration_mm_s2)
+        && limits.yaw_acceleration >= 1 << 24;
     gains(config.forward())
+        && obstacle_stop
+        && velocity_limits
         && gains(config.rotation())
         && (1..=8).contains(&config.cells())
         && config.dividers().len() == usize::from(config.cells())
         && ((1 << 32) / 10..=10 << 32).contains(&config.adc_max_volts().to_bits())
         && config.adc_max_word() >= 1
         && dividers
-        && config.counts_per_turn() >= 100
+        && (100..=60_000).contains(&config.counts_per_turn())
         && wheel(config.left())
         && wheel(config.right())
         && (20_000..=2_000_000).contains(&config.track().0)
@@ -90,6 +184,23 @@ pub fn decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: 
         .case(1, decoded.is_err())
 }
 
+/// Every field with every range's ends and their neighbours, and every single bit.
+#[cfg(test)]
+fn each_field() -> impl Iterator<Item = (AcceptedConfig, u8, u64)> {
+    let ends = RANGES.iter().flat_map(|&(_, min, max)| [min, max]);
+    let ends = ends.flat_map(|end| [end.wrapping_sub(1), end, end + 1]);
+    let bits = (0..64).map(|bit| 1_u64 << bit);
+    let reals = [0.1, 10.0, 10_000.0].map(f64::to_bits);
+    let reals = reals.into_iter().flat_map(|end| [end - 1, end, end + 1]);
+    let raws: Vec<_> = ends.chain(bits).chain(reals).chain([u64::MAX]).collect();
+    (0..FIELDS.len()).flat_map(move |which| {
+        let which = u8::try_from(which).unwrap_or(0);
+        raws.clone()
+            .into_iter()
+            .map(move |raw| (AcceptedConfig::FIRST_BOARD, which, raw))
+    })
+}
+
 crate::properties! {
     theorem T5 accepted_configuration_is_bounded(values: AcceptedConfig) {
         cases ["other than the first board's", "at the end of a range"];
@@ -98,6 +209,16 @@ crate::properties! {
         kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(),);
         kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(),);
         sampled 50_000;
+    }
+    theorem T3 acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) {
+        cases ["accepted", "rejected"];
+        needs [decoding_is_nearest];
+        kani any_gains [unwind(80)] = (AcceptedConfig::of_any_gains(), 0, any());
+        kani any_battery [unwind(80)] = (AcceptedConfig::of_any_battery(), 0, any());
+        kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(), 1, any());
+        kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(), 1, any());
+        stepped each_field();
+        sampled 100_000;
     }
     property T5 decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: u64) {
         cases ["accepted", "rejected"];

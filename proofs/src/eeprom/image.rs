@@ -2,6 +2,11 @@
 
 use fw_core::eeprom::{Config, Field, Image, CRC_ADDRESS, FIELDS, IMAGE_LEN, KEY, PLATFORM, SPANS};
 
+#[cfg(kani)]
+use fw_core::eeprom::fields::{
+    CELLS, COUNTS_PER_TURN, FORWARD_P, MOTOR_LEFT_REVERSED, SIGNS_RESERVED, TRACK,
+};
+
 use super::accepted::AcceptedConfig;
 use crate::property::Seen;
 
@@ -25,6 +30,25 @@ fn image_of(values: &AcceptedConfig, filler: u8) -> Image {
 
 fn field_of(which: u8) -> &'static Field {
     &FIELDS[usize::from(which) % FIELDS.len()]
+}
+
+/// A field's bytes hold what was stored, and the other bits what they held. A bit of the field depends on
+/// none but its own, in one kind of field as in another, at any address.
+// Requirement: DOC-6-4
+pub fn stored_value_is_read_back(which: u8, raw: u64, filler: u64) -> Seen {
+    let field = field_of(which);
+    let mut image = Image([0; IMAGE_LEN]);
+    let start = usize::from(field.address);
+    let bytes = &mut image.0[start..start + 8];
+    bytes.copy_from_slice(&filler.to_le_bytes());
+    image.set(field, raw);
+    assert!(image.get(field) == raw & field.kind.max());
+    let mut after = [0; 8];
+    after.copy_from_slice(&image.0[start..start + 8]);
+    assert!((u64::from_le_bytes(after) ^ filler) & !field.kind.mask() == 0);
+    Seen::NOTHING
+        .case(0, u64::from_le_bytes(after) != filler)
+        .case(1, raw > field.kind.max() || field.kind.max() == u64::MAX)
 }
 
 /// What is stored in a field is read from it, in the bytes of the table and nowhere else, and no other
@@ -179,6 +203,19 @@ pub fn image_burst_is_rejected(start: u16, pattern: u32, filler: u8) -> Seen {
 }
 
 crate::properties! {
+    theorem T3 stored_value_is_read_back(which: u8, raw: u64, filler: u64) {
+        cases ["changed", "more bits than the field has"];
+        kani u8 [unwind(9)] = (CELLS.index, any(), any());
+        kani u16 [unwind(9)] = (COUNTS_PER_TURN.index, any(), any());
+        kani u32 [unwind(9)] = (TRACK.index, any(), any());
+        kani binary64 [unwind(9)] = (FORWARD_P.index, any(), any());
+        kani one_bit [unwind(9)] = (MOTOR_LEFT_REVERSED.index, any(), any());
+        kani three_bits [unwind(9)] = (SIGNS_RESERVED.index, any(), any());
+        stepped (0..=255_u8).flat_map(|which| {
+            (0..64).flat_map(move |bit| [0, u64::MAX].map(|filler| (which, 1_u64 << bit, filler)))
+        });
+        sampled 100_000;
+    }
     property T3 field_is_read_as_written(which: u8, raw: u64, filler: u8) {
         cases ["changed", "more bits than the field has"];
         stepped (0..=255_u8).flat_map(|which| {

@@ -66,7 +66,7 @@ impl Past {
 }
 
 /// After a fresh frame, the first tick at or after the deadline brakes and latches the fault, for any
-/// history and across the clock's wrap.
+/// history, stopped or driving, and across the clock's wrap.
 // Requirement: WIRE-deadline-1
 pub fn silence_brakes(
     past: Past,
@@ -94,7 +94,7 @@ pub fn silence_brakes(
                 State::Stopped
             }
     );
-    assert!(in_time != AllowedMotion::Drive || supervisor.faults().intersects(Faults::LINK_LOST));
+    assert!(supervisor.faults().intersects(Faults::LINK_LOST));
     Seen::NOTHING
         .case(0, in_time == AllowedMotion::Drive)
         .case(1, blocked)
@@ -198,6 +198,39 @@ pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32
         .case(1, supervisor.state() == State::Faulted)
 }
 
+/// The fault of silence is latched exactly when a deadline passed since it was cleared, by a frame that
+/// clears it or that resumes in a mode without orders: not before the first frame, not twice.
+// Requirement: WIRE-deadline-1, WIRE-deadline-4
+pub fn silence_is_latched_until_cleared(
+    past: Past,
+    fresh: Micros,
+    silence: u32,
+    intent: SupervisorCommand,
+    after: u32,
+) -> Seen {
+    let allowed = u32::from(past.deadline) * 1000;
+    if silence >= TICKS_WITHIN || after >= allowed {
+        return Seen::NOTHING;
+    }
+    let mut supervisor = past.supervisor();
+    supervisor.on_fresh(fresh, SupervisorCommand::default());
+    let before = supervisor.faults();
+    let late = fresh.after(silence);
+    supervisor.on_fresh(late, intent);
+    let resumed = intent.order == Order::None && intent.resumes;
+    let cleared = resumed || intent.clear_faults.intersects(Faults::LINK_LOST);
+    let lost = before.intersects(Faults::LINK_LOST) || silence >= allowed;
+    assert!(supervisor.faults().intersects(Faults::LINK_LOST) == (lost && !cleared));
+    let _ = supervisor.on_tick(late.after(after), true, true);
+    assert!(supervisor.faults().intersects(Faults::LINK_LOST) == (lost && !cleared));
+    let others = Faults::ALL_BITS.difference(Faults::LINK_LOST);
+    assert!(supervisor.faults() & others == before.difference(intent.clear_faults) & others);
+    Seen::NOTHING
+        .case(0, silence >= allowed && !cleared)
+        .case(1, lost && cleared)
+        .case(2, !lost)
+}
+
 /// Frames within the deadline never stop the robot.
 pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) -> Seen {
     let allowed = u32::from(deadline) * 1000;
@@ -247,6 +280,13 @@ crate::properties! {
     }
     theorem T8 late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32) {
         cases ["stopped", "faulted"];
+        kani proof [unwind(4)];
+        sampled 300_000;
+    }
+    theorem T8 silence_is_latched_until_cleared(
+        past: Past, fresh: Micros, silence: u32, intent: SupervisorCommand, after: u32
+    ) {
+        cases ["latched", "cleared", "in time"];
         kani proof [unwind(4)];
         sampled 300_000;
     }

@@ -3,13 +3,54 @@
 #![allow(clippy::cast_sign_loss, reason = "a bearing's sign bit is half a turn")]
 
 use fixed::types::{I16F16, I32F32};
-use fw_core::motion::obstacle_limit::stoppable;
+use fw_core::eeprom::ObstacleStop;
+use fw_core::motion::obstacle_limit::{
+    braking_energy, reaction_speed, stoppable, stopping_way, Track,
+};
 use fw_core::motion::ObstacleLimit;
-use fw_core::types::{Delta, Millimetres};
+use fw_core::types::{Delta, Millimetres, Milliseconds};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::input::{Input, Source};
 use crate::property::Seen;
+
+/// Figures of the obstacle stop that a configuration may have.
+#[derive(Clone, Copy, Debug)]
+pub struct AcceptedStop(pub ObstacleStop);
+
+impl Input for AcceptedStop {
+    fn draw(source: &mut impl Source) -> Self {
+        let mut up_to = |most: u16| {
+            let mask = most.next_power_of_two() - 1;
+            (u16::draw(source) & mask).min(most)
+        };
+        Self(ObstacleStop {
+            stop_distance_mm: up_to(2_000),
+            overhang_mm: up_to(1_000),
+            reaction_time: Milliseconds(up_to(1_000)),
+            deceleration_mm_s2: 50 + up_to(9_950),
+            blind_speed_mm_s: up_to(2_000),
+            reverse_speed_mm_s: up_to(2_000),
+            reverse_distance_mm: up_to(10_000),
+        })
+    }
+}
+
+#[cfg(kani)]
+impl AcceptedStop {
+    /// The first board's.
+    fn first_board() -> Self {
+        Self(ObstacleStop {
+            stop_distance_mm: 150,
+            overhang_mm: 20,
+            reaction_time: Milliseconds(100),
+            deceleration_mm_s2: 400,
+            blind_speed_mm_s: 100,
+            reverse_speed_mm_s: 50,
+            reverse_distance_mm: 300,
+        })
+    }
+}
 
 /// A reading of the front sensor, if one ended, then a tick.
 #[derive(Clone, Copy, Debug, Default)]
@@ -116,6 +157,189 @@ pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
         .case(2, n > 0 && n < fastest)
 }
 
+/// What every event keeps: what [`obstacle_step_follows_the_rules`] takes for granted.
+fn is_possible(track: &Track) -> bool {
+    let Track {
+        ahead,
+        misses,
+        backward,
+        forward,
+        max_forward,
+        ..
+    } = *track;
+    backward.min(forward).min(max_forward) >= 0 && (ahead.is_none() || misses < 3)
+}
+
+/// Inductive step over every state: echoes, misses, turning and ways count as the rules say, and the
+/// forward limit is the blind speed without an echo, unchanged while the distance is, and else that of
+/// [`distance_allows_what_stops`]. No command passes the limits, nor is one changed within them.
+// Requirement: WIRE-obstacle-1, WIRE-obstacle-2, WIRE-obstacle-3, WIRE-obstacle-4
+pub fn obstacle_step_follows_the_rules(
+    stop: AcceptedStop,
+    by_velocity: bool,
+    before: Track,
+    event: Event,
+    commanded: i32,
+) -> Seen {
+    let AcceptedStop(figures) = stop;
+    let start = ObstacleLimit::new(&figures, by_velocity);
+    assert!(is_possible(start.track()) && start.track().ahead.is_none());
+    if !is_possible(&before) {
+        return Seen::NOTHING;
+    }
+    let mut obstacle = start.with_track(before);
+    event.apply(&mut obstacle);
+    let after = *obstacle.track();
+    assert!(is_possible(&after) && !after.fresh);
+    let mut expected = before;
+    match event.reading {
+        Some((bearing, _)) if i64::from(bearing).abs() > Account::FIFTEEN_DEGREES => {}
+        Some((_, Some(distance))) => {
+            expected = Track {
+                ahead: Some(i32::try_from(distance).unwrap_or(i32::MAX)),
+                fresh: true,
+                turned: 0,
+                misses: 0,
+                ..before
+            };
+        }
+        Some((_, None)) => {
+            expected.misses = before.misses.saturating_add(1);
+            expected.ahead = before.ahead.filter(|_| expected.misses < 3);
+        }
+        None => {}
+    }
+    expected.turned = expected.turned.saturating_add(event.turn);
+    if i64::from(expected.turned).abs() > Account::FIFTEEN_DEGREES << 16 {
+        expected.ahead = None;
+    }
+    let forward_way = event.travel.max(0);
+    expected.ahead = expected
+        .ahead
+        .map(|ahead| ahead.saturating_sub(forward_way));
+    if event.travel < 0 {
+        expected.forward = 0;
+        expected.backward = before.backward.saturating_sub(event.travel);
+    } else {
+        expected.forward = before.forward.saturating_add(forward_way);
+        if event.travel > 0 && expected.forward >= 10 << 16 {
+            expected.backward = 0;
+        }
+    }
+    expected.max_forward = match expected.ahead {
+        None => i32::from(figures.blind_speed_mm_s) * 1000,
+        Some(_) if forward_way == 0 && !expected.fresh => before.max_forward,
+        Some(_) => after.max_forward,
+    };
+    expected.fresh = false;
+    assert!(after == expected);
+    let reverse = u32::from(figures.reverse_speed_mm_s);
+    let used_up = by_velocity && obstacle.max_reverse() == 0;
+    // At the latest after the whole way.
+    let whole = i64::from(figures.reverse_distance_mm) << 16;
+    assert!(used_up || !by_velocity || i64::from(after.backward) < whole);
+    assert!(obstacle.max_forward() == after.max_forward);
+    assert!(obstacle.max_reverse().unsigned_abs() == if used_up { 0 } else { reverse * 1000 });
+    let allowed = obstacle.limit(commanded);
+    assert!(-obstacle.max_reverse() <= allowed && allowed <= obstacle.max_forward());
+    assert!(
+        allowed == commanded
+            || allowed
+                == if commanded > 0 {
+                    obstacle.max_forward()
+                } else {
+                    -obstacle.max_reverse()
+                }
+    );
+    assert!(
+        commanded.signum() * allowed.signum() >= 0
+            && allowed.unsigned_abs() <= commanded.unsigned_abs()
+    );
+    assert!(obstacle.limited(commanded) == (allowed != commanded));
+    Seen::NOTHING
+        .case(0, after.ahead.is_some() && allowed < commanded)
+        .case(1, before.ahead.is_some() && after.ahead.is_none())
+        .case(2, used_up && commanded < 0)
+        .case(3, after.ahead.is_some_and(|ahead| ahead < 0))
+        .case(
+            4,
+            after.ahead.is_some() && after.max_forward > before.max_forward,
+        )
+}
+
+/// A distance allows the largest speed that stops within it, by [`speed_is_the_largest_that_stops`] and
+/// [`figures_err_on_the_safe_side`]; a way back allows what stops within the rest of it.
+// Requirement: WIRE-obstacle-1, WIRE-obstacle-4
+pub fn distance_allows_what_stops(stop: AcceptedStop, ahead: i32, backward: i32) -> Seen {
+    let AcceptedStop(figures) = stop;
+    if backward < 0 {
+        return Seen::NOTHING;
+    }
+    let track = Track {
+        ahead: Some(ahead),
+        fresh: true,
+        backward,
+        ..Track::default()
+    };
+    let mut obstacle = ObstacleLimit::new(&figures, true).with_track(track);
+    obstacle.step(&Delta::default());
+    let deceleration = u32::from(figures.deceleration_mm_s2);
+    let reaction_time = u32::from(figures.reaction_time.0);
+    let clearance = (u32::from(figures.stop_distance_mm) + u32::from(figures.overhang_mm)) << 16;
+    let room = u32::try_from(ahead).unwrap_or(0).saturating_sub(clearance);
+    let energy = braking_energy(room, deceleration * 125_000);
+    let units = stoppable(reaction_speed(deceleration, reaction_time), energy);
+    assert!(obstacle.max_forward().unsigned_abs() == units << 8);
+    let reverse = u32::from(figures.reverse_speed_mm_s);
+    let way = stopping_way(reverse, reaction_time, deceleration);
+    let way = i64::from(figures.reverse_distance_mm) - i64::from(way);
+    let used_up = i64::from(backward) >= way << 16;
+    assert!(obstacle.max_reverse().unsigned_abs() == if used_up { 0 } else { reverse * 1000 });
+    Seen::NOTHING
+        .case(0, units == 0)
+        .case(1, units > 0)
+        .case(2, used_up && reverse > 0)
+        .case(3, !used_up && reverse > 0)
+}
+
+/// Reaction, energy and way back are rounded so that the robot stops rather too early: each against its
+/// formula, for every figure and room.
+// Requirement: WIRE-obstacle-1, WIRE-obstacle-4
+pub fn figures_err_on_the_safe_side(
+    deceleration: u16,
+    reaction_time: u16,
+    speed: u16,
+    room: u32,
+) -> Seen {
+    if !(50..=10_000).contains(&deceleration)
+        || reaction_time > 1_000
+        || speed > 2_000
+        || room >> 31 > 0
+    {
+        return Seen::NOTHING;
+    }
+    let (a, t, v) = (
+        u32::from(deceleration),
+        u32::from(reaction_time),
+        u32::from(speed),
+    );
+    let reaction = reaction_speed(a, t);
+    assert!(reaction < 1 << 17 && reaction * 128 >= a * t && reaction * 128 < a * t + 128);
+    let energy = braking_energy(room, a * 125_000);
+    let exact = u64::from(room) * u64::from(a * 125_000);
+    assert!(u64::from(energy) <= exact >> 28);
+    assert!(energy == u32::MAX || u64::from(energy) == exact >> 28);
+    // Both parts of the way, and both a millimetre too long at most.
+    let way = stopping_way(v, t, a);
+    let (reaction_way, braking_way) = (v * t / 1000 + 1, v * v / (2 * a) + 1);
+    assert!(reaction_way * 1000 > v * t && braking_way * 2 * a > v * v);
+    assert!(way == reaction_way + braking_way);
+    Seen::NOTHING
+        .case(0, reaction * 128 > a * t)
+        .case(1, energy == u32::MAX)
+        .case(2, way > 2_000)
+}
+
 /// After any events: `v·t_r + v²/(2a)` ≤ max(0, d − overhang − stop distance) for the commanded forward
 /// speed v, the blind speed without an echo; backward the reverse speed, and driven by velocity only
 /// what stops within the reverse distance.
@@ -131,7 +355,7 @@ pub fn commanded_speed_stops_in_time(
         return Seen::NOTHING;
     };
     let figures = config.obstacle_stop();
-    let mut obstacle = ObstacleLimit::new(&config, by_velocity);
+    let mut obstacle = ObstacleLimit::new(figures, by_velocity);
     let mut account = Account::default();
     for (event, ()) in events.into_iter().take(usize::from(count % 9)) {
         event.apply(&mut obstacle);
@@ -176,12 +400,57 @@ pub fn commanded_speed_stops_in_time(
         .case(4, !by_velocity && allowed < 0)
 }
 
+/// Every deceleration with every reaction time and with every speed, every reaction time with every speed:
+/// no part depends on more than two of them. The room is only multiplied, shifted and cut.
+#[cfg(test)]
+fn figures() -> impl Iterator<Item = (u16, u16, u16, u32)> {
+    (50..=10_000_u16).flat_map(|deceleration| {
+        (0..=1_000_u16).flat_map(move |time| {
+            [2 * time, 2 * time + 1].map(|speed| {
+                let room = u32::from(deceleration).wrapping_mul(u32::from(time) << 20 | 0xFFFF);
+                (
+                    deceleration,
+                    time,
+                    (deceleration + speed) % 2_001,
+                    room >> 1,
+                )
+            })
+        })
+    })
+}
+
 crate::properties! {
     property T15 speed_is_the_largest_that_stops(reaction: u32, energy: u32) {
         cases ["stands", "the fastest", "between"];
         kani immediate [unwind(16)] = (0, any());
         kani first_board [unwind(16)] = (313, any());
         sampled 2_000_000;
+    }
+    theorem T15 figures_err_on_the_safe_side(
+        deceleration: u16, reaction_time: u16, speed: u16, room: u32
+    ) {
+        cases ["rounded up", "saturated", "a long way"];
+        exhaustive figures();
+        sampled 200_000;
+    }
+    theorem T15 obstacle_step_follows_the_rules(
+        stop: AcceptedStop, by_velocity: bool, before: Track, event: Event, commanded: i32
+    ) {
+        cases ["limited", "echo void", "way back used up", "beyond the obstacle", "further away"];
+        needs [
+            accepted_configuration_is_bounded, distance_allows_what_stops
+        ];
+        kani proof [unwind(16)];
+        sampled 500_000;
+    }
+    property T15 distance_allows_what_stops(stop: AcceptedStop, ahead: i32, backward: i32) {
+        cases ["at the obstacle", "before it", "no way back", "a way back"];
+        needs [
+            accepted_configuration_is_bounded, speed_is_the_largest_that_stops,
+            figures_err_on_the_safe_side
+        ];
+        kani first_board [unwind(16)] = (AcceptedStop::first_board(), any(), any());
+        sampled 500_000;
     }
     property T15 commanded_speed_stops_in_time(
         values: AcceptedConfig, by_velocity: bool, events: [(Event, ()); 8], count: u8, commanded: i32

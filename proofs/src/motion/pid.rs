@@ -11,11 +11,14 @@ use fw_core::motion::pid::Pid;
 use crate::input::{Input, Source};
 use crate::property::Seen;
 
-/// A PID in a reachable state: any integral within its limit.
-fn pid_with(gains: &Gains, limit: i32, integral: i32) -> Pid {
-    let mut pid = Pid::new(gains, I16F16::from_bits(limit));
-    pid.start_at(I16F16::from_bits(integral), I16F16::ZERO, I16F16::ZERO);
-    pid
+/// A PID in any state: its only one is the integral, 2⁻³² %, within its limit.
+fn pid_with(gains: &Gains, limit: i32, integral: i64) -> Pid {
+    Pid::new(gains, I16F16::from_bits(limit)).with_integral(I32F32::from_bits(integral))
+}
+
+/// 2⁻³² %.
+fn integral_of(pid: &Pid) -> i64 {
+    pid.integral().to_bits()
 }
 
 /// The limit as the PID clamps it: 0 to 100 %.
@@ -28,22 +31,28 @@ fn cut(limit: i32) -> i32 {
 pub fn step_stays_within_the_limit(
     gains: Gains,
     limit: i32,
-    integral: i32,
+    integral: i64,
     error: i32,
     rate: i32,
 ) -> Seen {
     let mut pid = pid_with(&gains, limit, integral);
     let cut = cut(limit);
-    assert!(pid.integral().to_bits().abs() <= cut);
+    let most = i64::from(cut) << 16;
+    assert!(integral_of(&pid) == integral.clamp(-most, most));
     let output = pid
         .step(I16F16::from_bits(error), I16F16::from_bits(rate))
         .to_bits();
     assert!(output.abs() <= cut);
-    assert!(pid.integral().to_bits().abs() <= cut);
+    assert!(integral_of(&pid).abs() <= most);
     Seen::NOTHING
         .case(0, output == cut && cut > 0)
         .case(1, output == -cut && cut > 0)
         .case(2, output.abs() < cut && output != 0)
+}
+
+/// 2⁻¹⁶ %, rounded down.
+fn whole(pid: &Pid) -> i32 {
+    i32::try_from(integral_of(pid) >> 16).unwrap_or(i32::MAX)
 }
 
 /// Accepted gains, 2⁻³².
@@ -76,7 +85,7 @@ impl Factors {
 pub fn saturation_ends_at_once(
     gains: Gains,
     limit: i32,
-    integral: i32,
+    integral: i64,
     error: i32,
     rate: i32,
 ) -> Seen {
@@ -97,9 +106,10 @@ pub fn saturation_ends_at_once(
     } else {
         assert!(output > -cut);
     }
+    let most = i64::from(cut) << 16;
     Seen::NOTHING
-        .case(0, others < 0 && integral >= cut)
-        .case(1, others > 0 && integral <= -cut)
+        .case(0, others < 0 && integral >= most)
+        .case(1, others > 0 && integral <= -most)
         .case(2, others < 0 && integral < 0)
 }
 
@@ -110,7 +120,7 @@ pub fn saturation_ends_at_once(
 pub fn windup_is_shed_in_time(
     gains: Gains,
     limit: i32,
-    integral: i32,
+    integral: i64,
     error: i32,
     samples: u8,
 ) -> Seen {
@@ -126,7 +136,7 @@ pub fn windup_is_shed_in_time(
     let proportional = proportional_part(&gains, error).to_bits() * sign;
     let headroom = (cut - proportional).max(0);
     let shed = (factors.anti_windup >> 16).min(1 << 16);
-    let excess = |pid: &Pid| pid.integral().to_bits() * sign - headroom;
+    let excess = |pid: &Pid| whole(pid) * sign - headroom;
     let before = excess(&pid);
     if before <= 0 {
         return Seen::NOTHING;
@@ -162,7 +172,7 @@ fn proportional_part(gains: &Gains, error: I16F16) -> I16F16 {
 pub fn integral_turns_in_time(
     gains: Gains,
     limit: i32,
-    integral: i32,
+    integral: i64,
     error: i32,
     rate: i32,
     samples: u8,
@@ -173,7 +183,7 @@ pub fn integral_turns_in_time(
     let sign = -error.signum();
     let proportional = factors.proportional(error);
     let mut pid = pid_with(&gains, limit, integral);
-    let held = |pid: &Pid| i128::from(pid.integral().to_bits() * sign);
+    let held = |pid: &Pid| i128::from(whole(pid) * sign);
     let before = held(&pid);
     if sign == 0 || before <= 0 || proportional + 1 >= i128::from(cut / 5) {
         return Seen::NOTHING;
@@ -204,7 +214,7 @@ pub fn integral_turns_in_time(
 pub fn far_errors_are_not_integrated(
     gains: Gains,
     limit: i32,
-    integral: i32,
+    integral: i64,
     error: i32,
     rate: i32,
 ) -> Seen {
@@ -213,10 +223,9 @@ pub fn far_errors_are_not_integrated(
         return Seen::NOTHING;
     }
     let mut pid = pid_with(&gains, limit, integral);
-    let before = pid.integral().to_bits();
+    let before = integral_of(&pid);
     let _ = pid.step(I16F16::from_bits(error), I16F16::from_bits(rate));
-    let after = pid.integral().to_bits();
-    // Between zero and its value before, rounded down.
+    let after = integral_of(&pid);
     assert!(before.min(0) <= after && after <= before.max(0));
     Seen::NOTHING
         .case(0, after == before && before != 0)
@@ -264,7 +273,7 @@ fn coarse_gains() -> Gains {
 
 crate::properties! {
     property T7 step_stays_within_the_limit(
-        gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
+        gains: Gains, limit: i32, integral: i64, error: i32, rate: i32
     ) {
         cases ["at the upper limit", "at the lower limit", "between"];
         kani first_board_forward [unwind(4)] =
@@ -276,7 +285,7 @@ crate::properties! {
         sampled 500_000;
     }
     property T7 saturation_ends_at_once(
-        gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
+        gains: Gains, limit: i32, integral: i64, error: i32, rate: i32
     ) {
         cases ["from the upper limit", "from the lower limit", "from the other side"];
         kani first_board_rotation [unwind(4)] =
@@ -286,25 +295,25 @@ crate::properties! {
         sampled 500_000;
     }
     property T7 windup_is_shed_in_time(
-        gains: Gains, limit: i32, integral: i32, error: i32, samples: u8
+        gains: Gains, limit: i32, integral: i64, error: i32, samples: u8
     ) {
         cases ["down to the headroom", "down to zero", "reduced"];
         kani first_board_forward [unwind(4)] =
             (forward_gains(), 100 << 16, any(), if any() { 8 << 16 } else { 20 << 16 }, 1);
         kani first_board_rotation [unwind(4)] =
-            (rotation_gains(), 50 << 16, coarse(8), coarse(8), 1);
+            (rotation_gains(), 50 << 16, i64::from(coarse(8)) << 16, coarse(8), 1);
         sampled 200_000;
     }
     property T7 integral_turns_in_time(
-        gains: Gains, limit: i32, integral: i32, error: i32, rate: i32, samples: u8
+        gains: Gains, limit: i32, integral: i64, error: i32, rate: i32, samples: u8
     ) {
         cases ["spent", "on its way", "held at the limit by the rate"];
         kani first_board_rotation [unwind(4)] =
-            (rotation_gains(), 50 << 16, coarse(8), coarse(4), coarse(12), 1);
+            (rotation_gains(), 50 << 16, i64::from(coarse(8)) << 16, coarse(4), coarse(12), 1);
         sampled 500_000;
     }
     property T7 far_errors_are_not_integrated(
-        gains: Gains, limit: i32, integral: i32, error: i32, rate: i32
+        gains: Gains, limit: i32, integral: i64, error: i32, rate: i32
     ) {
         cases ["kept", "nearer to zero"];
         kani first_board_forward [unwind(4)] =

@@ -1,10 +1,12 @@
 //! T16: limits of speed, yaw rate, acceleration and duty hold in velocity mode, and zero holds.
 
-use fw_core::eeprom::{Config, Wheel};
+use fw_core::eeprom::{Config, VelocityLimits, Wheel};
+use fw_core::motion::obstacle_limit::Track;
+use fw_core::motion::velocity_controller::{towards, VelocityRamp};
 use fw_core::motion::{ObstacleLimit, VelocityController};
 use fw_core::types::{MotorCommand, MotorCommands, Velocity};
 
-use super::obstacle_limit::Event;
+use super::obstacle_limit::{AcceptedStop, Event};
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
 
@@ -12,7 +14,7 @@ use crate::property::Seen;
 fn parts(config: &Config) -> (VelocityController, ObstacleLimit) {
     (
         VelocityController::new(config),
-        ObstacleLimit::new(config, true),
+        ObstacleLimit::new(config.obstacle_stop(), true),
     )
 }
 
@@ -29,6 +31,116 @@ fn duty_is_within_limit(command: MotorCommand, wheel: &Wheel) -> bool {
         MotorCommand::Brake => true,
         MotorCommand::Coast => false,
     }
+}
+
+/// Inductive step, from any velocity within its limits, any command and any limit of the obstacle stop:
+/// the next one is within them too, no further away than a tick's change but for the obstacle stop, and a
+/// command that is not clipped is followed. So zero is reached after |v| / step ticks.
+// Requirement: WIRE-velocity-3, WIRE-velocity-6, WIRE-obstacle-1
+pub fn ramp_keeps_its_limits(
+    ramp: VelocityRamp,
+    stop: AcceptedStop,
+    track: Track,
+    before: Velocity,
+    commanded: Velocity,
+) -> Seen {
+    let smallest = ramp.max_speed.min(ramp.max_yaw_rate);
+    let smallest = smallest.min(ramp.speed_step).min(ramp.yaw_step);
+    if smallest.min(track.max_forward) < 0 {
+        return Seen::NOTHING;
+    }
+    let cut = |velocity: Velocity| Velocity {
+        forward: velocity.forward.clamp(-ramp.max_speed, ramp.max_speed),
+        yaw_rate: velocity
+            .yaw_rate
+            .clamp(-ramp.max_yaw_rate, ramp.max_yaw_rate),
+    };
+    let within = |velocity| cut(velocity) == velocity;
+    let before = cut(before);
+    // Any limit backward: that of a configuration.
+    let obstacle = ObstacleLimit::new(&stop.0, false).with_track(track);
+    let followed = ramp.step(before, commanded, &obstacle);
+    let after = followed.velocity;
+    assert!(within(after) && within(followed.target) && !obstacle.limited(after.forward));
+    let steps = (ramp.speed_step.unsigned_abs(), ramp.yaw_step.unsigned_abs());
+    assert!(is_followed(before.forward, after.forward, steps.0));
+    assert!(is_followed(before.yaw_rate, after.yaw_rate, steps.1));
+    assert!(followed.free == obstacle.limit(followed.target.forward));
+    assert!(followed.clipped || within(commanded) && after.yaw_rate == commanded.yaw_rate);
+    assert!(followed.clipped || after.forward == obstacle.limit(commanded.forward));
+    // As far as one tick leads, or nearer by it.
+    let remaining = |from: i32, to: i32, step: u32| from.abs_diff(to).saturating_sub(step);
+    assert!(
+        after.yaw_rate.abs_diff(followed.target.yaw_rate)
+            == remaining(before.yaw_rate, followed.target.yaw_rate, steps.1)
+    );
+    assert!(
+        after.forward.abs_diff(followed.free) <= remaining(before.forward, followed.free, steps.0)
+    );
+    Seen::NOTHING
+        .case(0, followed.clipped)
+        .case(1, !followed.clipped && after != before)
+        .case(
+            2,
+            after.forward < before.forward && commanded.forward > before.forward,
+        )
+        .case(3, after.forward == 0 && before.forward != 0)
+}
+
+/// The ramp's limits are the configured ones, a change per second is a hundred a tick.
+// Requirement: WIRE-velocity-3
+pub fn ramp_is_the_configured_one(speed: u16, yaw: u16) -> Seen {
+    let limits = VelocityLimits {
+        speed_mm_s: speed,
+        yaw_rate: u32::from(yaw) << 16,
+        acceleration_mm_s2: speed,
+        yaw_acceleration: u32::from(yaw) << 16,
+    };
+    let ramp = VelocityRamp::new(&limits);
+    assert!(ramp.max_speed.unsigned_abs() == u32::from(speed) * 1000);
+    assert!(ramp.speed_step.unsigned_abs() == u32::from(speed) * 1000 / 100);
+    // Half a turn a second less 2⁻³².
+    let most = i32::MAX.unsigned_abs();
+    assert!(ramp.max_yaw_rate.unsigned_abs() == limits.yaw_rate.min(most));
+    assert!(ramp.yaw_step.unsigned_abs() == limits.yaw_acceleration / 100);
+    Seen::NOTHING.case(0, yaw == 0x8000).case(1, speed == 2_000)
+}
+
+/// What does not fit into the duty slows: a velocity never grows by it nor changes its direction.
+// Requirement: WIRE-velocity-5
+pub fn slowing_never_speeds_up(from: i32, less: i32) -> Seen {
+    if less < 0 {
+        return Seen::NOTHING;
+    }
+    let after = towards(from, 0, less);
+    assert!(after.unsigned_abs() == from.unsigned_abs().saturating_sub(less.unsigned_abs()));
+    assert!(after == 0 || after.signum() == from.signum());
+    Seen::NOTHING
+        .case(0, after == 0 && from < 0)
+        .case(1, after > 0 && less > 0)
+}
+
+/// Braked for a zero command, the robot stays braked as long as zero is commanded, whatever rolls,
+/// turns or echoes.
+// Requirement: WIRE-velocity-6
+pub fn zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) -> Seen {
+    let Some(config) = values.config() else {
+        return Seen::NOTHING;
+    };
+    if track.max_forward < 0 {
+        return Seen::NOTHING;
+    }
+    let (mut controller, obstacle) = parts(&config);
+    let mut obstacle = obstacle.with_track(track);
+    for _ in 0..2 {
+        let delta = event.apply(&mut obstacle);
+        let commands = controller.step(Velocity::default(), &obstacle, &delta);
+        assert!(commands == MotorCommands::BRAKE && !controller.clipped());
+        assert!(controller.applied() == Velocity::default() && !controller.held_back());
+    }
+    Seen::NOTHING
+        .case(0, obstacle.max_forward() == 0)
+        .case(1, obstacle.max_forward() > 0)
 }
 
 /// For any commands, motions and echoes: speed and yaw rate within their limits and the obstacle stop's,
@@ -122,6 +234,32 @@ pub fn zero_command_ends_in_the_brake(
 }
 
 crate::properties! {
+    theorem T16 ramp_keeps_its_limits(
+        ramp: VelocityRamp, stop: AcceptedStop, track: Track, before: Velocity, commanded: Velocity
+    ) {
+        cases ["clipped", "followed", "slowed by the obstacle stop", "to a stand"];
+        needs [accepted_configuration_is_bounded];
+        kani proof [unwind(2)];
+        sampled 500_000;
+    }
+    theorem T16 ramp_is_the_configured_one(speed: u16, yaw: u16) {
+        cases ["the largest yaw rate", "the largest speed"];
+        exhaustive (0..=u16::MAX).map(|value| (value, value.rotate_left(3)));
+    }
+    theorem T16 slowing_never_speeds_up(from: i32, less: i32) {
+        cases ["to a stand", "slower"];
+        kani proof [unwind(2)];
+        sampled 100_000;
+    }
+    theorem T16 zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) {
+        cases ["at an obstacle", "free"];
+        needs [accepted_configuration_is_bounded];
+        kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any());
+        kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(), any(), any());
+        kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(), any(), any());
+        kani any_gains [unwind(80)] = (AcceptedConfig::of_any_gains(), any(), any());
+        sampled 50_000;
+    }
     property T16 velocity_keeps_its_limits(
         values: AcceptedConfig, ticks: [(Velocity, (Event, ())); 8], count: u8, repeats: u8
     ) {

@@ -1,5 +1,6 @@
 //! T1: parsing is total, and takes exactly the frames of the byte tables.
 
+use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{parse_command, parse_report, FrameError, Mode, Reason};
 
@@ -48,24 +49,20 @@ pub fn report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> S
         .case(2, frame[table.battery] >> 5 >= context.cells)
 }
 
-/// What must hold of a guarded frame whatever end parses it: all is right, or it is rejected, by its
-/// checksum alone if all else is right.
+/// What must hold of a guarded frame whatever end parses it: taken if and only if all is right and the
+/// checksum too, and rejected by the checksum if and only if it alone is wrong.
 fn guarded_verdict<T>(parsed: &Result<T, FrameError>, right: bool, frame: &Frame, mode: Mode) {
-    match parsed {
-        Ok(_) => assert!(right),
-        Err(error) => match error.reason {
-            Reason::Crc { expected, found } => {
-                let at = table(mode).len - 2;
-                assert!(right && found != expected);
-                assert!(found == word(frame, at) && usize::from(error.offset) == at);
-            }
-            _ => assert!(!right),
-        },
+    let at = table(mode).len - 2;
+    let (expected, found) = (crc16(&frame[..at]), word(frame, at));
+    assert!(parsed.is_ok() == (right && found == expected));
+    if let Err(error) = parsed {
+        let by_checksum = error.reason == Reason::Crc { expected, found };
+        assert!(by_checksum == right && (!right || usize::from(error.offset) == at));
     }
 }
 
-/// In a guarded mode the STM takes no frame of the Pi that the table does not allow, rejects none
-/// that it allows but for its checksum, and understands by it what the table says.
+/// In a guarded mode the STM takes a frame of the Pi exactly when the table allows it and its checksum
+/// is right, and understands by it what the table says.
 pub fn guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
     if !table.guarded {
@@ -82,10 +79,11 @@ pub fn guarded_command_follows_the_table(mode: Mode, context: Context, frame: Fr
         .case(1, frame[0] != context.key_from_pi)
         .case(2, !is_fresh(context.last, frame[1]))
         .case(3, frame[5] > 2)
+        .case(4, right && parsed.is_err())
 }
 
-/// In a guarded mode the Pi takes no frame of the STM that the table does not allow, rejects none
-/// that it allows but for its checksum, and understands by it what the table says.
+/// In a guarded mode the Pi takes a frame of the STM exactly when the table allows it and its checksum
+/// is right, and understands by it what the table says.
 pub fn guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
     if !table.guarded {
@@ -103,13 +101,14 @@ pub fn guarded_report_follows_the_table(mode: Mode, context: Context, frame: Fra
         .case(2, !is_fresh(context.last, frame[1]))
         .case(3, frame[5] & 0x3F > 4)
         .case(4, right && frame[5] > 4)
+        .case(5, right && parsed.is_err())
 }
 
 /// Room for frames longer than any mode's.
 pub const LONGER: usize = 34;
 
 /// A frame that is not exactly as long as its mode's is rejected at both ends: short, long within
-/// the buffer, or long beyond it.
+/// the buffer, or long beyond it, whatever its checksum.
 // Requirement: DOC-5.1.5-1
 pub fn odd_length_is_rejected(
     mode: Mode,
@@ -132,7 +131,7 @@ pub fn odd_length_is_rejected(
         .case(2, len == whole)
 }
 
-/// Every mode with its length, frames of zeros, and every length.
+/// Every mode with every length, the rest zeros, and a checksum that is right for this length.
 #[cfg(test)]
 fn lengths() -> impl Iterator<Item = (Mode, Context, [u8; LONGER], u8, u16)> {
     let context = Context {
@@ -144,7 +143,11 @@ fn lengths() -> impl Iterator<Item = (Mode, Context, [u8; LONGER], u8, u16)> {
     };
     Mode::ALL.iter().flat_map(move |&mode| {
         (0..=34).flat_map(move |len| {
-            [0, 1, u16::MAX].map(move |beyond| (mode, context, [0; LONGER], len, beyond))
+            let mut frame = [0; LONGER];
+            if let Some((body, checksum)) = frame[..usize::from(len)].split_last_chunk_mut() {
+                *checksum = crc16(body).to_be_bytes();
+            }
+            [0, 1, u16::MAX].map(move |beyond| (mode, context, frame, len, beyond))
         })
     })
 }
@@ -165,7 +168,8 @@ crate::properties! {
         sampled 200_000;
     }
     theorem T1 guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) {
-        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such order"];
+        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such order", "wrong checksum"];
+        needs [checksum_is_the_catalogues];
         kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
         kani tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any());
@@ -174,7 +178,9 @@ crate::properties! {
         sampled 200_000;
     }
     theorem T1 guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) {
-        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such state", "limited or clipped"];
+        cases ["right but perhaps for its checksum", "wrong key", "stale", "no such state",
+            "limited or clipped", "wrong checksum"];
+        needs [checksum_is_the_catalogues];
         kani normal [unwind(12)] = (Mode::GuardedNormal, any(), any());
         kani tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any());
         kani tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any());
@@ -189,6 +195,11 @@ crate::properties! {
         kani normal [unwind(12)] = (Mode::Normal, any(), any(), any(), any());
         kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any(), any(), any());
         kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any(), any(), any());
+        kani guarded_normal [unwind(12)] = (Mode::GuardedNormal, any(), any(), any(), any());
+        kani guarded_tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any(), any(), any());
+        kani guarded_tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any(), any(), any());
+        kani sweep [unwind(12)] = (Mode::GuardedSweep, any(), any(), any(), any());
+        kani velocity [unwind(12)] = (Mode::GuardedVelocity, any(), any(), any(), any());
         exhaustive lengths();
         sampled 200_000;
     }

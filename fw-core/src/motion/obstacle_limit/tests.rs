@@ -3,7 +3,7 @@ use crate::eeprom::first_board;
 use fixed::types::{I16F16, I32F32};
 
 fn limit() -> ObstacleLimit {
-    ObstacleLimit::new(&first_board(), true)
+    ObstacleLimit::new(first_board().obstacle_stop(), true)
 }
 
 fn mm(distance: i32) -> Millimetres {
@@ -154,7 +154,7 @@ fn way_back_is_slow_and_short_until_the_next_way_forward() {
     assert_eq!(limit.max_reverse(), 0);
     let _ = moved(&mut limit, 0.1, 0.0);
     assert_eq!(limit.max_reverse(), 50_000);
-    let mut to_a_pose = ObstacleLimit::new(&first_board(), false);
+    let mut to_a_pose = ObstacleLimit::new(first_board().obstacle_stop(), false);
     let _ = moved(&mut to_a_pose, -5000.0, 0.0);
     assert_eq!(to_a_pose.limit(-60_000), -50_000);
 }

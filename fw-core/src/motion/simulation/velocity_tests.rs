@@ -17,7 +17,7 @@ fn first_driven(params: Params) -> Driven {
 fn driven(config: &Config, params: Params) -> Driven {
     let parts = (
         VelocityController::new(config),
-        ObstacleLimit::new(config, true),
+        ObstacleLimit::new(config.obstacle_stop(), true),
     );
     Robot::with(parts, config, params)
 }
@@ -203,7 +203,7 @@ fn wall_ahead_stops_the_velocity_at_the_stop_distance() {
 fn wall_before_a_target_holds_it_back_until_it_is_gone() {
     for params in spread() {
         let mut robot = Robot::new(&first_board(), params);
-        let mut obstacle = ObstacleLimit::new(&first_board(), false);
+        let mut obstacle = ObstacleLimit::new(first_board().obstacle_stop(), false);
         robot.controller.set_target(pose(2500.0, 0.0, 0.0));
         let mut drive = |ahead: Option<f64>| {
             let (pose, delta) = robot.tick();

@@ -15,7 +15,7 @@ impl Course {
         Self {
             bench: Bench::new(Mode::Normal),
             controller: PoseController::new(&first_board()),
-            obstacle: ObstacleLimit::new(&first_board(), false),
+            obstacle: ObstacleLimit::new(first_board().obstacle_stop(), false),
             ticks: 0,
         }
     }
