@@ -194,7 +194,7 @@ fn halted_wheels_are_not_identified() {
 
 /// What is allowed with an echo at this distance from the sensor, mm.
 fn limited(controller: &mut PoseController, distance: f64) {
-    let mut obstacle = ObstacleLimit::new(&first_board(), false);
+    let mut obstacle = ObstacleLimit::new(first_board().obstacle_stop(), false);
     let distance = crate::types::Millimetres(fixed::types::I32F32::from_num(distance));
     obstacle.on_range(0, Some(distance));
     obstacle.step(&STILL);
