@@ -210,7 +210,7 @@ crate::properties! {
         kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(),);
         sampled 50_000;
     }
-    theorem T3 acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) {
+    property T3 acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) {
         cases ["accepted", "rejected"];
         needs [decoding_is_nearest];
         kani any_gains [unwind(80)] = (AcceptedConfig::of_any_gains(), 0, any());

@@ -234,7 +234,7 @@ pub fn zero_command_ends_in_the_brake(
 }
 
 crate::properties! {
-    theorem T16 ramp_keeps_its_limits(
+    property T16 ramp_keeps_its_limits(
         ramp: VelocityRamp, stop: AcceptedStop, track: Track, before: Velocity, commanded: Velocity
     ) {
         cases ["clipped", "followed", "slowed by the obstacle stop", "to a stand"];
@@ -251,7 +251,7 @@ crate::properties! {
         kani proof [unwind(2)];
         sampled 100_000;
     }
-    theorem T16 zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) {
+    property T16 zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) {
         cases ["at an obstacle", "free"];
         needs [accepted_configuration_is_bounded];
         kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any());
