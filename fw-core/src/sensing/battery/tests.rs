@@ -130,7 +130,8 @@ fn battery_unread_for_half_a_second_is_empty() {
         assert_eq!((battery.low(), battery.empty()), (unread, unread));
     }
     // The supervision is off.
-    (battery.warn, battery.cutoff, battery.empty) = (0, 0, false);
+    (battery.warn, battery.cutoff) = (0, 0);
+    (battery.low, battery.empty) = (false, false);
     battery.sample(&[]);
     assert!(!battery.low() && !battery.empty());
 }
