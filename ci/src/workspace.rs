@@ -19,9 +19,11 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// The workspace that this program was built from.
+    /// The workspace in which cargo runs this program, a copy of the one that built it included.
     pub fn find() -> Result<Self> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
+        let runs = std::env::var_os("CARGO_MANIFEST_DIR");
+        let folder = runs.unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
+        let root = Path::new(&folder).parent();
         let root = root.context("the ci folder has no parent")?.to_path_buf();
         let sh = Shell::new()?;
         sh.change_dir(&root);

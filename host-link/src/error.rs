@@ -1,6 +1,7 @@
 //! What can go wrong, as one sentence each, and the exit code a script can rely on.
 
-use std::path::PathBuf;
+use crate::file::FileFault;
+use std::path::{Path, PathBuf};
 
 macro_rules! exit_codes {
     ($($name:ident = $code:literal, $meaning:literal;)+) => {
@@ -34,6 +35,7 @@ exit_codes! {
     Output = 11, "an output file could not be written";
     Busy = 12, "another `robot` process uses the robot";
     Tuning = 13, "tuning or calibration has no usable result; nothing was changed";
+    Findings = 14, "`doctor` found something to be done";
     Interrupted = 130, "interrupted (Ctrl-C, SIGTERM, SIGHUP)";
 }
 
@@ -50,10 +52,10 @@ impl Exit {
 #[non_exhaustive]
 pub enum Error {
     /// An argument has no meaning.
-    #[error("{0}; see `robot help`")]
+    #[error("{0}")]
     Usage(String),
     /// A file could not be read.
-    #[error("cannot read {}: {cause}; check the path and its permissions", path.display())]
+    #[error("cannot read {}: {cause}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -61,14 +63,12 @@ pub enum Error {
         cause: String,
     },
     /// A file's content is wrong.
-    #[error("{}{}: {what}", path.display(), line.map(|line| format!(", line {line}")).unwrap_or_default())]
+    #[error("{}", describe(path, faults))]
     Content {
         /// The file.
         path: PathBuf,
-        /// 1-based line, where one can be named.
-        line: Option<usize>,
-        /// What is wrong and what is accepted.
-        what: String,
+        /// Everything that is wrong with it, as far as one run finds it.
+        faults: Vec<FileFault>,
     },
     /// The EEPROM did not acknowledge, or its bus failed.
     #[error(
@@ -221,7 +221,7 @@ pub enum Error {
         advice: String,
     },
     /// A file could not be written.
-    #[error("cannot write {}: {cause}; check the folder and its space", path.display())]
+    #[error("cannot write {}: {cause}", path.display())]
     Unwritable {
         /// The file.
         path: PathBuf,
@@ -249,10 +249,17 @@ pub enum Error {
     #[error("calibration has no usable result: {0}; diameters and track are unchanged")]
     Calibration(String),
     /// Ctrl-C, SIGTERM or SIGHUP.
-    #[error(
-        "interrupted; the robot stops, and the EEPROM is protected with its bus back at the STM"
-    )]
+    #[error("interrupted")]
     Interrupted,
+    /// The reader of standard output has closed it: an orderly end.
+    #[error("standard output is closed")]
+    PipeClosed,
+}
+
+/// Every fault with its line, below each other.
+fn describe(path: &Path, faults: &[FileFault]) -> String {
+    let faults: Vec<String> = faults.iter().map(|fault| fault.describe(path)).collect();
+    faults.join("\n")
 }
 
 impl Error {
@@ -273,6 +280,7 @@ impl Error {
             Self::Server { exit, .. } => *exit,
             Self::Tuning(_) | Self::Calibration(_) => Exit::Tuning,
             Self::Interrupted => Exit::Interrupted,
+            Self::PipeClosed => Exit::Ok,
         }
     }
 
@@ -282,8 +290,15 @@ impl Error {
         line: impl Into<Option<usize>>,
         what: impl Into<String>,
     ) -> Self {
-        let (path, line, what) = (path.into(), line.into(), what.into());
-        Self::Content { path, line, what }
+        let fault = FileFault {
+            line: line.into(),
+            shown: None,
+            what: what.into(),
+        };
+        Self::Content {
+            path: path.into(),
+            faults: vec![fault],
+        }
     }
 
     /// `path` could not be read.

@@ -88,6 +88,7 @@
 //! | [`snapshot`] | the latest values in physical units |
 //! | [`uart`] | the STM's log as bytes |
 //! | [`log`] | the STM's log as lines |
+//! | [`file`] | bounded inputs, outputs that are whole and replace no foreign file |
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
@@ -95,6 +96,7 @@ pub mod board_io;
 pub mod drive;
 pub mod eeprom;
 pub mod error;
+pub mod file;
 pub mod link;
 #[cfg(feature = "linux")]
 pub mod linux;

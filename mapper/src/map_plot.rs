@@ -13,10 +13,14 @@ const ESTIMATE: RGBColor = RGBColor(20, 110, 220);
 const TRUTH: RGBColor = RGBColor(30, 160, 70);
 const START: RGBColor = RGBColor(190, 30, 90);
 
-/// Pixels per cell.
+/// Most pixels per cell, and most of a side: fewer per cell in a large map.
 const ZOOM: f64 = 5.0;
-/// Room for the legend above, the labels of the axes and the margin at the right, pixels.
-const HEAD_PX: u32 = 40;
+const SIDE_PX: f64 = 4000.0;
+/// Most cells of a picture's side.
+pub const MAX_SIDE_CELLS: u32 = 4000;
+/// Room for title and legend above, the labels of the axes and the margin at the right, pixels.
+const HEAD_PX: u32 = 88;
+const LEGEND_PX: i32 = 36;
 const LABELS_PX: u32 = 52;
 const MARGIN_PX: u32 = 16;
 
@@ -31,7 +35,7 @@ pub fn map(grid: &Grid) -> Result<Vec<u8>, PlotError> {
         walls: &[],
         paths: &[],
     }
-    .draw(&names)
+    .draw("Map", &names)
 }
 
 /// The map under the estimated path, the true path and the true walls (all in the grid's frame), as
@@ -45,18 +49,25 @@ pub fn trajectory(
     truth: &[Pose2],
     walls: &[Segment],
 ) -> Result<Vec<u8>, PlotError> {
+    let given = !estimate.is_empty() || !truth.is_empty();
+    let names: Vec<_> = [
+        ("estimated path", ESTIMATE, !estimate.is_empty()),
+        ("true path", TRUTH, !truth.is_empty()),
+        ("true walls", WALL, !walls.is_empty()),
+        ("start", START, given),
+        ("occupied", OCCUPIED, true),
+        ("free", FREE, true),
+        ("unknown", UNKNOWN, true),
+    ]
+    .into_iter()
+    .filter_map(|(name, colour, shown)| shown.then_some((name, colour)))
+    .collect();
     Layers {
         grid,
         walls,
         paths: &[(truth, TRUTH, 5), (estimate, ESTIMATE, 2)],
     }
-    .draw(&[
-        ("estimated path", ESTIMATE),
-        ("true path", TRUTH),
-        ("true walls", WALL),
-        ("start", START),
-        ("map", OCCUPIED),
-    ])
+    .draw("Map and path", &names)
 }
 
 /// What is drawn, from the bottom to the top.
@@ -100,15 +111,31 @@ impl Layers<'_> {
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // pixels
-    fn draw(&self, names: &[(&str, RGBColor)]) -> Result<Vec<u8>, PlotError> {
+    fn draw(&self, title: &str, names: &[(&str, RGBColor)]) -> Result<Vec<u8>, PlotError> {
         let (grid, cell_m) = (self.grid, self.grid.cell_mm() / 1000.0);
         let (corner, columns, rows) = self.extent();
         let metres = |point: Point| (point.x_mm / 1000.0, point.y_mm / 1000.0);
-        let pixels = |cells: u32| (f64::from(cells) * ZOOM) as u32;
+        let side = columns.max(rows);
+        if side > MAX_SIDE_CELLS {
+            let what =
+                format!("{columns} × {rows} cells: a picture has at most {MAX_SIDE_CELLS} a side");
+            return Err(PlotError::new(what));
+        }
+        let zoom = ZOOM.min(SIDE_PX / f64::from(side));
+        let pixels = |cells: u32| (f64::from(cells) * zoom) as u32;
+        let (width_m, height_m) = (f64::from(columns) * cell_m, f64::from(rows) * cell_m);
+        let title = format!(
+            "{title}: {width_m:.1} m × {height_m:.1} m, cells of {} mm",
+            grid.cell_mm()
+        );
         let width = pixels(columns) + LABELS_PX + MARGIN_PX;
         let height = pixels(rows) + HEAD_PX + LABELS_PX + MARGIN_PX / 2;
         png(width.max(800), height, |area| {
-            legend(area, LABELS_PX.cast_signed(), 12, names)?;
+            let text = TextStyle::from((FONT, TEXT_PX)).color(&INK);
+            let at = LABELS_PX.cast_signed();
+            let heading = TextStyle::from((FONT, TEXT_PX + 3)).color(&INK);
+            area.draw(&Text::new(title.clone(), (at, 10), heading))?;
+            legend(area, at, LEGEND_PX, names)?;
             let (left, bottom) = metres(corner);
             let (_, body) = area.split_vertically(HEAD_PX);
             let (body, _) = body.split_horizontally(width);
@@ -117,10 +144,7 @@ impl Layers<'_> {
                 .margin_bottom(MARGIN_PX / 2)
                 .x_label_area_size(LABELS_PX)
                 .y_label_area_size(LABELS_PX)
-                .build_cartesian_2d(
-                    left..left + f64::from(columns) * cell_m,
-                    bottom..bottom + f64::from(rows) * cell_m,
-                )?;
+                .build_cartesian_2d(left..left + width_m, bottom..bottom + height_m)?;
             chart.plotting_area().fill(&UNKNOWN)?;
             let known = |&(column, row): &(usize, usize)| grid.log_odds(column, row) != 0.0;
             chart.draw_series(grid.cells().filter(known).map(|(column, row)| {
@@ -131,8 +155,11 @@ impl Layers<'_> {
             }))?;
             chart
                 .configure_mesh()
-                .disable_mesh()
-                .label_style(TextStyle::from((FONT, TEXT_PX)).color(&INK))
+                .x_labels(labels(width_m))
+                .y_labels(labels(height_m))
+                .bold_line_style(INK.mix(0.15))
+                .light_line_style(TRANSPARENT)
+                .label_style(text.clone())
                 .axis_style(INK)
                 .x_desc("x (m)")
                 .y_desc("y (m)")
@@ -154,9 +181,32 @@ impl Layers<'_> {
                 let at = metres(start.position());
                 chart.draw_series([Circle::new(at, 6, START.filled())])?;
             }
+            let bar_m = scale_bar(width_m);
+            let (x, y) = (left + width_m * 0.03, bottom + height_m * 0.03);
+            let bar = PathElement::new([(x, y), (x + bar_m, y)], INK.stroke_width(4));
+            chart.draw_series([bar])?;
+            let label = Text::new(
+                format!("{bar_m} m"),
+                (x, y + 1.5 * cell_m.max(height_m / 60.0)),
+                text,
+            );
+            chart.draw_series([label])?;
             Ok(())
         })
     }
+}
+
+/// One label a metre, in larger maps fewer.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // at most 20
+fn labels(metres: f64) -> usize {
+    metres.clamp(2.0, 20.0) as usize
+}
+
+/// A round length of about a fifth of the width, metres.
+fn scale_bar(width_m: f64) -> f64 {
+    let lengths = [50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2];
+    let fits = |length: &f64| *length <= width_m / 4.0;
+    lengths.into_iter().find(fits).unwrap_or(0.1)
 }
 
 /// The path in steps of at least 10 mm: shorter ones only blur.
@@ -206,6 +256,26 @@ mod tests {
         let wall = Segment::new(Point::new(900.0, -400.0), Point::new(900.0, 400.0));
         let (_, _, pixels) = decode(&trajectory(&grid, &path, &path, &[wall]).unwrap());
         assert!([WALL, ESTIMATE, START].iter().all(|&c| has(&pixels, c)));
+        // A real run has no truth, and its legend none either.
+        let (_, _, pixels) = decode(&trajectory(&grid, &path, &[], &[]).unwrap());
+        assert!(has(&pixels, ESTIMATE) && !has(&pixels, WALL) && !has(&pixels, TRUTH));
+    }
+
+    #[test]
+    fn large_map_is_scaled_and_endless_one_refused() {
+        let far = |mm: f64| [Pose2::default(), Pose2::new(mm, mm / 50.0, 0.0)];
+        let grid = Grid::new(25.0);
+        let (width, height, _) = decode(&trajectory(&grid, &far(90_000.0), &[], &[]).unwrap());
+        assert!(width < 4200 && height < 1000, "{width} × {height}");
+        let refused = trajectory(&grid, &far(4e6), &[], &[]).unwrap_err();
+        assert!(
+            refused.to_string().contains("at most 4000 a side"),
+            "{refused}"
+        );
+        assert_eq!(
+            [1.0, 10.0, 100.0].map(scale_bar).map(|m| format!("{m}")),
+            ["0.2", "2", "20"]
+        );
     }
 
     #[test]

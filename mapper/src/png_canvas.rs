@@ -21,6 +21,12 @@ impl fmt::Display for PlotError {
 
 impl Error for PlotError {}
 
+impl PlotError {
+    pub(crate) fn new(what: String) -> Self {
+        Self(what.into())
+    }
+}
+
 pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 pub(crate) type Drawn = Result<(), Box<dyn Error + Send + Sync>>;
 
@@ -62,17 +68,23 @@ fn encode(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, png::Encodi
     Ok(file)
 }
 
-/// Draws a row of coloured squares with their names, from `left` at the height `top`.
+/// Draws coloured squares with their names, from `left` at the height `top`, in as many rows as the width
+/// needs.
 pub(crate) fn legend(area: &Area<'_>, left: i32, top: i32, entries: &[(&str, RGBColor)]) -> Drawn {
     let style = TextStyle::from((FONT, TEXT_PX)).color(&INK);
-    let mut x = left;
+    let right = i32::try_from(area.dim_in_pixel().0)?;
+    let (mut x, mut top) = (left, top);
     for (name, colour) in entries {
+        let width = i32::try_from(area.estimate_text_size(name, &style)?.0)? + TEXT_PX + 7;
+        if x > left && x + width > right {
+            (x, top) = (left, top + TEXT_PX + 8);
+        }
         let square = [(x, top), (x + TEXT_PX, top + TEXT_PX)];
         area.draw(&Rectangle::new(square, colour.filled()))?;
         area.draw(&Rectangle::new(square, INK.stroke_width(1)))?;
-        x += TEXT_PX + 7;
-        area.draw(&Text::new((*name).to_owned(), (x, top), style.clone()))?;
-        x += i32::try_from(area.estimate_text_size(name, &style)?.0)? + 22;
+        let at = (x + TEXT_PX + 7, top);
+        area.draw(&Text::new((*name).to_owned(), at, style.clone()))?;
+        x += width + 22;
     }
     Ok(())
 }

@@ -13,6 +13,7 @@
 //! | [`waypoints`] | way-point files |
 //! | [`mode`] | another mode on both ends |
 //! | [`hints`] | what counters and faults indicate |
+//! | [`doctor`] | checks from the kernel to the wheels |
 //! | [`tune`] | steps, model, gains, dividers |
 //! | [`calibrate`] | wheel diameters and track from measured runs |
 //! | [`ground_truth`] | the true end of a run |
@@ -26,6 +27,7 @@
 
 pub mod calibrate;
 pub mod client;
+pub mod doctor;
 pub mod exploring;
 pub mod ground_truth;
 pub mod hints;

@@ -3,12 +3,11 @@
 
 use fw_core::eeprom::Config;
 use fw_core::types::RangefinderId;
-use host_link::eeprom::image;
 use host_link::error::Error;
+use host_link::file::{self, Kind};
 use host_link::pose::Pose;
 use host_link::snapshot::Snapshot;
 use mapper::{Grid, Mapper, Mount, Pose2, map_plot, ros};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// One report as the mapper takes it.
@@ -58,6 +57,28 @@ pub struct Files {
     pub pgm: PathBuf,
     /// The text that goes with it.
     pub yaml: PathBuf,
+}
+
+impl Files {
+    /// `stem`.png, `stem`.pgm and `stem`.yaml.
+    pub fn new(stem: &Path) -> Self {
+        Self {
+            png: file::with_suffix(stem, ".png"),
+            pgm: file::with_suffix(stem, ".pgm"),
+            yaml: file::with_suffix(stem, ".yaml"),
+        }
+    }
+
+    /// Whether all of them can be written, before the wheels turn.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn check(stem: &Path) -> Result<(), Error> {
+        let files = Self::new(stem);
+        file::check(&files.png, Kind::Png)?;
+        file::check(&files.pgm, Kind::Pgm)?;
+        file::check(&files.yaml, Kind::MapYaml)
+    }
 }
 
 impl Mapping {
@@ -124,7 +145,7 @@ impl Mapping {
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn save_recording(&self, path: &Path) -> Result<(), Error> {
-        image::save(path, self.recording.as_bytes())
+        file::save(path, Kind::Recording, self.recording.as_bytes())
     }
 }
 
@@ -133,31 +154,34 @@ impl Mapping {
 /// # Errors
 /// [`Error::Unwritable`].
 pub fn save_map(grid: &Grid, path: &[Pose2], stem: &Path) -> Result<Files, Error> {
-    let files = Files {
-        png: image::with_suffix(stem, ".png"),
-        pgm: image::with_suffix(stem, ".pgm"),
-        yaml: image::with_suffix(stem, ".yaml"),
-    };
+    let files = Files::new(stem);
     let png = map_plot::trajectory(grid, path, &[], &[]).map_err(|cause| Error::Unwritable {
         path: files.png.clone(),
         cause: cause.to_string(),
     })?;
-    image::save(&files.png, &png)?;
-    image::save(&files.pgm, &ros::pgm(grid))?;
+    file::save(&files.png, Kind::Png, &png)?;
+    file::save(&files.pgm, Kind::Pgm, &ros::pgm(grid))?;
     let picture = files.pgm.file_name().unwrap_or_default().to_string_lossy();
-    image::save(&files.yaml, ros::yaml(grid, &picture).as_bytes())?;
+    file::save(
+        &files.yaml,
+        Kind::MapYaml,
+        ros::yaml(grid, &picture).as_bytes(),
+    )?;
     Ok(files)
 }
+
+/// Largest picture of a map, bytes: 4000 cells a side.
+const MAX_PIXELS: u64 = 17 << 20;
 
 /// Reads a map that [`save_map`] or a ROS map server wrote, by its YAML file.
 ///
 /// # Errors
 /// [`Error::Unreadable`], [`Error::Content`].
 pub fn load_map(path: &Path) -> Result<Grid, Error> {
-    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    let text = file::read_text(path)?;
     let wrong = |what| Error::content(path, None, what);
     let picture = path.with_file_name(ros::value(&text, "image").map_err(wrong)?);
-    let pixels = fs::read(&picture).map_err(|cause| Error::unreadable(&picture, &cause))?;
+    let pixels = file::read(&picture, MAX_PIXELS)?;
     ros::read(&text, &pixels).map_err(wrong)
 }
 
@@ -201,12 +225,35 @@ fn csv_line(sample: &RangeSample) -> String {
     )
 }
 
+/// Largest recording that is read, bytes: a day at 40 Hz.
+const MAX_RECORDING: u64 = 1 << 28;
+
+/// # Errors
+/// [`Error::Content`] for samples of `path` that one picture of cells of `cell_mm` cannot show.
+pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Result<(), Error> {
+    let side_mm = |coordinate: fn(&RangeSample) -> f64| {
+        let all = samples.iter().map(coordinate);
+        let high = all.clone().fold(f64::NEG_INFINITY, f64::max);
+        high - all.fold(f64::INFINITY, f64::min)
+    };
+    let side_m = side_mm(|s| s.pose.x_mm).max(side_mm(|s| s.pose.y_mm)) / 1000.0;
+    let most_m = f64::from(map_plot::MAX_SIDE_CELLS - 200) * cell_mm / 1000.0;
+    if side_m <= most_m {
+        return Ok(());
+    }
+    let what = format!(
+        "its poses are {side_m:.0} m apart; with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m"
+    );
+    Err(Error::content(path, None, what))
+}
+
 /// Reads a recording.
 ///
 /// # Errors
 /// [`Error::Unreadable`]; [`Error::Content`] names the line.
 pub fn load_recording(path: &Path) -> Result<Vec<RangeSample>, Error> {
-    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    let bytes = file::read(path, MAX_RECORDING)?;
+    let text = String::from_utf8_lossy(&bytes);
     parse_recording(&text).map_err(|(line, what)| Error::content(path, line, what))
 }
 
@@ -244,7 +291,7 @@ fn parse_sample(line: &str) -> Result<RangeSample, String> {
         time_us: time
             .parse()
             .map_err(|_| format!("time_us = {time}: accepted is a whole number from 0 on"))?,
-        pose: crate::waypoints::parse_pose(x, y, rotation)?,
+        pose: crate::waypoints::parse_pose(x, y, rotation).map_err(|(_, what)| what)?,
         ranges_mm: [
             maybe("front_mm", front)?,
             maybe("right_mm", right)?,

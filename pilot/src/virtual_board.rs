@@ -6,11 +6,10 @@ use embedded_hal::i2c::{self, ErrorType, Operation};
 use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
 use host_link::eeprom::image;
 use host_link::error::Error;
+use host_link::file::{self, Kind};
 use host_link::uart::LogSource;
 use plant::{Chassis, Imperfections, Pose2, Rng, Room};
 use std::fmt::Write;
-use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use twin::Board;
 use twin::hal::{I2c, I2cError, Line, SpiTiming};
@@ -69,12 +68,12 @@ pub struct SimulatedTape {
 }
 
 impl SimulatedTape {
-    /// The robot's position now becomes its marks.
-    pub fn new(board: &Board) -> Self {
+    /// The robot's position now becomes its marks; `seed` draws the noise of the readings.
+    pub fn new(board: &Board, seed: u64) -> Self {
         Self {
             board: board.clone(),
             marks: board.truth().pose,
-            rng: Rng::new(1),
+            rng: Rng::new(seed),
         }
     }
 }
@@ -120,7 +119,7 @@ impl i2c::I2c for PersistentI2c {
         });
         if let Some((writes, bytes)) = fresh {
             // A file that cannot be written is reported by `close`.
-            let _ = image::save(file, &bytes);
+            let _ = file::save(file, Kind::Any, &bytes);
             self.writes = writes;
         }
         Ok(())
@@ -177,23 +176,26 @@ fn io_with(
 /// [`Error::Unreadable`] and [`Error::Content`] for the files, [`Error::Device`] if the firmware does
 /// not fit the board.
 pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, BoardIo), Error> {
-    let elf = fs::read(&options.elf).map_err(|cause| match cause.kind() {
-        ErrorKind::NotFound => Error::Device {
+    if !options.elf.exists() {
+        return Err(Error::Device {
             name: format!("the firmware {}", options.elf.display()),
             cause: "there is no such file".into(),
             advice: "build it with `cargo xtask firmware`, or name one with --elf".into(),
-        },
-        _ => Error::unreadable(&options.elf, &cause),
-    })?;
+        });
+    }
+    let elf = file::read(&options.elf, MAX_ELF)?;
     let room = options
         .room
         .as_deref()
         .map_or_else(|| Ok(Room::two_rooms()), load_room)?;
-    let eeprom = match fs::read(&options.eeprom_image) {
-        Ok(bytes) => bytes,
-        Err(cause) if cause.kind() == ErrorKind::NotFound => Vec::new(),
-        Err(cause) => return Err(Error::unreadable(&options.eeprom_image, &cause)),
+    file::check(&options.eeprom_image, Kind::Image)?;
+    let eeprom = match file::read(&options.eeprom_image, image::LARGEST_LEN as u64) {
+        Err(_) if !options.eeprom_image.exists() => Vec::new(),
+        read => read?,
     };
+    if let Some(log) = &options.uart_log {
+        file::check(log, Kind::Log)?;
+    }
     let mut built = twin::Options {
         seed: options.seed,
         room,
@@ -221,9 +223,14 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
     Ok((virtual_board, io))
 }
 
+/// Largest firmware that is read, bytes.
+const MAX_ELF: u64 = 64 << 20;
+
 fn load_room(path: &Path) -> Result<Room, Error> {
-    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
-    Room::parse(&text).map_err(|error| Error::content(path, None, error.to_string()))
+    Room::parse(&file::read_text(path)?).map_err(|error| {
+        let what = error.problem.to_string();
+        Error::content(path, error.line, what)
+    })
 }
 
 /// Lines of the log shown when the STM does not start.
@@ -249,7 +256,7 @@ impl VirtualBoard {
     /// [`Error::Unwritable`]; [`Error::Device`] if the emulation has ended.
     pub fn close(self) -> Result<(), Error> {
         if let Some(path) = &self.uart_log {
-            image::save(path, &self.board.uart())?;
+            file::save(path, Kind::Log, &self.board.uart())?;
         }
         let bytes = self
             .board
@@ -261,6 +268,6 @@ impl VirtualBoard {
                 cause: cause.to_string(),
                 advice: "read its report above".into(),
             })?;
-        image::save(&self.eeprom_image, &bytes.unwrap_or_default())
+        file::save(&self.eeprom_image, Kind::Any, &bytes.unwrap_or_default())
     }
 }

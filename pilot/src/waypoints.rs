@@ -1,61 +1,98 @@
 //! Way-point files: one `x y deg` a line, millimetres and degrees, `#` begins a comment.
 
 use host_link::error::Error;
+use host_link::file::{self, FileFault};
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
-use std::fs;
 use std::path::Path;
 
 /// Largest rotation accepted, degrees.
 pub const MAX_ROTATION_DEG: f64 = 36_000.0;
 
+/// Most faults of a file that are shown.
+const MAX_FAULTS: usize = 20;
+
 /// Reads a way-point file.
 ///
 /// # Errors
-/// [`Error::Unreadable`]; [`Error::Content`] names the line.
+/// [`Error::Unreadable`]; [`Error::Content`] names the lines.
 pub fn load(path: &Path) -> Result<Vec<Pose>, Error> {
-    let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
-    parse(&text).map_err(|(line, what)| Error::content(path, line, what))
+    parse(&file::read_text(path)?).map_err(|faults| Error::Content {
+        path: path.into(),
+        faults,
+    })
 }
 
 /// # Errors
-/// The 1-based line, if one is to blame, and what is wrong.
-pub fn parse(text: &str) -> Result<Vec<Pose>, (Option<usize>, String)> {
-    let mut waypoints = Vec::new();
-    for (number, line) in (1..).zip(text.lines()) {
+/// What is wrong, line by line.
+pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
+    let (mut waypoints, mut faults) = (Vec::new(), Vec::new());
+    let mut from = 0;
+    for line in text.split_inclusive('\n') {
         let content = line.split('#').next().unwrap_or_default();
         let words: Vec<&str> = content.split_whitespace().collect();
         match words.as_slice() {
             [] => {}
-            [x, y, rotation] => {
-                waypoints.push(parse_pose(x, y, rotation).map_err(|what| (Some(number), what))?);
-            }
+            [x, y, rotation] => match parse_pose(x, y, rotation) {
+                Ok(pose) => waypoints.push(pose),
+                Err((index, what)) => {
+                    let word = words.get(index).copied().unwrap_or_default();
+                    let at = from + nth_word(content, index);
+                    faults.push(FileFault::at(text, at..at + word.len(), what));
+                }
+            },
             _ => {
                 let what = format!(
                     "{} values where a way-point has three: x y rotation, in millimetres and degrees",
                     words.len()
                 );
-                return Err((Some(number), what));
+                faults.push(FileFault::at(
+                    text,
+                    from..from + content.trim_end().len(),
+                    what,
+                ));
             }
         }
+        from += line.len();
+        if faults.len() >= MAX_FAULTS {
+            break;
+        }
     }
-    if waypoints.is_empty() {
-        return Err((
-            None,
-            "no way-point: each line is `x y rotation`, in millimetres and degrees".into(),
-        ));
+    if faults.is_empty() && waypoints.is_empty() {
+        let what = "no way-point: each line is `x y rotation`, in millimetres and degrees".into();
+        faults.push(FileFault {
+            line: None,
+            shown: None,
+            what,
+        });
     }
-    Ok(waypoints)
+    if faults.is_empty() {
+        return Ok(waypoints);
+    }
+    Err(faults)
+}
+
+/// Where in `line` the word with this index begins, bytes.
+fn nth_word(line: &str, index: usize) -> usize {
+    let mut rest = line.trim_start();
+    for _ in 0..index {
+        rest = rest.trim_start_matches(|letter: char| !letter.is_whitespace());
+        rest = rest.trim_start();
+    }
+    line.len() - rest.len()
 }
 
 /// A pose from three words.
 ///
 /// # Errors
-/// Names the word and the accepted range.
-pub fn parse_pose(x: &str, y: &str, rotation: &str) -> Result<Pose, String> {
+/// The index of the word to blame; the word and the accepted range.
+pub fn parse_pose(x: &str, y: &str, rotation: &str) -> Result<Pose, (usize, String)> {
+    let number = |index, field: &str, word: &str, limit, unit: &str| {
+        number(field, word, limit, unit).map_err(|what| (index, what))
+    };
     Ok(Pose::new(
-        number("x", x, MAX_COORDINATE_MM, "mm")?,
-        number("y", y, MAX_COORDINATE_MM, "mm")?,
-        number("rotation", rotation, MAX_ROTATION_DEG, "degrees")?,
+        number(0, "x", x, MAX_COORDINATE_MM, "mm")?,
+        number(1, "y", y, MAX_COORDINATE_MM, "mm")?,
+        number(2, "rotation", rotation, MAX_ROTATION_DEG, "degrees")?,
     ))
 }
 
@@ -81,10 +118,13 @@ mod tests {
     }
 
     #[test]
-    fn waypoints_error_names_line() {
-        assert_eq!(parse("0 0 0\n1 2\n").unwrap_err().0, Some(2));
-        assert_eq!(parse("0 0 0\n\n1 nan 2\n").unwrap_err().0, Some(3));
-        assert_eq!(parse("inf 0 0").unwrap_err().0, Some(1));
-        assert_eq!(parse("# nothing\n").unwrap_err().0, None);
+    fn waypoints_errors_name_lines_and_words() {
+        let faults = parse("0 0 0\n1 2\n\n1 nan 2 # ç\ninf 0 0").unwrap_err();
+        let lines: Vec<_> = faults.iter().map(|fault| fault.line).collect();
+        assert_eq!(lines, [Some(2), Some(4), Some(5)]);
+        let columns = faults.iter().map(|fault| fault.shown.clone().unwrap().1);
+        assert_eq!(columns.collect::<Vec<_>>(), [0..3, 2..5, 0..3]);
+        assert_eq!(parse("# nothing\n").unwrap_err()[0].line, None);
+        assert_eq!(parse(&"x\n".repeat(1000)).unwrap_err().len(), MAX_FAULTS);
     }
 }

@@ -82,7 +82,7 @@ fn calibrated(
     let rig = rig(truth);
     let mut robot = Robot {
         io: board_io(&rig, 8_000_000, Interrupt::new()),
-        tape: SimulatedTape::new(&rig),
+        tape: SimulatedTape::new(&rig, 1),
     };
     let path = drive(&mut robot, &straight(length_mm));
     let end = robot.tape.measure(deviation_mm);

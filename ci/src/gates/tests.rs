@@ -20,6 +20,7 @@ pub fn unit(session: &Session) -> Result<String> {
 pub fn in_the_loop(session: &Session) -> Result<String> {
     let tests = session.cargo_with_board("test --release --package twin --package robot-tests")?;
     let tests = tests.env("ROBOT_ELF", &session.image()?.path);
+    let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
     let tests = tests.env("ROBOT_ELF_PANIC", session.build("test-panic")?.path);
     run(tests.env("ROBOT_ELF_OVERFLOW", session.build("test-overflow")?.path))
 }

@@ -61,6 +61,11 @@ pub fn verify(from: u16, written: &[u8], read: &[u8]) -> Result<(), Error> {
     }
 }
 
+/// Whether an EEPROM acknowledges its address to the Pi.
+pub fn answers(io: &mut BoardIo) -> bool {
+    io.i2c.write(ADDRESS, &[0, 0]).is_ok()
+}
+
 /// Reads `out.len()` bytes from `address` on.
 // Requirement: DOC-6-8
 pub(super) fn read(io: &mut BoardIo, address: u16, out: &mut [u8]) -> Result<(), Error> {

@@ -1,12 +1,11 @@
 //! EEPROM images in files, and the difference between two.
 
 use crate::error::Error;
-use fw_core::eeprom::{Image, IMAGE_LEN};
+use crate::file;
+use fw_core::eeprom::{Image, IMAGE_LEN, KEY};
 use std::fmt::Write as _;
-use std::fs;
-use std::io::Write as _;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Pages 0x00 to 0x02: what an original image has at least.
 pub const ORIGINAL_LEN: usize = 0x300;
@@ -20,7 +19,7 @@ pub const LARGEST_LEN: usize = 0x1_0000;
 /// # Errors
 /// [`Error::Unreadable`], [`Error::Content`].
 pub fn load(path: &Path) -> Result<Image, Error> {
-    let bytes = fs::read(path).map_err(|cause| Error::unreadable(path, &cause))?;
+    let bytes = file::read(path, LARGEST_LEN as u64)?;
     if !(ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len()) {
         let accepted = format!("{ORIGINAL_LEN} (pages 0x00 to 0x02) to {LARGEST_LEN} bytes");
         let len = bytes.len();
@@ -34,27 +33,12 @@ pub fn load(path: &Path) -> Result<Image, Error> {
     Ok(image)
 }
 
-/// Writes a file atomically: to a temporary file, which is then renamed.
-///
-/// # Errors
-/// [`Error::Unwritable`].
-pub fn save(path: &Path, image: &[u8]) -> Result<(), Error> {
-    let beside = with_suffix(path, ".new");
-    let unwritable = |cause| Error::unwritable(path, &cause);
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(unwritable)?;
-    }
-    let mut file = fs::File::create(&beside).map_err(unwritable)?;
-    let written = file.write_all(image).and_then(|()| file.sync_all());
-    written.map_err(unwritable)?;
-    fs::rename(&beside, path).map_err(unwritable)
-}
-
-/// `path` with `suffix` added to its name.
-pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(suffix);
-    name.into()
+/// Whether bytes are an EEPROM's content: it begins with the EEPROM key, or has the unwritten cells of page
+/// 0x00 that no other file has.
+pub fn is_image(bytes: &[u8]) -> bool {
+    let unwritten = bytes.get(0xF0..0x100).unwrap_or_default();
+    (ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len())
+        && (bytes.starts_with(&KEY) || unwritten.iter().all(|&byte| byte == 0xFF))
 }
 
 /// Hexadecimal with addresses, sixteen bytes a line; lines of unwritten cells only are left out.

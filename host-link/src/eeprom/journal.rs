@@ -1,8 +1,8 @@
 //! The EEPROM's content before a write, kept on disk during the write: if the process is killed, the
 //! next one restores it.
 
-use super::image;
 use crate::error::Error;
+use crate::file::{self, Kind};
 use fw_core::eeprom::Image;
 use std::fs;
 use std::io::ErrorKind;
@@ -31,7 +31,7 @@ impl Journal {
         if self.0.exists() {
             return Ok(());
         }
-        image::save(&self.0, &before.0)
+        file::save(&self.0, Kind::Image, &before.0)
     }
 
     /// The write is complete and read back, but the STM is not yet reset.
@@ -42,7 +42,9 @@ impl Journal {
         if !self.0.exists() {
             return Ok(());
         }
-        fs::rename(&self.0, self.reset_marker()).map_err(|cause| Error::unwritable(&self.0, &cause))
+        fs::rename(&self.0, self.reset_marker())
+            .and_then(|()| file::sync_folder(&self.0))
+            .map_err(|cause| Error::unwritable(&self.0, &cause))
     }
 
     /// Removes the journal: the STM has been reset after a complete write.
@@ -62,7 +64,7 @@ impl Journal {
     }
 
     fn reset_marker(&self) -> PathBuf {
-        image::with_suffix(&self.0, ".written")
+        file::with_suffix(&self.0, ".written")
     }
 
     /// Whether a write was complete but possibly not followed by a reset.

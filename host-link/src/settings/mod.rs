@@ -12,9 +12,9 @@ mod render;
 pub use render::{changes, render, Change};
 
 use crate::error::Error;
+use crate::file;
 use fw_core::eeprom::{fields, Config, Field, Image, PLATFORM};
 use fw_core::wire::Mode;
-use std::fs;
 use std::path::Path;
 
 /// An accepted image and its configuration.
@@ -28,12 +28,11 @@ impl Settings {
     /// Reads a configuration file.
     ///
     /// # Errors
-    /// [`Error::Unreadable`]; [`Error::Content`] with the line for what is no configuration file at
+    /// [`Error::Unreadable`]; [`Error::Content`] with each line for what is no configuration file at
     /// all, an unknown or a missing key, a wrong type or a number that the field cannot store;
     /// [`Error::Rejected`] for a configuration that is not accepted.
     pub fn load(path: &Path) -> Result<Self, Error> {
-        let text = fs::read_to_string(path).map_err(|cause| Error::unreadable(path, &cause))?;
-        Self::parse(&text, path)
+        Self::parse(&file::read_text(path)?, path)
     }
 
     /// [`Self::load`] from memory; `path` is for the messages.

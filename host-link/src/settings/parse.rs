@@ -3,69 +3,107 @@
 use super::format::{self, Format};
 use super::Settings;
 use crate::error::Error;
+use crate::file::FileFault;
 use fw_core::eeprom::{fields, Config, ConfigError, Field, Image, FIELDS};
 use fw_core::wire::Mode;
 use std::fmt::Write;
+use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
 use toml::Spanned;
 
-/// Reads a configuration file's text.
+/// Reads a configuration file's text. Complains of everything that is wrong with keys and values at once.
 pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
-    let complain = |at: Option<usize>, what: String| {
-        Error::content(path, at.map(|at| line_of(text, at)), what)
+    let content = |faults| Error::Content {
+        path: path.into(),
+        faults,
     };
-    let document = DeTable::parse(text)
-        .map_err(|error| complain(error.span().map(|span| span.start), error.message().into()))?;
+    let document = DeTable::parse(text).map_err(|error| {
+        let span = error.span().unwrap_or_default();
+        content(vec![FileFault::at(text, span, error.message())])
+    })?;
     let document = document.get_ref();
     let keys: Vec<_> = format::all().map(format::key).collect();
-    unknown(document, "", &keys).map_err(|(at, what)| complain(Some(at), what))?;
+    let mut faults = Vec::new();
+    unknown(document, "", &keys, &mut |span, what| {
+        faults.push(FileFault::at(text, span, what));
+    });
 
     let mut image = Image::FIRST_BOARD;
     for (field, key) in format::all().zip(&keys) {
         let unused = u64::from(field.tap) > image.get(fields::CELLS);
         match find(document, key) {
-            Some(value) => {
-                let raw = raw(field, value.get_ref()).map_err(|accepted| {
+            Some(value) => match raw(field, value.get_ref()) {
+                Ok(raw) => image.set(field, raw),
+                Err(accepted) => {
                     let shown = text.get(value.span()).unwrap_or_default();
                     let what = format!("{key} = {shown}: accepted is {accepted}");
-                    complain(Some(value.span().start), what)
-                })?;
-                image.set(field, raw);
-            }
+                    faults.push(FileFault::at(text, value.span(), what));
+                }
+            },
             None if format::is_optional(field) || unused => {}
             None => {
                 let help = fields::HELP.get(usize::from(field.index)).unwrap_or(&"");
-                return Err(complain(None, format!("{key} is missing: {help}")));
+                faults.push(FileFault {
+                    line: None,
+                    shown: None,
+                    what: format!("{key} is missing: {help}"),
+                });
             }
         }
+    }
+    if !faults.is_empty() {
+        faults.sort_by_key(|fault| fault.line.unwrap_or(usize::MAX));
+        return Err(content(faults));
     }
     if document.get("platform").is_none() {
         image.make_original();
     }
     image.seal();
-    let config = Config::decode(&image).map_err(|error| {
-        rejected(&error, path, |key| {
+    match Config::decode(&image) {
+        Ok(config) => Ok(Settings { image, config }),
+        Err(error) => Err(rejected(&error, image, path, |key| {
             find(document, key).map(|value| line_of(text, value.span().start))
-        })
-    })?;
-    Ok(Settings { image, config })
+        })),
+    }
 }
 
-/// The core's judgement of the image, with the file's line and key.
-fn rejected(error: &ConfigError, path: &Path, line: impl Fn(&str) -> Option<usize>) -> Error {
-    let mut location = format!("in {}", path.display());
-    if let Some(field) = FIELDS.iter().find(|field| field.name == error.field) {
-        let key = format::key(field);
-        if let Some(line) = line(&key) {
-            let _ = write!(location, ", line {line}");
+/// The core's judgement of the image, with the file's lines and keys. It names one field at a time: each is
+/// replaced by the first board's to find the next.
+fn rejected(
+    first: &ConfigError,
+    mut image: Image,
+    path: &Path,
+    line: impl Fn(&str) -> Option<usize>,
+) -> Error {
+    let locate = |error: &ConfigError| {
+        let field = FIELDS.iter().find(|field| field.name == error.field);
+        let mut location = format!("in {}", path.display());
+        if let Some(key) = field.map(format::key) {
+            if let Some(line) = line(&key) {
+                let _ = write!(location, ", line {line}");
+            }
+            let _ = write!(location, " ({key})");
         }
-        let _ = write!(location, " ({key})");
+        (field, location)
+    };
+    let (mut field, location) = locate(first);
+    let mut what = first.to_string();
+    for _ in &FIELDS {
+        let Some(known) = field else { break };
+        image.set(known, Image::FIRST_BOARD.get(known));
+        image.seal();
+        let Err(next) = Config::decode(&image) else {
+            break;
+        };
+        let also = locate(&next);
+        if also.0.map(|field| field.address) == Some(known.address) {
+            break;
+        }
+        let _ = write!(what, "; {}: {next}", also.1);
+        field = also.0;
     }
-    Error::Rejected {
-        location,
-        what: error.to_string(),
-    }
+    Error::Rejected { location, what }
 }
 
 /// 1-based line of a byte offset.
@@ -81,8 +119,13 @@ fn find<'t, 'i>(table: &'t DeTable<'i>, key: &str) -> Option<&'t Spanned<DeValue
     }
 }
 
-/// The first key that the table of fields does not have.
-fn unknown(table: &DeTable<'_>, prefix: &str, keys: &[String]) -> Result<(), (usize, String)> {
+/// Complains of every key that the table of fields does not have.
+fn unknown(
+    table: &DeTable<'_>,
+    prefix: &str,
+    keys: &[String],
+    complain: &mut impl FnMut(Range<usize>, String),
+) {
     for (name, value) in table {
         let key = format!("{prefix}{}", name.get_ref());
         if keys.contains(&key) {
@@ -91,10 +134,9 @@ fn unknown(table: &DeTable<'_>, prefix: &str, keys: &[String]) -> Result<(), (us
         let section = format!("{key}.");
         let is_section = keys.iter().any(|key| key.starts_with(&section));
         match value.get_ref().as_table() {
-            Some(inner) if is_section => unknown(inner, &section, keys)?,
+            Some(inner) if is_section => unknown(inner, &section, keys, complain),
             None if is_section => {
-                let what = format!("{key} must be a section, [{key}]");
-                return Err((name.span().start, what));
+                complain(name.span(), format!("{key} must be a section, [{key}]"));
             }
             _ => {
                 let rests = keys.iter().filter_map(|key| key.strip_prefix(prefix));
@@ -103,11 +145,10 @@ fn unknown(table: &DeTable<'_>, prefix: &str, keys: &[String]) -> Result<(), (us
                 accepted.dedup();
                 let accepted = accepted.join(", ");
                 let what = format!("unknown key {key}: accepted here are {accepted}");
-                return Err((name.span().start, what));
+                complain(name.span(), what);
             }
         }
     }
-    Ok(())
 }
 
 /// The raw value of a value of the file.

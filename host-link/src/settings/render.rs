@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::fmt::Write;
 
 const HEAD: &str = "\
-# Configuration of the robot: what `host-link eeprom write` puts into its EEPROM.
+# Configuration of the robot: what `robot eeprom write` puts into its EEPROM.
 # Doubles of the PIDs are stored as they stand here; other figures to the resolution given.
 ";
 
@@ -146,15 +146,41 @@ mod tests {
             ("key_from_pi = 0x96", "key_from_pi = 0x96 7", ""),
         ] {
             let (error, expected_line) = complaint(from, to);
-            let Error::Content { line, what, .. } = error else {
+            let Error::Content { faults, .. } = error else {
                 panic!("{error:?}");
             };
-            assert_eq!(line, Some(expected_line), "{what}");
+            let what = &faults[0].what;
+            assert_eq!(faults[0].line, Some(expected_line), "{what}");
             assert!(what.contains(expected), "{what}");
         }
         let missing = complaint("adc_max_word = 4095", "").0.to_string();
         let expected = "battery.adc_max_word is missing";
         assert!(missing.contains(expected), "{missing}");
+    }
+
+    #[test]
+    fn several_faults_come_in_one_run() {
+        let text = render(&first())
+            .replace("cells = 2", "cells = 300")
+            .replace("servo = false", "servo = 0")
+            .replace("mode =", "modus =");
+        let error = parse(&text).unwrap_err().to_string() + "\n";
+        for expected in [
+            "link.mode is missing",
+            "unknown key link.modus",
+            "battery.cells = 300: accepted",
+            "platform.servo = 0: accepted is true or false",
+            "    servo = 0  ",
+            "\n            ^\n",
+        ] {
+            assert!(error.contains(expected), "{expected}: {error}");
+        }
+        let text = render(&first())
+            .replace("p = 6.5088", "p = nan")
+            .replace("track_mm = 125.0", "track_mm = 0.0");
+        let rejected = parse(&text).unwrap_err().to_string();
+        assert!(rejected.contains("(pid.forward.p): "), "{rejected}");
+        assert!(rejected.contains("(platform.track_mm): "), "{rejected}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use host_link::drive::{ArrivalCriteria, follow};
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::Session;
+use std::ops::RangeInclusive;
 
 /// Largest reported distance from the straight line between two corners, millimetres.
 const MAX_CROSS_TRACK_MM: f64 = 150.0;
@@ -16,7 +17,7 @@ const MAX_CROSS_TRACK_MM: f64 = 150.0;
 const MAX_UNANSWERED: u32 = 8;
 
 /// Shortest and longest drive or side of a square, millimetres.
-pub const LENGTHS_MM: (f64, f64) = (300.0, 5000.0);
+pub const LENGTHS_MM: RangeInclusive<f64> = 300.0..=5000.0;
 
 /// A straight drive, seen from where the robot stands.
 pub fn straight(length_mm: f64) -> Vec<Pose> {
@@ -39,7 +40,7 @@ pub fn square(side_mm: f64, clockwise: bool) -> Vec<Pose> {
 /// of them are done.
 ///
 /// # Errors
-/// [`Error::Usage`] for lengths out of range; those of [`host_link::drive::go_to`];
+/// Those of [`host_link::drive::go_to`];
 /// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Calibration`] if the
 /// robot leaves its path. On each of them, and on a panic, it is stopped first.
 pub fn run(
@@ -87,16 +88,4 @@ fn cross_track_mm(from: Pose, to: Pose, pose: Pose) -> f64 {
     let (px, py) = (pose.x_mm - from.x_mm, pose.y_mm - from.y_mm);
     let along = ((px * dx + py * dy) / (dx * dx + dy * dy).max(1e-9)).clamp(0.0, 1.0);
     (px - along * dx).hypot(py - along * dy)
-}
-
-/// # Errors
-/// [`Error::Usage`] names the length and what is accepted.
-pub fn check_length(what: &str, mm: f64) -> Result<(), Error> {
-    let (low, high) = LENGTHS_MM;
-    if (low..=high).contains(&mm) {
-        return Ok(());
-    }
-    Err(Error::Usage(format!(
-        "{what} {mm} mm: accepted is {low} to {high}"
-    )))
 }

@@ -8,9 +8,11 @@ use host_link::drive::ArrivalCriteria;
 use host_link::error::Exit;
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
 use pilot::calibrate::distance::Measured;
+use pilot::calibrate::run::LENGTHS_MM;
 use pilot::mode;
 use pilot::tune::Axis;
-use pilot::tune::step_response::StepPlan;
+use pilot::tune::battery::LARGEST_V;
+use pilot::tune::step_response::{LONGEST_S, StepPlan};
 use pilot::waypoints::{MAX_ROTATION_DEG, parse_pose};
 use std::fmt::Write;
 use std::ops::RangeInclusive;
@@ -18,7 +20,13 @@ use std::path::PathBuf;
 
 /// Configures, drives and maps with the robot, real or virtual.
 #[derive(Parser)]
-#[command(name = "robot", version, max_term_width = 100, after_help = exit_codes())]
+#[command(
+    name = "robot",
+    version,
+    max_term_width = 100,
+    after_help = "`robot COMMAND --help` shows a command's options, `--help-all` those of the robot, too, and \
+                  what the exit codes mean."
+)]
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
@@ -29,7 +37,8 @@ pub struct Arguments {
     pub board: BoardArgs,
 }
 
-fn exit_codes() -> String {
+/// The table of exit codes, as text.
+pub fn exit_codes() -> String {
     let mut text = String::from("Exit codes:\n");
     for (exit, meaning) in Exit::ALL {
         let _ = writeln!(text, "  {:>3}  {meaning}", exit.code());
@@ -54,6 +63,8 @@ pub enum Command {
     },
     /// Exchange frames without a command and show state, faults, battery and both ends of the link
     Status(Status),
+    /// Check everything from the device files to the link, with --wheels-up to the wheels; exit code 14 if anything fails
+    Doctor(Doctor),
     /// Show pose, cells, ranges and the link's counters, live
     Monitor(Monitor),
     /// Own the robot and let other commands, programs and browsers use it: many look on, one drives
@@ -95,7 +106,7 @@ pub enum Calibrate {
 #[derive(Args)]
 pub struct DistanceArgs {
     /// How far to drive, mm; the longer, the less a millimetre of the tape matters
-    #[arg(long, value_name = "MM", default_value = "1000")]
+    #[arg(long, value_name = "MM", default_value = "1000", value_parser = number(LENGTHS_MM))]
     pub length: f64,
     /// Do not drive: this was measured after the latest `calibrate distance`, mm from start to end, and mm
     /// to the left of the line the robot faced (minus: to the right)
@@ -108,7 +119,7 @@ pub struct DistanceArgs {
 #[derive(Args)]
 pub struct UmbmarkArgs {
     /// The square's side, mm
-    #[arg(long, value_name = "MM", default_value = "1000")]
+    #[arg(long, value_name = "MM", default_value = "1000", value_parser = number(LENGTHS_MM))]
     pub side: f64,
     /// Squares each way
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u8).range(1..=10))]
@@ -141,7 +152,7 @@ pub struct Measuring {
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum MeasureWith {
     /// You, with a tape: the program asks
-    GroundTruth,
+    Tape,
     /// The simulation, which knows where the virtual robot stands
     Truth,
 }
@@ -175,8 +186,10 @@ pub enum Tune {
     /// With a known voltage in place of a cell: correct its tap's upper resistor
     Battery {
         /// The cell, 1 = nearest to ground; tune from 1 upwards
+        #[arg(value_parser = value_parser!(u8).range(1..=8))]
         cell: u8,
         /// Volts in its place
+        #[arg(value_parser = number(0.005..=LARGEST_V))]
         volts: f64,
         #[command(flatten)]
         consent: Consent,
@@ -185,14 +198,14 @@ pub enum Tune {
     Rollback,
 }
 
-/// Whether the EEPROM may be written.
+/// What may be done without asking.
 #[derive(Args)]
 pub struct Consent {
-    /// Write without asking
+    /// Drive and write without asking
     #[arg(long)]
     pub yes: bool,
     /// Measure and show, write nothing
-    #[arg(long, conflicts_with = "yes")]
+    #[arg(long)]
     pub dry_run: bool,
 }
 
@@ -203,17 +216,18 @@ pub struct StepArgs {
         long,
         value_name = "PERCENT,…",
         value_delimiter = ',',
-        default_value = "50,75,100"
+        default_value = "50,75,100",
+        value_parser = number(1.0..=100.0)
     )]
     pub levels: Vec<f64>,
     /// Seconds of each step
-    #[arg(long, value_name = "S", default_value = "1.2")]
+    #[arg(long, value_name = "S", default_value = "1.2", value_parser = number(0.2..=LONGEST_S))]
     pub hold: f64,
     /// Seconds at rest between steps
-    #[arg(long, value_name = "S", default_value = "0.8")]
+    #[arg(long, value_name = "S", default_value = "0.8", value_parser = number(0.2..=10.0))]
     pub rest: f64,
     /// A step ends when it went this far, degrees or mm; 360 degrees or 300 mm without it
-    #[arg(long, value_name = "TRAVEL")]
+    #[arg(long, value_name = "TRAVEL", value_parser = number(1.0..=2000.0))]
     pub travel: Option<f64>,
     /// Damping of the loop to propose gains for, 1 = no overshoot; 0.8 to rotate, 0.5 to move without it
     #[arg(long, value_name = "ZETA", value_parser = number(0.3..=3.0))]
@@ -316,6 +330,16 @@ pub struct Status {
 }
 
 #[derive(Args)]
+pub struct Doctor {
+    /// With the wheels off the floor: motors, encoders, dead zones, rangefinders, servo and gyroscope, too
+    #[arg(long)]
+    pub wheels_up: bool,
+    /// Turn the wheels without asking
+    #[arg(long, requires = "wheels_up")]
+    pub yes: bool,
+}
+
+#[derive(Args)]
 pub struct Monitor {
     /// End after this many valid reports
     #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
@@ -388,7 +412,7 @@ fn parse_start(text: &str) -> Result<Pose, String> {
         .collect::<Vec<_>>()
         .as_slice()
     {
-        [x, y, rotation] => parse_pose(x, y, rotation),
+        [x, y, rotation] => parse_pose(x, y, rotation).map_err(|(_, what)| what),
         _ => Err("accepted is X,Y,ROT: 1200,-350,90".into()),
     }
 }

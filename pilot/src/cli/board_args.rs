@@ -1,8 +1,10 @@
 //! The options that choose a robot. All are global: they stand before or after the command.
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
-use super::args::{SMALLEST, number};
-use clap::{Args, value_parser};
+use super::args::number;
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, value_parser};
+use host_link::error::Error;
 use host_link::{reset, session};
 use std::path::PathBuf;
 
@@ -32,7 +34,7 @@ pub struct BoardArgs {
     #[arg(long, default_value = "/dev/serial0")]
     pub uart: PathBuf,
     /// Folder of the lock and of the journal of an unfinished EEPROM write
-    #[arg(long, default_value = "/var/tmp")]
+    #[arg(long, env = "ROBOT_STATE_DIR", default_value = "/var/tmp")]
     pub state_dir: PathBuf,
     #[command(flatten)]
     pub virtual_board: VirtualBoardArgs,
@@ -59,23 +61,55 @@ pub struct VirtualBoardArgs {
     #[arg(long)]
     pub ideal: bool,
     /// Air temperature, °C
-    #[arg(long, default_value_t = 20, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 20, allow_negative_numbers = true, value_parser = value_parser!(i16).range(-40..=85))]
     pub air: i16,
     /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
     #[arg(long, default_value = "target/virtual/eeprom.bin")]
     pub eeprom_image: PathBuf,
     /// True diameter of the virtual left wheel, mm, independent of the EEPROM
-    #[arg(long, default_value = "80", value_parser = number(SMALLEST..=1e6))]
+    #[arg(long, default_value = "80", value_parser = number(10.0..=500.0))]
     pub true_diameter_left: f64,
     /// True diameter of the virtual right wheel, mm
-    #[arg(long, default_value = "80", value_parser = number(SMALLEST..=1e6))]
+    #[arg(long, default_value = "80", value_parser = number(10.0..=500.0))]
     pub true_diameter_right: f64,
     /// True track of the virtual robot, mm
-    #[arg(long, default_value = "125", value_parser = number(SMALLEST..=1e6))]
+    #[arg(long, default_value = "125", value_parser = number(20.0..=2000.0))]
     pub true_track: f64,
     /// Write the STM's log to this file
     #[arg(long)]
     pub uart_log: Option<PathBuf>,
+}
+
+/// Options of the virtual robot only, and of the real one only.
+const VIRTUAL_ONLY: [&str; 9] = [
+    "elf",
+    "room",
+    "seed",
+    "ideal",
+    "air",
+    "uart_log",
+    "true_track",
+    "true_diameter_left",
+    "true_diameter_right",
+];
+const REAL_ONLY: [&str; 5] = ["spi", "i2c", "gpiochip", "uart", "state_dir"];
+
+/// # Errors
+/// Names an option that has no meaning for the robot that is chosen.
+pub fn check(matches: &ArgMatches, is_virtual: bool) -> Result<(), Error> {
+    let given = |id: &&&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+    let (wrong, robot) = if is_virtual {
+        (REAL_ONLY.iter().find(given), "the real robot only")
+    } else {
+        (VIRTUAL_ONLY.iter().find(given), "--virtual only")
+    };
+    match wrong {
+        Some(id) => Err(Error::Usage(format!(
+            "--{} is for {robot}",
+            id.replace('_', "-")
+        ))),
+        None => Ok(()),
+    }
 }
 
 #[cfg(feature = "virtual")]

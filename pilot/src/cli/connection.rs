@@ -2,15 +2,17 @@
 
 use super::board_args::{BoardArgs, VirtualBoardArgs};
 use super::output::Output;
+use fw_core::eeprom::Config;
 use host_link::board_io::{BoardIo, Interrupt};
-use host_link::eeprom::image;
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{self, Repaired};
 use host_link::error::Error;
+use host_link::file;
 use host_link::session::Session;
 use pilot::ground_truth::GroundTruth;
-use std::fs::{self, File, TryLockError};
-use std::io::Write;
+use std::fs::{self, File, Permissions, TryLockError};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -49,7 +51,8 @@ impl Context<'_> {
                  `robot tune` restores what was there (`robot tune rollback` does nothing else).",
             );
         }
-        let mut lock = Lock::take(&self.state_file("lock"))?;
+        let device = (!self.board.virtual_board.chosen).then_some(self.board.spi.as_path());
+        let mut lock = Lock::take(&self.state_file("lock"), device)?;
         let (io, truth, finish) = if self.board.virtual_board.chosen {
             open_virtual(self, interrupt)?
         } else {
@@ -66,7 +69,25 @@ impl Context<'_> {
 
     /// Reads the EEPROM and starts exchanging frames.
     pub fn open_session<'io>(&self, io: &'io mut BoardIo) -> Result<Session<'io>, Error> {
-        Session::open(io, self.board.rate, self.board.ready_timeout)
+        let session = Session::open(io, self.board.rate, self.board.ready_timeout)?;
+        self.check_rate(session.config())?;
+        Ok(session)
+    }
+
+    /// The stop deadline must survive the loss of a frame.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check_rate(&self, config: &Config) -> Result<(), Error> {
+        let (rate, deadline_ms) = (self.board.rate, u32::from(config.stop_deadline().0));
+        let least = 2000_u32.div_ceil(deadline_ms.max(1));
+        if rate >= least {
+            return Ok(());
+        }
+        Err(Error::Usage(format!(
+            "--rate {rate}: frames would come {} ms apart, and the stop deadline is {deadline_ms} ms; accepted is {least} or more",
+            1000 / rate.max(1)
+        )))
     }
 
     /// Where something about this robot is kept from run to run.
@@ -77,9 +98,12 @@ impl Context<'_> {
             ..
         } = &self.board.virtual_board;
         if *chosen {
-            image::with_suffix(eeprom_image, &format!(".{name}"))
+            file::with_suffix(eeprom_image, &format!(".{name}"))
         } else {
-            self.board.state_dir.join(format!("robot-{name}"))
+            let spi = &self.board.spi;
+            let device = fs::canonicalize(spi).unwrap_or_else(|_| spi.clone());
+            let device = device.file_name().unwrap_or_default().to_string_lossy();
+            self.board.state_dir.join(format!("robot-{device}-{name}"))
         }
     }
 
@@ -129,7 +153,7 @@ fn open_linux(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
 fn open_virtual(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
     use pilot::virtual_board::{SimulatedTape, open};
     let (virtual_board, io) = open(&context.board.virtual_options(), interrupt)?;
-    let truth = SimulatedTape::new(&virtual_board.board);
+    let truth = SimulatedTape::new(&virtual_board.board, context.board.virtual_board.seed);
     let output = context.output;
     let finish = move |not_ready| {
         if not_ready {
@@ -181,14 +205,13 @@ struct Lock {
 }
 
 impl Lock {
-    fn take(path: &Path) -> Result<Self, Error> {
+    /// Takes the lock; it has the group of `device`.
+    fn take(path: &Path, device: Option<&Path>) -> Result<Self, Error> {
         let unwritable = |cause| Error::unwritable(path, &cause);
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|cause| Error::unwritable(folder, &cause))?;
         }
-        let mut options = File::options();
-        options.create(true).truncate(false).write(true);
-        let mut file = options.open(path).map_err(unwritable)?;
+        let mut file = open_lock(path, device).map_err(unwritable)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(Error::Busy { path: path.into() }),
@@ -199,6 +222,39 @@ impl Lock {
         Ok(Self { file, killed })
     }
 }
+
+/// Opens or makes a lock file. In a shared folder a link, or a file that is more than a lock, may wait in
+/// its place.
+fn open_lock(path: &Path, device: Option<&Path>) -> io::Result<File> {
+    let mut options = File::options();
+    options.write(true);
+    // Not `create`: the kernel refuses it for the file of another user in /var/tmp.
+    let file = match fs::symlink_metadata(path) {
+        Err(cause) if cause.kind() == ErrorKind::NotFound => {
+            let file = options.create_new(true).open(path)?;
+            if let Some(device) = device {
+                let group = fs::metadata(device).map(|device| device.gid());
+                // Only a member of the group can give it to the group.
+                let _ = group.and_then(|group| {
+                    fchown(&file, None, Some(group))?;
+                    file.set_permissions(Permissions::from_mode(0o660))
+                });
+            }
+            file
+        }
+        Err(cause) => return Err(cause),
+        Ok(present) if present.is_file() => options.open(path)?,
+        Ok(_) => return Err(io::Error::other("it is a link, a folder or a device")),
+    };
+    let (opened, there) = (file.metadata()?, fs::symlink_metadata(path)?);
+    if (opened.dev(), opened.ino()) != (there.dev(), there.ino()) || opened.len() > MAX_LOCK {
+        return Err(io::Error::other("it is no lock of this program"));
+    }
+    Ok(file)
+}
+
+/// Longest lock file, bytes.
+const MAX_LOCK: u64 = 16;
 
 impl Drop for Lock {
     fn drop(&mut self) {
@@ -211,3 +267,36 @@ impl Drop for Lock {
 
 /// What the EEPROM held before a measurement changed its mode.
 pub const TUNE_MODE: &str = "tune-mode.before";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn lock_is_shared_by_group_exclusive_and_no_link() {
+        let folder = std::env::temp_dir().join(format!("robot-lock-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        let (path, device) = (folder.join("lock"), folder.join("device"));
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(&device, "").unwrap();
+        let take = |path: &Path| Lock::take(path, Some(&device));
+        let held = take(&path).unwrap();
+        assert!(!held.killed);
+        assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o660);
+        assert!(matches!(take(&path), Err(Error::Busy { .. })));
+        drop(held);
+        fs::write(&path, "held\n").unwrap();
+        assert!(take(&path).unwrap().killed);
+        fs::write(&device, "a letter, not a lock").unwrap();
+        let link = folder.join("link");
+        symlink(&device, &link).unwrap();
+        for wrong in [&link, &device, &folder] {
+            assert!(
+                matches!(take(wrong), Err(Error::Unwritable { .. })),
+                "{wrong:?}"
+            );
+        }
+        fs::remove_dir_all(folder).unwrap();
+    }
+}

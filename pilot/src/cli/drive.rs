@@ -43,8 +43,7 @@ pub fn run(waypoints: &[Pose], criteria: &CriteriaArgs, context: Context<'_>) ->
         let done = Done { arrivals, link };
         output.result(&done, || {
             done.arrivals.last().map(summary).unwrap_or_default()
-        });
-        Ok(())
+        })
     })
 }
 

@@ -6,6 +6,7 @@ use super::output::Output;
 use fw_core::eeprom::Image;
 use host_link::eeprom::{self, Progress, chip, image};
 use host_link::error::{Error, Exit};
+use host_link::file::{self, Kind};
 use host_link::settings::{Change, Settings, changes, render};
 use serde::Serialize;
 use serde_json::json;
@@ -28,7 +29,7 @@ pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
             let wanted = load(file)?;
             let difference = Difference::between(&get(image.as_deref(), context)?, &wanted);
             let output = context.output;
-            output.result(&difference, || difference.summary());
+            output.result(&difference, || difference.summary())?;
             if difference.bytes > 0 {
                 return Ok(Exit::Differs);
             }
@@ -44,11 +45,10 @@ pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
     Ok(Exit::Ok)
 }
 
-/// Writes a file and reports it.
+/// Writes a file that may replace one, and reports it.
 fn save(file: &Path, bytes: &[u8], text: String, output: Output) -> Result<(), Error> {
-    image::save(file, bytes)?;
-    output.result(&json!({ "bytes": bytes.len() }), || text);
-    Ok(())
+    file::save(file, Kind::Any, bytes)?;
+    output.result(&json!({ "bytes": bytes.len() }), || text)
 }
 
 /// An image from a file: a configuration file by its ending, else bytes.
@@ -81,8 +81,7 @@ fn check_overwrite(file: &Path, force: bool) -> Result<(), Error> {
 fn init(file: Option<&Path>, force: bool, output: Output) -> Result<(), Error> {
     let text = render(&Settings::sample()?);
     let Some(file) = file else {
-        output.result(&json!({ "toml": text }), || text.clone());
-        return Ok(());
+        return output.result(&json!({ "toml": text }), || text.clone());
     };
     check_overwrite(file, force)?;
     let next = format!(
@@ -104,8 +103,7 @@ fn check(image: &Image, output: Output) -> Result<(), Error> {
             "unwritten, the first board's figures apply"
         };
         format!("accepted: mode {mode}, {cells} cells; page 0x03 is {page}")
-    });
-    Ok(())
+    })
 }
 
 fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
@@ -115,8 +113,7 @@ fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
             digits
         });
         let bytes = json!({ "bytes": image.0.len(), "hex": digits });
-        output.result(&bytes, || image::hex(image));
-        return Ok(());
+        return output.result(&bytes, || image::hex(image));
     }
     let settings = Settings::from_image(image)?;
     let toml = render(&settings);
@@ -125,8 +122,7 @@ fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
         "settings": settings.json(),
         "toml": toml,
     });
-    output.result(&dumped, || toml.clone());
-    Ok(())
+    output.result(&dumped, || toml.clone())
 }
 
 /// What writing an image changes.
@@ -209,8 +205,7 @@ fn put(wanted: &Image, dry_run: bool, context: Context<'_>) -> Result<(), Error>
                 written: false,
                 ready_ms: None,
             };
-            output.result(&done, || done.difference.summary());
-            return Ok(());
+            return output.result(&done, || done.difference.summary());
         }
         let timeout = context.board.ready_timeout;
         let outcome = eeprom::program(io, wanted, timeout, Some(journal), |step| {
@@ -231,7 +226,6 @@ fn put(wanted: &Image, dry_run: bool, context: Context<'_>) -> Result<(), Error>
                 "{} bytes written and read back; protected; STM ready {} ms after its reset",
                 programmed.bytes, programmed.ready_ms
             )
-        });
-        Ok(())
+        })
     })
 }

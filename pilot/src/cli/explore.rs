@@ -8,6 +8,7 @@ use fw_core::eeprom::fields;
 use fw_core::wire::{Field, Mode};
 use host_link::eeprom;
 use host_link::error::Error;
+use host_link::file;
 use host_link::session::Session;
 use host_link::settings::{self, Settings};
 use host_link::statistics::LinkStatistics;
@@ -17,7 +18,7 @@ use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
 use serde::Serialize;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Cells of the map, mm.
 const CELL_MM: f64 = 25.0;
@@ -26,6 +27,8 @@ const LIVE_FRAMES: u32 = 20;
 
 /// Explores and leaves the map.
 pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
+    Files::check(&explore.out)?;
+    Files::check(&raw_stem(explore))?;
     context.with_board(|connection| {
         ensure_mode(connection, explore.yes, context)?;
         let mut session = context.open_session(&mut connection.io)?;
@@ -89,8 +92,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
                 "arrived at x {x_mm:.0} mm, y {y_mm:.0} mm of the map after {seconds:.1} s ({off_mm:.0} mm \
                  from the target)"
             )
-        });
-        Ok(())
+        })
     })
 }
 
@@ -182,6 +184,11 @@ pub fn ensure_mode(
     Ok(())
 }
 
+/// Of the map by odometry alone.
+fn raw_stem(explore: &Explore) -> PathBuf {
+    file::with_suffix(&explore.out, "-raw")
+}
+
 #[derive(Serialize)]
 struct Done {
     files: Files,
@@ -205,11 +212,9 @@ fn save(
     if let Some(recording) = &explore.record {
         raw.save_recording(recording)?;
     }
-    let mut raw_stem = explore.out.clone().into_os_string();
-    raw_stem.push("-raw");
     let done = Done {
         files: localisation.save_map(&explore.out)?,
-        raw_files: raw.save_map(raw_stem.as_ref())?,
+        raw_files: raw.save_map(&raw_stem(explore))?,
         outcome: drive.map(|drive| outcome_name(drive.outcome)),
         seconds: drive.map(|drive| drive.seconds),
         stops: drive.map(|drive| drive.stops),
@@ -227,8 +232,7 @@ fn save(
             done.files.yaml.display(),
             done.raw_files.png.display()
         )
-    });
-    Ok(())
+    })
 }
 
 /// An outcome's word.

@@ -17,6 +17,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     match (&map.tour, &map.from) {
         (_, Some(recording)) => {
             let samples = mapping::load_recording(recording)?;
+            mapping::check_extent(&samples, cell_mm, recording)?;
             let mut mapping = Mapping::new(mapping::mapper_config(
                 Settings::first_board()?.config(),
                 cell_mm,
@@ -28,6 +29,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
         }
         (Some(file), None) => {
             let waypoints = waypoints::load(file)?;
+            Files::check(&map.out)?;
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
                 let config = mapping::mapper_config(session.config(), cell_mm);
@@ -96,6 +98,5 @@ fn save(
             done.files.pgm.display(),
             done.files.yaml.display()
         )
-    });
-    Ok(())
+    })
 }

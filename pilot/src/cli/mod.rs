@@ -4,6 +4,7 @@ mod args;
 mod board_args;
 mod calibrate;
 mod connection;
+mod doctor;
 mod drive;
 mod eeprom;
 mod explore;
@@ -24,33 +25,78 @@ use connection::Context;
 use host_link::error::{Error, Exit};
 use host_link::reset;
 use output::Output;
+use std::io::IsTerminal;
 use std::process::ExitCode;
+
+/// Shows the options of every command's help.
+const HELP_ALL: &str = "--help-all";
+
+/// The command line's grammar. The options that choose a robot are accepted after the command, too; help
+/// shows them on request.
+fn grammar(all: bool) -> clap::Command {
+    let grammar = Arguments::command().mut_args(|option| {
+        let hidden = !all && !SHOWN.contains(&option.get_id().as_str());
+        option.global(true).hide(hidden)
+    });
+    let grammar = name_in_errors(grammar);
+    if all {
+        return grammar.after_help(args::exit_codes());
+    }
+    grammar
+}
+
+/// Takes `-1` after an option for its value, so that its range and its name are stated.
+fn name_in_errors(command: clap::Command) -> clap::Command {
+    command.mut_subcommands(name_in_errors).mut_args(|option| {
+        let takes_value = option.get_action().takes_values();
+        if takes_value {
+            option.allow_negative_numbers(true)
+        } else {
+            option
+        }
+    })
+}
+
+/// Global options in the short help.
+const SHOWN: [&str; 2] = ["json", "chosen"];
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    // The options outside of a command are accepted after it, too.
-    let command = Arguments::command().mut_args(|option| option.global(true));
-    let matches = command.try_get_matches();
-    let arguments = match matches.and_then(|matches| Arguments::from_arg_matches(&matches)) {
-        Ok(arguments) => arguments,
-        Err(problem) => {
-            // Help and version are no errors; clap chooses the stream.
-            let _ = problem.print();
-            let exit = if problem.use_stderr() {
-                Exit::Usage
+    let all = std::env::args_os().any(|word| word == HELP_ALL);
+    let words = std::env::args_os().map(|word| {
+        let is_all = word == HELP_ALL;
+        if is_all { "--help".into() } else { word }
+    });
+    let json = std::env::args_os().any(|word| word == "--json");
+    let parsed = grammar(all)
+        .try_get_matches_from(words)
+        .and_then(|matches| Arguments::from_arg_matches(&matches).map(|all| (all, matches)));
+    let outcome = match parsed {
+        Ok((arguments, matches)) => {
+            board_args::check(&matches, arguments.board.virtual_board.chosen)
+                .and_then(|()| run(&arguments, Output::new(json)))
+        }
+        // Help and version are results.
+        Err(problem) if !problem.use_stderr() => {
+            let text = problem.render();
+            let ansi = std::io::stdout().is_terminal();
+            let text = if ansi {
+                text.ansi().to_string()
             } else {
-                Exit::Ok
+                text.to_string()
             };
-            if exit == Exit::Usage && std::env::args_os().any(|word| word == "--json") {
-                let what = problem.kind().to_string();
-                Output::new(true).json_error(&Error::Usage(what));
-            }
-            return ExitCode::from(exit.code());
+            Output::line(text.trim_end()).map(|()| Exit::Ok)
+        }
+        Err(problem) => {
+            let text = problem.render().to_string();
+            let text = text.strip_prefix("error: ").unwrap_or(&text);
+            Err(Error::Usage(text.trim_end().into()))
         }
     };
-    let output = Output::new(arguments.json);
-    let exit = run(&arguments, output).unwrap_or_else(|error| {
-        output.error(&error);
+    let exit = outcome.unwrap_or_else(|error| {
+        if error != Error::PipeClosed {
+            Output::new(json).error(&error);
+        }
         error.exit()
     });
     ExitCode::from(exit.code())
@@ -67,12 +113,12 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
     match &arguments.command {
         Command::Eeprom { command } => return eeprom::run(command, context),
         Command::Status(status) => return status::run(status, context),
+        Command::Doctor(doctor) => return doctor::run(doctor, context),
         Command::Reset => context.with_board(|connection| {
             let ready_ms = reset::restart(&mut connection.io, context.board.ready_timeout)?;
             output.result(&serde_json::json!({ "ready_ms": ready_ms }), || {
                 format!("STM reset; ready after {ready_ms} ms")
-            });
-            Ok(())
+            })
         }),
         Command::Mode { mode } => mode::run(*mode, context),
         Command::Monitor(monitor) => monitor::run(monitor, context),
@@ -121,4 +167,17 @@ fn run_remote(command: &Command, context: Context<'_>) -> Result<Option<Exit>, E
         _ => return Ok(None),
     }?;
     Ok(Some(Exit::Ok))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grammar_is_consistent_and_first_help_short() {
+        grammar(true).debug_assert();
+        let lines = |all| grammar(all).render_long_help().to_string().lines().count();
+        let (short, long) = (lines(false), lines(true));
+        assert!(short <= 40 && long > short + 40, "{short} and {long} lines");
+    }
 }

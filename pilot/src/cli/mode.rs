@@ -45,7 +45,6 @@ pub fn run(mode: Mode, context: Context<'_>) -> Result<(), Error> {
                 done.ready_ms,
                 monitor::line(done.report)
             )
-        });
-        Ok(())
+        })
     })
 }

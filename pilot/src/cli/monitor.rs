@@ -30,7 +30,7 @@ pub fn run(monitor: &Monitor, context: Context<'_>) -> Result<(), Error> {
             if output.is_live() && due {
                 output.live(&line(snapshot));
             } else if !output.is_live() && (output.is_json() || remaining == 0 || due) {
-                output.result(snapshot, || line(snapshot));
+                output.result(snapshot, || line(snapshot))?;
             } else {
                 continue;
             }
@@ -38,7 +38,7 @@ pub fn run(monitor: &Monitor, context: Context<'_>) -> Result<(), Error> {
         }
         if output.is_live() {
             output.live("");
-            output.result(session.snapshot(), || line(session.snapshot()));
+            output.result(session.snapshot(), || line(session.snapshot()))?;
         }
         Ok(())
     })

@@ -3,7 +3,7 @@
 use host_link::eeprom::Progress;
 use host_link::error::Error;
 use serde::Serialize;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 
 /// The format of the output.
 #[derive(Clone, Copy, Debug)]
@@ -21,17 +21,30 @@ impl Output {
     }
 
     /// A result: the sentence, or the value as one line of JSON.
-    pub fn result(self, value: &impl Serialize, sentence: impl FnOnce() -> String) {
+    ///
+    /// # Errors
+    /// [`Error::PipeClosed`]; [`Error::Unwritable`] for standard output.
+    pub fn result(
+        self,
+        value: &impl Serialize,
+        sentence: impl FnOnce() -> String,
+    ) -> Result<(), Error> {
         if self.json {
-            Self::line(&serde_json::to_string(value).unwrap_or_default());
+            Self::line(&serde_json::to_string(value).unwrap_or_default())
         } else {
-            Self::line(sentence().trim_end());
+            Self::line(sentence().trim_end())
         }
     }
 
-    /// A line on standard output. A closed pipe is no error.
-    fn line(text: &str) {
-        let _ = writeln!(io::stdout().lock(), "{text}");
+    /// A line on standard output.
+    // Requirement: WIRE-program-2
+    pub fn line(text: &str) -> Result<(), Error> {
+        let mut stdout = io::stdout().lock();
+        let written = writeln!(stdout, "{text}").and_then(|()| stdout.flush());
+        written.map_err(|cause| match cause.kind() {
+            ErrorKind::BrokenPipe => Error::PipeClosed,
+            _ => Error::unwritable("standard output", &cause),
+        })
     }
 
     /// A message that is not the result.
@@ -88,7 +101,8 @@ impl Output {
         if self.json {
             let exit = error.exit().code();
             let object = serde_json::json!({ "error": error.to_string(), "exit": exit });
-            Self::line(&object.to_string());
+            // The exit code says it, too.
+            let _ = Self::line(&object.to_string());
         }
     }
 }

@@ -27,6 +27,24 @@ pub fn confirm(question: &str, interrupt: &Interrupt, output: Output) -> Result<
     Ok(matches!(answer.as_deref(), Some("y" | "Y" | "yes")))
 }
 
+/// Asks before the wheels move, unless `yes`.
+///
+/// # Errors
+/// [`Error::Interrupted`]; [`Error::Usage`] without consent.
+// Requirement: WIRE-program-3
+pub fn confirm_drive(
+    yes: bool,
+    what: &str,
+    interrupt: &Interrupt,
+    output: Output,
+) -> Result<(), Error> {
+    let question = format!("{what} Keep hands off the wheels, Ctrl-C stops it. Drive?");
+    if yes || confirm(&question, interrupt, output)? {
+        return Ok(());
+    }
+    Err(Error::Usage("not driven: not confirmed".into()))
+}
+
 /// Asks until `parse` accepts the answer.
 ///
 /// # Errors

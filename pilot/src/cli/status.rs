@@ -34,7 +34,7 @@ pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
             Err(error @ Error::NotReady { .. }) => not_ready(io, &error)?,
             Err(error) => return Err(error),
         };
-        context.output.result(&seen, || summary(&seen));
+        context.output.result(&seen, || summary(&seen))?;
         Ok(exit)
     })
 }

@@ -7,6 +7,7 @@ use fw_core::eeprom::{FIELDS, Image};
 use host_link::board_io::BoardIo;
 use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
+use host_link::file::{self, Kind};
 use host_link::session::Session;
 use host_link::settings::{Change, Settings, changes};
 use pilot::tune::{Axis, battery, drive_model, export, gains, step_response, temporary_mode};
@@ -34,7 +35,7 @@ fn before_file(context: Context<'_>) -> PathBuf {
 }
 
 /// Where the EEPROM's content before a change of mode is kept, while a measurement runs.
-fn mode_journal(context: Context<'_>) -> Journal {
+pub(super) fn mode_journal(context: Context<'_>) -> Journal {
     Journal::new(context.state_file(TUNE_MODE))
 }
 
@@ -62,7 +63,7 @@ pub(super) fn apply(
         return Ok((changes, false));
     }
     io.interrupt.check()?;
-    image::save(&before_file(context), &before.0)?;
+    file::save(&before_file(context), Kind::Image, &before.0)?;
     let timeout = context.board.ready_timeout;
     eeprom::program(io, wanted, timeout, Some(journal), |_| {})?;
     Ok((changes, true))
@@ -103,9 +104,6 @@ struct Tuned {
     written: bool,
 }
 
-/// Lower rates let the stop deadline end a step.
-const SLOWEST_HZ: u32 = 20;
-
 fn steps(
     axis: Axis,
     arguments: &StepArgs,
@@ -119,7 +117,13 @@ fn steps(
     restore_mode(io, context)?;
     let original = eeprom::read(io)?;
     let settings = Settings::from_image(&original)?;
-    let rate = context.board.rate.max(SLOWEST_HZ);
+    let rate = context.board.rate;
+    context.check_rate(settings.config())?;
+    plan.check_dead_zones(settings.config())?;
+    let stem = arguments.stem(axis);
+    export::check(&stem)?;
+    let what = axis.announce(&plan);
+    prompt::confirm_drive(arguments.consent.yes, &what, &io.interrupt, output)?;
     let recorder = temporary_mode::with_mode(
         io,
         &original,
@@ -134,7 +138,6 @@ fn steps(
         },
     )?;
     let samples = recorder.samples();
-    let stem = arguments.stem(axis);
     let csv = export::save_csv(&stem, axis, samples)?;
     let steps = drive_model::steps(samples);
     let model = drive_model::fit(&steps).map_err(|what| {
@@ -150,6 +153,10 @@ fn steps(
     let fitted = Some((&model, steps.as_slice(), &before, &after));
     let picture = export::save_picture(&stem, axis, samples, fitted)?;
     output.message(&summary(axis, &model, &before, &after));
+    if after.is_worse_than(&before) {
+        let what = "the proposed gains are predicted to be worse than the present ones";
+        return Err(Error::Tuning(format!("{what} (see {})", picture.display())));
+    }
     let wanted = settings.with(&proposed.values(axis))?;
     let consent = (arguments.consent.yes, arguments.consent.dry_run);
     let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
@@ -176,8 +183,7 @@ fn steps(
             done.csv.display(),
             done.picture.display()
         )
-    });
-    Ok(())
+    })
 }
 
 fn summary(
@@ -223,6 +229,7 @@ fn divider(
     let original = eeprom::read(io)?;
     let mut session = context.open_session(io)?;
     let upper_ohm = battery::measure_upper_resistor(&mut session, cell, volts)?;
+    battery::check(session.config(), cell, upper_ohm)?;
     let upper = FIELDS.iter().filter(|field| field.tap == cell).take(1);
     let changes: Vec<_> = upper.map(|field| (field, upper_ohm.into())).collect();
     let wanted = Settings::from_image(&original)?.with(&changes)?;
@@ -233,8 +240,7 @@ fn divider(
     });
     context.output.result(&done, || {
         format!("tap {cell}: {upper_ohm} ohm {}", ending(&changes, written))
-    });
-    Ok(())
+    })
 }
 
 /// Both `rollback` commands: tuning and calibration share one file, of the latest.
@@ -265,6 +271,5 @@ pub(super) fn rollback(connection: &mut Connection, context: Context<'_>) -> Res
         } else {
             "the EEPROM is as it was before the latest tuning or calibration".into()
         }
-    });
-    Ok(())
+    })
 }

@@ -1,6 +1,7 @@
 //! Tuning a battery tap (document, 5.1.3): a reference voltage stands in for the cell, the STM
 //! computes the upper resistor that would have shown it exactly, and logs it.
 
+use fw_core::eeprom::Config;
 use fw_core::wire::CellCode;
 use host_link::error::Error;
 use host_link::log::{LogLine, LogParser};
@@ -71,6 +72,31 @@ pub fn measure_upper_resistor(
                 "the STM's log proposes no resistor for tap {cell}; check that {volts} V is at it, and the log's wire and --uart"
             ))
         })
+}
+
+/// Largest correction of a tap's voltage: resistors of 1 % and the ADC's reference need less.
+const MAX_CORRECTION: f64 = 0.05;
+
+/// # Errors
+/// [`Error::Tuning`] for an upper resistor that would change the tap's voltage by more than parts can be off:
+/// then the voltage at the cell is not the stated one.
+pub fn check(config: &Config, cell: u8, upper_ohm: u32) -> Result<(), Error> {
+    let tap = usize::from(cell).saturating_sub(1);
+    let Some(present) = config.dividers().get(tap) else {
+        return Ok(());
+    };
+    let whole = |upper: u32| f64::from(upper) + f64::from(present.lower.0);
+    let correction = whole(upper_ohm) / whole(present.upper.0) - 1.0;
+    if correction.abs() <= MAX_CORRECTION {
+        return Ok(());
+    }
+    Err(Error::Tuning(format!(
+        "{upper_ohm} ohm instead of {} changes the voltage of tap {cell} by {:.0} %, accepted are {:.0} %; check \
+         cell and volts, or correct the resistor in the configuration",
+        present.upper.0,
+        correction * 100.0,
+        MAX_CORRECTION * 100.0
+    )))
 }
 
 /// Volts in the wire's steps of 5 mV.

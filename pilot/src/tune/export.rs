@@ -4,8 +4,8 @@ use super::Axis;
 use super::drive_model::{DriveModel, Step, replay};
 use super::gains::Response;
 use crate::tune::samples::Sample;
-use host_link::eeprom::image;
 use host_link::error::Error;
+use host_link::file::{self, Kind};
 use mapper::line_plot::{Curve, Panel, draw};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -25,13 +25,22 @@ pub fn csv(axis: Axis, samples: &[Sample]) -> String {
     text
 }
 
+/// Whether both files can be written, before the wheels turn.
+///
+/// # Errors
+/// [`Error::Unwritable`].
+pub fn check(stem: &Path) -> Result<(), Error> {
+    file::check(&file::with_suffix(stem, ".csv"), Kind::Samples)?;
+    file::check(&file::with_suffix(stem, ".png"), Kind::Png)
+}
+
 /// Writes `stem`.csv.
 ///
 /// # Errors
 /// [`Error::Unwritable`].
 pub fn save_csv(stem: &Path, axis: Axis, samples: &[Sample]) -> Result<PathBuf, Error> {
-    let path = image::with_suffix(stem, ".csv");
-    image::save(&path, csv(axis, samples).as_bytes())?;
+    let path = file::with_suffix(stem, ".csv");
+    file::save(&path, Kind::Samples, csv(axis, samples).as_bytes())?;
     Ok(path)
 }
 
@@ -46,12 +55,12 @@ pub fn save_picture(
     samples: &[Sample],
     fitted: Option<(&DriveModel, &[Step], &Response, &Response)>,
 ) -> Result<PathBuf, Error> {
-    let path = image::with_suffix(stem, ".png");
+    let path = file::with_suffix(stem, ".png");
     let png = draw(&panels(axis, samples, fitted)).map_err(|cause| Error::Unwritable {
         path: path.clone(),
         cause: cause.to_string(),
     })?;
-    image::save(&path, &png)?;
+    file::save(&path, Kind::Png, &png)?;
     Ok(path)
 }
 

@@ -105,6 +105,18 @@ pub struct Response {
     pub curve: Vec<(f64, f64)>,
 }
 
+impl Response {
+    /// Whether it settles later, by more than the model's tenth, or overshoots more where neither settles.
+    #[must_use]
+    pub fn is_worse_than(&self, other: &Self) -> bool {
+        match (self.settled_s, other.settled_s) {
+            (Some(own_s), Some(other_s)) => own_s > 1.1 * other_s,
+            (None, None) => self.overshoot > other.overshoot,
+            (own_s, _) => own_s.is_none(),
+        }
+    }
+}
+
 impl Axis {
     /// The default damping. Forward may be lower: most of a distance is driven at the
     /// limit, which keeps the overshoot small, and the last millimetres need force against friction.

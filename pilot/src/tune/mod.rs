@@ -68,6 +68,17 @@ impl Axis {
         }
     }
 
+    /// What the robot is about to do.
+    #[must_use]
+    pub fn announce(self, plan: &step_response::StepPlan) -> String {
+        let (steps, travel) = (2 * plan.levels.len(), plan.travel);
+        let motion = match self {
+            Self::Rotate => format!("turn on the spot {steps} times, up to {travel}° each"),
+            Self::Move => format!("drive ahead and back {steps} times, up to {travel} mm each"),
+        };
+        format!("The robot will {motion}.")
+    }
+
     /// The fields of its gains: P, I, D, anti wind-up.
     #[must_use]
     pub const fn fields(self) -> [&'static Field; 4] {

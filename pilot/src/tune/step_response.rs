@@ -2,6 +2,7 @@
 //! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
 use crate::tune::samples::SampleRecorder;
+use fw_core::eeprom::Config;
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session};
 
@@ -54,6 +55,21 @@ impl StepPlan {
             return usage(format!("travel {}: accepted is 1 to 2000", self.travel));
         }
         Ok(())
+    }
+}
+
+impl StepPlan {
+    /// # Errors
+    /// [`Error::Usage`] for a duty that does not turn both wheels.
+    pub fn check_dead_zones(&self, config: &Config) -> Result<(), Error> {
+        let dead = config.left().dead_zone.max(config.right().dead_zone);
+        let dead = f64::from(dead.hundredths()) / 100.0;
+        match self.levels.iter().find(|&&level| level <= dead) {
+            Some(level) => Err(Error::Usage(format!(
+                "--levels {level}: a wheel's dead zone is {dead} %; accepted are duties above it"
+            ))),
+            None => Ok(()),
+        }
     }
 }
 

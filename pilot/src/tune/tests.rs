@@ -322,3 +322,42 @@ fn upper_resistor_is_read_from_log() {
     let mute = battery::measure_upper_resistor(&mut session, 1, 3.7);
     assert!(matches!(mute, Err(Error::Tuning(_))), "{mute:?}");
 }
+
+#[test]
+fn divider_far_off_worse_gains_and_idle_duties_are_refused() {
+    let settings = Settings::first_board().unwrap();
+    let config = settings.config();
+    // 10 kΩ over 33 kΩ.
+    for (ohm, accepted) in [
+        (10_000, true),
+        (10_400, true),
+        (13_200, false),
+        (6_800, false),
+    ] {
+        assert_eq!(battery::check(config, 1, ohm).is_ok(), accepted, "{ohm}");
+    }
+    let response = |settled_s, overshoot| gains::Response {
+        target: 90.0,
+        overshoot,
+        settled_s,
+        curve: Vec::new(),
+    };
+    for (after, before, worse) in [
+        ((Some(1.0), 9.0), (Some(1.0), 0.0), false),
+        ((Some(1.2), 0.0), (Some(1.0), 0.0), true),
+        ((None, 0.0), (Some(4.9), 0.0), true),
+        ((Some(4.9), 0.0), (None, 0.0), false),
+        ((None, 2.0), (None, 1.0), true),
+    ] {
+        let (after, before) = (response(after.0, after.1), response(before.0, before.1));
+        assert_eq!(after.is_worse_than(&before), worse, "{after:?} {before:?}");
+    }
+    // Dead zones of 16 and 23 %.
+    for (level, accepted) in [(20.0, false), (23.0, false), (24.0, true)] {
+        let plan = step_response::StepPlan {
+            levels: vec![100.0, level],
+            ..plan()
+        };
+        assert_eq!(plan.check_dead_zones(config).is_ok(), accepted, "{level}");
+    }
+}

@@ -5,15 +5,14 @@ use crate::cli::args::DistanceArgs;
 use crate::cli::connection::Connection;
 use crate::cli::tune::ending;
 use host_link::board_io::BoardIo;
-use host_link::eeprom::image;
 use host_link::error::Error;
+use host_link::file::{self, Kind};
 use host_link::settings::Change;
 use pilot::calibrate::distance::{self, Measured, Scale};
 use pilot::calibrate::run::straight;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
 use serde::Serialize;
-use std::fs;
 use std::path::PathBuf;
 
 const QUESTION: &str = "How many mm is the middle of the axle ahead of where it began, and how many to the left of the line it \
@@ -47,15 +46,15 @@ fn earlier_path(
     measurement: &Measurement<'_>,
     present: &WheelGeometry,
 ) -> Result<WheelPath, Error> {
-    let file = path_file(measurement);
-    let text = fs::read_to_string(&file).map_err(|cause| Error::unreadable(&file, &cause))?;
-    let path: WheelPath = serde_json::from_str(&text)
-        .map_err(|cause| Error::content(&file, cause.line(), cause.to_string()))?;
-    if path.wheels() != present {
+    let path = path_file(measurement);
+    let text = file::read_text(&path)?;
+    let driven: WheelPath = serde_json::from_str(&text)
+        .map_err(|cause| Error::content(&path, cause.line(), cause.to_string()))?;
+    if driven.wheels() != present {
         let what = "the EEPROM's diameters or track have changed since that drive; drive again";
-        return Err(Error::content(&file, None, what));
+        return Err(Error::content(&path, None, what));
     }
-    Ok(path)
+    Ok(driven)
 }
 
 fn drive(
@@ -65,7 +64,7 @@ fn drive(
 ) -> Result<WheelPath, Error> {
     let path = measurement.drive(io, &straight(length_mm))?;
     let text = serde_json::to_string(&path).unwrap_or_default();
-    image::save(&path_file(measurement), text.as_bytes())?;
+    file::save(&path_file(measurement), Kind::Json, text.as_bytes())?;
     Ok(path)
 }
 
@@ -84,6 +83,7 @@ pub fn run(
             "The robot will drive {length} mm straight ahead. Mark the floor under the middle of its axle \
              and the line it faces; leave half a metre free to each side."
         );
+        file::check(&path_file(&measurement), Kind::Json)?;
         measurement.confirm(&connection.io, &what)?;
         let path = drive(&measurement, &mut connection.io, length)?;
         (path, measurement.measure(connection, QUESTION)?)
@@ -114,8 +114,7 @@ pub fn run(
         });
         let ending = ending(&done.changes, written);
         format!("diameters and track {ending}{verified}")
-    });
-    Ok(())
+    })
 }
 
 fn summary(measured: &Measured, solved: &Scale) -> String {

@@ -50,11 +50,7 @@ impl<'a> Measurement<'a> {
 
     /// Asks before anything moves.
     pub fn confirm(&self, io: &BoardIo, what: &str) -> Result<(), Error> {
-        let question = format!("{what} Keep hands off the wheels, Ctrl-C stops it. Drive?");
-        if self.measuring.yes || prompt::confirm(&question, &io.interrupt, self.context.output)? {
-            return Ok(());
-        }
-        Err(Error::Usage("not driven: not confirmed".into()))
+        prompt::confirm_drive(self.measuring.yes, what, &io.interrupt, self.context.output)
     }
 
     /// Drives the way-points in a new session: minutes may have passed since the last frame.

@@ -9,18 +9,15 @@ use super::connection::Context;
 use super::tune::rollback;
 use host_link::error::Error;
 use measurement::Measurement;
-use pilot::calibrate::run::check_length;
 
 /// Runs one of the commands.
 pub fn run(command: &Calibrate, context: Context<'_>) -> Result<(), Error> {
     match command {
         Calibrate::Distance(arguments) => {
-            check_length("a length of", arguments.length)?;
             let measurement = Measurement::new(&arguments.measuring, context)?;
             context.with_board(|connection| distance::run(arguments, measurement, connection))
         }
         Calibrate::Umbmark(arguments) => {
-            check_length("a side of", arguments.side)?;
             let measurement = Measurement::new(&arguments.measuring, context)?;
             context.with_board(|connection| umbmark::run(arguments, measurement, connection))
         }

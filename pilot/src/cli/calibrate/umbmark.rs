@@ -112,8 +112,7 @@ pub fn run(
         });
         let ending = ending(&done.changes, written);
         format!("diameters and track {ending}{verified}")
-    });
-    Ok(())
+    })
 }
 
 fn summary(estimate: &Estimate) -> String {

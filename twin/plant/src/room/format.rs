@@ -46,19 +46,24 @@ pub struct ParseError {
 
 impl fmt::Display for ParseError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: ", self.line)?;
-        match &self.problem {
-            Problem::UnknownWord(word) => write!(
+        write!(f, "line {}: {}", self.line, self.problem)
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownWord(word) => write!(
                 f,
                 "`{word}` begins no line of a room: use wall, box, circle, soft, sill, start or way, and # for a comment"
             ),
-            Problem::NotANumber(word) => {
+            Self::NotANumber(word) => {
                 write!(f, "`{word}` is not a finite number: write millimetres or degrees, like 1200 or -37.5")
             }
-            Problem::Count(expected, got) => write!(f, "{got} numbers: write `{expected}`"),
-            Problem::Size(what) => write!(f, "{what}: make it greater than zero"),
-            Problem::NotSoft(word) => write!(f, "`soft {word}`: write `soft wall …` or `soft box …`"),
-            Problem::SecondStart => write!(f, "a second start: keep one of them"),
+            Self::Count(expected, got) => write!(f, "{got} numbers: write `{expected}`"),
+            Self::Size(what) => write!(f, "{what}: make it greater than zero"),
+            Self::NotSoft(word) => write!(f, "`soft {word}`: write `soft wall …` or `soft box …`"),
+            Self::SecondStart => write!(f, "a second start: keep one of them"),
         }
     }
 }

@@ -1,0 +1,362 @@
+//! Files: inputs are bounded, outputs are written whole or not at all and never over a foreign file.
+
+use crate::error::Error;
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Largest text that is read, bytes: configuration, tour, room.
+pub const MAX_TEXT: u64 = 1 << 20;
+
+/// Longest part of a line that a fault shows, characters.
+const MAX_SHOWN: usize = 160;
+
+/// Reads a file of at most `max` bytes. A device that never ends is refused after that many.
+///
+/// # Errors
+/// [`Error::Unreadable`]; [`Error::Content`] for a larger file.
+pub fn read(path: &Path, max: u64) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(max + 1).read_to_end(&mut bytes))
+        .map_err(|cause| Error::unreadable(path, &cause))?;
+    if u64::try_from(bytes.len()).is_ok_and(|len| len > max) {
+        let what = format!("it has more than the accepted {max} bytes");
+        return Err(Error::content(path, None, what));
+    }
+    Ok(bytes)
+}
+
+/// Reads a text of at most [`MAX_TEXT`] bytes.
+///
+/// # Errors
+/// Those of [`read`]; [`Error::Content`] for what is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, Error> {
+    String::from_utf8(read(path, MAX_TEXT)?)
+        .map_err(|_| Error::content(path, None, "it is no text in UTF-8"))
+}
+
+/// One thing that is wrong with a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileFault {
+    /// 1-based line, where one can be named.
+    pub line: Option<usize>,
+    /// That line, and the columns to blame.
+    pub shown: Option<(String, Range<usize>)>,
+    /// What is wrong and what is accepted.
+    pub what: String,
+}
+
+impl FileFault {
+    /// The bytes `span` of `text` are wrong.
+    pub fn at(text: &str, span: Range<usize>, what: impl Into<String>) -> Self {
+        let before = text.get(..span.start).unwrap_or(text);
+        let from = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let line = text.get(from..).and_then(|rest| rest.lines().next());
+        let columns = |bytes: Option<&str>| bytes.map_or(0, |bytes| bytes.chars().count());
+        let start = columns(text.get(from..span.start));
+        let width = columns(text.get(span).and_then(|bad| bad.lines().next())).max(1);
+        Self {
+            line: Some(before.matches('\n').count() + 1),
+            shown: line
+                .filter(|_| start + width <= MAX_SHOWN)
+                .map(|line| line.chars().take(MAX_SHOWN).collect())
+                .map(|line| (line, start..start + width)),
+            what: what.into(),
+        }
+    }
+
+    /// With the file's name, the line and a caret below it.
+    pub fn describe(&self, path: &Path) -> String {
+        let mut text = path.display().to_string();
+        if let Some(line) = self.line {
+            let _ = write!(text, ", line {line}");
+        }
+        let _ = write!(text, ": {}", self.what);
+        if let Some((line, columns)) = &self.shown {
+            let indent: String = line
+                .chars()
+                .take(columns.start)
+                .map(|letter| if letter == '\t' { '\t' } else { ' ' })
+                .collect();
+            let _ = write!(
+                text,
+                "\n    {line}\n    {indent}{}",
+                "^".repeat(columns.len())
+            );
+        }
+        text
+    }
+}
+
+/// What an output file holds. A file that is there already is replaced only by one of its kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A picture.
+    Png,
+    /// A map's cells.
+    Pgm,
+    /// A map's metadata.
+    MapYaml,
+    /// Samples of a tuning.
+    Samples,
+    /// What a calibration keeps.
+    Json,
+    /// The STM's log.
+    Log,
+    /// An EEPROM image.
+    Image,
+    /// A recording (MCAP).
+    Recording,
+    /// Whatever the user allows to be replaced.
+    Any,
+}
+
+impl Kind {
+    /// Whether a file's first 64 KiB are of this kind.
+    fn holds(self, head: &[u8]) -> bool {
+        let starts = |magic: &[u8]| head.starts_with(magic);
+        match self {
+            Self::Png => starts(b"\x89PNG\r\n\x1a\n"),
+            Self::Pgm => starts(b"P5\n"),
+            Self::MapYaml => starts(b"image: "),
+            Self::Samples => starts(b"seconds,percent,"),
+            Self::Json => starts(b"{"),
+            Self::Log => starts(b"I0") || starts(b"W0") || starts(b"E0"),
+            Self::Image => crate::eeprom::image::is_image(head),
+            Self::Recording => starts(b"\x89MCAP"),
+            Self::Any => true,
+        }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Png => "PNG picture",
+            Self::Pgm => "PGM picture",
+            Self::MapYaml => "map's YAML",
+            Self::Samples => "table of samples",
+            Self::Json => "JSON object",
+            Self::Log => "log of the STM",
+            Self::Image => "EEPROM image",
+            Self::Recording => "recording",
+            Self::Any => "file",
+        }
+    }
+}
+
+/// # Errors
+/// [`Error::Unwritable`] if what is at `path` must not be replaced.
+fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
+    let present = match fs::symlink_metadata(path) {
+        Err(cause) if cause.kind() == ErrorKind::NotFound => return Ok(()),
+        present => present.map_err(|cause| Error::unwritable(path, &cause))?,
+    };
+    let refused = |cause: String| Error::Unwritable {
+        path: path.into(),
+        cause,
+    };
+    if !present.is_file() {
+        return Err(refused("it is a link, a folder or a device".into()));
+    }
+    let mut head = Vec::new();
+    if kind != Kind::Any {
+        File::open(path)
+            .and_then(|file| file.take(1 << 16).read_to_end(&mut head))
+            .map_err(|cause| Error::unwritable(path, &cause))?;
+    }
+    if !head.is_empty() && !kind.holds(&head) {
+        let kind = kind.name();
+        return Err(refused(format!(
+            "the file that is there is no {kind}; name another one"
+        )));
+    }
+    Ok(())
+}
+
+/// A file to write: a temporary one beside its place until it is complete.
+#[derive(Debug)]
+pub struct OutputFile {
+    path: PathBuf,
+    beside: PathBuf,
+    file: File,
+}
+
+impl OutputFile {
+    // Requirement: WIRE-program-1
+    /// Checks that `path` may be written, makes its folder and the temporary file.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn create(path: &Path, kind: Kind) -> Result<Self, Error> {
+        check_target(path, kind)?;
+        let unwritable = |cause| Error::unwritable(path, &cause);
+        let Some(name) = path.file_name() else {
+            return Err(unwritable(ErrorKind::IsADirectory.into()));
+        };
+        fs::create_dir_all(folder(path)).map_err(unwritable)?;
+        let beside = path.with_file_name(format!(".{}.robot-new", name.to_string_lossy()));
+        // Left by a killed run, or a link that leads elsewhere: a new file is made in any case.
+        match fs::remove_file(&beside) {
+            Err(cause) if cause.kind() != ErrorKind::NotFound => return Err(unwritable(cause)),
+            _ => {}
+        }
+        let file = File::create_new(&beside).map_err(unwritable)?;
+        Ok(Self {
+            path: path.into(),
+            beside,
+            file,
+        })
+    }
+
+    /// Writes the bytes and puts the file in its place.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn save(mut self, bytes: &[u8]) -> Result<(), Error> {
+        let written = self.file.write_all(bytes);
+        written.map_err(|cause| Error::unwritable(&self.path, &cause))?;
+        self.publish().map(|_| ())
+    }
+
+    /// Puts the file in its place as it is; it can be written on.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn publish(self) -> Result<File, Error> {
+        let file = self.file.try_clone().and_then(|file| {
+            file.sync_all()?;
+            fs::rename(&self.beside, &self.path)?;
+            sync_folder(&self.path)?;
+            Ok(file)
+        });
+        file.map_err(|cause| Error::unwritable(&self.path, &cause))
+    }
+}
+
+impl Drop for OutputFile {
+    fn drop(&mut self) {
+        // After `publish` there is none.
+        let _ = fs::remove_file(&self.beside);
+    }
+}
+
+fn folder(path: &Path) -> &Path {
+    let parent = path
+        .parent()
+        .filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
+}
+
+/// A rename survives a power failure once its folder is written.
+pub(crate) fn sync_folder(path: &Path) -> std::io::Result<()> {
+    File::open(folder(path))?.sync_all()
+}
+
+/// Writes a file whole, or leaves what was there.
+///
+/// # Errors
+/// [`Error::Unwritable`], also for a device, a link, or a file of another kind at `path`.
+pub fn save(path: &Path, kind: Kind, bytes: &[u8]) -> Result<(), Error> {
+    OutputFile::create(path, kind)?.save(bytes)
+}
+
+/// Whether `path` can be written, before something moves.
+///
+/// # Errors
+/// Those of [`save`].
+pub fn check(path: &Path, kind: Kind) -> Result<(), Error> {
+    OutputFile::create(path, kind).map(drop)
+}
+
+/// `path` with `suffix` added to its name.
+pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    fn scratch(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).unwrap();
+        folder
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name();
+        let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
+        names.sort();
+        names
+            .iter()
+            .map(|name| name.to_string_lossy().into())
+            .collect()
+    }
+
+    #[test]
+    fn save_device_link_folder_or_foreign_file_is_refused() {
+        let here = scratch("sink");
+        let (foreign, link, folder) =
+            (here.join("foreign"), here.join("link"), here.join("folder"));
+        fs::write(&foreign, "a letter").unwrap();
+        symlink(&foreign, &link).unwrap();
+        fs::create_dir(&folder).unwrap();
+        let socket = here.join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        let before = names(&here);
+        for path in [&foreign, &link, &folder, &socket, &here.join("foreign/x")] {
+            let refused = save(path, Kind::Png, b"\x89PNG\r\n\x1a\n");
+            assert!(matches!(refused, Err(Error::Unwritable { .. })), "{path:?}");
+            assert!(check(path, Kind::Png).is_err());
+        }
+        assert_eq!(fs::read(&foreign).unwrap(), b"a letter");
+        assert_eq!(names(&here), before);
+        save(&foreign, Kind::Any, b"replaced").unwrap();
+        assert_eq!(fs::read(&link).unwrap(), b"replaced");
+        fs::remove_dir_all(here).unwrap();
+    }
+
+    #[test]
+    fn save_replaces_its_kind_and_follows_no_planted_link() {
+        let here = scratch("kind");
+        let (map, victim) = (here.join("map.pgm"), here.join("victim"));
+        fs::write(&victim, "kept").unwrap();
+        symlink(&victim, here.join(".map.pgm.robot-new")).unwrap();
+        for bytes in [b"P5\n1", b"P5\n2"] {
+            save(&map, Kind::Pgm, bytes).unwrap();
+            assert_eq!(fs::read(&map).unwrap(), bytes);
+        }
+        check(&map, Kind::Pgm).unwrap();
+        assert_eq!(fs::read(&victim).unwrap(), b"kept");
+        assert_eq!(names(&here), ["map.pgm", "victim"]);
+        fs::remove_dir_all(here).unwrap();
+    }
+
+    #[test]
+    fn read_endless_device_is_refused() {
+        for refused in [
+            read(Path::new("/dev/zero"), 1 << 16),
+            read_text(Path::new("/dev/zero")).map(String::into),
+        ] {
+            let error = refused.unwrap_err().to_string();
+            assert!(error.contains("/dev/zero: it has more than"), "{error}");
+        }
+    }
+
+    #[test]
+    fn fault_shows_line_and_caret() {
+        let text = "one\n\tç = bad # no\n";
+        let at = text.find("bad").unwrap();
+        let fault = FileFault::at(text, at..at + 3, "accepted is good");
+        let expected = "f.toml, line 2: accepted is good\n    \tç = bad # no\n    \t    ^^^";
+        assert_eq!(fault.describe(Path::new("f.toml")), expected);
+        let end = FileFault::at(text, text.len()..text.len() + 9, "cut");
+        assert_eq!(end.line, Some(3));
+    }
+}

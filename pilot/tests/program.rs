@@ -1,0 +1,146 @@
+//! The program as its user sees it, where no robot is needed: exit codes, files, standard output.
+
+use std::fs::{self, File};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+/// An empty folder of the test's own.
+fn scratch(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("robot-program-{name}-{}", std::process::id()));
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn robot() -> Command {
+    let mut robot = Command::new(env!("CARGO_BIN_EXE_robot"));
+    robot.stdin(Stdio::null());
+    robot
+}
+
+/// Exit code, standard output and standard error; words are parted by blanks.
+fn run(words: &str) -> (i32, String, String) {
+    let done = robot().args(words.split(' ')).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (
+        done.status.code().unwrap(),
+        text(&done.stdout),
+        text(&done.stderr),
+    )
+}
+
+#[test]
+fn senseless_options_are_refused_by_name() {
+    for (words, name) in [
+        ("--virtual --air -300 status", "--air"),
+        ("--seed 3 status", "--seed"),
+        ("--virtual status --spi /dev/spidev0.0", "--spi"),
+        ("--ready-timeout -1 status", "--ready-timeout"),
+        ("goto 1 2 3 --timeout -1", "--timeout"),
+        ("goto 1 2 3 --tolerance-mm nan", "--tolerance-mm"),
+        ("tune move --hold -1", "--hold"),
+        ("tune move --levels 0,100", "--levels"),
+        ("calibrate umbmark --side 1", "--side"),
+        ("--rate 0 status", "--rate"),
+    ] {
+        let (code, _, stderr) = run(words);
+        assert_eq!(code, 2, "{words}: {stderr}");
+        assert!(stderr.contains(name), "{words}: {stderr}");
+        assert!(stderr.starts_with("robot: "), "{words}: {stderr}");
+    }
+}
+
+#[test]
+fn failed_standard_output_is_exit_code_11_and_closed_pipe_0() {
+    for words in ["eeprom init", "--help", "--json eeprom init"] {
+        let full = File::options().write(true).open("/dev/full").unwrap();
+        let status = robot().args(words.split(' ')).stdout(full).status();
+        assert_eq!(status.unwrap().code(), Some(11), "{words}");
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let done = robot()
+            .args(words.split(' '))
+            .stdout(writer)
+            .output()
+            .unwrap();
+        assert_eq!(
+            (done.status.code(), done.stderr),
+            (Some(0), vec![]),
+            "{words}"
+        );
+    }
+}
+
+#[test]
+fn endless_and_far_inputs_are_refused() {
+    let here = scratch("inputs");
+    let far = here.join("far.csv");
+    let head = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg,gyro_deg";
+    fs::write(
+        &far,
+        format!("{head}\n1,0,0,0,,,,,\n2,2000000,2000000,0,,,,,\n"),
+    )
+    .unwrap();
+    let (map, far) = (
+        here.join("map").display().to_string(),
+        far.display().to_string(),
+    );
+    for (words, expected) in [
+        (
+            "eeprom check /dev/zero".into(),
+            "/dev/zero: it has more than",
+        ),
+        ("eeprom check /dev/zero.toml".into(), "cannot read"),
+        ("tour /dev/zero".into(), "/dev/zero: it has more than"),
+        ("map /dev/zero".into(), "/dev/zero: it has more than"),
+        ("map --from /dev/zero".into(), "/dev/zero"),
+        (format!("map --from {far} --out {map}"), "2000 m apart"),
+    ] {
+        let (code, _, stderr) = run(&words);
+        assert_eq!(code, 3, "{words}: {stderr}");
+        assert!(stderr.contains(expected), "{words}: {stderr}");
+    }
+    assert!(!here.join("map.png").exists());
+    fs::remove_dir_all(here).unwrap();
+}
+
+#[test]
+fn outputs_spare_foreign_files_and_links() {
+    let here = scratch("outputs");
+    let (letter, link) = (here.join("map.png"), here.join("link.toml"));
+    fs::write(&letter, "a letter").unwrap();
+    std::os::unix::fs::symlink(&letter, &link).unwrap();
+    let csv = here.join("one.csv");
+    let head = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg,gyro_deg";
+    fs::write(&csv, format!("{head}\n1,0,0,0,,,,,\n")).unwrap();
+    let out = here.join("map");
+    for words in [
+        format!("map --from {} --out {}", csv.display(), out.display()),
+        format!("eeprom init --force {}", link.display()),
+        format!("eeprom init --force {}", here.display()),
+    ] {
+        let (code, _, stderr) = run(&words);
+        assert_eq!(code, 11, "{words}: {stderr}");
+    }
+    assert_eq!(fs::read(&letter).unwrap(), b"a letter");
+    assert!(link.is_symlink() && !here.join("map.pgm").exists());
+    fs::remove_dir_all(here).unwrap();
+}
+
+#[test]
+fn faults_of_a_file_come_in_one_run_with_carets() {
+    let here = scratch("faults");
+    let file = here.join("tour");
+    fs::write(&file, "0 0 0\n1 2\n0 x 0\n").unwrap();
+    let (code, _, stderr) = run(&format!("tour {}", file.display()));
+    assert_eq!(code, 3, "{stderr}");
+    for expected in [
+        "line 2: 2 values",
+        "    1 2\n    ^^^",
+        "line 3: y = x",
+        "    0 x 0\n      ^",
+    ] {
+        assert!(stderr.contains(expected), "{expected}: {stderr}");
+    }
+    fs::remove_dir_all(here).unwrap();
+}

@@ -1,0 +1,208 @@
+//! `doctor` on the virtual board: a sound robot passes every check, and each fault fails exactly its own.
+
+use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
+use fw_core::eeprom::{fields, Image};
+use fw_core::wire::Mode;
+use host_link::board_io::{erase, BoardIo, Interrupt};
+use host_link::eeprom::journal::Journal;
+use host_link::error::Error;
+use host_link::uart::LogSource;
+use pilot::doctor::{check_board, check_wheels, Findings, Outcome};
+use pilot::virtual_board::board_io;
+use robot_tests::io_faults::CallFailed;
+use robot_tests::test_board::Rig;
+use twin::components::i2c_bus::I2cController;
+use twin::Options;
+
+/// The first board with everything fitted.
+fn image() -> Image {
+    Image::FIRST_BOARD
+        .with(fields::MODE, Mode::GuardedNormal.code().into())
+        .with(fields::GYRO, 1)
+        .with(fields::SERVO, 1)
+}
+
+/// A line that cannot be driven, or reads low.
+struct DeadLine(bool);
+
+impl ErrorType for DeadLine {
+    type Error = CallFailed;
+}
+
+impl OutputPin for DeadLine {
+    fn set_low(&mut self) -> Result<(), CallFailed> {
+        if self.0 {
+            Err(CallFailed)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn set_high(&mut self) -> Result<(), CallFailed> {
+        self.set_low()
+    }
+}
+
+impl InputPin for DeadLine {
+    fn is_high(&mut self) -> Result<bool, CallFailed> {
+        Ok(false)
+    }
+
+    fn is_low(&mut self) -> Result<bool, CallFailed> {
+        Ok(true)
+    }
+}
+
+/// A log that always has these bytes.
+struct OtherLog(&'static [u8]);
+
+impl LogSource for OtherLog {
+    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+        Ok(self.0.to_vec())
+    }
+}
+
+/// The checks of a board that boots with `options` and is then spoilt.
+fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardIo)) -> Findings {
+    let rig = Rig::new(options);
+    rig.await_ready();
+    let mut io = board_io(&rig, 8_000_000, Interrupt::new());
+    spoil(&rig, &mut io);
+    let mut findings = Findings::default();
+    let left = check_board(&mut io, 40, 300, &mut findings).expect("not interrupted");
+    if let (true, Some(image)) = (wheels, left) {
+        let name = format!("robot-doctor-{}-{:p}", std::process::id(), &rig);
+        let journal = Journal::new(std::env::temp_dir().join(name));
+        let before = image.clone();
+        check_wheels(&mut io, &image, 40, 300, &journal, &mut findings).expect("restored");
+        assert!(!journal.unfinished() && rig.motors_off());
+        assert!(
+            host_link::eeprom::read(&mut io) == Ok(before),
+            "the mode is restored"
+        );
+    }
+    findings
+}
+
+fn with_image(image: &Image) -> Options {
+    Options {
+        eeprom: Some(image.0.to_vec()),
+        ..Options::default()
+    }
+}
+
+#[track_caller]
+fn assert_fails(expected: &str, findings: &Findings) {
+    assert_eq!(findings.failed(), [expected], "{findings:#?}");
+    let failed = findings.0.iter().find(|one| one.check == expected);
+    assert!(failed.is_some_and(|one| one.advice.is_some()));
+}
+
+// Requirement: WIRE-program-4
+#[test]
+fn doctor_sound_robot_passes_every_check() {
+    let findings = findings(with_image(&image()), true, |_, _| ());
+    let other = findings
+        .0
+        .iter()
+        .filter(|one| one.outcome != Outcome::Passed);
+    assert_eq!(other.count(), 0, "{findings:#?}");
+    assert_eq!(findings.0.len(), 19, "{findings:#?}");
+}
+
+// Requirement: WIRE-program-4
+#[test]
+fn doctor_fault_of_the_board_fails_its_check() {
+    let board = |expected, options, spoil: &dyn Fn(&Rig, &mut BoardIo)| {
+        assert_fails(
+            expected,
+            &findings(options, false, |rig, io| spoil(rig, io)),
+        );
+    };
+    let sound = || with_image(&image());
+    board("lines", sound(), &|_, io| io.reset = erase(DeadLine(true)));
+    board("bus switch", sound(), &|rig, io| {
+        io.select = erase(DeadLine(false));
+        rig.switch_i2c(I2cController::Pi);
+    });
+    board(
+        "EEPROM",
+        Options {
+            eeprom: None,
+            ..sound()
+        },
+        &|_, _| (),
+    );
+    board(
+        "EEPROM key",
+        Options {
+            eeprom: Some(Vec::new()),
+            ..sound()
+        },
+        &|_, _| (),
+    );
+    let mut torn = image();
+    torn.0[0x100] ^= 4;
+    board("configuration", with_image(&torn), &|_, _| ());
+    board("READY", sound(), &|_, io| io.ready = erase(DeadLine(false)));
+    let other_key = image().with(fields::KEY_FROM_STM, 0x11);
+    board("link", sound(), &|rig, _| {
+        let bytes = other_key.0.to_vec();
+        rig.i2c_bus(move |bus, _| {
+            let part = bus.eeprom.as_mut().expect("fitted");
+            part.bytes_mut()[..bytes.len()].copy_from_slice(&bytes);
+        });
+    });
+    board("log port", sound(), &|_, io| {
+        io.log = Box::new(OtherLog(b""))
+    });
+    board("firmware", sound(), &|_, io| {
+        io.log = Box::new(OtherLog(b"login:\n"))
+    });
+    board(
+        "faults",
+        Options {
+            crystal: false,
+            ..sound()
+        },
+        &|_, _| (),
+    );
+    let mut flat = sound();
+    flat.params.battery.charge[1] = 0.02;
+    board("battery", flat, &|_, _| ());
+}
+
+// Requirement: WIRE-program-4
+#[test]
+fn doctor_fault_of_the_wheels_fails_its_check() {
+    let wheels = |expected, options, spoil: &dyn Fn(&Rig)| {
+        assert_fails(expected, &findings(options, true, |rig, _| spoil(rig)));
+    };
+    let sound = || with_image(&image());
+    for (sensor, check) in ["front rangefinder", "right rangefinder", "left rangefinder"]
+        .into_iter()
+        .enumerate()
+    {
+        wheels(check, sound(), &|rig| {
+            rig.set_faults(move |faults| faults.missing_echo[sensor] = true);
+        });
+    }
+    wheels(
+        "gyroscope",
+        Options {
+            mpu: None,
+            ..sound()
+        },
+        &|_| (),
+    );
+    wheels("left wheel", sound(), &|rig| {
+        rig.set_faults(|faults| faults.jammed.left = true)
+    });
+    wheels("right wheel", sound(), &|rig| {
+        rig.set_faults(|faults| faults.dead_encoder.right = true)
+    });
+    let zones = image()
+        .with(fields::DEAD_ZONE_LEFT, 3400)
+        .with(fields::DEAD_ZONE_RIGHT, 3400);
+    wheels("dead zones", with_image(&zones), &|_| ());
+}
