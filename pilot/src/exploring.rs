@@ -12,7 +12,7 @@ use host_link::drive::StopOnDrop;
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
-use host_link::snapshot;
+use host_link::snapshot::{self, Snapshot};
 use mapper::{Grid, Localiser, LocaliserConfig, Mount, Observation, Pose2, PoseEstimate};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use std::collections::VecDeque;
@@ -95,6 +95,8 @@ impl Localisation {
 pub struct Step<'a> {
     /// The report.
     pub sample: RangeSample,
+    /// Everything reported so far.
+    pub snapshot: &'a Snapshot,
     /// Where the robot is in the map's frame.
     pub estimate: PoseEstimate,
     /// The map.
@@ -171,6 +173,7 @@ pub fn drive(
         let targets = plan.targets();
         let frame = Step {
             sample,
+            snapshot: session.snapshot(),
             estimate,
             grid,
             targets,

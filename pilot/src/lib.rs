@@ -18,7 +18,8 @@
 //! | [`calibrate`] | wheel diameters and track from measured runs |
 //! | [`ground_truth`] | the true end of a run |
 //! | [`exploring`] | driving by a plan with localisation |
-//! | [`mapping`] | mapping while driving; recordings |
+//! | [`mapping`] | mapping while driving |
+//! | [`recording`] | MCAP with ROS 2 messages |
 //! | [`client`] | a client of a server |
 //! | [`serve`] | one process owns the robot, many look on |
 //! | `web` | the page of `serve --web` (feature `web`) |
@@ -33,6 +34,7 @@ pub mod ground_truth;
 pub mod hints;
 pub mod mapping;
 pub mod mode;
+pub mod recording;
 pub mod serve;
 pub mod tune;
 #[cfg(feature = "virtual")]

@@ -1,5 +1,4 @@
-//! Mapping while driving: every report goes to the mapper, to the trace, and to a recording from
-//! which the same map can be drawn again.
+//! Mapping while driving: every report goes to the mapper and to the trace.
 
 use fw_core::eeprom::Config;
 use fw_core::types::RangefinderId;
@@ -11,7 +10,7 @@ use mapper::{Grid, Mapper, Mount, Pose2, map_plot, ros};
 use std::path::{Path, PathBuf};
 
 /// One report as the mapper takes it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RangeSample {
     /// Microseconds on the machine's clock.
     pub time_us: u64,
@@ -38,15 +37,11 @@ impl RangeSample {
     }
 }
 
-/// The map, the trace and the recording of one drive.
+/// The map and the trace of one drive.
 pub struct Mapping {
     mapper: Mapper,
     trace: Vec<Pose>,
-    recording: String,
 }
-
-/// First line of a recording; older ones end with `bearing_deg`.
-const HEAD: &str = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg,gyro_deg";
 
 /// The files a mapping leaves.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -87,7 +82,6 @@ impl Mapping {
         Self {
             mapper: Mapper::new(config),
             trace: Vec::new(),
-            recording: format!("{HEAD}\n"),
         }
     }
 
@@ -109,7 +103,6 @@ impl Mapping {
             None => self.mapper.observe(&pose, &sample.ranges_mm),
         }
         self.trace.push(sample.pose);
-        self.recording.push_str(&csv_line(sample));
     }
 
     /// The mapper.
@@ -138,14 +131,6 @@ impl Mapping {
     pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
         let odometry: Vec<Pose2> = self.trace.iter().copied().map(mapper_pose).collect();
         save_map(self.mapper.grid(), &odometry, stem)
-    }
-
-    /// Writes the recording (CSV).
-    ///
-    /// # Errors
-    /// [`Error::Unwritable`].
-    pub fn save_recording(&self, path: &Path) -> Result<(), Error> {
-        file::save(path, Kind::Recording, self.recording.as_bytes())
     }
 }
 
@@ -209,99 +194,6 @@ pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
     settings
 }
 
-fn csv_line(sample: &RangeSample) -> String {
-    let number = |value: Option<f64>| value.map(|value| format!("{value:.3}")).unwrap_or_default();
-    let Pose {
-        x_mm,
-        y_mm,
-        rotation_deg,
-    } = sample.pose;
-    let [front, right, left] = sample.ranges_mm.map(number);
-    format!(
-        "{},{x_mm:.3},{y_mm:.3},{rotation_deg:.3},{front},{right},{left},{},{}\n",
-        sample.time_us,
-        number(sample.bearing_deg),
-        number(sample.gyro_deg)
-    )
-}
-
-/// Largest recording that is read, bytes: a day at 40 Hz.
-const MAX_RECORDING: u64 = 1 << 28;
-
-/// # Errors
-/// [`Error::Content`] for samples of `path` that one picture of cells of `cell_mm` cannot show.
-pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Result<(), Error> {
-    let side_mm = |coordinate: fn(&RangeSample) -> f64| {
-        let all = samples.iter().map(coordinate);
-        let high = all.clone().fold(f64::NEG_INFINITY, f64::max);
-        high - all.fold(f64::INFINITY, f64::min)
-    };
-    let side_m = side_mm(|s| s.pose.x_mm).max(side_mm(|s| s.pose.y_mm)) / 1000.0;
-    let most_m = f64::from(map_plot::MAX_SIDE_CELLS - 200) * cell_mm / 1000.0;
-    if side_m <= most_m {
-        return Ok(());
-    }
-    let what = format!(
-        "its poses are {side_m:.0} m apart; with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m"
-    );
-    Err(Error::content(path, None, what))
-}
-
-/// Reads a recording.
-///
-/// # Errors
-/// [`Error::Unreadable`]; [`Error::Content`] names the line.
-pub fn load_recording(path: &Path) -> Result<Vec<RangeSample>, Error> {
-    let bytes = file::read(path, MAX_RECORDING)?;
-    let text = String::from_utf8_lossy(&bytes);
-    parse_recording(&text).map_err(|(line, what)| Error::content(path, line, what))
-}
-
-/// # Errors
-/// The 1-based line and what is wrong.
-fn parse_recording(text: &str) -> Result<Vec<RangeSample>, (usize, String)> {
-    let mut lines = (1..).zip(text.lines());
-    match lines.next() {
-        Some((_, head))
-            if head.trim() == HEAD || HEAD.strip_suffix(",gyro_deg") == Some(head.trim()) => {}
-        _ => return Err((1, format!("no recording: the first line must be {HEAD}"))),
-    }
-    lines
-        .filter(|(_, line)| !line.trim().is_empty())
-        .map(|(number, line)| parse_sample(line).map_err(|what| (number, what)))
-        .collect()
-}
-
-fn parse_sample(line: &str) -> Result<RangeSample, String> {
-    let words: Vec<&str> = line.trim().split(',').collect();
-    let (&[time, x, y, rotation, front, right, left, bearing], gyro) = words
-        .split_first_chunk()
-        .filter(|(_, more)| more.len() < 2)
-        .ok_or_else(|| format!("{} values where a report has 9: {HEAD}", words.len()))?;
-    let maybe = |field: &str, word: &str| -> Result<Option<f64>, String> {
-        if word.is_empty() {
-            return Ok(None);
-        }
-        match word.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Some(value)),
-            _ => Err(format!("{field} = {word}: accepted is a number or nothing")),
-        }
-    };
-    Ok(RangeSample {
-        time_us: time
-            .parse()
-            .map_err(|_| format!("time_us = {time}: accepted is a whole number from 0 on"))?,
-        pose: crate::waypoints::parse_pose(x, y, rotation).map_err(|(_, what)| what)?,
-        ranges_mm: [
-            maybe("front_mm", front)?,
-            maybe("right_mm", right)?,
-            maybe("left_mm", left)?,
-        ],
-        bearing_deg: maybe("bearing_deg", bearing)?,
-        gyro_deg: maybe("gyro_deg", gyro.first().copied().unwrap_or_default())?,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -323,47 +215,5 @@ mod tests {
             .with(fields::BEARING_RIGHT, 0xE000)
             .with(fields::RANGEFINDERS, 2);
         assert_eq!(degrees(&image), [23.0, -45.0]);
-    }
-
-    #[test]
-    fn recording_reads_back() {
-        let samples = [
-            RangeSample {
-                time_us: 25_000,
-                pose: Pose::new(1.5, -2.0, 90.0),
-                ranges_mm: [Some(1234.5), None, Some(80.0)],
-                bearing_deg: None,
-                gyro_deg: None,
-            },
-            RangeSample {
-                time_us: 50_000,
-                pose: Pose::default(),
-                ranges_mm: [None; 3],
-                bearing_deg: Some(-45.0),
-                gyro_deg: Some(-725.25),
-            },
-        ];
-        let mut mapping = Mapping::new(mapper::Config::default());
-        for sample in &samples {
-            mapping.add(sample);
-        }
-        assert_eq!(parse_recording(&mapping.recording).unwrap(), samples);
-        let old = parse_recording(&format!("{}\n1,2,3,4,,,,5\n", &HEAD[..HEAD.len() - 9])).unwrap();
-        assert_eq!((old[0].bearing_deg, old[0].gyro_deg), (Some(5.0), None));
-    }
-
-    #[test]
-    fn recording_error_names_line() {
-        assert_eq!(parse_recording("x\n").unwrap_err().0, 1);
-        assert_eq!(
-            parse_recording(&format!("{HEAD}\n1,2,3\n")).unwrap_err().0,
-            2
-        );
-        assert_eq!(
-            parse_recording(&format!("{HEAD}\n\n1,2,3,4,a,,,\n"))
-                .unwrap_err()
-                .0,
-            3
-        );
     }
 }

@@ -1,7 +1,11 @@
 //! The program as its user sees it, where no robot is needed: exit codes, files, standard output.
 
+use host_link::pose::Pose;
+use mapper::Grid;
+use pilot::mapping::RangeSample;
+use pilot::recording::Recorder;
 use std::fs::{self, File};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// An empty folder of the test's own.
@@ -10,6 +14,21 @@ fn scratch(name: &str) -> PathBuf {
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
     folder
+}
+
+/// Records poses along x, millimetres.
+fn record(path: &Path, along_mm: &[f64]) {
+    let mut recorder = Recorder::create(path).unwrap();
+    for (time_us, &x_mm) in (0..).step_by(25_000).zip(along_mm) {
+        let pose = Pose::new(x_mm, 0.0, 0.0);
+        let sample = RangeSample {
+            time_us,
+            pose,
+            ..RangeSample::default()
+        };
+        recorder.add(&sample).unwrap();
+    }
+    recorder.finish(1_000_000, &Grid::new(25.0)).unwrap();
 }
 
 fn robot() -> Command {
@@ -74,13 +93,8 @@ fn failed_standard_output_is_exit_code_11_and_closed_pipe_0() {
 #[test]
 fn endless_and_far_inputs_are_refused() {
     let here = scratch("inputs");
-    let far = here.join("far.csv");
-    let head = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg,gyro_deg";
-    fs::write(
-        &far,
-        format!("{head}\n1,0,0,0,,,,,\n2,2000000,2000000,0,,,,,\n"),
-    )
-    .unwrap();
+    let far = here.join("far.mcap");
+    record(&far, &[0.0, 2e6]);
     let (map, far) = (
         here.join("map").display().to_string(),
         far.display().to_string(),
@@ -110,12 +124,11 @@ fn outputs_spare_foreign_files_and_links() {
     let (letter, link) = (here.join("map.png"), here.join("link.toml"));
     fs::write(&letter, "a letter").unwrap();
     std::os::unix::fs::symlink(&letter, &link).unwrap();
-    let csv = here.join("one.csv");
-    let head = "time_us,x_mm,y_mm,rotation_deg,front_mm,right_mm,left_mm,bearing_deg,gyro_deg";
-    fs::write(&csv, format!("{head}\n1,0,0,0,,,,,\n")).unwrap();
+    let one = here.join("one.mcap");
+    record(&one, &[0.0]);
     let out = here.join("map");
     for words in [
-        format!("map --from {} --out {}", csv.display(), out.display()),
+        format!("map --from {} --out {}", one.display(), out.display()),
         format!("eeprom init --force {}", link.display()),
         format!("eeprom init --force {}", here.display()),
     ] {

@@ -12,6 +12,7 @@ use pilot::virtual_board::board_io;
 use robot_tests::io_faults::CallFailed;
 use robot_tests::test_board::Rig;
 use twin::components::i2c_bus::I2cController;
+use twin::plant::Room;
 use twin::Options;
 
 /// The first board with everything fitted.
@@ -87,6 +88,11 @@ fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardI
 fn with_image(image: &Image) -> Options {
     Options {
         eeprom: Some(image.0.to_vec()),
+        // Walls within the reach of every rangefinder.
+        room: Room::default()
+            .with_wall(900.0, -800.0, 900.0, 800.0)
+            .with_wall(900.0, 800.0, -900.0, 800.0)
+            .with_wall(-900.0, -800.0, 900.0, -800.0),
         ..Options::default()
     }
 }

@@ -440,7 +440,7 @@ pub struct Map {
     /// Draw from a recording instead of driving
     #[arg(long, value_name = "FILE")]
     pub from: Option<PathBuf>,
-    /// Record every report (CSV) while driving
+    /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub record: Option<PathBuf>,
     /// Files to write, without their endings .png, .pgm, .yaml
@@ -458,7 +458,7 @@ pub struct Explore {
     /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
     #[arg(long, value_name = "STEM", default_value = "map")]
     pub out: PathBuf,
-    /// Record every report (CSV)
+    /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another

@@ -3,7 +3,7 @@
 use super::args::{Explore, Goto};
 use super::connection::{Connection, Context};
 use super::output::Output;
-use super::prompt;
+use super::{map, prompt};
 use fw_core::eeprom::fields;
 use fw_core::wire::{Field, Mode};
 use host_link::eeprom;
@@ -16,6 +16,7 @@ use mapper::{Cell, Grid, Localiser, Point, Pose2, PoseEstimate};
 use navigator::{Explorer, GoTo, Outcome};
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
+use pilot::recording::Recorder;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -36,12 +37,30 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
         let mut plan = Explorer::new(exploring::navigator_config(config));
-        let driven = drive(&mut session, &mut localisation, &mut plan, context);
+        let mut recorder = explore
+            .record
+            .as_deref()
+            .map(Recorder::create)
+            .transpose()?;
+        let mut written = Ok(());
+        let driven = drive(
+            &mut session,
+            &mut localisation,
+            &mut plan,
+            context,
+            |step| {
+                map::record(&mut recorder, &mut written, &step.sample, step.snapshot);
+            },
+        );
+        let end_us = session.now_us();
+        if let Some(recorder) = recorder {
+            written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
+        }
         // What was seen before an error is worth keeping, whatever the error was.
         let link = session.statistics();
         let saved = save(explore, &localisation, driven.as_ref().ok(), link, context);
         driven?.ensure_complete("the room is not wholly explored")?;
-        saved
+        saved.and(written)
     })
 }
 
@@ -81,7 +100,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let config = session.config();
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
         let mut plan = GoTo::new(exploring::navigator_config(config), target);
-        let driven = drive(&mut session, &mut localisation, &mut plan, context)?;
+        let driven = drive(&mut session, &mut localisation, &mut plan, context, |_| ())?;
         driven.ensure_complete("the target is not reached")?;
         let pose = localisation.localiser.estimate().pose;
         let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
@@ -96,16 +115,18 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
     })
 }
 
-/// Drives by a plan with a live line.
+/// Drives by a plan with a live line; `watch` gets every report.
 fn drive(
     session: &mut Session<'_>,
     localisation: &mut Localisation,
     plan: &mut impl Plan,
     context: Context<'_>,
+    mut watch: impl FnMut(&Step<'_>),
 ) -> Result<Drive, Error> {
     let mut show = live(context.output);
     let driven = exploring::drive(session, localisation, plan, |step| {
         show(step);
+        watch(step);
         ControlFlow::Continue(())
     });
     context.output.end_live();
@@ -209,9 +230,6 @@ fn save(
     context: Context<'_>,
 ) -> Result<(), Error> {
     let raw = &localisation.raw;
-    if let Some(recording) = &explore.record {
-        raw.save_recording(recording)?;
-    }
     let done = Done {
         files: localisation.save_map(&explore.out)?,
         raw_files: raw.save_map(&raw_stem(explore))?,

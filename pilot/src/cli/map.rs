@@ -6,8 +6,10 @@ use super::{drive::summary, monitor};
 use host_link::drive;
 use host_link::error::Error;
 use host_link::settings::Settings;
+use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
 use pilot::mapping::{self, Files, Mapping, RangeSample};
+use pilot::recording::{self, Recorder};
 use pilot::waypoints;
 use serde::Serialize;
 
@@ -15,9 +17,9 @@ use serde::Serialize;
 pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     let cell_mm = f64::from(map.cell);
     match (&map.tour, &map.from) {
-        (_, Some(recording)) => {
-            let samples = mapping::load_recording(recording)?;
-            mapping::check_extent(&samples, cell_mm, recording)?;
+        (_, Some(file)) => {
+            let samples = recording::load(file)?;
+            recording::check_extent(&samples, cell_mm, file)?;
             let mut mapping = Mapping::new(mapping::mapper_config(
                 Settings::first_board()?.config(),
                 cell_mm,
@@ -35,6 +37,8 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 let config = mapping::mapper_config(session.config(), cell_mm);
                 let mut mapping = Mapping::new(config);
                 let output = context.output;
+                let mut recorder = map.record.as_deref().map(Recorder::create).transpose()?;
+                let mut written = Ok(());
                 let outcome = drive::tour(
                     &mut session,
                     &waypoints,
@@ -42,6 +46,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                     |_, snapshot| {
                         if let Some(sample) = RangeSample::of(snapshot) {
                             mapping.add(&sample);
+                            record(&mut recorder, &mut written, &sample, snapshot);
                         }
                         output.live(&monitor::line(snapshot));
                     },
@@ -55,13 +60,30 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                     output.end_live();
                 }
                 // What was measured before an error is worth keeping, whatever the error was.
+                let end_us = session.now_us();
+                if let Some(recorder) = recorder {
+                    written = written.and(recorder.finish(end_us, mapping.mapper().grid()));
+                }
                 let saved = save(map, &mapping, Some(session.statistics()), context);
-                outcome.and(saved)
+                outcome.and(saved).and(written)
             })
         }
         (None, None) => Err(Error::Usage(
             "map needs a tour to drive or --from a recording".into(),
         )),
+    }
+}
+
+/// Adds a report to a recording, if there is one. The first failure is kept: the drive goes on without.
+pub fn record(
+    recorder: &mut Option<Recorder>,
+    outcome: &mut Result<(), Error>,
+    sample: &RangeSample,
+    snapshot: &Snapshot,
+) {
+    if let (Some(recorder), true) = (recorder, outcome.is_ok()) {
+        let added = recorder.add(sample);
+        *outcome = added.and_then(|()| recorder.add_state(snapshot));
     }
 }
 
@@ -79,9 +101,6 @@ fn save(
     link: Option<LinkStatistics>,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    if let Some(recording) = &map.record {
-        mapping.save_recording(recording)?;
-    }
     let files = mapping.save_map(&map.out)?;
     let (reports, path_mm) = (mapping.trace().len(), mapping.path_mm());
     let done = Done {

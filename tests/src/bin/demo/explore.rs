@@ -5,6 +5,7 @@ use std::path::Path;
 
 use host_link::board_io::BoardIo;
 use mapper::map_plot;
+use pilot::recording::Recorder;
 use robot_tests::exploration;
 use serde_json::Value;
 use twin::plant::Room;
@@ -24,7 +25,14 @@ pub fn run(
 ) -> Result<Value, Box<dyn Error>> {
     let timer = Timer::start(board);
     let mut reports = 0;
+    let mut recorder = Recorder::create(&out.join("recording.mcap"))?;
+    let mut recorded = Ok(());
     let run = exploration::explore(machine, board, |step| {
+        if recorded.is_ok() {
+            recorded = recorder
+                .add(&step.sample)
+                .and_then(|()| recorder.add_state(step.snapshot));
+        }
         reports += 1;
         if reports % PROGRESS == 0 {
             let (pose, seconds) = (step.estimate.pose, reports / 40);
@@ -43,9 +51,8 @@ pub fn run(
     }
     run.localisation.save_map(&out.join("map"))?;
     run.localisation.raw.save_map(&out.join("map-raw"))?;
-    run.localisation
-        .raw
-        .save_recording(&out.join("recording.csv"))?;
+    recorder.finish(board.now_us(), run.localisation.localiser.grid())?;
+    recorded?;
     let map = map_plot::map(run.localisation.localiser.grid())?;
     for (name, picture) in [
         ("map.png", map),

@@ -1,0 +1,525 @@
+//! Recordings: MCAP files with ROS 2 messages, streamed while driving. What a killed run leaves is read up
+//! to its cut.
+
+#[allow(missing_docs, reason = "the fields are those of ROS 2's definitions")]
+mod messages;
+
+use crate::mapping::RangeSample;
+use byteorder::LittleEndian;
+use host_link::error::Error;
+use host_link::file::{self, Kind, OutputFile};
+use host_link::pose::Pose;
+use host_link::snapshot::Snapshot;
+use mapper::{Cell, Grid, map_plot};
+use mcap::records::MessageHeader;
+use mcap::{McapResult, MessageStream, WriteOptions, Writer};
+use messages::{
+    BatteryState, DiagnosticArray, DiagnosticStatus, Header, Imu, KeyValue, Log, MapMetaData,
+    Message, OccupancyGrid, PoseStamped, Quaternion, Range, TfMessage, Time, Transform,
+    TransformStamped, Xyz,
+};
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+/// A kill loses at most this much, microseconds.
+const FLUSH_US: u64 = 500_000;
+/// Time between two messages of battery, faults and link, microseconds.
+const SLOW_US: u64 = 1_000_000;
+/// Largest recording that is read, bytes: some hours.
+const MAX_LEN: u64 = 1 << 30;
+
+const RANGES: [&str; 3] = ["/range/front", "/range/right", "/range/left"];
+const RANGE_FRAMES: [&str; 3] = ["range_front", "range_right", "range_left"];
+const POSE: &str = "/pose";
+const TF: &str = "/tf";
+const IMU: &str = "/imu";
+
+/// Writes a recording.
+// Requirement: WIRE-program-5
+pub struct Recorder {
+    path: PathBuf,
+    writer: Writer<BufWriter<File>>,
+    /// Sequence number and id of each topic's channel.
+    channels: BTreeMap<&'static str, (u16, u32)>,
+    flushed_us: u64,
+    slow_us: Option<u64>,
+    log: Vec<u8>,
+}
+
+impl Recorder {
+    /// Begins the file.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn create(path: &Path) -> Result<Self, Error> {
+        let file = BufWriter::new(OutputFile::create(path, Kind::Recording)?.publish()?);
+        let options = WriteOptions::new()
+            .compression(None)
+            .profile("ros2")
+            .library("robot");
+        let mut recorder = Self {
+            path: path.into(),
+            writer: options
+                .create(file)
+                .map_err(|cause| unwritable(path, &cause))?,
+            channels: BTreeMap::new(),
+            flushed_us: 0,
+            slow_us: None,
+            log: Vec::new(),
+        };
+        recorder.flush()?;
+        Ok(recorder)
+    }
+
+    /// Adds a report.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn add(&mut self, sample: &RangeSample) -> Result<(), Error> {
+        let (us, pose) = (sample.time_us, sample.pose);
+        for ((topic, frame), range) in RANGES.into_iter().zip(RANGE_FRAMES).zip(sample.ranges_mm) {
+            #[allow(clippy::cast_possible_truncation)] // metres
+            let range = range.map_or(f32::INFINITY, |mm| (mm / 1000.0) as f32);
+            let message = Range {
+                header: header(us, frame),
+                radiation_type: 0,
+                field_of_view: 0.26,
+                min_range: 0.02,
+                max_range: 2.5,
+                range,
+            };
+            self.write(topic, us, &message)?;
+        }
+        if let Some(gyro) = sample.gyro_deg {
+            let mut unknown = [0.0; 9];
+            unknown[0] = -1.0;
+            let message = Imu {
+                header: header(us, "base_link"),
+                orientation: Quaternion::of_degrees(gyro),
+                angular_velocity_covariance: unknown,
+                linear_acceleration_covariance: unknown,
+                ..Imu::default()
+            };
+            self.write(IMU, us, &message)?;
+        }
+        let (x, y) = (pose.x_mm / 1000.0, pose.y_mm / 1000.0);
+        let position = Xyz { x, y, z: 0.0 };
+        let orientation = Quaternion::of_degrees(pose.rotation_deg);
+        let transform = |parent: &str, child: &str, translation, rotation| TransformStamped {
+            header: header(us, parent),
+            child_frame_id: child.into(),
+            transform: Transform {
+                translation,
+                rotation,
+            },
+        };
+        let mut transforms = vec![transform("odom", "base_link", position, orientation)];
+        if let Some(bearing) = sample.bearing_deg {
+            let rotation = Quaternion::of_degrees(bearing);
+            transforms.push(transform(
+                "base_link",
+                RANGE_FRAMES[0],
+                Xyz::default(),
+                rotation,
+            ));
+        }
+        self.write(TF, us, &TfMessage { transforms })?;
+        // The reader takes a report as complete with its pose.
+        let message = PoseStamped {
+            header: header(us, "odom"),
+            pose: messages::Pose {
+                position,
+                orientation,
+            },
+        };
+        self.write(POSE, us, &message)?;
+        if us.saturating_sub(self.flushed_us) >= FLUSH_US {
+            self.flushed_us = us;
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Adds what a snapshot has beside its report, once a second.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn add_state(&mut self, snapshot: &Snapshot) -> Result<(), Error> {
+        let us = snapshot.time_us;
+        if self
+            .slow_us
+            .is_some_and(|last| us.saturating_sub(last) < SLOW_US)
+        {
+            return Ok(());
+        }
+        self.slow_us = Some(us);
+        #[allow(clippy::cast_possible_truncation)] // volts
+        let cells: Vec<f32> = snapshot
+            .cells_v
+            .iter()
+            .map(|v| v.map_or(f32::NAN, |v| v as f32))
+            .collect();
+        let none = f32::NAN;
+        let battery = BatteryState {
+            header: header(us, "base_link"),
+            voltage: cells.iter().sum(),
+            temperature: none,
+            current: none,
+            charge: none,
+            capacity: none,
+            design_capacity: none,
+            percentage: none,
+            // Lithium polymer.
+            power_supply_technology: 3,
+            present: true,
+            cell_voltage: cells,
+            ..BatteryState::default()
+        };
+        self.write("/battery_state", us, &battery)?;
+        let value = |key: &str, value: String| KeyValue {
+            key: key.into(),
+            value,
+        };
+        let link = &snapshot.link;
+        let faults = snapshot.faults.join(", ");
+        let status = DiagnosticStatus {
+            level: if faults.is_empty() { 0 } else { 2 },
+            name: "robot".into(),
+            message: if faults.is_empty() {
+                snapshot.state.unwrap_or("").to_string()
+            } else {
+                faults
+            },
+            hardware_id: "stm32f411".into(),
+            values: vec![
+                value("mode", snapshot.mode.to_string()),
+                value("frames", link.frames.to_string()),
+                value("rejected", link.rejected.to_string()),
+                value("worst_gap_us", link.worst_gap_us.to_string()),
+            ],
+        };
+        let message = DiagnosticArray {
+            header: header(us, ""),
+            status: vec![status],
+        };
+        self.write("/diagnostics", us, &message)
+    }
+
+    /// Adds bytes of the STM's log, line by line.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn add_log(&mut self, us: u64, bytes: &[u8]) -> Result<(), Error> {
+        self.log.extend(bytes);
+        while let Some(end) = self.log.iter().position(|&byte| byte == b'\n') {
+            let line: Vec<u8> = self.log.drain(..=end).collect();
+            let msg = String::from_utf8_lossy(&line).trim_end().to_owned();
+            let message = Log {
+                stamp: time(us),
+                level: match msg.as_bytes().first() {
+                    Some(b'E') => 40,
+                    Some(b'W') => 30,
+                    _ => 20,
+                },
+                name: "stm".into(),
+                msg,
+                ..Log::default()
+            };
+            self.write("/rosout", us, &message)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the map and ends the file with its index.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn finish(mut self, us: u64, grid: &Grid) -> Result<(), Error> {
+        let origin = grid.origin();
+        #[allow(clippy::cast_possible_truncation)] // some thousand cells of some millimetres
+        let info = MapMetaData {
+            map_load_time: time(us),
+            resolution: (grid.cell_mm() / 1000.0) as f32,
+            width: u32::try_from(grid.columns()).unwrap_or(u32::MAX),
+            height: u32::try_from(grid.rows()).unwrap_or(u32::MAX),
+            origin: messages::Pose {
+                position: Xyz {
+                    x: origin.x_mm / 1000.0,
+                    y: origin.y_mm / 1000.0,
+                    z: 0.0,
+                },
+                orientation: Quaternion::of_degrees(0.0),
+            },
+        };
+        let cells = grid
+            .cells()
+            .map(|(column, row)| match grid.cell(column, row) {
+                Cell::Occupied => 100,
+                Cell::Free => 0,
+                Cell::Unknown => -1,
+            });
+        let message = OccupancyGrid {
+            header: header(us, "odom"),
+            info,
+            data: cells.collect(),
+        };
+        self.write("/map", us, &message)?;
+        let finished = self.writer.finish();
+        finished.map_err(|cause| unwritable(&self.path, &cause))?;
+        self.flush()
+    }
+
+    fn write<M: Message>(
+        &mut self,
+        topic: &'static str,
+        us: u64,
+        message: &M,
+    ) -> Result<(), Error> {
+        let written = self.try_write(topic, us, message);
+        written.map_err(|cause| unwritable(&self.path, &cause))
+    }
+
+    fn try_write<M: Message>(
+        &mut self,
+        topic: &'static str,
+        us: u64,
+        message: &M,
+    ) -> McapResult<()> {
+        if !self.channels.contains_key(topic) {
+            let schema = self
+                .writer
+                .add_schema(M::NAME, "ros2msg", M::DEFINITION.as_bytes())?;
+            let channel = self
+                .writer
+                .add_channel(schema, topic, "cdr", &BTreeMap::new())?;
+            self.channels.insert(topic, (channel, 0));
+        }
+        let Some((channel_id, sequence)) = self.channels.get_mut(topic) else {
+            return Ok(());
+        };
+        // CDR, little-endian.
+        let mut data = vec![0, 1, 0, 0];
+        data.extend(cdr_encoding::to_vec::<M, LittleEndian>(message).unwrap_or_default());
+        *sequence += 1;
+        let header = MessageHeader {
+            channel_id: *channel_id,
+            sequence: *sequence,
+            log_time: us * 1000,
+            publish_time: us * 1000,
+        };
+        self.writer.write_to_known_channel(&header, &data)
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
+        self.writer
+            .flush()
+            .map_err(|cause| unwritable(&self.path, &cause))
+    }
+}
+
+fn unwritable(path: &Path, cause: &dyn std::fmt::Display) -> Error {
+    Error::Unwritable {
+        path: path.into(),
+        cause: cause.to_string(),
+    }
+}
+
+fn time(us: u64) -> Time {
+    Time {
+        sec: i32::try_from(us / 1_000_000).unwrap_or(i32::MAX),
+        nanosec: u32::try_from(us % 1_000_000 * 1000).unwrap_or_default(),
+    }
+}
+
+fn header(us: u64, frame: &str) -> Header {
+    Header {
+        stamp: time(us),
+        frame_id: frame.into(),
+    }
+}
+
+/// Reads the reports of a recording; one that was cut off up to the cut.
+///
+/// # Errors
+/// [`Error::Unreadable`]; [`Error::Content`] for what is no recording, or has no report.
+pub fn load(path: &Path) -> Result<Vec<RangeSample>, Error> {
+    let bytes = file::read(path, MAX_LEN)?;
+    let samples = parse(&bytes).map_err(|what| Error::content(path, None, what))?;
+    if samples.is_empty() {
+        return Err(Error::content(path, None, "it has no report of a pose"));
+    }
+    Ok(samples)
+}
+
+/// # Errors
+/// [`Error::Content`] for samples of `path` that one picture of cells of `cell_mm` cannot show.
+pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Result<(), Error> {
+    let side_mm = |coordinate: fn(&RangeSample) -> f64| {
+        let all = samples.iter().map(coordinate);
+        let high = all.clone().fold(f64::NEG_INFINITY, f64::max);
+        high - all.fold(f64::INFINITY, f64::min)
+    };
+    let side_m =
+        side_mm(|sample| sample.pose.x_mm).max(side_mm(|sample| sample.pose.y_mm)) / 1000.0;
+    let most_m = f64::from(map_plot::MAX_SIDE_CELLS - 200) * cell_mm / 1000.0;
+    if side_m <= most_m {
+        return Ok(());
+    }
+    let accepted = format!("with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m");
+    let what = format!("its poses are {side_m:.0} m apart; {accepted}");
+    Err(Error::content(path, None, what))
+}
+
+/// The reports among a recording's bytes.
+///
+/// # Errors
+/// What is wrong with its beginning.
+pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
+    let stream = MessageStream::new_with_options(bytes, mcap::read::Options::IgnoreEndMagic.into());
+    let stream = stream.map_err(|cause| format!("no recording: {cause}"))?;
+    let mut samples: Vec<RangeSample> = Vec::new();
+    let mut pending = RangeSample::default();
+    // A broken record is where the file was cut.
+    for message in stream.map_while(Result::ok) {
+        let Some(data) = message.data.get(4..) else {
+            continue;
+        };
+        let topic = message.channel.topic.as_str();
+        if let Some(index) = RANGES.iter().position(|range| *range == topic) {
+            let range = decode::<Range>(data).map(|message| f64::from(message.range) * 1000.0);
+            pending.ranges_mm[index] = range.filter(|mm| mm.is_finite());
+        } else if topic == IMU {
+            let last = samples.iter().rev().find_map(|sample| sample.gyro_deg);
+            let degrees = decode::<Imu>(data).map(|message| message.orientation.degrees());
+            pending.gyro_deg = degrees
+                .filter(|degrees| degrees.is_finite())
+                .map(|degrees| unwrap(degrees, last));
+        } else if topic == TF {
+            let transforms = decode::<TfMessage>(data).unwrap_or_default().transforms;
+            let mut frames = transforms
+                .iter()
+                .filter(|one| one.child_frame_id == RANGE_FRAMES[0]);
+            let degrees = frames.next().map(|one| one.transform.rotation.degrees());
+            pending.bearing_deg = degrees.filter(|degrees| degrees.is_finite());
+        } else if topic == POSE {
+            let Some(PoseStamped { pose, .. }) = decode(data) else {
+                continue;
+            };
+            let degrees = pose.orientation.degrees();
+            let pose = Pose::new(pose.position.x * 1000.0, pose.position.y * 1000.0, degrees);
+            if pose.x_mm.is_finite() && pose.y_mm.is_finite() && degrees.is_finite() {
+                let time_us = message.log_time / 1000;
+                samples.push(RangeSample {
+                    time_us,
+                    pose,
+                    ..pending
+                });
+            }
+            pending = RangeSample::default();
+        }
+    }
+    Ok(samples)
+}
+
+fn decode<T: DeserializeOwned>(data: &[u8]) -> Option<T> {
+    cdr_encoding::from_bytes::<T, LittleEndian>(data)
+        .ok()
+        .map(|(message, _)| message)
+}
+
+/// The angle nearest to the last one, degrees.
+fn unwrap(degrees: f64, last: Option<f64>) -> f64 {
+    let last = last.unwrap_or(degrees);
+    last + (degrees - last + 180.0).rem_euclid(360.0) - 180.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples() -> Vec<RangeSample> {
+        let sample = |n: u32| RangeSample {
+            time_us: u64::from(n) * 25_000,
+            pose: Pose::new(f64::from(n) * 1.5, -2.0, f64::from(n) % 170.0),
+            ranges_mm: [Some(1234.5), None, Some(80.0)],
+            bearing_deg: n.is_multiple_of(2).then(|| f64::from(n % 60) - 30.0),
+            gyro_deg: (n > 3).then(|| f64::from(n) * 20.0),
+        };
+        (0..200).map(sample).collect()
+    }
+
+    fn recorded(name: &str, finish: bool) -> Vec<u8> {
+        let path = std::env::temp_dir().join(format!("robot-{name}-{}.mcap", std::process::id()));
+        let mut recorder = Recorder::create(&path).unwrap();
+        for sample in samples() {
+            recorder.add(&sample).unwrap();
+        }
+        recorder.add_log(1, b"I00000: boot\nW0").unwrap();
+        if finish {
+            recorder.finish(5_000_000, &Grid::new(25.0)).unwrap();
+        } else {
+            // As a kill: nothing that is buffered reaches the file.
+            std::mem::forget(recorder);
+        }
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        bytes
+    }
+
+    #[track_caller]
+    fn assert_begins(read: &[RangeSample], least: usize) {
+        assert!(read.len() >= least, "{} of {least}", read.len());
+        for (read, expected) in read.iter().zip(samples()) {
+            assert_eq!(read.time_us, expected.time_us);
+            let close = |a: f64, b: f64| (a - b).abs() < 1e-3;
+            assert!(
+                close(read.pose.x_mm, expected.pose.x_mm)
+                    && close(read.pose.rotation_deg, expected.pose.rotation_deg)
+            );
+            assert_eq!(
+                read.ranges_mm.map(|mm| mm.map(f64::round)),
+                expected.ranges_mm.map(|mm| mm.map(f64::round))
+            );
+            for (read, expected) in [
+                (read.bearing_deg, expected.bearing_deg),
+                (read.gyro_deg, expected.gyro_deg),
+            ] {
+                assert_eq!(
+                    read.is_some(),
+                    expected.is_some(),
+                    "{}",
+                    expected.unwrap_or_default()
+                );
+                // The gyroscope's whole turns before its first angle are not recorded.
+                let turns = read.zip(expected).map_or(0.0, |(a, b)| (a - b) / 360.0);
+                assert!(close(turns, turns.round()), "{read:?} {expected:?}");
+            }
+        }
+    }
+
+    // Requirement: WIRE-program-5
+    #[test]
+    fn recording_reads_back_and_up_to_any_cut() {
+        let whole = recorded("whole", true);
+        assert_begins(&parse(&whole).unwrap(), 200);
+        for len in (0..whole.len()).step_by(977) {
+            if let Ok(read) = parse(&whole[..len]) {
+                assert_begins(&read, 0);
+            }
+        }
+        assert!(
+            parse(b"time_us,x_mm\n")
+                .unwrap_err()
+                .contains("no recording")
+        );
+    }
+
+    // Requirement: WIRE-program-5
+    #[test]
+    fn killed_recording_lacks_at_most_half_a_second() {
+        assert_begins(&parse(&recorded("killed", false)).unwrap(), 200 - 20);
+    }
+}
