@@ -56,14 +56,13 @@ fn check(text: &str, touched: Option<usize>) {
             let text = error.to_string();
             assert!(text.contains("robot.toml"), "{text}");
             match error {
-                Error::Content { line, what, .. } => {
-                    assert!(!what.is_empty());
-                    assert!(
-                        line.is_none_or(|line| line <= text.lines().count() + 1),
-                        "{text}"
-                    );
-                    if let (Some(touched), Some(line)) = (touched, line) {
-                        assert!(line > touched, "{text}: a line that was good");
+                Error::Content { faults, .. } => {
+                    assert!(!faults.is_empty());
+                    for fault in faults {
+                        assert!(!fault.what.is_empty());
+                        if let (Some(touched), Some(line)) = (touched, fault.line) {
+                            assert!(line > touched, "{text}: a line that was good");
+                        }
                     }
                 }
                 Error::Rejected { location, what } => {

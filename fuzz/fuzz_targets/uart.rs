@@ -3,7 +3,7 @@
 #![no_main]
 
 use host_link::log::{LogLine, LogParser};
-use host_link::samples::SampleRecorder;
+use pilot::tune::samples::SampleRecorder;
 use libfuzzer_sys::fuzz_target;
 use robot_fuzz::Bytes;
 

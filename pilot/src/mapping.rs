@@ -10,7 +10,7 @@ use mapper::{Grid, Mapper, Mount, Pose2, map_plot, ros};
 use std::path::{Path, PathBuf};
 
 /// One report as the mapper takes it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct RangeSample {
     /// Microseconds on the machine's clock.
     pub time_us: u64,

@@ -79,6 +79,8 @@ pub enum Command {
     Tour(Tour),
     /// Draw a map (PNG, and PGM + YAML for ROS) while driving, or from a recording
     Map(Map),
+    /// Print the reports of a recording
+    Replay(Replay),
     /// Explore an unknown room alone: localise, avoid, map everything reachable, come back
     Explore(Explore),
     /// Measure the drive or a battery tap, and tune gains or divider by it
@@ -451,6 +453,15 @@ pub struct Map {
     pub cell: u16,
     #[command(flatten)]
     pub criteria: CriteriaArgs,
+}
+
+#[derive(Args)]
+pub struct Replay {
+    /// Recording (MCAP)
+    pub file: PathBuf,
+    /// How many times as fast; as fast as possible without it
+    #[arg(long, value_name = "N", value_parser = number(0.01..=1000.0))]
+    pub speed: Option<f64>,
 }
 
 #[derive(Args)]

@@ -14,6 +14,7 @@ mod monitor;
 mod output;
 mod prompt;
 mod remote;
+mod replay;
 mod serve;
 mod status;
 mod stop;
@@ -137,6 +138,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         Command::Tune { command } => tune::run(command, context),
         Command::Calibrate { command } => calibrate::run(command, context),
         Command::Map(map) => map::run(map, context),
+        Command::Replay(replay) => replay::run(replay, output),
         Command::Explore(explore) => explore::run(explore, context),
     }?;
     Ok(Exit::Ok)

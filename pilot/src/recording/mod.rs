@@ -21,15 +21,15 @@ use messages::{
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, IntoInnerError};
 use std::path::{Path, PathBuf};
 
 /// A kill loses at most this much, microseconds.
 const FLUSH_US: u64 = 500_000;
 /// Time between two messages of battery, faults and link, microseconds.
 const SLOW_US: u64 = 1_000_000;
-/// Largest recording that is read, bytes: some hours.
-const MAX_LEN: u64 = 1 << 30;
+/// Largest recording that is read, bytes: two hours.
+const MAX_LEN: u64 = 1 << 28;
 
 const RANGES: [&str; 3] = ["/range/front", "/range/right", "/range/left"];
 const RANGE_FRAMES: [&str; 3] = ["range_front", "range_right", "range_left"];
@@ -269,7 +269,11 @@ impl Recorder {
         self.write("/map", us, &message)?;
         let finished = self.writer.finish();
         finished.map_err(|cause| unwritable(&self.path, &cause))?;
-        self.flush()
+        let file = self.writer.into_inner().into_inner();
+        let synced = file
+            .map_err(IntoInnerError::into_error)
+            .and_then(|file| file.sync_all());
+        synced.map_err(|cause| Error::unwritable(&self.path, &cause))
     }
 
     fn write<M: Message>(
@@ -378,6 +382,9 @@ pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Resul
 /// # Errors
 /// What is wrong with its beginning.
 pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
+    if !bytes.starts_with(b"\x89MCAP0\r\n") {
+        return Err("no recording: it does not begin as MCAP does".into());
+    }
     let stream = MessageStream::new_with_options(bytes, mcap::read::Options::IgnoreEndMagic.into());
     let stream = stream.map_err(|cause| format!("no recording: {cause}"))?;
     let mut samples: Vec<RangeSample> = Vec::new();

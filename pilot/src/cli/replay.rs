@@ -1,0 +1,46 @@
+//! `replay`: a recording's reports, as they came.
+
+use super::args::Replay;
+use super::connection::interrupt;
+use super::output::Output;
+use host_link::error::Error;
+use pilot::mapping::RangeSample;
+use pilot::recording;
+use std::time::{Duration, Instant};
+
+/// Longest sleep between two looks at Ctrl-C.
+const POLL: Duration = Duration::from_millis(50);
+
+/// Runs the command.
+pub fn run(replay: &Replay, output: Output) -> Result<(), Error> {
+    let samples = recording::load(&replay.file)?;
+    let (interrupt, begun) = (interrupt()?, Instant::now());
+    let first_us = samples.first().map_or(0, |sample| sample.time_us);
+    for sample in &samples {
+        let since = Duration::from_micros(sample.time_us.saturating_sub(first_us));
+        let due = replay
+            .speed
+            .map_or(Duration::ZERO, |speed| since.div_f64(speed));
+        while let Some(wait) = due.checked_sub(begun.elapsed()) {
+            interrupt.check()?;
+            std::thread::sleep(wait.min(POLL));
+        }
+        interrupt.check()?;
+        output.result(sample, || line(sample, since))?;
+    }
+    Ok(())
+}
+
+fn line(sample: &RangeSample, since: Duration) -> String {
+    let number =
+        |value: Option<f64>| value.map_or_else(|| "–".into(), |value| format!("{value:.0}"));
+    let [front, right, left] = sample.ranges_mm.map(number);
+    let bearing = number(sample.bearing_deg);
+    format!(
+        "{:8.2} s  x {:7.1} mm  y {:7.1} mm  {:6.2}°  front {front} (at {bearing}°) right {right} left {left} mm",
+        since.as_secs_f64(),
+        sample.pose.x_mm,
+        sample.pose.y_mm,
+        sample.pose.rotation_deg
+    )
+}
