@@ -32,7 +32,7 @@ pub fn monitor(client: &mut Client, command: &Monitor, context: Context<'_>) -> 
             output.live(&line(&frame));
         } else {
             output.live("");
-            output.result(&frame.robot, || line(&frame));
+            output.result(&frame.robot, || line(&frame))?;
         }
     }
     Ok(())
@@ -52,8 +52,7 @@ pub fn stop(client: &mut Client, context: Context<'_>) -> Result<(), Error> {
     client.request(&Request::Stop)?;
     context
         .output
-        .result(&serde_json::json!({ "stopped": true }), || "stopped".into());
-    Ok(())
+        .result(&serde_json::json!({ "stopped": true }), || "stopped".into())
 }
 
 /// Shows the STM's log.
@@ -65,7 +64,7 @@ pub fn log(client: &mut Client, context: Context<'_>) -> Result<(), Error> {
         if let Some(Message::Log { line }) = client.message()? {
             context
                 .output
-                .result(&serde_json::json!({ "line": line }), || line);
+                .result(&serde_json::json!({ "line": line }), || line)?;
         }
     }
 }
@@ -93,8 +92,7 @@ pub fn go_to(client: &mut Client, goto: &Goto, context: Context<'_>) -> Result<(
         off_deg: pose.rotation_to_deg(target),
         seconds,
     };
-    output.result(&arrival, || drive::summary(&arrival));
-    Ok(())
+    output.result(&arrival, || drive::summary(&arrival))
 }
 
 #[derive(Serialize)]
@@ -133,6 +131,6 @@ pub fn explore(client: &mut Client, explore: &Explore, context: Context<'_>) -> 
             pgm.display(),
             yaml.display()
         )
-    });
+    })?;
     driven.map(|_| ())
 }

@@ -58,7 +58,7 @@ pub fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Erro
         error: frame.error,
         exit: exit.code(),
     };
-    context.output.result(&seen, || summary(&seen));
+    context.output.result(&seen, || summary(&seen))?;
     Ok(exit)
 }
 

@@ -21,8 +21,7 @@ pub fn run(context: Context<'_>) -> Result<(), Error> {
                     state.map(|state| format!(" ({state})")).unwrap_or_default()
                 )
             },
-        );
-        Ok(())
+        )
     })
 }
 
@@ -38,7 +37,7 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
                     let line = String::from_utf8_lossy(&partial).trim_end().to_string();
                     context
                         .output
-                        .result(&serde_json::json!({ "line": line }), || line);
+                        .result(&serde_json::json!({ "line": line }), || line)?;
                     partial.clear();
                 } else if partial.len() < 256 {
                     partial.push(byte);
