@@ -48,6 +48,7 @@ fn run(words: &str) -> (i32, String, String) {
     )
 }
 
+// Requirement: WIRE-program-3
 #[test]
 fn senseless_options_are_refused_by_name() {
     for (words, name) in [
@@ -69,6 +70,7 @@ fn senseless_options_are_refused_by_name() {
     }
 }
 
+// Requirement: WIRE-program-2
 #[test]
 fn failed_standard_output_is_exit_code_11_and_closed_pipe_0() {
     for words in ["eeprom init", "--help", "--json eeprom init"] {
@@ -118,6 +120,7 @@ fn endless_and_far_inputs_are_refused() {
     fs::remove_dir_all(here).unwrap();
 }
 
+// Requirement: WIRE-program-1
 #[test]
 fn outputs_spare_foreign_files_and_links() {
     let here = scratch("outputs");

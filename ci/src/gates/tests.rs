@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use xshell::{Cmd, cmd};
+use xshell::Cmd;
 
 use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget;
-use crate::error::{Context, Kind, Result, bail, ensure, fail};
+use crate::error::{Context, Result, bail, ensure};
 use crate::process::{self, pattern};
 use crate::programs;
 use crate::session::Session;
@@ -20,57 +20,8 @@ pub fn unit(session: &Session) -> Result<String> {
 pub fn in_the_loop(session: &Session) -> Result<String> {
     let tests = session.cargo_with_board("test --release --package twin --package robot-tests")?;
     let tests = tests.env("ROBOT_ELF", &session.image()?.path);
-    let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
     let tests = tests.env("ROBOT_ELF_PANIC", session.build("test-panic")?.path);
     run(tests.env("ROBOT_ELF_OVERFLOW", session.build("test-overflow")?.path))
-}
-
-/// Two independent readers read what the program records on the virtual board.
-pub fn recording(session: &Session) -> Result<String> {
-    let (sh, folder) = (&session.sh, session.target.join("recording"));
-    let python = folder.join("python/bin/python");
-    if !python.is_file() {
-        let venv = folder.join("python");
-        cmd!(sh, "python3 -m venv {venv}").run().ok();
-    }
-    let readers = ["mcap==1.6.0", "mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
-    let install = cmd!(sh, "{python} -m pip install --quiet {readers...}");
-    if install.run().is_err() {
-        return fail(
-            Kind::Skipped,
-            "python3-venv or the readers mcap and rosbags cannot be installed",
-        );
-    }
-    let (tour, file) = (folder.join("tour"), folder.join("drive.mcap"));
-    let (config, out) = (folder.join("robot.toml"), folder.join("map"));
-    sh.write_file(&tour, "300 0 0\n")?;
-    let text = |path: &Path| path.display().to_string();
-    let image = format!("--eeprom-image={}", text(&folder.join("eeprom.bin")));
-    for words in [
-        vec![
-            "eeprom".into(),
-            "init".into(),
-            "--force".into(),
-            text(&config),
-        ],
-        vec!["eeprom".into(), "write".into(), text(&config)],
-        vec![
-            "map".into(),
-            text(&tour),
-            "--out".into(),
-            text(&out),
-            "--record".into(),
-            text(&file),
-        ],
-    ] {
-        let words = [words, vec![image.clone()]].concat();
-        ensure!(
-            programs::pilot(session, &words)? == 0,
-            "`robot {}` failed",
-            words.join(" ")
-        );
-    }
-    Ok(cmd!(sh, "{python} tests/recording/read.py {file}").read()?)
 }
 
 pub fn demo(session: &Session) -> Result<String> {
