@@ -8,7 +8,10 @@ fuzz_target!(|data: &[u8]| {
     let Ok(samples) = parse(data) else { return };
     for sample in &samples {
         let finite = [sample.pose.x_mm, sample.pose.y_mm, sample.pose.rotation_deg];
-        let sensors = sample.ranges_mm.into_iter().chain([sample.bearing_deg, sample.gyro_deg]);
+        let sensors = sample
+            .ranges_mm
+            .into_iter()
+            .chain([sample.bearing_deg, sample.gyro_deg]);
         assert!(sensors.flatten().chain(finite).all(f64::is_finite));
     }
     if let Ok(cut) = parse(&data[..data.len() / 2]) {

@@ -3,8 +3,8 @@
 #![no_main]
 
 use host_link::log::{LogLine, LogParser};
-use pilot::tune::samples::SampleRecorder;
 use libfuzzer_sys::fuzz_target;
+use pilot::tune::samples::SampleRecorder;
 use robot_fuzz::Bytes;
 
 fuzz_target!(|data: &[u8]| {
