@@ -1,16 +1,18 @@
-//! `doctor` on the virtual board: each fault of the board fails exactly its own check.
+//! `doctor` on the virtual board: a sound robot passes every check, and each fault fails exactly its own.
 
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use fw_core::eeprom::{fields, Image};
 use fw_core::wire::Mode;
 use host_link::board_io::{erase, BoardIo, Interrupt};
+use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
 use host_link::uart::LogSource;
-use pilot::doctor::{check_board, Findings};
+use pilot::doctor::{check_board, check_wheels, Findings, Outcome};
 use pilot::virtual_board::board_io;
 use robot_tests::io_faults::CallFailed;
 use robot_tests::test_board::Rig;
 use twin::components::i2c_bus::I2cController;
+use twin::plant::Room;
 use twin::Options;
 
 /// The first board with everything fitted.
@@ -62,19 +64,35 @@ impl LogSource for OtherLog {
 }
 
 /// The checks of a board that boots with `options` and is then spoilt.
-fn findings(options: Options, spoil: impl FnOnce(&Rig, &mut BoardIo)) -> Findings {
+fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardIo)) -> Findings {
     let rig = Rig::new(options);
     rig.await_ready();
     let mut io = board_io(&rig, 8_000_000, Interrupt::new());
     spoil(&rig, &mut io);
     let mut findings = Findings::default();
-    check_board(&mut io, 40, 300, &mut findings).expect("not interrupted");
+    let image = check_board(&mut io, 40, 300, &mut findings).expect("not interrupted");
+    if let (true, Some(image)) = (wheels, image) {
+        let name = format!("robot-doctor-{}-{:p}", std::process::id(), &rig);
+        let journal = Journal::new(std::env::temp_dir().join(name));
+        let before = image.clone();
+        check_wheels(&mut io, &image, 40, 300, &journal, &mut findings).expect("restored");
+        assert!(!journal.unfinished() && rig.motors_off());
+        assert!(
+            host_link::eeprom::read(&mut io) == Ok(before),
+            "the mode is restored"
+        );
+    }
     findings
 }
 
 fn with_image(image: &Image) -> Options {
     Options {
         eeprom: Some(image.0.to_vec()),
+        // Walls within the reach of every rangefinder.
+        room: Room::default()
+            .with_wall(900.0, -800.0, 900.0, 800.0)
+            .with_wall(900.0, 800.0, -900.0, 800.0)
+            .with_wall(-900.0, -800.0, 900.0, -800.0),
         ..Options::default()
     }
 }
@@ -88,9 +106,24 @@ fn assert_fails(expected: &str, findings: &Findings) {
 
 // Requirement: WIRE-program-4
 #[test]
+fn doctor_sound_robot_passes_every_check() {
+    let findings = findings(with_image(&image()), true, |_, _| ());
+    let other = findings
+        .0
+        .iter()
+        .filter(|one| one.outcome != Outcome::Passed);
+    assert_eq!(other.count(), 0, "{findings:#?}");
+    assert_eq!(findings.0.len(), 19, "{findings:#?}");
+}
+
+// Requirement: WIRE-program-4
+#[test]
 fn doctor_fault_of_the_board_fails_its_check() {
     let board = |expected, options, spoil: &dyn Fn(&Rig, &mut BoardIo)| {
-        assert_fails(expected, &findings(options, |rig, io| spoil(rig, io)));
+        assert_fails(
+            expected,
+            &findings(options, false, |rig, io| spoil(rig, io)),
+        );
     };
     let sound = || with_image(&image());
     board("lines", sound(), &|_, io| io.reset = erase(DeadLine(true)));
@@ -143,4 +176,39 @@ fn doctor_fault_of_the_board_fails_its_check() {
     let mut flat = sound();
     flat.params.battery.charge[1] = 0.02;
     board("battery", flat, &|_, _| ());
+}
+
+// Requirement: WIRE-program-4
+#[test]
+fn doctor_fault_of_the_wheels_fails_its_check() {
+    let wheels = |expected, options, spoil: &dyn Fn(&Rig)| {
+        assert_fails(expected, &findings(options, true, |rig, _| spoil(rig)));
+    };
+    let sound = || with_image(&image());
+    for (sensor, check) in ["front rangefinder", "right rangefinder", "left rangefinder"]
+        .into_iter()
+        .enumerate()
+    {
+        wheels(check, sound(), &|rig| {
+            rig.set_faults(move |faults| faults.missing_echo[sensor] = true);
+        });
+    }
+    wheels(
+        "gyroscope",
+        Options {
+            mpu: None,
+            ..sound()
+        },
+        &|_| (),
+    );
+    wheels("left wheel", sound(), &|rig| {
+        rig.set_faults(|faults| faults.jammed.left = true)
+    });
+    wheels("right wheel", sound(), &|rig| {
+        rig.set_faults(|faults| faults.dead_encoder.right = true)
+    });
+    let zones = image()
+        .with(fields::DEAD_ZONE_LEFT, 3400)
+        .with(fields::DEAD_ZONE_RIGHT, 3400);
+    wheels("dead zones", with_image(&zones), &|_| ());
 }
