@@ -46,12 +46,17 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
     Ok(out)
 }
 
+/// Builds the Pi's program with the virtual board; returns its path.
+pub fn build_pilot(session: &Session) -> Result<PathBuf> {
+    let build = "build --quiet --release --package pilot --features virtual,web";
+    session.cargo_with_board(build)?.quiet().run()?;
+    Ok(session.target.join("release/robot"))
+}
+
 /// Runs the Pi's program on the virtual board; `arguments` are its own, files in them are relative to
 /// the current folder. Returns its exit code.
 pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
-    let build = "build --quiet --release --package pilot --features virtual,web";
-    session.cargo_with_board(build)?.quiet().run()?;
-    let mut program = Command::new(session.target.join("release/robot"));
+    let mut program = Command::new(build_pilot(session)?);
     program.args(arguments).args(["--virtual", "--elf"]);
     program.arg(&session.image()?.path);
     let names_image = |word: &String| word.starts_with("--eeprom-image");

@@ -37,7 +37,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 29] = [
+const GATES: [Gate; 30] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -60,6 +60,7 @@ const GATES: [Gate; 29] = [
     ("loop", Change, tests::in_the_loop),
     ("demo", Change, tests::demo),
     ("tour", Change, tests::tour),
+    ("recording", Change, tests::recording),
     ("figures", Change, tests::figures),
     ("kani", Change, |session| kani::prove(session, Shard::ALL)),
     ("supply", Change, source::supply),

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use xshell::Cmd;
+use xshell::{Cmd, cmd};
 
 use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget;
-use crate::error::{Context, Result, bail, ensure};
+use crate::error::{Context, Kind, Result, bail, ensure, fail};
 use crate::process::{self, pattern};
 use crate::programs;
 use crate::session::Session;
@@ -20,8 +20,41 @@ pub fn unit(session: &Session) -> Result<String> {
 pub fn in_the_loop(session: &Session) -> Result<String> {
     let tests = session.cargo_with_board("test --release --package twin --package robot-tests")?;
     let tests = tests.env("ROBOT_ELF", &session.image()?.path);
+    let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
     let tests = tests.env("ROBOT_ELF_PANIC", session.build("test-panic")?.path);
     run(tests.env("ROBOT_ELF_OVERFLOW", session.build("test-overflow")?.path))
+}
+
+/// Two independent readers read what the program records on the virtual board.
+pub fn recording(session: &Session) -> Result<String> {
+    let (sh, folder) = (&session.sh, session.target.join("recording"));
+    let (venv, reader) = (
+        folder.join("python"),
+        session.root.join("tests/recording/read.py"),
+    );
+    let python = venv.join("bin/python");
+    let packages = ["mcap==1.6.0", "mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
+    let install = cmd!(sh, "{python} -m pip install --quiet {packages...}");
+    let created = python.is_file() || cmd!(sh, "python3 -m venv {venv}").run().is_ok();
+    if !created || install.run().is_err() {
+        let missing = "the readers mcap and rosbags cannot be installed by python3 -m venv and pip";
+        return fail(Kind::Skipped, missing);
+    }
+    let (program, elf) = (programs::build_pilot(session)?, &session.image()?.path);
+    sh.write_file(folder.join("tour"), "300 0 0\n")?;
+    let _in_folder = sh.push_dir(&folder);
+    for words in [
+        "eeprom init --force robot.toml",
+        "eeprom write robot.toml",
+        "map tour --out map --record drive.mcap",
+    ] {
+        let robot = cmd!(
+            sh,
+            "{program} --virtual --elf {elf} --eeprom-image eeprom.bin"
+        );
+        robot.args(words.split(' ')).run()?;
+    }
+    Ok(cmd!(sh, "{python} {reader} drive.mcap").read()?)
 }
 
 pub fn demo(session: &Session) -> Result<String> {
