@@ -1,6 +1,6 @@
 //! What can go wrong, as one sentence each, and the exit code a script can rely on.
 
-use crate::file::FileFault;
+use crate::file_fault::FileFault;
 use std::path::{Path, PathBuf};
 
 macro_rules! exit_codes {

@@ -1,17 +1,20 @@
 //! Files: inputs are bounded, outputs are written whole or not at all and never over a foreign file.
 
 use crate::error::Error;
-use std::fmt::Write as _;
+pub use crate::file_fault::FileFault;
+use fw_core::eeprom::KEY;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read, Write};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Largest text that is read, bytes: configuration, tour, room.
 pub const MAX_TEXT: u64 = 1 << 20;
 
-/// Longest part of a line that a fault shows, characters.
-const MAX_SHOWN: usize = 160;
+/// Pages 0x00 to 0x02: what an original image has at least.
+pub const ORIGINAL_LEN: usize = 0x300;
+
+/// The largest EEPROM of the original map, bytes.
+pub const LARGEST_LEN: usize = 0x1_0000;
 
 /// Reads a file of at most `max` bytes. A device that never ends is refused after that many.
 ///
@@ -38,57 +41,12 @@ pub fn read_text(path: &Path) -> Result<String, Error> {
         .map_err(|_| Error::content(path, None, "it is no text in UTF-8"))
 }
 
-/// One thing that is wrong with a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FileFault {
-    /// 1-based line, where one can be named.
-    pub line: Option<usize>,
-    /// That line, and the columns to blame.
-    pub shown: Option<(String, Range<usize>)>,
-    /// What is wrong and what is accepted.
-    pub what: String,
-}
-
-impl FileFault {
-    /// The bytes `span` of `text` are wrong.
-    pub fn at(text: &str, span: Range<usize>, what: impl Into<String>) -> Self {
-        let before = text.get(..span.start).unwrap_or(text);
-        let from = before.rfind('\n').map_or(0, |newline| newline + 1);
-        let line = text.get(from..).and_then(|rest| rest.lines().next());
-        let columns = |bytes: Option<&str>| bytes.map_or(0, |bytes| bytes.chars().count());
-        let start = columns(text.get(from..span.start));
-        let width = columns(text.get(span).and_then(|bad| bad.lines().next())).max(1);
-        Self {
-            line: Some(before.matches('\n').count() + 1),
-            shown: line
-                .filter(|_| start + width <= MAX_SHOWN)
-                .map(|line| line.chars().take(MAX_SHOWN).collect())
-                .map(|line| (line, start..start + width)),
-            what: what.into(),
-        }
-    }
-
-    /// With the file's name, the line and a caret below it.
-    pub fn describe(&self, path: &Path) -> String {
-        let mut text = path.display().to_string();
-        if let Some(line) = self.line {
-            let _ = write!(text, ", line {line}");
-        }
-        let _ = write!(text, ": {}", self.what);
-        if let Some((line, columns)) = &self.shown {
-            let indent: String = line
-                .chars()
-                .take(columns.start)
-                .map(|letter| if letter == '\t' { '\t' } else { ' ' })
-                .collect();
-            let _ = write!(
-                text,
-                "\n    {line}\n    {indent}{}",
-                "^".repeat(columns.len())
-            );
-        }
-        text
-    }
+/// Whether bytes are an EEPROM's content: it begins with the EEPROM key, or has the unwritten cells of page
+/// 0x00 that no other file has.
+fn is_image(bytes: &[u8]) -> bool {
+    let unwritten = bytes.get(0xF0..0x100).unwrap_or_default();
+    (ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len())
+        && (bytes.starts_with(&KEY) || unwritten.iter().all(|&byte| byte == 0xFF))
 }
 
 /// What an output file holds. A file that is there already is replaced only by one of its kind.
@@ -125,7 +83,7 @@ impl Kind {
             Self::Samples => starts(b"seconds,percent,"),
             Self::Json => starts(b"{"),
             Self::Log => starts(b"I0") || starts(b"W0") || starts(b"E0"),
-            Self::Image => crate::eeprom::image::is_image(head),
+            Self::Image => is_image(head),
             Self::Recording => starts(b"\x89MCAP"),
             Self::Any => true,
         }

@@ -97,6 +97,7 @@ pub mod drive;
 pub mod eeprom;
 pub mod error;
 pub mod file;
+pub mod file_fault;
 pub mod link;
 #[cfg(feature = "linux")]
 pub mod linux;

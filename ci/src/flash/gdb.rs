@@ -40,7 +40,7 @@ fn knows_arm(name: &str) -> bool {
 }
 
 /// Loads `elf` through the debug server at `address`, compares every section, resets the core and
-/// lets it run. [`Failure::Board`] where a section differs or GDB did not get through.
+/// lets it run. [`Kind::Board`] where a section differs or GDB did not get through.
 pub fn load(name: &str, elf: &Path, address: &str) -> Result<()> {
     let commands = format!(
         "set confirm off\nset remotetimeout 60\ntarget extended-remote {address}\nload\n\

@@ -2,16 +2,11 @@
 
 use crate::error::Error;
 use crate::file;
-use fw_core::eeprom::{Image, IMAGE_LEN, KEY};
+pub use crate::file::{LARGEST_LEN, ORIGINAL_LEN};
+use fw_core::eeprom::{Image, IMAGE_LEN};
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::Path;
-
-/// Pages 0x00 to 0x02: what an original image has at least.
-pub const ORIGINAL_LEN: usize = 0x300;
-
-/// The largest EEPROM of the original map, bytes.
-pub const LARGEST_LEN: usize = 0x1_0000;
 
 /// Reads an image: 0x300 bytes (original, page 0x03 then counts as unwritten) to 64 KiB, of which
 /// pages 0x00 to 0x03 are taken.
@@ -31,14 +26,6 @@ pub fn load(path: &Path) -> Result<Image, Error> {
         *cell = byte;
     }
     Ok(image)
-}
-
-/// Whether bytes are an EEPROM's content: it begins with the EEPROM key, or has the unwritten cells of page
-/// 0x00 that no other file has.
-pub fn is_image(bytes: &[u8]) -> bool {
-    let unwritten = bytes.get(0xF0..0x100).unwrap_or_default();
-    (ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len())
-        && (bytes.starts_with(&KEY) || unwritten.iter().all(|&byte| byte == 0xFF))
 }
 
 /// Hexadecimal with addresses, sixteen bytes a line; lines of unwritten cells only are left out.

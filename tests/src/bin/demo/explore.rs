@@ -26,10 +26,10 @@ pub fn run(
     let timer = Timer::start(board);
     let mut reports = 0;
     let mut recorder = Recorder::create(&out.join("recording.mcap"))?;
-    let mut recorded = Ok(());
+    let mut outcome = Ok(());
     let run = exploration::explore(machine, board, |step| {
-        if recorded.is_ok() {
-            recorded = recorder
+        if outcome.is_ok() {
+            outcome = recorder
                 .add(&step.sample)
                 .and_then(|()| recorder.add_state(step.snapshot));
         }
@@ -52,7 +52,7 @@ pub fn run(
     run.localisation.save_map(&out.join("map"))?;
     run.localisation.raw.save_map(&out.join("map-raw"))?;
     recorder.finish(board.now_us(), run.localisation.localiser.grid())?;
-    recorded?;
+    outcome?;
     let map = map_plot::map(run.localisation.localiser.grid())?;
     for (name, picture) in [
         ("map.png", map),
