@@ -88,7 +88,7 @@
 //! | [`snapshot`] | the latest values in physical units |
 //! | [`uart`] | the STM's log as bytes |
 //! | [`log`] | the STM's log as lines |
-//! | [`file`] | bounded inputs, outputs that are whole and replace no foreign file |
+//! | [`mod@file`] | bounded inputs, outputs that are whole and replace no foreign file |
 //! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 

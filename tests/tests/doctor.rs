@@ -160,10 +160,10 @@ fn doctor_fault_of_the_board_fails_its_check() {
         });
     });
     board("log port", sound(), &|_, io| {
-        io.log = Box::new(OtherLog(b""))
+        io.log = Box::new(OtherLog(b""));
     });
     board("firmware", sound(), &|_, io| {
-        io.log = Box::new(OtherLog(b"login:\n"))
+        io.log = Box::new(OtherLog(b"login:\n"));
     });
     board(
         "faults",

@@ -12,7 +12,7 @@ const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 /// From the click to motors without current, microseconds of virtual time.
 const STOP_US: u64 = 250_000;
 
-/// A browser behind `chromedriver` (W3C WebDriver).
+/// A browser behind `chromedriver` (`WebDriver` of the W3C).
 struct Browser {
     driver: Child,
     port: u16,
@@ -36,7 +36,7 @@ impl Drop for Browser {
 /// One request; the value of the answer.
 fn http(port: u16, method: &str, path: &str, body: &Value) -> std::io::Result<Value> {
     let mut stream = TcpStream::connect(("127.0.0.1", port))?;
-    stream.set_read_timeout(Some(Duration::from_secs(60)))?;
+    stream.set_read_timeout(Some(Duration::from_mins(1)))?;
     let body = if body.is_null() {
         String::new()
     } else {
@@ -89,7 +89,7 @@ impl Browser {
         let options = json!({ "args": ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"] });
         let wanted =
             json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": options } } });
-        let ends = Instant::now() + Duration::from_secs(60);
+        let ends = Instant::now() + Duration::from_mins(1);
         while browser.session.is_empty() {
             assert!(Instant::now() < ends, "no session with chromedriver");
             std::thread::sleep(Duration::from_millis(100));
@@ -114,7 +114,7 @@ impl Browser {
 
     /// Waits until a script returns true.
     fn until(&self, condition: &str) {
-        let ends = Instant::now() + Duration::from_secs(60);
+        let ends = Instant::now() + Duration::from_mins(1);
         while self.script(&format!("return {condition};")) != Value::Bool(true) {
             let text = self.script("return document.body.innerText;");
             assert!(Instant::now() < ends, "{condition}: {text}");

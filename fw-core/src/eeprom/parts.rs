@@ -73,7 +73,7 @@ pub struct Servo {
     pub reversed: bool,
 }
 
-/// Limits of the velocity in [`Mode::GuardedVelocity`].
+/// Limits of the velocity in mode 0x30, Guarded Velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VelocityLimits {
     /// Largest forward speed, 10 ..= 2000 mm/s.
