@@ -202,10 +202,10 @@ fn doctor_fault_of_the_wheels_fails_its_check() {
         &|_| (),
     );
     wheels("left wheel", sound(), &|rig| {
-        rig.set_faults(|faults| faults.jammed.left = true)
+        rig.set_faults(|faults| faults.jammed.left = true);
     });
     wheels("right wheel", sound(), &|rig| {
-        rig.set_faults(|faults| faults.dead_encoder.right = true)
+        rig.set_faults(|faults| faults.dead_encoder.right = true);
     });
     let zones = image()
         .with(fields::DEAD_ZONE_LEFT, 3400)
