@@ -20,16 +20,21 @@ impl Pacer {
 
     /// Waits until this time on the board's clock, microseconds, is due.
     pub fn wait(&mut self, now_us: u64) {
+        std::thread::sleep(self.left(Instant::now(), now_us));
+    }
+
+    /// The time from `now` until `now_us` is due.
+    fn left(&mut self, now: Instant, now_us: u64) -> Duration {
         let Some(speed) = self.speed else {
-            return;
+            return Duration::ZERO;
         };
-        let (host, board) = *self.origin.get_or_insert_with(|| (Instant::now(), now_us));
+        let (host, board) = *self.origin.get_or_insert((now, now_us));
         let passed = Duration::from_micros(now_us.saturating_sub(board)).div_f64(speed);
-        let (due, now) = (host + passed, Instant::now());
+        let due = host + passed;
         if now > due + BEHIND {
             self.origin = None;
         }
-        std::thread::sleep(due.saturating_duration_since(now));
+        due.saturating_duration_since(now)
     }
 }
 
@@ -40,16 +45,21 @@ mod tests {
     #[test]
     fn pacer_keeps_speed_and_skips_a_pause() {
         let (mut pacer, begun) = (Pacer::new(Some(4.0)), Instant::now());
-        for ms in (0..=200).step_by(25) {
-            pacer.wait(1_000_000 + 1000 * ms);
+        let ms = Duration::from_millis;
+        let mut left = |host_ms, board_ms: u64| pacer.left(begun + ms(host_ms), 1000 * board_ms);
+        // Time on this computer, on the board, and what is left of the quarter.
+        for (host, board, wait) in [(0, 1000, 0), (0, 1200, 50), (60, 1400, 40), (110, 1400, 0)] {
+            assert_eq!(left(host, board), ms(wait), "{board}");
         }
-        let passed = begun.elapsed().as_millis();
-        assert!((50..90).contains(&passed), "{passed} ms");
-        std::thread::sleep(2 * BEHIND);
-        pacer.wait(1_225_000);
-        let begun = Instant::now();
-        pacer.wait(1_250_000);
-        pacer.wait(1_350_000);
-        assert!(begun.elapsed() >= Duration::from_millis(25));
+        // It catches up with a short delay, and begins again after a long one.
+        for (host, board, wait) in [
+            (150, 1800, 50),
+            (400, 1900, 0),
+            (400, 2000, 0),
+            (400, 2200, 50),
+        ] {
+            assert_eq!(left(host, board), ms(wait), "{board}");
+        }
+        assert_eq!(Pacer::new(None).left(begun, 5), Duration::ZERO);
     }
 }

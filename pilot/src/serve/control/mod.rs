@@ -1,9 +1,12 @@
 //! The control loop: one thread owns the robot, answers the clients once a frame and publishes it.
 
+mod publishing;
+mod requests;
+
 use super::hub::{Client, ClientId, Event};
 use super::pacer::Pacer;
-use super::protocol::{Activity, Estimate, Failure, Frame, Message, Request, VERSION};
-use super::tiles::{BATCH, Tiles};
+use super::protocol::{Activity, Estimate, Failure, Frame, Message};
+use super::tiles::Tiles;
 use crate::exploring::{self, Plan, PlanRunner};
 use crate::hints;
 use crate::mapping::RangeSample;
@@ -14,11 +17,9 @@ use host_link::drive::{self, ArrivalCriteria, StopOnDrop};
 use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
-use mapper::{Localiser, Point};
-use navigator::{Explorer, GoTo};
+use mapper::Localiser;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
@@ -26,8 +27,6 @@ use std::time::{Duration, Instant};
 pub const CELL_MM: f64 = 25.0;
 /// Frames between two looks for advice.
 const ADVICE_FRAMES: u32 = 20;
-/// Longest line of the log, bytes.
-const MAX_LOG_LINE: usize = 256;
 /// Time between two attempts to reach a robot that does not answer.
 const RETRY: Duration = Duration::from_secs(1);
 /// A pose that jumps farther is that of an STM that was reset: more than the way within the stop deadline, mm.
@@ -322,72 +321,6 @@ impl Server {
         self.cancelled.take().map_or(Ok(()), Err)
     }
 
-    /// Sends the frame, the log and the map to those who watch.
-    fn publish(&mut self, log: &[u8]) {
-        if self.clients.values().all(|client| client.every.is_none()) {
-            self.log.clear();
-            return;
-        }
-        let messages = self.log_lines(log);
-        let frame = self.latest.clone().map(Box::new).map(Message::Frame);
-        let frame = frame.as_ref().map(text);
-        let mut changed = Vec::new();
-        if let Some(localiser) = &self.localiser {
-            changed = self.tiles.update(localiser.grid());
-        }
-        let (frames, tiles) = (self.frames, &self.tiles);
-        // A client that does not keep up is dropped: nothing here waits for one.
-        self.clients.retain(|_, client| {
-            let Some(every) = client.every else {
-                return true;
-            };
-            let due = frame.iter().filter(|_| frames % every == 0);
-            let update: Vec<_> = changed
-                .iter()
-                .filter(|&&number| number < client.tiles)
-                .map(|&number| tiles.tile(number).clone())
-                .collect();
-            let fresh = tiles.from(client.tiles);
-            client.tiles += fresh.len();
-            let batches = [update, fresh.to_vec()].into_iter();
-            let batches = batches.filter(|tiles| !tiles.is_empty());
-            let batches: Vec<_> = batches
-                .map(|tiles| text(&Message::Tiles { tiles }))
-                .collect();
-            messages
-                .iter()
-                .chain(due)
-                .chain(&batches)
-                .all(|message| client.send(message))
-        });
-        debug_assert!(changed.len() <= BATCH);
-    }
-
-    /// The lines that these bytes complete.
-    fn log_lines(&mut self, bytes: &[u8]) -> Vec<Arc<str>> {
-        self.log.extend_from_slice(bytes);
-        let Some(end) = self.log.iter().rposition(|&byte| byte == b'\n') else {
-            self.log.truncate(MAX_LOG_LINE);
-            return Vec::new();
-        };
-        let rest = self.log.split_off(end + 1);
-        let whole = std::mem::replace(&mut self.log, rest);
-        let whole = String::from_utf8_lossy(&whole);
-        let lines = whole.lines().filter(|line| line.len() <= MAX_LOG_LINE);
-        lines
-            .map(|line| text(&Message::Log { line: line.into() }))
-            .collect()
-    }
-
-    fn new_map(&mut self) {
-        self.tiles = Tiles::default();
-        let message = text(&Message::Map { cell_mm: CELL_MM });
-        self.clients.retain(|_, client| {
-            client.tiles = 0;
-            client.every.is_none() || client.send(&message)
-        });
-    }
-
     /// The robot does not answer: the clients are served all the same.
     fn unreachable(&mut self, error: &Error) {
         let waiting = self.next.take().map(|motion| motion.activity());
@@ -401,208 +334,4 @@ impl Server {
         self.handle_events();
         self.cancelled = None;
     }
-
-    fn handle_events(&mut self) {
-        while let Ok(event) = self.events.try_recv() {
-            match event {
-                Event::Joined(client) => {
-                    let id = client.id;
-                    self.clients.insert(id, client);
-                    self.reply(id, &Ok(()));
-                }
-                Event::Asked(id, request) => {
-                    let outcome = self.handle(id, &request);
-                    self.reply(id, &outcome);
-                }
-                Event::Left(id) => {
-                    self.clients.remove(&id);
-                }
-            }
-        }
-        // Requirement: SERVE-drive-2
-        if let Some(lease) = &self.lease {
-            let name = &lease.name;
-            if !self.clients.contains_key(&lease.client) {
-                self.cancel(&format!("{name} has disconnected"));
-            } else if Instant::now() >= lease.ends {
-                self.cancel(&format!("the lease of {name} has ended"));
-            }
-        }
-    }
-
-    fn cancel(&mut self, text: &str) {
-        self.next = None;
-        let exit = Exit::NotReached;
-        self.cancelled = Some(refused(text, exit));
-    }
-
-    fn reply(&mut self, id: ClientId, outcome: &Result<(), Error>) {
-        let error = outcome.as_ref().err().map(Failure::from);
-        let version = VERSION;
-        self.send_to(id, &Message::Reply { version, error });
-        if let Some(client) = self.clients.get(&id) {
-            client.answered();
-        }
-    }
-
-    fn send_to(&mut self, id: ClientId, message: &Message) {
-        let keeps_up = self
-            .clients
-            .get(&id)
-            .is_none_or(|client| client.send(&text(message)));
-        if !keeps_up {
-            self.clients.remove(&id);
-        }
-    }
-
-    fn handle(&mut self, id: ClientId, request: &Request) -> Result<(), Error> {
-        match *request {
-            Request::Hello { .. } => return Err(refused("the first message is over", Exit::Usage)),
-            Request::Status => {
-                let frame = self.latest.clone();
-                let frame = frame.ok_or_else(|| refused("no frame yet", Exit::Link))?;
-                self.send_to(id, &Message::Frame(Box::new(frame)));
-            }
-            Request::Watch { every } => {
-                let message = Message::Map { cell_mm: CELL_MM };
-                if let Some(client) = self.clients.get_mut(&id) {
-                    (client.every, client.tiles) = (Some(every), 0);
-                }
-                self.send_to(id, &message);
-            }
-            Request::Drive {
-                forward_mm_s,
-                yaw_rate_deg_s,
-                lease_ms,
-            } => {
-                self.navigator()?;
-                self.take_lease(id, lease_ms)?;
-                self.velocity = VelocityRequest {
-                    forward_mm_s,
-                    yaw_rate_deg_s,
-                    ..VelocityRequest::default()
-                };
-                if self.activity != Activity::Drive {
-                    self.begin(Motion::Velocity);
-                }
-            }
-            Request::Goto {
-                x_mm,
-                y_mm,
-                rotation_deg,
-                tolerance,
-                timeout_s,
-                lease_ms,
-            } => {
-                let motion = if let Some(rotation_deg) = rotation_deg {
-                    let (tolerance_mm, tolerance_deg) = tolerance.unwrap_or((5.0, 1.0));
-                    let criteria = ArrivalCriteria {
-                        tolerance_mm,
-                        tolerance_deg,
-                        timeout_s,
-                    };
-                    Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg), criteria)
-                } else {
-                    let plan = GoTo::new(self.navigator()?, Point::new(x_mm, y_mm));
-                    Motion::Plan(Activity::Goto, Box::new(plan))
-                };
-                self.take_lease(id, lease_ms)?;
-                self.begin(motion);
-            }
-            Request::Explore { lease_ms } => {
-                let plan = Explorer::new(self.navigator()?);
-                self.take_lease(id, lease_ms)?;
-                self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
-            }
-            Request::Keep => match &mut self.lease {
-                Some(lease) if lease.client == id => lease.ends = Instant::now() + lease.length,
-                _ => return Err(refused("this client does not drive", Exit::Usage)),
-            },
-            // Requirement: SERVE-drive-1
-            Request::Stop => {
-                let text = format!("stopped by {}", self.name(id));
-                if self.activity == Activity::Idle {
-                    if let Some(waiting) = self.next.replace(Motion::Stop) {
-                        let error = refused(&text, Exit::NotReached);
-                        self.report_end(waiting.activity(), Some(&error), 0.0);
-                    }
-                    self.lease = None;
-                } else {
-                    self.cancel(&text);
-                }
-            }
-            Request::ClearFaults => {
-                self.free_for(id)?;
-                self.begin(Motion::Clear);
-            }
-            Request::NewMap => {
-                self.free_for(id)?;
-                self.localiser = None;
-            }
-        }
-        Ok(())
-    }
-
-    /// Begins a motion in place of the present one.
-    fn begin(&mut self, motion: Motion) {
-        if self.activity != Activity::Idle {
-            self.cancel("another motion of the same client follows");
-        }
-        self.next = Some(motion);
-    }
-
-    /// # Errors
-    /// Another client drives, or the robot cannot be reached.
-    fn free_for(&self, id: ClientId) -> Result<(), Error> {
-        if let Some(error) = self.latest.as_ref().and_then(|frame| frame.error.as_ref()) {
-            return Err(refused(error, Exit::Link));
-        }
-        match &self.lease {
-            Some(lease) if lease.client != id => {
-                let text = format!("{} drives the robot; `robot stop` ends that", lease.name);
-                Err(refused(&text, Exit::Busy))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    // Requirement: SERVE-drive-1
-    fn take_lease(&mut self, id: ClientId, lease_ms: u32) -> Result<(), Error> {
-        self.free_for(id)?;
-        let length = Duration::from_millis(lease_ms.into());
-        self.lease = Some(Lease {
-            client: id,
-            name: self.name(id),
-            length,
-            ends: Instant::now() + length,
-        });
-        Ok(())
-    }
-}
-
-impl Server {
-    fn name(&self, id: ClientId) -> String {
-        let client = self.clients.get(&id);
-        client.map(|client| client.name.clone()).unwrap_or_default()
-    }
-
-    /// # Errors
-    /// [`Error::WrongMode`].
-    fn navigator(&self) -> Result<navigator::Config, Error> {
-        self.navigator.ok_or(Error::WrongMode {
-            mode: self.mode,
-            required: "velocity to drive at",
-        })
-    }
-}
-
-fn refused(text: &str, exit: Exit) -> Error {
-    let text = text.into();
-    Error::Server { text, exit }
-}
-
-/// A message as it is sent.
-fn text(message: &Message) -> Arc<str> {
-    // Strings, numbers and maps with keys of strings cannot fail.
-    serde_json::to_string(message).unwrap_or_default().into()
 }

@@ -1,0 +1,104 @@
+//! What the clients get: replies, and the frame, the log and the map for those who watch.
+
+use super::{CELL_MM, Server};
+use crate::serve::hub::ClientId;
+use crate::serve::protocol::{Failure, Message, VERSION};
+use crate::serve::tiles::{BATCH, Tiles};
+use host_link::error::Error;
+use std::sync::Arc;
+
+/// Longest line of the log, bytes.
+const MAX_LOG_LINE: usize = 256;
+
+impl Server {
+    /// Sends the frame, the log and the map to those who watch.
+    pub(super) fn publish(&mut self, log: &[u8]) {
+        if self.clients.values().all(|client| client.every.is_none()) {
+            self.log.clear();
+            return;
+        }
+        let messages = self.log_lines(log);
+        let frame = self.latest.clone().map(Box::new).map(Message::Frame);
+        let frame = frame.as_ref().map(text);
+        let mut changed = Vec::new();
+        if let Some(localiser) = &self.localiser {
+            changed = self.tiles.update(localiser.grid());
+        }
+        let (frames, tiles) = (self.frames, &self.tiles);
+        // A client that does not keep up is dropped: nothing here waits for one.
+        self.clients.retain(|_, client| {
+            let Some(every) = client.every else {
+                return true;
+            };
+            let due = frame.iter().filter(|_| frames % every == 0);
+            let update: Vec<_> = changed
+                .iter()
+                .filter(|&&number| number < client.tiles)
+                .map(|&number| tiles.tile(number).clone())
+                .collect();
+            let fresh = tiles.from(client.tiles);
+            client.tiles += fresh.len();
+            let batches = [update, fresh.to_vec()].into_iter();
+            let batches = batches.filter(|tiles| !tiles.is_empty());
+            let batches: Vec<_> = batches
+                .map(|tiles| text(&Message::Tiles { tiles }))
+                .collect();
+            messages
+                .iter()
+                .chain(due)
+                .chain(&batches)
+                .all(|message| client.send(message))
+        });
+        debug_assert!(changed.len() <= BATCH);
+    }
+
+    /// The lines that these bytes complete.
+    fn log_lines(&mut self, bytes: &[u8]) -> Vec<Arc<str>> {
+        self.log.extend_from_slice(bytes);
+        let Some(end) = self.log.iter().rposition(|&byte| byte == b'\n') else {
+            self.log.truncate(MAX_LOG_LINE);
+            return Vec::new();
+        };
+        let rest = self.log.split_off(end + 1);
+        let whole = std::mem::replace(&mut self.log, rest);
+        let whole = String::from_utf8_lossy(&whole);
+        let lines = whole.lines().filter(|line| line.len() <= MAX_LOG_LINE);
+        lines
+            .map(|line| text(&Message::Log { line: line.into() }))
+            .collect()
+    }
+
+    pub(super) fn new_map(&mut self) {
+        self.tiles = Tiles::default();
+        let message = text(&Message::Map { cell_mm: CELL_MM });
+        self.clients.retain(|_, client| {
+            client.tiles = 0;
+            client.every.is_none() || client.send(&message)
+        });
+    }
+
+    pub(super) fn reply(&mut self, id: ClientId, outcome: &Result<(), Error>) {
+        let error = outcome.as_ref().err().map(Failure::from);
+        let version = VERSION;
+        self.send_to(id, &Message::Reply { version, error });
+        if let Some(client) = self.clients.get(&id) {
+            client.answered();
+        }
+    }
+
+    pub(super) fn send_to(&mut self, id: ClientId, message: &Message) {
+        let keeps_up = self
+            .clients
+            .get(&id)
+            .is_none_or(|client| client.send(&text(message)));
+        if !keeps_up {
+            self.clients.remove(&id);
+        }
+    }
+}
+
+/// A message as it is sent.
+fn text(message: &Message) -> Arc<str> {
+    // Strings, numbers and maps with keys of strings cannot fail.
+    serde_json::to_string(message).unwrap_or_default().into()
+}

@@ -1,0 +1,191 @@
+//! What the clients ask for, and who may drive.
+
+use super::{CELL_MM, Lease, Motion, Server};
+use crate::serve::hub::{ClientId, Event};
+use crate::serve::protocol::{Activity, Message, Request};
+use host_link::drive::ArrivalCriteria;
+use host_link::error::{Error, Exit};
+use host_link::pose::Pose;
+use host_link::session::VelocityRequest;
+use mapper::Point;
+use navigator::{Explorer, GoTo};
+use std::time::{Duration, Instant};
+
+impl Server {
+    pub(super) fn handle_events(&mut self) {
+        while let Ok(event) = self.events.try_recv() {
+            match event {
+                Event::Joined(client) => {
+                    let id = client.id;
+                    self.clients.insert(id, client);
+                    self.reply(id, &Ok(()));
+                }
+                Event::Asked(id, request) => {
+                    let outcome = self.handle(id, &request);
+                    self.reply(id, &outcome);
+                }
+                Event::Left(id) => {
+                    self.clients.remove(&id);
+                }
+            }
+        }
+        // Requirement: SERVE-drive-2
+        if let Some(lease) = &self.lease {
+            let name = &lease.name;
+            if !self.clients.contains_key(&lease.client) {
+                self.cancel(&format!("{name} has disconnected"));
+            } else if Instant::now() >= lease.ends {
+                self.cancel(&format!("the lease of {name} has ended"));
+            }
+        }
+    }
+
+    fn cancel(&mut self, text: &str) {
+        self.next = None;
+        let exit = Exit::NotReached;
+        self.cancelled = Some(refused(text, exit));
+    }
+
+    fn handle(&mut self, id: ClientId, request: &Request) -> Result<(), Error> {
+        match *request {
+            Request::Hello { .. } => return Err(refused("the first message is over", Exit::Usage)),
+            Request::Status => {
+                let frame = self.latest.clone();
+                let frame = frame.ok_or_else(|| refused("no frame yet", Exit::Link))?;
+                self.send_to(id, &Message::Frame(Box::new(frame)));
+            }
+            Request::Watch { every } => {
+                let message = Message::Map { cell_mm: CELL_MM };
+                if let Some(client) = self.clients.get_mut(&id) {
+                    (client.every, client.tiles) = (Some(every), 0);
+                }
+                self.send_to(id, &message);
+            }
+            Request::Drive {
+                forward_mm_s,
+                yaw_rate_deg_s,
+                lease_ms,
+            } => {
+                self.navigator()?;
+                self.take_lease(id, lease_ms)?;
+                self.velocity = VelocityRequest {
+                    forward_mm_s,
+                    yaw_rate_deg_s,
+                    ..VelocityRequest::default()
+                };
+                if self.activity != Activity::Drive {
+                    self.begin(Motion::Velocity);
+                }
+            }
+            Request::Goto {
+                x_mm,
+                y_mm,
+                rotation_deg,
+                tolerance,
+                timeout_s,
+                lease_ms,
+            } => {
+                let motion = if let Some(rotation_deg) = rotation_deg {
+                    let (tolerance_mm, tolerance_deg) = tolerance.unwrap_or((5.0, 1.0));
+                    let criteria = ArrivalCriteria {
+                        tolerance_mm,
+                        tolerance_deg,
+                        timeout_s,
+                    };
+                    Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg), criteria)
+                } else {
+                    let plan = GoTo::new(self.navigator()?, Point::new(x_mm, y_mm));
+                    Motion::Plan(Activity::Goto, Box::new(plan))
+                };
+                self.take_lease(id, lease_ms)?;
+                self.begin(motion);
+            }
+            Request::Explore { lease_ms } => {
+                let plan = Explorer::new(self.navigator()?);
+                self.take_lease(id, lease_ms)?;
+                self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
+            }
+            Request::Keep => match &mut self.lease {
+                Some(lease) if lease.client == id => lease.ends = Instant::now() + lease.length,
+                _ => return Err(refused("this client does not drive", Exit::Usage)),
+            },
+            // Requirement: SERVE-drive-1
+            Request::Stop => {
+                let text = format!("stopped by {}", self.name(id));
+                if self.activity == Activity::Idle {
+                    if let Some(waiting) = self.next.replace(Motion::Stop) {
+                        let error = refused(&text, Exit::NotReached);
+                        self.report_end(waiting.activity(), Some(&error), 0.0);
+                    }
+                    self.lease = None;
+                } else {
+                    self.cancel(&text);
+                }
+            }
+            Request::ClearFaults => {
+                self.free_for(id)?;
+                self.begin(Motion::Clear);
+            }
+            Request::NewMap => {
+                self.free_for(id)?;
+                self.localiser = None;
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins a motion in place of the present one.
+    fn begin(&mut self, motion: Motion) {
+        if self.activity != Activity::Idle {
+            self.cancel("another motion of the same client follows");
+        }
+        self.next = Some(motion);
+    }
+
+    /// # Errors
+    /// Another client drives, or the robot cannot be reached.
+    fn free_for(&self, id: ClientId) -> Result<(), Error> {
+        if let Some(error) = self.latest.as_ref().and_then(|frame| frame.error.as_ref()) {
+            return Err(refused(error, Exit::Link));
+        }
+        match &self.lease {
+            Some(lease) if lease.client != id => {
+                let text = format!("{} drives the robot; `robot stop` ends that", lease.name);
+                Err(refused(&text, Exit::Busy))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    // Requirement: SERVE-drive-1
+    fn take_lease(&mut self, id: ClientId, lease_ms: u32) -> Result<(), Error> {
+        self.free_for(id)?;
+        let length = Duration::from_millis(lease_ms.into());
+        self.lease = Some(Lease {
+            client: id,
+            name: self.name(id),
+            length,
+            ends: Instant::now() + length,
+        });
+        Ok(())
+    }
+
+    fn name(&self, id: ClientId) -> String {
+        let client = self.clients.get(&id);
+        client.map(|client| client.name.clone()).unwrap_or_default()
+    }
+
+    /// # Errors
+    /// [`Error::WrongMode`].
+    fn navigator(&self) -> Result<navigator::Config, Error> {
+        self.navigator.ok_or(Error::WrongMode {
+            mode: self.mode,
+            required: "velocity to drive at",
+        })
+    }
+}
+
+fn refused(text: &str, exit: Exit) -> Error {
+    let text = text.into();
+    Error::Server { text, exit }
+}
