@@ -143,9 +143,9 @@ fn debian(workspace: &Workspace) -> Result<Toolchain> {
         release(&version()) >= OLDEST && core.is_file() && Path::new("/usr/bin/cargo").is_file()
     };
     if !complete() {
-        apt_install(workspace, PACKAGES).or_else(|error| {
+        apt_install(workspace, PACKAGES, 600).or_else(|error| {
             println!("set-up: {error}");
-            apt_install(workspace, NEWER_PACKAGES)
+            apt_install(workspace, NEWER_PACKAGES, 600)
         })?;
     }
     let linker = || {
@@ -154,7 +154,7 @@ fn debian(workspace: &Workspace) -> Result<Toolchain> {
         linkers.into_iter().find(|linker| linker.is_file())
     };
     if linker().is_none() {
-        apt_install(workspace, LINKER_PACKAGE)?;
+        apt_install(workspace, LINKER_PACKAGE, 600)?;
     }
     let missing = "is too old, or its sources of core are missing, after the installation";
     ensure!(complete(), "{DEBIAN_RUSTC} {missing}");
@@ -172,8 +172,9 @@ fn debian(workspace: &Workspace) -> Result<Toolchain> {
     })
 }
 
-/// Installs Debian packages, parted by blanks, as root or with a sudo that asks for no password.
-pub fn apt_install(workspace: &Workspace, packages: &str) -> Result<()> {
+/// Installs Debian packages, parted by blanks, as root or with a sudo that asks for no password; each
+/// access to the network may take `seconds`.
+pub fn apt_install(workspace: &Workspace, packages: &str, seconds: u32) -> Result<()> {
     let sh = &workspace.sh;
     ensure!(process::installed("apt-get"), "this machine has no apt-get");
     let root = process::output(cmd!(sh, "id -u")).is_some_and(|id| id == "0");
@@ -183,13 +184,15 @@ pub fn apt_install(workspace: &Workspace, packages: &str) -> Result<()> {
         "neither root nor sudo without a password for `apt-get install {packages}`"
     );
     let sudo = if root { "" } else { "sudo -n" };
-    let apt = |words: &str| {
-        let apt = "env DEBIAN_FRONTEND=noninteractive timeout 600 apt-get -q -y";
+    let apt = |seconds: u32, words: &str| {
+        let apt = format!("env DEBIAN_FRONTEND=noninteractive timeout {seconds} apt-get -q -y");
         let words = format!("{sudo} {apt} {words}");
         let command = cmd!(sh, "env").args(words.split_whitespace());
         command.ignore_stdout().run()
     };
     let install = format!("install --no-install-recommends {packages}");
-    // The package list may be old: it is renewed only where the installation fails.
-    Ok(apt(&install).or_else(|_| apt("update").and_then(|()| apt(&install)))?)
+    let fetch = || apt(seconds, &format!("{install} --download-only"));
+    // The package list may be old: it is renewed only where the download fails.
+    fetch().or_else(|_| apt(seconds, "update").and_then(|()| fetch()))?;
+    Ok(apt(600, &install)?)
 }

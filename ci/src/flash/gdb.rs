@@ -16,7 +16,7 @@ const NAMES: [&str; 3] = ["gdb-multiarch", "arm-none-eabi-gdb", "gdb"];
 /// A debugger for the robot's processor, installed where that is possible.
 pub fn find(workspace: &Workspace) -> Result<&'static str> {
     let find = || NAMES.into_iter().find(|name| knows_arm(name));
-    let installed = || apt_install(workspace, "gdb-multiarch").is_ok();
+    let installed = || apt_install(workspace, "gdb-multiarch", 600).is_ok();
     if let Some(name) = find().or_else(|| installed().then(find)?) {
         return Ok(name);
     }

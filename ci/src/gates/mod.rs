@@ -37,7 +37,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 30] = [
+const GATES: [Gate; 31] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -58,6 +58,7 @@ const GATES: [Gate; 30] = [
     ("defects", Change, proofs::defects),
     ("mutants", Change, |session| mutants::of_the_change(session)),
     ("loop", Change, tests::in_the_loop),
+    ("page", Change, tests::page),
     ("demo", Change, tests::demo),
     ("tour", Change, tests::tour),
     ("recording", Change, tests::recording),

@@ -34,7 +34,7 @@ pub fn fmt(session: &Session) -> Result<String> {
 
 /// What the core is checked against must not be edited by hand.
 pub fn vectors(session: &Session) -> Result<String> {
-    if !process::installed("python3") && apt_install(session, "python3").is_err() {
+    if !process::installed("python3") && apt_install(session, "python3", 600).is_err() {
         return fail(Kind::Skipped, "python3 is not installed");
     }
     cmd!(session.sh, "python3 tests/vectors/generate.py --check").run()?;

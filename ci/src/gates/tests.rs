@@ -9,9 +9,10 @@ use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget;
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
-use crate::process::{self, pattern};
+use crate::process::{self, installed, pattern};
 use crate::programs;
 use crate::session::Session;
+use crate::toolchain::apt_install;
 
 pub fn unit(session: &Session) -> Result<String> {
     run(session.cargo("test --no-fail-fast"))
@@ -55,6 +56,19 @@ pub fn recording(session: &Session) -> Result<String> {
         robot.args(words.split(' ')).run()?;
     }
     Ok(cmd!(sh, "{python} {reader} drive.mcap").read()?)
+}
+
+/// The page of `robot serve`, in a browser without a screen.
+pub fn page(session: &Session) -> Result<String> {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    let found = || installed("chromedriver") && browsers.into_iter().any(installed);
+    if !found() && !(apt_install(session, "chromium-driver", 20).is_ok() && found()) {
+        let why = "no chromedriver with its browser, and `apt-get install chromium-driver` failed";
+        return fail(Kind::Skipped, why);
+    }
+    let words = "test --release --package twin --package robot-tests --test page";
+    let test = session.cargo_with_board(words)?.args(["--", "--ignored"]);
+    run(test.env("ROBOT_ELF", &session.image()?.path))
 }
 
 pub fn demo(session: &Session) -> Result<String> {
