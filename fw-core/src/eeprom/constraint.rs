@@ -1,8 +1,8 @@
 //! Conditions between fields.
 
 use super::fields::{
-    BATTERY_CUTOFF, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, RANGEFINDERS, SERVO, TAP_1_UPPER, TAP_2_UPPER,
-    TAP_3_UPPER, TAP_4_UPPER, TAP_5_UPPER, TAP_6_UPPER, TAP_7_UPPER, TAP_8_UPPER,
+    BATTERY_CUTOFF, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, FIELDS, RANGEFINDERS, SERVO, TAP_1_UPPER,
+    TAP_2_UPPER, TAP_3_UPPER, TAP_4_UPPER, TAP_5_UPPER, TAP_6_UPPER, TAP_7_UPPER, TAP_8_UPPER,
 };
 use super::{Config, Divider, Field};
 use crate::wire::Mode;
@@ -28,13 +28,14 @@ enum Condition {
     CutoffAtMostWarn,
 }
 
+#[allow(clippy::indexing_slicing, reason = "evaluated by the compiler")]
 const fn constraint(
     field: &'static Field,
     expected: &'static str,
     condition: Condition,
 ) -> Constraint {
     Constraint {
-        field,
+        field: &FIELDS[field.index as usize],
         expected,
         condition,
     }

@@ -163,7 +163,7 @@ impl Accepted {
 }
 
 /// A field of the register map.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Field {
     /// Where its first byte is stored; the upper byte is the page.
     pub address: u16,

@@ -56,6 +56,12 @@ const fn real(value: f64) -> u64 {
     value.to_bits()
 }
 
+/// A row by itself: some versions of Kani take a constant reference into an array for one to its first element.
+#[allow(clippy::indexing_slicing, reason = "evaluated by the compiler")]
+const fn row(index: Index) -> Field {
+    TABLE[index as usize]
+}
+
 /// One row per field; rows of a battery tap end with its number. Only `FIELDS` is linked into the
 /// firmware.
 macro_rules! fields {
@@ -68,8 +74,7 @@ macro_rules! fields {
         $(
             #[doc = $help]
             #[allow(clippy::doc_markdown, reason = "the help is also printed as plain text")]
-            #[allow(clippy::indexing_slicing, reason = "evaluated by the compiler")]
-            pub const $constant: &Field = &FIELDS[Index::$constant as usize];
+            pub const $constant: &Field = &row(Index::$constant);
         )*
 
         /// Number of fields.

@@ -153,7 +153,7 @@ impl PoseController {
 
     /// Drives to `target` from now on. The same target again has no effect.
     pub fn set_target(&mut self, target: Pose) {
-        if self.phase == Phase::Idle {
+        if matches!(self.phase, Phase::Idle) {
             self.reset_pids();
         } else if target == self.target {
             return;
@@ -171,7 +171,7 @@ impl PoseController {
 
     /// Whether the robot holds the target's pose; false without a target.
     pub fn arrived(&self) -> bool {
-        self.phase == Phase::Hold
+        matches!(self.phase, Phase::Hold)
     }
 
     /// Whether there is a target that is not reached yet.
@@ -200,7 +200,7 @@ impl PoseController {
         self.held_back = false;
         let speed = self.speed.step(delta.travel);
         let turn_rate = self.turn_rate.step(degrees(delta.turn));
-        if self.phase == Phase::Idle || self.phase == Phase::Hold && *pose == self.last_pose {
+        if matches!(self.phase, Phase::Idle) || self.arrived() && *pose == self.last_pose {
             // With an unchanged pose the evaluation would not change.
             return self.mixer.brake();
         }

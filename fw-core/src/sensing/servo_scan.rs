@@ -118,14 +118,14 @@ impl ServoScan {
     /// stop deadline and without a blocking fault.
     // Requirement: WIRE-servo-1, WIRE-servo-3
     pub fn tick(&mut self, live: bool) -> Option<u16> {
-        if self.phase == Phase::Parked {
+        if matches!(self.phase, Phase::Parked) {
             return None;
         }
         if !live {
             self.phase = Phase::Off;
             return None;
         }
-        let pulse_due = self.next_pulse == 0 || self.phase == Phase::Off;
+        let pulse_due = self.next_pulse == 0 || matches!(self.phase, Phase::Off);
         self.next_pulse = if pulse_due {
             PULSE_PERIOD - 1
         } else {
@@ -147,7 +147,7 @@ impl ServoScan {
             Phase::Listening(_) if pulse_due => Phase::Turning(self.step()),
             phase @ (Phase::Listening(_) | Phase::Settled | Phase::Parked) => phase,
         };
-        (pulse_due && self.phase != Phase::Parked).then(|| self.pulse_width())
+        (pulse_due && !matches!(self.phase, Phase::Parked)).then(|| self.pulse_width())
     }
 
     /// Half the width of the scan around straight ahead, turn × 0x10000, cut to the travel: from the next step
@@ -224,7 +224,7 @@ impl ServoScan {
 
     /// The sensor was triggered: the servo rests until every object within range has answered.
     pub fn triggered(&mut self) {
-        if self.phase == Phase::Settled {
+        if matches!(self.phase, Phase::Settled) {
             self.phase = Phase::Listening(LISTEN_TICKS);
         }
     }

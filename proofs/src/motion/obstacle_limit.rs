@@ -285,8 +285,8 @@ pub fn distance_allows_what_stops(stop: AcceptedStop, ahead: i32, backward: i32)
     obstacle.step(&Delta::default());
     let deceleration = u32::from(figures.deceleration_mm_s2);
     let reaction_time = u32::from(figures.reaction_time.0);
-    let clearance = (u32::from(figures.stop_distance_mm) + u32::from(figures.overhang_mm)) << 16;
-    let room = u32::try_from(ahead).unwrap_or(0).saturating_sub(clearance);
+    let clearance = (i32::from(figures.stop_distance_mm) + i32::from(figures.overhang_mm)) << 16;
+    let room = ahead.saturating_sub(clearance).max(0).unsigned_abs();
     let energy = braking_energy(room, deceleration * 125_000);
     let units = stoppable(reaction_speed(deceleration, reaction_time), energy);
     assert!(obstacle.max_forward().unsigned_abs() == units << 8);

@@ -1,12 +1,12 @@
 //! T16: limits of speed, yaw rate, acceleration and duty hold in velocity mode, and zero holds.
 
-use fw_core::eeprom::{Config, VelocityLimits, Wheel};
+use fw_core::eeprom::{Config, ObstacleStop, VelocityLimits, Wheel};
 use fw_core::motion::obstacle_limit::Track;
 use fw_core::motion::velocity_controller::{towards, VelocityRamp};
 use fw_core::motion::{ObstacleLimit, VelocityController};
-use fw_core::types::{MotorCommand, MotorCommands, Velocity};
+use fw_core::types::{Milliseconds, MotorCommand, MotorCommands, Velocity};
 
-use super::obstacle_limit::{AcceptedStop, Event};
+use super::obstacle_limit::Event;
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
 
@@ -33,20 +33,20 @@ fn duty_is_within_limit(command: MotorCommand, wheel: &Wheel) -> bool {
     }
 }
 
-/// Inductive step, from any velocity within its limits, any command and any limit of the obstacle stop:
+/// Inductive step, from any velocity within its limits, any command and any limits of the obstacle stop:
 /// the next one is within them too, no further away than a tick's change but for the obstacle stop, and a
 /// command that is not clipped is followed. So zero is reached after |v| / step ticks.
 // Requirement: WIRE-velocity-3, WIRE-velocity-6, WIRE-obstacle-1
 pub fn ramp_keeps_its_limits(
     ramp: VelocityRamp,
-    stop: AcceptedStop,
-    track: Track,
+    max_forward: i32,
+    max_reverse_mm_s: u16,
     before: Velocity,
     commanded: Velocity,
 ) -> Seen {
     let smallest = ramp.max_speed.min(ramp.max_yaw_rate);
     let smallest = smallest.min(ramp.speed_step).min(ramp.yaw_step);
-    if smallest.min(track.max_forward) < 0 {
+    if smallest.min(max_forward) < 0 || max_reverse_mm_s > 2_000 {
         return Seen::NOTHING;
     }
     let cut = |velocity: Velocity| Velocity {
@@ -57,8 +57,20 @@ pub fn ramp_keeps_its_limits(
     };
     let within = |velocity| cut(velocity) == velocity;
     let before = cut(before);
-    // Any limit backward: that of a configuration.
-    let obstacle = ObstacleLimit::new(&stop.0, false).with_track(track);
+    // The ramp asks for nothing but the two limits.
+    let figures = ObstacleStop {
+        stop_distance_mm: 0,
+        overhang_mm: 0,
+        reaction_time: Milliseconds(0),
+        deceleration_mm_s2: 0,
+        blind_speed_mm_s: 0,
+        reverse_speed_mm_s: max_reverse_mm_s,
+        reverse_distance_mm: 0,
+    };
+    let obstacle = ObstacleLimit::new(&figures, false).with_track(Track {
+        max_forward,
+        ..Track::default()
+    });
     let followed = ramp.step(before, commanded, &obstacle);
     let after = followed.velocity;
     assert!(within(after) && within(followed.target) && !obstacle.limited(after.forward));
@@ -235,7 +247,7 @@ pub fn zero_command_ends_in_the_brake(
 
 crate::properties! {
     property T16 ramp_keeps_its_limits(
-        ramp: VelocityRamp, stop: AcceptedStop, track: Track, before: Velocity, commanded: Velocity
+        ramp: VelocityRamp, max_forward: i32, max_reverse_mm_s: u16, before: Velocity, commanded: Velocity
     ) {
         cases ["clipped", "followed", "slowed by the obstacle stop", "to a stand"];
         needs [accepted_configuration_is_bounded];
