@@ -13,7 +13,7 @@ use robot_tests::serving::{await_motion, serve, stopped_after};
 
 /// Watching clients, and frames that each gets.
 const WATCHERS: usize = 20;
-const FRAMES: usize = 120;
+const FRAMES: usize = 60;
 /// The frame period, and how far a frame may be from it, microseconds.
 const PERIOD_US: (u64, u64) = (25_000, 2_000);
 /// The stop deadline, microseconds.
