@@ -62,7 +62,8 @@ pub fn recording(session: &Session) -> Result<String> {
 pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let found = || installed("chromedriver") && browsers.into_iter().any(installed);
-    if !found() && !(apt_install(session, "chromium-driver", 20).is_ok() && found()) {
+    let ready = found() || (apt_install(session, "chromium-driver", 20).is_ok() && found());
+    if !ready {
         let why = "no chromedriver with its browser, and `apt-get install chromium-driver` failed";
         return fail(Kind::Skipped, why);
     }
