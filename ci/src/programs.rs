@@ -74,9 +74,9 @@ fn bench_on_core(session: &Session, program: &str) -> Result<PathBuf> {
     let target = toolchain.target_dir.join("bench");
     let flags = firmware::target_flags(session)?;
     let _in_bench = session.sh.push_dir("tests/bench");
-    let words = format!("build --locked --release --bin {program} --target-dir");
+    let words = format!("build --locked --release --bin {program}");
     let build = toolchain.cargo(session, &words, &flags);
-    build.arg(&target).run()?;
+    build.arg("--target-dir").arg(&target).run()?;
     Ok(target.join(TARGET).join("release").join(program))
 }
 

@@ -164,6 +164,15 @@ impl Rig {
         self.board.truth().duty == Sides::default()
     }
 
+    /// Ends the check of what the firmware touches: from here on an injected fault has it refused.
+    ///
+    /// # Panics
+    /// Where something has been refused before.
+    pub fn end_check(&mut self) {
+        self.assert_modelled();
+        self.release = false;
+    }
+
     /// Fails where the firmware touched something that no model covers.
     ///
     /// # Panics
