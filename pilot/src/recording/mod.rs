@@ -386,10 +386,9 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
     if !bytes.starts_with(b"\x89MCAP0\r\n") {
         return Err("no recording: it does not begin as MCAP does".into());
     }
-    let stream = MessageStream::new_with_options(
-        records::whole(bytes),
-        mcap::read::Options::IgnoreEndMagic.into(),
-    );
+    let records = records::sound(bytes);
+    let stream =
+        MessageStream::new_with_options(&records, mcap::read::Options::IgnoreEndMagic.into());
     let stream = stream.map_err(|cause| format!("no recording: {cause}"))?;
     let mut samples: Vec<RangeSample> = Vec::new();
     let mut pending = RangeSample::default();
