@@ -308,7 +308,7 @@ impl Error {
     }
 
     /// `path` could not be written.
-    pub fn unwritable(path: impl Into<PathBuf>, cause: &std::io::Error) -> Self {
+    pub fn unwritable(path: impl Into<PathBuf>, cause: &impl std::fmt::Display) -> Self {
         let (path, cause) = (path.into(), cause.to_string());
         Self::Unwritable { path, cause }
     }

@@ -111,12 +111,11 @@ fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
         Err(cause) if cause.kind() == ErrorKind::NotFound => return Ok(()),
         present => present.map_err(|cause| Error::unwritable(path, &cause))?,
     };
-    let refused = |cause: String| Error::Unwritable {
-        path: path.into(),
-        cause,
-    };
     if !present.is_file() {
-        return Err(refused("it is a link, a folder or a device".into()));
+        return Err(Error::unwritable(
+            path,
+            &"it is a link, a folder or a device",
+        ));
     }
     let mut head = Vec::new();
     if kind != Kind::Any {
@@ -126,9 +125,8 @@ fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
     }
     if !head.is_empty() && !kind.holds(&head) {
         let kind = kind.name();
-        return Err(refused(format!(
-            "the file that is there is no {kind}; name another one"
-        )));
+        let cause = format!("the file that is there is no {kind}; name another one");
+        return Err(Error::unwritable(path, &cause));
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! A client of a server: over its socket, or in the same process.
 
 use crate::serve::hub::Port;
-use crate::serve::listener::{Lines, STALLED, TURN, Transport};
+use crate::serve::listener::{Lines, TURN, Transport};
 use crate::serve::protocol::{Activity, Failure, Frame, Message, Request, Tile, VERSION};
 use crate::serve::tiles;
 use host_link::board_io::Interrupt;
@@ -55,11 +55,9 @@ impl Client {
                 });
             }
         };
-        let set = stream.set_read_timeout(Some(TURN));
-        set.and_then(|()| stream.set_write_timeout(Some(STALLED)))
-            .map_err(|cause| lost(&cause.to_string()))?;
+        let lines = Lines::over(stream).map_err(|cause| lost(&cause.to_string()))?;
         let queue = VecDeque::new();
-        let link = Link::Socket(Lines::new(stream));
+        let link = Link::Socket(lines);
         let mut client = Self { link, queue };
         client.request(&Request::Hello {
             version: VERSION,

@@ -171,8 +171,13 @@ pub fn load_map(path: &Path) -> Result<Grid, Error> {
 }
 
 /// The pose as the mapper takes it.
-pub(crate) fn mapper_pose(pose: Pose) -> Pose2 {
+pub fn mapper_pose(pose: Pose) -> Pose2 {
     Pose2::new(pose.x_mm, pose.y_mm, pose.rotation_deg.to_radians())
+}
+
+/// The mapper's pose as the STM reports one.
+pub fn reported_pose(pose: &Pose2) -> Pose {
+    Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
 }
 
 /// The mapper's settings for a configuration: its rangefinders and their bearings.

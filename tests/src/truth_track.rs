@@ -2,6 +2,7 @@
 
 use geometry::wrap_angle;
 use host_link::pose::Pose;
+use pilot::mapping::mapper_pose;
 use twin::plant::Pose2;
 use twin::trace::EventKind;
 use twin::Board;
@@ -37,11 +38,7 @@ impl TruthTrack {
     /// (docs/interfaces.md), is of an earlier tick: the one since whose pose the robot moved most nearly as
     /// it reports.
     pub fn sample(&mut self, board: &Board, reported: Pose) -> [Pose2; 3] {
-        let reported = Pose2::new(
-            reported.x_mm,
-            reported.y_mm,
-            reported.rotation_deg.to_radians(),
-        );
+        let reported = mapper_pose(reported);
         let events = board.take_events();
         let ticks = events.iter().filter(
             |event| matches!(event.kind, EventKind::Write { address, .. } if address == TIM5_CCR1),

@@ -38,10 +38,10 @@ impl Unmodelled {
             .unrouted()
             .iter()
             .map(|(instance, number)| format!("interrupt {number} of {instance} reaches no line"));
-        let objections = session.told().map(|told| {
+        let objections = session.told().map(|objection| {
             format!(
                 "{} {}: {} (first at {} ns)",
-                told.instance, told.register, told.reason, told.at.0
+                objection.instance, objection.register, objection.reason, objection.at.0
             )
         });
         let accesses = unmapped

@@ -78,8 +78,11 @@ pub fn reproducible(session: &Session) -> Result<String> {
     let other = sh.read_binary_file(&second)?;
     if *first != other {
         let mut pairs = first.iter().zip(&other);
-        let at = pairs.position(|(one, other)| one != other);
-        bail!("{} differs from byte {at:x?} on", second.display());
+        let shorter = first.len().min(other.len());
+        let at = pairs
+            .position(|(one, other)| one != other)
+            .unwrap_or(shorter);
+        bail!("{} differs from byte {at:#x} on", second.display());
     }
     sh.remove_path(&elsewhere)?;
     Ok(format!("{} equal bytes", other.len()))

@@ -12,7 +12,7 @@ use host_link::file;
 use host_link::session::Session;
 use host_link::settings::{self, Settings};
 use host_link::statistics::LinkStatistics;
-use mapper::{Cell, Grid, Localiser, Point, Pose2, PoseEstimate};
+use mapper::{Cell, Grid, Localiser, Point, PoseEstimate};
 use navigator::{Explorer, GoTo, Outcome};
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
@@ -80,7 +80,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
     let grid = mapping::load_map(map)?;
     let target = Point::new(goto.x, goto.y);
     let start = goto.start.map(|start| PoseEstimate {
-        pose: Pose2::new(start.x_mm, start.y_mm, start.rotation_deg.to_radians()),
+        pose: mapping::mapper_pose(start),
         covariance: GIVEN_START,
     });
     context.with_board(|connection| {

@@ -69,18 +69,28 @@ pub fn log(client: &mut Client, context: Context<'_>) -> Result<(), Error> {
     }
 }
 
-/// Drives to a pose.
-pub fn go_to(client: &mut Client, goto: &Goto, context: Context<'_>) -> Result<(), Error> {
-    let (target, output) = (goto.target(), context.output);
-    let request = client::goto(target, &goto.criteria.criteria());
-    let mut view = View::default();
-    let driven = client.drive(&request, &interrupt()?, |message| {
+/// Makes a motion and shows it as it goes; how it ended, and what was seen.
+fn drive_live(
+    client: &mut Client,
+    request: &Request,
+    context: Context<'_>,
+) -> Result<(Result<f64, Error>, View), Error> {
+    let (output, mut view) = (context.output, View::default());
+    let driven = client.drive(request, &interrupt()?, |message| {
         if let Message::Frame(frame) = message {
             output.live(&line(frame));
         }
         view.take(message);
     });
     output.end_live();
+    Ok((driven, view))
+}
+
+/// Drives to a pose.
+pub fn go_to(client: &mut Client, goto: &Goto, context: Context<'_>) -> Result<(), Error> {
+    let (target, output) = (goto.target(), context.output);
+    let request = client::goto(target, &goto.criteria.criteria());
+    let (driven, view) = drive_live(client, &request, context)?;
     let seconds = driven?;
     let pose = view
         .frame
@@ -109,21 +119,14 @@ pub fn explore(client: &mut Client, explore: &Explore, context: Context<'_>) -> 
             "--record needs the robot itself: end the server".into(),
         ));
     }
-    let (output, mut view) = (context.output, View::default());
-    let driven = client.drive(&client::EXPLORE, &interrupt()?, |message| {
-        if let Message::Frame(frame) = message {
-            output.live(&line(frame));
-        }
-        view.take(message);
-    });
-    output.end_live();
+    let (driven, view) = drive_live(client, &client::EXPLORE, context)?;
     // What was seen before an error is worth keeping, whatever the error was.
     let explored = Explored {
         files: mapping::save_map(&view.grid(), &view.path, &explore.out)?,
         seconds: driven.as_ref().ok().copied(),
         targets: view.frame.map_or(0, |frame| frame.targets),
     };
-    output.result(&explored, || {
+    context.output.result(&explored, || {
         let Files { png, pgm, yaml } = &explored.files;
         format!(
             "map in {}, {}, {}",

@@ -257,27 +257,6 @@ impl Message for DiagnosticArray {
     );
 }
 
-/// A line of the STM's log.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Log {
-    pub stamp: Time,
-    pub level: u8,
-    pub name: String,
-    pub msg: String,
-    pub file: String,
-    pub function: String,
-    pub line: u32,
-}
-
-impl Message for Log {
-    const NAME: &'static str = "rcl_interfaces/msg/Log";
-    const DEFINITION: &'static str = definition!(
-        "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\nbuiltin_interfaces/Time stamp\n\
-         uint8 level\nstring name\nstring msg\nstring file\nstring function\nuint32 line",
-        "builtin_interfaces/Time": time!()
-    );
-}
-
 /// What a map's cells mean.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMetaData {

@@ -15,9 +15,9 @@ use mapper::{Cell, Grid, map_plot};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, MessageStream, WriteOptions, Writer};
 use messages::{
-    BatteryState, DiagnosticArray, DiagnosticStatus, Header, Imu, KeyValue, Log, MapMetaData,
-    Message, OccupancyGrid, PoseStamped, Quaternion, Range, TfMessage, Time, Transform,
-    TransformStamped, Xyz,
+    BatteryState, DiagnosticArray, DiagnosticStatus, Header, Imu, KeyValue, MapMetaData, Message,
+    OccupancyGrid, PoseStamped, Quaternion, Range, TfMessage, Time, Transform, TransformStamped,
+    Xyz,
 };
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -47,7 +47,6 @@ pub struct Recorder {
     channels: BTreeMap<&'static str, (u16, u32)>,
     flushed_us: u64,
     slow_us: Option<u64>,
-    log: Vec<u8>,
 }
 
 impl Recorder {
@@ -65,11 +64,10 @@ impl Recorder {
             path: path.into(),
             writer: options
                 .create(file)
-                .map_err(|cause| unwritable(path, &cause))?,
+                .map_err(|cause| Error::unwritable(path, &cause))?,
             channels: BTreeMap::new(),
             flushed_us: 0,
             slow_us: None,
-            log: Vec::new(),
         };
         recorder.flush()?;
         Ok(recorder)
@@ -209,31 +207,6 @@ impl Recorder {
         self.write("/diagnostics", us, &message)
     }
 
-    /// Adds bytes of the STM's log, line by line.
-    ///
-    /// # Errors
-    /// [`Error::Unwritable`].
-    pub fn add_log(&mut self, us: u64, bytes: &[u8]) -> Result<(), Error> {
-        self.log.extend(bytes);
-        while let Some(end) = self.log.iter().position(|&byte| byte == b'\n') {
-            let line: Vec<u8> = self.log.drain(..=end).collect();
-            let msg = String::from_utf8_lossy(&line).trim_end().to_owned();
-            let message = Log {
-                stamp: time(us),
-                level: match msg.as_bytes().first() {
-                    Some(b'E') => 40,
-                    Some(b'W') => 30,
-                    _ => 20,
-                },
-                name: "stm".into(),
-                msg,
-                ..Log::default()
-            };
-            self.write("/rosout", us, &message)?;
-        }
-        Ok(())
-    }
-
     /// Adds the map and ends the file with its index.
     ///
     /// # Errors
@@ -269,7 +242,7 @@ impl Recorder {
         };
         self.write("/map", us, &message)?;
         let finished = self.writer.finish();
-        finished.map_err(|cause| unwritable(&self.path, &cause))?;
+        finished.map_err(|cause| Error::unwritable(&self.path, &cause))?;
         let file = self.writer.into_inner().into_inner();
         let synced = file
             .map_err(IntoInnerError::into_error)
@@ -284,7 +257,7 @@ impl Recorder {
         message: &M,
     ) -> Result<(), Error> {
         let written = self.try_write(topic, us, message);
-        written.map_err(|cause| unwritable(&self.path, &cause))
+        written.map_err(|cause| Error::unwritable(&self.path, &cause))
     }
 
     fn try_write<M: Message>(
@@ -321,14 +294,7 @@ impl Recorder {
     fn flush(&mut self) -> Result<(), Error> {
         self.writer
             .flush()
-            .map_err(|cause| unwritable(&self.path, &cause))
-    }
-}
-
-fn unwritable(path: &Path, cause: &dyn std::fmt::Display) -> Error {
-    Error::Unwritable {
-        path: path.into(),
-        cause: cause.to_string(),
+            .map_err(|cause| Error::unwritable(&self.path, &cause))
     }
 }
 
@@ -467,7 +433,6 @@ mod tests {
         for sample in samples() {
             recorder.add(&sample).unwrap();
         }
-        recorder.add_log(1, b"I00000: boot\nW0").unwrap();
         if finish {
             recorder.finish(5_000_000, &Grid::new(25.0)).unwrap();
         } else {

@@ -40,6 +40,18 @@ pub struct Lines<S> {
     buffer: Vec<u8>,
 }
 
+impl Lines<UnixStream> {
+    /// Over a Unix socket, whose time-outs it sets.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn over(stream: UnixStream) -> io::Result<Self> {
+        stream.set_read_timeout(Some(TURN))?;
+        stream.set_write_timeout(Some(STALLED))?;
+        Ok(Self::new(stream))
+    }
+}
+
 impl<S: Read + Write> Lines<S> {
     /// Over a stream whose time-outs are set.
     pub const fn new(stream: S) -> Self {
@@ -185,7 +197,11 @@ pub fn accept<S: Send + 'static>(
     });
 }
 
-const FULL: &str = "the server has as many clients as it takes";
+/// Refuses a client for which there is no place.
+fn refuse_line<S: Read + Write>(stream: S) {
+    let full = "the server has as many clients as it takes".into();
+    let _ = Lines::new(stream).send(&refusal(full, Exit::Busy));
+}
 
 /// The file of a Unix socket, removed at the end.
 pub struct SocketFile(PathBuf);
@@ -210,18 +226,11 @@ pub fn unix(path: &Path, hub: &Hub) -> Result<SocketFile, Error> {
     let file = SocketFile(path.into());
     fs::set_permissions(path, fs::Permissions::from_mode(0o660)).map_err(unwritable)?;
     let client = |stream: UnixStream, port| {
-        let set = stream.set_read_timeout(Some(TURN));
-        if set
-            .and_then(|()| stream.set_write_timeout(Some(STALLED)))
-            .is_ok()
-        {
-            serve(&mut Lines::new(stream), port, None);
+        if let Ok(mut lines) = Lines::over(stream) {
+            serve(&mut lines, port, None);
         }
     };
-    let refuse = |stream| {
-        let _ = Lines::new(stream).send(&refusal(FULL.into(), Exit::Busy));
-    };
-    accept(hub, move || Ok(listener.accept()?.0), client, refuse);
+    accept(hub, move || Ok(listener.accept()?.0), client, refuse_line);
     Ok(file)
 }
 
@@ -260,9 +269,6 @@ pub fn tcp(address: &str, token: &Arc<str>, hub: &Hub) -> Result<(), Error> {
             serve(&mut Lines::new(stream), port, Some(&token));
         }
     };
-    let refuse = |stream| {
-        let _ = Lines::new(stream).send(&refusal(FULL.into(), Exit::Busy));
-    };
-    accept(hub, move || Ok(listener.accept()?.0), client, refuse);
+    accept(hub, move || Ok(listener.accept()?.0), client, refuse_line);
     Ok(())
 }

@@ -49,17 +49,16 @@ pub struct Rules {
 impl Stm32f411 {
     /// Applies the rules to an access that the core has made; `value` is what was read or written.
     pub(crate) fn check_access(&mut self, access: &Access, value: u64) {
-        let Some(instance) = access.program_counter.and(self.bus.slot_at(access.address)) else {
+        if access.program_counter.is_none() {
             return;
-        };
+        }
         let (now, write) = (access.virtual_time, access.kind == AccessKind::Write);
-        if self.rules.resets && self.is_held_in_reset(instance) {
-            self.tell(
-                now,
-                instance,
-                "any",
-                "accessed while RCC holds the block in reset, RM0383 6.3.5",
-            );
+        if self.rules.resets {
+            let slot = self.bus.slot_at(access.address);
+            if let Some(slot) = slot.filter(|&slot| self.is_held_in_reset(slot)) {
+                let reason = "accessed while RCC holds the block in reset, RM0383 6.3.5";
+                self.tell(now, slot, "any", reason);
+            }
         }
         match access.address {
             DMA1..0x4002_6800 => self.check_stream(now, access.address - DMA1, value, write),

@@ -23,6 +23,12 @@ fn part() -> Fixture<Stm32f411> {
     Fixture::new(Stm32f411::new().unwrap())
 }
 
+/// The registers that the models have objected to since the last call.
+fn objections(part: &mut Fixture<Stm32f411>) -> Vec<&'static str> {
+    let all = part.mcu.drain_told().into_iter();
+    all.map(|objection| objection.register).collect()
+}
+
 #[test]
 fn part_has_512_kib_flash_and_128_kib_ram() {
     let part = part();

@@ -9,7 +9,7 @@ use super::protocol::{Activity, Estimate, Failure, Frame, Message};
 use super::tiles::Tiles;
 use crate::exploring::{self, Plan, PlanRunner};
 use crate::hints;
-use crate::mapping::RangeSample;
+use crate::mapping::{self, RangeSample};
 use fw_core::types::Faults;
 use fw_core::wire::{Field, Report};
 use host_link::board_io::BoardIo;
@@ -300,11 +300,7 @@ impl Server {
         self.latest = Some(Frame {
             robot: session.snapshot().clone(),
             estimate: estimate.map(|estimate| Estimate {
-                pose: Pose::new(
-                    estimate.pose.x_mm,
-                    estimate.pose.y_mm,
-                    estimate.pose.heading_rad.to_degrees(),
-                ),
+                pose: mapping::reported_pose(&estimate.pose),
                 deviation_mm: (estimate.covariance[0][0] + estimate.covariance[1][1]).sqrt(),
             }),
             activity: self.activity,

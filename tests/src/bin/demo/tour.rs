@@ -8,7 +8,7 @@ use host_link::drive::{self, ArrivalCriteria};
 use host_link::pose::Pose;
 use host_link::session::{Session, RATE_HZ};
 use mapper::{map_iou, map_plot};
-use pilot::mapping::{mapper_config, Mapping, RangeSample};
+use pilot::mapping::{mapper_config, mapper_pose, reported_pose, Mapping, RangeSample};
 use robot_tests::exploration::{CELL_MM, READY_MS, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;
 use serde_json::{json, Value};
@@ -30,7 +30,7 @@ pub fn run(
     let (mut estimate, mut true_path) = (Vec::new(), Vec::new());
     // Distance and turn to the truth at the tick, and at the frame's end: worst of each, and the last.
     let (mut worst, mut last) = ([[0.0_f64; 2]; 2], [0.0; 2]);
-    let way: Vec<Pose> = room.tour.iter().map(in_degrees).collect();
+    let way: Vec<Pose> = room.tour.iter().map(reported_pose).collect();
     let timer = Timer::start(board);
     drive::tour(
         &mut session,
@@ -43,7 +43,7 @@ pub fn run(
             let [then, _, now] = truth.sample(board, sample.pose);
             let poses = [then, now];
             for (worst, pose) in worst.iter_mut().zip(&poses).rev() {
-                let pose = in_degrees(pose);
+                let pose = reported_pose(pose);
                 last = [
                     sample.pose.distance_mm(pose),
                     sample.pose.rotation_to_deg(pose).abs(),
@@ -68,7 +68,7 @@ pub fn run(
     let grid = mapping.mapper().grid();
     mapping.save_map(&out.join("map"))?;
     std::fs::write(out.join("map.png"), map_plot::map(grid)?)?;
-    let estimate: Vec<Pose2> = estimate.into_iter().map(in_radians).collect();
+    let estimate: Vec<Pose2> = estimate.into_iter().map(mapper_pose).collect();
     let trajectory = map_plot::trajectory(grid, &estimate, &true_path, &walls)?;
     std::fs::write(out.join("trajectory.png"), trajectory)?;
     let score = map_iou(grid, &walls, TOLERANCE_MM);
@@ -91,12 +91,4 @@ pub fn run(
         }),
     );
     Ok(figures)
-}
-
-fn in_degrees(pose: &Pose2) -> Pose {
-    Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
-}
-
-fn in_radians(pose: Pose) -> Pose2 {
-    Pose2::new(pose.x_mm, pose.y_mm, pose.rotation_deg.to_radians())
 }

@@ -42,11 +42,7 @@ fn reported(accesses: &[(u64, u64)]) -> Vec<&'static str> {
         part.mcu.check_access(&access, answer);
         part.act(Stm32f411::poll);
     }
-    part.mcu
-        .drain_told()
-        .into_iter()
-        .map(|told| told.register)
-        .collect()
+    objections(&mut part)
 }
 
 /// A stream that receives, stopped with items left.
@@ -130,8 +126,10 @@ fn clocks_beyond_limits_of_part_are_reported() {
         part.write(CFGR, cfgr);
         part.run(1_000_000);
         part.act(Stm32f411::poll);
-        let told = part.mcu.drain_told();
-        let told: Vec<_> = told.into_iter().map(|told| told.register).collect();
-        assert_eq!(told, expected, "{scale} {wait_states} {cfgr:#x}");
+        assert_eq!(
+            objections(&mut part),
+            expected,
+            "{scale} {wait_states} {cfgr:#x}"
+        );
     }
 }
