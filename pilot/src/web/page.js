@@ -5,10 +5,13 @@ const COLOURS = { "#": [20, 20, 20], ".": [245, 245, 245], " ": [136, 136, 136] 
 const byId = (id) => document.getElementById(id);
 const canvas = byId("map");
 let socket = null, frame = null, cellMm = 25, tiles = new Map(), path = [], dirty = true, driving = false;
-let problem = "", log = [];
+let problem = "", log = [], asked = [];
 
+// Each request gets one reply, in order.
 function send(request) {
-  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
+  if (!socket || socket.readyState !== WebSocket.OPEN) return;
+  asked.push(request.do);
+  socket.send(JSON.stringify(request));
 }
 
 function connect() {
@@ -19,7 +22,7 @@ function connect() {
   };
   socket.onmessage = (event) => take(JSON.parse(event.data));
   socket.onclose = () => {
-    [frame, driving] = [null, false];
+    [frame, driving, asked] = [null, false, []];
     show();
     setTimeout(connect, 2000);
   };
@@ -50,9 +53,12 @@ function take(message) {
   } else if (message.type === "done") {
     driving = false;
     problem = message.error ? message.error.text : `${message.activity}: done`;
-  } else if (message.type === "reply" && message.error) {
-    problem = message.error.text;
-    show();
+  } else if (message.type === "reply") {
+    // A lease is kept in vain once the motion has ended, which `done` reports.
+    if (asked.shift() !== "keep" && message.error) {
+      problem = message.error.text;
+      show();
+    }
   }
   dirty = true;
 }
