@@ -7,10 +7,11 @@ use host_link::board_io::Interrupt;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use pilot::virtual_board::board_io;
+use twin::trace::EventKind;
 use twin::Board;
 
 use crate::exploration::{CHANGES, READY_MS, SPI_HZ};
-use crate::test_board::Rig;
+use crate::test_board::{Rig, BRIDGES};
 
 struct End(Interrupt);
 
@@ -32,6 +33,9 @@ pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
         room: twin::plant::Room::two_rooms(),
         ..twin::Options::default()
     });
+    for (_, port, _) in BRIDGES {
+        rig.trace_writes(port);
+    }
     let (hub, events) = Hub::new();
     let end = End(Interrupt::new());
     let mut io = board_io(&rig.board, SPI_HZ, end.0.clone());
@@ -53,20 +57,24 @@ pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
     });
 }
 
-/// Virtual time from `since_us` until both motors get nothing, microseconds.
+/// Virtual time from `since_us` until both motors get nothing, microseconds. Of the firmware's own writes:
+/// this thread may look at the board long after them.
 ///
 /// # Panics
 /// After 5 s.
 pub fn stopped_after(board: &Board, since_us: u64) -> u64 {
-    loop {
-        let (now_us, truth) = (board.now_us(), board.truth());
-        let after_us = now_us.saturating_sub(since_us);
-        if truth.duty == twin::plant::Sides::default() {
-            return after_us;
-        }
+    while board.truth().duty != twin::plant::Sides::default() {
+        let after_us = board.now_us().saturating_sub(since_us);
         assert!(after_us < 5_000_000, "the motors do not stop");
         thread::sleep(std::time::Duration::from_millis(2));
     }
+    let is_input = |kind: &EventKind| {
+        matches!(*kind, EventKind::Write { address, value }
+            if BRIDGES.iter().any(|&(_, port, inputs)| port == address && value & inputs != 0))
+    };
+    let events = board.take_events();
+    let stop = events.iter().rfind(|event| is_input(&event.kind));
+    (stop.expect("the inputs fell").at_ns / 1000).saturating_sub(since_us)
 }
 
 /// Waits until both wheels turn.

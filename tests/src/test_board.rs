@@ -17,6 +17,13 @@ pub const ELF_OVERFLOW: &str = "ROBOT_ELF_OVERFLOW";
 /// TIM5's compare 1 (RM0383, table 1 and 13.4.21), which every tick writes.
 pub const TIM5_CCR1: u64 = 0x4000_0C34;
 
+/// Right and left motor: TIM4's compare value of the enable, the port's set and reset register, and the bits of
+/// both inputs in it.
+pub const BRIDGES: [(u64, u64, u64); 2] = [
+    (0x4000_083C, 0x4002_0018, 0x000C_000C),
+    (0x4000_0840, 0x4002_0818, 0xC000_C000),
+];
+
 /// READY may take this long, microseconds: a reset, the log's first lines and 1 KiB of EEPROM.
 pub const READY_US: u64 = 200_000;
 

@@ -5,7 +5,7 @@ use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{normal_frame, original_image, NormalReply};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{elf, Rig, ELF_OVERFLOW, ELF_PANIC};
+use robot_tests::test_board::{elf, Rig, BRIDGES, ELF_OVERFLOW, ELF_PANIC};
 use twin::plant::{Room, Sides};
 use twin::trace::EventKind;
 use twin::{Board, Options, ResetSource};
@@ -164,12 +164,6 @@ fn stopped_converter_stops_motors() {
 
 /// TIM4's event generation (RM0383, table 1).
 const TIM4_EGR: u64 = 0x4000_0814;
-/// Right and left motor: TIM4's compare value of the enable, the port's set and reset register, and the bits of
-/// both inputs in it.
-const BRIDGES: [(u64, u64, u64); 2] = [
-    (0x4000_083C, 0x4002_0018, 0x000C_000C),
-    (0x4000_0840, 0x4002_0818, 0xC000_C000),
-];
 /// More than the L298P's slowest turn-off, nanoseconds.
 const DEAD_TIME_NS: u64 = 2_000;
 
