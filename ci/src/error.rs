@@ -17,16 +17,9 @@ pub enum Kind {
 }
 
 /// An error of that kind.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("{1}")]
 pub struct Failure(pub Kind, pub String);
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.1)
-    }
-}
-
-impl std::error::Error for Failure {}
 
 pub fn fail<T>(kind: Kind, text: impl Into<String>) -> Result<T> {
     Err(Failure(kind, text.into()).into())

@@ -4,9 +4,9 @@ mod routine;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::Error;
 use crate::decode::Registers;
 use crate::program::Program;
-use crate::{Error, Options};
 
 /// Code addresses that a caller holds in registers which the callee jumps through.
 pub type Arguments = BTreeMap<u8, Vec<u32>>;
@@ -50,7 +50,6 @@ pub struct Summary {
 /// Computes summaries, each routine once per set of arguments.
 pub struct Analysis<'a> {
     pub program: &'a Program,
-    pub options: &'a Options,
     done: BTreeMap<(u32, Arguments), Summary>,
     /// The registers that a routine was found to need.
     pub needs: BTreeMap<u32, BTreeSet<u8>>,
@@ -63,10 +62,9 @@ pub struct Analysis<'a> {
 }
 
 impl<'a> Analysis<'a> {
-    pub fn of(program: &'a Program, options: &'a Options) -> Self {
+    pub fn of(program: &'a Program) -> Self {
         Self {
             program,
-            options,
             done: BTreeMap::new(),
             needs: BTreeMap::new(),
             open: Vec::new(),

@@ -6,8 +6,8 @@ use std::ops::Range;
 use object::read::elf::{ElfFile32, FileHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags, SymbolKind};
 
+use crate::Error;
 use crate::decode::{Decoder, Effect, Instruction};
-use crate::{Error, Options};
 
 /// Section flags: the section is in memory; it is writable at run time.
 const SHF_ALLOC: u64 = 2;
@@ -37,7 +37,7 @@ impl Program {
     ///
     /// # Errors
     /// [`Error::Elf`] where it is none, or lacks what the analysis needs.
-    pub fn from_elf(bytes: &[u8], options: &Options) -> Result<Self, Error> {
+    pub fn from_elf(bytes: &[u8]) -> Result<Self, Error> {
         let file: ElfFile32<Endianness> =
             ElfFile32::parse(bytes).map_err(|error| Error::Elf(error.to_string()))?;
         if file.elf_header().e_machine(Endianness::Little) != object::elf::EM_ARM {
@@ -82,11 +82,9 @@ impl Program {
         let symbol = |names: &[&str]| names.iter().find_map(|name| symbols.get(name).copied());
         let lacks = |what: &str| Error::Elf(format!("no {what}"));
         let stack = symbol(&["_stack_end"]).zip(symbol(&["_stack_start"]));
-        let stack = options.stack.clone().or(stack.map(|(end, top)| end..top));
-        program.stack = stack.ok_or_else(|| lacks("symbols _stack_start and _stack_end"))?;
-        let table = options
-            .vectors
-            .or_else(|| symbol(&["__vector_table", "__RESET_VECTOR", "__isr_vector"]));
+        let (end, top) = stack.ok_or_else(|| lacks("symbols _stack_start and _stack_end"))?;
+        program.stack = end..top;
+        let table = symbol(&["__vector_table", "__RESET_VECTOR", "__isr_vector"]);
         // cortex-m-rt's symbol is that of the reset vector, the second entry.
         let table = table.map(|at| at & !7);
         let vectors = table.and_then(|at| program.table(at, &marks));
@@ -195,19 +193,18 @@ impl Program {
         }
     }
 
-    /// The functions whose demangled name is, or ends in `::`, this path.
-    pub(crate) fn functions(&self, path: &str) -> Vec<u32> {
+    /// The function whose demangled name is, or ends in `::`, this path.
+    pub(crate) fn function(&self, path: &str) -> Option<u32> {
         let tail = format!("::{path}");
         let fits = |name: &str| name == path || name.ends_with(&tail);
-        let found = self.names.iter().filter(|(_, name)| fits(name));
-        found.map(|(&at, _)| at).collect()
+        let found = self.names.iter().find(|(_, name)| fits(name));
+        found.map(|(&at, _)| at)
     }
 }
 
 /// Whether a name is a mapping symbol: of code (`true`) or of data.
 fn mapping(name: &str) -> Option<bool> {
-    let mark = name.split('.').next().unwrap_or_default();
-    match mark {
+    match name.split('.').next().unwrap_or_default() {
         "$t" => Some(true),
         "$d" => Some(false),
         _ => None,

@@ -54,8 +54,6 @@ impl Level {
 pub struct Report {
     /// From thread mode to the highest priority.
     pub levels: Vec<Level>,
-    /// Bytes if every handler could preempt every other.
-    pub nested: u32,
     /// Bytes of a handler that resets the stack pointer to the top, with an NMI on it; 0 where
     /// there is none.
     pub restarted: u32,
@@ -84,11 +82,10 @@ impl Report {
     /// Names what has no bound, or why an overflow would not fault.
     pub fn of(program: &Program, options: &Options) -> Result<Self, Error> {
         check_guard(program, options)?;
-        let mut analysis = Analysis::of(program, options);
+        let mut analysis = Analysis::of(program);
         if let Some(name) = &options.masked {
-            let found = program.functions(name).first().copied();
             let missing = || Error::Elf(format!("no routine {name}"));
-            analysis.apart = Some(found.ok_or_else(missing)?);
+            analysis.apart = Some(program.function(name).ok_or_else(missing)?);
         }
         let mut handlers = Vec::new();
         for (number, &vector) in program.vectors.iter().enumerate().skip(RESET) {
@@ -100,13 +97,9 @@ impl Report {
         let float = handlers.iter().any(|(.., summary)| summary.float);
         let frame = if float { FLOAT_FRAME } else { FRAME };
         let mut levels: BTreeMap<(i64, u32), Level> = BTreeMap::new();
-        let (mut nested, mut restarted, mut seen) = (0, 0, Vec::new());
+        let mut restarted = 0;
         for (number, at, summary) in &handlers {
             let frame = if *number == RESET { 0 } else { frame };
-            if !seen.contains(at) {
-                seen.push(*at);
-                nested += summary.worst + frame;
-            }
             restarted = restarted.max(summary.restarted);
             let (rank, name) = rank(*number, *at, program, &analysis, options);
             let level = level(program, name, summary, frame);
@@ -132,7 +125,6 @@ impl Report {
         };
         Ok(Self {
             levels: levels.into_values().collect(),
-            nested,
             restarted: if restarted > 0 { restarted + over } else { 0 },
             masked,
             reserved: program.stack.end - program.stack.start,
@@ -145,29 +137,21 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for level in self.masked.iter().chain(&self.levels) {
+            let (name, bytes, frame) = (&level.name, level.bytes(), level.frame);
             writeln!(
                 f,
-                "  {:<18} {:>5} bytes, {} of them exception frames",
-                level.name,
-                level.bytes(),
-                level.frame
+                "  {name:<18} {bytes:>5} bytes, {frame} of them exception frames"
             )?;
             for (name, own) in &level.chain {
                 writeln!(f, "    {own:>6}  {name}")?;
             }
         }
-        let float = if self.float {
-            ", floating-point frames"
-        } else {
-            ""
-        };
+        let float = self.float.then_some(", floating-point frames");
+        let float = float.unwrap_or_default();
+        let (worst, reserved, routines) = (self.worst(), self.reserved, self.routines);
         write!(
             f,
-            "  at most {} of {} bytes ({} if every handler could preempt every other), {} routines{float}",
-            self.worst(),
-            self.reserved,
-            self.nested,
-            self.routines,
+            "  at most {worst} of {reserved} bytes, {routines} routines{float}"
         )
     }
 }
@@ -203,39 +187,29 @@ fn rank(
     };
     let stored = analysis.stores.get(&register).into_iter().flatten();
     let stored: Vec<u8> = stored.copied().collect();
-    let shared = program
-        .vectors
-        .iter()
-        .filter(|&&vector| vector & !1 == at)
-        .count();
+    let shared = program.vectors.iter().filter(|vector| *vector & !1 == at);
     match stored[..] {
         [byte] => {
-            let priority =
-                u32::from(byte) >> 8_u32.saturating_sub(options.priority_bits.unwrap_or(8));
+            let unused = 8_u32.saturating_sub(options.priority_bits.unwrap_or(8));
+            let priority = u32::from(byte) >> unused;
             ((-i64::from(priority), 0), format!("priority {priority}"))
         }
         // A default handler's interrupts keep the priority they have after reset.
-        [] if shared > 1 => ((0, 0), "priority 0".into()),
+        [] if shared.count() > 1 => ((0, 0), "priority 0".into()),
         _ => ((0, at), "priority not found".into()),
     }
 }
 
 /// One byte too many must fault: the stack ends where the RAM begins, and holds nothing else.
 fn check_guard(program: &Program, options: &Options) -> Result<(), Error> {
-    let stack = &program.stack;
+    let (start, end, statics) = (program.stack.start, program.stack.end, program.statics);
     let first = program.vectors.first().copied().unwrap_or_default();
-    let why = if stack.end <= stack.start || !stack.end.is_multiple_of(8) || first != stack.end {
-        format!(
-            "the stack begins at {:#010x}, the vector table says {first:#010x}",
-            stack.end
-        )
-    } else if stack.contains(&program.statics) {
-        format!("a static at {:#010x} lies in the stack", program.statics)
-    } else if options.ram_start.is_some_and(|ram| stack.start != ram) {
-        format!(
-            "an overflow below {:#010x} would overwrite RAM without a fault",
-            stack.start
-        )
+    let why = if end <= start || !end.is_multiple_of(8) || first != end {
+        format!("the stack begins at {end:#010x}, the vector table says {first:#010x}")
+    } else if program.stack.contains(&statics) {
+        format!("a static at {statics:#010x} lies in the stack")
+    } else if options.ram_start.is_some_and(|ram| start != ram) {
+        format!("an overflow below {start:#010x} would overwrite RAM without a fault")
     } else {
         return Ok(());
     };

@@ -19,7 +19,7 @@ fn program(routines: &[&[u16]], words: &[u32]) -> Program {
 }
 
 fn report(routines: &[&[u16]]) -> Result<Report, Error> {
-    program(routines, &[]).bound(&Options::default())
+    Report::of(&program(routines, &[]), &Options::default())
 }
 
 fn worst(routines: &[&[u16]]) -> u32 {
@@ -150,12 +150,6 @@ fn indirect_call_needs_known_targets() {
     let unknown: &[u16] = &[PUSH_R4_LR, 0x6803, 0x4798, POP_R4_PC];
     let deeper: &[u16] = &[PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
     assert_refused(&[unknown, deeper], "unknown address");
-    let stated = Options {
-        calls: vec![("f0".to_owned(), vec!["f1".to_owned()])],
-        ..Options::default()
-    };
-    let report = program(&[unknown, deeper], &[]).bound(&stated).unwrap();
-    assert_eq!(report.worst(), 8 + 16);
     assert_refused(&[&[PUSH_R4_LR, 0x4798, POP_R4_PC]], "through r3");
     // movw r3, #0x0301; movt r3, #0x0800; blx r3
     let known: &[u16] = &[
@@ -188,7 +182,10 @@ fn function_table_is_walked_row_by_row() {
     let rows = [CODE + 0x101, CODE + 0x201];
     let bound = |code: &[u16]| {
         let deeper: &[u16] = &[PUSH_R4_LR, 0xB082, 0xB002, POP_R4_PC];
-        program(&[code, &[BX_LR], deeper], &rows).bound(&Options::default())
+        Report::of(
+            &program(&[code, &[BX_LR], deeper], &rows),
+            &Options::default(),
+        )
     };
     assert_eq!(bound(&code).unwrap().worst(), 16 + 16);
     // One row more than the table has.
@@ -256,7 +253,7 @@ fn offset_table_ends_at_its_first_target() {
         program.add_data(CODE + 4, vec![first, 2]);
         let rest = [BX_LR, PUSH_R4_LR, POP_R4_PC];
         program.add_code(CODE + 6, "f0", &rest).unwrap();
-        program.bound(&Options::default())
+        Report::of(&program, &Options::default())
     };
     assert_eq!(jump(1).unwrap().worst(), 8);
     assert!(jump(0x77).is_err());
@@ -352,9 +349,8 @@ fn handlers_of_one_priority_count_once() {
         priority_bits: Some(4),
         ..Options::default()
     };
-    let report = interrupts().bound(&options).unwrap();
+    let report = Report::of(&interrupts(), &options).unwrap();
     assert_eq!(report.worst(), (20 + 36) + (16 + 36) + 36);
-    assert_eq!(report.nested, (16 + 36) + (20 + 36) + 36);
     assert_eq!(report.restarted, 4 + 16 + 36);
     let names: Vec<_> = report.levels.iter().map(|level| &*level.name).collect();
     assert_eq!(names, ["thread", "priority 2", "HardFault", "NMI"]);
@@ -370,9 +366,9 @@ fn unguarded_stack_is_refused() {
     let refused = |change: fn(&mut Program)| {
         let mut program = interrupts();
         change(&mut program);
-        program.bound(&options).unwrap_err().to_string()
+        Report::of(&program, &options).unwrap_err().to_string()
     };
-    assert!(interrupts().bound(&options).is_ok());
+    assert!(Report::of(&interrupts(), &options).is_ok());
     assert!(refused(|program| program.stack.start += 8).contains("without a fault"));
     assert!(refused(|program| program.statics -= 4).contains("lies in the stack"));
     assert!(refused(|program| program.vectors[0] += 8).contains("vector table"));
@@ -389,8 +385,8 @@ fn masked_routine_counts_apart() {
     program.vectors.resize(17, 0);
     program.vectors[16] = CODE + 0x201;
     let mut options = Options::default();
-    let unmasked = program.bound(&options).unwrap();
+    let unmasked = Report::of(&program, &options).unwrap();
     assert_eq!(unmasked.worst(), 8 + 72 + 16 + 36);
     options.masked = Some("f1".to_owned());
-    assert_eq!(program.bound(&options).unwrap().worst(), 8 + 72);
+    assert_eq!(Report::of(&program, &options).unwrap().worst(), 8 + 72);
 }

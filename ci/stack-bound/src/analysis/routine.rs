@@ -118,10 +118,8 @@ impl<'a> Walk<'_, 'a> {
             None => (Some(true), Vec::new()),
             Some((&runs, rest)) => (runs, rest.to_vec()),
         };
-        let compares = matches!(
-            instruction.effect,
-            Effect::Compare | Effect::CompareConstant(..)
-        );
+        let effect = instruction.effect;
+        let compares = matches!(effect, Effect::Compare | Effect::CompareConstant(..));
         if compares && runs != Some(false) {
             // New flags: the rest of the block may run or not.
             rest.fill(None);
@@ -237,22 +235,11 @@ impl<'a> Walk<'_, 'a> {
             }
             return Ok(rows);
         }
-        let name = program.name(self.entry);
-        let stated = self.analysis.options.calls.iter();
-        let stated =
-            stated.filter(|(caller, _)| name == **caller || name.ends_with(&format!("::{caller}")));
-        let stated: Vec<u32> = stated
-            .flat_map(|(_, callees)| callees)
-            .flat_map(|callee| program.functions(callee))
-            .collect();
-        match (value, stated.is_empty()) {
-            (_, false) => Ok(stated),
-            (Value::AtEntry(register), _) => match self.arguments.get(register) {
-                Some(words) => Ok(words.clone()),
-                None => Err(Failure::Needs(*register)),
-            },
-            _ => self.unbounded(at, "an indirect call to an unknown address"),
-        }
+        let Value::AtEntry(register) = value else {
+            return self.unbounded(at, "an indirect call to an unknown address");
+        };
+        let words = self.arguments.get(register).cloned();
+        words.ok_or(Failure::Needs(*register))
     }
 
     /// The summary of the routine at `entry`, with the arguments it needs taken from `state`.
@@ -296,20 +283,17 @@ impl<'a> Walk<'_, 'a> {
         let Value::OneOf(addresses) = to else {
             return;
         };
-        for (address, nth) in addresses
-            .iter()
-            .flat_map(|address| (0..bytes).map(move |nth| (address, nth)))
-        {
-            let at = address.wrapping_add(u32::from(nth));
-            let stored = self.analysis.stores.entry(at).or_default();
-            match state.get(rt) {
-                Value::OneOf(words) => {
-                    let bytes = words
-                        .iter()
-                        .map(|word| word.to_le_bytes()[usize::from(nth)]);
-                    stored.extend(bytes);
-                }
-                _ => stored.extend([0, u8::MAX]),
+        let words = match state.get(rt) {
+            Value::OneOf(words) => words,
+            _ => vec![0, u32::MAX],
+        };
+        for address in addresses {
+            for nth in 0..bytes {
+                let at = address.wrapping_add(u32::from(nth));
+                let stored = words
+                    .iter()
+                    .map(|word| word.to_le_bytes()[usize::from(nth)]);
+                self.analysis.stores.entry(at).or_default().extend(stored);
             }
         }
     }
