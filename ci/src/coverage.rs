@@ -16,16 +16,14 @@ pub fn run(workspace: &Workspace) -> Result<String> {
     let add = workspace.rustup("component add llvm-tools");
     process::require(has_tools, &add, "LLVM's part of the compiler")?;
     workspace.require_tool("llvm-cov@0.9.1")?;
-    let floor = Budget::read(workspace)?;
-    let floor = floor
-        .value("coverage.at_least.regions_percent")?
-        .to_string();
+    let budget = Budget::read(workspace)?;
+    let floor = budget.value("coverage.at_least.regions_percent")?;
     // Programs of an earlier state of the code would count as never run.
     workspace.cargo("llvm-cov clean --workspace").run()?;
-    let words = "llvm-cov --locked --package fw-core --lib --tests --show-missing-lines";
-    let measure = workspace
-        .cargo(words)
-        .args(["--fail-under-regions", &floor]);
-    measure.args(["--ignore-filename-regex", IGNORED]).run()?;
+    let words = format!(
+        "llvm-cov --locked --package fw-core --lib --tests --show-missing-lines \
+         --fail-under-regions {floor} --ignore-filename-regex {IGNORED}"
+    );
+    workspace.cargo(&words).run()?;
     Ok(format!("at least {floor} % of the regions"))
 }

@@ -68,11 +68,10 @@ impl Defect {
     }
 }
 
-/// A copy of the workspace to change, with a target folder of its own.
+/// A copy of the workspace to change, in a folder that also holds its target folder.
 struct Copy<'a> {
     session: &'a Session,
     root: PathBuf,
-    target: PathBuf,
 }
 
 impl Copy<'_> {
@@ -110,14 +109,20 @@ impl Copy<'_> {
                 let tests = format!("{tests} --package {package} --lib {rest}");
                 let _in_copy = session.sh.push_dir(&self.root);
                 let tests = session.cargo_with_board(&tests)?;
-                failures(tests.env("CARGO_TARGET_DIR", &self.target))
+                failures(tests.env("CARGO_TARGET_DIR", self.root.with_file_name("target")))
             }
         }
     }
 
     fn elf(&self) -> Result<PathBuf> {
-        let toolchain = self.session.toolchain()?;
-        firmware::build_in(self.session, toolchain, &self.root, &self.target, "")
+        let target = self.root.with_file_name("target");
+        firmware::build_in(
+            self.session,
+            self.session.toolchain()?,
+            &self.root,
+            &target,
+            "",
+        )
     }
 }
 
@@ -144,14 +149,9 @@ pub fn run(session: &Session, only: &[String]) -> Result<String> {
 
 /// Tries defects; an error names those that are not noticed.
 pub fn try_all<'a>(session: &Session, defects: impl Iterator<Item = &'a Defect>) -> Result<String> {
-    let folder = session.target.join("defects");
-    let (root, target) = (folder.join("workspace"), folder.join("target"));
+    let root = session.target.join("defects/workspace");
     session.copy_to(&root)?;
-    let copy = Copy {
-        session,
-        root,
-        target,
-    };
+    let copy = Copy { session, root };
     let (mut noticed, mut missed) = (Vec::new(), Vec::new());
     for defect in defects {
         println!("\n== {}: {}", defect.name, defect.description);

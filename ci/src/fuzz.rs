@@ -3,7 +3,7 @@
 use xshell::{Cmd, cmd};
 
 use crate::error::{Context, Kind, Result, ensure, fail};
-use crate::process::{self, pattern};
+use crate::process::{self, captures};
 use crate::workspace::Workspace;
 
 /// `cargo fuzz` by nightly Rust.
@@ -25,13 +25,10 @@ pub fn run(workspace: &Workspace, only: Option<&str>, seconds: Option<u32>) -> R
     let install = workspace.rustup("toolchain install nightly --profile minimal");
     process::require(nightly, &install, "nightly Rust")?;
     workspace.require_tool("fuzz@0.13.1")?;
-    let all = workspace.texts("fuzz/fuzz_targets", "rs")?;
-    let all = all
-        .iter()
-        .filter_map(|(file, _)| file.rsplit('/').next()?.strip_suffix(".rs"));
-    let targets: Vec<_> = all
-        .filter(|name| only.is_none_or(|only| only == *name))
-        .collect();
+    let files = workspace.files("fuzz/fuzz_targets")?;
+    let names = files.iter().filter_map(|file| file.file_stem()?.to_str());
+    let chosen = |name: &&str| only.is_none_or(|only| only == *name);
+    let targets: Vec<_> = names.filter(chosen).collect();
     if targets.is_empty() {
         return fail(Kind::Usage, "no such file in fuzz/fuzz_targets");
     }
@@ -65,14 +62,13 @@ pub fn run(workspace: &Workspace, only: Option<&str>, seconds: Option<u32>) -> R
 
 /// The executions in libFuzzer's last line of figures, `#9 DONE cov: 455 ft: 1803 corp: 9/1Kb exec/s: 3`.
 fn executions(text: &str) -> Option<u64> {
-    let line = pattern(r"(?m)^#(\d+)\s.*?cov: ");
-    line.captures_iter(text).last()?[1].parse().ok()
+    let lines = captures(text, r"(?m)^#(\d+)\s.*?cov: ");
+    lines.last()?.parse().ok()
 }
 
 #[test]
 fn executions_are_read_from_the_last_line() {
-    let text =
-        "#2\tINITED cov: 11 ft: 12\n#9\tDONE   cov: 455 ft: 1803\nDone 9 runs in 1 second(s)\n";
+    let text = "#2\tINITED cov: 11 ft: 12\n#9\tDONE   cov: 455 ft: 1803\nDone 9 runs in 1 s\n";
     assert_eq!(executions(text), Some(9));
     assert_eq!(executions("Done 5 runs"), None);
 }

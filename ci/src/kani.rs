@@ -6,7 +6,7 @@
 
 use crate::budget::Budget;
 use crate::error::{Context, Kind, Result, ensure, fail};
-use crate::process::{self, pattern};
+use crate::process::{self, captures, pattern};
 use crate::workspace::Workspace;
 
 /// Why Kani is not run, and how it would be.
@@ -75,16 +75,13 @@ fn harness(section: &str, limit: f64) -> Option<Harness<'_>> {
     let covers = pattern(r"(?m)^ \*\* (\d+) of (\d+) cover properties satisfied").captures(text);
     let covers = covers.and_then(|found| found[1].parse().ok().zip(found[2].parse().ok()));
     let (some, all): (u32, u32) = covers.unwrap_or_default();
-    let seconds = pattern(r"(?m)^Verification Time: ([\d.]+)s").captures(text);
-    let seconds = seconds.and_then(|found| found[1].parse().ok());
+    let seconds = captures(text, r"(?m)^Verification Time: ([\d.]+)s");
+    let seconds = seconds.first().and_then(|seconds| seconds.parse().ok());
     let seconds: f64 = seconds.unwrap_or(0.0);
     println!("  {seconds:7.1} s  {some} of {all} covers  {name}");
     // An assertion that cannot be reached is no failure.
-    let unreached = pattern(r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#);
-    let unreached = unreached
-        .captures_iter(text)
-        .map(|found| found[1].to_owned());
-    let unreached = unreached.collect::<Vec<_>>().join(", ");
+    let unreached = r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#;
+    let unreached = captures(text, unreached).join(", ");
     let complaint = if !text.contains("\nVERIFICATION:- SUCCESSFUL\n") {
         "is not proven".into()
     } else if all == 0 {
@@ -103,24 +100,19 @@ fn harness(section: &str, limit: f64) -> Option<Harness<'_>> {
 /// Prints each harness; the closing figure of a run in which the `chosen` ones were proven.
 fn judge(text: &str, chosen: &[&str], limit: f64) -> Result<String> {
     let sections = text.split("Checking harness ").skip(1);
-    let harnesses: Vec<_> = sections
-        .filter_map(|section| harness(section, limit))
-        .collect();
-    let complaints = harnesses
-        .iter()
-        .filter_map(|(.., complaint)| complaint.clone());
+    let harnesses = sections.filter_map(|section| harness(section, limit));
+    let harnesses: Vec<_> = harnesses.collect();
+    let complaints = harnesses.iter().filter_map(|harness| harness.2.clone());
     let checked = |name: &str| harnesses.iter().any(|harness| harness.0 == name);
     let unchecked = chosen.iter().filter(|name| !checked(name));
     let complaints = complaints.chain(unchecked.map(|name| format!("{name} was not checked")));
     let complaints = complaints.collect::<Vec<_>>().join("; ");
     ensure!(complaints.is_empty(), complaints);
     // After the last harness: a run that was cut short has no such line.
-    let complete = pattern(r"(?m)^Complete - (.*)$").captures_iter(text).last();
-    let slowest = harnesses
-        .iter()
-        .max_by(|one, other| one.1.total_cmp(&other.1));
-    let (complete, slowest) = complete.zip(slowest).context("Kani did not complete")?;
-    let (complete, (name, seconds, _)) = (&complete[1], slowest);
+    let complete = captures(text, r"(?m)^Complete - (.*)$").pop();
+    let slowest = harnesses.iter().max_by(|one, two| one.1.total_cmp(&two.1));
+    let both = complete.zip(slowest);
+    let (complete, (name, seconds, _)) = both.context("Kani did not complete")?;
     let sum: f64 = harnesses.iter().map(|harness| harness.1).sum();
     let longest = format!("the longest, {name}, took {seconds:.0} s.");
     Ok(format!("{complete} {sum:.0} s in all; {longest}"))
@@ -175,9 +167,8 @@ VERIFICATION:- SUCCESSFUL => VERIFICATION:- FAILED => arrives::harness::proof is
 span_survives => x => span_survives_the_wrap::harness::proof was not
 Complete -  => error: => Kani did not complete";
     for case in cases.lines() {
-        let [from, to, complaint] = case.split(" => ").collect::<Vec<_>>()[..] else {
-            panic!("{case}");
-        };
+        let parts: Vec<_> = case.split(" => ").collect();
+        let (from, to, complaint) = (parts[0], parts[1], parts[2]);
         let mut text = GOOD.replacen(from, to, 1);
         if complaint.contains("across") {
             text = text.replacen("SATISFIED", "UNREACHABLE", 1);

@@ -9,9 +9,8 @@ use crate::workspace::Workspace;
 /// Tries mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
 pub fn run(workspace: &Workspace, arguments: &[String]) -> Result<String> {
     workspace.require_tool("mutants@27.1.0")?;
-    let mutation = workspace
-        .cargo("run --quiet --package mutation -- --config ci/mutation.toml --lister cargo");
-    let (success, text) = process::tee(mutation.args(arguments))?;
+    let words = "run --quiet --package mutation -- --config ci/mutation.toml --lister cargo";
+    let (success, text) = process::tee(workspace.cargo(words).args(arguments))?;
     let last = text.trim().lines().last().unwrap_or_default().to_owned();
     if success { Ok(last) } else { bail!(last) }
 }
@@ -26,14 +25,12 @@ pub fn of_the_change(workspace: &Workspace) -> Result<String> {
         return fail(Kind::Skipped, "no commit to compare with");
     };
     let diff = cmd!(sh, "git diff --merge-base {base} --name-only --");
-    let changed = diff.args([
-        "fw-core/src",
-        "ci/mutation.toml",
-        "ci/mutation-excuses.toml",
-    ]);
+    let changed = diff.args("fw-core/src ci/mutation.toml ci/mutation-excuses.toml".split(' '));
     if process::output(changed).is_none_or(|files| files.is_empty()) {
-        let unchanged = format!("nothing in the core changed since {base}");
-        return fail(Kind::Skipped, unchanged);
+        return fail(
+            Kind::Skipped,
+            format!("nothing in the core changed since {base}"),
+        );
     }
     let arguments = ["--since", &base, "--seconds", "60"];
     run(workspace, &arguments.map(str::to_owned))

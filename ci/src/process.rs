@@ -54,6 +54,13 @@ pub fn installed(program: &str) -> bool {
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }
 
+/// What the first group of a pattern matches, each time.
+pub fn captures<'t>(text: &'t str, of: &str) -> Vec<&'t str> {
+    let of = pattern(of);
+    let found = of.captures_iter(text).filter_map(|found| found.get(1));
+    found.map(|group| group.as_str()).collect()
+}
+
 /// A pattern of this program's own.
 pub fn pattern(text: &str) -> Regex {
     Regex::new(text).expect("a pattern that a test runs")

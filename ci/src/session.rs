@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::ops::Deref;
 
-use crate::error::Result;
+use crate::error::{Context, Result};
 use crate::firmware::{self, Image};
 use crate::toolchain::{Provider, Toolchain};
 use crate::workspace::Workspace;
@@ -50,9 +50,8 @@ impl Session {
 }
 
 fn once<T>(cell: &OnceCell<T>, find: impl FnOnce() -> Result<T>) -> Result<&T> {
-    let found = match cell.get() {
-        None => Some(find()?),
-        Some(_) => None,
-    };
-    Ok(cell.get_or_init(|| found.expect("just found")))
+    if cell.get().is_none() {
+        let _ = cell.set(find()?);
+    }
+    cell.get().context("just found")
 }

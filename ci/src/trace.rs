@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Result;
-use crate::process::pattern;
+use crate::process::{captures, pattern};
 use crate::workspace::Workspace;
 
 const REQUIREMENTS: &str = "docs/requirements.md";
@@ -41,12 +41,10 @@ impl Trace {
             trace.read_source(&name, &source);
         }
         for (id, Requirement { code, checks, .. }) in &trace.requirements {
-            if code.is_empty() {
-                trace.findings.push(format!("{id}: no code cites it"));
-            }
-            if checks.is_empty() {
-                let unchecked = format!("{id}: no test or property cites it");
-                trace.findings.push(unchecked);
+            for (places, what) in [(code, "code"), (checks, "test or property")] {
+                if places.is_empty() {
+                    trace.findings.push(format!("{id}: no {what} cites it"));
+                }
             }
         }
         Ok(trace)
@@ -72,21 +70,20 @@ impl Trace {
     /// The requirements of the page: `- ID: sentence`; and of the document, by the middle of `DOC-…`: each
     /// section has one, or a line `- SECTION: what it says, and why that is none`.
     fn read_requirements(&mut self, page: &str) {
-        for row in pattern(r"(?m)^- ((?:DOC|NAV|SERVE|WIRE)-[\w.]+-\d+): (.*)$").captures_iter(page)
-        {
+        let rows = pattern(r"(?m)^- ((?:DOC|NAV|SERVE|WIRE)-[\w.]+-\d+): (.*)$");
+        for row in rows.captures_iter(page) {
             self.add(row[1].to_owned(), row[2].to_owned());
         }
         let ids = self.requirements.keys();
         let demanding = ids.filter_map(|id| id.strip_prefix("DOC-")?.split('-').next());
         let mut accounted: BTreeSet<_> = demanding.collect();
-        let other = pattern(r"(?m)^- ([\d.]+): ");
-        accounted.extend(other.captures_iter(page).map(|row| row.extract::<1>().1[0]));
+        accounted.extend(captures(page, r"(?m)^- ([\d.]+): "));
         let document: BTreeSet<_> = DOCUMENT.split(' ').collect();
-        let missing = document.difference(&accounted);
-        let missing = missing.map(|section| format!("no line of section {section}"));
-        let unknown = accounted.difference(&document);
-        let unknown = unknown.map(|section| format!("there is no section {section}"));
-        self.findings.extend(missing.chain(unknown));
+        for section in document.symmetric_difference(&accounted) {
+            let known = document.contains(section);
+            let what = if known { "no line of" } else { "there is no" };
+            self.findings.push(format!("{what} section {section}"));
+        }
     }
 
     /// The requirements of `docs/interfaces.md`: `[A, B-1 to 3]` ends the text of A, B-1, B-2 and B-3, which
@@ -98,8 +95,8 @@ impl Trace {
             let (name, body) = section.split_once('\n').unwrap_or((section, ""));
             let name = name.trim_start_matches(['#', ' ']);
             if !mark.is_match(body) && !body.trim().is_empty() {
-                let none = format!("{INTERFACES}: \"{name}\" states no requirement");
-                self.findings.push(none);
+                self.findings
+                    .push(format!("{INTERFACES}: \"{name}\" states no requirement"));
             }
             for paragraph in body.split("\n\n") {
                 let mut start = 0;
@@ -137,12 +134,11 @@ impl Trace {
                 self.findings.push(format!("{place}: cites above nothing"));
             }
             for id in citation[1].split(',').map(str::trim) {
+                let unknown = format!("{place}: {id} is no requirement");
                 match self.requirements.get_mut(id) {
                     Some(one) if check || at > tests => one.checks.push(place.clone()),
                     Some(one) => one.code.push(place.clone()),
-                    None => self
-                        .findings
-                        .push(format!("{place}: {id} is no requirement")),
+                    None => self.findings.push(unknown),
                 }
             }
         }
@@ -186,10 +182,8 @@ fn mark_ends_the_text_of_its_requirements() {
         found,
         ": \"Title\" states no requirement; WIRE-a-1 for the second time"
     );
-    let found = trace
-        .requirements
-        .iter()
-        .map(|(id, one)| format!("{id} {}", one.text));
+    let found = trace.requirements.iter();
+    let found = found.map(|(id, one)| format!("{id} {}", one.text));
     let expected = "DOC-1-1 B: It [does](x.md)|WIRE-a-1 B: More|WIRE-b-1 B: Then it stops|\
                     WIRE-b-2 B: Then it stops";
     assert_eq!(found.collect::<Vec<_>>().join("|"), expected);
@@ -209,10 +203,8 @@ fn citation_is_code_or_check_by_its_place() {
                 CITES DOC-1-1\nfn t() {}\n";
     read("a/src/b.rs", code);
     read("proofs/src/c.rs", "CITES WIRE-a-1\nx");
-    read(
-        "c.rs",
-        "CITES WIRE-a-2\nfn f() {}\nCITES WIRE-a-2\n#[test]\nfn t() {}\n",
-    );
+    let test = "CITES WIRE-a-2\nfn f() {}\nCITES WIRE-a-2\n#[test]\nfn t() {}\n";
+    read("c.rs", test);
     read("a.rs", "CITES DOC-1-2\nfn f() {}\nCITES WIRE-a-2\n\n");
     let expected = "a.rs:1: DOC-1-2 is no requirement; a.rs:3: cites above nothing";
     assert_eq!(trace.findings.join("; "), expected);

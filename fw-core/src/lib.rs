@@ -39,16 +39,6 @@
 //!
 //! The same code runs in the firmware, on the Pi and under the proofs. It allocates nothing, never
 //! panics, uses no floating-point arithmetic and no `unsafe`.
-//!
-//! | module | what it decides |
-//! |---|---|
-//! | [`wire`] | SPI frames: one file per strategy, the chains, the modes, both ends |
-//! | [`eeprom`] | the register map: [`eeprom::FIELDS`], image → [`eeprom::Config`] |
-//! | [`motion`] | heading and position, PID, pose controller, stop deadline |
-//! | [`sensing`] | battery, rangefinders, gyroscope |
-//! | [`robot`] | one value, one method per event |
-//! | [`log`] | the UART log's lines and their queue |
-//! | [`types`] | units, pose, faults, motor commands, rangefinder ids |
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(

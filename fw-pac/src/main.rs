@@ -1,23 +1,4 @@
 //! The firmware of the STM32F411RE: registers, DMA and interrupts around `fw-core`, which decides.
-//!
-//! | module | content |
-//! |---|---|
-//! | [`registers`], [`priority`] | access to peripherals, ownership by interrupt priority |
-//! | [`clock`] | RCC, PWR, flash: 100 MHz |
-//! | [`gpio`], [`board`] | pins, and the board's names for them |
-//! | [`dma`] | one stream |
-//! | [`watchdog`], [`reset`] | IWDG, reset cause |
-//! | [`time`], [`tick`] | TIM5: microseconds; tick |
-//! | [`uart`] | USART1: the log |
-//! | [`i2c`], [`eeprom`], [`gyro`] | I2C1: the configuration at boot, the MPU6050 afterwards |
-//! | [`spi`] | SPI1: frames |
-//! | [`encoders`], [`motors`] | TIM2, TIM3; TIM4 and the bridges |
-//! | [`rangefinders`], [`servo`], [`adc`], [`leds`] | sensors, TIM1, LEDs |
-//! | [`exti`] | edges |
-//! | [`app`] | events into the core, outputs to the registers |
-//! | [`interrupts`] | every handler and its priority |
-//! | [`memory`] | memcpy and memset |
-//! | [`safe_state`], [`fault_injection`] | the end of every failure |
 #![no_std]
 #![no_main]
 #![allow(

@@ -73,23 +73,6 @@
 //! |---|---|
 //! | `linux` | [`board_io::BoardIo`] on spidev, i2c-dev and gpiochip of a Raspberry Pi |
 //! | `mock` | [`board_io::BoardIo`] in memory, with faults at any call, for tests |
-//!
-//! | module | content |
-//! |---|---|
-//! | [`board_io`] | lines and buses of one board; Ctrl-C as a flag |
-//! | [`reset`] | RESET and `STM_READY` |
-//! | [`eeprom`] | the EEPROM and the guard of its bus |
-//! | [`settings`] | the configuration file |
-//! | [`link`] | the exchange of one frame, counted |
-//! | [`statistics`] | the counters of both ends |
-//! | [`session`] | paced frames, the latest reports, detection of a lost link |
-//! | [`drive`] | to a pose, along a tour; stopped on every path |
-//! | [`pose`] | millimetres and degrees from and to the wire's codes |
-//! | [`snapshot`] | the latest values in physical units |
-//! | [`uart`] | the STM's log as bytes |
-//! | [`log`] | the STM's log as lines |
-//! | [`mod@file`] | bounded inputs, outputs that are whole and replace no foreign file |
-//! | [`error`] | every failure as one sentence, with its exit code |
 #![forbid(unsafe_code)]
 
 pub mod board_io;

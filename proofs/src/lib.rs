@@ -14,20 +14,6 @@
 //! `cargo kani -p proofs` runs every harness, `cargo test -p proofs` every test of the same
 //! properties; `cargo run -p proofs --example theorems` lists them. `docs/proofs.md` states bounds,
 //! cost, and what is not proven.
-//!
-//! | module | properties |
-//! |---|---|
-//! | [`units`] | T0: arithmetic of the units |
-//! | [`wire`] | T1, T2: frames, links, codes |
-//! | [`binary64`] | T4: binary64 to fixed point and back |
-//! | [`eeprom`] | T3, T5: the image, bounds of an accepted configuration |
-//! | [`motion`] | T5 to T8, T14 to T16: heading, position, controllers, mixer, drive monitor, stop deadline, obstacle stop |
-//! | [`sensing`] | T5, T6, T9, T10: gyroscope, rangefinders, battery |
-//! | [`log`] | T13: the log's queue |
-//! | [`robot`] | T5, T8, T14: the whole robot under any order of events |
-//! | [`property`] | declaration of properties |
-//! | [`input`] | sources of inputs |
-//! | [`search`] | explicit-state search, used by the models in `tests/` |
 #![forbid(unsafe_code)]
 #![allow(
     clippy::missing_panics_doc,

@@ -1,4 +1,4 @@
-//! The units' own arithmetic.
+//! T0: the units' own arithmetic.
 
 use crate::property::Seen;
 use fw_core::types::{Duty, Micros, Turns};

@@ -22,17 +22,6 @@
 //! Virtual time passes only inside transfers, delays and the `run` methods, and everything that
 //! happens depends on it and on the seed: a run can be repeated bit for bit.
 //!
-//! # Modules
-//! | module | contents |
-//! |---|---|
-//! | [`board`], [`measurement`], [`fault_injection`] | the handle: boot, let time pass, inspect, measure, break |
-//! | [`hal`] | the Pi's SPI, I2C, GPIO and delay as embedded-hal 1.0 |
-//! | [`trace`] | instructions and times of functions and signals |
-//! | [`unmodelled`] | accesses that the models do not cover |
-//! | [`emulator`], [`virtual_board`] | the emulator on its thread, and the machine it runs |
-//! | [`soc`], [`peripherals`] | the STM32F411: `rigless`'s models, and ours for what it has none |
-//! | [`board_model`], [`components`], [`pinout`] | the board |
-//!
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
 //! with its temperature sensor and voltage reference, TIM1 to TIM3, TIM5, IWDG, NVIC, `SysTick`, DWT. By

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{check_bars, passed_without};
 use crate::budget::figure;
 use crate::elf::{BANNED, Elf, Sizes};
-use crate::error::{Context, Result, bail, ensure};
+use crate::error::{Context, Result, ensure};
 use crate::firmware;
 use crate::session::Session;
 use crate::stack::{self, Bound};
@@ -56,11 +56,8 @@ pub fn check_stack_use(session: &Session, report: &Value) -> Result<(f64, u32)> 
     let Bound { worst, .. } = stack::bound(session, &session.image()?.path)?;
     let used = figure(report, "stack_used_bytes");
     let used = used.context("stack_used_bytes is not in the report")?;
-    let good = used > 0.0 && used <= f64::from(worst);
-    ensure!(
-        good,
-        "the run used {used} bytes of stack, computed are at most {worst}"
-    );
+    let why = format!("the run used {used} bytes of stack, computed are at most {worst}");
+    ensure!(used > 0.0 && used <= f64::from(worst), why);
     Ok((used, worst))
 }
 
@@ -68,22 +65,14 @@ pub fn check_stack_use(session: &Session, report: &Value) -> Result<(f64, u32)> 
 pub fn reproducible(session: &Session) -> Result<String> {
     let (sh, first) = (&session.sh, &session.image()?.bytes);
     // Elsewhere and deeper, so that no path has the same length by chance.
-    let elsewhere = session
-        .target
-        .join("reproducible/a folder of another length");
+    let elsewhere = "reproducible/a folder of another length";
+    let elsewhere = session.target.join(elsewhere);
     sh.remove_path(&elsewhere)?;
     session.copy_to(&elsewhere)?;
     let (toolchain, target) = (session.toolchain()?, elsewhere.join("target"));
     let second = firmware::build_in(session, toolchain, &elsewhere, &target, "")?;
     let other = sh.read_binary_file(&second)?;
-    if *first != other {
-        let mut pairs = first.iter().zip(&other);
-        let shorter = first.len().min(other.len());
-        let at = pairs
-            .position(|(one, other)| one != other)
-            .unwrap_or(shorter);
-        bail!("{} differs from byte {at:#x} on", second.display());
-    }
+    ensure!(*first == other, "{} differs", second.display());
     sh.remove_path(&elsewhere)?;
     Ok(format!("{} equal bytes", other.len()))
 }

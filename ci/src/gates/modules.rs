@@ -104,8 +104,7 @@ impl Modules {
     fn cycle(&self) -> BTreeSet<&String> {
         let mut left: BTreeSet<_> = self.uses.keys().collect();
         loop {
-            let uses =
-                |one: &String, other: &String| one != other && self.uses[one].contains(other);
+            let uses = |one: &String, two: &String| one != two && self.uses[one].contains(two);
             let is_inside = |module: &&String| {
                 left.iter().any(|other| uses(other, module))
                     && left.iter().any(|other| uses(module, other))
@@ -122,18 +121,15 @@ impl Modules {
 /// The words that follow the crate's root in paths, `a` in `crate::a::B`, `a` and `c` in
 /// `super::{a::B, c}` of a module of `depth` 1; without the tests at the end of the file.
 fn paths(source: &str, depth: usize) -> BTreeSet<String> {
-    let comment = pattern(r"(?m)^ *//.*$").replace_all(source, "");
-    let code = comment
-        .split("\n#[cfg(test)]\nmod tests {")
-        .next()
-        .unwrap_or_default();
+    let bare = pattern(r"(?m)^ *//.*$").replace_all(source, "");
+    let code = bare.split("\n#[cfg(test)]\nmod tests {").next();
     let inner = pattern(r"\{[^{}]*\}");
     let root = format!(
         r"(?:^|[^\w$:])(?:crate::|(?:super::){{{depth}}})(\w+|\{{(?:[^{{}};]|\{{[^{{}}]*\}})*\}})"
     );
     let first = pattern(r"(?:^|,)\s*(\w+)");
     let mut names = BTreeSet::new();
-    for path in pattern(&root).captures_iter(code) {
+    for path in pattern(&root).captures_iter(code.unwrap_or_default()) {
         let group = path[1].trim_start_matches('{').trim_end_matches('}');
         let group = inner.replace_all(group, "");
         names.extend(first.captures_iter(&group).map(|name| name[1].to_owned()));
@@ -151,7 +147,7 @@ fn cycle_is_found_in_every_notation_but_not_in_tests_or_comments() {
         ("use super::D;\n", true),
         ("use crate::a::c;\nuse super::C;\n", false),
         (
-            "\n#[cfg(test)]\nmod tests {\n    use crate::b::C;\n}\n",
+            "\n#[cfg(test)]\nmod tests {\n    use crate::b::C;\n}",
             false,
         ),
         ("/// See [`crate::b`].\nstruct S;\n", false),

@@ -9,7 +9,7 @@ use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget;
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
-use crate::process::{self, installed, pattern};
+use crate::process::{self, captures, installed};
 use crate::programs;
 use crate::session::Session;
 use crate::toolchain::apt_install;
@@ -29,10 +29,8 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
 /// Two independent readers read what the program records on the virtual board.
 pub fn recording(session: &Session) -> Result<String> {
     let (sh, folder) = (&session.sh, session.target.join("recording"));
-    let (venv, reader) = (
-        folder.join("python"),
-        session.root.join("tests/recording/read.py"),
-    );
+    let reader = session.root.join("tests/recording/read.py");
+    let venv = folder.join("python");
     let python = venv.join("bin/python");
     let packages = ["mcap==1.6.0", "mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
     let install = cmd!(sh, "{python} -m pip install --quiet {packages...}");
@@ -49,11 +47,8 @@ pub fn recording(session: &Session) -> Result<String> {
         "eeprom write robot.toml",
         "map tour --out map --record drive.mcap",
     ] {
-        let robot = cmd!(
-            sh,
-            "{program} --virtual --elf {elf} --eeprom-image eeprom.bin"
-        );
-        robot.args(words.split(' ')).run()?;
+        let robot = cmd!(sh, "{program} --virtual --elf {elf}").args(words.split(' '));
+        robot.args(["--eeprom-image", "eeprom.bin"]).run()?;
     }
     Ok(cmd!(sh, "{python} {reader} drive.mcap").read()?)
 }
@@ -62,8 +57,7 @@ pub fn recording(session: &Session) -> Result<String> {
 pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let found = || installed("chromedriver") && browsers.into_iter().any(installed);
-    let ready = found() || (apt_install(session, "chromium-driver", 20).is_ok() && found());
-    if !ready {
+    if !found() && (apt_install(session, "chromium-driver", 20).is_err() || !found()) {
         let why = "no chromedriver with its browser, and `apt-get install chromium-driver` failed";
         return fail(Kind::Skipped, why);
     }
@@ -72,15 +66,8 @@ pub fn page(session: &Session) -> Result<String> {
     run(test.env("ROBOT_ELF", &session.image()?.path))
 }
 
-pub fn demo(session: &Session) -> Result<String> {
-    run_demo(session, "demo", &[])
-}
-
-pub fn tour(session: &Session) -> Result<String> {
-    run_demo(session, "tour", &["--tour".into()])
-}
-
-fn run_demo(session: &Session, kind: &str, arguments: &[String]) -> Result<String> {
+/// The demo, or with `--tour` among the arguments the tour: `kind` is its name.
+pub fn demo(session: &Session, kind: &str, arguments: &[String]) -> Result<String> {
     let ran = programs::demo(session, arguments);
     let out = session.target.join(kind);
     for file in "map.png map.pgm map.yaml trajectory.png uart.log report.md".split(' ') {
@@ -90,12 +77,11 @@ fn run_demo(session: &Session, kind: &str, arguments: &[String]) -> Result<Strin
     let (bars, report) = check_report(session, kind, &out.join("report.json"), ran)?;
     check_stack_use(session, &report)?;
     let figure = |key| budget::figure(&report, key).unwrap_or(f64::NAN);
+    let [mm, deg] = ["position_error_mm_max", "heading_error_deg_max"].map(figure);
+    let [map, factor] = ["map_iou", "realtime_factor"].map(figure);
+    let errors = format!("position {mm:.1} mm, heading {deg:.2}°");
     Ok(format!(
-        "{bars} bars; position {:.1} mm, heading {:.2}°, map {:.2}, {:.1} × real time",
-        figure("position_error_mm_max"),
-        figure("heading_error_deg_max"),
-        figure("map_iou"),
-        figure("realtime_factor"),
+        "{bars} bars; {errors}, map {map:.2}, {factor:.1} × real time"
     ))
 }
 
@@ -105,13 +91,12 @@ pub fn figures(session: &Session) -> Result<String> {
     let (bars, report) = check_report(session, "figures", &out, ran)?;
     let (used, worst) = check_stack_use(session, &report)?;
     let figure = |key| budget::figure(&report, key).unwrap_or(f64::NAN);
+    let [tick, frame] = ["tick_instructions.max", "frame_instructions.max"].map(figure);
+    let [rate, ready] = ["frames_per_s_sustained", "boot_to_ready_us"].map(figure);
+    let ready = ready / 1000.0;
     Ok(format!(
-        "{bars} bars; tick {:.0}, frame {:.0} instructions at most, {:.0} frames/s, ready in \
-         {:.1} ms, stack {used:.0} of {worst}",
-        figure("tick_instructions.max"),
-        figure("frame_instructions.max"),
-        figure("frames_per_s_sustained"),
-        figure("boot_to_ready_us") / 1000.0,
+        "{bars} bars; tick {tick:.0}, frame {frame:.0} instructions at most, {rate:.0} frames/s, \
+         ready in {ready:.1} ms, stack {used:.0} of {worst}"
     ))
 }
 
@@ -145,13 +130,10 @@ fn run(tests: Cmd<'_>) -> Result<String> {
 
 /// How many tests of all binaries passed, and the names of those that failed.
 fn results(text: &str) -> (u32, String) {
-    let passed = pattern(r"(?m)^test result: .*? (\d+) passed");
-    let passed = passed
-        .captures_iter(text)
-        .map(|line| line[1].parse().unwrap_or(0));
-    let failed = pattern(r"(?m)^test (.*) \.\.\. FAILED$");
-    let failed = failed.captures_iter(text).map(|line| line[1].to_owned());
-    (passed.sum(), failed.collect::<Vec<_>>().join(", "))
+    let passed = captures(text, r"(?m)^test result: .*? (\d+) passed");
+    let passed = passed.iter().map(|count| count.parse().unwrap_or(0));
+    let failed = captures(text, r"(?m)^test (.*) \.\.\. FAILED$");
+    (passed.sum(), failed.join(", "))
 }
 
 #[test]

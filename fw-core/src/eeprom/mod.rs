@@ -17,15 +17,6 @@
 //! let error = Config::decode(&image).expect_err("0 mm are not");
 //! assert_eq!((error.address, error.field), (0x030C, "track"));
 //! ```
-//!
-//! | item | content |
-//! |---|---|
-//! | [`FIELDS`], [`fields`] | the schema: address, type, name, unit, accepted range, first board's value, help |
-//! | [`CONSTRAINTS`] | conditions between fields |
-//! | [`SPANS`] | the address ranges that hold a field, the EEPROM key or the checksum |
-//! | [`Image`] | the bytes, read and written field by field, and their checksum |
-//! | [`Config`] | the checked configuration, in units |
-//! | [`ConfigError`] | the rejected field, its value and what is accepted |
 
 mod config;
 mod constraint;

@@ -4,15 +4,6 @@
 //! Each strategy takes its bytes from the front and hands on the rest; the first failure stops the
 //! chain, names the strategy, and nothing of the frame takes effect (document, 5.1).
 //!
-//! | file | content |
-//! |---|---|
-//! | [`chain`](fn@chain) | the two tables: strategies, mode → strategies; parsing and writing along them |
-//! | [`strategy`] | the interface of a strategy, the reader and the writer of a frame |
-//! | [`link`] | both ends with their sequence numbers and counters |
-//! | [`error`] | why a frame was rejected |
-//! | [`code`] | codes of the wire ↔ physical units |
-//! | the others | one strategy each |
-//!
 //! A new strategy is a new file and a word in `strategies!`; a new mode is a line of `modes!`.
 
 #![allow(

@@ -1,12 +1,4 @@
 //! The configuration EEPROM: taking its bus from the STM, reading, writing, and returning it.
-//!
-//! | file | idea |
-//! |---|---|
-//! | [`bus`] | the guard of the bus |
-//! | [`chip`] | the chip: bursts, write cycles, read-back |
-//! | [`journal`] | the content before a write, kept on disk during the write |
-//! | [`repair`] | repair of what a killed run left |
-//! | [`image`] | images in files, and the difference between two |
 
 pub mod bus;
 pub mod chip;

@@ -3,15 +3,6 @@
 //! The robot only knows how far each wheel turned. Its diameters give the distance, and with the
 //! track the rotation; all three are in its EEPROM's page 0x03. A drive whose true end was measured
 //! shows how far off they are.
-//!
-//! | file | idea |
-//! |---|---|
-//! | [`wheel_geometry`] | diameters and track |
-//! | [`wheel_path`] | what the wheels rolled, and where other diameters make that end |
-//! | [`distance`] | a straight drive: the scale of everything |
-//! | [`umbmark`] | squares both ways (Borenstein and Feng): the wheels' ratio and the track |
-//! | [`least_squares`] | the two factors that fit the measured ends best |
-//! | [`run`] | the drives themselves, bounded, and stopped on every path |
 
 pub mod distance;
 pub mod least_squares;

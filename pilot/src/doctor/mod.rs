@@ -1,11 +1,5 @@
 //! Checks of everything between the kernel and the wheels. Every finding names one cause: what depends on a
 //! failed check is skipped.
-//!
-//! | module | what it checks |
-//! |---|---|
-//! | `computer` | device files, rights, groups, overlays |
-//! | `board` | lines, EEPROM, READY, link, log, battery |
-//! | `wheels` | with the wheels off the floor: motors, encoders, dead zones, rangefinders, servo, gyroscope |
 
 mod board;
 mod computer;

@@ -1,15 +1,5 @@
 //! Tuning (document, 5.2.2 and 5.2.3): a measured step, a model of the drive, gains for its PID, and
 //! the battery's dividers.
-//!
-//! | file | idea |
-//! |---|---|
-//! | [`step_response`] | the steps, bounded, and stopped on every path |
-//! | [`temporary_mode`] | the EEPROM's mode changed for the steps, and restored on every path |
-//! | [`samples`] | the log's tuning samples on one time base |
-//! | [`drive_model`] | gain, dead zone and two equal lags from the samples |
-//! | [`gains`] | a PID for that model, and its predicted response |
-//! | [`export`] | samples as CSV, results as a picture |
-//! | [`battery`] | the upper resistor that the STM proposes |
 
 pub mod battery;
 pub mod drive_model;
