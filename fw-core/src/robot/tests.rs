@@ -57,6 +57,30 @@ impl Bench {
         self.robot.on_tick(self.sample, &self.words, &mut self.log)
     }
 
+    fn ticks(&mut self, ticks: u32) {
+        for _ in 0..ticks {
+            self.tick();
+        }
+    }
+
+    /// A tick: the commands of both motors, left first.
+    fn motors(&mut self) -> [MotorCommand; 2] {
+        let outputs = self.tick();
+        [outputs.left, outputs.right]
+    }
+
+    /// Rolls the wheels forward by so many counts: the first board's encoders count down then.
+    pub(super) fn roll(&mut self, left: i32, right: i16) {
+        let TickInput {
+            left: l, right: r, ..
+        } = &mut self.sample;
+        (*l, *r) = (l.wrapping_add_signed(-left), r.wrapping_add_signed(-right));
+    }
+
+    fn raise(&mut self, faults: Faults) {
+        self.robot.raise(faults, &mut self.log);
+    }
+
     pub(super) fn frame(&mut self, command: &Command) -> Report {
         let mut reply = [0; MAX_FRAME];
         self.reply += 1;
@@ -93,11 +117,29 @@ fn go(x_mm: i32) -> Command {
     }
 }
 
+/// A percentage to set on the engines, in a tuning mode.
+fn tune(percent: f64) -> Command {
+    let percent = Binary64(percent.to_bits());
+    Command {
+        percent,
+        ..Command::default()
+    }
+}
+
+fn with_order(order: Order, command: Command) -> Command {
+    Command { order, ..command }
+}
+
+fn run(hundredths: i32) -> MotorCommand {
+    MotorCommand::Run(Duty::saturating(hundredths))
+}
+
+const COAST: [MotorCommand; 2] = [MotorCommand::Coast; 2];
+const BRAKE: [MotorCommand; 2] = [MotorCommand::Brake; 2];
+
 fn runs(outputs: &TickOutput) -> bool {
-    matches!(
-        (outputs.left, outputs.right),
-        (MotorCommand::Run(_), MotorCommand::Run(_))
-    )
+    let is_run = |command| matches!(command, MotorCommand::Run(_));
+    is_run(outputs.left) && is_run(outputs.right)
 }
 
 // Requirement: WIRE-deadline-3
@@ -105,11 +147,7 @@ fn runs(outputs: &TickOutput) -> bool {
 fn robot_without_frame_coasts() {
     let mut bench = Bench::new(Mode::Normal);
     for _ in 0..1000 {
-        let outputs = bench.tick();
-        assert_eq!(
-            (outputs.left, outputs.right),
-            (MotorCommand::Coast, MotorCommand::Coast)
-        );
+        assert_eq!(bench.motors(), COAST);
     }
     assert_eq!(bench.robot.state(), State::Ready);
 }
@@ -142,20 +180,13 @@ fn applied_target_drives_until_silence_brakes() {
         assert!(ticks <= 25, "still driving after the deadline");
     };
     assert_eq!(ticks, 25, "250 ms");
-    assert_eq!(
-        (last.left, last.right),
-        (MotorCommand::Brake, MotorCommand::Brake)
-    );
+    assert_eq!([last.left, last.right], BRAKE);
     assert_eq!(bench.robot.state(), State::Stopped);
-    assert!(bench.log().contains("stopped: no fresh frame"));
-    assert!(bench
-        .log()
-        .contains(": target 1000.000 0.000 mm, 0.00 deg\n"));
+    let log = bench.log();
+    assert!(log.contains("stopped: no fresh frame"));
+    assert!(log.contains(": target 1000.000 0.000 mm, 0.00 deg\n"));
     bench.frame(&go(1000));
-    assert!(
-        runs(&bench.tick()),
-        "apply resumes, even to the same target"
-    );
+    assert!(runs(&bench.tick()), "resumes, even to the same target");
 }
 
 // Requirement: WIRE-fault-2, WIRE-rejected-4
@@ -186,23 +217,17 @@ fn rejected_frame_does_not_feed_stop_deadline() {
 #[test]
 fn replies_carry_pose_and_cells_in_turn() {
     let mut bench = Bench::new(Mode::Normal);
-    // Both wheels roll forward by 1000 counts: the first board's encoders count down.
-    bench.sample.left = bench.sample.left.wrapping_sub(1000);
-    bench.sample.right = bench.sample.right.wrapping_sub(1000);
+    bench.roll(1000, 1000);
     bench.tick();
     let first = bench.frame(&Command::default());
     // 1000 counts of 80 mm · π / 3840.
-    assert_eq!(
-        (first.pose.x, first.pose.y, first.pose.rotation),
-        (65_450, 0, 0)
-    );
+    let PoseCode { x, y, rotation } = first.pose;
+    assert_eq!((x, y, rotation), (65_450, 0, 0));
     let second = bench.frame(&Command::default());
     assert_eq!(bench.frame(&Command::default()).cell.cell, 0);
     // 3428 / 4095 · 3.3 V · 43/33 = 3.5996 V; 3574 / 4095 · 3.3 V · 55/22 = 7.2004 V; steps of 5 mV.
-    assert_eq!(
-        [first.cell, second.cell].map(|c| (c.cell, c.voltage)),
-        [(0, 720), (1, 720)]
-    );
+    let cells = [first.cell, second.cell].map(|c| (c.cell, c.voltage));
+    assert_eq!(cells, [(0, 720), (1, 720)]);
     assert_eq!(first.ranges, [DistanceCode::NONE; 3]);
 }
 
@@ -222,7 +247,7 @@ fn reply_depends_on_its_number_and_newest_data_only() {
         assert_eq!(u32::from(reply[16] >> 5), number.wrapping_sub(1) % 2);
     }
     assert_eq!(encoded(&mut bench.robot, 1), first);
-    bench.sample.left = bench.sample.left.wrapping_sub(100);
+    bench.roll(100, 0);
     bench.tick();
     let fresher = encoded(&mut bench.robot, 1);
     assert_eq!((fresher[1], fresher[16] >> 5), (1, 0));
@@ -235,21 +260,11 @@ fn guarded_stop_needs_resume_order() {
     let mut bench = Bench::new(Mode::GuardedNormal);
     bench.frame(&go(1000));
     assert!(runs(&bench.tick()));
-    bench.frame(&Command {
-        order: crate::wire::Order::Stop,
-        ..go(1000)
-    });
-    assert_eq!(bench.tick().left, MotorCommand::Brake);
+    bench.frame(&with_order(Order::Stop, go(1000)));
+    assert_eq!(bench.motors(), BRAKE);
     bench.frame(&go(1000));
-    assert_eq!(
-        bench.tick().left,
-        MotorCommand::Brake,
-        "apply does not resume a guarded robot"
-    );
-    bench.frame(&Command {
-        order: crate::wire::Order::Resume,
-        ..go(1000)
-    });
+    assert_eq!(bench.motors(), BRAKE, "apply does not resume it");
+    bench.frame(&with_order(Order::Resume, go(1000)));
     assert!(runs(&bench.tick()));
 }
 
@@ -257,32 +272,17 @@ fn guarded_stop_needs_resume_order() {
 #[test]
 fn tuning_stop_needs_zero_percent() {
     let mut bench = Bench::new(Mode::TuneRotate);
-    let fifty = Command {
-        percent: Binary64(50.0_f64.to_bits()),
-        ..Command::default()
-    };
-    bench.frame(&fifty);
-    assert_eq!(
-        bench.tick().right,
-        MotorCommand::Run(Duty::saturating(5000))
-    );
-    assert_eq!(
-        bench.tick().left,
-        MotorCommand::Run(Duty::saturating(-5000))
-    );
-    assert_eq!(bench.log().matches(": T 50.00 0.000\n").count(), 2);
-    for _ in 0..30 {
-        bench.tick();
+    for _ in 0..2 {
+        bench.frame(&tune(50.0));
+        assert_eq!(bench.motors(), [run(-5000), run(5000)]);
     }
+    assert_eq!(bench.log().matches(": T 50.00 0.000\n").count(), 2);
+    bench.ticks(30);
     assert_eq!(bench.robot.state(), State::Stopped);
-    bench.frame(&fifty);
-    assert_eq!(
-        bench.tick().left,
-        MotorCommand::Brake,
-        "50 % does not end a stop"
-    );
+    bench.frame(&tune(50.0));
+    assert_eq!(bench.motors(), BRAKE, "50 % does not end a stop");
     bench.frame(&Command::default());
-    bench.frame(&fifty);
+    bench.frame(&tune(50.0));
     assert!(runs(&bench.tick()));
 }
 
@@ -290,15 +290,12 @@ fn tuning_stop_needs_zero_percent() {
 fn empty_battery_stops_robot() {
     let mut bench = Bench::new(Mode::Normal);
     bench.words = [100, 100];
-    let mut last = MotorCommand::Coast;
+    let mut last = COAST;
     for _ in 0..100 {
         bench.frame(&go(1000));
-        last = bench.tick().left;
+        last = bench.motors();
     }
-    assert_eq!(
-        (last, bench.robot.state()),
-        (MotorCommand::Brake, State::Faulted)
-    );
+    assert_eq!((last, bench.robot.state()), (BRAKE, State::Faulted));
     assert!(bench.log().contains("battery empty"));
 }
 
@@ -314,11 +311,7 @@ fn blocked_wheels_fault_within_a_second() {
         bench.tick();
         ticks += 1;
     }
-    let outputs = bench.tick();
-    assert_eq!(
-        (outputs.left, outputs.right),
-        (MotorCommand::Brake, MotorCommand::Brake)
-    );
+    assert_eq!(bench.motors(), BRAKE);
     let stalled = Faults::LEFT_STALLED | Faults::RIGHT_STALLED;
     assert_eq!(bench.robot.supervisor.faults() & stalled, stalled);
 }

@@ -33,9 +33,7 @@ impl Turned {
     /// forward each way. The order that came of it.
     fn tick(&mut self, rate: i16, left: i32, right: i16) -> BusRequest {
         let order = self.bench.robot.on_gyro(self.outcome, &mut self.bench.log);
-        // Both encoders of the first board count down going forward.
-        self.bench.sample.left = self.bench.sample.left.wrapping_add_signed(-left);
-        self.bench.sample.right = self.bench.sample.right.wrapping_add_signed(-right);
+        self.bench.roll(left, right);
         let _ = self.bench.tick();
         let sent = self.bench.log.pending().len();
         self.logged.push_str(self.bench.log());
@@ -46,21 +44,15 @@ impl Turned {
                 BusResult::Done
             }
             _ if self.absent => BusResult::Nack,
-            BusRequest::Write {
-                register: 0x1A,
-                value,
-            } => {
-                self.settings[0] = value;
+            BusRequest::Write { register, value } => {
+                if let Some(setting) = self
+                    .settings
+                    .get_mut(usize::from(register.wrapping_sub(0x1A)))
+                {
+                    *setting = value;
+                }
                 BusResult::Done
             }
-            BusRequest::Write {
-                register: 0x1B,
-                value,
-            } => {
-                self.settings[1] = value;
-                BusResult::Done
-            }
-            BusRequest::Write { .. } => BusResult::Done,
             BusRequest::Read { register: 0x75, .. } => BusResult::Bytes([0x68, 0]),
             BusRequest::Read { register: 0x1A, .. } => BusResult::Bytes(self.settings),
             BusRequest::Read { .. } => {
@@ -74,6 +66,10 @@ impl Turned {
         for _ in 0..ticks {
             self.tick(rate, left, right);
         }
+    }
+
+    fn faults(&self) -> Faults {
+        self.bench.robot.faults() & (Faults::SLIP | Faults::GYRO_LOST)
     }
 
     fn heading_deg(&self) -> f64 {
@@ -93,17 +89,13 @@ fn slip_latches_fault_and_keeps_heading() {
     robot.ticks(10, 0, 0, 0);
     let before = robot.heading_deg();
     assert!((before - 30.0).abs() < 0.1, "{before}");
-    assert_eq!(
-        robot.bench.robot.faults() & (Faults::SLIP | Faults::GYRO_LOST),
-        Faults::NONE
-    );
+    assert_eq!(robot.faults(), Faults::NONE);
     // Straight on by the wheels, and the robot turns by 60°.
     robot.ticks(100, SPIN, 20, 20);
     robot.ticks(30, 0, 20, 20);
     let turned = robot.heading_deg() - before;
     assert!((turned - 60.0).abs() < 0.5, "{turned}");
-    let faults = robot.bench.robot.faults();
-    assert_eq!(faults & (Faults::SLIP | Faults::GYRO_LOST), Faults::SLIP);
+    assert_eq!(robot.faults(), Faults::SLIP);
     assert_ne!(robot.bench.robot.state(), State::Faulted);
 }
 
@@ -122,8 +114,7 @@ fn pose_without_slip_is_the_encoders() {
         let (rate, left, right) = ways[tick / 200 % ways.len()];
         // Up to 5 % off.
         with.tick(rate + rate / 20, left, right);
-        without.sample.left = without.sample.left.wrapping_add_signed(-left);
-        without.sample.right = without.sample.right.wrapping_add_signed(-right);
+        without.roll(left, right);
         let _ = without.tick();
         assert_eq!(with.bench.robot.pose(), without.robot.pose());
     }
@@ -136,45 +127,40 @@ fn absent_gyro_is_fault_until_it_agrees_again() {
     let mut robot = Turned::new(Mode::GuardedNormal);
     robot.absent = true;
     robot.ticks(100, 0, 0, 0);
-    assert!(robot.bench.robot.faults().intersects(Faults::GYRO_LOST));
+    assert_eq!(robot.faults(), Faults::GYRO_LOST);
     let clear = Command {
         clear_faults: Faults::ALL_BITS,
         ..Command::default()
     };
     robot.bench.frame(&clear);
     robot.tick(0, 0, 0);
-    assert_ne!(
-        robot.bench.robot.faults() & Faults::GYRO_LOST,
-        Faults::NONE,
-        "still lost"
-    );
+    assert_eq!(robot.faults(), Faults::GYRO_LOST, "still");
     robot.absent = false;
     robot.ticks(1_500, 0, 0, 0);
     robot.ticks(50, SPIN, -10, 10);
     robot.bench.frame(&clear);
     robot.tick(0, 0, 0);
-    assert!(!robot.bench.robot.faults().intersects(Faults::GYRO_LOST));
+    assert_eq!(robot.faults(), Faults::NONE);
 }
 
 // Requirement: WIRE-fault-13
 #[test]
 fn contradicting_gyro_is_fault_but_not_slip_end() {
-    let lost = |robot: &Turned| robot.bench.robot.faults() & (Faults::SLIP | Faults::GYRO_LOST);
     let mut robot = Turned::new(Mode::GuardedNormal);
     robot.ticks(200, 0, 0, 0);
     robot.ticks(100, SPIN, -10, 10);
     // Held for 2 s with turning wheels.
     robot.ticks(190, 0, -10, 10);
-    assert_eq!(lost(&robot), Faults::SLIP);
+    assert_eq!(robot.faults(), Faults::SLIP);
     robot.ticks(30, 0, -10, 10);
-    assert_eq!(lost(&robot), Faults::SLIP | Faults::GYRO_LOST);
+    assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
     let mut upside_down = Turned::new(Mode::GuardedNormal);
     upside_down.ticks(200, 0, 0, 0);
     // Three verifications of 10° by the wheels.
     upside_down.ticks(40, -SPIN, -10, 10);
-    assert_eq!(lost(&upside_down), Faults::NONE);
+    assert_eq!(upside_down.faults(), Faults::NONE);
     upside_down.ticks(20, -SPIN, -10, 10);
-    assert_eq!(lost(&upside_down), Faults::GYRO_LOST);
+    assert_eq!(upside_down.faults(), Faults::GYRO_LOST);
 }
 
 /// Its bias and its trust go with it, and a slip ends.
@@ -186,20 +172,13 @@ fn gyro_lost_during_slip_restarts_without_bias() {
     robot.ticks(20, 0, -10, 10);
     robot.absent = true;
     robot.ticks(10, 0, 0, 0);
-    let texts = |text: &str| robot.logged.matches(text).count();
-    assert_eq!(texts("slip: heading by the gyro\n"), 1, "{}", robot.logged);
-    assert_eq!(
-        texts("slip over: heading corrected by "),
-        1,
-        "{}",
-        robot.logged
-    );
-    assert_eq!(
-        texts(": gyro: no answer at 0x68, encoders alone\n"),
-        1,
-        "{}",
-        robot.logged
-    );
+    for text in [
+        "slip: heading by the gyro\n",
+        "slip over: heading corrected by ",
+        ": gyro: no answer at 0x68, encoders alone\n",
+    ] {
+        assert_eq!(robot.logged.matches(text).count(), 1, "{}", robot.logged);
+    }
     assert_eq!(robot.bench.robot.slip_monitor.angle(), None);
 }
 
@@ -218,42 +197,30 @@ fn gyro_not_configured_or_tuning_is_idle() {
 
 #[test]
 fn gyro_event_is_one_line_of_its_level() {
-    for (event, level, text) in [
-        (Event::BiasUpdated(0), 'I', "gyro: bias 0.00 deg/s"),
-        (Event::BiasUpdated(-16_768), 'I', "gyro: bias -1.00 deg/s"),
-        (Event::Trusted, 'I', "gyro: agrees with the wheels"),
-        (Event::SlipStarted, 'W', "slip: heading by the gyro"),
+    let ended =
+        |corrected| std::format!("I00000: slip over: heading corrected by {corrected} deg\n");
+    for (event, line) in [
+        (Event::BiasUpdated(0), "I00000: gyro: bias 0.00 deg/s\n"),
         (
-            Event::SlipEnded(1 << 30),
-            'I',
-            "slip over: heading corrected by 90.00 deg",
+            Event::BiasUpdated(-16_768),
+            "I00000: gyro: bias -1.00 deg/s\n",
         ),
-        (
-            Event::SlipEnded(-(1 << 29)),
-            'I',
-            "slip over: heading corrected by -45.00 deg",
-        ),
-        (
-            Event::SlipEnded(5 << 32),
-            'I',
-            "slip over: heading corrected by 1800.00 deg",
-        ),
+        (Event::Trusted, "I00000: gyro: agrees with the wheels\n"),
+        (Event::SlipStarted, "W00000: slip: heading by the gyro\n"),
+        (Event::SlipEnded(1 << 30), &ended("90.00")),
+        (Event::SlipEnded(-(1 << 29)), &ended("-45.00")),
+        (Event::SlipEnded(5 << 32), &ended("1800.00")),
         (
             Event::SlipTimedOut,
-            'W',
-            "gyro: slip timed out, encoders alone",
+            "W00000: gyro: slip timed out, encoders alone\n",
         ),
         (
             Event::Mismatch,
-            'W',
-            "gyro: contradicts the wheels, encoders alone",
+            "W00000: gyro: contradicts the wheels, encoders alone\n",
         ),
     ] {
         let mut log = Log::new();
         log_event(event, &mut log);
-        let logged = std::str::from_utf8(log.pending()).unwrap();
-        assert_eq!(logged.lines().count(), 1, "{logged}");
-        assert!(logged.starts_with(level), "{logged}");
-        assert!(logged.ends_with(&std::format!(": {text}\n")), "{logged}");
+        assert_eq!(std::str::from_utf8(log.pending()), Ok(line));
     }
 }

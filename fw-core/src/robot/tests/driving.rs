@@ -23,16 +23,14 @@ impl Course {
     /// A tick: the motor commands.
     fn tick(&mut self) -> [MotorCommand; 2] {
         self.ticks += 1;
-        let outputs = self.bench.tick();
-        // 50 counts a tick at full duty; the first board's encoders count down going forward.
-        let roll = |drive| match drive {
-            MotorCommand::Run(duty) => -duty.hundredths() / 200,
+        let motors = self.bench.motors();
+        // 50 counts a tick at full duty.
+        let [left, right] = motors.map(|command| match command {
+            MotorCommand::Run(duty) => duty.hundredths() / 200,
             MotorCommand::Coast | MotorCommand::Brake => 0,
-        };
-        let TickInput { left, right, .. } = &mut self.bench.sample;
-        *left = left.wrapping_add_signed(roll(outputs.left).into());
-        *right = right.wrapping_add_signed(roll(outputs.right));
-        [outputs.left, outputs.right]
+        });
+        self.bench.roll(left.into(), right);
+        motors
     }
 
     /// What the controller says in the tick that was.
@@ -76,11 +74,11 @@ fn motors_follow_last_applied_target() {
 fn target_at_own_pose_is_held() {
     let mut course = Course::new();
     course.bench.frame(&Command::default());
-    assert_eq!(course.tick(), [MotorCommand::Coast; 2], "not applied");
+    assert_eq!(course.tick(), COAST, "not applied");
     course.controller.set_target(Pose::default());
     // Braked once it has arrived, not rolling freely.
     course.follow(&go(0), 20);
-    assert_eq!(course.tick(), [MotorCommand::Brake; 2]);
+    assert_eq!(course.tick(), BRAKE);
     assert_eq!(course.bench.robot.state(), State::Ready);
 }
 
@@ -96,7 +94,7 @@ fn drive_after_stop_begins_from_rest() {
         if tick < 24 {
             assert_eq!(commands, course.expected());
         } else {
-            assert_eq!(commands, [MotorCommand::Brake; 2]);
+            assert_eq!(commands, BRAKE);
             course.controller.halt();
         }
     }

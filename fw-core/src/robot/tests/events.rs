@@ -33,14 +33,12 @@ fn fault_is_latched_and_logged_once() {
         event_log::log_faults(Faults::from_bits(1 << bit), &mut log);
         let lines = lines_of(&log);
         for _ in 0..3 {
-            bench
-                .robot
-                .raise(Faults::from_bits(1 << bit), &mut bench.log);
+            bench.raise(Faults::from_bits(1 << bit));
             assert_eq!(bench.robot.faults(), Faults::from_bits(1 << bit));
             assert_eq!(lines_of(&bench.log), lines, "{bit}");
         }
         // All others beside it: each is logged, this one not again.
-        bench.robot.raise(Faults::ALL_BITS, &mut bench.log);
+        bench.raise(Faults::ALL_BITS);
         assert_eq!(bench.robot.faults(), Faults::ALL_BITS);
         event_log::log_faults(Faults::from_bits(!(1 << bit)), &mut log);
         assert_eq!(lines_of(&bench.log), lines_of(&log), "{bit}");
@@ -50,15 +48,12 @@ fn fault_is_latched_and_logged_once() {
 #[test]
 fn latched_fault_raised_again_changes_nothing() {
     let mut bench = Bench::new(Mode::GuardedNormal);
-    bench.robot.raise(Faults::ENCODER_JUMP, &mut bench.log);
-    bench.frame(&Command {
-        order: crate::wire::Order::Resume,
-        ..Command::default()
-    });
+    bench.raise(Faults::ENCODER_JUMP);
+    bench.frame(&with_order(Order::Resume, Command::default()));
     let before = bench.robot.supervisor;
     assert!(!before.halted(), "until the tick that finds the fault");
     for again in [Faults::NONE, Faults::ENCODER_JUMP] {
-        bench.robot.raise(again, &mut bench.log);
+        bench.raise(again);
         assert_eq!(bench.robot.supervisor, before);
     }
 }
@@ -97,10 +92,9 @@ fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
         (which == RangefinderId::Front).then_some(bench.sample.now)
     });
     let rise = trigger.expect("its turn").after(500);
-    bench
-        .robot
-        .on_echo(RangefinderId::Front, rise, rise.after(10_000));
-    match bench.robot.rangefinders.reading(RangefinderId::Front).echo {
+    let robot = &mut bench.robot;
+    robot.on_echo(RangefinderId::Front, rise, rise.after(10_000));
+    match robot.rangefinders.reading(RangefinderId::Front).echo {
         Echo::Distance(distance) => distance.0.to_num(),
         echo => panic!("{echo:?}"),
     }
@@ -143,9 +137,7 @@ fn pose_line_period_delays_link_line() {
         if tick % 10 == 0 {
             bench.frame(&Command::default());
         }
-        // The first board's encoders count down going forward.
-        bench.sample.left = bench.sample.left.wrapping_sub(10);
-        bench.sample.right = bench.sample.right.wrapping_sub(10);
+        bench.roll(10, 10);
         bench.log = Log::new();
         bench.tick();
         let pose = bench.log().contains(": pose ");

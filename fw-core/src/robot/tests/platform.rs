@@ -3,13 +3,12 @@
 //! Not here: `layout_version`, `layout_length`, `signs_reserved` and `crc`, which say what the page is; `log_baud`, which the
 //! registers obey; `gyro` and `log_period`, which `slip_monitor` and `events` test; `bearing_right` and `bearing_left`, which only the Pi's map uses.
 
-use super::Bench;
-use crate::binary64::Binary64;
+use super::{tune, Bench};
 use crate::eeprom::fields::*;
 use crate::eeprom::{Field, Image, FIELDS};
 use crate::robot::TickOutput;
 use crate::types::{Faults, MotorCommand, RangefinderId};
-use crate::wire::{Command, Mode, PoseCode, Report, State};
+use crate::wire::{Command, Mode, Report, State};
 use std::f64::consts::{PI, TAU};
 use std::vec::Vec;
 
@@ -17,22 +16,9 @@ type Changes<'a> = &'a [(&'a Field, u64)];
 
 /// To drive to: millimetres along x, and hundredths of a turn.
 fn go(x_mm: i32, hundredths: u16) -> Command {
-    let rotation = hundredths * 327;
-    Command {
-        expected: PoseCode {
-            rotation,
-            ..super::go(x_mm).expected
-        },
-        ..super::go(x_mm)
-    }
-}
-
-/// To set on the engines, in a tuning mode.
-fn percent(percent: f64) -> Command {
-    Command {
-        percent: Binary64(percent.to_bits()),
-        ..Command::default()
-    }
+    let mut command = super::go(x_mm);
+    command.expected.rotation = hundredths * 327;
+    command
 }
 
 /// A motor's duty in hundredths of a percent; 0 for one that is not driven.
@@ -56,10 +42,8 @@ fn platform_fields_are_all_tested() {
         LOG_PERIOD,
     ];
     // From 0x0334 on: the obstacle stop's and the velocity's, which have tests of their own.
-    for field in FIELDS
-        .iter()
-        .filter(|field| (0x0300..0x0334).contains(&field.address))
-    {
+    let on_page = |field: &&Field| (0x0300..0x0334).contains(&field.address);
+    for field in FIELDS.iter().filter(on_page) {
         let changed = std::format!("({}, ", field.name.to_uppercase());
         let here = include_str!("platform.rs").contains(&changed);
         let excepted = elsewhere.iter().any(|other| other.index == field.index);
@@ -108,10 +92,8 @@ fn geometry_fields_scale_the_pose() {
             number(diameter) / 1000.0 * PI * 100.0 * f64::from(counts) / number(COUNTS_PER_TURN)
         };
         for (left, right) in [(3, 3), (-1, 1), (0, 1)] {
-            let (one, other) = (
-                way(WHEEL_DIAMETER_LEFT, left),
-                way(WHEEL_DIAMETER_RIGHT, right),
-            );
+            let one = way(WHEEL_DIAMETER_LEFT, left);
+            let other = way(WHEEL_DIAMETER_RIGHT, right);
             let (x, turn) = rolled(change, left.into(), right);
             let turned = (other - one) / (number(TRACK) / 1000.0);
             let straight = f64::midpoint(one, other);
@@ -141,13 +123,12 @@ fn sign_fields_reverse_encoders_and_motors() {
 
     let duties = |changes: Changes| {
         let mut bench = Bench::with(Mode::TuneRotate, changes);
-        bench.frame(&percent(40.0));
-        let outputs = bench.tick();
-        (duty(outputs.left), duty(outputs.right))
+        bench.frame(&tune(40.0));
+        bench.motors().map(duty)
     };
-    assert_eq!(duties(&[]), (-4000, 4000));
-    assert_eq!(duties(&[(MOTOR_LEFT_REVERSED, 1)]), (4000, 4000));
-    assert_eq!(duties(&[(MOTOR_RIGHT_REVERSED, 1)]), (-4000, -4000));
+    assert_eq!(duties(&[]), [-4000, 4000]);
+    assert_eq!(duties(&[(MOTOR_LEFT_REVERSED, 1)]), [4000, 4000]);
+    assert_eq!(duties(&[(MOTOR_RIGHT_REVERSED, 1)]), [-4000, -4000]);
 }
 
 // Requirement: WIRE-platform-4
@@ -214,9 +195,8 @@ fn servo_fields_set_pulses_and_bearings() {
     let pulses = |changes: Changes| {
         let mut bench = Bench::with(Mode::Normal, changes);
         bench.frame(&Command::default());
-        (0..20)
-            .filter_map(|_| bench.tick().servo)
-            .collect::<Vec<_>>()
+        let pulses = (0..20).filter_map(|_| bench.tick().servo);
+        pulses.collect::<Vec<_>>()
     };
     assert!(pulses(&[]).is_empty());
     assert_eq!(pulses(&[(SERVO, 1)]), [1500; 10]);
@@ -232,7 +212,7 @@ fn stop_deadline_field_sets_time() {
     ];
     for (ticks, changes) in cases {
         let mut bench = Bench::with(Mode::TuneMove, changes);
-        bench.frame(&percent(1.0));
+        bench.frame(&tune(1.0));
         let stopped = (1..=400).find(|_| {
             bench.tick();
             bench.robot.state() == State::Stopped
@@ -242,11 +222,10 @@ fn stop_deadline_field_sets_time() {
 }
 
 /// The duties of the first tick towards a target.
-fn first_duties(changes: Changes, command: &Command) -> (i32, i32) {
+fn first_duties(changes: Changes, command: &Command) -> [i32; 2] {
     let mut bench = Bench::with(Mode::Normal, changes);
     bench.frame(command);
-    let outputs = bench.tick();
-    (duty(outputs.left), duty(outputs.right))
+    bench.motors().map(duty)
 }
 
 // Requirement: WIRE-platform-9, WIRE-eeprom-6
@@ -254,36 +233,28 @@ fn first_duties(changes: Changes, command: &Command) -> (i32, i32) {
 fn dead_zone_and_limit_bound_the_duty() {
     let none: Changes = &[(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 0)];
     let near = go(6, 0);
-    let (left, right) = first_duties(none, &near);
+    let [left, right] = first_duties(none, &near);
     assert_eq!(left, right);
     assert!((100..6000).contains(&left), "{left}");
-    let (raised, same) = first_duties(&[(DEAD_ZONE_LEFT, 3000), (DEAD_ZONE_RIGHT, 0)], &near);
-    assert!(
-        raised > 3000 && (raised - left).abs_diff(3000) < 900,
-        "{raised} {left}"
-    );
+    let [raised, same] = first_duties(&[(DEAD_ZONE_LEFT, 3000), (DEAD_ZONE_RIGHT, 0)], &near);
+    assert!(raised > 3000, "{raised}");
+    assert!((raised - left).abs_diff(3000) < 900, "{raised} {left}");
     assert!(same.abs_diff(right) < 900, "{same} {right}");
-    let (same, raised) = first_duties(&[(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 3000)], &near);
-    assert!(
-        raised > 3000 && same.abs_diff(left) < 900,
-        "{raised} {same}"
-    );
+    let [same, raised] = first_duties(&[(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 3000)], &near);
+    assert!(raised > 3000 && same.abs_diff(left) < 900, "{raised}");
 
     let far = go(3000, 0);
-    let (left, right) = first_duties(none, &far);
+    let [left, right] = first_duties(none, &far);
     assert!(left > 9000 && right > 9000, "{left} {right}");
     let cases: [(Changes, (i32, i32)); 2] = [
         (&[(LIMIT_LEFT, 4000)], (4000, 10_000)),
         (&[(LIMIT_RIGHT, 5000)], (10_000, 5000)),
     ];
     for (change, limits) in cases {
-        let (left, right) = first_duties(change, &far);
-        assert!(left <= limits.0 && right <= limits.1, "{left} {right}");
-        let (left, right) = first_duties(change, &go(0, 50));
-        assert!(
-            left.abs() <= limits.0 && right.abs() <= limits.1,
-            "{left} {right}"
-        );
+        for command in [&far, &go(0, 50)] {
+            let [left, right] = first_duties(change, command).map(i32::abs);
+            assert!(left <= limits.0 && right <= limits.1, "{left} {right}");
+        }
     }
 }
 
@@ -293,9 +264,7 @@ fn battery_fields_set_warning_and_cutoff() {
     // Two seconds of cells at 3.6 V.
     let faults = |changes: Changes| {
         let mut bench = Bench::with(Mode::Normal, changes);
-        for _ in 0..200 {
-            bench.tick();
-        }
+        bench.ticks(200);
         bench.robot.faults() & (Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF)
     };
     assert_eq!(faults(&[]), Faults::NONE);
@@ -304,19 +273,14 @@ fn battery_fields_set_warning_and_cutoff() {
     let cut = [(BATTERY_WARN, 3610), (BATTERY_CUTOFF, 3610)];
     assert_eq!(faults(&cut), Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF);
     // 0 is off, however empty the cells are.
-    let mut off = Bench::with(Mode::Normal, &[(BATTERY_WARN, 0), (BATTERY_CUTOFF, 0)]);
-    let mut on = Bench::with(Mode::Normal, &[]);
-    for bench in [&mut off, &mut on] {
-        bench.words = [500, 500];
-        for _ in 0..200 {
-            bench.tick();
-        }
-    }
     let both = Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF;
-    assert_eq!(
-        (off.robot.faults() & both, on.robot.faults() & both),
-        (Faults::NONE, both)
-    );
+    let off: Changes = &[(BATTERY_WARN, 0), (BATTERY_CUTOFF, 0)];
+    for (changes, found) in [(off, Faults::NONE), (&[], both)] {
+        let mut bench = Bench::with(Mode::Normal, changes);
+        bench.words = [500, 500];
+        bench.ticks(200);
+        assert_eq!(bench.robot.faults() & both, found);
+    }
 }
 
 // Requirement: WIRE-platform-11

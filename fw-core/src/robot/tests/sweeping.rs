@@ -56,6 +56,6 @@ fn servo_scan_rests_in_silence_and_when_faulted() {
     assert_eq!(bench.robot.report.ranges[0], DistanceCode::NONE);
     let (again, _) = swept(&mut bench, 200, 10);
     assert_eq!(again, first, "from its first end again");
-    bench.robot.raise(Faults::LEFT_STALLED, &mut bench.log);
+    bench.raise(Faults::LEFT_STALLED);
     assert_eq!(swept(&mut bench, 100, 10), (Vec::new(), 0), "faulted");
 }

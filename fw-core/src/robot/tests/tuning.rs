@@ -4,13 +4,6 @@
 use super::*;
 use std::vec::Vec;
 
-fn of(percent: f64) -> Command {
-    Command {
-        percent: Binary64(percent.to_bits()),
-        ..Command::default()
-    }
-}
-
 #[test]
 fn percentage_rounds_to_nearest_hundredth() {
     for (value, hundredths) in [
@@ -35,13 +28,14 @@ fn percentage_rounds_to_nearest_hundredth() {
 fn tuning_duty_sets_state_moving() {
     for mode in [Mode::TuneRotate, Mode::TuneMove] {
         let mut bench = Bench::new(mode);
-        for (percent, state) in [
-            (0.0, State::Ready),
-            (-20.0, State::Moving),
-            (0.0, State::Ready),
-        ] {
-            bench.frame(&of(percent));
+        for percent in [0.0, -20.0, 0.0] {
+            bench.frame(&tune(percent));
             bench.tick();
+            let state = if percent < 0.0 {
+                State::Moving
+            } else {
+                State::Ready
+            };
             assert_eq!(bench.robot.state(), state, "{percent}");
         }
     }
@@ -68,33 +62,24 @@ fn tuning_measurement_is_in_reply_and_log() {
         (Mode::TuneMove, 1, millimetres, 1.0 / 65_536.0),
     ] {
         let mut bench = Bench::new(mode);
-        bench.frame(&of(0.0));
+        bench.frame(&tune(0.0));
         // 30 counts a tick, more than a turn one way and more than two the other.
         let mut counts = 0;
         for tick in 1..=700 {
             let ahead = if tick <= 220 { 30 } else { -30 };
-            counts += ahead;
-            let TickInput { left: l, right, .. } = &mut bench.sample;
-            // The first board's encoders count down going forward.
-            *l = l.wrapping_add_signed(-left * ahead);
-            *right = right.wrapping_add_signed(-i16::try_from(ahead).expect("small"));
+            counts += i32::from(ahead);
+            bench.roll(left * i32::from(ahead), ahead);
             bench.log = Log::new();
             bench.tick();
             let truth = f64::from(counts) * a_count;
             // A tenth of the last digit.
             let slack = 1e-4 + f64::from(tick) * a_tick;
-            let replied = f64::from_bits(bench.frame(&of(0.0)).measurement.0);
-            assert!(
-                (replied - truth).abs() <= slack,
-                "{mode:?}: {replied} {truth}"
-            );
+            let replied = f64::from_bits(bench.frame(&tune(0.0)).measurement.0);
+            assert!((replied - truth).abs() <= slack, "{replied} {truth}");
             // Cut off after the third decimal.
             let logged = sample(bench.log());
             let low = truth - logged;
-            assert!(
-                (-slack..=0.001 + slack).contains(&low),
-                "{mode:?}: {logged} {truth}"
-            );
+            assert!((-slack..=0.001 + slack).contains(&low), "{logged} {truth}");
         }
     }
 }
@@ -102,22 +87,17 @@ fn tuning_measurement_is_in_reply_and_log() {
 #[test]
 fn stop_order_ends_tuning_duty() {
     let mut bench = Bench::new(Mode::GuardedTuneRotate);
-    bench.frame(&of(30.0));
-    let stop = Command {
-        order: crate::wire::Order::Stop,
-        ..of(30.0)
-    };
-    for (command, percent) in [(of(30.0), "30.00"), (stop, "0.00"), (of(30.0), "0.00")] {
+    bench.frame(&tune(30.0));
+    let stop = with_order(Order::Stop, tune(30.0));
+    for (command, percent) in [(tune(30.0), "30.00"), (stop, "0.00"), (tune(30.0), "0.00")] {
         bench.frame(&command);
         bench.log = Log::new();
         bench.tick();
         // After a change of state there are two lines.
         let samples: Vec<&str> = bench.log().lines().filter(|l| l.contains(": T ")).collect();
         assert_eq!(samples.len(), 1);
-        assert!(
-            samples[0].ends_with(&std::format!(": T {percent} 0.000")),
-            "{samples:?}"
-        );
+        let sample = std::format!(": T {percent} 0.000");
+        assert!(samples[0].ends_with(&sample), "{samples:?}");
     }
 }
 
@@ -125,34 +105,34 @@ fn stop_order_ends_tuning_duty() {
 #[test]
 fn tune_move_after_stop_holds_the_new_heading() {
     let mut bench = Bench::new(Mode::TuneMove);
-    bench.frame(&of(30.0));
-    for _ in 0..30 {
-        bench.tick();
-    }
+    bench.frame(&tune(30.0));
+    bench.ticks(30);
     assert_eq!(bench.robot.state(), State::Stopped);
     // Turned by hand: against the motors' order it would turn back.
     bench.sample.right = bench.sample.right.wrapping_add_signed(300);
     bench.tick();
-    bench.frame(&of(0.0));
-    bench.frame(&of(30.0));
-    let outputs = bench.tick();
-    let duty = MotorCommand::Run(Duty::saturating(3000));
-    assert_eq!([outputs.left, outputs.right], [duty; 2]);
+    bench.frame(&tune(0.0));
+    bench.frame(&tune(30.0));
+    assert_eq!(bench.motors(), [run(3000); 2]);
 }
 
 // Requirement: WIRE-status-2
 #[test]
 fn percentage_of_the_resuming_frame_is_driven() {
     let mut bench = Bench::new(Mode::GuardedTuneRotate);
-    let order = |order, percent| Command {
-        order,
-        ..of(percent)
-    };
-    bench.frame(&order(Order::Stop, 0.0));
+    bench.frame(&with_order(Order::Stop, tune(0.0)));
     assert!(!runs(&bench.tick()));
-    bench.frame(&order(Order::Resume, 30.0));
-    let duty = MotorCommand::Run(Duty::saturating(3000));
-    assert_eq!(bench.tick().right, duty);
+    bench.frame(&with_order(Order::Resume, tune(30.0)));
+    assert_eq!(bench.tick().right, run(3000));
+}
+
+/// The cell is at 3.9 V.
+fn tune_cell(cell: u8) -> Command {
+    let tune = CellCode { cell, voltage: 780 };
+    Command {
+        tune,
+        ..Command::default()
+    }
 }
 
 // Requirement: DOC-5.1.3-3, DOC-5.1.3-4, WIRE-battery-2
@@ -167,13 +147,7 @@ fn tuned_cell_logs_its_upper_resistor() {
         bench.log = Log::new();
         bench.frame(&Command::default());
         assert_eq!(bench.log(), "", "nothing to tune");
-        bench.frame(&Command {
-            tune: CellCode {
-                cell: tap,
-                voltage: 780,
-            },
-            ..Command::default()
-        });
+        bench.frame(&tune_cell(tap));
         let start = std::format!("I00000: tuned tap {}: upper resistor ", tap + 1);
         let ohm = bench.log().strip_prefix(&start).expect("a line");
         let ohm: f64 = ohm.strip_suffix(" ohm\n").unwrap().parse().unwrap();
@@ -186,13 +160,6 @@ fn tuned_cell_logs_its_upper_resistor() {
 #[test]
 fn unread_cell_logs_no_resistor() {
     let mut bench = Bench::new(Mode::Normal);
-    let tune = CellCode {
-        cell: 0,
-        voltage: 780,
-    };
-    bench.frame(&Command {
-        tune,
-        ..Command::default()
-    });
+    bench.frame(&tune_cell(0));
     assert_eq!(bench.log(), "");
 }

@@ -13,13 +13,6 @@ fn drive(mm_s: i32) -> Command {
     }
 }
 
-fn order(order: Order, mm_s: i32) -> Command {
-    Command {
-        order,
-        ..drive(mm_s)
-    }
-}
-
 /// Some ticks with a frame in each: whether the motors run, and the last report.
 fn follow(bench: &mut Bench, command: &Command, ticks: u32) -> (bool, Report) {
     let mut last = (false, Report::default());
@@ -35,10 +28,10 @@ fn follow(bench: &mut Bench, command: &Command, ticks: u32) -> (bool, Report) {
 fn velocity_counts_again_one_frame_after_resume() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     assert!(follow(&mut bench, &drive(80), 3).0);
-    assert!(!follow(&mut bench, &order(Order::Stop, 80), 1).0);
+    assert!(!follow(&mut bench, &with_order(Order::Stop, drive(80)), 1).0);
     assert!(!follow(&mut bench, &drive(80), 5).0);
     assert_eq!(bench.robot.state(), State::Stopped);
-    assert!(!follow(&mut bench, &order(Order::Resume, 80), 3).0);
+    assert!(!follow(&mut bench, &with_order(Order::Resume, drive(80)), 3).0);
     assert_eq!(bench.robot.state(), State::Ready);
     assert!(follow(&mut bench, &drive(80), 3).0);
     assert_eq!(bench.robot.state(), State::Moving);
@@ -52,9 +45,8 @@ fn velocity_without_frames_brakes_at_deadline() {
     let running = (0..40).take_while(|_| runs(&bench.tick())).count();
     assert_eq!(running, 23);
     assert_eq!(bench.robot.state(), State::Stopped);
-    bench.frame(&order(Order::Resume, 0));
-    let outputs = bench.tick();
-    assert_eq!([outputs.left, outputs.right], [MotorCommand::Brake; 2]);
+    bench.frame(&with_order(Order::Resume, drive(0)));
+    assert_eq!(bench.motors(), BRAKE);
 }
 
 #[test]
@@ -62,8 +54,7 @@ fn zero_velocity_holds_wheels_and_is_ready() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     for _ in 0..30 {
         bench.frame(&drive(0));
-        let outputs = bench.tick();
-        assert_eq!([outputs.left, outputs.right], [MotorCommand::Brake; 2]);
+        assert_eq!(bench.motors(), BRAKE);
         assert_eq!(bench.robot.state(), State::Ready);
     }
 }
@@ -81,7 +72,7 @@ fn blind_speed_is_reported_and_logged() {
     follow(&mut bench, &drive(0), 20);
     assert_eq!(bench.log().matches("obstacle: way free\n").count(), 1);
     follow(&mut bench, &drive(150), 3);
-    let (_, report) = follow(&mut bench, &order(Order::Stop, 150), 3);
+    let (_, report) = follow(&mut bench, &with_order(Order::Stop, drive(150)), 3);
     assert!(!report.obstacle_limited && !report.clipped, "standing");
 }
 
@@ -97,9 +88,8 @@ fn pose_target_is_held_back_before_obstacle() {
         if let Some(which) = outputs.trigger {
             let at = bench.sample.now;
             // 170 mm: overhang and stop distance.
-            bench
-                .robot
-                .on_echo(which, at.after(500), at.after(500 + 985));
+            let fall = at.after(500 + 985);
+            bench.robot.on_echo(which, at.after(500), fall);
         }
     }
     assert!(limited > 150, "{limited}");
@@ -144,14 +134,11 @@ fn sweep_keeps_commanded_width_and_every_sensor_cycle() {
         let (first, last) = (all[0].1, all[all.len() - 1].1);
         assert_eq!(all.len(), (last - first) as usize / 2 + 1, "every 20 ms");
         assert!(all.windows(2).all(|two| two[0].0 != two[1].0));
-        let bearings = || all.iter().map(|trigger| trigger.2);
-        let (low, high) = (
-            bearings().fold(0.0, f64::min),
-            bearings().fold(0.0, f64::max),
-        );
-        assert!(
-            (low + width).abs() < 0.2 && (high - width).abs() < 0.2,
-            "{low} to {high}"
-        );
+        for (sign, end) in [(-1.0, "right"), (1.0, "left")] {
+            let most = all
+                .iter()
+                .fold(0.0, |most, trigger| f64::max(most, sign * trigger.2));
+            assert!((most - width).abs() < 0.2, "{end}: {most}");
+        }
     }
 }
