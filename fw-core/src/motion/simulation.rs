@@ -103,6 +103,11 @@ impl Robot {
         }
     }
 
+    fn tune_move(&mut self, duty: Duty) {
+        let (pose, delta) = self.tick();
+        self.commands = self.controller.tune_move(duty, &pose, &delta);
+    }
+
     fn go(&mut self, x: f64, y: f64, degrees: f64) -> Trip {
         let from = self.world.pose();
         let (dx, dy) = (x - from.x_mm, y - from.y_mm);
@@ -214,14 +219,11 @@ fn stiction_above_the_dead_zone_is_overcome_without_integral() {
         (fields::ROTATION_I, 0),
         (fields::FORWARD_I, 0),
     ]);
-    for (x, rotation) in [
-        (10.0, 0.0),
-        (10.0, 90.0),
-        (50.0, -60.0),
-        (-10.0, 0.0),
-        (-50.0, 0.0),
-        (-200.0, 180.0),
-    ] {
+    let targets = [(10.0, 0.0), (10.0, 90.0), (50.0, -60.0)];
+    for (x, rotation) in targets
+        .into_iter()
+        .chain([(-10.0, 0.0), (-50.0, 0.0), (-200.0, 180.0)])
+    {
         Robot::new(&config, Params::default()).assert_reaches(x, 0.0, rotation);
     }
 }
@@ -308,8 +310,7 @@ fn tune_move_keeps_the_heading() {
         let mut robot = Robot::new(&first_board(), Params::default());
         let duty = Duty::saturating(percent * 100);
         for _ in 0..400 {
-            let (pose, delta) = robot.tick();
-            robot.commands = robot.controller.tune_move(duty, &pose, &delta);
+            robot.tune_move(duty);
         }
         let now = robot.world.pose();
         assert!(now.x_mm * f64::from(percent) > 2000.0, "{now:?}");

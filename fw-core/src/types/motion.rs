@@ -37,6 +37,18 @@ pub struct Delta {
     pub turn: i32,
 }
 
+impl Delta {
+    /// A tick in which the wheels rolled by these counts, forward positive, and nothing else is known.
+    pub const fn rolled(left: i32, right: i32) -> Self {
+        Self {
+            left,
+            right,
+            travel: I16F16::ZERO,
+            turn: 0,
+        }
+    }
+}
+
 /// A commanded motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Velocity {

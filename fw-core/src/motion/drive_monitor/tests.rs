@@ -25,29 +25,23 @@ impl Side {
     /// Drives this wheel by hundredths of a percent beyond its dead zone and brakes the other.
     fn driven(self, beyond: i16) -> MotorCommands {
         let config = first_board();
-        let wheel = match self {
-            Left => config.left(),
-            Right => config.right(),
+        let mut commands = MotorCommands::BRAKE;
+        let (command, wheel) = match self {
+            Left => (&mut commands.left, config.left()),
+            Right => (&mut commands.right, config.right()),
         };
         let dead_zone = i32::from(wheel.dead_zone.hundredths());
         let duty = i32::from(beyond) + dead_zone * i32::from(beyond.signum());
         let duty = if wheel.motor_reversed { -duty } else { duty };
-        let run = MotorCommand::Run(Duty::saturating(duty));
-        let mut commands = MotorCommands::BRAKE;
-        *match self {
-            Left => &mut commands.left,
-            Right => &mut commands.right,
-        } = run;
+        *command = MotorCommand::Run(Duty::saturating(duty));
         commands
     }
 
     fn rolled(self, counts: i32) -> Delta {
-        let mut delta = Delta::default();
-        *match self {
-            Left => &mut delta.left,
-            Right => &mut delta.right,
-        } = counts;
-        delta
+        match self {
+            Left => Delta::rolled(counts, 0),
+            Right => Delta::rolled(0, counts),
+        }
     }
 }
 

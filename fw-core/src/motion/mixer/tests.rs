@@ -14,14 +14,6 @@ fn mixer() -> Mixer {
     Mixer::new(&config_with(&none))
 }
 
-fn rolled(left: i32, right: i32) -> Delta {
-    Delta {
-        left,
-        right,
-        ..Delta::default()
-    }
-}
-
 /// The factors after each of so many ticks with these outputs, percent, and counts.
 fn drive(
     mixer: &mut Mixer,
@@ -31,7 +23,7 @@ fn drive(
 ) -> Vec<(f64, f64)> {
     let tick = |_| {
         let _ = mixer.mix(percent(forward), percent(rotation));
-        mixer.observe(&rolled(left, right));
+        mixer.observe(&Delta::rolled(left, right));
         let (left, right) = mixer.gain_balance();
         (left.to_num(), right.to_num())
     };
@@ -108,34 +100,30 @@ fn braked_and_raw_driven_wheels_are_not_identified() {
                 mixer.brake()
             };
             // Unequal counts once the lags have decayed.
-            mixer.observe(&if tick < 100 {
-                rolled(30, 30)
-            } else {
-                rolled(40, 20)
-            });
+            let (left, right) = if tick < 100 { (30, 30) } else { (40, 20) };
+            mixer.observe(&Delta::rolled(left, right));
         }
         let lags = [mixer.left, mixer.right].map(|motor| motor.lag.output());
         assert_eq!(lags, [0, 0], "the next start begins at rest");
         let after = mixer.gain_balance();
-        assert!((before.0 - after.0).abs() < percent(0.1), "{after:?}");
-        assert!((before.1 - after.1).abs() < percent(0.1), "{after:?}");
+        for (before, after) in [(before.0, after.0), (before.1, after.1)] {
+            assert!((before - after).abs() < percent(0.1), "{after:?}");
+        }
     }
 }
 
 #[test]
 fn duty_is_the_nearest_hundredth() {
-    let config = config_with(&[
+    let changes = [
         (fields::DEAD_ZONE_LEFT, 0),
         (fields::MOTOR_LEFT_REVERSED, 0),
-    ]);
-    for (forward, hundredths) in [
-        (10.004, 1000),
-        (10.006, 1001),
-        (-10.004, -1000),
-        (-10.006, -1001),
-    ] {
-        let commands = Mixer::new(&config).mix(percent(forward), percent(0.0));
-        let run = MotorCommand::Run(Duty::saturating(hundredths));
-        assert_eq!(commands.left, run, "{forward}");
+    ];
+    let config = config_with(&changes);
+    for (forward, hundredths) in [(10.004, 1000), (10.006, 1001)] {
+        for (forward, hundredths) in [(forward, hundredths), (-forward, -hundredths)] {
+            let commands = Mixer::new(&config).mix(percent(forward), percent(0.0));
+            let run = MotorCommand::Run(Duty::saturating(hundredths));
+            assert_eq!(commands.left, run, "{forward}");
+        }
     }
 }

@@ -128,10 +128,8 @@ fn first_board_drives_ahead_and_turns_left_as_in_the_document() {
     assert_eq!(odometry.pose().heading, Turns(0));
     // Right wheel ahead, left wheel back by π·125/4 mm, 1500 counts: a quarter turn to the left.
     for k in 1..=10u32 {
-        odometry.step(
-            (k * 150).wrapping_sub(3840),
-            ((k * 150).wrapping_neg() as u16).wrapping_sub(3840),
-        );
+        let (left, right) = ((k * 150).wrapping_sub(3840), (k * 150).wrapping_add(3840));
+        odometry.step(left, right.wrapping_neg() as u16);
     }
     assert_eq!(odometry.pose().heading, Turns(1 << 30));
 }
@@ -156,17 +154,8 @@ fn position_saturates_at_its_range() {
     assert!(last > 4_194_303.0);
     // ±2²² mm.
     let end = 1 << 62;
-    for (position, nearest) in [
-        (0, 0),
-        (-1, -1),
-        (end - 1, end - 1),
-        (end, end - 1),
-        (i64::MAX, end - 1),
-        (-end, -end),
-        (-end - 1, -end),
-        (i64::MIN, -end),
-    ] {
-        assert_eq!(saturated(position), nearest, "{position}");
+    for position in [0, -1, end - 1, end, i64::MAX, -end, -end - 1, i64::MIN] {
+        assert_eq!(saturated(position), position.clamp(-end, end - 1));
     }
 }
 
@@ -213,20 +202,14 @@ fn correction_without_rolling_changes_the_heading_alone() {
     for _ in 0..100 {
         let delta = roll(&mut odometry, &mut at, -10, 10);
         let tick = -delta.turn;
-        let correction = HeadingCorrection {
-            heading: tick,
-            tick,
-        };
-        odometry.apply_slip(correction, &delta);
+        let heading = tick;
+        odometry.apply_slip(HeadingCorrection { heading, tick }, &delta);
     }
     assert!(odometry.pose().heading.from_nearest(Turns(0)).abs() < 200);
     let delta = roll(&mut odometry, &mut at, 0, 0);
     let before = odometry.pose();
-    let quarter = HeadingCorrection {
-        heading: 1 << 30,
-        tick: 1 << 26,
-    };
-    odometry.apply_slip(quarter, &delta);
+    let (heading, tick) = (1 << 30, 1 << 26);
+    odometry.apply_slip(HeadingCorrection { heading, tick }, &delta);
     let after = odometry.pose();
     assert_eq!(after.heading.from_nearest(before.heading), 1 << 30);
     assert_eq!((after.x, after.y), (before.x, before.y));
@@ -298,14 +281,7 @@ fn pose_is_rounded_to_nearest() {
 #[test]
 fn travel_is_truncated_and_saturates() {
     for path in [0, 1, -1, 1 << 26, (1 << 26) - 1, -(1 << 26), -(1 << 26) - 1] {
-        for far in [
-            0,
-            1 << 31,
-            1 << 40,
-            -(1 << 40),
-            (1 << 56) + (1 << 33),
-            -(1 << 56),
-        ] {
+        for far in [0, 1 << 31, 1 << 40, -(1 << 40), 0x81_0000 << 33, -(1 << 56)] {
             let path: i64 = path + far;
             assert_eq!(i64::from(narrow(path)), path >> 26, "{path}");
         }

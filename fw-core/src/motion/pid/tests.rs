@@ -35,17 +35,7 @@ fn assert_output(pid: &mut Pid, error: f64, rate: f64, output: f64) {
 
 #[test]
 fn gain_times_value_is_the_product() {
-    for factor in [
-        0.0,
-        2e-10,
-        0.009_326_3,
-        0.3,
-        1.0,
-        6.5088,
-        106.72,
-        9999.0,
-        1e4,
-    ] {
+    for factor in [0.0, 2e-10, 0.009_326, 0.3, 1.0, 6.5088, 106.72, 9999.0, 1e4] {
         for value in [-32768.0, -700.25, -1.0 / 65536.0, 0.0, 0.5, 3.0, 32767.99] {
             let found = Gain::new(gain(factor)).times(fixed(value).to_bits());
             let exact = factor * fixed(value).to_num::<f64>();

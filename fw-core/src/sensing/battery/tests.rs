@@ -5,10 +5,7 @@ use std::vec::Vec;
 /// The ADC words of the first board's two cells.
 fn words(first: f64, second: f64) -> [u16; 2] {
     let word = |volts: f64| (volts / 3.3 * 4095.0).round() as u16;
-    [
-        word(first * 33.0 / 43.0),
-        word((first + second) * 22.0 / 55.0),
-    ]
+    [first * 33.0 / 43.0, (first + second) * 22.0 / 55.0].map(word)
 }
 
 fn volts(battery: &Battery, cell: u8) -> f64 {
@@ -176,10 +173,7 @@ fn factor_scales_to_nearest_at_every_exponent() {
                 let scaled = Factor { mantissa, exponent }.scale(word);
                 // Below 1 a unit of rounding is irrelevant.
                 let slack = u32::from(exponent == 64);
-                assert!(
-                    scaled.abs_diff(exact) <= slack,
-                    "{mantissa} {exponent} {word}: {scaled} {exact}"
-                );
+                assert!(scaled.abs_diff(exact) <= slack, "{scaled} {exact}");
             }
         }
     }

@@ -55,11 +55,7 @@ impl Part {
                     self.registers[usize::from(GYRO_ZOUT) + 1] = self.noise;
                 }
                 let at = usize::from(register);
-                let second = if count == 1 {
-                    0
-                } else {
-                    self.registers[at + 1]
-                };
+                let second = self.registers[at + 1] * u8::from(count > 1);
                 BusResult::Bytes([self.registers[at], second])
             }
         }

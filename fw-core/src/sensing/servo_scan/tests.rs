@@ -74,10 +74,7 @@ fn scan_measures_every_60_ms_in_steps_of_10_degrees() {
             let step = n as i32 % 36;
             let expected = f64::from(step.min(36 - step)) * 10.0 - 90.0;
             assert!((bearing - expected).abs() < 0.1, "{n} {bearing}");
-            assert!(
-                (bearing - angle).abs() < 0.01,
-                "{n}: the servo is at {angle}"
-            );
+            assert!((bearing - angle).abs() < 0.01, "{n}: it is at {angle}");
         }
     }
 }

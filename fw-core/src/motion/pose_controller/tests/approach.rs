@@ -6,7 +6,7 @@ use super::*;
 fn first(controller: &PoseController, stand: Stand, target: Stand) -> MotorCommands {
     let mut controller = controller.clone();
     controller.set_target(seen_from(stand, target));
-    controller.drive(&seen_from(stand, (0.0, 0.0, 0.0)), &STILL)
+    controller.drive(&on(stand), &STILL)
 }
 
 fn towards(bearing: f64, distance: f64) -> (f64, f64) {
@@ -68,10 +68,10 @@ fn reverse_is_chosen_for_less_turning_up_to_1500_mm() {
             let turned = (turned + 180.0).rem_euclid(360.0) - 180.0;
             assert!((forward - ahead / 100.0 * gate(turned)).abs() < ROUNDING);
             // Half a turn may go either way.
-            let (turn, turned) = if turned.abs() > 179.9 {
-                (turn.abs(), turned.abs())
+            let turn = if turned.abs() > 179.9 {
+                turn.copysign(turned)
             } else {
-                (turn, turned)
+                turn
             };
             let off = turn - turned.clamp(-50.0, 50.0);
             assert!(off.abs() < ROUNDING, "{bearing} {distance} {rotation}");
@@ -110,16 +110,16 @@ fn direction_of_travel_is_chosen_once() {
 fn rotation_has_priority_up_to_half_duty() {
     let controller = controller(10.0, 10.0);
     for (bearing, forward, rotation) in [
-        (0.0, 100.0, 0.0),
-        (2.0, 80.0, 20.0),
-        (-2.0, 80.0, -20.0),
-        (10.0, 50.0, 50.0),
-        (-10.0, 50.0, -50.0),
-        (60.0, 0.0, 50.0),
+        (0.0, 1e2, 0.0),
+        (2.0, 8e1, 2e1),
+        (1e1, 5e1, 5e1),
+        (6e1, 0.0, 5e1),
     ] {
-        let (ahead, left) = towards(bearing, 5000.0);
-        let commands = first(&controller, STANDS[0], (ahead, left, bearing));
-        assert_outputs(commands, forward, rotation);
+        for (bearing, rotation) in [(bearing, rotation), (-bearing, -rotation)] {
+            let (ahead, left) = towards(bearing, 5000.0);
+            let commands = first(&controller, STANDS[0], (ahead, left, bearing));
+            assert_outputs(commands, forward, rotation);
+        }
     }
 }
 

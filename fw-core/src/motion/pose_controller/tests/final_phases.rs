@@ -4,8 +4,7 @@ use super::*;
 
 /// In the final approach to `target`, begun at `from`.
 fn final_approach(config: &Config, target: Pose, from: Pose) -> PoseController {
-    let mut controller = PoseController::new(config);
-    controller.set_target(target);
+    let mut controller = aimed(config, target);
     let _ = controller.drive(&from, &rolling(0.0, 0.0));
     assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
     controller
@@ -26,8 +25,7 @@ fn final_approach_begins_at_40_mm() {
                         let _ = controller.drive(&far, &rolling(0.0, 0.0));
                         assert!(matches!(controller.phase, Phase::Approach { .. }));
                     }
-                    let here = seen_from(stand, (0.0, 0.0, 0.0));
-                    let _ = controller.drive(&here, &rolling(0.0, 0.0));
+                    let _ = controller.drive(&on(stand), &rolling(0.0, 0.0));
                     let is_close = matches!(controller.phase, Phase::FinalApproach { .. });
                     assert_eq!(is_close, close, "{stand:?} {bearing} {distance}");
                 }
@@ -44,7 +42,7 @@ fn final_approach_holds_its_bearing_and_gates_at_8_degrees() {
         // 30 mm ahead and 10 mm to the left: 18.43°.
         let kept = (10.0f64 / 30.0).atan().to_degrees();
         let target = seen_from(stand, (30.0, 10.0, 50.0));
-        let controller = final_approach(&config, target, seen_from(stand, (0.0, 0.0, 0.0)));
+        let controller = final_approach(&config, target, on(stand));
         for (ahead, left, turned) in [
             (0.0, 0.0, 0.0),
             (0.0, 0.0, kept - 7.0),
@@ -66,9 +64,10 @@ fn final_approach_holds_its_bearing_and_gates_at_8_degrees() {
             let expected = distance * (1.0 - off.abs() / 8.0).max(0.0);
             let (forward, rotation) = outputs(commands).expect("it is driven");
             assert!(
-                (forward - expected).abs() < 0.09 && (rotation - off).abs() < 0.02,
-                "{ahead} {left} {turned}: {forward} {rotation}, not {expected} {off}"
+                (forward - expected).abs() < 0.09,
+                "{forward}, not {expected}"
             );
+            assert!((rotation - off).abs() < 0.02, "{rotation}, not {off}");
         }
     }
 }
@@ -140,9 +139,10 @@ fn before_target(before: f64, heading_error: f64) -> Pose {
 
 /// A controller that starts at that pose.
 fn start(config: &Config, before: f64, heading_error: f64) -> (PoseController, Pose) {
-    let mut controller = PoseController::new(config);
-    controller.set_target(seen_from(TARGET, (0.0, 0.0, 0.0)));
-    (controller, before_target(before, heading_error))
+    (
+        aimed(config, on(TARGET)),
+        before_target(before, heading_error),
+    )
 }
 
 #[test]
@@ -194,10 +194,7 @@ fn final_rotation_brakes_when_about_to_stop_within_tolerance() {
             let (mut controller, here) = start(&config, before * way, error * side);
             let commands = controller.drive(&here, &rolling(travel * way, turn * side));
             let braked = commands == MotorCommands::BRAKE;
-            assert_eq!(
-                braked, brakes,
-                "{before} {travel} {error} {turn} {way} {side}"
-            );
+            assert_eq!(braked, brakes, "{before} {travel} {error} {turn} {way}");
         }
     }
 }
@@ -237,20 +234,22 @@ fn arrival_takes_50_ms_at_rest_within_both_tolerances() {
 
 #[test]
 fn arrival_one_count_is_rest_and_two_restart_the_50_ms() {
-    for (left, right, arrival) in [
-        (1, 1, 5),
-        (-1, 1, 5),
-        (-1, -1, 5),
-        (2, 0, 8),
-        (-2, 0, 8),
-        (0, 2, 8),
-        (0, -2, 8),
-        (-7, 7, 8),
-    ] {
+    let moved = [
+        (1, 1),
+        (-1, 1),
+        (-1, -1),
+        (2, 0),
+        (-2, 0),
+        (0, 2),
+        (0, -2),
+        (-7, 7),
+    ];
+    for (nth, (left, right)) in moved.into_iter().enumerate() {
+        let arrival = if nth < 3 { 5 } else { 8 };
         let (mut controller, here) = start(&gains(1.0, 1.0, 0.0), 0.0, 0.0);
         for tick in 1..=8 {
             let delta = if tick == 3 {
-                counts(left, right)
+                Delta::rolled(left, right)
             } else {
                 STILL
             };

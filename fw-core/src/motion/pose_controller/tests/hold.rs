@@ -8,9 +8,8 @@ const TARGET: Stand = (500.0, -200.0, 170.0);
 
 /// Holding at the target, with widened tolerances or not.
 fn holding(widened: bool) -> (PoseController, Pose) {
-    let mut controller = controller(1.0, 1.0);
-    let target = seen_from(TARGET, (0.0, 0.0, 0.0));
-    controller.set_target(target);
+    let target = on(TARGET);
+    let mut controller = aimed(&gains(1.0, 1.0, 0.0), target);
     controller.widened = widened;
     for _ in 0..5 {
         let _ = controller.drive(&target, &STILL);
@@ -69,9 +68,8 @@ fn hold_brakes_within_its_limits_and_restart_resets_them() {
 #[test]
 fn final_rotation_and_hold_begin_without_an_integral() {
     let config = integrating();
-    let target = seen_from(TARGET, (0.0, 0.0, 0.0));
-    let mut fresh = PoseController::new(&config);
-    fresh.set_target(target);
+    let target = on(TARGET);
+    let mut fresh = aimed(&config, target);
     let mut held = fresh.clone();
     let aside = seen_from(TARGET, (-5.0, 0.0, 20.0));
     let first = fresh.drive(&aside, &rolling(0.0, 0.0));
@@ -84,8 +82,7 @@ fn final_rotation_and_hold_begin_without_an_integral() {
     assert!(held.arrived());
     assert_eq!(held.drive(&aside, &rolling(0.0, 0.0)), first);
     // In the final approach the bearing is the heading: only the forward PID integrates.
-    let mut approaching = PoseController::new(&config);
-    approaching.set_target(target);
+    let mut approaching = aimed(&config, target);
     for _ in 0..20 {
         let _ = approaching.drive(&seen_from(TARGET, (-30.0, 0.0, 0.0)), &rolling(0.0, 0.0));
     }
@@ -93,10 +90,7 @@ fn final_rotation_and_hold_begin_without_an_integral() {
     assert_eq!(approaching.phase, Phase::FinalRotation);
     let commands = approaching.drive(&aside, &rolling(0.0, 0.0));
     let (forward, expected) = (outputs(commands).unwrap().0, outputs(first).unwrap().0);
-    assert!(
-        (forward - expected).abs() < ROUNDING,
-        "{forward} {expected}"
-    );
+    assert!((forward - expected).abs() < ROUNDING, "{forward}");
 }
 
 /// Beside a controller that evaluates its target every tick.

@@ -9,8 +9,7 @@ fn boost(ticks: u32) -> f64 {
 
 /// In the final approach, the target so far ahead, mm, with a heading error, 2⁻³² turns.
 fn stuck(ahead: f64, heading_error: i32) -> (PoseController, Pose) {
-    let mut controller = PoseController::new(&gains(0.0, 0.0, 0.0));
-    controller.set_target(pose(1000.0, 0.0, 0.0));
+    let mut controller = aimed(&gains(0.0, 0.0, 0.0), pose(1000.0, 0.0, 0.0));
     let _ = controller.drive(&pose(970.0, 0.0, 0.0), &rolling(0.0, 0.0));
     assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
     let mut here = pose(1000.0 - ahead, 0.0, 0.0);
@@ -38,7 +37,7 @@ fn boost_restarts_after_a_count_of_either_wheel() {
             let _ = controller.drive(&here, &STILL);
         }
         assert_outputs(controller.drive(&here, &STILL), boost(21), boost(21));
-        let commands = controller.drive(&here, &counts(left, right));
+        let commands = controller.drive(&here, &Delta::rolled(left, right));
         assert_outputs(commands, 0.0, 0.0);
         for ticks in 1..=10 {
             let commands = controller.drive(&here, &STILL);
@@ -49,18 +48,18 @@ fn boost_restarts_after_a_count_of_either_wheel() {
 
 #[test]
 fn boost_forward_needs_an_open_gate_and_a_distance() {
-    for (ahead, error, side) in [
-        (20.0, 8 * DEGREE, 1.0),
-        (-20.0, 8 * DEGREE, 1.0),
-        (-20.0, turns(-20.0), -1.0),
-        (0.0, 0, 0.0),
+    let back = turns(-20.0);
+    for (ahead, error) in [
+        (20.0, 8 * DEGREE),
+        (-20.0, 8 * DEGREE),
+        (-20.0, back),
+        (0.0, 0),
     ] {
+        let side = f64::from(error.signum());
         let (mut controller, here) = stuck(ahead, error);
         // A travel without counts keeps the phase.
-        let slipping = Delta {
-            travel: I16F16::ONE,
-            ..STILL
-        };
+        let mut slipping = STILL;
+        slipping.travel = I16F16::ONE;
         for ticks in 1..=20 {
             let commands = controller.drive(&here, &slipping);
             assert_outputs(commands, 0.0, boost(ticks) * side);
@@ -85,8 +84,7 @@ fn boost_of_the_rotation_needs_half_the_heading_tolerance() {
 #[test]
 fn boost_in_approach_and_final_rotation_only_rotates() {
     for (x, error) in [(1000.0, 5.0), (1000.0, -5.0), (0.0, 40.0), (0.0, -40.0)] {
-        let mut controller = PoseController::new(&gains(0.0, 0.0, 0.0));
-        controller.set_target(pose(x, 0.0, 0.0));
+        let mut controller = aimed(&gains(0.0, 0.0, 0.0), pose(x, 0.0, 0.0));
         for ticks in 1..=100 {
             let commands = controller.drive(&pose(0.0, 0.0, -error), &STILL);
             assert_outputs(commands, 0.0, boost(ticks).copysign(error));
