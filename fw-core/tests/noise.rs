@@ -3,46 +3,30 @@
 //! Errors of up to three bits and bursts of up to 16 are excluded by properties in `proofs/`. Of other
 //! errors about one in 2¹⁵ passes the checksum: here they are rarer than that or counted.
 
+use fastrand::Rng;
 use fw_core::wire::{frame_len, Command, Field, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME};
 
 /// Corrupted frames of each kind, direction and mode.
 const FRAMES: u32 = 150_000;
 
-/// A generator of Weyl steps, mixed (`SplitMix64`).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ mixed >> 31
-    }
-
-    /// 0 ..= below − 1.
-    #[allow(clippy::cast_possible_truncation, reason = "below `below`")]
-    fn below(&mut self, below: usize) -> usize {
-        (self.next() % below as u64) as usize
-    }
-}
-
-type Corrupt = fn(&mut Vec<u8>, &mut Random);
+type Corrupt = fn(&mut Vec<u8>, &mut Rng);
 
 fn flip(frame: &mut [u8], bit: usize) {
     frame[bit / 8] ^= 0x80 >> (bit % 8);
 }
 
-fn flip_some(frame: &mut [u8], count: usize, random: &mut Random) {
-    for _ in 0..count {
-        flip(frame, random.below(8 * frame.len()));
+/// So many bits, or two, four or six more.
+fn flip_some(frame: &mut [u8], least: usize, random: &mut Rng) {
+    for _ in 0..least + 2 * random.usize(..4) {
+        flip(frame, random.usize(..8 * frame.len()));
     }
 }
 
 /// From some bit on everything arrives one bit late: a clock edge was counted twice.
-fn slip(frame: &mut [u8], random: &mut Random) {
+fn slip(frame: &mut [u8], random: &mut Rng) {
     let before = frame.to_vec();
     let bit = |at: usize| before[at / 8] & 0x80 >> (at % 8) != 0;
-    for at in random.below(8 * before.len() - 1) + 1..8 * before.len() {
+    for at in random.usize(..8 * before.len() - 1) + 1..8 * before.len() {
         if bit(at - 1) != bit(at) {
             flip(frame, at);
         }
@@ -53,19 +37,17 @@ fn slip(frame: &mut [u8], random: &mut Random) {
 const KINDS: [(&str, Corrupt, Option<u32>); 6] = [
     (
         "odd number of bits",
-        |frame, random| {
-            flip_some(frame, 1 + 2 * random.below(4), random);
-        },
+        |frame, random| flip_some(frame, 1, random),
         None,
     ),
     (
         "burst",
         |frame, random| {
-            let len = 1 + random.below(16);
-            let first = random.below(8 * frame.len() - len + 1);
+            let len = 1 + random.usize(..16);
+            let first = random.usize(..8 * frame.len() - len + 1);
             flip(frame, first);
             for bit in first + 1..first + len {
-                if random.next() & 1 == 0 {
+                if random.bool() {
                     flip(frame, bit);
                 }
             }
@@ -74,23 +56,21 @@ const KINDS: [(&str, Corrupt, Option<u32>); 6] = [
     ),
     (
         "shortened",
-        |frame, random| frame.truncate(random.below(frame.len())),
+        |frame, random| frame.truncate(random.usize(..frame.len())),
         None,
     ),
     (
         "lengthened",
         |frame, random| {
-            for _ in 0..=random.below(64) {
-                frame.push(random.next().to_le_bytes()[0]);
+            for _ in 0..=random.usize(..64) {
+                frame.push(random.u8(..));
             }
         },
         None,
     ),
     (
         "even number of bits",
-        |frame, random| {
-            flip_some(frame, 4 + 2 * random.below(4), random);
-        },
+        |frame, random| flip_some(frame, 4, random),
         Some(1 << 14),
     ),
     (
@@ -108,12 +88,7 @@ struct Ends {
 
 impl Ends {
     fn new(mode: Mode) -> Self {
-        let setup = Setup {
-            mode,
-            key_from_pi: 0x96,
-            key_from_stm: 0x5A,
-            cells: 2,
-        };
+        let setup = Setup::first_board(mode);
         Self {
             pi: PiLink::new(setup),
             stm: StmLink::new(setup),
@@ -144,7 +119,7 @@ impl Ends {
 
 /// How many corrupted frames were accepted. A good one comes after every hundredth and must be.
 fn accepted(mode: Mode, to_stm: bool, corrupt: Corrupt) -> u32 {
-    let mut random = Random(mode.code().into());
+    let mut random = Rng::with_seed(mode.code().into());
     let mut ends = Ends::new(mode);
     let mut accepted = 0;
     for count in 1..=FRAMES {

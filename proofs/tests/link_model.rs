@@ -15,13 +15,7 @@ use fw_core::types::{Micros, Milliseconds};
 use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FRAME};
 use proofs::search::{assert_broken, assert_holds, Model};
 
-const MODE: Mode = Mode::GuardedTuneRotate;
-const SETUP: Setup = Setup {
-    mode: MODE,
-    key_from_pi: 0x96,
-    key_from_stm: 0x5A,
-    cells: 2,
-};
+const SETUP: Setup = Setup::first_board(Mode::GuardedTuneRotate);
 const LEN: usize = 18;
 /// Frames the Pi sends at most.
 const FRAMES: usize = 5;

@@ -19,12 +19,8 @@ pub(crate) fn config_with(changes: &[(&Field, u64)]) -> Config {
 }
 
 fn image_with(changes: &[(&Field, u64)]) -> Image {
-    let mut image = Image::FIRST_BOARD;
-    for &(field, raw) in changes {
-        image.set(field, raw);
-    }
-    image.seal();
-    image
+    let change = |image: Image, &(field, raw): &(&Field, u64)| image.with(field, raw);
+    changes.iter().fold(Image::FIRST_BOARD, change)
 }
 
 fn rejection(image: &Image) -> ConfigError {
@@ -245,15 +241,10 @@ layout_version 1 03 address 0x00: layout_version is 1, accepted: 2; run `robot e
 
 /// An image with every field in play: eight cells, a servo.
 fn eight_cells() -> Image {
-    let mut image = image_with(&[
-        (CELLS, 8),
-        (MODE, 0x20),
-        (SERVO, 1),
-        (DEAD_ZONE_LEFT, 0),
-        (DEAD_ZONE_RIGHT, 0),
-        (BATTERY_WARN, 5000),
-        (BATTERY_CUTOFF, 0),
-    ]);
+    let fitted = [(CELLS, 8), (MODE, 0x20), (SERVO, 1)];
+    let free = [(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 0)];
+    let battery = [(BATTERY_WARN, 5000), (BATTERY_CUTOFF, 0)];
+    let mut image = image_with(&[&fitted[..], &free, &battery].concat());
     for field in FIELDS.iter().filter(|field| field.tap != 0) {
         let is_upper = field.name.ends_with("upper");
         image.set(field, if is_upper { 1000 } else { 500_000 });
@@ -316,7 +307,7 @@ fn field_ends_accepted_and_beyond_rejected() {
 #[test]
 fn constraints_between_fields_are_checked() {
     type Changes<'a> = &'a [(&'a Field, u64)];
-    let (left, right) = ("dead_zone_left", "dead_zone_right");
+    let (left, right, cutoff) = ("dead_zone_left", "dead_zone_right", "battery_cutoff");
     let cases: [(Changes, &str); 12] = [
         (&[], ""),
         (&[(RANGEFINDERS, 0)], "rangefinders"),
@@ -328,21 +319,12 @@ fn constraints_between_fields_are_checked() {
         (&[(DEAD_ZONE_RIGHT, 500), (LIMIT_RIGHT, 500)], right),
         (&[(BATTERY_CUTOFF, 5000)], ""),
         (&[(BATTERY_WARN, 3000), (BATTERY_CUTOFF, 3000)], ""),
-        (
-            &[(BATTERY_WARN, 3000), (BATTERY_CUTOFF, 3001)],
-            "battery_cutoff",
-        ),
-        (
-            &[(LOG_PERIOD, 60_001), (BATTERY_CUTOFF, 5001)],
-            "battery_cutoff",
-        ),
+        (&[(BATTERY_WARN, 3000), (BATTERY_CUTOFF, 3001)], cutoff),
+        (&[(LOG_PERIOD, 60_001), (BATTERY_CUTOFF, 5001)], cutoff),
     ];
     for (changes, expected) in cases {
-        let mut image = eight_cells();
-        for &(field, raw) in changes {
-            image.set(field, raw);
-        }
-        image.seal();
+        let change = |image: Image, &(field, raw): &(&Field, u64)| image.with(field, raw);
+        let image = changes.iter().fold(eight_cells(), change);
         let rejected = Config::decode(&image).err().map(|error| error.field);
         assert_eq!(rejected.unwrap_or_default(), expected, "{changes:?}");
     }

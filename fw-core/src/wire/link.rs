@@ -23,6 +23,29 @@ pub struct Setup {
     pub cells: u8,
 }
 
+impl Setup {
+    /// The first board's keys and cells.
+    pub const fn first_board(mode: Mode) -> Self {
+        Self {
+            mode,
+            key_from_pi: 0x96,
+            key_from_stm: 0x5A,
+            cells: 2,
+        }
+    }
+
+    /// What the strategies know of it, before the first frame.
+    pub const fn context(&self) -> Context {
+        Context {
+            key_from_pi: self.key_from_pi,
+            key_from_stm: self.key_from_stm,
+            cells: self.cells,
+            own: 0,
+            last: None,
+        }
+    }
+}
+
 /// Frames of the other end, counted. Counters stop at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkCounters {
@@ -89,13 +112,7 @@ impl LinkEndpoint {
     const fn new(setup: Setup) -> Self {
         Self {
             mode: setup.mode,
-            context: Context {
-                key_from_pi: setup.key_from_pi,
-                key_from_stm: setup.key_from_stm,
-                cells: setup.cells,
-                own: 0,
-                last: None,
-            },
+            context: setup.context(),
             resync: ResyncDetector::NEW,
             counters: LinkCounters {
                 accepted: 0,

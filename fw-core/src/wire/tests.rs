@@ -7,22 +7,23 @@ use crate::types::{Faults, Volts};
 use std::format;
 use std::vec::Vec;
 
-const fn setup(mode: Mode) -> Setup {
-    Setup {
-        mode,
-        key_from_pi: 0x96,
-        key_from_stm: 0x5A,
-        cells: 2,
-    }
+const CONTEXT: Context = Context {
+    own: 1,
+    ..Setup::first_board(Mode::Normal).context()
+};
+
+fn ends(mode: Mode) -> (PiLink, StmLink) {
+    let setup = Setup::first_board(mode);
+    (PiLink::new(setup), StmLink::new(setup))
 }
 
-const CONTEXT: Context = Context {
-    key_from_pi: 0x96,
-    key_from_stm: 0x5A,
-    cells: 2,
-    own: 1,
-    last: None,
-};
+fn error(field: Field, offset: u16, reason: Reason) -> FrameError {
+    FrameError {
+        field,
+        offset,
+        reason,
+    }
+}
 
 fn guarded() -> impl Iterator<Item = Mode> {
     let all = Mode::ALL.iter().copied();
@@ -83,13 +84,9 @@ fn long_frame_names_all_data_used_and_excess() {
         let command = command_frame(mode, &Command::default());
         let report = report_frame(mode, &Report::default());
         for excess in [1, 2, 64, 70_000] {
-            let expected = FrameError {
-                field: Field::AllDataUsed,
-                offset: u16::try_from(frame_len(mode)).unwrap(),
-                reason: Reason::Long {
-                    left: u16::try_from(excess).unwrap_or(u16::MAX),
-                },
-            };
+            let left = u16::try_from(excess).unwrap_or(u16::MAX);
+            let offset = u16::try_from(frame_len(mode)).unwrap();
+            let expected = error(Field::AllDataUsed, offset, Reason::Long { left });
             let tail = std::vec![0xA5; excess];
             let [long, back] = [&command, &report].map(|frame| [&frame[..], &tail].concat());
             assert_eq!(errors(mode, &long, &back), [Some(expected); 2]);
@@ -165,11 +162,7 @@ fn unknown_order_and_state_are_rejected_at_their_byte() {
             };
             let command = with_code(command_frame(mode, &Command::default()));
             let report = with_code(report_frame(mode, &Report::default()));
-            let error = |reason| FrameError {
-                field: Field::Status,
-                offset: 5,
-                reason,
-            };
+            let error = |reason| error(Field::Status, 5, reason);
             let expected = [
                 (code > 2).then(|| error(Reason::UnknownOrder(code))),
                 (code & 0x3F > 4).then(|| error(Reason::UnknownState(code))),
@@ -209,11 +202,7 @@ fn every_reason_reads_as_one_sentence() {
         (crc(0x01AB, 0xF00D), checksum),
     ];
     for (reason, text) in texts {
-        let error = FrameError {
-            field: Field::Battery,
-            offset: 12,
-            reason,
-        };
+        let error = error(Field::Battery, 12, reason);
         assert_eq!(format!("{error}"), format!("battery at byte 12: {text}"));
     }
 }
@@ -237,7 +226,7 @@ fn every_cause_has_its_own_counter_and_name() {
 // Requirement: WIRE-spi-3, WIRE-log-11
 #[test]
 fn overrun_counter_saturates() {
-    let mut stm = StmLink::new(setup(Mode::Normal));
+    let (_, mut stm) = ends(Mode::Normal);
     stm.overrun(3);
     stm.overrun(u32::MAX);
     assert_eq!(stm.counters().overrun, u32::MAX);
@@ -248,7 +237,7 @@ fn overrun_counter_saturates() {
 #[test]
 fn thousand_exchanges_wrap_counters_without_loss() {
     for &mode in Mode::ALL {
-        let (mut pi, mut stm) = (PiLink::new(setup(mode)), StmLink::new(setup(mode)));
+        let (mut pi, mut stm) = ends(mode);
         for n in 0..1000_u32 {
             let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
             let len = pi.send(&Command::default(), &mut there);
@@ -272,7 +261,7 @@ fn thousand_exchanges_wrap_counters_without_loss() {
 
 /// Whether the STM, having accepted number `last`, accepts frames of these numbers.
 fn accepted(mode: Mode, last: u8, numbers: &[u8]) -> (Vec<bool>, LinkCounters) {
-    let mut stm = StmLink::new(setup(mode));
+    let (_, mut stm) = ends(mode);
     let mut receive = |own: u8| {
         let mut frame = [0; MAX_FRAME];
         let context = Context { own, ..CONTEXT };
@@ -348,7 +337,7 @@ fn velocity_reserved_bytes_reject_the_frame() {
 #[test]
 fn reply_encoded_again_keeps_its_number() {
     for mode in guarded() {
-        let stm = StmLink::new(setup(mode));
+        let (mut pi, stm) = ends(mode);
         let encoded = |number, faults| {
             let (faults, rest) = (Faults::from_bits(faults), Report::default());
             let report = Report { faults, ..rest };
@@ -358,7 +347,6 @@ fn reply_encoded_again_keeps_its_number() {
         };
         let (first, fresher, next) = (encoded(1, 0), encoded(1, 5), encoded(2, 5));
         assert_eq!((first[1], fresher[1], next[1]), (1, 1, 2));
-        let mut pi = PiLink::new(setup(mode));
         assert_eq!(pi.receive(&fresher).unwrap().faults.bits(), 5);
         assert!(pi.receive(&first).is_err());
         assert!(pi.receive(&next).is_ok());

@@ -6,15 +6,7 @@ use fw_core::eeprom::{
 };
 use fw_core::log::Line;
 
-const COLUMNS: [&str; 7] = [
-    "address",
-    "type",
-    "field",
-    "meaning",
-    "unit",
-    "accepted",
-    "first board",
-];
+const COLUMNS: &str = "address|type|field|meaning|unit|accepted|first board";
 
 fn accepted(field: &Field) -> String {
     match *field.accepted {
@@ -74,16 +66,13 @@ fn value(row: &Row) -> u64 {
 // Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1, WIRE-eeprom-8
 #[test]
 fn fields_are_those_of_the_tables() {
-    let rows = rows(&COLUMNS);
+    let rows = rows(&COLUMNS.split('|').collect::<Vec<_>>());
     let (key, rest) = rows.split_first().expect("the key");
     let (crc, rows) = rest.split_last().expect("the checksum");
 
     let hex = KEY.map(|byte| format!("{byte:02X}")).concat();
     assert_eq!((key.number("address"), key.get("type")), (0, "u8 × 10"));
-    assert_eq!(
-        (key.get("accepted"), key.get("first board")),
-        (&*hex, &*hex)
-    );
+    assert_eq!([key.get("accepted"), key.get("first board")], [&*hex; 2]);
     assert_eq!(crc.number("address"), u64::from(CRC_ADDRESS));
     assert_eq!((crc.get("type"), crc.get("field")), ("u32", "crc"));
     assert_eq!(usize::from(CRC_ADDRESS) + 4, 0x0300 + PLATFORM_LEN);
@@ -104,7 +93,7 @@ fn fields_are_those_of_the_tables() {
 #[test]
 fn spans_are_those_of_the_text() {
     let ends = SPANS.map(|span| (span.address, span.address + span.len - 1));
-    let covered = ends.map(|(first, last)| {
+    let [a, b, c, d] = ends.map(|(first, last)| {
         let last = if last > CRC_ADDRESS {
             CRC_ADDRESS - 1
         } else {
@@ -112,7 +101,6 @@ fn spans_are_those_of_the_text() {
         };
         format!("0x{first:04X}–0x{last:04X}")
     });
-    let [a, b, c, d] = covered;
     let text = include_str!("../../../docs/interfaces.md").replace('\n', " ");
     assert!(text.contains(&format!("{a}, {b}, {c} and {d}")));
 }
@@ -120,24 +108,17 @@ fn spans_are_those_of_the_text() {
 // Requirement: WIRE-refused-1
 #[test]
 fn constraints_are_those_of_the_table() {
-    let listed: Vec<_> = rows(&["address", "field", "accepted"])
-        .iter()
-        .flat_map(|row| {
-            let addresses: Vec<_> = row.get("address").split(", ").map(number).collect();
-            addresses
-                .into_iter()
-                .map(|address| (address, row.get("field"), row.get("accepted")))
-        })
-        .collect();
-    let constraints: Vec<_> = CONSTRAINTS
-        .iter()
-        .map(|constraint| {
-            let name = match constraint.field.tap {
-                0 => constraint.field.name,
-                _ => "upper resistor of a tap in use",
-            };
-            (constraint.field.address.into(), name, constraint.expected)
-        })
-        .collect();
-    assert_eq!(listed, constraints);
+    let rows = rows(&["address", "field", "accepted"]);
+    let listed = rows.iter().flat_map(|row| {
+        let addresses = row.get("address").split(", ").map(number);
+        addresses.map(|address| (address, row.get("field"), row.get("accepted")))
+    });
+    let constraints = CONSTRAINTS.iter().map(|constraint| {
+        let name = match constraint.field.tap {
+            0 => constraint.field.name,
+            _ => "upper resistor of a tap in use",
+        };
+        (constraint.field.address.into(), name, constraint.expected)
+    });
+    assert!(listed.eq(constraints));
 }

@@ -31,11 +31,15 @@ pub fn number(text: &str) -> u64 {
     parsed.unwrap_or_else(|_| panic!("{text} is not a number"))
 }
 
+/// The text of a file of the repository.
+pub fn file(path: &str) -> String {
+    let path = format!("{}/../{path}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
 fn cells(line: &'static str) -> Vec<&'static str> {
-    let inner = line
-        .trim()
-        .strip_prefix('|')
-        .and_then(|line| line.strip_suffix('|'));
+    let inner = line.trim().strip_prefix('|');
+    let inner = inner.and_then(|line| line.strip_suffix('|'));
     let inner = inner.unwrap_or_else(|| panic!("not a row: {line}"));
     inner.split('|').map(str::trim).collect()
 }

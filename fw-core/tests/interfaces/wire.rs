@@ -1,18 +1,15 @@
 //! Modes, strategies, faults, states, orders, causes, examples.
 
-use crate::table::rows;
+use crate::table::{file, rows};
+use std::collections::BTreeSet;
+
 use fw_core::robot::leds;
 use fw_core::types::Faults;
 use fw_core::wire::{chain, frame_len, Cause, Field, Mode, Order, PiLink, Setup, State, StmLink};
 use serde_json::Value;
 
 fn vectors(name: &str) -> Vec<Value> {
-    let path = format!(
-        "{}/../tests/vectors/{name}.json",
-        env!("CARGO_MANIFEST_DIR")
-    );
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
-    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
+    serde_json::from_str(&file(&format!("tests/vectors/{name}.json"))).expect("vectors")
 }
 
 // Requirement: DOC-5.2-4, DOC-5.2.1-3, DOC-5.2.2-3, DOC-5.2.3-2, WIRE-modes-5, WIRE-modes-6, WIRE-modes-7
@@ -55,13 +52,8 @@ fn fault_table_matches_document() {
         let motors = if fault.blocking { "off" } else { "" };
         assert_eq!(row.get("motors"), motors, "{name}");
         assert_eq!(row.get("raised in"), fault.raised_in);
-        let path = format!("{}/../{}", env!("CARGO_MANIFEST_DIR"), fault.raised_in);
-        let source =
-            std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
-        assert!(
-            source.contains(&format!("Faults::{}", row.get("fault"))),
-            "{path}"
-        );
+        let raised = format!("Faults::{}", row.get("fault"));
+        assert!(file(fault.raised_in).contains(&raised), "{raised}");
     }
 }
 
@@ -74,13 +66,7 @@ fn state_table_matches_document() {
     for (row, state) in rows.iter().zip(states) {
         assert_eq!(row.number("code"), state as u64);
         assert_eq!(row.get("state"), state.name());
-        let lit = (0..4).map(|led| {
-            if leds(state) >> led & 1 == 1 {
-                "●"
-            } else {
-                "○"
-            }
-        });
+        let lit = (0..4).map(|led| ["○", "●"][usize::from(leds(state) >> led & 1)]);
         assert_eq!(row.get("LED 1 2 3 4"), lit.collect::<Vec<_>>().join(" "));
     }
 }
@@ -105,45 +91,25 @@ fn cause_table_matches_document() {
     let rows = rows(&["cause", "strategies", "when"]);
     let names: Vec<_> = rows.iter().map(|row| row.get("cause")).collect();
     assert_eq!(names, Cause::ALL.map(Cause::name));
-    let mut listed: Vec<_> = rows
-        .iter()
-        .flat_map(|row| {
-            row.get("strategies")
-                .split(", ")
-                .map(|name| (row.get("cause"), name))
-        })
-        .collect();
+    let listed = rows.iter().flat_map(|row| {
+        let names = row.get("strategies").split(", ");
+        names.map(|name| (row.get("cause").to_owned(), name.to_owned()))
+    });
     let vectors = vectors("rejected");
-    let mut seen: Vec<_> = vectors
-        .iter()
-        .map(|vector| {
-            let rejected = &vector["rejected"];
-            (
-                rejected["cause"].as_str().unwrap(),
-                rejected["strategy"].as_str().unwrap(),
-            )
-        })
-        .collect();
-    listed.sort_unstable();
-    seen.sort_unstable();
-    seen.dedup();
-    assert_eq!(listed, seen);
+    let seen = vectors.iter().map(|vector| {
+        let word = |key| vector["rejected"][key].as_str().expect("a word").to_owned();
+        (word("cause"), word("strategy"))
+    });
+    assert_eq!(listed.collect::<BTreeSet<_>>(), seen.collect());
 }
 
 #[test]
 fn example_frames_are_accepted() {
     for row in rows(&["mode", "from", "says", "frame"]) {
-        let frame: Vec<u8> = row
-            .get("frame")
-            .split(' ')
-            .map(|byte| u8::from_str_radix(byte, 16).expect("a byte"))
-            .collect();
-        let setup = Setup {
-            mode: Mode::from_code(u8::try_from(row.number("mode")).unwrap()).expect("a mode"),
-            key_from_pi: 0x96,
-            key_from_stm: 0x5A,
-            cells: 2,
-        };
+        let byte = |byte| u8::from_str_radix(byte, 16).expect("a byte");
+        let frame: Vec<u8> = row.get("frame").split(' ').map(byte).collect();
+        let mode = u8::try_from(row.number("mode")).unwrap();
+        let setup = Setup::first_board(Mode::from_code(mode).expect("a mode"));
         match row.get("from") {
             "Pi" => drop(StmLink::new(setup).receive(&frame, 0, 1).expect("accepted")),
             "STM" => drop(PiLink::new(setup).receive(&frame).expect("accepted")),
@@ -151,9 +117,7 @@ fn example_frames_are_accepted() {
         }
         // What it says is checked where the vectors are.
         let text = row.get("frame").to_lowercase().replace(' ', "");
-        let known = |vector: &Value| {
-            vector["bytes"] == text.as_str() && vector["mode"] == setup.mode.code()
-        };
+        let known = |vector: &Value| vector["bytes"] == *text && vector["mode"] == mode;
         assert!(vectors("frames").iter().any(known), "{text} is no vector");
     }
 }

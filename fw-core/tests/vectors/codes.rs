@@ -1,5 +1,7 @@
 //! Physical values ↔ codes, and the checksums.
 
+use std::fmt::Debug;
+
 use crate::json::{bytes, file, int, list, text, Value};
 use fixed::types::{I32F32, U0F32, U16F16};
 use fw_core::eeprom::crc32;
@@ -22,131 +24,91 @@ fn distance(value: &Value) -> Option<Millimetres> {
     value["mm"].as_str().map(millimetres)
 }
 
-fn each(kind: &str, mut encode: impl FnMut(&Value), mut decode: impl FnMut(&Value)) {
+/// Every vector of a kind: its value as a code, its code as a value.
+fn each<C: PartialEq + Debug, V: PartialEq + Debug>(
+    kind: &str,
+    code: impl Fn(&Value) -> C,
+    value: impl Fn(&Value) -> V,
+    encode: impl Fn(V) -> C,
+    decode: impl Fn(C) -> V,
+) {
     let codes = &file("codes")[kind];
-    list(&codes["encode"]).iter().for_each(&mut encode);
-    list(&codes["decode"]).iter().for_each(&mut decode);
+    for vector in list(&codes["encode"]) {
+        assert_eq!(encode(value(vector)), code(vector), "{vector}");
+    }
+    for vector in list(&codes["decode"]) {
+        assert_eq!(decode(code(vector)), value(vector), "{vector}");
+    }
+}
+
+fn each_pose(kind: &str, code: fn(&Value) -> PoseCode, pose: fn(&Value) -> Pose) {
+    let encode = |pose: Pose| PoseCode::from_pose(&pose);
+    each(kind, code, pose, encode, |code| code.to_pose());
 }
 
 // Requirement: DOC-5.1.1-2
 #[test]
 fn length_codes_match_vectors() {
-    let along_x = |mm| {
-        PoseCode::from_pose(&Pose {
-            x: mm,
-            ..Pose::default()
-        })
-        .x
+    let code = |vector: &Value| {
+        let (x, rotation) = (int(vector, "code"), 0);
+        PoseCode { x, y: x, rotation }
     };
-    let along_y = |mm| {
-        PoseCode::from_pose(&Pose {
-            y: mm,
-            ..Pose::default()
-        })
-        .y
-    };
-    each(
-        "lengths",
-        |vector| {
-            let mm = millimetres(text(vector, "mm"));
-            assert_eq!(along_x(mm), int::<i32>(vector, "code"), "{vector}");
-            assert_eq!(along_y(mm), int::<i32>(vector, "code"), "{vector}");
-        },
-        |vector| {
-            let code = int(vector, "code");
-            let pose = PoseCode {
-                x: code,
-                y: code,
-                rotation: 0,
-            }
-            .to_pose();
-            let mm = millimetres(text(vector, "mm"));
-            assert_eq!((pose.x, pose.y), (mm, mm), "{vector}");
-        },
-    );
+    each_pose("lengths", code, |vector| {
+        let (x, heading) = (millimetres(text(vector, "mm")), Turns(0));
+        Pose { x, y: x, heading }
+    });
 }
 
 // Requirement: DOC-5.1.1-3
 #[test]
 fn rotation_codes_match_vectors() {
-    each(
-        "rotations",
-        |vector| {
-            let heading = turns(text(vector, "turn"));
-            let code = PoseCode::from_pose(&Pose {
-                heading,
-                ..Pose::default()
-            });
-            assert_eq!(code.rotation, int::<u16>(vector, "code"), "{vector}");
-        },
-        |vector| {
-            let code = PoseCode {
-                rotation: int(vector, "code"),
-                ..PoseCode::default()
-            };
-            assert_eq!(
-                code.to_pose().heading,
-                turns(text(vector, "turn")),
-                "{vector}"
-            );
-        },
-    );
+    let code = |vector: &Value| {
+        let (x, rotation) = (0, int(vector, "code"));
+        PoseCode { x, y: x, rotation }
+    };
+    each_pose("rotations", code, |vector| {
+        let (x, heading) = (Millimetres::default(), turns(text(vector, "turn")));
+        Pose { x, y: x, heading }
+    });
 }
 
 #[test]
 fn voltage_codes_match_vectors() {
-    each(
-        "voltages",
-        |vector| {
-            let code = CellCode::from_volts(3, volts(text(vector, "V")));
-            assert_eq!(
-                code,
-                CellCode {
-                    cell: 3,
-                    voltage: int(vector, "code")
-                },
-                "{vector}"
-            );
-        },
-        |vector| {
-            let code = CellCode {
-                cell: 3,
-                voltage: int(vector, "code"),
-            };
-            assert_eq!(code.to_volts(), volts(text(vector, "V")), "{vector}");
-        },
-    );
+    let code = |vector: &Value| {
+        let voltage = int(vector, "code");
+        CellCode { cell: 3, voltage }
+    };
+    let value = |vector: &Value| volts(text(vector, "V"));
+    let encode = |volts| CellCode::from_volts(3, volts);
+    each("voltages", code, value, encode, |code| code.to_volts());
 }
 
 // Requirement: DOC-5.1.4-1
 #[test]
 fn distance_codes_match_vectors() {
-    each(
-        "distances",
-        |vector| {
-            let code = DistanceCode::from_distance(distance(vector));
-            assert_eq!(code.0, int::<u16>(vector, "code"), "{vector}");
-        },
-        |vector| {
-            let code = DistanceCode(int(vector, "code"));
-            assert_eq!(code.to_distance(), distance(vector), "{vector}");
-        },
-    );
+    let code = |vector: &Value| DistanceCode(int(vector, "code"));
+    let (encode, decode) = (DistanceCode::from_distance, DistanceCode::to_distance);
+    each("distances", code, distance, encode, decode);
 }
 
 #[test]
 fn bearing_codes_match_vectors() {
-    each(
-        "bearings",
-        |vector| {
-            let code = code::bearing_code(turns(text(vector, "turn")));
-            assert_eq!(code, int::<u16>(vector, "code"), "{vector}");
-        },
-        |vector| {
-            let bearing = code::bearing(int(vector, "code"));
-            assert_eq!(bearing, turns(text(vector, "turn")), "{vector}");
-        },
-    );
+    let code = |vector: &Value| int(vector, "code");
+    let value = |vector: &Value| turns(text(vector, "turn"));
+    each("bearings", code, value, code::bearing_code, code::bearing);
+}
+
+// Requirement: WIRE-gyro-1
+#[test]
+fn gyro_codes_match_vectors() {
+    let code = |vector: &Value| GyroCode(int(vector, "code"));
+    let value = |vector: &Value| {
+        let turns = |text| I32F32::from_str(text).expect("turns").to_bits();
+        vector["turn"].as_str().map(turns)
+    };
+    let encode = |angle: Option<i64>| angle.map_or(GyroCode::NONE, GyroCode::from_angle);
+    let decode = |code: GyroCode| code.angle().map(|angle| i64::from(angle) << 8);
+    each("gyros", code, value, encode, decode);
 }
 
 #[test]
@@ -158,29 +120,4 @@ fn checksums_match_vectors() {
     for vector in list(&codes["crc32"]) {
         assert_eq!(crc32(&bytes(vector)), int::<u32>(vector, "crc"), "{vector}");
     }
-}
-
-// Requirement: WIRE-gyro-1
-#[test]
-fn gyro_codes_match_vectors() {
-    let angle = |vector: &Value| {
-        vector["turn"]
-            .as_str()
-            .map(|text| I32F32::from_str(text).expect("turns").to_bits())
-    };
-    each(
-        "gyros",
-        |vector| {
-            let code = angle(vector).map_or(GyroCode::NONE, GyroCode::from_angle);
-            assert_eq!(code.0, int::<i32>(vector, "code"), "{vector}");
-        },
-        |vector| {
-            let code = GyroCode(int(vector, "code"));
-            assert_eq!(
-                code.angle().map(|code| i64::from(code) << 8),
-                angle(vector),
-                "{vector}"
-            );
-        },
-    );
 }

@@ -17,21 +17,20 @@ struct Pair {
 }
 
 impl Pair {
-    /// The sender's next number is `own`, and it has accepted `seen`; 0 where it has accepted
-    /// nothing.
-    fn sending(setup: Setup, command: bool, own: u8, seen: u8) -> Self {
-        let mut pair = Self {
+    fn new(setup: Setup) -> Self {
+        Self {
             pi: PiLink::new(setup),
             stm: StmLink::new(setup),
             reply: 0,
-        };
+        }
+    }
+
+    /// The sender's next number is `own`, and it has accepted `seen`; 0 where it has accepted
+    /// nothing.
+    fn sending(setup: Setup, command: bool, own: u8, seen: u8) -> Self {
+        let mut pair = Self::new(setup);
         if seen != 0 {
-            let frame = frame_numbered(setup, !command, seen);
-            if command {
-                pair.pi.receive(&frame).expect("accepted");
-            } else {
-                pair.stm.receive(&frame, 0, 1).expect("accepted");
-            }
+            pair.accept(&frame_numbered(setup, !command, seen), !command);
         }
         for _ in 1..number(own) {
             pair.send(command, &Command::default(), &Report::default());
@@ -41,20 +40,20 @@ impl Pair {
 
     /// The receiver has accepted `last`, or nothing.
     fn receiving(setup: Setup, command: bool, last: Option<u8>) -> Self {
-        let mut pair = Self {
-            pi: PiLink::new(setup),
-            stm: StmLink::new(setup),
-            reply: 0,
-        };
+        let mut pair = Self::new(setup);
         if let Some(last) = last.filter(|_| setup.mode.has(Field::Sequence)) {
-            let frame = frame_numbered(setup, command, last);
-            if command {
-                pair.stm.receive(&frame, 0, 1).expect("accepted");
-            } else {
-                pair.pi.receive(&frame).expect("accepted");
-            }
+            pair.accept(&frame_numbered(setup, command, last), command);
         }
         pair
+    }
+
+    #[track_caller]
+    fn accept(&mut self, frame: &[u8], is_command: bool) {
+        if is_command {
+            self.stm.receive(frame, 0, 1).expect("accepted");
+        } else {
+            self.pi.receive(frame).expect("accepted");
+        }
     }
 
     fn send(&mut self, is_command: bool, command: &Command, report: &Report) -> Vec<u8> {
@@ -93,10 +92,8 @@ fn frame_numbered(setup: Setup, command: bool, own: u8) -> Vec<u8> {
 
 #[test]
 fn frames_encode_to_vector_bytes() {
-    for vector in list(&file("frames"))
-        .iter()
-        .filter(|vector| is_written(vector))
-    {
+    let file = file("frames");
+    for vector in list(&file).iter().filter(|vector| is_written(vector)) {
         let (values, is_command) = (&vector["values"], is_command(vector));
         let own = maybe(values, "own").unwrap_or(1);
         let seen = maybe(values, "seen").unwrap_or(0);
@@ -158,21 +155,9 @@ fn rejected_frames_match_vector_errors() {
         assert_eq!(after.frames(), before.frames() + 1, "{vector}");
         // Nothing else has changed: the frame that would have been next still is.
         let next = last.unwrap_or(0_u8).wrapping_add(1);
-        let good = frame_numbered(setup, is_command, next);
-        let accepted = if is_command {
-            ends.stm.receive(&good, 0, 1).is_ok()
-        } else {
-            ends.pi.receive(&good).is_ok()
-        };
-        assert!(accepted, "{vector}");
+        ends.accept(&frame_numbered(setup, is_command, next), is_command);
         assert_eq!(ends.counters(is_command).missed, 0, "{vector}");
     }
-}
-
-fn covers(vectors: &Value, mode: Mode, command: bool, wanted: impl Fn(&Value) -> bool) -> bool {
-    list(vectors).iter().any(|vector| {
-        int::<u8>(vector, "mode") == mode.code() && is_command(vector) == command && wanted(vector)
-    })
 }
 
 #[test]
@@ -180,13 +165,14 @@ fn vectors_cover_every_mode_and_wrong_length() {
     let (frames, rejected) = (file("frames"), file("rejected"));
     for &mode in Mode::ALL {
         for command in [true, false] {
-            assert!(covers(&frames, mode, command, |_| true));
-            for wrong in (0..frame_len(mode) + 4).filter(|&len| len != frame_len(mode)) {
-                let len = |vector: &Value| bytes(vector).len() == wrong;
-                assert!(
-                    covers(&rejected, mode, command, len),
-                    "{mode:?} of {wrong} bytes"
-                );
+            for len in 0..frame_len(mode) + 4 {
+                let right = len == frame_len(mode);
+                let file = if right { &frames } else { &rejected };
+                let covers = |vector: &Value| {
+                    let of_mode = int::<u8>(vector, "mode") == mode.code();
+                    of_mode && is_command(vector) == command && bytes(vector).len() == len
+                };
+                assert!(list(file).iter().any(covers), "{mode:?} of {len} bytes");
             }
         }
     }

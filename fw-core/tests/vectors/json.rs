@@ -10,10 +10,8 @@ pub use serde_json::Value;
 
 /// One of the files, by its name without the ending.
 pub fn file(name: &str) -> Value {
-    let path = format!(
-        "{}/../tests/vectors/{name}.json",
-        env!("CARGO_MANIFEST_DIR")
-    );
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/vectors");
+    let path = format!("{folder}/{name}.json");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
@@ -42,6 +40,15 @@ pub fn int<T: TryFrom<i64>>(value: &Value, key: &str) -> T {
 /// An integer that may be missing.
 pub fn maybe<T: TryFrom<i64>>(value: &Value, key: &str) -> Option<T> {
     (!value[key].is_null()).then(|| int(value, key))
+}
+
+/// An integer, or the default of one that is missing.
+fn given<T: TryFrom<i64> + Default>(value: &Value, key: &str) -> T {
+    maybe(value, key).unwrap_or_default()
+}
+
+fn flag(value: &Value, key: &str) -> bool {
+    value[key].as_bool().unwrap_or_default()
 }
 
 pub fn hex(text: &str) -> Vec<u8> {
@@ -86,89 +93,48 @@ pub fn is_command(value: &Value) -> bool {
 
 /// Whether a vector is to be written, or only read.
 pub fn is_written(value: &Value) -> bool {
-    match &value["only"] {
-        Value::Null => true,
-        only => {
-            assert_eq!(only, "read");
-            false
-        }
-    }
+    let only = &value["only"];
+    assert!(only.is_null() || only == "read", "{only}");
+    only.is_null()
 }
 
-/// The keys that a command's values have.
-const COMMAND_KEYS: &[&str] = &[
-    "x",
-    "y",
-    "rotation",
-    "apply",
-    "double",
-    "cell",
-    "voltage",
-    "own",
-    "seen",
-    "clear_faults",
-    "order",
-    "forward",
-    "yaw_rate",
-    "sweep",
-];
+/// The keys that the values of commands and reports have, and those of one of them.
+const KEYS: &str = "x, y, rotation, double, cell, voltage, own, seen";
+const COMMAND_KEYS: &str = "apply, clear_faults, order, forward, yaw_rate, sweep";
+const REPORT_KEYS: &str = "distance front, distance right, distance left, bearing, faults, state, \
+                           obstacle_limited, clipped, gyro";
 
-/// The keys that a report's values have.
-const REPORT_KEYS: &[&str] = &[
-    "x",
-    "y",
-    "rotation",
-    "double",
-    "cell",
-    "voltage",
-    "distance front",
-    "distance right",
-    "distance left",
-    "bearing",
-    "own",
-    "seen",
-    "faults",
-    "state",
-    "obstacle_limited",
-    "clipped",
-    "gyro",
-];
-
-fn known(values: &Value, keys: &[&str]) {
+fn known(values: &Value, keys: &str) {
     for key in values.as_object().expect("values").keys() {
-        assert!(keys.contains(&key.as_str()), "unknown key {key}");
+        let mut known = KEYS.split(", ").chain(keys.split(", "));
+        assert!(known.any(|known| known == key), "unknown key {key}");
     }
 }
 
 fn pose(values: &Value) -> PoseCode {
-    if values["x"].is_null() {
-        return PoseCode::default();
-    }
     PoseCode {
-        x: int(values, "x"),
-        y: int(values, "y"),
-        rotation: int(values, "rotation"),
+        x: given(values, "x"),
+        y: given(values, "y"),
+        rotation: given(values, "rotation"),
     }
 }
 
 fn cell(values: &Value) -> CellCode {
     CellCode {
-        cell: maybe(values, "cell").unwrap_or_default(),
-        voltage: maybe(values, "voltage").unwrap_or_default(),
+        cell: given(values, "cell"),
+        voltage: given(values, "voltage"),
     }
 }
 
 fn double(values: &Value) -> Binary64 {
-    match &values["double"] {
-        Value::Null => Binary64::default(),
-        value => Binary64(number(value.as_str().expect("bits"))),
-    }
+    let bits = values["double"].as_str().map(number);
+    Binary64(bits.unwrap_or_default())
 }
 
 fn sequence(values: &Value) -> Sequence {
     Sequence {
-        own: maybe(values, "own").unwrap_or_default(),
-        seen: maybe(values, "seen").unwrap_or_default(),
+        own: given(values, "own"),
+        seen: given(values, "seen"),
     }
 }
 
@@ -177,25 +143,21 @@ pub fn command(values: &Value) -> Command {
     known(values, COMMAND_KEYS);
     Command {
         expected: pose(values),
-        apply: values["apply"].as_bool().unwrap_or_default(),
+        apply: flag(values, "apply"),
         percent: double(values),
         velocity: Velocity {
-            forward: maybe(values, "forward").unwrap_or_default(),
-            yaw_rate: maybe(values, "yaw_rate").unwrap_or_default(),
+            forward: given(values, "forward"),
+            yaw_rate: given(values, "yaw_rate"),
         },
-        sweep: maybe(values, "sweep").unwrap_or_default(),
+        sweep: given(values, "sweep"),
         tune: cell(values),
         sequence: sequence(values),
-        clear_faults: Faults::from_bits(maybe(values, "clear_faults").unwrap_or_default()),
-        order: match &values["order"] {
-            Value::Null => Order::default(),
-            Value::String(word) => match word.as_str() {
-                "none" => Order::None,
-                "stop" => Order::Stop,
-                "resume" => Order::Resume,
-                _ => panic!("order {word}"),
-            },
-            other => panic!("order {other}"),
+        clear_faults: Faults::from_bits(given(values, "clear_faults")),
+        order: match values["order"].as_str() {
+            None | Some("none") => Order::None,
+            Some("stop") => Order::Stop,
+            Some("resume") => Order::Resume,
+            Some(word) => panic!("order {word}"),
         },
     }
 }
@@ -208,17 +170,13 @@ pub fn report(values: &Value) -> Report {
         pose: pose(values),
         measurement: double(values),
         cell: cell(values),
-        ranges: [
-            range("distance front"),
-            range("distance right"),
-            range("distance left"),
-        ],
-        bearing: maybe(values, "bearing").unwrap_or_default(),
+        ranges: ["distance front", "distance right", "distance left"].map(range),
+        bearing: given(values, "bearing"),
         gyro: maybe(values, "gyro").map_or(GyroCode::NONE, GyroCode),
-        obstacle_limited: values["obstacle_limited"].as_bool().unwrap_or_default(),
-        clipped: values["clipped"].as_bool().unwrap_or_default(),
+        obstacle_limited: flag(values, "obstacle_limited"),
+        clipped: flag(values, "clipped"),
         sequence: sequence(values),
-        faults: Faults::from_bits(maybe(values, "faults").unwrap_or_default()),
+        faults: Faults::from_bits(given(values, "faults")),
         state: match &values["state"] {
             Value::Null => State::default(),
             word => (0..=u8::MAX)
@@ -233,18 +191,12 @@ pub fn report(values: &Value) -> Report {
 pub fn rejection(value: &Value) -> (&str, usize, Cause) {
     let word = text(value, "cause");
     let cause = Cause::ALL.into_iter().find(|cause| cause.name() == word);
-    (
-        text(value, "strategy"),
-        int(value, "offset"),
-        cause.unwrap_or_else(|| panic!("cause {word}")),
-    )
+    let cause = cause.unwrap_or_else(|| panic!("cause {word}"));
+    (text(value, "strategy"), int(value, "offset"), cause)
 }
 
 /// What of an error the vectors describe.
 pub fn essence(error: &FrameError) -> (&str, usize, Cause) {
-    (
-        error.field.name(),
-        error.offset.into(),
-        error.reason.cause(),
-    )
+    let cause = error.reason.cause();
+    (error.field.name(), error.offset.into(), cause)
 }

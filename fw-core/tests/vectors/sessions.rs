@@ -42,11 +42,10 @@ impl Session {
             }
             "resend" => self.encode_reply(step),
             "receive" => self.receive(step, is_pi),
-            "exchange" => self.exchange(
-                int(step, "times"),
-                step["to_stm"] == true,
-                step["to_pi"] == true,
-            ),
+            "exchange" => {
+                let ways = (step["to_stm"] == true, step["to_pi"] == true);
+                self.exchange(int(step, "times"), ways);
+            }
             "counters" => {
                 let counters = if is_pi {
                     self.pi.counters()
@@ -77,10 +76,8 @@ impl Session {
                 return;
             }
             (false, false) => {
-                assert_eq!(
-                    self.stm.receive(&frame, 0, self.reply + 1),
-                    Ok(command(&step["values"]))
-                );
+                let received = self.stm.receive(&frame, 0, self.reply + 1);
+                assert_eq!(received, Ok(command(&step["values"])));
                 return;
             }
             (true, true) => self.pi.receive(&frame).unwrap_err(),
@@ -90,7 +87,7 @@ impl Session {
     }
 
     /// Chip-selects at rest; the reply was written before the command arrives.
-    fn exchange(&mut self, times: u16, to_stm: bool, to_pi: bool) {
+    fn exchange(&mut self, times: u16, (to_stm, to_pi): (bool, bool)) {
         for _ in 0..times {
             let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
             let len = self.pi.send(&Command::default(), &mut there);
@@ -101,17 +98,10 @@ impl Session {
             self.reply += 1;
             assert_eq!(self.stm.encode_reply(self.reply, &ready, &mut back), len);
             if to_stm {
-                let command = self
-                    .stm
-                    .receive(&there[..len], 0, self.reply + 1)
-                    .expect("accepted");
-                assert_eq!(
-                    Command {
-                        sequence: Sequence::default(),
-                        ..command
-                    },
-                    Command::default()
-                );
+                let received = self.stm.receive(&there[..len], 0, self.reply + 1);
+                let mut command = received.expect("accepted");
+                command.sequence = Sequence::default();
+                assert_eq!(command, Command::default());
             }
             if to_pi {
                 self.pi.receive(&back[..len]).expect("accepted");
@@ -125,12 +115,8 @@ fn check(counters: &LinkCounters, expected: &Value) {
     assert_eq!(counters.missed, int::<u32>(expected, "missed"));
     for cause in Cause::ALL {
         let count = expected["rejected"][cause.name()].as_u64().unwrap_or(0);
-        assert_eq!(
-            u64::from(counters.rejected(cause)),
-            count,
-            "{}",
-            cause.name()
-        );
+        let rejected = u64::from(counters.rejected(cause));
+        assert_eq!(rejected, count, "{}", cause.name());
     }
 }
 
@@ -142,11 +128,8 @@ fn sessions_match_vectors() {
         let mut ends = Session::new(setup(session));
         for (number, step) in list(&session["steps"]).iter().enumerate() {
             let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ends.step(step)));
-            assert!(
-                run.is_ok(),
-                "{name}, mode {}, step {number}: {step}",
-                session["mode"]
-            );
+            let mode = &session["mode"];
+            assert!(run.is_ok(), "{name}, mode {mode}, step {number}: {step}");
         }
     }
 }

@@ -138,9 +138,8 @@ fn physical_values_convert_to_their_codes() {
                 let angle = physical["turn"]
                     .as_str()
                     .map(|text| I32F32::from_str(text).unwrap());
-                let code = angle.map_or(GyroCode::NONE, |angle| {
-                    GyroCode::from_angle(angle.to_bits())
-                });
+                let code = angle.map(|angle| GyroCode::from_angle(angle.to_bits()));
+                let code = code.unwrap_or(GyroCode::NONE);
                 assert_eq!(code.0, int::<i32>(values, "gyro"), "{vector}");
             }
             name @ ("distance front" | "distance right" | "distance left") => {

@@ -3,7 +3,7 @@
 use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{parse_command, parse_report, write_command, write_report, Mode, MAX_FRAME};
-use fw_core::wire::{Command, Report};
+use fw_core::wire::{Command, Report, Setup};
 
 use super::table::{table, Frame};
 use crate::property::Seen;
@@ -89,11 +89,9 @@ fn flip(frame: &mut [u8], start: usize, pattern: u16) -> Option<()> {
 
 /// What both ends know in these properties: neither key is the other's shifted.
 const CONTEXT: Context = Context {
-    key_from_pi: 0x96,
-    key_from_stm: 0x5A,
     cells: 8,
     own: 0x35,
-    last: None,
+    ..Setup::first_board(Mode::Normal).context()
 };
 
 /// A guarded frame hit by one burst of at most 16 bits is rejected, at either end, wherever it hits.

@@ -33,24 +33,11 @@ pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> S
     Seen::NOTHING.case(0, between == 0).case(1, between == 127)
 }
 
-/// The setup of the properties of sequence numbers.
-const fn plain(mode: Mode) -> Setup {
-    Setup {
-        mode,
-        key_from_pi: 0x96,
-        key_from_stm: 0x5A,
-        cells: 2,
-    }
-}
-
 /// A quiet frame of each end with this number.
 fn numbered(setup: Setup, own: u8) -> ([u8; MAX_FRAME], [u8; MAX_FRAME]) {
     let context = Context {
-        key_from_pi: setup.key_from_pi,
-        key_from_stm: setup.key_from_stm,
-        cells: setup.cells,
         own,
-        last: None,
+        ..setup.context()
     };
     let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
     let _ = write_command(setup.mode, &context, &Command::default(), &mut there);
@@ -67,7 +54,7 @@ pub fn old_frames_never_count(mode: Mode, accepted: u8, old: [u8; 3]) -> Seen {
         return Seen::NOTHING;
     }
     let len = table(mode).len;
-    let setup = plain(mode);
+    let setup = Setup::first_board(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (there, back) = numbered(setup, accepted);
     assert!(stm.receive(&there[..len], 0, 1).is_ok());
@@ -107,7 +94,7 @@ pub fn disturbed_frame_never_counts(
     if usize::from(bit) >= 8 * len {
         return Seen::NOTHING;
     }
-    let setup = plain(mode);
+    let setup = Setup::first_board(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (there, back) = numbered(setup, accepted);
     assert!(stm.receive(&there[..len], 0, 1).is_ok());
@@ -139,7 +126,7 @@ pub fn ends_find_each_other(
     if !table(mode).guarded {
         return Seen::NOTHING;
     }
-    let setup = plain(mode);
+    let setup = Setup::first_board(mode);
     let (command, report) = (Command::default(), Report::default());
     let mut frame = [0; MAX_FRAME];
     let len = table(mode).len;
@@ -236,9 +223,9 @@ fn disturbed_rows() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
 
 #[cfg(test)]
 fn repeats() -> impl Iterator<Item = (Setup, Command, u8)> {
-    Mode::ALL
-        .iter()
-        .flat_map(|&mode| (0..128).map(move |between| (plain(mode), Command::default(), between)))
+    Mode::ALL.iter().flat_map(|&mode| {
+        (0..128).map(move |between| (Setup::first_board(mode), Command::default(), between))
+    })
 }
 
 crate::properties! {

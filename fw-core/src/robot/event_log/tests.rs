@@ -24,6 +24,10 @@ fn lines_of(write: impl FnOnce(&mut Log)) -> Vec<String> {
 
 const NOTHING: [&str; 0] = [];
 
+fn pose(x: i32, y: i32, rotation: u16) -> PoseCode {
+    PoseCode { x, y, rotation }
+}
+
 fn stale(found: u8) -> FrameError {
     FrameError {
         field: Field::Sequence,
@@ -37,21 +41,14 @@ fn stale(found: u8) -> FrameError {
 fn state_change_is_logged_once_with_its_level() {
     let mut event_log = EventLog::new(Milliseconds(0));
     let others = Faults::ALL_BITS.difference(Faults::LINK_LOST);
+    let (lost, jump) = (Faults::LINK_LOST | Faults::SLIP, Faults::ENCODER_JUMP);
     for (state, faults, line) in [
         (State::Ready, Faults::NONE, "I: ready"),
         (State::Moving, Faults::NONE, "I: moving"),
         (State::Stopped, Faults::NONE, "W: stopped"),
         (State::Ready, Faults::NONE, "I: ready"),
-        (
-            State::Stopped,
-            Faults::LINK_LOST | Faults::SLIP,
-            "W: stopped: no fresh frame in time",
-        ),
-        (
-            State::Faulted,
-            Faults::ENCODER_JUMP,
-            "E: faulted: motors off",
-        ),
+        (State::Stopped, lost, "W: stopped: no fresh frame in time"),
+        (State::Faulted, jump, "E: faulted: motors off"),
         (State::Stopped, others, "W: stopped"),
         (State::Booting, Faults::NONE, "I: booting"),
     ] {
@@ -94,11 +91,7 @@ fn state_is_logged_before_rejection_and_target() {
     event_log.frame_rejected(stale(1));
     event_log.target_set(PoseCode::default());
     // The last of several: half a metre ahead, a quarter turn.
-    event_log.target_set(PoseCode {
-        x: 500_000,
-        y: -20,
-        rotation: 0x2000,
-    });
+    event_log.target_set(pose(500_000, -20, 0x2000));
     for expected in [
         "I: ready",
         "W: frame rejected: sequence at byte 9: stale, number 1 after 7",
@@ -111,14 +104,8 @@ fn state_is_logged_before_rejection_and_target() {
 
 #[test]
 fn pose_line_is_due_once_a_period() {
-    for (milliseconds, ticks) in [
-        (1, 1),
-        (10, 1),
-        (11, 2),
-        (20, 2),
-        (100, 10),
-        (60_000, 6_000),
-    ] {
+    for milliseconds in [1, 10, 11, 20, 100, 60_000] {
+        let ticks = u32::from(milliseconds).div_ceil(10);
         let mut event_log = EventLog::new(Milliseconds(milliseconds));
         for tick in 1..=3 * ticks {
             assert_eq!(event_log.pose_due(), tick % ticks == 0, "{milliseconds}");
@@ -132,13 +119,8 @@ fn pose_line_is_due_once_a_period() {
 fn tuning_sample_and_pose_have_fixed_format() {
     let lines = lines_of(|log| log_tuning(Duty::saturating(-1234), -5, log));
     assert_eq!(lines, ["I: T -12.34 -0.005"]);
-    let code = PoseCode {
-        x: -1,
-        y: 1_234_567,
-        rotation: 0x7FFF,
-    };
     // 359.989°, cut off after the second decimal.
-    let lines = lines_of(|log| log_pose(&code, log));
+    let lines = lines_of(|log| log_pose(&pose(-1, 1_234_567, 0x7FFF), log));
     assert_eq!(lines, ["I: pose -0.001 1234.567 mm, 359.98 deg"]);
 }
 
@@ -173,13 +155,11 @@ fn rangefinder_is_silent_after_three_misses() {
         stats.consecutive_misses = misses;
         lines.extend(lines_of(|log| event_log.rangefinder(Left, &stats, log)));
     }
-    assert_eq!(
-        lines,
-        [
-            "W: left rangefinder silent: hits 11, out of range 22, missing 35",
-            "W: left rangefinder answers: hits 11, out of range 22, missing 37",
-        ]
-    );
+    let expected = [
+        "W: left rangefinder silent: hits 11, out of range 22, missing 35",
+        "W: left rangefinder answers: hits 11, out of range 22, missing 37",
+    ];
+    assert_eq!(lines, expected);
     stats.consecutive_misses = 3;
     for (id, count) in [(Left, 1), (Front, 1), (Front, 0)] {
         let lines = lines_of(|log| event_log.rangefinder(id, &stats, log));
