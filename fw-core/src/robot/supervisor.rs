@@ -114,7 +114,6 @@ impl Supervisor {
         if self.faults.intersects(Faults::BLOCKING) {
             // Clearing the fault must not move the robot.
             self.halted = true;
-            self.state = State::Faulted;
             return AllowedMotion::Brake;
         }
         if self.halted {
@@ -273,20 +272,28 @@ mod tests {
             let fault = Faults::from_bits(1 << bit);
             let (mut supervisor, _) = after(APPLY, 1);
             supervisor.raise(fault);
+            if !fault.intersects(Faults::BLOCKING) {
+                let allowed = supervisor.on_tick(Micros(3), true, true);
+                assert_eq!(allowed, AllowedMotion::Drive);
+                continue;
+            }
+            let clear = SupervisorCommand {
+                clear_faults: fault,
+                ..ALIVE
+            };
+            assert_eq!(
+                (supervisor.state(), supervisor.halted()),
+                (State::Faulted, true)
+            );
+            let mut cleared = supervisor;
+            cleared.on_fresh(Micros(2), clear);
+            assert_eq!(cleared.on_tick(Micros(3), true, true), AllowedMotion::Brake);
             let mut tick = |command: Option<SupervisorCommand>| {
                 if let Some(command) = command {
                     supervisor.on_fresh(Micros(2), command);
                 }
                 let allowed = supervisor.on_tick(Micros(3), true, true);
                 (allowed, supervisor.state())
-            };
-            if !fault.intersects(Faults::BLOCKING) {
-                assert_eq!(tick(None).0, AllowedMotion::Drive);
-                continue;
-            }
-            let clear = SupervisorCommand {
-                clear_faults: fault,
-                ..ALIVE
             };
             for (command, expected) in [
                 (None, (AllowedMotion::Brake, State::Faulted)),

@@ -54,13 +54,10 @@ impl Factor {
         )
     }
 
-    /// `self / value`; 0 for a division by zero, which no accepted configuration contains.
+    /// `self / value`, which is not 0.
     // Start-up only: one copy in flash.
     #[inline(never)]
     const fn over(self, value: u32) -> Self {
-        if value == 0 {
-            return Self::ZERO;
-        }
         let (quotient, _) = div_rem((self.mantissa as u64) << 32, value as u64);
         Self::new(quotient, self.exponent.wrapping_add(32))
     }

@@ -300,8 +300,9 @@ fn lost_frames_count_as_missed() {
 fn four_ascending_stale_frames_restart_sequence() {
     for mode in guarded() {
         let restarts = |numbers: &[u8]| accepted(mode, 100, numbers).0;
-        let taken = restarts(&[254, 255, 0, 1, 2, 1]);
+        let (taken, counters) = accepted(mode, 100, &[254, 255, 0, 1, 2, 1]);
         assert_eq!(taken, [false, false, false, true, true, false]);
+        assert_eq!((counters.accepted, counters.missed), (3, 0));
         // A gap, a number twice, a fresh frame and the last number each break the run.
         for run in [
             [1, 2, 3, 5, 6, 7],

@@ -286,7 +286,6 @@ impl GyroFusion {
             return (correction, self.end_slip());
         }
         if ticks >= MAX_SLIP_TICKS {
-            self.window = Window::new();
             self.trust = unverified(0);
             return (correction, Some(Event::SlipTimedOut));
         }

@@ -97,18 +97,20 @@ fn bias_is_found_at_rest_to_a_hundredth() {
 #[test]
 fn bias_needs_rest_readings_and_a_plausible_rate() {
     let mut shaken = Simulation::new();
-    let mut gaps = Simulation::new();
+    let [mut gaps, mut saturated] = [(); 2].map(|()| Simulation::new());
     for tick in 0..400 {
         shaken.run(1, if tick % 20 < 10 { 0.01 } else { -0.01 }, 0.0);
         let reading = gaps.reading(0.0);
         gaps.tick((tick % 2 != 0).then_some(reading), 0.0, 0.0);
+        let saturates = tick % 60 == 0;
+        saturated.tick(Some(if saturates { i16::MAX } else { reading }), 0.0, 0.0);
     }
     let mut driven = Simulation::new();
     driven.run(400, 0.02, 0.02);
     let mut implausible = Simulation::new();
     implausible.bias = 45.0;
     implausible.run(400, 0.0, 0.0);
-    for sim in [shaken, gaps, driven, implausible] {
+    for sim in [shaken, gaps, saturated, driven, implausible] {
         assert_eq!(sim.gyro.bias(), None);
     }
     for (left, right) in [(1, 0), (0, -1)] {
@@ -273,6 +275,14 @@ fn saturated_or_missing_readings_end_a_slip() {
         let mut sim = Simulation::trusted();
         sim.tick(Some(reading), 0.0, 0.0);
         assert_eq!(sim.gyro.is_slipping(), reading.abs() < 32_700, "{reading}");
+    }
+    // The difference before the gap is not added to the one behind it.
+    for (gap, slips) in [(None, true), (Some(i16::MIN), false)] {
+        let mut sim = Simulation::trusted();
+        sim.run(3, 0.3, 0.0);
+        sim.tick(gap, 0.0, 0.0);
+        sim.run(1, 0.3, 0.0);
+        assert_eq!(sim.gyro.is_slipping(), slips, "{gap:?}");
     }
     // One in four missing.
     let mut sim = Simulation::trusted();
