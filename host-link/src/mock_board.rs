@@ -69,6 +69,8 @@ pub struct MockBoard {
     pub now_us: u64,
     low_since_us: u64,
     busy_until_us: u64,
+    /// Until then a byte between EEPROM and STM may still be under way.
+    taken_from_us: u64,
     pointer: usize,
     /// The machine's Ctrl-C flag.
     pub interrupt: Interrupt,
@@ -246,7 +248,10 @@ impl<const WHICH: usize> MockLine<WHICH> {
                 board.in_reset = true;
                 board.low_since_us = board.now_us;
             }
-            SELECT => board.selected = high,
+            SELECT => {
+                assert!(high || board.protected, "returned without protection");
+                (board.selected, board.taken_from_us) = (high, board.now_us + 100);
+            }
             PROTECT => board.protected = high,
             _ => {}
         }
@@ -285,6 +290,7 @@ impl I2c for MockLine<BUS> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
         assert_eq!(address, 0x50);
+        assert!(board.now_us >= board.taken_from_us, "a byte is cut");
         for part in parts {
             match part {
                 _ if !board.selected || board.now_us < board.busy_until_us => {
@@ -362,6 +368,7 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
         now_us: 0,
         low_since_us: 0,
         busy_until_us: 0,
+        taken_from_us: 0,
         pointer: 0,
         interrupt: Interrupt::new(),
     }));

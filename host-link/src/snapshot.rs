@@ -166,9 +166,30 @@ mod tests {
         let report = Report {
             state: State::Faulted,
             faults: Faults::SLIP | Faults::LEFT_STALLED,
+            pose: Pose::new(1.0, -2.0, 90.0).code(),
+            bearing: 0xC000,
+            cell: fw_core::wire::CellCode {
+                cell: 1,
+                voltage: 740,
+            },
+            ranges: [13_107, 0xFFFF, 0].map(DistanceCode),
+            obstacle_limited: true,
             ..Report::default()
         };
-        snapshot.update(7, &report, LinkStatistics::default());
+        let link = LinkStatistics {
+            frames: 3,
+            ..LinkStatistics::default()
+        };
+        snapshot.update(7, &report, link);
+        assert_eq!((snapshot.time_us, snapshot.link), (7, link));
+        assert_eq!(snapshot.pose, Some(Pose::new(1.0, -2.0, 90.0)));
+        assert_eq!(snapshot.bearing_deg, Some(-90.0));
+        assert_eq!(snapshot.cells_v, [None, Some(3.7)]);
+        let ranges_mm = snapshot.ranges_mm.map(|mm| mm.map(f64::round));
+        assert_eq!(ranges_mm, [Some(500.0), None, Some(0.0)]);
+        assert_eq!(snapshot.faults, fault_names(report.faults));
+        assert_eq!(snapshot.state, Some("faulted"));
+        assert!(snapshot.obstacle_limited && !snapshot.clipped);
         snapshot.kind = Mode::default();
         let json = serde_json::to_string(&snapshot).unwrap();
         assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);

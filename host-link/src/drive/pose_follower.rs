@@ -163,6 +163,38 @@ mod tests {
     }
 
     #[test]
+    fn follower_speeds_at_poses_before_a_target() {
+        let turned = |deg: f64| 150.0 * deg.to_radians().cos();
+        for (x_mm, rotation, speed, yaw) in [
+            (0.0, 0.0, 150.0, 0.0),
+            (0.0, 10.0, turned(10.0), -25.0),
+            (0.0, -24.9, turned(24.9), 60.0),
+            (0.0, 25.1, 0.0, -60.0),
+            (950.0, 0.0, 20_000_f64.sqrt() / 2.0, 0.0),
+            (997.9, 0.0, 20.0, 0.0),
+            (1001.9, 8.0, 0.0, -20.0),
+            (1001.9, 2.0, 0.0, -12.0),
+            (1001.9, 0.41, 0.0, -12.0),
+            (1001.9, 0.39, 0.0, 0.0),
+            (1099.0, 0.0, -40.0, 0.0),
+            (1101.0, -1.0, 0.0, -60.0),
+        ] {
+            let mut follower = PoseFollower::new(Pose::new(1000.0, 0.0, 0.0), 5.0, 1.0);
+            let found = follower.towards(Pose::new(x_mm, 0.0, rotation));
+            let off = (found.0 - speed).abs() + (found.1 - yaw).abs();
+            assert!(off < 1e-6, "{x_mm} mm, {rotation} degrees: {found:?}");
+            let stays = follower.towards(Pose::new(1003.9, 0.0, 0.0));
+            assert_eq!(stays == (0.0, 0.0), x_mm > 1000.0 && x_mm < 1002.0);
+        }
+        let image = fw_core::eeprom::Image::FIRST_BOARD;
+        let config = fw_core::eeprom::Config::decode(&image).unwrap();
+        let limits = config.velocity_limits();
+        let yaw = f64::from(limits.yaw_acceleration) / 4_294_967_296.0 * 360.0;
+        assert!((yaw - ACCELERATION[1]).abs() < 1e-6, "{yaw}");
+        assert!((f64::from(limits.acceleration_mm_s2) - ACCELERATION[0]).abs() < 1e-6);
+    }
+
+    #[test]
     fn follower_rests_on_poses_all_around() {
         for (x, y, rotation) in [
             (1000.0, 0.0, 0.0),

@@ -56,9 +56,30 @@ fn drive_interrupt_stops_robot() {
         if mode == Mode::Normal {
             assert_holds_position(&board.borrow());
         } else {
-            assert_eq!(board.borrow().commands.last().unwrap().order, Order::Stop);
+            assert_eq!(stops(&board.borrow()), 10);
         }
     }
+}
+
+/// How many stop orders came last.
+fn stops(board: &MockBoard) -> usize {
+    let orders = board.commands.iter().rev().map(|command| command.order);
+    orders.take_while(|&order| order == Order::Stop).count()
+}
+
+#[test]
+fn drive_fault_on_the_way_stops_robot() {
+    let (board, mut io) = mock_board(&image(Mode::GuardedNormal), None);
+    let mut frames = 0;
+    board.borrow_mut().on_command = Some(Box::new(move |_, report| {
+        frames += 1;
+        if frames == 5 {
+            report.state = State::Faulted;
+        }
+    }));
+    assert!(matches!(drive(&mut io), Err(Error::Fault { .. })));
+    let board = board.borrow();
+    assert_eq!((board.commands.len(), stops(&board)), (16, 10));
 }
 
 #[test]
@@ -131,4 +152,21 @@ fn rest_takes_quarter_second_without_creeping() {
     let mut rest = RestDetector::default();
     let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Pose::default()));
     assert_eq!(settled, Some(10));
+    for (mm, deg, rests) in [
+        (0.29, 0.0, true),
+        (0.31, 0.0, false),
+        (0.0, 0.09, true),
+        (0.0, 0.11, false),
+    ] {
+        let poses = [Pose::default(), Pose::new(mm, 0.0, deg)]
+            .into_iter()
+            .cycle();
+        let mut rest = RestDetector::default();
+        let settled = (0..20)
+            .zip(poses)
+            .any(|(frame, pose)| rest.settled(frame * 25_000, pose));
+        assert_eq!(settled, rests, "{mm} mm, {deg} degrees");
+    }
+    let allowed_s = ArrivalCriteria::default().allowance_s(400.0);
+    assert!((allowed_s - 25.0).abs() < 1e-9);
 }

@@ -35,7 +35,15 @@ fn assert_idle(board: &MockBoard, fault: Option<IoFault>) {
 #[test]
 fn write_is_verified_protected_and_followed_by_one_reset() {
     let (board, mut io) = mock_board(&BLANK, None);
-    let programmed = write(&mut io).unwrap();
+    // As a killed run may leave it.
+    board.borrow_mut().protected = false;
+    let mut progress = (0, 0);
+    let programmed = program(&mut io, &wanted(), 100, None, |step| match step {
+        Progress::Before(_) => assert!(board.borrow().protected),
+        Progress::Written { done, of } => progress = (done, of),
+    });
+    let programmed = programmed.unwrap();
+    assert_eq!(progress, (programmed.bytes, programmed.bytes));
     assert!(board.borrow().memory == wanted());
     assert!(programmed.before == BLANK);
     assert_eq!(board.borrow().resets, 1);
@@ -43,6 +51,25 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     // What is there already is not written.
     let programmed = write(&mut io).unwrap();
     assert_eq!((programmed.bytes, programmed.bursts), (0, 0));
+    // What changes after its burst was read back.
+    let outcome = program(&mut io, &BLANK, 100, None, |_| {
+        board.borrow_mut().memory.0[0x3F0] = 0;
+    });
+    let address = 0x3F0;
+    assert!(matches!(outcome, Err(Error::Verify { address: at, .. }) if at == address));
+}
+
+#[test]
+fn lines_left_elsewhere_are_idle_after_read_or_repair() {
+    let (board, mut io) = mock_board(&BLANK, None);
+    read(&mut io).unwrap();
+    assert_eq!(board.borrow().resets, 1, "it was not ready");
+    let (board, mut io) = mock_board(&wanted(), None);
+    let journal = Journal::new(std::env::temp_dir().join("robot-no-journal"));
+    (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
+    let repaired = repair(&mut io, &journal, true, 100);
+    assert_eq!(repaired, Ok(Repaired::Nothing));
+    assert_idle(&board.borrow(), None);
 }
 
 // Requirement: DOC-6-2
@@ -119,11 +146,13 @@ fn journal_exists_during_write_and_after_its_failure() {
         assert_eq!(journal.unfinished(), writes);
     })
     .unwrap();
-    assert!(!journal.unfinished());
+    assert!(!journal.unfinished() && !journal.reset_due());
 
     let (_, mut cut) = mock_board(&BLANK, Some(IoFault::BusesFail(30)));
     program(&mut cut, &wanted(), 100, Some(&journal), |_| {}).unwrap_err();
     assert!(journal.unfinished());
+    // The half-written content does not replace the last complete one.
+    journal.begin(&wanted()).unwrap();
     assert!(image::load(journal.path()).unwrap() == BLANK);
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::mock_board::mock_board;
+use crate::uart::LogSource;
 use fw_core::eeprom::{fields, Image, FIELDS};
 use fw_core::types::Velocity;
 use fw_core::wire::Mode;
@@ -99,4 +100,103 @@ fn rejected_reply_is_counted_and_keeps_last_values() {
         let now = (session.snapshot().pose, session.snapshot().cells_v.clone());
         assert_eq!(now, before);
     }
+}
+
+// Requirement: WIRE-ready-3
+#[test]
+fn wait_for_ready_ends_in_time_or_by_interrupt() {
+    let (board, mut io) = mock_board(&Image::BLANK, None);
+    let refused = Session::open(&mut io, RATE_HZ, 100).err();
+    assert_eq!(refused, Some(Error::NotReady { waited_ms: 100 }));
+    assert_eq!(board.borrow().now_us, 100_000);
+    reset::pulse(&mut io).unwrap();
+    assert_eq!(board.borrow().now_us, 200_000);
+    board.borrow().interrupt.raise();
+    let interrupted = Session::open(&mut io, RATE_HZ, 100).err();
+    assert_eq!(interrupted, Some(Error::Interrupted));
+}
+
+// Requirement: WIRE-rejected-4
+#[test]
+fn second_without_valid_reply_is_silence() {
+    let (board, mut io) = mock_board(&image(2), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let request = CommandRequest::default();
+    let garbled = |from| board.borrow_mut().garbled_from = from;
+    let begun_us = board.borrow().now_us;
+    for frame in 0..60 {
+        session.exchange(&request).unwrap();
+        // The transfer takes the set-up time of 1 µs.
+        assert_eq!(board.borrow().now_us - begun_us, frame * 25_000 + 1);
+    }
+    garbled(0);
+    assert_eq!(session.exchange(&request), Ok(None));
+    assert!(session.check_answered(1).is_err() && session.check_answered(2).is_ok());
+    garbled(usize::MAX);
+    session.exchange(&request).unwrap();
+    assert!(session.check_answered(1).is_ok());
+    let end = session.statistics();
+    assert_eq!((end.frames, end.accepted), (62, 61));
+    assert_eq!((end.worst_gap_us, end.worst_transfer_us), (50_000, 1));
+    // Slots missed by a pause are skipped.
+    board.borrow_mut().now_us += 100_000;
+    let resumed_us = board.borrow().now_us;
+    for frame in 0..3 {
+        session.exchange(&request).unwrap();
+        assert_eq!(board.borrow().now_us - resumed_us, frame * 25_000 + 1);
+    }
+    garbled(0);
+    let mut ends = (1..).map(|frame| (frame, session.exchange(&request)));
+    let Some((40, Err(Error::Silent { ms, frames, last }))) = ends.find(|(_, end)| end.is_err())
+    else {
+        panic!("silent after another time");
+    };
+    assert_eq!((ms, frames), (1000, 40));
+    assert!(last.contains("key"), "{last}");
+}
+
+// Requirement: WIRE-status-2, WIRE-deadline-4
+#[test]
+fn resume_clears_the_lost_link_alone() {
+    let image = image(2).with(fields::MODE, Mode::GuardedNormal.code().into());
+    for (other, frames) in [(Faults::SLIP, 3), (Faults::LEFT_STALLED, 41)] {
+        let (board, mut io) = mock_board(&image, None);
+        board.borrow_mut().report.state = State::Stopped;
+        board.borrow_mut().report.faults = Faults::LINK_LOST | other;
+        board.borrow_mut().on_command = Some(Box::new(|command, report| {
+            report.faults = report.faults.difference(command.clear_faults);
+            if command.order == Order::Resume && !report.faults.intersects(Faults::BLOCKING) {
+                report.state = State::Ready;
+            }
+        }));
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        session.confirm_mode().unwrap();
+        let resumed = session.resume();
+        assert_eq!(resumed.is_ok(), !other.intersects(Faults::BLOCKING));
+        assert_eq!(board.borrow().report.faults, other);
+        assert_eq!(board.borrow().commands.len(), 1 + frames);
+    }
+}
+
+#[test]
+fn log_is_read_until_it_fails() {
+    struct Broken;
+    impl LogSource for Broken {
+        fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+            Err(Error::Interrupted)
+        }
+    }
+    let (board, mut io) = mock_board(&image(2), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    for part in b"I00013: L 40 40 0 - 25013 25013 -\n".chunks(20) {
+        board.borrow_mut().log.extend(part);
+        assert_eq!(session.poll_log(), part);
+    }
+    assert_eq!(session.snapshot().stm.map(|stm| stm.frames), Some(40));
+    let working = std::mem::replace(&mut session.io.log, Box::new(Broken));
+    assert!(session.poll_log().is_empty());
+    session.io.log = working;
+    board.borrow_mut().log.push(0);
+    assert!(session.poll_log().is_empty());
+    assert_eq!(session.log_error(), Some("interrupted"));
 }
