@@ -65,7 +65,7 @@ fn check(text: &str, touched: Option<usize>) {
                         }
                     }
                 }
-                Error::Rejected { location, what } => {
+                Error::Rejected(location, what) => {
                     assert!(location.ends_with(')'), "no field is named: {text}");
                     assert!(what.contains("accepted: "), "{text}");
                 }

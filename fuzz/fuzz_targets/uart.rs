@@ -14,7 +14,7 @@ fuzz_target!(|data: &[u8]| {
     let mut whole = LogParser::default();
     let lines = whole.feed(log);
     let mut parts = LogParser::default();
-    let pieced: Vec<LogLine> = log.chunks(size).flat_map(|part| parts.feed(part)).collect();
+    let pieced: Vec<_> = log.chunks(size).flat_map(|part| parts.feed(part)).collect();
     assert!(lines == pieced, "pieces of {size} bytes read otherwise");
     assert_eq!(whole.malformed(), parts.malformed());
     let ends = log.iter().filter(|&&byte| byte == b'\n').count();
@@ -24,15 +24,15 @@ fuzz_target!(|data: &[u8]| {
     );
 
     let mut samples = 0;
-    for line in &lines {
-        assert!(line.number() < 100_000);
-        match *line {
-            LogLine::Sample { percent, value, .. } => {
+    for (number, line) in lines {
+        assert!(number < 100_000);
+        match line {
+            LogLine::Sample { percent, value } => {
                 samples += 1;
                 assert!(percent.abs() <= 100.0 && value.is_finite());
             }
             LogLine::Tuned { tap, .. } => assert!((1..=8).contains(&tap)),
-            LogLine::Link { link, .. } => {
+            LogLine::Link(link) => {
                 let sum = link
                     .accepted
                     .saturating_add(link.rejected)
@@ -41,7 +41,7 @@ fuzz_target!(|data: &[u8]| {
                 assert_eq!(link.rejected, link.causes.total());
                 assert!(link.recent_gap_us <= link.worst_gap_us);
             }
-            LogLine::Other { .. } => {}
+            LogLine::Other => {}
         }
     }
     let mut recorder = SampleRecorder::default();

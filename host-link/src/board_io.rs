@@ -7,7 +7,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
-use std::fmt::{self, Debug};
+use std::fmt::Debug;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 
@@ -98,26 +98,18 @@ fn drive(line: &mut DynOutput, net: &'static str, high: bool) -> Result<(), Erro
 /// Tries `act` up to three times: one disturbed system call must not leave a line where it is.
 fn retry<T>(net: &'static str, mut act: impl FnMut() -> Result<T, IoError>) -> Result<T, Error> {
     let outcome = act().or_else(|_| act()).or_else(|_| act());
-    outcome.map_err(|cause| Error::Pin {
-        net,
-        cause: cause.to_string(),
-    })
+    outcome.map_err(|cause| Error::Pin(net, cause.to_string()))
 }
 
 /// A driver's error as text: drivers of all kinds share one [`BoardIo`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
 pub struct IoError(String);
 
 impl IoError {
     /// The text of a driver's error.
     pub fn new(cause: impl Debug) -> Self {
         Self(format!("{cause:?}"))
-    }
-}
-
-impl fmt::Display for IoError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
     }
 }
 

@@ -96,10 +96,7 @@ pub fn follow<'m>(
 ) -> Result<Arrival, Error> {
     let mode = session.config().mode();
     if !mode.has(Field::Position) && !mode.has(Field::Velocity) {
-        return Err(Error::WrongMode {
-            mode: mode.name(),
-            required: "position to drive to",
-        });
+        return Err(Error::WrongMode(mode.name(), "position to drive to"));
     }
     session.resume()?;
     let begun_us = session.now_us();

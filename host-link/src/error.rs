@@ -54,14 +54,9 @@ pub enum Error {
     /// An argument has no meaning.
     #[error("{0}")]
     Usage(String),
-    /// A file could not be read.
-    #[error("cannot read {}: {cause}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The system's reason.
-        cause: String,
-    },
+    /// A file could not be read; the system's reason.
+    #[error("cannot read {path}: {1}", path = .0.display())]
+    Unreadable(PathBuf, String),
     /// A file's content is wrong.
     #[error("{}", describe(path, faults))]
     Content {
@@ -96,14 +91,9 @@ pub enum Error {
         /// What was read back.
         read: u8,
     },
-    /// A control line could not be driven or read.
-    #[error("the {net} line cannot be used ({cause}); check that no other program holds its GPIO")]
-    Pin {
-        /// The net's name.
-        net: &'static str,
-        /// The driver's reason.
-        cause: String,
-    },
+    /// The control line of this net could not be driven or read; the driver's reason.
+    #[error("the {0} line cannot be used ({1}); check that no other program holds its GPIO")]
+    Pin(&'static str, String),
     /// After an EEPROM command a line could not be brought back to its idle level.
     #[error(
         "{}{step} failed ({cause}), so the EEPROM may be unprotected or its bus not with the STM; run \
@@ -118,33 +108,21 @@ pub enum Error {
         /// What had gone wrong before, if anything.
         first: Option<Box<Error>>,
     },
-    /// The configuration is not acceptable.
-    #[error("configuration rejected {location}: {what}; correct it and run `robot eeprom write`")]
-    Rejected {
-        /// The address in the EEPROM, or the file with its line.
-        location: String,
-        /// Field, value and accepted range.
-        what: String,
-    },
-    /// The mode in the EEPROM cannot do what was asked.
+    /// The configuration is not acceptable: the address in the EEPROM, or the file with its line; field, value
+    /// and accepted range.
+    #[error("configuration rejected {0}: {1}; correct it and run `robot eeprom write`")]
+    Rejected(String, String),
+    /// The mode of this name, which the EEPROM selects, lacks what the command needs.
     #[error(
-        "the EEPROM selects mode {mode}, which has no {required}; write a configuration whose mode has it"
+        "the EEPROM selects mode {0}, which has no {1}; write a configuration whose mode has it"
     )]
-    WrongMode {
-        /// The mode's name.
-        mode: &'static str,
-        /// What the command needs.
-        required: &'static str,
-    },
-    /// `STM_READY` stayed low.
+    WrongMode(&'static str, &'static str),
+    /// `STM_READY` stayed low for so many milliseconds.
     #[error(
-        "STM_READY stayed low for {waited_ms} ms: the STM rejects its configuration or does not run; run \
+        "STM_READY stayed low for {0} ms: the STM rejects its configuration or does not run; run \
          `robot eeprom check` and read the UART log"
     )]
-    NotReady {
-        /// How long it was awaited, milliseconds.
-        waited_ms: u32,
-    },
+    NotReady(u32),
     /// The SPI device itself failed.
     #[error("the SPI device failed ({0}); check that SPI is enabled and --spi names it")]
     Spi(String),
@@ -220,20 +198,12 @@ pub enum Error {
         /// What to do next.
         advice: String,
     },
-    /// A file could not be written.
-    #[error("cannot write {}: {cause}", path.display())]
-    Unwritable {
-        /// The file.
-        path: PathBuf,
-        /// The system's reason.
-        cause: String,
-    },
-    /// Another process holds the lock.
-    #[error("another `robot` process uses the robot (lock {}); wait for it or end it", path.display())]
-    Busy {
-        /// The lock file.
-        path: PathBuf,
-    },
+    /// A file could not be written; the system's reason.
+    #[error("cannot write {path}: {1}", path = .0.display())]
+    Unwritable(PathBuf, String),
+    /// Another process holds the lock, this file.
+    #[error("another `robot` process uses the robot (lock {}); wait for it or end it", .0.display())]
+    Busy(PathBuf),
     /// What a server of the robot, or the connection to it, reports.
     #[error("{text}")]
     Server {
@@ -290,27 +260,22 @@ impl Error {
         line: impl Into<Option<usize>>,
         what: impl Into<String>,
     ) -> Self {
-        let fault = FileFault {
-            line: line.into(),
-            shown: None,
-            what: what.into(),
-        };
-        Self::Content {
-            path: path.into(),
-            faults: vec![fault],
-        }
+        let (path, line) = (path.into(), line.into());
+        let faults = vec![FileFault {
+            line,
+            ..FileFault::whole(what)
+        }];
+        Self::Content { path, faults }
     }
 
     /// `path` could not be read.
     pub fn unreadable(path: impl Into<PathBuf>, cause: &std::io::Error) -> Self {
-        let (path, cause) = (path.into(), cause.to_string());
-        Self::Unreadable { path, cause }
+        Self::Unreadable(path.into(), cause.to_string())
     }
 
     /// `path` could not be written.
     pub fn unwritable(path: impl Into<PathBuf>, cause: &impl std::fmt::Display) -> Self {
-        let (path, cause) = (path.into(), cause.to_string());
-        Self::Unwritable { path, cause }
+        Self::Unwritable(path.into(), cause.to_string())
     }
 }
 

@@ -73,34 +73,29 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Whether a file's first 64 KiB are of this kind.
-    fn holds(self, head: &[u8]) -> bool {
-        let starts = |magic: &[u8]| head.starts_with(magic);
+    /// Its name, and how its files begin.
+    const fn signature(self) -> (&'static str, &'static [&'static [u8]]) {
         match self {
-            Self::Png => starts(b"\x89PNG\r\n\x1a\n"),
-            Self::Pgm => starts(b"P5\n"),
-            Self::MapYaml => starts(b"image: "),
-            Self::Samples => starts(b"seconds,percent,"),
-            Self::Json => starts(b"{"),
-            Self::Log => starts(b"I0") || starts(b"W0") || starts(b"E0"),
-            Self::Image => is_image(head),
-            Self::Recording => starts(b"\x89MCAP"),
-            Self::Any => true,
+            Self::Png => ("PNG picture", &[b"\x89PNG\r\n\x1a\n"]),
+            Self::Pgm => ("PGM picture", &[b"P5\n"]),
+            Self::MapYaml => ("map's YAML", &[b"image: "]),
+            Self::Samples => ("table of samples", &[b"seconds,percent,"]),
+            Self::Json => ("JSON object", &[b"{"]),
+            Self::Log => ("log of the STM", &[b"I0", b"W0", b"E0"]),
+            Self::Image => ("EEPROM image", &[]),
+            Self::Recording => ("recording", &[b"\x89MCAP"]),
+            Self::Any => ("file", &[b""]),
         }
     }
 
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Png => "PNG picture",
-            Self::Pgm => "PGM picture",
-            Self::MapYaml => "map's YAML",
-            Self::Samples => "table of samples",
-            Self::Json => "JSON object",
-            Self::Log => "log of the STM",
-            Self::Image => "EEPROM image",
-            Self::Recording => "recording",
-            Self::Any => "file",
-        }
+    /// Whether a file's first 64 KiB are of this kind.
+    fn holds(self, head: &[u8]) -> bool {
+        let begins = self
+            .signature()
+            .1
+            .iter()
+            .any(|start| head.starts_with(start));
+        begins || self == Self::Image && is_image(head)
     }
 }
 
@@ -124,7 +119,7 @@ fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
             .map_err(|cause| Error::unwritable(path, &cause))?;
     }
     if !head.is_empty() && !kind.holds(&head) {
-        let kind = kind.name();
+        let (kind, _) = kind.signature();
         let cause = format!("the file that is there is no {kind}; name another one");
         return Err(Error::unwritable(path, &cause));
     }

@@ -19,6 +19,13 @@ pub struct FileFault {
 }
 
 impl FileFault {
+    /// Something is wrong with the file as a whole.
+    pub fn whole(what: impl Into<String>) -> Self {
+        let what = what.into();
+        let (line, shown) = (None, None);
+        Self { line, shown, what }
+    }
+
     /// The bytes `span` of `text` are wrong.
     pub fn at(text: &str, span: Range<usize>, what: impl Into<String>) -> Self {
         let before = text.get(..span.start).unwrap_or(text);

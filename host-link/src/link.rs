@@ -7,6 +7,7 @@ use embedded_hal::spi::{Operation, SpiDevice};
 use fw_core::eeprom::Config;
 use fw_core::wire::handover::GAP_US;
 use fw_core::wire::{Command, Field, FrameError, Mode, PiLink, Report, MAX_FRAME};
+use std::collections::HashMap;
 
 /// From the fall of chip-select to the first clock, nanoseconds: the STM needs 60 (docs/interfaces.md), and
 /// spidev's delays are whole microseconds.
@@ -110,46 +111,31 @@ impl Link {
 
 /// How long the STM takes to confirm a frame: each is timed by its number, the first time that a
 /// reply says it was the last one accepted.
+#[derive(Default)]
 struct RoundTrip {
     /// Numbers given out, as [`PiLink`] does: 1 for the first frame.
     number: u8,
-    sent_us: [Option<u64>; 256],
+    sent_us: HashMap<u8, u64>,
     last_seen: Option<u8>,
     latest_us: Option<u64>,
     worst_us: Option<u64>,
 }
 
-impl Default for RoundTrip {
-    fn default() -> Self {
-        Self {
-            number: 0,
-            sent_us: [None; 256],
-            last_seen: None,
-            latest_us: None,
-            worst_us: None,
-        }
-    }
-}
-
 impl RoundTrip {
     fn sent(&mut self, at_us: u64) {
         self.number = self.number.wrapping_add(1);
-        if let Some(slot) = self.sent_us.get_mut(usize::from(self.number)) {
-            *slot = Some(at_us);
-        }
+        self.sent_us.insert(self.number, at_us);
     }
 
     fn seen(&mut self, number: u8, now_us: u64) {
         let before = self.last_seen.replace(number);
         // What the first reply has seen may be of an earlier session.
-        if before.is_none() || before == Some(number) {
+        if before.is_none_or(|before| before == number) {
             return;
         }
-        let sent = self.sent_us.get(usize::from(number)).copied().flatten();
-        if let Some(sent_us) = sent {
-            let took = now_us.saturating_sub(sent_us);
-            self.latest_us = Some(took);
-            self.worst_us = self.worst_us.max(Some(took));
+        if let Some(sent_us) = self.sent_us.get(&number) {
+            self.latest_us = Some(now_us.saturating_sub(*sent_us));
+            self.worst_us = self.worst_us.max(self.latest_us);
         }
     }
 }

@@ -7,13 +7,11 @@ use fw_core::wire::Cause;
 /// The longest line kept; the STM's are shorter.
 const LONGEST: usize = 256;
 
-/// A line that could be read.
+/// What a line of the log says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LogLine {
     /// A sample of a tuning mode.
     Sample {
-        /// The line's number, 0 to 99999.
-        number: u32,
         /// Duty, percent.
         percent: f64,
         /// Degrees or millimetres.
@@ -21,8 +19,6 @@ pub enum LogLine {
     },
     /// `tuned tap N: upper resistor R ohm`.
     Tuned {
-        /// The line's number.
-        number: u32,
         /// The tap, 1 to 8.
         tap: u8,
         /// The resistor proposed, ohm.
@@ -30,29 +26,9 @@ pub enum LogLine {
     },
     /// The STM's end of the link, once a second while frames come:
     /// `L <frames> <accepted> <lost> <missed> <gap> <worst> <behind>[ <cause> <count>]…`.
-    Link {
-        /// The line's number.
-        number: u32,
-        /// The counters.
-        link: StmStatistics,
-    },
+    Link(StmStatistics),
     /// Any other line of the log.
-    Other {
-        /// The line's number.
-        number: u32,
-    },
-}
-
-impl LogLine {
-    /// The line's number, which every line of the log takes: 0 to 99999 and again.
-    pub const fn number(&self) -> u32 {
-        match self {
-            Self::Sample { number, .. }
-            | Self::Tuned { number, .. }
-            | Self::Link { number, .. }
-            | Self::Other { number } => *number,
-        }
-    }
+    Other,
 }
 
 /// Splits bytes into lines.
@@ -63,8 +39,9 @@ pub struct LogParser {
 }
 
 impl LogParser {
-    /// Takes bytes as they come, in pieces of any size; returns the lines they complete.
-    pub fn feed(&mut self, bytes: &[u8]) -> Vec<LogLine> {
+    /// Takes bytes as they come, in pieces of any size; returns the lines they complete, each with the number
+    /// that every line of the log takes: 0 to 99999 and again.
+    pub fn feed(&mut self, bytes: &[u8]) -> Vec<(u32, LogLine)> {
         let mut lines = Vec::new();
         for &byte in bytes {
             if byte == b'\n' {
@@ -88,7 +65,7 @@ impl LogParser {
 }
 
 /// One line without its end.
-fn parse(line: &[u8]) -> Option<LogLine> {
+fn parse(line: &[u8]) -> Option<(u32, LogLine)> {
     if line.len() > LONGEST {
         return None;
     }
@@ -96,32 +73,31 @@ fn parse(line: &[u8]) -> Option<LogLine> {
     let text = text.strip_suffix('\r').unwrap_or(text);
     let (head, body) = text.split_once(": ")?;
     let digits = head.strip_prefix(['I', 'W', 'E'])?;
-    if digits.len() != 5 {
-        return None;
-    }
-    let number = whole(digits)?;
+    let digits = Some(digits).filter(|digits| digits.len() == 5)?;
+    Some((whole(digits)?, content(body)?))
+}
+
+/// What follows the line's number.
+fn content(body: &str) -> Option<LogLine> {
     if let Some(sample) = body.strip_prefix("T ") {
         let (percent, value) = sample.split_once(' ')?;
         let percent = decimal(percent, 2).filter(|percent| percent.abs() <= 100.0)?;
         let value = decimal(value, 3)?;
-        return Some(LogLine::Sample {
-            number,
-            percent,
-            value,
-        });
+        return Some(LogLine::Sample { percent, value });
     }
     if let Some(tuned) = body.strip_prefix("tuned tap ") {
-        let tuned = tuned.strip_suffix(" ohm")?;
-        let (tap, ohm) = tuned.split_once(": upper resistor ")?;
-        let tap = u8::try_from(whole(tap)?).ok()?;
-        let ohm = whole(ohm)?;
-        let tuned = LogLine::Tuned { number, tap, ohm };
-        return (1..=8).contains(&tap).then_some(tuned);
+        let (tap, ohm) = tuned
+            .strip_suffix(" ohm")?
+            .split_once(": upper resistor ")?;
+        let (tap, ohm) = (u8::try_from(whole(tap)?).ok()?, whole(ohm)?);
+        return (1..=8)
+            .contains(&tap)
+            .then_some(LogLine::Tuned { tap, ohm });
     }
-    if let Some(text) = body.strip_prefix("L ") {
-        return link(text).map(|link| LogLine::Link { number, link });
+    match body.strip_prefix("L ") {
+        Some(counters) => link(counters).map(LogLine::Link),
+        None => Some(LogLine::Other),
     }
-    Some(LogLine::Other { number })
 }
 
 /// The numbers of a link line. A lost digit is detected: the frames are the sum of the other counts.
@@ -190,7 +166,7 @@ mod tests {
         I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n";
 
     /// What [`LOG`] says; and the statistics of its line 12.
-    fn lines() -> (Vec<LogLine>, StmStatistics) {
+    fn lines() -> (Vec<(u32, LogLine)>, StmStatistics) {
         let mut causes = RejectCounts::default();
         causes.set(Cause::Stale, 1);
         causes.set(Cause::Crc, 3);
@@ -212,27 +188,22 @@ mod tests {
             worst_gap_us: 25_013,
             ..StmStatistics::default()
         };
-        let sample = |number, percent, value| LogLine::Sample {
-            number,
-            percent,
-            value,
-        };
-        let (number, tap, ohm) = (10, 2, 33_120);
-        let link = |number, link| LogLine::Link { number, link };
+        let sample = |percent, value| LogLine::Sample { percent, value };
+        let (tap, ohm) = (2, 33_120);
         let lines = vec![
-            LogLine::Other { number: 7 },
-            sample(8, -50.0, -0.034),
-            sample(9, 0.0, 123_456.789),
-            LogLine::Tuned { number, tap, ohm },
-            LogLine::Other { number: 11 },
-            link(12, disturbed),
-            link(13, good),
+            (7, LogLine::Other),
+            (8, sample(-50.0, -0.034)),
+            (9, sample(0.0, 123_456.789)),
+            (10, LogLine::Tuned { tap, ohm }),
+            (11, LogLine::Other),
+            (12, LogLine::Link(disturbed)),
+            (13, LogLine::Link(good)),
         ];
         (lines, disturbed)
     }
 
     /// What is read of a line without each of its stretches of bytes.
-    fn read_torn(line: &[u8]) -> impl Iterator<Item = LogLine> + '_ {
+    fn read_torn(line: &[u8]) -> impl Iterator<Item = (u32, LogLine)> + '_ {
         let stretches =
             (0..line.len() - 1).flat_map(|from| (from + 1..line.len()).map(move |to| (from, to)));
         stretches.flat_map(|(from, to)| {
@@ -245,8 +216,8 @@ mod tests {
     fn link_line_with_lost_bytes_never_miscounts() {
         let counts = |link: StmStatistics| (link.frames, link.accepted, link.lost, link.causes);
         let good = counts(lines().1);
-        for read in read_torn(b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n") {
-            if let LogLine::Link { link, .. } = read {
+        for (_, read) in read_torn(b"I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\n") {
+            if let LogLine::Link(link) = read {
                 assert_eq!(counts(link), good);
             }
         }
@@ -284,10 +255,12 @@ mod tests {
         let percents = [-5.0, 0.0, 50.0, 5.0, -0.0];
         let mut digits = percents.map(|percent| (percent, -0.034)).to_vec();
         digits.push((-50.0, 0.034));
-        for read in read_torn(b"I00008: T -50.00 -0.034\n") {
-            if let LogLine::Sample { percent, value, .. } = read {
-                let good = read.number() == 8 && digits.contains(&(percent, value));
-                assert!(good, "{read:?}");
+        for (number, read) in read_torn(b"I00008: T -50.00 -0.034\n") {
+            if let LogLine::Sample { percent, value } = read {
+                assert!(
+                    number == 8 && digits.contains(&(percent, value)),
+                    "{read:?}"
+                );
             }
         }
     }
@@ -300,11 +273,7 @@ mod tests {
             // Half noise, half the alphabet of the log.
             let byte = state.to_be_bytes()[0];
             let letter = LOG[usize::from(byte) % LOG.len()];
-            if byte & 1 == 0 {
-                byte
-            } else {
-                letter
-            }
+            [byte, letter][usize::from(byte & 1)]
         };
         let mut parser = LogParser::default();
         for _ in 0..2000 {
@@ -322,7 +291,6 @@ mod tests {
             parser.feed(&[b'I'; 1000]);
         }
         assert!(parser.partial.len() <= LONGEST + 1);
-        let line = LogLine::Other { number: 1 };
-        assert_eq!(parser.feed(b"\nI00001: x\n"), [line]);
+        assert_eq!(parser.feed(b"\nI00001: x\n"), [(1, LogLine::Other)]);
     }
 }

@@ -36,7 +36,7 @@ pub fn await_ready(io: &mut BoardIo, timeout_ms: u32) -> Result<u32, Error> {
     let mut waited = 0;
     while !io.is_ready()? {
         if waited >= timeout_ms {
-            return Err(Error::NotReady { waited_ms: waited });
+            return Err(Error::NotReady(waited));
         }
         io.interrupt.check()?;
         io.delay.delay_ms(POLL_MS);

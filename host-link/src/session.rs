@@ -228,8 +228,8 @@ impl<'m> Session<'m> {
         let bytes = self.io.log.read_new();
         self.log_error = bytes.as_ref().err().map(ToString::to_string);
         let bytes = bytes.unwrap_or_default();
-        for line in self.lines.feed(&bytes) {
-            if let LogLine::Link { link, .. } = line {
+        for (_, line) in self.lines.feed(&bytes) {
+            if let LogLine::Link(link) = line {
                 self.snapshot.stm = Some(link);
             }
         }

@@ -124,33 +124,29 @@ pub fn fault_names(faults: Faults) -> Vec<&'static str> {
     faults.iter().map(|fault| fault.name).collect()
 }
 
-fn mode_name<'de, D: Deserializer<'de>>(value: D) -> Result<&'static str, D::Error> {
-    let name = String::deserialize(value)?;
-    let known = Mode::ALL.iter().map(|mode| mode.name());
-    Ok(known
-        .into_iter()
-        .find(|&known| known == name)
-        .unwrap_or("unknown"))
+/// The name in this program's table.
+fn known(names: impl IntoIterator<Item = Name>, name: &str) -> Name {
+    let mut names = names.into_iter();
+    names.find(|known| *known == name).unwrap_or("unknown")
 }
 
-fn state_name<'de, D: Deserializer<'de>>(value: D) -> Result<Option<&'static str>, D::Error> {
+fn mode_name<'de, D: Deserializer<'de>>(value: D) -> Result<Name, D::Error> {
+    let name = String::deserialize(value)?;
+    Ok(known(Mode::ALL.iter().map(|mode| mode.name()), &name))
+}
+
+fn state_name<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Name>, D::Error> {
     let name = Option::<String>::deserialize(value)?;
-    let known = (0..=u8::MAX).filter_map(State::from_code).map(State::name);
-    Ok(name.map(|name| {
-        known
-            .clone()
-            .find(|&known| known == name)
-            .unwrap_or("unknown")
-    }))
+    let states = (0..=u8::MAX).filter_map(State::from_code).map(State::name);
+    Ok(name.map(|name| known(states, &name)))
 }
 
 /// The faults that this program knows.
 fn known_faults<'de, D: Deserializer<'de>>(value: D) -> Result<Vec<&'static str>, D::Error> {
     let names = Vec::<String>::deserialize(value)?;
     let known = Faults::TABLE.iter().map(|fault| fault.name);
-    Ok(known
-        .filter(|known| names.iter().any(|name| name == known))
-        .collect())
+    let found = known.filter(|known| names.iter().any(|name| name == known));
+    Ok(found.collect())
 }
 
 #[cfg(test)]

@@ -148,10 +148,7 @@ pub fn drive(
 ) -> Result<Drive, Error> {
     let mode = session.config().mode();
     if !mode.has(Field::Velocity) {
-        return Err(Error::WrongMode {
-            mode: mode.name(),
-            required: "velocity to drive at",
-        });
+        return Err(Error::WrongMode(mode.name(), "velocity to drive at"));
     }
     session.resume()?;
     let mut runner = PlanRunner::new(session.now_us());

@@ -140,10 +140,8 @@ impl Mapping {
 /// [`Error::Unwritable`].
 pub fn save_map(grid: &Grid, path: &[Pose2], stem: &Path) -> Result<Files, Error> {
     let files = Files::new(stem);
-    let png = map_plot::trajectory(grid, path, &[], &[]).map_err(|cause| Error::Unwritable {
-        path: files.png.clone(),
-        cause: cause.to_string(),
-    })?;
+    let png = map_plot::trajectory(grid, path, &[], &[]);
+    let png = png.map_err(|cause| Error::unwritable(&files.png, &cause))?;
     file::save(&files.png, Kind::Png, &png)?;
     file::save(&files.pgm, Kind::Pgm, &ros::pgm(grid))?;
     let picture = files.pgm.file_name().unwrap_or_default().to_string_lossy();

@@ -58,12 +58,8 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
         }
     }
     if faults.is_empty() && waypoints.is_empty() {
-        let what = "no way-point: each line is `x y rotation`, in millimetres and degrees".into();
-        faults.push(FileFault {
-            line: None,
-            shown: None,
-            what,
-        });
+        let what = "no way-point: each line is `x y rotation`, in millimetres and degrees";
+        faults.push(FileFault::whole(what));
     }
     if faults.is_empty() {
         return Ok(waypoints);

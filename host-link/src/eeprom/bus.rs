@@ -1,14 +1,13 @@
 //! Guard of the EEPROM's bus: taken from the STM and returned on every path (success, error, Ctrl-C,
-//! panic). Only the guard accesses the chip, and dropping it restores everything.
+//! panic).
 
-use super::chip;
 use crate::board_io::BoardIo;
 use crate::error::Error;
 use crate::reset;
 
 /// What the bus is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusAccess {
+pub(super) enum BusAccess {
     /// Nothing changes: afterwards the STM is reset only if it was not ready, because then it may
     /// have been reading its configuration when the bus went away.
     Read,
@@ -22,9 +21,8 @@ pub enum BusAccess {
 /// Wait after a change of SELECT, microseconds: a byte in transfer at 100 kHz ends.
 const SETTLE_US: u32 = 200;
 
-/// The taken bus. [`EepromBus::release`] returns it and reports failures; dropping it returns it without
-/// a report.
-pub struct EepromBus<'b> {
+/// The taken bus: dropping it returns it without a report.
+struct EepromBus<'b> {
     io: &'b mut BoardIo,
     access: BusAccess,
     reset_due: bool,
@@ -37,14 +35,14 @@ pub struct EepromBus<'b> {
 /// # Errors
 /// Those of `work`; [`Error::Pin`] if the bus cannot be taken; [`Error::NotRestored`] if it cannot be
 /// given back (it carries the error of `work`, if any); [`Error::NotReady`].
-pub fn with<T>(
+pub(super) fn with<T>(
     io: &mut BoardIo,
     access: BusAccess,
-    work: impl FnOnce(&mut EepromBus<'_>) -> Result<T, Error>,
+    work: impl FnOnce(&mut BoardIo) -> Result<T, Error>,
 ) -> Result<(T, Option<u32>), Error> {
     let mut bus = EepromBus::acquire(io, access)?;
-    let outcome = work(&mut bus);
-    match (outcome, bus.release()) {
+    let outcome = work(bus.io);
+    match (outcome, bus.restore()) {
         (Ok(value), Ok(ready_ms)) => Ok((value, ready_ms)),
         (Err(first), Err(Error::NotRestored { step, cause, .. })) => Err(Error::NotRestored {
             step,
@@ -57,12 +55,9 @@ pub fn with<T>(
 }
 
 impl<'b> EepromBus<'b> {
-    /// Makes sure the EEPROM is protected, then switches its bus to the Pi.
-    ///
-    /// # Errors
-    /// [`Error::Pin`]; everything is restored by then.
+    /// Makes sure the EEPROM is protected, then switches its bus to the Pi; an error restores everything.
     // Requirement: DOC-6-6
-    pub fn acquire(io: &'b mut BoardIo, access: BusAccess) -> Result<Self, Error> {
+    fn acquire(io: &'b mut BoardIo, access: BusAccess) -> Result<Self, Error> {
         let reset_due = access != BusAccess::Read || !io.is_ready()?;
         // From here on the guard exists, so every early return restores.
         let bus = Self {
@@ -77,42 +72,8 @@ impl<'b> EepromBus<'b> {
         Ok(bus)
     }
 
-    /// Reads `out.len()` bytes from `address` on.
-    ///
-    /// # Errors
-    /// [`Error::Eeprom`], [`Error::Interrupted`].
-    pub fn read(&mut self, address: u16, out: &mut [u8]) -> Result<(), Error> {
-        chip::read(self.io, address, out)
-    }
-
-    /// Sets (`true`) or lifts the write protection.
-    ///
-    /// # Errors
-    /// [`Error::Pin`].
-    pub fn set_protect(&mut self, protected: bool) -> Result<(), Error> {
-        self.io.set_protect(protected)
-    }
-
-    /// Writes one burst from `address` on (at most 32 bytes inside a 32-byte boundary), waits for its
-    /// write cycle and reads it back.
-    ///
-    /// # Errors
-    /// [`Error::Eeprom`], [`Error::Verify`], [`Error::Interrupted`].
-    pub fn write_burst(&mut self, address: usize, data: &[u8]) -> Result<(), Error> {
-        let address = u16::try_from(address).unwrap_or(u16::MAX);
-        chip::write_burst(self.io, address, data)
-    }
-
-    /// Sets the protection, returns the bus to the STM, resets the STM and awaits `STM_READY`, as the
-    /// access asks.
-    ///
-    /// # Errors
-    /// [`Error::NotRestored`] names the first step that failed (the others were done all the same),
-    /// [`Error::NotReady`].
-    pub fn release(mut self) -> Result<Option<u32>, Error> {
-        self.restore()
-    }
-
+    /// Sets the protection, returns the bus to the STM, resets the STM and awaits `STM_READY`, as the access
+    /// asks. [`Error::NotRestored`] names the first step that failed; the others are done all the same.
     // Requirement: DOC-6-2
     fn restore(&mut self) -> Result<Option<u32>, Error> {
         let protect = self.io.set_protect(true);

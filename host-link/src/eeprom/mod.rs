@@ -1,6 +1,6 @@
 //! The configuration EEPROM: taking its bus from the STM, reading, writing, and returning it.
 
-pub mod bus;
+mod bus;
 pub mod chip;
 pub mod image;
 pub mod journal;
@@ -17,9 +17,9 @@ use journal::Journal;
 /// # Errors
 /// [`Error::Eeprom`], [`Error::Pin`], [`Error::Interrupted`], [`Error::NotRestored`].
 pub fn read(io: &mut BoardIo) -> Result<Image, Error> {
-    bus::with(io, BusAccess::Read, |bus| {
+    bus::with(io, BusAccess::Read, |io| {
         let mut image = Image::BLANK;
-        bus.read(0, &mut image.0)?;
+        chip::read(io, 0, &mut image.0)?;
         Ok(image)
     })
     .map(|(image, _)| image)
@@ -70,9 +70,9 @@ pub fn program(
     mut watch: impl FnMut(Progress<'_>),
 ) -> Result<Programmed, Error> {
     let access = BusAccess::Write { ready_timeout_ms };
-    let outcome = bus::with(io, access, |bus| {
+    let outcome = bus::with(io, access, |io| {
         let mut before = Image::BLANK;
-        bus.read(0, &mut before.0)?;
+        chip::read(io, 0, &mut before.0)?;
         watch(Progress::Before(&before));
         let bursts = chip::bursts(&before, image);
         let bytes = bursts.iter().map(ExactSizeIterator::len).sum();
@@ -80,17 +80,17 @@ pub fn program(
             if let Some(journal) = journal {
                 journal.begin(&before)?;
             }
-            bus.set_protect(false)?;
+            io.set_protect(false)?;
             let mut done = 0;
             for burst in &bursts {
-                bus.write_burst(burst.start, image.0.get(burst.clone()).unwrap_or(&[]))?;
+                chip::write_burst(io, burst.start, image.0.get(burst.clone()).unwrap_or(&[]))?;
                 done += burst.len();
                 watch(Progress::Written { done, of: bytes });
             }
-            bus.set_protect(true)?;
+            io.set_protect(true)?;
         }
         let mut after = Image::BLANK;
-        bus.read(0, &mut after.0)?;
+        chip::read(io, 0, &mut after.0)?;
         chip::verify(0, &image.0, &after.0)?;
         if let Some(journal) = journal {
             journal.written()?;

@@ -64,10 +64,7 @@ impl Settings {
     /// # Errors
     /// [`Error::Rejected`] names address, field, value and accepted range.
     pub fn from_image(image: &Image) -> Result<Self, Error> {
-        let rejected = |what| Error::Rejected {
-            location: "in the EEPROM's image".into(),
-            what,
-        };
+        let rejected = |what| Error::Rejected("in the EEPROM's image".into(), what);
         if *image == Image::BLANK {
             return Err(rejected("it is blank, every cell reads 0xFF".into()));
         }

@@ -44,11 +44,7 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
             None if format::is_optional(field) || unused => {}
             None => {
                 let help = fields::HELP.get(usize::from(field.index)).unwrap_or(&"");
-                faults.push(FileFault {
-                    line: None,
-                    shown: None,
-                    what: format!("{key} is missing: {help}"),
-                });
+                faults.push(FileFault::whole(format!("{key} is missing: {help}")));
             }
         }
     }
@@ -103,7 +99,7 @@ fn rejected(
         let _ = write!(what, "; {}: {next}", also.1);
         field = also.0;
     }
-    Error::Rejected { location, what }
+    Error::Rejected(location, what)
 }
 
 /// 1-based line of a byte offset.

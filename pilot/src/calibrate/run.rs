@@ -50,10 +50,10 @@ pub fn run(
     mut reached: impl FnMut(usize),
 ) -> Result<WheelPath, Error> {
     session.resume()?;
-    let start = session.snapshot().pose.ok_or(Error::WrongMode {
-        mode: session.config().mode().name(),
-        required: "position to drive to",
-    })?;
+    let start = session.snapshot().pose.ok_or(Error::WrongMode(
+        session.config().mode().name(),
+        "position to drive to",
+    ))?;
     let mut path = WheelPath::new(WheelGeometry::from_config(session.config()));
     path.push(start);
     let mut from = start;

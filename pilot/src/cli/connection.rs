@@ -214,7 +214,7 @@ impl Lock {
         let mut file = open_lock(path, device).map_err(unwritable)?;
         match file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(Error::Busy { path: path.into() }),
+            Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.into())),
             Err(TryLockError::Error(cause)) => return Err(unwritable(cause)),
         }
         let killed = file.metadata().map_err(unwritable)?.len() > 0;

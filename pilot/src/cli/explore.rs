@@ -186,10 +186,7 @@ pub fn ensure_mode(
         wanted.name()
     );
     if !yes && !prompt::confirm(&question, &io.interrupt, context.output)? {
-        return Err(Error::WrongMode {
-            mode: mode.name(),
-            required: "velocity to drive at",
-        });
+        return Err(Error::WrongMode(mode.name(), "velocity to drive at"));
     }
     let wanted = [(fields::MODE, wanted.code().into()), (fields::GYRO, 1)];
     let wanted = Settings::from_image(&image)?.with(&wanted)?;

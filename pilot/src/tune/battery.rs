@@ -55,7 +55,7 @@ pub fn measure_upper_resistor(
         session.exchange(&request)?;
         for line in lines.feed(&session.read_log()?) {
             match line {
-                LogLine::Tuned { tap, ohm, .. } if tap == cell => answers.push(ohm),
+                (_, LogLine::Tuned { tap, ohm }) if tap == cell => answers.push(ohm),
                 _ => {}
             }
         }

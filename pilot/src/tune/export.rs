@@ -56,10 +56,8 @@ pub fn save_picture(
     fitted: Option<(&DriveModel, &[Step], &Response, &Response)>,
 ) -> Result<PathBuf, Error> {
     let path = file::with_suffix(stem, ".png");
-    let png = draw(&panels(axis, samples, fitted)).map_err(|cause| Error::Unwritable {
-        path: path.clone(),
-        cause: cause.to_string(),
-    })?;
+    let png = draw(&panels(axis, samples, fitted));
+    let png = png.map_err(|cause| Error::unwritable(&path, &cause))?;
     file::save(&path, Kind::Png, &png)?;
     Ok(path)
 }

@@ -43,13 +43,12 @@ pub struct SampleRecorder {
 impl SampleRecorder {
     /// Takes bytes of the log.
     pub fn feed(&mut self, bytes: &[u8]) {
-        for line in self.lines.feed(bytes) {
-            self.take(&line);
+        for (number, line) in self.lines.feed(bytes) {
+            self.take(number, &line);
         }
     }
 
-    fn take(&mut self, line: &LogLine) {
-        let number = line.number();
+    fn take(&mut self, number: u32, line: &LogLine) {
         if let Some(last) = self.last.replace(number) {
             let gap = (number + NUMBERS - last - 1) % NUMBERS;
             if gap <= LONGEST_GAP {
@@ -58,7 +57,7 @@ impl SampleRecorder {
                 self.lost = self.lost.saturating_add(gap);
             }
         }
-        if let LogLine::Sample { percent, value, .. } = *line {
+        if let LogLine::Sample { percent, value } = *line {
             if !self.samples.is_empty() {
                 self.tick = self.tick.saturating_add(1);
             }

@@ -178,10 +178,8 @@ impl Server {
     /// # Errors
     /// [`Error::WrongMode`].
     fn navigator(&self) -> Result<navigator::Config, Error> {
-        self.navigator.ok_or(Error::WrongMode {
-            mode: self.mode,
-            required: "velocity to drive at",
-        })
+        self.navigator
+            .ok_or(Error::WrongMode(self.mode, "velocity to drive at"))
     }
 }
 
