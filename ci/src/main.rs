@@ -73,8 +73,6 @@ enum Command {
     Robot(Handed),
     /// Flash, verify, reset, show the first log lines
     Flash(Board),
-    /// The debugger, on the board or on the virtual one
-    Debug(Board),
     /// Every gate a change must pass, with a table
     Test {
         /// Without the slow gates
@@ -154,7 +152,6 @@ fn run(cli: Cli) -> Result<ExitCode> {
             return Ok(ExitCode::from(programs::pilot(session, &arguments)?));
         }
         Command::Flash(board) => flash::flash(session, &board)?,
-        Command::Debug(board) => flash::debug(session, &board)?,
         Command::Test { quick, choice } => {
             good = gates::run(session, &choice, &[When::Quick, When::Change], quick);
         }

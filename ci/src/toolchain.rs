@@ -181,7 +181,7 @@ pub fn apt_install(workspace: &Workspace, packages: &str, seconds: u32) -> Resul
     let may = root || process::output(cmd!(sh, "sudo -n true")).is_some();
     ensure!(
         may,
-        "neither root nor sudo without a password for `apt-get install {packages}`"
+        "neither root nor password-free sudo for `apt-get install {packages}`"
     );
     let sudo = if root { "" } else { "sudo -n" };
     let apt = |seconds: u32, words: &str| {

@@ -37,7 +37,7 @@ impl Trace {
         let mut trace = Self::default();
         trace.read_interfaces(&workspace.sh.read_file(INTERFACES)?);
         trace.read_requirements(&workspace.sh.read_file(REQUIREMENTS)?);
-        for (name, source) in workspace.rust_files()? {
+        for (name, source) in workspace.texts("", "rs")? {
             trace.read_source(&name, &source);
         }
         for (id, Requirement { code, checks, .. }) in &trace.requirements {

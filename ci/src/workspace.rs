@@ -155,11 +155,6 @@ impl Workspace {
         Ok(())
     }
 
-    /// Every Rust file, by its path from the root, with its text.
-    pub fn rust_files(&self) -> Result<Vec<(String, String)>> {
-        self.texts("", "rs")
-    }
-
     /// Every file below a folder with this extension, by its path from the root, with its text.
     pub fn texts(&self, folder: &str, extension: &str) -> Result<Vec<(String, String)>> {
         let mut files = self.files(folder)?;

@@ -1,11 +1,9 @@
 //! GDB: finding one that knows ARM, and having it load and compare an ELF.
 
-use std::net::TcpStream;
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
-use crate::error::{Kind, Result, ensure, fail};
+use crate::error::{Kind, Result, fail};
 use crate::process::{self, pattern};
 use crate::toolchain::apt_install;
 use crate::workspace::Workspace;
@@ -24,10 +22,10 @@ pub fn find(workspace: &Workspace) -> Result<&'static str> {
     fail(Kind::MissingProgram, missing)
 }
 
-/// A GDB with these options and commands, one a line.
-fn gdb(name: &str, options: &str, commands: &str) -> Command {
+/// A GDB that executes these commands, one a line.
+fn gdb(name: &str, commands: &str) -> Command {
     let mut gdb = Command::new(name);
-    gdb.args(options.split(' '));
+    gdb.args(["-nx", "-batch"]);
     gdb.args(commands.lines().flat_map(|command| ["-ex", command]));
     gdb
 }
@@ -35,7 +33,7 @@ fn gdb(name: &str, options: &str, commands: &str) -> Command {
 fn knows_arm(name: &str) -> bool {
     // An unknown architecture is no error to GDB's exit code, and its wording changes.
     let commands = "set architecture arm\nshow architecture";
-    let answer = gdb(name, "-nx -batch", commands).output();
+    let answer = gdb(name, commands).output();
     answer.is_ok_and(|answer| String::from_utf8_lossy(&answer.stdout).contains("\"arm\""))
 }
 
@@ -46,7 +44,7 @@ pub fn load(name: &str, elf: &Path, address: &str) -> Result<()> {
         "set confirm off\nset remotetimeout 60\ntarget extended-remote {address}\nload\n\
          compare-sections\nmonitor reset\necho running\\n\ndetach"
     );
-    let mut gdb = gdb(name, "-nx -batch", &commands);
+    let mut gdb = gdb(name, &commands);
     gdb.arg(elf);
     let (success, text) = process::tee(gdb)?;
     match judge(success, &text) {
@@ -69,29 +67,6 @@ fn judge(success: bool, text: &str) -> std::result::Result<usize, &str> {
         _ if !text.lines().any(|line| line == "running") => Err("GDB did not reach the reset"),
         (None, sections) => Ok(sections),
     }
-}
-
-/// Opens the debugger at the terminal on the server at `address`.
-pub fn open(name: &str, elf: &Path, address: &str) -> Result<()> {
-    let commands = format!(
-        "target extended-remote {address}\nload\nmonitor reset halt\n\
-         maintenance flush register-cache\nbreak main"
-    );
-    let status = gdb(name, "-q", &commands).arg(elf).status()?;
-    ensure!(status.success(), "{name} ended with {status}");
-    Ok(())
-}
-
-/// Waits until the debug server at `address` listens, at most `limit`.
-pub fn wait_for(address: &str, limit: Duration) -> Result<()> {
-    let end = Instant::now() + limit;
-    while TcpStream::connect(address).is_err() {
-        if Instant::now() > end {
-            return fail(Kind::Board, format!("no debug server at {address}"));
-        }
-        std::thread::sleep(Duration::from_millis(100));
-    }
-    Ok(())
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Writing the firmware to the board, real or virtual, and opening the debugger on it.
+//! Writing the firmware to the board, real or virtual.
 
 mod gdb;
 mod log_lines;
@@ -7,10 +7,10 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use clap::Args;
-use xshell::{Cmd, cmd};
+use xshell::cmd;
 
 use crate::error::{Context, Kind, Result, fail};
-use crate::process;
+use crate::process::installed;
 use crate::session::Session;
 use log_lines::Lines;
 
@@ -34,16 +34,6 @@ pub struct Board {
     pub interface: String,
 }
 
-/// Whether probe-rs writes to the real board; else `OpenOCD` does.
-fn has_probe_rs() -> Result<bool> {
-    let missing = "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
-                   install openocd`) is installed; `--virtual` needs neither";
-    match ["probe-rs", "openocd"].map(process::installed) {
-        [false, false] => fail(Kind::MissingProgram, missing),
-        [probe_rs, _] => Ok(probe_rs),
-    }
-}
-
 /// Writes, verifies, resets, prints the first log lines.
 pub fn flash(session: &Session, board: &Board) -> Result<()> {
     let (sh, elf) = (&session.sh, &session.image()?.path);
@@ -53,18 +43,28 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
         gdb::load(gdb, elf, &address)?;
         return print_log(&log);
     }
-    let probe_rs = has_probe_rs()?;
+    let [probe_rs, openocd] = ["probe-rs", "openocd"].map(installed);
+    if !probe_rs && !openocd {
+        let missing = "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
+                       install openocd`) is installed; `--virtual` needs neither";
+        return fail(Kind::MissingProgram, missing);
+    }
     // Listen before the reset, or the first lines are gone.
     let log = board.serial.as_deref();
-    let log = log.map(|device| Lines::read_serial(session, device));
-    let log = log.transpose()?;
+    let log = log
+        .map(|device| Lines::read_serial(session, device))
+        .transpose()?;
     let written = if probe_rs {
         let written = cmd!(sh, "probe-rs download --chip {CHIP} --verify {elf}").run();
         written.and_then(|()| cmd!(sh, "probe-rs reset --chip {CHIP}").run())
     } else {
         let program = format!("program \"{}\" verify reset exit", elf.display());
-        let openocd = openocd(session, &board.interface).arg("-c");
-        openocd.arg(program).run()
+        let interface = format!("interface/{}.cfg", board.interface);
+        cmd!(
+            sh,
+            "openocd -f {interface} -f target/stm32f4x.cfg -c {program}"
+        )
+        .run()
     };
     if let Err(error) = written {
         let hint = "is the probe plugged in and the board on?";
@@ -87,42 +87,8 @@ fn print_log(log: &Lines) -> Result<()> {
     Ok(())
 }
 
-fn openocd<'s>(session: &'s Session, interface: &str) -> Cmd<'s> {
-    let openocd = cmd!(session.sh, "openocd -f interface/{interface}.cfg");
-    openocd.args(["-f", "target/stm32f4x.cfg"])
-}
-
-/// Opens GDB on the board.
-pub fn debug(session: &Session, board: &Board) -> Result<()> {
-    let elf = &session.image()?.path;
-    let gdb = gdb::find(session)?;
-    if board.is_virtual {
-        let (_board, _log, address) = start_virtual_board(session)?;
-        return gdb::open(gdb, elf, &address);
-    }
-    let address = "127.0.0.1:3333";
-    let server = if has_probe_rs()? {
-        let server = cmd!(session.sh, "probe-rs gdb --chip {CHIP}");
-        server.args(["--gdb-connection-string", address])
-    } else {
-        openocd(session, &board.interface)
-    };
-    let _server = Server::start(server, Stdio::null())?;
-    gdb::wait_for(address, LOG_TIMEOUT)?;
-    gdb::open(gdb, elf, address)
-}
-
 /// A program in the background that does not outlive this one.
 struct Server(Child);
-
-impl Server {
-    fn start(command: Cmd<'_>, output: Stdio) -> Result<Self> {
-        eprintln!("$ {command} &");
-        let mut command = Command::from(command);
-        command.stdin(Stdio::null()).stdout(output);
-        Ok(Self(command.spawn()?))
-    }
-}
 
 impl Drop for Server {
     fn drop(&mut self) {
@@ -137,14 +103,12 @@ fn start_virtual_board(session: &Session) -> Result<(Server, Lines, String)> {
     let build = "build --release --package twin --package robot-tests --bin virtual-board";
     session.cargo_with_board(build)?.run()?;
     let program = session.target.join("release/virtual-board");
-    let board = cmd!(session.sh, "{program} --gdb 127.0.0.1:0");
-    let mut server = Server::start(board, Stdio::piped())?;
+    let mut board = Command::new(program);
+    board.args(["--gdb", "127.0.0.1:0"]).stdin(Stdio::null());
+    let mut server = Server(board.stdout(Stdio::piped()).spawn()?);
     let log = Lines::read(server.0.stdout.take().context("virtual-board: no output")?);
     match log.find("gdb: ", LOG_TIMEOUT) {
         Some(address) => Ok((server, log, address)),
-        None => fail(
-            Kind::Board,
-            "the virtual board printed no debug server's address",
-        ),
+        None => fail(Kind::Board, "the virtual board printed no address"),
     }
 }

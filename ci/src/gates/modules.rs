@@ -15,7 +15,7 @@ use crate::workspace::{list, text};
 type Files = BTreeMap<String, String>;
 
 pub fn gate(session: &Session) -> Result<String> {
-    let files: Files = session.rust_files()?.into_iter().collect();
+    let files: Files = session.texts("", "rs")?.into_iter().collect();
     let (mut findings, mut compiled, mut crates) = (Vec::new(), HashSet::new(), 0);
     for manifest in WORKSPACES {
         for package in session.packages(manifest)? {

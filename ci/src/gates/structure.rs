@@ -18,44 +18,43 @@ const FORBIDDEN: &str = "\nunsafe_code = \"forbid\"\n";
 
 /// `unsafe` only in fw-pac, licences and lock files present and current, no toolchain file.
 pub fn hygiene(session: &Session) -> Result<String> {
-    let mut findings = Vec::new();
-    let mut require = |good: bool, finding: String| {
-        if !good {
-            findings.push(finding);
-        }
-    };
-    let unsafe_free = |manifest: &str, lints: &[&str]| {
+    let exists = |name: &str| session.sh.path_exists(name);
+    let forbids = |manifest: &str, lints: &[&str]| {
         let manifest = session.sh.read_file(manifest);
         manifest.is_ok_and(|manifest| lints.iter().any(|lint| manifest.contains(lint)))
     };
-    let root = unsafe_free("Cargo.toml", &[FORBIDDEN]);
-    require(root, "Cargo.toml: no lint forbids unsafe code".into());
+    // A lock file that cargo has to change, or that git does not keep, builds something else elsewhere.
+    let current = process::output(session.cargo("metadata --locked --format-version 1"));
+    let tracked = process::output(cmd!(session.sh, "git ls-files --error-unmatch Cargo.lock"));
+    let tracked = tracked.is_some() || !exists(".git");
+    let stale = "Cargo.lock is stale (`cargo metadata --locked` says why)";
+    let mut rules = vec![
+        (
+            forbids("Cargo.toml", &[FORBIDDEN]),
+            "Cargo.toml: no lint forbids unsafe code".into(),
+        ),
+        (current.is_some(), stale.to_owned()),
+        (tracked, "Cargo.lock is not committed".into()),
+    ];
     for workspace in WORKSPACES {
         for package in session.packages(workspace)? {
             let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
             let lints = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
-            let good = name == "fw-pac" || unsafe_free(manifest, &lints);
-            require(good, format!("{name}: no lint forbids unsafe code"));
+            let good = name == "fw-pac" || forbids(manifest, &lints);
+            rules.push((good, format!("{name}: no lint forbids unsafe code")));
         }
         let lock = workspace.replace(".toml", ".lock");
-        require(session.sh.path_exists(&lock), format!("{lock} is missing"));
+        rules.push((exists(&lock), format!("{lock} is missing")));
     }
     for name in ["LICENSE-MIT", "LICENSE-APACHE", "README.md"] {
-        require(session.sh.path_exists(name), format!("{name} is missing"));
+        rules.push((exists(name), format!("{name} is missing")));
     }
     for name in ["rust-toolchain", "rust-toolchain.toml"] {
         let reason = "breaks every cargo call where what it lists cannot be fetched";
-        require(!session.sh.path_exists(name), format!("{name}: {reason}"));
+        rules.push((!exists(name), format!("{name}: {reason}")));
     }
-    // A lock file that cargo has to change, or that git does not keep, builds something else elsewhere.
-    let current = process::output(session.cargo("metadata --locked --format-version 1")).is_some();
-    require(
-        current,
-        "Cargo.lock is stale (`cargo metadata --locked` says why)".into(),
-    );
-    let tracked = process::output(cmd!(session.sh, "git ls-files --error-unmatch Cargo.lock"));
-    let tracked = tracked.is_some() || !session.sh.path_exists(".git");
-    require(tracked, "Cargo.lock is not committed".into());
+    let broken = rules.into_iter().filter(|(good, _)| !good);
+    let findings: Vec<_> = broken.map(|(_, finding)| finding).collect();
     passed_without(&findings, "licences, lock files, lints".into())
 }
 
@@ -90,8 +89,8 @@ pub fn arrows(session: &Session) -> Result<String> {
     }
     // With the feature `virtual` all of the Pi's program could reach the room: its files that do.
     for (name, source) in session.texts("pilot/src", "rs")? {
-        let plant = source.contains("plant::") || source.contains("twin::");
-        if plant && !VIRTUAL.contains(&name.as_str()) {
+        let sees = source.contains("plant::") || source.contains("twin::");
+        if sees && !VIRTUAL.contains(&name.as_str()) {
             findings.push(format!("{name} sees the virtual room"));
         }
     }
@@ -99,9 +98,7 @@ pub fn arrows(session: &Session) -> Result<String> {
     if !direct.keys().eq(["fixed", "fw-core"]) {
         findings.push(format!("fw-core depends on {direct:?}, not on fixed alone"));
     }
-    let mut core = packages
-        .iter()
-        .filter(|package| text(&package["name"]) == "fw-core");
+    let mut core = packages.iter().filter(|one| one["name"] == "fw-core");
     let core = core.next().context("no package fw-core")?;
     if core["features"] != json!({}) {
         findings.push("fw-core has features".into());
@@ -154,7 +151,7 @@ pub fn size(session: &Session) -> Result<String> {
     let exempt = list(budget.value("line_limit.exempt")?);
     let limit = budget.value("size.at_most.file_lines")?.as_u64();
     let (mut lines, mut longest) = (0, 0);
-    for (name, source) in session.rust_files()? {
+    for (name, source) in session.texts("", "rs")? {
         let count = source.lines().count();
         lines += count;
         if !exempt.iter().any(|exempt| text(exempt) == name) {
@@ -164,10 +161,8 @@ pub fn size(session: &Session) -> Result<String> {
             }
         }
     }
-    let documents = session.texts("docs", "md")?;
-    let words = documents
-        .iter()
-        .map(|(_, text)| text.split_whitespace().count());
+    let documents = session.texts("docs", "md")?.into_iter();
+    let words = documents.map(|(_, text)| text.split_whitespace().count());
     let words: usize = words.sum();
     let figure = format!("{lines} lines of Rust, {longest} in a file, {words} words in docs/");
     println!("  {figure}");
