@@ -1,4 +1,4 @@
-//! The Pi's end of the lines and buses to the robot: EEPROM, SPI link, UART log and drives, over
+//! The Pi's end of the lines and buses to the robot: EEPROM, SPI link and UART log, over
 //! embedded-hal 1.0.
 //!
 //! A frame over any [`SpiDevice`](embedded_hal::spi::SpiDevice), here one with a canned reply:
@@ -76,7 +76,6 @@
 #![forbid(unsafe_code)]
 
 pub mod board_io;
-pub mod drive;
 pub mod eeprom;
 pub mod error;
 pub mod file;

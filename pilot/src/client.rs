@@ -192,10 +192,7 @@ impl Client {
 pub const EXPLORE: Request = Request::Explore { lease_ms: LEASE_MS };
 
 /// A request to go to a pose whose lease [`Client::drive`] keeps.
-pub fn goto(
-    target: host_link::pose::Pose,
-    criteria: &host_link::drive::ArrivalCriteria,
-) -> Request {
+pub fn goto(target: host_link::pose::Pose, criteria: &crate::drive::ArrivalCriteria) -> Request {
     Request::Goto {
         x_mm: target.x_mm,
         y_mm: target.y_mm,

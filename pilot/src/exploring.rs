@@ -3,12 +3,12 @@
 //!
 //! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
 
+use crate::drive::StopOnDrop;
 use crate::mapping::{self, Files, Mapping, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
 use fw_core::wire::{Field, Order, Report, State};
-use host_link::drive::StopOnDrop;
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};

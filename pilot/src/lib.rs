@@ -12,6 +12,7 @@
 pub mod calibrate;
 pub mod client;
 pub mod doctor;
+pub mod drive;
 pub mod exploring;
 pub mod ground_truth;
 pub mod hints;

@@ -2,7 +2,6 @@
 //! EEPROM; only its true poses are measured.
 
 use host_link::board_io::{BoardIo, Interrupt};
-use host_link::drive::ArrivalCriteria;
 use host_link::eeprom;
 use host_link::pose::Pose;
 use host_link::session::Session;
@@ -12,6 +11,7 @@ use pilot::calibrate::run::{run, square, straight};
 use pilot::calibrate::umbmark::{self, Score, SquareRun};
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
+use pilot::drive::ArrivalCriteria;
 use pilot::ground_truth::GroundTruth;
 use pilot::virtual_board::{board_io, SimulatedTape};
 use robot_tests::reference::original_image;

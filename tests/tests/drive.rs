@@ -1,9 +1,9 @@
 //! Driving to a pose with the real, unequal motors: 5 mm and 1° at rest.
 
 use host_link::board_io::Interrupt;
-use host_link::drive::{go_to, ArrivalCriteria};
 use host_link::pose::Pose;
 use host_link::session::{Session, RATE_HZ};
+use pilot::drive::{go_to, ArrivalCriteria};
 use pilot::virtual_board;
 use robot_tests::exploration::{configured_board, READY_MS, SPI_HZ};
 use robot_tests::reference::{normal_frame, original_image};

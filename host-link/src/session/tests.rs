@@ -107,7 +107,7 @@ fn rejected_reply_is_counted_and_keeps_last_values() {
 fn wait_for_ready_ends_in_time_or_by_interrupt() {
     let (board, mut io) = mock_board(&Image::BLANK, None);
     let refused = Session::open(&mut io, RATE_HZ, 100).err();
-    assert_eq!(refused, Some(Error::NotReady { waited_ms: 100 }));
+    assert_eq!(refused, Some(Error::NotReady(100)));
     assert_eq!(board.borrow().now_us, 100_000);
     reset::pulse(&mut io).unwrap();
     assert_eq!(board.borrow().now_us, 200_000);

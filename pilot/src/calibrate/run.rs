@@ -1,9 +1,9 @@
-//! The drives. They go from pose to pose as [`drive`](host_link::drive) does, and end with the robot stopped
+//! The drives. They go from pose to pose as [`drive`](crate::drive) does, and end with the robot stopped
 //! on every path; the path is recorded, and a robot that leaves it is stopped.
 
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
-use host_link::drive::{ArrivalCriteria, follow};
+use crate::drive::{ArrivalCriteria, follow};
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::Session;
@@ -40,7 +40,7 @@ pub fn square(side_mm: f64, clockwise: bool) -> Vec<Pose> {
 /// of them are done.
 ///
 /// # Errors
-/// Those of [`host_link::drive::go_to`];
+/// Those of [`crate::drive::go_to`];
 /// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Calibration`] if the
 /// robot leaves its path. On each of them, and on a panic, it is stopped first.
 pub fn run(

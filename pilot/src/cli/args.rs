@@ -4,11 +4,11 @@
 use super::board_args::BoardArgs;
 use clap::{Args, Parser, Subcommand, value_parser};
 use fw_core::wire::Mode;
-use host_link::drive::ArrivalCriteria;
 use host_link::error::Exit;
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
 use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run::LENGTHS_MM;
+use pilot::drive::ArrivalCriteria;
 use pilot::mode;
 use pilot::tune::Axis;
 use pilot::tune::battery::LARGEST_V;

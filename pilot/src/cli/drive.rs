@@ -3,10 +3,10 @@
 use super::args::CriteriaArgs;
 use super::connection::Context;
 use super::monitor;
-use host_link::drive::{self, Arrival};
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::statistics::LinkStatistics;
+use pilot::drive::{self, Arrival};
 use serde::Serialize;
 
 #[derive(Serialize)]

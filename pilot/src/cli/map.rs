@@ -3,11 +3,11 @@
 use super::args::Map;
 use super::connection::Context;
 use super::{drive::summary, monitor};
-use host_link::drive;
 use host_link::error::Error;
 use host_link::settings::Settings;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
+use pilot::drive;
 use pilot::mapping::{self, Files, Mapping, RangeSample};
 use pilot::recording::{self, Recorder};
 use pilot::waypoints;

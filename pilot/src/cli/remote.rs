@@ -3,9 +3,9 @@
 use super::args::{Explore, Goto, Monitor};
 use super::connection::{Context, interrupt};
 use super::{drive, monitor};
-use host_link::drive::Arrival;
 use host_link::error::Error;
 use pilot::client::{self, Client, View};
+use pilot::drive::Arrival;
 use pilot::mapping::{self, Files};
 use pilot::serve::protocol::{Frame, Message, Request};
 use serde::Serialize;

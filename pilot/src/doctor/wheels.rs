@@ -1,13 +1,13 @@
 //! With the wheels off the floor: rangefinders, servo and gyroscope at rest, then the wheels.
 
 use super::Findings;
+use crate::drive::StopOnDrop;
 use crate::tune::step_response::{self, StepPlan};
 use crate::tune::{Axis, drive_model, temporary_mode};
 use fw_core::eeprom::{Config, Image};
 use fw_core::types::Faults;
 use fw_core::wire::{Mode, Order};
 use host_link::board_io::BoardIo;
-use host_link::drive::StopOnDrop;
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, VelocityRequest};

@@ -6,7 +6,6 @@ use crate::cli::tune::{apply, restore_mode};
 use crate::cli::{monitor, prompt};
 use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
-use host_link::drive::ArrivalCriteria;
 use host_link::eeprom;
 use host_link::error::Error;
 use host_link::pose::Pose;
@@ -15,6 +14,7 @@ use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
+use pilot::drive::ArrivalCriteria;
 
 /// How the runs of a calibration are confirmed, driven and measured.
 #[derive(Clone, Copy)]

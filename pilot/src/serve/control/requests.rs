@@ -1,9 +1,9 @@
 //! What the clients ask for, and who may drive.
 
 use super::{CELL_MM, Lease, Motion, Server};
+use crate::drive::ArrivalCriteria;
 use crate::serve::hub::{ClientId, Event};
 use crate::serve::protocol::{Activity, Message, Request};
-use host_link::drive::ArrivalCriteria;
 use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
 use host_link::session::VelocityRequest;

@@ -4,10 +4,10 @@ use std::error::Error;
 use std::path::Path;
 
 use host_link::board_io::BoardIo;
-use host_link::drive::{self, ArrivalCriteria};
 use host_link::pose::Pose;
 use host_link::session::{Session, RATE_HZ};
 use mapper::{map_iou, map_plot};
+use pilot::drive::{self, ArrivalCriteria};
 use pilot::mapping::{mapper_config, mapper_pose, reported_pose, Mapping, RangeSample};
 use robot_tests::exploration::{CELL_MM, READY_MS, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;

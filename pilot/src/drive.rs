@@ -2,11 +2,11 @@
 
 mod pose_follower;
 
-use crate::error::Error;
-use crate::pose::Pose;
-use crate::session::{CommandRequest, Session, VelocityRequest};
-use crate::snapshot::Snapshot;
 use fw_core::wire::{Field, Report};
+use host_link::error::Error;
+use host_link::pose::Pose;
+use host_link::session::{CommandRequest, Session, VelocityRequest};
+use host_link::snapshot::Snapshot;
 use pose_follower::PoseFollower;
 use std::collections::VecDeque;
 

@@ -1,11 +1,11 @@
 //! Whatever ends a drive early, the last command keeps the robot where it is.
 
 use super::*;
-use crate::board_io::BoardIo;
-use crate::mock_board::{mock_board, IoFault, MockBoard};
-use fw_core::eeprom::{fields, Image};
+use fw_core::eeprom::{Image, fields};
 use fw_core::wire::{Command, Mode, Order, State};
-use std::panic::{catch_unwind, AssertUnwindSafe};
+use host_link::board_io::BoardIo;
+use host_link::mock_board::{IoFault, MockBoard, mock_board};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 fn image(mode: Mode) -> Image {
     Image::FIRST_BOARD.with(fields::MODE, mode.code().into())

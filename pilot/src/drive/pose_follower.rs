@@ -1,7 +1,7 @@
 //! Drives to a pose by velocity: what the STM's pose controller does in the modes that carry a
 //! target is done here in the mode that carries a velocity.
 
-use crate::pose::Pose;
+use host_link::pose::Pose;
 
 /// Fastest way ahead, mm/s.
 const SPEED_MM_S: f64 = 150.0;
@@ -154,11 +154,13 @@ mod tests {
                 pose = Pose::new(way, 0.0, turn).in_frame_of(pose);
             }
         }
-        assert!(response
-            .speeds
-            .iter()
-            .flatten()
-            .all(|speed| speed.abs() < 1e-6));
+        assert!(
+            response
+                .speeds
+                .iter()
+                .flatten()
+                .all(|speed| speed.abs() < 1e-6)
+        );
         pose
     }
 
