@@ -6,7 +6,7 @@ use crate::statistics::{LinkStatistics, RejectCounts};
 use embedded_hal::spi::{Operation, SpiDevice};
 use fw_core::eeprom::Config;
 use fw_core::wire::handover::GAP_US;
-use fw_core::wire::{Command, Field, FrameError, Mode, PiLink, Report, MAX_FRAME};
+use fw_core::wire::{Command, Field, FrameError, MAX_FRAME, Mode, PiLink, Report};
 use std::collections::HashMap;
 
 /// From the fall of chip-select to the first clock, nanoseconds: the STM needs 60 (docs/interfaces.md), and

@@ -4,7 +4,7 @@
 //! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
 //! down.
 
-use crate::board_io::{erase, BoardIo, Clock, Interrupt};
+use crate::board_io::{BoardIo, Clock, Interrupt, erase};
 use crate::error::Error;
 use crate::uart::SerialPort;
 use embedded_hal::digital::{ErrorType, OutputPin};
@@ -87,8 +87,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
     })
 }
 
-const GPIO_ADVICE: &str =
-    "check that --gpiochip names the Pi's GPIOs, that no other program holds the line, and that \
+const GPIO_ADVICE: &str = "check that --gpiochip names the Pi's GPIOs, that no other program holds the line, and that \
      you are in the group gpio";
 const SPI_ADVICE: &str =
     "enable SPI (raspi-config, or dtparam=spi=on in config.txt) and join the group spi";

@@ -9,8 +9,8 @@ use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::{Config, Image, IMAGE_LEN};
-use fw_core::wire::{Command, Mode, PoseCode, Report, StmLink, MAX_FRAME};
+use fw_core::eeprom::{Config, IMAGE_LEN, Image};
+use fw_core::wire::{Command, MAX_FRAME, Mode, PoseCode, Report, StmLink};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -294,7 +294,7 @@ impl I2c for MockLine<BUS> {
         for part in parts {
             match part {
                 _ if !board.selected || board.now_us < board.busy_until_us => {
-                    return Err(injected())
+                    return Err(injected());
                 }
                 Operation::Write(bytes) => board.write(bytes)?,
                 Operation::Read(out) => board.read(out),

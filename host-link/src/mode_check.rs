@@ -93,8 +93,8 @@ fn repeats(report: &Report) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fw_core::eeprom::{fields, Image};
-    use fw_core::wire::{chain, frame_len, CellCode, Command, Mode, PiLink, StmLink, MAX_FRAME};
+    use fw_core::eeprom::{Image, fields};
+    use fw_core::wire::{CellCode, Command, MAX_FRAME, Mode, PiLink, StmLink, chain, frame_len};
 
     /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi detects it.
     fn is_detected(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {

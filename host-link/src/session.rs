@@ -5,8 +5,8 @@ use crate::board_io::BoardIo;
 use crate::error::Error;
 use crate::link::Link;
 use crate::log::{LogLine, LogParser};
-use crate::mode_check::ModeCheck;
 pub use crate::mode_check::MODE_CHECK_FRAMES;
+use crate::mode_check::ModeCheck;
 use crate::pose::Pose;
 use crate::snapshot::Snapshot;
 use crate::statistics::LinkStatistics;
@@ -245,10 +245,8 @@ impl<'m> Session<'m> {
     fn pace(&mut self) {
         let now = self.io.clock.micros();
         let due_us = self.next_us.max(self.link.due_us());
-        if let Ok(wait) = u32::try_from(due_us.saturating_sub(now)) {
-            if wait > 0 {
-                self.io.delay.delay_us(wait);
-            }
+        if let Ok(wait @ 1..) = u32::try_from(due_us.saturating_sub(now)) {
+            self.io.delay.delay_us(wait);
         }
         self.next_us = self.next_us.max(now) + self.period_us;
     }

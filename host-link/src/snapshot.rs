@@ -152,7 +152,7 @@ fn known_faults<'de, D: Deserializer<'de>>(value: D) -> Result<Vec<&'static str>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fw_core::eeprom::{fields, Image};
+    use fw_core::eeprom::{Image, fields};
 
     #[test]
     fn snapshot_as_json_reads_back() {

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::file;
 pub use crate::file::{LARGEST_LEN, ORIGINAL_LEN};
-use fw_core::eeprom::{Image, IMAGE_LEN};
+use fw_core::eeprom::{IMAGE_LEN, Image};
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::Path;

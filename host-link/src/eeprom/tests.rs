@@ -1,11 +1,11 @@
 //! Every single call fails in turn: the EEPROM ends protected, its bus with the STM, and the STM reset
 //! after a write.
 
-use super::repair::{repair, Repaired};
+use super::repair::{Repaired, repair};
 use super::*;
 use crate::error::Error;
-use crate::mock_board::{mock_board, reconnect, IoFault, MockBoard};
-use std::panic::{catch_unwind, AssertUnwindSafe};
+use crate::mock_board::{IoFault, MockBoard, mock_board, reconnect};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 const BLANK: Image = Image::BLANK;
 
@@ -20,8 +20,7 @@ fn write(io: &mut crate::board_io::BoardIo) -> Result<Programmed, Error> {
 fn calls_of_a_good_write() -> usize {
     let (board, mut io) = mock_board(&BLANK, None);
     write(&mut io).unwrap();
-    let calls = board.borrow().calls;
-    calls
+    board.borrow().calls
 }
 
 #[track_caller]

@@ -3,7 +3,7 @@
 use super::*;
 use crate::mock_board::mock_board;
 use crate::uart::LogSource;
-use fw_core::eeprom::{fields, Image, FIELDS};
+use fw_core::eeprom::{FIELDS, Image, fields};
 use fw_core::types::Velocity;
 use fw_core::wire::Mode;
 

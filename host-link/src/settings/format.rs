@@ -1,6 +1,6 @@
 //! Keys and values of the file, derived from a field's page, name, unit and range.
 
-use fw_core::eeprom::{Accepted, Field, Kind, Unit, FIELDS, PLATFORM};
+use fw_core::eeprom::{Accepted, FIELDS, Field, Kind, PLATFORM, Unit};
 use fw_core::wire::Mode;
 
 /// Codes of a turn.

@@ -2,7 +2,7 @@
 //! before it.
 
 use fw_core::eeprom::fields::{FIELDS, LAYOUT_LENGTH, LAYOUT_VERSION};
-use fw_core::eeprom::{crc32, Image, KEY};
+use fw_core::eeprom::{Image, KEY, crc32};
 
 /// Where the checksum of layout 1 is stored.
 const CHECKSUM: usize = 0x0334;

@@ -9,11 +9,11 @@ mod migrate;
 mod parse;
 mod render;
 
-pub use render::{changes, render, Change};
+pub use render::{Change, changes, render};
 
 use crate::error::Error;
 use crate::file;
-use fw_core::eeprom::{fields, Config, Field, Image, PLATFORM};
+use fw_core::eeprom::{Config, Field, Image, PLATFORM, fields};
 use fw_core::wire::Mode;
 use std::path::Path;
 

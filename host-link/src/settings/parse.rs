@@ -1,16 +1,16 @@
 //! Text → [`Settings`]. Every complaint has the key, the value, what is accepted, and the line.
 
-use super::format::{self, Format};
 use super::Settings;
+use super::format::{self, Format};
 use crate::error::Error;
 use crate::file::FileFault;
-use fw_core::eeprom::{fields, Config, ConfigError, Field, Image, FIELDS};
+use fw_core::eeprom::{Config, ConfigError, FIELDS, Field, Image, fields};
 use fw_core::wire::Mode;
 use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;
-use toml::de::{DeTable, DeValue};
 use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 /// Reads a configuration file's text. Complains of everything that is wrong with keys and values at once.
 pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {

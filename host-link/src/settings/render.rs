@@ -1,6 +1,6 @@
 //! [`Settings`] → text, commented so that the file explains itself.
 
-use super::{format, Settings};
+use super::{Settings, format};
 use fw_core::eeprom::fields::HELP;
 use serde::Serialize;
 use std::fmt::Write;

@@ -24,5 +24,5 @@ mod pose;
 mod shape;
 
 pub use mount::Mount;
-pub use pose::{wrap_angle, Point, Pose2};
+pub use pose::{Point, Pose2, wrap_angle};
 pub use shape::{Circle, RayHit, Segment};

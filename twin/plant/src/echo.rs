@@ -20,7 +20,7 @@ mod surfaces;
 use geometry::{Circle, Point, Segment};
 
 use crate::{Imperfections, Pose2, RangefinderParams, Rng, Room};
-use surfaces::{cross, curvature_loss, dot, minus, Corner, Surfaces, Wall, JOINT_MM};
+use surfaces::{Corner, JOINT_MM, Surfaces, Wall, cross, curvature_loss, dot, minus};
 
 const SECOND_STRENGTH: f64 = 0.5;
 /// Farthest echo of a soft surface, mm.

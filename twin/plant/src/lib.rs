@@ -45,7 +45,7 @@ mod world;
 
 pub use battery::{Battery, BatteryParams, Divider};
 pub use chassis::Chassis;
-pub use collision::{Collision, COLLISION_MM_S};
+pub use collision::{COLLISION_MM_S, Collision};
 pub use faults::Faults;
 pub use geometry::{Mount, Pose2};
 pub use gyro::GyroParams;

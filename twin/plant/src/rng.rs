@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use rand_xoshiro::rand_core::{Rng as _, SeedableRng};
 use rand_xoshiro::SplitMix64;
+use rand_xoshiro::rand_core::{Rng as _, SeedableRng};
 
 /// A seeded generator: the same seed yields the same numbers on every machine.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 //! a missing echo, the front one's servo moving by a step between its turns.
 
 use crate::echo::Sonar;
-use crate::{Imperfections, Mount, Params, Pose2, Rng, Room, FRONT};
+use crate::{FRONT, Imperfections, Mount, Params, Pose2, Rng, Room};
 
 /// Ticks of a slot, and of one without an echo.
 const SLOT_TICKS: u32 = 2;

@@ -58,7 +58,10 @@ impl fmt::Display for Problem {
                 "`{word}` begins no line of a room: use wall, box, circle, soft, sill, start or way, and # for a comment"
             ),
             Self::NotANumber(word) => {
-                write!(f, "`{word}` is not a finite number: write millimetres or degrees, like 1200 or -37.5")
+                write!(
+                    f,
+                    "`{word}` is not a finite number: write millimetres or degrees, like 1200 or -37.5"
+                )
             }
             Self::Count(expected, got) => write!(f, "{got} numbers: write `{expected}`"),
             Self::Size(what) => write!(f, "{what}: make it greater than zero"),

@@ -2,11 +2,11 @@
 
 mod furniture;
 
-use furniture::{Piece, FOOTPRINT_MM};
+use furniture::{FOOTPRINT_MM, Piece};
 use geometry::{Point, Segment};
 
-use super::reachable::{ClearanceGrid, CELL_MM, REACHABLE_MM};
 use super::Room;
+use super::reachable::{CELL_MM, ClearanceGrid, REACHABLE_MM};
 use crate::{Pose2, Rng};
 
 /// Area of the floor, m².

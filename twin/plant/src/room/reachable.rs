@@ -116,7 +116,7 @@ impl Room {
     pub fn reachable_floor(&self) -> Vec<Point> {
         let grid = ClearanceGrid::new(self);
         let reached = grid.flood(self.start.position(), REACHABLE_MM);
-        let cells = reached.iter().enumerate().filter(|(_, &reached)| reached);
+        let cells = reached.iter().enumerate().filter(|(_, reached)| **reached);
         cells.map(|(index, _)| grid.middle(index)).collect()
     }
 }

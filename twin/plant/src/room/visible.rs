@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use geometry::Segment;
 
-use super::reachable::{ClearanceGrid, CELL_MM, REACHABLE_MM};
 use super::Room;
+use super::reachable::{CELL_MM, ClearanceGrid, REACHABLE_MM};
 use crate::Pose2;
 
 /// Length of the pieces in which surfaces are judged, mm.

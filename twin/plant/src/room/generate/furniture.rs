@@ -2,7 +2,7 @@
 
 use geometry::Point;
 
-use super::{between, chance, Rect, PASSAGE_MM};
+use super::{PASSAGE_MM, Rect, between, chance};
 use crate::room::reachable::CELL_MM;
 use crate::{Pose2, Rng, Room};
 
