@@ -15,6 +15,9 @@ pub struct Config {
     pub package: String,
     /// The file of the excuses, from the configuration's folder.
     pub excuses: Option<String>,
+    /// Parts of the paths of files that are not changed: what only tests use, or this machine does not build.
+    #[serde(default)]
+    pub without: Vec<String>,
     /// Parts of the names of tests that take long: left out of the first stage.
     #[serde(default)]
     pub slow: Vec<String>,

@@ -39,8 +39,7 @@ pub struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    /// Prepares to try `count` of all mutants, `jobs` at a time; with `quick`, those with a switch
-    /// by the first stage.
+    /// Prepares to try `count` of all mutants, `jobs` at a time; with `quick`, those with a switch.
     ///
     /// # Errors
     /// Where the workspace cannot be copied, or its tests fail without a mutant.
@@ -51,12 +50,10 @@ impl<'a> Engine<'a> {
         count: usize,
         (jobs, quick): (usize, bool),
     ) -> Result<Self, String> {
-        let mut stages = config.stages();
-        stages.truncate(if quick { 1 } else { stages.len() });
         let mut engine = Self {
             config,
             workspace,
-            stages,
+            stages: config.stages(),
             all,
             jobs: jobs.max(1),
             quick,

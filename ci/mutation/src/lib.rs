@@ -75,7 +75,7 @@ pub struct Choice {
     /// How many at a time
     #[arg(long, default_value_t = 1)]
     pub jobs: usize,
-    /// Only mutants with a switch, and the first stage: its survivors may be caught by a later one
+    /// Only mutants with a switch
     #[arg(long)]
     pub quick: bool,
 }
@@ -250,5 +250,6 @@ fn list(
         let own = operators::list(file, &text, functions, &genres);
         mutants.extend(own.map_err(|error| format!("{file}: {error}"))?);
     }
+    mutants.retain(|mutant| !config.without.iter().any(|part| mutant.file.contains(part)));
     Ok(mutants)
 }

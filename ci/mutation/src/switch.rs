@@ -34,8 +34,8 @@ pub fn marked(line: &str) -> impl Iterator<Item = usize> + '_ {
     })
 }
 
-/// A private constant's function: the constant's name, and the number of its first mutant.
-pub type Constants = HashMap<String, usize>;
+/// A private constant's function: the constant's name, and the numbers of the mutants that change it.
+pub type Constants = HashMap<String, Vec<usize>>;
 
 /// The text with a switch for each of these numbered mutants, and the numbers of those that it
 /// has one for. `constants` are those with a function in the modules around; the file's own are
@@ -109,6 +109,31 @@ impl VisitMut for Replace {
     }
 }
 
+/// Has an expression call the constants' functions, and notes the mutants that change these.
+struct Calls<'a>(&'a Constants, Vec<usize>);
+
+impl VisitMut for Calls<'_> {
+    fn visit_expr_mut(&mut self, expression: &mut Expr) {
+        let name = match expression {
+            Expr::Path(name) => name.path.get_ident(),
+            _ => None,
+        };
+        let numbers = name.and_then(|name| self.0.get(&name.to_string()));
+        if let (Some(name), Some(numbers)) = (name, numbers) {
+            let (of, first) = (function_of(name), marked_literal(numbers[0]));
+            *expression = parse_quote!(#of(#first));
+            self.1.extend(numbers);
+        } else {
+            visit_mut::visit_expr_mut(self, expression);
+        }
+    }
+}
+
+/// A mutant's number as it is written.
+fn marked_literal(number: usize) -> Option<Literal> {
+    format!("{MARK}{number}").parse().ok()
+}
+
 impl Rewriter<'_> {
     /// The numbers and replacements of the mutants of a genre that change what starts here; from
     /// now on they count as switched. To be called before anything inside is rewritten.
@@ -119,16 +144,15 @@ impl Rewriter<'_> {
         let taken: Vec<_> = here
             .filter(|(_, mutant)| mutant.genre == genre)
             .filter_map(|(number, mutant)| {
-                let number_literal = format!("{MARK}{number}").parse().ok()?;
                 self.switched.push(*number);
-                Some((number_literal, mutant.replacement.parse().ok()?))
+                Some((marked_literal(*number)?, mutant.replacement.parse().ok()?))
             })
             .collect();
         taken.into_iter().unzip()
     }
 
-    /// A function for each private constant with mutants; those with one of the same name from
-    /// around are no longer theirs.
+    /// A function for each private constant with mutants, or made of one before it with mutants; those with
+    /// one of the same name from around are no longer theirs.
     fn constants(&mut self, items: &mut Vec<Item>) {
         let mut functions = Vec::<Item>::new();
         for item in items.iter_mut() {
@@ -142,11 +166,22 @@ impl Rewriter<'_> {
             let mut integers = Integers(self, Vec::new());
             integers.visit_expr_mut(&mut constant.expr);
             let mutants = integers.1;
-            let Some((_, first, _)) = mutants.first() else {
+            let mut calling = constant.expr.clone();
+            let mut calls = Calls(self.constants, Vec::new());
+            calls.visit_expr_mut(&mut calling);
+            let inner: Vec<_> = calls
+                .1
+                .iter()
+                .map(|&number| marked_literal(number))
+                .collect();
+            let own = mutants.iter();
+            let own =
+                own.flat_map(|(_, number, _)| marked(&number.to_string()).collect::<Vec<_>>());
+            let numbers: Vec<usize> = own.chain(calls.1).collect();
+            if numbers.is_empty() {
                 continue;
-            };
-            let number = first.to_string().replace(MARK, "").parse().unwrap_or(0);
-            self.constants.insert(constant.ident.to_string(), number);
+            }
+            self.constants.insert(constant.ident.to_string(), numbers);
             let arms = mutants.iter().map(|(place, number, other)| {
                 let mut value = constant.expr.clone();
                 Replace(*place, other.clone()).visit_expr_mut(&mut value);
@@ -154,7 +189,9 @@ impl Rewriter<'_> {
             });
             let (name, of, ty) = (&constant.ident, function_of(&constant.ident), &constant.ty);
             functions.push(parse_quote! {
-                const fn #of(_: u32) -> #ty { match crate::active_mutant() { #(#arms,)* _ => #name } }
+                const fn #of(_: u32) -> #ty {
+                    match crate::active_mutant() { #(#arms,)* #(#inner => #calling,)* _ => #name }
+                }
             });
         }
         items.extend(functions);
@@ -311,15 +348,7 @@ impl VisitMut for Rewriter<'_> {
                     (match crate::active_mutant() { #(#numbers => #others,)* _ => #literal })
                 };
             }
-            (Expr::Path(name), _) => {
-                let name = name.path.get_ident();
-                let first = name.and_then(|name| self.constants.get(&name.to_string()));
-                if let (Some(name), Some(first)) = (name, first) {
-                    let first: Option<Literal> = format!("{MARK}{first}").parse().ok();
-                    let of = function_of(name);
-                    *expression = parse_quote!(#of(#first));
-                }
-            }
+            (Expr::Path(_), _) => Calls(self.constants, Vec::new()).visit_expr_mut(expression),
             _ => {}
         }
     }
@@ -422,6 +451,10 @@ mod tests {
         let function = "constfnA_mutated(_:u32)->u8{matchcrate::active_mutant(){0_0_1=>4,_=>A,}}";
         assert!(constant.contains("{A_mutated(0_0_1)}"), "{constant}");
         assert!(constant.ends_with(function), "{constant}");
+        let text = "const A: u8 = 3; const B: u8 = A; fn f() -> u8 { B }";
+        let of_constant = switched(text, &[(15, CONSTANT, "4")]);
+        let arms = "matchcrate::active_mutant(){0_0_1=>A_mutated(0_0_1),_=>B,}}";
+        assert!(of_constant.ends_with(arms), "{of_constant}");
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub fn defects(session: &Session) -> Result<String> {
     Ok(format!("{} fit the code; noticed: {noticed}", all.len()))
 }
 
-/// All mutants of the core.
+/// All mutants.
 pub fn all_mutants(session: &Session) -> Result<String> {
     let arguments = ["--jobs", "2", "--report", "target/mutants.md"];
     mutants::run(session, &arguments.map(str::to_owned))
