@@ -315,3 +315,35 @@ impl PiLink {
         &self.endpoint.counters
     }
 }
+
+// Requirement: WIRE-log-11
+#[test]
+fn counters_at_their_end_stay_there() {
+    let (key_from_pi, key_from_stm, cells) = (1, 2, 1);
+    let setup = Setup {
+        mode: Mode::GuardedNormal,
+        key_from_pi,
+        key_from_stm,
+        cells,
+    };
+    let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
+    let full = LinkCounters {
+        accepted: u32::MAX,
+        rejected: [u32::MAX; Cause::ALL.len()],
+        overrun: u32::MAX,
+        missed: u32::MAX,
+        unacknowledged: 2,
+    };
+    stm.endpoint.counters = full;
+    let mut frame = [0; MAX_FRAME];
+    // The second of these frames is lost.
+    for arrives in [true, false, true] {
+        let len = pi.send(&Command::default(), &mut frame);
+        assert!(!arrives || stm.receive(&frame[..len], 0, 2).is_ok());
+    }
+    stm.overrun(1);
+    for cause in Cause::ALL {
+        stm.endpoint.counters.reject(cause);
+    }
+    assert_eq!((stm.counters(), full.frames()), (&full, u32::MAX));
+}

@@ -223,7 +223,7 @@ fn every_cause_has_its_own_counter_and_name() {
     assert_eq!(names.len(), Cause::ALL.len());
 }
 
-// Requirement: WIRE-spi-3, WIRE-log-11
+// Requirement: WIRE-spi-3
 #[test]
 fn overrun_counter_saturates() {
     let (_, mut stm) = ends(Mode::Normal);

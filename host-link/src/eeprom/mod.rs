@@ -87,7 +87,6 @@ pub fn program(
                 done += burst.len();
                 watch(Progress::Written { done, of: bytes });
             }
-            io.set_protect(true)?;
         }
         let mut after = Image::BLANK;
         chip::read(io, 0, &mut after.0)?;

@@ -36,13 +36,20 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     let (board, mut io) = mock_board(&BLANK, None);
     // As a killed run may leave it.
     board.borrow_mut().protected = false;
-    let mut progress = (0, 0);
-    let programmed = program(&mut io, &wanted(), 100, None, |step| match step {
-        Progress::Before(_) => assert!(board.borrow().protected),
-        Progress::Written { done, of } => progress = (done, of),
+    let (mut steps, mut progress) = (0, (0, 0));
+    let programmed = program(&mut io, &wanted(), 100, None, |step| {
+        steps += 1;
+        match step {
+            Progress::Before(_) => assert!(board.borrow().protected),
+            Progress::Written { done, of } => progress = (done, of),
+        }
     });
     let programmed = programmed.unwrap();
+    assert_eq!(steps, 1 + programmed.bursts);
     assert_eq!(progress, (programmed.bytes, programmed.bytes));
+    // A write cycle of the mock takes 3 ms, a poll 0.25 ms, a reset 100 ms.
+    let cycles_us = board.borrow().now_us - 100_000;
+    assert!(cycles_us < programmed.bursts as u64 * 3_250 + 1_000);
     assert!(board.borrow().memory == wanted());
     assert!(programmed.before == BLANK);
     assert_eq!(board.borrow().resets, 1);
@@ -64,6 +71,10 @@ fn lines_left_elsewhere_are_idle_after_read_or_repair() {
     read(&mut io).unwrap();
     assert_eq!(board.borrow().resets, 1, "it was not ready");
     let (board, mut io) = mock_board(&wanted(), None);
+    board.borrow_mut().selected = true;
+    // Begins a write cycle.
+    io.i2c.write(0x50, &[0, 0, 0]).unwrap();
+    assert!(read(&mut io).is_ok());
     let journal = Journal::new(std::env::temp_dir().join("robot-no-journal"));
     (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
     let repaired = repair(&mut io, &journal, true, 100);
@@ -171,6 +182,7 @@ fn repair_after_any_failure_restores_whole_image() {
             let repaired = repair(&mut reconnect(&board), &journal, true, 100).unwrap();
             let board = board.borrow();
             assert_idle(&board, Some(fault));
+            assert!(board.resets > 0, "{fault:?}");
             let written = repaired == (Repaired::Reset { due: true }) || outcome.is_ok();
             let whole = if written { wanted() } else { BLANK };
             assert!(board.memory == whole, "{fault:?}: {repaired:?}");

@@ -174,6 +174,9 @@ fn resume_clears_the_lost_link_alone() {
         let resumed = session.resume();
         assert_eq!(resumed.is_ok(), !other.intersects(Faults::BLOCKING));
         assert_eq!(board.borrow().report.faults, other);
+        let end = session.statistics();
+        assert_eq!((end.missed, end.round_trip_frames), (Some(0), Some(1)));
+        assert_eq!(end.round_trip_us, Some(25_001));
         assert_eq!(board.borrow().commands.len(), 1 + frames);
     }
 }

@@ -175,6 +175,10 @@ mod tests {
         ] {
             assert!(error.contains(expected), "{expected}: {error}");
         }
+        // By their lines; what has none comes last.
+        let places = ["link.modus", "cells = 300", "servo = 0", "is missing"];
+        let places = places.map(|part| error.find(part));
+        assert!(places.is_sorted(), "{error}");
         let text = render(&first())
             .replace("p = 6.5088", "p = nan")
             .replace("track_mm = 125.0", "track_mm = 0.0");

@@ -197,6 +197,25 @@ mod tests {
     }
 
     #[test]
+    fn prediction_brakes_slow_wheels_and_ends_half_a_second_back() {
+        for (forward, yaw, braked) in [(9.0, 8.0, true), (11.0, 8.0, false), (9.0, 9.5, false)] {
+            let mut response = Response {
+                speeds: [forward, yaw].map(|speed| [0.0, speed, speed]),
+            };
+            response.step([0.0; 2]);
+            let still = |speeds: &[f64; 3]| speeds.iter().all(|&speed| speed == 0.0);
+            assert_eq!(response.speeds.iter().all(still), braked);
+        }
+        let mut follower = PoseFollower::new(Pose::new(1000.0, 0.0, 0.0), 5.0, 1.0);
+        follower.step(0.0, Pose::default());
+        let late = follower.step(100.0, Pose::new(900.0, 0.0, 0.0)).0;
+        // From 900 mm it were 100 mm/s; the robot comes to rest some 50 mm later.
+        assert!((50.0..80.0).contains(&late), "{late}");
+        let speed = follower.response.speeds[0][2];
+        assert!((100.0..140.0).contains(&speed), "{speed}");
+    }
+
+    #[test]
     fn follower_rests_on_poses_all_around() {
         for (x, y, rotation) in [
             (1000.0, 0.0, 0.0),

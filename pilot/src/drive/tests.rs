@@ -44,7 +44,23 @@ fn drive_ends_at_its_target() {
         let board = board.borrow();
         let mut orders = board.commands.iter().map(|command| command.order);
         assert!(orders.all(|order| order != Order::Stop));
+        // The first frame after that of the resume drives.
+        let standing = board.commands[1].velocity == fw_core::types::Velocity::default();
+        assert_eq!(standing, mode != Mode::GuardedVelocity);
     }
+}
+
+#[test]
+fn tour_reports_every_frame_and_each_arrival() {
+    let (board, mut io) = mock_board(&image(Mode::Normal), None);
+    let mut session = Session::open(&mut io, 40, 100).unwrap();
+    let (way, criteria) = ([TARGET, Pose::default()], ArrivalCriteria::default());
+    let (mut frames, mut reached) = (0, Vec::new());
+    let arrived = |index, arrival: &Arrival| reached.push((index, arrival.off_mm < 5.0));
+    tour(&mut session, &way, &criteria, |_, _| frames += 1, arrived).unwrap();
+    assert_eq!(reached, [(0, true), (1, true)]);
+    // But for one frame of each resume.
+    assert_eq!(frames, board.borrow().commands.len() - 2);
 }
 
 #[test]
@@ -152,6 +168,10 @@ fn rest_takes_quarter_second_without_creeping() {
     let mut rest = RestDetector::default();
     let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Pose::default()));
     assert_eq!(settled, Some(10));
+    let mut rest = RestDetector::default();
+    let pose = |frame| Pose::new(if frame < 5 { 1.0 } else { 0.0 }, 0.0, 0.0);
+    let settled = (0..20).position(|frame| rest.settled(frame * 25_000, pose(frame)));
+    assert_eq!(settled, Some(5 + 10));
     for (mm, deg, rests) in [
         (0.29, 0.0, true),
         (0.31, 0.0, false),

@@ -43,6 +43,7 @@ fn servo_scan_swings_while_link_is_alive() {
     }
 }
 
+// Requirement: WIRE-servo-1
 #[test]
 fn servo_scan_rests_in_silence_and_when_faulted() {
     let mut bench = sweeper();
@@ -57,5 +58,7 @@ fn servo_scan_rests_in_silence_and_when_faulted() {
     let (again, _) = swept(&mut bench, 200, 10);
     assert_eq!(again, first, "from its first end again");
     bench.raise(Faults::LEFT_STALLED);
+    assert_ne!(bench.robot.report.ranges[0], DistanceCode::NONE);
     assert_eq!(swept(&mut bench, 100, 10), (Vec::new(), 0), "faulted");
+    assert_eq!(bench.robot.report.ranges[0], DistanceCode::NONE);
 }
