@@ -44,7 +44,7 @@ const KINDS: [(&str, Corrupt, Option<u32>); 6] = [
         "burst",
         |frame, random| {
             let len = 1 + random.usize(..16);
-            let first = random.usize(..8 * frame.len() - len + 1);
+            let first = random.usize(..=8 * frame.len() - len);
             flip(frame, first);
             for bit in first + 1..first + len {
                 if random.bool() {

@@ -62,7 +62,7 @@ fn try_main(arguments: Arguments) -> Result<ExitCode, Error> {
         let lister = &arguments.lister;
         let report = run(&arguments.dir, lister, config, &arguments.choice)?;
         println!("\n{report}");
-        text += &format!("{report}\n");
+        text = text + &report.to_string() + "\n";
         tried += report.tried();
         chosen += report.chosen;
         findings += report.findings.len();

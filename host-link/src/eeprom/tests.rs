@@ -147,6 +147,21 @@ fn absent_eeprom_is_an_error_within_a_second() {
 }
 
 #[test]
+fn write_cycle_without_end_is_an_error_after_20_ms() {
+    let ends = (0..40).map(|at| {
+        let (board, mut io) = mock_board(&BLANK, Some(IoFault::BusesFail(at)));
+        let outcome = write(&mut io);
+        let now_us = board.borrow().now_us;
+        (outcome, now_us)
+    });
+    let mut waits = ends.filter(
+        |(end, _)| matches!(end, Err(Error::Eeprom { doing, .. }) if doing.starts_with("waiting")),
+    );
+    // Behind the settling of the bus; a reset and the wait for STM_READY follow.
+    assert_eq!(waits.next().unwrap().1, 200 + 20_000 + 100_000 + 100_000);
+}
+
+#[test]
 fn journal_exists_during_write_and_after_its_failure() {
     let folder = std::env::temp_dir().join(format!("robot-journal-{}", std::process::id()));
     let journal = Journal::new(folder.join("before"));
