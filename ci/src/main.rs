@@ -105,7 +105,7 @@ enum Command {
         #[arg(long, value_name = "NAME", value_delimiter = ',')]
         only: Vec<String>,
     },
-    /// Change fw-core and host-link in every way; some test must notice: the options of `ci/mutation`
+    /// Change fw-core in every way; some test must notice: the options of `ci/mutation`
     #[command(disable_help_flag = true)]
     Mutants(Handed),
     /// How much of fw-core the tests run, and what they do not

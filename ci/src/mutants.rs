@@ -1,4 +1,4 @@
-//! The mutants of fw-core and host-link, by `ci/mutation`, which `cargo mutants` lists.
+//! The mutants of fw-core, by `ci/mutation`, which `cargo mutants` lists.
 
 use xshell::cmd;
 
@@ -6,42 +6,16 @@ use crate::error::{Kind, Result, bail, fail};
 use crate::process;
 use crate::workspace::Workspace;
 
-/// Each package's sources, configuration and excuses.
-const PACKAGES: [[&str; 3]; 2] = [
-    [
-        "fw-core/src",
-        "ci/mutation.toml",
-        "ci/mutation-excuses.toml",
-    ],
-    [
-        "host-link/src",
-        "ci/mutation-host-link.toml",
-        "ci/mutation-excuses-host-link.toml",
-    ],
-];
-
 /// Tries mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
 pub fn run(workspace: &Workspace, arguments: &[String]) -> Result<String> {
-    run_packages(workspace, &PACKAGES, arguments)
-}
-
-fn run_packages(
-    workspace: &Workspace,
-    packages: &[[&str; 3]],
-    arguments: &[String],
-) -> Result<String> {
     workspace.require_tool("mutants@27.1.0")?;
-    let mutation = workspace.cargo("run --quiet --package mutation -- --lister cargo");
-    let configs = packages
-        .iter()
-        .flat_map(|[_, config, _]| ["--config", config]);
-    let mutation = mutation.args(configs).args(arguments);
-    let (success, text) = process::tee(mutation)?;
+    let words = "run --quiet --package mutation -- --config ci/mutation.toml --lister cargo";
+    let (success, text) = process::tee(workspace.cargo(words).args(arguments))?;
     let last = text.trim().lines().last().unwrap_or_default().to_owned();
     if success { Ok(last) } else { bail!(last) }
 }
 
-/// The mutants of the lines that changed in the packages since the main branch, or on it since the commit
+/// The mutants of the lines that changed in the core since the main branch, or on it since the commit
 /// before, for a minute or so.
 pub fn of_the_change(workspace: &Workspace) -> Result<String> {
     let sh = &workspace.sh;
@@ -50,19 +24,14 @@ pub fn of_the_change(workspace: &Workspace) -> Result<String> {
     let Some(base) = main.or_else(|| commit("HEAD~1")) else {
         return fail(Kind::Skipped, "no commit to compare with");
     };
-    let mut changed = PACKAGES.to_vec();
-    changed.retain(|package| {
-        let diff = cmd!(
-            sh,
-            "git diff --merge-base {base} --name-only -- {package...}"
+    let diff = cmd!(sh, "git diff --merge-base {base} --name-only --");
+    let changed = diff.args("fw-core/src ci/mutation.toml ci/mutation-excuses.toml".split(' '));
+    if process::output(changed).is_none_or(|files| files.is_empty()) {
+        return fail(
+            Kind::Skipped,
+            format!("nothing in the core changed since {base}"),
         );
-        process::output(diff).is_some_and(|files| !files.is_empty())
-    });
-    if changed.is_empty() {
-        let unchanged = format!("nothing in the packages changed since {base}");
-        return fail(Kind::Skipped, unchanged);
     }
-    let seconds = (60 / changed.len()).to_string();
-    let arguments = ["--since", &base, "--seconds", &seconds];
-    run_packages(workspace, &changed, &arguments.map(str::to_owned))
+    let arguments = ["--since", &base, "--seconds", "60"];
+    run(workspace, &arguments.map(str::to_owned))
 }

@@ -12,13 +12,9 @@ use mutation::{Choice, Config, Error, Excuses, run};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// The configuration, once for each package
-    #[arg(
-        long = "config",
-        value_name = "FILE",
-        required_unless_present = "package"
-    )]
-    configs: Vec<PathBuf>,
+    /// The configuration
+    #[arg(long, value_name = "FILE", required_unless_present = "package")]
+    config: Option<PathBuf>,
     /// The package, instead of a configuration
     #[arg(long)]
     package: Option<String>,
@@ -49,28 +45,26 @@ fn main() -> ExitCode {
 }
 
 fn try_main(arguments: Arguments) -> Result<ExitCode, Error> {
-    let read = |file: &PathBuf| Config::read(file);
-    let mut configs: Vec<_> = arguments
-        .configs
-        .iter()
-        .map(read)
-        .collect::<Result<_, _>>()?;
-    let package = arguments.package.map(Config::of);
-    configs.extend(package.map(|config| (config, Excuses::default())));
-    let (mut text, mut tried, mut chosen, mut findings) = (String::new(), 0, 0, 0);
-    for config in &configs {
-        let lister = &arguments.lister;
-        let report = run(&arguments.dir, lister, config, &arguments.choice)?;
-        println!("\n{report}");
-        text = text + &report.to_string() + "\n";
-        tried += report.tried();
-        chosen += report.chosen;
-        findings += report.findings.len();
-    }
+    let package = arguments.package.unwrap_or_default();
+    let config = match &arguments.config {
+        Some(file) => Config::read(file)?,
+        None => (Config::of(package), Excuses::default()),
+    };
+    let report = run(
+        &arguments.dir,
+        &arguments.lister,
+        &config,
+        &arguments.choice,
+    )?;
+    println!("\n{report}");
     if let Some(file) = arguments.report {
-        let written = std::fs::write(&file, text);
+        let written = std::fs::write(&file, format!("{report}\n"));
         written.map_err(|error| format!("{}: {error}", file.display()))?;
     }
-    println!("{tried} of {chosen} mutants, {findings} findings");
-    Ok(ExitCode::from(u8::from(findings > 0)))
+    let (tried, chosen) = (report.tried(), report.chosen);
+    println!(
+        "{tried} of {chosen} mutants, {} findings",
+        report.findings.len()
+    );
+    Ok(ExitCode::from(u8::from(!report.findings.is_empty())))
 }

@@ -48,7 +48,7 @@ pub fn defects(session: &Session) -> Result<String> {
     Ok(format!("{} fit the code; noticed: {noticed}", all.len()))
 }
 
-/// All mutants.
+/// All mutants of the core.
 pub fn all_mutants(session: &Session) -> Result<String> {
     let arguments = ["--jobs", "2", "--report", "target/mutants.md"];
     mutants::run(session, &arguments.map(str::to_owned))
