@@ -37,9 +37,8 @@ pub fn map_iou(grid: &Grid, walls: &[Segment], tolerance_mm: f64) -> MapScore {
         .map(|(column, row)| grid.middle(column, row))
         .collect();
     let near = |point: Point| {
-        occupied
-            .iter()
-            .any(|&c| c.distance_mm(point) <= tolerance_mm)
+        let mut cells = occupied.iter();
+        cells.any(|&c| c.distance_mm(point) <= tolerance_mm)
     };
     let at_wall = |&&cell: &&Point| walls.iter().any(|w| w.distance_mm(cell) <= tolerance_mm);
     let matched = occupied.iter().filter(at_wall).count();
@@ -71,26 +70,21 @@ pub fn best_alignment(estimate: &[Pose2], truth: &[Pose2]) -> Pose2 {
     let count = estimate.len().min(truth.len()).max(1) as f64;
     let mean = |poses: &[Pose2]| {
         let pairs = poses.iter().take(estimate.len().min(truth.len()));
-        let sum = pairs.fold((0.0, 0.0), |(x, y), p| (x + p.x_mm, y + p.y_mm));
-        Point::new(sum.0 / count, sum.1 / count)
+        let sum = pairs.fold(Point::default(), |sum, pose| sum + pose.position());
+        Point::new(sum.x_mm / count, sum.y_mm / count)
     };
     let (from, to) = (mean(estimate), mean(truth));
     // Kabsch's rotation in the plane; each heading weighs as little as a square millimetre.
     let (mut sin, mut cos) = (0.0, 0.0);
     for (e, t) in estimate.iter().zip(truth) {
-        let (ax, ay) = (e.x_mm - from.x_mm, e.y_mm - from.y_mm);
-        let (bx, by) = (t.x_mm - to.x_mm, t.y_mm - to.y_mm);
+        let (a, b) = (e.position() - from, t.position() - to);
         let (turn_sin, turn_cos) = (t.heading_rad - e.heading_rad).sin_cos();
-        sin += ax * by - ay * bx + turn_sin;
-        cos += ax * bx + ay * by + turn_cos;
+        sin += a.cross(b) + turn_sin;
+        cos += a.dot(b) + turn_cos;
     }
     let rotation = Pose2::new(0.0, 0.0, sin.atan2(cos));
     let turned = rotation.point_at(from.x_mm, from.y_mm);
-    Pose2::new(
-        to.x_mm - turned.x_mm,
-        to.y_mm - turned.y_mm,
-        rotation.heading_rad,
-    )
+    Pose2::at(to - turned, rotation.heading_rad)
 }
 
 /// The alignment that makes the first poses equal.
@@ -136,21 +130,16 @@ pub fn pose_errors(estimate: &[Pose2], truth: &[Pose2], alignment: &Pose2) -> Po
 
 /// Surfaces of the truth's frame in the estimate's, for [`map_iou`].
 pub fn in_estimate_frame(surfaces: &[Segment], alignment: &Pose2) -> Vec<Segment> {
-    let moved = |point: Point| {
-        let pose = Pose2::new(point.x_mm, point.y_mm, 0.0);
-        pose.relative_to(alignment).position()
-    };
-    let surfaces = surfaces.iter();
-    surfaces
-        .map(|s| Segment::new(moved(s.from), moved(s.to)))
-        .collect()
+    let moved = |point| Pose2::at(point, 0.0).relative_to(alignment).position();
+    let moved = |s: &Segment| Segment::new(moved(s.from), moved(s.to));
+    surfaces.iter().map(moved).collect()
 }
 
 /// Share, 0..=1, of the reachable floor (points in the truth's frame) that the map calls free; 0
 /// without such points.
 pub fn coverage(grid: &Grid, floor: &[Point], alignment: &Pose2) -> f64 {
     let free = |point: &&Point| {
-        let at = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(alignment);
+        let at = Pose2::at(**point, 0.0).relative_to(alignment);
         grid.cell_at(at.position()) == Cell::Free
     };
     #[allow(clippy::cast_precision_loss)] // far below 2^53
@@ -174,10 +163,8 @@ mod tests {
 
     /// A wall along y = 12.5 mm.
     fn wall(length_mm: f64) -> [Segment; 1] {
-        [Segment::new(
-            Point::new(0.0, 12.5),
-            Point::new(length_mm, 12.5),
-        )]
+        let ends = [0.0, length_mm].map(|x_mm| Point::new(x_mm, 12.5));
+        [Segment::new(ends[0], ends[1])]
     }
 
     #[test]
@@ -194,12 +181,12 @@ mod tests {
             ("half real", &full, &wall(500.0), 13.0, [0.5, 1.0, 0.5]),
         ] {
             let score = map_iou(map, walls, tolerance_mm);
-            let off = [
-                score.precision - precision,
-                score.recall - recall,
-                score.iou - iou,
-            ];
-            assert!(off.iter().all(|off| off.abs() < 0.05), "{name}: {score:?}");
+            let found = [score.precision, score.recall, score.iou];
+            let mut pairs = found.into_iter().zip([precision, recall, iou]);
+            assert!(
+                pairs.all(|(a, b)| (a - b).abs() < 0.05),
+                "{name}: {score:?}"
+            );
         }
     }
 
@@ -237,19 +224,10 @@ mod tests {
         }
         estimate[79].heading_rad += std::f64::consts::TAU - 0.1;
         let errors = pose_errors(&estimate, &truth, &Pose2::default());
-        let expected = [0.0, 8.0, 0.1_f64.to_degrees()];
-        let found = [
-            errors.position_mm_median,
-            errors.position_mm_max,
-            errors.heading_deg_max,
-        ];
-        assert!(
-            found
-                .iter()
-                .zip(expected)
-                .all(|(a, b)| (a - b).abs() < 1e-9),
-            "{found:?}"
-        );
+        assert!(errors.position_mm_median.abs() < 1e-9, "{errors:?}");
+        assert!((errors.position_mm_max - 8.0).abs() < 1e-9, "{errors:?}");
+        let turned = 0.1_f64.to_degrees();
+        assert!((errors.heading_deg_max - turned).abs() < 1e-9, "{errors:?}");
         // The whole run aligned is nearer than the start alone; a scale error is not taken out.
         let best = best_alignment(&estimate, &truth);
         assert!(pose_errors(&estimate, &truth, &best).position_mm_max < 7.9);
@@ -269,11 +247,8 @@ mod tests {
             grid.add(column, row, -5.0);
         }
         let frame = Pose2::new(500.0, 100.0, std::f64::consts::FRAC_PI_2);
-        let wall = |s: &Segment| [s.from, s.to].map(|p| frame.point_at(p.x_mm, p.y_mm));
-        let true_walls = super::tests::wall(1000.0).map(|s| {
-            let [from, to] = wall(&s);
-            Segment::new(from, to)
-        });
+        let seen = |p: Point| frame.point_at(p.x_mm, p.y_mm);
+        let true_walls = wall(1000.0).map(|s| Segment::new(seen(s.from), seen(s.to)));
         let seen = in_estimate_frame(&true_walls, &frame);
         assert!(map_iou(&grid, &seen, 20.0).iou > 0.95);
         let floor: Vec<Point> = (1..80)

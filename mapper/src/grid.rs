@@ -97,20 +97,13 @@ impl Grid {
 
     /// The lower left corner of the whole grid.
     pub fn origin(&self) -> Point {
-        Point::new(
-            f64::from(self.first.0) * self.cell_mm,
-            f64::from(self.first.1) * self.cell_mm,
-        )
+        Point::new(self.first.0.into(), self.first.1.into()) * self.cell_mm
     }
 
     /// Middle of the cell in this column and row.
     #[allow(clippy::cast_precision_loss)] // at most 4000
     pub fn middle(&self, column: usize, row: usize) -> Point {
-        let origin = self.origin();
-        Point::new(
-            origin.x_mm + (column as f64 + 0.5) * self.cell_mm,
-            origin.y_mm + (row as f64 + 0.5) * self.cell_mm,
-        )
+        self.origin() + Point::new(column as f64 + 0.5, row as f64 + 0.5) * self.cell_mm
     }
 
     /// Log-odds of the cell in this column and row; 0 outside the grid.
@@ -135,10 +128,8 @@ impl Grid {
     /// Log-odds of the cell at a point; 0 outside the grid.
     pub fn log_odds_at(&self, point: Point) -> f32 {
         let index = |mm: f64, first: i32| usize::try_from(self.number(mm) - first);
-        match (
-            index(point.x_mm, self.first.0),
-            index(point.y_mm, self.first.1),
-        ) {
+        let column = index(point.x_mm, self.first.0);
+        match (column, index(point.y_mm, self.first.1)) {
             (Ok(column), Ok(row)) => self.log_odds(column, row),
             _ => 0.0,
         }
@@ -181,24 +172,17 @@ impl Grid {
 
     #[allow(clippy::cast_possible_truncation)] // clamped
     fn number(&self, mm: f64) -> i32 {
-        (mm / self.cell_mm)
-            .floor()
-            .clamp(f64::from(-FARTHEST), f64::from(FARTHEST)) as i32
+        let number = (mm / self.cell_mm).floor();
+        number.clamp((-FARTHEST).into(), FARTHEST.into()) as i32
     }
 
     fn grow(&mut self, low: (i32, i32), high: (i32, i32)) {
         let size = |cells: usize| i32::try_from(cells).unwrap_or(i32::MAX);
-        let last = (
-            self.first.0 + size(self.columns),
-            self.first.1 + size(self.rows),
-        );
+        let (x, y) = self.first;
+        let last = (x + size(self.columns), y + size(self.rows));
         let empty = self.log_odds.is_empty();
-        if !empty
-            && low.0 >= self.first.0
-            && low.1 >= self.first.1
-            && high.0 <= last.0
-            && high.1 <= last.1
-        {
+        let inside = low.0 >= x && low.1 >= y && high.0 <= last.0 && high.1 <= last.1;
+        if !empty && inside {
             return;
         }
         let down = |number: i32| number.div_euclid(GROWTH) * GROWTH;
@@ -255,12 +239,8 @@ mod tests {
 
     #[test]
     fn thresholds_of_log_odds_are_those_of_probability() {
-        for (log_odds, expected) in [
-            (OCCUPIED_LOG_ODDS, Grid::OCCUPIED),
-            (FREE_LOG_ODDS, Grid::FREE),
-        ] {
-            assert!((probability(log_odds) - expected).abs() < 1e-6);
-        }
+        assert!((probability(OCCUPIED_LOG_ODDS) - Grid::OCCUPIED).abs() < 1e-6);
+        assert!((probability(FREE_LOG_ODDS) - Grid::FREE).abs() < 1e-6);
     }
 
     #[test]

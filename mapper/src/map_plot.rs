@@ -89,25 +89,13 @@ impl Layers<'_> {
             .map(|(column, row)| grid.middle(column, row));
         let walls = self.walls.iter().flat_map(|wall| [wall.from, wall.to]);
         let paths = self.paths.iter().flat_map(|path| path.0);
-        let (low, high) = known
-            .chain(walls)
-            .chain(paths.map(Pose2::position))
-            .map(|point| (point, point))
-            .reduce(|(low, high), (p, _)| {
-                (
-                    Point::new(low.x_mm.min(p.x_mm), low.y_mm.min(p.y_mm)),
-                    Point::new(high.x_mm.max(p.x_mm), high.y_mm.max(p.y_mm)),
-                )
-            })
+        let (low, high) = Point::bounds(known.chain(walls).chain(paths.map(Pose2::position)))
             .unwrap_or((Point::new(-500.0, -500.0), Point::new(500.0, 500.0)));
         let down = |mm: f64| ((mm / cell).floor() - 4.0) * cell;
         let corner = Point::new(down(low.x_mm), down(low.y_mm));
         let cells = |from: f64, to: f64| ((to - from) / cell) as u32 + 5;
-        (
-            corner,
-            cells(corner.x_mm, high.x_mm),
-            cells(corner.y_mm, high.y_mm),
-        )
+        let columns = cells(corner.x_mm, high.x_mm);
+        (corner, columns, cells(corner.y_mm, high.y_mm))
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // pixels
@@ -185,12 +173,8 @@ impl Layers<'_> {
             let (x, y) = (left + width_m * 0.03, bottom + height_m * 0.03);
             let bar = PathElement::new([(x, y), (x + bar_m, y)], INK.stroke_width(4));
             chart.draw_series([bar])?;
-            let label = Text::new(
-                format!("{bar_m} m"),
-                (x, y + 1.5 * cell_m.max(height_m / 60.0)),
-                text,
-            );
-            chart.draw_series([label])?;
+            let above = (x, y + 1.5 * cell_m.max(height_m / 60.0));
+            chart.draw_series([Text::new(format!("{bar_m} m"), above, text)])?;
             Ok(())
         })
     }
@@ -248,11 +232,7 @@ mod tests {
         assert!(width >= 800 && height > 100);
         assert!(has(&pixels, UNKNOWN) && has(&pixels, INK) && !has(&pixels, WALL));
 
-        let path = [
-            Pose2::default(),
-            Pose2::new(400.0, 0.0, 0.0),
-            Pose2::new(400.0, 300.0, 1.0),
-        ];
+        let path = [(0.0, 0.0), (400.0, 0.0), (400.0, 300.0)].map(|(x, y)| Pose2::new(x, y, 0.0));
         let wall = Segment::new(Point::new(900.0, -400.0), Point::new(900.0, 400.0));
         let (_, _, pixels) = decode(&trajectory(&grid, &path, &path, &[wall]).unwrap());
         assert!([WALL, ESTIMATE, START].iter().all(|&c| has(&pixels, c)));
@@ -268,14 +248,10 @@ mod tests {
         let (width, height, _) = decode(&trajectory(&grid, &far(90_000.0), &[], &[]).unwrap());
         assert!(width < 4200 && height < 1000, "{width} × {height}");
         let refused = trajectory(&grid, &far(4e6), &[], &[]).unwrap_err();
-        assert!(
-            refused.to_string().contains("at most 4000 a side"),
-            "{refused}"
-        );
-        assert_eq!(
-            [1.0, 10.0, 100.0].map(scale_bar).map(|m| format!("{m}")),
-            ["0.2", "2", "20"]
-        );
+        let text = refused.to_string();
+        assert!(text.contains("at most 4000 a side"), "{text}");
+        let bars = [1.0, 10.0, 100.0].map(|width_m| scale_bar(width_m).to_string());
+        assert_eq!(bars, ["0.2", "2", "20"]);
     }
 
     #[test]

@@ -104,19 +104,17 @@ impl Mapper {
         range_mm: Option<f64>,
     ) {
         if let Some(mount) = self.config.mounts.get(sensor) {
-            let mount = Mount {
-                bearing_rad,
-                ..*mount
+            let mount = Mount::new(mount.ahead_mm, mount.left_mm, bearing_rad);
+            let reading = Reading {
+                sensor: mount.sensor_pose(pose),
+                range_mm,
             };
-            let again =
-                self.scanned.replace((bearing_rad, range_mm)) == Some((bearing_rad, range_mm));
+            let scan = Some((bearing_rad, range_mm));
+            let again = std::mem::replace(&mut self.scanned, scan) == scan;
             let verdict = if again {
                 Verdict::Ignored
             } else {
-                self.filters[sensor].take_new(Reading {
-                    sensor: mount.sensor_pose(pose),
-                    range_mm,
-                })
+                self.filters[sensor].take_new(reading)
             };
             self.enter(verdict);
         }

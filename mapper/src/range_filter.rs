@@ -70,10 +70,9 @@ impl RangeFilter {
 
     /// Takes a value of a new measurement.
     pub(crate) fn take_new(&mut self, reading: Reading) -> Verdict {
-        let within = reading
-            .range_mm
-            .is_none_or(|range| range >= self.gate.limits_mm.0 && range <= self.gate.limits_mm.1);
-        if !within {
+        let (nearest, farthest) = self.gate.limits_mm;
+        let within = |range| nearest <= range && range <= farthest;
+        if !reading.range_mm.is_none_or(within) {
             return Verdict::Ignored;
         }
         let Some(last) = self.pending.replace(reading) else {
@@ -174,16 +173,14 @@ mod tests {
             ),
         ] {
             let mut filter = filter();
-            let accepted: Vec<f64> = readings
-                .into_iter()
-                .filter_map(|(x_mm, range)| {
-                    let range_mm = (range > 0.0).then_some(range);
-                    match filter.take(reading(x_mm, range_mm)) {
-                        Verdict::Accepted(reading) => Some(reading.range_mm.unwrap_or(0.0)),
-                        _ => None,
-                    }
-                })
-                .collect();
+            let take = |(x_mm, range)| {
+                let range_mm = (range > 0.0).then_some(range);
+                match filter.take(reading(x_mm, range_mm)) {
+                    Verdict::Accepted(reading) => Some(reading.range_mm.unwrap_or(0.0)),
+                    _ => None,
+                }
+            };
+            let accepted: Vec<f64> = readings.into_iter().filter_map(take).collect();
             assert_eq!(accepted, expected, "{name}");
         }
     }

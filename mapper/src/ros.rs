@@ -57,10 +57,8 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
         number.ok_or_else(|| format!("{key}: {text} is no number"))
     };
     let origin = value(yaml, "origin")?.trim_matches(['[', ']']);
-    let origin: Vec<f64> = origin
-        .split(',')
-        .flat_map(|word| word.trim().parse())
-        .collect();
+    let origin = origin.split(',').flat_map(|word| word.trim().parse());
+    let origin: Vec<f64> = origin.collect();
     let &[x_m, y_m, 0.0] = origin.as_slice() else {
         return Err("origin: expected is [x, y, 0]".into());
     };
@@ -73,24 +71,15 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
         picture(pgm).ok_or("the picture is no whole binary PGM of 8 bits")?;
     let corner = Point::new(x_m * 1000.0, y_m * 1000.0);
     #[allow(clippy::cast_precision_loss)] // some thousand cells
-    let far = Point::new(
-        corner.x_mm + (columns as f64 - 0.5) * cell_mm,
-        corner.y_mm + (rows as f64 - 0.5) * cell_mm,
-    );
+    let far = corner + Point::new(columns as f64 - 0.5, rows as f64 - 0.5) * cell_mm;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
     let index = |mm: f64| (mm / cell_mm) as usize;
     Ok(Grid::from_fn(cell_mm, corner, far, |point| {
-        let (column, row) = (
-            index(point.x_mm - corner.x_mm),
-            index(point.y_mm - corner.y_mm),
-        );
-        let Some(&pixel) = rows
-            .checked_sub(row + 1)
-            .filter(|_| column < columns)
-            .and_then(|from_top| pixels.get(from_top * columns + column))
-        else {
-            return 0.0;
-        };
+        let Point { x_mm, y_mm } = point - corner;
+        let (column, row) = (index(x_mm), index(y_mm));
+        let from_top = rows.checked_sub(row + 1).filter(|_| column < columns);
+        let pixel = from_top.and_then(|row| pixels.get(row * columns + column));
+        let Some(&pixel) = pixel else { return 0.0 };
         match (255.0 - f64::from(pixel)) / 255.0 {
             share if share > occupied => KNOWN,
             share if share < free => -KNOWN,

@@ -9,7 +9,7 @@
 //! - no echo is weak evidence of free space in the nearer part: soft, oblique or small objects
 //!   return nothing.
 
-use crate::{Grid, Pose2};
+use crate::{Grid, Point, Pose2};
 
 /// The beam and the weights of the evidence (log-odds).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,16 +67,15 @@ impl SonarModel {
 
     fn sweep(&self, grid: &mut Grid, sensor: &Pose2, reach: f64, judge: impl Fn(f64) -> Evidence) {
         let (columns, rows) = self.cover(grid, sensor, reach);
-        let (sin, cos) = sensor.heading_rad.sin_cos();
+        let axis = sensor.direction();
         let mut arc = Vec::new();
         let mut likeliest = 0f32;
         for row in rows {
             for column in columns.clone() {
-                let middle = grid.middle(column, row);
-                let (dx, dy) = (middle.x_mm - sensor.x_mm, middle.y_mm - sensor.y_mm);
-                let (ahead, aside) = (dx * cos + dy * sin, dy * cos - dx * sin);
-                let off_axis = aside.atan2(ahead) / self.half_angle_rad;
-                let distance = ahead.hypot(aside);
+                let way = grid.middle(column, row) - sensor.position();
+                let seen = Point::new(axis.dot(way), axis.cross(way));
+                let off_axis = seen.angle_rad() / self.half_angle_rad;
+                let distance = seen.length_mm();
                 if off_axis.abs() > 1.0 || distance > reach {
                     continue;
                 }
@@ -113,18 +112,13 @@ impl SonarModel {
         sensor: &Pose2,
         reach: f64,
     ) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
-        let (mut low, mut high) = (sensor.position(), sensor.position());
-        for share in [-1.0, -0.5, 0.0, 0.5, 1.0] {
+        let ends = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share| {
             let heading_rad = sensor.heading_rad + share * self.half_angle_rad;
-            let ray = Pose2 {
-                heading_rad,
-                ..*sensor
-            };
             // A little more than the reach covers the arc's bulge between these five points.
-            let end = ray.point_at(1.02 * reach, 0.0);
-            (low.x_mm, high.x_mm) = (low.x_mm.min(end.x_mm), high.x_mm.max(end.x_mm));
-            (low.y_mm, high.y_mm) = (low.y_mm.min(end.y_mm), high.y_mm.max(end.y_mm));
-        }
+            sensor.facing(heading_rad).point_at(1.02 * reach, 0.0)
+        });
+        let corners = Point::bounds(ends.into_iter().chain([sensor.position()]));
+        let (low, high) = corners.unwrap_or_default();
         grid.cover(low.x_mm..high.x_mm, low.y_mm..high.y_mm)
     }
 }
@@ -143,7 +137,7 @@ fn narrow(weight: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Cell, Point};
+    use crate::Cell;
 
     fn cell(grid: &Grid, x_mm: f64, y_mm: f64) -> Cell {
         grid.cell_at(Point::new(x_mm, y_mm))

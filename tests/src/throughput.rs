@@ -52,11 +52,7 @@ fn in_a_corridor(elf: &[u8], mips: u64) -> Result<Rig, Box<dyn Error>> {
     for cell in 2..usize::from(CELLS) {
         image[0x0210 + 8 * cell..][..8].copy_from_slice(&divider);
     }
-    let start = Pose2 {
-        x_mm: 0.0,
-        y_mm: 0.0,
-        heading_rad: 0.0,
-    };
+    let start = Pose2::default();
     let rig = Rig::with_elf(
         elf,
         Options {

@@ -1,6 +1,7 @@
 //! Points, poses and angles.
 
 use std::f64::consts::TAU;
+use std::ops::{Add, Mul, Sub};
 
 /// The angle in −π ..= π that differs from `radians` by whole turns.
 pub fn wrap_angle(radians: f64) -> f64 {
@@ -25,16 +26,66 @@ impl Point {
     /// Distance to another point, mm.
     #[must_use]
     pub fn distance_mm(self, other: Self) -> f64 {
-        (self.x_mm - other.x_mm).hypot(self.y_mm - other.y_mm)
+        (self - other).length_mm()
     }
 
     /// The point at `share` (0 = here, 1 = `other`) of the straight line to `other`.
     #[must_use]
     pub fn lerp(self, other: Self, share: f64) -> Self {
-        Self::new(
-            self.x_mm + share * (other.x_mm - self.x_mm),
-            self.y_mm + share * (other.y_mm - self.y_mm),
-        )
+        self + (other - self) * share
+    }
+
+    /// Length of the vector, mm.
+    pub fn length_mm(self) -> f64 {
+        self.x_mm.hypot(self.y_mm)
+    }
+
+    /// The vector's direction, radians counter-clockwise from x.
+    pub fn angle_rad(self) -> f64 {
+        self.y_mm.atan2(self.x_mm)
+    }
+
+    /// The scalar product, mm².
+    pub fn dot(self, other: Self) -> f64 {
+        self.x_mm * other.x_mm + self.y_mm * other.y_mm
+    }
+
+    /// The z of the vector product, mm²: positive where `other` lies counter-clockwise.
+    pub fn cross(self, other: Self) -> f64 {
+        self.x_mm * other.y_mm - self.y_mm * other.x_mm
+    }
+
+    /// The smallest and the largest x and y of some points; `None` without points.
+    pub fn bounds(points: impl Iterator<Item = Self>) -> Option<(Self, Self)> {
+        let both = points.map(|point| (point, point));
+        both.reduce(|(low, high), (p, _)| {
+            let low = Self::new(low.x_mm.min(p.x_mm), low.y_mm.min(p.y_mm));
+            (low, Self::new(high.x_mm.max(p.x_mm), high.y_mm.max(p.y_mm)))
+        })
+    }
+}
+
+impl Add for Point {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self::new(self.x_mm + other.x_mm, self.y_mm + other.y_mm)
+    }
+}
+
+impl Sub for Point {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self::new(self.x_mm - other.x_mm, self.y_mm - other.y_mm)
+    }
+}
+
+impl Mul<f64> for Point {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self::new(self.x_mm * factor, self.y_mm * factor)
     }
 }
 
@@ -59,6 +110,17 @@ impl Pose2 {
         }
     }
 
+    /// A pose at a point.
+    pub const fn at(Point { x_mm, y_mm }: Point, heading_rad: f64) -> Self {
+        Self::new(x_mm, y_mm, heading_rad)
+    }
+
+    /// The same position with another heading.
+    #[must_use]
+    pub const fn facing(&self, heading_rad: f64) -> Self {
+        Self::at(self.position(), heading_rad)
+    }
+
     /// Where it is.
     pub const fn position(&self) -> Point {
         Point::new(self.x_mm, self.y_mm)
@@ -72,31 +134,24 @@ impl Pose2 {
 
     /// The point `ahead_mm` ahead and `left_mm` to the left, in the frame this pose is in.
     pub fn point_at(&self, ahead_mm: f64, left_mm: f64) -> Point {
-        let (sin, cos) = self.heading_rad.sin_cos();
-        Point::new(
-            self.x_mm + ahead_mm * cos - left_mm * sin,
-            self.y_mm + ahead_mm * sin + left_mm * cos,
-        )
+        let Point { x_mm, y_mm } = self.direction();
+        self.position() + Point::new(x_mm, y_mm) * ahead_mm + Point::new(-y_mm, x_mm) * left_mm
     }
 
     /// `local`, which is given in this pose's own frame, in the frame this pose is in.
     #[must_use]
     pub fn compose(&self, local: &Self) -> Self {
-        let Point { x_mm, y_mm } = self.point_at(local.x_mm, local.y_mm);
-        Self::new(x_mm, y_mm, self.heading_rad + local.heading_rad)
+        let heading_rad = self.heading_rad + local.heading_rad;
+        Self::at(self.point_at(local.x_mm, local.y_mm), heading_rad)
     }
 
     /// This pose in the frame of `origin`, the inverse of [`Pose2::compose`]: what an odometry
     /// reset at `origin` reports here.
     #[must_use]
     pub fn relative_to(&self, origin: &Self) -> Self {
-        let (dx, dy) = (self.x_mm - origin.x_mm, self.y_mm - origin.y_mm);
-        let (sin, cos) = origin.heading_rad.sin_cos();
-        Self::new(
-            dx * cos + dy * sin,
-            dy * cos - dx * sin,
-            self.heading_rad - origin.heading_rad,
-        )
+        let (way, ahead) = (self.position() - origin.position(), origin.direction());
+        let heading_rad = self.heading_rad - origin.heading_rad;
+        Self::new(ahead.dot(way), ahead.cross(way), heading_rad)
     }
 
     /// The pose after the wheels, `track_mm` apart, roll these millimetres along circular arcs.
@@ -112,12 +167,8 @@ impl Pose2 {
             half.sin() / half
         };
         let chord = f64::midpoint(left_mm, right_mm) * sinc;
-        let (sin, cos) = (self.heading_rad + half).sin_cos();
-        Self::new(
-            self.x_mm + chord * cos,
-            self.y_mm + chord * sin,
-            self.heading_rad + turn,
-        )
+        let middle = self.facing(self.heading_rad + half);
+        Self::at(middle.point_at(chord, 0.0), self.heading_rad + turn)
     }
 
     /// Distance between the positions, mm.

@@ -51,31 +51,24 @@ impl Segment {
 
     /// Distance of a point to the nearest point of the segment, mm.
     pub fn distance_mm(&self, point: Point) -> f64 {
-        let (dx, dy) = (self.to.x_mm - self.from.x_mm, self.to.y_mm - self.from.y_mm);
-        let square = dx * dx + dy * dy;
-        let along = (point.x_mm - self.from.x_mm) * dx + (point.y_mm - self.from.y_mm) * dy;
-        let share = if square > 0.0 {
-            (along / square).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
+        let line = self.to - self.from;
+        let share = line.dot(point - self.from) / line.dot(line).max(f64::MIN_POSITIVE);
+        let share = share.clamp(0.0, 1.0);
         self.from.lerp(self.to, share).distance_mm(point)
     }
 
     /// Where the ray from `origin` along the unit vector `direction` meets the segment.
     pub fn ray_hit(&self, origin: Point, direction: Point) -> Option<RayHit> {
-        let (ux, uy) = (direction.x_mm, direction.y_mm);
-        let (dx, dy) = (self.to.x_mm - self.from.x_mm, self.to.y_mm - self.from.y_mm);
-        let cross = ux * dy - uy * dx;
+        let (line, way) = (self.to - self.from, self.from - origin);
+        let cross = direction.cross(line);
         if cross.abs() < 1e-9 {
             return None;
         }
-        let (ox, oy) = (self.from.x_mm - origin.x_mm, self.from.y_mm - origin.y_mm);
-        let distance_mm = (ox * dy - oy * dx) / cross;
-        let share = (ox * uy - oy * ux) / cross;
+        let distance_mm = way.cross(line) / cross;
+        let share = way.cross(direction) / cross;
         ((0.0..=1.0).contains(&share) && distance_mm >= 0.0).then(|| RayHit {
             distance_mm,
-            cos_incidence: (cross / dx.hypot(dy)).abs(),
+            cos_incidence: (cross / line.length_mm()).abs(),
         })
     }
 }
@@ -88,12 +81,8 @@ impl Circle {
 
     /// Where the ray from `origin` along the unit vector `direction` meets the circle from outside.
     pub fn ray_hit(&self, origin: Point, direction: Point) -> Option<RayHit> {
-        let (ox, oy) = (
-            self.centre.x_mm - origin.x_mm,
-            self.centre.y_mm - origin.y_mm,
-        );
-        let ahead = ox * direction.x_mm + oy * direction.y_mm;
-        let aside = ox * direction.y_mm - oy * direction.x_mm;
+        let way = self.centre - origin;
+        let (ahead, aside) = (way.dot(direction), way.cross(direction));
         let half_square = self.radius_mm * self.radius_mm - aside * aside;
         if half_square < 0.0 {
             return None;
@@ -124,21 +113,16 @@ mod tests {
         assert_hit(wall.ray_hit(ORIGIN, Point::new(1.0, 0.0)), 100.0, 1.0);
         let (sin, cos) = 0.4f64.sin_cos();
         assert_hit(wall.ray_hit(ORIGIN, Point::new(cos, sin)), 100.0 / cos, cos);
-        for (origin, x, y) in [
-            (ORIGIN, -1.0, 0.0),
-            (ORIGIN, 0.0, 1.0),
-            (Point::new(0.0, 60.0), 1.0, 0.0),
-        ] {
+        let beside = Point::new(0.0, 60.0);
+        for (origin, x, y) in [(ORIGIN, -1.0, 0.0), (ORIGIN, 0.0, 1.0), (beside, 1.0, 0.0)] {
             assert_eq!(wall.ray_hit(origin, Point::new(x, y)), None);
         }
     }
 
     #[test]
     fn ray_meets_circle_on_near_side() {
-        let pillar = Circle {
-            centre: Point::new(100.0, 0.0),
-            radius_mm: 20.0,
-        };
+        let (centre, radius_mm) = (Point::new(100.0, 0.0), 20.0);
+        let pillar = Circle { centre, radius_mm };
         let ahead = Point::new(1.0, 0.0);
         assert_hit(pillar.ray_hit(ORIGIN, ahead), 80.0, 1.0);
         assert_eq!(pillar.ray_hit(Point::new(0.0, 21.0), ahead), None);

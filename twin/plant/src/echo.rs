@@ -20,7 +20,7 @@ mod surfaces;
 use geometry::{Circle, Point, Segment};
 
 use crate::{Imperfections, Pose2, RangefinderParams, Rng, Room};
-use surfaces::{Corner, JOINT_MM, Surfaces, Wall, cross, curvature_loss, dot, minus};
+use surfaces::{Corner, JOINT_MM, Surfaces, Wall, curvature_loss};
 
 const SECOND_STRENGTH: f64 = 0.5;
 /// Farthest echo of a soft surface, mm.
@@ -110,42 +110,28 @@ impl Burst<'_> {
 
     /// Distance of the nearest point that answers directly.
     fn direct(&self) -> Option<f64> {
-        let walls = self
-            .surfaces
-            .walls
-            .iter()
-            .filter_map(|w| self.wall_point(w));
-        let corners = self
-            .surfaces
-            .corners
-            .iter()
-            .filter_map(|c| self.corner_point(c));
-        let round = self
-            .surfaces
-            .circles
-            .iter()
-            .filter_map(|c| self.round_point(c));
+        let surfaces = self.surfaces;
+        let walls = surfaces.walls.iter().filter_map(|w| self.wall_point(w));
+        let corners = surfaces.corners.iter().filter_map(|c| self.corner_point(c));
+        let round = surfaces.circles.iter().filter_map(|c| self.round_point(c));
         let mut points: Vec<(f64, Point)> = walls.chain(corners).chain(round).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let from = self.sensor.position();
-        let visible = points
-            .into_iter()
-            .find(|&(_, p)| self.surfaces.is_visible(from, p));
-        visible.map(|(distance, _)| distance)
+        let mut visible = points.iter().filter(|(_, p)| surfaces.is_visible(from, *p));
+        visible.next().map(|&(distance, _)| distance)
     }
 
     /// `point` in the sensor's frame: ahead and to the left.
     fn seen(&self, point: Point) -> Point {
-        let way = minus(point, self.sensor.position());
-        let axis = self.sensor.direction();
-        Point::new(dot(way, axis), cross(axis, way))
+        let (way, axis) = (point - self.sensor.position(), self.sensor.direction());
+        Point::new(way.dot(axis), axis.cross(way))
     }
 
     fn wall_point(&self, wall: &Wall) -> Option<(f64, Point)> {
         let Segment { from, to } = wall.segment;
         let (a, b) = (self.seen(from), self.seen(to));
-        let along = minus(b, a);
-        let length = along.x_mm.hypot(along.y_mm);
+        let along = b - a;
+        let length = along.length_mm();
         let axis_incidence = (along.y_mm / length).abs().min(1.0).acos();
         if axis_incidence >= self.surfaces.incidence.1 {
             return None;
@@ -154,7 +140,7 @@ impl Burst<'_> {
         let (sin, cos) = self.beam.half_angle_rad.sin_cos();
         let (mut start, mut end) = (0.0_f64, 1.0_f64);
         for rim in [Point::new(sin, cos), Point::new(sin, -cos)] {
-            let (at, slope) = (dot(a, rim), dot(along, rim));
+            let (at, slope) = (a.dot(rim), along.dot(rim));
             if slope.abs() < 1e-12 {
                 if at < 0.0 {
                     return None;
@@ -168,27 +154,25 @@ impl Burst<'_> {
         if start > end {
             return None;
         }
-        let share = (-dot(a, along) / (length * length)).clamp(start, end);
+        let share = (-a.dot(along) / (length * length)).clamp(start, end);
         let point = a.lerp(b, share);
-        let distance = point.x_mm.hypot(point.y_mm);
-        let incidence = (cross(along, point) / (length * distance))
-            .abs()
-            .min(1.0)
-            .acos();
+        let distance = point.length_mm();
+        let incidence = (along.cross(point) / (length * distance)).abs();
+        let incidence = incidence.min(1.0).acos();
         let mirrored = self.surfaces.mirrored(incidence.max(axis_incidence));
-        let strength = mirrored * self.lobes(point.y_mm.atan2(point.x_mm));
+        let strength = mirrored * self.lobes(point.angle_rad());
         let heard = self.is_heard(strength, distance, wall.soft);
         heard.then(|| (distance, from.lerp(to, share)))
     }
 
     fn corner_point(&self, corner: &Corner) -> Option<(f64, Point)> {
         let seen = self.seen(corner.at);
-        let lobe = self.lobes(seen.y_mm.atan2(seen.x_mm));
+        let lobe = self.lobes(seen.angle_rad());
         if lobe <= 0.0 {
             return None;
         }
-        let towards = minus(self.sensor.position(), corner.at);
-        let distance = seen.x_mm.hypot(seen.y_mm);
+        let towards = self.sensor.position() - corner.at;
+        let distance = seen.length_mm();
         let strength = lobe * corner.strength(towards);
         let heard = self.is_heard(strength, distance, corner.soft);
         heard.then_some((distance, corner.at))
@@ -197,20 +181,16 @@ impl Burst<'_> {
     fn round_point(&self, circle: &Circle) -> Option<(f64, Point)> {
         let seen = self.seen(circle.centre);
         let rim = self.beam.half_angle_rad;
-        let aside = seen.y_mm.atan2(seen.x_mm).clamp(-rim, rim);
+        let aside = seen.angle_rad().clamp(-rim, rim);
         let (sin, cos) = aside.sin_cos();
-        let local = Circle {
-            centre: seen,
-            ..*circle
-        };
+        let (centre, radius_mm) = (seen, circle.radius_mm);
+        let local = Circle { centre, radius_mm };
         let hit = local.ray_hit(Point::default(), Point::new(cos, sin))?;
         let mirrored = self.surfaces.mirrored(hit.cos_incidence.min(1.0).acos());
         let loss = curvature_loss(circle.radius_mm, hit.distance_mm);
         let heard = self.is_heard(mirrored * loss * self.lobes(aside), hit.distance_mm, false);
-        let at = self
-            .sensor
-            .point_at(hit.distance_mm * cos, hit.distance_mm * sin);
-        heard.then_some((hit.distance_mm, at))
+        let (ahead, left) = (hit.distance_mm * cos, hit.distance_mm * sin);
+        heard.then(|| (hit.distance_mm, self.sensor.point_at(ahead, left)))
     }
 
     /// Length of the shortest mirrored path, one way.
@@ -221,20 +201,12 @@ impl Burst<'_> {
         let rays = (-BOUNCE_RAYS..=BOUNCE_RAYS).filter_map(|nth| {
             let share = f64::from(nth) / f64::from(BOUNCE_RAYS);
             let aside = share * self.beam.half_angle_rad;
-            let heading_rad = self.sensor.heading_rad + aside;
-            let ray = Pose2 {
-                heading_rad,
-                ..*self.sensor
-            };
+            let ray = self.sensor.facing(self.sensor.heading_rad + aside);
             let direction = ray.direction();
             let mirror = self.surfaces.cast(ray.position(), direction, 0.0)?;
             let along = mirror.along.filter(|_| !mirror.soft)?;
             let from = ray.point_at(mirror.distance_mm, 0.0);
-            let twice = 2.0 * dot(direction, along);
-            let mirrored = Point::new(
-                twice * along.x_mm - direction.x_mm,
-                twice * along.y_mm - direction.y_mm,
-            );
+            let mirrored = along * (2.0 * direction.dot(along)) - direction;
             let second = self.surfaces.cast(from, mirrored, JOINT_MM)?;
             let path = mirror.distance_mm + second.distance_mm;
             let strength = SECOND_STRENGTH

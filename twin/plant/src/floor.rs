@@ -69,10 +69,7 @@ impl Floor {
 
 /// Whether two segments cross; the end of `way` does not count, its start does.
 fn crosses(way: &Segment, sill: &Segment) -> bool {
-    let side = |line: &Segment, point: Point| {
-        let (dx, dy) = (line.to.x_mm - line.from.x_mm, line.to.y_mm - line.from.y_mm);
-        dx * (point.y_mm - line.from.y_mm) - dy * (point.x_mm - line.from.x_mm) >= 0.0
-    };
+    let side = |line: &Segment, point: Point| (line.to - line.from).cross(point - line.from) >= 0.0;
     side(sill, way.from) != side(sill, way.to) && side(way, sill.from) != side(way, sill.to)
 }
 

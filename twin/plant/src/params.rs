@@ -57,10 +57,8 @@ impl Imperfections {
         };
         let geometry = self.geometry;
         let chassis = &mut params.chassis;
-        for diameter in [
-            &mut chassis.wheel_diameter_mm.left,
-            &mut chassis.wheel_diameter_mm.right,
-        ] {
+        let wheels = &mut chassis.wheel_diameter_mm;
+        for diameter in [&mut wheels.left, &mut wheels.right] {
             *diameter *= 1.0 + within(geometry.map(|spread| spread.wheel));
         }
         chassis.track_mm *= 1.0 + within(geometry.map(|spread| spread.track));
@@ -74,14 +72,11 @@ impl Imperfections {
         if let Some(spread) = self.drive {
             let between =
                 |[low, high]: [f64; 2], drawn: f64| low + (high - low) * (drawn + 1.0) / 2.0;
-            let start = between(spread.charge, charge);
+            let battery = &mut params.battery;
             // The cells stay as unequal as they are.
-            let down = params.battery.charge[0] - start;
-            params.battery.charge = params
-                .battery
-                .charge
-                .map(|charge| (charge - down).clamp(0.0, 1.0));
-            params.battery.cell_ohm = between(spread.cell_ohm, ohm);
+            let down = battery.charge[0] - between(spread.charge, charge);
+            battery.charge = battery.charge.map(|charge| (charge - down).clamp(0.0, 1.0));
+            battery.cell_ohm = between(spread.cell_ohm, ohm);
         }
         params
     }

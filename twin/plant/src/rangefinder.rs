@@ -61,10 +61,7 @@ impl RangefinderParams {
             .filter_map(|ray| {
                 let aside = f64::from(ray) / f64::from(RAYS_ASIDE);
                 let heading_rad = sensor.heading_rad + aside * self.half_angle_rad;
-                let hit = room.cast(&Pose2 {
-                    heading_rad,
-                    ..*sensor
-                })?;
+                let hit = room.cast(&sensor.facing(heading_rad))?;
                 // Beam: 1 on the axis, 0.4 at the cone's rim.
                 let strength = (1.0 - 0.6 * aside * aside) * hit.cos_incidence;
                 let far = hit.distance_mm / self.farthest_mm;

@@ -82,9 +82,8 @@ impl World {
         self.battery.step(dt, current);
         self.time_s += dt;
         self.servo.step(dt);
-        let turned = driven
-            .zip(self.hand_deg_s)
-            .map(|(degrees, hand)| degrees + hand * dt);
+        let turned = driven.zip(self.hand_deg_s);
+        let turned = turned.map(|(degrees, hand)| degrees + hand * dt);
         if self.faults.twist_deg_s != 0.0 {
             self.pose.heading_rad += self.faults.twist_deg_s.to_radians() * dt;
             self.collision.invalidate();
@@ -126,10 +125,8 @@ impl World {
 
     /// The wheels' speeds, °/s, positive forward.
     pub fn wheel_speeds_deg_s(&self) -> Sides<f64> {
-        Sides::new(
-            self.motors.left.speed_deg_s(),
-            self.motors.right.speed_deg_s(),
-        )
+        let (left, right) = (&self.motors.left, &self.motors.right);
+        Sides::new(left.speed_deg_s(), right.speed_deg_s())
     }
 
     /// The robot's true pose in the room's frame.

@@ -53,20 +53,8 @@ pub(super) struct Hit {
     pub(super) along: Option<Point>,
 }
 
-pub(super) fn minus(a: Point, b: Point) -> Point {
-    Point::new(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
-}
-
-pub(super) fn cross(a: Point, b: Point) -> f64 {
-    a.x_mm * b.y_mm - a.y_mm * b.x_mm
-}
-
-pub(super) fn dot(a: Point, b: Point) -> f64 {
-    a.x_mm * b.x_mm + a.y_mm * b.y_mm
-}
-
-pub(super) fn unit(a: Point) -> Point {
-    let length = a.x_mm.hypot(a.y_mm).max(1e-9);
+fn unit(a: Point) -> Point {
+    let length = a.length_mm().max(1e-9);
     Point::new(a.x_mm / length, a.y_mm / length)
 }
 
@@ -77,11 +65,7 @@ impl Surfaces {
         let walls: Vec<Wall> = hard
             .chain(room.soft.iter().map(wall(world.soft_surfaces)))
             .collect();
-        let (full, none) = if world.incidence {
-            MIRROR_DEG
-        } else {
-            ROUGH_DEG
-        };
+        let (full, none) = [ROUGH_DEG, MIRROR_DEG][usize::from(world.incidence)];
         Self {
             corners: corners(&walls),
             circles: room.circles.clone(),
@@ -105,12 +89,8 @@ impl Surfaces {
         });
         let round = self.circles.iter().filter_map(|circle| {
             let hit = circle.ray_hit(origin, direction)?;
-            Some((
-                hit,
-                curvature_loss(circle.radius_mm, hit.distance_mm),
-                false,
-                None,
-            ))
+            let strength = curvature_loss(circle.radius_mm, hit.distance_mm);
+            Some((hit, strength, false, None))
         });
         straight
             .chain(round)
@@ -121,12 +101,12 @@ impl Surfaces {
                 incidence_rad: hit.cos_incidence.clamp(-1.0, 1.0).acos(),
                 strength,
                 soft,
-                along: segment.map(|s| unit(minus(s.to, s.from))),
+                along: segment.map(|s| unit(s.to - s.from)),
             })
     }
 
     pub(super) fn is_visible(&self, from: Point, to: Point) -> bool {
-        let direction = unit(minus(to, from));
+        let direction = unit(to - from);
         let before = from.distance_mm(to) - HIDES_MM;
         let hides = |hit: Option<RayHit>| hit.is_some_and(|hit| hit.distance_mm < before);
         let mut straight = self.walls.iter();
@@ -145,30 +125,23 @@ pub(super) fn curvature_loss(radius_mm: f64, distance_mm: f64) -> f64 {
 pub(super) fn corners(walls: &[Wall]) -> Vec<Corner> {
     let mut corners: Vec<Corner> = Vec::new();
     for end in walls.iter().flat_map(|w| [w.segment.from, w.segment.to]) {
-        if corners
-            .iter()
-            .any(|known| known.at.distance_mm(end) < JOINT_MM)
-        {
+        let mut known = corners.iter();
+        if known.any(|known| known.at.distance_mm(end) < JOINT_MM) {
             continue;
         }
-        let touching = walls
-            .iter()
-            .filter(|w| w.segment.distance_mm(end) < JOINT_MM);
+        let touches = |wall: &&Wall| wall.segment.distance_mm(end) < JOINT_MM;
         let mut arms = Vec::new();
         let mut soft = false;
-        for wall in touching {
+        for wall in walls.iter().filter(touches) {
             soft |= wall.soft;
             let ends = [wall.segment.from, wall.segment.to].into_iter();
             let far = ends.filter(|far| far.distance_mm(end) >= JOINT_MM);
-            arms.extend(far.map(|far| unit(minus(far, end))));
+            arms.extend(far.map(|far| unit(far - end)));
         }
         // A straight wall in two pieces has no edge.
-        if !matches!(arms[..], [a, b] if dot(a, b) < -0.95) {
-            corners.push(Corner {
-                at: end,
-                arms,
-                soft,
-            });
+        if !matches!(arms[..], [a, b] if a.dot(b) < -0.95) {
+            let at = end;
+            corners.push(Corner { at, arms, soft });
         }
     }
     corners
@@ -178,10 +151,9 @@ impl Corner {
     /// Strength of its echo towards a sensor in this direction.
     pub(super) fn strength(&self, towards: Point) -> f64 {
         let faces = |a: Point, b: Point| {
-            let sine = cross(a, b);
-            sine.abs() >= CORNER_SINE
-                && cross(towards, b) / sine > 0.0
-                && cross(a, towards) / sine > 0.0
+            let sine = a.cross(b);
+            let within = towards.cross(b) / sine > 0.0 && a.cross(towards) / sine > 0.0;
+            sine.abs() >= CORNER_SINE && within
         };
         let mut pairs = self.arms.iter().enumerate();
         let concave = pairs.any(|(nth, &a)| self.arms[nth + 1..].iter().any(|&b| faces(a, b)));

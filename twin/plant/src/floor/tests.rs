@@ -29,16 +29,13 @@ fn travel_noise_is_white_and_independent_per_wheel() {
         // 0.15 mm · √10, and twice the variance in the difference: 0.3° of yaw.
         let (left, right) = (rms(|r| r.left - 1000.0), rms(|r| r.right - 1000.0));
         let yaw_deg = rms(|r| (r.right - r.left) / 125.0).to_degrees();
-        assert!(
-            (left - 0.474).abs() < 0.03 && (right - 0.474).abs() < 0.03,
-            "{left} {right}"
-        );
+        for wheel in [left, right] {
+            assert!((wheel - 0.474).abs() < 0.03, "{wheel}");
+        }
         assert!((yaw_deg - 0.307).abs() < 0.02, "{yaw_deg}");
     }
-    assert_eq!(
-        metre(&Imperfections::none(), 1, 1),
-        Sides::new(1000.0, 1000.0)
-    );
+    let ideal = metre(&Imperfections::none(), 1, 1);
+    assert_eq!(ideal, Sides::new(1000.0, 1000.0));
 }
 
 /// The pose after driving 600 mm along x, or back, in steps of a millimetre over sills at x = 100 mm
@@ -63,9 +60,8 @@ fn over_sills(world: &Imperfections, seed: u32, backwards: bool) -> Pose2 {
 fn sill_turns_and_brakes_robot_within_its_bounds() {
     let sill = only(|world| world.sill = Imperfections::default().sill);
     for backwards in [false, true] {
-        let ends: Vec<Pose2> = (0..SEEDS)
-            .map(|s| over_sills(&sill, s, backwards))
-            .collect();
+        let ends = (0..SEEDS).map(|seed| over_sills(&sill, seed, backwards));
+        let ends: Vec<Pose2> = ends.collect();
         let turned = |pose: &Pose2| pose.heading_rad.to_degrees();
         let rms = (ends.iter().map(|p| turned(p).powi(2)).sum::<f64>() / f64::from(SEEDS)).sqrt();
         // Uniform within ±2°.

@@ -9,10 +9,7 @@ fn assert_uniform(name: &str, centre: f64, bound: f64, ideal: f64, of: impl Fn(&
     let draws = || (0..SEEDS).map(|seed| of(&on.draw(Params::default(), seed.into())) - centre);
     let sigma = (draws().map(|off| off * off).sum::<f64>() / f64::from(SEEDS)).sqrt();
     let stated = bound / 3f64.sqrt();
-    assert!(
-        (sigma / stated - 1.0).abs() < 0.12,
-        "{name}: {sigma} for {stated}"
-    );
+    assert!((sigma / stated - 1.0).abs() < 0.12, "{name}: {sigma}");
     assert!(draws().all(|off| off.abs() <= bound), "{name}");
     let mean = draws().sum::<f64>() / f64::from(SEEDS);
     assert!(mean.abs() < 0.15 * bound, "{name}: {mean}");
@@ -23,12 +20,9 @@ fn assert_uniform(name: &str, centre: f64, bound: f64, ideal: f64, of: impl Fn(&
 #[test]
 fn drawn_figures_are_uniform_within_their_bounds() {
     let (left, right) = (|p: &Params| p.motors.left, |p: &Params| p.motors.right);
-    assert_uniform("left wheel", 80.0, 0.24, 80.0, |p| {
-        p.chassis.wheel_diameter_mm.left
-    });
-    assert_uniform("right wheel", 80.0, 0.24, 80.0, |p| {
-        p.chassis.wheel_diameter_mm.right
-    });
+    let wheels = |p: &Params| p.chassis.wheel_diameter_mm;
+    assert_uniform("left wheel", 80.0, 0.24, 80.0, |p| wheels(p).left);
+    assert_uniform("right wheel", 80.0, 0.24, 80.0, |p| wheels(p).right);
     assert_uniform("track", 125.0, 0.625, 125.0, |p| p.chassis.track_mm);
     assert_uniform("speed", 98.83, 9.883, 98.83, |p| left(p).speeds_deg_s[0]);
     assert_uniform("dead zone", 0.23, 0.0345, 0.23, |p| right(p).dead_zone);
@@ -42,29 +36,23 @@ fn drawn_figures_are_uniform_within_their_bounds() {
         drive: None,
         ..Imperfections::default()
     };
+    // The draws are independent.
     let chassis = params(&Imperfections::default()).chassis;
-    assert_eq!(
-        params(&no_drive).chassis,
-        chassis,
-        "the draws are independent"
-    );
+    assert_eq!(params(&no_drive).chassis, chassis);
 }
 
 #[test]
 fn drawn_gyro_has_stated_errors() {
     let draw = |world: Imperfections, seed| world.draw_gyro(GyroParams::exact(), seed);
-    let parts: Vec<GyroParams> = (0..SEEDS.into())
-        .map(|s| draw(Imperfections::default(), s))
-        .collect();
+    let parts = (0..SEEDS.into()).map(|seed| draw(Imperfections::default(), seed));
+    let parts: Vec<GyroParams> = parts.collect();
     let count = f64::from(SEEDS);
     let rms = |of: fn(&GyroParams) -> f64| {
         (parts.iter().map(|p| of(p).powi(2)).sum::<f64>() / count).sqrt()
     };
     let most = |of: fn(&GyroParams) -> f64| parts.iter().map(|p| of(p).abs()).fold(0.0, f64::max);
-    let (bias, scale) = (
-        |p: &GyroParams| p.bias_deg_s,
-        |p: &GyroParams| p.scale - 1.0,
-    );
+    let bias = |p: &GyroParams| p.bias_deg_s;
+    let scale = |p: &GyroParams| p.scale - 1.0;
     assert!((rms(bias) - 11.55).abs() < 1.0 && most(bias) <= 20.0);
     assert!((rms(scale) - 0.00577).abs() < 0.0006 && most(scale) <= 0.01);
     let rising = parts.iter().filter(|p| p.drift_deg_s_min > 0.0).count();

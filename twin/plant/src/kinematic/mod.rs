@@ -141,13 +141,10 @@ impl KinematicRobot {
         let mm_per_count = self.configured.travel(Sides::new(360.0, 360.0));
         let mm_per_count = mm_per_count.map(|mm| mm / self.configured.counts_per_turn);
         let way = moved.zip(mm_per_count).map(|(counts, mm)| counts * mm);
-        self.odometry = self
-            .odometry
-            .advance_arc(way.left, way.right, self.configured.track_mm);
-        let (forward, turn) = (
-            f64::midpoint(way.left, way.right),
-            (way.right - way.left) / self.configured.track_mm,
-        );
+        let track_mm = self.configured.track_mm;
+        self.odometry = self.odometry.advance_arc(way.left, way.right, track_mm);
+        let forward = f64::midpoint(way.left, way.right);
+        let turn = (way.right - way.left) / track_mm;
         self.obstacle_stop.moved(forward, turn);
         let stands = moved == Sides::default();
         self.gyro.tick(turned / TICK_S, self.time_s, stands);

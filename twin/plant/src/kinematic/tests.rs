@@ -23,22 +23,14 @@ fn ideal_robot_drives_and_reports_commanded_velocity() {
     let (truth, sample) = (robot.true_pose(), robot.sample());
     assert!((sample.time_s - 10.0).abs() < 1e-9);
     // The ramp costs about the lag and half of the time that the acceleration takes.
-    assert!(
-        (truth.heading_rad.to_degrees() - 87.5).abs() < 1.0,
-        "{truth:?}"
-    );
-    assert!(
-        (robot.path_mm() - 1180.0).abs() < 20.0,
-        "{}",
-        robot.path_mm()
-    );
+    let turned = truth.heading_rad.to_degrees();
+    assert!((turned - 87.5).abs() < 1.0, "{truth:?}");
+    let path_mm = robot.path_mm();
+    assert!((path_mm - 1180.0).abs() < 20.0, "{path_mm}");
     assert!(sample.odometry.distance_mm(&truth) < 0.2);
     assert_eq!((sample.gyro_rad, sample.ranges_mm), (None, [None; 3]));
     drive(&mut robot, 3.0, 0.0, 0.0);
-    assert!(
-        robot.sample().gyro_rad.unwrap().abs() < 1e-9,
-        "starts at zero"
-    );
+    assert!(robot.sample().gyro_rad.unwrap().abs() < 1e-9, "from zero");
     let truth = robot.true_pose();
     drive(&mut robot, 10.0, 0.0, 45.0);
     drive(&mut robot, 1.0, 0.0, 0.0);
@@ -81,11 +73,7 @@ fn unseen_wall_is_hit_once_with_its_speed() {
     let wall = "wall 600 -900 600 900\nstart 0 0 50";
     let mut robot = robot(wall, Imperfections::default(), 1);
     drive(&mut robot, 20.0, 150.0, 0.0);
-    assert_eq!(
-        robot.collisions().len(),
-        1,
-        "an oblique smooth wall is silent"
-    );
+    assert_eq!(robot.collisions().len(), 1, "an oblique wall is silent");
     let speed = robot.collisions()[0].speed_mm_s;
     assert!((140.0..160.0).contains(&speed), "{speed}");
     let mut slow = self::robot(wall, Imperfections::default(), 1);
@@ -100,14 +88,12 @@ fn sensors_take_turns_and_sweep_moves_front_bearing() {
     let mut robot = robot(room, Imperfections::none(), 1);
     let (mut bearings, mut fresh) = (Vec::new(), [0; 3]);
     let mut last = robot.sample();
+    let sweeping = VelocityInput {
+        sweep_half_width_rad: 0.6,
+        ..VelocityInput::default()
+    };
     for _ in 0..600 {
-        robot.step(
-            0.01,
-            VelocityInput {
-                sweep_half_width_rad: 0.6,
-                ..VelocityInput::default()
-            },
-        );
+        robot.step(0.01, sweeping);
         let sample = robot.sample();
         for sensor in [FRONT, RIGHT] {
             fresh[sensor] += u32::from(sample.ranges_mm[sensor] != last.ranges_mm[sensor]);

@@ -52,8 +52,8 @@ struct Rect {
 
 impl Rect {
     fn size(&self) -> (f64, f64) {
-        let (low, high) = (self.low, self.high);
-        (high.x_mm - low.x_mm, high.y_mm - low.y_mm)
+        let Point { x_mm, y_mm } = self.high - self.low;
+        (x_mm, y_mm)
     }
 
     fn area(&self) -> f64 {
@@ -69,10 +69,7 @@ impl Rect {
 
     fn point(&self, rng: &mut Rng) -> Point {
         let (width, depth) = self.size();
-        Point::new(
-            self.low.x_mm + width * rng.unit(),
-            self.low.y_mm + depth * rng.unit(),
-        )
+        self.low + Point::new(width * rng.unit(), depth * rng.unit())
     }
 
     /// One of its sides, seen from inside: a pose on it that faces inwards, and its length.
@@ -174,9 +171,8 @@ impl<'a> Flat<'a> {
         }
         for nth in 0..outline.len() {
             let wall = Segment::new(outline[nth], outline[(nth + 1) % outline.len()]);
-            self.room
-                .segments
-                .extend((wall.length_mm() > 1.0).then_some(wall));
+            let wall = (wall.length_mm() > 1.0).then_some(wall);
+            self.room.segments.extend(wall);
         }
     }
 
@@ -221,8 +217,8 @@ impl<'a> Flat<'a> {
             } else {
                 (WALL_MM, end - start)
             };
-            let centre = Pose2::new(centre.x_mm, centre.y_mm, 0.0);
-            self.room = std::mem::take(&mut self.room).with_box(&centre, width, depth);
+            let room = std::mem::take(&mut self.room);
+            self.room = room.with_box(&Pose2::at(centre, 0.0), width, depth);
         }
         let ends = [from, from + door].map(|y| swap(Point::new(at, y)));
         self.doors.push(Segment::new(ends[0], ends[1]));
@@ -243,7 +239,7 @@ impl<'a> Flat<'a> {
             let clear = grid.index(at).map(|index| grid.clearance_mm(index));
             if clear.is_some_and(|clear| clear >= START_MM + CELL_MM) {
                 let heading = self.rng.within(std::f64::consts::PI);
-                self.room.start = Pose2::new(at.x_mm, at.y_mm, heading);
+                self.room.start = Pose2::at(at, heading);
                 return Some(());
             }
         }
@@ -262,10 +258,8 @@ impl<'a> Flat<'a> {
             near = grid.grown(&near);
         }
         let floor = grid.flood(start, REACHABLE_MM);
-        let pocket = floor
-            .iter()
-            .zip(&near)
-            .any(|(&floor, &near)| floor && !near);
+        let mut cells = floor.iter().zip(&near);
+        let pocket = cells.any(|(&floor, &near)| floor && !near);
         let cell_mm2 = CELL_MM * CELL_MM;
         let roomy = |rect: &Rect| {
             let inside = |index: &usize| open[*index] && rect.contains(grid.middle(*index));
@@ -321,7 +315,7 @@ impl<'a> Flat<'a> {
             let rect = self.rooms[nth];
             let ((width, depth), share) = (rect.size(), between(self.rng, (0.3, 0.6)));
             let centre = rect.low.lerp(rect.high, 0.5);
-            let centre = Pose2::new(centre.x_mm, centre.y_mm, 0.0);
+            let centre = Pose2::at(centre, 0.0);
             let carpet = Room::default().with_box(&centre, width * share, depth * share);
             self.room.sills.extend(carpet.segments);
         }

@@ -112,19 +112,10 @@ impl Room {
     pub fn bounds(&self) -> (Point, Point) {
         let straight = self.straight().flat_map(|s| [s.from, s.to]);
         let round = self.circles.iter().flat_map(|c| {
-            let corner = |by| Point::new(c.centre.x_mm + by, c.centre.y_mm + by);
-            [corner(-c.radius_mm), corner(c.radius_mm)]
+            let corner = Point::new(c.radius_mm, c.radius_mm);
+            [c.centre - corner, c.centre + corner]
         });
-        straight
-            .chain(round)
-            .map(|point| (point, point))
-            .reduce(|(low, high), (point, _)| {
-                (
-                    Point::new(low.x_mm.min(point.x_mm), low.y_mm.min(point.y_mm)),
-                    Point::new(high.x_mm.max(point.x_mm), high.y_mm.max(point.y_mm)),
-                )
-            })
-            .unwrap_or_default()
+        Point::bounds(straight.chain(round)).unwrap_or_default()
     }
 
     /// The same room in the frame of its start: the frame of an odometry reset there, and of the
@@ -132,25 +123,18 @@ impl Room {
     #[must_use]
     pub fn relative_to_start(&self) -> Self {
         let relative = |pose: &Pose2| pose.relative_to(&self.start);
-        let point = |p: Point| relative(&Pose2::new(p.x_mm, p.y_mm, 0.0)).position();
-        let lines = |lines: &[Segment]| {
-            let moved = lines
-                .iter()
-                .map(|s| Segment::new(point(s.from), point(s.to)));
-            moved.collect()
+        let point = |p: Point| relative(&Pose2::at(p, 0.0)).position();
+        let line = |s: &Segment| Segment::new(point(s.from), point(s.to));
+        let lines = |lines: &[Segment]| lines.iter().map(line).collect();
+        let circle = |c: &Circle| Circle {
+            centre: point(c.centre),
+            ..*c
         };
         Self {
             segments: lines(&self.segments),
             soft: lines(&self.soft),
             sills: lines(&self.sills),
-            circles: self
-                .circles
-                .iter()
-                .map(|c| Circle {
-                    centre: point(c.centre),
-                    ..*c
-                })
-                .collect(),
+            circles: self.circles.iter().map(circle).collect(),
             start: Pose2::default(),
             tour: self.tour.iter().map(relative).collect(),
         }
@@ -191,10 +175,8 @@ mod tests {
         assert!(relative.tour[0].distance_mm(&Pose2::new(100.0, 0.0, 0.0)) < 1e-9);
         for turn in 0..36 {
             let bearing = Pose2::new(0.0, 0.0, f64::from(turn) / 6.0);
-            let (there, here) = (
-                room.cast(&room.start.compose(&bearing)),
-                relative.cast(&bearing),
-            );
+            let there = room.cast(&room.start.compose(&bearing));
+            let here = relative.cast(&bearing);
             let distance = |hit: Option<RayHit>| hit.map_or(-1.0, |hit| hit.distance_mm);
             assert!((distance(there) - distance(here)).abs() < 1e-6);
         }

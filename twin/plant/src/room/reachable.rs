@@ -26,7 +26,7 @@ impl ClearanceGrid {
     pub(super) fn new(room: &Room) -> Self {
         let (low, high) = room.bounds();
         let margin = MARGIN * CELL_MM;
-        let origin = Point::new(low.x_mm - margin, low.y_mm - margin);
+        let origin = low - Point::new(margin, margin);
         let cells = |from: f64, to: f64| ((to + margin - from) / CELL_MM).ceil() as usize;
         let columns = cells(origin.x_mm, high.x_mm);
         let rows = cells(origin.y_mm, high.y_mm);
@@ -50,16 +50,13 @@ impl ClearanceGrid {
     #[allow(clippy::cast_precision_loss)] // cell numbers
     pub(super) fn middle(&self, index: usize) -> Point {
         let (column, row) = (index % self.columns, index / self.columns);
-        Point::new(
-            self.origin.x_mm + (column as f64 + 0.5) * CELL_MM,
-            self.origin.y_mm + (row as f64 + 0.5) * CELL_MM,
-        )
+        self.origin + Point::new(column as f64 + 0.5, row as f64 + 0.5) * CELL_MM
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
     pub(super) fn index(&self, point: Point) -> Option<usize> {
-        let column = (point.x_mm - self.origin.x_mm) / CELL_MM;
-        let row = (point.y_mm - self.origin.y_mm) / CELL_MM;
+        let Point { x_mm, y_mm } = point - self.origin;
+        let (column, row) = (x_mm / CELL_MM, y_mm / CELL_MM);
         if column < 0.0 || row < 0.0 || column as usize >= self.columns {
             return None;
         }

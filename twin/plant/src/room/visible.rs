@@ -39,16 +39,13 @@ impl Room {
         };
         let faces = |piece: &Segment, sides: &[f64], range_mm: f64| {
             let middle = piece.from.lerp(piece.to, 0.5);
-            let (dx, dy) = (
-                piece.to.x_mm - piece.from.x_mm,
-                piece.to.y_mm - piece.from.y_mm,
-            );
+            let along = (piece.to - piece.from).angle_rad();
             sides.iter().any(|side| {
-                let normal = dy.atan2(dx) + side * TAU / 4.0;
-                let ahead = Pose2::new(middle.x_mm, middle.y_mm, normal).point_at(AHEAD_MM, 0.0);
+                let normal = along + side * TAU / 4.0;
+                let ahead = Pose2::at(middle, normal).point_at(AHEAD_MM, 0.0);
                 ANGLES_DEG.iter().any(|angle| {
                     let heading = normal + angle.to_radians();
-                    sees(&Pose2::new(ahead.x_mm, ahead.y_mm, heading), range_mm)
+                    sees(&Pose2::at(ahead, heading), range_mm)
                 })
             })
         };
@@ -63,8 +60,7 @@ impl Room {
             let count = ceil_count(circle.radius_mm * TAU / PIECE_MM).max(8);
             let point = |nth: u32| {
                 let heading = TAU * f64::from(nth) / f64::from(count);
-                Pose2::new(circle.centre.x_mm, circle.centre.y_mm, heading)
-                    .point_at(circle.radius_mm, 0.0)
+                Pose2::at(circle.centre, heading).point_at(circle.radius_mm, 0.0)
             };
             let pieces = (0..count).map(|nth| Segment::new(point(nth), point(nth + 1)));
             // Counter-clockwise: the outside is to the right.
@@ -117,20 +113,14 @@ mod tests {
             let room = Room::parse(&format!("{text}\nstart 500 1000 0")).unwrap();
             let surfaces = room.visible_surfaces();
             let at_end = |s: &&Segment| s.from.x_mm > 1500.0;
-            surfaces
-                .iter()
-                .filter(at_end)
-                .map(Segment::length_mm)
-                .sum::<f64>()
+            let lengths = surfaces.iter().filter(at_end).map(Segment::length_mm);
+            lengths.sum::<f64>()
         };
         let far = |x: f64| format!("wall {x} 900 {x} 1100");
         assert!((niche(&far(3200.0)) - 200.0).abs() < 45.0);
         assert!(niche(&far(3600.0)) < 1.0, "beyond the range");
         assert!(niche(&format!("soft {}", far(1700.0))) > 150.0);
-        assert!(
-            niche(&format!("soft {}", far(2000.0))) < 1.0,
-            "soft and far"
-        );
+        assert!(niche(&format!("soft {}", far(2000.0))) < 1.0, "soft");
         assert!(niche("wall 2000 900 2200 1100") < 1.0, "45 degrees");
     }
 }

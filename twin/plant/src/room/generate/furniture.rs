@@ -22,9 +22,8 @@ impl Piece {
     /// Any piece somewhere in a rectangular room.
     pub(super) fn draw(rng: &mut Rng, rect: &Rect) -> Self {
         let side = rect.side(rng);
-        let Point { x_mm, y_mm } = rect.point(rng);
-        let turned = Pose2::new(x_mm, y_mm, rng.within(std::f64::consts::PI));
-        let straight = Pose2::new(x_mm, y_mm, 0.0);
+        let straight = Pose2::at(rect.point(rng), 0.0);
+        let turned = straight.facing(rng.within(std::f64::consts::PI));
         match rng.below(8) {
             // Cupboards and shelves.
             0..=2 => {
@@ -79,7 +78,7 @@ impl Piece {
         let along = rng.within((length - width) / 2.0);
         let centre = wall.point_at(depth / 2.0, along);
         let before = wall.point_at(depth + PASSAGE_MM + CELL_MM, along);
-        let centre = Pose2::new(centre.x_mm, centre.y_mm, wall.heading_rad);
+        let centre = Pose2::at(centre, wall.heading_rad);
         Self::block(&centre, depth, width, vec![before])
     }
 
