@@ -199,13 +199,12 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
     let mut built = twin::Options {
         seed: options.seed,
         room,
-        eeprom: Some(eeprom),
         params: plant::Params {
             chassis: options.chassis,
             imperfections: options.imperfections,
             ..plant::Params::default()
         },
-        ..twin::Options::default()
+        ..twin::Options::with_eeprom(eeprom)
     };
     built.params.rangefinder.temperature_c = options.air_c.into();
     let board = Board::new(&elf, built).map_err(|cause| Error::Device {

@@ -29,9 +29,8 @@ pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
     let change = |image: Image, (field, raw)| image.with(field, raw);
     let image = CHANGES.into_iter().fold(Image::FIRST_BOARD, change);
     let rig = Rig::ready(twin::Options {
-        eeprom: Some(image.0.to_vec()),
         room: twin::plant::Room::two_rooms(),
-        ..twin::Options::default()
+        ..twin::Options::with_eeprom(image.0.to_vec())
     });
     for (_, port, _) in BRIDGES {
         rig.trace_writes(port);

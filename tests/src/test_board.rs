@@ -112,7 +112,7 @@ impl Rig {
     /// With the log, where it has not.
     pub fn ready(options: Options) -> Self {
         let rig = Self::new(options);
-        assert!(rig.await_ready(), "{}", rig.log());
+        rig.assert_ready();
         rig
     }
 
@@ -121,10 +121,7 @@ impl Rig {
     /// # Panics
     /// With the log, where it has not.
     pub fn configured(eeprom: Vec<u8>) -> Self {
-        Self::ready(Options {
-            eeprom: Some(eeprom),
-            ..Options::default()
-        })
+        Self::ready(Options::with_eeprom(eeprom))
     }
 
     /// Lets time pass until READY, at most [`READY_US`]; whether it came.
@@ -140,6 +137,25 @@ impl Rig {
         let bytes = self.board.uart();
         assert!(bytes.is_ascii(), "the log is ASCII");
         String::from_utf8(bytes).expect("ASCII is UTF-8")
+    }
+
+    /// Fails where the log does not have a text.
+    ///
+    /// # Panics
+    /// With the log.
+    #[track_caller]
+    pub fn assert_logged(&self, text: &str) {
+        let log = self.log();
+        assert!(log.contains(text), "the log does not say `{text}`:\n{log}");
+    }
+
+    /// Becomes READY.
+    ///
+    /// # Panics
+    /// With the log, where it does not.
+    #[track_caller]
+    pub fn assert_ready(&self) {
+        assert!(self.await_ready(), "{}", self.log());
     }
 
     /// One chip-select at 8 MHz: what the STM sent meanwhile.

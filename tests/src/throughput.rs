@@ -56,13 +56,12 @@ fn in_a_corridor(elf: &[u8], mips: u64) -> Result<Rig, Box<dyn Error>> {
     let rig = Rig::with_elf(
         elf,
         Options {
-            eeprom: Some(image),
             room: Room::default()
                 .with_wall(-1e3, 1e3, 1e5, 1e3)
                 .with_wall(-1e3, -1e3, 1e5, -1e3),
             start: Some(start),
             mips: mips.try_into()?,
-            ..Options::default()
+            ..Options::with_eeprom(image)
         },
     );
     if rig.await_ready() {

@@ -13,8 +13,7 @@ fn assert_stays_off(rig: &Rig, why: &str) {
         assert!(!rig.is_ready(), "READY is high");
         assert!(rig.motors_off(), "the motors run");
     }
-    let log = rig.log();
-    assert!(log.contains(why), "the log does not say `{why}`:\n{log}");
+    rig.assert_logged(why);
     assert!(rig.resets().is_empty(), "waiting is no reason for a reset");
     rig.assert_modelled();
 }
@@ -26,16 +25,10 @@ fn boot_original_eeprom_ready_within_50_ms() {
     assert!(rig.now_us() <= 50_000, "{} µs", rig.now_us());
     rig.run_us(20_000);
     let reply = NormalReply::of(&rig.frame(&normal_frame(0, 0, 0, false)));
-    assert_eq!(
-        (reply.key, reply.x, reply.y, reply.rotation),
-        (KEY_STM, 0, 0, 0)
-    );
+    assert_eq!((reply.key, reply.rotation), (KEY_STM, 0));
+    assert_eq!((reply.x, reply.y), (0, 0));
     assert!(rig.motors_off());
-    assert!(
-        rig.log().contains("configured, mode Normal"),
-        "{}",
-        rig.log()
-    );
+    rig.assert_logged("configured, mode Normal");
     assert!(!rig.log().contains("internal oscillator"), "{}", rig.log());
     rig.assert_modelled();
 }
@@ -50,7 +43,7 @@ fn boot_keys_come_from_eeprom() {
     let mut frame = normal_frame(1_000_000, 0, 0, true);
     let _ = rig.keep_sending(&frame, 100_000);
     assert!(rig.motors_off(), "the first board's key is another one");
-    assert!(rig.log().contains("expected 0x11"), "{}", rig.log());
+    rig.assert_logged("expected 0x11");
     frame[0] = 0x11;
     let reply = NormalReply::of(&rig.keep_sending(&frame, 100_000));
     assert_eq!(reply.key, 0xEE);
@@ -68,10 +61,7 @@ fn boot_keys_come_from_eeprom() {
 // Requirement: DOC-6-1
 #[test]
 fn boot_eeprom_is_never_written() {
-    let rig = Rig::new(Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    });
+    let rig = Rig::new(Options::with_eeprom(original_image()));
     let part = |rig: &Rig| {
         rig.i2c_bus(|bus, _| {
             let part = bus.eeprom.as_mut().expect("it is fitted");
@@ -80,16 +70,16 @@ fn boot_eeprom_is_never_written() {
         })
     };
     let (_, before) = part(&rig);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     // Driving, a cell to be tuned, and a reset on the way.
     let mut frame = normal_frame(300_000, 0, 0, true);
     frame[11..13].copy_from_slice(&720_u16.to_be_bytes());
     let _ = rig.keep_sending(&frame, 1_000_000);
-    assert!(rig.log().contains("tuned tap 1"), "{}", rig.log());
+    rig.assert_logged("tuned tap 1");
     rig.hold_reset(true);
     rig.run_us(100_000);
     rig.hold_reset(false);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     assert_eq!(part(&rig), (0, before));
 }
 
@@ -98,7 +88,7 @@ fn boot_eeprom_is_never_written() {
 fn boot_blank_eeprom_stays_off_and_logs() {
     let rig = Rig::booted(Some(Vec::new()));
     assert_stays_off(&rig, "E");
-    assert!(rig.log().contains("EEPROM key"), "{}", rig.log());
+    rig.assert_logged("EEPROM key");
 }
 
 // Requirement: WIRE-ready-1
@@ -112,15 +102,12 @@ fn boot_absent_eeprom_stays_off_and_logs() {
 // Requirement: WIRE-refused-5, WIRE-refused-6, WIRE-refused-7
 #[test]
 fn boot_corrupt_field_is_rejected_with_address() {
+    let infinity = f64::INFINITY.to_le_bytes();
     let broken: [(usize, &[u8], &str); 7] = [
         (0x0000, &[0x16], "page 0x00 address 0x00"),
         (0x000C, &[0x07], "page 0x00 address 0x0C"),
         (0x0100, &f64::NAN.to_le_bytes(), "page 0x01 address 0x00"),
-        (
-            0x0130,
-            &f64::INFINITY.to_le_bytes(),
-            "page 0x01 address 0x30",
-        ),
+        (0x0130, &infinity, "page 0x01 address 0x30"),
         (0x0203, &[9], "page 0x02 address 0x03"),
         (0x020C, &[0, 0, 0, 0], "page 0x02 address 0x0C"),
         (0x0210, &[0; 8], "page 0x02 address 0x1"),
@@ -132,16 +119,8 @@ fn boot_corrupt_field_is_rejected_with_address() {
         assert!(!rig.is_ready(), "{address:#06x} was accepted");
         rig.run_us(50_000);
         assert!(rig.motors_off());
-        assert!(
-            rig.log().contains("configuration rejected"),
-            "{}",
-            rig.log()
-        );
-        assert!(
-            rig.log().contains(named),
-            "{named} is not named:\n{}",
-            rig.log()
-        );
+        rig.assert_logged("configuration rejected");
+        rig.assert_logged(named);
     }
 }
 
@@ -157,26 +136,16 @@ fn boot_wrong_page_3_crc_stays_off() {
 
 #[test]
 fn boot_held_bus_is_cleared_and_starts() {
-    let rig = Rig::new(Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    });
+    let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.i2c_bus(|bus, _| bus.hold_sda(7));
-    assert!(rig.await_ready(), "{}", rig.log());
-    assert!(
-        rig.log().contains('W'),
-        "the log is silent about it:\n{}",
-        rig.log()
-    );
+    rig.assert_ready();
+    rig.assert_logged("W");
     rig.assert_modelled();
 }
 
 #[test]
 fn boot_shorted_bus_stays_off_and_logs() {
-    let rig = Rig::new(Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    });
+    let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
     rig.await_ready();
     assert_stays_off(&rig, "no configuration");
@@ -185,26 +154,22 @@ fn boot_shorted_bus_stays_off_and_logs() {
 // Requirement: DOC-2.3-4, DOC-6-6
 #[test]
 fn boot_waits_while_pi_has_eeprom() {
-    let rig = Rig::new(Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    });
+    let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.switch_i2c(I2cController::Pi);
     assert!(!rig.await_ready());
     rig.switch_i2c(I2cController::Stm);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
 }
 
 // Requirement: DOC-2.3-1, WIRE-fault-1
 #[test]
 fn boot_without_crystal_uses_hsi_and_logs() {
     let rig = Rig::ready(Options {
-        eeprom: Some(image_in_mode(0x10)),
         crystal: false,
-        ..Options::default()
+        ..Options::with_eeprom(image_in_mode(0x10))
     });
     rig.run_us(20_000);
-    assert!(rig.log().contains("internal oscillator"), "{}", rig.log());
+    rig.assert_logged("internal oscillator");
     // Guarded Normal: the clock's fault is bit 1 of the status behind key and sequence.
     let reply = rig.frame(&[0; 26]);
     assert_eq!(u16::from_be_bytes([reply[3], reply[4]]) & 0b10, 0b10);
@@ -216,13 +181,8 @@ fn run_is_reproducible_from_seed() {
     let run = || {
         let rig = Rig::booted(Some(original_image()));
         let reply = rig.keep_sending(&normal_frame(200_000, 100_000, 0x2000, true), 1_500_000);
-        (
-            rig.instructions(),
-            rig.now_ns(),
-            rig.log(),
-            reply,
-            rig.truth(),
-        )
+        let time = (rig.instructions(), rig.now_ns());
+        (time, rig.log(), reply, rig.truth())
     };
     assert_eq!(run(), run());
 }

@@ -34,28 +34,19 @@ const STREAMS: [(u64, u64, u64, u64); 4] = [
 // Requirement: DOC-6-1
 #[test]
 fn boot_ignores_spurious_bus_errors() {
-    let rig = Rig::new(Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    });
+    let rig = Rig::new(Options::with_eeprom(original_image()));
     while !rig.is_ready() && rig.now_us() < 20_000 {
         rig.run_us(83);
         rig.raise_bus_error();
     }
-    assert!(
-        rig.is_ready() && !rig.log().contains("I2C"),
-        "{}",
-        rig.log()
-    );
+    let log = rig.log();
+    assert!(rig.is_ready() && !log.contains("I2C"), "{log}");
 }
 
 // Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3, WIRE-spi-4, WIRE-eeprom-7
 #[test]
 fn buses_use_dma() {
-    let rig = Rig::new(Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    });
+    let rig = Rig::new(Options::with_eeprom(original_image()));
     for (control, ..) in STREAMS {
         for register in [control, control + 4, control + 8] {
             rig.trace_writes(register);
@@ -64,7 +55,7 @@ fn buses_use_dma() {
     for register in [SPI1_CR1, SPI1_CR2, SPI1_DR, USART1_DR, I2C1_DR] {
         rig.trace_writes(register);
     }
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     rig.run_us(50_000);
     let mut cells = [0; 2];
     for _ in 0..10 {
@@ -73,11 +64,8 @@ fn buses_use_dma() {
         cells[usize::from(reply.cell)] += 1;
         rig.run_us(1_000);
     }
-    assert_eq!(
-        cells,
-        [5, 5],
-        "every reply went out and every frame came in"
-    );
+    // Every reply went out and every frame came in.
+    assert_eq!(cells, [5, 5]);
     assert!(rig.log().len() > 50, "{}", rig.log());
 
     let events = rig.take_events();
@@ -89,10 +77,8 @@ fn buses_use_dma() {
         wrote.collect()
     };
     for (control, channel, way, data) in STREAMS {
-        let starts: Vec<u64> = written(control)
-            .into_iter()
-            .filter(|settings| settings & ENABLED != 0)
-            .collect();
+        let mut starts = written(control);
+        starts.retain(|settings| settings & ENABLED != 0);
         assert!(!starts.is_empty(), "{control:#x} was never started");
         for settings in starts {
             assert_eq!((settings >> 25, settings & 0xC0), (channel, way));

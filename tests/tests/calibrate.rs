@@ -24,7 +24,6 @@ const SIDE_MM: f64 = 1000.0;
 fn rig(truth: &WheelGeometry) -> Rig {
     Rig::ready(Options {
         // The first board's figures apply: 80 mm, 80 mm, 125 mm.
-        eeprom: Some(original_image()),
         room: Room::default(),
         params: Params {
             chassis: Chassis {
@@ -34,7 +33,7 @@ fn rig(truth: &WheelGeometry) -> Rig {
             },
             ..Params::default()
         },
-        ..Options::default()
+        ..Options::with_eeprom(original_image())
     })
 }
 

@@ -7,7 +7,7 @@ use host_link::board_io::{erase, BoardIo, Interrupt};
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
 use host_link::uart::LogSource;
-use pilot::doctor::{check_board, check_wheels, Findings, Outcome};
+use pilot::doctor::{check_board, check_wheels, Finding, Findings, Outcome};
 use pilot::virtual_board::board_io;
 use robot_tests::io_faults::CallFailed;
 use robot_tests::test_board::Rig;
@@ -32,11 +32,7 @@ impl ErrorType for DeadLine {
 
 impl OutputPin for DeadLine {
     fn set_low(&mut self) -> Result<(), CallFailed> {
-        if self.0 {
-            Err(CallFailed)
-        } else {
-            Ok(())
-        }
+        (!self.0).then_some(()).ok_or(CallFailed)
     }
 
     fn set_high(&mut self) -> Result<(), CallFailed> {
@@ -77,23 +73,20 @@ fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardI
         let before = image.clone();
         check_wheels(&mut io, &image, 40, 300, &journal, &mut findings).expect("restored");
         assert!(!journal.unfinished() && rig.motors_off());
-        assert!(
-            host_link::eeprom::read(&mut io) == Ok(before),
-            "the mode is restored"
-        );
+        let after = host_link::eeprom::read(&mut io);
+        assert!(after == Ok(before), "the mode is restored");
     }
     findings
 }
 
 fn with_image(image: &Image) -> Options {
     Options {
-        eeprom: Some(image.0.to_vec()),
         // Walls within the reach of every rangefinder.
         room: Room::default()
             .with_wall(900.0, -800.0, 900.0, 800.0)
             .with_wall(900.0, 800.0, -900.0, 800.0)
             .with_wall(-900.0, -800.0, 900.0, -800.0),
-        ..Options::default()
+        ..Options::with_eeprom(image.0.to_vec())
     }
 }
 
@@ -108,11 +101,8 @@ fn assert_fails(expected: &str, findings: &Findings) {
 #[test]
 fn doctor_sound_robot_passes_every_check() {
     let findings = findings(with_image(&image()), true, |_, _| ());
-    let other = findings
-        .0
-        .iter()
-        .filter(|one| one.outcome != Outcome::Passed);
-    assert_eq!(other.count(), 0, "{findings:#?}");
+    let passed = |one: &Finding| one.outcome == Outcome::Passed;
+    assert!(findings.0.iter().all(passed), "{findings:#?}");
     assert_eq!(findings.0.len(), 19, "{findings:#?}");
 }
 
@@ -120,10 +110,8 @@ fn doctor_sound_robot_passes_every_check() {
 #[test]
 fn doctor_fault_of_the_board_fails_its_check() {
     let board = |expected, options, spoil: &dyn Fn(&Rig, &mut BoardIo)| {
-        assert_fails(
-            expected,
-            &findings(options, false, |rig, io| spoil(rig, io)),
-        );
+        let findings = findings(options, false, |rig, io| spoil(rig, io));
+        assert_fails(expected, &findings);
     };
     let sound = || with_image(&image());
     board("lines", sound(), &|_, io| io.reset = erase(DeadLine(true)));
@@ -131,22 +119,9 @@ fn doctor_fault_of_the_board_fails_its_check() {
         io.select = erase(DeadLine(false));
         rig.switch_i2c(I2cController::Pi);
     });
-    board(
-        "EEPROM",
-        Options {
-            eeprom: None,
-            ..sound()
-        },
-        &|_, _| (),
-    );
-    board(
-        "EEPROM key",
-        Options {
-            eeprom: Some(Vec::new()),
-            ..sound()
-        },
-        &|_, _| (),
-    );
+    for (check, eeprom) in [("EEPROM", None), ("EEPROM key", Some(Vec::new()))] {
+        board(check, Options { eeprom, ..sound() }, &|_, _| ());
+    }
     let mut torn = image();
     torn.0[0x100] ^= 4;
     board("configuration", with_image(&torn), &|_, _| ());
@@ -165,14 +140,9 @@ fn doctor_fault_of_the_board_fails_its_check() {
     board("firmware", sound(), &|_, io| {
         io.log = Box::new(OtherLog(b"login:\n"));
     });
-    board(
-        "faults",
-        Options {
-            crystal: false,
-            ..sound()
-        },
-        &|_, _| (),
-    );
+    let mut slow = sound();
+    slow.crystal = false;
+    board("faults", slow, &|_, _| ());
     let mut flat = sound();
     flat.params.battery.charge[1] = 0.02;
     board("battery", flat, &|_, _| ());
@@ -181,26 +151,18 @@ fn doctor_fault_of_the_board_fails_its_check() {
 // Requirement: WIRE-program-4
 #[test]
 fn doctor_fault_of_the_wheels_fails_its_check() {
-    let wheels = |expected, options, spoil: &dyn Fn(&Rig)| {
+    let wheels = |expected: &str, options, spoil: &dyn Fn(&Rig)| {
         assert_fails(expected, &findings(options, true, |rig, _| spoil(rig)));
     };
     let sound = || with_image(&image());
-    for (sensor, check) in ["front rangefinder", "right rangefinder", "left rangefinder"]
-        .into_iter()
-        .enumerate()
-    {
-        wheels(check, sound(), &|rig| {
+    for (sensor, place) in ["front", "right", "left"].into_iter().enumerate() {
+        wheels(&format!("{place} rangefinder"), sound(), &|rig| {
             rig.set_faults(move |faults| faults.missing_echo[sensor] = true);
         });
     }
-    wheels(
-        "gyroscope",
-        Options {
-            mpu: None,
-            ..sound()
-        },
-        &|_| (),
-    );
+    let mut unfitted = sound();
+    unfitted.mpu = None;
+    wheels("gyroscope", unfitted, &|_| ());
     wheels("left wheel", sound(), &|rig| {
         rig.set_faults(|faults| faults.jammed.left = true);
     });

@@ -29,10 +29,9 @@ fn image(gyro: bool) -> Image {
 
 fn options(gyro: bool, mpu: Option<GyroParams>) -> Options {
     Options {
-        eeprom: Some(image(gyro).0.to_vec()),
         room: Room::default(),
         mpu,
-        ..Options::default()
+        ..Options::with_eeprom(image(gyro).0.to_vec())
     }
 }
 
@@ -45,7 +44,7 @@ impl GyroRobot {
             last: Report::default(),
             rejected: 0,
         };
-        assert!(robot.rig.await_ready(), "{}", robot.rig.log());
+        robot.rig.assert_ready();
         robot
     }
 
@@ -55,6 +54,15 @@ impl GyroRobot {
         match self.pi.receive(&self.rig.frame(&frame[..len])) {
             Ok(report) => self.last = report,
             Err(_) => self.rejected += 1,
+        }
+    }
+
+    /// Frames at 40 Hz for so many milliseconds.
+    fn drive(&mut self, command: &Command, ms: u64) {
+        let ends = self.rig.now_us() + ms * 1000;
+        while self.rig.now_us() < ends {
+            self.exchange(command);
+            self.rig.run_us(25_000 - 60);
         }
     }
 
@@ -72,20 +80,12 @@ impl GyroRobot {
             order: Order::Resume,
             ..Command::default()
         };
-        let ends = self.rig.now_us() + ms * 1000;
-        while self.rig.now_us() < ends {
-            self.exchange(&command);
-            self.rig.run_us(25_000 - 60);
-        }
+        self.drive(&command, ms);
     }
 
     /// Stands for so many milliseconds.
     fn stand(&mut self, ms: u64) {
-        let ends = self.rig.now_us() + ms * 1000;
-        while self.rig.now_us() < ends {
-            self.exchange(&Command::default());
-            self.rig.run_us(25_000 - 60);
-        }
+        self.drive(&Command::default(), ms);
     }
 
     fn truth(&self) -> PoseDeg {
@@ -99,11 +99,8 @@ impl GyroRobot {
         self.exchange(&Command::default());
         self.exchange(&Command::default());
         let PoseCode { x, y, rotation } = self.last.pose;
-        (
-            f64::from(x) / 1000.0,
-            f64::from(y) / 1000.0,
-            f64::from(rotation) / 32768.0 * 360.0,
-        )
+        let degrees = f64::from(rotation) / 32768.0 * 360.0;
+        (f64::from(x) / 1000.0, f64::from(y) / 1000.0, degrees)
     }
 
     /// Error of the reported pose at rest: millimetres and degrees.
@@ -117,10 +114,12 @@ impl GyroRobot {
         }
         let (reported, truth) = (self.reported(), self.truth());
         let degrees = (reported.2 - truth.2 + 180.0).rem_euclid(360.0) - 180.0;
-        (
-            (reported.0 - truth.0).hypot(reported.1 - truth.1),
-            degrees.abs(),
-        )
+        let mm = (reported.0 - truth.0).hypot(reported.1 - truth.1);
+        (mm, degrees.abs())
+    }
+
+    fn faults(&self) -> Faults {
+        self.last.faults & (Faults::SLIP | Faults::GYRO_LOST)
     }
 
     fn log(&self) -> String {
@@ -141,7 +140,7 @@ fn gyro_ignores_spurious_bus_errors() {
         }
     }
     assert_eq!(robot.last.faults, Faults::NONE, "{}", robot.log());
-    assert!(robot.log().contains("gyro: bias"), "{}", robot.log());
+    robot.rig.assert_logged("gyro: bias");
 }
 
 /// Stands two seconds, turns left by a quarter, then drives 1.5 m; its left wheel slips for a second
@@ -167,29 +166,18 @@ fn gyro_one_second_slip_keeps_heading_within_1_degree() {
     println!("with: off by {mm:.1} mm, {degrees:.2}°, arrived at {target:.1?}");
     let mut without = slipping(false);
     let (mm_without, degrees_without) = without.pose_error();
-    println!(
-        "without: off by {mm_without:.1} mm, {degrees_without:.2}°, arrived at {:.1?}",
-        without.truth()
-    );
+    let target_without = without.truth();
+    println!("without: off by {mm_without:.1} mm, {degrees_without:.2}°, at {target_without:.1?}");
     assert!(degrees <= 1.0, "{degrees:.2}°\n{}", with.log());
     assert!(mm <= 30.0, "{mm:.1} mm\n{}", with.log());
     assert!(degrees_without >= 20.0, "{degrees_without:.2}°");
     // It drove on to where it should be, in truth.
     assert!(target.0.hypot(target.1 - 1500.0) < 40.0, "{target:?}");
-    let faults = with.last.faults & (Faults::SLIP | Faults::GYRO_LOST);
-    assert_eq!(faults, Faults::SLIP, "{}", with.log());
-    assert!(!without
-        .last
-        .faults
-        .intersects(Faults::SLIP | Faults::GYRO_LOST));
+    assert_eq!(with.faults(), Faults::SLIP, "{}", with.log());
+    assert_eq!(without.faults(), Faults::NONE);
     let log = with.log();
-    let bias: f64 = log
-        .split("gyro: bias ")
-        .nth(1)
-        .and_then(|rest| rest.split(' ').next())
-        .expect("a bias")
-        .parse()
-        .expect("a number");
+    let bias = log.split("gyro: bias ").nth(1).expect("a bias");
+    let bias: f64 = bias.split(' ').next().unwrap().parse().expect("a number");
     assert!((bias + 3.7).abs() < 0.05, "{log}");
     let of = |what: &str| log.find(what).unwrap_or_else(|| panic!("{what}\n{log}"));
     assert!(of("gyro: bias") < of("gyro: agrees"));
@@ -214,12 +202,9 @@ fn gyro_without_slip_changes_nothing_and_detects_twist() {
     for robot in [&mut with, &mut without] {
         let (mm, degrees) = robot.pose_error();
         assert!(mm < 0.5 && degrees < 0.05, "{mm} mm, {degrees}°");
-        assert!(!robot
-            .last
-            .faults
-            .intersects(Faults::SLIP | Faults::GYRO_LOST));
+        assert_eq!(robot.faults(), Faults::NONE);
     }
-    assert!(with.log().contains("gyro: agrees"), "{}", with.log());
+    with.rig.assert_logged("gyro: agrees");
     assert!(!with.log().contains("slip"), "{}", with.log());
 
     // It holds its pose, brakes on; a hand turns it at 50 °/s for 1.2 s, and it turns back.
@@ -253,32 +238,25 @@ fn drive_with_fault(
         "{expected_log}: {mm} mm, {degrees}°"
     );
     let truth = robot.truth();
-    assert!(
-        (truth.0 - 200.0).hypot(truth.1 - 100.0) < 6.0,
-        "{expected_log}: {truth:?}\n{}",
-        robot.log()
-    );
-    let ticks: Vec<u64> = robot
-        .rig
-        .take_events()
-        .into_iter()
-        .filter(|event| matches!(event.kind, EventKind::Write { .. }))
-        .map(|event| event.at_ns)
-        .collect();
+    let off = (truth.0 - 200.0).hypot(truth.1 - 100.0);
+    assert!(off < 6.0, "{expected_log}: {truth:?}\n{}", robot.log());
+    let mut events = robot.rig.take_events();
+    events.retain(|event| matches!(event.kind, EventKind::Write { .. }));
+    let ticks: Vec<u64> = events.iter().map(|event| event.at_ns).collect();
     assert!(ticks.len() >= 540, "{expected_log}: {} ticks", ticks.len());
     for pair in ticks.windows(2) {
         let late = (pair[1] - pair[0]).abs_diff(10_000_000);
         assert!(late < 5_000, "{expected_log}: a tick {late} ns off");
     }
     assert_eq!(robot.rejected, 0, "{expected_log}");
-    let faults = robot.last.faults & (Faults::SLIP | Faults::GYRO_LOST);
-    assert_eq!(faults, Faults::GYRO_LOST, "{expected_log}\n{}", robot.log());
-    assert!(
-        robot.log().contains(expected_log),
+    assert_eq!(
+        robot.faults(),
+        Faults::GYRO_LOST,
         "{expected_log}\n{}",
         robot.log()
     );
-    assert!(robot.log().contains("encoders alone"), "{}", robot.log());
+    robot.rig.assert_logged(expected_log);
+    robot.rig.assert_logged("encoders alone");
     assert!(robot.rig.resets().is_empty());
     robot.rig.assert_modelled();
     robot
@@ -292,18 +270,14 @@ fn set_fault(robot: &GyroRobot, fault: Mpu6050Fault) {
 // Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
 #[test]
 fn gyro_absent_or_wrong_drives_by_encoders() {
-    let fitted = Some(GyroParams::default());
     let _ = drive_with_fault(None, |_| {}, "gyro: no answer at 0x68");
-    let _ = drive_with_fault(
-        fitted,
-        |robot| set_fault(robot, Mpu6050Fault::RefusesAfter(1)),
-        "gyro: no answer at 0x68",
-    );
-    let _ = drive_with_fault(
-        fitted,
-        |robot| set_fault(robot, Mpu6050Fault::WrongId(0x70)),
-        "gyro: not an MPU6050 at 0x68",
-    );
+    for (fault, text) in [
+        (Mpu6050Fault::RefusesAfter(1), "gyro: no answer at 0x68"),
+        (Mpu6050Fault::WrongId(0x70), "gyro: not an MPU6050 at 0x68"),
+    ] {
+        let fitted = Some(GyroParams::default());
+        let _ = drive_with_fault(fitted, |robot| set_fault(robot, fault), text);
+    }
 }
 
 // Requirement: DOC-3.1-3
@@ -316,11 +290,8 @@ fn gyro_failing_later_drives_by_encoders() {
             set_fault(robot, fault);
         }
     };
-    let _ = drive_with_fault(
-        fitted,
-        later(Mpu6050Fault::Silent),
-        "gyro: no answer at 0x68",
-    );
+    let silent = later(Mpu6050Fault::Silent);
+    let _ = drive_with_fault(fitted, silent, "gyro: no answer at 0x68");
     let _ = drive_with_fault(fitted, later(Mpu6050Fault::Frozen), "gyro: data frozen");
     let hold = |pulses: u32| {
         move |robot: &GyroRobot| {
@@ -333,10 +304,7 @@ fn gyro_failing_later_drives_by_encoders() {
     let freed = drive_with_fault(fitted, hold(7), "gyro: I2C held");
     freed.rig.run_us(1_500_000);
     let log = freed.log();
-    let after = log
-        .split("gyro: I2C held")
-        .nth(1)
-        .expect("it was expected_log");
+    let after = log.split("gyro: I2C held").nth(1).expect("it is there");
     assert!(after.contains("gyro: bias"), "{log}");
 }
 
@@ -345,10 +313,9 @@ fn gyro_reads_continue_while_pi_has_eeprom() {
     let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
     robot.stand(1_000);
     let reads = |robot: &GyroRobot| {
-        let bus = robot
-            .rig
-            .i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
-        bus.expect("it is fitted")
+        let rig = &robot.rig;
+        let reads = rig.i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
+        reads.expect("it is fitted")
     };
     for controller in [I2cController::Pi, I2cController::Stm] {
         robot.rig.switch_i2c(controller);

@@ -9,7 +9,7 @@
 use std::time::SystemTime;
 
 use fw_core::eeprom::{Config, Image};
-use fw_core::wire::{Command, FrameError, Order, PiLink, PoseCode, Reason, MAX_FRAME};
+use fw_core::wire::{Command, FrameError, Order, PiLink, Reason, MAX_FRAME};
 use robot_tests::disturbance::{Disturbance, Random, LEN};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
@@ -105,19 +105,11 @@ impl PiEnd {
 
     /// Puts a frame on the wires.
     fn send(&mut self, disturbance: Disturbance, steps: &mut Vec<SpiStep>) -> Frame {
-        let command = if disturbance.reaches_the_stm_whole() {
-            Command::default()
-        } else {
-            Command {
-                expected: PoseCode {
-                    x: 300_000,
-                    ..PoseCode::default()
-                },
-                apply: true,
-                order: Order::Resume,
-                ..Command::default()
-            }
-        };
+        let mut command = Command::default();
+        if !disturbance.reaches_the_stm_whole() {
+            (command.apply, command.order) = (true, Order::Resume);
+            command.expected.x = 300_000;
+        }
         let mut out = [0; MAX_FRAME];
         let len = self.end.send(&command, &mut out);
         assert_eq!(len, LEN);
@@ -165,10 +157,8 @@ impl PiEnd {
     fn may_report(&self, seen: u8) -> bool {
         let mut ends = self.ends.iter().rev();
         let last = self.ends.last().expect("never empty").at_ns;
-        let busy = ends
-            .clone()
-            .take_while(|end| last - end.at_ns <= self.busy_ns);
-        let known = busy.count() + 1;
+        let is_busy = |end: &&ChipSelectEnd| last - end.at_ns <= self.busy_ns;
+        let known = ends.clone().take_while(is_busy).count() + 1;
         ends.by_ref()
             .take(known)
             .any(|end| end.accepted.contains(&seen))
@@ -244,10 +234,8 @@ impl PiEnd {
     #[track_caller]
     fn exchange(&mut self, rig: &Rig, disturbances: impl IntoIterator<Item = Disturbance>) {
         let mut steps = Vec::new();
-        let frames: Vec<_> = disturbances
-            .into_iter()
-            .map(|disturbance| self.send(disturbance, &mut steps))
-            .collect();
+        let disturbances = disturbances.into_iter();
+        let frames: Vec<_> = disturbances.map(|one| self.send(one, &mut steps)).collect();
         let miso = rig.spi_steps(steps);
         let mut rest = &miso[..];
         for frame in &frames {
@@ -270,17 +258,15 @@ fn assert_unmoved(rig: &Rig, pi: &PiEnd) {
     let (rejected, lost) = logged_counts(&log);
     // Lost frames may be good ones; of a split frame the robot may only come to see the second part.
     assert!(rejected <= pi.rejections, "{log}");
-    assert!(
-        pi.rejections <= rejected + lost + pi.count("split"),
-        "{log}"
-    );
+    let most = rejected + lost + pi.count("split");
+    assert!(pi.rejections <= most, "{log}");
     assert!(lost <= pi.close, "{log}");
     // Only a tick keeps the robot busy for that long.
     let ticks = usize::try_from(pi.now_ns / TICK_NS).expect("seconds") + 1;
+    let twice = pi.repeated + lost;
     assert!(
-        pi.repeated + lost <= ticks + pi.count("split"),
-        "{} repeated, {lost} lost in {ticks} ticks",
-        pi.repeated
+        twice <= ticks + pi.count("split"),
+        "{twice} in {ticks} ticks"
     );
     rig.assert_modelled();
 }
@@ -289,9 +275,8 @@ fn assert_unmoved(rig: &Rig, pi: &PiEnd) {
 /// of `mips` instructions a microsecond.
 fn run(seed: u64, phase: u64, mips: u64) {
     let rig = Rig::ready(Options {
-        eeprom: Some(image_in_mode(0x10)),
         mips: mips.try_into().expect("a core that runs"),
-        ..Options::default()
+        ..Options::with_eeprom(image_in_mode(0x10))
     });
     rig.run_us(100_000 + phase * TICK_NS / PHASES / 1000);
     let mut pi = PiEnd::new(seed, mips);
@@ -322,9 +307,10 @@ fn link_rejects_disturbed_frames_and_accepts_good_ones() {
         let number = |text: &str| text.parse::<u64>().expect("a number");
         let (first, end) = seeds.split_once("..").expect("ROBOT_LINK_SEEDS=A..B");
         let mips = std::env::var(MIPS).map_or(100, |text| number(&text));
-        let runs =
-            (number(first)..number(end)).flat_map(|seed| (0..PHASES).map(move |p| (seed, p)));
-        return runs.for_each(|(seed, phase)| run(seed, phase, mips));
+        for seed in number(first)..number(end) {
+            (0..PHASES).for_each(|phase| run(seed, phase, mips));
+        }
+        return;
     }
     let day = SystemTime::UNIX_EPOCH
         .elapsed()

@@ -50,7 +50,7 @@ fn mode_mismatch_is_detected_within_ten_frames() {
             assert!(*frames <= u64::from(MODE_CHECK_FRAMES), "{pair}: {met:?}");
             assert_eq!(*mode, pi.name());
         }
-        assert!(rig.log().contains("frame rejected"), "{}", rig.log());
+        rig.assert_logged("frame rejected");
         assert!(rig.truth().path_mm < 0.01, "STM {}", stm.name());
     }
 }

@@ -108,11 +108,7 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
         let (mm, degrees, beyond) = goal.off(&truth.pose);
         trip.overshoot_mm = trip.overshoot_mm.max(beyond);
         (trip.off_mm, trip.off_deg) = (mm, degrees);
-        still = if truth.wheel_deg_s == Sides::default() {
-            still + 1
-        } else {
-            0
-        };
+        still = (still + 1) * u32::from(truth.wheel_deg_s == Sides::default());
         if mm > 5.0 || degrees > 1.0 {
             trip.settled_s = seconds(rig.now_us());
             still = 0;
@@ -130,10 +126,9 @@ fn at_full_speed() -> Image {
 
 fn rig(params: &Params, eeprom: Vec<u8>) -> Rig {
     Rig::ready(Options {
-        eeprom: Some(eeprom),
         room: Room::default(),
         params: params.clone(),
-        ..Options::default()
+        ..Options::with_eeprom(eeprom)
     })
 }
 
@@ -154,13 +149,11 @@ fn assert_reached(params: &Params, eeprom: &[u8], goals: &[Goal], worst: f64) {
     }
     #[allow(clippy::cast_precision_loss)]
     let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-    println!(
-        "mean {mean:.2}, worst {:.2}",
-        ratios.iter().copied().fold(0.0, f64::max)
-    );
+    let highest = ratios.iter().copied().fold(0.0, f64::max);
+    println!("mean {mean:.2}, worst {highest:.2}");
     assert!(
         !failed,
-        "see the table: the bar is {worst} times the bound, 30 mm beyond, 5 mm and 1° off"
+        "the bar: {worst} times the bound, 30 mm beyond, 5 mm and 1° off"
     );
 }
 
@@ -170,14 +163,12 @@ fn a_metre(bearings: &[f64], rotations: &[f64]) -> Vec<Goal> {
         bearing,
         rotation,
     };
-    bearings
-        .iter()
-        .flat_map(|&bearing| {
-            rotations
-                .iter()
-                .map(move |&rotation| goal(bearing, rotation))
-        })
-        .collect()
+    let to = |&bearing| {
+        rotations
+            .iter()
+            .map(move |&rotation| goal(bearing, rotation))
+    };
+    bearings.iter().flat_map(to).collect()
 }
 
 const ROTATIONS: [f64; 7] = [0.0, 45.0, -45.0, 90.0, -90.0, 135.0, 180.0];
@@ -269,7 +260,7 @@ fn pose_is_zero_after_reset_in_any_encoder_phase() {
         rig.run_us(400_000);
         let stood = rig.truth().pose;
         rig.hold_reset(false);
-        assert!(rig.await_ready(), "{}", rig.log());
+        rig.assert_ready();
         for _ in 0..10 {
             let reply = NormalReply::of(&rig.frame(&normal_frame(0, 0, 0, false)));
             assert_eq!((reply.x, reply.y, reply.rotation), (0, 0, 0), "{turn}");

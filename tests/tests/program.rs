@@ -36,13 +36,9 @@ impl Program {
             named.unwrap_or_else(|| manifest.join("../target").join(usual))
         };
         let mut command = Command::new(file(PROGRAM, "release/robot"));
-        command
-            .arg("--virtual")
-            .arg("--elf")
-            .arg(file("ROBOT_ELF", "elf/fw-pac.elf"));
-        command
-            .args(["--eeprom-image", "eeprom.bin"])
-            .args(words.split(' '));
+        let elf = file("ROBOT_ELF", "elf/fw-pac.elf");
+        command.args(["--virtual", "--eeprom-image", "eeprom.bin", "--elf"]);
+        command.arg(elf).args(words.split(' '));
         command.current_dir(&self.0).stdin(Stdio::null());
         command
     }
@@ -98,10 +94,8 @@ fn foreign_eeprom_image_is_refused_and_kept() {
     fs::write(program.0.join("eeprom.bin"), "a letter").expect("written");
     let text = program.expect(11, "status");
     assert!(text.contains("no EEPROM image"), "{text}");
-    assert_eq!(
-        fs::read(program.0.join("eeprom.bin")).expect("there"),
-        b"a letter"
-    );
+    let kept = fs::read(program.0.join("eeprom.bin")).expect("there");
+    assert_eq!(kept, b"a letter");
 }
 
 // Requirement: WIRE-program-1, WIRE-program-3
@@ -114,7 +108,7 @@ fn senseless_drives_are_refused_before_they_move() {
         (
             2,
             "--rate 1 goto 100 0 0",
-            "--rate 1: frames would come 1000 ms apart",
+            "--rate 1: frames would come 1000 ms",
         ),
         (11, "map tour", "map.png"),
         (2, "tune move --yes --levels 20,100", "--levels 20"),

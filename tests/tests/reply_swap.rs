@@ -8,13 +8,13 @@
 use std::collections::{BTreeSet, HashSet};
 
 use fw_core::eeprom::{Config, Image};
-use fw_core::wire::{Command, PiLink, PoseCode, MAX_FRAME};
+use fw_core::wire::{Command, PiLink, MAX_FRAME};
 use robot_tests::disturbance::Random;
 use robot_tests::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
 use robot_tests::test_board::{elf, Rig, ELF, TIM5_CCR1};
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
-use twin::trace::{functions, EventKind, Snapshot};
+use twin::trace::{functions, Event, EventKind, Snapshot};
 use twin::{Options, SpiStep};
 
 /// Environment variable with seeds, `A..B`, each run at every phase; otherwise two at every 64th and those near the
@@ -67,16 +67,9 @@ impl Pi {
         match self {
             Self::Normal => normal_frame(x, y, 0, true).to_vec(),
             Self::Guarded(link) => {
-                let expected = PoseCode {
-                    x,
-                    y,
-                    ..PoseCode::default()
-                };
-                let command = Command {
-                    expected,
-                    apply: true,
-                    ..Command::default()
-                };
+                let mut command = Command::default();
+                let expected = &mut command.expected;
+                (command.apply, expected.x, expected.y) = (true, x, y);
                 let mut frame = [0; MAX_FRAME];
                 let len = link.send(&command, &mut frame);
                 frame[..len].to_vec()
@@ -135,15 +128,14 @@ impl Drive {
         let rig = Rig::with_elf(
             elf,
             Options {
-                eeprom: Some(image_in_mode(mode)),
                 room: Room::default().with_box(&Pose2::new(1_500.0, 0.0, 0.0), 5_000.0, 2_000.0),
                 start: Some(Pose2::new(0.0, 0.0, 0.0)),
                 mips: mips.try_into().expect("a core that runs"),
                 spi_preloads,
-                ..Options::default()
+                ..Options::with_eeprom(image_in_mode(mode))
             },
         );
-        assert!(rig.await_ready(), "{}", rig.log());
+        rig.assert_ready();
         let mut drive = Self {
             rig,
             pi: Pi::new(mode),
@@ -167,10 +159,8 @@ impl Drive {
         }
         let accesses = self.rig.take_snapshots();
         let armed = accesses.iter().filter(|access| access.register == S3M0AR);
-        self.base = armed
-            .filter_map(|access| access.written)
-            .min()
-            .expect("armed");
+        let armed = armed.filter_map(|access| access.written);
+        self.base = armed.min().expect("armed");
         let refresh = accesses.iter().rfind(|access| is_refresh(access));
         let refresh = refresh.expect("refreshed");
         let stores = refresh.instruction..refresh.instruction + 60;
@@ -181,16 +171,8 @@ impl Drive {
         let near_stores = self.swap.iter().copied().filter(|at| stores.contains(at));
         self.stores = near_stores.collect();
         let events = self.rig.take_events();
-        let is_tick = |kind| {
-            matches!(
-                kind,
-                EventKind::Write {
-                    address: TIM5_CCR1,
-                    ..
-                }
-            )
-        };
-        let tick = events.iter().rfind(|event| is_tick(event.kind));
+        let is_tick = |event: &&Event| matches!(event.kind, EventKind::Write { address, .. } if address == TIM5_CCR1);
+        let tick = events.iter().rfind(is_tick);
         self.tick_ns = tick.expect("ticks").at_ns;
         self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
         let end = self.base + BUFFERS * BUFFER as u64;
@@ -262,9 +244,8 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
                 let instructions = [&drive.swap, &drive.stores][random.below(2)];
                 let address = instructions[random.below(instructions.len())];
                 let stall_ns = random.below(STALL_NS + 1) as u64;
-                drive
-                    .rig
-                    .stall_once(address, random.below(4) as u64, stall_ns);
+                let skip = random.below(4) as u64;
+                drive.rig.stall_once(address, skip, stall_ns);
                 for (reply, built) in drive.trial(hz, setup_ns, phase as u64) {
                     frames += 1;
                     if !built {
@@ -281,11 +262,10 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
     }
     let values: Vec<_> = values.iter().map(HashSet::len).collect();
     println!("mode {mode:#x} {mips} MIPS seed {seed}: {frames} frames, {} wrong, values of each byte {values:?}", wrong.len());
+    let some = &wrong[..wrong.len().min(5)];
     assert!(
         wrong.is_empty(),
-        "{} of {frames} replies were never built: {:#?}",
-        wrong.len(),
-        &wrong[..wrong.len().min(5)]
+        "of {frames} replies never built: {some:#?}"
     );
     drive.rig.assert_modelled();
 }
@@ -296,11 +276,10 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
 #[test]
 fn reply_refresh_across_zero_keeps_fetched_bytes() {
     let rig = Rig::ready(Options {
-        eeprom: Some(image_in_mode(0)),
         room: Room::default(),
         start: Some(Pose2::new(0.0, 0.0, 0.0)),
         spi_preloads: true,
-        ..Options::default()
+        ..Options::with_eeprom(image_in_mode(0))
     });
     let mut signs = Vec::new();
     for x_um in [150_000, -150_000, 150_000] {

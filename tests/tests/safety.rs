@@ -29,17 +29,11 @@ fn stop_deadline_silent_host_brakes() {
     rig.run_us(1_000_000);
     assert!(rig.motors_off());
     let speed = rig.truth().wheel_deg_s;
-    assert!(
-        speed.left.abs() < 0.1 && speed.right.abs() < 0.1,
-        "{speed:?}"
-    );
-    assert!(rig.log().contains("stop"), "{}", rig.log());
+    assert!(speed.left.abs().max(speed.right.abs()) < 0.1, "{speed:?}");
+    rig.assert_logged("stop");
     assert_eq!(rig.leds(), leds(State::Stopped));
     let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 300_000);
-    assert!(
-        !rig.motors_off(),
-        "a fresh frame with the apply bit is the way out"
-    );
+    assert!(!rig.motors_off(), "a frame with the apply bit resumes");
 }
 
 // Requirement: WIRE-deadline-1
@@ -85,26 +79,23 @@ fn missing_tick_triggers_watchdog() {
     let after = rig.now_us() - stopped;
     assert!(after <= 190_000, "{after} µs");
     assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     rig.run_us(100_000);
     assert!(rig.motors_off(), "after the restart it stands");
-    assert!(rig.log().contains("watchdog"), "{}", rig.log());
+    rig.assert_logged("watchdog");
     let reason = "restarted after a failure";
-    assert!(rig.log().contains(reason), "{}", rig.log());
+    rig.assert_logged(reason);
 }
 
 fn with_original_image(elf: &[u8]) -> Rig {
-    let options = Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    };
+    let options = Options::with_eeprom(original_image());
     Rig::with_elf(elf, options)
 }
 
 /// Two seconds after READY the firmware fails on purpose while it drives: the motors go off, the log
 /// says `why`, and the watchdog restarts a robot that stands.
 fn ends_standing(rig: &Rig, why: &str) {
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     let go = normal_frame(3_000_000, 0, 0, true);
     let ready = rig.now_us();
     let _ = rig.keep_sending(&go, 1_500_000);
@@ -116,18 +107,18 @@ fn ends_standing(rig: &Rig, why: &str) {
         assert!(rig.now_us() - ready < 2_100_000, "nothing failed");
     }
     assert!(rig.motors_off(), "READY is low and the motors run");
-    assert!(rig.log().contains(why), "{}", rig.log());
+    rig.assert_logged(why);
     assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
     assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     assert!(rig.motors_off(), "after the restart it stands");
     rig.run_us(100_000);
-    assert!(rig.log().contains("watchdog"), "{}", rig.log());
+    rig.assert_logged("watchdog");
 }
 
 /// Nothing moves for as long as the host goes on asking.
 fn stays_off(rig: &Rig, line: &str) {
-    assert!(rig.log().contains(line), "{}", rig.log());
+    rig.assert_logged(line);
     assert_eq!(rig.leds(), leds(State::Faulted));
     let go = normal_frame(3_000_000, 0, 0, true);
     let _ = rig.keep_sending(&go, 500_000);
@@ -206,22 +197,16 @@ fn bridge_inputs_change_after_dead_time() {
 
 #[test]
 fn empty_battery_stops_for_good() {
-    let mut options = Options {
-        eeprom: Some(original_image()),
-        ..Options::default()
-    };
+    let mut options = Options::with_eeprom(original_image());
     options.params.battery.charge = [0.0; 2];
     let rig = Rig::new(options);
     rig.await_ready();
     let go = normal_frame(3_000_000, 0, 0, true);
     let _ = rig.keep_sending(&go, 2_000_000);
     let taps = rig.truth().battery_v;
-    assert!(
-        taps[0] < 3.0,
-        "the model's empty battery is not empty: {taps:?}"
-    );
+    assert!(taps[0] < 3.0, "the model's battery is not empty: {taps:?}");
     assert!(rig.motors_off());
-    assert!(rig.log().contains("battery"), "{}", rig.log());
+    rig.assert_logged("battery");
     let reply = NormalReply::of(&rig.frame(&go));
     assert!(reply.voltage > 0);
 }
@@ -235,9 +220,8 @@ fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
         // At full speed: the load that drains it.
         .with(fields::BLIND_SPEED, 2000);
     let mut options = Options {
-        eeprom: Some(image.0.to_vec()),
         room: Room::default(),
-        ..Options::default()
+        ..Options::with_eeprom(image.0.to_vec())
     };
     options.params.battery.capacity_ah = 0.004;
     options.params.battery.idle_a = 0.05;
@@ -271,11 +255,8 @@ fn battery_warns_and_cuts_off_at_configured_voltages() {
         assert!(below_cutoff < 30, "{volts} V and still driving");
     }
     assert!(below_cutoff > 15, "stopped at {} V", lowest(&rig));
-    assert!(rig.log().contains("battery empty"), "{}", rig.log());
-    assert!(
-        lowest(&rig) > 3.4,
-        "an original EEPROM would have warned too"
-    );
+    rig.assert_logged("battery empty");
+    assert!(lowest(&rig) > 3.4, "an original EEPROM would warn too");
     // Without its load the battery is better again, and the Pi goes on asking.
     for x_um in [3_000_000, -1_000_000] {
         let frame = normal_frame(x_um, 0, 0, true);
@@ -297,7 +278,7 @@ fn reset_while_driving_stops_at_once() {
     rig.run_us(100_000);
     assert!(!rig.is_ready());
     rig.hold_reset(false);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     rig.run_us(100_000);
     assert!(rig.motors_off());
 }

@@ -3,6 +3,7 @@
 use fw_core::eeprom::{fields, Config, Image};
 use fw_core::wire::{Command, Mode, PiLink, Report, MAX_FRAME};
 use host_link::snapshot::distance_mm;
+use host_link::statistics::LinkStatistics;
 use mapper::Point;
 use pilot::mapping::{mapper_config, Mapping, RangeSample};
 use robot_tests::test_board::Rig;
@@ -28,9 +29,8 @@ impl ScanningRobot {
     fn new(image: &Image, params: Params) -> Self {
         let config = Config::decode(image).expect("accepted");
         let rig = Rig::ready(Options {
-            eeprom: Some(image.0.to_vec()),
             params,
-            ..Options::default()
+            ..Options::with_eeprom(image.0.to_vec())
         });
         rig.run_us(20_000);
         Self {
@@ -92,18 +92,16 @@ fn assert_readings_match_pings(pings: &[Ping], readings: &[(u64, Report)], front
         let ping = pings.next().expect("a ping for every reading");
         assert!(ping.at_ns < *at, "{bearing}");
         let true_bearing = ping.bearing_rad.to_degrees();
+        let off = (true_bearing - bearing).abs();
         assert!(
-            (true_bearing - bearing).abs() < 0.7,
-            "reported {bearing}, stood at {true_bearing} (front {front_deg})"
+            off < 0.7,
+            "{bearing}, not {true_bearing} (front {front_deg})"
         );
         match (measured, ping.range_mm.filter(|&mm| mm < 2499.0)) {
             (Some(measured), Some(truth)) => {
                 // A per cent for the chip's idea of the air, and a step of the emulated clock.
-                let off = (measured - truth).abs();
-                assert!(
-                    off <= 2.0 + truth / 100.0,
-                    "{bearing}: {measured} for {truth}"
-                );
+                let most = 2.0 + truth / 100.0;
+                assert!((measured - truth).abs() <= most, "{measured} for {truth}");
             }
             (None, Some(truth)) => assert!(truth > 2475.0, "{bearing}: no echo for {truth}"),
             (Some(measured), None) => {
@@ -126,10 +124,8 @@ fn scan_readings_carry_their_bearing_exactly_once() {
     let pings = robot.rig.pings();
     assert!(pings.iter().all(|ping| ping.sensor == 0));
     assert!(readings.len() >= 80, "{}", readings.len());
-    assert!(
-        pings.len() - readings.len() <= 1,
-        "the last may be under way"
-    );
+    // The last may be under way.
+    assert!(pings.len() - readings.len() <= 1);
     assert_readings_match_pings(&pings, &readings, 0.0);
     let bearings: Vec<f64> = readings.iter().map(|(_, r)| degrees(r.bearing)).collect();
     let turns = bearings
@@ -144,13 +140,10 @@ fn scan_readings_carry_their_bearing_exactly_once() {
         let apart = pair[1].at_ns - pair[0].at_ns;
         assert!((59_900_000..=60_100_000).contains(&apart), "{apart} ns");
     }
-    assert!(
-        readings
-            .iter()
-            .filter(|(_, r)| distance_mm(r.ranges[0]).is_some())
-            .count()
-            > 40
-    );
+    let echoes = readings
+        .iter()
+        .filter(|(_, r)| distance_mm(r.ranges[0]).is_some());
+    assert!(echoes.count() > 40);
     robot.rig.assert_modelled();
 }
 
@@ -160,13 +153,9 @@ fn scan_reversed_short_servo_bearings_are_true() {
     let mut params = exact();
     params.servo.travel_rad = -std::f64::consts::FRAC_PI_2;
     params.mounts[0].bearing_rad = 30f64.to_radians();
-    let mut robot = ScanningRobot::new(
-        &sweeping()
-            .with(fields::SERVO_REVERSED, 1)
-            .with(fields::SERVO_TRAVEL, 0x4000)
-            .with(fields::BEARING_FRONT, 0x1555),
-        params,
-    );
+    let image = sweeping().with(fields::SERVO_REVERSED, 1);
+    let image = image.with(fields::SERVO_TRAVEL, 0x4000);
+    let mut robot = ScanningRobot::new(&image.with(fields::BEARING_FRONT, 0x1555), params);
     let reports = robot.frames(2_500_000);
     let readings = readings(&reports);
     assert!(readings.len() >= 30);
@@ -182,11 +171,9 @@ fn scan_slow_servo_shows_bearing_errors() {
     let reports = robot.frames(2_500_000);
     let readings = readings(&reports);
     let pings = robot.rig.pings();
-    let worst = pings
-        .iter()
-        .zip(&readings)
-        .map(|(ping, (_, r))| (ping.bearing_rad.to_degrees() - degrees(r.bearing)).abs())
-        .fold(0.0, f64::max);
+    let pairs = pings.iter().zip(&readings);
+    let errors = pairs.map(|(ping, (_, r))| ping.bearing_rad.to_degrees() - degrees(r.bearing));
+    let worst = errors.map(f64::abs).fold(0.0, f64::max);
     assert!(worst > 1.0, "{worst}");
 }
 
@@ -248,54 +235,33 @@ fn scan_maps_room_around_robot() {
     let config = robot.config.clone();
     for (at, report) in robot.frames(12_000_000) {
         let mut snapshot = host_link::snapshot::Snapshot::new(&config);
-        snapshot.update(
-            at / 1000,
-            &report,
-            host_link::statistics::LinkStatistics::default(),
-        );
+        snapshot.update(at / 1000, &report, LinkStatistics::default());
         survey.add(&RangeSample::of(&snapshot).expect("a mode with poses"));
     }
     let counters = survey.mapper().counters();
     // 12 s of 16.7 readings a second; repeats are ignored.
     assert!(counters.echoes > 90, "{counters:?}");
-    assert!(
-        counters.echoes + counters.silences + counters.outliers < 200,
-        "{counters:?}"
-    );
+    let new = counters.echoes + counters.silences + counters.outliers;
+    assert!(new < 200, "{counters:?}");
     // The first board's start looks along +x of its own frame: what was seen must be where walls are.
     let room = robot.rig.world(|world| world.room().clone());
     let grid = survey.mapper().grid();
     let (mut right, mut wrong, mut ahead) = (0, 0, [0; 3]);
-    for row in 0..grid.rows() {
-        for column in 0..grid.columns() {
-            if grid.probability(column, row) < 0.7 {
-                continue;
-            }
+    for (column, row) in grid.cells() {
+        if grid.probability(column, row) >= 0.7 {
             let Point { x_mm: x, y_mm: y } = grid.middle(column, row);
             // Within the cone's half width of a wall: an arc is drawn where only a point of it is.
             let near = room.clearance_mm(room.start.point_at(x, y));
             let allowed = 60.0 + 0.27 * x.hypot(y);
-            if near <= allowed {
-                right += 1;
+            *(if near <= allowed {
+                &mut right
             } else {
-                wrong += 1;
-            }
+                &mut wrong
+            }) += 1;
             let side = y.atan2(x).to_degrees();
-            if side < -30.0 {
-                ahead[0] += 1;
-            } else if side > 30.0 {
-                ahead[2] += 1;
-            } else {
-                ahead[1] += 1;
-            }
+            ahead[usize::from(side >= -30.0) + usize::from(side > 30.0)] += 1;
         }
     }
-    assert!(
-        right > 60 && wrong * 20 <= right,
-        "{right} right, {wrong} wrong"
-    );
-    assert!(
-        ahead.iter().all(|&cells| cells > 5),
-        "right, ahead, left: {ahead:?}"
-    );
+    assert!(right > 60 && wrong * 20 <= right, "{right}, {wrong} wrong");
+    assert!(ahead.iter().all(|&cells| cells > 5), "{ahead:?}");
 }

@@ -29,11 +29,10 @@ fn walls(ahead: f64, right: f64, left: f64) -> Room {
 
 fn rig(room: Room, params: Params, calibration_words: Option<[u16; 3]>) -> Rig {
     let mut options = Options {
-        eeprom: Some(original_image()),
         room,
         start: Some(Pose2::default()),
         params,
-        ..Options::default()
+        ..Options::with_eeprom(original_image())
     };
     if let Some(words) = calibration_words {
         options.calibration_words = words;
@@ -60,12 +59,9 @@ fn distance_within_1_percent_at_any_temperature() {
             let measured = ranges(&rig, 400_000);
             for (measured, truth) in measured.into_iter().zip(truth) {
                 let off = (measured / truth - 1.0).abs();
-                assert!(
-                    off < 0.01,
-                    "{celsius} °C, +{over} K: {measured} for {truth}"
-                );
+                assert!(off < 0.01, "{celsius} °C, +{over} K: {measured}");
             }
-            assert!(rig.log().contains("air at "), "{}", rig.log());
+            rig.assert_logged("air at ");
             rig.assert_modelled();
         }
     }
@@ -74,11 +70,8 @@ fn distance_within_1_percent_at_any_temperature() {
 // Requirement: WIRE-log-10
 #[test]
 fn missing_calibration_words_use_343_m_per_s() {
-    let rig = rig(
-        walls(2000.0, 1200.0, 500.0),
-        exact(19.3, 2.5),
-        Some([0xFFFF; 3]),
-    );
+    let (room, erased) = (walls(2000.0, 1200.0, 500.0), Some([0xFFFF; 3]));
+    let rig = rig(room, exact(19.3, 2.5), erased);
     let measured = ranges(&rig, 400_000);
     assert!((measured[0] - 2000.0).abs() < 2.0, "{measured:?}");
     let log = rig.log();
@@ -106,17 +99,13 @@ fn temperature_conversion_keeps_cell_voltages() {
 fn rangefinders_ping_in_turn_every_20_ms() {
     let rig = rig(walls(2400.0, 2400.0, 2400.0), exact(20.0, 2.5), None);
     let measured = ranges(&rig, 2_000_000);
-    assert!(
-        measured.iter().all(|mm| (mm - 2400.0).abs() < 24.0),
-        "{measured:?}"
-    );
+    let near = |mm: &f64| (mm - 2400.0).abs() < 24.0;
+    assert!(measured.iter().all(near), "{measured:?}");
     let pings = rig.pings();
     for (nth, pair) in pings.windows(2).enumerate() {
         let apart = pair[1].at_ns - pair[0].at_ns;
-        assert!(
-            (19_800_000..=20_200_000).contains(&apart),
-            "{nth}: {apart} ns"
-        );
+        let right = (19_800_000..=20_200_000).contains(&apart);
+        assert!(right, "{nth}: {apart} ns");
         assert_eq!(pair[1].sensor, (pair[0].sensor + 1) % 3);
     }
 }
@@ -130,10 +119,8 @@ fn late_echo_does_not_reach_next_sensor() {
             let [front, right, left] = ranges(&rig, 25_000);
             assert!(front.is_nan(), "{far}: {front}");
             for (measured, truth) in [(right, 1000.0), (left, 1500.0)] {
-                assert!(
-                    measured.is_nan() || (measured - truth).abs() < 15.0,
-                    "{far}: {measured}"
-                );
+                let off = (measured - truth).abs();
+                assert!(off.is_nan() || off < 15.0, "{far}: {measured}");
             }
         }
         let pings = rig.pings();
@@ -161,9 +148,5 @@ fn silent_rangefinder_is_logged() {
     assert!(!log.contains("front rangefinder silent"), "{log}");
     rig.set_faults(|faults| faults.unplugged[1] = false);
     assert!(ranges(&rig, 600_000)[1] > 900.0);
-    assert!(
-        rig.log().contains("right rangefinder answers"),
-        "{}",
-        rig.log()
-    );
+    rig.assert_logged("right rangefinder answers");
 }

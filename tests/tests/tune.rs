@@ -13,9 +13,8 @@ use twin::Options;
 
 fn rig() -> Rig {
     Rig::ready(Options {
-        eeprom: Some(original_image()),
         room: Room::default(),
-        ..Options::default()
+        ..Options::with_eeprom(original_image())
     })
 }
 
@@ -24,12 +23,13 @@ const MM_PER_DEG: f64 = 80.0 * std::f64::consts::PI / 360.0;
 
 /// Mean of both wheels' speeds between 50 and 100 % duty, °/s per %.
 fn slope() -> f64 {
-    let speeds = [
-        MotorParams::first_board_left(),
-        MotorParams::first_board_right(),
-    ]
-    .map(|motor| (motor.speeds_deg_s[2] - motor.speeds_deg_s[0]) / 50.0);
-    f64::midpoint(speeds[0], speeds[1])
+    mean(|motor| (motor.speeds_deg_s[2] - motor.speeds_deg_s[0]) / 50.0)
+}
+
+/// Of both motors.
+fn mean(of: impl Fn(MotorParams) -> f64) -> f64 {
+    let left = of(MotorParams::first_board_left());
+    f64::midpoint(left, of(MotorParams::first_board_right()))
 }
 
 fn tuned(axis: Axis) -> drive_model::DriveModel {
@@ -64,10 +64,7 @@ fn tuned(axis: Axis) -> drive_model::DriveModel {
 // Requirement: DOC-5.2.2-2, DOC-5.2.3-4, WIRE-log-8
 #[test]
 fn tuning_identifies_motor_gain_and_lag() {
-    let lag = f64::midpoint(
-        MotorParams::first_board_left().lag_s,
-        MotorParams::first_board_right().lag_s,
-    );
+    let lag = mean(|motor| motor.lag_s);
     // Both wheels turn the robot: 125 mm of track.
     let turning = slope() * MM_PER_DEG * 2.0 / 125.0 * 180.0 / std::f64::consts::PI;
     for (axis, expected) in [(Axis::Rotate, turning), (Axis::Move, slope() * MM_PER_DEG)] {
@@ -76,10 +73,7 @@ fn tuning_identifies_motor_gain_and_lag() {
         let ratio = model.gain / expected;
         assert!((0.9..1.25).contains(&ratio), "{axis:?}: {ratio} {model:?}");
         assert!((model.lag_s / lag - 1.0).abs() < 0.1, "{axis:?}: {model:?}");
-        assert!(
-            (12.0..24.0).contains(&model.dead_zone),
-            "{axis:?}: {model:?}"
-        );
+        assert!((12.0..24.0).contains(&model.dead_zone), "{model:?}");
     }
 }
 
@@ -90,9 +84,8 @@ fn tuning_battery_proposes_resistor() {
     let mut machine = board_io(&rig, 8_000_000, Interrupt::new());
     let mut session = Session::open(&mut machine, 40, 1000).expect("a session");
     for _ in 0..40 {
-        session
-            .exchange(&host_link::session::CommandRequest::default())
-            .expect("a frame");
+        let standing = host_link::session::CommandRequest::default();
+        session.exchange(&standing).expect("a frame");
     }
     let shown = session.snapshot().cells_v[0].expect("cell 1");
     let divider = session.config().dividers()[0];
@@ -101,8 +94,5 @@ fn tuning_battery_proposes_resistor() {
     let whole = f64::from(divider.upper.0) + f64::from(divider.lower.0);
     let expected = whole * 0.9 - f64::from(divider.lower.0);
     // The ADC's noise and the wire's 5 mV.
-    assert!(
-        (f64::from(ohm) - expected).abs() < 150.0,
-        "{ohm}, {expected}"
-    );
+    assert!((f64::from(ohm) - expected).abs() < 150.0, "{ohm}");
 }

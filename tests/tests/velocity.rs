@@ -30,10 +30,9 @@ impl Driven {
         }
         let config = Config::decode(&image).expect("accepted");
         let rig = Rig::ready(Options {
-            eeprom: Some(image.0.to_vec()),
             room,
             mpu: (image.get(fields::GYRO) != 0).then(GyroParams::default),
-            ..Options::default()
+            ..Options::with_eeprom(image.0.to_vec())
         });
         Self {
             rig,
@@ -56,10 +55,8 @@ impl Driven {
         let exchange = |_| {
             let mut frame = [0; MAX_FRAME];
             let len = self.pi.send(&command, &mut frame);
-            self.last = self
-                .pi
-                .receive(&self.rig.frame(&frame[..len]))
-                .expect("a valid reply");
+            let reply = self.rig.frame(&frame[..len]);
+            self.last = self.pi.receive(&reply).expect("a valid reply");
             self.rig.run_us(25_000 - 60);
             self.last
         };
@@ -86,13 +83,11 @@ fn wall(x_mm: f64) -> Room {
 #[test]
 fn velocity_tracks_within_five_percent_and_zero_holds() {
     let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
-    for (forward, yaw) in [
-        (100.0, 0.0),
-        (40.0, 0.0),
-        (60.0, 20.0),
-        (60.0, -20.0),
-        (20.0, 30.0),
-    ] {
+    let straight = [(100.0, 0.0), (40.0, 0.0)];
+    for (forward, yaw) in straight
+        .into_iter()
+        .chain([(60.0, 20.0), (60.0, -20.0), (20.0, 30.0)])
+    {
         robot.drive((forward, yaw), 0, 2000);
         let (speed, rate) = robot.measured((forward, yaw), 2000);
         assert!((speed / forward - 1.0).abs() <= 0.05, "{speed} mm/s");
@@ -103,10 +98,7 @@ fn velocity_tracks_within_five_percent_and_zero_holds() {
     robot.drive(STAND, 0, 1000);
     let (speed, rate) = robot.measured(STAND, 1000);
     assert!(speed < 0.01 && rate.abs() < 0.01, "{speed} {rate}");
-    assert_eq!(
-        (robot.last.state, robot.last.clipped),
-        (State::Ready, false)
-    );
+    assert!(robot.last.state == State::Ready && !robot.last.clipped);
     robot.rig.assert_modelled();
 }
 
@@ -123,11 +115,8 @@ fn obstacle_stops_before_wall_until_way_is_free() {
     assert!(!reports[100].obstacle_limited, "far from it");
     robot.drive((-50.0, 0.0), 0, 2000);
     assert!(!robot.last.obstacle_limited);
-    let log = robot.rig.log();
-    assert!(
-        log.contains("obstacle: speed limited") && log.contains("obstacle: way free"),
-        "{log}"
-    );
+    robot.rig.assert_logged("obstacle: speed limited");
+    robot.rig.assert_logged("obstacle: way free");
 }
 
 // Requirement: WIRE-deadline-1

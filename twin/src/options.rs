@@ -38,6 +38,17 @@ pub struct Options {
     pub debugger: Option<Debugger>,
 }
 
+impl Options {
+    /// The default with these bytes at the EEPROM's begin.
+    #[must_use]
+    pub fn with_eeprom(bytes: Vec<u8>) -> Self {
+        Self {
+            eeprom: Some(bytes),
+            ..Self::default()
+        }
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {

@@ -6,8 +6,9 @@
 #![forbid(unsafe_code)]
 
 use std::error::Error;
-use std::{env, fs};
+use std::fs;
 
+use clap::Parser;
 use object::{Object, ObjectSymbol};
 use twin::trace::spans;
 use twin::{Board, Options};
@@ -25,23 +26,19 @@ const WAYS: [(&str, &str); 6] = [
     ("Idsp::step", "`i32` phase, `idsp::cossin`"),
 ];
 
+/// Compares the odometry with others.
+#[derive(Parser)]
+struct Arguments {
+    /// The candidates, built for the core
+    #[arg(long)]
+    elf: String,
+    /// What the candidates printed on the host
+    #[arg(long)]
+    host: String,
+}
+
 fn main() {
-    let mut words = env::args().skip(1);
-    let (mut elf, mut host) = (None, None);
-    while let Some(word) = words.next() {
-        match (word.as_str(), words.next()) {
-            ("--elf", Some(value)) => elf = Some(value),
-            ("--host", Some(value)) => host = Some(value),
-            _ => {
-                eprintln!("bench: {word}. Usage: bench --elf PATH --host FILE");
-                std::process::exit(2);
-            }
-        }
-    }
-    let (Some(elf), Some(host)) = (elf, host) else {
-        eprintln!("bench: Usage: bench --elf PATH --host FILE");
-        std::process::exit(2);
-    };
+    let Arguments { elf, host } = Arguments::parse();
     if let Err(error) = run(&elf, &host) {
         eprintln!("bench: {error}");
         std::process::exit(1);

@@ -7,9 +7,10 @@
 
 use std::cell::Cell;
 use std::error::Error;
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::{env, fs};
 
+use clap::Parser;
 use object::{Object, ObjectSection, ObjectSegment, SectionKind};
 use robot_tests::reference::{crc16, image_in_mode, normal_frame, KEY_PI};
 use robot_tests::stack::Stack;
@@ -24,7 +25,6 @@ use twin::{Board, Options};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-const USAGE: &str = "Usage: figures --elf PATH --reference PATH [--out FILE] [--profile]";
 /// The control register of the stream that feeds SPI1 (RM0383, 9.5.5): bit 0 enables it.
 const DMA2_S3CR: u64 = 0x4002_6458;
 /// The long run: SPI clock, frames a second, virtual seconds. The rate is no multiple of the tick's, so
@@ -64,40 +64,25 @@ impl Spread {
     }
 }
 
+/// Measures the release ELF on the emulated core.
+#[derive(Parser)]
 struct Arguments {
+    /// The release ELF
+    #[arg(long)]
     elf: PathBuf,
+    /// The ELF of the reference codec
+    #[arg(long)]
     reference: PathBuf,
+    /// Where the figures go
+    #[arg(long, default_value = "target/figures.json")]
     out: PathBuf,
+    /// Print where the instructions go instead
+    #[arg(long)]
     profile: bool,
 }
 
-fn arguments() -> Option<Arguments> {
-    let (mut elf, mut reference, mut profile) = (None, None, false);
-    let mut out = PathBuf::from("target/figures.json");
-    let mut words = env::args().skip(1);
-    while let Some(word) = words.next() {
-        match word.as_str() {
-            "--profile" => profile = true,
-            "--elf" => elf = Some(words.next()?.into()),
-            "--reference" => reference = Some(words.next()?.into()),
-            "--out" => out = words.next()?.into(),
-            _ => return None,
-        }
-    }
-    Some(Arguments {
-        elf: elf?,
-        reference: reference?,
-        out,
-        profile,
-    })
-}
-
 fn main() {
-    let Some(arguments) = arguments() else {
-        eprintln!("figures: {USAGE}");
-        std::process::exit(2);
-    };
-    if let Err(error) = run(&arguments) {
+    if let Err(error) = run(&Arguments::parse()) {
         eprintln!("figures: {error}");
         std::process::exit(1);
     }
@@ -140,16 +125,12 @@ fn run(arguments: &Arguments) -> Result<()> {
 fn sizes(elf: &[u8]) -> Result<(u64, u64)> {
     let file = object::File::parse(elf)?;
     let flash = file.segments().map(|segment| segment.file_range().1).sum();
-    let ram = file
-        .sections()
-        .filter(|section| (0x2000_0000..0x4000_0000).contains(&section.address()))
-        .filter(|section| {
-            let kind = section.kind();
-            matches!(kind, SectionKind::Data | SectionKind::UninitializedData)
-        })
-        .map(|section| section.size())
-        .sum();
-    Ok((flash, ram))
+    let kinds = [SectionKind::Data, SectionKind::UninitializedData];
+    let ram = file.sections().filter(|section| {
+        let in_ram = (0x2000_0000..0x4000_0000).contains(&section.address());
+        in_ram && kinds.contains(&section.kind())
+    });
+    Ok((flash, ram.map(|section| section.size()).sum()))
 }
 
 /// Instructions of a Normal frame in the reference codec, and in the core's strategies alone.
@@ -191,26 +172,19 @@ impl Frames {
 /// From the rise of chip-select before `core` until the transmitting stream is enabled after it, without
 /// the instructions of `others`.
 fn to_reply(events: &[Event], core: &Span, others: &[Span]) -> Option<u64> {
-    let rise = events
-        .iter()
-        .rfind(|event| {
-            event.kind == EventKind::ChipSelect(false) && event.at_ns <= core.entered_ns
-        })?
-        .instructions;
+    let rises = |event: &&Event| {
+        event.kind == EventKind::ChipSelect(false) && event.at_ns <= core.entered_ns
+    };
+    let rise = events.iter().rfind(rises)?.instructions;
     let left = core.entered + core.instructions;
     let enables = |kind: &EventKind| matches!(kind, EventKind::Write { address: DMA2_S3CR, value } if value & 1 == 1);
-    let armed = events
-        .iter()
-        .find(|event| event.instructions >= left && enables(&event.kind))?
-        .instructions;
-    let elsewhere: u64 = others
-        .iter()
-        .map(|other| {
-            let end = (other.entered + other.instructions).min(armed);
-            end.saturating_sub(other.entered.max(rise))
-        })
-        .sum();
-    Some((armed - rise).saturating_sub(elsewhere))
+    let arms = |event: &&Event| event.instructions >= left && enables(&event.kind);
+    let armed = events.iter().find(arms)?.instructions;
+    let elsewhere = others.iter().map(|other| {
+        let end = (other.entered + other.instructions).min(armed);
+        end.saturating_sub(other.entered.max(rise))
+    });
+    Some((armed - rise).saturating_sub(elsewhere.sum()))
 }
 
 /// The ELF under measurement.
@@ -223,10 +197,7 @@ struct Firmware {
 impl Firmware {
     /// Boots the robot in `mode` and runs `test` on it.
     fn with_robot<T>(&self, mode: u8, test: impl FnOnce(&Rig) -> Result<T>) -> Result<T> {
-        let options = Options {
-            eeprom: Some(image_in_mode(mode)),
-            ..Options::default()
-        };
+        let options = Options::with_eeprom(image_in_mode(mode));
         let rig = Rig::with_elf(&self.elf, options);
         let stack = Stack::paint(&self.elf, &rig.board)?;
         if !rig.await_ready() {
@@ -298,11 +269,8 @@ impl Firmware {
         ] {
             println!("{name:18} {min} / {mean:.0} / {max} instructions");
         }
-        println!(
-            "{:18} {} µs after reset",
-            "READY",
-            self.with_robot(0, boot_to_ready_us)?
-        );
+        let ready_us = self.with_robot(0, boot_to_ready_us)?;
+        println!("{:18} {ready_us} µs after reset", "READY");
         self.with_robot(0, |rig| profile_of(rig, "robot_tick"))?;
         self.with_robot(0, |rig| profile_of(rig, "robot_frame"))
     }
@@ -319,7 +287,7 @@ fn boot_to_ready_us(rig: &Rig) -> Result<u64> {
 
 /// Ticks, odometry steps and Normal frames while driving to a pose at 40 frames a second.
 fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
-    let names = [
+    let handlers = [
         "TIM5",
         "robot_tick",
         "Odometry::step",
@@ -327,7 +295,7 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
         "EXTI4",
     ];
     let echoes = ["EXTI0", "EXTI9_5", "EXTI15_10"];
-    let traced = names.iter().chain(&echoes);
+    let traced = handlers.iter().chain(&echoes);
     let traced = traced.map(|name| rig.board.trace(name));
     let traced = traced.collect::<std::result::Result<Vec<_>, _>>()?;
     rig.board.trace_chip_select();

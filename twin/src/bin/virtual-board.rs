@@ -79,10 +79,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             imperfections,
             ..Params::default()
         },
-        eeprom: Some(read(arguments.eeprom.as_ref())?),
         mips: arguments.mips,
         debugger,
-        ..Options::default()
+        ..Options::with_eeprom(read(arguments.eeprom.as_ref())?)
     };
     println!("core: {} instructions a microsecond", arguments.mips);
     let board = Board::new(&elf, options)?;
