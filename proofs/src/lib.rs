@@ -23,13 +23,21 @@
     clippy::needless_pass_by_value,
     reason = "a property owns the inputs drawn for it"
 )]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "every pattern of bits is an input, of either sign"
+)]
+
+#[macro_use]
+pub mod property;
+#[macro_use]
+pub mod input;
 
 pub mod binary64;
 pub mod eeprom;
-pub mod input;
 pub mod log;
 pub mod motion;
-pub mod property;
 pub mod robot;
 #[cfg(test)]
 mod sampled;

@@ -128,10 +128,7 @@ pub fn log_never_tears_a_line(script: [u8; 24]) -> Seen {
     assert!(log.pending().is_empty() && reader.len == 0);
     assert!(reader.lines + log.dropped() == written);
     assert!(reader.reported == log.dropped() && log.dropped() == dropped);
-    Seen::NOTHING
-        .case(0, dropped > 0)
-        .case(1, dropped == 0)
-        .case(2, reader.lines > 4)
+    seen!(dropped > 0, dropped == 0, reader.lines > 4)
 }
 
 /// Three lines into a queue for two, any number of bytes leaving in between: nothing overflows, what
@@ -144,9 +141,7 @@ pub fn three_lines_fit_or_are_counted(sent: [u8; 2]) -> Seen {
     log.sent(usize::from(sent[1]));
     log.line(Level::Error, |_| {});
     assert!(log.pending().len() <= 24 && log.dropped() <= 1);
-    Seen::NOTHING
-        .case(0, log.dropped() == 0)
-        .case(1, log.dropped() == 1)
+    seen!(log.dropped() == 0, log.dropped() == 1)
 }
 
 /// What the lines of [`line_leaves_as_it_entered`] are filled with.
@@ -195,9 +190,7 @@ fn through_the_ring(first: usize, number: u32) -> [u8; 35] {
 pub fn line_leaves_as_it_entered(first: u8, number: u32) -> Seen {
     const WRITTEN: &[u8; 35] = b"E00001: --\nW00003: 1 lines dropped\n";
     let first = usize::from(first);
-    if first > LETTERS.len() {
-        return Seen::NOTHING;
-    }
+    given!(first <= LETTERS.len());
     let read = through_the_ring(first, number);
     for (place, (&read, &written)) in read.iter().zip(WRITTEN).enumerate() {
         let digit = match place {
@@ -221,10 +214,7 @@ fn scripts(length: u32) -> impl Iterator<Item = ([u8; 24],)> {
     (0..6_u32.pow(length)).map(move |mut number| {
         let mut script = [5; 24];
         for event in script.iter_mut().take(length as usize) {
-            #[allow(clippy::cast_possible_truncation, reason = "a digit")]
-            {
-                *event = (number % 6) as u8;
-            }
+            *event = (number % 6) as u8;
             number /= 6;
         }
         (script,)

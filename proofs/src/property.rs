@@ -10,7 +10,7 @@
 //! by an `exhaustive` test. A `property` is sampled; its Kani harnesses decide a part of the inputs.
 //!
 //! No harness assumes anything: a property computes its precondition and returns
-//! [`Seen::NOTHING`] where it does not hold. A precondition that an earlier stage guarantees is named
+//! [`Seen::NOTHING`] where it does not hold (`given!`). A precondition that an earlier stage guarantees is named
 //! under `needs` with the property that establishes it.
 
 use crate::input::Bytes;
@@ -39,6 +39,29 @@ impl Seen {
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
+}
+
+/// The cases that were met, in the order of their declaration.
+macro_rules! seen {
+    ($($met:expr),+ $(,)?) => {{
+        let seen = ($crate::property::Seen::NOTHING, 0);
+        $(let seen = (seen.0.case(seen.1, $met), seen.1 + 1);)+
+        seen.0
+    }};
+}
+
+/// Ends the property where this precondition does not hold.
+macro_rules! given {
+    (let $pattern:pat = $value:expr) => {
+        let $pattern = $value else {
+            return $crate::property::Seen::NOTHING;
+        };
+    };
+    ($precondition:expr) => {
+        if !$precondition {
+            return $crate::property::Seen::NOTHING;
+        }
+    };
 }
 
 /// A declared property.

@@ -23,9 +23,7 @@ use rig::{Events, Rig};
 // Requirement: DOC-3.2-1, DOC-4.1-2, WIRE-deadline-1, WIRE-deadline-3, WIRE-servo-1, WIRE-eeprom-6
 pub fn robot_obeys_whatever_happens(values: AcceptedConfig, start: Micros, script: Script) -> Seen {
     let mut events = Events::new(&script);
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut rig = Rig::new(config, start, &mut events);
     while events.more() {
         match events.byte() % 20 {
@@ -55,9 +53,7 @@ pub fn first_sample_moves_nothing(
     right: u16,
     rolled: u8,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut log = Log::<1024>::new();
     let first = TickInput { now, left, right };
     let mut robot = Robot::new(&config, first);
@@ -94,9 +90,7 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
         .with(MODE, Mode::TuneRotate.code().into())
         // Nothing else is to stop it.
         .with(BATTERY_CUTOFF, 0);
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let percent = i32::from(percent).clamp(-100, 100);
     let driven = [config.left(), config.right()].map(|wheel| {
         let duty = (percent.abs() * 100).min(wheel.limit.hundredths().into());

@@ -8,9 +8,7 @@ pub fn span_survives_the_wrap(start: Micros, span: u32) -> Seen {
     let end = start.after(span);
     assert!(end.since(start) == span);
     assert!(start.since(start) == 0);
-    Seen::NOTHING
-        .case(0, end.0 < start.0)
-        .case(1, end.0 >= start.0)
+    seen!(end.0 < start.0, end.0 >= start.0)
 }
 
 /// The shortest way between two headings leads from one to the other and is never longer than half
@@ -19,10 +17,7 @@ pub fn shortest_way_arrives(from: Turns, to: Turns) -> Seen {
     let way = to.from_nearest(from);
     assert!(from.0.wrapping_add_signed(way) == to.0);
     assert!(way.unsigned_abs() <= 1 << 31);
-    Seen::NOTHING
-        .case(0, way > 0)
-        .case(1, way < 0)
-        .case(2, to.0 < from.0 && way > 0)
+    seen!(way > 0, way < 0, to.0 < from.0 && way > 0)
 }
 
 /// A duty is within full drive, exact where it can be and monotone.
@@ -34,10 +29,7 @@ pub fn duty_is_the_nearest(one: i32, other: i32) -> Seen {
     if one <= other {
         assert!(duty <= Duty::saturating(other).hundredths());
     }
-    Seen::NOTHING
-        .case(0, exact)
-        .case(1, one > 0 && !exact)
-        .case(2, one < 0 && !exact)
+    seen!(exact, one > 0 && !exact, one < 0 && !exact)
 }
 
 crate::properties! {

@@ -45,9 +45,7 @@ pub fn every_register_is_reached(register: u32) -> Seen {
     }
     let bytes = (!state).to_le_bytes();
     assert!(reference(&bytes) == register);
-    Seen::NOTHING
-        .case(0, register == 0)
-        .case(1, register == u32::MAX)
+    seen!(register == 0, register == u32::MAX)
 }
 
 crate::properties! {

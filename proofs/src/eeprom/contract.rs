@@ -147,9 +147,7 @@ pub fn is_bounded(config: &Config) -> bool {
 /// What [`Config::from_fields`] accepts is bounded.
 // Requirement: WIRE-eeprom-4
 pub fn accepted_configuration_is_bounded(values: AcceptedConfig) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     assert!(is_bounded(&config));
     let ends = [
         config.forward().p.value().to_bits() == 10_000 << 32,
@@ -158,9 +156,7 @@ pub fn accepted_configuration_is_bounded(values: AcceptedConfig) -> Seen {
         values.get(STOP_DEADLINE) == 2_000,
         values.get(CELLS) == 8,
     ];
-    Seen::NOTHING
-        .case(0, values != AcceptedConfig::FIRST_BOARD)
-        .case(1, ends.contains(&true))
+    seen!(values != AcceptedConfig::FIRST_BOARD, ends.contains(&true))
 }
 
 /// What [`Config::decode`] accepts is bounded: a good image with anything written over two places and
@@ -179,9 +175,7 @@ pub fn decoded_configuration_is_bounded(one: u16, first: u64, two: u16, second: 
     if let Ok(config) = &decoded {
         assert!(is_bounded(config));
     }
-    Seen::NOTHING
-        .case(0, decoded.is_ok())
-        .case(1, decoded.is_err())
+    seen!(decoded.is_ok(), decoded.is_err())
 }
 
 /// Every field with every range's ends and their neighbours, and every single bit.

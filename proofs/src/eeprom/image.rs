@@ -66,16 +66,12 @@ pub fn field_is_read_as_written(which: u8, raw: u64, filler: u8) -> Seen {
     let start = usize::from(field.address);
     let end = start + usize::from(field.kind.bytes());
     assert!(after.0[..start] == before.0[..start] && after.0[end..] == before.0[end..]);
-    Seen::NOTHING
-        .case(0, after != before)
-        .case(1, raw > field.kind.max())
+    seen!(after != before, raw > field.kind.max())
 }
 
 /// Accepted raw values come back from their image, whatever its undefined bytes hold.
 pub fn configuration_survives_the_image(values: AcceptedConfig, filler: u8) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let image = image_of(&values, filler);
     assert!(Config::decode(&image).as_ref() == Ok(&config));
     Seen::NOTHING
@@ -96,9 +92,7 @@ pub fn original_image_means_the_first_board(values: AcceptedConfig, filler: u8) 
     // None in the one mode that the first board cannot run.
     let expected = expected.config();
     assert!(Config::decode(&image).ok() == expected);
-    Seen::NOTHING
-        .case(0, expected.is_some())
-        .case(1, expected.is_none())
+    seen!(expected.is_some(), expected.is_none())
 }
 
 /// Any image decodes to a configuration or an error, without a panic: to what its raw values say, if
@@ -150,9 +144,7 @@ pub fn field_is_accepted_by_its_table(which: u8, raw: u64, original: bool) -> Se
     if let Ok(config) = &decoded {
         assert!(field.contains(raw, config.cells()));
     }
-    Seen::NOTHING
-        .case(0, decoded.is_ok())
-        .case(1, decoded.is_err())
+    seen!(decoded.is_ok(), decoded.is_err())
 }
 
 /// One wrong bit in the defined bytes is an image that is rejected; one in another byte changes
@@ -161,9 +153,7 @@ pub fn field_is_accepted_by_its_table(which: u8, raw: u64, original: bool) -> Se
 pub fn single_wrong_bit_is_rejected(bit: u16, filler: u8) -> Seen {
     let mut image = image_of(&AcceptedConfig::FIRST_BOARD, filler);
     let at = usize::from(bit / 8);
-    let Some(byte) = image.0.get_mut(at) else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(byte) = image.0.get_mut(at));
     *byte ^= 1 << (bit % 8);
     let decoded = Config::decode(&image);
     let defined = is_defined(at);
@@ -182,9 +172,7 @@ pub fn single_wrong_bit_is_rejected(bit: u16, filler: u8) -> Seen {
 pub fn image_burst_is_rejected(start: u16, pattern: u32, filler: u8) -> Seen {
     let start = usize::from(start);
     let length = 32 - pattern.leading_zeros() as usize;
-    if pattern & 1 == 0 || start + length > IMAGE_LEN * 8 {
-        return Seen::NOTHING;
-    }
+    given!(pattern & 1 != 0 && start + length <= IMAGE_LEN * 8);
     let mut image = image_of(&AcceptedConfig::FIRST_BOARD, filler);
     let shifted = u64::from(pattern) << (start % 8);
     let mut touched = false;

@@ -29,26 +29,9 @@ pub struct Past {
     pub tick: Option<u32>,
 }
 
-impl Input for SupervisorCommand {
-    fn draw(source: &mut impl Source) -> Self {
-        Self {
-            resumes: Input::draw(source),
-            order: Input::draw(source),
-            clear_faults: Input::draw(source),
-        }
-    }
-}
-
-impl Input for Past {
-    fn draw(source: &mut impl Source) -> Self {
-        Self {
-            deadline: Input::draw(source),
-            first: Input::draw(source),
-            at: Input::draw(source),
-            faults: Input::draw(source),
-            tick: Input::draw(source),
-        }
-    }
+structures! {
+    SupervisorCommand { resumes, order, clear_faults }
+    Past { deadline, first, at, faults, tick }
 }
 
 impl Past {
@@ -76,9 +59,7 @@ pub fn silence_brakes(
     silence: u32,
 ) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
-    if silence < allowed || silence >= TICKS_WITHIN || early >= allowed {
-        return Seen::NOTHING;
-    }
+    given!(silence >= allowed && silence < TICKS_WITHIN && early < allowed);
     let mut supervisor = past.supervisor();
     supervisor.on_fresh(fresh, intent);
     let in_time = supervisor.on_tick(fresh.after(early), true, true);
@@ -86,14 +67,8 @@ pub fn silence_brakes(
     assert!(permit == AllowedMotion::Brake);
     assert!(supervisor.halted());
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
-    assert!(
-        supervisor.state()
-            == if blocked {
-                State::Faulted
-            } else {
-                State::Stopped
-            }
-    );
+    assert!(blocked == (supervisor.state() == State::Faulted));
+    assert!(blocked != (supervisor.state() == State::Stopped));
     assert!(supervisor.faults().intersects(Faults::LINK_LOST));
     Seen::NOTHING
         .case(0, in_time == AllowedMotion::Drive)
@@ -105,9 +80,7 @@ pub fn silence_brakes(
 // Requirement: WIRE-deadline-2
 pub fn stop_lasts(past: Past, one: Micros, raised: Faults, two: Micros, requested: bool) -> Seen {
     let mut supervisor = past.supervisor();
-    if !supervisor.halted() {
-        return Seen::NOTHING;
-    }
+    given!(supervisor.halted());
     let first = supervisor.on_tick(one, true, true);
     supervisor.raise(raised);
     let second = supervisor.on_tick(two, requested, true);
@@ -130,9 +103,7 @@ pub fn only_an_explicit_command_resumes(
     after: u32,
 ) -> Seen {
     let mut supervisor = past.supervisor();
-    if !supervisor.halted() {
-        return Seen::NOTHING;
-    }
+    given!(supervisor.halted());
     supervisor.on_fresh(fresh, intent);
     let permit = supervisor.on_tick(fresh.after(after), true, true);
     let command = match intent.order {
@@ -144,10 +115,7 @@ pub fn only_an_explicit_command_resumes(
     if !command || blocked {
         assert!(permit == AllowedMotion::Brake);
     }
-    Seen::NOTHING
-        .case(0, permit == AllowedMotion::Drive)
-        .case(1, !command)
-        .case(2, command && blocked)
+    seen!(permit == AllowedMotion::Drive, !command, command && blocked)
 }
 
 /// A blocking fault brakes even if it is cleared before the next tick: like any stop it ends with an
@@ -162,9 +130,7 @@ pub fn fault_brakes_even_if_cleared_at_once(
 ) -> Seen {
     let mut supervisor = past.supervisor();
     supervisor.raise(raised);
-    if !supervisor.faults().intersects(Faults::BLOCKING) {
-        return Seen::NOTHING;
-    }
+    given!(supervisor.faults().intersects(Faults::BLOCKING));
     let cured = SupervisorCommand {
         resumes: false,
         order: Order::None,
@@ -181,9 +147,7 @@ pub fn fault_brakes_even_if_cleared_at_once(
 // Requirement: WIRE-deadline-2
 pub fn late_frame_does_not_undo_the_stop(past: Past, fresh: Micros, silence: u32) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
-    if silence < allowed || silence >= TICKS_WITHIN {
-        return Seen::NOTHING;
-    }
+    given!(silence >= allowed && silence < TICKS_WITHIN);
     let mut supervisor = past.supervisor();
     let apply = SupervisorCommand {
         resumes: true,
@@ -209,9 +173,7 @@ pub fn silence_is_latched_until_cleared(
     after: u32,
 ) -> Seen {
     let allowed = u32::from(past.deadline) * 1000;
-    if silence >= TICKS_WITHIN || after >= allowed {
-        return Seen::NOTHING;
-    }
+    given!(silence < TICKS_WITHIN && after < allowed);
     let mut supervisor = past.supervisor();
     supervisor.on_fresh(fresh, SupervisorCommand::default());
     let before = supervisor.faults();
@@ -225,10 +187,7 @@ pub fn silence_is_latched_until_cleared(
     assert!(supervisor.faults().intersects(Faults::LINK_LOST) == (lost && !cleared));
     let others = Faults::ALL_BITS.difference(Faults::LINK_LOST);
     assert!(supervisor.faults() & others == before.difference(intent.clear_faults) & others);
-    Seen::NOTHING
-        .case(0, silence >= allowed && !cleared)
-        .case(1, lost && cleared)
-        .case(2, !lost)
+    seen!(silence >= allowed && !cleared, lost && cleared, !lost)
 }
 
 /// Frames within the deadline never stop the robot.
@@ -244,9 +203,7 @@ pub fn fresh_frames_keep_it_going(deadline: u16, fresh: Micros, gaps: [u16; 2]) 
     let mut now = fresh;
     for gap in gaps {
         let gap = u32::from(gap) * 64;
-        if gap >= allowed {
-            return Seen::NOTHING;
-        }
+        given!(gap < allowed);
         now = now.after(gap);
         assert!(supervisor.on_tick(now, true, true) == AllowedMotion::Drive);
         supervisor.on_fresh(now, SupervisorCommand::default());

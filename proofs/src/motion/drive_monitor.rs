@@ -115,13 +115,13 @@ const REVERSED: [Faults; 2] = [Faults::LEFT_REVERSED, Faults::RIGHT_REVERSED];
 
 /// Command and motion of one wheel; the other one rests.
 fn one_of(wheel: usize, drive: MotorCommand, counts: i32) -> (MotorCommands, Delta) {
-    let (mut command, mut delta) = (MotorCommands::BRAKE, Delta::default());
+    let mut command = MotorCommands::BRAKE;
     if wheel == 0 {
-        (command.left, delta.left) = (drive, counts);
-    } else {
-        (command.right, delta.right) = (drive, counts);
+        command.left = drive;
+        return (command, Delta::rolled(counts, 0));
     }
-    (command, delta)
+    command.right = drive;
+    (command, Delta::rolled(0, counts))
 }
 
 /// An encoder jump is reported in its tick, and nothing but more than a tenth of a turn is a jump. No
@@ -134,22 +134,14 @@ pub fn jump_is_detected_at_once(
     counts: (i32, i32),
 ) -> Seen {
     let mut monitor = parameters.monitor();
-    let delta = |(left, right): (i32, i32)| Delta {
-        left,
-        right,
-        ..Delta::default()
-    };
-    let _ = monitor.step(&before.0, &delta(before.1));
-    let faults = monitor.step(&command, &delta(counts));
+    let _ = monitor.step(&before.0, &Delta::rolled(before.1 .0, before.1 .1));
+    let faults = monitor.step(&command, &Delta::rolled(counts.0, counts.1));
     let most = parameters.most().unsigned_abs();
     let jumps = counts.0.unsigned_abs() > most || counts.1.unsigned_abs() > most;
     assert!(faults.intersects(Faults::ENCODER_JUMP) == jumps);
     // Two ticks are too few to judge a wheel.
     assert!(faults.difference(Faults::ENCODER_JUMP).is_empty());
-    Seen::NOTHING
-        .case(0, jumps)
-        .case(1, !jumps && counts.0 != 0)
-        .case(2, counts.0 == i32::MIN)
+    seen!(jumps, !jumps && counts.0 != 0, counts.0 == i32::MIN)
 }
 
 /// Phases of 5 bytes: duration, and each wheel's duty and counts.
@@ -220,9 +212,7 @@ impl Witness {
 /// the other direction. For any commands and motions of both wheels.
 // Requirement: WIRE-status-3
 pub fn healthy_wheel_raises_no_fault(values: AcceptedConfig, phases: Phases) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let parameters = Parameters::of(&config);
     let mut monitor = parameters.monitor();
     let mut witnesses = [Witness::default(), Witness::default()];
@@ -288,9 +278,7 @@ pub fn broken_wheel_is_detected_in_time(
     forward: bool,
     broken: (bool, [u8; 16]),
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut parameters = Parameters::of(&config);
     let (kind, phases) = past;
     let wheel = usize::from(kind & 1);

@@ -47,11 +47,7 @@ impl Driven {
 
     fn mixer(&self, config: &Config) -> Mixer {
         let mut mixer = Mixer::new(config);
-        let delta = Delta {
-            left: self.left.into(),
-            right: self.right.into(),
-            ..Delta::default()
-        };
+        let delta = Delta::rolled(self.left.into(), self.right.into());
         for _ in 0..self.ticks {
             let _ = mixer.mix(I16F16::from_bits(self.forward), I16F16::ZERO);
             mixer.observe(&delta);
@@ -72,11 +68,7 @@ impl Input for Driven {
         // Realistic counts as often as any.
         let counts = |source: &mut _| {
             let any = i16::draw(source);
-            if bool::draw(source) {
-                any >> 8
-            } else {
-                any
-            }
+            any >> if bool::draw(source) { 8 } else { 0 }
         };
         Self {
             ticks: Input::draw(source),
@@ -127,9 +119,7 @@ pub fn duty_keeps_its_wheels_limit(
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    let Some((config, mut mixer)) = driven_on(&values, driven) else {
-        return Seen::NOTHING;
-    };
+    given!(let Some((config, mut mixer)) = driven_on(&values, driven));
     assert!(gain_balance_is_in_range(&mixer));
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
     let duties = duties(commands, &config);
@@ -152,9 +142,7 @@ pub fn raw_duty_is_exact_within_limits(
     left: i32,
     right: i32,
 ) -> Seen {
-    let Some((config, mut mixer)) = driven_on(&values, driven) else {
-        return Seen::NOTHING;
-    };
+    given!(let Some((config, mut mixer)) = driven_on(&values, driven));
     let duties = duties(mixer.raw(left, right), &config);
     for ((requested, limit), duty) in [left, right].into_iter().zip(limits(&config)).zip(duties) {
         assert!(duty == requested.clamp(-limit, limit));
@@ -174,12 +162,8 @@ pub fn compensation_is_monotone(
     less: i32,
     more: i32,
 ) -> Seen {
-    if less > more {
-        return Seen::NOTHING;
-    }
-    let Some((config, mixer)) = driven_on(&values, driven) else {
-        return Seen::NOTHING;
-    };
+    given!(less <= more);
+    given!(let Some((config, mixer)) = driven_on(&values, driven));
     let straight = |output: i32| {
         let commands = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
         duties(commands, &config)
@@ -212,9 +196,7 @@ pub fn rotation_has_priority(
     rotation: i32,
 ) -> Seen {
     let values = values.with(DEAD_ZONE_LEFT, 0).with(DEAD_ZONE_RIGHT, 0);
-    let Some((config, mut mixer)) = driven_on(&values, driven) else {
-        return Seen::NOTHING;
-    };
+    given!(let Some((config, mut mixer)) = driven_on(&values, driven));
     let (left_balance, right_balance) = mixer.gain_balance();
     let balance = [left_balance.to_bits(), right_balance.to_bits()].map(i64::from);
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
@@ -244,9 +226,7 @@ pub fn rotation_has_priority(
 
 /// For any outputs and motions no overflow, both factors within ¼ ..= 1, and the weaker wheel's is 1.
 pub fn gain_balance_stays_in_range(values: AcceptedConfig, script: [u8; 64]) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut mixer = Mixer::new(&config);
     let mut identified = false;
     for event in script.chunks_exact(4) {
@@ -254,11 +234,7 @@ pub fn gain_balance_stays_in_range(values: AcceptedConfig, script: [u8; 64]) -> 
         // Up to the range of the counters.
         let large = |byte: u8| (i32::from(byte) - 128) << (kind % 25);
         let percent = I16F16::from_bits((i32::from(output) - 128) << 16);
-        let delta = Delta {
-            left: large(left),
-            right: large(right),
-            ..Delta::default()
-        };
+        let delta = Delta::rolled(large(left), large(right));
         for tick in 0..kind {
             let turn = if tick % 8 == 7 { percent } else { I16F16::ZERO };
             let _ = mixer.mix(percent, turn);
@@ -272,10 +248,7 @@ pub fn gain_balance_stays_in_range(values: AcceptedConfig, script: [u8; 64]) -> 
         identified |= left != right;
     }
     let (left, right) = mixer.gain_balance();
-    Seen::NOTHING
-        .case(0, identified)
-        .case(1, left < I16F16::ONE)
-        .case(2, right < I16F16::ONE)
+    seen!(identified, left < I16F16::ONE, right < I16F16::ONE)
 }
 
 /// The first board's dead zones and any limits.

@@ -143,18 +143,13 @@ impl Account {
 
 /// The speed is the largest that stops: n² + reaction·n ≤ energy, and n + 1 exceeds it.
 pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
-    if reaction >= 1 << 17 {
-        return Seen::NOTHING;
-    }
+    given!(reaction < 1 << 17);
     let (n, energy) = (u64::from(stoppable(reaction, energy)), u64::from(energy));
     let needed = |n: u64| n * (n + u64::from(reaction));
     let fastest = (1 << 14) - 1;
     assert!(n <= fastest && needed(n) <= energy);
     assert!(n == fastest || needed(n + 1) > energy);
-    Seen::NOTHING
-        .case(0, n == 0 && energy > 0)
-        .case(1, n == fastest)
-        .case(2, n > 0 && n < fastest)
+    seen!(n == 0 && energy > 0, n == fastest, n > 0 && n < fastest)
 }
 
 /// What every event keeps: what [`obstacle_step_follows_the_rules`] takes for granted.
@@ -184,9 +179,7 @@ pub fn obstacle_step_follows_the_rules(
     let AcceptedStop(figures) = stop;
     let start = ObstacleLimit::new(&figures, by_velocity);
     assert!(is_possible(start.track()) && start.track().ahead.is_none());
-    if !is_possible(&before) {
-        return Seen::NOTHING;
-    }
+    given!(is_possible(&before));
     let mut obstacle = start.with_track(before);
     event.apply(&mut obstacle);
     let after = *obstacle.track();
@@ -242,19 +235,10 @@ pub fn obstacle_step_follows_the_rules(
     assert!(obstacle.max_reverse().unsigned_abs() == if used_up { 0 } else { reverse * 1000 });
     let allowed = obstacle.limit(commanded);
     assert!(-obstacle.max_reverse() <= allowed && allowed <= obstacle.max_forward());
-    assert!(
-        allowed == commanded
-            || allowed
-                == if commanded > 0 {
-                    obstacle.max_forward()
-                } else {
-                    -obstacle.max_reverse()
-                }
-    );
-    assert!(
-        commanded.signum() * allowed.signum() >= 0
-            && allowed.unsigned_abs() <= commanded.unsigned_abs()
-    );
+    let bound = [-obstacle.max_reverse(), obstacle.max_forward()][usize::from(commanded > 0)];
+    assert!(allowed == commanded || allowed == bound);
+    assert!(commanded.signum() * allowed.signum() >= 0);
+    assert!(allowed.unsigned_abs() <= commanded.unsigned_abs());
     assert!(obstacle.limited(commanded) == (allowed != commanded));
     Seen::NOTHING
         .case(0, after.ahead.is_some() && allowed < commanded)
@@ -272,9 +256,7 @@ pub fn obstacle_step_follows_the_rules(
 // Requirement: WIRE-obstacle-1, WIRE-obstacle-4
 pub fn distance_allows_what_stops(stop: AcceptedStop, ahead: i32, backward: i32) -> Seen {
     let AcceptedStop(figures) = stop;
-    if backward < 0 {
-        return Seen::NOTHING;
-    }
+    given!(backward >= 0);
     let track = Track {
         ahead: Some(ahead),
         fresh: true,
@@ -311,18 +293,9 @@ pub fn figures_err_on_the_safe_side(
     speed: u16,
     room: u32,
 ) -> Seen {
-    if !(50..=10_000).contains(&deceleration)
-        || reaction_time > 1_000
-        || speed > 2_000
-        || room >> 31 > 0
-    {
-        return Seen::NOTHING;
-    }
-    let (a, t, v) = (
-        u32::from(deceleration),
-        u32::from(reaction_time),
-        u32::from(speed),
-    );
+    given!((50..=10_000).contains(&deceleration) && reaction_time <= 1_000);
+    given!(speed <= 2_000 && room >> 31 == 0);
+    let [a, t, v] = [deceleration, reaction_time, speed].map(u32::from);
     let reaction = reaction_speed(a, t);
     assert!(reaction < 1 << 17 && reaction * 128 >= a * t && reaction * 128 < a * t + 128);
     let energy = braking_energy(room, a * 125_000);
@@ -334,10 +307,7 @@ pub fn figures_err_on_the_safe_side(
     let (reaction_way, braking_way) = (v * t / 1000 + 1, v * v / (2 * a) + 1);
     assert!(reaction_way * 1000 > v * t && braking_way * 2 * a > v * v);
     assert!(way == reaction_way + braking_way);
-    Seen::NOTHING
-        .case(0, reaction * 128 > a * t)
-        .case(1, energy == u32::MAX)
-        .case(2, way > 2_000)
+    seen!(reaction * 128 > a * t, energy == u32::MAX, way > 2_000)
 }
 
 /// After any events: `v·t_r + v²/(2a)` ≤ max(0, d − overhang − stop distance) for the commanded forward
@@ -351,9 +321,7 @@ pub fn commanded_speed_stops_in_time(
     count: u8,
     commanded: i32,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let figures = config.obstacle_stop();
     let mut obstacle = ObstacleLimit::new(figures, by_velocity);
     let mut account = Account::default();
@@ -364,9 +332,8 @@ pub fn commanded_speed_stops_in_time(
     let allowed = obstacle.limit(commanded);
     assert!(allowed <= obstacle.max_forward() && allowed >= -obstacle.max_reverse());
     assert!(obstacle.limited(commanded) == (allowed != commanded));
-    assert!(
-        commanded.signum() * allowed.signum() >= 0 && allowed.abs() <= commanded.saturating_abs()
-    );
+    assert!(commanded.signum() * allowed.signum() >= 0);
+    assert!(allowed.abs() <= commanded.saturating_abs());
     let reaction = u64::from(figures.reaction_time.0);
     let deceleration = u64::from(figures.deceleration_mm_s2);
     let fastest = u64::from(obstacle.max_forward().unsigned_abs());
@@ -387,10 +354,8 @@ pub fn commanded_speed_stops_in_time(
         seen = seen.case(2, account.misses >= 3);
     }
     let reverse = u64::from(figures.reverse_speed_mm_s);
-    assert!(
-        obstacle.max_reverse() == 0
-            || u64::from(obstacle.max_reverse().unsigned_abs()) == reverse * 1000
-    );
+    let allowed_reverse = u64::from(obstacle.max_reverse().unsigned_abs());
+    assert!(allowed_reverse == 0 || allowed_reverse == reverse * 1000);
     if by_velocity && obstacle.max_reverse() > 0 {
         let stopping = (reverse * reaction * 2 * deceleration + reverse * reverse * 1000) << 16;
         let left = (i64::from(figures.reverse_distance_mm) << 16) - account.backward;

@@ -28,27 +28,20 @@ pub fn heading_never_drifts(
     path: Path,
     scale: u8,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut slow = Odometry::new(&config, left, right);
     let mut quick = Odometry::new(&config, left, right);
     let (mut l, mut r) = (left, right);
     let (mut net_left, mut net_right) = (0_i32, 0_i32);
     for (grown_left, grown_right) in samples(&path, scale) {
         l = l.wrapping_add_signed(grown_left);
-        #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
-        {
-            r = r.wrapping_add_signed(grown_right as i16);
-        }
+        r = r.wrapping_add_signed(grown_right as i16);
         net_left += grown_left;
         net_right += grown_right;
         let _ = slow.step(l, r);
     }
     // The range of a 16-bit counter in one step.
-    if net_right.abs() > 32_767 {
-        return Seen::NOTHING;
-    }
+    given!(net_right.abs() <= 32_767);
     let _ = quick.step(l, r);
     assert!(slow.pose().heading == quick.pose().heading);
     Seen::NOTHING
@@ -62,17 +55,13 @@ pub fn heading_never_drifts(
 /// rolled back restores it, and counters that stand add nothing.
 // Requirement: DOC-4.1-5
 pub fn tick_back_undoes_a_tick(values: AcceptedConfig, from: (u32, u16), to: (u32, u16)) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut odometry = Odometry::new(&config, from.0, from.1);
     let there = odometry.step(to.0, to.1);
     let away = odometry.pose().heading;
     let _ = odometry.step(from.0, from.1);
     // Half of the counters' range has no opposite.
-    if there.left == i32::MIN || there.right.abs() == 1 << 15 {
-        return Seen::NOTHING;
-    }
+    given!(there.left != i32::MIN && there.right.abs() != 1 << 15);
     assert!(odometry.pose().heading == Turns(0));
     Seen::NOTHING
         .case(0, away != Turns(0))
@@ -88,9 +77,7 @@ pub fn step_is_the_exact_arc(values: AcceptedConfig, heading: u16, left: i16, ri
     let values = values
         .with(ENCODER_LEFT_REVERSED, 0)
         .with(ENCODER_RIGHT_REVERSED, 0);
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut odometry = Odometry::new(&config, 0, 0);
     // To any heading: the right wheel rolls, the left one stands.
     let _ = odometry.step(0, heading);
@@ -132,18 +119,14 @@ pub fn step_is_the_exact_arc(values: AcceptedConfig, heading: u16, left: i16, ri
 
 /// No counters overflow anything on an accepted platform.
 pub fn any_counters_are_safe(values: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut odometry = Odometry::new(&config, 0, 0);
     for (left, right) in counters.into_iter().take(usize::from(ticks % 9)) {
         let delta = odometry.step(left, right);
         assert!(delta.right.abs() <= 32_768);
     }
     let pose = odometry.pose();
-    Seen::NOTHING
-        .case(0, pose.x.0 > 10_000)
-        .case(1, pose.x.0 < -10_000)
+    seen!(pose.x.0 > 10_000, pose.x.0 < -10_000)
 }
 
 crate::properties! {

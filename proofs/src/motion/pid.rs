@@ -94,9 +94,7 @@ pub fn saturation_ends_at_once(
     let term = |factor: i64, of: i32| i128::from(factor) * i128::from(of);
     let others = term(factors.p, error) - term(factors.d, rate);
     let (back, cut) = (others.abs() > 1 << 39, cut(limit));
-    if !back || cut <= 1 << 10 {
-        return Seen::NOTHING;
-    }
+    given!(back && cut > 1 << 10);
     let mut pid = pid_with(&gains, limit, integral);
     let output = pid
         .step(I16F16::from_bits(error), I16F16::from_bits(rate))
@@ -125,9 +123,7 @@ pub fn windup_is_shed_in_time(
     samples: u8,
 ) -> Seen {
     let factors = Factors::of(&gains);
-    if error == 0 {
-        return Seen::NOTHING;
-    }
+    given!(error != 0);
     let sign = error.signum();
     let cut = cut(limit);
     let error = I16F16::from_bits(error);
@@ -138,16 +134,11 @@ pub fn windup_is_shed_in_time(
     let shed = (factors.anti_windup >> 16).min(1 << 16);
     let excess = |pid: &Pid| whole(pid) * sign - headroom;
     let before = excess(&pid);
-    if before <= 0 {
-        return Seen::NOTHING;
-    }
+    given!(before > 0);
     let mut most = before;
     for _ in 0..samples {
         let output = pid.step(error, I16F16::ZERO).to_bits();
-        #[allow(clippy::cast_possible_truncation, reason = "a part of it")]
-        {
-            most -= ((i64::from(most) * shed) >> 16) as i32;
-        }
+        most -= ((i64::from(most) * shed) >> 16) as i32;
         assert!(excess(&pid) <= most + 2);
         assert!(output * sign >= cut - 2);
     }
@@ -185,9 +176,7 @@ pub fn integral_turns_in_time(
     let mut pid = pid_with(&gains, limit, integral);
     let held = |pid: &Pid| i128::from(whole(pid) * sign);
     let before = held(&pid);
-    if sign == 0 || before <= 0 || proportional + 1 >= i128::from(cut / 5) {
-        return Seen::NOTHING;
-    }
+    given!(sign != 0 && before > 0 && proportional + 1 < i128::from(cut / 5));
     // 2⁻³² %.
     let part = (i128::from(factors.i) * i128::from(error).abs()) >> 16;
     let mut left = before << 16;
@@ -196,9 +185,7 @@ pub fn integral_turns_in_time(
         let output = pid
             .step(I16F16::from_bits(error), I16F16::from_bits(rate))
             .to_bits();
-        if output * sign == -cut {
-            return Seen::NOTHING;
-        }
+        given!(output * sign != -cut);
         left = (left - part).max(-i128::from(cut) << 16);
         assert!(held(&pid) <= (left >> 16) + 2);
         held_at_limit |= output * sign == cut && part > 0;
@@ -219,17 +206,13 @@ pub fn far_errors_are_not_integrated(
     rate: i32,
 ) -> Seen {
     let factors = Factors::of(&gains);
-    if factors.proportional(error) <= i128::from(cut(limit) / 5) {
-        return Seen::NOTHING;
-    }
+    given!(factors.proportional(error) > i128::from(cut(limit) / 5));
     let mut pid = pid_with(&gains, limit, integral);
     let before = integral_of(&pid);
     let _ = pid.step(I16F16::from_bits(error), I16F16::from_bits(rate));
     let after = integral_of(&pid);
     assert!(before.min(0) <= after && after <= before.max(0));
-    Seen::NOTHING
-        .case(0, after == before && before != 0)
-        .case(1, after != before)
+    seen!(after == before && before != 0, after != before)
 }
 
 impl Input for Gains {

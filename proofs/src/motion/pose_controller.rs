@@ -48,9 +48,7 @@ pub fn any_pose_is_safe(
     ticks: [(Tick, ()); 8],
     count: u8,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut controller = PoseController::new(&config);
     controller.set_target(target);
     assert!(controller.moving());

@@ -38,9 +38,7 @@ pub fn sine_and_cosine_are_accurate(block: u32) -> Seen {
         worst_cosine = worst_cosine.max((f64::from(cosine) / 2_147_483_648.0 - true_cosine).abs());
     }
     assert!(worst_sine <= ERROR && worst_cosine <= ERROR);
-    Seen::NOTHING
-        .case(0, worst_sine > ERROR / 2.0)
-        .case(1, worst_cosine > ERROR / 2.0)
+    seen!(worst_sine > ERROR / 2.0, worst_cosine > ERROR / 2.0)
 }
 
 /// A quarter turn swaps sine and cosine and changes a sign, exactly, so that the error in the reduced
@@ -51,9 +49,7 @@ pub fn quarter_turn_only_swaps(phase: Turns) -> Seen {
     assert!(further(1) == (cosine, -sine));
     assert!(further(2) == (-sine, -cosine));
     assert!(further(3) == (-cosine, sine));
-    Seen::NOTHING
-        .case(0, phase.0 >> 29 == 1)
-        .case(1, cosine == i32::MAX)
+    seen!(phase.0 >> 29 == 1, cosine == i32::MAX)
 }
 
 /// The direction of a vector is within 8e-6 turns of the true one, at every length.

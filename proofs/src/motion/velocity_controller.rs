@@ -46,9 +46,7 @@ pub fn ramp_keeps_its_limits(
 ) -> Seen {
     let smallest = ramp.max_speed.min(ramp.max_yaw_rate);
     let smallest = smallest.min(ramp.speed_step).min(ramp.yaw_step);
-    if smallest.min(max_forward) < 0 || max_reverse_mm_s > 2_000 {
-        return Seen::NOTHING;
-    }
+    given!(smallest.min(max_forward) >= 0 && max_reverse_mm_s <= 2_000);
     let cut = |velocity: Velocity| Velocity {
         forward: velocity.forward.clamp(-ramp.max_speed, ramp.max_speed),
         yaw_rate: velocity
@@ -82,13 +80,13 @@ pub fn ramp_keeps_its_limits(
     assert!(followed.clipped || after.forward == obstacle.limit(commanded.forward));
     // As far as one tick leads, or nearer by it.
     let remaining = |from: i32, to: i32, step: u32| from.abs_diff(to).saturating_sub(step);
-    assert!(
-        after.yaw_rate.abs_diff(followed.target.yaw_rate)
-            == remaining(before.yaw_rate, followed.target.yaw_rate, steps.1)
+    let (forward, yaw_rate) = (followed.free, followed.target.yaw_rate);
+    let (ahead, turn) = (
+        after.forward.abs_diff(forward),
+        after.yaw_rate.abs_diff(yaw_rate),
     );
-    assert!(
-        after.forward.abs_diff(followed.free) <= remaining(before.forward, followed.free, steps.0)
-    );
+    assert!(turn == remaining(before.yaw_rate, yaw_rate, steps.1));
+    assert!(ahead <= remaining(before.forward, forward, steps.0));
     Seen::NOTHING
         .case(0, followed.clipped)
         .case(1, !followed.clipped && after != before)
@@ -121,27 +119,19 @@ pub fn ramp_is_the_configured_one(speed: u16, yaw: u16) -> Seen {
 /// What does not fit into the duty slows: a velocity never grows by it nor changes its direction.
 // Requirement: WIRE-velocity-5
 pub fn slowing_never_speeds_up(from: i32, less: i32) -> Seen {
-    if less < 0 {
-        return Seen::NOTHING;
-    }
+    given!(less >= 0);
     let after = towards(from, 0, less);
     assert!(after.unsigned_abs() == from.unsigned_abs().saturating_sub(less.unsigned_abs()));
     assert!(after == 0 || after.signum() == from.signum());
-    Seen::NOTHING
-        .case(0, after == 0 && from < 0)
-        .case(1, after > 0 && less > 0)
+    seen!(after == 0 && from < 0, after > 0 && less > 0)
 }
 
 /// Braked for a zero command, the robot stays braked as long as zero is commanded, whatever rolls,
 /// turns or echoes.
 // Requirement: WIRE-velocity-6
 pub fn zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
-    if track.max_forward < 0 {
-        return Seen::NOTHING;
-    }
+    given!(let Some(config) = values.config());
+    given!(track.max_forward >= 0);
     let (mut controller, obstacle) = parts(&config);
     let mut obstacle = obstacle.with_track(track);
     for _ in 0..2 {
@@ -150,9 +140,7 @@ pub fn zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event:
         assert!(commands == MotorCommands::BRAKE && !controller.clipped());
         assert!(controller.applied() == Velocity::default() && !controller.held_back());
     }
-    Seen::NOTHING
-        .case(0, obstacle.max_forward() == 0)
-        .case(1, obstacle.max_forward() > 0)
+    seen!(obstacle.max_forward() == 0, obstacle.max_forward() > 0)
 }
 
 /// For any commands, motions and echoes: speed and yaw rate within their limits and the obstacle stop's,
@@ -165,9 +153,7 @@ pub fn velocity_keeps_its_limits(
     count: u8,
     repeats: u8,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let limits = config.velocity_limits();
     let (mut controller, mut obstacle) = parts(&config);
     let mut seen = Seen::NOTHING;
@@ -215,9 +201,7 @@ pub fn zero_command_ends_in_the_brake(
     before: Velocity,
     event: Event,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let limits = config.velocity_limits();
     let (mut controller, mut obstacle) = parts(&config);
     let mut moving = false;
@@ -239,10 +223,7 @@ pub fn zero_command_ends_in_the_brake(
         rests = braked;
     }
     assert!(!controller.clipped() && controller.applied() == Velocity::default());
-    Seen::NOTHING
-        .case(0, moving && forward != 0)
-        .case(1, moving && yaw_rate != 0)
-        .case(2, !moving)
+    seen!(moving && forward != 0, moving && yaw_rate != 0, !moving)
 }
 
 crate::properties! {

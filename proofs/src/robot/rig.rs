@@ -328,10 +328,7 @@ impl Rig {
     /// 10 ms later: the gyroscope's answer, then the tick.
     fn pass(&mut self, left: i32, right: i32, word: u8, apart: i32) {
         self.sample.left = self.sample.left.wrapping_add_signed(left);
-        #[allow(clippy::cast_possible_truncation, reason = "a 16-bit counter wraps")]
-        {
-            self.sample.right = self.sample.right.wrapping_add_signed(right as i16);
-        }
+        self.sample.right = self.sample.right.wrapping_add_signed(right as i16);
         self.now = self.now.after(10_000);
         self.sample.now = self.now;
         let order = self.robot.on_gyro(self.outcome, &mut self.log);

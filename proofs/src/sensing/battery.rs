@@ -36,9 +36,7 @@ fn volts(volts: Volts) -> f64 {
 
 /// For any words and accepted configuration every cell has a voltage, and no other.
 pub fn every_cell_shows_a_voltage(values: AcceptedConfig, words: [(Words, ()); 2]) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut battery = Battery::new(&config);
     assert!(battery.cells() == config.cells());
     for (words, ()) in words {
@@ -51,18 +49,14 @@ pub fn every_cell_shows_a_voltage(values: AcceptedConfig, words: [(Words, ()); 2
         nothing |= cell == Some(Volts::default());
         sum += cell.map_or(0, |volts| u64::from(volts.0.to_bits()));
     }
-    Seen::NOTHING
-        .case(0, nothing && sum > 0)
-        .case(1, sum > 0 && config.cells() == 8)
+    seen!(nothing && sum > 0, sum > 0 && config.cells() == 8)
 }
 
 /// The first cell's voltage is word · full scale / largest word · (upper + lower) / lower (document,
 /// 6.0.3), to a part in 10⁸ and 15 µV.
 // Requirement: DOC-6.0.3-2
 pub fn voltage_is_the_dividers(values: AcceptedConfig, word: u16) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let found = battery.cell(0).map_or(0.0, volts);
@@ -77,9 +71,7 @@ pub fn voltage_is_the_dividers(values: AcceptedConfig, word: u16) -> Seen {
     } else {
         assert!((found - exact).abs() <= 1e-8 * exact + 1.6e-5);
     }
-    Seen::NOTHING
-        .case(0, exact >= largest)
-        .case(1, exact > 0.0 && exact < largest)
+    seen!(exact >= largest, exact > 0.0 && exact < largest)
 }
 
 /// The voltage is monotone in the word.
@@ -113,9 +105,7 @@ pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
         let now = battery.cell(0).unwrap_or_default();
         assert!(low <= now && now <= high);
     }
-    Seen::NOTHING
-        .case(0, before < after && samples > 0)
-        .case(1, before > after && samples > 0)
+    seen!(before < after && samples > 0, before > after && samples > 0)
 }
 
 /// The cells take turns, none skipped, for every number of cells.
@@ -147,9 +137,7 @@ pub fn tuned_divider_shows_the_reference(
     word: u16,
     reference: u32,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let reference = Volts(U16F16::from_bits(reference));
@@ -209,9 +197,7 @@ pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
     // 16 times the largest word of 12 bits.
     let highest = Volts(U16F16::from_bits(140 << 16));
     assert!(one.unwrap_or_default() <= highest && two.unwrap_or_default() <= highest);
-    Seen::NOTHING
-        .case(0, one > two)
-        .case(1, two == Some(Volts::default()))
+    seen!(one > two, two == Some(Volts::default()))
 }
 
 /// For any accepted full scale, largest word and divider: no overflow, and words of 0 give 0 V.
@@ -243,9 +229,7 @@ pub fn any_divider_is_safe(
 /// reading are 0.
 pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
     let full_scale = Binary64(3.3_f64.to_bits());
-    let Some(config) = one_cell(full_scale, 4095, ohms) else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = one_cell(full_scale, 4095, ohms));
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let shown = battery.cell(0).unwrap_or_default();

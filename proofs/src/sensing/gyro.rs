@@ -49,16 +49,8 @@ pub struct Tick {
 impl Input for Tick {
     fn draw(source: &mut impl Source) -> Self {
         let shape = source.bits8();
-        #[allow(
-            clippy::cast_possible_wrap,
-            reason = "every pattern is a number of either sign"
-        )]
-        let (turn, left, right, raw) = (
-            source.bits32() as i32,
-            source.bits32() as i32,
-            source.bits16() as i16,
-            source.bits16() as i16,
-        );
+        let (turn, left) = <(i32, i32)>::draw(source);
+        let (right, raw) = <(i16, i16)>::draw(source);
         let still = shape & 1 == 0;
         Self {
             reading: (shape & 0x30 != 0).then_some(raw),
@@ -71,10 +63,8 @@ impl Input for Tick {
 
 fn step(gyro: &mut GyroFusion, tick: Tick) -> (HeadingCorrection, Option<Event>) {
     let delta = Delta {
-        left: tick.left,
-        right: tick.right.into(),
         turn: tick.turn,
-        ..Delta::default()
+        ..Delta::rolled(tick.left, tick.right.into())
     };
     gyro.step(tick.reading, &delta, tick.turn)
 }
@@ -93,9 +83,8 @@ pub fn any_readings_are_safe(ticks: Sequence<Tick, 3>) -> Seen {
     let mut seen = Seen::NOTHING;
     for tick in ticks.0 {
         let (correction, event) = step(&mut gyro, tick);
-        assert!(
-            gyro.bias().is_none() && correction == HeadingCorrection::default() && event.is_none()
-        );
+        assert!(gyro.bias().is_none() && event.is_none());
+        assert!(correction == HeadingCorrection::default());
         bounded(&gyro);
         seen = seen
             .case(0, tick.reading.is_none())
@@ -139,9 +128,7 @@ pub fn any_readings_after_a_rest_are_safe(
     }
     let verified = verified && known;
     let mut added = 0_i64;
-    let mut seen = Seen::NOTHING
-        .case(0, !known)
-        .case(1, bias.saturating_abs() > 2_500 && verified);
+    let mut seen = seen!(!known, bias.saturating_abs() > 2_500 && verified);
     let mut trusted = verified;
     for tick in ticks.0 {
         for _ in 0..=repeat % 64 {
@@ -158,9 +145,7 @@ pub fn any_readings_after_a_rest_are_safe(
             match event {
                 Some(Event::SlipEnded(total)) => {
                     // Modulo a turn, as headings are.
-                    #[allow(clippy::cast_possible_truncation, reason = "modulo a turn")]
-                    let same = total as i32 == added as i32;
-                    assert!(same);
+                    assert!(total as i32 == added as i32);
                     seen = seen.case(3, true);
                     added = 0;
                 }
@@ -238,10 +223,8 @@ pub fn pose_without_gyro_is_the_encoders(
         return Seen::NOTHING.case(0, true);
     }
     let plain = values.with(MODE, Mode::GuardedNormal.code().into());
-    let (Some(plain), Some(fitted)) = (plain.with(GYRO, 0).config(), plain.with(GYRO, 1).config())
-    else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(fitted) = plain.with(GYRO, 1).config());
+    given!(let Some(plain) = plain.with(GYRO, 0).config());
     let mut sample = TickInput::default();
     let mut log = Log::new();
     let mut alone = Robot::new(&plain, sample);
@@ -253,15 +236,11 @@ pub fn pose_without_gyro_is_the_encoders(
             sample.right = sample.right.wrapping_add_signed(i16::from(right) - 128);
             assert!(alone.on_gyro(result, &mut log) == BusRequest::Idle);
             let _ = with.on_gyro(result, &mut log);
-            let (a, b) = (
-                alone.on_tick(sample, &[], &mut log),
-                with.on_tick(sample, &[], &mut log),
-            );
-            assert!(a == b && alone.pose() == with.pose());
-            assert!(
-                !with.faults().intersects(Faults::SLIP)
-                    && !alone.faults().intersects(Faults::GYRO_LOST)
-            );
+            let outputs = alone.on_tick(sample, &[], &mut log);
+            assert!(outputs == with.on_tick(sample, &[], &mut log));
+            assert!(alone.pose() == with.pose());
+            assert!(!with.faults().intersects(Faults::SLIP));
+            assert!(!alone.faults().intersects(Faults::GYRO_LOST));
         }
     }
     Seen::NOTHING
@@ -283,17 +262,11 @@ pub fn any_correction_is_safe(
     heading: u32,
     tick: u32,
 ) -> Seen {
-    let Some(config) = values.config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.config());
     let mut odometry = Odometry::new(&config, 0, 0);
     let _ = odometry.step(before.0, before.1);
     let delta = odometry.step(counters.0, counters.1);
     let was = odometry.pose();
-    #[allow(
-        clippy::cast_possible_wrap,
-        reason = "every pattern is a turn of either sign"
-    )]
     let correction = HeadingCorrection {
         heading: heading as i32,
         tick: tick as i32,
@@ -303,9 +276,7 @@ pub fn any_correction_is_safe(
     assert!(is.heading.0 == was.heading.0.wrapping_add(heading));
     let moved = is.x != was.x || is.y != was.y;
     assert!(!moved || delta.left != 0 || delta.right != 0);
-    Seen::NOTHING
-        .case(0, moved)
-        .case(1, !moved && correction.tick != 0)
+    seen!(moved, !moved && correction.tick != 0)
 }
 
 crate::properties! {

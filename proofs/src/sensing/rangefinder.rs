@@ -74,10 +74,7 @@ pub fn code_is_none_exactly_without_a_distance(trigger: Micros, delay: u32, widt
     let distance = all.distance(RangefinderId::Front);
     let none = DistanceCode::from_distance(distance) == DistanceCode::NONE;
     assert!(none == distance.is_none());
-    Seen::NOTHING
-        .case(0, none)
-        .case(1, !none)
-        .case(2, distance.is_some_and(|at| at.0 > 2499))
+    seen!(none, !none, distance.is_some_and(|at| at.0 > 2499))
 }
 
 /// The distance is monotone in the width.
@@ -87,9 +84,7 @@ pub fn distance_is_monotone(width: u32) -> Seen {
         all.echo(RangefinderId::Front, Micros(500), Micros(500 + width));
         all.distance(RangefinderId::Front)
     };
-    if width >= 1 << 20 {
-        return Seen::NOTHING;
-    }
+    given!(width < 1 << 20);
     match (distance(width), distance(width + 1)) {
         (Some(near), Some(far)) => assert!(near < far),
         // Too short, then a distance; or out of range from here on.
@@ -97,9 +92,7 @@ pub fn distance_is_monotone(width: u32) -> Seen {
         (Some(near), None) => assert!(near.0 > 2499),
         (None, None) => {}
     }
-    Seen::NOTHING
-        .case(0, distance(width).is_some())
-        .case(1, distance(width).is_none())
+    seen!(distance(width).is_some(), distance(width).is_none())
 }
 
 /// No edges change the reading of a sensor that was not triggered or has answered; without an echo it is
@@ -114,11 +107,8 @@ pub fn missing_edge_is_no_distance(
 ) -> Seen {
     let mut all = triggered(trigger);
     if answered {
-        all.echo(
-            RangefinderId::Front,
-            trigger.after(500),
-            trigger.after(500 + 5_000),
-        );
+        let rise = trigger.after(500);
+        all.echo(RangefinderId::Front, rise, rise.after(5_000));
     }
     let before = all.reading(which);
     let pending = which == RangefinderId::Front && !answered;
@@ -167,11 +157,7 @@ pub fn sensors_take_turns(count: u8, answers: u64, allowed: u64) -> Seen {
         }
         let which = which as usize;
         assert!(which == expected && which < usize::from(fitted));
-        expected = if which + 1 == usize::from(fitted) {
-            0
-        } else {
-            which + 1
-        };
+        expected = (which + 1) % usize::from(fitted);
         if let Some(before) = last[which] {
             let apart = tick - before;
             assert!(apart >= 6);
@@ -237,9 +223,7 @@ pub fn any_temperature_is_safe(celsius: i32, width: u32) -> Seen {
     if let Some(distance) = distance {
         assert!(distance.0 > 0 && distance.0 <= 2500);
     }
-    Seen::NOTHING
-        .case(0, distance.is_some())
-        .case(1, celsius < -(40 << 16))
+    seen!(distance.is_some(), celsius < -(40 << 16))
 }
 
 crate::properties! {

@@ -46,9 +46,7 @@ pub fn servo_is_at_the_bearing_of_the_reading(
     start: u16,
     live: u64,
 ) -> Seen {
-    let Some(config) = values.with(SERVO, 1).config() else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(config) = values.with(SERVO, 1).config());
     let scans = config.mode() == fw_core::wire::Mode::GuardedSweep;
     let front = config.bearing(RangefinderId::Front).0;
     let fw_core::eeprom::Servo { travel, reversed } = config.servo().expect("it has one");

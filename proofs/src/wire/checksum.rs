@@ -29,9 +29,7 @@ fn reference(bytes: &[u8]) -> u16 {
 pub fn checksum_of_a_word_is_the_catalogues(bytes: [u8; 4]) -> Seen {
     let crc = crc16(&bytes);
     assert!(crc == reference(&bytes));
-    Seen::NOTHING
-        .case(0, crc >> 8 == 0)
-        .case(1, crc >> 8 == 0xFF)
+    seen!(crc >> 8 == 0, crc >> 8 == 0xFF)
 }
 
 /// One or two bytes of the core's checksum are one or two of the catalogue's.
@@ -46,9 +44,7 @@ pub fn checksum_of_a_rest_is_the_catalogues(bytes: [u8; 2], two: bool) -> Seen {
 // Requirement: WIRE-crc-1
 pub fn checksum_is_the_catalogues(bytes: Frame, len: u8) -> Seen {
     let len = usize::from(len);
-    let Some(bytes) = bytes.get(..len) else {
-        return Seen::NOTHING;
-    };
+    given!(let Some(bytes) = bytes.get(..len));
     assert!(crc16(bytes) == reference(bytes));
     Seen::NOTHING.case(0, len == 0).case(1, len == MAX_FRAME)
 }
@@ -57,17 +53,14 @@ pub fn checksum_is_the_catalogues(bytes: Frame, len: u8) -> Seen {
 /// is caught does not depend on the frame it hits.
 pub fn checksum_is_affine(one: Frame, other: Frame, len: u8) -> Seen {
     let len = usize::from(len);
-    if len > MAX_FRAME {
-        return Seen::NOTHING;
-    }
+    given!(len <= MAX_FRAME);
     let mut both = one;
     for (byte, change) in both.iter_mut().zip(other) {
         *byte ^= change;
     }
-    let zeros = [0; MAX_FRAME];
-    assert!(
-        crc16(&both[..len]) == crc16(&one[..len]) ^ crc16(&other[..len]) ^ crc16(&zeros[..len])
-    );
+    let [both, one, other, zeros] =
+        [both, one, other, [0; MAX_FRAME]].map(|all| crc16(&all[..len]));
+    assert!(both == one ^ other ^ zeros);
     Seen::NOTHING.case(0, len >= 16)
 }
 
@@ -99,24 +92,17 @@ const CONTEXT: Context = Context {
 // Requirement: WIRE-crc-1
 pub fn burst_is_rejected(mode: Mode, start: u8, pattern: u16) -> Seen {
     let table = table(mode);
-    if !table.guarded || pattern >> 15 == 0 {
-        return Seen::NOTHING;
-    }
+    given!(table.guarded && pattern >> 15 != 0);
     let start = usize::from(start);
     let mut frame = [0; MAX_FRAME];
     let len = write_command(mode, &CONTEXT, &Command::default(), &mut frame);
-    if flip(&mut frame[..len], start, pattern).is_none() {
-        return Seen::NOTHING;
-    }
+    given!(flip(&mut frame[..len], start, pattern).is_some());
     assert!(parse_command(mode, &CONTEXT, &frame[..len], 0).is_err());
     let len = write_report(mode, &CONTEXT, &Report::default(), &mut frame);
     assert!(parse_report(mode, &CONTEXT, &frame[..len], 0).is_ok());
     let _ = flip(&mut frame[..len], start, pattern);
     assert!(parse_report(mode, &CONTEXT, &frame[..len], 0).is_err());
-    Seen::NOTHING
-        .case(0, pattern == 0x8000)
-        .case(1, start / 8 >= len - 2)
-        .case(2, start < 8)
+    seen!(pattern == 0x8000, start / 8 >= len - 2, start < 8)
 }
 
 /// A guarded frame with up to three bits wrong, wherever they are, is rejected by its checksum.
@@ -124,16 +110,12 @@ pub fn burst_is_rejected(mode: Mode, start: u8, pattern: u16) -> Seen {
 pub fn three_wrong_bits_are_rejected(mode: Mode, one: u8, two: u8, three: u8) -> Seen {
     const FIRST: u16 = 0x8000;
     let table = table(mode);
-    if !table.guarded || one >= two || two >= three {
-        return Seen::NOTHING;
-    }
+    given!(table.guarded && one < two && two < three);
     // Errors only: by `checksum_is_affine` the frame they hit does not matter.
     let mut errors = [0; MAX_FRAME];
     let (errors, zeros) = (&mut errors[..table.len], [0; MAX_FRAME]);
     for bit in [one, two, three] {
-        if flip(errors, bit.into(), FIRST).is_none() {
-            return Seen::NOTHING;
-        }
+        given!(flip(errors, bit.into(), FIRST).is_some());
     }
     let (body, field) = errors.split_at(table.len - 2);
     let change = crc16(body) ^ crc16(&zeros[..table.len - 2]);

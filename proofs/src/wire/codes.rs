@@ -18,16 +18,10 @@ fn pose_of(x: i64, y: i64, heading: u32) -> Pose {
 /// A length's code is back to itself after the way to millimetres. x takes the code and y its
 /// complement, so that half of the codes try all of them.
 pub fn length_code_round_trips(code: i32) -> Seen {
-    let there = PoseCode {
-        x: code,
-        y: !code,
-        rotation: 0,
-    };
-    let pose = there.to_pose();
-    assert!(PoseCode::from_pose(&pose) == there);
-    Seen::NOTHING
-        .case(0, code == 1_000_000)
-        .case(1, code == i32::MAX)
+    let (x, y, rotation) = (code, !code, 0);
+    let there = PoseCode { x, y, rotation };
+    assert!(PoseCode::from_pose(&there.to_pose()) == there);
+    seen!(code == 1_000_000, code == i32::MAX)
 }
 
 /// A length's code is the nearest micrometre, of two the upper, or the end of the range where that lies
@@ -54,13 +48,8 @@ pub fn length_code_is_nearest(bits: i64) -> Seen {
 /// A length's code never falls when the length grows.
 // Requirement: WIRE-position-1
 pub fn length_code_is_monotone(one: i64, other: i64) -> Seen {
-    if one > other {
-        return Seen::NOTHING;
-    }
-    let (low, high) = (
-        PoseCode::from_pose(&pose_of(one, 0, 0)).x,
-        PoseCode::from_pose(&pose_of(other, 0, 0)).x,
-    );
+    given!(one <= other);
+    let [low, high] = [one, other].map(|bits| PoseCode::from_pose(&pose_of(bits, 0, 0)).x);
     assert!(low <= high);
     Seen::NOTHING.case(0, low == high).case(1, low < high)
 }
@@ -68,19 +57,13 @@ pub fn length_code_is_monotone(one: i64, other: i64) -> Seen {
 /// A heading's code is the nearest of 32 768, and a code is back to itself.
 // Requirement: DOC-5.1.1-3, WIRE-code-1, WIRE-position-2
 pub fn rotation_code_is_nearest(heading: u32) -> Seen {
-    let code = PoseCode::from_pose(&pose_of(0, 0, heading)).rotation;
+    let there = PoseCode::from_pose(&pose_of(0, 0, heading));
+    let code = there.rotation;
     assert!(code <= 0x7FFF);
-    let there = PoseCode {
-        x: 0,
-        y: 0,
-        rotation: code,
-    };
     let back = there.to_pose().heading;
     assert!(Turns(heading).from_nearest(back).unsigned_abs() <= 1 << 16);
     assert!(PoseCode::from_pose(&pose_of(0, 0, back.0)).rotation == code);
-    Seen::NOTHING
-        .case(0, code == 0 && heading > 1 << 31)
-        .case(1, back.0 == heading)
+    seen!(code == 0 && heading > 1 << 31, back.0 == heading)
 }
 
 /// A bearing's code is the nearest of 65 536, and a code is back to itself.
@@ -90,9 +73,7 @@ pub fn bearing_code_is_nearest(heading: u32) -> Seen {
     let back = bearing(code);
     assert!(Turns(heading).from_nearest(back).unsigned_abs() <= 1 << 15);
     assert!(bearing_code(back) == code);
-    Seen::NOTHING
-        .case(0, code == 0 && heading > 1 << 31)
-        .case(1, back.0 == heading)
+    seen!(code == 0 && heading > 1 << 31, back.0 == heading)
 }
 
 /// A gyroscope's angle has the nearest of the codes that wrap at ±128 turns, and never the code of none but
@@ -114,14 +95,10 @@ pub fn gyro_code_is_nearest(angle: i64) -> Seen {
 
 /// A voltage's code is back to itself after the way to volts.
 pub fn voltage_code_round_trips(cell: u8, voltage: u16) -> Seen {
-    if cell > 7 || voltage > CellCode::MAX_VOLTAGE {
-        return Seen::NOTHING;
-    }
+    given!(cell <= 7 && voltage <= CellCode::MAX_VOLTAGE);
     let there = CellCode { cell, voltage };
     assert!(CellCode::from_volts(cell, there.to_volts()) == there);
-    Seen::NOTHING
-        .case(0, voltage == 0)
-        .case(1, voltage == CellCode::MAX_VOLTAGE)
+    seen!(voltage == 0, voltage == CellCode::MAX_VOLTAGE)
 }
 
 /// A voltage's code is the nearest 5 mV, or 40.955 V above that; the cell is the cell.
@@ -143,15 +120,11 @@ pub fn voltage_code_is_nearest(cell: u8, bits: u32) -> Seen {
 /// A voltage's code never falls when the voltage grows.
 // Requirement: DOC-5.1.3-2
 pub fn voltage_code_is_monotone(one: u32, other: u32) -> Seen {
-    if one > other {
-        return Seen::NOTHING;
-    }
+    given!(one <= other);
     let low = CellCode::from_volts(0, Volts(U16F16::from_bits(one)));
     let high = CellCode::from_volts(0, Volts(U16F16::from_bits(other)));
     assert!(low.voltage <= high.voltage);
-    Seen::NOTHING
-        .case(0, low == high)
-        .case(1, low.voltage < high.voltage)
+    seen!(low == high, low.voltage < high.voltage)
 }
 
 /// The lowest distance, in 2⁻³² mm, whose nearest code is `code` or above: (code − ½)·2500/65535 mm,
@@ -177,15 +150,10 @@ pub fn distance_code_is_nearest(code: u16) -> Seen {
         assert!(distance_code(first - 1).0 == code - 1);
     }
     match DistanceCode(code).to_distance() {
-        Some(Millimetres(distance)) => {
-            assert!(distance_code(distance.to_bits()).0 == code);
-        }
+        Some(Millimetres(distance)) => assert!(distance_code(distance.to_bits()).0 == code),
         None => assert!(code == 0xFFFF),
     }
-    Seen::NOTHING
-        .case(0, code == 0)
-        .case(1, code == 0xFFFF)
-        .case(2, code == 0xFFFE)
+    seen!(code == 0, code == 0xFFFF, code == 0xFFFE)
 }
 
 /// A distance's code is 0xFFFF for every distance that is not at least 0 and well below 2500 mm, and
@@ -200,10 +168,7 @@ pub fn distance_code_is_total(one: i64, other: i64) -> Seen {
     if 0 <= one && one <= other {
         assert!(low.0 <= high.0);
     }
-    Seen::NOTHING
-        .case(0, one < 0)
-        .case(1, one >= end)
-        .case(2, 0 <= one && one < other && other < end)
+    seen!(one < 0, one >= end, 0 <= one && one < other && other < end)
 }
 
 /// Kani's share of [`distance_code_is_total`]: no input panics or overflows, and what is out of range
@@ -214,10 +179,7 @@ pub fn distance_out_of_range_is_nothing(bits: i64) -> Seen {
     let inside = 0 <= bits && bits < end;
     let code = distance_code(bits);
     assert!(inside || code == DistanceCode::NONE);
-    Seen::NOTHING
-        .case(0, bits < 0)
-        .case(1, bits >= end)
-        .case(2, inside && code != DistanceCode::NONE)
+    seen!(bits < 0, bits >= end, inside && code != DistanceCode::NONE)
 }
 
 crate::properties! {

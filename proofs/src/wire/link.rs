@@ -79,12 +79,8 @@ pub const HUNDRED: u64 = 100.0_f64.to_bits();
 /// What the Pi sends the STM understands, field by field; frame after frame.
 // Requirement: DOC-5-2
 pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) -> Seen {
-    let possible = cell_exists(command.tune, setup)
-        && command.expected.rotation <= 0x7FFF
-        && command.percent.magnitude() <= HUNDRED;
-    if !possible {
-        return Seen::NOTHING;
-    }
+    given!(cell_exists(command.tune, setup) && command.percent.magnitude() <= HUNDRED);
+    given!(command.expected.rotation <= 0x7FFF);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let mut frame = [0; MAX_FRAME];
     let later = earlier & 1 == 1;
@@ -106,12 +102,8 @@ pub fn command_survives_the_wire(setup: Setup, command: Command, earlier: u8) ->
 /// same number, and the fresher data is what arrives.
 // Requirement: DOC-5-2
 pub fn report_survives_the_wire(setup: Setup, report: Report, reply: u32, staler: bool) -> Seen {
-    let possible = cell_exists(report.cell, setup)
-        && report.pose.rotation <= 0x7FFF
-        && report.measurement.is_finite();
-    if !possible {
-        return Seen::NOTHING;
-    }
+    given!(cell_exists(report.cell, setup) && report.measurement.is_finite());
+    given!(report.pose.rotation <= 0x7FFF);
     let (mut pi, stm) = (PiLink::new(setup), StmLink::new(setup));
     let mut frame = [0; MAX_FRAME];
     let first = if staler { &Report::default() } else { &report };
@@ -164,9 +156,7 @@ pub fn rejection_changes_one_counter(
         assert!(counters.rejected_total() == counted.rejected_total());
     }
     assert!(counters.overrun == 0);
-    Seen::NOTHING
-        .case(0, primed && refused)
-        .case(1, !primed && refused)
+    seen!(primed && refused, !primed && refused)
 }
 
 /// A setup with one mode, everything else arbitrary.

@@ -14,9 +14,7 @@ use crate::property::Seen;
 // Requirement: DOC-5.1-2, DOC-5.1-3
 pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
-    if table.guarded {
-        return Seen::NOTHING;
-    }
+    given!(!table.guarded);
     let right = command_is_right(mode, &context, &frame);
     let parsed = parse_command(mode, &context, &frame[..table.len], 0);
     if let Ok(command) = &parsed {
@@ -34,9 +32,7 @@ pub fn command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> 
 // Requirement: DOC-5.1-2, DOC-5.1-3
 pub fn report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
-    if table.guarded {
-        return Seen::NOTHING;
-    }
+    given!(!table.guarded);
     let right = report_is_right(mode, &context, &frame);
     let parsed = parse_report(mode, &context, &frame[..table.len], 0);
     if let Ok(report) = &parsed {
@@ -65,9 +61,7 @@ fn guarded_verdict<T>(parsed: &Result<T, FrameError>, right: bool, frame: &Frame
 /// is right, and understands by it what the table says.
 pub fn guarded_command_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
-    if !table.guarded {
-        return Seen::NOTHING;
-    }
+    given!(table.guarded);
     let right = command_is_right(mode, &context, &frame);
     let parsed = parse_command(mode, &context, &frame[..table.len], 0);
     guarded_verdict(&parsed, right, &frame, mode);
@@ -86,9 +80,7 @@ pub fn guarded_command_follows_the_table(mode: Mode, context: Context, frame: Fr
 /// is right, and understands by it what the table says.
 pub fn guarded_report_follows_the_table(mode: Mode, context: Context, frame: Frame) -> Seen {
     let table = table(mode);
-    if !table.guarded {
-        return Seen::NOTHING;
-    }
+    given!(table.guarded);
     let right = report_is_right(mode, &context, &frame);
     let parsed = parse_report(mode, &context, &frame[..table.len], 0);
     guarded_verdict(&parsed, right, &frame, mode);
@@ -120,15 +112,10 @@ pub fn odd_length_is_rejected(
     let len = usize::from(len);
     let whole = table(mode).len;
     let beyond = usize::from(beyond);
-    if len > LONGER || (len == whole && beyond == 0) {
-        return Seen::NOTHING;
-    }
+    given!(len <= LONGER && (len != whole || beyond != 0));
     assert!(parse_command(mode, &context, &frame[..len], beyond).is_err());
     assert!(parse_report(mode, &context, &frame[..len], beyond).is_err());
-    Seen::NOTHING
-        .case(0, len < whole)
-        .case(1, len > whole)
-        .case(2, len == whole)
+    seen!(len < whole, len > whole, len == whole)
 }
 
 /// Every mode with every length, the rest zeros, and a checksum that is right for this length.

@@ -13,13 +13,8 @@ use crate::property::Seen;
 /// between as long as the numbers have not gone half way around.
 // Requirement: WIRE-sequence-1, WIRE-sequence-6
 pub fn repeated_frame_is_stale(setup: Setup, command: Command, between: u8) -> Seen {
-    let possible = table(setup.mode).guarded
-        && cell_exists(command.tune, setup)
-        && command.percent.magnitude() <= HUNDRED
-        && between < 128;
-    if !possible {
-        return Seen::NOTHING;
-    }
+    given!(table(setup.mode).guarded && between < 128);
+    given!(cell_exists(command.tune, setup) && command.percent.magnitude() <= HUNDRED);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (mut frame, mut newer) = ([0; MAX_FRAME], [0; MAX_FRAME]);
     let len = pi.send(&command, &mut frame);
@@ -50,9 +45,7 @@ fn numbered(setup: Setup, own: u8) -> ([u8; MAX_FRAME], [u8; MAX_FRAME]) {
 // Requirement: WIRE-sequence-3
 pub fn old_frames_never_count(mode: Mode, accepted: u8, old: [u8; 3]) -> Seen {
     let stale = |number| !is_fresh(Some(accepted), number);
-    if !table(mode).guarded || !old.into_iter().all(stale) {
-        return Seen::NOTHING;
-    }
+    given!(table(mode).guarded && old.into_iter().all(stale));
     let len = table(mode).len;
     let setup = Setup::first_board(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
@@ -87,13 +80,9 @@ pub fn disturbed_frame_never_counts(
 ) -> Seen {
     let first = accepted.wrapping_sub(behind);
     let stale = |place| !is_fresh(Some(accepted), first.wrapping_add(place));
-    if !table(mode).guarded || which >= 4 || !(0..4).all(stale) {
-        return Seen::NOTHING;
-    }
+    given!(table(mode).guarded && which < 4 && (0..4).all(stale));
     let len = table(mode).len;
-    if usize::from(bit) >= 8 * len {
-        return Seen::NOTHING;
-    }
+    given!(usize::from(bit) < 8 * len);
     let setup = Setup::first_board(mode);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let (there, back) = numbered(setup, accepted);
@@ -108,9 +97,7 @@ pub fn disturbed_frame_never_counts(
         assert!(stm.receive(&there[..len], 0, 1).is_err());
         assert!(pi.receive(&back[..len]).is_err());
     }
-    Seen::NOTHING
-        .case(0, usize::from(bit) >= 8 * (len - 2))
-        .case(1, bit / 8 == 1)
+    seen!(usize::from(bit) >= 8 * (len - 2), bit / 8 == 1)
 }
 
 /// However the two ends stand to each other (one restarted, both, or any number of frames lost), after
@@ -123,9 +110,7 @@ pub fn ends_find_each_other(
     stm_sent: u8,
     pi_accepted: u8,
 ) -> Seen {
-    if !table(mode).guarded {
-        return Seen::NOTHING;
-    }
+    given!(table(mode).guarded);
     let setup = Setup::first_board(mode);
     let (command, report) = (Command::default(), Report::default());
     let mut frame = [0; MAX_FRAME];

@@ -95,7 +95,6 @@ pub const fn word(frame: &Frame, at: usize) -> u16 {
 }
 
 /// Four bytes, the uppermost one first.
-#[allow(clippy::cast_possible_wrap, reason = "two's complement")]
 const fn long(frame: &Frame, at: usize) -> i32 {
     ((word(frame, at) as u32) << 16 | word(frame, at + 2) as u32) as i32
 }
