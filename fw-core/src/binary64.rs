@@ -39,14 +39,12 @@ const BIAS: i32 = 1023 + FRACTION_BITS as i32;
 
 impl Binary64 {
     /// Whether it is neither NaN nor infinite.
-    #[inline]
     #[must_use]
     pub const fn is_finite(self) -> bool {
         self.0 & SPECIAL != SPECIAL
     }
 
     /// The bits without the sign; for numbers, they order like the absolute values.
-    #[inline]
     #[must_use]
     pub const fn magnitude(self) -> u64 {
         self.0 & !SIGN

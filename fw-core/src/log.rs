@@ -85,7 +85,6 @@ impl Line {
     }
 
     /// A text; what is not printable ASCII becomes `?`.
-    #[inline]
     pub fn text(&mut self, text: &str) -> &mut Self {
         self.append(text.as_bytes())
     }

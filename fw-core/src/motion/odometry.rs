@@ -42,7 +42,6 @@ impl PerCount {
     }
 
     /// `onto + self·n`, modulo 2⁶⁴: two multiplications.
-    #[inline]
     const fn times(self, n: i32, onto: i64) -> i64 {
         let onto = onto.wrapping_add(self.low as i64 * n as i64);
         onto.wrapping_add((self.high.wrapping_mul(n) as i64) << 32)
@@ -216,7 +215,6 @@ const fn component(low: i32, high: i32, cosine: i64, short: i32) -> i64 {
 const MAX_POSITION: i64 = (1 << 62) - 1;
 
 /// Whether a position is out of range.
-#[inline]
 const fn out_of_range(position: i64) -> bool {
     // Its two upper bits differ.
     let high = (position >> 32) as i32;
@@ -236,7 +234,6 @@ const fn saturated(position: i64) -> i64 {
 }
 
 /// A path of 2⁻⁴² mm in 2⁻¹⁶ mm, floor, saturating to within 64 units.
-#[inline]
 fn narrow(path: i64) -> i32 {
     const END: i32 = 1 << 25;
     ((path >> 32) as i32).clamp(-END, END - 1) << 6 | (path as u32 >> 26) as i32
@@ -245,7 +242,6 @@ fn narrow(path: i64) -> i32 {
 /// Chord over arc, less 1: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in 2⁻³² turns; error ≤ 2.1e-10
 /// up to a sixteenth of a turn, bounded by 6 % beyond.
 // Requirement: DOC-4.1-4
-#[inline]
 const fn shortening(turn: i32) -> i32 {
     // −turns², Q35. All factors are negative: LLVM takes a known positive factor for
     // unsigned, and has no single instruction for a mixed product.

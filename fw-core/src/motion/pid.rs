@@ -31,7 +31,6 @@ impl Gain {
     }
 
     /// `self · value`, floor, 2⁻³² where `value` is in 2⁻¹⁶; below 2⁶¹.
-    #[inline]
     const fn times(self, value: i32) -> i64 {
         self.high as i64 * value as i64 + upper(self.low, value) as i64
     }
@@ -134,7 +133,6 @@ impl Pid {
     }
 
     /// The integral after back-calculation.
-    #[inline]
     const fn back_calculated(&self, kept: i64, excess: i64) -> i64 {
         // Only an integral of the excess's sign, and down to zero.
         if kept == 0 || (kept > 0) != (excess > 0) {

@@ -14,31 +14,26 @@
 
 use crate::types::Turns;
 /// High word of a product, floor.
-#[inline]
 const fn high(a: u32, b: u32) -> u32 {
     ((a as u64 * b as u64) >> 32) as u32
 }
 
 /// High word of a signed product, floor: one instruction, SMMUL.
-#[inline]
 pub(crate) const fn upper(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
 /// High word of a signed product, nearest: SMMULR.
-#[inline]
 pub(crate) const fn nearest(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64 + (1 << 31)) >> 32) as i32
 }
 
 /// `c` and the high word of a signed product, nearest: SMMLAR.
-#[inline]
 pub(crate) const fn plus(c: i32, a: i32, b: i32) -> i32 {
     c.wrapping_add(nearest(a, b))
 }
 
 /// The signed words (low, high) of `high·2³² + low`.
-#[inline]
 pub(crate) const fn split(value: i64) -> (i32, i32) {
     let low = value as i32;
     let high = ((value >> 32) as i32).wrapping_add((low as u32 >> 31) as i32);

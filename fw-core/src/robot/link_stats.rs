@@ -22,7 +22,6 @@ struct FrameGap {
 }
 
 impl FrameGap {
-    #[inline]
     fn on_frame(&mut self, at: Micros) {
         if let Some(last) = self.last.replace(at) {
             let gap = at.since(last);
@@ -58,7 +57,6 @@ pub(super) struct LinkStats {
 
 impl LinkStats {
     /// A frame was accepted.
-    #[inline]
     pub(super) fn on_frame(&mut self, at: Micros) {
         self.gap.on_frame(at);
     }

@@ -49,7 +49,6 @@ impl Robot {
     }
 
     /// One cell a reply, in turn. After 2³² replies one cell may be repeated or left out.
-    #[inline]
     fn cell_of_reply(&self, number: u32) -> CellCode {
         let cells = u32::from(self.battery.cells());
         let cell = number.wrapping_sub(1).checked_rem(cells).unwrap_or(0) & 7;

@@ -107,7 +107,6 @@ struct Tap {
 
 impl Tap {
     /// Filters a word of the ADC.
-    #[inline]
     fn read(&mut self, word: u16) {
         let word = u32::from(word) << 12;
         let word = match self.word {
@@ -215,14 +214,12 @@ impl Battery {
     }
 
     /// Voltage of every cell; 0 V before its tap's first word.
-    #[inline]
     pub fn voltages(&self) -> &[Volts] {
         let cells = usize::from(self.cells);
         self.voltages.get(..cells).unwrap_or_default()
     }
 
     /// Voltage of cell `index`, from 0; `None` beyond the last cell.
-    #[inline]
     pub fn cell(&self, index: u8) -> Option<Volts> {
         self.voltages().get(usize::from(index)).copied()
     }
@@ -234,7 +231,6 @@ impl Battery {
 
     /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
     // Requirement: WIRE-battery-1
-    #[inline]
     pub fn walk(&mut self) -> (u8, Volts) {
         let index = self.next;
         self.next = if index + 1 < self.cells { index + 1 } else { 0 };

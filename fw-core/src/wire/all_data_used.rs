@@ -10,7 +10,6 @@ use super::{Command, Report};
 pub struct AllDataUsed;
 
 // Requirement: DOC-5.1.5-1
-#[inline]
 fn parse(reader: &FrameReader<'_>) -> Result<(), FieldError> {
     if reader.remaining() == 0 {
         return Ok(());
@@ -23,19 +22,15 @@ impl Strategy for AllDataUsed {
     const NAME: &'static str = "all data used";
     const LEN: usize = 0;
 
-    #[inline]
     fn parse_command(reader: &mut FrameReader<'_>, _: &Context, _command: &mut Command) -> Parsed {
         parse(reader)
     }
 
-    #[inline]
     fn write_command(_writer: &mut FrameWriter<'_>, _context: &Context, _command: &Command) {}
 
-    #[inline]
     fn parse_report(reader: &mut FrameReader<'_>, _: &Context, _report: &mut Report) -> Parsed {
         parse(reader)
     }
 
-    #[inline]
     fn write_report(_writer: &mut FrameWriter<'_>, _context: &Context, _report: &Report) {}
 }

@@ -125,7 +125,6 @@ macro_rules! modes {
         }
 
         /// Bytes of a mode's frame.
-        #[inline]
         pub const fn frame_len(mode: Mode) -> usize {
             match mode {
                 $($(Mode::$mode)|+ => 0 $(+ <$strategy as Strategy>::LEN)*,)*
@@ -172,7 +171,6 @@ macro_rules! modes {
         ///
         /// # Errors
         /// The first strategy that failed, and why.
-        #[inline]
         pub fn parse_report(
             mode: Mode,
             context: &Context,
@@ -191,7 +189,6 @@ macro_rules! modes {
         }
 
         /// On the Pi: a command as a frame; returns the frame's length.
-        #[inline]
         pub fn write_command(
             mode: Mode,
             context: &Context,
@@ -208,7 +205,6 @@ macro_rules! modes {
         }
 
         /// On the STM: a report as a frame; returns the frame's length.
-        #[inline]
         pub fn write_report(
             mode: Mode,
             context: &Context,

@@ -41,18 +41,15 @@ impl Strategy for Double {
         Ok(())
     }
 
-    #[inline]
     fn write_command(writer: &mut FrameWriter<'_>, _context: &Context, command: &Command) {
         writer.put(command.percent.0.to_le_bytes());
     }
 
-    #[inline]
     fn parse_report(reader: &mut FrameReader<'_>, _: &Context, report: &mut Report) -> Parsed {
         report.measurement = parse(reader)?;
         Ok(())
     }
 
-    #[inline]
     fn write_report(writer: &mut FrameWriter<'_>, _context: &Context, report: &Report) {
         writer.put(report.measurement.0.to_le_bytes());
     }

@@ -105,7 +105,6 @@ impl Handover {
     }
 
     /// The DMA's buffers.
-    #[inline]
     pub const fn dma_buffers(&self) -> DmaBuffers {
         DmaBuffers {
             receive: self.receiving,
@@ -233,7 +232,6 @@ impl Handover {
 }
 
 /// Of buffers 0, 1 and 2 one that is neither `a` nor `b`.
-#[inline]
 const fn other(a: u8, b: u8) -> u8 {
     if a != 0 && b != 0 {
         0

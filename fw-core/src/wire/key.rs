@@ -34,12 +34,10 @@ impl Strategy for Key {
         parse(reader, context.key_from_pi)
     }
 
-    #[inline]
     fn write_command(writer: &mut FrameWriter<'_>, context: &Context, _command: &Command) {
         writer.put([context.key_from_pi]);
     }
 
-    #[inline]
     fn parse_report(
         reader: &mut FrameReader<'_>,
         context: &Context,
@@ -48,7 +46,6 @@ impl Strategy for Key {
         parse(reader, context.key_from_stm)
     }
 
-    #[inline]
     fn write_report(writer: &mut FrameWriter<'_>, context: &Context, _report: &Report) {
         writer.put([context.key_from_stm]);
     }

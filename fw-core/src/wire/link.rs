@@ -145,7 +145,6 @@ impl LinkEndpoint {
     /// Counts a rejected frame. A stale one is parsed once more as if it were the sender's first: right
     /// in everything else, it may show that the sender has restarted, and is accepted then.
     // Requirement: WIRE-sequence-7
-    #[inline]
     fn reject<T>(
         &mut self,
         error: FrameError,
@@ -240,7 +239,6 @@ impl StmLink {
     /// the number's lowest byte, so a reply can be written again with fresher data. The report's own
     /// `sequence` is not used.
     // Requirement: DOC-5-2, WIRE-sequence-5
-    #[inline]
     pub fn encode_reply(&self, number: u32, report: &Report, out: &mut [u8; MAX_FRAME]) -> usize {
         let context = Context {
             own: own(number),

@@ -83,7 +83,6 @@ impl Strategy for Status {
 
 impl Order {
     /// The order of a code; nothing for a code without one.
-    #[inline]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::None),
@@ -96,7 +95,6 @@ impl Order {
 
 impl State {
     /// The state of a code; nothing for a code without one.
-    #[inline]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::Booting),

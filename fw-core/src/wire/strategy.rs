@@ -64,7 +64,6 @@ pub struct FrameReader<'a> {
 
 impl<'a> FrameReader<'a> {
     /// A frame of which `overflow_len` more bytes were clocked than `frame` holds.
-    #[inline]
     pub const fn new(frame: &'a [u8], overflow_len: usize) -> Self {
         Self {
             frame,
@@ -74,13 +73,11 @@ impl<'a> FrameReader<'a> {
     }
 
     /// Offset of the next byte.
-    #[inline]
     pub const fn offset(&self) -> usize {
         self.offset
     }
 
     /// Bytes not taken yet, those beyond the buffer included.
-    #[inline]
     pub const fn remaining(&self) -> usize {
         self.frame
             .len()
@@ -89,7 +86,6 @@ impl<'a> FrameReader<'a> {
     }
 
     /// The bytes taken so far.
-    #[inline]
     pub fn taken(&self) -> &'a [u8] {
         self.frame.get(..self.offset).unwrap_or_default()
     }
@@ -98,7 +94,6 @@ impl<'a> FrameReader<'a> {
     ///
     /// # Errors
     /// [`Reason::Short`]: the frame ends before.
-    #[inline]
     pub fn require(&self, len: usize) -> Result<(), FieldError> {
         match self.frame.get(self.offset..self.offset.wrapping_add(len)) {
             Some(_) => Ok(()),
@@ -111,7 +106,6 @@ impl<'a> FrameReader<'a> {
     /// # Errors
     /// [`Reason::Short`]: the frame ends before; then nothing is taken.
     // Requirement: WIRE-rejected-3
-    #[inline]
     pub fn take<const N: usize>(&mut self) -> Result<[u8; N], FieldError> {
         let end = self.offset.wrapping_add(N);
         let bytes = self.frame.get(self.offset..end);
@@ -130,7 +124,6 @@ impl<'a> FrameReader<'a> {
         FieldError::new(self.offset.wrapping_sub(len), reason)
     }
 
-    #[inline]
     const fn short(&self, needed: usize) -> FieldError {
         let needed = saturating(needed);
         FieldError::new(self.offset, Reason::Short { needed, left: 0 })
@@ -156,19 +149,16 @@ pub struct FrameWriter<'a> {
 
 impl<'a> FrameWriter<'a> {
     /// An empty frame.
-    #[inline]
     pub fn new(frame: &'a mut [u8; MAX_FRAME]) -> Self {
         Self { frame, offset: 0 }
     }
 
     /// The bytes put so far.
-    #[inline]
     pub fn written(&self) -> &[u8] {
         self.frame.get(..self.offset).unwrap_or_default()
     }
 
     /// Puts `N` bytes.
-    #[inline]
     pub fn put<const N: usize>(&mut self, bytes: [u8; N]) {
         let rest = self.frame.get_mut(self.offset..).unwrap_or_default();
         if let Some(slot) = rest.first_chunk_mut::<N>() {

@@ -19,7 +19,6 @@ pub(super) struct TrackingError {
 }
 
 /// Difference along one axis, both 2⁻³² mm, in 2⁻⁷ mm and cut to ±2³⁰ of these.
-#[inline]
 fn difference(target: i64, pose: i64) -> i32 {
     // Of halves, so that it does not overflow.
     let half = (target >> 1) - (pose >> 1);
