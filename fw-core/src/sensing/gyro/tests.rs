@@ -102,8 +102,8 @@ fn bias_needs_rest_readings_and_a_plausible_rate() {
         shaken.run(1, if tick % 20 < 10 { 0.01 } else { -0.01 }, 0.0);
         let reading = gaps.reading(0.0);
         gaps.tick((tick % 2 != 0).then_some(reading), 0.0, 0.0);
-        let saturates = tick % 60 == 0;
-        saturated.tick(Some(if saturates { i16::MAX } else { reading }), 0.0, 0.0);
+        let at_end = tick % 60 == 0;
+        saturated.tick(Some(if at_end { i16::MAX } else { reading }), 0.0, 0.0);
     }
     let mut driven = Simulation::new();
     driven.run(400, 0.02, 0.02);
