@@ -1,12 +1,13 @@
 //! The odometry beside the ways one would try first, on the emulated core: instructions of a step, its
 //! call included, and the error after a kilometre, as a table.
 //!
-//! `bench --elf PATH --host FILE`: the ELF and the lines of `tests/bench`. What the core came to must be
-//! what the host came to, to the bit: then the errors, which the host worked out, are the core's.
+//! What the core came to must be what the host came to, to the bit: then the errors, which the host worked
+//! out, are the core's.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
 use std::fs;
+use std::path::PathBuf;
 
 use clap::Parser;
 use object::{Object, ObjectSymbol};
@@ -26,23 +27,15 @@ const WAYS: [(&str, &str); 6] = [
     ("Idsp::step", "`i32` phase, `idsp::cossin`"),
 ];
 
-/// Compares the odometry with others.
+/// Prints the odometry beside others.
 #[derive(Parser)]
 struct Arguments {
-    /// The candidates, built for the core
+    /// The ELF
     #[arg(long)]
-    elf: String,
-    /// What the candidates printed on the host
+    elf: PathBuf,
+    /// The lines that the host printed
     #[arg(long)]
-    host: String,
-}
-
-fn main() {
-    let Arguments { elf, host } = Arguments::parse();
-    if let Err(error) = run(&elf, &host) {
-        eprintln!("bench: {error}");
-        std::process::exit(1);
-    }
+    host: PathBuf,
 }
 
 /// A line of the host's.
@@ -64,9 +57,9 @@ fn line(text: &str, name: &str) -> Option<Line> {
     })
 }
 
-fn run(elf: &str, host: &str) -> Result<(), Box<dyn Error>> {
-    let elf = fs::read(elf).map_err(|error| format!("{elf}: {error}"))?;
-    let host = fs::read_to_string(host).map_err(|error| format!("{host}: {error}"))?;
+fn main() -> Result<(), Box<dyn Error>> {
+    let Arguments { elf, host } = Arguments::parse();
+    let (elf, host) = (fs::read(elf)?, fs::read_to_string(host)?);
     let file = object::File::parse(&*elf)?;
     let results = file
         .symbols()
@@ -79,15 +72,12 @@ fn run(elf: &str, host: &str) -> Result<(), Box<dyn Error>> {
         .map(|(name, _)| board.trace(name))
         .collect::<Result<Vec<_>, _>>()?;
     let words = 6 * WAYS.len() as u64;
-    let mut done = Err("the ELF has not come to its end in time".to_owned());
-    while board.now_us() < LIMIT_US {
-        board.run_us(50_000);
-        if board.words(results + 4 * words, 1) == [1] {
-            done = Ok(());
-            break;
+    while board.words(results + 4 * words, 1) != [1] {
+        if board.now_us() >= LIMIT_US {
+            return Err("the ELF has not come to its end in time".into());
         }
+        board.run_us(50_000);
     }
-    done?;
     let found = board.words(results, words);
     let events = board.take_events();
     println!("| way | instructions a step | error after 1 km of curves | after 1 km straight on |");
@@ -102,28 +92,20 @@ fn run(elf: &str, host: &str) -> Result<(), Box<dyn Error>> {
             .map(|pair| u64::from(pair[1]) << 32 | u64::from(pair[0]))
             .collect();
         if bits != expected.bits {
-            return Err(format!(
-                "{name}: the core came to {bits:x?}, the host to {:x?}",
-                expected.bits
-            )
-            .into());
+            let host = expected.bits;
+            return Err(
+                format!("{name}: the core came to {bits:x?}, the host to {host:x?}").into(),
+            );
         }
         // And the call.
-        let steps: Vec<u64> = spans(function, &events)
-            .iter()
-            .map(|span| span.instructions + 1)
-            .collect();
-        let most = steps
-            .iter()
-            .max()
-            .ok_or_else(|| format!("{name} was never called"))?;
+        let steps = spans(function, &events).into_iter();
+        let steps: Vec<u64> = steps.map(|span| span.instructions + 1).collect();
+        let most = steps.iter().max();
+        let most = most.ok_or_else(|| format!("{name} was never called"))?;
         #[allow(clippy::cast_precision_loss)] // counts far below 2⁵²
         let mean = steps.iter().sum::<u64>() as f64 / steps.len() as f64;
-        println!(
-            "| {about} | {mean:.0} (most {most}) | {} | {} |",
-            micrometres(expected.curves),
-            micrometres(expected.straight),
-        );
+        let [curves, straight] = [expected.curves, expected.straight].map(micrometres);
+        println!("| {about} | {mean:.0} (most {most}) | {curves} | {straight} |");
     }
     Ok(())
 }

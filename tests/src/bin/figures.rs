@@ -1,8 +1,6 @@
 //! Measures the release ELF on the emulated core: `target/figures.json`, and the same as a table.
 //!
-//! `figures --elf PATH --reference PATH [--out FILE] [--profile]`, where the second ELF is the reference
-//! codec of `tests/bench`; exit code 1 where something cannot be measured, 2 on a wrong argument. How
-//! each figure is measured is in docs/figures.md, the bars are in ci/budget.toml.
+//! How each figure is measured is in docs/figures.md, the bars are in ci/budget.toml.
 #![forbid(unsafe_code)]
 
 use std::cell::Cell;
@@ -64,35 +62,29 @@ impl Spread {
     }
 }
 
-/// Measures the release ELF on the emulated core.
+/// Measures the release ELF on the emulated core and prints a table.
 #[derive(Parser)]
 struct Arguments {
     /// The release ELF
     #[arg(long)]
     elf: PathBuf,
-    /// The ELF of the reference codec
+    /// The reference codec of `tests/bench`
     #[arg(long)]
     reference: PathBuf,
     /// Where the figures go
     #[arg(long, default_value = "target/figures.json")]
     out: PathBuf,
-    /// Print where the instructions go instead
+    /// Print where the instructions of a tick and of a frame go instead
     #[arg(long)]
     profile: bool,
-}
-
-fn main() {
-    if let Err(error) = run(&Arguments::parse()) {
-        eprintln!("figures: {error}");
-        std::process::exit(1);
-    }
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).map_err(|error| format!("{}: {error}", path.display()).into())
 }
 
-fn run(arguments: &Arguments) -> Result<()> {
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
     let firmware = Firmware {
         elf: read(&arguments.elf)?,
         stack_used: Cell::new(0),
