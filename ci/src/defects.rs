@@ -12,7 +12,7 @@ use crate::elf::{BANNED, Elf};
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
 use crate::process::{self, pattern};
 use crate::session::Session;
-use crate::{firmware, stack};
+use crate::stack;
 
 /// Where the defects are.
 const FILE: &str = "ci/defects.toml";
@@ -68,7 +68,7 @@ impl Defect {
     }
 }
 
-/// A copy of the workspace to change, in a folder that also holds its target folder.
+/// A copy of the workspace to change.
 struct Copy<'a> {
     session: &'a Session,
     root: PathBuf,
@@ -90,39 +90,30 @@ impl Copy<'_> {
         let by = &defect.noticed_by;
         match by.split_once(' ').unwrap_or((by, "")) {
             ("elf", _) => {
-                let bytes = session.sh.read_binary_file(self.elf()?)?;
+                let bytes = session
+                    .sh
+                    .read_binary_file(session.build_copy(&self.root)?)?;
                 let symbols = Elf::parse(&bytes)?.symbols();
                 let found = BANNED.iter().find(|kind| !kind.among(&symbols).is_empty());
                 Ok(found.map(|kind| kind.name.to_owned()))
             }
             ("stack", _) => {
-                let bound = stack::bound(session, &self.elf()?);
+                let bound = stack::bound(session, &session.build_copy(&self.root)?);
                 Ok(bound.err().map(|error| error.to_string()))
             }
             ("loop", rest) => {
                 let tests = format!("test --release --package robot-tests --test {rest}");
                 let tests = session.cargo_with_board(&tests)?;
-                failures(tests.env("ROBOT_ELF", self.elf()?))
+                failures(tests.env("ROBOT_ELF", session.build_copy(&self.root)?))
             }
             (package, rest) => {
                 let tests = "test --locked --no-fail-fast --config profile.dev.opt-level=0";
                 let tests = format!("{tests} --package {package} --lib {rest}");
                 let _in_copy = session.sh.push_dir(&self.root);
                 let tests = session.cargo_with_board(&tests)?;
-                failures(tests.env("CARGO_TARGET_DIR", self.root.with_file_name("target")))
+                failures(tests.env("CARGO_TARGET_DIR", self.root.join("target")))
             }
         }
-    }
-
-    fn elf(&self) -> Result<PathBuf> {
-        let target = self.root.with_file_name("target");
-        firmware::build_in(
-            self.session,
-            self.session.toolchain()?,
-            &self.root,
-            &target,
-            "",
-        )
     }
 }
 

@@ -2,7 +2,6 @@
 #![forbid(unsafe_code)]
 
 mod budget;
-mod coverage;
 mod defects;
 mod elf;
 mod error;
@@ -11,7 +10,6 @@ mod flash;
 mod fuzz;
 mod gates;
 mod kani;
-mod mutants;
 mod process;
 mod programs;
 mod session;
@@ -162,8 +160,8 @@ fn run(cli: Cli) -> Result<ExitCode> {
         }
         Command::Trace => Trace::read(session)?.print(),
         Command::Defects { only } => println!("noticed: {}", defects::run(session, &only)?),
-        Command::Mutants(Handed { arguments }) => drop(mutants::run(session, &arguments)?),
-        Command::Coverage => println!("{}", coverage::run(session)?),
+        Command::Mutants(Handed { arguments }) => drop(gates::mutants(session, &arguments)?),
+        Command::Coverage => println!("{}", gates::coverage(session)?),
     }
     Ok(ExitCode::from(u8::from(!good)))
 }

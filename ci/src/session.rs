@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::ops::Deref;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Context, Result};
 use crate::firmware::{self, Image};
@@ -41,6 +42,11 @@ impl Session {
     /// What is flashed.
     pub fn image(&self) -> Result<&Image> {
         once(&self.image, || self.build(""))
+    }
+
+    /// The firmware of a copy of the workspace; where cargo left it.
+    pub fn build_copy(&self, root: &Path) -> Result<PathBuf> {
+        firmware::build_in(self, self.toolchain()?, root, &root.join("target"), "")
     }
 
     /// The firmware with these features.

@@ -69,8 +69,7 @@ pub fn reproducible(session: &Session) -> Result<String> {
     let elsewhere = session.target.join(elsewhere);
     sh.remove_path(&elsewhere)?;
     session.copy_to(&elsewhere)?;
-    let (toolchain, target) = (session.toolchain()?, elsewhere.join("target"));
-    let second = firmware::build_in(session, toolchain, &elsewhere, &target, "")?;
+    let second = session.build_copy(&elsewhere)?;
     let other = sh.read_binary_file(&second)?;
     ensure!(*first == other, "{} differs", second.display());
     sh.remove_path(&elsewhere)?;

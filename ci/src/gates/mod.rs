@@ -18,7 +18,10 @@ use crate::error::{Failure, Kind, Result, bail, fail};
 use crate::kani::{self, Shard};
 use crate::session::Session;
 use crate::trace::{Requirement, Trace};
-use crate::{coverage, defects, fuzz, mutants};
+use crate::{defects, fuzz};
+
+pub use proofs::mutants;
+pub use tests::coverage;
 
 /// The commands that run a gate.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -56,19 +59,17 @@ const GATES: [Gate; 31] = [
     ("stack", Quick, firmware::stack),
     ("reproducible", Change, firmware::reproducible),
     ("defects", Change, proofs::defects),
-    ("mutants", Change, |session| mutants::of_the_change(session)),
+    ("mutants", Change, proofs::mutants_of_the_change),
     ("loop", Change, tests::in_the_loop),
     ("page", Change, tests::page),
-    ("demo", Change, |session| tests::demo(session, "demo", &[])),
-    ("tour", Change, |session| {
-        tests::demo(session, "tour", &["--tour".into()])
-    }),
+    ("demo", Change, |session| tests::demo(session, "demo")),
+    ("tour", Change, |session| tests::demo(session, "tour")),
     ("recording", Change, tests::recording),
     ("figures", Change, tests::figures),
     ("kani", Change, |session| kani::prove(session, Shard::ALL)),
     ("supply", Change, source::supply),
     ("fuzz", Night, |session| fuzz::run(session, None, None)),
-    ("coverage", Night, |session| coverage::run(session)),
+    ("coverage", Night, tests::coverage),
     ("all-defects", Night, |session| defects::run(session, &[])),
     ("all-mutants", Night, proofs::all_mutants),
 ];

@@ -1,11 +1,13 @@
 //! Gates on the proofs and on what the tests notice: Kani, fuzz targets, mutants, seeded defects.
 
 use serde_json::{Map, Value};
+use xshell::cmd;
 
 use super::check_bars;
-use crate::error::{Context, Error, Result};
+use crate::defects;
+use crate::error::{Context, Error, Kind, Result, bail, fail};
+use crate::process;
 use crate::session::Session;
-use crate::{defects, mutants};
 
 /// The theorems' table against its floors: a proof that went missing fails here.
 pub fn floors(session: &Session) -> Result<String> {
@@ -48,10 +50,38 @@ pub fn defects(session: &Session) -> Result<String> {
     Ok(format!("{} fit the code; noticed: {noticed}", all.len()))
 }
 
+/// Tries mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
+pub fn mutants(session: &Session, arguments: &[String]) -> Result<String> {
+    session.require_tool("mutants@27.1.0")?;
+    let words = "run --quiet --package mutation -- --config ci/mutation.toml --lister cargo";
+    let (success, text) = process::tee(session.cargo(words).args(arguments))?;
+    let last = text.trim().lines().last().unwrap_or_default().to_owned();
+    if success { Ok(last) } else { bail!(last) }
+}
+
+/// The mutants of the lines that changed in the core since the main branch, or on it since the commit
+/// before, for a minute or so.
+pub fn mutants_of_the_change(session: &Session) -> Result<String> {
+    let sh = &session.sh;
+    let commit = |name| process::output(cmd!(sh, "git rev-parse --verify --quiet {name}"));
+    let main = commit("origin/main").filter(|main| Some(main) != commit("HEAD").as_ref());
+    let Some(base) = main.or_else(|| commit("HEAD~1")) else {
+        return fail(Kind::Skipped, "no commit to compare with");
+    };
+    let diff = cmd!(sh, "git diff --merge-base {base} --name-only --");
+    let changed = diff.args("fw-core/src ci/mutation.toml ci/mutation-excuses.toml".split(' '));
+    if process::output(changed).is_none_or(|files| files.is_empty()) {
+        let unchanged = format!("nothing in the core changed since {base}");
+        return fail(Kind::Skipped, unchanged);
+    }
+    let arguments = ["--since", &base, "--seconds", "60"];
+    mutants(session, &arguments.map(str::to_owned))
+}
+
 /// All mutants of the core.
 pub fn all_mutants(session: &Session) -> Result<String> {
     let arguments = ["--jobs", "2", "--report", "target/mutants.md"];
-    mutants::run(session, &arguments.map(str::to_owned))
+    mutants(session, &arguments.map(str::to_owned))
 }
 
 #[test]

@@ -29,19 +29,20 @@ pub fn hygiene(session: &Session) -> Result<String> {
     let tracked = tracked.is_some() || !exists(".git");
     let stale = "Cargo.lock is stale (`cargo metadata --locked` says why)";
     let mut rules = vec![
-        (
-            forbids("Cargo.toml", &[FORBIDDEN]),
-            "Cargo.toml: no lint forbids unsafe code".into(),
-        ),
         (current.is_some(), stale.to_owned()),
         (tracked, "Cargo.lock is not committed".into()),
     ];
+    let lint = "no lint forbids unsafe code";
+    rules.push((
+        forbids("Cargo.toml", &[FORBIDDEN]),
+        format!("Cargo.toml: {lint}"),
+    ));
     for workspace in WORKSPACES {
         for package in session.packages(workspace)? {
             let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
             let lints = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
             let good = name == "fw-pac" || forbids(manifest, &lints);
-            rules.push((good, format!("{name}: no lint forbids unsafe code")));
+            rules.push((good, format!("{name}: {lint}")));
         }
         let lock = workspace.replace(".toml", ".lock");
         rules.push((exists(&lock), format!("{lock} is missing")));

@@ -7,12 +7,12 @@ use xshell::{Cmd, cmd};
 
 use super::check_bars;
 use super::firmware::check_stack_use;
-use crate::budget;
+use crate::budget::{self, Budget};
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
 use crate::process::{self, captures, installed};
 use crate::programs;
 use crate::session::Session;
-use crate::toolchain::apt_install;
+use crate::toolchain::{apt_install, in_rustlib};
 
 pub fn unit(session: &Session) -> Result<String> {
     run(session.cargo("test --no-fail-fast"))
@@ -66,9 +66,10 @@ pub fn page(session: &Session) -> Result<String> {
     run(test.env("ROBOT_ELF", &session.image()?.path))
 }
 
-/// The demo, or with `--tour` among the arguments the tour: `kind` is its name.
-pub fn demo(session: &Session, kind: &str, arguments: &[String]) -> Result<String> {
-    let ran = programs::demo(session, arguments);
+/// The demo of this kind, `demo` or `tour`.
+pub fn demo(session: &Session, kind: &str) -> Result<String> {
+    let tour = (kind == "tour").then(|| "--tour".to_owned());
+    let ran = programs::demo(session, tour.as_slice());
     let out = session.target.join(kind);
     for file in "map.png map.pgm map.yaml trajectory.png uart.log report.md".split(' ') {
         let left = ran.is_err() || out.join(file).is_file();
@@ -79,10 +80,8 @@ pub fn demo(session: &Session, kind: &str, arguments: &[String]) -> Result<Strin
     let figure = |key| budget::figure(&report, key).unwrap_or(f64::NAN);
     let [mm, deg] = ["position_error_mm_max", "heading_error_deg_max"].map(figure);
     let [map, factor] = ["map_iou", "realtime_factor"].map(figure);
-    let errors = format!("position {mm:.1} mm, heading {deg:.2}°");
-    Ok(format!(
-        "{bars} bars; {errors}, map {map:.2}, {factor:.1} × real time"
-    ))
+    let errors = format!("{bars} bars; position {mm:.1} mm, heading {deg:.2}°");
+    Ok(format!("{errors}, map {map:.2}, {factor:.1} × real time"))
 }
 
 pub fn figures(session: &Session) -> Result<String> {
@@ -98,6 +97,28 @@ pub fn figures(session: &Session) -> Result<String> {
         "{bars} bars; tick {tick:.0}, frame {frame:.0} instructions at most, {rate:.0} frames/s, \
          ready in {ready:.1} ms, stack {used:.0} of {worst}"
     ))
+}
+
+/// Sources that do not count: other packages, and files of tests.
+const IGNORED: &str = "(/(tests|simulation)(/.*)?\\.rs$|/(plant|proofs|tests)/)";
+
+/// Runs the tests, prints what they run of each file and the lines that they do not; fails below the
+/// floor of `ci/budget.toml`, which is returned.
+pub fn coverage(session: &Session) -> Result<String> {
+    let has_tools = || !in_rustlib(&session.sysroot, "bin/llvm-profdata").is_empty();
+    let add = session.rustup("component add llvm-tools");
+    process::require(has_tools, &add, "LLVM's part of the compiler")?;
+    session.require_tool("llvm-cov@0.9.1")?;
+    let budget = Budget::read(session)?;
+    let floor = budget.value("coverage.at_least.regions_percent")?;
+    // Programs of an earlier state of the code would count as never run.
+    session.cargo("llvm-cov clean --workspace").run()?;
+    let words = format!(
+        "llvm-cov --locked --package fw-core --lib --tests --show-missing-lines \
+         --fail-under-regions {floor} --ignore-filename-regex {IGNORED}"
+    );
+    session.cargo(&words).run()?;
+    Ok(format!("at least {floor} % of the regions"))
 }
 
 /// The report of a run against its bars. A run that failed may still have left the figures that say
