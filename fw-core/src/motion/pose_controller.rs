@@ -139,10 +139,8 @@ impl PoseController {
             let bits = (i64::from(speed) * i64::from(self.distance_per_speed)) >> 6;
             I16F16::from_bits(bits.min(i32::MAX.into()) as i32)
         };
-        self.allowed = (
-            -distance(obstacle.max_reverse()),
-            distance(obstacle.max_forward()),
-        );
+        let (back, ahead) = (obstacle.max_reverse(), obstacle.max_forward());
+        self.allowed = (-distance(back), distance(ahead));
     }
 
     /// Whether the obstacle stop reduced the forward drive of the last tick: the time of arrival does not
@@ -239,9 +237,8 @@ impl PoseController {
         let forward =
             self.forward.step(distance, speed) + self.forward_boost.step(distance, boosted, moved);
         let approaching = matches!(self.phase, Phase::Approach { .. });
-        let planned = self
-            .planned_turn
-            .step(if approaching { I16F16::ZERO } else { turn });
+        let aim = if approaching { I16F16::ZERO } else { turn };
+        let planned = self.planned_turn.step(aim);
         let rotation = self.rotation.step(turn, turn_rate - planned)
             + self.rotation_boost.step(turn, misaligned, moved);
         self.mixer.mix(forward, rotation)
@@ -323,9 +320,8 @@ impl PoseController {
     /// Holds the bearing of this moment.
     fn final_approach(error: &TrackingError, pose: &Pose, reverse: bool) -> Phase {
         let bearing = error.bearing(reverse) as u32;
-        Phase::FinalApproach {
-            heading: Turns(pose.heading.0.wrapping_add(bearing)),
-        }
+        let heading = Turns(pose.heading.0.wrapping_add(bearing));
+        Phase::FinalApproach { heading }
     }
 
     /// Rotation tuning (document, 5.2.2): `duty` on the right motor, its opposite on the left, no PID

@@ -8,6 +8,7 @@
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 //! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
+mod control;
 mod event_log;
 mod io;
 mod link_stats;
@@ -19,12 +20,9 @@ mod supervisor;
 pub use io::{leds, ReceivedFrame, TickInput, TickOutput};
 pub use supervisor::{AllowedMotion, Supervisor, SupervisorCommand};
 
-use crate::binary64::Binary64;
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
-use crate::motion::{
-    DriveMonitor, ObstacleLimit, Odometry, PoseController, StopDeadline, VelocityController,
-};
+use crate::motion::{DriveMonitor, ObstacleLimit, Odometry, StopDeadline};
 use crate::sensing::battery::MAX_CELLS;
 use crate::sensing::{Battery, Calibration, Rangefinders, ServoScan, Thermometer};
 use crate::types::{
@@ -34,55 +32,13 @@ use crate::wire::{
     CellCode, Command, Field, FrameError, LinkCounters, Mode, Order, PoseCode, Report, State,
     StmLink,
 };
+use control::{percent, Control, DriveRequest, MeasuredQuantity};
 use event_log::EventLog;
 use link_stats::LinkStats;
 use slip_monitor::SlipMonitor;
 
 #[cfg(test)]
 mod tests;
-
-/// What the Pi asks of the motors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum DriveRequest {
-    /// Nothing since the reset.
-    None,
-    /// Drive to the controller's target.
-    Target,
-    /// Drive with this velocity.
-    Velocity(Velocity),
-    /// Tuning: a constant duty.
-    Duty(Duty),
-}
-
-/// The mode's controller.
-#[derive(Clone, Debug)]
-enum Control {
-    Pose(PoseController),
-    Velocity(VelocityController),
-}
-
-/// What a mode measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum MeasuredQuantity {
-    /// Drive to a pose, report the pose.
-    Pose,
-    /// Constant duty, report the rotation.
-    Rotation,
-    /// Constant duty with the angle held, report the displacement.
-    Displacement,
-}
-
-impl MeasuredQuantity {
-    const fn of(mode: Mode) -> Self {
-        match mode {
-            Mode::Normal | Mode::GuardedNormal | Mode::GuardedSweep | Mode::GuardedVelocity => {
-                Self::Pose
-            }
-            Mode::TuneRotate | Mode::GuardedTuneRotate => Self::Rotation,
-            Mode::TuneMove | Mode::GuardedTuneMove => Self::Displacement,
-        }
-    }
-}
 
 /// The robot's whole state.
 #[derive(Clone, Debug)]
@@ -138,11 +94,7 @@ impl Robot {
             // Requirement: WIRE-platform-7
             gyro_enabled: config.gyro() && quantity == MeasuredQuantity::Pose,
             slip_monitor: SlipMonitor::new(),
-            control: if by_velocity {
-                Control::Velocity(VelocityController::new(config))
-            } else {
-                Control::Pose(PoseController::new(config))
-            },
+            control: Control::new(config),
             obstacle: ObstacleLimit::new(config.obstacle_stop(), by_velocity),
             drive_monitor: DriveMonitor::new(config),
             applied: MotorCommands::default(),
@@ -190,10 +142,7 @@ impl Robot {
         let requested = self.request != DriveRequest::None;
         let busy = match self.request {
             DriveRequest::None => false,
-            DriveRequest::Target => match &self.control {
-                Control::Pose(controller) => controller.moving(),
-                Control::Velocity(_) => false,
-            },
+            DriveRequest::Target => self.control.moving(),
             // Until the wheels are held.
             DriveRequest::Velocity(velocity) => {
                 velocity != Velocity::default() || matches!(self.applied.left, MotorCommand::Run(_))
@@ -208,10 +157,7 @@ impl Robot {
             }
             AllowedMotion::Drive => self.drive(&pose),
         };
-        (self.report.clipped, self.report.obstacle_limited) = match &self.control {
-            Control::Pose(controller) => (false, controller.held_back()),
-            Control::Velocity(controller) => (controller.clipped(), controller.held_back()),
-        };
+        (self.report.clipped, self.report.obstacle_limited) = self.control.reduced();
         self.applied = wheels;
         self.log_tick(input.now, log);
         let (servo, trigger) = self.update_ranging(input.now);
@@ -237,10 +183,7 @@ impl Robot {
     /// nowhere until the next command.
     // Requirement: WIRE-deadline-5
     fn stop_motion(&mut self) {
-        match &mut self.control {
-            Control::Pose(controller) => controller.halt(),
-            Control::Velocity(controller) => controller.stand(),
-        }
+        self.control.halt();
         match &mut self.request {
             DriveRequest::None | DriveRequest::Target => {}
             DriveRequest::Velocity(velocity) => *velocity = Velocity::default(),
@@ -272,14 +215,9 @@ impl Robot {
     /// A frame ended. Nothing of a rejected frame takes effect; the stop deadline keeps running.
     #[inline]
     pub fn on_frame(&mut self, frame: &ReceivedFrame<'_>, log: &mut Log) {
-        let ReceivedFrame {
-            bytes,
-            overflow_len,
-            at,
-            reply,
-        } = *frame;
-        match self.link.receive(bytes, overflow_len, reply) {
-            Ok(command) => self.on_command(&command, at, log),
+        let received = (self.link).receive(frame.bytes, frame.overflow_len, frame.reply);
+        match received {
+            Ok(command) => self.on_command(&command, frame.at, log),
             Err(error) => self.on_rejected(error),
         }
     }
@@ -444,21 +382,6 @@ impl Robot {
             .tick(now, busy, numbered, self.link.counters(), log);
     }
 }
-
-/// The Pi's percent as a duty: the wire accepts nothing beyond ±100.
-#[inline(never)]
-fn percent(percent: Binary64) -> Duty {
-    // 2⁻³² %, and hundredths of a percent, to the nearest.
-    let bits = percent
-        .to_scaled(32)
-        .unwrap_or(0)
-        .clamp(-PERCENT_100, PERCENT_100);
-    let hundredths = (bits * 100 + (1 << 31)) >> 32;
-    Duty::saturating(i32::try_from(hundredths).unwrap_or(0))
-}
-
-/// 100 %, 2⁻³².
-const PERCENT_100: i64 = 100 << 32;
 
 // Requirement: WIRE-fault-3, WIRE-fault-4
 const fn battery_faults(battery: &Battery) -> Faults {

@@ -1,6 +1,7 @@
 //! The robot from outside: frames in, duties and replies out.
 
 use super::*;
+use crate::binary64::Binary64;
 use crate::eeprom::{config_with, fields, first_board, Field};
 use crate::types::{MotorCommand, RangefinderId};
 use crate::wire::{DistanceCode, PiLink, MAX_FRAME};

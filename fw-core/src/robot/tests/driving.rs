@@ -1,6 +1,7 @@
 //! A driving robot applies its controller's commands, towards the target that the Pi applied last.
 
 use super::*;
+use crate::motion::PoseController;
 
 /// A robot with ideal wheels, beside a controller with the same input.
 struct Course {

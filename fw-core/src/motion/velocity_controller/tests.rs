@@ -1,0 +1,56 @@
+//! One wheel: feed-forward, deviation and the integral of friction.
+
+use super::*;
+
+/// The left wheel with these gains, percent per mm a tick and percent per mm.
+fn wheel(p: f64, i: f64) -> WheelSpeed {
+    let gain = |value| Gain::new(fixed::types::I32F32::from_num(value)).unwrap();
+    let gains = Gains {
+        p: gain(p),
+        i: gain(i),
+        ..Gains::default()
+    };
+    WheelSpeed::new(crate::eeprom::first_board().left(), &gains)
+}
+
+const MM: f64 = 65_536.0;
+
+#[test]
+fn wheel_output_is_feed_forward_and_filtered_deviation() {
+    let (mut wheel, mut random) = (wheel(0.5, 0.0), fastrand::Rng::with_seed(1));
+    let per_speed = f64::from(wheel.feed_forward) / MM;
+    let (mut first, mut second, mut deviation) = (0.0, 0.0, 0.0);
+    let (mut required, mut measured) = (0, 0);
+    for tick in 0..2000 {
+        if tick % 20 == 0 {
+            required = random.i32(-5 << 16..5 << 16);
+            measured = random.i32(-5 << 16..5 << 16);
+        }
+        let speed = f64::from(required);
+        let drive = 4.0 * (speed - first) + second;
+        first += (speed - first) / 8.0;
+        second += (first - second) / 8.0;
+        deviation += (second - f64::from(measured) - deviation) / 4.0;
+        let expected = (drive * per_speed + deviation * 0.5).clamp(-200.0 * MM, 200.0 * MM);
+        let off = f64::from(wheel.step(required, measured)) - expected;
+        assert!(off.abs() < 0.02 * MM, "{tick}: {off}");
+    }
+}
+
+#[test]
+fn integral_of_friction_changes_sign_with_the_direction() {
+    // The same without gains: their difference is the correction.
+    let (mut learning, mut plain) = (wheel(0.0, 0.1), wheel(0.0, 0.0));
+    let mut correction = |required: f64, measured: f64| {
+        let (required, measured) = ((required * MM) as i32, (measured * MM) as i32);
+        let output = learning.step(required, measured) - plain.step(required, measured);
+        f64::from(output) / MM
+    };
+    let learnt = (0..100).map(|_| correction(0.5, 0.0)).last().unwrap();
+    assert!(learnt > 2.0, "{learnt}");
+    let back = correction(-0.1, 0.5);
+    assert!((back + learnt).abs() < 0.1, "{back} {learnt}");
+    // Zero keeps the direction.
+    let still = correction(0.0, 0.5);
+    assert!((still + learnt).abs() < 0.3, "{still}");
+}
