@@ -147,7 +147,7 @@ fn frame_torn_at_any_bit_loses_only_itself() {
     rig.assert_modelled();
 }
 
-// Requirement: DOC-3.1-1, WIRE-spi-1, WIRE-spi-5
+// Requirement: WIRE-spi-1, WIRE-spi-5
 #[test]
 fn frames_20_us_apart_are_all_answered() {
     let rig = normal();

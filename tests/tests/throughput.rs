@@ -6,7 +6,7 @@ use robot_tests::throughput::long_run;
 /// Worst distance of two ticks from the period, microseconds.
 const JITTER_US: f64 = 2.0;
 
-// Requirement: WIRE-spi-5, WIRE-spi-6
+// Requirement: DOC-3.1-1, DOC-4.1-2, WIRE-spi-5, WIRE-spi-6
 #[test]
 fn frames_at_40_hz_to_5_khz_at_60_mips_are_all_answered() {
     for rate in [40, 333, 1_999, 4_999] {
