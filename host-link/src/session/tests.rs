@@ -114,6 +114,9 @@ fn wait_for_ready_ends_in_time_or_by_interrupt() {
     board.borrow().interrupt.raise();
     let interrupted = Session::open(&mut io, RATE_HZ, 100).err();
     assert_eq!(interrupted, Some(Error::Interrupted));
+    let (board, mut io) = mock_board(&image(2), None);
+    assert_eq!(reset::restart(&mut io, 100), Ok(0));
+    assert_eq!(board.borrow().resets, 1);
 }
 
 // Requirement: WIRE-rejected-4

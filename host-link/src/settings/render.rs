@@ -121,6 +121,13 @@ mod tests {
         assert_eq!(parse(&text).unwrap(), original);
         assert!(original.image().0[0x300..].iter().all(|&byte| byte == 0xFF));
         assert_eq!(Settings::from_image(original.image()).unwrap(), original);
+        // A change on page 0x03 writes all of it.
+        let track = fw_core::eeprom::fields::TRACK;
+        let written = original.with(&[(track, 130_000)]).unwrap();
+        assert!(written.platform_page() && written.get(track) == 130_000);
+        assert_eq!(changes(&original, &written).len(), 1);
+        let written = Settings::from_image(&original.platform_written()).unwrap();
+        assert!(written.platform_page() && changes(&original, &written).is_empty());
     }
 
     /// Reads the first board's file with a change on a line, which must be rejected; the complaint and
