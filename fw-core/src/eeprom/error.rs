@@ -99,7 +99,8 @@ impl Accepted {
                 line.int(min.into()).text(" to ").int(max.into());
             }
             Self::RealRange { min, max } => {
-                line.fixed(*min, 1).text(" to ").fixed(*max, 1);
+                line.fixed(Self::real(min, 0), 1);
+                line.text(" to ").fixed(Self::real(0, max), 1);
             }
         }
     }

@@ -137,13 +137,13 @@ pub enum Accepted {
         /// The largest.
         max: u32,
     },
-    /// A finite binary64 that, to the nearest 2⁻³², lies in here, both ends included. By reference: few fields
-    /// have one, and integers need half as much flash.
+    /// A finite binary64 that, to the nearest 2⁻³², lies in here, both ends included. No pointers:
+    /// CBMC does not evaluate a constant union of them and integers.
     RealRange {
-        /// The smallest.
-        min: &'static I32F32,
-        /// The largest.
-        max: &'static I32F32,
+        /// The smallest, 2⁻³²: below 1.
+        min: u32,
+        /// The largest: a whole number below 2³¹.
+        max: u32,
     },
 }
 
@@ -157,8 +157,14 @@ impl Accepted {
             Self::IntRange { min, max } => (u64::from(min)..=u64::from(max)).contains(&raw),
             Self::RealRange { min, max } => Binary64(raw)
                 .to_fixed()
-                .is_ok_and(|number| (*min..=*max).contains(&number)),
+                .is_ok_and(|number| (Self::real(min, 0)..=Self::real(0, max)).contains(&number)),
         }
+    }
+
+    /// An end of a [`Self::RealRange`], from its 2⁻³² and its whole part.
+    #[must_use]
+    pub fn real(fraction: u32, whole: u32) -> I32F32 {
+        I32F32::from_bits(i64::from(whole) << 32 | i64::from(fraction))
     }
 }
 

@@ -4,7 +4,6 @@
 //! can overflow or divide by zero; each says why it is what it is.
 
 use super::field::{Accepted, Field, Kind, Unit};
-use fixed::types::I32F32;
 
 const fn int(min: u32, max: u32) -> Accepted {
     Accepted::IntRange { min, max }
@@ -16,14 +15,14 @@ const SWITCH: Accepted = int(0, 1);
 /// degree or sample is full duty at the smallest error there is.
 // Requirement: WIRE-refused-4
 const GAIN: Accepted = Accepted::RealRange {
-    min: &I32F32::ZERO,
-    max: &I32F32::lit("10000"),
+    min: 0,
+    max: 10_000,
 };
 /// No microcontroller's ADC measures more than 10 V; less than 100 mV is noise.
 // Requirement: DOC-6.0.3-1, WIRE-refused-6
 const ADC_VOLTS: Accepted = Accepted::RealRange {
-    min: &I32F32::lit("0.1"),
-    max: &I32F32::lit("10"),
+    min: 429_496_730,
+    max: 10,
 };
 /// Larger than any divider for a battery needs; times a 16-bit word still far inside 64 bits.
 const UPPER: Accepted = int(0, 10_000_000);

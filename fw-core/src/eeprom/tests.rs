@@ -264,12 +264,13 @@ fn ends(field: &Field) -> (Vec<u64>, Vec<u64>) {
         }
         Accepted::RealRange { min, max } => {
             let bits = |fixed| Binary64::from_fixed(fixed).0;
+            let (min, max) = (Accepted::real(min, 0), Accepted::real(0, max));
             let step = I32F32::from_bits(1 << 10);
             let (nan, infinity) = (f64::NAN, f64::INFINITY);
             let special = [nan, -nan, infinity, -infinity, f64::MAX, -1.0];
             let beyond = [bits(min - step), bits(max + step)];
             let outside = special.map(f64::to_bits).into_iter().chain(beyond);
-            (std::vec![bits(*min), bits(*max)], outside.collect())
+            (std::vec![bits(min), bits(max)], outside.collect())
         }
         Accepted::Mode => {
             let known: Vec<u64> = Mode::ALL.iter().map(|mode| mode.code().into()).collect();

@@ -13,9 +13,10 @@ use fw_core::wire::Mode;
 
 use crate::input::{Input, Source};
 
-/// The raw values of a configuration, in the order of [`FIELDS`].
+/// The raw values of a configuration, in the order of [`FIELDS`]: in rows, for CBMC keeps apart the elements
+/// of arrays of up to 64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AcceptedConfig([u64; COUNT]);
+pub struct AcceptedConfig([[u64; 16]; COUNT.div_ceil(16)]);
 
 /// The first board's gains of the forward PID.
 pub fn forward_gains() -> Gains {
@@ -45,17 +46,24 @@ pub fn gain_of(value: Binary64) -> Gain {
 
 impl AcceptedConfig {
     /// The first board's.
-    pub const FIRST_BOARD: Self = Self(FIRST_BOARD);
+    pub const FIRST_BOARD: Self = {
+        let (mut rows, mut at) = ([[0; 16]; COUNT.div_ceil(16)], 0);
+        while at < COUNT {
+            rows[at / 16][at % 16] = FIRST_BOARD[at];
+            at += 1;
+        }
+        Self(rows)
+    };
 
     /// The raw value of a field.
     pub fn get(&self, field: &Field) -> u64 {
-        self.0[usize::from(field.index)]
+        self.0[usize::from(field.index) / 16][usize::from(field.index) % 16]
     }
 
     /// With another raw value in a field.
     #[must_use]
     pub fn with(mut self, field: &Field, raw: u64) -> Self {
-        self.0[usize::from(field.index)] = raw;
+        self.0[usize::from(field.index) / 16][usize::from(field.index) % 16] = raw;
         self
     }
 
@@ -131,7 +139,7 @@ fn accepted(field: &Field, shape: u8, source: &mut impl Source) -> u64 {
             }
         }
         Accepted::RealRange { min, max } => {
-            let (low, high) = (min.to_bits().unsigned_abs(), max.to_bits().unsigned_abs());
+            let (low, high) = (u64::from(min), u64::from(max) << 32);
             let span = high - low;
             let bits = match shape % 8 {
                 0 => low,
