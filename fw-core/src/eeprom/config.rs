@@ -98,8 +98,8 @@ impl Config {
         Ok(config)
     }
 
-    /// Of raw values within their ranges.
-    fn of_checked(raw: &impl Fn(&'static Field) -> u64) -> Self {
+    /// Of raw values that [`Self::from_fields`] accepts; of others it has no meaning.
+    pub fn of_checked(raw: &impl Fn(&'static Field) -> u64) -> Self {
         let at = |index| raw_at(raw, index);
         let raw = |field: &Field| at(field.index);
         let flag = |field| raw(field) != 0;

@@ -13,8 +13,7 @@ use fw_core::wire::Mode;
 
 use crate::input::{Input, Source};
 
-/// The raw values of a configuration, in the order of [`FIELDS`]: in rows, for CBMC keeps apart the elements
-/// of arrays of up to 64.
+/// The raw values of a configuration, in the order of [`FIELDS`]. In rows: CBMC keeps up to 64 elements apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AcceptedConfig([[u64; 16]; COUNT.div_ceil(16)]);
 
@@ -71,6 +70,12 @@ impl AcceptedConfig {
     /// [`Self::with`] put any values in here.
     pub fn config(&self) -> Option<Config> {
         Config::from_fields(|field| self.get(field)).ok()
+    }
+
+    /// What the values mean, and whether they are accepted: apart, CBMC keeps what is known of them.
+    pub fn checked(&self) -> (bool, Config) {
+        let raw = |field: &'static Field| self.get(field);
+        (Config::from_fields(raw).is_ok(), Config::of_checked(&raw))
     }
 
     /// Any raw values in these fields; the others are the first board's.

@@ -1,16 +1,14 @@
 //! T5: what an accepted configuration promises to everything downstream.
 
-use fw_core::binary64::Binary64;
 use fw_core::eeprom::fields::{
     ACCELERATION, ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, BLIND_SPEED, CELLS,
     COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, DECELERATION, ENCODER_LEFT_REVERSED,
-    ENCODER_RIGHT_REVERSED, FIELDS, FORWARD_ANTI_WINDUP, FORWARD_D, FORWARD_I, FORWARD_P,
-    FRONT_OVERHANG, FULL_SPEED_LEFT, FULL_SPEED_RIGHT, GYRO, LAYOUT_LENGTH, LAYOUT_VERSION,
-    LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MAX_SPEED, MAX_YAW_RATE, MODE,
-    MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE, RANGEFINDERS, REACTION_TIME,
-    REVERSE_DISTANCE, REVERSE_SPEED, ROTATION_ANTI_WINDUP, ROTATION_D, ROTATION_I, ROTATION_P,
-    ROTATION_TOLERANCE, SERVO, SERVO_REVERSED, SERVO_TRAVEL, SIGNS_RESERVED, STOP_DEADLINE,
-    STOP_DISTANCE, TAP_1_UPPER, TRACK, WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
+    ENCODER_RIGHT_REVERSED, FIELDS, FRONT_OVERHANG, FULL_SPEED_LEFT, FULL_SPEED_RIGHT, GYRO,
+    LAYOUT_LENGTH, LAYOUT_VERSION, LIMIT_LEFT, LIMIT_RIGHT, LOG_BAUD, LOG_PERIOD, MAX_SPEED,
+    MAX_YAW_RATE, MODE, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED, POSITION_TOLERANCE,
+    RANGEFINDERS, REACTION_TIME, REVERSE_DISTANCE, REVERSE_SPEED, ROTATION_TOLERANCE, SERVO,
+    SERVO_REVERSED, SERVO_TRAVEL, SIGNS_RESERVED, STOP_DEADLINE, STOP_DISTANCE, TAP_1_UPPER, TRACK,
+    WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
 };
 use fw_core::eeprom::{Config, Field, Gains, Image, Wheel};
 use fw_core::wire::Mode;
@@ -37,27 +35,24 @@ const RANGES: &[(&Field, u64, u64)] = &[
     (YAW_ACCELERATION, 256, 65_535), (FULL_SPEED_LEFT, 1, 5_000), (FULL_SPEED_RIGHT, 1, 5_000),
 ];
 
+/// Half of 2⁻³²: rounded to the even neighbour, as the ends of both ranges are.
+const HALF: f64 = 1.0 / 8_589_934_592.0;
+/// The outermost numbers that are rounded to the ends: -0 and 10000, 0.1 and 10.
+const GAIN_ENDS: [u64; 2] = [(-HALF).to_bits(), (10_000.0 + HALF).to_bits()];
+const ADC_ENDS: [u64; 2] = [(858_993_459.0 * HALF).to_bits(), (10.0 + HALF).to_bits()];
+
 /// Whether the tables of `docs/interfaces.md` accept these raw values, without the code's own ranges.
 fn is_acceptable(values: &AcceptedConfig) -> bool {
     let get = |field: &Field| values.get(field);
-    // 2⁻³², nearest: by `decoding_is_nearest`.
-    let real = |field: &Field, min: i64, max: i64| {
-        let fixed = Binary64(get(field)).to_fixed();
-        fixed.is_ok_and(|value: fixed::types::I32F32| (min..=max).contains(&value.to_bits()))
+    // Numbers of one sign are ordered as their bits.
+    let real = |field: &Field, [min, max]: [u64; 2]| match get(field) {
+        negative if negative >> 63 == 1 => negative <= min,
+        positive => positive <= max && (positive >= min || min >> 63 == 1),
     };
-    let gains = [
-        FORWARD_P,
-        FORWARD_I,
-        FORWARD_D,
-        FORWARD_ANTI_WINDUP,
-        ROTATION_P,
-        ROTATION_I,
-        ROTATION_D,
-        ROTATION_ANTI_WINDUP,
-    ];
+    let mut gains = FIELDS.iter().filter(|field| field.address >> 8 == 1);
     let cells = get(CELLS);
-    let mut right = gains.into_iter().all(|gain| real(gain, 0, 10_000 << 32))
-        && real(ADC_MAX, 429_496_730, 10 << 32)
+    let mut right = gains.all(|gain| real(gain, GAIN_ENDS))
+        && real(ADC_MAX, ADC_ENDS)
         && matches!(get(MODE), 0..=2 | 0x10..=0x12 | 0x20 | 0x30)
         && get(DEAD_ZONE_LEFT) < get(LIMIT_LEFT)
         && get(DEAD_ZONE_RIGHT) < get(LIMIT_RIGHT)
@@ -184,8 +179,8 @@ fn each_field() -> impl Iterator<Item = (AcceptedConfig, u8, u64)> {
     let ends = RANGES.iter().flat_map(|&(_, min, max)| [min, max]);
     let ends = ends.flat_map(|end| [end.wrapping_sub(1), end, end + 1]);
     let bits = (0..64).map(|bit| 1_u64 << bit);
-    let reals = [0.1, 10.0, 10_000.0].map(f64::to_bits);
-    let reals = reals.into_iter().flat_map(|end| [end - 1, end, end + 1]);
+    let reals = GAIN_ENDS.into_iter().chain(ADC_ENDS);
+    let reals = reals.flat_map(|end| [end - 1, end, end + 1]);
     let raws: Vec<_> = ends.chain(bits).chain(reals).chain([u64::MAX]).collect();
     (0..FIELDS.len()).flat_map(move |which| {
         let which = u8::try_from(which).unwrap_or(0);
@@ -206,7 +201,6 @@ crate::properties! {
     }
     property T3 acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) {
         cases ["accepted", "rejected"];
-        needs [decoding_is_nearest];
         kani any_gains [unwind(80)] = (AcceptedConfig::of_any_gains(), 0, any());
         kani any_battery [unwind(80)] = (AcceptedConfig::of_any_battery(), 0, any());
         kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(), 1, any());

@@ -119,7 +119,7 @@ pub fn step_is_the_exact_arc(values: AcceptedConfig, heading: u16, left: i16, ri
 
 /// No counters overflow anything on an accepted platform.
 pub fn any_counters_are_safe(values: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
-    given!(let Some(config) = values.config());
+    given!(let (true, config) = values.checked());
     let mut odometry = Odometry::new(&config, 0, 0);
     for (left, right) in counters.into_iter().take(usize::from(ticks % 9)) {
         let delta = odometry.step(left, right);

@@ -48,7 +48,7 @@ pub fn any_pose_is_safe(
     ticks: [(Tick, ()); 8],
     count: u8,
 ) -> Seen {
-    given!(let Some(config) = values.config());
+    given!(let (true, config) = values.checked());
     let mut controller = PoseController::new(&config);
     controller.set_target(target);
     assert!(controller.moving());

@@ -130,7 +130,7 @@ pub fn slowing_never_speeds_up(from: i32, less: i32) -> Seen {
 /// turns or echoes.
 // Requirement: WIRE-velocity-6
 pub fn zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) -> Seen {
-    given!(let Some(config) = values.config());
+    given!(let (true, config) = values.checked());
     given!(track.max_forward >= 0);
     let (mut controller, obstacle) = parts(&config);
     let mut obstacle = obstacle.with_track(track);
@@ -153,7 +153,7 @@ pub fn velocity_keeps_its_limits(
     count: u8,
     repeats: u8,
 ) -> Seen {
-    given!(let Some(config) = values.config());
+    given!(let (true, config) = values.checked());
     let limits = config.velocity_limits();
     let (mut controller, mut obstacle) = parts(&config);
     let mut seen = Seen::NOTHING;
@@ -227,7 +227,7 @@ pub fn zero_command_ends_in_the_brake(
 }
 
 crate::properties! {
-    property T16 ramp_keeps_its_limits(
+    theorem T16 ramp_keeps_its_limits(
         ramp: VelocityRamp, max_forward: i32, max_reverse_mm_s: u16, before: Velocity, commanded: Velocity
     ) {
         cases ["clipped", "followed", "slowed by the obstacle stop", "to a stand"];
@@ -237,6 +237,7 @@ crate::properties! {
     }
     theorem T16 ramp_is_the_configured_one(speed: u16, yaw: u16) {
         cases ["the largest yaw rate", "the largest speed"];
+        kani proof [unwind(2)];
         exhaustive (0..=u16::MAX).map(|value| (value, value.rotate_left(3)));
     }
     theorem T16 slowing_never_speeds_up(from: i32, less: i32) {

@@ -13,18 +13,18 @@ use crate::property::Seen;
 use fw_core::types::Volts;
 
 fn first_board() -> Config {
-    AcceptedConfig::FIRST_BOARD.config().expect("accepted")
+    AcceptedConfig::FIRST_BOARD.checked().1
 }
 
 /// One cell, with any full scale, largest word and divider that are accepted.
-fn one_cell(full_scale: Binary64, largest: u16, (upper, lower): (u32, u32)) -> Option<Config> {
+fn one_cell(full_scale: Binary64, largest: u16, (upper, lower): (u32, u32)) -> (bool, Config) {
     AcceptedConfig::FIRST_BOARD
         .with(CELLS, 1)
         .with(ADC_MAX, full_scale.0)
         .with(ADC_MAX_WORD, largest.into())
         .with(TAP_1_UPPER, upper.into())
         .with(TAP_1_LOWER, lower.into())
-        .config()
+        .checked()
 }
 
 /// The ADC's words, one a tap.
@@ -207,7 +207,7 @@ pub fn any_divider_is_safe(
     ohms: (u32, u32),
     words: [u16; 2],
 ) -> Seen {
-    let Some(config) = one_cell(full_scale, largest, ohms) else {
+    let (true, config) = one_cell(full_scale, largest, ohms) else {
         return Seen::NOTHING.case(2, true);
     };
     let mut battery = Battery::new(&config);
@@ -229,7 +229,7 @@ pub fn any_divider_is_safe(
 /// reading are 0.
 pub fn any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) -> Seen {
     let full_scale = Binary64(3.3_f64.to_bits());
-    given!(let Some(config) = one_cell(full_scale, 4095, ohms));
+    given!(let (true, config) = one_cell(full_scale, 4095, ohms));
     let mut battery = Battery::new(&config);
     battery.sample(&[word]);
     let shown = battery.cell(0).unwrap_or_default();
