@@ -12,10 +12,6 @@ use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
 use fw_core::types::Volts;
 
-fn first_board() -> Config {
-    AcceptedConfig::FIRST_BOARD.checked().1
-}
-
 /// One cell, with any full scale, largest word and divider that are accepted.
 fn one_cell(full_scale: Binary64, largest: u16, (upper, lower): (u32, u32)) -> (bool, Config) {
     AcceptedConfig::FIRST_BOARD
@@ -77,7 +73,7 @@ pub fn voltage_is_the_dividers(values: AcceptedConfig, word: u16) -> Seen {
 /// The voltage is monotone in the word.
 pub fn voltage_is_monotone(word: u16) -> Seen {
     let cell = |word: u16| {
-        let mut battery = Battery::new(&first_board());
+        let mut battery = Battery::new(&AcceptedConfig::FIRST_BOARD.checked().1);
         battery.sample(&[word, u16::MAX]);
         battery.cell(0).unwrap_or_default()
     };
@@ -88,7 +84,7 @@ pub fn voltage_is_monotone(word: u16) -> Seen {
 
 /// The filter keeps a constant word, and follows a step without overshoot.
 pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
-    let config = first_board();
+    let config = AcceptedConfig::FIRST_BOARD.checked().1;
     let cell = |word: u16| {
         let mut battery = Battery::new(&config);
         battery.sample(&[word]);
@@ -189,7 +185,7 @@ pub fn cutoff_takes_half_a_second(ticks: u8, supervised: bool) -> Seen {
 
 /// No two samples of the first board's taps overflow, and no cell exceeds the range of its taps.
 pub fn first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) -> Seen {
-    let mut battery = Battery::new(&first_board());
+    let mut battery = Battery::new(&AcceptedConfig::FIRST_BOARD.checked().1);
     battery.sample(&first);
     battery.sample(&second);
     let (one, two) = (battery.cell(0), battery.cell(1));
