@@ -50,6 +50,8 @@ impl MeasuredQuantity {
 }
 
 impl Control {
+    #[allow(clippy::inline_always)] // built in place, without a copy on the stack
+    #[inline(always)]
     pub(super) fn new(config: &Config) -> Self {
         match config.mode() {
             Mode::GuardedVelocity => Self::Velocity(VelocityController::new(config)),
