@@ -9,10 +9,9 @@ pub const QUEUE: usize = 40;
 
 /// What the far end of the UART makes of the bytes: whole lines, their numbers, and what was reported
 /// as dropped.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Reader {
-    line: [u8; 64],
-    len: usize,
+    line: Vec<u8>,
     /// Whole lines of ours.
     lines: u32,
     /// Lines reported as dropped.
@@ -30,30 +29,19 @@ fn decimal(digits: &[u8]) -> u32 {
 }
 
 impl Reader {
-    fn new() -> Self {
-        Self {
-            line: [0; 64],
-            len: 0,
-            lines: 0,
-            reported: 0,
-            next: 0,
-        }
-    }
-
     fn read(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             if byte == b'\n' {
                 self.whole_line();
-                self.len = 0;
+                self.line.clear();
             } else {
-                self.line[self.len] = byte;
-                self.len += 1;
+                self.line.push(byte);
             }
         }
     }
 
     fn whole_line(&mut self) {
-        let line = &self.line[..self.len];
+        let line = &self.line;
         assert!(line.len() >= 8 && line[6..8] == *b": ");
         let number = decimal(&line[1..6]);
         // Every line has a number, dropped ones too: a gap is what was lost.
@@ -67,10 +55,10 @@ impl Reader {
         } else {
             assert!(line[0] == b'I');
             // A text is as many letters as its first letter says.
-            let length = text
-                .first()
-                .map_or(0, |first| usize::from(first - b'a') + 1);
-            assert!(text.len() == length && text.iter().all(|&letter| letter == text[0]));
+            let length = text.first().map_or(0, |first| first - b'a' + 1);
+            assert!(
+                text.len() == usize::from(length) && text.iter().all(|&letter| letter == text[0])
+            );
             self.lines += 1;
         }
     }
@@ -94,7 +82,7 @@ fn event(byte: u8) -> Result<usize, usize> {
 // Requirement: WIRE-log-2
 pub fn log_never_tears_a_line(script: [u8; 24]) -> Seen {
     let mut log = Log::<QUEUE>::new();
-    let mut reader = Reader::new();
+    let mut reader = Reader::default();
     let mut written = 0_u32;
     for byte in script {
         match event(byte) {
@@ -125,7 +113,7 @@ pub fn log_never_tears_a_line(script: [u8; 24]) -> Seen {
         reader.read(log.pending());
         log.sent(count);
     }
-    assert!(log.pending().is_empty() && reader.len == 0);
+    assert!(log.pending().is_empty() && reader.line.is_empty());
     assert!(reader.lines + log.dropped() == written);
     assert!(reader.reported == log.dropped() && log.dropped() == dropped);
     seen!(dropped > 0, dropped == 0, reader.lines > 4)

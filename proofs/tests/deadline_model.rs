@@ -8,7 +8,6 @@
 //! `cargo test -p proofs --test deadline_model -- --nocapture` shows the way to each broken invariant.
 
 use std::fmt;
-use std::hash::{Hash, Hasher};
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
@@ -47,24 +46,19 @@ impl Word {
     const ALL: [Self; 4] = [Self::Alive, Self::Stop, Self::Resume, Self::Cured];
 
     fn intent(self) -> SupervisorCommand {
-        SupervisorCommand {
-            resumes: false,
-            order: match self {
-                Self::Stop => Order::Stop,
-                Self::Resume => Order::Resume,
-                Self::Alive | Self::Cured => Order::None,
-            },
-            clear_faults: if self == Self::Cured {
-                Faults::ALL_BITS
-            } else {
-                Faults::NONE
-            },
+        let mut intent = SupervisorCommand::default();
+        match self {
+            Self::Alive => {}
+            Self::Stop => intent.order = Order::Stop,
+            Self::Resume => intent.order = Order::Resume,
+            Self::Cured => intent.clear_faults = Faults::ALL_BITS,
         }
+        intent
     }
 }
 
 #[allow(clippy::struct_excessive_bools, reason = "each is a fact")]
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct State {
     supervisor: Supervisor,
     /// Microseconds, without a wrap.
@@ -88,23 +82,6 @@ struct State {
     met: bool,
     ticks: u8,
     frames: u8,
-}
-
-impl Hash for State {
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        // The supervisor's own time follows from what was received; states are compared in full.
-        (self.supervisor.halted(), self.supervisor.faults()).hash(state);
-        (self.clock, self.ticked, self.slept, self.frame).hash(state);
-        (self.tick.map(|tick| tick.0), self.received, self.met).hash(state);
-        (
-            self.stopped,
-            self.faulted,
-            self.lost,
-            self.ticks,
-            self.frames,
-        )
-            .hash(state);
-    }
 }
 
 impl fmt::Debug for State {
@@ -256,16 +233,11 @@ impl Robot {
             (Some((at, word)), _) => {
                 next.frame = None;
                 next.met = self == Self::Blind;
-                let at = if self == Self::StampedLate {
-                    next.clock
-                } else {
-                    at
-                };
-                let intent = SupervisorCommand {
-                    resumes: self == Self::Eager,
-                    ..word.intent()
-                };
-                next.supervisor.on_fresh(micros(at), intent);
+                let late = self == Self::StampedLate;
+                let mut intent = word.intent();
+                intent.resumes = self == Self::Eager;
+                next.supervisor
+                    .on_fresh(micros(if late { next.clock } else { at }), intent);
                 Ok(())
             }
             _ => Ok(()),

@@ -39,17 +39,10 @@ enum Robot {
         frame: u8,
         answer: Reply,
     },
-    /// Building a reply: `built` bytes.
-    Building {
-        built: u8,
-        reply: Reply,
-        purpose: Purpose,
-    },
-    /// Masked: a refresh was found possible and is about to be stored.
-    Refreshing {
-        fresh: u8,
-        armed: u8,
-    },
+    /// Building a reply; so many bytes of it are built.
+    Building(Reply, Purpose, u8),
+    /// Masked: a refresh was found possible and is about to be stored, from one buffer into the other.
+    Refreshing(u8, u8),
 }
 
 #[allow(clippy::struct_excessive_bools, reason = "each is a pin or a flag")]
@@ -141,21 +134,17 @@ impl State {
     fn normalise(&mut self) {
         let next = self.handover.next_reply();
         let building = match self.robot {
-            Robot::Building { reply, .. } => Some(reply.buffer),
-            Robot::Refreshing { fresh, .. } => Some(fresh),
+            Robot::Building(reply, ..) => Some(reply.buffer),
+            Robot::Refreshing(fresh, _) => Some(fresh),
             _ => None,
         };
         if building != Some(next.buffer) {
             self.tx[usize::from(next.buffer)] = [0; LEN];
         }
-        let reading = match self.robot {
-            Robot::Reading { buffer, .. } => Some(buffer),
-            _ => None,
-        };
-        for (buffer, frame) in self.rx.iter_mut().enumerate() {
-            let waits = self.handover.ended_at().is_some() && buffer == usize::from(self.waiting);
-            let read = reading.is_some_and(|of| usize::from(of) == buffer);
-            if !waits && !read && buffer != usize::from(self.receive) {
+        for (buffer, frame) in (0..).zip(&mut self.rx) {
+            let waits = self.handover.ended_at().is_some() && buffer == self.waiting;
+            let read = matches!(self.robot, Robot::Reading { buffer: of, .. } if of == buffer);
+            if !waits && !read && buffer != self.receive {
                 *frame = [0; LEN];
             }
         }
@@ -167,11 +156,7 @@ impl State {
         }
         // More values than there are buffers: no two at a time have the same.
         self.serial = self.serial % 6 + 1;
-        self.robot = Robot::Building {
-            built: 0,
-            reply,
-            purpose,
-        };
+        self.robot = Robot::Building(reply, purpose, 0);
     }
 
     fn arm(&mut self, caller: Caller, receive: u8, transmit: u8, number: u32, answer: bool) {
@@ -203,10 +188,8 @@ impl Caller {
             return Err(format!("the Pi read parts of two replies: {wire:?}"));
         }
         let number = next.under_way;
-        if next
-            .carried
-            .is_some_and(|last| number != last && number != last + 1)
-        {
+        let follows = |last| number == last || number == last + 1;
+        if !next.carried.is_none_or(follows) {
             return Err(format!("reply {number} after {:?}", next.carried));
         }
         if next.carried == Some(number) && !next.hurried {
@@ -229,13 +212,9 @@ impl Caller {
         next.robot = Robot::Idle;
         match purpose {
             Purpose::Answer => {
-                let in_gap = next.gap || self == Self::AnyTimeIsGap;
-                let now = if in_gap {
-                    SWAP_WINDOW_US
-                } else {
-                    SWAP_WINDOW_US + 1
-                };
-                if let Some(dma) = next.handover.answer(reply, Micros(now)) {
+                let late = !next.gap && self != Self::AnyTimeIsGap;
+                let now = Micros(SWAP_WINDOW_US + u32::from(late));
+                if let Some(dma) = next.handover.answer(reply, now) {
                     next.arm(self, dma.receive, dma.transmit, reply.number, true);
                 }
                 if self != Self::NoStandby {
@@ -248,12 +227,7 @@ impl Caller {
                     bytes(reply.buffer) == bytes(next.transmit) || self == Self::AnyPrefix;
                 let idle = !next.low && next.fed <= FETCHED;
                 match next.handover.refresh(reply, begin_alike) {
-                    Some(armed) if idle => {
-                        next.robot = Robot::Refreshing {
-                            fresh: reply.buffer,
-                            armed,
-                        };
-                    }
+                    Some(armed) if idle => next.robot = Robot::Refreshing(reply.buffer, armed),
                     _ => next.build(self, Purpose::Standby, next.handover.next_reply()),
                 }
             }
@@ -272,12 +246,7 @@ impl Caller {
                 answer,
             } => {
                 if read == len {
-                    next.serial = next.serial % 6 + 1;
-                    next.robot = Robot::Building {
-                        built: 0,
-                        reply: answer,
-                        purpose: Purpose::Answer,
-                    };
+                    next.build(self, Purpose::Answer, answer);
                     return Ok(());
                 }
                 let byte = next.rx[usize::from(buffer)][usize::from(read)];
@@ -292,11 +261,7 @@ impl Caller {
                     answer,
                 };
             }
-            Robot::Building {
-                built,
-                reply,
-                purpose,
-            } => {
+            Robot::Building(reply, purpose, built) => {
                 if usize::from(built) < LEN {
                     if reply.buffer == next.transmit {
                         return Err("the robot writes the armed buffer".into());
@@ -306,16 +271,12 @@ impl Caller {
                         1 => shared(next.serial),
                         _ => next.serial,
                     };
-                    next.robot = Robot::Building {
-                        built: built + 1,
-                        reply,
-                        purpose,
-                    };
+                    next.robot = Robot::Building(reply, purpose, built + 1);
                 } else {
                     self.submit(next, reply, purpose);
                 }
             }
-            Robot::Refreshing { fresh, armed } => {
+            Robot::Refreshing(fresh, armed) => {
                 next.tx[usize::from(armed)] = next.tx[usize::from(fresh)];
                 next.build(self, Purpose::Standby, next.handover.next_reply());
             }
@@ -375,11 +336,11 @@ impl Model for Caller {
             }
         }
         // The transmitter holds two bytes: the one under way and the next.
-        let in_time = !matches!(state.robot, Robot::Refreshing { .. }) || state.fed < FETCHED;
+        let masked = matches!(state.robot, Robot::Refreshing(..));
+        let in_time = !masked || state.fed < FETCHED;
         if !state.risen && usize::from(state.fed) < LEN && state.holds < 2 && in_time {
             events.push(Event::Feed);
         }
-        let masked = matches!(state.robot, Robot::Refreshing { .. });
         if state.risen && !masked {
             events.push(Event::EndFrame);
         }

@@ -199,23 +199,12 @@ fn byte_at(log: &Log<QUEUE>, at: usize) -> Option<u8> {
 impl State {
     /// Everything the future depends on. The numbers of the queue's lines follow from what was written
     /// and read; what is neither pending nor in hand is overwritten before it is read.
-    #[allow(clippy::type_complexity, reason = "a list of fields")]
-    fn essence(
-        &self,
-    ) -> (
-        (&[u8], &[u8], usize, u32),
-        (usize, &Handler, Option<Step>, Option<Transfer>),
-        (bool, bool, bool),
-        (&Reader, u8, u8),
-    ) {
+    fn essence(&self) -> impl Eq + Hash + '_ {
         let copy = self.working_copy.as_ref();
+        let copy = copy.map_or::<&[u8], _>(&[], |copy| copy.pending());
+        let log = &self.log;
         (
-            (
-                self.log.pending(),
-                copy.map_or(&[], |copy| copy.pending()),
-                offset(&self.log),
-                self.log.dropped(),
-            ),
+            (log.pending(), copy, offset(log), log.dropped()),
             (self.sending, &self.handler, self.interrupt, self.stream),
             (self.complete, self.failed, self.pending),
             (&self.reader, self.written, self.failures),
@@ -341,10 +330,11 @@ impl Service {
                 Some(Step::Enable(count))
             }
             Step::Enable(count) => {
+                let (offset, moved) = (offset(&next.log), 0);
                 next.stream = Some(Transfer {
-                    offset: offset(&next.log),
+                    offset,
                     len: count,
-                    moved: 0,
+                    moved,
                 });
                 next.sending = count;
                 None

@@ -5,7 +5,7 @@ use crate::types::{Micros, Milliseconds};
 /// clock's wrap after 71.6 minutes never makes silence fresh.
 ///
 /// [`Self::expired`] must be called at least every 35 minutes; the control tick does every 10 ms.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct StopDeadline {
     /// Microseconds, below 2³¹.
     allowed: u32,

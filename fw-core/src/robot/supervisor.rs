@@ -20,7 +20,7 @@ pub struct SupervisorCommand {
 }
 
 /// What a tick may do with the motors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AllowedMotion {
     /// No request yet.
     Coast,
@@ -31,7 +31,7 @@ pub enum AllowedMotion {
 }
 
 /// State, latched faults and stop deadline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Supervisor {
     deadline: StopDeadline,
     /// A fresh frame has arrived since the reset.

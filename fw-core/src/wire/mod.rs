@@ -102,7 +102,7 @@ pub struct Sequence {
 }
 
 /// What the robot is doing; the code of the status strategy and the pattern of the LEDs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum State {
     /// Reading its configuration.
