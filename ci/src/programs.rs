@@ -48,7 +48,7 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
 
 /// Builds the Pi's program with the virtual board; returns its path.
 pub fn build_pilot(session: &Session) -> Result<PathBuf> {
-    let build = "build --quiet --release --package pilot --features virtual,web";
+    let build = "build --quiet --release --package pilot --features virtual,web,terminal";
     session.cargo_with_board(build)?.quiet().run()?;
     Ok(session.target.join("release/robot"))
 }

@@ -190,6 +190,17 @@ impl Interrupt {
         self.0.store(true, Ordering::Relaxed);
     }
 
+    /// Raises the flag when the guard is dropped, also by a panic.
+    pub fn raised_on_drop(&self) -> impl Drop + Send + use<> {
+        struct Raise(Interrupt);
+        impl Drop for Raise {
+            fn drop(&mut self) {
+                self.0.raise();
+            }
+        }
+        Raise(self.clone())
+    }
+
     /// # Errors
     /// [`Error::Interrupted`] once the flag is raised.
     pub fn check(&self) -> Result<(), Error> {

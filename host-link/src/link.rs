@@ -69,9 +69,7 @@ impl Link {
         };
         let begun_us = clock.micros();
         self.round_trip.sent(begun_us);
-        let transfer = Operation::Transfer(back, out);
-        spi.transaction(&mut [Operation::DelayNs(SETUP_NS), transfer])
-            .map_err(|cause| Error::Spi(cause.to_string()))?;
+        transfer(spi, out, back)?;
         let ended_us = clock.micros();
         // One more, since the clock counts whole microseconds.
         self.due_us = ended_us + u64::from(GAP_US) + 1;
@@ -88,6 +86,21 @@ impl Link {
             }
         }
         Ok(reply)
+    }
+
+    /// Transfers a frame that another process has built; the report, if the reply is a valid one.
+    ///
+    /// # Errors
+    /// [`Error::Spi`].
+    pub fn relay(
+        &mut self,
+        spi: &mut dyn SpiDevice<Error = IoError>,
+        frame: &[u8],
+        reply: &mut [u8],
+    ) -> Result<Option<Report>, Error> {
+        transfer(spi, frame, reply)?;
+        self.frames += 1;
+        Ok(self.end.receive(reply).ok())
     }
 
     /// The counters so far.
@@ -107,6 +120,16 @@ impl Link {
             worst_round_trip_us: self.round_trip.worst_us,
         }
     }
+}
+
+fn transfer(
+    spi: &mut dyn SpiDevice<Error = IoError>,
+    out: &[u8],
+    back: &mut [u8],
+) -> Result<(), Error> {
+    let transfer = Operation::Transfer(back, out);
+    spi.transaction(&mut [Operation::DelayNs(SETUP_NS), transfer])
+        .map_err(|cause| Error::Spi(cause.to_string()))
 }
 
 /// How long the STM takes to confirm a frame: each is timed by its number, the first time that a

@@ -117,6 +117,41 @@ impl<'m> Session<'m> {
         }
     }
 
+    /// The same by what the EEPROM holds now; by the present configuration where that cannot be read.
+    #[must_use]
+    pub fn reread(self) -> Self {
+        let Self {
+            io,
+            config,
+            period_us,
+            ..
+        } = self;
+        let present = eeprom::read(io).and_then(|image| crate::settings::decode(&image));
+        let rate_hz = u32::try_from(1_000_000 / period_us).unwrap_or(1);
+        Self::with_config(io, present.unwrap_or(config), rate_hz)
+    }
+
+    /// The board's lines and buses.
+    pub fn io(&mut self) -> &mut BoardIo {
+        self.io
+    }
+
+    /// Transfers a frame that another process has built; the reply, and the report that it carries, if it is
+    /// a valid one, which is taken over.
+    ///
+    /// # Errors
+    /// [`Error::Spi`].
+    pub fn relay(&mut self, frame: &[u8]) -> Result<(Vec<u8>, Option<Report>), Error> {
+        let now_us = self.now_us();
+        let mut reply = vec![0; frame.len()];
+        let report = self.link.relay(&mut *self.io.spi, frame, &mut reply)?;
+        if let Some(report) = &report {
+            let statistics = self.link.statistics();
+            self.snapshot.update(now_us, report, statistics);
+        }
+        Ok((reply, report))
+    }
+
     /// The configuration both ends work by.
     pub fn config(&self) -> &Config {
         &self.config

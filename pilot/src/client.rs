@@ -2,11 +2,10 @@
 
 use crate::serve::hub::Port;
 use crate::serve::listener::{Lines, TURN, Transport};
-use crate::serve::protocol::{Activity, Failure, Frame, Message, Request, Tile, VERSION};
+use crate::serve::protocol::{Frame, Message, Request, Tile, VERSION};
 use crate::serve::tiles;
-use host_link::board_io::Interrupt;
 use host_link::error::{Error, Exit};
-use mapper::{Grid, Pose2};
+use mapper::Grid;
 use std::collections::{HashMap, VecDeque};
 use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
@@ -15,8 +14,6 @@ use std::time::{Duration, Instant};
 
 /// Time for a reply.
 const REPLY: Duration = Duration::from_secs(5);
-/// Lease of a motion that the client keeps, ms.
-const LEASE_MS: u32 = 2000;
 /// Tiles farther from the origin than the grid reaches are not taken.
 const FARTHEST_TILE: i32 = 63;
 
@@ -143,108 +140,45 @@ impl Client {
     /// # Errors
     /// Those of [`Self::request`].
     pub fn status(&mut self) -> Result<Frame, Error> {
-        self.request(&Request::Status)?;
-        while let Some(message) = self.queue.pop_front() {
-            if let Message::Frame(frame) = message {
-                return Ok(*frame);
-            }
+        match self.ask(&Request::Status)? {
+            Some(Message::Frame(frame)) => Ok(*frame),
+            _ => Err(lost("the robot has not answered yet")),
         }
-        Err(lost("the robot has not answered yet"))
     }
 
-    /// Makes a motion and keeps its lease until it has ended; seconds on the board's clock. `watch` gets
-    /// every message.
+    /// Sends a request that is answered by a message; the message, which comes before the reply.
     ///
     /// # Errors
-    /// Why it did not end as planned; [`Error::Interrupted`] after Ctrl-C: the server stops the robot.
-    pub fn drive(
-        &mut self,
-        request: &Request,
-        interrupt: &Interrupt,
-        mut watch: impl FnMut(&Message),
-    ) -> Result<f64, Error> {
-        self.request(&Request::Watch { every: 1 })?;
+    /// Those of [`Self::request`].
+    pub fn ask(&mut self, request: &Request) -> Result<Option<Message>, Error> {
         self.request(request)?;
-        let every = Duration::from_millis(u64::from(LEASE_MS) / 4);
-        let mut keep = Instant::now() + every;
-        loop {
-            if interrupt.check().is_err() {
-                self.request(&Request::Stop)?;
-                return Err(Error::Interrupted);
-            }
-            match self.message()? {
-                Some(Message::Done { error, seconds, .. }) => {
-                    return error.map_or(Ok(seconds), |why: Failure| Err(why.into()));
-                }
-                Some(message) => watch(&message),
-                None => {}
-            }
-            if Instant::now() >= keep {
-                keep = Instant::now() + every;
-                // Refused once the motion has ended, which the next message reports.
-                let _ = self.request(&Request::Keep);
-            }
-        }
+        Ok(self.queue.pop_back())
     }
 }
 
-/// A request to explore whose lease [`Client::drive`] keeps.
-pub const EXPLORE: Request = Request::Explore { lease_ms: LEASE_MS };
-
-/// A request to go to a pose whose lease [`Client::drive`] keeps.
-pub fn goto(target: host_link::pose::Pose, criteria: &crate::drive::ArrivalCriteria) -> Request {
-    Request::Goto {
-        x_mm: target.x_mm,
-        y_mm: target.y_mm,
-        rotation_deg: Some(target.rotation_deg),
-        tolerance: Some((criteria.tolerance_mm, criteria.tolerance_deg)),
-        timeout_s: criteria.timeout_s,
-        lease_ms: LEASE_MS,
-    }
-}
-
-fn lost(cause: &str) -> Error {
+pub(crate) fn lost(cause: &str) -> Error {
     let text = format!("the server does not answer ({cause}); look at what `robot serve` shows");
     let exit = Exit::Device;
     Error::Server { text, exit }
 }
 
-/// What a watching client knows: the latest frame, the map, the path.
+/// What a watching client knows: the latest frame and the map.
 #[derive(Default)]
 pub struct View {
     /// The latest frame.
     pub frame: Option<Frame>,
-    /// The estimated path since this map began.
-    pub path: Vec<Pose2>,
-    /// Activity that ended last, and why.
-    pub ended: Option<(Activity, Option<Failure>)>,
     tiles: HashMap<(i32, i32), String>,
     cell_mm: f64,
 }
-
-/// Farthest between two points of the path, mm.
-const PATH_MM: f64 = 20.0;
-/// Points of the path that are kept: 2 km.
-const PATH_POINTS: usize = 100_000;
 
 impl View {
     /// Takes a message.
     pub fn take(&mut self, message: &Message) {
         match message {
-            Message::Frame(frame) => {
-                if let Some(estimate) = frame.estimate {
-                    let pose = crate::mapping::mapper_pose(estimate.pose);
-                    let near = |last: &Pose2| last.distance_mm(&pose) < PATH_MM;
-                    if !self.path.last().is_some_and(near) && self.path.len() < PATH_POINTS {
-                        self.path.push(pose);
-                    }
-                }
-                self.frame = Some(Frame::clone(frame));
-            }
+            Message::Frame(frame) => self.frame = Some(Frame::clone(frame)),
             Message::Map { cell_mm } => {
                 self.cell_mm = *cell_mm;
                 self.tiles.clear();
-                self.path.clear();
             }
             Message::Tiles { tiles } => {
                 let within = |tile: &&Tile| tile.column.abs().max(tile.row.abs()) <= FARTHEST_TILE;
@@ -252,10 +186,7 @@ impl View {
                     self.tiles.insert((*column, *row), cells.clone());
                 }
             }
-            Message::Done {
-                activity, error, ..
-            } => self.ended = Some((*activity, error.clone())),
-            Message::Log { .. } | Message::Reply { .. } => {}
+            _ => {}
         }
     }
 

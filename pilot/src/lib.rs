@@ -20,6 +20,7 @@ pub mod mapping;
 pub mod mode;
 pub mod recording;
 pub mod serve;
+pub mod teleop;
 pub mod tune;
 #[cfg(feature = "virtual")]
 pub mod virtual_board;

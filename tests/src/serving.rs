@@ -13,14 +13,6 @@ use twin::Board;
 use crate::exploration::{CHANGES, READY_MS, SPI_HZ};
 use crate::test_board::{Rig, BRIDGES};
 
-struct End(Interrupt);
-
-impl Drop for End {
-    fn drop(&mut self) {
-        self.0.raise();
-    }
-}
-
 /// Serves a robot in Guarded Velocity in the default room while the scenario runs.
 ///
 /// # Panics
@@ -36,12 +28,13 @@ pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
         rig.trace_writes(port);
     }
     let (hub, events) = Hub::new();
-    let end = End(Interrupt::new());
-    let mut io = board_io(&rig.board, SPI_HZ, end.0.clone());
+    let mut io = board_io(&rig.board, SPI_HZ, Interrupt::new());
+    let end = io.interrupt.raised_on_drop();
     let options = Options {
         rate_hz: 40,
         ready_timeout_ms: READY_MS,
         speed: Some(0.25),
+        journal: None,
     };
     let board = rig.board.clone();
     thread::scope(|scope| {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Environment variable with the path of the program, built with the feature `virtual`.
@@ -43,6 +43,17 @@ impl Program {
         command
     }
 
+    /// Starts a server that keeps up with any computer, and waits until it serves.
+    fn serve(&self) -> Server {
+        let mut serve = self.command("serve --speed max");
+        let mut server = serve.stderr(Stdio::piped()).spawn().expect("started");
+        let mut lines = BufReader::new(server.stderr.take().expect("piped")).lines();
+        let server = Server(server);
+        assert!(lines.any(|line| line.expect("text").contains("serving on")));
+        std::thread::spawn(move || lines.for_each(drop));
+        server
+    }
+
     /// Runs the program; its standard output and error together.
     #[track_caller]
     fn expect(&self, code: i32, words: &str) -> String {
@@ -53,6 +64,15 @@ impl Program {
         let text = String::from_utf8_lossy(&[done.stdout, done.stderr].concat()).into_owned();
         assert_eq!(done.status.code(), Some(code), "{words}: {text}");
         text
+    }
+}
+
+struct Server(Child);
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -119,4 +139,121 @@ fn senseless_drives_are_refused_before_they_move() {
         assert!(text.contains(expected), "{words}: {text}");
     }
     assert!(program.expect(0, "--json doctor").contains("\"failed\":0"));
+}
+
+// Requirement: SERVE-borrow-1
+#[test]
+fn commands_borrow_the_robot_of_a_server() {
+    let program = Program::blank("served");
+    fs::write(program.0.join("tour"), "150 0 0\n0 0 0\n").expect("written");
+    let _server = program.serve();
+    for (words, expected) in [
+        ("--json doctor", "\"failed\":0"),
+        ("tour tour", "2 of 2: arrived"),
+        ("map tour --record drive.mcap", "map of"),
+        ("goto --map map.yaml 100 0 --start 0,0,0", "arrived at"),
+        ("tune rotate --yes --dry-run", "not written"),
+        ("eeprom check", "Guarded Velocity"),
+        ("mode guarded-normal", "both ends"),
+        ("goto 100 0 0", "arrived at"),
+        ("--json monitor --count 3", "Guarded Normal"),
+        ("stop", "stopped"),
+    ] {
+        let text = program.expect(0, words);
+        assert!(text.contains(expected), "{words}: {text}");
+    }
+    assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
+    let text = program.expect(2, "calibrate distance --yes --measure-with truth");
+    assert!(text.contains("end the server"), "{text}");
+}
+
+/// Environment variable with the number of kills; 200 for a release.
+const KILLS: &str = "ROBOT_KILLS";
+
+/// Commands that are killed; `explore` and `map` need the second configuration.
+const KILLED: [&str; 4] = [
+    "eeprom write second.toml",
+    "map tour --record drive.mcap",
+    "explore --yes --record drive.mcap",
+    "serve --speed max",
+];
+
+// Requirement: WIRE-program-1, WIRE-program-5, SERVE-borrow-1
+#[test]
+fn killed_commands_leave_nothing_half_written() {
+    let kills = std::env::var(KILLS).map_or(8, |kills| kills.parse().expect("a number"));
+    let program = Program::configured("killed");
+    let path = |name: &str| program.0.join(name);
+    fs::write(path("tour"), "60 0 0\n0 0 0\n").expect("written");
+    let first = fs::read_to_string(path("robot.toml")).expect("there");
+    let second = first.replace("\"Guarded Normal\"", "\"Guarded Velocity\"");
+    fs::write(
+        path("second.toml"),
+        second.replace("gyro = false", "gyro = true"),
+    )
+    .expect("written");
+    let old = program.expect(0, "eeprom dump");
+    let begun = Instant::now();
+    program.expect(0, "eeprom write second.toml");
+    let usual = begun.elapsed();
+    let new = program.expect(0, "eeprom dump");
+    assert_ne!(old, new);
+    let (mut alive, mut undone, mut random) = (0, 0, 0x9E37_79B9_7F4A_7C15_u64);
+    for kill in 0..kills {
+        let words = KILLED[kill % KILLED.len()];
+        if kill % KILLED.len() == 0 {
+            program.expect(0, "eeprom write robot.toml");
+        }
+        // xorshift64: a moment within the usual time of a write and half as much again.
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        let after = usual.mul_f64(1.5 * f64::from((random >> 40) as u32) / f64::from(1 << 24));
+        let mut command = program.command(words);
+        let mut child = command
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("started");
+        std::thread::sleep(after);
+        alive += usize::from(child.try_wait().expect("a child").is_none());
+        child.kill().expect("a child");
+        child.wait().expect("ended");
+
+        let text = program.expect(0, "eeprom dump");
+        let (warned, dumped) = (text.contains("is undone"), |dump: &str| text.contains(dump));
+        assert!(
+            dumped(&old) || dumped(&new),
+            "{words} after {after:?}: {text}"
+        );
+        assert!(
+            !path("eeprom.bin.eeprom.before").exists(),
+            "{words} after {after:?}"
+        );
+        undone += usize::from(warned);
+        if path("drive.mcap").exists() {
+            let done = program
+                .command("replay drive.mcap")
+                .output()
+                .expect("started");
+            let text = String::from_utf8_lossy(&done.stderr);
+            let empty = text.contains("it has no report");
+            assert!(
+                done.status.success() || empty,
+                "{words} after {after:?}: {text}"
+            );
+        }
+        for (name, begin, end) in [
+            ("map.png", &b"\x89PNG"[..], &b"IEND\xAE\x42\x60\x82"[..]),
+            ("map.pgm", b"P5\n", b""),
+            ("map.yaml", b"image: ", b"\n"),
+        ] {
+            let Ok(bytes) = fs::read(path(name)) else {
+                continue;
+            };
+            assert!(bytes.starts_with(begin) && bytes.ends_with(end), "{name}");
+        }
+    }
+    println!("{kills} kills: {alive} while the command ran, {undone} writes undone");
+    assert!(2 * alive > kills, "{alive} of {kills} hit");
 }

@@ -5,11 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Instant;
 
+use host_link::board_io::Interrupt;
 use host_link::error::Error;
 use pilot::client::Client;
 use pilot::serve::listener;
 use pilot::serve::protocol::{Message, Request};
+use pilot::teleop::{self, DeadMan, Key, Shown};
 use robot_tests::serving::{await_motion, serve, stopped_after};
+use twin::plant::Sides;
 
 /// Watching clients, and frames that each gets.
 const WATCHERS: usize = 20;
@@ -113,5 +116,38 @@ fn driver_that_is_gone_or_stopped_stops_the_wheels() {
             gone_us <= DEADLINE_US && stopped_us <= DEADLINE_US,
             "{gone_us}, {stopped_us}"
         );
+    });
+}
+
+// Requirement: SERVE-teleop-1
+#[test]
+fn released_key_and_leaving_stop_the_wheels() {
+    serve(|hub, board| {
+        let port = hub.admit().expect("a place");
+        let mut client = Client::local(port, "teleop").expect("joined");
+        for (leaves, limit_us) in [(false, 1_000_000), (true, DEADLINE_US)] {
+            let mut since_us = None;
+            let dead_man = Some(DeadMan::new(150.0, 45.0));
+            let turn = |shown: Shown<'_>| {
+                if let Shown::Refused(why) = shown {
+                    panic!("{why}");
+                }
+                let duty = board.truth().duty;
+                let turns = duty.left != 0.0 && duty.right != 0.0;
+                Ok(match since_us {
+                    None if !turns => vec![Key::Ahead],
+                    None => {
+                        since_us = Some(board.now_us());
+                        leaves.then_some(Key::Leave).into_iter().collect()
+                    }
+                    Some(_) if duty == Sides::default() => vec![Key::Leave],
+                    Some(_) => vec![],
+                })
+            };
+            teleop::run(&mut client, &Interrupt::new(), dead_man, turn).expect("driven");
+            let stopped_us = stopped_after(board, since_us.expect("moved"));
+            println!("wheels stop {stopped_us} us after the last key; leaving: {leaves}");
+            assert!(stopped_us <= limit_us, "{stopped_us} us, leaving: {leaves}");
+        }
     });
 }

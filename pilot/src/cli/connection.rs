@@ -9,16 +9,23 @@ use host_link::eeprom::repair::{self, Repaired};
 use host_link::error::Error;
 use host_link::file;
 use host_link::session::Session;
+use pilot::client::Client;
 use pilot::ground_truth::GroundTruth;
+use pilot::serve::board::Borrowed;
+use pilot::serve::control;
+use pilot::serve::hub::Hub;
 use std::fs::{self, File, Permissions, TryLockError};
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use std::thread;
 
-/// What every command has: the options that choose the robot, and the output.
+/// What every command has: its name, the options that choose the robot, and the output.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
+    pub command: &'a str,
     pub board: &'a BoardArgs,
     pub output: Output,
 }
@@ -36,11 +43,40 @@ pub struct Connection {
 type Finish = Box<dyn FnOnce(bool) -> Result<(), Error>>;
 
 impl Context<'_> {
+    /// Joins the server of the chosen robot, if one runs.
+    pub fn server(self) -> Result<Option<Client>, Error> {
+        let name = format!("{} ({})", self.command, std::process::id());
+        Client::connect(&self.state_file("sock"), &name)
+    }
+
+    /// Runs `job` on the chosen robot: borrows it where a server owns it, or opens it.
+    ///
+    /// # Errors
+    /// Those of opening and of `job`.
+    // Requirement: SERVE-borrow-1
+    pub fn with_board<T>(
+        self,
+        job: impl FnOnce(&mut Connection) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let Some(client) = self.server()? else {
+            return self.with_own_board(job);
+        };
+        let borrowed = Borrowed::new(client)?;
+        let mut connection = Connection {
+            io: borrowed.io(interrupt()?),
+            journal: self.journal(),
+            truth: None,
+        };
+        let outcome = job(&mut connection);
+        // Why the robot was taken back is the cause of what `job` reports.
+        borrowed.give_back().and(outcome)
+    }
+
     /// Opens the chosen robot, holds its lock, repairs what a killed run left, and runs `job`.
     ///
     /// # Errors
     /// Those of opening and of `job`.
-    pub fn with_board<T>(
+    pub fn with_own_board<T>(
         self,
         job: impl FnOnce(&mut Connection) -> Result<T, Error>,
     ) -> Result<T, Error> {
@@ -58,13 +94,56 @@ impl Context<'_> {
         } else {
             open_linux(self, interrupt)?
         };
-        let journal = Journal::new(self.state_file("eeprom.before"));
+        let journal = self.journal();
         let mut connection = Connection { io, journal, truth };
         let outcome = self
             .repair(&mut connection, &mut lock)
             .and_then(|()| job(&mut connection));
         let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
         outcome.and_then(|done| finished.map(|()| done))
+    }
+
+    /// Of an EEPROM write.
+    pub fn journal(&self) -> Journal {
+        Journal::new(self.state_file("eeprom.before"))
+    }
+
+    /// Runs `job` as a client of the robot's server, or of one in this process, after `prepare`.
+    ///
+    /// # Errors
+    /// Those of opening, of serving and of `job`.
+    pub fn with_client<T: Send>(
+        self,
+        prepare: impl FnOnce(&mut Connection) -> Result<(), Error>,
+        job: impl FnOnce(&mut Client) -> Result<T, Error> + Send,
+    ) -> Result<T, Error> {
+        if let Some(mut client) = self.server()? {
+            return job(&mut client);
+        }
+        self.with_own_board(|connection| {
+            prepare(connection)?;
+            let options = control::Options {
+                rate_hz: self.board.rate,
+                ready_timeout_ms: self.board.ready_timeout,
+                speed: self.board.virtual_board.chosen.then_some(1.0),
+                journal: None,
+            };
+            let (hub, events) = Hub::new();
+            // Ctrl-C ends the client, and its end the server.
+            let io = &mut connection.io;
+            io.interrupt = Interrupt::new();
+            let ended = io.interrupt.raised_on_drop();
+            thread::scope(|scope| {
+                let client = scope.spawn(move || {
+                    let _ended = ended;
+                    let port = hub.admit().ok_or(Error::Interrupted)?;
+                    job(&mut Client::local(port, self.command)?)
+                });
+                let served = control::run(io, &options, events);
+                let done = client.join().unwrap_or_else(|panic| resume_unwind(panic));
+                served.and(done)
+            })
+        })
     }
 
     /// Reads the EEPROM and starts exchanging frames.

@@ -6,15 +6,8 @@ use super::prompt;
 use super::tune::{mode_journal, restore_mode};
 use host_link::error::{Error, Exit};
 use pilot::doctor::{self, Findings, Outcome};
-use serde::Serialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
-
-#[derive(Serialize)]
-struct Done<'a> {
-    findings: &'a Findings,
-    failed: usize,
-    exit: u8,
-}
 
 /// Runs the command.
 pub fn run(doctor: &Doctor, context: Context<'_>) -> Result<Exit, Error> {
@@ -38,11 +31,7 @@ pub fn run(doctor: &Doctor, context: Context<'_>) -> Result<Exit, Error> {
     }
     let failed = findings.failed().len();
     let exit = if failed > 0 { Exit::Findings } else { Exit::Ok };
-    let done = Done {
-        findings: &findings,
-        failed,
-        exit: exit.code(),
-    };
+    let done = json!({ "findings": findings, "failed": failed, "exit": exit.code() });
     context.output.result(&done, || summary(&findings))?;
     Ok(exit)
 }

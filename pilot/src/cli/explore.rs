@@ -18,6 +18,7 @@ use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
 use pilot::recording::Recorder;
 use serde::Serialize;
+use serde_json::json;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -67,14 +68,6 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
 /// Covariance of a start that a person gives: 50 mm and 5°.
 const GIVEN_START: [[f64; 3]; 3] = [[2500.0, 0.0, 0.0], [0.0, 2500.0, 0.0], [0.0, 0.0, 0.0076]];
 
-#[derive(Serialize)]
-struct Arrival {
-    x_mm: f64,
-    y_mm: f64,
-    off_mm: f64,
-    seconds: f64,
-}
-
 /// Goes to a point of a saved map.
 pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error> {
     let grid = mapping::load_map(map)?;
@@ -105,7 +98,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let pose = localisation.localiser.estimate().pose;
         let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
         let off_mm = pose.position().distance_mm(target);
-        let arrival = Arrival { x_mm, y_mm, off_mm, seconds };
+        let arrival = json!({ "x_mm": x_mm, "y_mm": y_mm, "off_mm": off_mm, "seconds": seconds });
         context.output.result(&arrival, || {
             format!(
                 "arrived at x {x_mm:.0} mm, y {y_mm:.0} mm of the map after {seconds:.1} s ({off_mm:.0} mm \

@@ -2,16 +2,15 @@
 
 use super::args::Map;
 use super::connection::Context;
-use super::{drive::summary, monitor};
+use super::drive;
 use host_link::error::Error;
 use host_link::settings::Settings;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
-use pilot::drive;
 use pilot::mapping::{self, Files, Mapping, RangeSample};
 use pilot::recording::{self, Recorder};
 use pilot::waypoints;
-use serde::Serialize;
+use serde_json::json;
 
 /// Runs the command.
 pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
@@ -36,29 +35,16 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 let mut session = context.open_session(&mut connection.io)?;
                 let config = mapping::mapper_config(session.config(), cell_mm);
                 let mut mapping = Mapping::new(config);
-                let output = context.output;
                 let mut recorder = map.record.as_deref().map(Recorder::create).transpose()?;
                 let mut written = Ok(());
-                let outcome = drive::tour(
-                    &mut session,
-                    &waypoints,
-                    &map.criteria.criteria(),
-                    |_, snapshot| {
-                        if let Some(sample) = RangeSample::of(snapshot) {
-                            mapping.add(&sample);
-                            record(&mut recorder, &mut written, &sample, snapshot);
-                        }
-                        output.live(&monitor::line(snapshot));
-                    },
-                    |index, arrival| {
-                        output.live("");
-                        let (number, count) = (index + 1, waypoints.len());
-                        output.message(&format!("{number} of {count}: {}", summary(arrival)));
-                    },
-                );
-                if outcome.is_err() {
-                    output.end_live();
-                }
+                let watch = |snapshot: &Snapshot| {
+                    if let Some(sample) = RangeSample::of(snapshot) {
+                        mapping.add(&sample);
+                        record(&mut recorder, &mut written, &sample, snapshot);
+                    }
+                };
+                let (_, outcome) =
+                    drive::follow(&mut session, &waypoints, &map.criteria, context, watch);
                 // What was measured before an error is worth keeping, whatever the error was.
                 let end_us = session.now_us();
                 if let Some(recorder) = recorder {
@@ -87,14 +73,6 @@ pub fn record(
     }
 }
 
-#[derive(Serialize)]
-struct Done {
-    files: Files,
-    reports: usize,
-    path_mm: f64,
-    link: Option<LinkStatistics>,
-}
-
 fn save(
     map: &Map,
     mapping: &Mapping,
@@ -103,19 +81,14 @@ fn save(
 ) -> Result<(), Error> {
     let files = mapping.save_map(&map.out)?;
     let (reports, path_mm) = (mapping.trace().len(), mapping.path_mm());
-    let done = Done {
-        files,
-        reports,
-        path_mm,
-        link,
-    };
+    let done = json!({ "files": files, "reports": reports, "path_mm": path_mm, "link": link });
     context.output.result(&done, || {
         format!(
             "map of {reports} reports over {:.2} m in {}, {}, {}",
             path_mm / 1000.0,
-            done.files.png.display(),
-            done.files.pgm.display(),
-            done.files.yaml.display()
+            files.png.display(),
+            files.pgm.display(),
+            files.yaml.display()
         )
     })
 }

@@ -9,19 +9,31 @@ mod drive;
 mod eeprom;
 mod explore;
 mod map;
+mod measuring_args;
 mod mode;
 mod monitor;
 mod output;
 mod prompt;
-mod remote;
 mod replay;
+#[cfg(any(test, feature = "terminal"))]
+mod screen;
+#[cfg(not(any(test, feature = "terminal")))]
+mod screen {
+    use super::Error;
+    use pilot::{client::Client, teleop::DeadMan};
+
+    pub fn run(_: &mut Client, _: Option<DeadMan>) -> Result<(), Error> {
+        let what = "this `robot` was built without the feature `terminal`";
+        Err(Error::Usage(what.into()))
+    }
+}
 mod serve;
 mod status;
 mod stop;
 mod tune;
 
 use args::{Arguments, Command};
-use clap::{CommandFactory, FromArgMatches};
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use connection::Context;
 use host_link::error::{Error, Exit};
 use host_link::reset;
@@ -75,7 +87,7 @@ pub fn main() -> ExitCode {
     let outcome = match parsed {
         Ok((arguments, matches)) => {
             board_args::check(&matches, arguments.board.virtual_board.chosen)
-                .and_then(|()| run(&arguments, Output::new(json)))
+                .and_then(|()| run(&arguments, &matches, Output::new(json)))
         }
         // Help and version are results.
         Err(problem) if !problem.use_stderr() => {
@@ -103,14 +115,12 @@ pub fn main() -> ExitCode {
     ExitCode::from(exit.code())
 }
 
-fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
+fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Exit, Error> {
     let context = Context {
+        command: matches.subcommand_name().unwrap_or_default(),
         board: &arguments.board,
         output,
     };
-    if let Some(exit) = run_remote(&arguments.command, context)? {
-        return Ok(exit);
-    }
     match &arguments.command {
         Command::Eeprom { command } => return eeprom::run(command, context),
         Command::Status(status) => return status::run(status, context),
@@ -123,6 +133,7 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         }),
         Command::Mode { mode } => mode::run(*mode, context),
         Command::Monitor(monitor) => monitor::run(monitor, context),
+        Command::Teleop(teleop) => monitor::teleop(teleop, context),
         Command::Serve(serve) => serve::run(serve, context),
         Command::Stop => stop::run(context),
         Command::Log => stop::log(context),
@@ -142,33 +153,6 @@ fn run(arguments: &Arguments, output: Output) -> Result<Exit, Error> {
         Command::Explore(explore) => explore::run(explore, context),
     }?;
     Ok(Exit::Ok)
-}
-
-/// Runs the command as a client, where a server of the robot runs and the command can be one.
-fn run_remote(command: &Command, context: Context<'_>) -> Result<Option<Exit>, Error> {
-    let name = match command {
-        Command::Status(_) => "status",
-        Command::Monitor(_) => "monitor",
-        Command::Stop => "stop",
-        Command::Log => "log",
-        Command::Goto(goto) if goto.map.is_none() => "goto",
-        Command::Explore(_) => "explore",
-        _ => return Ok(None),
-    };
-    let Some(mut client) = remote::connect(name, context)? else {
-        return Ok(None);
-    };
-    let client = &mut client;
-    match command {
-        Command::Status(_) => return status::of_server(client, context).map(Some),
-        Command::Monitor(monitor) => remote::monitor(client, monitor, context),
-        Command::Stop => remote::stop(client, context),
-        Command::Log => remote::log(client, context),
-        Command::Goto(goto) => remote::go_to(client, goto, context),
-        Command::Explore(explore) => remote::explore(client, explore, context),
-        _ => return Ok(None),
-    }?;
-    Ok(Some(Exit::Ok))
 }
 
 #[cfg(test)]

@@ -4,16 +4,7 @@ use super::connection::{Connection, Context};
 use super::monitor;
 use fw_core::wire::Mode;
 use host_link::error::Error;
-use host_link::snapshot::Snapshot;
-use serde::Serialize;
-
-#[derive(Serialize)]
-struct Done<'a> {
-    before: &'static str,
-    bytes: usize,
-    ready_ms: u32,
-    report: &'a Snapshot,
-}
+use serde_json::json;
 
 /// Runs the command.
 pub fn run(mode: Mode, context: Context<'_>) -> Result<(), Error> {
@@ -29,21 +20,17 @@ pub fn run(mode: Mode, context: Context<'_>) -> Result<(), Error> {
         );
         output.live("");
         let changed = changed?;
-        let done = Done {
-            before: changed.before.name(),
-            bytes: changed.programmed.bytes,
-            ready_ms: changed.programmed.ready_ms,
-            report: changed.session.snapshot(),
-        };
+        let (before, report) = (changed.before.name(), changed.session.snapshot());
+        let (bytes, ready_ms) = (changed.programmed.bytes, changed.programmed.ready_ms);
+        let done = json!({
+            "before": before, "bytes": bytes, "ready_ms": ready_ms, "report": report,
+        });
         output.result(&done, || {
             format!(
-                "mode {} -> {}: {} bytes written and read back; STM ready {} ms after its reset; both ends \
-                 use it\n{}",
-                done.before,
+                "mode {before} -> {}: {bytes} bytes written and read back; STM ready {ready_ms} ms after its \
+                 reset; both ends use it\n{}",
                 mode.name(),
-                done.bytes,
-                done.ready_ms,
-                monitor::line(done.report)
+                monitor::line(report)
             )
         })
     })

@@ -1,47 +1,70 @@
-//! `monitor`: everything the robot reports, live.
+//! `monitor` and `teleop`: everything the robot reports, live.
 
-use super::args::Monitor;
-use super::connection::Context;
-use host_link::error::Error;
-use host_link::session::CommandRequest;
+use super::args::{Monitor, Teleop};
+use super::connection::{Context, interrupt};
+use super::{explore, screen};
+use host_link::error::{Error, Exit};
 use host_link::snapshot::Snapshot;
 use host_link::statistics::{LinkStatistics, RejectCounts, StmStatistics};
+use pilot::client::Client;
+use pilot::serve::protocol::{Message, Request};
+use pilot::teleop::DeadMan;
 use std::fmt::Write;
 
-/// Time between two lines for people, microseconds.
-const REFRESH_US: u64 = 100_000;
+/// Frames between two lines for people.
+const EVERY: u32 = 4;
 
-/// Runs the command.
+/// Shows a screen on a terminal, else lines.
 pub fn run(monitor: &Monitor, context: Context<'_>) -> Result<(), Error> {
-    let output = context.output;
-    context.with_board(|connection| {
-        let mut session = context.open_session(&mut connection.io)?;
-        let mut remaining = monitor.count.unwrap_or(u64::MAX);
-        let mut shown_us = 0;
-        while remaining > 0 {
-            let report = session.exchange(&CommandRequest::default())?;
-            session.poll_log();
-            if report.is_none() {
-                continue;
+    let built = cfg!(any(test, feature = "terminal"));
+    let is_screen = built && context.output.is_screen() && monitor.count.is_none();
+    context.with_client(
+        |_| Ok(()),
+        |client| {
+            if is_screen {
+                return screen::run(client, None);
             }
-            remaining -= 1;
-            let snapshot = session.snapshot();
-            let due = snapshot.time_us.saturating_sub(shown_us) >= REFRESH_US;
-            if output.is_live() && due {
-                output.live(&line(snapshot));
-            } else if !output.is_live() && (output.is_json() || remaining == 0 || due) {
-                output.result(snapshot, || line(snapshot))?;
-            } else {
-                continue;
-            }
-            shown_us = snapshot.time_us;
+            lines(client, monitor, context)
+        },
+    )
+}
+
+/// Drives by keys.
+pub fn teleop(teleop: &Teleop, context: Context<'_>) -> Result<(), Error> {
+    if !context.output.is_screen() {
+        let what = "teleop needs a terminal, without --json: the dead man's handle is its keyboard";
+        return Err(Error::Usage(what.into()));
+    }
+    context.with_client(
+        |connection| explore::ensure_mode(connection, teleop.yes, context),
+        |client| screen::run(client, Some(DeadMan::new(teleop.speed, teleop.turn))),
+    )
+}
+
+fn lines(client: &mut Client, monitor: &Monitor, context: Context<'_>) -> Result<(), Error> {
+    let (output, interrupt) = (context.output, interrupt()?);
+    let every = if output.is_json() { 1 } else { EVERY };
+    client.request(&Request::Watch { every })?;
+    let (mut remaining, mut shown_us) = (monitor.count.unwrap_or(u64::MAX), None);
+    while remaining > 0 {
+        interrupt.check()?;
+        let Some(Message::Frame(frame)) = client.message()? else {
+            continue;
+        };
+        if let Some(text) = frame.error {
+            let exit = Exit::Link;
+            return Err(Error::Server { text, exit });
         }
-        if output.is_live() {
-            output.live("");
-            output.result(session.snapshot(), || line(session.snapshot()))?;
+        if shown_us.replace(frame.robot.time_us) == Some(frame.robot.time_us) {
+            continue;
         }
-        Ok(())
-    })
+        remaining -= 1;
+        let driver = frame.driver.map(|driver| format!("  driven by {driver}"));
+        output.result(&frame.robot, || {
+            line(&frame.robot) + &driver.unwrap_or_default()
+        })?;
+    }
+    Ok(())
 }
 
 /// One line of everything.

@@ -85,6 +85,11 @@ impl Output {
         self.terminal && !self.json
     }
 
+    /// Whether a person sits at a terminal that can show a screen.
+    pub fn is_screen(self) -> bool {
+        !self.json && io::stdout().is_terminal() && io::stdin().is_terminal()
+    }
+
     /// Whether results are JSON.
     pub fn is_json(self) -> bool {
         self.json

@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Runs the command.
 pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
     let simulated = context.board.virtual_board.chosen;
-    context.with_board(|connection| {
+    context.with_own_board(|connection| {
         if simulated {
             configure_blank(connection, context)?;
         }
@@ -46,6 +46,7 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
                 Speed::Times(speed) if simulated => Some(speed),
                 _ => None,
             },
+            journal: Some(connection.journal.clone()),
         };
         control::run(&mut connection.io, &options, events)
     })

@@ -27,7 +27,10 @@ struct Summary {
 
 /// Runs the command.
 pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
-    context.with_board(|connection| {
+    if let Some(mut client) = context.server()? {
+        return of_server(&mut client, context);
+    }
+    context.with_own_board(|connection| {
         let io = &mut connection.io;
         let (seen, exit) = match reset::await_ready(io, context.board.ready_timeout) {
             Ok(_) => linked(io, status, context)?,
@@ -40,7 +43,7 @@ pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
 }
 
 /// Shows what the server knows.
-pub fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Error> {
+fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Error> {
     let frame = client.status()?;
     let unreachable = frame.error.is_some();
     let exit = if unreachable { Exit::Link } else { Exit::Ok };

@@ -1,7 +1,7 @@
 //! `tune …`.
 
-use super::args::{Consent, StepArgs, Tune};
 use super::connection::{Connection, Context, TUNE_MODE};
+use super::measuring_args::{Consent, StepArgs, Tune};
 use super::prompt;
 use fw_core::eeprom::{FIELDS, Image};
 use host_link::board_io::BoardIo;

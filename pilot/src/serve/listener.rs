@@ -108,7 +108,7 @@ pub fn is_timeout(cause: &io::Error) -> bool {
 /// Serves one client to its end. Over a network it has to show the token.
 pub fn serve(transport: &mut impl Transport, mut port: Port, token: Option<&str>) {
     let greeted = greet(transport, &mut port, token);
-    let ended = greeted.and_then(|()| exchange(transport, &port));
+    let ended = greeted.and_then(|()| exchange(transport, &port, token.is_none()));
     if let Err(cause) = ended {
         let _ = transport.send(&refusal(cause.to_string(), Exit::Usage));
     }
@@ -146,7 +146,8 @@ fn greet(transport: &mut impl Transport, port: &mut Port, token: Option<&str>) -
     Err(ErrorKind::TimedOut.into())
 }
 
-fn exchange(transport: &mut impl Transport, port: &Port) -> io::Result<()> {
+/// The robot's lines and buses are for clients of this computer (`local`).
+fn exchange(transport: &mut impl Transport, port: &Port, local: bool) -> io::Result<()> {
     let gone = |_| io::Error::other("this client does not keep up, or the server has ended");
     loop {
         // A client whose request is pending is not listened to: it has one at a time.
@@ -165,6 +166,10 @@ fn exchange(transport: &mut impl Transport, port: &Port) -> io::Result<()> {
         }
         if let Some(line) = transport.receive()? {
             match Request::parse(&line) {
+                Ok(Request::Borrow) if !local => {
+                    let what = "a robot is borrowed over its Unix socket only".into();
+                    transport.send(&refusal(what, Exit::Usage))?;
+                }
                 Ok(request) => port.ask(request),
                 Err(what) => transport.send(&refusal(what, Exit::Usage))?,
             }

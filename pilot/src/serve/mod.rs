@@ -1,5 +1,6 @@
 //! One process owns the robot, many look on: the control loop and its clients.
 
+pub mod board;
 pub mod control;
 pub mod hub;
 pub mod listener;

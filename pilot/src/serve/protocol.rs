@@ -3,6 +3,7 @@
 //! A client begins with `{"do":"hello","version":1,"name":"…"}`, over a network with the token; each
 //! request gets one reply.
 
+use super::board::Call;
 use host_link::error::{Error, Exit};
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
 use host_link::snapshot::Snapshot;
@@ -64,12 +65,6 @@ pub enum Request {
         y_mm: f64,
         /// Degrees.
         rotation_deg: Option<f64>,
-        /// Largest distance from the pose, mm, and difference from its rotation, degrees; 5 and 1 without it.
-        #[serde(default)]
-        tolerance: Option<(f64, f64)>,
-        /// Time for the pose, s; by its distance without it.
-        #[serde(default)]
-        timeout_s: Option<f64>,
         /// See [`LEASE_MS`].
         #[serde(default = "default_lease")]
         lease_ms: u32,
@@ -88,6 +83,16 @@ pub enum Request {
     ClearFaults,
     /// Begins a new map where the robot stands.
     NewMap,
+    /// Over the Unix socket: hands the robot's lines and buses to this client, until it returns them,
+    /// disconnects or is stopped.
+    Borrow,
+    /// A call of a line or a bus of the borrowed robot, answered by `board`.
+    Board {
+        /// The call.
+        call: Call,
+    },
+    /// Returns the borrowed robot.
+    Return,
 }
 
 const fn one() -> u32 {
@@ -115,12 +120,8 @@ impl Request {
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Hello { version, name, .. } => {
-                within(
-                    "version",
-                    f64::from(*version),
-                    VERSION.into(),
-                    VERSION.into(),
-                )?;
+                let known = f64::from(VERSION);
+                within("version", *version, known..=known)?;
                 let printable = !name.chars().any(char::is_control);
                 if !(1..=MAX_NAME).contains(&name.chars().count()) || !printable {
                     return Err(format!(
@@ -128,56 +129,49 @@ impl Request {
                     ));
                 }
             }
-            Self::Watch { every } => within("every", f64::from(*every), 1.0, 400.0)?,
+            Self::Watch { every } => within("every", *every, 1.0..=400.0)?,
             Self::Drive {
                 forward_mm_s,
                 yaw_rate_deg_s,
                 lease_ms,
             } => {
                 let (speed, yaw) = MAX_VELOCITY;
-                within("forward_mm_s", *forward_mm_s, -speed, speed)?;
-                within("yaw_rate_deg_s", *yaw_rate_deg_s, -yaw, yaw)?;
+                within("forward_mm_s", *forward_mm_s, -speed..=speed)?;
+                within("yaw_rate_deg_s", *yaw_rate_deg_s, -yaw..=yaw)?;
                 lease(*lease_ms)?;
             }
             Self::Goto {
                 x_mm,
                 y_mm,
                 rotation_deg,
-                tolerance,
-                timeout_s,
                 lease_ms,
             } => {
-                within("x_mm", *x_mm, -MAX_COORDINATE_MM, MAX_COORDINATE_MM)?;
-                within("y_mm", *y_mm, -MAX_COORDINATE_MM, MAX_COORDINATE_MM)?;
-                within(
-                    "rotation_deg",
-                    rotation_deg.unwrap_or_default(),
-                    -36e3,
-                    36e3,
-                )?;
-                let (mm, deg) = tolerance.unwrap_or((1.0, 1.0));
-                within("tolerance", mm.min(deg), 1e-3, 1e6)?;
-                within("timeout_s", timeout_s.unwrap_or(1.0), 1e-3, 1e6)?;
+                within("x_mm", *x_mm, -MAX_COORDINATE_MM..=MAX_COORDINATE_MM)?;
+                within("y_mm", *y_mm, -MAX_COORDINATE_MM..=MAX_COORDINATE_MM)?;
+                let rotation = rotation_deg.unwrap_or_default();
+                within("rotation_deg", rotation, -36e3..=36e3)?;
                 lease(*lease_ms)?;
             }
             Self::Explore { lease_ms } => lease(*lease_ms)?,
-            Self::Status | Self::Keep | Self::Stop | Self::ClearFaults | Self::NewMap => {}
+            Self::Board { call } => call.check()?,
+            _ => {}
         }
         Ok(())
     }
 }
 
 fn lease(ms: u32) -> Result<(), String> {
-    within(
-        "lease_ms",
-        ms.into(),
-        (*LEASE_MS.start()).into(),
-        (*LEASE_MS.end()).into(),
-    )
+    let range = f64::from(*LEASE_MS.start())..=f64::from(*LEASE_MS.end());
+    within("lease_ms", ms, range)
 }
 
-fn within(field: &str, value: f64, least: f64, most: f64) -> Result<(), String> {
-    if (least..=most).contains(&value) {
+pub(super) fn within(
+    field: &str,
+    value: impl Into<f64>,
+    accepted: RangeInclusive<f64>,
+) -> Result<(), String> {
+    let (value, least, most) = (value.into(), accepted.start(), accepted.end());
+    if accepted.contains(&value) {
         return Ok(());
     }
     Err(format!("{field} = {value}: accepted is {least} to {most}"))
@@ -224,6 +218,8 @@ pub enum Activity {
     Goto,
     /// The explorer.
     Explore,
+    /// A command that has borrowed the robot.
+    Command,
 }
 
 /// Where the robot is in the map's frame.
@@ -297,6 +293,15 @@ pub enum Message {
     Tiles {
         /// At most eight.
         tiles: Vec<Tile>,
+    },
+    /// The answer to a call of a line or a bus.
+    Board {
+        /// What was read.
+        bytes: Vec<u8>,
+        /// Level, or microseconds on the board's clock.
+        number: u64,
+        /// Why the driver failed, if it did.
+        error: Option<String>,
     },
     /// This client's motion has ended.
     Done {

@@ -1,8 +1,8 @@
 //! `calibrate distance`: a straight line against a tape measure.
 
 use super::measurement::Measurement;
-use crate::cli::args::DistanceArgs;
 use crate::cli::connection::Connection;
+use crate::cli::measuring_args::DistanceArgs;
 use crate::cli::tune::ending;
 use host_link::board_io::BoardIo;
 use host_link::error::Error;
@@ -75,7 +75,7 @@ pub fn run(
     connection: &mut Connection,
 ) -> Result<(), Error> {
     let (output, length) = (measurement.context.output, arguments.length);
-    let (original, before) = measurement.begin(&mut connection.io)?;
+    let (original, before) = measurement.begin(connection)?;
     let (path, measured) = if let Some(measured) = arguments.measured {
         (earlier_path(&measurement, &before)?, measured)
     } else {

@@ -4,8 +4,8 @@ mod distance;
 mod measurement;
 mod umbmark;
 
-use super::args::Calibrate;
 use super::connection::Context;
+use super::measuring_args::Calibrate;
 use super::tune::rollback;
 use host_link::error::Error;
 use measurement::Measurement;

@@ -1,8 +1,8 @@
 //! `calibrate umbmark`: squares both ways, after Borenstein and Feng.
 
 use super::measurement::Measurement;
-use crate::cli::args::UmbmarkArgs;
 use crate::cli::connection::Connection;
+use crate::cli::measuring_args::UmbmarkArgs;
 use crate::cli::tune::ending;
 use host_link::error::Error;
 use host_link::settings::Change;
@@ -75,7 +75,7 @@ pub fn run(
     connection: &mut Connection,
 ) -> Result<(), Error> {
     let (output, side) = (measurement.context.output, arguments.side);
-    let (original, before) = measurement.begin(&mut connection.io)?;
+    let (original, before) = measurement.begin(connection)?;
     let what = format!(
         "The robot will drive {} squares of {side} mm to its right and as many to its left. Mark the floor \
          under the middle of its axle and the line it faces; leave half a metre free all round.",

@@ -1,5 +1,6 @@
 //! The control loop: one thread owns the robot, answers the clients once a frame and publishes it.
 
+mod lending;
 mod publishing;
 mod requests;
 
@@ -14,9 +15,11 @@ use crate::mapping::{self, RangeSample};
 use fw_core::types::Faults;
 use fw_core::wire::{Field, Report};
 use host_link::board_io::BoardIo;
+use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
+use lending::Loan;
 use mapper::Localiser;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -33,7 +36,7 @@ const RETRY: Duration = Duration::from_secs(1);
 const JUMP_MM: f64 = 150.0;
 
 /// How to serve.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// Frames per second.
     pub rate_hz: u32,
@@ -41,27 +44,31 @@ pub struct Options {
     pub ready_timeout_ms: u32,
     /// How much faster than real time virtual time passes; none: as the board's clock does by itself.
     pub speed: Option<f64>,
+    /// Of an EEPROM write that a client which borrowed the robot may leave unfinished.
+    pub journal: Option<Journal>,
 }
 
 /// What a client has made the robot do.
 enum Motion {
     /// The latest velocity of [`Server::velocity`].
     Velocity,
-    Pose(Pose, ArrivalCriteria),
+    Pose(Pose),
     Plan(Activity, Box<dyn Plan>),
     /// The stop order alone.
     Stop,
     /// Clears the latched faults.
     Clear,
+    /// Hands the lines and buses to the client.
+    Lend,
 }
 
 impl Motion {
     const fn activity(&self) -> Activity {
         match self {
             Self::Velocity => Activity::Drive,
-            Self::Pose(..) => Activity::Goto,
+            Self::Pose(_) => Activity::Goto,
             Self::Plan(activity, _) => *activity,
-            Self::Stop | Self::Clear => Activity::Idle,
+            Self::Stop | Self::Clear | Self::Lend => Activity::Idle,
         }
     }
 }
@@ -71,13 +78,15 @@ struct Lease {
     client: ClientId,
     name: String,
     length: Duration,
-    ends: Instant,
+    /// On this computer's clock: it shows that the client lives. None: the robot is lent.
+    ends: Option<Instant>,
 }
 
 struct Server {
     events: Receiver<Event>,
     clients: BTreeMap<ClientId, Client>,
     lease: Option<Lease>,
+    loan: Option<Loan>,
     activity: Activity,
     velocity: VelocityRequest,
     /// What to do when the present motion has ended.
@@ -108,6 +117,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         events,
         clients: BTreeMap::new(),
         lease: None,
+        loan: None,
         activity: Activity::Idle,
         velocity: VelocityRequest::default(),
         next: None,
@@ -127,13 +137,20 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
     let interrupt = io.interrupt.clone();
     loop {
         let session = Session::open(io, options.rate_hz, options.ready_timeout_ms);
-        let error = match session {
+        let ended = match session {
             Ok(mut session) => server.serve(&mut session),
             Err(error) if server.latest.is_none() => return Err(error),
-            Err(error) => error,
+            Err(error) => Err(error),
+        };
+        let ended = ended.and_then(|()| server.lend(io, options));
+        let Err(error) = ended else {
+            continue;
         };
         let again = Instant::now() + RETRY;
         while Instant::now() < again {
+            if matches!(server.next, Some(Motion::Lend)) && server.lend(io, options).is_ok() {
+                break;
+            }
             if interrupt.check().is_err() {
                 return Ok(());
             }
@@ -144,21 +161,23 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
 }
 
 impl Server {
-    /// Frames until the link ends; the reason.
-    fn serve(&mut self, session: &mut Session<'_>) -> Error {
+    /// Frames until the robot is to be lent.
+    ///
+    /// # Errors
+    /// Why the link has ended.
+    fn serve(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
         let config = session.config();
         self.mode = config.mode().name();
         let drives = config.mode().has(Field::Velocity);
         self.navigator = drives.then(|| exploring::navigator_config(config));
         loop {
-            let outcome = match self.next.take() {
-                None => session
-                    .exchange(&CommandRequest::default())
-                    .and_then(|report| self.frame(session, report.as_ref())),
-                Some(motion) => self.perform(session, motion),
-            };
-            if let Err(error) = outcome {
-                return error;
+            match self.next.take() {
+                None => {
+                    let report = session.exchange(&CommandRequest::default())?;
+                    self.frame(session, report.as_ref())?;
+                }
+                Some(Motion::Lend) => return Ok(()),
+                Some(motion) => self.perform(session, motion)?,
             }
         }
     }
@@ -172,17 +191,18 @@ impl Server {
         let begun_us = session.now_us();
         let outcome = match motion {
             Motion::Velocity => self.follow_velocity(session),
-            Motion::Pose(target, criteria) => {
+            Motion::Pose(target) => {
                 let watch = |session: &mut Session<'_>, report: Option<&Report>| {
                     self.frame(session, report)
                 };
-                drive::follow(session, target, &criteria, watch).map(|_| ())
+                drive::follow(session, target, &ArrivalCriteria::default(), watch).map(|_| ())
             }
             Motion::Plan(_, mut plan) => self.follow_plan(session, &mut *plan),
             Motion::Stop => {
                 session.stop();
                 Ok(())
             }
+            Motion::Lend => Ok(()),
             Motion::Clear => self.clear_faults(session),
         };
         let activity = std::mem::take(&mut self.activity);
@@ -275,6 +295,9 @@ impl Server {
     /// Why the present motion must end.
     fn frame(&mut self, session: &mut Session<'_>, report: Option<&Report>) -> Result<(), Error> {
         let log = session.poll_log();
+        if let Some(loan) = &mut self.loan {
+            loan.keep_log(&log);
+        }
         self.frames = self.frames.wrapping_add(1);
         let config = session.config();
         let sample = RangeSample::of(session.snapshot());
@@ -319,9 +342,11 @@ impl Server {
 
     /// The robot does not answer: the clients are served all the same.
     fn unreachable(&mut self, error: &Error) {
-        let waiting = self.next.take().map(|motion| motion.activity());
-        self.report_end(waiting.unwrap_or_default(), Some(error), 0.0);
-        self.lease = None;
+        if !matches!(self.next, Some(Motion::Lend)) {
+            let waiting = self.next.take().map(|motion| motion.activity());
+            self.report_end(waiting.unwrap_or_default(), Some(error), 0.0);
+            self.lease = None;
+        }
         if let Some(frame) = &mut self.latest {
             (frame.error, frame.driver) = (Some(error.to_string()), None);
             frame.activity = Activity::Idle;

@@ -5,6 +5,7 @@ use crate::serve::hub::ClientId;
 use crate::serve::protocol::{Failure, Message, VERSION};
 use crate::serve::tiles::{BATCH, Tiles};
 use host_link::error::Error;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Longest line of the log, bytes.
@@ -25,29 +26,34 @@ impl Server {
             changed = self.tiles.update(localiser.grid());
         }
         let (frames, tiles) = (self.frames, &self.tiles);
+        let tile = |number| {
+            let tiles = vec![tiles.tile(number).clone()];
+            text(&Message::Tiles { tiles })
+        };
+        // Written once for all who watch.
+        let written: BTreeMap<_, _> = changed
+            .iter()
+            .map(|&number| (number, tile(number)))
+            .collect();
         // A client that does not keep up is dropped: nothing here waits for one.
         self.clients.retain(|_, client| {
             let Some(every) = client.every else {
                 return true;
             };
             let due = frame.iter().filter(|_| frames % every == 0);
-            let update: Vec<_> = changed
-                .iter()
-                .filter(|&&number| number < client.tiles)
-                .map(|&number| tiles.tile(number).clone())
-                .collect();
-            let fresh = tiles.from(client.tiles);
-            client.tiles += fresh.len();
-            let batches = [update, fresh.to_vec()].into_iter();
-            let batches = batches.filter(|tiles| !tiles.is_empty());
-            let batches: Vec<_> = batches
-                .map(|tiles| text(&Message::Tiles { tiles }))
-                .collect();
-            messages
-                .iter()
-                .chain(due)
-                .chain(&batches)
-                .all(|message| client.send(message))
+            let known = client.tiles;
+            client.tiles += tiles.from(known).len();
+            let fresh = known..client.tiles;
+            let fresh = fresh.map(|number| {
+                written
+                    .get(&number)
+                    .cloned()
+                    .unwrap_or_else(|| tile(number))
+            });
+            let update = written.range(..known).map(|(_, text)| Arc::clone(text));
+            let mut shared = messages.iter().chain(due);
+            shared.all(|message| client.send(message))
+                && update.chain(fresh).all(|message| client.send(&message))
         });
         debug_assert!(changed.len() <= BATCH);
     }

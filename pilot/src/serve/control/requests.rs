@@ -1,7 +1,6 @@
 //! What the clients ask for, and who may drive.
 
 use super::{CELL_MM, Lease, Motion, Server};
-use crate::drive::ArrivalCriteria;
 use crate::serve::hub::{ClientId, Event};
 use crate::serve::protocol::{Activity, Message, Request};
 use host_link::error::{Error, Exit};
@@ -14,27 +13,38 @@ use std::time::{Duration, Instant};
 impl Server {
     pub(super) fn handle_events(&mut self) {
         while let Ok(event) = self.events.try_recv() {
-            match event {
-                Event::Joined(client) => {
-                    let id = client.id;
-                    self.clients.insert(id, client);
-                    self.reply(id, &Ok(()));
-                }
-                Event::Asked(id, request) => {
-                    let outcome = self.handle(id, &request);
+            self.handle_event(event);
+        }
+        self.check_lease();
+    }
+
+    pub(super) fn handle_event(&mut self, event: Event) {
+        match event {
+            Event::Joined(client) => {
+                let id = client.id;
+                self.clients.insert(id, client);
+                self.reply(id, &Ok(()));
+            }
+            Event::Asked(id, request) => {
+                let outcome = self.handle(id, &request);
+                // A robot that is borrowed is confirmed once it is lent.
+                if request != Request::Borrow || outcome.is_err() {
                     self.reply(id, &outcome);
                 }
-                Event::Left(id) => {
-                    self.clients.remove(&id);
-                }
+            }
+            Event::Left(id) => {
+                self.clients.remove(&id);
             }
         }
-        // Requirement: SERVE-drive-2
+    }
+
+    // Requirement: SERVE-drive-2
+    pub(super) fn check_lease(&mut self) {
         if let Some(lease) = &self.lease {
             let name = &lease.name;
             if !self.clients.contains_key(&lease.client) {
                 self.cancel(&format!("{name} has disconnected"));
-            } else if Instant::now() >= lease.ends {
+            } else if lease.ends.is_some_and(|ends| Instant::now() >= ends) {
                 self.cancel(&format!("the lease of {name} has ended"));
             }
         }
@@ -42,8 +52,11 @@ impl Server {
 
     fn cancel(&mut self, text: &str) {
         self.next = None;
-        let exit = Exit::NotReached;
-        self.cancelled = Some(refused(text, exit));
+        if self.activity == Activity::Idle {
+            self.lease = None;
+        } else {
+            self.cancelled = Some(refused(text, Exit::NotReached));
+        }
     }
 
     fn handle(&mut self, id: ClientId, request: &Request) -> Result<(), Error> {
@@ -81,18 +94,10 @@ impl Server {
                 x_mm,
                 y_mm,
                 rotation_deg,
-                tolerance,
-                timeout_s,
                 lease_ms,
             } => {
                 let motion = if let Some(rotation_deg) = rotation_deg {
-                    let (tolerance_mm, tolerance_deg) = tolerance.unwrap_or((5.0, 1.0));
-                    let criteria = ArrivalCriteria {
-                        tolerance_mm,
-                        tolerance_deg,
-                        timeout_s,
-                    };
-                    Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg), criteria)
+                    Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg))
                 } else {
                     let plan = GoTo::new(self.navigator()?, Point::new(x_mm, y_mm));
                     Motion::Plan(Activity::Goto, Box::new(plan))
@@ -106,16 +111,22 @@ impl Server {
                 self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
             }
             Request::Keep => match &mut self.lease {
-                Some(lease) if lease.client == id => lease.ends = Instant::now() + lease.length,
+                Some(lease) if lease.client == id && lease.ends.is_some() => {
+                    lease.ends = Some(Instant::now() + lease.length);
+                }
                 _ => return Err(refused("this client does not drive", Exit::Usage)),
             },
             // Requirement: SERVE-drive-1
             Request::Stop => {
                 let text = format!("stopped by {}", self.name(id));
                 if self.activity == Activity::Idle {
-                    if let Some(waiting) = self.next.replace(Motion::Stop) {
-                        let error = refused(&text, Exit::NotReached);
-                        self.report_end(waiting.activity(), Some(&error), 0.0);
+                    let error = refused(&text, Exit::NotReached);
+                    match (self.next.replace(Motion::Stop), &self.lease) {
+                        (Some(Motion::Lend), Some(lease)) => self.reply(lease.client, &Err(error)),
+                        (Some(waiting), _) => {
+                            self.report_end(waiting.activity(), Some(&error), 0.0);
+                        }
+                        (None, _) => {}
                     }
                     self.lease = None;
                 } else {
@@ -123,12 +134,30 @@ impl Server {
                 }
             }
             Request::ClearFaults => {
-                self.free_for(id)?;
+                self.reachable_for(id)?;
                 self.begin(Motion::Clear);
             }
             Request::NewMap => {
-                self.free_for(id)?;
+                self.reachable_for(id)?;
                 self.localiser = None;
+            }
+            Request::Borrow => {
+                self.free_for(id)?;
+                let (name, length) = (self.name(id), Duration::ZERO);
+                // Without frames the robot's own stop deadline ends its motion.
+                self.lease = Some(Lease {
+                    client: id,
+                    name,
+                    length,
+                    ends: None,
+                });
+                self.begin(Motion::Lend);
+            }
+            Request::Board { .. } | Request::Return => {
+                return Err(refused(
+                    "this client has not borrowed the robot",
+                    Exit::Usage,
+                ));
             }
         }
         Ok(())
@@ -144,10 +173,16 @@ impl Server {
 
     /// # Errors
     /// Another client drives, or the robot cannot be reached.
-    fn free_for(&self, id: ClientId) -> Result<(), Error> {
+    fn reachable_for(&self, id: ClientId) -> Result<(), Error> {
         if let Some(error) = self.latest.as_ref().and_then(|frame| frame.error.as_ref()) {
             return Err(refused(error, Exit::Link));
         }
+        self.free_for(id)
+    }
+
+    /// # Errors
+    /// Another client drives.
+    fn free_for(&self, id: ClientId) -> Result<(), Error> {
         match &self.lease {
             Some(lease) if lease.client != id => {
                 let text = format!("{} drives the robot; `robot stop` ends that", lease.name);
@@ -159,13 +194,13 @@ impl Server {
 
     // Requirement: SERVE-drive-1
     fn take_lease(&mut self, id: ClientId, lease_ms: u32) -> Result<(), Error> {
-        self.free_for(id)?;
+        self.reachable_for(id)?;
         let length = Duration::from_millis(lease_ms.into());
         self.lease = Some(Lease {
             client: id,
             name: self.name(id),
             length,
-            ends: Instant::now() + length,
+            ends: Some(Instant::now() + length),
         });
         Ok(())
     }
@@ -183,7 +218,7 @@ impl Server {
     }
 }
 
-fn refused(text: &str, exit: Exit) -> Error {
+pub(super) fn refused(text: &str, exit: Exit) -> Error {
     let text = text.into();
     Error::Server { text, exit }
 }

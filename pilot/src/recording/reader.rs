@@ -1,0 +1,116 @@
+//! Reads recordings.
+
+use super::messages::{Imu, PoseStamped, Range, TfMessage};
+use super::{IMU, POSE, RANGE_FRAMES, RANGES, TF, records};
+use crate::mapping::RangeSample;
+use byteorder::LittleEndian;
+use host_link::error::Error;
+use host_link::file;
+use host_link::pose::Pose;
+use mapper::map_plot;
+use mcap::MessageStream;
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
+/// Largest recording that is read, bytes: two hours.
+const MAX_LEN: u64 = 1 << 28;
+
+/// Reads the reports of a recording; one that was cut off up to the cut.
+///
+/// # Errors
+/// [`Error::Unreadable`]; [`Error::Content`] for what is no recording, or has no report.
+pub fn load(path: &Path) -> Result<Vec<RangeSample>, Error> {
+    let bytes = file::read(path, MAX_LEN)?;
+    let samples = parse(&bytes).map_err(|what| Error::content(path, None, what))?;
+    if samples.is_empty() {
+        return Err(Error::content(path, None, "it has no report of a pose"));
+    }
+    Ok(samples)
+}
+
+/// # Errors
+/// [`Error::Content`] for samples of `path` that one picture of cells of `cell_mm` cannot show.
+pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Result<(), Error> {
+    let side_mm = |coordinate: fn(&RangeSample) -> f64| {
+        let all = samples.iter().map(coordinate);
+        let high = all.clone().fold(f64::NEG_INFINITY, f64::max);
+        high - all.fold(f64::INFINITY, f64::min)
+    };
+    let side_m =
+        side_mm(|sample| sample.pose.x_mm).max(side_mm(|sample| sample.pose.y_mm)) / 1000.0;
+    let most_m = f64::from(map_plot::MAX_SIDE_CELLS - 200) * cell_mm / 1000.0;
+    if side_m <= most_m {
+        return Ok(());
+    }
+    let accepted = format!("with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m");
+    let what = format!("its poses are {side_m:.0} m apart; {accepted}");
+    Err(Error::content(path, None, what))
+}
+
+/// The reports among a recording's bytes.
+///
+/// # Errors
+/// What is wrong with its beginning.
+pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
+    if !bytes.starts_with(b"\x89MCAP0\r\n") {
+        return Err("no recording: it does not begin as MCAP does".into());
+    }
+    let records = records::sound(bytes);
+    let stream =
+        MessageStream::new_with_options(&records, mcap::read::Options::IgnoreEndMagic.into());
+    let stream = stream.map_err(|cause| format!("no recording: {cause}"))?;
+    let mut samples: Vec<RangeSample> = Vec::new();
+    let mut pending = RangeSample::default();
+    // A broken record is where the file was cut.
+    for message in stream.map_while(Result::ok) {
+        let Some(data) = message.data.get(4..) else {
+            continue;
+        };
+        let topic = message.channel.topic.as_str();
+        if let Some(index) = RANGES.iter().position(|range| *range == topic) {
+            let range = decode::<Range>(data).map(|message| f64::from(message.range) * 1000.0);
+            pending.ranges_mm[index] = range.filter(|mm| mm.is_finite());
+        } else if topic == IMU {
+            let last = samples.iter().rev().find_map(|sample| sample.gyro_deg);
+            let degrees = decode::<Imu>(data).map(|message| message.orientation.degrees());
+            pending.gyro_deg = degrees
+                .filter(|degrees| degrees.is_finite())
+                .map(|degrees| unwrap(degrees, last));
+        } else if topic == TF {
+            let transforms = decode::<TfMessage>(data).unwrap_or_default().transforms;
+            let mut frames = transforms
+                .iter()
+                .filter(|one| one.child_frame_id == RANGE_FRAMES[0]);
+            let degrees = frames.next().map(|one| one.transform.rotation.degrees());
+            pending.bearing_deg = degrees.filter(|degrees| degrees.is_finite());
+        } else if topic == POSE {
+            let Some(PoseStamped { pose, .. }) = decode(data) else {
+                continue;
+            };
+            let degrees = pose.orientation.degrees();
+            let pose = Pose::new(pose.position.x * 1000.0, pose.position.y * 1000.0, degrees);
+            if pose.x_mm.is_finite() && pose.y_mm.is_finite() && degrees.is_finite() {
+                let time_us = message.log_time / 1000;
+                samples.push(RangeSample {
+                    time_us,
+                    pose,
+                    ..pending
+                });
+            }
+            pending = RangeSample::default();
+        }
+    }
+    Ok(samples)
+}
+
+fn decode<T: DeserializeOwned>(data: &[u8]) -> Option<T> {
+    cdr_encoding::from_bytes::<T, LittleEndian>(data)
+        .ok()
+        .map(|(message, _)| message)
+}
+
+/// The angle nearest to the last one, degrees.
+fn unwrap(degrees: f64, last: Option<f64>) -> f64 {
+    let last = last.unwrap_or(degrees);
+    last + (degrees - last + 180.0).rem_euclid(360.0) - 180.0
+}

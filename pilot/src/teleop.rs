@@ -1,0 +1,181 @@
+//! Looking at the robot, and driving it by keys with a dead man's handle, as a client of a server.
+
+use crate::client::Client;
+use crate::serve::protocol::{Message, Request};
+use host_link::board_io::Interrupt;
+use host_link::error::Error;
+use std::time::{Duration, Instant};
+
+/// A key that was not pressed again for so long counts as released.
+pub const RELEASED: Duration = Duration::from_millis(300);
+/// Time between two commands while a key is held.
+const RENEW: Duration = Duration::from_millis(100);
+/// The lease of a command, ms: a terminal that hangs stops the robot, too.
+const LEASE_MS: u32 = 400;
+
+/// What a key means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    /// Ahead.
+    Ahead,
+    /// Back.
+    Back,
+    /// Turns counter-clockwise.
+    Left,
+    /// Turns clockwise.
+    Right,
+    /// Stops the robot, whichever client drives it.
+    Stop,
+    /// Ends.
+    Leave,
+}
+
+/// Drives while a key is held.
+pub struct DeadMan {
+    forward_mm_s: f64,
+    yaw_rate_deg_s: f64,
+    velocity: (f64, f64),
+    pressed: Option<Instant>,
+    sent: Option<Instant>,
+}
+
+impl DeadMan {
+    /// With the speeds of the keys, mm/s and degrees/s.
+    pub const fn new(forward_mm_s: f64, yaw_rate_deg_s: f64) -> Self {
+        Self {
+            forward_mm_s,
+            yaw_rate_deg_s,
+            velocity: (0.0, 0.0),
+            pressed: None,
+            sent: None,
+        }
+    }
+
+    /// Takes a key.
+    pub fn press(&mut self, key: Key, now: Instant) {
+        let velocity = match key {
+            Key::Ahead => (self.forward_mm_s, 0.0),
+            Key::Back => (-self.forward_mm_s, 0.0),
+            Key::Left => (0.0, self.yaw_rate_deg_s),
+            Key::Right => (0.0, -self.yaw_rate_deg_s),
+            Key::Stop | Key::Leave => {
+                self.pressed = None;
+                return;
+            }
+        };
+        if self.pressed.is_none() || velocity != self.velocity {
+            self.sent = None;
+        }
+        (self.velocity, self.pressed) = (velocity, Some(now));
+    }
+
+    /// The velocity to command now, mm/s and degrees/s, if one is due: zero once the key is released.
+    // Requirement: SERVE-teleop-1
+    pub fn due(&mut self, now: Instant) -> Option<(f64, f64)> {
+        if now.duration_since(self.pressed?) >= RELEASED {
+            self.pressed = None;
+            return Some((0.0, 0.0));
+        }
+        if self
+            .sent
+            .is_some_and(|sent| now.duration_since(sent) < RENEW)
+        {
+            return None;
+        }
+        self.sent = Some(now);
+        Some(self.velocity)
+    }
+}
+
+/// What [`run`] shows.
+pub enum Shown<'a> {
+    /// A message of the server.
+    Message(&'a Message),
+    /// Why the server refused a command.
+    Refused(&'a str),
+    /// Nothing new.
+    Nothing,
+}
+
+/// Follows the robot and, with `dead_man`, drives it, until [`Key::Leave`]. `turn` shows something about every
+/// 10 ms and gives the keys since the last time.
+///
+/// # Errors
+/// [`Error::Interrupted`] after Ctrl-C, those of the client and of `turn`. The robot is stopped first.
+// Requirement: SERVE-teleop-1
+pub fn run(
+    client: &mut Client,
+    interrupt: &Interrupt,
+    mut dead_man: Option<DeadMan>,
+    mut turn: impl FnMut(Shown<'_>) -> Result<Vec<Key>, Error>,
+) -> Result<(), Error> {
+    client.request(&Request::Watch { every: 2 })?;
+    let mut follow = || {
+        loop {
+            interrupt.check()?;
+            let message = client.message()?;
+            let shown = message.as_ref().map_or(Shown::Nothing, Shown::Message);
+            for key in turn(shown)? {
+                match key {
+                    Key::Leave => return Ok(()),
+                    Key::Stop => client.request(&Request::Stop)?,
+                    _ => {}
+                }
+                if let Some(dead_man) = &mut dead_man {
+                    dead_man.press(key, Instant::now());
+                }
+            }
+            let due = dead_man.as_mut().and_then(|one| one.due(Instant::now()));
+            if let Some((forward_mm_s, yaw_rate_deg_s)) = due {
+                let command = Request::Drive {
+                    forward_mm_s,
+                    yaw_rate_deg_s,
+                    lease_ms: LEASE_MS,
+                };
+                if let Err(why) = client.request(&command) {
+                    turn(Shown::Refused(&why.to_string()))?;
+                }
+            }
+        }
+    };
+    let outcome = follow();
+    if dead_man.is_some_and(|one| one.sent.is_some()) {
+        // Without a server the connection's end stops it.
+        let _ = client.request(&Request::Stop);
+    }
+    outcome
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Requirement: SERVE-teleop-1
+    #[test]
+    fn released_key_commands_zero_once() {
+        let (mut dead_man, begun) = (DeadMan::new(150.0, 45.0), Instant::now());
+        let at = |ms| begun + Duration::from_millis(ms);
+        assert_eq!(dead_man.due(at(0)), None);
+        dead_man.press(Key::Ahead, at(0));
+        for (ms, due) in [
+            (0, Some((150.0, 0.0))),
+            (90, None),
+            (100, Some((150.0, 0.0))),
+            (290, Some((150.0, 0.0))),
+            (299, None),
+            (300, Some((0.0, 0.0))),
+            (310, None),
+            (900, None),
+        ] {
+            assert_eq!(dead_man.due(at(ms)), due, "{ms}");
+        }
+        dead_man.press(Key::Back, at(1000));
+        assert_eq!(dead_man.due(at(1000)), Some((-150.0, 0.0)));
+        dead_man.press(Key::Left, at(1010));
+        assert_eq!(dead_man.due(at(1010)), Some((0.0, 45.0)));
+        dead_man.press(Key::Right, at(1300));
+        assert_eq!(dead_man.due(at(1599)), Some((0.0, -45.0)));
+        dead_man.press(Key::Stop, at(1600));
+        assert_eq!(dead_man.due(at(1600)), None);
+    }
+}
