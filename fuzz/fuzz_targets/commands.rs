@@ -2,9 +2,9 @@
 //! nothing but one counter.
 #![no_main]
 
-use fw_core::wire::{frame_len, Field, Report, StmLink, MAX_FRAME};
+use fw_core::wire::{Field, MAX_FRAME, Report, StmLink, frame_len};
 use libfuzzer_sys::fuzz_target;
-use robot_fuzz::{frame, setup, Bytes};
+use robot_fuzz::{Bytes, frame, setup};
 
 fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes::new(data);

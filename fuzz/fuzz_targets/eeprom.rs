@@ -1,7 +1,7 @@
 //! Any EEPROM image: rejected with a reason, or a configuration that its raw values give again.
 #![no_main]
 
-use fw_core::eeprom::{Config, Image, FIELDS, IMAGE_LEN};
+use fw_core::eeprom::{Config, FIELDS, IMAGE_LEN, Image};
 use libfuzzer_sys::fuzz_target;
 use robot_fuzz::Bytes;
 

@@ -2,9 +2,9 @@
 //! but one counter.
 #![no_main]
 
-use fw_core::wire::{frame_len, Command, PiLink, MAX_FRAME};
+use fw_core::wire::{Command, MAX_FRAME, PiLink, frame_len};
 use libfuzzer_sys::fuzz_target;
-use robot_fuzz::{frame, setup, Bytes};
+use robot_fuzz::{Bytes, frame, setup};
 
 fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes::new(data);

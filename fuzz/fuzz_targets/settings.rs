@@ -4,7 +4,7 @@
 
 use fw_core::eeprom::Image;
 use host_link::error::Error;
-use host_link::settings::{render, Settings};
+use host_link::settings::{Settings, render};
 use libfuzzer_sys::fuzz_target;
 use robot_fuzz::Bytes;
 use std::path::Path;

@@ -3,7 +3,7 @@
 
 use host_link::pose::MAX_COORDINATE_MM;
 use libfuzzer_sys::fuzz_target;
-use pilot::waypoints::{parse, MAX_ROTATION_DEG};
+use pilot::waypoints::{MAX_ROTATION_DEG, parse};
 use std::path::Path;
 
 fuzz_target!(|text: &str| match parse(text) {

@@ -1,7 +1,7 @@
 //! How the targets read the fuzzer's bytes: a few bytes choose, the rest are what comes over a wire.
 
 use fw_core::wire::crc::crc16;
-use fw_core::wire::{frame_len, Field, Mode, Setup, MAX_FRAME};
+use fw_core::wire::{Field, MAX_FRAME, Mode, Setup, frame_len};
 
 /// The fuzzer's bytes, taken from the front; zeros when they are used up.
 pub struct Bytes<'a>(&'a [u8]);

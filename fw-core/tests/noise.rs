@@ -4,7 +4,7 @@
 //! errors about one in 2¹⁵ passes the checksum: here they are rarer than that or counted.
 
 use fastrand::Rng;
-use fw_core::wire::{frame_len, Command, Field, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME};
+use fw_core::wire::{Command, Field, MAX_FRAME, Mode, PiLink, Report, Setup, StmLink, frame_len};
 
 /// Corrupted frames of each kind, direction and mode.
 const FRAMES: u32 = 150_000;

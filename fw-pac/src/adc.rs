@@ -7,11 +7,11 @@
 //! and the reference need 10 µs.
 
 use crate::board::{CELL_1, CELL_2, TAPS};
-use crate::dma::{control, Buffer, Stream};
+use crate::dma::{Buffer, Stream, control};
 use crate::registers::Registers;
 use core::sync::atomic::{AtomicU8, Ordering};
 use fw_core::sensing::Calibration;
-use stm32f4::stm32f411::{ADC1, ADC_COMMON};
+use stm32f4::stm32f411::{ADC_COMMON, ADC1};
 
 type Dma = Stream<2, 4>;
 

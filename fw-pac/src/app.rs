@@ -124,7 +124,7 @@ impl App {
 /// counted.
 // Requirement: DOC-5-3
 #[inline(never)]
-#[export_name = "robot_frame"]
+#[unsafe(export_name = "robot_frame")]
 fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
     let (number, at) = (frame.number(), frame.at());
     let (bytes, reply) = frame.buffers();
@@ -157,7 +157,7 @@ impl Drivers {
 
     /// The 100 Hz tick. Its own symbol, so that its instructions can be counted.
     #[inline(never)]
-    #[export_name = "robot_tick"]
+    #[unsafe(export_name = "robot_tick")]
     fn on_tick(&mut self, robot: &mut Robot, input: TickInput, log: &mut Log) {
         let request = robot.on_gyro(self.gyro.take(), log);
         self.gyro.begin(request);

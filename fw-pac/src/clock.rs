@@ -13,7 +13,7 @@
 //! the length of a microsecond would be unknown.
 
 use crate::registers::Registers;
-use stm32f4::stm32f411::{flash, pwr, rcc, FLASH, PWR, RCC};
+use stm32f4::stm32f411::{FLASH, PWR, RCC, flash, pwr, rcc};
 
 /// SYSCLK, AHB and APB2, hertz.
 pub const APB2_HZ: u32 = 100_000_000;

@@ -13,8 +13,8 @@
 
 use crate::registers::Registers;
 use core::cell::UnsafeCell;
-use core::sync::atomic::{fence, Ordering};
-use stm32f4::stm32f411::{dma2, DMA1, DMA2};
+use core::sync::atomic::{Ordering, fence};
+use stm32f4::stm32f411::{DMA1, DMA2, dma2};
 
 /// A stream, fixed at compile time: controller 1 or 2, stream 0 ..= 7.
 // Requirement: DOC-3.3-1, DOC-3.3-2, DOC-3.3-3

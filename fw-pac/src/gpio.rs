@@ -6,7 +6,7 @@
 
 use crate::registers::Registers;
 use stm32f4::stm32f411::gpioh::moder::MODE as Mode;
-use stm32f4::stm32f411::{gpioh, GPIOA, GPIOB, GPIOC};
+use stm32f4::stm32f411::{GPIOA, GPIOB, GPIOC, gpioh};
 
 /// Output stage: push-pull, or open drain, which drives low only.
 pub use stm32f4::stm32f411::gpioh::otyper::OUTPUT_TYPE as Driver;

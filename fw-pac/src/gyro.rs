@@ -8,11 +8,11 @@
 //! The recovery of a held bus takes one edge a tick.
 
 use crate::board::{SCL, SDA};
-use crate::dma::{control, Buffer, Stream};
+use crate::dma::{Buffer, Stream, control};
 use crate::gpio::Driver;
 use crate::i2c;
 use crate::registers::Registers;
-use fw_core::sensing::mpu6050::{BusRequest, BusResult, ADDRESS};
+use fw_core::sensing::mpu6050::{ADDRESS, BusRequest, BusResult};
 use stm32f4::stm32f411::I2C1;
 
 type Dma = Stream<1, 0>;

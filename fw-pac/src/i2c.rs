@@ -6,11 +6,11 @@
 
 use crate::board::{SCL, SDA};
 use crate::clock::APB1_MHZ;
-use crate::dma::{control, Stream};
+use crate::dma::{Stream, control};
 use crate::gpio::{Driver, Pull};
 use crate::registers::Registers;
 use crate::time;
-use stm32f4::stm32f411::{i2c1, I2C1};
+use stm32f4::stm32f411::{I2C1, i2c1};
 
 type Dma = Stream<1, 0>;
 

@@ -13,10 +13,10 @@ use crate::gyro::Gyro;
 use crate::priority::{Capture, FrameEnd, RobotLevel};
 use crate::{exti, rangefinders, spi, tick, time};
 use cortex_m::peripheral::scb::SystemHandler;
-use cortex_m::peripheral::{Peripherals, NVIC, SCB};
+use cortex_m::peripheral::{NVIC, Peripherals, SCB};
 use cortex_m_rt::exception;
 use fw_core::types::RangefinderId;
-use stm32f4::stm32f411::{interrupt, Interrupt};
+use stm32f4::stm32f411::{Interrupt, interrupt};
 
 /// Defines the handlers, each with the token of its priority, and `enable_all`, which sets exactly
 /// these priorities.

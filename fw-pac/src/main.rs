@@ -40,7 +40,7 @@ mod time;
 mod uart;
 mod watchdog;
 
-use crate::app::{App, Drivers, APP};
+use crate::app::{APP, App, Drivers};
 use crate::gpio::Driver;
 use crate::gyro::Gyro;
 use crate::motors::Motors;
@@ -75,7 +75,7 @@ fn main() -> ! {
 /// is masked, as `cargo xtask stack` takes it to be. One stage after the other, so that their stacks do
 /// not add up.
 #[inline(never)]
-#[export_name = "boot"]
+#[unsafe(export_name = "boot")]
 fn boot(app: &mut App) {
     let (start, mut uart) = start_hardware(&mut app.log);
     read_configuration(app, &mut uart);

@@ -8,7 +8,7 @@ use crate::board::{ECHO_FRONT, ECHO_LEFT, ECHO_RIGHT, TRIGGER_FRONT, TRIGGER_LEF
 use crate::gpio::{Driver, Pin, Pull};
 use crate::time;
 use core::cell::Cell;
-use cortex_m::interrupt::{free, CriticalSection, Mutex};
+use cortex_m::interrupt::{CriticalSection, Mutex, free};
 use cortex_m::peripheral::SCB;
 use fw_core::types::{Micros, RangefinderId};
 

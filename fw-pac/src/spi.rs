@@ -9,7 +9,7 @@
 //! Which buffer is whose is decided by [`Handover`], which also says when the armed reply may be replaced.
 
 use crate::board::{MISO, MOSI, SCK, SS};
-use crate::dma::{control, Stream};
+use crate::dma::{Stream, control};
 use crate::gpio::{Driver, Pull};
 use crate::priority::{FrameEnd, Owned};
 use crate::registers::Registers;
@@ -18,10 +18,10 @@ use core::cell::UnsafeCell;
 use core::marker::PhantomData;
 use cortex_m::interrupt::free;
 use fw_core::types::Micros;
-use fw_core::wire::handover::{
-    ClaimedFrame, DmaBuffers, Handover, Reply, GAP_US, RX_BUFFERS, SAME_PREFIX, TX_BUFFERS,
-};
 use fw_core::wire::MAX_FRAME;
+use fw_core::wire::handover::{
+    ClaimedFrame, DmaBuffers, GAP_US, Handover, RX_BUFFERS, Reply, SAME_PREFIX, TX_BUFFERS,
+};
 use stm32f4::stm32f411::{RCC, SPI1};
 
 type Receive = Stream<2, 0>;

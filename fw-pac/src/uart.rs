@@ -2,7 +2,7 @@
 
 use crate::board::{RX, TX};
 use crate::clock::APB2_HZ;
-use crate::dma::{control, Stream};
+use crate::dma::{Stream, control};
 use crate::gpio::{Driver, Pull};
 use crate::registers::Registers;
 use crate::time;

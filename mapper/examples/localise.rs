@@ -9,8 +9,8 @@ mod tour;
 
 use std::{env, error::Error, fs, path::PathBuf};
 
-use mapper::{map_plot, LocaliserConfig, MatcherConfig};
-use plant::{room, Imperfections, Room};
+use mapper::{LocaliserConfig, MatcherConfig, map_plot};
+use plant::{Imperfections, Room, room};
 use tour::Drive;
 
 fn cases() -> Vec<(&'static str, LocaliserConfig)> {
@@ -84,8 +84,16 @@ fn main() -> Result<(), Box<dyn Error>> {
             let r = drive.result(&room);
             println!(
                 "{name:20} {seed:5} {:.3} {:.3} {:.3} {:6.0}  {:6.0}  {:6.1}  {:9.0}  {:5.1}  {:5.1}  {:5.2}",
-                r.map.iou, r.map.precision, r.map.recall, r.median_mm, r.worst_mm, r.heading_deg,
-                r.raw_worst_mm, r.nees, r.minutes, r.ms_per_s,
+                r.map.iou,
+                r.map.precision,
+                r.map.recall,
+                r.median_mm,
+                r.worst_mm,
+                r.heading_deg,
+                r.raw_worst_mm,
+                r.nees,
+                r.minutes,
+                r.ms_per_s,
             );
             if let Some(folder) = arguments.get(5).map(PathBuf::from) {
                 fs::create_dir_all(&folder)?;

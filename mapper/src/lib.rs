@@ -40,7 +40,7 @@ mod range_filter;
 pub mod ros;
 mod sonar_model;
 
-pub use evaluation::{map_iou, MapScore};
+pub use evaluation::{MapScore, map_iou};
 pub use geometry::{Mount, Point, Pose2, Segment};
 pub use grid::{Cell, Grid};
 pub use localiser::{

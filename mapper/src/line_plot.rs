@@ -2,8 +2,8 @@
 
 use plotters::prelude::*;
 
-use crate::png_canvas::{legend, png, Area, Drawn, FONT, INK, TEXT_PX};
 use crate::PlotError;
+use crate::png_canvas::{Area, Drawn, FONT, INK, TEXT_PX, legend, png};
 
 /// One curve.
 #[derive(Clone, Debug, PartialEq)]

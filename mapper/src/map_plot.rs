@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use crate::png_canvas::{legend, png, FONT, INK, TEXT_PX};
+use crate::png_canvas::{FONT, INK, TEXT_PX, legend, png};
 use crate::{Cell, Grid, PlotError, Point, Pose2, Segment};
 
 const OCCUPIED: RGBColor = RGBColor(28, 32, 40);
@@ -215,8 +215,8 @@ fn shade(probability: f32) -> RGBColor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::png_canvas::decode;
     use crate::SonarModel;
+    use crate::png_canvas::decode;
 
     fn has(pixels: &[u8], RGBColor(r, g, b): RGBColor) -> bool {
         pixels.chunks(3).any(|pixel| pixel == [r, g, b])

@@ -9,7 +9,7 @@ use std::{env, error::Error, fs, path::PathBuf};
 
 use mapper::map_plot;
 use navigator::Config;
-use plant::{room, Room};
+use plant::{Room, room};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -23,7 +23,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         sweep_half_width_rad: sweep_deg.to_radians(),
         ..Config::default()
     };
-    println!("room seed | outcome collisions coverage iou median worst heading home path minutes ms/s slowest");
+    println!(
+        "room seed | outcome collisions coverage iou median worst heading home path minutes ms/s slowest"
+    );
     for seed in first.parse::<u64>()?..=last.parse()? {
         let room = if kind == "rooms" {
             room::generate(seed)

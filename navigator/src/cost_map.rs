@@ -339,9 +339,10 @@ pub(crate) mod tests {
                 assert!((map.point(next).distance_mm(map.point(index)) - STEP_MM).abs() < 1e-6);
             }
         }
-        assert!(map
-            .at(Point::new(300.0, 150.0))
-            .is_some_and(|node| node.cell == Cell::Free));
+        assert!(
+            map.at(Point::new(300.0, 150.0))
+                .is_some_and(|node| node.cell == Cell::Free)
+        );
     }
 
     #[test]

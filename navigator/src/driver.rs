@@ -4,16 +4,16 @@
 use std::collections::VecDeque;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use geometry::{wrap_angle, Point, Pose2};
+use geometry::{Point, Pose2, wrap_angle};
 use mapper::{Cell, Grid};
 
 use crate::cost_map::{CostMap, Node};
 use crate::follower::Follower;
 use crate::manoeuvre::{Kind, Manoeuvre};
-use crate::planner::{passable, Reach};
+use crate::planner::{Reach, passable};
 use crate::sight::Sight;
 use crate::trail::Trail;
-use crate::{walls, Action, Config, Status, StopReason, Velocity};
+use crate::{Action, Config, Status, StopReason, Velocity, walls};
 
 /// Interval between two looks at the map along the path, s.
 const CHECK_S: f64 = 1.0;

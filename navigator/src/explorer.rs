@@ -3,12 +3,12 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
-use geometry::{wrap_angle, Point, Pose2};
+use geometry::{Point, Pose2, wrap_angle};
 use mapper::{Cell, Grid};
 
 use crate::cost_map::{CostMap, Node};
-use crate::driver::{distance_mm, Driver, Step};
-use crate::frontier::{frontiers, unseen_surfaces, Kind, Target};
+use crate::driver::{Driver, Step, distance_mm};
+use crate::frontier::{Kind, Target, frontiers, unseen_surfaces};
 use crate::manoeuvre::Kind as Motion;
 use crate::planner::Reach;
 use crate::{Action, Config, Outcome, Status, Velocity};
@@ -103,10 +103,10 @@ impl Explorer {
                 Step::Arrived => self.arrived(grid, status),
                 Step::Interrupted => self.interrupted(),
             }
-            if let Goal::Finish(outcome) = self.goal {
-                if self.driver.queue.is_empty() {
-                    return Action::Done(outcome);
-                }
+            if let Goal::Finish(outcome) = self.goal
+                && self.driver.queue.is_empty()
+            {
+                return Action::Done(outcome);
             }
         }
         Action::Drive(Velocity::default())

@@ -1,6 +1,6 @@
 //! Follows a path by forward speed and yaw rate: regulated pure pursuit.
 
-use geometry::{wrap_angle, Point, Pose2};
+use geometry::{Point, Pose2, wrap_angle};
 
 use crate::Velocity;
 

@@ -4,7 +4,7 @@
 use std::collections::HashSet;
 use std::f64::consts::FRAC_PI_2;
 
-use geometry::{wrap_angle, Point, Pose2};
+use geometry::{Point, Pose2, wrap_angle};
 use mapper::Grid;
 
 use crate::{Config, Status};

@@ -59,11 +59,7 @@ mod tests {
             let (low, high) = (Point::new(-2500.0, -2500.0), Point::new(2500.0, 2500.0));
             let grid = Grid::from_fn(25.0, low, high, |point| {
                 let wall = walls.iter().any(|wall| wall.distance_mm(point) < 20.0);
-                if wall {
-                    4.0
-                } else {
-                    0.0
-                }
+                if wall { 4.0 } else { 0.0 }
             });
             let found = direction_rad(&grid).to_degrees();
             assert!((found - degrees).abs() < 2.0, "{found} {degrees}");

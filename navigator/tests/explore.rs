@@ -9,13 +9,13 @@
 mod closed_loop;
 mod ideal_map;
 
-use closed_loop::{drive, explore, localiser, Mapping, Run};
+use closed_loop::{Mapping, Run, drive, explore, localiser};
 use geometry::{Point, Pose2};
 use ideal_map::IdealMapper;
 use mapper::{Grid, PoseEstimate};
 use navigator::{Config, GoTo, Outcome, Status, StopReason};
-use plant::kinematic::SensorSample;
 use plant::Room;
+use plant::kinematic::SensorSample;
 
 fn explore_ideally(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopReason>) -> Run {
     let mut mapping = IdealMapper::new(Grid::new(25.0));

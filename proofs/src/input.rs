@@ -94,7 +94,7 @@ impl<'a> Biased<'a> {
 
     /// Whether all bytes have been drawn: everything after them is zero.
     pub const fn is_spent(&self) -> bool {
-        self.0 .0.is_empty()
+        self.0.0.is_empty()
     }
 }
 

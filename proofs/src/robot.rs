@@ -6,7 +6,7 @@ use fw_core::binary64::Binary64;
 use fw_core::eeprom::fields::{BATTERY_CUTOFF, MODE};
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
-use fw_core::wire::{frame_len, Command, Mode, PiLink, State, MAX_FRAME};
+use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, State, frame_len};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::motion::drive_monitor;

@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 use core::fmt::Debug;
-use std::panic::{catch_unwind, set_hook, take_hook, AssertUnwindSafe};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
 use crate::input::Biased;

@@ -13,7 +13,7 @@ use fw_core::motion::StopDeadline;
 use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
 use fw_core::types::{Faults, Micros, Milliseconds};
 use fw_core::wire::Order;
-use proofs::search::{assert_broken, assert_holds, Model};
+use proofs::search::{Model, assert_broken, assert_holds};
 
 const DEADLINE_MS: u16 = 100;
 const DEADLINE: u64 = 100_000;

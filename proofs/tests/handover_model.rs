@@ -7,8 +7,8 @@
 //! transmitter fetches no byte beyond `SAME_PREFIX` between the check and the stores of a refresh.
 
 use fw_core::types::Micros;
-use fw_core::wire::handover::{Handover, Reply, GAP_US, RX_BUFFERS, SWAP_WINDOW_US, TX_BUFFERS};
-use proofs::search::{assert_broken, assert_holds, Model};
+use fw_core::wire::handover::{GAP_US, Handover, RX_BUFFERS, Reply, SWAP_WINDOW_US, TX_BUFFERS};
+use proofs::search::{Model, assert_broken, assert_holds};
 
 /// Bytes of a frame: a key that all replies share, one that some share, then two of the reply's own.
 const LEN: usize = 4;

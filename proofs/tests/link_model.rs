@@ -12,8 +12,8 @@ use std::hash::{Hash, Hasher};
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
 use fw_core::types::{Micros, Milliseconds};
-use fw_core::wire::{Command, Mode, Order, PiLink, Report, Setup, StmLink, MAX_FRAME};
-use proofs::search::{assert_broken, assert_holds, Model};
+use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, Report, Setup, StmLink};
+use proofs::search::{Model, assert_broken, assert_holds};
 
 const SETUP: Setup = Setup::first_board(Mode::GuardedTuneRotate);
 const LEN: usize = 18;

@@ -14,7 +14,7 @@ use std::hash::{Hash, Hasher};
 use std::ptr;
 
 use fw_core::log::{Level, Log};
-use proofs::search::{assert_broken, assert_holds, Model};
+use proofs::search::{Model, assert_broken, assert_holds};
 
 /// Bytes of the queue: three short lines, or the report of dropped lines and one short line.
 const QUEUE: usize = 34;

@@ -4,17 +4,17 @@
 use std::error::Error;
 use std::ops::ControlFlow;
 
-use fw_core::eeprom::{fields, Field};
+use fw_core::eeprom::{Field, fields};
 use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
-use host_link::session::{Session, RATE_HZ};
+use host_link::session::{RATE_HZ, Session};
 use host_link::settings::Settings;
 use host_link::statistics::LinkStatistics;
 use mapper::evaluation::{
     best_alignment, coverage, in_estimate_frame, pose_error_series, pose_errors, start_alignment,
 };
 use mapper::line_plot::{self, Curve, Panel};
-use mapper::{map_iou, map_plot, Localiser, PlotError};
+use mapper::{Localiser, PlotError, map_iou, map_plot};
 use navigator::{Explorer, Outcome};
 use pilot::exploring::{self, Drive, Localisation};
 use serde::Serialize;

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
-use host_link::board_io::{erase, BoardIo, DynOutput, IoError};
+use host_link::board_io::{BoardIo, DynOutput, IoError, erase};
 
 /// A fault of the board's I/O.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

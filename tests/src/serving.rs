@@ -7,11 +7,11 @@ use host_link::board_io::Interrupt;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use pilot::virtual_board::board_io;
-use twin::trace::EventKind;
 use twin::Board;
+use twin::trace::EventKind;
 
 use crate::exploration::{CHANGES, READY_MS, SPI_HZ};
-use crate::test_board::{Rig, BRIDGES};
+use crate::test_board::{BRIDGES, Rig};
 
 /// Serves a robot in Guarded Velocity in the default room while the scenario runs.
 ///

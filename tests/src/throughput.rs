@@ -7,7 +7,7 @@ use twin::components::spi_master::pack;
 use twin::trace::{Event, EventKind};
 use twin::{Options, SpiStep};
 
-use crate::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
+use crate::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame};
 use crate::test_board::{Rig, TIM5_CCR1};
 
 /// The tick's period, nanoseconds.

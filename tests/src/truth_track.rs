@@ -3,9 +3,9 @@
 use geometry::wrap_angle;
 use host_link::pose::Pose;
 use pilot::mapping::mapper_pose;
+use twin::Board;
 use twin::plant::Pose2;
 use twin::trace::EventKind;
-use twin::Board;
 
 use crate::test_board::TIM5_CCR1;
 

@@ -1,6 +1,6 @@
 //! Boot: a good, a blank, a corrupt, an absent EEPROM, a stuck bus, a dead crystal.
 
-use robot_tests::reference::{image_in_mode, normal_frame, original_image, NormalReply, KEY_STM};
+use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
 use robot_tests::test_board::Rig;
 use twin::{I2cController, Options};
 

@@ -1,10 +1,10 @@
 //! How the STM serves its buses, by its registers and by what is on the wires.
 
-use fw_core::eeprom::{fields, Image, SPANS};
-use robot_tests::reference::{normal_frame, original_image, NormalReply, KEY_STM};
+use fw_core::eeprom::{Image, SPANS, fields};
+use robot_tests::reference::{KEY_STM, NormalReply, normal_frame, original_image};
 use robot_tests::test_board::Rig;
-use twin::trace::EventKind;
 use twin::Options;
+use twin::trace::EventKind;
 
 /// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the
 /// number of items and the peripheral's address.

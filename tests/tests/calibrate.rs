@@ -5,7 +5,7 @@ use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom;
 use host_link::pose::Pose;
 use host_link::session::Session;
-use host_link::settings::{decode, Settings};
+use host_link::settings::{Settings, decode};
 use pilot::calibrate::distance::{self, Measured};
 use pilot::calibrate::run::{run, square, straight};
 use pilot::calibrate::umbmark::{self, Score, SquareRun};
@@ -13,11 +13,11 @@ use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
 use pilot::drive::ArrivalCriteria;
 use pilot::ground_truth::GroundTruth;
-use pilot::virtual_board::{board_io, SimulatedTape};
+use pilot::virtual_board::{SimulatedTape, board_io};
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
-use twin::plant::{Chassis, Params, Room, Sides};
 use twin::Options;
+use twin::plant::{Chassis, Params, Room, Sides};
 
 const SIDE_MM: f64 = 1000.0;
 

@@ -1,19 +1,19 @@
 //! `doctor` on the virtual board: a sound robot passes every check, and each fault fails exactly its own.
 
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
-use fw_core::eeprom::{fields, Image};
+use fw_core::eeprom::{Image, fields};
 use fw_core::wire::Mode;
-use host_link::board_io::{erase, BoardIo, Interrupt};
+use host_link::board_io::{BoardIo, Interrupt, erase};
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
 use host_link::uart::LogSource;
-use pilot::doctor::{check_board, check_wheels, Finding, Findings, Outcome};
+use pilot::doctor::{Finding, Findings, Outcome, check_board, check_wheels};
 use pilot::virtual_board::board_io;
 use robot_tests::io_faults::CallFailed;
 use robot_tests::test_board::Rig;
+use twin::Options;
 use twin::components::i2c_bus::I2cController;
 use twin::plant::Room;
-use twin::Options;
 
 /// The first board with everything fitted.
 fn image() -> Image {

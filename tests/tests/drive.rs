@@ -2,14 +2,14 @@
 
 use host_link::board_io::Interrupt;
 use host_link::pose::Pose;
-use host_link::session::{Session, RATE_HZ};
-use pilot::drive::{go_to, ArrivalCriteria};
+use host_link::session::{RATE_HZ, Session};
+use pilot::drive::{ArrivalCriteria, go_to};
 use pilot::virtual_board;
-use robot_tests::exploration::{configured_board, READY_MS, SPI_HZ};
+use robot_tests::exploration::{READY_MS, SPI_HZ, configured_board};
 use robot_tests::reference::{normal_frame, original_image};
-use robot_tests::test_board::{elf, Rig, ELF};
-use twin::plant::Room;
+use robot_tests::test_board::{ELF, Rig, elf};
 use twin::Options;
+use twin::plant::Room;
 
 /// Drives to (x, y) mm and `degrees` in an open field; the truth's distance and angle to it at rest.
 fn drive(x: f64, y: f64, degrees: f64, seconds: u64) -> (f64, f64, u32) {

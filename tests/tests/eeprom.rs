@@ -2,19 +2,19 @@
 //! protection ends up set, the bus is returned, the STM is reset, and the next run finds or restores a
 //! complete image. Every call in turn, on the virtual board with the ELF booting from the image.
 
-use std::panic::{catch_unwind, AssertUnwindSafe};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
-use fw_core::eeprom::{fields, Image, IMAGE_LEN};
+use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::journal::Journal;
-use host_link::eeprom::repair::{repair, Repaired};
-use host_link::eeprom::{program, Programmed};
+use host_link::eeprom::repair::{Repaired, repair};
+use host_link::eeprom::{Programmed, program};
 use host_link::error::Error;
 use host_link::session::Session;
 use pilot::virtual_board;
-use robot_tests::io_faults::{with_fault, Calls, IoFault, ProcessKilled};
+use robot_tests::io_faults::{Calls, IoFault, ProcessKilled, with_fault};
 use robot_tests::test_board::Rig;
 
 const SPI_HZ: u32 = 8_000_000;

@@ -4,9 +4,9 @@
 use host_link::board_io::Interrupt;
 use pilot::virtual_board;
 use robot_tests::exploration::{self, Figures, SPI_HZ};
-use robot_tests::test_board::{elf, ELF};
-use twin::plant::{Faults, Pose2, Room};
+use robot_tests::test_board::{ELF, elf};
 use twin::Board;
+use twin::plant::{Faults, Pose2, Room};
 
 /// 2 m by 1.6 m with a box in it.
 fn small_room() -> Room {

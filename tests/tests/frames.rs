@@ -1,7 +1,7 @@
 //! The frames of the ELF, against the document's tables and not against our own encoder.
 
 use robot_tests::reference::{
-    crc16, image_in_mode, normal_frame, original_image, tuning_frame, NormalReply, KEY_PI, KEY_STM,
+    KEY_PI, KEY_STM, NormalReply, crc16, image_in_mode, normal_frame, original_image, tuning_frame,
 };
 use robot_tests::test_board::Rig;
 use twin::SpiStep;

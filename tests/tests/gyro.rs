@@ -1,9 +1,9 @@
 //! The gyroscope on the virtual board: a slip that the heading survives, and everything that can be
 //! wrong with the part.
 
-use fw_core::eeprom::{fields, Config, Image};
+use fw_core::eeprom::{Config, Image, fields};
 use fw_core::types::Faults;
-use fw_core::wire::{Command, Mode, Order, PiLink, PoseCode, Report, MAX_FRAME};
+use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, PoseCode, Report};
 use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::{GyroParams, Room, Sides};

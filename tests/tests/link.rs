@@ -9,8 +9,8 @@
 use std::time::SystemTime;
 
 use fw_core::eeprom::{Config, Image};
-use fw_core::wire::{Command, FrameError, Order, PiLink, Reason, MAX_FRAME};
-use robot_tests::disturbance::{Disturbance, Random, LEN};
+use fw_core::wire::{Command, FrameError, MAX_FRAME, Order, PiLink, Reason};
+use robot_tests::disturbance::{Disturbance, LEN, Random};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
 use robot_tests::throughput::logged_counts;

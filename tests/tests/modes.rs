@@ -1,10 +1,10 @@
 //! Both ends and their modes: the host's code on the Pi's wires, the ELF behind them.
 
-use fw_core::eeprom::{fields, Config, Image};
-use fw_core::wire::{chain, Mode};
+use fw_core::eeprom::{Config, Image, fields};
+use fw_core::wire::{Mode, chain};
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
-use host_link::session::{CommandRequest, Session, MODE_CHECK_FRAMES, RATE_HZ};
+use host_link::session::{CommandRequest, MODE_CHECK_FRAMES, RATE_HZ, Session};
 use pilot::mode;
 use pilot::virtual_board;
 use robot_tests::test_board::Rig;

@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use robot_tests::serving::{await_motion, serve, stopped_after};
-use serde_json::{json, Value};
+use serde_json::{Value, json};
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 /// From the click to motors without current, microseconds of virtual time.

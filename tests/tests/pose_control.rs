@@ -6,11 +6,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use fw_core::eeprom::{fields, Image};
-use robot_tests::reference::{normal_frame, original_image, NormalReply};
+use fw_core::eeprom::{Image, fields};
+use robot_tests::reference::{NormalReply, normal_frame, original_image};
 use robot_tests::test_board::Rig;
-use twin::plant::{MotorInput, MotorParams, Params, Pose2, Room, Sides, World};
 use twin::Options;
+use twin::plant::{MotorInput, MotorParams, Params, Pose2, Room, Sides, World};
 
 /// Half the track, millimetres.
 const ARM_MM: f64 = 62.5;
@@ -141,7 +141,12 @@ fn assert_reached(params: &Params, eeprom: &[u8], goals: &[Goal], worst: f64) {
         let ratio = trip.settled_s / bound;
         println!(
             "{:4} {:4}: {:5.2} s, bound {bound:.2} s, {ratio:.2}; {:.1} mm beyond, ends {:.1} mm, {:.2}° off",
-            goal.bearing, goal.rotation, trip.settled_s, trip.overshoot_mm, trip.off_mm, trip.off_deg
+            goal.bearing,
+            goal.rotation,
+            trip.settled_s,
+            trip.overshoot_mm,
+            trip.off_mm,
+            trip.off_deg
         );
         ratios.push(ratio);
         failed |= trip.overshoot_mm > 30.0 || trip.off_mm > 5.0 || trip.off_deg > 1.0;

@@ -8,13 +8,13 @@
 use std::collections::{BTreeSet, HashSet};
 
 use fw_core::eeprom::{Config, Image};
-use fw_core::wire::{Command, PiLink, MAX_FRAME};
+use fw_core::wire::{Command, MAX_FRAME, PiLink};
 use robot_tests::disturbance::Random;
-use robot_tests::reference::{image_in_mode, normal_frame, NormalReply, KEY_STM};
-use robot_tests::test_board::{elf, Rig, ELF, TIM5_CCR1};
+use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame};
+use robot_tests::test_board::{ELF, Rig, TIM5_CCR1, elf};
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
-use twin::trace::{functions, Event, EventKind, Snapshot};
+use twin::trace::{Event, EventKind, Snapshot, functions};
 use twin::{Options, SpiStep};
 
 /// Environment variable with seeds, `A..B`, each run at every phase; otherwise two at every 64th and those near the
@@ -208,10 +208,9 @@ impl Drive {
         });
         let miso = pack(&self.rig.spi_steps(steps));
         let snapshots = self.rig.take_snapshots();
-        if let Some(refresh) = snapshots.iter().find(|snapshot| is_refresh(snapshot)) {
-            if refresh.at_ns < begin {
-                self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
-            }
+        let refresh = snapshots.iter().find(|snapshot| is_refresh(snapshot));
+        if let Some(refresh) = refresh.filter(|refresh| refresh.at_ns < begin) {
+            self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
         }
         let mut snapshots = snapshots.iter().peekable();
         let mut replies = miso.chunks(frames[0].0);
@@ -261,7 +260,10 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
         }
     }
     let values: Vec<_> = values.iter().map(HashSet::len).collect();
-    println!("mode {mode:#x} {mips} MIPS seed {seed}: {frames} frames, {} wrong, values of each byte {values:?}", wrong.len());
+    println!(
+        "mode {mode:#x} {mips} MIPS seed {seed}: {frames} frames, {} wrong, values of each byte {values:?}",
+        wrong.len()
+    );
     let some = &wrong[..wrong.len().min(5)];
     assert!(
         wrong.is_empty(),

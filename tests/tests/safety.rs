@@ -1,11 +1,11 @@
 //! What must hold whatever happens: silence, a panic, a dead tick, an empty battery.
 
-use fw_core::eeprom::{fields, Image};
+use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
-use robot_tests::reference::{normal_frame, original_image, NormalReply};
+use robot_tests::reference::{NormalReply, normal_frame, original_image};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{elf, Rig, BRIDGES, ELF_OVERFLOW, ELF_PANIC};
+use robot_tests::test_board::{BRIDGES, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
 use twin::plant::{Room, Sides};
 use twin::trace::EventKind;
 use twin::{Board, Options, ResetSource};

@@ -1,11 +1,11 @@
 //! Mode 0x20: the servo, the bearing of every reading, and the resulting map.
 
-use fw_core::eeprom::{fields, Config, Image};
-use fw_core::wire::{Command, Mode, PiLink, Report, MAX_FRAME};
+use fw_core::eeprom::{Config, Image, fields};
+use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Report};
 use host_link::snapshot::distance_mm;
 use host_link::statistics::LinkStatistics;
 use mapper::Point;
-use pilot::mapping::{mapper_config, Mapping, RangeSample};
+use pilot::mapping::{Mapping, RangeSample, mapper_config};
 use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
 use twin::plant::{Params, RangefinderParams};

@@ -1,9 +1,9 @@
 //! The rangefinders' schedule, and the speed of sound from the chip's temperature.
 
-use robot_tests::reference::{normal_frame, original_image, NormalReply};
+use robot_tests::reference::{NormalReply, normal_frame, original_image};
 use robot_tests::test_board::Rig;
-use twin::plant::{Params, Pose2, RangefinderParams, Room};
 use twin::Options;
+use twin::plant::{Params, Pose2, RangefinderParams, Room};
 
 /// No noise and no outliers, in air of `celsius`, the chip `over` K warmer.
 fn exact(celsius: f64, over: f64) -> Params {

@@ -1,10 +1,10 @@
 //! The link statistics of both ends against the frames actually sent: the host's code on one end, the
 //! ELF on the other.
 
-use fw_core::eeprom::{fields, Config, Image};
-use fw_core::wire::{frame_len, Cause, Field, Mode};
+use fw_core::eeprom::{Config, Image, fields};
+use fw_core::wire::{Cause, Field, Mode, frame_len};
 use host_link::board_io::Interrupt;
-use host_link::session::{CommandRequest, Session, RATE_HZ};
+use host_link::session::{CommandRequest, RATE_HZ, Session};
 use pilot::virtual_board;
 use robot_tests::test_board::Rig;
 

@@ -1,6 +1,6 @@
 //! The link's bars at 60 instructions a microsecond, the part's slowest.
 
-use robot_tests::test_board::{elf, ELF};
+use robot_tests::test_board::{ELF, elf};
 use robot_tests::throughput::long_run;
 
 /// Worst distance of two ticks from the period, microseconds.

@@ -3,13 +3,13 @@
 use host_link::board_io::Interrupt;
 use host_link::eeprom;
 use host_link::session::Session;
-use pilot::tune::{battery, drive_model, step_response, temporary_mode, Axis};
+use pilot::tune::{Axis, battery, drive_model, step_response, temporary_mode};
 use pilot::virtual_board::board_io;
 use plant::MotorParams;
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
-use twin::plant::Room;
 use twin::Options;
+use twin::plant::Room;
 
 fn rig() -> Rig {
     Rig::ready(Options {

@@ -1,12 +1,12 @@
 //! Mode 0x30 on the virtual board: tracking, obstacle stop, silence, the gyro's angle, the sweep.
 
-use fw_core::eeprom::{fields, Config, Field, Image};
+use fw_core::eeprom::{Config, Field, Image, fields};
 use fw_core::types::{Faults, Velocity};
-use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, PiLink, Report, State, MAX_FRAME};
+use fw_core::wire::{Command, DistanceCode, GyroCode, MAX_FRAME, Mode, PiLink, Report, State};
 use host_link::snapshot::distance_mm;
 use robot_tests::test_board::Rig;
-use twin::plant::{GyroParams, Room};
 use twin::Options;
+use twin::plant::{GyroParams, Room};
 
 /// A robot in mode 0x30, and the Pi's end of its link.
 struct Driven {

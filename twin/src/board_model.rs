@@ -20,7 +20,7 @@ use crate::components::mpu6050::Mpu6050;
 use crate::components::rangefinder::Rangefinder;
 use crate::components::servo::ServoLine;
 use crate::components::spi_master::SpiMaster;
-use crate::components::uart_receiver::{is_readable, LogByte, UartReceiver};
+use crate::components::uart_receiver::{LogByte, UartReceiver, is_readable};
 use crate::pin::Pin;
 use crate::pinout;
 use crate::soc::{Role, Stm32f411};

@@ -7,7 +7,7 @@ use rigless::soc::Width;
 
 use crate::board::Board;
 use crate::emulator::Stall;
-use crate::trace::{functions, Event, Function, Snapshot, TraceError, TracedFunction};
+use crate::trace::{Event, Function, Snapshot, TraceError, TracedFunction, functions};
 
 #[expect(
     clippy::missing_panics_doc,

@@ -1,7 +1,7 @@
 //! The pin of the STM32F411 that each component of the board is connected to (schematic of figure
 //! 2.3 of the document).
 
-use crate::pin::{pin, Pin};
+use crate::pin::{Pin, pin};
 
 /// SPI1's chip select, EXTI4.
 pub const NSS: Pin = pin('A', 4);

@@ -3,7 +3,7 @@
 use std::num::{NonZeroU32, NonZeroU64};
 
 use rigless::device::{ErasedDevice, Level, ResetCause};
-use rigless::machine::{armv7m, Board, Target};
+use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::Store;
 use rigless::soc::{Bus, Error};

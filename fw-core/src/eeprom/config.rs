@@ -18,7 +18,7 @@ use super::fields::{
     STOP_DEADLINE, STOP_DISTANCE, TAP_1_LOWER, TAP_1_UPPER, TAP_8_LOWER, TRACK,
     WHEEL_DIAMETER_LEFT, WHEEL_DIAMETER_RIGHT, YAW_ACCELERATION,
 };
-use super::image::{Image, FIRST_PLATFORM, PLATFORM};
+use super::image::{FIRST_PLATFORM, Image, PLATFORM};
 use super::parts::{Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel};
 use crate::binary64::Binary64;
 use crate::types::{Duty, Micrometres, Milliseconds, Ohms, RangefinderId, Turns, Volts};

@@ -1,8 +1,8 @@
 //! A rejected configuration: page, address, field, value, and what is accepted.
 
+use super::KEY;
 use super::field::{Accepted, Field};
 use super::fields::LAYOUT_VERSION;
-use super::KEY;
 use crate::binary64::{Binary64, Binary64Error};
 use crate::log::Line;
 use crate::wire::Mode;

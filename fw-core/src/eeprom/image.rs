@@ -2,7 +2,7 @@
 
 use super::crc32::Crc32;
 use super::error::{ConfigError, Expected, FieldValue};
-use super::field::{byte, Field};
+use super::field::{Field, byte};
 use super::fields::{COUNT, FIRST_BOARD, LAYOUT_LENGTH, LAYOUT_VERSION, TABLE};
 
 /// Bytes of the image: addresses 0x0000 to 0x03FF.

@@ -28,12 +28,12 @@ mod image;
 mod parts;
 
 pub use config::{Config, MAX_CELLS};
-pub use constraint::{Constraint, CONSTRAINTS};
+pub use constraint::{CONSTRAINTS, Constraint};
 pub use crc32::crc32;
 pub use error::{ConfigError, Expected, FieldValue};
 pub use field::{Accepted, Field, Kind, Unit};
 pub use fields::FIELDS;
-pub use image::{Image, Span, CRC_ADDRESS, IMAGE_LEN, KEY, LAYOUT, PLATFORM, PLATFORM_LEN, SPANS};
+pub use image::{CRC_ADDRESS, IMAGE_LEN, Image, KEY, LAYOUT, PLATFORM, PLATFORM_LEN, SPANS, Span};
 pub use parts::{Divider, Gain, Gains, ObstacleStop, Servo, VelocityLimits, Wheel};
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ mod slip;
 
 use fixed::types::{I16F16, I32F32};
 
-use super::trig::{nearest, plus, split, upper, Reduced};
+use super::trig::{Reduced, nearest, plus, split, upper};
 use crate::divide::div_rem;
 use crate::eeprom::{self, Config};
 use crate::types::{Delta, Millimetres, Pose, Turns};

@@ -139,11 +139,7 @@ impl Pid {
             return kept;
         }
         let rest = kept - (excess >> 16) * self.back_calculation;
-        if (rest > 0) == (kept > 0) {
-            rest
-        } else {
-            0
-        }
+        if (rest > 0) == (kept > 0) { rest } else { 0 }
     }
 
     /// The integral part, percent.

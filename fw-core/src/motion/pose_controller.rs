@@ -17,15 +17,15 @@ mod tracking_error;
 
 use fixed::types::I16F16;
 
+use super::ObstacleLimit;
 use super::mixer::Mixer;
 use super::pid::Pid;
 use super::trig::upper;
-use super::ObstacleLimit;
 use crate::divide::div_rem;
 use crate::eeprom::{Config, Wheel};
 use crate::types::{Delta, Duty, MotorCommands, Pose, Turns};
 use stiction::{LowPass, RateProfile, StictionBoost};
-use tracking_error::{TrackingError, FRACTION_BITS};
+use tracking_error::{FRACTION_BITS, TrackingError};
 
 /// 1 mm in the unit of [`TrackingError`].
 const MM: i32 = 1 << FRACTION_BITS;

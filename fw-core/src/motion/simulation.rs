@@ -10,7 +10,7 @@ use fixed::types::I32F32;
 use plant::{MotorInput, MotorParams, Params, Room, Sides, World};
 
 use super::{DriveMonitor, Odometry, PoseController};
-use crate::eeprom::{config_with, fields, first_board, Config};
+use crate::eeprom::{Config, config_with, fields, first_board};
 use crate::types::{Delta, Duty, Faults, Millimetres, MotorCommand, MotorCommands, Pose, Turns};
 
 /// A robot on an open floor.

@@ -17,7 +17,7 @@ mod reply;
 mod slip_monitor;
 mod supervisor;
 
-pub use io::{leds, ReceivedFrame, TickInput, TickOutput};
+pub use io::{ReceivedFrame, TickInput, TickOutput, leds};
 pub use supervisor::{AllowedMotion, Supervisor, SupervisorCommand};
 
 use crate::eeprom::Config;
@@ -32,7 +32,7 @@ use crate::wire::{
     CellCode, Command, Field, FrameError, LinkCounters, Mode, Order, PoseCode, Report, State,
     StmLink,
 };
-use control::{percent, Control, DriveRequest, MeasuredQuantity};
+use control::{Control, DriveRequest, MeasuredQuantity, percent};
 use event_log::EventLog;
 use link_stats::LinkStats;
 use slip_monitor::SlipMonitor;

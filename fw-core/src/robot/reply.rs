@@ -4,7 +4,7 @@
 use super::{MeasuredQuantity, Robot};
 use crate::binary64::Binary64;
 use crate::types::{Pose, RangefinderId};
-use crate::wire::{CellCode, DistanceCode, GyroCode, PoseCode, MAX_FRAME};
+use crate::wire::{CellCode, DistanceCode, GyroCode, MAX_FRAME, PoseCode};
 
 impl Robot {
     /// Pose, measurement and voltages of a tick, in the wire's codes.

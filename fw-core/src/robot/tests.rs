@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::binary64::Binary64;
-use crate::eeprom::{config_with, fields, first_board, Field};
+use crate::eeprom::{Field, config_with, fields, first_board};
 use crate::types::{MotorCommand, RangefinderId};
-use crate::wire::{DistanceCode, PiLink, MAX_FRAME};
+use crate::wire::{DistanceCode, MAX_FRAME, PiLink};
 
 mod driving;
 mod events;

@@ -270,11 +270,7 @@ impl Battery {
 
 /// Consecutive ticks of a condition, at most 255.
 const fn count_while(ticks: u8, now: bool) -> u8 {
-    if now {
-        ticks.saturating_add(1)
-    } else {
-        0
-    }
+    if now { ticks.saturating_add(1) } else { 0 }
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ use super::sequence::Sequence;
 use super::status::Status;
 use super::strategy::{Context, FrameReader, FrameWriter, Strategy};
 use super::velocity::Velocity;
-use super::{Command, FrameError, Report, MAX_FRAME};
+use super::{Command, FrameError, MAX_FRAME, Report};
 
 // Requirement: WIRE-chain-3
 macro_rules! strategies {

@@ -1,7 +1,7 @@
 //! Why a frame was rejected: the strategy's name, the byte, the reason.
 
-use super::strategy::saturating;
 use super::Field;
+use super::strategy::saturating;
 use crate::log::Line;
 
 /// A rejected frame: which strategy stopped the chain, at which byte, and why.

@@ -6,8 +6,8 @@
 use super::sequence::ResyncDetector;
 use super::strategy::Context;
 use super::{
-    parse_command, parse_report, write_command, write_report, Cause, Command, Field, FrameError,
-    Mode, Reason, Report, Sequence, MAX_FRAME,
+    Cause, Command, Field, FrameError, MAX_FRAME, Mode, Reason, Report, Sequence, parse_command,
+    parse_report, write_command, write_report,
 };
 
 /// What both ends need to know to understand each other.

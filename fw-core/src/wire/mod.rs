@@ -31,7 +31,7 @@ pub mod strategy;
 pub mod velocity;
 
 pub use chain::{
-    chain, frame_len, parse_command, parse_report, write_command, write_report, Field, Mode,
+    Field, Mode, chain, frame_len, parse_command, parse_report, write_command, write_report,
 };
 pub use error::{Cause, FieldError, FrameError, Reason};
 pub use link::{LinkCounters, PiLink, Setup, StmLink};

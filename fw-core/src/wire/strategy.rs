@@ -1,7 +1,7 @@
 //! What every strategy implements, and the frame's bytes as it sees them (document, 5.1).
 
 use super::error::{FieldError, Reason};
-use super::{Command, Report, MAX_FRAME};
+use super::{Command, MAX_FRAME, Report};
 
 /// What a strategy knows beside the frame: the configuration and the end's sequence numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub trait Strategy {
     /// # Errors
     /// Bytes missing, or content this strategy does not accept.
     fn parse_report(reader: &mut FrameReader<'_>, context: &Context, report: &mut Report)
-        -> Parsed;
+    -> Parsed;
 
     /// On the STM: puts its bytes.
     fn write_report(writer: &mut FrameWriter<'_>, context: &Context, report: &Report);

@@ -1,8 +1,8 @@
 //! The register map: addresses, types, names, units, accepted ranges, the first board's values.
 
-use crate::table::{number, rows, Row};
+use crate::table::{Row, number, rows};
 use fw_core::eeprom::{
-    Accepted, Field, Image, Kind, CONSTRAINTS, CRC_ADDRESS, FIELDS, KEY, PLATFORM_LEN, SPANS,
+    Accepted, CONSTRAINTS, CRC_ADDRESS, FIELDS, Field, Image, KEY, Kind, PLATFORM_LEN, SPANS,
 };
 use fw_core::log::Line;
 

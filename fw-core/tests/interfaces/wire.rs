@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use fw_core::robot::leds;
 use fw_core::types::Faults;
-use fw_core::wire::{chain, frame_len, Cause, Field, Mode, Order, PiLink, Setup, State, StmLink};
+use fw_core::wire::{Cause, Field, Mode, Order, PiLink, Setup, State, StmLink, chain, frame_len};
 use serde_json::Value;
 
 fn vectors(name: &str) -> Vec<Value> {

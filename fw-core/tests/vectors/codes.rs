@@ -2,11 +2,11 @@
 
 use std::fmt::Debug;
 
-use crate::json::{bytes, file, int, list, text, Value};
+use crate::json::{Value, bytes, file, int, list, text};
 use fixed::types::{I32F32, U0F32, U16F16};
 use fw_core::eeprom::crc32;
 use fw_core::types::{Millimetres, Pose, Turns, Volts};
-use fw_core::wire::{code, crc::crc16, CellCode, DistanceCode, GyroCode, PoseCode};
+use fw_core::wire::{CellCode, DistanceCode, GyroCode, PoseCode, code, crc::crc16};
 
 fn millimetres(text: &str) -> Millimetres {
     Millimetres(I32F32::from_str(text).expect("millimetres"))

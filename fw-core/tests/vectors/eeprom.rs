@@ -1,8 +1,8 @@
 //! EEPROM images: accepted ones with every raw value, rejected ones with what they name.
 
-use crate::json::{file, hex, list, number, text, Value};
+use crate::json::{Value, file, hex, list, number, text};
 use fw_core::binary64::Binary64;
-use fw_core::eeprom::{Config, FieldValue, Image, FIELDS, PLATFORM};
+use fw_core::eeprom::{Config, FIELDS, FieldValue, Image, PLATFORM};
 
 /// The image of a vector: what it does not list was never written.
 fn image(vector: &Value) -> Image {

@@ -1,11 +1,11 @@
 //! Whole frames of every mode through both ends of the link: accepted and rejected ones.
 
 use crate::json::{
-    bytes, command, essence, file, int, is_command, is_written, list, maybe, mode, rejection,
-    report, setup, Value,
+    Value, bytes, command, essence, file, int, is_command, is_written, list, maybe, mode,
+    rejection, report, setup,
 };
 use fw_core::wire::{
-    frame_len, Command, Field, LinkCounters, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
+    Command, Field, LinkCounters, MAX_FRAME, Mode, PiLink, Report, Setup, StmLink, frame_len,
 };
 
 /// Both ends, brought to where a vector needs them.
@@ -78,11 +78,7 @@ impl Pair {
 
 /// How many sends lead to a number: it starts at 1 and wraps.
 fn number(own: u8) -> u16 {
-    if own == 0 {
-        256
-    } else {
-        own.into()
-    }
+    if own == 0 { 256 } else { own.into() }
 }
 
 /// A frame at rest with this number of its sender.

@@ -1,10 +1,10 @@
 //! Both ends step by step: sequence numbers over lost, repeated and torn frames and restarts.
 
 use crate::json::{
-    bytes, command, essence, file, int, list, rejection, report, setup, text, Value,
+    Value, bytes, command, essence, file, int, list, rejection, report, setup, text,
 };
 use fw_core::wire::{
-    Cause, Command, LinkCounters, PiLink, Report, Sequence, Setup, StmLink, MAX_FRAME,
+    Cause, Command, LinkCounters, MAX_FRAME, PiLink, Report, Sequence, Setup, StmLink,
 };
 
 struct Session {

@@ -1,7 +1,7 @@
 //! Every strategy, both directions: its bytes within a frame of a mode that has it.
 
 use crate::json::{
-    bytes, command, file, hex, int, is_command, is_written, list, maybe, report, text, Value,
+    Value, bytes, command, file, hex, int, is_command, is_written, list, maybe, report, text,
 };
 use fixed::types::{I32F32, U0F32, U16F16};
 use fw_core::types::{Millimetres, Pose, Turns, Volts};
@@ -9,8 +9,8 @@ use fw_core::wire::code::bearing_code;
 use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
-    chain, parse_command, parse_report, write_command, write_report, CellCode, DistanceCode, Field,
-    GyroCode, Mode, PoseCode, MAX_FRAME,
+    CellCode, DistanceCode, Field, GyroCode, MAX_FRAME, Mode, PoseCode, chain, parse_command,
+    parse_report, write_command, write_report,
 };
 
 fn context(vector: &Value) -> Context {

@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 use geometry::wrap_angle;
 use nalgebra::{Matrix3, Vector3};
 
-use super::surface::{range_deviation_mm, Beam, Element, Kind};
-use super::surface_map::{SurfaceMap, Surfel};
 use super::MatcherConfig;
+use super::surface::{Beam, Element, Kind, range_deviation_mm};
+use super::surface_map::{SurfaceMap, Surfel};
 use crate::Pose2;
 
 /// Largest cost of an element: an outlier.

@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::likelihood::{Problem, ASIDE};
+use super::likelihood::{ASIDE, Problem};
 use super::surface::{Beam, Element};
 use super::surface_map::SurfaceMap;
 use crate::Pose2;

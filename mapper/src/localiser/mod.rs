@@ -26,7 +26,7 @@ use ekf::{Ekf, Increment};
 use evidence::Evidence;
 use geometry::wrap_angle;
 use global::{GlobalSearch, Outcome};
-use surface::{element, Beam, Element, Kind, Reading};
+use surface::{Beam, Element, Kind, Reading, element};
 use surface_map::SurfaceMap;
 
 /// A rangefinder turning by this much covers new ground like 100 mm of way, rad.
@@ -296,10 +296,9 @@ impl Localiser {
             .collect();
         let prior = (&pose, &self.ekf.pose_covariance());
         let surfaces = &self.evidence.surfaces;
-        if let Some(found) = matcher::find(surfaces, &visible, prior, &self.beam, config) {
-            if found.cost < 0.5 * likelihood::LIMIT {
-                self.ekf.replace_pose(&found.mean, &found.covariance);
-            }
+        let found = matcher::find(surfaces, &visible, prior, &self.beam, config);
+        if let Some(found) = found.filter(|found| found.cost < 0.5 * likelihood::LIMIT) {
+            self.ekf.replace_pose(&found.mean, &found.covariance);
         }
     }
 

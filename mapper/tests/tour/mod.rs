@@ -6,7 +6,7 @@
 use std::collections::BinaryHeap;
 
 use mapper::evaluation::{best_alignment, in_estimate_frame, pose_errors};
-use mapper::{map_iou, Localiser, LocaliserConfig, MapScore, Observation, Point, Pose2, Segment};
+use mapper::{Localiser, LocaliserConfig, MapScore, Observation, Point, Pose2, Segment, map_iou};
 use plant::kinematic::{KinematicRobot, VelocityInput};
 use plant::{Imperfections, Room};
 

@@ -4,8 +4,8 @@
 use std::time::{Duration, Instant};
 
 use geometry::{Pose2, Segment};
-use mapper::evaluation::{best_alignment, coverage, in_estimate_frame, pose_errors, PoseErrors};
-use mapper::{map_iou, Grid, Localiser, LocaliserConfig, Observation, PoseEstimate};
+use mapper::evaluation::{PoseErrors, best_alignment, coverage, in_estimate_frame, pose_errors};
+use mapper::{Grid, Localiser, LocaliserConfig, Observation, PoseEstimate, map_iou};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
 use plant::{Collision, Imperfections, Room};

@@ -2,8 +2,8 @@
 
 use geometry::Pose2;
 use mapper::{Grid, Mount, PoseEstimate, SonarModel};
-use plant::kinematic::SensorSample;
 use plant::Room;
+use plant::kinematic::SensorSample;
 
 use crate::closed_loop::Mapping;
 

@@ -1,6 +1,6 @@
 //! T3: the image is read and written field by field, and decoding is total.
 
-use fw_core::eeprom::{Config, Field, Image, CRC_ADDRESS, FIELDS, IMAGE_LEN, KEY, PLATFORM, SPANS};
+use fw_core::eeprom::{CRC_ADDRESS, Config, FIELDS, Field, IMAGE_LEN, Image, KEY, PLATFORM, SPANS};
 
 #[cfg(kani)]
 use fw_core::eeprom::fields::{

@@ -10,10 +10,10 @@
 //! - Never without [`WINDOW`] consecutive ticks driven by at least 20 % in one direction; after a start
 //!   never within [`EARLIEST`].
 
+use fw_core::eeprom::Config;
 use fw_core::eeprom::fields::{
     COUNTS_PER_TURN, DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT, MOTOR_LEFT_REVERSED, MOTOR_RIGHT_REVERSED,
 };
-use fw_core::eeprom::Config;
 use fw_core::motion::DriveMonitor;
 
 use crate::eeprom::accepted::AcceptedConfig;
@@ -134,7 +134,7 @@ pub fn jump_is_detected_at_once(
     counts: (i32, i32),
 ) -> Seen {
     let mut monitor = parameters.monitor();
-    let _ = monitor.step(&before.0, &Delta::rolled(before.1 .0, before.1 .1));
+    let _ = monitor.step(&before.0, &Delta::rolled(before.1.0, before.1.1));
     let faults = monitor.step(&command, &Delta::rolled(counts.0, counts.1));
     let most = parameters.most().unsigned_abs();
     let jumps = counts.0.unsigned_abs() > most || counts.1.unsigned_abs() > most;

@@ -1,7 +1,7 @@
 //! T7: motor commands keep each wheel's limit for every identified gain.
 
-use fw_core::eeprom::fields::{DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT};
 use fw_core::eeprom::Config;
+use fw_core::eeprom::fields::{DEAD_ZONE_LEFT, DEAD_ZONE_RIGHT};
 use fw_core::motion::mixer::Mixer;
 
 use fixed::types::I16F16;
@@ -85,11 +85,7 @@ fn forward_duty(drive: MotorCommand, reversed: bool) -> i32 {
         panic!("not driven: {drive:?}");
     };
     let duty = i32::from(duty.hundredths());
-    if reversed {
-        -duty
-    } else {
-        duty
-    }
+    if reversed { -duty } else { duty }
 }
 
 /// Both of them.

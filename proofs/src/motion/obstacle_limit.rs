@@ -4,10 +4,10 @@
 
 use fixed::types::{I16F16, I32F32};
 use fw_core::eeprom::ObstacleStop;
-use fw_core::motion::obstacle_limit::{
-    braking_energy, reaction_speed, stoppable, stopping_way, Track,
-};
 use fw_core::motion::ObstacleLimit;
+use fw_core::motion::obstacle_limit::{
+    Track, braking_energy, reaction_speed, stoppable, stopping_way,
+};
 use fw_core::types::{Delta, Millimetres, Milliseconds};
 
 use crate::eeprom::accepted::AcceptedConfig;

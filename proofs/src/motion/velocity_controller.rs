@@ -2,7 +2,7 @@
 
 use fw_core::eeprom::{Config, ObstacleStop, VelocityLimits, Wheel};
 use fw_core::motion::obstacle_limit::Track;
-use fw_core::motion::velocity_controller::{towards, VelocityRamp};
+use fw_core::motion::velocity_controller::{VelocityRamp, towards};
 use fw_core::motion::{ObstacleLimit, VelocityController};
 use fw_core::types::{Milliseconds, MotorCommand, MotorCommands, Velocity};
 

@@ -4,12 +4,12 @@
 use fw_core::binary64::Binary64;
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
-use fw_core::robot::{leds, ReceivedFrame, Robot, TickInput, TickOutput};
-use fw_core::sensing::mpu6050::{self, BusRequest, BusResult};
+use fw_core::robot::{ReceivedFrame, Robot, TickInput, TickOutput, leds};
 use fw_core::sensing::Calibration;
+use fw_core::sensing::mpu6050::{self, BusRequest, BusResult};
 use fw_core::wire::{
-    self, frame_len, CellCode, Command, DistanceCode, Mode, PiLink, PoseCode, Report, Setup, State,
-    MAX_FRAME,
+    self, CellCode, Command, DistanceCode, MAX_FRAME, Mode, PiLink, PoseCode, Report, Setup, State,
+    frame_len,
 };
 
 use crate::property::Seen;

@@ -4,7 +4,7 @@ use fw_core::eeprom::fields::{GYRO, MODE};
 use fw_core::log::Log;
 use fw_core::motion::Odometry;
 use fw_core::robot::{Robot, TickInput};
-use fw_core::sensing::gyro::{hundredths, Event, GyroFusion, MAX_BIAS};
+use fw_core::sensing::gyro::{Event, GyroFusion, MAX_BIAS, hundredths};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
 use fw_core::wire::Mode;
 

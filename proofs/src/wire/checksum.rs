@@ -2,10 +2,10 @@
 
 use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
-use fw_core::wire::{parse_command, parse_report, write_command, write_report, Mode, MAX_FRAME};
 use fw_core::wire::{Command, Report, Setup};
+use fw_core::wire::{MAX_FRAME, Mode, parse_command, parse_report, write_command, write_report};
 
-use super::table::{table, Frame};
+use super::table::{Frame, table};
 use crate::property::Seen;
 
 /// CRC-16/IBM-3740 as the catalogue defines it, bit by bit: initial value 0xFFFF, polynomial

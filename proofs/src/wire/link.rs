@@ -1,9 +1,9 @@
 //! T1 and T2: what one end sends the other understands, and a rejected frame changes nothing.
 
-use fw_core::wire::{CellCode, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME};
+use fw_core::wire::{CellCode, Command, MAX_FRAME, Mode, PiLink, Report, Setup, StmLink};
 
 use super::parsing::LONGER;
-use super::table::{table, word, Frame};
+use super::table::{Frame, table, word};
 use crate::property::Seen;
 
 /// Whether both cells of a configuration and of a frame can exist.

@@ -2,10 +2,10 @@
 
 use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
-use fw_core::wire::{parse_command, parse_report, FrameError, Mode, Reason};
+use fw_core::wire::{FrameError, Mode, Reason, parse_command, parse_report};
 
 use super::table::{
-    command_is_right, command_says, is_fresh, report_is_right, report_says, table, word, Frame,
+    Frame, command_is_right, command_says, is_fresh, report_is_right, report_says, table, word,
 };
 use crate::property::Seen;
 

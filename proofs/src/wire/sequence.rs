@@ -2,10 +2,10 @@
 
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
-    write_command, write_report, Command, Mode, PiLink, Report, Setup, StmLink, MAX_FRAME,
+    Command, MAX_FRAME, Mode, PiLink, Report, Setup, StmLink, write_command, write_report,
 };
 
-use super::link::{cell_exists, HUNDRED};
+use super::link::{HUNDRED, cell_exists};
 use super::table::{is_fresh, table};
 use crate::property::Seen;
 

@@ -3,7 +3,7 @@
 //! be in here too.
 
 use fw_core::wire::strategy::Context;
-use fw_core::wire::{CellCode, Command, Mode, Order, PoseCode, Report, Sequence, State, MAX_FRAME};
+use fw_core::wire::{CellCode, Command, MAX_FRAME, Mode, Order, PoseCode, Report, Sequence, State};
 
 /// The bytes of a frame; those beyond the mode's length are not looked at.
 pub type Frame = [u8; MAX_FRAME];

@@ -11,7 +11,7 @@ fn main() {
 #[cfg(target_os = "none")]
 mod core_program {
     use core::sync::atomic::{AtomicU32, Ordering};
-    use odometry_bench::{drive, for_each_candidate, Candidate, Course, CANDIDATES, TICKS_ON_CORE};
+    use odometry_bench::{CANDIDATES, Candidate, Course, TICKS_ON_CORE, drive, for_each_candidate};
 
     /// Six words for each candidate, the lower one of each number first, and then 1.
     #[used]

@@ -6,7 +6,7 @@
 use fw_core::eeprom::Config;
 use fw_core::types::Turns;
 use odometry_bench::{
-    drive, first_board, for_each_candidate, Candidate, Course, Tick, TICKS_ON_CORE,
+    Candidate, Course, TICKS_ON_CORE, Tick, drive, first_board, for_each_candidate,
 };
 
 #[path = "../../../fw-core/src/motion/odometry/tests/exact_arcs.rs"]

@@ -12,7 +12,7 @@ fn main() {
 mod core_program {
     use core::hint::black_box;
     use fw_core::wire::strategy::Context;
-    use fw_core::wire::{parse_command, write_report, Command, Mode, Report, MAX_FRAME};
+    use fw_core::wire::{Command, MAX_FRAME, Mode, Report, parse_command, write_report};
 
     /// Bytes of the frame.
     const LEN: usize = 19;

@@ -3,8 +3,8 @@
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::{fs, thread};
 
 use clap::Parser;
@@ -59,15 +59,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rows = Mutex::new(Vec::new());
     thread::scope(|scope| {
         for _ in 0..THREADS {
-            scope.spawn(|| loop {
-                let seed = next.fetch_add(1, Ordering::Relaxed);
-                if seed > last {
-                    return;
+            scope.spawn(|| {
+                loop {
+                    let seed = next.fetch_add(1, Ordering::Relaxed);
+                    if seed > last {
+                        return;
+                    }
+                    let row = explore(&elf, seed, &arguments.out);
+                    let row = row.map_err(|error| format!("seed {seed}: {error}"));
+                    eprintln!("{}", row.as_ref().map_or_else(Clone::clone, line));
+                    rows.lock().expect("no thread panics").push(row);
                 }
-                let row = explore(&elf, seed, &arguments.out);
-                let row = row.map_err(|error| format!("seed {seed}: {error}"));
-                eprintln!("{}", row.as_ref().map_or_else(Clone::clone, line));
-                rows.lock().expect("no thread panics").push(row);
             });
         }
     });

@@ -10,15 +10,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use object::{Object, ObjectSection, ObjectSegment, SectionKind};
-use robot_tests::reference::{crc16, image_in_mode, normal_frame, KEY_PI};
+use robot_tests::reference::{KEY_PI, crc16, image_in_mode, normal_frame};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{Rig, READY_US};
+use robot_tests::test_board::{READY_US, Rig};
 use robot_tests::throughput::{
     jitter_us, long_run, lossless, shortest_period, sustained, torn_frames,
 };
 use serde::Serialize;
-use serde_json::{json, Value};
-use twin::trace::{exclusive, shares, spans, Event, EventKind, Span};
+use serde_json::{Value, json};
+use twin::trace::{Event, EventKind, Span, exclusive, shares, spans};
 use twin::{Board, Options};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;

@@ -3,8 +3,8 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rigless::chip::i2c::Peer;
 use rigless::chip::Timeline;
+use rigless::chip::i2c::Peer;
 use rigless::snapshot::Store;
 
 use super::eeprom::Eeprom;
@@ -101,13 +101,13 @@ impl I2cBus {
 
     /// The STM was reset: in the middle of a read the device is left driving `SDA`.
     pub fn stm_reset(&mut self) {
-        if self.controller == I2cController::Stm {
-            if let Some(eeprom) = &mut self.eeprom {
-                if eeprom.is_reading() {
-                    self.sda_held = Some(CLEARING_PULSES);
-                }
-                eeprom.abort();
+        if self.controller == I2cController::Stm
+            && let Some(eeprom) = &mut self.eeprom
+        {
+            if eeprom.is_reading() {
+                self.sda_held = Some(CLEARING_PULSES);
             }
+            eeprom.abort();
         }
         if let Some(mpu) = self.mpu.as_mut().filter(|mpu| mpu.is_reading()) {
             mpu.stop();

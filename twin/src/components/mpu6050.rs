@@ -210,10 +210,8 @@ impl Mpu6050 {
 
     /// A byte from the controller. Returns the acknowledge.
     pub fn write(&mut self, byte: u8) -> bool {
-        if let Mpu6050Fault::RefusesAfter(bytes) = self.fault {
-            if self.taken >= bytes {
-                return false;
-            }
+        if matches!(self.fault, Mpu6050Fault::RefusesAfter(bytes) if self.taken >= bytes) {
+            return false;
         }
         self.taken += 1;
         if self.addressing {

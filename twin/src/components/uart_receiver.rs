@@ -1,7 +1,7 @@
 //! The receiver on the log's wire: 115200 baud, 8N1.
 
-use rigless::chip::uart::Peer;
 use rigless::chip::Timeline;
+use rigless::chip::uart::Peer;
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
 

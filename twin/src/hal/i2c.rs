@@ -122,9 +122,9 @@ impl I2cTrait for I2c {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Options;
     use crate::components::eeprom::{ADDRESS, WRITE_CYCLE_NS};
     use crate::hal::Line;
-    use crate::Options;
     use embedded_hal::digital::OutputPin;
 
     /// A board in reset whose EEPROM is connected to the Pi.

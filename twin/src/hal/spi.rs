@@ -3,7 +3,7 @@
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation, SpiDevice};
 
 use crate::board::Board;
-use crate::components::spi_master::{pack, SpiStep};
+use crate::components::spi_master::{SpiStep, pack};
 use crate::emulator::EmulationEnded;
 
 /// The timing of a transfer.

@@ -8,7 +8,7 @@ use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange}
 use rigless::soc::{Layout, Peripheral, RegisterSpec};
 use rigless::time::VirtualNanos;
 
-use crate::pin::{Pin, PORTS};
+use crate::pin::{PORTS, Pin};
 
 /// The instance's name.
 pub const NAME: &str = "BOARD";

@@ -8,9 +8,9 @@
 //! - A spurious `BERR` (ES0287 section 2.10): the flag and its interrupt; the transfer goes on.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
-use rigless::soc::stm32f427::generated::i2c3::{cr1, cr2, sr1, sr2, Register};
-use rigless::soc::stm32f427::peripherals::i2c::I2c;
 use rigless::soc::RegisterSpec;
+use rigless::soc::stm32f427::generated::i2c3::{Register, cr1, cr2, sr1, sr2};
+use rigless::soc::stm32f427::peripherals::i2c::I2c;
 use rigless::time::{EventId, VirtualNanos};
 
 /// An I2C controller.

@@ -16,8 +16,8 @@
 //! a trigger output, counting down, one-pulse mode, captures, and the other output modes.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
-use rigless::soc::stm32f427::generated::tim3::{cr1, egr, sr, Register};
-use rigless::time::{VirtualNanos, NANOS_PER_SECOND};
+use rigless::soc::stm32f427::generated::tim3::{Register, cr1, egr, sr};
+use rigless::time::{NANOS_PER_SECOND, VirtualNanos};
 
 const CHANNELS: usize = 4;
 const MAX_COUNT: u64 = 0xFFFF;

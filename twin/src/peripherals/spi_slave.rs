@@ -19,7 +19,7 @@
 //! `RXONLY` is stored.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
-use rigless::soc::stm32f427::generated::spi1::{cr1, cr2, i2scfgr, sr, Register};
+use rigless::soc::stm32f427::generated::spi1::{Register, cr1, cr2, i2scfgr, sr};
 
 /// The request to receive, as the part's DMA wiring numbers it.
 pub const RECEIVE_REQUEST: usize = 0;

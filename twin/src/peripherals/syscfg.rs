@@ -34,11 +34,10 @@ impl Syscfg {
             .iter()
             .position(|&known| known == code)
             .and_then(|port| self.pins[port][line]);
-        if let Some(level) = level {
-            if self.driven[line] != Some(level) {
-                self.driven[line] = Some(level);
-                context.request(line, level);
-            }
+        if let Some(level) = level
+            && self.driven[line].replace(level) != Some(level)
+        {
+            context.request(line, level);
         }
     }
 }

@@ -3,13 +3,13 @@
 
 use rigless::device::RegisterFile;
 use rigless::emulator::{Access, AccessKind};
+use rigless::soc::Layout;
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::generated::i2c3::Register::{Ccr, Cr2, Trise};
 use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2rstr};
-use rigless::soc::Layout;
 use rigless::time::VirtualNanos;
 
-use super::{memory_map, Role, Stm32f411};
+use super::{Role, Stm32f411, memory_map};
 use crate::pin::Pin;
 use crate::pinout;
 

@@ -21,7 +21,7 @@
 mod symbols;
 mod thumb;
 
-pub use symbols::{functions, Function, TraceError, TracedFunction};
+pub use symbols::{Function, TraceError, TracedFunction, functions};
 
 /// What happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
-use super::thumb::{flow, halfwords, Flow};
+use super::thumb::{Flow, flow, halfwords};
 
 /// A function of the firmware.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

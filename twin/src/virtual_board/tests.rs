@@ -3,8 +3,8 @@
 use super::*;
 use crate::components::eeprom::Eeprom;
 use crate::components::i2c_bus::{I2cBus, I2cController::Stm, SharedBus};
-use crate::components::mpu6050::{Mpu6050, ADDRESS};
-use crate::components::spi_master::{pack, SpiStep};
+use crate::components::mpu6050::{ADDRESS, Mpu6050};
+use crate::components::spi_master::{SpiStep, pack};
 use crate::fixture::Fixture;
 use plant::{GyroParams, Params, Pose2, Room, Sides, World};
 

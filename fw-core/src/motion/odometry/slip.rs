@@ -1,6 +1,6 @@
 //! Correction of heading and position for a slipping wheel.
 
-use super::{saturated, Odometry, ROUNDING};
+use super::{Odometry, ROUNDING, saturated};
 use crate::motion::trig::sin_cos;
 use crate::types::{Delta, HeadingCorrection, Turns};
 

@@ -7,7 +7,7 @@ mod hold;
 mod stiction;
 
 use super::*;
-use crate::eeprom::{config_with, fields, first_board, Field};
+use crate::eeprom::{Field, config_with, fields, first_board};
 use crate::motion::simulation::pose;
 use crate::types::MotorCommand;
 

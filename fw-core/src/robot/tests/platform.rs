@@ -3,9 +3,9 @@
 //! Not here: `layout_version`, `layout_length`, `signs_reserved` and `crc`, which say what the page is; `log_baud`, which the
 //! registers obey; `gyro` and `log_period`, which `slip_monitor` and `events` test; `bearing_right` and `bearing_left`, which only the Pi's map uses.
 
-use super::{tune, Bench};
+use super::{Bench, tune};
 use crate::eeprom::fields::*;
-use crate::eeprom::{Field, Image, FIELDS};
+use crate::eeprom::{FIELDS, Field, Image};
 use crate::robot::TickOutput;
 use crate::types::{Faults, MotorCommand, RangefinderId};
 use crate::wire::{Command, Mode, Report, State};

@@ -1,5 +1,5 @@
 use super::*;
-use crate::eeprom::{config_with, fields, first_board, FIELDS};
+use crate::eeprom::{FIELDS, config_with, fields, first_board};
 use std::vec::Vec;
 
 /// The ADC words of the first board's two cells.

@@ -2,8 +2,8 @@
 //! `proofs`.
 
 use super::*;
-use std::vec::Vec;
 use RangefinderId::{Front, Left, Right};
+use std::vec::Vec;
 
 const TICK: u32 = 10_000;
 const AHEAD: Option<u16> = Some(0);

@@ -8,8 +8,8 @@ use mapper::map_plot;
 use pilot::recording::Recorder;
 use robot_tests::exploration;
 use serde_json::Value;
-use twin::plant::Room;
 use twin::Board;
+use twin::plant::Room;
 
 use super::Timer;
 

@@ -24,7 +24,7 @@ use pilot::virtual_board;
 use report::Bars;
 use robot_tests::exploration;
 use robot_tests::stack::Stack;
-use serde_json::{json, Value};
+use serde_json::{Value, json};
 use twin::plant::{Imperfections, Room};
 use twin::{Board, Options};
 

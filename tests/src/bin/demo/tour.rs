@@ -5,15 +5,15 @@ use std::path::Path;
 
 use host_link::board_io::BoardIo;
 use host_link::pose::Pose;
-use host_link::session::{Session, RATE_HZ};
+use host_link::session::{RATE_HZ, Session};
 use mapper::{map_iou, map_plot};
 use pilot::drive::{self, ArrivalCriteria};
-use pilot::mapping::{mapper_config, mapper_pose, reported_pose, Mapping, RangeSample};
+use pilot::mapping::{Mapping, RangeSample, mapper_config, mapper_pose, reported_pose};
 use robot_tests::exploration::{CELL_MM, READY_MS, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;
-use serde_json::{json, Value};
-use twin::plant::{Pose2, Room};
+use serde_json::{Value, json};
 use twin::Board;
+use twin::plant::{Pose2, Room};
 
 use super::Timer;
 
@@ -58,7 +58,12 @@ pub fn run(
             let (pose, number, count) = (arrival.pose, index + 1, way.len());
             println!(
                 "     {number:2}/{count}  ({:6.0}, {:6.0}) mm, {:4.0}°  off by {:.1} mm, {:.2}°  after {:.1} s",
-                pose.x_mm, pose.y_mm, pose.rotation_deg, arrival.off_mm, arrival.off_deg, arrival.seconds
+                pose.x_mm,
+                pose.y_mm,
+                pose.rotation_deg,
+                arrival.off_mm,
+                arrival.off_deg,
+                arrival.seconds
             );
         },
     )?;
