@@ -314,7 +314,7 @@ impl PiLink {
     }
 }
 
-// Requirement: WIRE-log-11
+// Requirement: WIRE-spi-3, WIRE-log-11
 #[test]
 fn counters_at_their_end_stay_there() {
     let (key_from_pi, key_from_stm, cells) = (1, 2, 1);
@@ -332,6 +332,8 @@ fn counters_at_their_end_stay_there() {
         missed: u32::MAX,
         unacknowledged: 2,
     };
+    stm.overrun(3);
+    assert_eq!((stm.counters().overrun, stm.counters().frames()), (3, 3));
     stm.endpoint.counters = full;
     let mut frame = [0; MAX_FRAME];
     // The second of these frames is lost.

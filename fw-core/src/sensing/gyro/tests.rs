@@ -235,6 +235,17 @@ fn slip_of_two_seconds_with_turning_wheels_times_out() {
     assert_eq!(sim.corrected, corrected);
     sim.run(60, 0.8, 0.8);
     assert_eq!(sim.events.pop(), Some(Event::Trusted));
+    // Agreement in the last tick ends it.
+    let mut sim = Simulation::trusted();
+    while !sim.gyro.is_slipping() {
+        sim.run(1, 0.0, 0.8);
+    }
+    sim.run(190, 0.0, 0.8);
+    sim.run(10, 0.8, 0.8);
+    assert!(matches!(
+        sim.events[..],
+        [Event::SlipStarted, Event::SlipEnded(_)]
+    ));
 }
 
 #[test]
