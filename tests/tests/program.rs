@@ -201,14 +201,15 @@ fn killed_commands_leave_nothing_half_written() {
     let (mut alive, mut undone, mut random) = (0, 0, 0x9E37_79B9_7F4A_7C15_u64);
     for kill in 0..kills {
         let words = KILLED[kill % KILLED.len()];
-        if kill % KILLED.len() == 0 {
+        if words == KILLED[0] {
             program.expect(0, "eeprom write robot.toml");
         }
         // xorshift64: a moment within the usual time of a write and half as much again.
         random ^= random << 13;
         random ^= random >> 7;
         random ^= random << 17;
-        let after = usual.mul_f64(1.5 * f64::from((random >> 40) as u32) / f64::from(1 << 24));
+        let share = u32::try_from(random >> 32).expect("32 bits");
+        let after = usual.mul_f64(1.5 * f64::from(share) / f64::from(u32::MAX));
         let mut command = program.command(words);
         let mut child = command
             .stdout(Stdio::null())
