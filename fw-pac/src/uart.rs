@@ -97,8 +97,8 @@ pub fn write_blocking(text: &[u8]) {
     Dma::stop();
     let usart = USART1::registers();
     for byte in text {
-        // A character of 115200 baud takes 87 µs = 8700 cycles, a poll at least 5.
-        for _ in 0..4_000 {
+        // A character of 9600 baud takes 1.05 ms = 105 000 cycles, a poll at least 5.
+        for _ in 0..21_000 {
             if usart.sr().read().txe().bit_is_set() {
                 break;
             }

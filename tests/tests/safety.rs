@@ -3,18 +3,23 @@
 use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
+use object::{Object, ObjectSection};
 use robot_tests::reference::{NormalReply, normal_frame, original_image};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{BRIDGES, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
+use robot_tests::test_board::{BRIDGES, ELF, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
 use twin::plant::{Room, Sides};
 use twin::trace::EventKind;
 use twin::{Board, Options, ResetSource};
 
 fn driving() -> Rig {
     let rig = Rig::booted(Some(original_image()));
+    drive(&rig);
+    rig
+}
+
+fn drive(rig: &Rig) {
     let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
     assert!(!rig.motors_off(), "{}", rig.log());
-    rig
 }
 
 // Requirement: DOC-2.1-3, WIRE-status-6, WIRE-deadline-1, WIRE-deadline-2
@@ -141,16 +146,46 @@ fn supply_below_threshold_stops_motors() {
 
 // Requirement: WIRE-fault-4
 #[test]
-fn stopped_converter_stops_motors() {
-    let mut rig = driving();
-    rig.end_check(); // a part without its clock refuses every access
-    rig.stop_converter();
-    let go = normal_frame(3_000_000, 0, 0, true);
-    let _ = rig.keep_sending(&go, 400_000);
-    assert!(!rig.motors_off(), "{}", rig.log());
-    let _ = rig.keep_sending(&go, 150_000);
-    assert!(rig.motors_off());
-    stays_off(&rig, "battery empty: motors off");
+fn converter_without_new_words_stops_motors() {
+    for stop in [Board::stop_converter, Board::stop_conversions] {
+        let mut rig = driving();
+        rig.end_check(); // a part without its clock refuses every access
+        stop(&rig);
+        let go = normal_frame(3_000_000, 0, 0, true);
+        let _ = rig.keep_sending(&go, 400_000);
+        assert!(!rig.motors_off(), "{}", rig.log());
+        let _ = rig.keep_sending(&go, 150_000);
+        assert!(rig.motors_off());
+        stays_off(&rig, "battery empty: motors off");
+    }
+}
+
+// Requirement: WIRE-safe-1, WIRE-fault-1
+#[test]
+fn dead_crystal_stops_motors_and_restarts_on_hsi() {
+    let mut elf = elf(ELF);
+    let file = object::File::parse(&*elf).expect("an ELF");
+    let vectors = file.section_by_name(".vector_table").expect("vectors");
+    let at = usize::try_from(vectors.file_range().expect("in the file").0).expect("an offset");
+    elf.copy_within(at + 4 * 2..at + 4 * 3, at + 4 * (16 + 32));
+    let rig = with_original_image(&elf);
+    assert!(rig.await_ready(), "{}", rig.log());
+    drive(&rig);
+    rig.stop_crystal();
+    assert!(rig.run_until(100, 10, |_| rig.motors_off()));
+    rig.run_us(10_000);
+    assert!(!rig.is_ready());
+    // From 16 MHz, at the log's rate.
+    assert!(
+        rig.log().contains("crystal failed, motors off"),
+        "{}",
+        rig.log()
+    );
+    assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
+    assert!(rig.await_ready(), "{}", rig.log());
+    rig.run_us(100_000);
+    assert!(rig.motors_off(), "after the restart it stands");
+    assert!(rig.log().contains("internal oscillator"), "{}", rig.log());
 }
 
 /// TIM4's event generation (RM0383, table 1).

@@ -10,6 +10,7 @@ use crate::components::mpu6050::Mpu6050;
 
 /// TIM5's first control register, RM0383 table 1 and section 13.4.1.
 const TIM5_CR1: u64 = 0x4000_0C00;
+const TIM5_DIER: u64 = TIM5_CR1 + 0xC;
 /// The clocks of APB2's peripherals, RM0383 section 6.3.12, and the converter's among them.
 const RCC_APB2ENR: u64 = 0x4002_3844;
 const ADC1EN: u64 = 1 << 8;
@@ -26,8 +27,8 @@ impl Board {
         self.i2c_bus(|bus, _| bus.mpu.as_mut().map(change));
     }
 
-    /// The crystal stops. Only a firmware with the clock security system on survives it, RM0383
-    /// section 6.2.7.
+    /// The crystal stops for good, RM0383 section 6.2.7. The emulated core has no line to its NMI: I2C1's error
+    /// interrupt stands for it, in an ELF in which both have one vector and without a gyroscope.
     pub fn stop_crystal(&self) {
         self.stopped(|stopped| {
             let at = stopped.at();
@@ -51,6 +52,14 @@ impl Board {
     /// The converter stops: no conversion ends any more.
     pub fn stop_converter(&self) {
         self.change(RCC_APB2ENR, |clocks| clocks & !ADC1EN);
+    }
+
+    /// The converter is started no more: TIM5's third compare interrupts no longer.
+    ///
+    /// # Panics
+    /// While TIM5 has no clock, before the firmware has started it.
+    pub fn stop_conversions(&self) {
+        self.change(TIM5_DIER, |enables| enables & !(1 << 3));
     }
 
     /// TIM5, the timer of the firmware's ticks, stops.

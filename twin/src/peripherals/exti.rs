@@ -3,8 +3,9 @@
 //! | Register or section | Behaviour |
 //! |---|---|
 //! | `RTSR`, `FTSR` | The edges that set a line's pending bit |
-//! | `PR` | Set by a selected edge, masked or not (figure 29 puts the mask behind it), cleared by a written one |
-//! | `IMR` | The NVIC's line follows pending and mask, so unmasking a pending line interrupts |
+//! | `PR` | Set by a selected edge of an unmasked line, as `SWIER` does (10.3.5); cleared by a written one |
+//! | `IMR` | The NVIC's line follows pending and mask |
+//! | Latency | The NVIC's line falls [`CLEAR_NS`] after its pending bits: a handler that clears them last is entered again |
 //! | `SWIER` | A written one pends an unmasked line; the bit falls with the pending bit |
 //! | NVIC | Lines 0 to 4 alone, 5 to 9 and 10 to 15 together: 6 to 10, 23 and 40 |
 //!
@@ -13,9 +14,14 @@
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::exti::Register;
+use rigless::time::{EventId, VirtualNanos};
 
 /// Lines with a pin behind them.
 pub const LINES: usize = 16;
+
+/// A store's way over APB2 and back, beside the ten cycles of an exception's return, which take the emulated core
+/// none, nanoseconds.
+pub const CLEAR_NS: u64 = 120;
 
 /// The NVIC lines as the instance lists them: 2 (tamper), 6 to 10, 23, 40.
 const VECTORS: usize = 8;
@@ -37,16 +43,19 @@ const fn vector(line: usize) -> usize {
 }
 
 impl Exti {
-    fn refresh(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    /// Raises the NVIC's lines at once; lowers them where `late`, else in [`CLEAR_NS`].
+    fn refresh(&mut self, late: bool, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let active = registers.get(Register::Pr) & registers.get(Register::Imr);
         let mut levels = [false; VECTORS];
         for line in 0..LINES {
             levels[vector(line)] |= active >> line & 1 != 0;
         }
         for (position, (driven, level)) in self.driven.iter_mut().zip(levels).enumerate() {
-            if *driven != level {
+            if *driven != level && (level || late) {
                 *driven = level;
                 context.interrupt(position, Level::from(level));
+            } else if *driven != level {
+                context.schedule(VirtualNanos(context.now().0 + CLEAR_NS));
             }
         }
     }
@@ -73,7 +82,16 @@ impl Device for Exti {
             }
             _ => {}
         }
-        self.refresh(registers, context);
+        self.refresh(false, registers, context);
+    }
+
+    fn on_event(
+        &mut self,
+        _event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.refresh(true, registers, context);
     }
 
     fn on_request(
@@ -91,13 +109,9 @@ impl Device for Exti {
             (Some(Level::High), Level::Low) => registers.get(Register::Ftsr),
             _ => 0,
         };
-        if selected >> change.request & 1 != 0 {
-            registers.set(
-                Register::Pr,
-                registers.get(Register::Pr) | 1 << change.request,
-            );
-            self.refresh(registers, context);
-        }
+        let pended = selected & registers.get(Register::Imr) & 1 << change.request;
+        registers.set(Register::Pr, registers.get(Register::Pr) | pended);
+        self.refresh(false, registers, context);
     }
 
     fn reset(&mut self) {

@@ -165,6 +165,8 @@ impl PwmTimer {
     fn report_unmodelled(registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let value = |register| registers.get(register);
         let modes = (0..CHANNELS).map(|nth| output_control(registers, nth).0);
+        let on = |nth: usize| value(Register::Ccer) >> (4 * nth) & 1 != 0;
+        let unbuffered = |nth| matches!(output_control(registers, nth), (6.., false));
         // CCxS of the two channels that a CCMR configures.
         let selections = (value(Register::Ccmr1Output) | value(Register::Ccmr2Output)) & 0x0303;
         for (found, register, reason) in [
@@ -193,6 +195,11 @@ impl PwmTimer {
                 modes.into_iter().any(|mode| (1..=3).contains(&mode)),
                 "CCMR",
                 "output modes that act at a match are not modelled",
+            ),
+            (
+                (0..CHANNELS).any(|nth| on(nth) && unbuffered(nth)),
+                "CCER",
+                "PWM mode without preload, RM0383 13.4.7",
             ),
         ] {
             if found {

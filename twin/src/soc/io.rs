@@ -66,10 +66,13 @@ impl Stm32f411 {
         self.i2c[0].raise_bus_error(registers, &mut context);
     }
 
-    /// The crystal stops.
+    /// The crystal stops for good.
     pub fn fail_crystal(&mut self, now: VirtualNanos) {
         let (registers, mut context) = self.bus.drive(now, self.slots.rcc);
         self.rcc.fail_hse(registers, &mut context);
+        self.rcc.attach_crystals(0, 0);
+        let error = &mut self.bus.drive(now, self.slots.i2c1).1;
+        error.interrupt(1, Level::High);
     }
 
     /// The bit rate USART1 is set to, RM0383 section 19.3.4, or zero while it is off.

@@ -43,6 +43,11 @@ impl Stm32f411 {
         }
     }
 
+    /// The pin's `PUPDR` code: 0 without a pull.
+    pub(super) fn pull(&self, pin: Pin) -> u64 {
+        self.port(pin).get(Register::Pupdr) >> (pin.number * 2) & 3
+    }
+
     /// The level the firmware drives on a pin, `None` where it drives none.
     pub fn output(&self, pin: Pin) -> Option<Level> {
         let registers = self.port(pin);

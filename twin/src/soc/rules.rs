@@ -5,7 +5,7 @@ use rigless::device::RegisterFile;
 use rigless::emulator::{Access, AccessKind};
 use rigless::soc::Layout;
 use rigless::soc::stm32f427::generated as g;
-use rigless::soc::stm32f427::generated::i2c3::Register::{Ccr, Cr2, Trise};
+use rigless::soc::stm32f427::generated::i2c3::Register::{Ccr, Cr1, Cr2, Trise};
 use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2rstr};
 use rigless::time::VirtualNanos;
 
@@ -17,6 +17,9 @@ const DMA1: u64 = 0x4002_6000;
 const I2C1_CR1: u64 = 0x4000_5400;
 const GPIOB_MODER: u64 = 0x4002_0400;
 const ADC1_CR2: u64 = 0x4001_2008;
+/// Port A's register of pulls, and the bits that tell the ports apart.
+const PUPDR: u64 = 0x4002_000C;
+const PORT_MASK: u64 = 0x1C00;
 /// `RCC_AHB1RSTR` to `RCC_APB2RSTR`.
 const RESETS: std::ops::RangeInclusive<u64> = 0x4002_3810..=0x4002_3824;
 
@@ -63,7 +66,19 @@ impl Stm32f411 {
         match access.address {
             DMA1..0x4002_6800 => self.check_stream(now, access.address - DMA1, value, write),
             I2C1_CR1 if write => self.check_i2c(now, value),
-            GPIOB_MODER if write && !self.i2c_connected() => self.rules.i2c_reset = false,
+            GPIOB_MODER if write && !self.i2c_connected() => {
+                self.rules.i2c_reset = false;
+                let slot = self.slots.i2c1;
+                if self.bus.slots()[slot].registers().get(Cr1) & 1 != 0 {
+                    self.tell(
+                        now,
+                        slot,
+                        "CR1",
+                        "enabled without its pins: BUSY may be locked, RM0383 18.6.1",
+                    );
+                }
+            }
+            address if write && address & !PORT_MASK == PUPDR => self.check_pulls(now),
             ADC1_CR2 if write && value & (1 << 30 | 1 << 22) != 0 => {
                 self.check_sampling(now, value & 1 << 22 != 0);
             }
@@ -145,6 +160,21 @@ impl Stm32f411 {
             }
         } else if !write && register == 0 && !enables {
             rules.stopping &= !stream;
+        }
+    }
+
+    /// DS10314 table 14: 5 V only where no pull is on; the board's echoes come with 5 V.
+    fn check_pulls(&mut self, now: VirtualNanos) {
+        for echo in pinout::RANGEFINDERS.map(|pins| pins.echo) {
+            if self.pull(echo) != 0 {
+                let slot = self.slots.gpio[echo.port];
+                self.tell(
+                    now,
+                    slot,
+                    "PUPDR",
+                    "5 V on a pin with a pull, DS10314 table 14",
+                );
+            }
         }
     }
 

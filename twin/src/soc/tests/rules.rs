@@ -6,6 +6,7 @@ const ACR: u64 = 0x4002_3C00;
 const APB1RSTR: u64 = RCC + 0x20;
 const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOB_MODER: u64 = 0x4002_0400;
+const GPIOB_PUPDR: u64 = GPIOB_MODER + 0xC;
 const GPIOB_AFRL: u64 = 0x4002_0420;
 const I2C1: u64 = 0x4000_5400;
 const CR1: u64 = I2C1;
@@ -75,7 +76,7 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         changed[nth].1 = value;
         changed
     };
-    let cases: [Case; 14] = [
+    let cases: [Case; 16] = [
         (
             STOPPED.into(),
             &[(STREAM, READ), (STREAM + 4, 8), (STREAM, 1)],
@@ -93,6 +94,13 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         (instead(&I2C, 4, 50), &[(CR1, 1)], &["CR2"]),
         (instead(&I2C, 5, 0x800A), &[(CR1, 1)], &["CCR"]),
         (instead(&I2C, 6, 1), &[(CR1, 1)], &["TRISE"]),
+        (I2C.into(), &[(CR1, 1), (GPIOB_MODER, 0)], &["CR1"]),
+        // PB0 carries an echo, PB1 does not.
+        (
+            vec![(GPIOB_PUPDR, 0b0100), (GPIOB_PUPDR, 0b0001)],
+            &[],
+            &["PUPDR"],
+        ),
         (vec![(APB1RSTR, 1 << 21), (CR2, 16)], &[], &["any"]),
         (vec![(APB1RSTR, 1 << 21), (APB1RSTR, 0)], &[(CR2, 16)], &[]),
         (ADC.into(), &[SWSTART], &[]),
