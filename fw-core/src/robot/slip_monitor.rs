@@ -3,7 +3,7 @@
 use super::Robot;
 use crate::log::{Level, Log};
 use crate::sensing::gyro::{self, Event, GyroFusion};
-use crate::sensing::mpu6050::{BusRequest, BusResult, GyroReading, Mpu6050};
+use crate::sensing::mpu6050::{BusRequest, BusResult, DeviceError, GyroReading, Mpu6050};
 use crate::types::{Delta, Faults, HeadingCorrection};
 
 /// Fuses the gyroscope into the heading while a wheel slips.
@@ -15,6 +15,8 @@ pub(super) struct SlipMonitor {
     lost: bool,
     /// Added to the last tick's turn, 2⁻³² turns.
     added: i32,
+    /// Added to the heading since the data last changed, 2⁻³² turns: void if they are frozen.
+    unconfirmed: i32,
 }
 
 impl SlipMonitor {
@@ -25,6 +27,7 @@ impl SlipMonitor {
             gyro: GyroFusion::new(),
             lost: false,
             added: 0,
+            unconfirmed: 0,
         }
     }
 
@@ -59,6 +62,11 @@ impl Robot {
             GyroReading::Lost(error) => {
                 events[0] = monitor.gyro.reset();
                 monitor.lost = true;
+                if error == DeviceError::Frozen {
+                    let heading = monitor.unconfirmed.wrapping_neg();
+                    let correction = HeadingCorrection { heading, tick: 0 };
+                    self.odometry.apply_slip(correction, &self.delta);
+                }
                 log.line(Level::Warn, |line| {
                     line.text("gyro: ")
                         .text(error.reason())
@@ -71,6 +79,11 @@ impl Robot {
         let correction;
         (correction, events[1]) = monitor.gyro.step(rate, &self.delta, turn);
         monitor.added = correction.tick;
+        monitor.unconfirmed = if monitor.mpu.repeats() {
+            monitor.unconfirmed.wrapping_add(correction.heading)
+        } else {
+            0
+        };
         if correction != HeadingCorrection::default() {
             self.odometry.apply_slip(correction, &self.delta);
         }

@@ -185,6 +185,11 @@ impl Mpu6050 {
         }
     }
 
+    /// Whether the last word was the one before it.
+    pub const fn repeats(&self) -> bool {
+        self.repeats > 0
+    }
+
     /// One tick: takes the result of the last request, gives the next.
     pub fn step(&mut self, result: BusResult) -> (BusRequest, GyroReading) {
         let reading = self.advance(result);

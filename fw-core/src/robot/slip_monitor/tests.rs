@@ -13,6 +13,7 @@ struct Turned {
     outcome: BusResult,
     logged: std::string::String,
     noise: u8,
+    frozen: bool,
     absent: bool,
     settings: [u8; 2],
 }
@@ -24,6 +25,7 @@ impl Turned {
             outcome: BusResult::Done,
             logged: std::string::String::new(),
             noise: 0,
+            frozen: false,
             absent: false,
             settings: [0; 2],
         }
@@ -38,7 +40,7 @@ impl Turned {
         let sent = self.bench.log.pending().len();
         self.logged.push_str(self.bench.log());
         self.bench.log.sent(sent);
-        self.noise = (self.noise + 3) % 7;
+        self.noise = (self.noise + u8::from(!self.frozen) * 3) % 7;
         self.outcome = match order {
             BusRequest::Idle | BusRequest::DriveLines { .. } | BusRequest::ReleaseLines => {
                 BusResult::Done
@@ -161,6 +163,21 @@ fn contradicting_gyro_is_fault_but_not_slip_end() {
     assert_eq!(upside_down.faults(), Faults::NONE);
     upside_down.ticks(20, -SPIN, -10, 10);
     assert_eq!(upside_down.faults(), Faults::GYRO_LOST);
+}
+
+// Requirement: WIRE-fault-13
+#[test]
+fn frozen_gyro_takes_its_correction_back() {
+    let mut robot = Turned::new(Mode::GuardedNormal);
+    robot.ticks(200, 0, 0, 0);
+    robot.ticks(50, SPIN, -10, 10);
+    let before = robot.heading_deg();
+    robot.frozen = true;
+    robot.ticks(40, SPIN, 0, 0);
+    assert!(robot.heading_deg() - before > 20.0, "a slip so far");
+    robot.ticks(20, SPIN, 0, 0);
+    assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
+    assert!((robot.heading_deg() - before).abs() < 0.1);
 }
 
 /// Its bias and its trust go with it, and a slip ends.
