@@ -60,6 +60,9 @@ enum Command {
     /// The virtual robot explores generated rooms, e.g. --seeds 1..10: a table
     #[command(disable_help_flag = true)]
     ExploreBench(Handed),
+    /// Faults, alone and in pairs, on the driving virtual robot: --hours H --seed S
+    #[command(disable_help_flag = true)]
+    Campaign(Handed),
     /// Measure the ELF on the emulated core: target/figures.json; with --profile, where the tick's
     /// instructions go
     #[command(disable_help_flag = true)]
@@ -141,6 +144,7 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Command::ExploreBench(Handed { arguments }) => {
             programs::explore_bench(session, &arguments)?;
         }
+        Command::Campaign(Handed { arguments }) => programs::campaign(session, &arguments)?,
         Command::Figures(Handed { arguments }) => {
             let out = programs::figures(session, &arguments)?;
             println!("figures: see {}", session.relative(&out));

@@ -34,6 +34,12 @@ pub fn explore_bench(session: &Session, more: &[String]) -> Result<()> {
     Ok(bench.arg("--out").arg(out).args(more).run()?)
 }
 
+/// Injects faults into the driving robot, with `more` arguments of the campaign.
+pub fn campaign(session: &Session, more: &[String]) -> Result<()> {
+    let campaign = robot_tests(session, "campaign")?.arg(&session.image()?.path);
+    Ok(campaign.args(more).run()?)
+}
+
 /// Measures the release ELF, and the reference codec of `tests/bench` beside it, with `more` arguments of
 /// the figures program; returns the report it leaves.
 pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {

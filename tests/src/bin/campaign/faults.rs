@@ -1,0 +1,111 @@
+//! The faults of the campaign, and what must report each.
+
+use fw_core::types::Faults;
+use twin::{Board, I2cController, Mpu6050Fault};
+
+/// The faults that reset the part.
+pub const RESTARTING: [&str; 2] = ["no ticks", "reset by pin"];
+
+/// What happens to the Pi's frames.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Frames {
+    Whole,
+    Flood,
+    Silent,
+    Torn,
+    Long,
+    Corrupt,
+}
+
+/// What must report a fault.
+#[derive(Clone, Copy)]
+pub enum Sign {
+    /// Nothing: the robot copes, or cannot know.
+    None,
+    /// One of these faults.
+    Latched(Faults),
+    /// One of these faults, where both motors were on for long enough.
+    Driven(Faults),
+    /// A line of the log.
+    Log(&'static str),
+}
+
+/// What a fault changes.
+#[derive(Clone, Copy)]
+pub enum Cause {
+    Frames(Frames),
+    World(fn(&mut plant::Faults)),
+    Gyro(Mpu6050Fault),
+    /// How it begins and how it ends.
+    Wires(fn(&Board), fn(&Board)),
+}
+
+/// What a fault leaves beside its sign.
+#[derive(Clone, Copy, PartialEq)]
+pub enum After {
+    Nothing,
+    /// A reset ends it or what reports it.
+    Reset,
+    /// The pose may be wrong.
+    Pose,
+}
+
+/// A fault that the virtual board can have.
+pub struct Kind(pub &'static str, pub Cause, pub Sign, pub After);
+
+use After::{Nothing, Pose, Reset};
+use Cause::{Frames as On, Gyro, Wires, World};
+
+const LOST: Sign = Sign::Latched(Faults::LINK_LOST);
+const NO_GYRO: Sign = Sign::Latched(Faults::GYRO_LOST);
+
+const fn stalled(wheel: Faults) -> Sign {
+    Sign::Driven(wheel.union(Faults::SLIP))
+}
+
+fn hold(board: &Board, pulses: u32) {
+    board.i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
+}
+
+/// A short pulse on the RESET line.
+pub fn reset(board: &Board) {
+    board.hold_reset(true);
+    board.run_us(1_000);
+    board.hold_reset(false);
+}
+
+macro_rules! kinds {
+    ($($name:literal: $cause:expr, $sign:expr, $after:expr;)*) => {
+        /// Every fault that the virtual board can have while it runs.
+        pub const KINDS: &[Kind] = &[$(Kind($name, $cause, $sign, $after)),*];
+    };
+}
+
+kinds! {
+    "silent host": On(Frames::Silent), LOST, Reset;
+    "torn frames": On(Frames::Torn), LOST, Reset;
+    "long frames": On(Frames::Long), LOST, Reset;
+    "corrupt frames": On(Frames::Corrupt), LOST, Reset;
+    "flood of frames": On(Frames::Flood), Sign::None, Nothing;
+    // To the gyroscope a wheel that does not count slips, for two seconds.
+    "left encoder dead": World(|f| f.dead_encoder.left = true), stalled(Faults::LEFT_STALLED), Pose;
+    "right encoder dead": World(|f| f.dead_encoder.right = true), stalled(Faults::RIGHT_STALLED), Pose;
+    "left wheel blocked": World(|f| f.jammed.left = true), Sign::Driven(Faults::LEFT_STALLED), Nothing;
+    "right wheel blocked": World(|f| f.jammed.right = true), Sign::Driven(Faults::RIGHT_STALLED), Nothing;
+    "left wheel slips": World(|f| f.slip.left = 0.8), Sign::None, Pose;
+    "robot turned": World(|f| f.twist_deg_s = 60.0), Sign::None, Pose;
+    "front echo missing": World(|f| f.missing_echo[0] = true), Sign::None, Nothing;
+    "front sensor unplugged": World(|f| f.unplugged[0] = true), Sign::Log("front rangefinder silent"), Nothing;
+    "front echo stuck": World(|f| f.stuck_mm[0] = Some(120.0)), Sign::None, Nothing;
+    "gyro silent": Gyro(Mpu6050Fault::Silent), NO_GYRO, Nothing;
+    "gyro refuses": Gyro(Mpu6050Fault::RefusesAfter(0)), NO_GYRO, Nothing;
+    "gyro frozen": Gyro(Mpu6050Fault::Frozen), NO_GYRO, Nothing;
+    "data line held": Wires(|b| hold(b, u32::MAX), |b| hold(b, 1)), NO_GYRO, Nothing;
+    "bus errors": Wires(Board::raise_bus_error, Board::raise_bus_error), Sign::None, Nothing;
+    "supply low": Wires(|b| b.set_supply(2_500), |b| b.set_supply(3_300)), Sign::Latched(Faults::SUPPLY_LOW), Nothing;
+    "no conversions": Wires(Board::stop_conversions, |_| ()), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
+    "no ticks": Wires(Board::stop_ticks, |_| ()), Sign::Latched(Faults::RESTARTED), Reset;
+    "reset by pin": Wires(reset, |_| ()), Sign::Log("boot after reset by pin"), Nothing;
+    "EEPROM with the Pi": Wires(|b| b.switch_i2c(I2cController::Pi), |b| b.switch_i2c(I2cController::Stm)),
+        Sign::None, Nothing;
+}

@@ -1,0 +1,355 @@
+//! Faults on a driving robot, each alone and every pair, at random instants, on the release ELF in mode 0x30.
+//!
+//! Whatever fails, four things must hold: no motor is on later than the stop deadline and a tick after the last
+//! whole frame, and none while the robot reports a stop; no wheel turns against its command; every fault is
+//! reported; and it drives again afterwards, its pose unharmed where the fault does not concern it.
+#![forbid(unsafe_code)]
+
+mod faults;
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fs;
+use std::path::PathBuf;
+
+use clap::Parser;
+use fw_core::eeprom::{Config, Image, fields};
+use fw_core::types::{Faults, Velocity};
+use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, Report, State};
+use plant::{Pose2, Rng, Room, Sides};
+use robot_tests::disturbance::Random;
+use twin::components::spi_master::pack;
+use twin::{Board, Mpu6050Fault, Options, SpiStep};
+
+use faults::{After, Cause, Frames, KINDS, Kind, RESTARTING, Sign, reset};
+
+/// Injects faults while the robot drives, and checks what it does.
+#[derive(Parser)]
+struct Arguments {
+    /// The release ELF
+    #[arg(long)]
+    elf: PathBuf,
+    /// Hours of virtual time
+    #[arg(long, default_value_t = 1.0)]
+    hours: f64,
+    /// Seed of order, instants and durations: a shard has its own
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only this trial, with its log
+    #[arg(long)]
+    trial: Option<u64>,
+}
+
+/// The first board's stop deadline, a tick, and the millisecond between two looks, microseconds.
+const STOP_US: u64 = 250_000 + 10_000 + 1_000;
+/// A motor may go on after a report of a stop until the next look.
+const REPORTED_US: u64 = 2_000;
+/// Two frames at 40 Hz, milliseconds.
+const PERIOD_MS: u32 = 25;
+/// A wheel driven for this long during a fault shows it: docs/interfaces.md allows the drive monitor 1.27 s.
+const DRIVEN_MS: u32 = 1_300;
+/// From a fault's earliest begin to its end, milliseconds, and the time within which it begins.
+const FAULT_MS: u32 = 2_400;
+const BEGIN_MS: usize = 600;
+/// A wheel below this speed stands, °/s: 14 mm/s.
+const STILL_DEG_S: f64 = 20.0;
+/// The controller's two lags of 80 ms and its ramp may overshoot a stop for so long, milliseconds.
+const OVERSHOOT_MS: u32 = 300;
+
+/// What a trial has shown.
+#[derive(Default)]
+struct Seen {
+    /// End of the last whole frame, µs.
+    last_whole: Option<u64>,
+    /// Since when reports say that the robot is stopped, µs.
+    stopped_since: Option<u64>,
+    report: Report,
+    /// Every fault reported.
+    faults: Faults,
+    /// Milliseconds with both motors on since the latest fault began.
+    driven_ms: u32,
+    backward_ms: u32,
+    /// The longest from a last whole frame to the motors' end, µs.
+    worst_stop_us: u64,
+    findings: Vec<(&'static str, String)>,
+}
+
+/// One robot, from power-on to its recovery.
+struct Trial {
+    board: Board,
+    pi: PiLink,
+    random: Random,
+    frames: Frames,
+    command: Command,
+    /// Milliseconds to the next frame.
+    until_frame: u32,
+    seen: Seen,
+}
+
+impl Trial {
+    fn new(elf: &[u8], seed: u64) -> Result<Self, Box<dyn Error>> {
+        let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+        let image = image.with(fields::GYRO, 1);
+        let config = Config::decode(&image).map_err(|error| format!("{error:?}"))?;
+        let options = Options {
+            seed,
+            eeprom: Some(image.0.to_vec()),
+            room: Room::default(),
+            start: Some(Pose2::new(0.0, 0.0, 0.0)),
+            ..Options::default()
+        };
+        Ok(Self {
+            board: Board::new(elf, options)?,
+            pi: PiLink::new(config.link_setup()),
+            random: Random(Rng::new(seed)),
+            frames: Frames::Whole,
+            command: Command::default(),
+            until_frame: 0,
+            seen: Seen::default(),
+        })
+    }
+
+    /// As far ahead as both wheels roll forward, in mm/s and degrees/s.
+    #[expect(clippy::cast_possible_truncation, reason = "as saturates")]
+    fn ask(&mut self, forward: f64, yaw: f64) {
+        self.command.velocity = Velocity {
+            forward: (forward * 1000.0) as i32,
+            yaw_rate: (yaw / 360.0 * 4_294_967_296.0) as i32,
+        };
+    }
+
+    /// Begins a fault, or ends it.
+    fn set(&mut self, cause: Cause, on: bool) {
+        match cause {
+            Cause::Frames(frames) => self.frames = if on { frames } else { Frames::Whole },
+            Cause::World(change) if on => self.board.set_faults(change),
+            Cause::World(_) => self.board.set_faults(|all| *all = plant::Faults::default()),
+            Cause::Gyro(fault) => {
+                let fault = if on { fault } else { Mpu6050Fault::None };
+                self.board.set_mpu(move |mpu| mpu.fault = fault);
+            }
+            Cause::Wires(begin, end) => (if on { begin } else { end })(&self.board),
+        }
+    }
+
+    /// Notes the first finding of a kind: what lasts is found in every millisecond.
+    fn find(&mut self, kind: &'static str, what: impl std::fmt::Debug) {
+        let mut known = self.seen.findings.iter();
+        if !known.any(|(other, _)| *other == kind) {
+            let at = self.board.now_us() / 1_000;
+            let text = format!("{kind}: {what:?} at {at} ms");
+            self.seen.findings.push((kind, text));
+        }
+    }
+
+    /// One frame, as the fault leaves it.
+    fn exchange(&mut self) {
+        if self.frames == Frames::Silent {
+            return;
+        }
+        let mut frame = [0; MAX_FRAME];
+        let len = self.pi.send(&self.command, &mut frame);
+        let mut bytes = frame[..len].to_vec();
+        match self.frames {
+            Frames::Corrupt => bytes[self.random.below(len)] ^= 1 << self.random.below(8),
+            Frames::Long => bytes.push(0),
+            _ => {}
+        }
+        let SpiStep::Bits { mut mosi, hz } = SpiStep::bytes(&bytes, 8_000_000) else {
+            unreachable!("bytes are bits")
+        };
+        if self.frames == Frames::Torn {
+            mosi.truncate(1 + self.random.below(8 * len - 1));
+        }
+        let (setup, bits) = (SpiStep::Wait(250), SpiStep::Bits { mosi, hz });
+        let [begin, end] = [true, false].map(SpiStep::Select);
+        let steps = vec![begin, setup.clone(), bits, setup, end];
+        let miso = pack(&self.board.spi_steps(steps));
+        let now = self.board.now_us();
+        if matches!(self.frames, Frames::Whole | Frames::Flood) {
+            self.seen.last_whole = Some(now);
+        }
+        let reply = miso.get(..len).map(|reply| self.pi.receive(reply));
+        let Some(Ok(report)) = reply else { return };
+        self.seen.faults |= report.faults;
+        let stopped = matches!(report.state, State::Stopped | State::Faulted);
+        let resumed = self.command.order == Order::Resume;
+        self.seen.stopped_since =
+            (stopped && !resumed).then(|| self.seen.stopped_since.unwrap_or(now));
+        self.seen.report = report;
+    }
+
+    /// Lets time pass, frames included, and looks every millisecond.
+    fn run_ms(&mut self, ms: u32) {
+        for _ in 0..ms {
+            if self.until_frame == 0 {
+                self.exchange();
+                let flood = self.frames == Frames::Flood;
+                self.until_frame = if flood { 1 } else { PERIOD_MS };
+            }
+            self.until_frame -= 1;
+            self.board.run_us(1_000 - self.board.now_us() % 1_000);
+            self.look();
+        }
+    }
+
+    fn look(&mut self) {
+        let (truth, now) = (self.board.truth(), self.board.now_us());
+        if truth.duty != Sides::default() {
+            let silent = self.seen.last_whole.map(|at| now - at);
+            if silent.is_none_or(|silent| silent > STOP_US) {
+                self.find("motors on after the last whole frame, µs", silent);
+            } else {
+                self.seen.worst_stop_us = self.seen.worst_stop_us.max(silent.unwrap_or(0));
+            }
+            let stopped = self.seen.stopped_since.map(|since| now - since);
+            if stopped.is_some_and(|stopped| stopped > REPORTED_US) {
+                self.find("motors on after the report of a stop, µs", stopped);
+            }
+        }
+        self.seen.driven_ms += u32::from(truth.duty.left != 0.0 && truth.duty.right != 0.0);
+        let wheels = truth.wheel_deg_s;
+        let backward = wheels.left + wheels.right < -2.0 * STILL_DEG_S;
+        self.seen.backward_ms = (self.seen.backward_ms + 1) * u32::from(backward);
+        if self.seen.backward_ms > OVERSHOOT_MS {
+            self.find("backward, °/s", wheels);
+        }
+    }
+
+    /// From power-on through these faults to the end.
+    fn run(&mut self, kinds: &[&Kind]) {
+        if !self.board.run_until(200_000, 1_000, Board::is_ready) {
+            self.find("not READY", ());
+        }
+        // The gyroscope's bias, then its verification in a turn.
+        self.run_ms(1_200);
+        self.ask(60.0, 20.0);
+        self.run_ms(1_500);
+        let [forward, yaw] = [75.0, 0.0].map(|middle| middle + self.random.0.within(15.0));
+        self.ask(forward, yaw);
+        self.run_ms(500);
+        let mut begin = || u32::try_from(self.random.below(BEGIN_MS)).unwrap_or(0);
+        let mut begins: Vec<_> = kinds.iter().map(|kind| (begin(), kind.1)).collect();
+        begins.sort_by_key(|(at, _)| *at);
+        let mut passed = 0;
+        for (at, cause) in begins {
+            self.run_ms(at - passed);
+            passed = at;
+            self.board.run_us(self.random.below(1_000) as u64);
+            self.set(cause, true);
+            self.seen.driven_ms = 0;
+        }
+        self.run_ms(FAULT_MS - passed);
+        let driven = self.seen.driven_ms >= DRIVEN_MS;
+        for kind in kinds {
+            self.set(kind.1, false);
+        }
+        self.recover();
+        self.judge(kinds, driven);
+    }
+
+    /// Clears, resumes and drives.
+    fn recover(&mut self) {
+        self.ask(0.0, 0.0);
+        self.run_ms(700);
+        let wheels = self.board.truth().wheel_deg_s;
+        if wheels.left.abs().max(wheels.right.abs()) > STILL_DEG_S {
+            self.find("turning after zero was commanded, °/s", wheels);
+        }
+        if self.seen.faults.intersects(Faults::BATTERY_CUTOFF) {
+            reset(&self.board);
+            self.run_ms(200);
+        }
+        self.command.clear_faults = Faults::from_bits(u16::MAX);
+        self.command.order = Order::Resume;
+        self.run_ms(100);
+        (self.command.clear_faults, self.command.order) = (Faults::NONE, Order::None);
+        self.ask(70.0, 0.0);
+        let before = self.board.truth().path_mm;
+        self.run_ms(2_000);
+        let way = self.board.truth().path_mm - before;
+        if way < 60.0 {
+            self.find("no recovery, mm", (way, self.seen.report));
+        }
+    }
+
+    /// What was reported, and where the robot takes itself to be.
+    fn judge(&mut self, kinds: &[&Kind], driven: bool) {
+        let log = String::from_utf8_lossy(&self.board.uart()).into_owned();
+        let restarted = !self.board.resets().is_empty();
+        for kind in kinds {
+            let reported = match kind.2 {
+                Sign::None => true,
+                Sign::Latched(faults) => self.seen.faults.intersects(faults),
+                Sign::Driven(faults) => !driven || self.seen.faults.intersects(faults),
+                Sign::Log(line) => log.contains(line),
+            };
+            let other = |other: &&&Kind| other.0 != kind.0 && RESTARTING.contains(&other.0);
+            let excused = kind.3 == After::Reset && kinds.iter().filter(other).count() > 0;
+            if !reported && !excused {
+                self.find("unreported", kind.0);
+            }
+        }
+        let pose = self.board.truth().pose;
+        let [x, y] =
+            [self.seen.report.pose.x, self.seen.report.pose.y].map(|um| f64::from(um) / 1000.0);
+        let error = (pose.x_mm - x).hypot(pose.y_mm - y);
+        if !restarted && error > 5.0 && !kinds.iter().any(|kind| kind.3 == After::Pose) {
+            self.find("the pose is wrong by mm", error);
+        }
+        let unmodelled = self.board.unmodelled();
+        if !unmodelled.is_empty() {
+            self.find("a rule of the part is broken", unmodelled);
+        }
+    }
+}
+
+/// Every fault alone and every pair, in an order that the seed draws.
+fn combinations(seed: u64) -> Vec<(usize, usize)> {
+    let mut all: Vec<_> = (0..KINDS.len())
+        .flat_map(|a| (a..KINDS.len()).map(move |b| (a, b)))
+        .collect();
+    let mut random = Random(Rng::new(seed));
+    for end in (1..all.len()).rev() {
+        all.swap(end, random.below(end + 1));
+    }
+    all
+}
+
+#[expect(clippy::cast_precision_loss, reason = "hours")]
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = Arguments::parse();
+    let elf = fs::read(&arguments.elf)?;
+    let order = combinations(arguments.seed);
+    let (mut seconds, mut worst_stop_us, mut found) = (0.0, 0, BTreeMap::<&str, u32>::new());
+    let mut number = arguments.trial.unwrap_or(0);
+    let ends = arguments.trial.map_or(u64::MAX, |only| only + 1);
+    while seconds < arguments.hours * 3600.0 && number < ends {
+        let (a, b) = order[usize::try_from(number)? % order.len()];
+        let kinds = [&KINDS[a], &KINDS[b]];
+        let kinds = &kinds[usize::from(a == b)..];
+        let mut trial = Trial::new(&elf, arguments.seed << 32 | number)?;
+        trial.run(kinds);
+        seconds += trial.board.now_us() as f64 / 1e6;
+        worst_stop_us = worst_stop_us.max(trial.seen.worst_stop_us);
+        let names: Vec<_> = kinds.iter().map(|kind| kind.0).collect();
+        for (kind, finding) in &trial.seen.findings {
+            println!("trial {number}, {}: {finding}", names.join(" and "));
+            *found.entry(*kind).or_default() += 1;
+        }
+        if arguments.trial.is_some() {
+            print!("{}", String::from_utf8_lossy(&trial.board.uart()));
+        }
+        number += 1;
+    }
+    println!(
+        "seed {}, {:.2} virtual hours, {number} trials of {} faults and pairs, \
+         motors on at most {:.1} ms after the last whole frame; findings: {found:?}",
+        arguments.seed,
+        seconds / 3600.0,
+        order.len(),
+        worst_stop_us as f64 / 1000.0
+    );
+    let clean = found.is_empty().then_some(());
+    Ok(clean.ok_or("the campaign has findings")?)
+}
