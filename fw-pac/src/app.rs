@@ -143,7 +143,8 @@ impl Drivers {
     // Requirement: WIRE-spi-6
     fn refresh_reply(&mut self, robot: &mut Robot) {
         if let Some(mut fresh) = self.spi.fresh_reply() {
-            robot.encode_reply(fresh.number(), fresh.bytes());
+            let (number, begin) = (fresh.number(), fresh.begin());
+            robot.refresh_reply(number, begin, fresh.bytes());
             fresh.submit();
         }
     }

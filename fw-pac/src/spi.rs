@@ -126,6 +126,14 @@ impl FreshReply<'_> {
         self.0.bytes()
     }
 
+    /// What the armed reply begins with.
+    #[inline]
+    pub fn begin(&self) -> [u8; SAME_PREFIX] {
+        let armed = update(|state| TX.get(state.handover.dma_buffers().transmit));
+        // SAFETY: a whole transmit buffer, which only [`Self::submit`] and the owner of a free one write.
+        unsafe { *armed.cast() }
+    }
+
     /// Copies the buffer's bytes over the armed reply, where no frame can tell: see [`SAME_PREFIX`].
     #[inline]
     pub fn submit(self) {

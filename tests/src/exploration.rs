@@ -105,8 +105,7 @@ pub fn explore(
     let mut times_s = Vec::new();
     let drive = exploring::drive(&mut session, &mut localisation, &mut plan, |step| {
         let observation = exploring::observation(&step.sample);
-        // A reply of an earlier tick counts as an error.
-        let [_, then, now] = track.sample(board, step.sample.pose);
+        let [then, now] = track.sample(board);
         truth.push(then);
         late.push(now);
         raw.push(observation.odometry);
@@ -158,7 +157,6 @@ pub struct Figures {
     pub frames_sent: u64,
     pub frames_accepted: u32,
     pub frames_rejected: u32,
-    pub way_points: usize,
 }
 
 impl Exploration {
@@ -222,7 +220,6 @@ impl Exploration {
             frames_sent: self.link.frames,
             frames_accepted: self.link.accepted,
             frames_rejected: self.link.rejected,
-            way_points: 0,
         }
     }
 

@@ -112,7 +112,7 @@ fn is_refresh(access: &Snapshot) -> bool {
 struct Drive {
     rig: Rig,
     pi: Pi,
-    /// The first transmit buffer.
+    /// As far before the lowest transmit buffer that was armed as the others may lie.
     base: u64,
     /// Instructions of the swap, and of them those that refresh a reply.
     swap: Vec<u64>,
@@ -160,7 +160,7 @@ impl Drive {
         let accesses = self.rig.take_snapshots();
         let armed = accesses.iter().filter(|access| access.register == S3M0AR);
         let armed = armed.filter_map(|access| access.written);
-        self.base = armed.min().expect("armed");
+        self.base = armed.min().expect("armed") - (BUFFERS - 1) * BUFFER as u64;
         let refresh = accesses.iter().rfind(|access| is_refresh(access));
         let refresh = refresh.expect("refreshed");
         let stores = refresh.instruction..refresh.instruction + 60;
@@ -175,7 +175,7 @@ impl Drive {
         let tick = events.iter().rfind(is_tick);
         self.tick_ns = tick.expect("ticks").at_ns;
         self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
-        let end = self.base + BUFFERS * BUFFER as u64;
+        let end = self.base + (2 * BUFFERS - 1) * BUFFER as u64;
         self.rig.trace_memory(&[S3NDTR, S3M0AR], self.base..end);
         self.exchange();
         for snapshot in self.rig.take_snapshots() {

@@ -4,6 +4,7 @@
 use super::{MeasuredQuantity, Robot};
 use crate::binary64::Binary64;
 use crate::types::{Pose, RangefinderId};
+use crate::wire::handover::SAME_PREFIX;
 use crate::wire::{CellCode, DistanceCode, GyroCode, MAX_FRAME, PoseCode};
 
 impl Robot {
@@ -46,6 +47,20 @@ impl Robot {
         self.report.faults = self.supervisor.faults();
         self.report.state = self.supervisor.state();
         self.link.encode_reply(number, &self.report, out)
+    }
+
+    /// Writes reply `number` again, in guarded modes with the key, sequence and status that it begins with on
+    /// its way.
+    // Requirement: WIRE-spi-6
+    #[inline]
+    pub fn refresh_reply(
+        &mut self,
+        number: u32,
+        begin: [u8; SAME_PREFIX],
+        out: &mut [u8; MAX_FRAME],
+    ) {
+        let len = self.encode_reply(number, out);
+        self.link.keep_begin(begin, out, len);
     }
 
     /// One cell a reply, in turn. After 2³² replies one cell may be repeated or left out.

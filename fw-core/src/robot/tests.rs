@@ -253,6 +253,14 @@ fn reply_depends_on_its_number_and_newest_data_only() {
     let fresher = encoded(&mut bench.robot, 1);
     assert_eq!((fresher[1], fresher[16] >> 5), (1, 0));
     assert_ne!(fresher[6..16], first[6..16]);
+    // Refreshed on its way, it keeps what the transmitter may have fetched.
+    bench.robot.raise(Faults::SUPPLY_LOW, &mut bench.log);
+    assert_ne!(encoded(&mut bench.robot, 1)[..6], fresher[..6]);
+    let (mut refreshed, begin) = ([0; MAX_FRAME], *fresher.first_chunk().unwrap());
+    bench.robot.refresh_reply(1, begin, &mut refreshed);
+    assert!(refreshed.starts_with(&begin));
+    let report = bench.pi.receive(&refreshed[..26]).expect("a valid reply");
+    assert!(report.faults.is_empty());
 }
 
 // Requirement: WIRE-status-2, WIRE-deadline-5

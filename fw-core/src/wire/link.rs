@@ -3,6 +3,8 @@
 //! All or nothing: a rejected frame changes a counter and nothing else; a stale one that is right in
 //! everything else also counts towards the detection of a restarted sender.
 
+use super::crc::crc16;
+use super::handover::SAME_PREFIX;
 use super::sequence::ResyncDetector;
 use super::strategy::Context;
 use super::{
@@ -245,6 +247,22 @@ impl StmLink {
             ..self.endpoint.context
         };
         write_report(self.endpoint.mode, &context, report, out)
+    }
+
+    /// In guarded modes gives a reply of `len` bytes the key, sequence and status of one that begins with
+    /// `begin`: fresher data, known to the Pi by the same number.
+    // Requirement: WIRE-spi-6
+    #[inline]
+    pub fn keep_begin(&self, begin: [u8; SAME_PREFIX], reply: &mut [u8; MAX_FRAME], len: usize) {
+        if self.endpoint.mode.has(Field::Status) && !reply.starts_with(&begin) {
+            let whole = reply.get_mut(..len).unwrap_or_default();
+            if let Some((data, crc)) = whole.split_last_chunk_mut() {
+                if let Some(first) = data.first_chunk_mut() {
+                    *first = begin;
+                }
+                *crc = crc16(data).to_be_bytes();
+            }
+        }
     }
 
     /// Frames received, counted.

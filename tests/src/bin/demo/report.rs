@@ -90,8 +90,7 @@ pub fn page(report: &Value, bars: &Bars, command: &str) -> String {
     }
     let _ = write!(
         page,
-        "\nErrors compare the pose in a frame with the truth at the last tick before it, with `--tour` at the tick it \
-         was computed in.\n\n\
+        "\nErrors compare the pose in a frame with the truth at the last tick before it.\n\n\
          `map.png` the map · `map.pgm`, `map.yaml` the same for ROS map_server · `trajectory.png` estimated \
          against true path over the map and the true walls · `uart.log` the STM's log · `report.json` these \
          figures for scripts · after exploring `map-raw.*` the map by odometry alone, `error.png` the errors over \

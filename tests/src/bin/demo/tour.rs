@@ -40,8 +40,7 @@ pub fn run(
             let Some(sample) = RangeSample::of(snapshot) else {
                 return;
             };
-            let [then, _, now] = truth.sample(board, sample.pose);
-            let poses = [then, now];
+            let poses = truth.sample(board);
             for (worst, pose) in worst.iter_mut().zip(&poses).rev() {
                 let pose = reported_pose(pose);
                 last = [
