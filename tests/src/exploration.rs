@@ -230,11 +230,8 @@ impl Exploration {
     pub fn trajectory_plot(&self, room: &Room) -> Result<Vec<u8>, PlotError> {
         let path = &self.localisation.path;
         let aligned = best_alignment(path, &self.truth);
-        let truth: Vec<Pose2> = self
-            .truth
-            .iter()
-            .map(|pose| pose.relative_to(&aligned))
-            .collect();
+        let truth = self.truth.iter().map(|pose| pose.relative_to(&aligned));
+        let truth: Vec<Pose2> = truth.collect();
         let walls = in_estimate_frame(&room.visible_surfaces(), &aligned);
         map_plot::trajectory(self.localisation.localiser.grid(), path, &truth, &walls)
     }

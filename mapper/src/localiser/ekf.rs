@@ -79,12 +79,11 @@ impl Ekf {
         for (nth, deviation) in noise.calibration.iter().enumerate() {
             covariance[(TRAVEL + nth, TRAVEL + nth)] = deviation * deviation;
         }
-        let comparison = Comparison::default();
         Self {
             noise,
             state,
             covariance,
-            comparison,
+            comparison: Comparison::default(),
             votes: 0,
         }
     }

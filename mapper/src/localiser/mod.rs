@@ -154,12 +154,10 @@ impl Localiser {
         self.motion = (motion, increment.time_s.max(1e-3));
         self.way_mm += motion.x_mm.hypot(motion.y_mm);
         self.way_mm += motion.heading_rad.abs() * 100.0 / TURN_PER_100_MM;
-        if self
-            .trace
-            .last()
-            .is_none_or(|at| at.distance_mm(&self.dead_reckoning) > 25.0)
-        {
-            self.trace.push(self.dead_reckoning);
+        let here = self.dead_reckoning;
+        let is_far = |at: &Pose2| at.distance_mm(&here) > 25.0;
+        if self.trace.last().is_none_or(is_far) {
+            self.trace.push(here);
         }
         for sensor in 0..3 {
             self.take_range(sensor, now);
@@ -170,9 +168,9 @@ impl Localiser {
     }
 
     /// Keeps a range if it is a new measurement.
-    fn take_range(&mut self, sensor: usize, now: &Observation) {
-        let mut mount = self.config.mounts[sensor];
-        if sensor == 0 {
+    fn take_range(&mut self, nth: usize, now: &Observation) {
+        let mut mount = self.config.mounts[nth];
+        if nth == 0 {
             mount.bearing_rad = now.front_bearing_rad;
         }
         let (motion, time_s) = self.motion;
@@ -182,30 +180,27 @@ impl Localiser {
             back * motion.y_mm,
             back * motion.heading_rad,
         );
-        let at = mount.sensor_pose(&self.dead_reckoning.compose(&then));
+        let sensor = mount.sensor_pose(&self.dead_reckoning.compose(&then));
         let (nearest, farthest) = self.config.limits_mm;
-        let value = now.ranges_mm[sensor].filter(|range| *range < farthest);
-        let track = &mut self.tracks[sensor];
+        let range_mm = now.ranges_mm[nth].filter(|range| *range < farthest);
+        let track = &mut self.tracks[nth];
         // The same value is the same measurement, reported again.
-        let repeat = match value {
+        let repeat = match range_mm {
             #[allow(clippy::float_cmp)]
-            Some(_) => track.latest == value,
+            Some(_) => track.latest == range_mm,
             None => now.time_s - track.time_s < 0.055,
         };
-        if repeat || value.is_some_and(|range| range < nearest) {
+        if repeat || range_mm.is_some_and(|range| range < nearest) {
             return;
         }
-        track.latest = value;
+        track.latest = range_mm;
         track.time_s = now.time_s;
         let near = track.readings.last().is_some_and(|last| {
-            last.sensor.distance_mm(&at) < SPACING.0
-                && last.sensor.turn_to_rad(&at).abs() < SPACING.1
+            last.sensor.distance_mm(&sensor) < SPACING.0
+                && last.sensor.turn_to_rad(&sensor).abs() < SPACING.1
         });
         if !near {
-            track.readings.push(Reading {
-                sensor: at,
-                range_mm: value,
-            });
+            track.readings.push(Reading { sensor, range_mm });
             // A swept beam sees new ground with the robot at rest.
             if motion == Pose2::default() {
                 self.way_mm += self.config.stretch_mm / LOOK;
@@ -269,12 +264,9 @@ impl Localiser {
     /// Corrects the heading by the mean direction of the walls in these elements, modulo a right
     /// angle.
     fn observe_walls(&mut self, elements: &[Element]) {
-        let walls = || {
-            elements
-                .iter()
-                .filter(|e| e.kind == Kind::Wall && e.has_bearing())
-        };
-        let (sin, cos, count) = walls().fold((0.0, 0.0, 0.0), |(sin, cos, count), wall| {
+        let is_wall = |e: &&Element| e.kind == Kind::Wall && e.has_bearing();
+        let walls = elements.iter().filter(is_wall);
+        let (sin, cos, count) = walls.fold((0.0, 0.0, 0.0), |(sin, cos, count), wall| {
             let (s, c) = (4.0 * wall.towards_rad).sin_cos();
             (sin + s, cos + c, count + 1.0)
         });
@@ -306,9 +298,8 @@ impl Localiser {
     fn enter(&mut self, elements: &[Element], to_robot: &Pose2) {
         let pose = self.ekf.pose();
         let frame = pose.compose(to_robot);
-        self.evidence
-            .surfaces
-            .begin(&pose, self.ekf.pose_covariance());
+        let covariance = self.ekf.pose_covariance();
+        self.evidence.surfaces.begin(&pose, covariance);
         for element in elements.iter().map(|e| e.moved(&pose)) {
             if !self.evidence.is_behind_wall(&element, &self.beam) {
                 self.evidence.enter_echo(&element, &self.beam);
