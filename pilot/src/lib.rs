@@ -9,6 +9,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod borrowed;
 pub mod calibrate;
 pub mod client;
 pub mod doctor;

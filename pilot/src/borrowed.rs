@@ -1,0 +1,206 @@
+//! The robot's lines and buses over a server's socket: a command that borrows the robot works on them as on
+//! its own.
+
+use crate::client::{self, Client};
+use crate::serve::board::{Call, MAX_DELAY_US};
+use crate::serve::protocol::{Failure, Message, Request};
+use embedded_hal::delay::DelayNs;
+use embedded_hal::digital::{self, InputPin, OutputPin};
+use embedded_hal::i2c::{self, I2c};
+use embedded_hal::spi::{self, SpiDevice};
+use host_link::board_io::{BoardIo, Clock, Interrupt, IoError};
+use host_link::error::Error;
+use host_link::uart::LogSource;
+use std::cell::RefCell;
+use std::fmt::Display;
+use std::rc::Rc;
+
+/// The robot of a server.
+#[derive(Clone)]
+pub struct Borrowed(Rc<RefCell<State>>);
+
+struct State {
+    client: Client,
+    /// Why the robot was taken back.
+    failure: Option<Failure>,
+    now_us: u64,
+}
+
+impl Borrowed {
+    /// Borrows the server's robot.
+    ///
+    /// # Errors
+    /// Those of [`Client::request`]: another client drives.
+    pub fn new(mut client: Client) -> Result<Self, Error> {
+        client.request(&Request::Borrow)?;
+        let (failure, now_us) = (None, 0);
+        Ok(Self(Rc::new(RefCell::new(State {
+            client,
+            failure,
+            now_us,
+        }))))
+    }
+
+    /// Its lines and buses.
+    pub fn io(&self, interrupt: Interrupt) -> BoardIo {
+        let line = |call| Box::new(Line(self.clone(), call));
+        BoardIo {
+            spi: Box::new(self.clone()),
+            i2c: Box::new(self.clone()),
+            reset: line(Call::Reset),
+            select: line(Call::Select),
+            protect: line(Call::Protect),
+            ready: Box::new(self.clone()),
+            delay: Box::new(self.clone()),
+            clock: Box::new(self.clone()),
+            log: Box::new(self.clone()),
+            interrupt,
+        }
+    }
+
+    /// Gives it back.
+    ///
+    /// # Errors
+    /// Why the server took it back before, or that the server has ended.
+    pub fn give_back(self) -> Result<(), Error> {
+        let state = &mut *self.0.borrow_mut();
+        let returned = state.client.request(&Request::Return);
+        state.failure.take().map_or(returned, |why| Err(why.into()))
+    }
+
+    fn call(&self, call: Call) -> Result<(Vec<u8>, u64), IoError> {
+        let State {
+            client, failure, ..
+        } = &mut *self.0.borrow_mut();
+        let refused = match client.ask(&Request::Board { call }) {
+            Ok(Some(Message::Board {
+                error: Some(why), ..
+            })) => return Err(driver_error(&why)),
+            Ok(Some(Message::Board { bytes, number, .. })) => return Ok((bytes, number)),
+            Ok(_) => client::lost("no answer"),
+            Err(error) => error,
+        };
+        failure.get_or_insert(Failure::from(&refused));
+        Err(driver_error(&refused))
+    }
+
+    fn run(&self, call: Call) -> Result<(), IoError> {
+        self.call(call).map(drop)
+    }
+}
+
+fn driver_error(cause: &impl Display) -> IoError {
+    IoError::new(format_args!("{cause}"))
+}
+
+struct Line(Borrowed, fn(bool) -> Call);
+
+impl digital::ErrorType for Line {
+    type Error = IoError;
+}
+
+impl OutputPin for Line {
+    fn set_low(&mut self) -> Result<(), IoError> {
+        self.0.run(self.1(false))
+    }
+
+    fn set_high(&mut self) -> Result<(), IoError> {
+        self.0.run(self.1(true))
+    }
+}
+
+impl digital::ErrorType for Borrowed {
+    type Error = IoError;
+}
+
+impl InputPin for Borrowed {
+    fn is_high(&mut self) -> Result<bool, IoError> {
+        Ok(self.call(Call::Ready)?.1 != 0)
+    }
+
+    fn is_low(&mut self) -> Result<bool, IoError> {
+        Ok(!self.is_high()?)
+    }
+}
+
+impl spi::ErrorType for Borrowed {
+    type Error = IoError;
+}
+
+impl SpiDevice for Borrowed {
+    fn transaction(&mut self, operations: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
+        for operation in operations {
+            match operation {
+                // The server keeps the chip-select's set-up time.
+                spi::Operation::DelayNs(_) => {}
+                spi::Operation::Transfer(reply, frame) => {
+                    let (bytes, _) = self.call(Call::Spi(frame.to_vec()))?;
+                    let len = bytes.len().min(reply.len());
+                    reply[..len].copy_from_slice(&bytes[..len]);
+                }
+                _ => return Err(IoError::new("a borrowed robot transfers whole frames only")),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl i2c::ErrorType for Borrowed {
+    type Error = IoError;
+}
+
+impl I2c for Borrowed {
+    fn transaction(
+        &mut self,
+        address: u8,
+        operations: &mut [i2c::Operation<'_>],
+    ) -> Result<(), IoError> {
+        use i2c::Operation::{Read, Write};
+        let (write, read): (_, &mut [u8]) = match operations {
+            [Write(write)] => (write.to_vec(), &mut []),
+            [Write(write), Read(read)] => (write.to_vec(), read),
+            _ => {
+                return Err(IoError::new(
+                    "a borrowed EEPROM is addressed before it is read",
+                ));
+            }
+        };
+        let (bytes, _) = self.call(Call::I2c(address, write, read.len()))?;
+        let all = bytes.len() == read.len();
+        all.then(|| read.copy_from_slice(&bytes))
+            .ok_or_else(|| IoError::new("short answer"))
+    }
+}
+
+impl DelayNs for Borrowed {
+    fn delay_ns(&mut self, ns: u32) {
+        let mut left_us = ns.div_ceil(1000);
+        while left_us > 0 {
+            let us = left_us.min(MAX_DELAY_US);
+            // The next transfer reports a robot that was taken back.
+            let _ = self.run(Call::Delay(us));
+            left_us -= us;
+        }
+    }
+}
+
+impl Clock for Borrowed {
+    fn micros(&mut self) -> u64 {
+        let answer = self.call(Call::Clock);
+        let State { now_us, .. } = &mut *self.0.borrow_mut();
+        // Without an answer time stands still; the next transfer reports why.
+        *now_us = answer.map_or(*now_us, |(_, now)| now);
+        *now_us
+    }
+}
+
+impl LogSource for Borrowed {
+    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+        let read = self.call(Call::Log).map(|(bytes, _)| bytes);
+        read.map_err(|cause| Error::Device {
+            name: "the STM's log".into(),
+            cause: cause.to_string(),
+            advice: "`robot doctor` checks it".into(),
+        })
+    }
+}
