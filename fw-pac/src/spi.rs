@@ -109,9 +109,9 @@ impl FreeTxBuffer<'_> {
     }
 }
 
-/// A free buffer to rebuild the armed reply in.
+/// A free buffer to rebuild the armed reply in, and that one's.
 #[must_use]
-pub struct FreshReply<'a>(FreeTxBuffer<'a>);
+pub struct FreshReply<'a>(FreeTxBuffer<'a>, u8);
 
 impl FreshReply<'_> {
     /// The number of the armed reply.
@@ -129,9 +129,8 @@ impl FreshReply<'_> {
     /// What the armed reply begins with.
     #[inline]
     pub fn begin(&self) -> [u8; SAME_PREFIX] {
-        let armed = update(|state| TX.get(state.handover.dma_buffers().transmit));
         // SAFETY: a whole transmit buffer, which only [`Self::submit`] and the owner of a free one write.
-        unsafe { *armed.cast() }
+        unsafe { *TX.get(self.1).cast() }
     }
 
     /// Copies the buffer's bytes over the armed reply, where no frame can tell: see [`SAME_PREFIX`].
@@ -274,11 +273,12 @@ impl SpiSlave {
     /// A buffer for the armed reply, unless a frame has carried it.
     #[inline]
     pub fn fresh_reply(&mut self) -> Option<FreshReply<'_>> {
-        let reply = update(|state| state.handover.fresh_reply())?;
-        Some(FreshReply(FreeTxBuffer {
-            reply,
-            slave: PhantomData,
-        }))
+        let (reply, armed) = update(|state| {
+            let armed = state.handover.dma_buffers().transmit;
+            state.handover.fresh_reply().map(|reply| (reply, armed))
+        })?;
+        let slave = PhantomData;
+        Some(FreshReply(FreeTxBuffer { reply, slave }, armed))
     }
 
     /// A buffer for the reply after the armed one.
