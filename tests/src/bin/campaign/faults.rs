@@ -9,7 +9,6 @@ pub const RESTARTING: [&str; 2] = ["no ticks", "reset by pin"];
 /// What happens to the Pi's frames.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Frames {
-    Whole,
     Flood,
     Silent,
     Torn,
@@ -24,7 +23,7 @@ pub enum Sign {
     None,
     /// One of these faults.
     Latched(Faults),
-    /// One of these faults, where both motors were on for long enough.
+    /// One of these faults, where the wheel that the first names was driven for long enough.
     Driven(Faults),
     /// A line of the log.
     Log(&'static str),

@@ -46,8 +46,10 @@ const STOP_US: u64 = 250_000 + 10_000 + 1_000;
 const REPORTED_US: u64 = 2_000;
 /// Two frames at 40 Hz, milliseconds.
 const PERIOD_MS: u32 = 25;
-/// A wheel driven for this long during a fault shows it: docs/interfaces.md allows the drive monitor 1.27 s.
+/// A wheel driven for this long during a fault shows it: the drive monitor takes up to 1.27 s.
 const DRIVEN_MS: u32 = 1_300;
+/// The drive monitor judges a wheel from this duty beyond its dead zone.
+const DRIVEN_DUTY: f64 = 0.25;
 /// From a fault's earliest begin to its end, milliseconds, and the time within which it begins.
 const FAULT_MS: u32 = 2_400;
 const BEGIN_MS: usize = 600;
@@ -55,6 +57,26 @@ const BEGIN_MS: usize = 600;
 const STILL_DEG_S: f64 = 20.0;
 /// The controller's two lags of 80 ms and its ramp may overshoot a stop for so long, milliseconds.
 const OVERSHOOT_MS: u32 = 300;
+
+/// How a wheel has been driven.
+#[derive(Clone, Copy, Default)]
+struct Drive {
+    /// The sign of its duty.
+    direction: f64,
+    /// For how long at least as hard as the drive monitor asks for, in this direction, and the longest.
+    ms: u32,
+    longest_ms: u32,
+}
+
+impl Drive {
+    /// One look, a millisecond after the last.
+    fn look(&mut self, duty: f64, judged: f64) {
+        let on = duty * self.direction >= judged;
+        self.ms = (self.ms + 1) * u32::from(on);
+        self.direction = duty.signum();
+        self.longest_ms = self.longest_ms.max(self.ms);
+    }
+}
 
 /// What a trial has shown.
 #[derive(Default)]
@@ -66,8 +88,8 @@ struct Seen {
     report: Report,
     /// Every fault reported.
     faults: Faults,
-    /// Milliseconds with both motors on since the latest fault began.
-    driven_ms: u32,
+    /// Since the latest fault began.
+    drive: Sides<Drive>,
     backward_ms: u32,
     /// The longest from a last whole frame to the motors' end, µs.
     worst_stop_us: u64,
@@ -79,8 +101,13 @@ struct Trial {
     board: Board,
     pi: PiLink,
     random: Random,
-    frames: Frames,
+    /// What happens to them, each with the others.
+    frames: Vec<Frames>,
     command: Command,
+    /// The least duty at which the drive monitor judges a wheel.
+    judged: Sides<f64>,
+    /// A fault of a wheel is on.
+    wheel_fault: bool,
     /// Milliseconds to the next frame.
     until_frame: u32,
     seen: Seen,
@@ -90,6 +117,10 @@ impl Trial {
     fn new(elf: &[u8], seed: u64) -> Result<Self, Box<dyn Error>> {
         let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
         let image = image.with(fields::GYRO, 1);
+        #[expect(clippy::cast_possible_truncation, reason = "the field has 16 bits")]
+        let dead_zone = |field| f64::from(image.get(field) as u16) / 10_000.0;
+        let judged = Sides::new(&fields::DEAD_ZONE_LEFT, &fields::DEAD_ZONE_RIGHT);
+        let judged = judged.map(|field| dead_zone(field) + DRIVEN_DUTY);
         let config = Config::decode(&image).map_err(|error| format!("{error:?}"))?;
         let options = Options {
             seed,
@@ -102,8 +133,10 @@ impl Trial {
             board: Board::new(elf, options)?,
             pi: PiLink::new(config.link_setup()),
             random: Random(Rng::new(seed)),
-            frames: Frames::Whole,
+            frames: Vec::new(),
             command: Command::default(),
+            judged,
+            wheel_fault: false,
             until_frame: 0,
             seen: Seen::default(),
         })
@@ -121,7 +154,8 @@ impl Trial {
     /// Begins a fault, or ends it.
     fn set(&mut self, cause: Cause, on: bool) {
         match cause {
-            Cause::Frames(frames) => self.frames = if on { frames } else { Frames::Whole },
+            Cause::Frames(frames) if on => self.frames.push(frames),
+            Cause::Frames(_) => self.frames.clear(),
             Cause::World(change) if on => self.board.set_faults(change),
             Cause::World(_) => self.board.set_faults(|all| *all = plant::Faults::default()),
             Cause::Gyro(fault) => {
@@ -144,21 +178,25 @@ impl Trial {
 
     /// One frame, as the fault leaves it.
     fn exchange(&mut self) {
-        if self.frames == Frames::Silent {
+        let disturbed = |how| self.frames.contains(&how);
+        if disturbed(Frames::Silent) {
             return;
         }
         let mut frame = [0; MAX_FRAME];
         let len = self.pi.send(&self.command, &mut frame);
         let mut bytes = frame[..len].to_vec();
-        match self.frames {
-            Frames::Corrupt => bytes[self.random.below(len)] ^= 1 << self.random.below(8),
-            Frames::Long => bytes.push(0),
-            _ => {}
+        let (corrupt, torn) = (disturbed(Frames::Corrupt), disturbed(Frames::Torn));
+        if corrupt {
+            bytes[self.random.below(len)] ^= 1 << self.random.below(8);
+        }
+        let long = disturbed(Frames::Long);
+        if long {
+            bytes.push(0);
         }
         let SpiStep::Bits { mut mosi, hz } = SpiStep::bytes(&bytes, 8_000_000) else {
             unreachable!("bytes are bits")
         };
-        if self.frames == Frames::Torn {
+        if torn {
             mosi.truncate(1 + self.random.below(8 * len - 1));
         }
         let (setup, bits) = (SpiStep::Wait(250), SpiStep::Bits { mosi, hz });
@@ -166,7 +204,7 @@ impl Trial {
         let steps = vec![begin, setup.clone(), bits, setup, end];
         let miso = pack(&self.board.spi_steps(steps));
         let now = self.board.now_us();
-        if matches!(self.frames, Frames::Whole | Frames::Flood) {
+        if !(corrupt || torn || long) {
             self.seen.last_whole = Some(now);
         }
         let reply = miso.get(..len).map(|reply| self.pi.receive(reply));
@@ -184,7 +222,7 @@ impl Trial {
         for _ in 0..ms {
             if self.until_frame == 0 {
                 self.exchange();
-                let flood = self.frames == Frames::Flood;
+                let flood = self.frames.contains(&Frames::Flood);
                 self.until_frame = if flood { 1 } else { PERIOD_MS };
             }
             self.until_frame -= 1;
@@ -207,11 +245,14 @@ impl Trial {
                 self.find("motors on after the report of a stop, µs", stopped);
             }
         }
-        self.seen.driven_ms += u32::from(truth.duty.left != 0.0 && truth.duty.right != 0.0);
+        let wheels = self.seen.drive.as_mut().zip(truth.duty.zip(self.judged));
+        wheels.map(|(drive, (duty, judged))| drive.look(duty, judged));
         let wheels = truth.wheel_deg_s;
         let backward = wheels.left + wheels.right < -2.0 * STILL_DEG_S;
         self.seen.backward_ms = (self.seen.backward_ms + 1) * u32::from(backward);
-        if self.seen.backward_ms > OVERSHOOT_MS {
+        // Until the drive monitor has heard of it a failed wheel may turn the robot as it likes.
+        let allowed = OVERSHOOT_MS + u32::from(self.wheel_fault) * DRIVEN_MS;
+        if self.seen.backward_ms > allowed {
             self.find("backward, °/s", wheels);
         }
     }
@@ -228,6 +269,7 @@ impl Trial {
         let [forward, yaw] = [75.0, 0.0].map(|middle| middle + self.random.0.within(15.0));
         self.ask(forward, yaw);
         self.run_ms(500);
+        self.wheel_fault = kinds.iter().any(|kind| matches!(kind.2, Sign::Driven(_)));
         let mut begin = || u32::try_from(self.random.below(BEGIN_MS)).unwrap_or(0);
         let mut begins: Vec<_> = kinds.iter().map(|kind| (begin(), kind.1)).collect();
         begins.sort_by_key(|(at, _)| *at);
@@ -237,10 +279,10 @@ impl Trial {
             passed = at;
             self.board.run_us(self.random.below(1_000) as u64);
             self.set(cause, true);
-            self.seen.driven_ms = 0;
+            self.seen.drive = Sides::default();
         }
         self.run_ms(FAULT_MS - passed);
-        let driven = self.seen.driven_ms >= DRIVEN_MS;
+        let driven = self.seen.drive.map(|drive| drive.longest_ms >= DRIVEN_MS);
         for kind in kinds {
             self.set(kind.1, false);
         }
@@ -274,14 +316,18 @@ impl Trial {
     }
 
     /// What was reported, and where the robot takes itself to be.
-    fn judge(&mut self, kinds: &[&Kind], driven: bool) {
+    fn judge(&mut self, kinds: &[&Kind], driven: Sides<bool>) {
         let log = String::from_utf8_lossy(&self.board.uart()).into_owned();
         let restarted = !self.board.resets().is_empty();
         for kind in kinds {
             let reported = match kind.2 {
                 Sign::None => true,
                 Sign::Latched(faults) => self.seen.faults.intersects(faults),
-                Sign::Driven(faults) => !driven || self.seen.faults.intersects(faults),
+                Sign::Driven(faults) => {
+                    let left = faults.intersects(Faults::LEFT_STALLED);
+                    let driven = if left { driven.left } else { driven.right };
+                    !driven || self.seen.faults.intersects(faults)
+                }
                 Sign::Log(line) => log.contains(line),
             };
             let other = |other: &&&Kind| other.0 != kind.0 && RESTARTING.contains(&other.0);
