@@ -99,7 +99,7 @@ kinds! {
     "gyro silent": Gyro(Mpu6050Fault::Silent), NO_GYRO, Nothing;
     "gyro refuses": Gyro(Mpu6050Fault::RefusesAfter(0)), NO_GYRO, Nothing;
     "gyro frozen": Gyro(Mpu6050Fault::Frozen), NO_GYRO, Nothing;
-    "data line held": Wires(|b| hold(b, u32::MAX), |b| hold(b, 1)), NO_GYRO, Nothing;
+    "data line held": Wires(|b| hold(b, u32::MAX), |b| hold(b, 1)), NO_GYRO, Reset;
     "bus errors": Wires(Board::raise_bus_error, Board::raise_bus_error), Sign::None, Nothing;
     "supply low": Wires(|b| b.set_supply(2_500), |b| b.set_supply(3_300)), Sign::Latched(Faults::SUPPLY_LOW), Nothing;
     "no conversions": Wires(Board::stop_conversions, |_| ()), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;

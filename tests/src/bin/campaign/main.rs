@@ -298,7 +298,8 @@ impl Trial {
         if wheels.left.abs().max(wheels.right.abs()) > STILL_DEG_S {
             self.find("turning after zero was commanded, °/s", wheels);
         }
-        if self.seen.faults.intersects(Faults::BATTERY_CUTOFF) {
+        // As the Pi does: a board that could not read its EEPROM stays unready until a reset.
+        if self.seen.faults.intersects(Faults::BATTERY_CUTOFF) || !self.board.is_ready() {
             reset(&self.board);
             self.run_ms(200);
         }
