@@ -224,11 +224,6 @@ impl Battery {
         self.voltages().get(usize::from(index)).copied()
     }
 
-    /// The cell that [`Self::walk`] shows next.
-    pub const fn upcoming(&self) -> u8 {
-        self.next
-    }
-
     /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
     // Requirement: WIRE-battery-1
     pub fn walk(&mut self) -> (u8, Volts) {
