@@ -103,7 +103,7 @@ kinds! {
     "bus errors": Wires(Board::raise_bus_error, Board::raise_bus_error), Sign::None, Nothing;
     "supply low": Wires(|b| b.set_supply(2_500), |b| b.set_supply(3_300)), Sign::Latched(Faults::SUPPLY_LOW), Nothing;
     "no conversions": Wires(Board::stop_conversions, |_| ()), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
-    "no ticks": Wires(Board::stop_ticks, |_| ()), Sign::Latched(Faults::RESTARTED), Reset;
+    "no ticks": Wires(Board::stop_ticks, |_| ()), Sign::Log("boot after watchdog reset"), Reset;
     "reset by pin": Wires(reset, |_| ()), Sign::Log("boot after reset by pin"), Nothing;
     "EEPROM with the Pi": Wires(|b| b.switch_i2c(I2cController::Pi), |b| b.switch_i2c(I2cController::Stm)),
         Sign::None, Nothing;
