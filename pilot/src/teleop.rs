@@ -111,11 +111,13 @@ pub fn run(
 ) -> Result<(), Error> {
     client.request(&Request::Watch { every: 2 })?;
     let mut follow = || {
+        let mut keys = Vec::new();
         loop {
             interrupt.check()?;
             let message = client.message()?;
             let shown = message.as_ref().map_or(Shown::Nothing, Shown::Message);
-            for key in turn(shown)? {
+            keys.extend(turn(shown)?);
+            for key in keys.drain(..) {
                 match key {
                     Key::Leave => return Ok(()),
                     Key::Stop => client.request(&Request::Stop)?,
@@ -133,7 +135,7 @@ pub fn run(
                     lease_ms: LEASE_MS,
                 };
                 if let Err(why) = client.request(&command) {
-                    turn(Shown::Refused(&why.to_string()))?;
+                    keys = turn(Shown::Refused(&why.to_string()))?;
                 }
             }
         }
