@@ -335,13 +335,7 @@ impl PiLink {
 // Requirement: WIRE-spi-3, WIRE-log-11
 #[test]
 fn counters_at_their_end_stay_there() {
-    let (key_from_pi, key_from_stm, cells) = (1, 2, 1);
-    let setup = Setup {
-        mode: Mode::GuardedNormal,
-        key_from_pi,
-        key_from_stm,
-        cells,
-    };
+    let setup = Setup::first_board(Mode::GuardedNormal);
     let (mut pi, mut stm) = (PiLink::new(setup), StmLink::new(setup));
     let full = LinkCounters {
         accepted: u32::MAX,
