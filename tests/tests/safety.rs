@@ -169,23 +169,19 @@ fn dead_crystal_stops_motors_and_restarts_on_hsi() {
     let at = usize::try_from(vectors.file_range().expect("in the file").0).expect("an offset");
     elf.copy_within(at + 4 * 2..at + 4 * 3, at + 4 * (16 + 32));
     let rig = with_original_image(&elf);
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     drive(&rig);
     rig.stop_crystal();
     assert!(rig.run_until(100, 10, |_| rig.motors_off()));
     rig.run_us(10_000);
     assert!(!rig.is_ready());
     // From 16 MHz, at the log's rate.
-    assert!(
-        rig.log().contains("crystal failed, motors off"),
-        "{}",
-        rig.log()
-    );
+    rig.assert_logged("crystal failed, motors off");
     assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
-    assert!(rig.await_ready(), "{}", rig.log());
+    rig.assert_ready();
     rig.run_us(100_000);
     assert!(rig.motors_off(), "after the restart it stands");
-    assert!(rig.log().contains("internal oscillator"), "{}", rig.log());
+    rig.assert_logged("internal oscillator");
 }
 
 /// TIM4's event generation (RM0383, table 1).

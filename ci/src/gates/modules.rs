@@ -138,7 +138,7 @@ fn paths(source: &str, depth: usize) -> BTreeSet<String> {
 }
 
 #[test]
-fn cycle_is_found_in_every_notation_but_not_in_tests_or_comments() {
+fn cycle_is_found_in_every_notation_outside_tests_and_comments() {
     for (a, is_cycle) in [
         ("use crate::b;\n", true),
         ("use super::{\n    x::Y,\n    b::Z,\n};\n", true),

@@ -3,7 +3,7 @@
 use super::connection::interrupt;
 use super::monitor;
 use host_link::error::Error;
-use mapper::Cell;
+use mapper::{Cell, Point};
 use pilot::client::{Client, View};
 use pilot::serve::protocol::{self, Estimate, Message};
 use pilot::teleop::{self, DeadMan, Key, Shown};
@@ -178,16 +178,13 @@ fn draw_map(frame: &mut Frame<'_>, area: Rect, view: &View) {
         middles.map(|at| (at.x_mm, at.y_mm)).collect::<Vec<_>>()
     };
     let (free, occupied) = (cells(Cell::Free), cells(Cell::Occupied));
-    let ends = |axis: fn(&(f64, f64)) -> f64| {
-        let all = || free.iter().chain(&occupied).map(axis);
-        let (low, high) = (all().reduce(f64::min), all().reduce(f64::max));
-        (low.unwrap_or_default(), high.unwrap_or_default())
-    };
-    let ((west, east), (south, north)) = (ends(|at| at.0), ends(|at| at.1));
-    let (wide, high) = (f64::from(inside.width), 2.0 * f64::from(inside.height));
-    let mm = ((east - west) / wide)
-        .max((north - south) / high)
-        .max(grid.cell_mm());
+    let all = free.iter().chain(&occupied);
+    let corners = Point::bounds(all.map(|&(x_mm, y_mm)| Point::new(x_mm, y_mm)));
+    let (low, high) = corners.unwrap_or_default();
+    let extent = high - low;
+    let (wide, tall) = (f64::from(inside.width), 2.0 * f64::from(inside.height));
+    let mm = (extent.x_mm / wide).max(extent.y_mm / tall);
+    let mm = mm.max(grid.cell_mm());
     let bounds = |low: f64, high: f64, halves: f64| {
         let middle = f64::midpoint(low, high);
         [middle - mm * halves / 2.0, middle + mm * halves / 2.0]
@@ -195,8 +192,8 @@ fn draw_map(frame: &mut Frame<'_>, area: Rect, view: &View) {
     let canvas = Canvas::default()
         .block(block)
         .marker(Marker::HalfBlock)
-        .x_bounds(bounds(west, east, wide))
-        .y_bounds(bounds(south, north, high))
+        .x_bounds(bounds(low.x_mm, high.x_mm, wide))
+        .y_bounds(bounds(low.y_mm, high.y_mm, tall))
         .paint(|picture| {
             for (coords, color) in [(&free, Color::DarkGray), (&occupied, Color::White)] {
                 picture.draw(&Points { coords, color });

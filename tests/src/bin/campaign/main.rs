@@ -17,7 +17,6 @@ use fw_core::eeprom::{Config, Image, fields};
 use fw_core::types::{Faults, Velocity};
 use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, Report, State};
 use plant::{Pose2, Rng, Room, Sides};
-use robot_tests::disturbance::Random;
 use twin::components::spi_master::pack;
 use twin::{Board, Mpu6050Fault, Options, SpiStep};
 
@@ -102,7 +101,7 @@ struct Seen {
 struct Trial {
     board: Board,
     pi: PiLink,
-    random: Random,
+    random: Rng,
     /// What happens to them, each with the others.
     frames: Vec<Frames>,
     command: Command,
@@ -128,15 +127,14 @@ impl Trial {
         let config = Config::decode(&image).map_err(|error| format!("{error:?}"))?;
         let options = Options {
             seed,
-            eeprom: Some(image.0.to_vec()),
             room: Room::default(),
             start: Some(Pose2::new(0.0, 0.0, 0.0)),
-            ..Options::default()
+            ..Options::with_eeprom(image.0.to_vec())
         };
         Ok(Self {
             board: Board::new(elf, options)?,
             pi: PiLink::new(config.link_setup()),
-            random: Random(Rng::new(seed)),
+            random: Rng::new(seed),
             frames: Vec::new(),
             command: Command::default(),
             judged,
@@ -271,7 +269,7 @@ impl Trial {
         self.run_ms(1_200);
         self.ask(60.0, 20.0);
         self.run_ms(1_500);
-        let [forward, yaw] = [75.0, 0.0].map(|middle| middle + self.random.0.within(15.0));
+        let [forward, yaw] = [75.0, 0.0].map(|middle| middle + self.random.within(15.0));
         self.ask(forward, yaw);
         self.run_ms(500);
         self.wheel_fault = kinds.iter().any(|kind| matches!(kind.2, Sign::Driven(_)));
@@ -363,7 +361,7 @@ fn combinations(seed: u64) -> Vec<(usize, usize)> {
     let mut all: Vec<_> = (0..KINDS.len())
         .flat_map(|a| (a..KINDS.len()).map(move |b| (a, b)))
         .collect();
-    let mut random = Random(Rng::new(seed));
+    let mut random = Rng::new(seed);
     for end in (1..all.len()).rev() {
         all.swap(end, random.below(end + 1));
     }
