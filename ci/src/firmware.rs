@@ -16,11 +16,20 @@ pub struct Image {
     pub sizes: Sizes,
 }
 
-/// Builds the firmware of this workspace with `features` (comma-separated, `""` for what is flashed).
-pub fn build(workspace: &Workspace, toolchain: &Toolchain, features: &str) -> Result<Image> {
+/// A program of `fw-pac` with these features.
+#[derive(Clone, Copy)]
+pub struct Program(pub &'static str, pub &'static str);
+
+/// What is flashed.
+pub const RELEASE: Program = Program("fw-pac", "");
+/// What tries a bare board.
+pub const BRINGUP: Program = Program("bringup", "");
+
+/// Builds a program of this workspace.
+pub fn build(workspace: &Workspace, toolchain: &Toolchain, program: Program) -> Result<Image> {
     let (sh, target) = (&workspace.sh, &toolchain.target_dir);
-    let built = build_in(workspace, toolchain, &workspace.root, target, features)?;
-    let name = format!("fw-pac-{features}").replace(',', "-");
+    let built = build_in(workspace, toolchain, &workspace.root, target, program)?;
+    let name = format!("{}-{}", program.0, program.1);
     let name = name.trim_end_matches('-');
     // Cargo keeps one file whatever the features: a copy per set of features stays valid.
     let path = target.join(format!("elf/{name}.elf"));
@@ -39,14 +48,14 @@ pub fn build_in(
     toolchain: &Toolchain,
     root: &Path,
     target_dir: &Path,
-    features: &str,
+    Program(name, features): Program,
 ) -> Result<PathBuf> {
     let _in_root = workspace.sh.push_dir(root);
-    let words = "build --locked --package fw-pac --profile firmware";
-    let cargo = toolchain.cargo(workspace, words, &flags(workspace, toolchain, root)?);
+    let words = format!("build --locked --package fw-pac --bin {name} --profile firmware");
+    let cargo = toolchain.cargo(workspace, &words, &flags(workspace, toolchain, root)?);
     let cargo = cargo.args(["--features", features]).arg("--target-dir");
     cargo.arg(target_dir).run()?;
-    Ok(target_dir.join(TARGET).join("firmware/fw-pac"))
+    Ok(target_dir.join(TARGET).join("firmware").join(name))
 }
 
 /// The target's flags of `.cargo/config.toml`, which a plain `cargo build` takes by itself and

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Context, Result};
-use crate::firmware::{self, Image};
+use crate::firmware::{self, Image, Program, RELEASE};
 use crate::toolchain::{Provider, Toolchain};
 use crate::workspace::Workspace;
 
@@ -41,17 +41,17 @@ impl Session {
 
     /// What is flashed.
     pub fn image(&self) -> Result<&Image> {
-        once(&self.image, || self.build(""))
+        once(&self.image, || self.build(RELEASE))
     }
 
     /// The firmware of a copy of the workspace; where cargo left it.
     pub fn build_copy(&self, root: &Path) -> Result<PathBuf> {
-        firmware::build_in(self, self.toolchain()?, root, &root.join("target"), "")
+        firmware::build_in(self, self.toolchain()?, root, &root.join("target"), RELEASE)
     }
 
-    /// The firmware with these features.
-    pub fn build(&self, features: &str) -> Result<Image> {
-        firmware::build(self, self.toolchain()?, features)
+    /// A program of `fw-pac`.
+    pub fn build(&self, program: Program) -> Result<Image> {
+        firmware::build(self, self.toolchain()?, program)
     }
 }
 

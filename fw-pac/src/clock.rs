@@ -37,11 +37,12 @@ const CRYSTAL_POLLS: u32 = 64_000;
 /// Polls until the PLL must have locked: at least 0.3 ms at 16 MHz, as DS10314 table 41 allows it.
 const POLLS: u32 = 2_000;
 
-/// Brings SYSCLK to 100 MHz; `None` if not even the internal oscillator's PLL locks.
+/// Brings SYSCLK to 100 MHz, from the crystal if `crystal_fits`; `None` if not even the internal oscillator's
+/// PLL locks.
 ///
 /// Called once, at boot, on the HSI that the reset selects.
 // Requirement: DOC-2.3-1
-pub fn start() -> Option<Source> {
+pub fn start(crystal_fits: bool) -> Option<Source> {
     let (rcc, pwr, flash) = (RCC::registers(), PWR::registers(), FLASH::registers());
     rcc.apb1enr().modify(|_, w| w.pwren().set_bit());
     // Read back: a peripheral answers two bus cycles after its clock is enabled (ES0287, 2.2.7).
@@ -59,7 +60,7 @@ pub fn start() -> Option<Source> {
 
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     let crystal = poll(CRYSTAL_POLLS, || rcc.cr().read().hserdy().bit_is_set());
-    if crystal && lock(rcc, Source::Crystal) {
+    if crystal_fits && crystal && lock(rcc, Source::Crystal) {
         switch(rcc, pwr, flash)?;
         rcc.cr().modify(|_, w| w.csson().set_bit());
         return Some(Source::Crystal);

@@ -66,14 +66,20 @@ pub fn start() {
 // Requirement: DOC-6-1
 pub fn read(device: u8, register: u16, into: &mut [u8], idle: impl FnMut()) -> Result<(), Error> {
     let result = transfer(device, register, into, idle);
-    let i2c = I2C1::registers();
     Dma::stop();
+    if end() {
+        result
+    } else {
+        result.and(Err(Error::Stuck))
+    }
+}
+
+/// STOP; whether the bus is free after it.
+pub fn end() -> bool {
+    let i2c = I2C1::registers();
     i2c.cr1().modify(|_, w| w.stop().set_bit());
     enable(|w| w);
-    if !time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear()) {
-        return result.and(Err(Error::Stuck));
-    }
-    result
+    time::wait(STEP, || i2c.sr2().read().busy().bit_is_clear())
 }
 
 fn transfer(
@@ -124,7 +130,10 @@ fn transfer(
 }
 
 /// START and the address byte, up to its acknowledge.
-fn address(byte: u8) -> Result<(), Error> {
+///
+/// # Errors
+/// See [`Error`].
+pub fn address(byte: u8) -> Result<(), Error> {
     let i2c = I2C1::registers();
     i2c.cr1().modify(|_, w| {
         w.ack().set_bit();

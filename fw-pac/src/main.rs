@@ -99,7 +99,7 @@ fn start_hardware(log: &mut Log) -> (Start, Uart) {
     board::READY.output(Driver::PushPull);
     watchdog::start();
     leds::start(fw_core::robot::leds(State::Booting));
-    let Some(clock) = clock::start() else {
+    let Some(clock) = clock::start(true) else {
         safe_state::halt(b"\nE: no clock, motors off\n");
     };
     watchdog::feed();

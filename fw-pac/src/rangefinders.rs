@@ -86,8 +86,9 @@ pub fn take(token: &CriticalSection) -> Option<Echo> {
         .or_else(|| received(RangefinderId::Left))
 }
 
+/// A sensor's trigger and echo.
 // Requirement: DOC-2.2-1
-const fn pins(which: RangefinderId) -> (Pin, Pin) {
+pub const fn pins(which: RangefinderId) -> (Pin, Pin) {
     match which {
         RangefinderId::Front => (TRIGGER_FRONT, ECHO_FRONT),
         RangefinderId::Right => (TRIGGER_RIGHT, ECHO_RIGHT),

@@ -122,7 +122,11 @@ impl Link {
     }
 }
 
-fn transfer(
+/// One chip-select, with the set-up time that the STM needs.
+///
+/// # Errors
+/// [`Error::Spi`].
+pub fn transfer(
     spi: &mut dyn SpiDevice<Error = IoError>,
     out: &[u8],
     back: &mut [u8],

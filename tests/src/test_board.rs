@@ -13,6 +13,8 @@ pub const ELF: &str = "ROBOT_ELF";
 pub const ELF_PANIC: &str = "ROBOT_ELF_PANIC";
 /// Environment variable with the path of the ELF that overflows its stack on purpose.
 pub const ELF_OVERFLOW: &str = "ROBOT_ELF_OVERFLOW";
+/// Environment variable with the path of the bring-up firmware's ELF.
+pub const ELF_BRINGUP: &str = "ROBOT_ELF_BRINGUP";
 
 /// TIM5's compare 1 (RM0383, table 1 and 13.4.21), which every tick writes.
 pub const TIM5_CCR1: u64 = 0x4000_0C34;
@@ -36,6 +38,7 @@ pub fn elf(variable: &str) -> Vec<u8> {
     let path = std::env::var_os(variable).map_or_else(
         || {
             let name = match variable {
+                ELF_BRINGUP => "bringup.elf",
                 ELF_PANIC => "fw-pac-test-panic.elf",
                 _ => "fw-pac.elf",
             };

@@ -165,7 +165,7 @@ fn boot_waits_while_pi_has_eeprom() {
 #[test]
 fn boot_without_crystal_uses_hsi_and_logs() {
     let rig = Rig::ready(Options {
-        crystal: false,
+        crystal_hz: 0,
         ..Options::with_eeprom(image_in_mode(0x10))
     });
     rig.run_us(20_000);

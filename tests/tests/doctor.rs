@@ -141,7 +141,7 @@ fn doctor_fault_of_the_board_fails_its_check() {
         io.log = Box::new(OtherLog(b"login:\n"));
     });
     let mut slow = sound();
-    slow.crystal = false;
+    slow.crystal_hz = 0;
     board("faults", slow, &|_, _| ());
     let mut flat = sound();
     flat.params.battery.charge[1] = 0.02;

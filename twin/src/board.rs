@@ -61,8 +61,10 @@ pub enum ResetSource {
     Other,
 }
 
-/// Address of the factory's calibration words: 0x1FFF7A2A, 0x1FFF7A2C, 0x1FFF7A2E.
-const CALIBRATION_WORDS: u64 = 0x1FFF_7A2A;
+/// Address of what the factory writes: the flash's size in KiB at 0x1FFF7A22, calibration words at 0x1FFF7A2A,
+/// 0x1FFF7A2C and 0x1FFF7A2E.
+const FACTORY_WORDS: u64 = 0x1FFF_7A22;
+const FLASH_KIB: u16 = 512;
 /// Start of the part's flash.
 const FLASH: u64 = 0x0800_0000;
 
@@ -106,8 +108,10 @@ impl Board {
         } else {
             image("firmware", elf.to_vec(), None)?
         };
-        let words = options.calibration_words.map(u16::to_le_bytes).concat();
-        let calibration = image("calibration", words, Some(CALIBRATION_WORDS))?;
+        let [reference, cold, hot] = options.calibration_words;
+        let words = [FLASH_KIB, 0xFFFF, 0xFFFF, 0xFFFF, reference, cold, hot];
+        let words = words.map(u16::to_le_bytes).concat();
+        let factory = image("factory words", words, Some(FACTORY_WORDS))?;
         let start = options.start.unwrap_or(options.room.start);
         let imperfections = options.params.imperfections;
         let world = World::new(options.params, options.room, start, options.seed);
@@ -117,9 +121,9 @@ impl Board {
             Mpu6050::new(errors, options.seed)
         });
         let model = BoardModel::new(world, SharedBus::new(I2cBus::new(eeprom, mpu)));
-        let board = VirtualBoard::new(model, options.crystal, options.mips)
+        let board = VirtualBoard::new(model, options.crystal_hz, options.mips)
             .map_err(EmulationEnded::because)?;
-        let emulator = Emulator::start(board, vec![firmware, calibration], options.debugger)?;
+        let emulator = Emulator::start(board, vec![firmware, factory], options.debugger)?;
         Ok(Self {
             emulator: Arc::new(emulator),
             elf: elf.into(),

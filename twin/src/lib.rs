@@ -25,7 +25,7 @@
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
 //! with its temperature sensor and voltage reference, TIM1 to TIM3, TIM5, IWDG, NVIC, `SysTick`, DWT. By
-//! this crate: TIM4 as a PWM generator, EXTI, the multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception
+//! this crate: TIM4 as a PWM generator, TIM11's captures of the crystal's clock, EXTI, the multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception
 //! by DMA, a bus held low, a crystal that does not start. On the board: the EEPROM with its write
 //! cycle, page wrap and write protection, the I2C switch, the MPU6050's vertical gyroscope, the
 //! RESET line, quadrature edges, the bridge, battery taps behind their dividers, three rangefinders
@@ -36,7 +36,7 @@
 //!   an exception takes none: only that rate stands for wait states, misses of the flash accelerator and
 //!   the twelve cycles of an exception entry.
 //! - DMA moves a word at the instant it is requested.
-//! - A peripheral of the part without a model (SPI2 to SPI5, TIM9 to TIM11, CRC, WWDG, SDIO, OTG)
+//! - A peripheral of the part without a model (SPI2 to SPI5, TIM9, TIM10, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and [`Board::unmodelled`] reports every access.
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
 //! - The MPU6050's accelerometers, other axes, temperature and FIFO.

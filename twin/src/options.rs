@@ -25,8 +25,8 @@ pub struct Options {
     pub eeprom: Option<Vec<u8>>,
     /// The MPU6050's errors, unless the imperfections draw them; `None`: none is fitted.
     pub mpu: Option<GyroParams>,
-    /// Whether the 8 MHz crystal works.
-    pub crystal: bool,
+    /// The crystal's frequency, hertz; 0: none oscillates.
+    pub crystal_hz: u64,
     /// Instructions that the core retires in a microsecond of its 100 MHz clock. The default, 100, is
     /// one per cycle; behind wait states and branches the part reaches 60 to 75.
     pub mips: NonZeroU64,
@@ -58,7 +58,7 @@ impl Default for Options {
             params: Params::default(),
             eeprom: Some(Vec::new()),
             mpu: Some(GyroParams::default()),
-            crystal: true,
+            crystal_hz: 8_000_000,
             mips: FULL_SPEED,
             spi_preloads: false,
             // The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the

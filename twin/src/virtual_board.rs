@@ -18,8 +18,6 @@ use crate::soc::Stm32f411;
 /// The emulator's name for the board.
 pub const NAME: &str = "virtual-board";
 
-/// The high-speed crystal, hertz.
-pub const CRYSTAL_HZ: u64 = 8_000_000;
 /// The rail, millivolts.
 const RAIL_MV: u32 = 3300;
 
@@ -84,10 +82,9 @@ impl VirtualBoard {
     ///
     /// # Errors
     /// A part whose description contradicts itself.
-    pub fn new(board: BoardModel, crystal: bool, mips: NonZeroU64) -> Result<Self, Error> {
+    pub fn new(board: BoardModel, crystal_hz: u64, mips: NonZeroU64) -> Result<Self, Error> {
         let mut chip = Stm32f411::new()?;
-        chip.rcc
-            .attach_crystals(if crystal { CRYSTAL_HZ } else { 0 }, 0);
+        chip.rcc.attach_crystals(crystal_hz, 0);
         chip.set_supply(RAIL_MV);
         chip.usart[0].attach(UartReceiver::default());
         chip.i2c[0].inner.attach(StmPort(board.i2c.clone()));

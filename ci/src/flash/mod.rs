@@ -10,6 +10,7 @@ use clap::Args;
 use xshell::cmd;
 
 use crate::error::{Context, Kind, Result, fail};
+use crate::firmware::{BRINGUP, RELEASE};
 use crate::process::installed;
 use crate::session::Session;
 use log_lines::Lines;
@@ -29,6 +30,9 @@ pub struct Board {
     /// The UART's device, where it is wired to this machine
     #[arg(long, value_name = "DEVICE")]
     pub serial: Option<String>,
+    /// The bring-up firmware, which tries the parts of a bare board for `robot bringup`
+    #[arg(long)]
+    pub bringup: bool,
     /// The SWD adapter, as `OpenOCD` names it
     #[arg(long, value_name = "NAME", default_value = "stlink")]
     pub interface: String,
@@ -36,7 +40,8 @@ pub struct Board {
 
 /// Writes, verifies, resets, prints the first log lines.
 pub fn flash(session: &Session, board: &Board) -> Result<()> {
-    let (sh, elf) = (&session.sh, &session.image()?.path);
+    let program = if board.bringup { BRINGUP } else { RELEASE };
+    let (sh, elf) = (&session.sh, &session.build(program)?.path);
     if board.is_virtual {
         let gdb = gdb::find(session)?;
         let (_board, log, address) = start_virtual_board(session)?;

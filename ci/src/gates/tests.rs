@@ -9,6 +9,7 @@ use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget::{self, Budget};
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
+use crate::firmware::{BRINGUP, Program};
 use crate::process::{self, captures, installed};
 use crate::programs;
 use crate::session::Session;
@@ -22,8 +23,10 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
     let tests = session.cargo_with_board("test --release --package twin --package robot-tests")?;
     let tests = tests.env("ROBOT_ELF", &session.image()?.path);
     let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
-    let tests = tests.env("ROBOT_ELF_PANIC", session.build("test-panic")?.path);
-    run(tests.env("ROBOT_ELF_OVERFLOW", session.build("test-overflow")?.path))
+    let tests = tests.env("ROBOT_ELF_BRINGUP", session.build(BRINGUP)?.path);
+    let failing = |features| session.build(Program("fw-pac", features));
+    let tests = tests.env("ROBOT_ELF_PANIC", failing("test-panic")?.path);
+    run(tests.env("ROBOT_ELF_OVERFLOW", failing("test-overflow")?.path))
 }
 
 /// Two independent readers read what the program records on the virtual board.

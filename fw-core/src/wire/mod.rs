@@ -28,6 +28,7 @@ pub mod position;
 pub mod sequence;
 pub mod status;
 pub mod strategy;
+pub mod test_frame;
 pub mod velocity;
 
 pub use chain::{

@@ -61,6 +61,8 @@ pub enum Command {
     Status(Status),
     /// Check everything from the device files to the link, with --wheels-up to the wheels; exit code 14 if anything fails
     Doctor(Doctor),
+    /// Judge a bare board part by part, by the log of the bring-up firmware (`cargo xtask flash --bringup`)
+    Bringup(Bringup),
     /// Show map, pose, ranges, cells, faults with advice, link and log, live; lines where there is no terminal
     Monitor(Monitor),
     /// Drive by the keyboard, with the screen of `monitor`; a key that is released stops the robot
@@ -172,6 +174,18 @@ pub struct Doctor {
     /// Turn the wheels without asking
     #[arg(long, requires = "wheels_up")]
     pub yes: bool,
+}
+
+#[derive(Args)]
+pub struct Bringup {
+    /// The log's serial device, 115200 baud (e.g. /dev/ttyUSB0), or a file with a log that was kept
+    pub log: PathBuf,
+    /// Also exchange frames with the STM, on a Pi
+    #[arg(long)]
+    pub link: bool,
+    /// End this long after the last line
+    #[arg(long, value_name = "S", default_value_t = 35, value_parser = value_parser!(u32).range(1..=600))]
+    pub patience: u32,
 }
 
 #[derive(Args)]

@@ -213,14 +213,15 @@ impl Context<'_> {
 
 type Opened = (BoardIo, Option<Box<dyn GroundTruth>>, Finish);
 
+/// The real robot's I/O.
 #[cfg(feature = "linux")]
-fn open_linux(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
+pub fn open_linux(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
     let io = host_link::linux::open(&context.board.devices(), interrupt)?;
     Ok((io, None, Box::new(|_| Ok(()))))
 }
 
 #[cfg(not(feature = "linux"))]
-fn open_linux(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
+pub fn open_linux(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
     Err(not_built(
         "this computer's buses",
         "linux",

@@ -29,10 +29,15 @@ pub fn run(doctor: &Doctor, context: Context<'_>) -> Result<Exit, Error> {
         Err(Error::Device { .. }) if devices_fail => {}
         outcome => outcome?,
     }
+    report(&findings, context)
+}
+
+/// Prints the findings; the exit code that they demand.
+pub fn report(findings: &Findings, context: Context<'_>) -> Result<Exit, Error> {
     let failed = findings.failed().len();
     let exit = if failed > 0 { Exit::Findings } else { Exit::Ok };
     let done = json!({ "findings": findings, "failed": failed, "exit": exit.code() });
-    context.output.result(&done, || summary(&findings))?;
+    context.output.result(&done, || summary(findings))?;
     Ok(exit)
 }
 

@@ -2,6 +2,7 @@
 
 mod args;
 mod board_args;
+mod bringup;
 mod calibrate;
 mod connection;
 mod doctor;
@@ -125,6 +126,7 @@ fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Ex
         Command::Eeprom { command } => return eeprom::run(command, context),
         Command::Status(status) => return status::run(status, context),
         Command::Doctor(doctor) => return doctor::run(doctor, context),
+        Command::Bringup(bringup) => return bringup::run(bringup, context),
         Command::Reset => context.with_board(|connection| {
             let ready_ms = reset::restart(&mut connection.io, context.board.ready_timeout)?;
             output.result(&serde_json::json!({ "ready_ms": ready_ms }), || {

@@ -2,6 +2,7 @@
 //! failed check is skipped.
 
 mod board;
+pub mod bringup;
 mod computer;
 mod wheels;
 

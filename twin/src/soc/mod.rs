@@ -27,6 +27,7 @@ use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
 use crate::peripherals::board_port::{BoardPort, PinChange};
+use crate::peripherals::capture_timer::CaptureTimer;
 use crate::peripherals::exti::Exti;
 use crate::peripherals::i2c_master::I2cPeripheral;
 use crate::peripherals::pwm_timer::PwmTimer;
@@ -51,6 +52,7 @@ enum Model {
     Tim(usize),
     Tim1,
     Pwm,
+    Capture,
     Dma(usize),
     Rtc,
     Dbg,
@@ -85,6 +87,8 @@ pub struct Stm32f411 {
     pub tim: [Tim<General>; memory_map::TIMERS.len()],
     /// TIM4.
     pub pwm: PwmTimer,
+    /// TIM11.
+    pub capture: CaptureTimer,
     /// TIM1.
     pub tim1: Tim<Advanced>,
     /// DMA1 and DMA2.
@@ -177,6 +181,7 @@ impl Stm32f411 {
             ("IWDG", Model::Iwdg),
             (rigless::cpu::armv7m::DWT, Model::Dwt),
             ("EXTI", Model::Exti),
+            ("TIM11", Model::Capture),
             ("SYSCFG", Model::Syscfg),
         ] {
             wire(name, field)?;
@@ -193,6 +198,7 @@ impl Stm32f411 {
             adc_common: AdcCommon::with_clock(RESET_HZ),
             tim: memory_map::TIMERS.map(|(_, counter)| Tim::with_clock(RESET_HZ, counter)),
             pwm: PwmTimer::with_clock(RESET_HZ),
+            capture: CaptureTimer::with_clock(RESET_HZ),
             tim1: Tim::with_clock(RESET_HZ, Counter::Narrow).breaks_on("RCC", rcc::CLOCK_FAILURE),
             dma: [
                 Dma::new(&memory_map::DMA1_REQUESTS, &[], false),
@@ -245,6 +251,15 @@ impl Stm32f411 {
                 registers.set(g::rcc::Register::Cr, g::rcc::cr::HSERDY.set(control, 0));
             }
         }
+    }
+
+    /// The crystal's clock behind the RTC's prescaler, RM0383 section 6.3.3; 0 while it stands.
+    fn crystal_for_rtc_hz(&self) -> u64 {
+        let registers = self.bus.slots()[self.slots.rcc].registers();
+        let runs = g::rcc::cr::HSERDY.is_set(registers.get(g::rcc::Register::Cr));
+        let divider = g::rcc::cfgr::RTCPRE.get(registers.get(g::rcc::Register::Cfgr));
+        let crystal_hz = if runs { self.rcc.crystals().0 } else { 0 };
+        crystal_hz.checked_div(divider).unwrap_or(0)
     }
 
     /// Sets whether the byte in transfer on I2C1 is the last of its DMA stream.
@@ -350,6 +365,10 @@ impl Mcu for Stm32f411 {
             Model::Tim(nth) => Some(&mut self.tim[nth]),
             Model::Tim1 => Some(&mut self.tim1),
             Model::Pwm => Some(&mut self.pwm),
+            Model::Capture => {
+                self.capture.input_hz = self.crystal_for_rtc_hz();
+                Some(&mut self.capture)
+            }
             Model::Dma(nth) => Some(&mut self.dma[nth]),
             Model::Rtc => Some(&mut self.rtc),
             Model::Dbg => Some(&mut self.dbg),

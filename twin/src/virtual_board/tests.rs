@@ -12,7 +12,7 @@ use plant::{GyroParams, Params, Pose2, Room, Sides, World};
 fn board() -> Fixture<McuOnBoard> {
     let world = World::new(Params::default(), Room::two_rooms(), Pose2::default(), 1);
     let bus = SharedBus::new(I2cBus::new(Some(Eeprom::new(&[])), None));
-    let board = VirtualBoard::new(BoardModel::new(world, bus), true, NonZeroU64::MIN).unwrap();
+    let board = VirtualBoard::new(BoardModel::new(world, bus), 8_000_000, NonZeroU64::MIN).unwrap();
     let mut board = Fixture::new(board.mcu);
     board.write(0x4002_3830, 7);
     board.write(0x4002_3840, 0xF);

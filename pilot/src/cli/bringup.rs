@@ -1,0 +1,71 @@
+//! `bringup`: a bare board part by part, by the log of the bring-up firmware.
+
+use super::args::Bringup;
+use super::connection::{Context, interrupt, open_linux};
+use super::doctor;
+use host_link::error::{Error, Exit};
+use host_link::file;
+use host_link::uart::{LogSource, SerialPort};
+use pilot::doctor::Findings;
+use pilot::doctor::bringup;
+use std::fs;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Time between two looks at the serial device.
+const LOOK: Duration = Duration::from_millis(20);
+/// Frames that are exchanged.
+const FRAMES: u32 = 2_000;
+/// Begin of the last step's lines.
+const LAST_STEP: &str = ": link frames ";
+
+/// Runs the command.
+pub fn run(options: &Bringup, context: Context<'_>) -> Result<Exit, Error> {
+    let mut findings = Findings::default();
+    let is_file = fs::metadata(&options.log).is_ok_and(|present| present.is_file());
+    let log = if is_file {
+        file::read_text(&options.log)?
+    } else {
+        listen(options, context, &mut findings)?
+    };
+    let mut judged = Findings::default();
+    bringup::judge(&log, &mut judged);
+    judged.0.append(&mut findings.0);
+    doctor::report(&judged, context)
+}
+
+/// Shows the log as it comes, up to the last step; with `--link` that step exchanges frames.
+fn listen(
+    options: &Bringup,
+    context: Context<'_>,
+    findings: &mut Findings,
+) -> Result<String, Error> {
+    let interrupt = interrupt()?;
+    let mut port = SerialPort::new(&options.log);
+    let (mut log, mut shown, mut exchanged) = (String::new(), 0, !options.link);
+    let mut heard = Instant::now();
+    while heard.elapsed() < Duration::from_secs(options.patience.into()) {
+        interrupt.check()?;
+        log.push_str(&String::from_utf8_lossy(&port.read_new()?));
+        while let Some(end) = log[shown..].find('\n') {
+            context.output.message(log[shown..shown + end].trim_end());
+            shown += end + 1;
+            heard = Instant::now();
+        }
+        match log.matches(LAST_STEP).count() {
+            0 => {}
+            _ if !exchanged => {
+                exchanged = true;
+                let (mut io, ..) = open_linux(context, interrupt.clone())?;
+                bringup::exchange(&mut io, FRAMES, findings)?;
+                // What was counted before is of no frame.
+                log.truncate(shown);
+                log = log.replace(LAST_STEP, ": ");
+                shown = log.len();
+            }
+            _ => return Ok(log),
+        }
+        thread::sleep(LOOK);
+    }
+    Ok(log)
+}

@@ -1,0 +1,351 @@
+//! Judges what the bring-up firmware reports on the log's UART: the bare board part by part, without a
+//! configuration and without a Pi.
+
+use super::Findings;
+use fw_core::sensing::mpu6050::IDENTITY;
+use fw_core::wire::{MAX_FRAME, test_frame};
+use host_link::board_io::BoardIo;
+use host_link::error::Error;
+use host_link::link::transfer;
+use std::ops::RangeInclusive;
+
+/// Device code of the STM32F411 (RM0383, 23.6.1).
+const DEVICE: u32 = 0x431;
+/// The crystal that the clock tree is made for, kilohertz: the internal oscillator that measures it is exact
+/// to 1 %.
+const CRYSTAL_KHZ: RangeInclusive<u32> = 7_800..=8_200;
+/// Least flash, KiB.
+const FLASH_KB: u32 = 64;
+/// The supply at which the voltage reference's calibration word was taken, and what is accepted, millivolts.
+const CALIBRATION_MV: u32 = 3_300;
+const SUPPLY_MV: RangeInclusive<u32> = 3_130..=3_470;
+/// A tap below this is open, and one at the converter's end too high, words of 4,095.
+const TAP_WORDS: RangeInclusive<u32> = 400..=4_090;
+/// Longest echo of an object within 2.5 m, microseconds; without one the line stays high longer.
+const ECHO_US: u32 = 15_000;
+/// Counts of wheels that stand, and fewest of a motor that runs for 0.4 s.
+const REST_COUNTS: u32 = 4;
+const MOTOR_COUNTS: u32 = 60;
+
+/// Names of the checks that need the firmware's lines, in their order.
+const CHECKS: [&str; 16] = [
+    "crystal",
+    "part",
+    "supply",
+    "battery tap 1",
+    "battery tap 2",
+    "I2C lines",
+    "EEPROM",
+    "gyroscope",
+    "rangefinder front",
+    "rangefinder right",
+    "rangefinder left",
+    "encoders at rest",
+    "encoder left",
+    "encoder right",
+    "motor left",
+    "motor right",
+];
+
+/// The lines of the firmware, without what the log puts before them.
+struct Lines<'a>(Vec<&'a str>);
+
+impl<'a> Lines<'a> {
+    /// The rest of the last line that begins with `start`.
+    fn rest(&self, start: &str) -> Option<&'a str> {
+        let found = self
+            .0
+            .iter()
+            .rev()
+            .find_map(|line| line.strip_prefix(start));
+        found.map(str::trim)
+    }
+
+    /// The word that follows `key` in the last line that begins with `start`.
+    fn word(&self, start: &str, key: &str) -> Option<&'a str> {
+        let mut words = self.rest(start)?.split(' ');
+        words.find(|&word| word == key)?;
+        words.next()
+    }
+
+    /// That word as a number, hexadecimal after `0x`.
+    fn number(&self, start: &str, key: &str) -> Option<u32> {
+        let word = self.word(start, key)?;
+        match word.strip_prefix("0x") {
+            Some(digits) => u32::from_str_radix(digits, 16).ok(),
+            None => word.parse().ok(),
+        }
+    }
+
+    /// Left and right counts of a line.
+    fn counts(&self, start: &str) -> Option<[i32; 2]> {
+        let (_, counts) = self.rest(start)?.split_once("counts ")?;
+        let (left, right) = counts.split_once(' ')?;
+        Some([left.parse().ok()?, right.parse().ok()?])
+    }
+}
+
+/// Judges the firmware's lines so far.
+pub fn judge(log: &str, findings: &mut Findings) {
+    let lines = log
+        .lines()
+        .map(|line| line.split_once(": ").map_or(line, |(_, text)| text));
+    let lines = Lines(lines.collect());
+    let Some(boot) = lines.rest("bringup 1 after ") else {
+        let advice = "flash it (`cargo xtask flash --bringup`), connect TX_STM (PA9) and ground, and set the port \
+                      to 115200 baud, 8N1";
+        findings.fail("firmware", "no line of the bring-up firmware", advice);
+        findings.skip(&CHECKS, "the firmware is not heard");
+        findings.skip(&["stack", "link at the STM"], "the firmware is not heard");
+        return;
+    };
+    findings.pass("firmware", format!("heard, after {boot}"));
+    part(&lines, findings);
+    supply(&lines, findings);
+    buses(&lines, findings);
+    for check in &CHECKS[8..11] {
+        rangefinder(&lines, check, findings);
+    }
+    wheels(&lines, findings);
+    stack(&lines, findings);
+    link(&lines, findings);
+}
+
+fn part(lines: &Lines, findings: &mut Findings) {
+    let khz = lines.number("crystal", "khz").unwrap_or(0);
+    let found = match khz {
+        0 => "it does not oscillate".into(),
+        khz => format!("{khz} kHz against the internal oscillator"),
+    };
+    findings.judge(
+        "crystal",
+        CRYSTAL_KHZ.contains(&khz) && lines.number("crystal", "use") == Some(1),
+        found,
+        "fit an 8 MHz crystal with its load capacitors at PH0 and PH1; the firmware falls back to the internal \
+         oscillator and reports clock-fallback",
+    );
+    let [device, flash_kb] = ["device", "flash_kb"].map(|key| lines.number("part", key));
+    findings.judge(
+        "part",
+        device == Some(DEVICE) && flash_kb.is_some_and(|kb| kb >= FLASH_KB),
+        lines.rest("part").unwrap_or("not reported").into(),
+        "the firmware is for an STM32F411 (device 0x431)",
+    );
+}
+
+fn supply(lines: &Lines, findings: &mut Findings) {
+    let [calibration, reference] =
+        ["calibration", "reference"].map(|key| lines.number("supply", key).unwrap_or(0));
+    let supply_mv = (calibration * CALIBRATION_MV)
+        .checked_div(reference)
+        .unwrap_or(0);
+    let good = SUPPLY_MV.contains(&supply_mv);
+    findings.judge(
+        "supply",
+        good,
+        format!("{supply_mv} mV at VDDA by the part's own reference"),
+        "check the 3.3 V regulator, VDDA and its filter; 0 means that the converter does not convert",
+    );
+    if !good {
+        findings.skip(&CHECKS[3..5], "the converter's reference is wrong");
+        return;
+    }
+    let taps = lines
+        .rest("supply")
+        .and_then(|rest| rest.split_once("taps "));
+    let taps: Vec<_> = taps.map_or("", |(_, taps)| taps).split(' ').collect();
+    for (check, word) in CHECKS[3..5]
+        .iter()
+        .zip(taps.iter().chain(std::iter::repeat(&"")))
+    {
+        let word: Option<u32> = word.parse().ok();
+        let found = word.map_or("not converted".into(), |word| {
+            format!("{} mV at the pin", word * supply_mv / 4095)
+        });
+        findings.judge(
+            check,
+            word.is_some_and(|word| TAP_WORDS.contains(&word)),
+            found,
+            "connect the battery; check this tap's divider (docs/board.md) and its wire to PA0 or PA1",
+        );
+    }
+}
+
+fn buses(lines: &Lines, findings: &mut Findings) {
+    let levels = lines.rest("i2c scl ").unwrap_or("not reported");
+    let released = levels.starts_with("1 sda 1");
+    findings.judge(
+        "I2C lines",
+        released,
+        format!("SCL {levels}"),
+        "SCL (PB6) and SDA (PB7) need pull-ups to 3.3 V; a device without supply holds them low",
+    );
+    if !released {
+        findings.skip(&CHECKS[6..8], "a line of the bus is held low");
+        return;
+    }
+    let scan = lines.rest("i2c found").unwrap_or_default();
+    let eeprom = lines.rest("eeprom").unwrap_or("not reported");
+    findings.judge(
+        "EEPROM",
+        eeprom.starts_with("key"),
+        match (
+            lines.number("eeprom", "key"),
+            lines.number("eeprom", "blank"),
+        ) {
+            (Some(1), _) => "configured".into(),
+            (_, Some(1)) => "blank, as new".into(),
+            (Some(_), _) => "foreign content".into(),
+            _ => format!("{eeprom}; found on the bus: {scan}"),
+        },
+        "check the AT24C's supply, A0 to A2 at ground (address 0x50), and that SELECT is low",
+    );
+    match lines.number("gyro", "identity") {
+        Some(identity) => findings.judge(
+            "gyroscope",
+            identity == u32::from(IDENTITY),
+            format!("identity {identity:#04x}"),
+            "an MPU6050 says 0x68; others are not supported",
+        ),
+        None if scan.contains("0x68") => findings.fail(
+            "gyroscope",
+            "0x68 is on the bus and does not say what it is",
+            "check its supply and the length of its wires",
+        ),
+        None => findings.skip(&["gyroscope"], "none fitted: nothing answers at 0x68"),
+    }
+}
+
+fn rangefinder(lines: &Lines, check: &'static str, findings: &mut Findings) {
+    let start = check.replace("rangefinder", "echo");
+    let width = lines.number(&start, "us");
+    let found = match width {
+        Some(us) if us <= ECHO_US => format!("an echo of {us} µs, {} mm", us * 343 / 2000),
+        Some(_) => "nothing within 2.5 m".into(),
+        None => format!(
+            "no echo; its line is {}",
+            if lines.number(&start, "level") == Some(1) {
+                "high"
+            } else {
+                "low"
+            }
+        ),
+    };
+    let advice = "check its 5 V, its trigger and its echo; a line that stays high has no pull-down or sees no end";
+    findings.judge(check, width.is_some(), found, advice);
+}
+
+fn wheels(lines: &Lines, findings: &mut Findings) {
+    let rest = lines.counts("rest");
+    let quiet = |counts: [i32; 2]| {
+        counts
+            .iter()
+            .all(|count| count.unsigned_abs() <= REST_COUNTS)
+    };
+    findings.judge(
+        "encoders at rest",
+        rest.is_some_and(quiet),
+        rest.map_or("not reported".into(), |[left, right]| {
+            format!("{left} and {right} counts in a second")
+        }),
+        "an open encoder input counts noise: check its supply and both channels",
+    );
+    for (side, name) in ["left", "right"].into_iter().enumerate() {
+        let [encoder, motor] = [CHECKS[12 + side], CHECKS[14 + side]];
+        let Some(turned) = lines.counts(&format!("turned {name}")) else {
+            findings.skip(&[encoder, motor], "the wheel has not been turned by hand");
+            continue;
+        };
+        let (own, other) = (turned[side], turned[1 - side]);
+        let good = own.unsigned_abs() > 4 * other.unsigned_abs().max(REST_COUNTS);
+        let sign = if own < 0 {
+            "down: encoder_reversed = true"
+        } else {
+            "up: encoder_reversed = false"
+        };
+        let found = if good {
+            format!("{own} counts by hand; forward counts {sign}")
+        } else {
+            format!("{own} counts of its own and {other} of the other wheel's")
+        };
+        let advice = "one channel dead gives 0, both wheels' plugs swapped count at the other; turn the wheel forward \
+                      by a quarter turn when asked";
+        findings.judge(encoder, good, found, advice);
+        let runs = ["forward", "backward"].map(|way| lines.counts(&format!("motor {name} {way}")));
+        let [Some(forward), Some(backward)] = runs else {
+            findings.skip(
+                &[motor],
+                "motors run only after both wheels were turned by hand",
+            );
+            continue;
+        };
+        let [ahead, back] = [forward[side], backward[side]];
+        let moves = ahead.unsigned_abs().min(back.unsigned_abs()) >= MOTOR_COUNTS;
+        let follows = moves && ahead.signum() == own.signum() && back.signum() == -own.signum();
+        let apart = forward[1 - side].unsigned_abs() <= REST_COUNTS;
+        findings.judge(
+            motor,
+            follows && apart,
+            format!("{ahead} counts forward, {back} backward; the other wheel {}", forward[1 - side]),
+            "no counts: check EN, the bridge's supply and the motor; the wrong way: swap its leads or set \
+             motor_reversed; the other wheel turns: the plugs are swapped",
+        );
+    }
+}
+
+fn stack(lines: &Lines, findings: &mut Findings) {
+    let place = |text: &str| lines.0.iter().position(|line| line.contains(text));
+    let Some(begin) = place("stack overflows on purpose") else {
+        findings.skip(&["stack"], "not reached");
+        return;
+    };
+    let after = lines.0.get(begin..).unwrap_or_default().join("\n");
+    let faulted = after.contains("HardFault, motors off");
+    let restarted = after.contains("bringup 1 after watchdog reset");
+    let says = |good: bool| if good { "yes" } else { "no" };
+    findings.judge(
+        "stack",
+        faulted && restarted,
+        format!(
+            "overflow is a HardFault: {}, the watchdog restarts: {}",
+            says(faulted),
+            says(restarted)
+        ),
+        "the memory below 0x20000000 must fault; do not drive with this part",
+    );
+}
+
+fn link(lines: &Lines, findings: &mut Findings) {
+    let [frames, good] = ["frames", "good"].map(|key| lines.number("link", key).unwrap_or(0));
+    if frames == 0 {
+        findings.skip(
+            &["link at the STM"],
+            "no frames: `robot bringup --link` on the Pi sends them",
+        );
+        return;
+    }
+    let found = format!("{good} of {frames} frames whole");
+    findings.judge("link at the STM", good == frames, found, LINK_ADVICE);
+}
+
+const LINK_ADVICE: &str =
+    "lower --spi-hz; check ground, and MOSI, MISO, SCK and SS for length and crosstalk";
+
+/// Exchanges `count` test frames; replies that are not whole fail.
+///
+/// # Errors
+/// [`Error::Spi`]; [`Error::Interrupted`].
+pub fn exchange(io: &mut BoardIo, count: u32, findings: &mut Findings) -> Result<(), Error> {
+    let mut good = 0;
+    for number in 0..count {
+        io.interrupt.check()?;
+        let (mut frame, mut reply) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        test_frame::encode(number, &mut frame);
+        transfer(&mut *io.spi, &frame, &mut reply)?;
+        good += u32::from(test_frame::is_whole(&reply));
+        io.delay.delay_us(500);
+    }
+    let found = format!("{good} of {count} replies whole");
+    findings.judge("link at the Pi", good == count, found, LINK_ADVICE);
+    Ok(())
+}

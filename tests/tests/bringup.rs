@@ -1,0 +1,130 @@
+//! The bring-up firmware on the virtual board: a sound board passes every check of `robot bringup`, and each
+//! mistake of the hardware fails exactly its own.
+
+use host_link::board_io::Interrupt;
+use pilot::doctor::{Findings, Outcome, bringup};
+use pilot::virtual_board::board_io;
+use robot_tests::test_board::{ELF_BRINGUP, Rig, elf};
+use twin::Options;
+use twin::plant::{Room, Sides};
+
+/// A hand's speed, degrees of a wheel a second.
+const HAND_DEG_S: f64 = 90.0;
+/// The whole of it, with two wheels that nobody turns.
+const LIMIT_US: u64 = 90_000_000;
+
+/// Runs the steps on a board that was spoilt before its power came; turns the wheels when asked, if there is
+/// a `hand`; exchanges frames at the end.
+fn bring_up(options: Options, hand: bool, spoil: impl FnOnce(&Rig)) -> (Findings, Rig) {
+    let rig = Rig::with_elf(&elf(ELF_BRINGUP), options);
+    spoil(&rig);
+    let asked = |log: &str, name: &str| {
+        let begin = format!("hand turn the {name} wheel");
+        log.contains(&begin) && !log.contains(&format!("turned {name}"))
+    };
+    let linked = |rig: &Rig| rig.log().contains("link frames");
+    let ended = rig.run_until(LIMIT_US, 20_000, |_| {
+        let log = rig.log();
+        let turns = |name| {
+            if hand && asked(&log, name) {
+                HAND_DEG_S
+            } else {
+                0.0
+            }
+        };
+        let hands = Sides::new(turns("left"), turns("right"));
+        rig.world(move |world| world.hand_deg_s = hands);
+        linked(&rig)
+    });
+    assert!(ended, "{}", rig.log());
+    let mut findings = Findings::default();
+    let mut io = board_io(&rig, 8_000_000, Interrupt::new());
+    bringup::exchange(&mut io, 200, &mut findings).expect("the bus works");
+    rig.run_us(1_100_000);
+    bringup::judge(&rig.log(), &mut findings);
+    assert!(rig.motors_off() && !rig.is_ready());
+    // The stack overflows on purpose into what lies below the RAM.
+    let is_overflow = |line: &String| line.starts_with("nothing at 0x1f");
+    let unmodelled = rig.unmodelled();
+    assert!(unmodelled.lines.iter().all(is_overflow), "{unmodelled}");
+    (findings, rig)
+}
+
+fn sound() -> Options {
+    Options {
+        room: Room::default()
+            .with_wall(900.0, -800.0, 900.0, 800.0)
+            .with_wall(900.0, 800.0, -900.0, 800.0)
+            .with_wall(-900.0, -800.0, 900.0, -800.0),
+        ..Options::default()
+    }
+}
+
+fn named(findings: &Findings, outcome: Outcome) -> Vec<&str> {
+    let found = findings.0.iter().filter(|one| one.outcome == outcome);
+    found.map(|finding| finding.check).collect()
+}
+
+// Requirement: WIRE-bringup-1
+#[test]
+fn bringup_sound_board_passes_every_check() {
+    let (findings, _) = bring_up(sound(), true, |_| ());
+    assert_eq!(named(&findings, Outcome::Passed).len(), 20, "{findings:#?}");
+    assert_eq!(findings.0.len(), 20);
+}
+
+// Requirement: WIRE-bringup-1
+#[test]
+fn bringup_mistake_of_the_hardware_fails_its_check() {
+    let mistake = |expected: &str, options: Options, spoil: &dyn Fn(&Rig)| {
+        let (findings, _) = bring_up(options, true, |rig| spoil(rig));
+        assert_eq!(findings.failed(), [expected], "{findings:#?}");
+    };
+    for crystal_hz in [0, 25_000_000] {
+        mistake(
+            "crystal",
+            Options {
+                crystal_hz,
+                ..sound()
+            },
+            &|_| (),
+        );
+    }
+    mistake("supply", sound(), &|rig| rig.set_supply(2_950));
+    let mut open = sound();
+    open.params.battery.dividers[1].upper_ohm = f64::INFINITY;
+    mistake("battery tap 2", open, &|_| ());
+    mistake(
+        "EEPROM",
+        Options {
+            eeprom: None,
+            ..sound()
+        },
+        &|_| (),
+    );
+    mistake("I2C lines", sound(), &|rig| {
+        rig.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
+    });
+    for (nth, check) in ["front", "right", "left"].into_iter().enumerate() {
+        let check = format!("rangefinder {check}");
+        mistake(&check, sound(), &|rig| {
+            rig.set_faults(move |faults| faults.unplugged[nth] = true);
+        });
+    }
+    mistake("encoder right", sound(), &|rig| {
+        rig.set_faults(|faults| faults.dead_encoder.right = true);
+    });
+    mistake("motor left", sound(), &|rig| {
+        rig.set_faults(|faults| faults.jammed.left = true);
+    });
+}
+
+// Requirement: WIRE-bringup-1
+#[test]
+fn bringup_wheels_not_turned_by_hand_motors_stay_off() {
+    let (findings, rig) = bring_up(sound(), false, |_| ());
+    assert!(rig.truth().path_mm < 0.001);
+    let skipped = named(&findings, Outcome::Skipped);
+    assert_eq!(skipped, ["motor left", "motor right"], "{findings:#?}");
+    assert_eq!(findings.failed(), ["encoder left", "encoder right"]);
+}
