@@ -1,11 +1,15 @@
 //! What the grid means for driving: a lattice along the walls' directions with the clearance of
 //! every node.
 
+use std::collections::VecDeque;
+
 use geometry::{Point, Pose2};
 use mapper::{Cell, Grid};
 
 /// Distance between neighbouring nodes, mm.
 pub(crate) const STEP_MM: f64 = 50.0;
+/// Longer than any way, mm.
+pub(crate) const NO_WAY_MM: f64 = 1e6;
 /// Occupied cells within this radius of the driven way are outdated or shifted: the body was
 /// there. mm.
 const DRIVEN_MM: f64 = 30.0;
@@ -134,6 +138,23 @@ impl CostMap {
     /// The neighbours in the four directions.
     pub fn neighbours(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         (0..4).filter_map(move |direction| self.neighbour(index, direction))
+    }
+
+    /// Way from a node to every node over `allowed` ones, mm, turns uncounted; [`NO_WAY_MM`] where
+    /// none leads.
+    pub fn ways_mm(&self, from: usize, allowed: impl Fn(&Node) -> bool) -> Vec<f64> {
+        let mut ways_mm = vec![NO_WAY_MM; self.nodes.len()];
+        ways_mm[from] = 0.0;
+        let mut todo = VecDeque::from([from]);
+        while let Some(index) = todo.pop_front() {
+            for next in self.neighbours(index) {
+                if ways_mm[next] >= NO_WAY_MM && allowed(&self.nodes[next]) {
+                    ways_mm[next] = ways_mm[index] + STEP_MM;
+                    todo.push_back(next);
+                }
+            }
+        }
+        ways_mm
     }
 
     /// Nodes within `radius_mm` of a point.

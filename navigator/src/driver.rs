@@ -20,8 +20,8 @@ const CHECK_S: f64 = 1.0;
 /// Delay of that look when something appears in front, s: the next echoes may refute it.
 const APPEARED_S: f64 = 0.2;
 /// Slanted walls are looked for this long before the reach of the last look ends, mm; the turn that shows
-/// them, radians, and the width of a sweep that makes the turn unnecessary, radians.
-const SLANT: (f64, f64, f64) = (130.0, 0.8, 0.6);
+/// them, radians.
+const SLANT: (f64, f64) = (130.0, 0.8);
 /// The heading counts as along the walls within this, radians.
 const ALIGNED_RAD: f64 = 0.3;
 /// Way ahead that decides the speed, mm, and the deceleration that is counted on, mm/s².
@@ -70,7 +70,7 @@ pub(crate) struct Driver {
     marks: Vec<(f64, Point)>,
     pub map: Option<CostMap>,
     checked_s: f64,
-    rested_s: f64,
+    pub rested_s: f64,
     moving_s: f64,
     interrupted: bool,
     /// Time and place of the last stop, and stops there before it.
@@ -213,7 +213,7 @@ impl Driver {
         };
         let quarters = (pose.heading_rad - map.direction_rad()) / FRAC_PI_2;
         let aligned = (quarters - quarters.round()).abs() * FRAC_PI_2 < ALIGNED_RAD;
-        if aligned && self.config.sweep_half_width_rad < SLANT.2 {
+        if aligned && !self.config.sweeps_aside() {
             let ahead = follower.ahead(self.sight.slant_reach_mm() - SLANT.0)?;
             let driven = map.at(ahead).is_some_and(|node| node.driven);
             if !driven && !self.sight.is_slant_seen(ahead) {

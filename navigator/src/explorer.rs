@@ -6,11 +6,12 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 use geometry::{Point, Pose2, wrap_angle};
 use mapper::{Cell, Grid};
 
-use crate::cost_map::{CostMap, Node};
+use crate::cost_map::{CostMap, NO_WAY_MM, Node};
 use crate::driver::{Driver, Step, distance_mm};
 use crate::frontier::{Kind, Target, frontiers, unseen_surfaces};
 use crate::manoeuvre::Kind as Motion;
-use crate::planner::Reach;
+use crate::planner::{Reach, passable};
+use crate::tour::Tour;
 use crate::{Action, Config, Outcome, Status, Velocity};
 
 /// First rest: the gyro's first bias, s.
@@ -28,8 +29,10 @@ const SAME_MM: f64 = 250.0;
 const TRIES: usize = 2;
 /// A look that leaves more than this share of the gain was fruitless.
 const FRUITLESS: f64 = 0.7;
-/// Value of a square metre of unknown floor and of a metre of unseen surface, mm of way.
-const VALUE_MM: (f64, f64) = (1500.0, 300.0);
+/// A standing robot's sensors see to this far aside with a sweep, radians.
+const FIELD_RAD: f64 = 1.75;
+/// Cost of a way with its turns per length.
+const LONGER: f64 = 1.2;
 /// Spacing of the places to return to, mm, and time between two returns, s.
 const ANCHORS: (f64, f64) = (300.0, 60.0);
 
@@ -189,7 +192,8 @@ impl Explorer {
         }
     }
 
-    /// Turns so that the three sensors see everything but the way back, and `centre`.
+    /// Turns so that the three sensors see everything but the way back, and `centre`; with a wide sweep
+    /// it stands for that, which is a rest for the gyro, too.
     fn look(&mut self, centre: Option<Point>, status: &Status) {
         let pose = status.estimate.pose;
         let net_rad = self.driver.trail.net_rad;
@@ -202,11 +206,19 @@ impl Explorer {
         let quarter = ((pose.heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2;
         let aligned_rad = walls_rad + quarter;
         let mut base_rad = net_rad + wrap_angle(aligned_rad - pose.heading_rad);
-        if let Some(centre) = centre {
-            let bearing = f64::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
-            if wrap_angle(bearing - aligned_rad).abs() > 3.0 * FRAC_PI_4 {
-                base_rad += unwind * FRAC_PI_2;
+        let bearing = |centre: Point| f64::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
+        let off_rad = centre.map_or(0.0, |centre| wrap_angle(bearing(centre) - aligned_rad));
+        if self.driver.config.sweeps_aside() {
+            if off_rad.abs() > FIELD_RAD {
+                base_rad += FRAC_PI_2.copysign(off_rad);
             }
+            self.driver.rested_s = status.time_s;
+            let rest = Motion::Rest(self.driver.config.rest_s);
+            self.driver.enqueue([Motion::Turn(base_rad), rest]);
+            return;
+        }
+        if off_rad.abs() > 3.0 * FRAC_PI_4 {
+            base_rad += unwind * FRAC_PI_2;
         }
         let turns = [base_rad + unwind * LOOK_RAD, base_rad - unwind * LOOK_RAD];
         self.driver.enqueue(turns.map(Motion::Turn));
@@ -271,36 +283,48 @@ impl Explorer {
         }
         targets.retain(|target| self.tries(target.centre) < TRIES);
         self.targets = targets.len();
-        // An uncertain robot stays near.
-        let caution = 1.0 + deviation_mm / config.lost_mm;
-        let price = |target: &Target| {
-            let value = match target.kind {
-                Kind::Frontier => VALUE_MM.0,
-                Kind::Surface => VALUE_MM.1,
-            };
-            let way_mm = reach.cost(target.view).map_or(f64::INFINITY, f64::from);
-            caution * way_mm - value * target.gain
-        };
         let late = status.time_s > config.time_limit_s;
-        let best = targets.iter().min_by(|a, b| price(a).total_cmp(&price(b)));
-        if let Some(target) = best.filter(|_| !late) {
+        let start = self.start.unwrap_or(pose).position();
+        let home = reach.nearest(start, SAME_MM);
+        let next = next_of_tour(&reach, &targets, home, config.inflation_mm);
+        if let Some(target) = next.filter(|_| !late) {
             self.driver.follow(&reach, target.view, status.time_s);
-            self.goal = Goal::Approach(*target);
+            self.goal = Goal::Approach(target);
             return;
         }
-        let start = self.start.unwrap_or(pose).position();
         let outcome = if late {
             Outcome::TimeLimit
         } else {
             Outcome::Complete
         };
-        if let Some(node) = reach.nearest(start, SAME_MM) {
+        if let Some(node) = home {
             self.driver.follow(&reach, node, status.time_s);
             self.goal = Goal::Home(outcome);
         } else {
             self.goal = Goal::Finish(Outcome::Unreachable);
         }
     }
+}
+
+/// The first target of a short tour over all of them that ends at `home`.
+fn next_of_tour(
+    reach: &Reach,
+    targets: &[Target],
+    home: Option<usize>,
+    inflation_mm: f64,
+) -> Option<Target> {
+    let ways = |from: usize| {
+        let allowed = |node: &Node| passable(node, inflation_mm);
+        let ways_mm = reach.map.ways_mm(from, allowed);
+        targets.iter().map(|to| LONGER * ways_mm[to.view]).collect()
+    };
+    let cost = |target: &Target| reach.cost(target.view).map_or(NO_WAY_MM, f64::from);
+    let tour = Tour {
+        from: targets.iter().map(cost).collect(),
+        between: targets.iter().map(|from| ways(from.view)).collect(),
+        home: home.map_or_else(|| vec![0.0; targets.len()], ways),
+    };
+    tour.order().first().map(|&nth| targets[nth])
 }
 
 /// Standard deviation of the position, mm.

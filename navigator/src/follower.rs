@@ -8,13 +8,13 @@ use crate::Velocity;
 const LOOK_AHEAD: (f64, f64, f64) = (0.8, 90.0, 200.0);
 /// A direction that differs by more than the first begins a turn on the spot, which ends below the
 /// second. Radians.
-const ON_THE_SPOT: (f64, f64) = (0.6, 0.05);
+const ON_THE_SPOT: (f64, f64) = (0.6, 0.15);
 /// The path's end is reached within this, mm.
 const ARRIVED_MM: f64 = 25.0;
 /// Speed per distance to the end, 1/s, and the slowest approach, mm/s.
 const APPROACH: (f64, f64) = (2.0, 20.0);
 /// Yaw rate per heading error, 1/s, and the slowest turn, rad/s: below it friction wins.
-const TURN: (f64, f64) = (2.5, 0.15);
+const TURN: (f64, f64) = (3.5, 0.15);
 
 /// Yaw rate that turns by `error_rad` on the spot, rad/s.
 pub(crate) fn turn_rate(error_rad: f64, fastest_rad_s: f64) -> f64 {

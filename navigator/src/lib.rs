@@ -48,6 +48,7 @@ mod goto;
 mod manoeuvre;
 mod planner;
 mod sight;
+mod tour;
 mod trail;
 mod walls;
 
@@ -123,6 +124,9 @@ pub enum Outcome {
     Unreachable,
 }
 
+/// Half the width of a sweep that makes turns to look around unnecessary, radians.
+const ASIDE_RAD: f64 = 0.6;
+
 /// The robot's size, limits and habits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
@@ -148,6 +152,13 @@ pub struct Config {
     pub lost_mm: f64,
     /// Time after which the explorer goes home, s.
     pub time_limit_s: f64,
+}
+
+impl Config {
+    /// Whether the front sensor's sweep sees aside without a turn of the robot.
+    pub(crate) fn sweeps_aside(&self) -> bool {
+        self.sweep_half_width_rad >= ASIDE_RAD
+    }
 }
 
 impl Default for Config {

@@ -92,6 +92,11 @@ impl Ekf {
         Pose2::new(self.state[0], self.state[1], self.state[2])
     }
 
+    /// One of the directions of the room's walls, rad, once a wall was seen.
+    pub fn walls_rad(&self) -> Option<f64> {
+        (self.votes > 0).then_some(self.state[WALLS])
+    }
+
     pub fn pose_covariance(&self) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(0, 0).into()
     }

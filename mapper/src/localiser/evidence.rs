@@ -5,7 +5,7 @@
 //! smooth surface that a ray meets obliquely answers nothing, so such a ray neither clears it nor
 //! goes on behind it.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use geometry::wrap_angle;
 
@@ -27,6 +27,9 @@ const SILENT_MM: f64 = 1000.0;
 const ARC_MM: f64 = 700.0;
 /// Half the arc that such an echo occupies, rad.
 const ARC_RAD: f64 = 0.12;
+/// A ray farther than this, rad, from the directions of the room's walls passes them unnoticed: it
+/// clears with this share of its weight.
+const OBLIQUE: (f64, f32) = (0.44, 0.3);
 /// Step between rays, rad.
 const RAY_RAD: f64 = 0.04;
 /// A cell with more log-odds is a wall that hides what lies behind it …
@@ -41,6 +44,8 @@ const MARGIN_MM: f64 = 40.0;
 pub(super) struct Evidence {
     pub grid: Grid,
     pub surfaces: SurfaceMap,
+    /// One of the directions of the room's walls, rad, once known.
+    pub walls_rad: Option<f64>,
 }
 
 impl Evidence {
@@ -48,6 +53,7 @@ impl Evidence {
         Self {
             grid: Grid::new(cell_mm),
             surfaces: SurfaceMap::default(),
+            walls_rad: None,
         }
     }
 
@@ -148,7 +154,13 @@ impl Evidence {
                 ..*sensor
             };
             #[allow(clippy::cast_possible_truncation)] // a weight
-            let weight = log_odds * (1.0 - 0.7 * (off / half).powi(2)) as f32;
+            let mut weight = log_odds * (1.0 - 0.7 * (off / half).powi(2)) as f32;
+            if self.walls_rad.is_some_and(|walls_rad| {
+                let quarters = (heading_rad - walls_rad) / FRAC_PI_2;
+                (quarters - quarters.round()).abs() * FRAC_PI_2 > OBLIQUE.0
+            }) {
+                weight *= OBLIQUE.1;
+            }
             off += RAY_RAD;
             let mut away = 0.0;
             while away < reach_mm {
@@ -283,6 +295,19 @@ mod tests {
         assert!(evidence.is_behind_wall(&echo(1600.0), &BEAM));
         assert!(!evidence.is_behind_wall(&echo(720.0), &BEAM));
         assert!(!evidence_of(&[]).is_behind_wall(&echo(1600.0), &BEAM));
+    }
+
+    #[test]
+    fn ray_oblique_to_walls_clears_little() {
+        for (walls_deg, free) in [(0.0f64, true), (45.0, false)] {
+            let mut evidence = evidence_of(&[]);
+            evidence.walls_rad = Some(walls_deg.to_radians());
+            for _ in 0..8 {
+                evidence.enter_echo(&echo(1000.0, Kind::Unclear, 0.2), &BEAM);
+            }
+            let cell = evidence.grid.cell_at(Point::new(600.0, 8.0));
+            assert_eq!(cell == Cell::Free, free, "{walls_deg}");
+        }
     }
 
     #[test]

@@ -95,7 +95,11 @@ impl Localiser {
     pub fn on_map(config: LocaliserConfig, grid: Grid, start: Option<PoseEstimate>) -> Self {
         let surfaces = SurfaceMap::from_grid(&grid);
         let search = start.is_none().then(|| GlobalSearch::new(&surfaces, &grid));
-        let evidence = Evidence { grid, surfaces };
+        let evidence = Evidence {
+            grid,
+            surfaces,
+            walls_rad: None,
+        };
         let mut localiser = Self::starting(config, evidence, &start.unwrap_or_default());
         localiser.search = search;
         if localiser.search.is_some() {
@@ -299,6 +303,7 @@ impl Localiser {
         let pose = self.ekf.pose();
         let frame = pose.compose(to_robot);
         let covariance = self.ekf.pose_covariance();
+        self.evidence.walls_rad = self.ekf.walls_rad();
         self.evidence.surfaces.begin(&pose, covariance);
         for element in elements.iter().map(|e| e.moved(&pose)) {
             if !self.evidence.is_behind_wall(&element, &self.beam) {
