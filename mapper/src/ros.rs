@@ -43,6 +43,9 @@ pub fn value<'y>(yaml: &'y str, key: &str) -> Result<&'y str, String> {
         .ok_or_else(|| format!("no line `{key}:`"))
 }
 
+/// The farthest origin, metres.
+const FARTHEST_M: f64 = 10_000.0;
+
 /// Log-odds of what a picture calls occupied or free.
 const KNOWN: f32 = 4.0;
 
@@ -62,6 +65,11 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     let &[x_m, y_m, 0.0] = origin.as_slice() else {
         return Err("origin: expected is [x, y, 0]".into());
     };
+    if ![x_m, y_m].iter().all(|m| m.abs() <= FARTHEST_M) {
+        return Err(format!(
+            "origin: [{x_m}, {y_m}] is not within ±{FARTHEST_M} m"
+        ));
+    }
     let cell_mm = number("resolution")? * 1000.0;
     if !(1.0..=1000.0).contains(&cell_mm) {
         return Err(format!("resolution: {cell_mm} mm is not within 1 to 1000"));
@@ -101,7 +109,8 @@ fn picture(pgm: &[u8]) -> Option<(usize, usize, &[u8])> {
         return None;
     }
     let (columns, rows) = (word()?.parse().ok()?, word()?.parse().ok()?);
-    (word()? == "255" && Some(rest.len()) == usize::checked_mul(columns, rows))
+    // Without a pixel either could be endless.
+    (word()? == "255" && !rest.is_empty() && Some(rest.len()) == usize::checked_mul(columns, rows))
         .then_some((columns, rows, rest))
 }
 
@@ -153,6 +162,13 @@ mod tests {
             (&text.replace("0.65", "x"), &file, "occupied_thresh: x"),
             (&text, &file[..file.len() - 1], "no whole binary PGM"),
             (&text, b"P2\n", "no whole binary PGM"),
+            (&text, b"P5\n0 9999999999999\n255\n", "no whole binary PGM"),
+            (
+                &text.replace("origin: [-", "origin: [-90000"),
+                &file,
+                "is not within",
+            ),
+            (&text.replace("0.8000", "inf"), &file, "origin: "),
         ] {
             let error = read(yaml, pgm).unwrap_err();
             assert!(error.contains(expected), "{error}");

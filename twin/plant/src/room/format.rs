@@ -18,12 +18,15 @@ use geometry::{Point, Segment};
 use super::Room;
 use crate::Pose2;
 
+/// The largest number, millimetres or degrees: a hundred metres, so that no grid over a room is endless.
+pub const FARTHEST: f64 = 100_000.0;
+
 /// What is wrong with a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Problem {
     /// The first word is none of the format's.
     UnknownWord(String),
-    /// A word that should be a finite number is none.
+    /// A word that should be a number within [`FARTHEST`] is none.
     NotANumber(String),
     /// The wrong number of numbers follows the first word: what is expected, how many came.
     Count(&'static str, usize),
@@ -60,7 +63,7 @@ impl fmt::Display for Problem {
             Self::NotANumber(word) => {
                 write!(
                     f,
-                    "`{word}` is not a finite number: write millimetres or degrees, like 1200 or -37.5"
+                    "`{word}` is no number from -{FARTHEST} to {FARTHEST}: write millimetres or degrees, like 1200 or -37.5"
                 )
             }
             Self::Count(expected, got) => write!(f, "{got} numbers: write `{expected}`"),
@@ -159,7 +162,7 @@ impl Room {
 
 fn number(word: &str) -> Result<f64, Problem> {
     match word.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
+        Ok(number) if number.abs() <= FARTHEST => Ok(number),
         _ => Err(Problem::NotANumber(word.to_owned())),
     }
 }
@@ -206,8 +209,12 @@ mod tests {
             ("wall 1 1 1 1", "length: make it greater"),
             ("\n\nbox 0 0 -1 2", "line 3: a box's width"),
             ("box 0 0 1 2 3 4", "6 numbers: write `box"),
-            ("circle 0 0 zero", "`zero` is not a finite number"),
-            ("circle 0 0 inf", "`inf` is not a finite number"),
+            (
+                "circle 0 0 zero",
+                "`zero` is no number from -100000 to 100000",
+            ),
+            ("circle 0 0 inf", "`inf` is no number"),
+            ("circle 0 1e300 1", "`1e300` is no number"),
             ("circle 0 0 0", "radius"),
             ("start 0 0 0\nstart 0 0 0", "line 2: a second start"),
             ("soft circle 0 0 1", "`soft circle`: write `soft wall"),
