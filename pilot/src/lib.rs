@@ -20,6 +20,9 @@ pub mod hints;
 pub mod mapping;
 pub mod mode;
 pub mod recording;
+#[cfg(any(test, feature = "ros2"))]
+pub mod ros2;
+pub mod ros_messages;
 pub mod serve;
 pub mod teleop;
 pub mod tune;

@@ -178,6 +178,11 @@ pub fn reported_pose(pose: &Pose2) -> Pose {
     Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
 }
 
+/// Where a rangefinder looks, turns counter-clockwise from straight ahead.
+pub fn bearing_turns(config: &Config, rangefinder: RangefinderId) -> f64 {
+    f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0
+}
+
 /// The mapper's settings for a configuration: its rangefinders and their bearings.
 // Requirement: WIRE-platform-5
 pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
@@ -186,8 +191,7 @@ pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
         ..mapper::Config::default()
     };
     for (mount, rangefinder) in settings.mounts.iter_mut().zip(RangefinderId::ALL) {
-        let turns = f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0;
-        let bearing_rad = turns * std::f64::consts::TAU;
+        let bearing_rad = bearing_turns(config, rangefinder) * std::f64::consts::TAU;
         *mount = Mount {
             bearing_rad,
             ..*mount

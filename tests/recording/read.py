@@ -1,6 +1,11 @@
-"""Reads a recording with two independent readers: `mcap` with its ROS 2 decoder, and `rosbags`."""
+"""Reads a recording of the virtual robot with two independent readers: `mcap` with its ROS 2 decoder, and
+`rosbags`.
+
+    read.py PROGRAM ELF FOLDER
+"""
 
 import math
+import subprocess
 import sys
 from pathlib import Path
 
@@ -41,7 +46,16 @@ def by_rosbags(path):
     return read
 
 
-path = Path(sys.argv[1])
+program, elf, folder = sys.argv[1:]
+(Path(folder) / "tour").write_text("300 0 0\n")
+for words in [
+    "eeprom init --force robot.toml",
+    "eeprom write robot.toml",
+    "map tour --out map --record drive.mcap",
+]:
+    board = ["--virtual", "--elf", elf, "--eeprom-image", "eeprom.bin"]
+    subprocess.run([program, *words.split(), *board], cwd=folder, check=True, stdout=sys.stderr)
+path = Path(folder) / "drive.mcap"
 one, other = by_mcap(path), by_rosbags(path)
 assert set(EXPECTED) <= set(one), f"missing: {set(EXPECTED) - set(one)}"
 counts = {topic: len(messages) for topic, messages in one.items()}

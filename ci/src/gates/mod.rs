@@ -40,7 +40,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 31] = [
+const GATES: [Gate; 32] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -64,7 +64,12 @@ const GATES: [Gate; 31] = [
     ("page", Change, tests::page),
     ("demo", Change, |session| tests::demo(session, "demo")),
     ("tour", Change, |session| tests::demo(session, "tour")),
-    ("recording", Change, tests::recording),
+    ("recording", Change, |session| {
+        tests::by_python(session, "recording/read.py")
+    }),
+    ("ros2", Change, |session| {
+        tests::by_python(session, "ros2/bridge.py")
+    }),
     ("figures", Change, tests::figures),
     ("kani", Change, |session| kani::prove(session, Shard::ALL)),
     ("supply", Change, source::supply),

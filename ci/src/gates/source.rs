@@ -8,8 +8,7 @@ use crate::session::Session;
 use crate::toolchain::{Provider, TARGET, apt_install};
 
 /// The packages that need the virtual board's crate, and the feature that brings it to the Pi's.
-const BOARD: &str =
-    "--package twin --package robot-tests --package pilot --features pilot/virtual,pilot/web";
+const BOARD: &str = "--package twin --package robot-tests --package pilot --features pilot/virtual,pilot/web,pilot/ros2";
 /// The manifests of the workspaces with a lock file of their own.
 pub const WORKSPACES: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "tests/bench/Cargo.toml"];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).

@@ -29,31 +29,21 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
     run(tests.env("ROBOT_ELF_OVERFLOW", failing("test-overflow")?.path))
 }
 
-/// Two independent readers read what the program records on the virtual board.
-pub fn recording(session: &Session) -> Result<String> {
-    let (sh, folder) = (&session.sh, session.target.join("recording"));
-    let reader = session.root.join("tests/recording/read.py");
-    let venv = folder.join("python");
-    let python = venv.join("bin/python");
-    let packages = ["mcap==1.6.0", "mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
-    let install = cmd!(sh, "{python} -m pip install --quiet {packages...}");
+/// Runs a script of `tests/` on the Pi's program and the ELF, by Python with what `requirements.txt` beside
+/// it names; what it prints.
+pub fn by_python(session: &Session, script: &str) -> Result<String> {
+    let (sh, folder) = (&session.sh, session.target.join(script).with_extension(""));
+    let script = Path::new("tests").join(script);
+    let (venv, python) = (folder.join("venv"), folder.join("venv/bin/python"));
+    let packages = script.with_file_name("requirements.txt");
+    let install = cmd!(sh, "{python} -m pip install --quiet -r {packages}");
     let created = python.is_file() || cmd!(sh, "python3 -m venv {venv}").run().is_ok();
     if !created || install.run().is_err() {
-        let missing = "the readers mcap and rosbags cannot be installed by python3 -m venv and pip";
-        return fail(Kind::Skipped, missing);
+        let missing = "cannot be installed by python3 -m venv and pip";
+        return fail(Kind::Skipped, format!("{} {missing}", packages.display()));
     }
     let (program, elf) = (programs::build_pilot(session)?, &session.image()?.path);
-    sh.write_file(folder.join("tour"), "300 0 0\n")?;
-    let _in_folder = sh.push_dir(&folder);
-    for words in [
-        "eeprom init --force robot.toml",
-        "eeprom write robot.toml",
-        "map tour --out map --record drive.mcap",
-    ] {
-        let robot = cmd!(sh, "{program} --virtual --elf {elf}").args(words.split(' '));
-        robot.args(["--eeprom-image", "eeprom.bin"]).run()?;
-    }
-    Ok(cmd!(sh, "{python} {reader} drive.mcap").read()?)
+    Ok(cmd!(sh, "{python} {script} {program} {elf} {folder}").read()?)
 }
 
 /// The page of `robot serve`, in a browser without a screen.

@@ -69,6 +69,9 @@ pub enum Command {
     Teleop(Teleop),
     /// Own the robot and let other commands, programs and browsers use it: many look on, one drives
     Serve(Serve),
+    /// Be a node of ROS 2: publish everything, drive by /cmd_vel and /goal_pose, stop by /estop
+    #[cfg(feature = "ros2")]
+    Ros2(Ros2),
     /// Stop the robot, whichever client drives it
     Stop,
     /// Show the STM's log, live
@@ -220,6 +223,23 @@ pub struct Serve {
     /// With --virtual: how many times faster than real time, or max
     #[arg(long, value_name = "N", default_value = "1", value_parser = parse_speed)]
     pub speed: Speed,
+    /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
+    #[arg(long)]
+    pub yes: bool,
+}
+
+#[cfg(feature = "ros2")]
+#[derive(Args)]
+pub struct Ros2 {
+    /// Namespace of node and topics, e.g. kitchen: /kitchen/odom
+    #[arg(long, value_name = "NAME", default_value = "")]
+    pub namespace: String,
+    /// Domain of DDS
+    #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_parser = value_parser!(u16).range(0..=101))]
+    pub domain: u16,
+    /// Speak DDS to programs on this computer only
+    #[arg(long)]
+    pub localhost: bool,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
     #[arg(long)]
     pub yes: bool,

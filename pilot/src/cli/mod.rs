@@ -16,6 +16,8 @@ mod monitor;
 mod output;
 mod prompt;
 mod replay;
+#[cfg(feature = "ros2")]
+mod ros2;
 #[cfg(any(test, feature = "terminal"))]
 mod screen;
 #[cfg(not(any(test, feature = "terminal")))]
@@ -137,6 +139,8 @@ fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Ex
         Command::Monitor(monitor) => monitor::run(monitor, context),
         Command::Teleop(teleop) => monitor::teleop(teleop, context),
         Command::Serve(serve) => serve::run(serve, context),
+        #[cfg(feature = "ros2")]
+        Command::Ros2(arguments) => ros2::run(arguments, context),
         Command::Stop => stop::run(context),
         Command::Log => stop::log(context),
         Command::Goto(goto) => match &goto.map {

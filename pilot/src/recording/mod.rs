@@ -1,26 +1,24 @@
 //! Recordings: MCAP files with ROS 2 messages, streamed while driving. What a killed run leaves is read up
 //! to its cut.
 
-#[allow(missing_docs, reason = "the fields are those of ROS 2's definitions")]
-mod messages;
 mod reader;
 mod records;
 
 pub use reader::{check_extent, load, parse};
 
 use crate::mapping::RangeSample;
+use crate::ros_messages::{
+    BatteryState, DiagnosticArray, Header, Imu, Message, OccupancyGrid, PoseStamped, Quaternion,
+    RANGE_FRAMES, Range, TfMessage, TransformStamped,
+};
 use byteorder::LittleEndian;
 use host_link::error::Error;
 use host_link::file::{Kind, OutputFile};
+use host_link::pose::Pose;
 use host_link::snapshot::Snapshot;
-use mapper::{Cell, Grid};
+use mapper::Grid;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
-use messages::{
-    BatteryState, DiagnosticArray, DiagnosticStatus, Header, Imu, KeyValue, MapMetaData, Message,
-    OccupancyGrid, PoseStamped, Quaternion, Range, TfMessage, Time, Transform, TransformStamped,
-    Xyz,
-};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, IntoInnerError};
@@ -32,7 +30,6 @@ const FLUSH_US: u64 = 500_000;
 const SLOW_US: u64 = 1_000_000;
 
 const RANGES: [&str; 3] = ["/range/front", "/range/right", "/range/left"];
-const RANGE_FRAMES: [&str; 3] = ["range_front", "range_right", "range_left"];
 const POSE: &str = "/pose";
 const TF: &str = "/tf";
 const IMU: &str = "/imu";
@@ -79,23 +76,13 @@ impl Recorder {
     pub fn add(&mut self, sample: &RangeSample) -> Result<(), Error> {
         let (us, pose) = (sample.time_us, sample.pose);
         for ((topic, frame), range) in RANGES.into_iter().zip(RANGE_FRAMES).zip(sample.ranges_mm) {
-            #[allow(clippy::cast_possible_truncation)] // metres
-            let range = range.map_or(f32::INFINITY, |mm| (mm / 1000.0) as f32);
-            let message = Range {
-                header: header(us, frame),
-                radiation_type: 0,
-                field_of_view: 0.26,
-                min_range: 0.02,
-                max_range: 2.5,
-                range,
-            };
-            self.write(topic, us, &message)?;
+            self.write(topic, us, &Range::of(us, frame, range))?;
         }
         if let Some(gyro) = sample.gyro_deg {
             let mut unknown = [0.0; 9];
             unknown[0] = -1.0;
             let message = Imu {
-                header: header(us, "base_link"),
+                header: Header::of(us, "base_link"),
                 orientation: Quaternion::of_degrees(gyro),
                 angular_velocity_covariance: unknown,
                 linear_acceleration_covariance: unknown,
@@ -103,35 +90,17 @@ impl Recorder {
             };
             self.write(IMU, us, &message)?;
         }
-        let (x, y) = (pose.x_mm / 1000.0, pose.y_mm / 1000.0);
-        let position = Xyz { x, y, z: 0.0 };
-        let orientation = Quaternion::of_degrees(pose.rotation_deg);
-        let transform = |parent: &str, child: &str, translation, rotation| TransformStamped {
-            header: header(us, parent),
-            child_frame_id: child.into(),
-            transform: Transform {
-                translation,
-                rotation,
-            },
-        };
-        let mut transforms = vec![transform("odom", "base_link", position, orientation)];
+        let mut transforms = vec![TransformStamped::of(us, "odom", "base_link", pose)];
         if let Some(bearing) = sample.bearing_deg {
-            let rotation = Quaternion::of_degrees(bearing);
-            transforms.push(transform(
-                "base_link",
-                RANGE_FRAMES[0],
-                Xyz::default(),
-                rotation,
-            ));
+            let looks = Pose::new(0.0, 0.0, bearing);
+            let frame = RANGE_FRAMES[0];
+            transforms.push(TransformStamped::of(us, "base_link", frame, looks));
         }
         self.write(TF, us, &TfMessage { transforms })?;
         // The reader takes a report as complete with its pose.
         let message = PoseStamped {
-            header: header(us, "odom"),
-            pose: messages::Pose {
-                position,
-                orientation,
-            },
+            header: Header::of(us, "odom"),
+            pose: pose.into(),
         };
         self.write(POSE, us, &message)?;
         if us.saturating_sub(self.flushed_us) >= FLUSH_US {
@@ -154,56 +123,8 @@ impl Recorder {
             return Ok(());
         }
         self.slow_us = Some(us);
-        #[allow(clippy::cast_possible_truncation)] // volts
-        let cells: Vec<f32> = snapshot
-            .cells_v
-            .iter()
-            .map(|v| v.map_or(f32::NAN, |v| v as f32))
-            .collect();
-        let none = f32::NAN;
-        let battery = BatteryState {
-            header: header(us, "base_link"),
-            voltage: cells.iter().sum(),
-            temperature: none,
-            current: none,
-            charge: none,
-            capacity: none,
-            design_capacity: none,
-            percentage: none,
-            // Lithium polymer.
-            power_supply_technology: 3,
-            present: true,
-            cell_voltage: cells,
-            ..BatteryState::default()
-        };
-        self.write("/battery_state", us, &battery)?;
-        let value = |key: &str, value: String| KeyValue {
-            key: key.into(),
-            value,
-        };
-        let link = &snapshot.link;
-        let faults = snapshot.faults.join(", ");
-        let status = DiagnosticStatus {
-            level: if faults.is_empty() { 0 } else { 2 },
-            name: "robot".into(),
-            message: if faults.is_empty() {
-                snapshot.state.unwrap_or("").to_string()
-            } else {
-                faults
-            },
-            hardware_id: "stm32f411".into(),
-            values: vec![
-                value("mode", snapshot.mode.to_string()),
-                value("frames", link.frames.to_string()),
-                value("rejected", link.rejected.to_string()),
-                value("worst_gap_us", link.worst_gap_us.to_string()),
-            ],
-        };
-        let message = DiagnosticArray {
-            header: header(us, ""),
-            status: vec![status],
-        };
-        self.write("/diagnostics", us, &message)
+        self.write("/battery_state", us, &BatteryState::of(us, snapshot))?;
+        self.write("/diagnostics", us, &DiagnosticArray::of(us, snapshot))
     }
 
     /// Adds the map and ends the file with its index.
@@ -211,34 +132,7 @@ impl Recorder {
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn finish(mut self, us: u64, grid: &Grid) -> Result<(), Error> {
-        let origin = grid.origin();
-        #[allow(clippy::cast_possible_truncation)] // some thousand cells of some millimetres
-        let info = MapMetaData {
-            map_load_time: time(us),
-            resolution: (grid.cell_mm() / 1000.0) as f32,
-            width: u32::try_from(grid.columns()).unwrap_or(u32::MAX),
-            height: u32::try_from(grid.rows()).unwrap_or(u32::MAX),
-            origin: messages::Pose {
-                position: Xyz {
-                    x: origin.x_mm / 1000.0,
-                    y: origin.y_mm / 1000.0,
-                    z: 0.0,
-                },
-                orientation: Quaternion::of_degrees(0.0),
-            },
-        };
-        let cells = grid
-            .cells()
-            .map(|(column, row)| match grid.cell(column, row) {
-                Cell::Occupied => 100,
-                Cell::Free => 0,
-                Cell::Unknown => -1,
-            });
-        let message = OccupancyGrid {
-            header: header(us, "odom"),
-            info,
-            data: cells.collect(),
-        };
+        let message = OccupancyGrid::of(us, "odom", grid);
         self.write("/map", us, &message)?;
         let finished = self.writer.finish();
         finished.map_err(|cause| Error::unwritable(&self.path, &cause))?;
@@ -265,6 +159,7 @@ impl Recorder {
         us: u64,
         message: &M,
     ) -> McapResult<()> {
+        const { assert!(!M::DEFINITION.is_empty()) };
         if !self.channels.contains_key(topic) {
             let schema = self
                 .writer
@@ -297,24 +192,9 @@ impl Recorder {
     }
 }
 
-fn time(us: u64) -> Time {
-    Time {
-        sec: i32::try_from(us / 1_000_000).unwrap_or(i32::MAX),
-        nanosec: u32::try_from(us % 1_000_000 * 1000).unwrap_or_default(),
-    }
-}
-
-fn header(us: u64, frame: &str) -> Header {
-    Header {
-        stamp: time(us),
-        frame_id: frame.into(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use host_link::pose::Pose;
 
     fn samples() -> Vec<RangeSample> {
         let sample = |n: u32| RangeSample {

@@ -1,8 +1,8 @@
 //! Reads recordings.
 
-use super::messages::{Imu, PoseStamped, Range, TfMessage};
-use super::{IMU, POSE, RANGE_FRAMES, RANGES, TF, records};
+use super::{IMU, POSE, RANGES, TF, records};
 use crate::mapping::RangeSample;
+use crate::ros_messages::{Imu, PoseStamped, RANGE_FRAMES, Range, TfMessage};
 use byteorder::LittleEndian;
 use host_link::error::Error;
 use host_link::file;

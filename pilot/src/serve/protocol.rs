@@ -165,7 +165,7 @@ fn lease(ms: u32) -> Result<(), String> {
     within("lease_ms", ms, range)
 }
 
-pub(super) fn within(
+pub(crate) fn within(
     field: &str,
     value: impl Into<f64>,
     accepted: RangeInclusive<f64>,
@@ -251,6 +251,8 @@ pub struct Frame {
     pub error: Option<String>,
     /// Clients, this one included.
     pub clients: usize,
+    /// Where the rangefinders look: front, right, left, degrees counter-clockwise from straight ahead.
+    pub bearings_deg: [f64; 3],
     /// `STM_READY`'s configuration: time without a frame after which the motors brake, ms.
     pub stop_deadline_ms: u16,
 }

@@ -12,7 +12,7 @@ use crate::drive::{self, ArrivalCriteria, StopOnDrop};
 use crate::exploring::{self, Plan, PlanRunner};
 use crate::hints;
 use crate::mapping::{self, RangeSample};
-use fw_core::types::Faults;
+use fw_core::types::{Faults, RangefinderId};
 use fw_core::wire::{Field, Report};
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
@@ -332,6 +332,7 @@ impl Server {
             advice: self.advice.clone(),
             error: None,
             clients: self.clients.len(),
+            bearings_deg: RangefinderId::ALL.map(|id| mapping::bearing_turns(config, id) * 360.0),
             stop_deadline_ms: config.stop_deadline().0,
         });
         self.publish(&log);

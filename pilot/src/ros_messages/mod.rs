@@ -1,4 +1,8 @@
-//! The ROS 2 messages of a recording, and their definitions as MCAP carries them (encoding `ros2msg`).
+//! The ROS 2 messages of recordings and of the node, with their definitions as MCAP carries them (encoding
+//! `ros2msg`).
+#![allow(missing_docs, reason = "the fields are those of ROS 2's definitions")]
+
+mod conversions;
 
 use serde::{Deserialize, Serialize};
 
@@ -6,9 +10,12 @@ use serde::{Deserialize, Serialize};
 pub trait Message: Serialize {
     /// `package/msg/Type`.
     const NAME: &'static str;
-    /// Its definition, followed by those of the types it contains.
-    const DEFINITION: &'static str;
+    /// Its definition, followed by those of the types it contains; empty where none is recorded.
+    const DEFINITION: &'static str = "";
 }
+
+/// Frames of the rangefinders: front, right, left.
+pub const RANGE_FRAMES: [&str; 3] = ["range_front", "range_right", "range_left"];
 
 macro_rules! definition {
     ($own:literal $(, $name:literal: $text:expr)*) => {
@@ -112,6 +119,54 @@ impl Message for PoseStamped {
         "std_msgs/Header header\ngeometry_msgs/Pose pose", "std_msgs/Header": header!(), "builtin_interfaces/Time": time!(),
         "geometry_msgs/Pose": pose!(), "geometry_msgs/Point": xyz!(), "geometry_msgs/Quaternion": quaternion!()
     );
+}
+
+/// Where the robot is, and how fast. Covariances of zeros are unknown.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Odometry {
+    pub header: Header,
+    pub child_frame_id: String,
+    pub pose: PoseWithCovariance,
+    pub twist: TwistWithCovariance,
+}
+
+impl Message for Odometry {
+    const NAME: &'static str = "nav_msgs/msg/Odometry";
+}
+
+/// A pose of [`Odometry`].
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct PoseWithCovariance {
+    pub pose: Pose,
+    pub covariance: [[f64; 6]; 6],
+}
+
+/// A velocity of [`Odometry`].
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct TwistWithCovariance {
+    pub twist: Twist,
+    pub covariance: [[f64; 6]; 6],
+}
+
+/// Velocity, m/s, and angular velocity, rad/s.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Twist {
+    pub linear: Xyz,
+    pub angular: Xyz,
+}
+
+impl Message for Twist {
+    const NAME: &'static str = "geometry_msgs/msg/Twist";
+}
+
+/// Whether something is so.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Bool {
+    pub data: bool,
+}
+
+impl Message for Bool {
+    const NAME: &'static str = "std_msgs/msg/Bool";
 }
 
 #[allow(clippy::struct_field_names, reason = "the names of ROS 2")]

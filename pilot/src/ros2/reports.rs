@@ -1,0 +1,92 @@
+//! What a frame of the server says, as messages.
+
+use crate::mapping::{mapper_pose, reported_pose};
+use crate::ros_messages::{
+    DiagnosticArray, Header, Odometry, RANGE_FRAMES, TfMessage, TransformStamped, Twist,
+};
+use crate::serve::protocol::Frame;
+use host_link::pose::Pose;
+use mapper::{Mount, Pose2};
+
+/// Longest time between two poses that is a velocity, microseconds.
+const MAX_STEP_US: u64 = 1_000_000;
+
+/// The pose since the STM's reset, and the velocity since the pose before, on the board's clock.
+pub fn odometry(us: u64, (now_us, pose): (u64, Pose), last: Option<(u64, Pose)>) -> Odometry {
+    let mut message = Odometry {
+        header: Header::of(us, "odom"),
+        child_frame_id: "base_link".into(),
+        ..Odometry::default()
+    };
+    message.pose.pose = pose.into();
+    if let Some((last_us, last)) = last.filter(|&(at, _)| at + MAX_STEP_US > now_us && at < now_us)
+    {
+        #[allow(clippy::cast_precision_loss)] // up to a second
+        let seconds = (now_us - last_us) as f64 / 1e6;
+        let (here, there) = (mapper_pose(pose), mapper_pose(last));
+        let step = here.relative_to(&there);
+        let Twist { linear, angular } = &mut message.twist.twist;
+        linear.x = step.x_mm / 1000.0 / seconds;
+        angular.z = there.turn_to_rad(&here) / seconds;
+    }
+    message
+}
+
+/// `map` → `odom` where the server localises, `odom` → `base_link`, and where the rangefinders look.
+pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
+    let mut transforms = Vec::new();
+    if let Some(pose) = frame.robot.pose {
+        let transform = TransformStamped::of(us, "odom", "base_link", pose);
+        if let Some(estimate) = frame.estimate {
+            let start = Pose2::default().relative_to(&mapper_pose(pose));
+            let odom = mapper_pose(estimate.pose).compose(&start);
+            let odom = TransformStamped::of(us, "map", "odom", reported_pose(&odom));
+            transforms.push(odom);
+        }
+        transforms.push(transform);
+    }
+    let swept = [frame.robot.bearing_deg, None, None];
+    let bearings = frame.bearings_deg.iter().zip(swept);
+    let bearings = bearings.map(|(&fixed, swept)| swept.unwrap_or(fixed));
+    for ((child, mount), bearing) in RANGE_FRAMES.iter().zip(Mount::first_board()).zip(bearings) {
+        let pose = Pose::new(mount.ahead_mm, mount.left_mm, bearing);
+        transforms.push(TransformStamped::of(us, "base_link", child, pose));
+    }
+    TfMessage { transforms }
+}
+
+/// Faults and link; a robot that cannot be reached is an error, advice a warning.
+pub fn diagnostics(us: u64, frame: &Frame) -> DiagnosticArray {
+    let mut message = DiagnosticArray::of(us, &frame.robot);
+    for status in &mut message.status {
+        if let Some(error) = &frame.error {
+            (status.level, status.message) = (2, error.clone());
+        } else if status.level == 0 && !frame.advice.is_empty() {
+            (status.level, status.message) = (1, frame.advice.join("; "));
+        }
+    }
+    message
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Requirement: SERVE-ros2-1
+    #[test]
+    fn velocity_is_that_between_two_poses() {
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-3;
+        let (last, now) = (Pose::new(100.0, 200.0, 359.0), Pose::new(100.0, 200.0, 1.0));
+        let turned = odometry(7, (1_100_000, now), Some((1_000_000, last)));
+        assert!(close(turned.twist.twist.angular.z, 20_f64.to_radians()));
+        let (last, now) = (Pose::new(100.0, 200.0, 90.0), Pose::new(100.0, 195.0, 90.0));
+        let backwards = odometry(7, (1_025_000, now), Some((1_000_000, last)));
+        assert!(close(backwards.twist.twist.linear.x, -0.2));
+        assert!(close(backwards.pose.pose.position.y, 0.195));
+        // The same report again, and a board whose clock began anew.
+        for last_us in [1_025_000, 9_000_000, 1] {
+            let still = odometry(7, (1_025_000, now), Some((last_us, last)));
+            assert!(still.twist.twist.linear.x.abs() < 1e-9, "{last_us}");
+        }
+    }
+}
