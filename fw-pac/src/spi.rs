@@ -21,6 +21,7 @@ use fw_core::types::Micros;
 use fw_core::wire::MAX_FRAME;
 use fw_core::wire::handover::{
     ClaimedFrame, DmaBuffers, GAP_US, Handover, RX_BUFFERS, Reply, SAME_PREFIX, TX_BUFFERS,
+    begin_alike,
 };
 use stm32f4::stm32f411::{RCC, SPI1};
 
@@ -140,8 +141,8 @@ impl FreshReply<'_> {
             let fresh = TX.get(self.0.reply.buffer);
             let armed = TX.get(state.handover.dma_buffers().transmit);
             // SAFETY: `fresh` is free and `armed` only read by the DMA; neither is written.
-            let begin_alike = unsafe { (&*fresh)[..SAME_PREFIX] == (&*armed)[..SAME_PREFIX] };
-            let Some(armed) = state.handover.refresh(self.0.reply, begin_alike) else {
+            let alike = unsafe { begin_alike(*fresh.cast(), *armed.cast()) };
+            let Some(armed) = state.handover.refresh(self.0.reply, alike) else {
                 return;
             };
             #[allow(clippy::cast_ptr_alignment, reason = "`Buffers` is aligned to words")]

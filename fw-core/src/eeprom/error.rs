@@ -1,8 +1,8 @@
 //! A rejected configuration: page, address, field, value, and what is accepted.
 
 use super::KEY;
-use super::field::{Accepted, Field};
-use super::fields::LAYOUT_VERSION;
+use super::field::{Accepted, Field, Unit};
+use super::fields::{LAYOUT_VERSION, name};
 use crate::binary64::{Binary64, Binary64Error};
 use crate::log::Line;
 use crate::wire::Mode;
@@ -12,10 +12,10 @@ use crate::wire::Mode;
 pub struct ConfigError {
     /// Where its first byte is stored; the upper byte is the page.
     pub address: u16,
-    /// Its name.
-    pub field: &'static str,
-    /// The unit of its value; empty where it has none.
-    pub unit: &'static str,
+    /// See [`Self::field`].
+    pub(super) name: u8,
+    /// The unit of its value.
+    pub unit: Unit,
     /// What it holds.
     pub value: FieldValue,
     /// What is accepted.
@@ -130,11 +130,16 @@ impl ConfigError {
     pub(super) const fn new(field: &Field, raw: u64, expected: Expected) -> Self {
         Self {
             address: field.address,
-            field: field.name,
-            unit: field.unit.symbol(),
+            name: field.index,
+            unit: field.unit,
             value: field.value(raw),
             expected,
         }
+    }
+
+    /// The field's name.
+    pub fn field(&self) -> &'static str {
+        name(self.name)
     }
 
     /// The page, 0x00 ..= 0x03.
@@ -150,11 +155,11 @@ impl ConfigError {
             .text(" address 0x")
             .hex((self.address & 0xFF).into(), 2)
             .text(": ")
-            .text(self.field)
+            .text(self.field())
             .text(" is ");
         self.value.log(line);
-        if !self.unit.is_empty() {
-            line.text(" ").text(self.unit);
+        if self.unit != Unit::None {
+            line.text(" ").text(self.unit.symbol());
         }
         line.text(", accepted: ");
         self.expected.log(line);

@@ -1,6 +1,7 @@
 //! One field of the register map: where it is stored, its unit and what it may hold.
 
 use super::error::FieldValue;
+use super::fields::name;
 use crate::binary64::Binary64;
 use crate::wire::Mode;
 use fixed::types::I32F32;
@@ -173,8 +174,6 @@ impl Accepted {
 pub struct Field {
     /// Where its first byte is stored; the upper byte is the page.
     pub address: u16,
-    /// Its name, unique.
-    pub name: &'static str,
     /// The unit of its raw value.
     pub unit: Unit,
     /// How it is stored.
@@ -188,6 +187,11 @@ pub struct Field {
 }
 
 impl Field {
+    /// Its name, unique.
+    pub fn name(&self) -> &'static str {
+        name(self.index)
+    }
+
     /// A raw value with its type, as an error shows it.
     #[must_use]
     #[allow(

@@ -81,13 +81,15 @@ macro_rules! fields {
 
         pub(super) const TABLE: [Field; COUNT] = [$(Field {
             address: $address,
-            name: $name,
             unit: Unit::$unit,
             kind: $kind,
             accepted: &$accepted,
             tap: 0 $(+ $tap)?,
             index: Index::$constant as u8,
         }),*];
+
+        /// The fields' names in the order of [`FIELDS`], then those of the EEPROM key and of the checksum.
+        const NAMES: &str = concat!($($name, "\n",)* "EEPROM key\ncrc\n");
 
         /// The first board's raw values, in the order of [`FIELDS`].
         // Requirement: DOC-2.2-2, DOC-2.3-5
@@ -96,6 +98,26 @@ macro_rules! fields {
         /// One line on each field, in the order of [`FIELDS`]. Not linked into a firmware.
         pub const HELP: [&str; COUNT] = [$($help),*];
     };
+}
+
+/// Position of the EEPROM key's name, see [`name`].
+#[allow(clippy::cast_possible_truncation, reason = "an index has 8 bits")]
+pub(super) const KEY_NAME: u8 = COUNT as u8;
+/// Position of the checksum's name.
+pub(super) const CRC_NAME: u8 = KEY_NAME + 1;
+
+/// The name at a position of [`NAMES`]. One text for all: a reference in each field would cost flash.
+pub(super) fn name(position: u8) -> &'static str {
+    let (mut begin, mut left) = (0, position);
+    for (at, byte) in NAMES.bytes().enumerate() {
+        if byte == b'\n' {
+            if left == 0 {
+                return NAMES.get(begin..at).unwrap_or_default();
+            }
+            (begin, left) = (at.wrapping_add(1), left.wrapping_sub(1));
+        }
+    }
+    ""
 }
 
 /// Every field, by address; the EEPROM key at 0x0000 and the checksum at 0x034E are none.

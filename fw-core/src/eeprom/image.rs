@@ -2,8 +2,8 @@
 
 use super::crc32::Crc32;
 use super::error::{ConfigError, Expected, FieldValue};
-use super::field::{Field, byte};
-use super::fields::{COUNT, FIRST_BOARD, LAYOUT_LENGTH, LAYOUT_VERSION, TABLE};
+use super::field::{Field, Unit, byte};
+use super::fields::{COUNT, CRC_NAME, FIRST_BOARD, KEY_NAME, LAYOUT_LENGTH, LAYOUT_VERSION, TABLE};
 
 /// Bytes of the image: addresses 0x0000 to 0x03FF.
 pub const IMAGE_LEN: usize = 0x400;
@@ -264,8 +264,8 @@ impl Image {
         {
             return Err(ConfigError {
                 address: 0,
-                field: "EEPROM key",
-                unit: "",
+                name: KEY_NAME,
+                unit: Unit::None,
                 value: FieldValue::Key(key),
                 expected: Expected::Key,
             });
@@ -283,8 +283,8 @@ impl Image {
         if found != computed {
             return Err(ConfigError {
                 address: CRC_ADDRESS,
-                field: "crc",
-                unit: "",
+                name: CRC_NAME,
+                unit: Unit::None,
                 value: FieldValue::Checksum(found),
                 expected: Expected::Checksum(computed),
             });

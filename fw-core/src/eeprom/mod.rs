@@ -15,7 +15,7 @@
 //! image.set(fields::TRACK, 0);
 //! image.seal();
 //! let error = Config::decode(&image).expect_err("0 mm are not");
-//! assert_eq!((error.address, error.field), (0x030C, "track"));
+//! assert_eq!((error.address, error.field()), (0x030C, "track"));
 //! ```
 
 mod config;

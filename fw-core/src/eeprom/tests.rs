@@ -177,7 +177,7 @@ fn spans_are_the_defined_bytes() {
 fn fields_are_sorted_unique_and_described() {
     assert!(FIELDS.is_sorted_by_key(|field| (field.address, field.kind.mask().trailing_zeros())));
     for (index, field) in FIELDS.iter().enumerate() {
-        let same = FIELDS.iter().filter(|other| other.name == field.name);
+        let same = FIELDS.iter().filter(|other| other.name() == field.name());
         assert_eq!(same.count(), 1);
         assert!(!HELP[index].is_empty() && usize::from(field.index) == index);
     }
@@ -191,7 +191,7 @@ fn fields_are_sorted_unique_and_described() {
 #[test]
 fn eeprom_key_any_wrong_byte_rejected() {
     let error = rejection(&Image::BLANK);
-    assert_eq!((error.address, error.field), (0x0000, "EEPROM key"));
+    assert_eq!((error.address, error.field()), (0x0000, "EEPROM key"));
     assert_eq!(error.value, FieldValue::Key([0xFF; 10]));
     assert_eq!(
         error.to_string(),
@@ -201,7 +201,7 @@ fn eeprom_key_any_wrong_byte_rejected() {
     for at in 0..KEY.len() {
         let mut image = original_by_hand();
         image.0[at] ^= 0x10;
-        assert_eq!(rejection(&image).field, "EEPROM key");
+        assert_eq!(rejection(&image).field(), "EEPROM key");
     }
 }
 
@@ -225,7 +225,7 @@ layout_version 1 03 address 0x00: layout_version is 1, accepted: 2; run `robot e
         let [name, raw, text] = case.splitn(3, ' ').collect::<Vec<_>>()[..] else {
             panic!("{case}");
         };
-        let field = FIELDS.iter().find(|field| field.name == name).unwrap();
+        let field = FIELDS.iter().find(|field| field.name() == name).unwrap();
         let raw = u64::from_str_radix(raw, 16).unwrap();
         let error = rejection(&image_with(&[(field, raw)]));
         assert_eq!(error.to_string(), String::from("EEPROM page 0x") + text);
@@ -246,7 +246,7 @@ fn eight_cells() -> Image {
     let battery = [(BATTERY_WARN, 5000), (BATTERY_CUTOFF, 0)];
     let mut image = image_with(&[&fitted[..], &free, &battery].concat());
     for field in FIELDS.iter().filter(|field| field.tap != 0) {
-        let is_upper = field.name.ends_with("upper");
+        let is_upper = field.name().ends_with("upper");
         image.set(field, if is_upper { 1000 } else { 500_000 });
     }
     image.seal();
@@ -288,7 +288,7 @@ fn field_ends_accepted_and_beyond_rejected() {
         let (inside, outside) = ends(field);
         for raw in inside {
             let image = eight_cells().with(field, raw);
-            assert_eq!(image.get(field), raw, "{}", field.name);
+            assert_eq!(image.get(field), raw, "{}", field.name());
             // Constraints have a test of their own.
             if let Err(error) = Config::decode(&image) {
                 assert!(matches!(error.expected, Expected::Constraint(_)), "{error}");
@@ -296,7 +296,10 @@ fn field_ends_accepted_and_beyond_rejected() {
         }
         for raw in outside {
             let error = rejection(&eight_cells().with(field, raw));
-            assert_eq!((error.address, error.field), (field.address, field.name));
+            assert_eq!(
+                (error.address, error.field()),
+                (field.address, field.name())
+            );
             assert_eq!(error.value, field.value(raw));
             assert_eq!(error.expected, Expected::Range(*field.accepted));
             assert_eq!(error.page(), (field.address / 256) as u8);
@@ -326,7 +329,7 @@ fn constraints_between_fields_are_checked() {
     for (changes, expected) in cases {
         let change = |image: Image, &(field, raw): &(&Field, u64)| image.with(field, raw);
         let image = changes.iter().fold(eight_cells(), change);
-        let rejected = Config::decode(&image).err().map(|error| error.field);
+        let rejected = Config::decode(&image).err().map(|error| error.field());
         assert_eq!(rejected.unwrap_or_default(), expected, "{changes:?}");
     }
 }
@@ -334,17 +337,21 @@ fn constraints_between_fields_are_checked() {
 // Requirement: WIRE-eeprom-4
 #[test]
 fn dividers_of_unused_taps_hold_anything() {
-    let uppers = FIELDS.iter().filter(|field| field.name.contains(".upper"));
-    let lowers = FIELDS.iter().filter(|field| field.name.contains(".lower"));
+    let uppers = FIELDS
+        .iter()
+        .filter(|field| field.name().contains(".upper"));
+    let lowers = FIELDS
+        .iter()
+        .filter(|field| field.name().contains(".lower"));
     for (upper, lower) in uppers.zip(lowers) {
         for cells in 1..=8 {
             for ohms in [[9900, 100], [9901, 100], [u64::from(u32::MAX); 2], [0, 0]] {
                 let image = eight_cells().with(MODE, 0).with(CELLS, cells);
                 let image = image.with(upper, ohms[0]).with(lower, ohms[1]);
                 let accepted = ohms[0] == 9900 || cells < u64::from(upper.tap);
-                let rejected = Config::decode(&image).err().map(|error| error.field);
+                let rejected = Config::decode(&image).err().map(|error| error.field());
                 let named = if ohms == [0, 0] { lower } else { upper };
-                assert_eq!(rejected, (!accepted).then_some(named.name));
+                assert_eq!(rejected, (!accepted).then_some(named.name()));
             }
         }
     }
@@ -367,7 +374,7 @@ fn other_layout_named_before_checksum() {
     for (field, raw) in [(version, 1), (version, 3), (length, 0x38)] {
         let mut image = Image::FIRST_BOARD;
         image.set(field, raw);
-        assert_eq!(rejection(&image).field, field.name);
+        assert_eq!(rejection(&image).field(), field.name());
     }
 }
 

@@ -4,7 +4,7 @@
 //! everything else also counts towards the detection of a restarted sender.
 
 use super::crc::crc16;
-use super::handover::SAME_PREFIX;
+use super::handover::{SAME_PREFIX, begin_alike};
 use super::sequence::ResyncDetector;
 use super::strategy::Context;
 use super::{
@@ -254,7 +254,10 @@ impl StmLink {
     // Requirement: WIRE-spi-6
     #[inline]
     pub fn keep_begin(&self, begin: [u8; SAME_PREFIX], reply: &mut [u8; MAX_FRAME], len: usize) {
-        if self.endpoint.mode.has(Field::Status) && !reply.starts_with(&begin) {
+        let alike = reply
+            .first_chunk()
+            .is_some_and(|own| begin_alike(*own, begin));
+        if self.endpoint.mode.has(Field::Status) && !alike {
             let whole = reply.get_mut(..len).unwrap_or_default();
             if let Some((data, crc)) = whole.split_last_chunk_mut() {
                 if let Some(first) = data.first_chunk_mut() {

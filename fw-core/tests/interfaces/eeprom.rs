@@ -82,7 +82,7 @@ fn fields_are_those_of_the_tables() {
     assert_eq!(rows.len(), FIELDS.len());
     for ((address, name, row), field) in rows.into_iter().zip(&FIELDS) {
         assert_eq!(address, u64::from(field.address), "{row:?}");
-        assert_eq!(name, field.name);
+        assert_eq!(name, field.name());
         assert_eq!(row.get("type"), kind(field.kind), "{row:?}");
         assert_eq!(ascii(row.get("unit")), field.unit.symbol(), "{row:?}");
         assert_eq!(row.get("accepted"), accepted(field), "{row:?}");
@@ -115,7 +115,7 @@ fn constraints_are_those_of_the_table() {
     });
     let constraints = CONSTRAINTS.iter().map(|constraint| {
         let name = match constraint.field.tap {
-            0 => constraint.field.name,
+            0 => constraint.field.name(),
             _ => "upper resistor of a tap in use",
         };
         (constraint.field.address.into(), name, constraint.expected)

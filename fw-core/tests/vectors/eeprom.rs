@@ -36,10 +36,15 @@ fn accepted_image_decodes_to_these_raw_values() {
         assert_eq!(image.is_original(), original);
         for field in &FIELDS {
             if !original || field.address < PLATFORM {
-                assert_eq!(image.get(field), raw(field.name), "{name}: {}", field.name);
+                assert_eq!(
+                    image.get(field),
+                    raw(field.name()),
+                    "{name}: {}",
+                    field.name()
+                );
             }
         }
-        let listed = Config::from_fields(|field| raw(field.name));
+        let listed = Config::from_fields(|field| raw(field.name()));
         assert_eq!(Config::decode(&image), listed, "{name}");
         assert!(listed.is_ok());
     }
@@ -52,7 +57,7 @@ fn raw_values_encode_to_these_bytes() {
         let expected = image(vector);
         let mut fields = Image::BLANK;
         for field in &FIELDS {
-            fields.set(field, raw(&vector["fields"][field.name]));
+            fields.set(field, raw(&vector["fields"][field.name()]));
         }
         if vector["original"] == true {
             fields.make_original();
@@ -79,7 +84,7 @@ fn rejected_image_names_address_field_and_value() {
         let error = Config::decode(&image(vector)).expect_err(name);
         let address = u64::from(error.address);
         assert_eq!(address, number(text(vector, "address")), "{name}: {error}");
-        assert_eq!(error.field, text(vector, "field"), "{name}: {error}");
+        assert_eq!(error.field(), text(vector, "field"), "{name}: {error}");
         let value = &vector["value"];
         let expected = match error.value {
             FieldValue::Key(key) => hex(value.as_str().expect("a key")) == key,
@@ -101,6 +106,6 @@ fn every_rejectable_field_has_a_rejected_vector() {
     assert!(rejected("EEPROM key") && rejected("crc"));
     for field in &FIELDS {
         let any = field.contains(0, 8) && field.contains(field.kind.max(), 8);
-        assert!(any || rejected(field.name), "{}", field.name);
+        assert!(any || rejected(field.name()), "{}", field.name());
     }
 }

@@ -32,7 +32,7 @@ pub(super) fn key(field: &Field) -> String {
         Unit::TurnsPerSecond => "_deg_s",
         Unit::TurnsPerSecondSquared => "_deg_s2",
     };
-    format!("{section}.{}{unit}", field.name)
+    format!("{section}.{}{unit}", field.name())
 }
 
 /// Whether the file may leave it out: then the first board's value applies.

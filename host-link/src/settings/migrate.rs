@@ -52,7 +52,7 @@ mod tests {
         for field in FIELDS.iter().filter(|field| field.constant().is_none()) {
             let kept = field.address < 0x0334;
             let before = if kept { &old } else { &Image::FIRST_BOARD };
-            assert_eq!(settings.get(field), before.get(field), "{}", field.name);
+            assert_eq!(settings.get(field), before.get(field), "{}", field.name());
         }
         assert_eq!(settings.image().get(LAYOUT_VERSION), 2);
         assert_eq!(settings.image().0[0x0280], 0x55);

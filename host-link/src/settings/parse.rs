@@ -73,7 +73,7 @@ fn rejected(
     line: impl Fn(&str) -> Option<usize>,
 ) -> Error {
     let locate = |error: &ConfigError| {
-        let field = FIELDS.iter().find(|field| field.name == error.field);
+        let field = FIELDS.iter().find(|field| field.name() == error.field());
         let mut location = format!("in {}", path.display());
         if let Some(key) = field.map(format::key) {
             if let Some(line) = line(&key) {

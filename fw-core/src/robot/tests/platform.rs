@@ -44,10 +44,10 @@ fn platform_fields_are_all_tested() {
     // From 0x0334 on: the obstacle stop's and the velocity's, which have tests of their own.
     let on_page = |field: &&Field| (0x0300..0x0334).contains(&field.address);
     for field in FIELDS.iter().filter(on_page) {
-        let changed = std::format!("({}, ", field.name.to_uppercase());
+        let changed = std::format!("({}, ", field.name().to_uppercase());
         let here = include_str!("platform.rs").contains(&changed);
         let excepted = elsewhere.iter().any(|other| other.index == field.index);
-        assert!(here != excepted, "{}", field.name);
+        assert!(here != excepted, "{}", field.name());
     }
 }
 
