@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | −2, −1 | NMI, HardFault, and any unexpected interrupt | [`crate::safe_state`], for good |
 //! | 0 | TIM5, EXTI0, EXTI9_5, EXTI15_10 | latch the tick, time the echoes |
+//! | 0 | `SysTick` | [`crate::safe_state`]: no tick for 30 ms |
 //! | 1 | EXTI4 | end of a frame: swaps the SPI's buffers |
 //! | 2 | PendSV, DMA2_STREAM7, I2C1_EV, I2C1_ER, DMA1_STREAM0 | the robot: frames, echoes, ticks, log, gyroscope |
 //! | thread | `main` | feeds the watchdog, sleeps |
@@ -11,7 +12,7 @@
 use crate::app::APP;
 use crate::gyro::Gyro;
 use crate::priority::{Capture, FrameEnd, RobotLevel};
-use crate::{exti, rangefinders, spi, tick, time};
+use crate::{exti, rangefinders, spi, tick, time, watchdog};
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, Peripherals, SCB};
 use cortex_m_rt::exception;
@@ -94,9 +95,11 @@ pub fn enable(_: RobotLevel) {
     unsafe {
         core.SCB
             .set_priority(SystemHandler::PendSV, RobotLevel::NVIC);
+        core.SCB.set_priority(SystemHandler::SysTick, Capture::NVIC);
     }
     enable_all(&mut core.NVIC);
     tick::start();
+    watchdog::await_ticks(&mut core.SYST);
     // SAFETY: what every handler uses is in place.
     unsafe { cortex_m::interrupt::enable() };
 }

@@ -1,4 +1,4 @@
-//! The safe state: the end of a panic, a fault, a failed crystal and any unexpected interrupt.
+//! The safe state: the end of a panic, a fault, a failed crystal, a missing tick and any unexpected interrupt.
 //!
 //! In this order: interrupts off, motors and servo off by plain GPIO (whatever the timers do), READY low,
 //! the LEDs' fault pattern, one line on the UART, then a wait for the watchdog, which resets the part
@@ -46,6 +46,12 @@ unsafe fn NonMaskableInt() -> ! {
     RCC::registers().cir().modify(|_, w| w.cssc().set_bit());
     uart::slow_down();
     halt(b"\nE: crystal failed, motors off\n")
+}
+
+// Requirement: WIRE-safe-1
+#[exception]
+fn SysTick() -> ! {
+    halt(b"\nE: no tick, motors off\n")
 }
 
 #[exception]

@@ -74,10 +74,13 @@ fn stack_overflow_faults_and_stops_motors() {
 
 // Requirement: WIRE-fault-11, WIRE-safe-1, WIRE-safe-2
 #[test]
-fn missing_tick_triggers_watchdog() {
+fn missing_tick_stops_motors_and_restarts() {
     let rig = driving();
     let stopped = rig.now_us();
     rig.stop_ticks();
+    assert!(rig.run_until(31_000, 100, |_| rig.motors_off()));
+    rig.run_us(10_000);
+    rig.assert_logged("no tick, motors off");
     let restarted = |board: &Board| !board.resets().is_empty();
     assert!(rig.run_until(400_000, 1_000, restarted));
     // 68 to 188 ms over the tolerance of its oscillator.

@@ -41,8 +41,8 @@ struct Arguments {
 
 /// The first board's stop deadline, a tick, and the millisecond between two looks, microseconds.
 const STOP_US: u64 = 250_000 + 10_000 + 1_000;
-/// What the watchdog adds where no tick looks at the deadline.
-const WATCHDOG_US: u64 = 190_000;
+/// What `SysTick` adds where no tick looks at the deadline.
+const NO_TICK_US: u64 = 30_000;
 /// A motor may go on after a report of a stop until the next look.
 const REPORTED_US: u64 = 2_000;
 /// Two frames at 40 Hz, milliseconds.
@@ -274,7 +274,7 @@ impl Trial {
         self.run_ms(500);
         self.wheel_fault = kinds.iter().any(|kind| matches!(kind.2, Sign::Driven(_)));
         let ticking = !kinds.iter().any(|kind| kind.0 == "no ticks");
-        self.stop_us += u64::from(!ticking) * WATCHDOG_US;
+        self.stop_us += u64::from(!ticking) * NO_TICK_US;
         let mut begin = || u32::try_from(self.random.below(BEGIN_MS)).unwrap_or(0);
         let mut begins: Vec<_> = kinds.iter().map(|kind| (begin(), kind.1)).collect();
         begins.sort_by_key(|(at, _)| *at);
