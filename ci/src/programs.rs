@@ -86,16 +86,35 @@ fn bench_on_core(session: &Session, program: &str) -> Result<PathBuf> {
     Ok(target.join(TARGET).join("release").join(program))
 }
 
+/// What a program of `tests/bench` prints on the host.
+fn bench_on_host(session: &Session, program: &str) -> Result<String> {
+    let (sh, target) = (&session.sh, session.target.join("bench"));
+    let build = "build --locked --release --manifest-path tests/bench/Cargo.toml --bin";
+    let build = session.cargo(build).args([program, "--target-dir"]);
+    build.arg(&target).run()?;
+    let program = target.join("release").join(program);
+    Ok(cmd!(sh, "{program}").read()?)
+}
+
 /// Compares the odometry with others (`tests/bench`): builds what is compared for the core and for the
 /// host, runs both and prints the table.
 pub fn bench(session: &Session) -> Result<()> {
-    let (sh, elf) = (&session.sh, bench_on_core(session, "on-core")?);
-    let target = session.target.join("bench");
-    let build = "build --locked --release --manifest-path tests/bench/Cargo.toml --bin on-host";
-    let build = session.cargo(build).arg("--target-dir");
-    build.arg(&target).run()?;
-    let (program, lines) = (target.join("release/on-host"), target.join("on-host.txt"));
-    sh.write_file(&lines, cmd!(sh, "{program}").read()?)?;
+    let elf = bench_on_core(session, "on-core")?;
+    let lines = session.target.join("bench/on-host.txt");
+    let sh = &session.sh;
+    sh.write_file(&lines, bench_on_host(session, "on-host")?)?;
     let bench = robot_tests(session, "bench")?.arg(elf);
     Ok(bench.arg("--host").arg(lines).run()?)
+}
+
+/// What the core's arithmetic comes to on the host and on QEMU's Cortex-M4. Its STM32F405 has the firmware's
+/// memory map.
+pub fn second_opinion(session: &Session) -> Result<[String; 2]> {
+    let (sh, program) = (&session.sh, "second-opinion");
+    let elf = bench_on_core(session, program)?;
+    let qemu =
+        "timeout 60 qemu-system-arm -M netduinoplus2 -display none -monitor none -serial none";
+    let qemu = cmd!(sh, "env").args(qemu.split(' '));
+    let qemu = qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel"]);
+    Ok([bench_on_host(session, program)?, qemu.arg(elf).read()?])
 }

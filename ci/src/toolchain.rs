@@ -190,7 +190,8 @@ pub fn apt_install(workspace: &Workspace, packages: &str, seconds: u32) -> Resul
         let command = cmd!(sh, "env").args(words.split_whitespace());
         command.ignore_stdout().run()
     };
-    let install = format!("install --no-install-recommends {packages}");
+    // What is installed stays.
+    let install = format!("install --no-install-recommends --no-remove {packages}");
     let fetch = || apt(seconds, &format!("{install} --download-only"));
     // The package list may be old: it is renewed only where the download fails.
     fetch().or_else(|_| apt(seconds, "update").and_then(|()| fetch()))?;

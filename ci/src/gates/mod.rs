@@ -62,6 +62,7 @@ const GATES: [Gate; 32] = [
     ("mutants", Change, proofs::mutants_of_the_change),
     ("loop", Change, tests::in_the_loop),
     ("page", Change, tests::page),
+    ("qemu", Change, tests::qemu),
     ("demo", Change, |session| tests::demo(session, "demo")),
     ("tour", Change, |session| tests::demo(session, "tour")),
     ("recording", Change, |session| {

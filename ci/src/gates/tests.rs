@@ -46,17 +46,32 @@ pub fn by_python(session: &Session, script: &str) -> Result<String> {
     Ok(cmd!(sh, "{python} {script} {program} {elf} {folder}").read()?)
 }
 
+/// Installs a package where its programs are not found; skipped without.
+fn install(session: &Session, package: &str, found: impl Fn() -> bool) -> Result<()> {
+    if found() || apt_install(session, package, 20).is_ok() && found() {
+        return Ok(());
+    }
+    let why = format!("no {package}, and `apt-get install {package}` failed");
+    fail(Kind::Skipped, why)
+}
+
 /// The page of `robot serve`, in a browser without a screen.
 pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let found = || installed("chromedriver") && browsers.into_iter().any(installed);
-    if !found() && (apt_install(session, "chromium-driver", 20).is_err() || !found()) {
-        let why = "no chromedriver with its browser, and `apt-get install chromium-driver` failed";
-        return fail(Kind::Skipped, why);
-    }
+    install(session, "chromium-driver", found)?;
     let words = "test --release --package twin --package robot-tests --test page";
     let test = session.cargo_with_board(words)?.args(["--", "--ignored"]);
     run(test.env("ROBOT_ELF", &session.image()?.path))
+}
+
+/// The core's arithmetic on another emulator of its processor, to the bit as on the host.
+pub fn qemu(session: &Session) -> Result<String> {
+    const QEMU: &str = "qemu-system-arm";
+    install(session, QEMU, || installed(QEMU))?;
+    let [host, core] = programs::second_opinion(session)?;
+    ensure!(host == core, "the host came to\n{host}\nQEMU to\n{core}");
+    Ok(format!("{} lines alike", core.lines().count()))
 }
 
 /// The demo of this kind, `demo` or `tour`.

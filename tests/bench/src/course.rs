@@ -39,8 +39,8 @@ impl Course {
         }
     }
 
-    /// xorshift.
-    fn below(&mut self, bound: i32) -> i32 {
+    /// xorshift: within ±`bound`.
+    pub(crate) fn below(&mut self, bound: i32) -> i32 {
         self.state ^= self.state << 13;
         self.state ^= self.state >> 7;
         self.state ^= self.state << 17;

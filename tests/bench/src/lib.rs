@@ -5,9 +5,11 @@
 
 mod candidates;
 mod course;
+mod exercise;
 
 pub use candidates::{Candidate, Cordic, Double, FwCore, Idsp, Micromath, Single};
 pub use course::{Course, Tick};
+pub use exercise::exercise;
 
 use fw_core::eeprom::{Config, Image};
 
