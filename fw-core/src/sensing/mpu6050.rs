@@ -150,8 +150,9 @@ const MAX_PAUSE: u16 = 800;
 /// Consecutive failed reads that are tolerated.
 const MAX_MISSES: u8 = 3;
 /// Consecutive equal words that no working gyroscope sends: its noise of 0.05 °/s rms (PS, 6.1) is
-/// three bits, so one word in ten equals the last.
-const MAX_REPEATS: u8 = 50;
+/// three bits, so one word in ten equals the last. Of a part with a third of it one in four does, and 20 in
+/// a row once in 75 years.
+const MAX_REPEATS: u8 = 20;
 /// Edges of the bus recovery: nine clock pulses, before a stop (UM10204, 3.1.16).
 const RECOVERY_EDGES: u8 = 18;
 

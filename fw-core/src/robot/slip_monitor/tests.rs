@@ -173,9 +173,9 @@ fn frozen_gyro_takes_its_correction_back() {
     robot.ticks(50, SPIN, -10, 10);
     let before = robot.heading_deg();
     robot.frozen = true;
-    robot.ticks(40, SPIN, 0, 0);
-    assert!(robot.heading_deg() - before > 20.0, "a slip so far");
-    robot.ticks(20, SPIN, 0, 0);
+    robot.ticks(15, SPIN, 0, 0);
+    assert!(robot.heading_deg() - before > 5.0, "a slip so far");
+    robot.ticks(15, SPIN, 0, 0);
     assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
     assert!((robot.heading_deg() - before).abs() < 0.1);
 }
