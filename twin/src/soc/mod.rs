@@ -3,6 +3,7 @@
 
 mod io;
 pub mod memory_map;
+mod oscillators;
 mod pins;
 mod rules;
 
@@ -110,6 +111,7 @@ pub struct Stm32f411 {
     /// The connection to the board.
     pub board_port: BoardPort,
     rules: rules::Rules,
+    on_since: oscillators::OnSince,
     bus: Bus,
     models: Box<[Model]>,
     slots: Slots,
@@ -213,6 +215,7 @@ impl Stm32f411 {
             syscfg: Syscfg::default(),
             board_port: BoardPort::default(),
             rules: rules::Rules::default(),
+            on_since: oscillators::OnSince::default(),
             bus,
             models,
             slots,
@@ -239,18 +242,6 @@ impl Stm32f411 {
     /// The changes of the watched pins since the last call.
     pub fn take_pin_changes(&mut self) -> Vec<PinChange> {
         self.board_port.take_changes()
-    }
-
-    /// `rigless` lets an oscillator without a crystal become ready at no frequency; the silicon does
-    /// not (RM0383 section 6.2.1).
-    fn clear_ready_of_missing_crystal(&mut self) {
-        if self.rcc.crystals().0 == 0 {
-            let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
-            let control = registers.get(g::rcc::Register::Cr);
-            if g::rcc::cr::HSERDY.is_set(control) {
-                registers.set(g::rcc::Register::Cr, g::rcc::cr::HSERDY.set(control, 0));
-            }
-        }
     }
 
     /// The crystal's clock behind the RTC's prescaler, RM0383 section 6.3.3; 0 while it stands.
@@ -344,7 +335,7 @@ impl Mcu for Stm32f411 {
     /// Only the serial ports depend on the outside.
     fn poll(&mut self, now: VirtualNanos) {
         self.update_next_is_last();
-        self.clear_ready_of_missing_crystal();
+        self.update_ready_flags(now);
         self.check_clocks(now);
         let (registers, mut context) = self.bus.drive(now, self.slots.usart1);
         rigless::device::Device::poll(&mut self.usart[0], registers, &mut context);

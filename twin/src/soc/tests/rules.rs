@@ -130,7 +130,9 @@ fn clocks_beyond_limits_of_part_are_reported() {
         part.write(ACR, wait_states);
         part.write(RCC + 4, 0x0500_1908);
         part.write(RCC, 0x0100_0083);
+        part.act(Stm32f411::poll);
         part.run(1_000_000);
+        part.act(Stm32f411::poll);
         part.write(CFGR, cfgr);
         part.run(1_000_000);
         part.act(Stm32f411::poll);
@@ -139,5 +141,29 @@ fn clocks_beyond_limits_of_part_are_reported() {
             expected,
             "{scale} {wait_states} {cfgr:#x}"
         );
+    }
+}
+
+#[test]
+fn crystal_and_pll_become_ready_after_their_time() {
+    const HSE: (u64, u64) = (1 << 16, 1 << 17);
+    const PLL: (u64, u64) = (1 << 24, 1 << 25);
+    for ((on, ready), crystal, early_us, late_us) in [
+        (HSE, 8_000_000, 300, Some(330)),
+        (PLL, 8_000_000, 40, Some(50)),
+        (HSE, 0, 300, None),
+    ] {
+        let mut part = super::part();
+        part.mcu.rcc.attach_crystals(crystal, 0);
+        part.write(RCC, 0x83 | on);
+        let mut is_ready_at = |us: u64| {
+            part.act(Stm32f411::poll);
+            part.run(us * 1_000);
+            part.act(Stm32f411::poll);
+            part.read(RCC) & ready != 0
+        };
+        assert!(!is_ready_at(early_us));
+        let late = late_us.map_or(10_000, |us| us - early_us);
+        assert_eq!(is_ready_at(late), late_us.is_some());
     }
 }
