@@ -109,15 +109,16 @@ pub fn follow<'m>(
     // Where the frame carries a velocity, the pose is followed here.
     let mut follower = mode
         .has(Field::Velocity)
-        .then(|| PoseFollower::new(target, criteria.tolerance_mm, criteria.tolerance_deg));
-    let mut rest = RestDetector::default();
+        .then(|| PoseFollower::new(target, criteria, session.config()));
+    let (mut rest, mut still) = (RestDetector::default(), false);
     let mut moving = StopOnDrop::new(session);
     loop {
         if let Some(follower) = &mut follower {
             let snapshot = moving.session.snapshot();
             let time_s = seconds_since(begun_us, snapshot.time_us);
+            let pose = snapshot.pose.unwrap_or_default();
             let (forward_mm_s, yaw_rate_deg_s) =
-                follower.step(time_s, snapshot.pose.unwrap_or_default());
+                follower.step(time_s, pose, snapshot.obstacle_limited, still);
             request.velocity = Some(VelocityRequest {
                 forward_mm_s,
                 yaw_rate_deg_s,
@@ -131,7 +132,7 @@ pub fn follow<'m>(
             session.ensure_drivable(report.state, report.faults)?;
             let snapshot = moving.session.snapshot();
             let pose = Pose::from_code(report.pose);
-            let still = rest.settled(snapshot.time_us, pose);
+            still = rest.settled(snapshot.time_us, pose);
             let (off_mm, off_deg) = (pose.distance_mm(target), pose.rotation_to_deg(target));
             if still && off_mm <= criteria.tolerance_mm && off_deg.abs() <= criteria.tolerance_deg {
                 moving.arrived = true;
@@ -199,6 +200,27 @@ impl Drop for StopOnDrop<'_, '_> {
         if !self.arrived {
             self.session.stop();
         }
+    }
+}
+
+/// Length of the window of the measured speed, reports.
+const SPEED_WINDOW: usize = 5;
+
+/// The forward speed over the last reports.
+#[derive(Default)]
+pub struct SpeedMeter(VecDeque<(f64, Pose)>);
+
+impl SpeedMeter {
+    /// Takes a report's time, s, and pose; mm/s.
+    pub fn update(&mut self, time_s: f64, pose: Pose) -> f64 {
+        self.0.push_back((time_s, pose));
+        if self.0.len() > SPEED_WINDOW {
+            self.0.pop_front();
+        }
+        let (then_s, then) = self.0[0];
+        let (sin, cos) = pose.rotation_deg.to_radians().sin_cos();
+        let ahead_mm = (pose.x_mm - then.x_mm) * cos + (pose.y_mm - then.y_mm) * sin;
+        ahead_mm / (time_s - then_s).max(0.01)
     }
 }
 

@@ -3,19 +3,17 @@
 //!
 //! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
 
-use crate::drive::StopOnDrop;
+use crate::drive::{SpeedMeter, StopOnDrop};
 use crate::mapping::{self, Files, Mapping, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
 use fw_core::wire::{Field, Order, Report, State};
 use host_link::error::Error;
-use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use host_link::snapshot::{self, Snapshot};
 use mapper::{Grid, Localiser, LocaliserConfig, Mount, Observation, Pose2, PoseEstimate};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
-use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
@@ -324,27 +322,6 @@ impl Stops {
         self.count += u32::from(stopped && !self.stopped);
         self.stopped = stopped;
         Ok(reason)
-    }
-}
-
-/// Length of the window of the measured speed, reports.
-const SPEED_WINDOW: usize = 5;
-
-/// The forward speed over the last reports.
-#[derive(Default)]
-struct SpeedMeter(VecDeque<(f64, Pose)>);
-
-impl SpeedMeter {
-    /// Takes a report's time, s, and pose; mm/s.
-    fn update(&mut self, time_s: f64, pose: Pose) -> f64 {
-        self.0.push_back((time_s, pose));
-        if self.0.len() > SPEED_WINDOW {
-            self.0.pop_front();
-        }
-        let (then_s, then) = self.0[0];
-        let (sin, cos) = pose.rotation_deg.to_radians().sin_cos();
-        let ahead_mm = (pose.x_mm - then.x_mm) * cos + (pose.y_mm - then.y_mm) * sin;
-        ahead_mm / (time_s - then_s).max(0.01)
     }
 }
 

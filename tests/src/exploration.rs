@@ -5,7 +5,6 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 use fw_core::eeprom::{Field, fields};
-use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
 use host_link::session::{RATE_HZ, Session};
 use host_link::settings::Settings;
@@ -36,13 +35,9 @@ pub const READY_MS: u32 = 1_000;
 /// The Pi's SPI clock, hertz.
 pub const SPI_HZ: u32 = 8_000_000;
 
-/// Changes of a configuration for exploring: its mode, the gyro on, and the front sensor on its servo, which
-/// sees the slanted walls that fixed sensors miss.
-pub const CHANGES: [(&Field, u64); 3] = [
-    (fields::MODE, Mode::GuardedVelocity as u64),
-    (fields::GYRO, 1),
-    (fields::SERVO, 1),
-];
+/// Changes of the sample configuration for exploring: the front sensor on its servo, which sees the slanted
+/// walls that fixed sensors miss.
+pub const CHANGES: [(&Field, u64); 1] = [(fields::SERVO, 1)];
 
 /// A virtual robot at the start of a room, its world as imperfect as the seed says.
 #[must_use]

@@ -2,8 +2,8 @@
 
 use std::thread;
 
-use fw_core::eeprom::Image;
 use host_link::board_io::Interrupt;
+use host_link::settings::Settings;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use pilot::virtual_board::board_io;
@@ -18,8 +18,8 @@ use crate::test_board::{BRIDGES, Rig};
 /// # Panics
 /// Where the robot cannot be served, and with the scenario.
 pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
-    let change = |image: Image, (field, raw)| image.with(field, raw);
-    let image = CHANGES.into_iter().fold(Image::FIRST_BOARD, change);
+    let settings = Settings::sample().and_then(|sample| sample.with(&CHANGES));
+    let image = settings.expect("accepted").image().clone();
     let rig = Rig::ready(twin::Options {
         room: twin::plant::Room::two_rooms(),
         ..twin::Options::with_eeprom(image.0.to_vec())

@@ -17,13 +17,13 @@ use pilot::virtual_board::{SimulatedTape, board_io};
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
 use twin::Options;
-use twin::plant::{Chassis, Params, Room, Sides};
+use twin::plant::{Chassis, GyroParams, Params, Room, Sides};
 
 const SIDE_MM: f64 = 1000.0;
 
-fn rig(truth: &WheelGeometry) -> Rig {
+fn rig(truth: &WheelGeometry, eeprom: Vec<u8>) -> Rig {
     Rig::ready(Options {
-        // The first board's figures apply: 80 mm, 80 mm, 125 mm.
+        // Both images say 80 mm, 80 mm, 125 mm.
         room: Room::default(),
         params: Params {
             chassis: Chassis {
@@ -33,7 +33,8 @@ fn rig(truth: &WheelGeometry) -> Rig {
             },
             ..Params::default()
         },
-        ..Options::with_eeprom(original_image())
+        mpu: Some(GyroParams::default()),
+        ..Options::with_eeprom(eeprom)
     })
 }
 
@@ -75,10 +76,11 @@ fn squares(robot: &mut Robot, runs: usize, deviation_mm: f64) -> Vec<SquareRun> 
 /// Distance, then `UMBmark`; what the EEPROM holds in the end and how squares end then.
 fn calibrated(
     truth: &WheelGeometry,
+    eeprom: Vec<u8>,
     length_mm: f64,
     deviation_mm: f64,
 ) -> (WheelGeometry, Score, Score) {
-    let rig = rig(truth);
+    let rig = rig(truth, eeprom);
     let mut robot = Robot {
         io: board_io(&rig, 8_000_000, Interrupt::new()),
         tape: SimulatedTape::new(&rig, 1),
@@ -111,6 +113,7 @@ fn calibrated(
 
 fn assert_recovered(
     [left, right, track]: [f64; 3],
+    eeprom: Vec<u8>,
     length_mm: f64,
     deviation_mm: f64,
     percent: f64,
@@ -120,7 +123,7 @@ fn assert_recovered(
         80.0 * (1.0 + right / 100.0),
         125.0 * (1.0 + track / 100.0),
     );
-    let (found, before, after) = calibrated(&truth, length_mm, deviation_mm);
+    let (found, before, after) = calibrated(&truth, eeprom, length_mm, deviation_mm);
     println!("{left} {right} {track}: {found:?} for {truth:?}, {before:?}, {after:?}");
     for (found, truth) in [
         (found.left_mm, truth.left_mm),
@@ -139,17 +142,23 @@ fn assert_recovered(
 // Requirement: DOC-4.1-6
 #[test]
 fn calibration_unequal_wheels_recovered_to_0_1_percent() {
-    assert_recovered([5.0, -5.0, -5.0], 1000.0, 0.0, 0.1);
+    assert_recovered([5.0, -5.0, -5.0], original_image(), 1000.0, 0.0, 0.1);
 }
 
 // Requirement: WIRE-platform-2
 #[test]
 fn calibration_large_wheels_recovered_to_0_1_percent() {
-    assert_recovered([5.0, 4.0, 5.0], 1000.0, 0.0, 0.1);
+    assert_recovered([5.0, 4.0, 5.0], original_image(), 1000.0, 0.0, 0.1);
+}
+
+#[test]
+fn calibration_by_velocity_with_gyroscope_recovers_wheels() {
+    let sample = Settings::sample().expect("accepted").image().0.to_vec();
+    assert_recovered([5.0, -5.0, -5.0], sample, 1000.0, 0.0, 0.1);
 }
 
 #[test]
 fn calibration_tape_error_is_not_amplified() {
     // Three standard deviations of a reading over the length.
-    assert_recovered([-5.0, 3.0, 4.0], 2000.0, 1.0, 0.15);
+    assert_recovered([-5.0, 3.0, 4.0], original_image(), 2000.0, 1.0, 0.15);
 }

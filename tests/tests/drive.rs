@@ -3,13 +3,14 @@
 use host_link::board_io::Interrupt;
 use host_link::pose::Pose;
 use host_link::session::{RATE_HZ, Session};
+use host_link::settings::Settings;
 use pilot::drive::{ArrivalCriteria, go_to};
-use pilot::virtual_board;
-use robot_tests::exploration::{READY_MS, SPI_HZ, configured_board};
+use pilot::{mapping, virtual_board};
+use robot_tests::exploration::{self, READY_MS, SPI_HZ};
 use robot_tests::reference::{normal_frame, original_image};
-use robot_tests::test_board::{ELF, Rig, elf};
+use robot_tests::test_board::Rig;
 use twin::Options;
-use twin::plant::Room;
+use twin::plant::{Imperfections, Room};
 
 /// Drives to (x, y) mm and `degrees` in an open field; the truth's distance and angle to it at rest.
 fn drive(x: f64, y: f64, degrees: f64, seconds: u64) -> (f64, f64, u32) {
@@ -47,23 +48,57 @@ fn drive_reaches_poses_within_5_mm_and_1_degree() {
     }
 }
 
+/// Follows poses by velocity in an open field; checks what is reported, and returns how far the truth is from
+/// it at the end of each, at worst.
+fn follow(imperfections: Imperfections, poses: &[(f64, f64, f64)]) -> (f64, f64) {
+    let options = exploration::options(&Room::default(), imperfections, 31);
+    let rig = Rig::ready(Options {
+        eeprom: Some(Settings::sample().expect("accepted").image().0.to_vec()),
+        ..options
+    });
+    let mut io = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
+    let mut session = Session::open(&mut io, RATE_HZ, READY_MS).expect("a session");
+    let mut worst = (0.0_f64, 0.0_f64);
+    for &(x, y, degrees) in poses {
+        let target = Pose::new(x, y, degrees);
+        let arrival = go_to(&mut session, target, &ArrivalCriteria::default(), |_, _| ());
+        let arrival = arrival.unwrap_or_else(|error| panic!("{target:?}: {error}"));
+        let truth = rig.truth();
+        let still = truth.wheel_deg_s;
+        assert!(still.left.abs().max(still.right.abs()) < 0.5, "{still:?}");
+        let pose = truth.pose.relative_to(&rig.world(|w| w.room().start));
+        let pose = mapping::reported_pose(&pose);
+        worst.0 = worst.0.max(pose.distance_mm(arrival.pose));
+        worst.1 = worst.1.max(pose.rotation_to_deg(arrival.pose).abs());
+        // As near as the configuration says.
+        let (mm, deg) = (arrival.off_mm, arrival.off_deg.abs());
+        assert!(mm <= 3.0 && deg <= 0.5, "{target:?}: {mm} mm, {deg}°");
+    }
+    worst
+}
+
 // Requirement: DOC-1-1
 #[test]
-fn pose_followed_by_velocity_ends_within_tolerances() {
-    let board = configured_board(&elf(ELF), &Room::default(), 31).expect("a board");
-    let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
-    let mut session = Session::open(&mut io, RATE_HZ, READY_MS).expect("a session");
-    let criteria = ArrivalCriteria::default();
-    for (x, y, degrees) in [
+fn pose_followed_by_velocity_ends_within_configured_tolerances() {
+    let poses = [
         (600.0, 0.0, 0.0),
         (600.0, 0.0, 180.0),
         (300.0, 300.0, 270.0),
-        (250.0, 300.0, 275.0),
+        // Behind, near and far.
+        (300.0, 360.0, 270.0),
+        (300.0, 900.0, 270.0),
+        // To the side.
+        (0.0, 900.0, 270.0),
+        // A turn alone, a small and a large one.
+        (0.0, 900.0, 271.0),
+        (0.0, 900.0, 91.0),
+        // Tiny moves ahead, aside and back.
+        (0.0, 905.0, 91.0),
+        (6.0, 905.0, 91.0),
+        (6.0, 900.0, 91.0),
         (0.0, 0.0, 0.0),
-    ] {
-        let target = Pose::new(x, y, degrees);
-        let arrival = go_to(&mut session, target, &criteria, |_, _| ());
-        let arrival = arrival.expect("reached");
-        assert!(arrival.seconds < 20.0, "{arrival:?}");
-    }
+    ];
+    let (mm, deg) = follow(Imperfections::none(), &poses);
+    assert!(mm < 2.0 && deg < 0.3, "{mm} mm, {deg}° from the truth");
+    follow(Imperfections::default(), &poses);
 }

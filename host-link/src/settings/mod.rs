@@ -51,12 +51,14 @@ impl Settings {
         Self::from_image(&Image::FIRST_BOARD)
     }
 
-    /// The sample to start from: the first board's in Guarded Normal.
+    /// The sample to start from: the first board's in Guarded Velocity with the gyroscope on, in which every
+    /// command drives.
     ///
     /// # Errors
     /// None.
     pub fn sample() -> Result<Self, Error> {
-        Self::first_board()?.with(&[(fields::MODE, Mode::GuardedNormal.code().into())])
+        let mode = Mode::GuardedVelocity.code().into();
+        Self::first_board()?.with(&[(fields::MODE, mode), (fields::GYRO, 1)])
     }
 
     /// What an image holds. One of layout 1 is converted.

@@ -3,10 +3,10 @@
 use super::args::{Serve, Speed};
 use super::connection::Context;
 use super::explore;
-use fw_core::eeprom::{Image, fields};
-use fw_core::wire::Mode;
+use fw_core::eeprom::fields;
 use host_link::eeprom;
 use host_link::error::Error;
+use host_link::settings::Settings;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use pilot::serve::{listener, token};
@@ -19,9 +19,10 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
         if simulated {
             configure_blank(connection, context)?;
         }
-        if serve.yes {
-            explore::ensure_mode(connection, true, context)?;
-        }
+        explore::ensure_mode(connection, serve.yes, context).or_else(|error| match error {
+            Error::WrongMode { .. } => Ok(()),
+            error => Err(error),
+        })?;
         let (hub, events) = Hub::new();
         let path = context.state_file("sock");
         let _socket = listener::unix(&path, &hub)?;
@@ -61,7 +62,7 @@ fn load_token(context: Context<'_>) -> Result<Arc<str>, Error> {
     Ok(token.into())
 }
 
-/// A new virtual robot gets the first board's configuration for exploring.
+/// A new virtual robot gets the sample configuration, its front sensor on a servo.
 fn configure_blank(
     connection: &mut super::connection::Connection,
     context: Context<'_>,
@@ -70,18 +71,10 @@ fn configure_blank(
     if eeprom::read(io)?.0.iter().any(|&byte| byte != 0xFF) {
         return Ok(());
     }
-    let image = Image::FIRST_BOARD
-        .with(fields::MODE, Mode::GuardedVelocity.code().into())
-        .with(fields::GYRO, 1)
-        .with(fields::SERVO, 1);
-    eeprom::program(
-        io,
-        &image,
-        context.board.ready_timeout,
-        Some(journal),
-        |_| (),
-    )?;
-    let text = "the virtual EEPROM was blank: the first board's configuration is in it now";
+    let settings = Settings::sample()?.with(&[(fields::SERVO, 1)])?;
+    let timeout = context.board.ready_timeout;
+    eeprom::program(io, settings.image(), timeout, Some(journal), |_| ())?;
+    let text = "the virtual EEPROM was blank: the sample configuration is in it now";
     context.output.message(text);
     Ok(())
 }

@@ -1,235 +1,343 @@
 //! Drives to a pose by velocity: what the STM's pose controller does in the modes that carry a
 //! target is done here in the mode that carries a velocity.
+//!
+//! The core's response to a velocity is known: a ramp with the configured acceleration, then two lags. Each
+//! frame gets the velocity after which the robot, commanded to stand from the next frame on, comes to rest at
+//! the target: the fastest way that does not overshoot.
 
+use super::{ArrivalCriteria, SpeedMeter};
+use fw_core::eeprom::{Config, Wheel};
 use host_link::pose::Pose;
+use std::f64::consts::PI;
 
-/// Fastest way ahead, mm/s.
-const SPEED_MM_S: f64 = 150.0;
-/// Fastest way back, mm/s, below the core's own limit, and how far, mm.
-const REVERSE: (f64, f64) = (40.0, 100.0);
-/// Slowest speed that the wheels keep, mm/s.
-const CREEP_MM_S: f64 = 20.0;
-/// Deceleration that the speed leaves room for, mm/s², half of the core's.
-const DECELERATION_MM_S2: f64 = 200.0;
-/// Yaw rate per degree of error, 1/s, and its least and largest amount, degrees/s.
-const YAW_GAIN: f64 = 2.5;
-const YAW_DEG_S: (f64, f64) = (12.0, 60.0);
-/// The core's accelerations, mm/s² and degrees/s², the two lags of its response to a velocity, s, and the
-/// speeds below which it brakes a wheel that is to stand, mm/s and degrees/s.
-const ACCELERATION: [f64; 2] = [400.0, 180.0];
-const RESPONSE_LAG_S: f64 = 0.08;
-const BRAKED: [f64; 2] = [10.0, 9.0];
-/// Age of a report when its answer takes effect, s: a frame and a tick.
-const AGE_S: f64 = 0.03;
-/// Step of the prediction, s.
+/// Share of the slower wheel's full speed that is driven at: the rest is for steering.
+const HEADROOM: f64 = 0.9;
+/// Farthest target behind that is driven back to, mm.
+const REVERSE_MM: f64 = 100.0;
+/// A target farther aside than this is turned to, from rest and while driving, degrees.
+const ASIDE_DEG: (f64, f64) = (5.0, 25.0);
+/// Yaw rate of steering per degree aside, 1/s.
+const STEERING: f64 = 2.5;
+/// Nearer than this the target's bearing is no course to steer, mm.
+const NEAR_MM: f64 = 40.0;
+/// Slower than this it stands, mm/s and degrees/s.
+const SLOW: f64 = 1.0;
+/// Shares of a tolerance: within the first the robot stops, beyond the second it starts again.
+const SHARES: (f64, f64) = (0.3, 0.7);
+/// Step of the prediction, s, and the part of a lag that passes in it: the core's is 1/8 in 10 ms.
 const STEP_S: f64 = 0.005;
-/// A target farther aside than this is turned to first, degrees.
-const ASIDE_DEG: f64 = 25.0;
+const LAG_SHARE: f64 = 0.0646;
+/// From a frame to the tick that takes its command, s.
+const LATENCY_S: f64 = 0.007;
+/// Speed of a wheel below which the core brakes it if it is to stand, mm/s.
+const BRAKED_MM_S: f64 = 10.0;
+/// Longest time from frame to frame that is predicted, s.
+const LONGEST_S: f64 = 0.5;
+/// Halvings in the search for a velocity.
+const HALVINGS: u32 = 10;
 
-/// How the core follows a velocity: with its acceleration and two lags; zero is braked at the end.
+/// A pair of forward and yaw: mm and degrees, or mm/s and degrees/s.
+type Axes = [f64; 2];
+
+/// Figures of the robot that the response depends on.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    /// Largest speeds commanded, and back, mm/s.
+    speed: Axes,
+    reverse_mm_s: f64,
+    /// mm/s² and degrees/s².
+    acceleration: Axes,
+    /// Of a wheel, mm/s.
+    full_speed_mm_s: f64,
+    /// Speed of a wheel per yaw rate, mm per degree.
+    wheel_per_deg: f64,
+}
+
+impl Limits {
+    fn new(config: &Config) -> Self {
+        let limits = config.velocity_limits();
+        let degrees = |turns: u32| f64::from(turns) / 4_294_967_296.0 * 360.0;
+        let full_speed = |wheel: &Wheel| {
+            let [dead_zone, limit] =
+                [wheel.dead_zone, wheel.limit].map(|duty| f64::from(duty.hundredths()));
+            f64::from(wheel.full_speed_mm_s) * (limit - dead_zone) / (10_000.0 - dead_zone)
+        };
+        let full_speed_mm_s = full_speed(config.left()).min(full_speed(config.right()));
+        let wheel_per_deg = f64::from(config.track().0) / 1000.0 * PI / 360.0;
+        let fastest = HEADROOM * full_speed_mm_s;
+        Self {
+            speed: [
+                fastest.min(limits.speed_mm_s.into()),
+                // Steering comes on top of it.
+                (0.5 * fastest / wheel_per_deg).min(degrees(limits.yaw_rate)),
+            ],
+            reverse_mm_s: config.obstacle_stop().reverse_speed_mm_s.into(),
+            acceleration: [
+                limits.acceleration_mm_s2.into(),
+                degrees(limits.yaw_acceleration),
+            ],
+            full_speed_mm_s,
+            wheel_per_deg,
+        }
+    }
+}
+
+/// How the core follows a velocity.
 #[derive(Clone, Copy, Debug, Default)]
 struct Response {
-    /// Forward, mm/s, and yaw, degrees/s: the commanded speed within the acceleration, and behind one and
-    /// two lags.
-    speeds: [[f64; 3]; 2],
+    /// The commanded speeds within the acceleration, and behind one and two lags.
+    ramp: Axes,
+    first: Axes,
+    second: Axes,
 }
 
 impl Response {
-    /// Lets a step pass; the way, mm, and the turn, degrees.
-    fn step(&mut self, command: [f64; 2]) -> [f64; 2] {
-        for (axis, [ramp, first, second]) in self.speeds.iter_mut().enumerate() {
-            let most = ACCELERATION[axis] * STEP_S;
-            *ramp += (command[axis] - *ramp).clamp(-most, most);
-            *first += (*ramp - *first) * STEP_S / RESPONSE_LAG_S;
-            *second += (*first - *second) * STEP_S / RESPONSE_LAG_S;
+    /// Lets a step pass; the way and the turn.
+    fn step(&mut self, command: Axes, limits: &Limits) -> Axes {
+        let commanded = command.into_iter().zip(limits.acceleration);
+        for (ramp, (command, acceleration)) in self.ramp.iter_mut().zip(commanded) {
+            let most = acceleration * STEP_S;
+            *ramp += (command - *ramp).clamp(-most, most);
         }
-        let braked = |(axis, [ramp, _, second]): (usize, &[f64; 3])| {
-            command[axis].abs() + ramp.abs() < 1e-6 && second.abs() < BRAKED[axis]
-        };
-        if self.speeds.iter().enumerate().all(braked) {
+        // The core's feed-forward: a wheel that would need more than full duty slows the way, or the turn.
+        let drive = |axis: usize| 4.0 * (self.ramp[axis] - self.first[axis]) + self.second[axis];
+        let (forward, yaw) = (drive(0), drive(1) * limits.wheel_per_deg);
+        let excess = forward.abs() + yaw.abs() - limits.full_speed_mm_s;
+        if excess > 0.0 {
+            let (axis, less) = if forward * self.ramp[0] > 0.0 {
+                (0, excess / 4.0)
+            } else {
+                (1, excess / 4.0 / limits.wheel_per_deg)
+            };
+            let ramp = &mut self.ramp[axis];
+            *ramp -= ramp.signum() * less.min(ramp.abs());
+        }
+        for axis in 0..2 {
+            self.first[axis] += (self.ramp[axis] - self.first[axis]) * LAG_SHARE;
+            self.second[axis] += (self.first[axis] - self.second[axis]) * LAG_SHARE;
+        }
+        let wheel = self.second[0].abs() + self.second[1].abs() * limits.wheel_per_deg;
+        if is_zero(command) && is_zero(self.ramp) && wheel < BRAKED_MM_S {
             *self = Self::default();
         }
-        self.speeds.map(|[.., second]| second * STEP_S)
+        self.second.map(|speed| speed * STEP_S)
     }
 
-    /// The way and the turn that are left when the command is to stand, from a report of [`AGE_S`] ago.
-    fn rest(mut self) -> [f64; 2] {
-        let mut left = self.speeds.map(|[.., second]| second * AGE_S);
-        while self.speeds.iter().flatten().any(|speed| speed.abs() > 1e-3) {
-            let moved = self.step([0.0; 2]);
-            left = [left[0] + moved[0], left[1] + moved[1]];
+    /// Whether it has come to rest.
+    fn stands(&self) -> bool {
+        is_zero(self.ramp) && is_zero(self.second)
+    }
+
+    /// The way and the turn within so many seconds.
+    fn run(&mut self, command: Axes, seconds: f64, limits: &Limits) -> Axes {
+        let (mut moved, mut left_s) = ([0.0; 2], seconds);
+        while left_s > STEP_S / 2.0 {
+            let step = self.step(command, limits);
+            moved = [moved[0] + step[0], moved[1] + step[1]];
+            left_s -= STEP_S;
         }
-        left
+        moved
+    }
+
+    /// The way and the turn until it rests, after a command that lasts so many seconds.
+    fn rest(mut self, command: Axes, seconds: f64, limits: &Limits) -> Axes {
+        let mut moved = self.run(command, seconds, limits);
+        while !self.stands() {
+            let step = self.step([0.0; 2], limits);
+            moved = [moved[0] + step[0], moved[1] + step[1]];
+        }
+        moved
     }
 }
 
+/// What the robot does. It changes at rest alone: while a turn begins and ends, motors that differ move its
+/// middle by millimetres, which it takes back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    /// Stands, at the target as far as it can tell.
+    Stand,
+    /// Turns on the spot to this rotation, degrees.
+    Turn(f64),
+    /// Drives to the target, ahead or back.
+    Drive { back: bool },
+}
+
 /// Follows one target.
-#[derive(Clone, Debug)]
 pub struct PoseFollower {
     target: Pose,
     tolerance_mm: f64,
     tolerance_deg: f64,
-    on_target: bool,
+    limits: Limits,
     response: Response,
-    /// The last command, and its time, s.
-    last: ([f64; 2], f64),
+    phase: Option<Phase>,
+    /// The last command, its time, s, and what it moves by the frame after it.
+    last: (Axes, f64, Axes),
+    speed: SpeedMeter,
+    /// Time that a command lasts, s.
+    period_s: f64,
+    /// The core allows no way back any more.
+    back_ended: bool,
 }
 
 impl PoseFollower {
-    /// Follows `target` to well within the tolerances.
-    pub fn new(target: Pose, tolerance_mm: f64, tolerance_deg: f64) -> Self {
+    /// Follows `target` to within the configured tolerances, or the criteria's if they are tighter.
+    pub fn new(target: Pose, criteria: &ArrivalCriteria, config: &Config) -> Self {
+        let turns = f64::from(config.rotation_tolerance().0) / 4_294_967_296.0;
         Self {
             target,
-            tolerance_mm,
-            tolerance_deg,
-            on_target: false,
+            tolerance_mm: criteria
+                .tolerance_mm
+                .min(f64::from(config.position_tolerance().0) / 1000.0),
+            tolerance_deg: criteria.tolerance_deg.min(turns * 360.0),
+            limits: Limits::new(config),
             response: Response::default(),
-            last: ([0.0; 2], 0.0),
+            phase: None,
+            last: ([0.0; 2], 0.0, [0.0; 2]),
+            speed: SpeedMeter::default(),
+            period_s: 0.025,
+            back_ended: false,
         }
     }
 
-    /// The forward speed, mm/s, and yaw rate, degrees/s, at a reported pose: by where the robot would come
-    /// to rest from there.
-    pub fn step(&mut self, time_s: f64, pose: Pose) -> (f64, f64) {
-        let (command, mut at_s) = self.last;
-        at_s = at_s.max(time_s - 0.5);
-        while at_s + STEP_S <= time_s {
-            self.response.step(command);
-            at_s += STEP_S;
+    /// The forward speed, mm/s, and yaw rate, degrees/s, at a reported pose. `limited`: the obstacle stop
+    /// holds the speed below the command; `still`: the robot rests.
+    pub fn step(&mut self, time_s: f64, pose: Pose, limited: bool, still: bool) -> (f64, f64) {
+        let (command, at_s, mut moved) = self.last;
+        if time_s > at_s {
+            self.period_s = (time_s - at_s).min(LONGEST_S);
+            moved = self.response.run(command, self.period_s, &self.limits);
         }
-        let [way_mm, turn_deg] = self.response.rest();
-        let command = self.towards(Pose::new(way_mm, 0.0, turn_deg).in_frame_of(pose));
-        self.last = (command.into(), at_s);
-        command
+        let speed = self.speed.update(time_s, pose);
+        if limited {
+            if command[0] < 0.0 {
+                self.back_ended = true;
+                (self.response, self.phase) = (Response::default(), Some(Phase::Stand));
+            }
+            let ramp = &mut self.response.ramp[0];
+            *ramp = ramp.clamp(speed.min(0.0), speed.max(0.0));
+        }
+        if self.phase.is_none() || still && self.response.stands() {
+            self.phase = Some(self.plan(pose));
+        }
+        let latency = self.response.second.map(|speed| speed * LATENCY_S);
+        let ahead = Pose::new(moved[0] + latency[0], 0.0, moved[1] + latency[1]).in_frame_of(pose);
+        let command = self.towards(ahead);
+        self.last = (command, time_s, moved);
+        command.into()
     }
 
-    /// The velocity for a robot that stands at `pose`.
-    fn towards(&mut self, pose: Pose) -> (f64, f64) {
-        let away_mm = pose.distance_mm(self.target);
-        // Once there, a small overshoot while turning is not driven after.
-        let share = if self.on_target { 0.8 } else { 0.4 };
-        self.on_target = away_mm <= share * self.tolerance_mm;
-        if self.on_target {
-            let error = pose.rotation_to_deg(self.target);
-            let still = error.abs() <= 0.4 * self.tolerance_deg;
-            return (0.0, if still { 0.0 } else { yaw(error, YAW_DEG_S.0) });
+    /// What to do next at rest.
+    fn plan(&self, pose: Pose) -> Phase {
+        if pose.distance_mm(self.target) <= SHARES.1 * self.tolerance_mm {
+            let off = pose.rotation_to_deg(self.target).abs();
+            return if off <= SHARES.1 * self.tolerance_deg {
+                Phase::Stand
+            } else {
+                Phase::Turn(self.target.rotation_deg)
+            };
         }
-        let (dx, dy) = (self.target.x_mm - pose.x_mm, self.target.y_mm - pose.y_mm);
-        let towards = Pose::new(0.0, 0.0, dy.atan2(dx).to_degrees());
-        let mut aside = pose.rotation_to_deg(towards);
-        let back = aside.abs() > 90.0 && away_mm < REVERSE.1;
-        if back {
-            aside -= 180.0_f64.copysign(aside);
+        let (ahead_mm, left_mm) = seen_from(pose, self.target);
+        let may_reverse = !self.back_ended && self.limits.reverse_mm_s >= BRAKED_MM_S;
+        let back = may_reverse && ahead_mm < 0.0 && ahead_mm.hypot(left_mm) < REVERSE_MM;
+        let course = course_deg(ahead_mm, left_mm, back);
+        if course.abs() > ASIDE_DEG.0 {
+            Phase::Turn(pose.rotation_deg + course)
+        } else {
+            Phase::Drive { back }
         }
-        if aside.abs() > ASIDE_DEG {
-            return (0.0, yaw(aside, YAW_DEG_S.0));
+    }
+
+    /// The velocity for a robot that is at `pose` when it takes it.
+    fn towards(&mut self, pose: Pose) -> Axes {
+        let [way, turn] = self.response.rest([0.0; 2], 0.0, &self.limits);
+        match self.phase {
+            None | Some(Phase::Stand) => [0.0; 2],
+            Some(Phase::Turn(rotation_deg)) => {
+                let error = pose.rotation_to_deg(Pose::new(0.0, 0.0, rotation_deg));
+                let ends = (error - turn).abs() <= SHARES.0 * self.tolerance_deg;
+                [
+                    0.0,
+                    if ends {
+                        0.0
+                    } else {
+                        self.speed_to(1, error, 0.0)
+                    },
+                ]
+            }
+            Some(Phase::Drive { back }) => {
+                let (ahead_mm, left_mm) = seen_from(pose, self.target);
+                let far = ahead_mm.abs() > NEAR_MM;
+                let near_mm = if back { -NEAR_MM } else { NEAR_MM };
+                let course = course_deg(if far { ahead_mm } else { near_mm }, left_mm, back);
+                if course.abs() > ASIDE_DEG.1 {
+                    self.phase = Some(Phase::Turn(pose.rotation_deg + course));
+                    return [0.0; 2];
+                }
+                if (ahead_mm - way).abs() <= SHARES.0 * self.tolerance_mm {
+                    return [0.0; 2];
+                }
+                let fastest = self.limits.speed[1];
+                let yaw = (STEERING * course).clamp(-fastest, fastest);
+                let forward = self.speed_to(0, ahead_mm, yaw);
+                [forward, if forward == 0.0 { 0.0 } else { yaw }]
+            }
         }
-        let fastest = if back { REVERSE.0 } else { SPEED_MM_S };
-        let speed = (2.0 * DECELERATION_MM_S2 * away_mm).sqrt() * 0.5;
-        let speed = speed.clamp(CREEP_MM_S, fastest) * aside.to_radians().cos();
-        (if back { -speed } else { speed }, yaw(aside, 0.0))
+    }
+
+    /// The speed on an axis, beside this yaw rate, after which the robot rests `error` farther.
+    fn speed_to(&self, axis: usize, error: f64, yaw: f64) -> f64 {
+        // Against its motion it is commanded to stand first: from rest the core's response is exact.
+        if self.response.second[axis] * error.signum() < -SLOW {
+            return 0.0;
+        }
+        let backward = axis == 0 && error < 0.0;
+        let fastest = if backward {
+            self.limits.reverse_mm_s
+        } else {
+            self.limits.speed[axis]
+        };
+        let overshoots = |speed: f64| {
+            let mut command = [0.0, yaw];
+            command[axis] = speed.copysign(error);
+            let moved = self.response.rest(command, self.period_s, &self.limits);
+            moved[axis] * error.signum() > error.abs()
+        };
+        // No more than the ramp reaches within the frame.
+        let gained = self.limits.acceleration[axis] * self.period_s;
+        let reached = self.response.ramp[axis] * error.signum() + gained;
+        let (mut low, mut high) = (0.0, fastest.min(reached.max(0.0)));
+        if !overshoots(high) {
+            low = high;
+        }
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(low, high);
+            if overshoots(middle) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        low.copysign(error)
     }
 }
 
-fn yaw(error_deg: f64, least: f64) -> f64 {
-    let rate = (YAW_GAIN * error_deg.abs()).clamp(least, YAW_DEG_S.1);
-    rate.copysign(error_deg)
+fn is_zero(axes: Axes) -> bool {
+    axes.iter().all(|value| value.abs() < 1e-9)
+}
+
+/// How far to turn until something this far ahead and to the left is straight ahead, or straight behind,
+/// degrees.
+fn course_deg(ahead_mm: f64, left_mm: f64, back: bool) -> f64 {
+    let sign = if back { -1.0 } else { 1.0 };
+    (sign * left_mm).atan2(sign * ahead_mm).to_degrees()
+}
+
+/// How far ahead of a pose another one is, and how far to its left, mm.
+fn seen_from(pose: Pose, other: Pose) -> (f64, f64) {
+    let (dx, dy) = (other.x_mm - pose.x_mm, other.y_mm - pose.y_mm);
+    let (sin, cos) = pose.rotation_deg.to_radians().sin_cos();
+    (dx * cos + dy * sin, dy * cos - dx * sin)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A robot that follows the velocity as the core does and reports a frame late.
-    fn drive(target: Pose, seconds: u32) -> Pose {
-        let mut follower = PoseFollower::new(target, 3.0, 0.5);
-        let (mut pose, mut reported) = (Pose::default(), Pose::default());
-        let mut response = Response::default();
-        for frame in 0..seconds * 40 {
-            let (forward, yaw) = follower.step(f64::from(frame) * 0.025, reported);
-            assert!((-REVERSE.0..=SPEED_MM_S).contains(&forward) && yaw.abs() <= YAW_DEG_S.1);
-            reported = pose;
-            for _ in 0..5 {
-                let [way, turn] = response.step([forward, yaw]);
-                pose = Pose::new(way, 0.0, turn).in_frame_of(pose);
-            }
-        }
-        assert!(
-            response
-                .speeds
-                .iter()
-                .flatten()
-                .all(|speed| speed.abs() < 1e-6)
-        );
-        pose
-    }
-
-    #[test]
-    fn follower_speeds_at_poses_before_a_target() {
-        let turned = |deg: f64| 150.0 * deg.to_radians().cos();
-        for (x_mm, rotation, speed, yaw) in [
-            (0.0, 0.0, 150.0, 0.0),
-            (0.0, 10.0, turned(10.0), -25.0),
-            (0.0, -24.9, turned(24.9), 60.0),
-            (0.0, 25.1, 0.0, -60.0),
-            (950.0, 0.0, 20_000_f64.sqrt() / 2.0, 0.0),
-            (997.9, 0.0, 20.0, 0.0),
-            (1001.9, 8.0, 0.0, -20.0),
-            (1001.9, 2.0, 0.0, -12.0),
-            (1001.9, 0.41, 0.0, -12.0),
-            (1001.9, 0.39, 0.0, 0.0),
-            (1099.0, 0.0, -40.0, 0.0),
-            (1101.0, -1.0, 0.0, -60.0),
-        ] {
-            let mut follower = PoseFollower::new(Pose::new(1000.0, 0.0, 0.0), 5.0, 1.0);
-            let found = follower.towards(Pose::new(x_mm, 0.0, rotation));
-            let off = (found.0 - speed).abs() + (found.1 - yaw).abs();
-            assert!(off < 1e-6, "{x_mm} mm, {rotation} degrees: {found:?}");
-            let stays = follower.towards(Pose::new(1003.9, 0.0, 0.0));
-            assert_eq!(stays == (0.0, 0.0), x_mm > 1000.0 && x_mm < 1002.0);
-        }
-        let image = fw_core::eeprom::Image::FIRST_BOARD;
-        let config = fw_core::eeprom::Config::decode(&image).unwrap();
-        let limits = config.velocity_limits();
-        let yaw = f64::from(limits.yaw_acceleration) / 4_294_967_296.0 * 360.0;
-        assert!((yaw - ACCELERATION[1]).abs() < 1e-6, "{yaw}");
-        assert!((f64::from(limits.acceleration_mm_s2) - ACCELERATION[0]).abs() < 1e-6);
-    }
-
-    #[test]
-    fn prediction_brakes_slow_wheels_and_ends_half_a_second_back() {
-        for (forward, yaw, braked) in [(9.0, 8.0, true), (11.0, 8.0, false), (9.0, 9.5, false)] {
-            let mut response = Response {
-                speeds: [forward, yaw].map(|speed| [0.0, speed, speed]),
-            };
-            response.step([0.0; 2]);
-            let still = |speeds: &[f64; 3]| speeds.iter().all(|&speed| speed == 0.0);
-            assert_eq!(response.speeds.iter().all(still), braked);
-        }
-        let mut follower = PoseFollower::new(Pose::new(1000.0, 0.0, 0.0), 5.0, 1.0);
-        follower.step(0.0, Pose::default());
-        let late = follower.step(100.0, Pose::new(900.0, 0.0, 0.0)).0;
-        // From 900 mm it were 100 mm/s; the robot comes to rest some 50 mm later.
-        assert!((50.0..80.0).contains(&late), "{late}");
-        let speed = follower.response.speeds[0][2];
-        assert!((100.0..140.0).contains(&speed), "{speed}");
-    }
-
-    #[test]
-    fn follower_rests_on_poses_all_around() {
-        for (x, y, rotation) in [
-            (1000.0, 0.0, 0.0),
-            (0.0, 0.0, 180.0),
-            (300.0, 300.0, 270.0),
-            (-400.0, 100.0, 90.0),
-            (-60.0, 2.0, 0.0),
-            (3.0, 8.0, -2.0),
-            (500.0, -20.0, 720.0),
-        ] {
-            let target = Pose::new(x, y, rotation);
-            let end = drive(target, 30);
-            let (mm, deg) = (end.distance_mm(target), end.rotation_to_deg(target));
-            assert!(mm <= 3.0 && deg.abs() <= 0.5, "{target:?}: {mm} mm, {deg}°");
-        }
-    }
-}
+mod tests;

@@ -1,0 +1,79 @@
+//! Tests of the follower on a robot that responds as the core does.
+
+use super::super::RestDetector;
+use super::*;
+use fw_core::eeprom::{Image, fields};
+
+fn config(image: &Image) -> Config {
+    Config::decode(image).unwrap()
+}
+
+/// A robot that follows the velocity as the core does, up to `held` mm/s ahead and, if it may, back, and
+/// reports a frame late; where it rests, and the farthest that it came ahead.
+fn drive(target: Pose, config: &Config, held: f64, back: bool) -> (Pose, f64) {
+    let mut follower = PoseFollower::new(target, &ArrivalCriteria::default(), config);
+    let limits = follower.limits;
+    let (mut pose, mut reported) = (Pose::default(), Pose::default());
+    let (mut response, mut limited, mut farthest) = (Response::default(), false, 0.0_f64);
+    let mut rest = RestDetector::default();
+    for frame in 0..60 * 40_u32 {
+        let still = rest.settled(u64::from(frame) * 25_000, reported);
+        let (forward, yaw) = follower.step(f64::from(frame) * 0.025, reported, limited, still);
+        let fastest = -limits.reverse_mm_s..=limits.speed[0];
+        assert!(fastest.contains(&forward) && yaw.abs() <= limits.speed[1]);
+        let allowed = forward.clamp(if back { -1e3 } else { 0.0 }, held);
+        limited = (allowed - forward).abs() > 1e-9;
+        reported = pose;
+        for _ in 0..5 {
+            let [way, turn] = response.step([allowed, yaw], &limits);
+            pose = Pose::new(way, 0.0, turn).in_frame_of(pose);
+            farthest = farthest.max(pose.x_mm);
+        }
+    }
+    assert!(response.stands());
+    (pose, farthest)
+}
+
+#[track_caller]
+fn assert_at(end: Pose, target: Pose) {
+    let (mm, deg) = (end.distance_mm(target), end.rotation_to_deg(target));
+    assert!(mm <= 3.0 && deg.abs() <= 0.5, "{target:?}: {mm} mm, {deg}°");
+}
+
+#[test]
+fn follower_rests_on_poses_all_around() {
+    let slow = Image::FIRST_BOARD
+        .with(fields::MAX_SPEED, 60)
+        .with(fields::ACCELERATION, 100)
+        .with(fields::REVERSE_SPEED, 0);
+    for config in [config(&Image::FIRST_BOARD), config(&slow)] {
+        for (x, y, rotation) in [
+            (1000.0, 0.0, 0.0),
+            (0.0, 0.0, 180.0),
+            (300.0, 300.0, 270.0),
+            (-400.0, 100.0, 90.0),
+            (0.0, 500.0, 0.0),
+            (-60.0, 2.0, 0.0),
+            (3.0, 8.0, -2.0),
+            (4.0, 0.0, 0.0),
+            (0.0, 0.0, 1.0),
+            (500.0, -20.0, 720.0),
+        ] {
+            let target = Pose::new(x, y, rotation);
+            assert_at(drive(target, &config, 1e3, true).0, target);
+        }
+    }
+}
+
+#[test]
+fn follower_held_back_does_not_overshoot_and_turns_for_a_way_back() {
+    let config = config(&Image::FIRST_BOARD);
+    let ahead = Pose::new(600.0, 0.0, 0.0);
+    for held in [100.0, 30.0] {
+        let (end, farthest) = drive(ahead, &config, held, true);
+        assert_at(end, ahead);
+        assert!(farthest < 603.0, "{farthest} mm, held at {held} mm/s");
+    }
+    let behind = Pose::new(-60.0, 2.0, 0.0);
+    assert_at(drive(behind, &config, 1e3, false).0, behind);
+}
