@@ -134,7 +134,10 @@ pub fn follow<'m>(
             let pose = Pose::from_code(report.pose);
             still = rest.settled(snapshot.time_us, pose);
             let (off_mm, off_deg) = (pose.distance_mm(target), pose.rotation_to_deg(target));
-            if still && off_mm <= criteria.tolerance_mm && off_deg.abs() <= criteria.tolerance_deg {
+            let there = off_mm <= criteria.tolerance_mm
+                && off_deg.abs() <= criteria.tolerance_deg
+                && follower.as_ref().is_none_or(|one| one.reaches(pose));
+            if still && there {
                 moving.arrived = true;
                 return Ok(Arrival {
                     pose,

@@ -2,11 +2,14 @@
 //! and what goes wrong on the way.
 
 use host_link::board_io::Interrupt;
+use host_link::settings::Settings;
+use pilot::calibrate::explored::Explored;
+use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::virtual_board;
 use robot_tests::exploration::{self, Figures, SPI_HZ};
 use robot_tests::test_board::{ELF, elf};
-use twin::Board;
-use twin::plant::{Faults, Pose2, Room};
+use twin::plant::{Faults, Imperfections, Pose2, Room};
+use twin::{Board, Options};
 
 /// 2 m by 1.6 m with a box in it.
 fn small_room() -> Room {
@@ -70,4 +73,46 @@ fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
     });
     assert!(figures.stops >= 2, "{}", figures.stops);
     assert!(figures.position_error_mm_max < 150.0 && figures.heading_error_deg_max < 8.0);
+}
+
+// Requirement: NAV-calibrate-1
+#[test]
+fn learned_wheels_in_eeprom_improve_next_exploration() {
+    let (elf, room) = (elf(ELF), small_room());
+    let mut settings = Settings::sample()
+        .and_then(|sample| sample.with(&exploration::CHANGES))
+        .expect("accepted");
+    let (mut off, mut raw_mm) = (Vec::new(), Vec::new());
+    for _ in 0..2 {
+        let eeprom = Some(settings.image().0.to_vec());
+        let board = Board::new(
+            &elf,
+            Options {
+                eeprom,
+                ..exploration::options(&room, Imperfections::default(), 24)
+            },
+        )
+        .expect("a board");
+        let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+        let run = exploration::explore(&mut io, &board, |_| ()).expect("a session");
+        let true_wheels = board.world(|world| world.params().chassis);
+        let [wheels, track] = {
+            let WheelGeometry {
+                left_mm,
+                right_mm,
+                track_mm,
+            } = WheelGeometry::from_config(settings.config());
+            let diameters = true_wheels.wheel_diameter_mm;
+            let ratio = right_mm / left_mm / (diameters.right / diameters.left);
+            [ratio, track_mm / true_wheels.track_mm].map(|factor| (factor - 1.0).abs() * 100.0)
+        };
+        off.push((wheels, track));
+        raw_mm.push(run.figures(&room).raw_position_error_mm_max);
+        let learned = Explored::new(settings.config(), &run.localisation.localiser.calibration());
+        let wheels = learned.wheels().expect("learned");
+        settings = settings.with(&wheels.values()).expect("accepted");
+    }
+    assert!(off[1].0 < 0.1 && off[1].0 < off[0].0 / 2.0, "{off:?}");
+    assert!(off[1].1 < off[0].1.max(0.2), "{off:?}");
+    assert!(raw_mm[1] < raw_mm[0] / 1.5, "{raw_mm:?}");
 }

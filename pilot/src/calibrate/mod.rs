@@ -5,6 +5,7 @@
 //! shows how far off they are.
 
 pub mod distance;
+pub mod explored;
 pub mod least_squares;
 pub mod run;
 pub mod umbmark;

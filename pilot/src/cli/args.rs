@@ -325,7 +325,7 @@ pub struct Map {
     /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub record: Option<PathBuf>,
-    /// Files to write, without their endings .png, .pgm, .yaml
+    /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
     #[arg(long, value_name = "STEM", default_value = "map")]
     pub out: PathBuf,
     /// Size of a map cell, mm

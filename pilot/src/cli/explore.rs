@@ -3,24 +3,24 @@
 use super::args::{Explore, Goto};
 use super::connection::{Connection, Context};
 use super::output::Output;
-use super::{map, prompt};
+use super::{calibrate::explored, map, prompt};
 use fw_core::eeprom::fields;
 use fw_core::wire::{Field, Mode};
 use host_link::eeprom;
 use host_link::error::Error;
-use host_link::file;
 use host_link::session::Session;
 use host_link::settings::{self, Settings};
 use host_link::statistics::LinkStatistics;
 use mapper::{Cell, Grid, Localiser, Point, PoseEstimate};
 use navigator::{Explorer, GoTo, Outcome};
+use pilot::calibrate::explored::Explored;
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
 use pilot::recording::Recorder;
 use serde::Serialize;
 use serde_json::json;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Cells of the map, mm.
 const CELL_MM: f64 = 25.0;
@@ -29,8 +29,8 @@ const LIVE_FRAMES: u32 = 20;
 
 /// Explores and leaves the map.
 pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
-    Files::check(&explore.out)?;
-    Files::check(&raw_stem(explore))?;
+    map::check(&explore.out)?;
+    explored::check(context)?;
     context.with_board(|connection| {
         ensure_mode(connection, explore.yes, context)?;
         let mut session = context.open_session(&mut connection.io)?;
@@ -53,13 +53,16 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
                 map::record(&mut recorder, &mut written, &step.sample, step.snapshot);
             },
         );
+        let learned = Explored::new(session.config(), &localisation.localiser.calibration());
         let end_us = session.now_us();
         if let Some(recorder) = recorder {
             written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
         }
         // What was seen before an error is worth keeping, whatever the error was.
         let link = session.statistics();
-        let saved = save(explore, &localisation, driven.as_ref().ok(), link, context);
+        let kept = explored::keep(&learned, context);
+        let driving = driven.as_ref().ok();
+        let saved = save(explore, &localisation, (driving, learned), link, context).and(kept);
         driven?.ensure_complete("the room is not wholly explored")?;
         saved.and(written)
     })
@@ -168,8 +171,14 @@ pub fn ensure_mode(
 ) -> Result<(), Error> {
     let Connection { io, journal, .. } = connection;
     let image = eeprom::read(io)?;
-    let mode = settings::decode(&image)?.mode();
+    let config = settings::decode(&image)?;
+    let mode = config.mode();
     if mode.has(Field::Velocity) {
+        if !config.gyro() {
+            context.output.warn(
+                "the EEPROM holds gyro = false: without the gyroscope pose and map are as good as the                  wheels' grip",
+            );
+        }
         return Ok(());
     }
     let wanted = Mode::GuardedVelocity;
@@ -195,11 +204,6 @@ pub fn ensure_mode(
     Ok(())
 }
 
-/// Of the map by odometry alone.
-fn raw_stem(explore: &Explore) -> PathBuf {
-    file::with_suffix(&explore.out, "-raw")
-}
-
 #[derive(Serialize)]
 struct Done {
     files: Files,
@@ -209,27 +213,33 @@ struct Done {
     stops: Option<u32>,
     free_m2: f64,
     path_mm: f64,
+    learned: Explored,
     link: LinkStatistics,
 }
 
 fn save(
     explore: &Explore,
     localisation: &Localisation,
-    drive: Option<&Drive>,
+    (drive, learned): (Option<&Drive>, Explored),
     link: LinkStatistics,
     context: Context<'_>,
 ) -> Result<(), Error> {
     let raw = &localisation.raw;
     let done = Done {
         files: localisation.save_map(&explore.out)?,
-        raw_files: raw.save_map(&raw_stem(explore))?,
+        raw_files: raw.save_map(&map::raw_stem(&explore.out))?,
         outcome: drive.map(|drive| outcome_name(drive.outcome)),
         seconds: drive.map(|drive| drive.seconds),
         stops: drive.map(|drive| drive.stops),
         free_m2: free_m2(localisation.localiser.grid()),
         path_mm: raw.path_mm(),
+        learned,
         link,
     };
+    context.output.message(&format!(
+        "{}; `robot calibrate from-explore` writes the wheels' figures",
+        learned.summary()
+    ));
     context.output.result(&done, || {
         format!(
             "map of {:.1} m² over {:.1} m of way in {}, {}, {}; by odometry alone in {}",

@@ -3,14 +3,19 @@
 use super::args::Map;
 use super::connection::Context;
 use super::drive;
+use fw_core::eeprom::Config;
 use host_link::error::Error;
+use host_link::file;
 use host_link::settings::Settings;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
-use pilot::mapping::{self, Files, Mapping, RangeSample};
+use mapper::Localiser;
+use pilot::exploring::{self, Localisation};
+use pilot::mapping::{Files, RangeSample};
 use pilot::recording::{self, Recorder};
 use pilot::waypoints;
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
 /// Runs the command.
 pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
@@ -19,27 +24,23 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
         (_, Some(file)) => {
             let samples = recording::load(file)?;
             recording::check_extent(&samples, cell_mm, file)?;
-            let mut mapping = Mapping::new(mapping::mapper_config(
-                Settings::first_board()?.config(),
-                cell_mm,
-            ));
+            let mut localisation = localisation(Settings::first_board()?.config(), cell_mm);
             for sample in &samples {
-                mapping.add(sample);
+                localisation.observe(sample);
             }
-            save(map, &mapping, None, context)
+            save(map, &localisation, None, context)
         }
         (Some(file), None) => {
             let waypoints = waypoints::load(file)?;
-            Files::check(&map.out)?;
+            check(&map.out)?;
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
-                let config = mapping::mapper_config(session.config(), cell_mm);
-                let mut mapping = Mapping::new(config);
+                let mut localisation = localisation(session.config(), cell_mm);
                 let mut recorder = map.record.as_deref().map(Recorder::create).transpose()?;
                 let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {
                     if let Some(sample) = RangeSample::of(snapshot) {
-                        mapping.add(&sample);
+                        localisation.observe(&sample);
                         record(&mut recorder, &mut written, &sample, snapshot);
                     }
                 };
@@ -48,9 +49,10 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 // What was measured before an error is worth keeping, whatever the error was.
                 let end_us = session.now_us();
                 if let Some(recorder) = recorder {
-                    written = written.and(recorder.finish(end_us, mapping.mapper().grid()));
+                    written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
                 }
-                let saved = save(map, &mapping, Some(session.statistics()), context);
+                let link = Some(session.statistics());
+                let saved = save(map, &localisation, link, context);
                 outcome.and(saved).and(written)
             })
         }
@@ -58,6 +60,22 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
             "map needs a tour to drive or --from a recording".into(),
         )),
     }
+}
+
+fn localisation(config: &Config, cell_mm: f64) -> Localisation {
+    let localiser = Localiser::new(exploring::localiser_config(config, cell_mm));
+    Localisation::new(localiser, config, cell_mm)
+}
+
+/// Of the map by odometry alone.
+pub fn raw_stem(out: &Path) -> PathBuf {
+    file::with_suffix(out, "-raw")
+}
+
+/// Whether both maps can be written.
+pub fn check(out: &Path) -> Result<(), Error> {
+    Files::check(out)?;
+    Files::check(&raw_stem(out))
 }
 
 /// Adds a report to a recording, if there is one. The first failure is kept: the drive goes on without.
@@ -75,20 +93,25 @@ pub fn record(
 
 fn save(
     map: &Map,
-    mapping: &Mapping,
+    localisation: &Localisation,
     link: Option<LinkStatistics>,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    let files = mapping.save_map(&map.out)?;
-    let (reports, path_mm) = (mapping.trace().len(), mapping.path_mm());
-    let done = json!({ "files": files, "reports": reports, "path_mm": path_mm, "link": link });
+    let raw = &localisation.raw;
+    let files = localisation.save_map(&map.out)?;
+    let raw_files = raw.save_map(&raw_stem(&map.out))?;
+    let (reports, path_mm) = (raw.trace().len(), raw.path_mm());
+    let done = json!({
+        "files": files, "raw_files": raw_files, "reports": reports, "path_mm": path_mm, "link": link,
+    });
     context.output.result(&done, || {
         format!(
-            "map of {reports} reports over {:.2} m in {}, {}, {}",
+            "map of {reports} reports over {:.2} m in {}, {}, {}; by odometry alone in {}",
             path_mm / 1000.0,
             files.png.display(),
             files.pgm.display(),
-            files.yaml.display()
+            files.yaml.display(),
+            raw_files.png.display()
         )
     })
 }

@@ -16,6 +16,8 @@ pub enum Calibrate {
     Distance(DistanceArgs),
     /// Drive squares both ways (UMBmark): the wheels' ratio and the track; calibrate the distance first
     Umbmark(UmbmarkArgs),
+    /// Correct wheels and track by what the latest `explore` has learned about them
+    FromExplore(Consent),
     /// Bring back what the EEPROM held before the latest calibration or tuning was written
     Rollback,
 }

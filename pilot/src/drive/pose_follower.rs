@@ -226,6 +226,12 @@ impl PoseFollower {
         command.into()
     }
 
+    /// Whether a pose is within the tolerances.
+    pub fn reaches(&self, pose: Pose) -> bool {
+        pose.distance_mm(self.target) <= self.tolerance_mm
+            && pose.rotation_to_deg(self.target).abs() <= self.tolerance_deg
+    }
+
     /// What to do next at rest.
     fn plan(&self, pose: Pose) -> Phase {
         if pose.distance_mm(self.target) <= SHARES.1 * self.tolerance_mm {

@@ -1,6 +1,7 @@
 //! `calibrate …`.
 
 mod distance;
+pub mod explored;
 mod measurement;
 mod umbmark;
 
@@ -20,6 +21,9 @@ pub fn run(command: &Calibrate, context: Context<'_>) -> Result<(), Error> {
         Calibrate::Umbmark(arguments) => {
             let measurement = Measurement::new(&arguments.measuring, context)?;
             context.with_board(|connection| umbmark::run(arguments, measurement, connection))
+        }
+        Calibrate::FromExplore(consent) => {
+            context.with_board(|connection| explored::run(consent, connection, context))
         }
         Calibrate::Rollback => context.with_board(|connection| rollback(connection, context)),
     }
