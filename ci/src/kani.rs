@@ -4,23 +4,45 @@
 //! harness proves nothing. So is one that takes longer than the budget allows, and one that was
 //! declared but not checked.
 
+use clap::Args;
+
 use crate::budget::Budget;
-use crate::error::{Context, Kind, Result, ensure, fail};
+use crate::error::{Context, Failure, Kind, Result, ensure, fail};
+use crate::evidence::{self, Verdict, Verdicts};
 use crate::process::{self, captures, pattern};
 use crate::workspace::Workspace;
 
 /// Why Kani is not run, and how it would be.
-const MISSING: &str = "Kani is not installed (`cargo install --locked kani-verifier && cargo kani \
-    setup`); the same properties ran exhaustively or sampled among the unit tests";
+const MISSING: &str =
+    "Kani is not installed (`cargo install --locked kani-verifier && cargo kani setup`)";
+
+/// Which harnesses to prove.
+#[derive(Args, Default)]
+pub struct Choice {
+    /// Only every N-th harness, K from 0
+    #[arg(long, value_name = "K/N", default_value = "0/1", value_parser = Shard::parse)]
+    shard: Shard,
+    /// Only harnesses with this in their name
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    only: String,
+    /// Only those that proofs/evidence.toml has no verdict on for the present sources; theirs are
+    /// written there
+    #[arg(long)]
+    evidence: bool,
+}
 
 /// `K/N`: every N-th harness, K from 0. Neighbours cost alike, so each machine of N gets one of them.
 #[derive(Clone, Copy, Debug)]
-pub struct Shard(usize, usize);
+struct Shard(usize, usize);
+
+impl Default for Shard {
+    fn default() -> Self {
+        Self(0, 1)
+    }
+}
 
 impl Shard {
-    pub const ALL: Self = Self(0, 1);
-
-    pub fn parse(text: &str) -> Result<Self> {
+    fn parse(text: &str) -> Result<Self> {
         let numbers = text.split_once('/').context("not K/N")?;
         let (number, count) = (numbers.0.parse()?, numbers.1.parse()?);
         ensure!(number < count, "K is not below N");
@@ -28,35 +50,71 @@ impl Shard {
     }
 }
 
-/// Proves a shard of the harnesses that `proofs` declares; returns the closing figure. An error names
-/// the harnesses that fail, take too long or were not checked, and those with a cover that cannot be
-/// reached.
-pub fn prove(workspace: &Workspace, shard: Shard) -> Result<String> {
+/// The harnesses that `proofs` declares, one a line.
+fn declared(workspace: &Workspace) -> Result<String> {
+    let list = "run --quiet --package proofs --example theorems -- --harnesses";
+    Ok(workspace.cargo(list).read()?)
+}
+
+/// Proves every harness where Kani is installed; reads the evidence where it is not.
+pub fn gate(workspace: &Workspace) -> Result<String> {
+    let proven = prove(workspace, &Choice::default());
+    let is_missing = |failure: &Failure| failure.0 == Kind::MissingProgram;
+    if !matches!(&proven, Err(error) if error.downcast_ref().is_some_and(is_missing)) {
+        return proven;
+    }
+    let declared = declared(workspace)?;
+    let declared: Vec<_> = declared.lines().collect();
+    let (figure, missing) = evidence::judge(&declared, &evidence::read(workspace)?)?;
+    if missing.is_empty() {
+        return Ok(figure);
+    }
+    let missing = missing.join(", ");
+    let reason = format!("{figure}; no verdict on the present sources of {missing}");
+    fail(Kind::Skipped, reason)
+}
+
+/// Proves the chosen harnesses; returns the closing figure. An error names the harnesses that fail, take
+/// too long or come to no verdict, and those with a cover that cannot be reached.
+pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
     let Some(version) = process::output(workspace.cargo("kani --version")) else {
         return fail(Kind::MissingProgram, MISSING);
     };
     let limit = Budget::read(workspace)?;
     let limit = limit.value("kani.at_most.harness_seconds")?.as_f64();
     let limit = limit.context("harness_seconds is no number")?;
-    let list = "run --quiet --package proofs --example theorems -- --harnesses";
-    let declared = workspace.cargo(list).read()?;
-    let Shard(number, count) = shard;
-    let chosen: Vec<_> = declared.lines().skip(number).step_by(count).collect();
-    ensure!(!chosen.is_empty(), "fewer harnesses than shards");
-    let _in_proofs = workspace.sh.push_dir("proofs");
+    let declared = declared(workspace)?;
+    let declared: Vec<_> = declared.lines().collect();
+    let mut known = Verdicts::new();
+    if choice.evidence {
+        known = evidence::read(workspace)?;
+    }
+    let Shard(number, count) = choice.shard;
+    let chosen = declared.iter().skip(number).step_by(count).copied();
+    let chosen = chosen.filter(|name| name.contains(&choice.only) && !known.contains_key(*name));
+    let chosen: Vec<_> = chosen.collect();
+    ensure!(!chosen.is_empty(), "no harness is left to prove");
+    let pushed = workspace.sh.push_dir("proofs");
     // From 0.59 on Kani can end a harness itself; without that, what takes too long fails afterwards.
     let help = process::output(workspace.cargo("kani --help")).unwrap_or_default();
     let timeout = format!("kani -Z unstable-options --harness-timeout {limit}s");
     let can_end = help.contains("--harness-timeout");
     let mut kani = workspace.cargo(if can_end { &timeout } else { "kani" });
-    // A shard is chosen before anything is compiled; without a choice Kani finds every harness itself.
-    if count > 1 {
+    // A choice is made before anything is compiled; without one Kani finds every harness itself.
+    if chosen.len() < declared.len() {
         let names = chosen.iter().flat_map(|name| ["--harness", *name]);
         kani = kani.arg("--exact").args(names);
     }
-    let (success, text) = process::tee_lines(kani, is_summary)?;
-    let figure = judge(&text, &chosen, limit)?;
-    ensure!(success, "Kani did not end with 0");
+    let (_, text) = process::tee_lines(kani, is_summary)?;
+    drop(pushed);
+    let found = verdicts(&text, &version, limit);
+    if choice.evidence {
+        known.extend(found.clone());
+        known.retain(|name, _| declared.contains(&name.as_str()));
+        evidence::write(workspace, &known)?;
+    }
+    let (figure, missing) = evidence::judge(&chosen, &found)?;
+    ensure!(missing.is_empty(), "no verdict on {}", missing.join(", "));
     Ok(format!("{version}: {figure}"))
 }
 
@@ -66,23 +124,27 @@ fn is_summary(line: &str) -> bool {
     pattern(r"^(Kani|Checking| \*\*|VERIF|Verif|Complete)|error").is_match(line)
 }
 
-/// A harness that Kani checked: its name, its seconds, and what is wrong with it, if anything.
-type Harness<'a> = (&'a str, f64, Option<String>);
+/// What Kani printed as verdicts.
+fn verdicts(text: &str, version: &str, limit: f64) -> Verdicts {
+    let sections = text.split("Checking harness ").skip(1);
+    let verdicts = sections.filter_map(|section| verdict(section, version, limit));
+    verdicts.collect()
+}
 
-/// Prints and judges what Kani printed about one harness.
-fn harness(section: &str, limit: f64) -> Option<Harness<'_>> {
+/// Prints and judges what Kani printed about one harness; nothing where it came to no verdict.
+fn verdict(section: &str, version: &str, limit: f64) -> Option<(String, Verdict)> {
     let (name, text) = section.split_once("...")?;
     let covers = pattern(r"(?m)^ \*\* (\d+) of (\d+) cover properties satisfied").captures(text);
     let covers = covers.and_then(|found| found[1].parse().ok().zip(found[2].parse().ok()));
     let (some, all): (u32, u32) = covers.unwrap_or_default();
+    // Out of memory or of time, or cut short: no time is printed.
     let seconds = captures(text, r"(?m)^Verification Time: ([\d.]+)s");
-    let seconds = seconds.first().and_then(|seconds| seconds.parse().ok());
-    let seconds: f64 = seconds.unwrap_or(0.0);
+    let seconds: f64 = seconds.first()?.parse().ok()?;
     println!("  {seconds:7.1} s  {some} of {all} covers  {name}");
     // An assertion that cannot be reached is no failure.
     let unreached = r#"\.cover\.\d+\n\t - Status: U\w+\n\t - Description: "(.*)""#;
     let unreached = captures(text, unreached).join(", ");
-    let complaint = if !text.contains("\nVERIFICATION:- SUCCESSFUL\n") {
+    let finding = if !text.contains("\nVERIFICATION:- SUCCESSFUL\n") {
         "is not proven".into()
     } else if all == 0 {
         "has no cover: it may prove nothing".into()
@@ -92,30 +154,17 @@ fn harness(section: &str, limit: f64) -> Option<Harness<'_>> {
     } else if seconds > limit {
         format!("took {seconds:.0} s of {limit}")
     } else {
-        return Some((name, seconds, None));
+        String::new()
     };
-    Some((name, seconds, Some(format!("{name} {complaint}"))))
-}
-
-/// Prints each harness; the closing figure of a run in which the `chosen` ones were proven.
-fn judge(text: &str, chosen: &[&str], limit: f64) -> Result<String> {
-    let sections = text.split("Checking harness ").skip(1);
-    let harnesses = sections.filter_map(|section| harness(section, limit));
-    let harnesses: Vec<_> = harnesses.collect();
-    let complaints = harnesses.iter().filter_map(|harness| harness.2.clone());
-    let checked = |name: &str| harnesses.iter().any(|harness| harness.0 == name);
-    let unchecked = chosen.iter().filter(|name| !checked(name));
-    let complaints = complaints.chain(unchecked.map(|name| format!("{name} was not checked")));
-    let complaints = complaints.collect::<Vec<_>>().join("; ");
-    ensure!(complaints.is_empty(), complaints);
-    // After the last harness: a run that was cut short has no such line.
-    let complete = captures(text, r"(?m)^Complete - (.*)$").pop();
-    let slowest = harnesses.iter().max_by(|one, two| one.1.total_cmp(&two.1));
-    let both = complete.zip(slowest);
-    let (complete, (name, seconds, _)) = both.context("Kani did not complete")?;
-    let sum: f64 = harnesses.iter().map(|harness| harness.1).sum();
-    let longest = format!("the longest, {name}, took {seconds:.0} s.");
-    Ok(format!("{complete} {sum:.0} s in all; {longest}"))
+    let cbmc = captures(text, r"CBMC version (\S+)").concat();
+    let verdict = Verdict {
+        finding,
+        covers: [some, all],
+        seconds,
+        tools: format!("{}, CBMC {cbmc}", version.trim()),
+        sources: String::new(),
+    };
+    Some((name.to_owned(), verdict))
 }
 
 /// What Kani 0.65 prints, without the checks and most of what its solver says.
@@ -150,9 +199,14 @@ Complete - 2 successfully verified harnesses, 0 failures, 2 total.
 fn harness_that_proves_less_than_it_says_is_named() {
     let names = ["shortest_way_arrives", "span_survives_the_wrap"];
     let names = names.map(|name| format!("units::{name}::harness::proof"));
-    let judge = |text: &str| judge(text, &[&names[0], &names[1]], 300.0);
-    let figure = "2 successfully verified harnesses, 0 failures, 2 total. 6 s in all; the longest, \
-                  units::shortest_way_arrives::harness::proof, took 5 s.";
+    let judge = |text: &str| {
+        let verdicts = verdicts(text, "Kani 1", 300.0);
+        let (figure, missing) = evidence::judge(&[&names[0], &names[1]], &verdicts)?;
+        ensure!(missing.is_empty(), "no verdict on {}", missing.concat());
+        Ok(figure)
+    };
+    let figure = "2 of 2 harnesses proven, 5 covers, 6 s, the longest \
+                  units::shortest_way_arrives::harness::proof, 5 s";
     assert_eq!(judge(GOOD).unwrap(), figure);
     let printed: Vec<_> = GOOD.lines().filter(|line| is_summary(line)).collect();
     assert!(printed.contains(&" ** 3 of 3 cover properties satisfied"));
@@ -164,8 +218,7 @@ fn harness_that_proves_less_than_it_says_is_named() {
  ** 2 of 2 cover =>  => wrap::harness::proof has no cover
 VERIFICATION:- SUCCESSFUL => VERIFICATION:- FAILED => arrives::harness::proof is not proven
 1.4145411s => 300.5s => wrap::harness::proof took 300 s of 300
-span_survives => x => span_survives_the_wrap::harness::proof was not
-Complete -  => error: => Kani did not complete";
+span_survives => x => no verdict on units::span_survives_the_wrap::harness::proof";
     for case in cases.lines() {
         let parts: Vec<_> = case.split(" => ").collect();
         let (from, to, complaint) = (parts[0], parts[1], parts[2]);
@@ -176,7 +229,8 @@ Complete -  => error: => Kani did not complete";
         let error = judge(&text).unwrap_err().to_string();
         assert!(error.contains(complaint), "{error}");
     }
-    let cut = &GOOD[..GOOD.find("SUMMARY").unwrap()];
-    let error = judge(cut).unwrap_err().to_string();
-    assert!(error.contains("arrives::harness::proof is not proven"));
+    // Out of time or of memory.
+    let cut = GOOD.replace("Verification Time: 4", "CBMC failed");
+    let error = judge(&cut).unwrap_err().to_string();
+    assert_eq!(error, format!("no verdict on {}", names[0]));
 }

@@ -5,6 +5,7 @@ mod budget;
 mod defects;
 mod elf;
 mod error;
+mod evidence;
 mod firmware;
 mod flash;
 mod fuzz;
@@ -25,7 +26,6 @@ use clap::{Args, Parser, Subcommand};
 use error::{Failure, Result};
 use flash::Board;
 use gates::When;
-use kani::Shard;
 use session::Session;
 use toolchain::Provider;
 use trace::Trace;
@@ -88,11 +88,7 @@ enum Command {
         choice: gates::Choice,
     },
     /// The theorems, by Kani
-    Prove {
-        /// Only every N-th harness, K from 0
-        #[arg(long, value_name = "K/N", default_value = "0/1", value_parser = Shard::parse)]
-        shard: Shard,
-    },
+    Prove(kani::Choice),
     /// Fuzz one target or all
     Fuzz {
         target: Option<String>,
@@ -158,7 +154,7 @@ fn run(cli: Cli) -> Result<ExitCode> {
             good = gates::run(session, &choice, &[When::Quick, When::Change], quick);
         }
         Command::Night { choice } => good = gates::run(session, &choice, &[When::Night], false),
-        Command::Prove { shard } => println!("{}", kani::prove(session, shard)?),
+        Command::Prove(choice) => println!("{}", kani::prove(session, &choice)?),
         Command::Fuzz { target, seconds } => {
             println!("{}", fuzz::run(session, target.as_deref(), Some(seconds))?);
         }

@@ -164,6 +164,13 @@ impl Workspace {
     }
 }
 
+/// Source without comments and without the tests at its end.
+pub fn code_of(source: &str) -> String {
+    let bare = process::pattern(r"(?m)^ *//.*$").replace_all(source, "");
+    let code = bare.split("\n#[cfg(test)]\nmod tests {").next();
+    code.unwrap_or_default().to_owned()
+}
+
 /// The entries of a JSON list; none where it is no list.
 pub fn list(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::budget::Budget;
 use crate::error::{Failure, Kind, Result, bail, fail};
-use crate::kani::{self, Shard};
+use crate::kani;
 use crate::session::Session;
 use crate::trace::{Requirement, Trace};
 use crate::{defects, fuzz};
@@ -72,7 +72,7 @@ const GATES: [Gate; 33] = [
         tests::by_python(session, "ros2/bridge.py")
     }),
     ("figures", Change, tests::figures),
-    ("kani", Change, |session| kani::prove(session, Shard::ALL)),
+    ("kani", Change, |session| kani::gate(session)),
     ("supply", Change, source::supply),
     ("fuzz", Night, |session| fuzz::run(session, None, None)),
     ("coverage", Night, tests::coverage),

@@ -9,7 +9,7 @@ use super::source::WORKSPACES;
 use crate::error::Result;
 use crate::process::pattern;
 use crate::session::Session;
-use crate::workspace::{list, text};
+use crate::workspace::{code_of, list, text};
 
 /// Source texts by path.
 type Files = BTreeMap<String, String>;
@@ -121,15 +121,13 @@ impl Modules {
 /// The words that follow the crate's root in paths, `a` in `crate::a::B`, `a` and `c` in
 /// `super::{a::B, c}` of a module of `depth` 1; without the tests at the end of the file.
 fn paths(source: &str, depth: usize) -> BTreeSet<String> {
-    let bare = pattern(r"(?m)^ *//.*$").replace_all(source, "");
-    let code = bare.split("\n#[cfg(test)]\nmod tests {").next();
     let inner = pattern(r"\{[^{}]*\}");
     let root = format!(
         r"(?:^|[^\w$:])(?:crate::|(?:super::){{{depth}}})(\w+|\{{(?:[^{{}};]|\{{[^{{}}]*\}})*\}})"
     );
     let first = pattern(r"(?:^|,)\s*(\w+)");
     let mut names = BTreeSet::new();
-    for path in pattern(&root).captures_iter(code.unwrap_or_default()) {
+    for path in pattern(&root).captures_iter(&code_of(source)) {
         let group = path[1].trim_start_matches('{').trim_end_matches('}');
         let group = inner.replace_all(group, "");
         names.extend(first.captures_iter(&group).map(|name| name[1].to_owned()));

@@ -1,0 +1,198 @@
+//! What Kani found, and of which sources: `proofs/evidence.toml`, a line a harness.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use serde::Deserialize;
+
+use crate::error::{Context, Result, ensure};
+use crate::process::captures;
+use crate::workspace::{Workspace, code_of};
+
+const FILE: &str = "proofs/evidence.toml";
+
+/// What Kani found of a harness.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Verdict {
+    /// What is wrong with it; empty where it is proven and every cover was reached.
+    pub finding: String,
+    /// Covers reached, and declared.
+    pub covers: [u32; 2],
+    pub seconds: f64,
+    pub tools: String,
+    /// [`Sources::hash`] when it was checked.
+    pub sources: String,
+}
+
+/// Verdicts by harness.
+pub type Verdicts = BTreeMap<String, Verdict>;
+
+/// The figure of these harnesses and those without a verdict; an error where one has a finding.
+pub fn judge<'n>(names: &[&'n str], verdicts: &Verdicts) -> Result<(String, Vec<&'n str>)> {
+    let of = |name: &&str| Some((name.to_string(), verdicts.get(*name)?));
+    let found: Vec<_> = names.iter().filter_map(of).collect();
+    let findings = found
+        .iter()
+        .filter(|(_, verdict)| !verdict.finding.is_empty());
+    let findings = findings.map(|(name, verdict)| format!("{name} {}", verdict.finding));
+    let findings = findings.collect::<Vec<_>>().join("; ");
+    ensure!(findings.is_empty(), findings);
+    let covers: u32 = found.iter().map(|(_, verdict)| verdict.covers[0]).sum();
+    let seconds = found
+        .iter()
+        .fold(0.0, |sum, (_, verdict)| sum + verdict.seconds);
+    let (proven, all) = (found.len(), names.len());
+    let mut figure = format!("{proven} of {all} harnesses proven, {covers} covers, {seconds:.0} s");
+    let slowest = found
+        .iter()
+        .max_by(|one, two| one.1.seconds.total_cmp(&two.1.seconds));
+    if let Some((name, verdict)) = slowest {
+        write!(figure, ", the longest {name}, {:.0} s", verdict.seconds)?;
+    }
+    let missing = names.iter().filter(|name| !verdicts.contains_key(**name));
+    Ok((figure, missing.copied().collect()))
+}
+
+/// The verdicts on the present sources.
+pub fn read(workspace: &Workspace) -> Result<Verdicts> {
+    let sources = Sources::read(workspace)?;
+    let text = workspace.sh.read_file(FILE)?;
+    let mut verdicts: Verdicts = toml::from_str(&text).context(FILE)?;
+    verdicts.retain(|name, verdict| verdict.sources == sources.hash(name));
+    Ok(verdicts)
+}
+
+/// Writes verdicts on the present sources.
+pub fn write(workspace: &Workspace, verdicts: &Verdicts) -> Result<()> {
+    let sources = Sources::read(workspace)?;
+    let mut text = "# Written by `cargo xtask prove --evidence`.\n".to_owned();
+    for (name, verdict) in verdicts {
+        let (finding, tools) = (&verdict.finding, &verdict.tools);
+        let (covers, seconds) = (verdict.covers, verdict.seconds);
+        write!(
+            text,
+            "{name:?} = {{ finding = {finding:?}, covers = {covers:?}, "
+        )?;
+        write!(text, "seconds = {seconds:.1}, tools = {tools:?}, ")?;
+        writeln!(text, "sources = {:?} }}", sources.hash(name))?;
+    }
+    Ok(workspace.sh.write_file(FILE, text)?)
+}
+
+/// The code of `fw-core` by top-level module, `fw_core::wire`, and of `proofs` by file, `pid`: without
+/// comments, without tests at the end of a file or in files of their own.
+struct Sources(BTreeMap<String, String>);
+
+impl Sources {
+    fn read(workspace: &Workspace) -> Result<Self> {
+        let mut files = workspace.texts("fw-core/src", "rs")?;
+        files.extend(workspace.texts("proofs/src", "rs")?);
+        // What the core is built of.
+        let lock = workspace.sh.read_file("Cargo.lock")?;
+        let fixed = captures(&lock, r#"name = "fixed"\nversion = (.*)"#).concat();
+        files.push(("fixed.lock".into(), fixed));
+        Ok(Self::of(files))
+    }
+
+    fn of(files: Vec<(String, String)>) -> Self {
+        let mut modules = BTreeMap::<_, String>::new();
+        for (path, text) in files {
+            let names: Vec<_> = path.split(['/', '.']).collect();
+            let module = match names[..] {
+                _ if path.contains("/tests") => continue,
+                ["fw-core", _, module, ..] => format!("fw_core::{module}"),
+                [.., file, _] => file.to_owned(),
+                _ => continue,
+            };
+            *modules.entry(module).or_default() += &code_of(&text);
+        }
+        Self(modules)
+    }
+
+    /// The modules whose names stand before a `::` in a module.
+    fn used_by(&self, module: &str) -> Vec<String> {
+        // It draws values of types of every module.
+        if module == "input" {
+            return Vec::new();
+        }
+        let (mut used, mut before) = (Vec::new(), "");
+        for part in self.0[module].split("::") {
+            let is_no_name = |letter: char| !letter.is_alphanumeric() && letter != '_';
+            let name = part.rsplit(is_no_name).next().unwrap_or_default();
+            let of_core = before == "fw_core" || module.starts_with("fw_core::");
+            let path = format!("{}{name}", if of_core { "fw_core::" } else { "" });
+            if self.0.contains_key(&path) {
+                used.push(path);
+            }
+            before = name;
+        }
+        used
+    }
+
+    /// FNV-1a over the words of what `area::file::property::harness::name` is about: its file, the
+    /// modules that are used there, the modules that are used in those.
+    fn hash(&self, harness: &str) -> String {
+        let file = harness.rsplit("::").nth(3).unwrap_or_default().to_owned();
+        let mut modules = vec!["fixed".to_owned(), file];
+        modules.retain(|module| self.0.contains_key(module));
+        let mut next = 0;
+        while let Some(module) = modules.get(next) {
+            for used in self.used_by(module) {
+                if !modules.contains(&used) {
+                    modules.push(used);
+                }
+            }
+            next += 1;
+        }
+        modules.sort();
+        let words = modules
+            .iter()
+            .flat_map(|module| self.0[module].split_whitespace());
+        let hash = words
+            .flat_map(str::bytes)
+            .fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
+                (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3)
+            });
+        format!("{hash:016x}")
+    }
+}
+
+#[test]
+fn verdict_holds_until_what_it_is_about_changes() {
+    let hash = |changed: &str, addition: &str| {
+        let files = [
+            ("fw-core/src/wire/mod.rs", "use crate::types::Order;\n"),
+            ("fw-core/src/wire/tests.rs", ""),
+            ("fw-core/src/types.rs", "enum Order {}\n"),
+            ("fw-core/src/robot.rs", "use crate::wire::Order;\n"),
+            ("proofs/src/wire/link.rs", "use super::table::{Table};\n"),
+            ("proofs/src/wire/table.rs", "use fw_core::wire::Order;\n"),
+            ("proofs/src/input.rs", "use fw_core::robot::Robot;\n"),
+            ("fixed.lock", "1.29"),
+        ];
+        let text = |path, text| text + if path == changed { addition } else { "" };
+        let files = files.map(|(path, own)| (path.to_owned(), text(path, own.to_owned())));
+        Sources::of(files.into()).hash("wire::link::property::harness::proof")
+    };
+    let same = hash("", "");
+    for file in ["wire/mod.rs", "types.rs"] {
+        let file = format!("fw-core/src/{file}");
+        assert_ne!(hash(&file, "const A: u8 = 1;\n"), same, "{file}");
+        assert_eq!(hash(&file, "    // A comment.\n\n"), same);
+        assert_eq!(hash(&file, "\n#[cfg(test)]\nmod tests {\n}\n"), same);
+    }
+    for file in [
+        "fixed.lock",
+        "proofs/src/wire/link.rs",
+        "proofs/src/wire/table.rs",
+    ] {
+        assert_ne!(hash(file, "1"), same, "{file}");
+    }
+    for file in [
+        "fw-core/src/robot.rs",
+        "fw-core/src/wire/tests.rs",
+        "proofs/src/input.rs",
+    ] {
+        assert_eq!(hash(file, "const A: u8 = 1;\n"), same, "{file}");
+    }
+}
