@@ -26,7 +26,7 @@ pub const FARTHEST: f64 = 100_000.0;
 pub enum Problem {
     /// The first word is none of the format's.
     UnknownWord(String),
-    /// A word that should be a number within [`FARTHEST`] is none.
+    /// A word that should be a number, 100 000 at most, is none.
     NotANumber(String),
     /// The wrong number of numbers follows the first word: what is expected, how many came.
     Count(&'static str, usize),
