@@ -61,7 +61,7 @@ pub enum Command {
     Status(Status),
     /// Check everything from the device files to the link, with --wheels-up to the wheels; exit code 14 if anything fails
     Doctor(Doctor),
-    /// Judge a bare board part by part, by the log of the bring-up firmware (`cargo xtask flash --bringup`)
+    /// Judge a bare board part by part, by the log of the bring-up firmware
     Bringup(Bringup),
     /// Show map, pose, ranges, cells, faults with advice, link and log, live; lines where there is no terminal
     Monitor(Monitor),
