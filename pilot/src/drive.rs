@@ -110,7 +110,7 @@ pub fn follow<'m>(
     let mut follower = mode
         .has(Field::Velocity)
         .then(|| PoseFollower::new(target, criteria, session.config()));
-    let (mut rest, mut still) = (RestDetector::default(), false);
+    let (mut rest, mut still, mut rests) = (RestDetector::default(), false, 0);
     let mut moving = StopOnDrop::new(session);
     loop {
         if let Some(follower) = &mut follower {
@@ -132,12 +132,13 @@ pub fn follow<'m>(
             session.ensure_drivable(report.state, report.faults)?;
             let snapshot = moving.session.snapshot();
             let pose = Pose::from_code(report.pose);
-            still = rest.settled(snapshot.time_us, pose);
             let (off_mm, off_deg) = (pose.distance_mm(target), pose.rotation_to_deg(target));
-            let there = off_mm <= criteria.tolerance_mm
-                && off_deg.abs() <= criteria.tolerance_deg
-                && follower.as_ref().is_none_or(|one| one.reaches(pose));
-            if still && there {
+            let near = off_mm <= criteria.tolerance_mm && off_deg.abs() <= criteria.tolerance_deg;
+            let came_to_rest = !still;
+            still = rest.settled(snapshot.time_us, pose);
+            rests += u32::from(still && came_to_rest && near);
+            let exact = follower.as_ref().is_none_or(|one| one.reaches(pose));
+            if still && near && (exact || rests > CORRECTIONS) {
                 moving.arrived = true;
                 return Ok(Arrival {
                     pose,
@@ -226,6 +227,10 @@ impl SpeedMeter {
         ahead_mm / (time_s - then_s).max(0.01)
     }
 }
+
+/// How often a robot that rests near enough is brought nearer, to the configured tolerances: every turn on
+/// the spot moves it by a millimetre or so.
+const CORRECTIONS: u32 = 1;
 
 /// The poses of the last quarter of a second.
 #[derive(Default)]
