@@ -265,7 +265,7 @@ def check_goal(robot, participant, client):
 
 
 def check_reports(robot, participant, client):
-    """What is published says what the server says."""
+    """The published messages carry the values of the server."""
     awaited("all topics", lambda: robot.read() and all(robot.counts.values()))
     robot.stopped_after(time.monotonic())
     read, frame = robot.latest, client.frame()

@@ -10,7 +10,7 @@ use twin::plant::{Room, Sides};
 
 /// A hand's speed, degrees of a wheel a second.
 const HAND_DEG_S: f64 = 90.0;
-/// The whole of it, with two wheels that nobody turns.
+/// The whole of it, with both waits for a turn by hand.
 const LIMIT_US: u64 = 90_000_000;
 
 /// Runs the steps on a board that was spoilt before its power came; turns the wheels when asked, if there is

@@ -23,8 +23,6 @@ const FEWEST: usize = 150;
 const FEWEST_OF_WAY: usize = 80;
 /// Elements and points of the way that are scored coarsely.
 const SAMPLES: usize = 60;
-/// Most that the elements count over their samples: a place is out once a tenth of them contradicts it.
-const MOST: usize = 3;
 /// Points of the way that are not on free floor rule a pose out.
 const BLOCKED: usize = 8;
 /// Spacing of the coarse poses, mm and headings per turn.
@@ -123,9 +121,9 @@ impl GlobalSearch {
                 places.extend(place);
             }
         }
-        // What the samples leave out counts as well, up to what gaps of the map make alike.
+        // What the samples leave out counts as well.
         #[allow(clippy::cast_precision_loss)] // some hundreds
-        let temperature = config.temperature / (elements.len() / SAMPLES + 1).min(MOST) as f64;
+        let temperature = config.temperature / (elements.len() / SAMPLES + 1) as f64;
         weigh(&mut places, temperature);
         if let Some(best) = places.first() {
             let elsewhere: f64 = places

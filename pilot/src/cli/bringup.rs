@@ -52,18 +52,17 @@ fn listen(
             shown += end + 1;
             heard = Instant::now();
         }
-        match log.matches(LAST_STEP).count() {
-            0 => {}
-            _ if !exchanged => {
-                exchanged = true;
-                let (mut io, ..) = open_linux(context, interrupt.clone())?;
-                bringup::exchange(&mut io, FRAMES, findings)?;
-                // What was counted before is of no frame.
-                log.truncate(shown);
-                log = log.replace(LAST_STEP, ": ");
-                shown = log.len();
+        if log.contains(LAST_STEP) {
+            if exchanged {
+                return Ok(log);
             }
-            _ => return Ok(log),
+            exchanged = true;
+            let (mut io, ..) = open_linux(context, interrupt.clone())?;
+            bringup::exchange(&mut io, FRAMES, findings)?;
+            // What was counted before is of no frame.
+            log.truncate(shown);
+            log = log.replace(LAST_STEP, ": ");
+            shown = log.len();
         }
         thread::sleep(LOOK);
     }

@@ -6,6 +6,7 @@
 //! the target: the fastest way that does not overshoot.
 
 use super::{ArrivalCriteria, SpeedMeter};
+use crate::mapping::mapper_pose;
 use fw_core::eeprom::{Config, Wheel};
 use host_link::pose::Pose;
 use std::f64::consts::PI;
@@ -340,9 +341,8 @@ fn course_deg(ahead_mm: f64, left_mm: f64, back: bool) -> f64 {
 
 /// How far ahead of a pose another one is, and how far to its left, mm.
 fn seen_from(pose: Pose, other: Pose) -> (f64, f64) {
-    let (dx, dy) = (other.x_mm - pose.x_mm, other.y_mm - pose.y_mm);
-    let (sin, cos) = pose.rotation_deg.to_radians().sin_cos();
-    (dx * cos + dy * sin, dy * cos - dx * sin)
+    let seen = mapper_pose(other).relative_to(&mapper_pose(pose));
+    (seen.x_mm, seen.y_mm)
 }
 
 #[cfg(test)]

@@ -112,7 +112,7 @@ impl<P: PartialEq> Commands<P> {
         })
     }
 
-    /// `/estop`: true stops the robot, whoever drives it, and refuses commands until it is false.
+    /// `/estop`: true stops the robot, whichever client drives it, and refuses commands until it is false.
     // Requirement: SERVE-ros2-2
     pub fn stop(&mut self, stopped: bool) -> Option<Request> {
         self.stopped = stopped;
