@@ -1,7 +1,7 @@
 //! The bring-up firmware: tries the parts of a bare board one after the other with the firmware's own
 //! drivers and reports what it sees on the log's UART, a line a step. `robot bringup` judges the lines.
 //!
-//! Nothing moves before somebody has turned both wheels by hand: that is the consent to the motors' step.
+//! No motor runs before both wheels have been turned by hand: that is the consent to the motors' step.
 #![no_std]
 #![no_main]
 #![allow(
@@ -44,6 +44,7 @@ mod servo;
 mod spi;
 #[path = "bringup/stack.rs"]
 mod stack;
+mod stack_overflow;
 mod tick;
 mod time;
 mod uart;
@@ -51,7 +52,7 @@ mod watchdog;
 
 use crate::app::{APP, App};
 use crate::board::{SCL, SDA, SELECT};
-use crate::gpio::{Driver, Pull};
+use crate::gpio::Pull;
 use crate::gyro::Gyro;
 use crate::motors::Motors;
 use crate::priority::RobotLevel;
@@ -83,11 +84,7 @@ fn main() -> ! {
 /// What needs no interrupt: clock, part, supply, buses.
 #[inline(never)]
 fn boot(app: &mut App) {
-    clock::enable_peripherals();
-    motors::force_off();
-    servo::force_off();
-    board::READY.low();
-    board::READY.output(Driver::PushPull);
+    safe_state::outputs_off();
     watchdog::start();
     leds::start(pattern(State::Booting));
     let crystal_khz = crystal::measure();

@@ -17,7 +17,7 @@ pub fn tick() {
     #[cfg(feature = "test-panic")]
     panic!("on purpose");
     #[cfg(feature = "test-overflow")]
-    overflow(0);
+    crate::stack_overflow::descend(0);
     #[cfg(feature = "test-hang")]
     loop {
         cortex_m::asm::nop();
@@ -30,18 +30,6 @@ pub fn tick() {
         unsafe { NVIC::unmask(Interrupt::RTC_ALARM) };
         NVIC::pend(Interrupt::RTC_ALARM);
     }
-}
-
-/// Uses up the stack.
-#[cfg(feature = "test-overflow")]
-#[allow(unconditional_recursion)]
-fn overflow(depth: u32) -> u32 {
-    let frame = [depth; 64];
-    // A bound that the compiler cannot see: endless recursion it may remove.
-    if core::hint::black_box(&frame)[0] == u32::MAX {
-        return 0;
-    }
-    overflow(depth + 1) + core::hint::black_box(&frame).iter().sum::<u32>()
 }
 
 /// Nothing fails on purpose.

@@ -35,13 +35,14 @@ mod reset;
 mod safe_state;
 mod servo;
 mod spi;
+#[cfg(feature = "test-overflow")]
+mod stack_overflow;
 mod tick;
 mod time;
 mod uart;
 mod watchdog;
 
 use crate::app::{APP, App, Drivers};
-use crate::gpio::Driver;
 use crate::gyro::Gyro;
 use crate::motors::Motors;
 use crate::priority::RobotLevel;
@@ -92,11 +93,7 @@ struct Start {
 /// Clock, log and watchdog; the motors off.
 #[inline(never)]
 fn start_hardware(log: &mut Log) -> (Start, Uart) {
-    clock::enable_peripherals();
-    motors::force_off();
-    servo::force_off();
-    board::READY.low();
-    board::READY.output(Driver::PushPull);
+    safe_state::outputs_off();
     watchdog::start();
     leds::start(fw_core::robot::leds(State::Booting));
     let Some(clock) = clock::start(true) else {

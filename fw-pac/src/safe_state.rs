@@ -19,16 +19,22 @@ use stm32f4::stm32f411::RCC;
 /// Polls of the wait for the watchdog: about a second at 100 MHz.
 const WATCHDOG_POLLS: u32 = 100_000_000;
 
-/// Enters the safe state. `why` is one line of ASCII with its line feed.
-// Requirement: WIRE-safe-1
-pub fn halt(why: &[u8]) -> ! {
-    cortex_m::interrupt::disable();
-    // A fault may come before boot enables them.
+/// Motors and servo off by plain GPIO, READY low: boot's first step and the safe state's.
+#[inline]
+pub fn outputs_off() {
     clock::enable_peripherals();
     motors::force_off();
     servo::force_off();
     READY.low();
     READY.output(Driver::PushPull);
+}
+
+/// Enters the safe state. `why` is one line of ASCII with its line feed.
+// Requirement: WIRE-safe-1
+pub fn halt(why: &[u8]) -> ! {
+    cortex_m::interrupt::disable();
+    // A fault may come before boot does it.
+    outputs_off();
     leds::show(robot::leds(State::Faulted));
     uart::write_blocking(why);
     cortex_m::asm::delay(WATCHDOG_POLLS);

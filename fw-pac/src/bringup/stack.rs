@@ -1,7 +1,7 @@
 //! A stack overflow on purpose: below the RAM is nothing, so it must end in a `HardFault` and the safe state.
 
+use crate::stack_overflow;
 use core::cell::UnsafeCell;
-use core::hint::black_box;
 use core::mem::MaybeUninit;
 
 /// Tells the boot after the reset that the overflow was on purpose.
@@ -32,17 +32,7 @@ pub fn overflow() -> ! {
     let word: *mut u32 = KEPT.0.get().cast();
     // SAFETY: as above.
     unsafe { word.write_volatile(MARKER) };
-    descend(0);
+    stack_overflow::descend(0);
     // Only reached where the stack did not overflow: the line of `HardFault` is missing then.
     cortex_m::peripheral::SCB::sys_reset()
-}
-
-#[allow(unconditional_recursion)]
-fn descend(depth: u32) -> u32 {
-    let frame = [depth; 64];
-    // A bound that the compiler cannot see: endless recursion it may remove.
-    if black_box(&frame)[0] == u32::MAX {
-        return 0;
-    }
-    descend(depth + 1) + black_box(&frame).iter().sum::<u32>()
 }
