@@ -79,9 +79,12 @@ fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
 #[test]
 fn learned_wheels_in_eeprom_improve_next_exploration() {
     let (elf, room) = (elf(ELF), small_room());
-    let mut settings = Settings::sample()
+    let sample = Settings::sample()
         .and_then(|sample| sample.with(&exploration::CHANGES))
         .expect("accepted");
+    // As measured by a ruler: 0.6 %. What a run in this room learns is off by 0.01 to 0.13 % (12 seeds).
+    let by_ruler = WheelGeometry::from_config(sample.config()).with_ratio(1.006);
+    let mut settings = sample.with(&by_ruler.values()).expect("accepted");
     let (mut off, mut raw_mm) = (Vec::new(), Vec::new());
     for _ in 0..2 {
         let eeprom = Some(settings.image().0.to_vec());
@@ -112,7 +115,7 @@ fn learned_wheels_in_eeprom_improve_next_exploration() {
         let wheels = learned.wheels().expect("learned");
         settings = settings.with(&wheels.values()).expect("accepted");
     }
-    assert!(off[1].0 < 0.1 && off[1].0 < off[0].0 / 2.0, "{off:?}");
+    assert!(off[1].0 < 0.2 && off[1].0 < off[0].0 / 2.0, "{off:?}");
     assert!(off[1].1 < off[0].1.max(0.2), "{off:?}");
-    assert!(raw_mm[1] < raw_mm[0] / 1.5, "{raw_mm:?}");
+    assert!(raw_mm[1] < raw_mm[0] / 2.0, "{raw_mm:?}");
 }
