@@ -54,7 +54,8 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
 
 /// Builds the Pi's program with the virtual board; returns its path.
 pub fn build_pilot(session: &Session) -> Result<PathBuf> {
-    let build = "build --quiet --release --package pilot --features virtual,web,terminal,ros2";
+    // Together with the tests, which name the features: the emulator is built once.
+    let build = "build --quiet --release --package pilot --package robot-tests --bin robot";
     session.cargo_with_board(build)?.quiet().run()?;
     Ok(session.target.join("release/robot"))
 }
