@@ -2,7 +2,7 @@
 
 mod tour;
 
-use mapper::{Localiser, LocaliserConfig, Pose2};
+use mapper::{Localiser, LocaliserConfig, Point, Pose2};
 use plant::{Imperfections, Room};
 use tour::Drive;
 
@@ -58,11 +58,40 @@ fn unknown_start_on_saved_map_is_found() {
             start_covariance[0][0].sqrt() > 1000.0,
             "{start_covariance:?}"
         );
-        second.tour(&room, 0.0, 80.0);
+        second.tour(&room, 0.0, 160.0);
         assert!(second.localiser.is_located(), "{seed}");
         for [estimate, truth, _] in &second.poses[second.search_frames..] {
             let off = frame.compose(estimate).distance_mm(&start.compose(truth));
             assert!(off < 150.0, "{seed}: {off} mm");
         }
+    }
+}
+
+// Requirement: NAV-pose-2
+#[test]
+fn symmetric_room_gives_no_start() {
+    let (low, high) = (Point::new(-500.0, -500.0), Point::new(2500.0, 1500.0));
+    let room = Room::default()
+        .with_wall(low.x_mm, low.y_mm, high.x_mm, low.y_mm)
+        .with_wall(high.x_mm, low.y_mm, high.x_mm, high.y_mm)
+        .with_wall(high.x_mm, high.y_mm, low.x_mm, high.y_mm)
+        .with_wall(low.x_mm, high.y_mm, low.x_mm, low.y_mm);
+    let config = LocaliserConfig::default();
+    let mut first = Drive::new(&room, Imperfections::default(), 11, config.clone());
+    first.tour(&room, 0.0, 3000.0);
+    for (seed, start) in [
+        (12, Pose2::new(2000.0, 1000.0, 2.0)),
+        (13, Pose2::new(0.0, 500.0, 3.0)),
+        (14, Pose2::new(1800.0, 0.0, 1.0)),
+    ] {
+        let room = Room {
+            start,
+            ..room.clone()
+        };
+        let mut second = Drive::new(&room, Imperfections::default(), seed, config.clone());
+        let map = first.localiser.grid().clone();
+        second.localiser = Localiser::on_map(config.clone(), map, None);
+        second.tour(&room, 0.0, 3000.0);
+        assert!(!second.localiser.is_located(), "{seed}");
     }
 }

@@ -3,7 +3,9 @@
 //! While the robot drives, its elements and its way are kept in the dead reckoning's frame. At the
 //! end of every stretch all poses on free floor are scored by them, coarsely; the best ones are
 //! refined by the matcher. The robot is located when one of them explains nearly everything and
-//! all that are clearly elsewhere are improbable.
+//! all that are clearly elsewhere explain it much worse, search after search: what is left
+//! unexplained at the best place shows how wrong map and way are, and a place that is worse by
+//! no more than that may be the right one. In a symmetric room none is ever found.
 
 use std::f64::consts::{PI, TAU};
 
@@ -35,10 +37,10 @@ const COARSE: (f64, f64) = (60.0, 0.05);
 const SAME: (f64, f64) = (250.0, 0.25);
 /// Mean cost of the elements at the right place, at most.
 const GOOD: f64 = 0.3 * LIMIT;
-/// Probability of all other places, at most.
-const DOUBT: f64 = 0.01;
-/// Successive searches that find the same place.
-const AGREEING: u32 = 3;
+/// Mean cost at all other places, at least: a multiple of the best one's, and more than it by this.
+const WORSE: (f64, f64) = (2.0, 0.07 * LIMIT);
+/// Successive searches that find the same place so distinctly.
+const AGREEING: u32 = 6;
 
 /// Variance of a pose on a map without free floor, mm² and rad².
 const NOWHERE: f64 = 1e8;
@@ -63,9 +65,8 @@ pub(super) struct GlobalSearch {
 pub(super) struct Place {
     pub mean: Vector3<f64>,
     pub covariance: Matrix3<f64>,
-    /// Sum of the costs of all elements and points of the way.
+    /// Costs of the elements and points of the way, per element.
     cost: f64,
-    probability: f64,
 }
 
 /// The outcome of a search.
@@ -121,27 +122,19 @@ impl GlobalSearch {
                 places.extend(place);
             }
         }
-        // What the samples leave out counts as well.
-        #[allow(clippy::cast_precision_loss)] // some hundreds
-        let temperature = config.temperature / (elements.len() / SAMPLES + 1) as f64;
-        weigh(&mut places, temperature);
-        if let Some(best) = places.first() {
-            let elsewhere: f64 = places
-                .iter()
-                .filter(|p| !is_same(&best.pose(), &p.pose()))
-                .map(|p| p.probability)
-                .sum();
-            #[allow(clippy::cast_precision_loss)] // some hundreds
-            let mean_cost = best.cost / thinned(&elements).len() as f64;
+        places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        if let Some(best) = distinct(&places) {
             let frame = best.pose().compose(&to_robot);
-            let same = is_same(&frame, &self.frame);
+            let same = self.searches > 0 && is_same(&frame, &self.frame);
             self.searches = if same { self.searches + 1 } else { 1 };
             self.frame = frame;
-            if elsewhere < DOUBT && mean_cost < GOOD && self.searches >= AGREEING {
+            if self.searches >= AGREEING {
                 return Outcome::Located(*best);
             }
+        } else {
+            self.searches = 0;
         }
-        let (mean, covariance) = spread(&coarse, temperature);
+        let (mean, covariance) = spread(&coarse, config.temperature);
         Outcome::Searching(mean, covariance)
     }
 
@@ -218,24 +211,21 @@ fn refine(
     let way = thinned(way);
     let missing = elements.len() - found.matched + way.iter().filter(blocked).count();
     #[allow(clippy::cast_precision_loss)] // some hundreds
-    let cost = found.cost * found.matched as f64 + LIMIT * missing as f64;
+    let cost = (found.cost * found.matched as f64 + LIMIT * missing as f64) / elements.len() as f64;
     Some(Place {
         mean: found.mean,
         covariance: found.covariance,
         cost,
-        probability: 0.0,
     })
 }
 
-/// Sorts the places by their cost and sets their probabilities.
-fn weigh(places: &mut [Place], temperature: f64) {
-    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let lowest = places.first().map_or(0.0, |place| place.cost);
-    let likelihood = |place: &Place| (-0.5 * (place.cost - lowest) / temperature).exp();
-    let total: f64 = places.iter().map(likelihood).sum();
-    for place in places {
-        place.probability = likelihood(place) / total;
-    }
+/// The first of these places, the best ones first, if it is good and all others are clearly worse.
+fn distinct(places: &[Place]) -> Option<&Place> {
+    let best = places.first().filter(|best| best.cost < GOOD)?;
+    let is_other = |place: &&Place| !is_same(&best.pose(), &place.pose());
+    let other = places.iter().find(is_other);
+    let is_worse = |other: &Place| other.cost > (WORSE.0 * best.cost).max(best.cost + WORSE.1);
+    other.is_none_or(is_worse).then_some(best)
 }
 
 /// Mean and covariance of weighted poses; the headings around the mean direction.

@@ -90,7 +90,8 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
             context.output.end_live();
             located?.ensure_complete("the robot is not found on the map")?;
             if !localiser.is_located() {
-                return Err(Error::Usage("what is around does not fit the map: give --start".into()));
+                let why = "what is around fits the map nowhere or at several places";
+                return Err(Error::Usage(format!("{why}: give --start X,Y,ROT")));
             }
         }
         let config = session.config();
