@@ -64,7 +64,9 @@ impl Server {
             Request::Hello { .. } => return Err(refused("the first message is over", Exit::Usage)),
             Request::Status => {
                 let frame = self.latest.clone();
-                let frame = frame.ok_or_else(|| refused("no frame yet", Exit::Link))?;
+                let mut frame = frame.ok_or_else(|| refused("no frame yet", Exit::Link))?;
+                // Also those who have come since.
+                frame.clients = self.clients.len();
                 self.send_to(id, &Message::Frame(Box::new(frame)));
             }
             Request::Watch { every } => {
