@@ -7,8 +7,8 @@ use crate::process;
 use crate::session::Session;
 use crate::toolchain::{Provider, TARGET, apt_install};
 
-/// The packages that need the virtual board's crate, and the feature that brings it to the Pi's.
-const BOARD: &str = "--package twin --package robot-tests --package pilot --features pilot/virtual,pilot/web,pilot/ros2";
+/// All that runs on a computer, with the features that the tests name.
+const HOST: &str = "--workspace --exclude fw-pac";
 /// The manifests of the workspaces with a lock file of their own.
 pub const WORKSPACES: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "tests/bench/Cargo.toml"];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
@@ -54,15 +54,12 @@ fn on_target(session: &Session, words: &str) -> Result<String> {
 
 pub fn clippy(session: &Session) -> Result<String> {
     require(session, "clippy", "clippy")?;
-    for words in [
-        "--all-targets -- -D warnings",
-        "--package pilot --features linux -- -D warnings",
-    ] {
-        session.cargo(&format!("clippy {words}")).run()?;
+    // The program as a Pi has it, without the features of a computer's.
+    let on_pi = session.cargo("clippy --package pilot --features linux");
+    let all = session.cargo_with_board(&format!("clippy --all-targets {HOST}"))?;
+    for host in [on_pi, all] {
+        host.args(["--", "-D", "warnings"]).run()?;
     }
-    let board = format!("clippy --all-targets {BOARD}");
-    let board = session.cargo_with_board(&board)?;
-    board.args(["--", "-D", "warnings"]).run()?;
     for manifest in &WORKSPACES[1..] {
         let words = format!("clippy --manifest-path {manifest} -- -D warnings");
         let clippy = session.cargo(&words);
@@ -75,9 +72,8 @@ pub fn clippy(session: &Session) -> Result<String> {
 
 pub fn docs(session: &Session) -> Result<String> {
     let _deny = session.sh.push_env("RUSTDOCFLAGS", "-D warnings");
-    session.cargo("doc --no-deps").run()?;
-    let board = format!("doc --no-deps {BOARD}");
-    session.cargo_with_board(&board)?.run()?;
+    let words = format!("doc --no-deps {HOST}");
+    session.cargo_with_board(&words)?.run()?;
     on_target(session, "doc --no-deps TARGET")
 }
 
