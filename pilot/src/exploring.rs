@@ -258,20 +258,31 @@ pub fn locate(
     on_map: &mut Localiser,
     mut watch: impl FnMut(&Step<'_>),
 ) -> Result<Drive, Error> {
-    let config = session.config();
+    let config = session.config().clone();
     let cell_mm = on_map.grid().cell_mm();
-    let around = Localiser::new(localiser_config(config, cell_mm));
-    let mut around = Localisation::new(around, config, cell_mm);
-    let mut plan = Explorer::new(navigator_config(config));
-    drive(session, &mut around, &mut plan, |step| {
-        watch(step);
-        on_map.observe(&observation(&step.sample));
-        if on_map.is_located() {
-            return ControlFlow::Break(());
+    let mut rounds = 1;
+    loop {
+        let around = Localiser::new(localiser_config(&config, cell_mm));
+        let mut around = Localisation::new(around, &config, cell_mm);
+        let mut plan = Explorer::new(navigator_config(&config));
+        let driven = drive(session, &mut around, &mut plan, |step| {
+            watch(step);
+            on_map.observe(&observation(&step.sample));
+            if on_map.is_located() {
+                return ControlFlow::Break(());
+            }
+            ControlFlow::Continue(())
+        })?;
+        // A small room is explored before it is recognised.
+        if rounds == ROUNDS || on_map.is_located() || driven.outcome != Outcome::Complete {
+            return Ok(driven);
         }
-        ControlFlow::Continue(())
-    })
+        rounds += 1;
+    }
 }
+
+/// Explorations in search of a place on a map.
+const ROUNDS: u32 = 4;
 
 /// Faults that a plan answers by another way.
 const STALLS: Faults = Faults::LEFT_STALLED
