@@ -2,21 +2,36 @@
 
 mod tour;
 
-use mapper::{Localiser, LocaliserConfig, Point, Pose2};
+use mapper::{Localiser, LocaliserConfig, Pose2};
 use plant::{Imperfections, Room};
 use tour::Drive;
+
+/// A drive through the whole room.
+fn mapped(room: &Room) -> Drive {
+    let mut drive = Drive::new(
+        room,
+        Imperfections::default(),
+        11,
+        LocaliserConfig::default(),
+    );
+    drive.tour(room, 0.0, 3000.0);
+    drive
+}
+
+/// A robot at the room's start that has the map of another drive and does not know where it is.
+fn lost(first: &Drive, room: &Room, seed: u64) -> Drive {
+    let config = LocaliserConfig::default();
+    let map = first.localiser.grid().clone();
+    let mut drive = Drive::new(room, Imperfections::default(), seed, config.clone());
+    drive.localiser = Localiser::on_map(config, map, None);
+    drive
+}
 
 // Requirement: NAV-pose-1
 #[test]
 fn default_room_is_mapped_within_error_bounds() {
     let room = Room::two_rooms();
-    let mut drive = Drive::new(
-        &room,
-        Imperfections::default(),
-        11,
-        LocaliserConfig::default(),
-    );
-    drive.tour(&room, 0.0, 3000.0);
+    let drive = mapped(&room);
     let result = drive.result(&room);
     assert!(result.map.iou > 0.85, "{result:?}");
     assert!(
@@ -37,9 +52,7 @@ fn default_room_is_mapped_within_error_bounds() {
 #[test]
 fn unknown_start_on_saved_map_is_found() {
     let room = Room::two_rooms();
-    let config = LocaliserConfig::default();
-    let mut first = Drive::new(&room, Imperfections::default(), 11, config.clone());
-    first.tour(&room, 0.0, 3000.0);
+    let first = mapped(&room);
     let frame = first.frame();
     for (seed, start) in [
         (12, Pose2::new(4600.0, 600.0, 2.0)),
@@ -49,9 +62,7 @@ fn unknown_start_on_saved_map_is_found() {
             start,
             ..room.clone()
         };
-        let map = first.localiser.grid().clone();
-        let mut second = Drive::new(&room, Imperfections::default(), seed, config.clone());
-        second.localiser = Localiser::on_map(config.clone(), map, None);
+        let mut second = lost(&first, &room, seed);
         // Somewhere on 20 m² of floor.
         let start_covariance = second.localiser.estimate().covariance;
         assert!(
@@ -70,15 +81,8 @@ fn unknown_start_on_saved_map_is_found() {
 // Requirement: NAV-pose-2
 #[test]
 fn symmetric_room_gives_no_start() {
-    let (low, high) = (Point::new(-500.0, -500.0), Point::new(2500.0, 1500.0));
-    let room = Room::default()
-        .with_wall(low.x_mm, low.y_mm, high.x_mm, low.y_mm)
-        .with_wall(high.x_mm, low.y_mm, high.x_mm, high.y_mm)
-        .with_wall(high.x_mm, high.y_mm, low.x_mm, high.y_mm)
-        .with_wall(low.x_mm, high.y_mm, low.x_mm, low.y_mm);
-    let config = LocaliserConfig::default();
-    let mut first = Drive::new(&room, Imperfections::default(), 11, config.clone());
-    first.tour(&room, 0.0, 3000.0);
+    let room = Room::default().with_box(&Pose2::new(1000.0, 500.0, 0.0), 3000.0, 2000.0);
+    let first = mapped(&room);
     for (seed, start) in [
         (12, Pose2::new(2000.0, 1000.0, 2.0)),
         (13, Pose2::new(0.0, 500.0, 3.0)),
@@ -88,9 +92,7 @@ fn symmetric_room_gives_no_start() {
             start,
             ..room.clone()
         };
-        let mut second = Drive::new(&room, Imperfections::default(), seed, config.clone());
-        let map = first.localiser.grid().clone();
-        second.localiser = Localiser::on_map(config.clone(), map, None);
+        let mut second = lost(&first, &room, seed);
         second.tour(&room, 0.0, 3000.0);
         assert!(!second.localiser.is_located(), "{seed}");
     }

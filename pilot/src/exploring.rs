@@ -249,6 +249,9 @@ impl PlanRunner {
     }
 }
 
+/// Explorations in search of a place on a map, at most.
+const ROUNDS: u32 = 4;
+
 /// Explores until the robot knows where it stands on a saved map. `watch` gets every valid report.
 ///
 /// # Errors
@@ -258,13 +261,13 @@ pub fn locate(
     on_map: &mut Localiser,
     mut watch: impl FnMut(&Step<'_>),
 ) -> Result<Drive, Error> {
-    let config = session.config().clone();
     let cell_mm = on_map.grid().cell_mm();
-    let mut rounds = 1;
+    let mut again = 1..ROUNDS;
     loop {
-        let around = Localiser::new(localiser_config(&config, cell_mm));
-        let mut around = Localisation::new(around, &config, cell_mm);
-        let mut plan = Explorer::new(navigator_config(&config));
+        let config = session.config();
+        let around = Localiser::new(localiser_config(config, cell_mm));
+        let mut around = Localisation::new(around, config, cell_mm);
+        let mut plan = Explorer::new(navigator_config(config));
         let driven = drive(session, &mut around, &mut plan, |step| {
             watch(step);
             on_map.observe(&observation(&step.sample));
@@ -274,15 +277,12 @@ pub fn locate(
             ControlFlow::Continue(())
         })?;
         // A small room is explored before it is recognised.
-        if rounds == ROUNDS || on_map.is_located() || driven.outcome != Outcome::Complete {
+        let is_lost = driven.outcome == Outcome::Complete && !on_map.is_located();
+        if !is_lost || again.next().is_none() {
             return Ok(driven);
         }
-        rounds += 1;
     }
 }
-
-/// Explorations in search of a place on a map.
-const ROUNDS: u32 = 4;
 
 /// Faults that a plan answers by another way.
 const STALLS: Faults = Faults::LEFT_STALLED

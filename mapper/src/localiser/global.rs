@@ -125,7 +125,7 @@ impl GlobalSearch {
         places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         if let Some(best) = distinct(&places) {
             let frame = best.pose().compose(&to_robot);
-            let same = self.searches > 0 && is_same(&frame, &self.frame);
+            let same = is_same(&frame, &self.frame);
             self.searches = if same { self.searches + 1 } else { 1 };
             self.frame = frame;
             if self.searches >= AGREEING {
