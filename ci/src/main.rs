@@ -72,6 +72,8 @@ enum Command {
     /// The Pi's program on the virtual board, e.g. `robot goto 500 0 90`
     #[command(disable_help_flag = true)]
     Robot(Handed),
+    /// The Debian packages of the Pi's program: target/packages/
+    Deb,
     /// Flash, verify, reset, show the first log lines
     Flash(Board),
     /// Every gate a change must pass, with a table
@@ -148,6 +150,11 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Command::Bench => programs::bench(session)?,
         Command::Robot(Handed { arguments }) => {
             return Ok(ExitCode::from(programs::pilot(session, &arguments)?));
+        }
+        Command::Deb => {
+            for (package, _) in programs::packages(session)? {
+                println!("deb: see {}", session.relative(&package));
+            }
         }
         Command::Flash(board) => flash::flash(session, &board)?,
         Command::Test { quick, choice } => {

@@ -7,8 +7,9 @@ use xshell::{Cmd, cmd};
 
 use crate::error::Result;
 use crate::firmware;
+use crate::process;
 use crate::session::Session;
-use crate::toolchain::TARGET;
+use crate::toolchain::{TARGET, apt_install};
 
 fn robot_tests<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
     let words = format!("run --release --package robot-tests --bin {program}");
@@ -58,6 +59,58 @@ pub fn build_pilot(session: &Session) -> Result<PathBuf> {
     let build = "build --quiet --release --package pilot --package robot-tests --bin robot";
     session.cargo_with_board(build)?.quiet().run()?;
     Ok(session.target.join("release/robot"))
+}
+
+/// A Pi's target; its linker, and the Debian packages that bring it; the program of QEMU that runs its programs.
+type Pi = (&'static str, &'static str, &'static str, &'static str);
+
+/// Static, so that the Pi's libraries do not matter. The first needs no C compiler; rustup's mirrors often lack
+/// the second's like.
+const PI: [Pi; 2] = [
+    (
+        "aarch64-unknown-linux-musl",
+        "rust-lld",
+        "",
+        "qemu-aarch64-static",
+    ),
+    (
+        "armv7-unknown-linux-gnueabihf",
+        "arm-linux-gnueabihf-gcc",
+        "gcc-arm-linux-gnueabihf libc6-dev-armhf-cross",
+        "qemu-arm-static",
+    ),
+];
+
+/// Makes the Debian packages of the Pi's program, of 64 and of 32 bits; returns each with the program of
+/// QEMU that runs its content.
+pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
+    session.require_tool("deb@3.8.0")?;
+    let robot = build_pilot(session)?;
+    let package = |(target, linker, packages, qemu): Pi| {
+        let std = session.sysroot.join("lib/rustlib").join(target).join("lib");
+        let has_target = || std.is_dir();
+        let add = session.rustup(&format!("target add {target}"));
+        process::require(has_target, &add, target)?;
+        if !packages.is_empty() && !process::installed(linker) {
+            apt_install(session, packages, 120)?;
+        }
+        let manual = session.target.join(target).join("release/manual");
+        cmd!(session.sh, "{robot} manual {manual}").run()?;
+        let of_target = format!("CARGO_TARGET_{}", target.to_uppercase().replace('-', "_"));
+        let build = "build --locked --release --package pilot --features linux,terminal,web,ros2";
+        let build = session.cargo(build).args(["--target", target]);
+        let build = build.env("CARGO_PROFILE_RELEASE_STRIP", "true");
+        let build = build.env(format!("{of_target}_LINKER"), linker);
+        let is_static = "-Ctarget-feature=+crt-static";
+        build
+            .env(format!("{of_target}_RUSTFLAGS"), is_static)
+            .run()?;
+        let deb = "deb --locked --package pilot --no-build --no-strip --quiet --target";
+        let deb = session.cargo(deb).arg(target);
+        let deb = deb.arg("--output").arg(session.target.join("packages"));
+        Ok((deb.read()?.into(), qemu))
+    };
+    PI.into_iter().map(package).collect()
 }
 
 /// Runs the Pi's program on the virtual board; `arguments` are its own, files in them are relative to

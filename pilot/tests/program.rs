@@ -160,3 +160,18 @@ fn faults_of_a_file_come_in_one_run_with_carets() {
     }
     fs::remove_dir_all(here).unwrap();
 }
+
+#[test]
+fn manual_has_page_for_each_command_and_completions() {
+    let folder = scratch("manual");
+    assert_eq!(run(&format!("manual {}", folder.display())).0, 0);
+    let text = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    assert!(text("robot.1").contains("Exit codes"));
+    assert!(text("robot-eeprom-write.1").contains("Configuration file"));
+    for name in ["robot.bash", "_robot", "robot.fish"] {
+        assert!(text(name).contains("explore"));
+    }
+    let file = folder.join("robot.1");
+    assert_eq!(run(&format!("manual {}", file.display())).0, 11);
+    fs::remove_dir_all(folder).unwrap();
+}

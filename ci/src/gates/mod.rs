@@ -40,7 +40,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 33] = [
+const GATES: [Gate; 34] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -75,6 +75,7 @@ const GATES: [Gate; 33] = [
     ("kani", Change, |session| kani::gate(session)),
     ("supply", Change, source::supply),
     ("fuzz", Night, |session| fuzz::run(session, None, None)),
+    ("packages", Night, tests::packages),
     ("coverage", Night, tests::coverage),
     ("all-defects", Night, |session| defects::run(session, &[])),
     ("all-mutants", Night, proofs::all_mutants),

@@ -74,6 +74,27 @@ pub fn qemu(session: &Session) -> Result<String> {
     Ok(format!("{} lines alike", core.lines().count()))
 }
 
+/// The packages for the Pi: their programs, by QEMU.
+pub fn packages(session: &Session) -> Result<String> {
+    let (sh, config) = (&session.sh, "host-link/config/first-board.toml");
+    install(session, "qemu-user-static", || installed("qemu-arm-static"))?;
+    let packages = programs::packages(session)?;
+    for (package, qemu) in &packages {
+        let content = package.with_extension("content");
+        cmd!(sh, "dpkg-deb -x {package} {content}").run()?;
+        let robot = content.join("usr/bin/robot");
+        for words in ["--version", "explore --help"] {
+            cmd!(sh, "{qemu} {robot}").args(words.split(' ')).run()?;
+        }
+        cmd!(sh, "{qemu} {robot} eeprom check {config}").run()?;
+        // Without a robot there is much to be done.
+        let doctor = cmd!(sh, "{qemu} {robot} doctor --json").ignore_status();
+        let findings: Value = serde_json::from_str(&doctor.read()?).context("doctor --json")?;
+        ensure!(findings.is_object(), "doctor printed no object");
+    }
+    Ok(format!("{} packages", packages.len()))
+}
+
 /// The demo of this kind, `demo` or `tour`.
 pub fn demo(session: &Session, kind: &str) -> Result<String> {
     let tour = (kind == "tour").then(|| "--tour".to_owned());

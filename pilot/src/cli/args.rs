@@ -96,6 +96,12 @@ pub enum Command {
         #[command(subcommand)]
         command: Calibrate,
     },
+    /// Write the manual pages and the shells' completions, for a package
+    #[command(hide = true)]
+    Manual {
+        /// The folder they go to
+        folder: PathBuf,
+    },
 }
 
 #[derive(Subcommand)]

@@ -37,11 +37,13 @@ mod tune;
 
 use args::{Arguments, Command};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use clap_complete::{Shell, generate_to};
 use connection::Context;
 use host_link::error::{Error, Exit};
 use host_link::reset;
 use output::Output;
 use std::io::IsTerminal;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Shows the options of every command's help.
@@ -157,8 +159,23 @@ fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Ex
         Command::Map(map) => map::run(map, context),
         Command::Replay(replay) => replay::run(replay, output),
         Command::Explore(explore) => explore::run(explore, context),
+        Command::Manual { folder } => write_manual(folder),
     }?;
     Ok(Exit::Ok)
+}
+
+/// Manual pages and completions of all commands and options.
+fn write_manual(folder: &Path) -> Result<(), Error> {
+    let mut grammar = grammar(true);
+    let written = std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(grammar.clone(), folder))
+        .and_then(|()| {
+            let shells = [Shell::Bash, Shell::Zsh, Shell::Fish].into_iter();
+            shells
+                .map(|shell| generate_to(shell, &mut grammar, "robot", folder))
+                .try_for_each(|path| path.map(drop))
+        });
+    written.map_err(|error| Error::unwritable(folder, &error))
 }
 
 #[cfg(test)]

@@ -142,7 +142,7 @@ pub fn is_bounded(config: &Config) -> bool {
 /// What [`Config::from_fields`] accepts is bounded.
 // Requirement: WIRE-eeprom-4
 pub fn accepted_configuration_is_bounded(values: AcceptedConfig) -> Seen {
-    given!(let Some(config) = values.config());
+    given!(let (true, config) = values.checked());
     assert!(is_bounded(&config));
     let ends = [
         config.forward().p.value().to_bits() == 10_000 << 32,
@@ -151,7 +151,9 @@ pub fn accepted_configuration_is_bounded(values: AcceptedConfig) -> Seen {
         values.get(STOP_DEADLINE) == 2_000,
         values.get(CELLS) == 8,
     ];
-    seen!(values != AcceptedConfig::FIRST_BOARD, ends.contains(&true))
+    // Field by field: CBMC compares arrays byte by byte, beyond the harnesses' bound.
+    let differs = |field| values.get(field) != AcceptedConfig::FIRST_BOARD.get(field);
+    seen!(FIELDS.iter().any(differs), ends.contains(&true))
 }
 
 /// What [`Config::decode`] accepts is bounded: a good image with anything written over two places and

@@ -34,17 +34,6 @@ impl Driven {
         right: 0,
     };
 
-    /// At three quarters of full drive, until the first identification.
-    #[cfg(kani)]
-    const fn far_enough(left: i16, right: i16) -> Self {
-        Self {
-            ticks: 22,
-            forward: 75 << 16,
-            left,
-            right,
-        }
-    }
-
     fn mixer(&self, config: &Config) -> Mixer {
         let mut mixer = Mixer::new(config);
         let delta = Delta::rolled(self.left.into(), self.right.into());
@@ -260,8 +249,6 @@ crate::properties! {
         cases ["at a limit", "on the spot", "no output"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
         kani any_limits [unwind(80)] = (of_any_limits(), Driven::NOT, any(), any());
-        kani any_gains [unwind(24)] =
-            (AcceptedConfig::FIRST_BOARD, Driven::far_enough(any(), any()), any(), any());
         sampled 100_000;
     }
     property T7 raw_duty_is_exact_within_limits(

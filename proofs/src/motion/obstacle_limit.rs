@@ -133,7 +133,7 @@ pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
     let fastest = (1 << 14) - 1;
     assert!(n <= fastest && needed(n) <= energy);
     assert!(n == fastest || needed(n + 1) > energy);
-    seen!(n == 0 && energy > 0, n == fastest, n > 0 && n < fastest)
+    seen!(n == 0, n == fastest, n > 0 && n < fastest)
 }
 
 /// What every event keeps: what [`obstacle_step_follows_the_rules`] takes for granted.
@@ -405,7 +405,6 @@ crate::properties! {
     ) {
         cases ["at the obstacle", "before the obstacle", "echo void", "way back used up", "backward"];
         needs [accepted_configuration_is_bounded, speed_is_the_largest_that_stops];
-        kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any(), 2, any());
         sampled 200_000;
     }
 }

@@ -72,7 +72,6 @@ crate::properties! {
     ) {
         cases ["at the target", "far behind", "impossible counts"];
         needs [accepted_configuration_is_bounded];
-        kani on_first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any(), 1);
         sampled 100_000;
     }
 }

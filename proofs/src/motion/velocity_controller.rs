@@ -249,9 +249,6 @@ crate::properties! {
         cases ["at an obstacle", "free"];
         needs [accepted_configuration_is_bounded];
         kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any());
-        kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(), any(), any());
-        kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(), any(), any());
-        kani any_gains [unwind(80)] = (AcceptedConfig::of_any_gains(), any(), any());
         sampled 50_000;
     }
     property T16 velocity_keeps_its_limits(
@@ -259,7 +256,6 @@ crate::properties! {
     ) {
         cases ["clipped", "followed", "limited by an obstacle", "slowed"];
         needs [accepted_configuration_is_bounded];
-        kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), 1, 0);
         sampled 20_000;
     }
     property T16 zero_command_ends_in_the_brake(
