@@ -5,7 +5,7 @@ use std::process::Command;
 
 use xshell::{Cmd, cmd};
 
-use crate::error::Result;
+use crate::error::{Kind, Result, fail};
 use crate::firmware;
 use crate::process;
 use crate::session::Session;
@@ -84,21 +84,23 @@ const PI: [Pi; 2] = [
 /// Makes the Debian packages of the Pi's program, of 64 and of 32 bits; returns each with the program of
 /// QEMU that runs its content.
 pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
+    const FEATURES: &str = "--package pilot --features linux,terminal,web,ros2";
     session.require_tool("deb@3.8.0")?;
-    let robot = build_pilot(session)?;
     let package = |(target, linker, packages, qemu): Pi| {
         let std = session.sysroot.join("lib/rustlib").join(target).join("lib");
         let has_target = || std.is_dir();
         let add = session.rustup(&format!("target add {target}"));
         process::require(has_target, &add, target)?;
         if !packages.is_empty() && !process::installed(linker) {
-            apt_install(session, packages, 120)?;
+            apt_install(session, packages, 120)
+                .or_else(|why| fail(Kind::MissingProgram, format!("no {linker}: {why}")))?;
         }
         let manual = session.target.join(target).join("release/manual");
-        cmd!(session.sh, "{robot} manual {manual}").run()?;
+        let robot = session.cargo(&format!("run --quiet --locked {FEATURES} -- manual"));
+        robot.arg(manual).run()?;
         let of_target = format!("CARGO_TARGET_{}", target.to_uppercase().replace('-', "_"));
-        let build = "build --locked --release --package pilot --features linux,terminal,web,ros2";
-        let build = session.cargo(build).args(["--target", target]);
+        let build = session.cargo(&format!("build --locked --release {FEATURES} --target"));
+        let build = build.arg(target);
         let build = build.env("CARGO_PROFILE_RELEASE_STRIP", "true");
         let build = build.env(format!("{of_target}_LINKER"), linker);
         let is_static = "-Ctarget-feature=+crt-static";

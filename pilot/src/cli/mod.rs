@@ -167,15 +167,15 @@ fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Ex
 /// Manual pages and completions of all commands and options.
 fn write_manual(folder: &Path) -> Result<(), Error> {
     let mut grammar = grammar(true);
-    let written = std::fs::create_dir_all(folder)
-        .and_then(|()| clap_mangen::generate_to(grammar.clone(), folder))
-        .and_then(|()| {
-            let shells = [Shell::Bash, Shell::Zsh, Shell::Fish].into_iter();
-            shells
-                .map(|shell| generate_to(shell, &mut grammar, "robot", folder))
-                .try_for_each(|path| path.map(drop))
-        });
-    written.map_err(|error| Error::unwritable(folder, &error))
+    let mut write = || {
+        std::fs::create_dir_all(folder)?;
+        clap_mangen::generate_to(grammar.clone(), folder)?;
+        for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
+            generate_to(shell, &mut grammar, "robot", folder)?;
+        }
+        Ok(())
+    };
+    write().map_err(|error: std::io::Error| Error::unwritable(folder, &error))
 }
 
 #[cfg(test)]
