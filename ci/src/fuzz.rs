@@ -10,7 +10,8 @@ use crate::workspace::Workspace;
 fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Cmd<'s> {
     let fuzz = cmd!(workspace.sh, "rustup run nightly cargo fuzz {subcommand}");
     let own = ["CARGO", "RUSTC", "RUSTUP_TOOLCHAIN"].into_iter();
-    let fuzz = own.fold(fuzz, Cmd::env_remove).arg("--target-dir");
+    let fuzz = own.fold(fuzz, Cmd::env_remove);
+    let fuzz = fuzz.args(["--debug-assertions", "--target-dir"]);
     fuzz.arg(workspace.target.join("fuzz"))
 }
 

@@ -86,6 +86,11 @@ const PI: [Pi; 2] = [
 pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
     const FEATURES: &str = "--package pilot --features linux,terminal,web,ros2";
     session.require_tool("deb@3.8.0")?;
+    // The only build without the virtual board.
+    let clippy = session.cargo(&format!(
+        "clippy --release --locked {FEATURES} -- -D warnings"
+    ));
+    clippy.run()?;
     let package = |(target, linker, packages, qemu): Pi| {
         let std = session.sysroot.join("lib/rustlib").join(target).join("lib");
         let has_target = || std.is_dir();

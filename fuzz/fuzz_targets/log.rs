@@ -26,8 +26,11 @@ fuzz_target!(|data: &[u8]| {
         let number = i64::from_le_bytes(bytes.array());
         log.line(LEVELS[usize::from(choice >> 1) % 3], |line| {
             line.text(&text).int(number).decimal(number, choice);
-            line.hex(number as u32, choice >> 3)
-                .fixed(fixed(number), choice >> 4);
+            line.hex(
+                u32::try_from(number & 0xFFFF_FFFF).unwrap_or(0),
+                choice >> 3,
+            )
+            .fixed(fixed(number), choice >> 4);
         });
         logged += 1;
     }

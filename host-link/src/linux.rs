@@ -8,9 +8,10 @@ use crate::board_io::{BoardIo, Clock, Interrupt, erase};
 use crate::error::Error;
 use crate::uart::SerialPort;
 use embedded_hal::digital::{ErrorType, OutputPin};
-use linux_embedded_hal::gpio_cdev::{Chip, Line, LineHandle, LineRequestFlags};
+use linux_embedded_hal::gpio_cdev::{self, Chip, Line, LineHandle, LineRequestFlags};
 use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
 use linux_embedded_hal::{CdevPin, CdevPinError, Delay, I2cdev, SpidevDevice};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -32,7 +33,7 @@ pub struct Devices {
     pub spi_hz: u32,
     /// `/dev/i2c-1`.
     pub i2c: PathBuf,
-    /// `/dev/gpiochip0`.
+    /// `/dev/gpiochip0`; where that is no Pi's, the chip beside it that is.
     pub gpiochip: PathBuf,
     /// `/dev/serial0`: opened when the log is first asked for.
     pub uart: PathBuf,
@@ -44,12 +45,13 @@ pub struct Devices {
 /// [`Error::Device`] names the device and what to do.
 pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
     let gpio_failed = |cause| device(&devices.gpiochip, &cause, GPIO_ADVICE);
-    let mut chip = Chip::new(&devices.gpiochip).map_err(gpio_failed)?;
+    let mut chip = open_chip(&devices.gpiochip).map_err(gpio_failed)?;
+    let path = chip.path().to_path_buf();
     let mut pin = |net: &str, offset: u32, flags: LineRequestFlags, value: u8| {
         let line = chip.get_line(offset);
         let handle = line.and_then(|line| line.request(flags, value, net));
         handle.and_then(CdevPin::new).map_err(|cause| {
-            let name = format!("{} line {offset} ({net})", devices.gpiochip.display());
+            let name = format!("{} line {offset} ({net})", path.display());
             device(Path::new(&name), &cause, GPIO_ADVICE)
         })
     };
@@ -85,6 +87,24 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
         log: Box::new(SerialPort::new(&devices.uart)),
         interrupt,
     })
+}
+
+/// Labels of a Pi's own GPIO chip: up to model 3, model 4, model 5.
+const LABELS: [&str; 3] = ["pinctrl-bcm2835", "pinctrl-bcm2711", "pinctrl-rp1"];
+
+/// The chip at `path`; where that is not the Pi's, the one beside it that is: a Pi 5's has another number
+/// from kernel to kernel.
+fn open_chip(path: &Path) -> Result<Chip, gpio_cdev::Error> {
+    let named = Chip::new(path)?;
+    let is_pis = |chip: &Chip| LABELS.contains(&chip.label());
+    if is_pis(&named) {
+        return Ok(named);
+    }
+    let folder = path.parent().map(fs::read_dir);
+    let beside = folder.into_iter().flatten().flatten().flatten();
+    let chips = beside.filter(|file| file.file_name().to_string_lossy().starts_with("gpiochip"));
+    let mut chips = chips.filter_map(|file| Chip::new(file.path()).ok());
+    Ok(chips.find(is_pis).unwrap_or(named))
 }
 
 const GPIO_ADVICE: &str = "check that --gpiochip names the Pi's GPIOs, that no other program holds the line, and that \

@@ -1,8 +1,10 @@
-//! Sources of the STM's log: a serial device that is configured already, or the virtual board's UART.
+//! Sources of the STM's log: a serial device, or the virtual board's UART.
 
 use crate::error::Error;
+use rustix::fs::{Mode, OFlags};
+use rustix::termios::{ControlModes, OptionalActions, isatty, tcgetattr, tcsetattr};
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
@@ -17,8 +19,7 @@ pub trait LogSource {
     fn read_new(&mut self) -> Result<Vec<u8>, Error>;
 }
 
-/// A serial device, 115200 baud, raw, as `stty` left it. It is opened at the first read; earlier bytes
-/// are lost.
+/// A serial device, set to 115200 baud, raw. It is opened at the first read; earlier bytes are lost.
 pub struct SerialPort {
     path: PathBuf,
     received: Option<Receiver<Result<Vec<u8>, String>>>,
@@ -43,16 +44,30 @@ impl LogSource for SerialPort {
             fresh.extend(bytes.map_err(|cause| Error::Device {
                 name: path.display().to_string(),
                 cause,
-                advice: format!(
-                    "name the Pi's serial port with --uart, join the group dialout, and run \
-                     `stty -F {} 115200 raw -echo`",
-                    path.display()
-                ),
+                advice: "name the Pi's serial port with --uart, and join the group dialout".into(),
             })?);
         }
         Ok(fresh)
     }
 }
+
+/// Opens a serial device and sets it; a file that is no terminal is read as it is.
+fn open(path: &Path) -> io::Result<File> {
+    // Not as the terminal that controls a server without one.
+    let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::CLOEXEC;
+    let port = File::from(rustix::fs::open(path, flags, Mode::empty())?);
+    if isatty(&port) {
+        let mut settings = tcgetattr(&port)?;
+        settings.make_raw();
+        settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
+        settings.set_speed(BAUD)?;
+        tcsetattr(&port, OptionalActions::Now, &settings)?;
+    }
+    Ok(port)
+}
+
+/// Of the STM's log, bits per second.
+const BAUD: u32 = 115_200;
 
 /// Polling period of a serial device without bytes.
 const POLL: Duration = Duration::from_millis(2);
@@ -62,7 +77,7 @@ fn spawn_reader(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
     let (sender, receiver) = channel();
     let path = path.to_owned();
     thread::spawn(move || {
-        let mut file = File::open(&path);
+        let mut file = open(&path);
         let mut buffer = [0; 4096];
         loop {
             let read = match &mut file {
@@ -102,4 +117,19 @@ fn serial_port_bytes_or_its_absence_arrive() {
         matches!(missing, Some(Err(Error::Device { .. }))),
         "{missing:?}"
     );
+}
+
+#[test]
+fn terminal_is_set_to_the_logs_speed_and_raw() {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use rustix::termios::LocalModes;
+    let controller = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&controller).unwrap();
+    unlockpt(&controller).unwrap();
+    let name = ptsname(&controller, Vec::new()).unwrap();
+    let port = open(Path::new(name.to_str().unwrap())).unwrap();
+    let settings = tcgetattr(&port).unwrap();
+    assert_eq!(settings.output_speed(), BAUD);
+    let echoes_or_waits = LocalModes::ECHO | LocalModes::ICANON;
+    assert!(!settings.local_modes.intersects(echoes_or_waits));
 }

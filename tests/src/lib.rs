@@ -4,6 +4,8 @@
 pub mod disturbance;
 pub mod exploration;
 pub mod io_faults;
+#[cfg(target_os = "linux")]
+pub mod pi_devices;
 pub mod reference;
 pub mod serving;
 pub mod stack;

@@ -11,7 +11,7 @@ use crate::session::Session;
 
 /// The theorems' table against its floors: a proof that went missing fails here.
 pub fn floors(session: &Session) -> Result<String> {
-    let list = session.cargo("run --quiet --package proofs --example theorems");
+    let list = session.cargo("run --quiet --release --package proofs --example theorems");
     let counts = counts(&list.read()?)?;
     let figures = counts.iter().map(|(name, count)| format!("{count} {name}"));
     let figures = figures.collect::<Vec<_>>().join(", ");
@@ -53,7 +53,8 @@ pub fn defects(session: &Session) -> Result<String> {
 /// Tries mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
 pub fn mutants(session: &Session, arguments: &[String]) -> Result<String> {
     session.require_tool("mutants@27.1.0")?;
-    let words = "run --quiet --package mutation -- --config ci/mutation.toml --lister cargo";
+    let words =
+        "run --quiet --release --package mutation -- --config ci/mutation.toml --lister cargo";
     let (success, text) = process::tee(session.cargo(words).args(arguments))?;
     let last = text.trim().lines().last().unwrap_or_default().to_owned();
     if success { Ok(last) } else { bail!(last) }

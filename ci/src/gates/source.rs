@@ -10,7 +10,7 @@ use crate::toolchain::{Provider, TARGET, apt_install};
 /// All that runs on a computer, with the features that the tests name.
 const HOST: &str = "--workspace --exclude fw-pac";
 /// The manifests of the workspaces with a lock file of their own.
-pub const WORKSPACES: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "tests/bench/Cargo.toml"];
+pub const WORKSPACES: [&str; 2] = ["Cargo.toml", "tests/bench/Cargo.toml"];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
 const OLDEST: &str = "1.85";
 
@@ -54,25 +54,22 @@ fn on_target(session: &Session, words: &str) -> Result<String> {
 
 pub fn clippy(session: &Session) -> Result<String> {
     require(session, "clippy", "clippy")?;
-    // The program as a Pi has it, without the features of a computer's.
-    let on_pi = session.cargo("clippy --package pilot --features linux");
-    let all = session.cargo_with_board(&format!("clippy --all-targets {HOST}"))?;
-    for host in [on_pi, all] {
-        host.args(["--", "-D", "warnings"]).run()?;
-    }
-    for manifest in &WORKSPACES[1..] {
-        let words = format!("clippy --manifest-path {manifest} -- -D warnings");
-        let clippy = session.cargo(&words);
-        clippy
-            .env("CARGO_TARGET_DIR", session.target.join("clippy"))
-            .run()?;
-    }
+    let all = session.cargo_with_board(&format!("clippy --release --all-targets {HOST}"))?;
+    all.args(["--", "-D", "warnings"]).run()?;
+    let bench = format!(
+        "clippy --release --locked --manifest-path {} -- -D warnings",
+        WORKSPACES[1]
+    );
+    let bench = session.cargo(&bench);
+    bench
+        .env("CARGO_TARGET_DIR", session.target.join("bench"))
+        .run()?;
     on_target(session, "clippy TARGET -- -D warnings")
 }
 
 pub fn docs(session: &Session) -> Result<String> {
     let _deny = session.sh.push_env("RUSTDOCFLAGS", "-D warnings");
-    let words = format!("doc --no-deps {HOST}");
+    let words = format!("doc --release --no-deps {HOST}");
     session.cargo_with_board(&words)?.run()?;
     on_target(session, "doc --no-deps TARGET")
 }

@@ -16,7 +16,7 @@ use crate::session::Session;
 use crate::toolchain::{apt_install, in_rustlib};
 
 pub fn unit(session: &Session) -> Result<String> {
-    run(session.cargo("test --no-fail-fast"))
+    run(session.cargo("test --release --no-fail-fast"))
 }
 
 pub fn in_the_loop(session: &Session) -> Result<String> {

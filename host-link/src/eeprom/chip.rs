@@ -80,7 +80,7 @@ pub(super) fn read(io: &mut BoardIo, address: u16, out: &mut [u8]) -> Result<(),
 
 /// Writes one burst, waits for the end of its write cycle and reads it back.
 pub(super) fn write_burst(io: &mut BoardIo, address: usize, data: &[u8]) -> Result<(), Error> {
-    debug_assert!(address % BURST + data.len() <= BURST);
+    assert!(address % BURST + data.len() <= BURST);
     let address = u16::try_from(address).unwrap_or(u16::MAX);
     io.interrupt.check()?;
     let mut message = Vec::with_capacity(2 + BURST);

@@ -27,8 +27,7 @@ const FEWEST_OF_WAY: usize = 80;
 const SAMPLES: usize = 60;
 /// Points of the way that are not on free floor rule a pose out.
 const BLOCKED: usize = 8;
-/// Spacing of the coarse poses, mm and headings per turn.
-const SPACING_MM: f64 = 100.0;
+/// Headings of the coarse poses per turn.
 const HEADINGS: u32 = 72;
 /// Coarse poses that are refined, and deviations of their error (mm, rad).
 const REFINED: usize = 24;
@@ -326,10 +325,9 @@ impl Field {
         self.index(point).is_some_and(|index| self.free[index])
     }
 
-    /// Places where the robot may stand, on the coarse lattice.
+    /// Places where the robot may stand, two fields apart.
     fn floor(&self) -> impl Iterator<Item = Point> + '_ {
         let apart = |number: usize| number.is_multiple_of(2);
-        debug_assert!((SPACING_MM - 2.0 * FIELD_MM).abs() < 1e-9);
         (0..self.free.len())
             .filter(move |index| apart(index % self.columns) && apart(index / self.columns))
             .filter(|index| self.free[*index])

@@ -27,10 +27,10 @@ pub struct BoardArgs {
     /// I2C device
     #[arg(long, default_value = "/dev/i2c-1")]
     pub i2c: PathBuf,
-    /// GPIO chip
+    /// GPIO chip; where it is no Pi's, the one beside it that is
     #[arg(long, default_value = "/dev/gpiochip0")]
     pub gpiochip: PathBuf,
-    /// Serial device with the STM's log, 115200 baud, set by stty; `tune`, `monitor` and `status` read it
+    /// Serial device with the STM's log, 115200 baud; `tune`, `monitor` and `status` read it
     #[arg(long, default_value = "/dev/serial0")]
     pub uart: PathBuf,
     /// Folder of the lock and of the journal of an unfinished EEPROM write

@@ -3,7 +3,7 @@
 use super::{CELL_MM, Server};
 use crate::serve::hub::ClientId;
 use crate::serve::protocol::{Failure, Message, VERSION};
-use crate::serve::tiles::{BATCH, Tiles};
+use crate::serve::tiles::Tiles;
 use host_link::error::Error;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -55,7 +55,6 @@ impl Server {
             shared.all(|message| client.send(message))
                 && update.chain(fresh).all(|message| client.send(&message))
         });
-        debug_assert!(changed.len() <= BATCH);
     }
 
     /// The lines that these bytes complete.

@@ -1,0 +1,165 @@
+//! The program as a Pi runs it: spidev, i2c-dev, GPIO character device and serial port, with the release ELF
+//! behind them in real time.
+#![cfg(target_os = "linux")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Duration;
+
+use robot_tests::pi_devices::PiDevices;
+use robot_tests::test_board::Rig;
+use twin::Options;
+use twin::plant::Sides;
+
+/// RESET released, the EEPROM with the STM and protected.
+const IDLE: [bool; 3] = [true, false, true];
+/// The sample's stop deadline and a tick, with what a busy computer is late by.
+const STOPPED: Duration = Duration::from_millis(600);
+
+/// A blank robot with device files in a folder of the test's own.
+struct Pi {
+    folder: PathBuf,
+    devices: PiDevices,
+    program: PathBuf,
+    _rig: Rig,
+}
+
+impl Drop for Pi {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+impl Pi {
+    fn new(name: &str, keeps_levels: bool) -> Self {
+        let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("a folder");
+        let rig = Rig::new(Options::with_eeprom(Vec::new()));
+        let devices = PiDevices::new(&folder, &rig.board, keeps_levels).expect("devices");
+        let usual = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/robot");
+        let program = std::env::var_os("ROBOT_PROGRAM").map_or(usual, PathBuf::from);
+        Self {
+            folder,
+            devices,
+            program,
+            _rig: rig,
+        }
+    }
+
+    fn configure(&self) {
+        self.expect(0, "eeprom init robot.toml");
+        self.expect(0, "eeprom write robot.toml");
+    }
+
+    fn command(&self, words: &str) -> std::process::Command {
+        let mut command = self.devices.command(&self.program);
+        command.args(words.split(' ')).current_dir(&self.folder);
+        command.stdin(Stdio::null());
+        command
+    }
+
+    #[track_caller]
+    fn expect(&self, code: i32, words: &str) -> String {
+        let done = self.command(words).output().expect("started");
+        let text = String::from_utf8_lossy(&[done.stdout, done.stderr].concat()).into_owned();
+        assert_eq!(done.status.code(), Some(code), "{words}: {text}");
+        text
+    }
+}
+
+// Requirement: DOC-2.1-5, WIRE-spi-4
+#[test]
+fn commands_configure_and_drive_through_device_files() {
+    for keeps_levels in [false, true] {
+        let pi = Pi::new("files", keeps_levels);
+        if keeps_levels {
+            // A Pi 5 with an older kernel.
+            let chip = |number: u8| pi.folder.join(format!("gpiochip{number}"));
+            fs::write(chip(4), "pinctrl-rp1").expect("written");
+            fs::write(chip(0), "gpio-brcmstb@107d508500").expect("written");
+        }
+        pi.configure();
+        assert_eq!(pi.devices.levels(), IDLE);
+        for (words, expected) in [
+            ("eeprom check", "Guarded Velocity"),
+            ("goto 120 0 0", "arrived at"),
+            ("--json status", "Guarded Velocity"),
+            ("monitor --count 3", "mm"),
+            ("stop", "stopped"),
+        ] {
+            let text = pi.expect(0, words);
+            assert!(text.contains(expected), "{words}: {text}");
+            assert_eq!(pi.devices.levels(), IDLE, "{words}");
+        }
+        let path_mm = pi.devices.board.truth().path_mm;
+        assert!((path_mm - 120.0).abs() < 10.0, "{path_mm}");
+        assert_eq!(pi.devices.spi_settings(), (Some(0), Some(8), 8_000_000));
+    }
+}
+
+#[test]
+fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
+    let pi = Pi::new("kill", true);
+    pi.configure();
+    let second = fs::read_to_string(pi.folder.join("robot.toml")).expect("there");
+    let second = second.replace("servo = false", "servo = true");
+    fs::write(pi.folder.join("second.toml"), second).expect("written");
+    let mut outcomes = Vec::new();
+    for after_ms in [20, 60, 150, 400] {
+        let mut write = pi.command("eeprom write second.toml");
+        let mut write = write
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("started");
+        sleep(Duration::from_millis(after_ms));
+        write.kill().expect("a child");
+        write.wait().expect("ended");
+        let text = pi.expect(0, "eeprom dump");
+        assert_eq!(pi.devices.levels(), IDLE, "after {after_ms} ms");
+        outcomes.push(text.contains("is undone"));
+        pi.expect(0, "eeprom write robot.toml");
+    }
+    println!("undone: {outcomes:?}");
+    let mut goto = pi.command("goto 400 0 0");
+    let mut goto = goto
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("started");
+    let moves = || pi.devices.board.truth().duty != Sides::default();
+    let begins = (0..500).any(|_| {
+        sleep(Duration::from_millis(10));
+        moves()
+    });
+    assert!(begins, "nothing moves");
+    goto.kill().expect("a child");
+    goto.wait().expect("ended");
+    sleep(STOPPED);
+    assert!(!moves(), "the motors do not stop");
+    let text = pi.expect(9, "goto 0 0 0");
+    let reports = |text: &str, what: &str| assert!(text.contains(what), "{text}");
+    reports(&text, "was killed");
+    reports(&text, "link-lost");
+    pi.expect(0, "reset");
+    reports(&pi.expect(0, "goto 60 0 0"), "arrived at");
+}
+
+#[test]
+fn missing_and_wrong_devices_are_named_with_advice() {
+    let pi = Pi::new("missing", false);
+    for (name, advice) in [
+        ("gpiochip0", "--gpiochip names"),
+        ("spidev0.0", "enable SPI"),
+        ("i2c-1", "enable I2C"),
+    ] {
+        let (file, away) = (pi.folder.join(name), pi.folder.join("away"));
+        fs::rename(&file, &away).expect("renamed");
+        let text = pi.expect(10, "status");
+        assert!(text.contains(name) && text.contains(advice), "{text}");
+        fs::rename(&away, &file).expect("renamed");
+    }
+}
