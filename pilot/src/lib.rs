@@ -15,6 +15,7 @@ pub mod client;
 pub mod doctor;
 pub mod drive;
 pub mod exploring;
+pub mod gamepad;
 pub mod ground_truth;
 pub mod hints;
 pub mod mapping;

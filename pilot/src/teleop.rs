@@ -1,6 +1,7 @@
-//! Looking at the robot, and driving it by keys with a dead man's handle, as a client of a server.
+//! Looking at the robot, and driving it by keys or a gamepad with a dead man's handle, as a client of a server.
 
 use crate::client::Client;
+use crate::gamepad::Gamepad;
 use crate::serve::protocol::{Message, Request};
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
@@ -30,13 +31,17 @@ pub enum Key {
     Leave,
 }
 
-/// Drives while a key is held.
+/// Drives while a key or the gamepad's handle is held.
 pub struct DeadMan {
     forward_mm_s: f64,
     yaw_rate_deg_s: f64,
     velocity: (f64, f64),
     pressed: Option<Instant>,
     sent: Option<Instant>,
+    gamepad: Option<Gamepad>,
+    /// The gamepad's handle was held when the robot was stopped, or from the beginning on.
+    must_let_go: bool,
+    is_by_gamepad: bool,
 }
 
 impl DeadMan {
@@ -48,7 +53,47 @@ impl DeadMan {
             velocity: (0.0, 0.0),
             pressed: None,
             sent: None,
+            gamepad: None,
+            must_let_go: true,
+            is_by_gamepad: false,
         }
+    }
+
+    /// Takes a gamepad, too: its stick gives the part of the speeds.
+    #[must_use]
+    pub fn with_gamepad(self, gamepad: Option<Gamepad>) -> Self {
+        Self { gamepad, ..self }
+    }
+
+    /// Takes what the gamepad did; whether it stops the robot.
+    ///
+    /// # Errors
+    /// [`Error::Device`] once it is gone.
+    // Requirement: SERVE-teleop-1
+    pub fn poll(&mut self, now: Instant) -> Result<bool, Error> {
+        let Some(gamepad) = &mut self.gamepad else {
+            return Ok(false);
+        };
+        let stop = gamepad.poll()?;
+        if stop {
+            self.press(Key::Stop, now);
+            return Ok(true);
+        }
+        match gamepad.held() {
+            Some(_) if self.must_let_go => {}
+            Some((ahead, left)) => {
+                self.velocity = (ahead * self.forward_mm_s, left * self.yaw_rate_deg_s);
+                self.pressed = Some(now);
+                self.is_by_gamepad = true;
+            }
+            None => {
+                self.must_let_go = false;
+                if std::mem::take(&mut self.is_by_gamepad) {
+                    self.pressed = now.checked_sub(RELEASED);
+                }
+            }
+        }
+        Ok(false)
     }
 
     /// Takes a key.
@@ -60,6 +105,7 @@ impl DeadMan {
             Key::Right => (0.0, -self.yaw_rate_deg_s),
             Key::Stop | Key::Leave => {
                 self.pressed = None;
+                (self.must_let_go, self.is_by_gamepad) = (true, false);
                 return;
             }
         };
@@ -127,6 +173,11 @@ pub fn run(
                     dead_man.press(key, Instant::now());
                 }
             }
+            if let Some(dead_man) = &mut dead_man
+                && dead_man.poll(Instant::now())?
+            {
+                client.request(&Request::Stop)?;
+            }
             let due = dead_man.as_mut().and_then(|one| one.due(Instant::now()));
             if let Some((forward_mm_s, yaw_rate_deg_s)) = due {
                 let command = Request::Drive {
@@ -151,6 +202,7 @@ pub fn run(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gamepad;
 
     // Requirement: SERVE-teleop-1
     #[test]
@@ -179,5 +231,33 @@ mod tests {
         assert_eq!(dead_man.due(at(1599)), Some((0.0, -45.0)));
         dead_man.press(Key::Stop, at(1600));
         assert_eq!(dead_man.due(at(1600)), None);
+    }
+
+    // Requirement: SERVE-teleop-1
+    #[test]
+    fn gamepad_drives_while_held_and_must_be_let_go_after_a_stop() {
+        let (stick, handle, button) = ((2, 1), (1, 4), (1, 0));
+        let (gamepad, mut events) = gamepad::tests::gamepad();
+        let begun = Instant::now();
+        let mut dead_man = DeadMan::new(150.0, 45.0).with_gamepad(Some(gamepad));
+        for (ms, (kind, number), value, stop, due) in [
+            // Held from the beginning on.
+            (0, handle, 1, false, None),
+            (100, stick, -32767, false, None),
+            (200, handle, 0, false, None),
+            (300, handle, 1, false, Some((150.0, 0.0))),
+            (1000, stick, 32767, false, Some((-150.0, 0.0))),
+            (1010, handle, 0, false, Some((0.0, 0.0))),
+            (1100, handle, 1, false, Some((-150.0, 0.0))),
+            (1200, button, 1, true, None),
+            (1300, button, 0, false, None),
+            (1400, handle, 0, false, None),
+            (1500, handle, 1, false, Some((-150.0, 0.0))),
+        ] {
+            gamepad::tests::write(&mut events, kind, number, value);
+            let now = begun + Duration::from_millis(ms);
+            assert_eq!(dead_man.poll(now), Ok(stop), "{ms}");
+            assert_eq!(dead_man.due(now), due, "{ms}");
+        }
     }
 }

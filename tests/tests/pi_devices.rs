@@ -88,6 +88,7 @@ fn commands_configure_and_drive_through_device_files() {
             ("goto 120 0 0", "arrived at"),
             ("--json status", "Guarded Velocity"),
             ("monitor --count 3", "mm"),
+            ("--json doctor", "\"failed\":0"),
             ("stop", "stopped"),
         ] {
             let text = pi.expect(0, words);

@@ -65,7 +65,7 @@ pub enum Command {
     Bringup(Bringup),
     /// Show map, pose, ranges, cells, faults with advice, link and log, live; lines where there is no terminal
     Monitor(Monitor),
-    /// Drive by the keyboard, with the screen of `monitor`; a key that is released stops the robot
+    /// Drive by the keyboard or a gamepad, with the screen of `monitor`; a key that is released stops the robot
     Teleop(Teleop),
     /// Own the robot and let other commands, programs and browsers use it: many look on, one drives
     Serve(Serve),
@@ -212,6 +212,9 @@ pub struct Teleop {
     /// Yaw rate, degrees/s
     #[arg(long, value_name = "DEG/S", default_value = "45", value_parser = number(1.0..=180.0))]
     pub turn: f64,
+    /// Also drive by a gamepad: its left stick while a shoulder button is held; its four round buttons stop
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "/dev/input/js0")]
+    pub gamepad: Option<PathBuf>,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
     #[arg(long)]
     pub yes: bool,

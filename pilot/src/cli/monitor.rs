@@ -7,6 +7,7 @@ use host_link::error::{Error, Exit};
 use host_link::snapshot::Snapshot;
 use host_link::statistics::{LinkStatistics, RejectCounts, StmStatistics};
 use pilot::client::Client;
+use pilot::gamepad::Gamepad;
 use pilot::serve::protocol::{Message, Request};
 use pilot::teleop::DeadMan;
 use std::fmt::Write;
@@ -29,15 +30,17 @@ pub fn run(monitor: &Monitor, context: Context<'_>) -> Result<(), Error> {
     )
 }
 
-/// Drives by keys.
+/// Drives by keys or a gamepad.
 pub fn teleop(teleop: &Teleop, context: Context<'_>) -> Result<(), Error> {
     if !context.output.is_screen() {
         let what = "teleop needs a terminal, without --json: the dead man's handle is its keyboard";
         return Err(Error::Usage(what.into()));
     }
+    let gamepad = teleop.gamepad.as_deref().map(Gamepad::open).transpose()?;
+    let dead_man = DeadMan::new(teleop.speed, teleop.turn).with_gamepad(gamepad);
     context.with_client(
         |connection| explore::ensure_mode(connection, teleop.yes, context),
-        |client| screen::run(client, Some(DeadMan::new(teleop.speed, teleop.turn))),
+        |client| screen::run(client, Some(dead_man)),
     )
 }
 
