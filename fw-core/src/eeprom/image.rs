@@ -313,3 +313,19 @@ const _: () = {
         index += 1;
     }
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_are_what_the_running_core_computes() {
+        let mut start = 0;
+        for span in SPANS {
+            let (end, next) = run(start);
+            assert_eq!((span.address, span.len), (start, end - start));
+            start = next;
+        }
+        assert_eq!(start, address(IMAGE_LEN));
+    }
+}

@@ -190,6 +190,23 @@ fn limited(controller: &mut PoseController, distance: f64) {
     controller.limit_speed(&obstacle);
 }
 
+#[test]
+fn turning_while_idle_counts_for_the_damping() {
+    let mut idled = PoseController::new(&gains(0.0, 1.0, 10.0));
+    let mut controllers = [idled.clone(), idled.clone()];
+    let turning = rolling(0.0, 0.5);
+    for _ in 0..200 {
+        let _ = idled.drive(&Pose::default(), &turning);
+    }
+    controllers[0] = idled;
+    let [idled, fresh] = controllers.map(|mut controller| {
+        controller.set_target(pose(0.0, 0.0, 20.0));
+        let commands = controller.drive(&Pose::default(), &turning);
+        outputs(commands).expect("driven").1
+    });
+    assert!(fresh - idled > 1.0, "{fresh} {idled}");
+}
+
 // Requirement: WIRE-obstacle-5
 #[test]
 fn held_back_ends_with_the_obstacle_and_is_not_boosted() {

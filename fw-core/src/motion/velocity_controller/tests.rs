@@ -54,3 +54,42 @@ fn integral_of_friction_changes_sign_with_the_direction() {
     let still = correction(0.0, 0.5);
     assert!((still + learnt).abs() < 0.3, "{still}");
 }
+
+// Requirement: WIRE-velocity-5
+#[test]
+fn blocked_wheels_saturate_and_rest_forgets_what_they_taught() {
+    let config = crate::eeprom::first_board();
+    let mut obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    let far = crate::types::Millimetres(fixed::types::I32F32::lit("2500"));
+    let velocity = |forward, yaw_rate| Velocity { forward, yaw_rate };
+    let (ahead, still) = (velocity(200_000, 0), Delta::rolled(0, 0));
+    let rolling = Delta {
+        travel: I16F16::lit("2"),
+        ..still
+    };
+    let mut step = |controller: &mut VelocityController, commanded, delta| {
+        obstacle.on_range(0, Some(far));
+        obstacle.step(delta);
+        controller.step(commanded, &obstacle, delta)
+    };
+    let fresh = VelocityController::new(&config);
+    let mut blocked = fresh.clone();
+    for (delta, clipped) in [(&rolling, false), (&still, true)] {
+        for _ in 0..1000 {
+            let _ = step(&mut blocked, ahead, delta);
+        }
+        assert_eq!(blocked.clipped(), clipped);
+    }
+    let mut halted = blocked.clone();
+    halted.stand();
+    let mut brakes = || step(&mut blocked, Velocity::default(), &still) == MotorCommands::BRAKE;
+    let is_braked = (0..1000).any(|_| brakes());
+    assert!(is_braked);
+    for mut rested in [halted, blocked] {
+        let mut fresh = fresh.clone();
+        for tick in 0..100 {
+            let commands = [&mut rested, &mut fresh].map(|one| step(one, ahead, &still));
+            assert_eq!(commands[0], commands[1], "{tick}");
+        }
+    }
+}

@@ -33,8 +33,10 @@ fn velocity_counts_again_one_frame_after_resume() {
     assert_eq!(bench.robot.state(), State::Stopped);
     assert!(!follow(&mut bench, &with_order(Order::Resume, drive(80)), 3).0);
     assert_eq!(bench.robot.state(), State::Ready);
-    assert!(follow(&mut bench, &drive(80), 3).0);
+    let (runs, report) = follow(&mut bench, &drive(80), 3);
+    assert!(runs);
     assert_eq!(bench.robot.state(), State::Moving);
+    assert_eq!(report.state, State::Moving);
 }
 
 // Requirement: WIRE-deadline-1, WIRE-deadline-5
@@ -74,6 +76,29 @@ fn blind_speed_is_reported_and_logged() {
     follow(&mut bench, &drive(150), 3);
     let (_, report) = follow(&mut bench, &with_order(Order::Stop, drive(150)), 3);
     assert!(!report.obstacle_limited && !report.clipped, "standing");
+}
+
+// Requirement: WIRE-obstacle-2
+#[test]
+fn silent_front_sensor_is_blind_again() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    for (answers, limited) in [(true, false), (false, true), (true, false)] {
+        let mut report = Report::default();
+        // Together less than a stall takes.
+        for _ in 0..30 {
+            report = bench.frame(&drive(150));
+            if let Some(which) = bench.tick().trigger
+                && (answers || which != RangefinderId::Front)
+            {
+                let at = bench.sample.now;
+                // 2 m.
+                bench
+                    .robot
+                    .on_echo(which, at.after(500), at.after(500 + 11_650));
+            }
+        }
+        assert_eq!(report.obstacle_limited, limited);
+    }
 }
 
 // Requirement: WIRE-obstacle-5

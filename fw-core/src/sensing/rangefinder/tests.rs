@@ -42,6 +42,27 @@ fn missing_echo_times_out_at_20_ms_before_its_cause_is_known() {
     }
 }
 
+#[test]
+fn silent_sensor_is_followed_a_tick_later_and_answers_once() {
+    for (answers, expected) in [(true, 2), (false, 3)] {
+        let mut rangefinders = Rangefinders::new(3);
+        let ticks = (0..60).filter(|k| {
+            let now = Micros(k * TICK);
+            let trigger = rangefinders.tick(now, AHEAD, false);
+            if let Some(which) = trigger.filter(|_| answers) {
+                for fall in [5_500, 4_500] {
+                    rangefinders.echo(which, now.after(500), now.after(fall));
+                }
+            }
+            trigger.is_some()
+        });
+        let ticks: Vec<_> = ticks.collect();
+        assert!(ticks.windows(2).all(|two| two[1] - two[0] == expected));
+        let distance = rangefinders.distance(Front).map(|mm| mm.0.to_num::<i32>());
+        assert_eq!(distance, answers.then_some(857));
+    }
+}
+
 // Requirement: WIRE-servo-1
 #[test]
 fn invalidate_discards_readings_and_pending_triggers() {

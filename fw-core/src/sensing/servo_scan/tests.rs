@@ -140,3 +140,33 @@ fn late_trigger_keeps_the_settling_and_listening_times() {
         assert!(triggers > 25, "{late}: {triggers}");
     }
 }
+
+// Requirement: WIRE-sweep-1
+#[test]
+fn changed_width_counts_from_the_next_step_on() {
+    let mut scan = ServoScan::new(&with_servo(), true);
+    let (mut angle, mut target) = (0.0, 0.0);
+    for width in [90.0_f64, 30.0, 60.0, 0.0, 20.0] {
+        scan.set_width((width * 65_536.0 / 360.0) as u16);
+        let mut most = 0.0_f64;
+        for tick in 0..400 {
+            let mut servo = Servo { angle, target };
+            let pulse = scan.tick(true);
+            if let Some(bearing) = scan.settled_bearing().map(degrees) {
+                scan.triggered();
+                assert!(
+                    (bearing - servo.angle).abs() < 0.2,
+                    "{bearing}: it is at {}",
+                    servo.angle
+                );
+                // One reading may have begun before.
+                if tick >= 12 {
+                    most = most.max(bearing.abs());
+                }
+            }
+            servo.tick(pulse);
+            (angle, target) = (servo.angle, servo.target);
+        }
+        assert!((most - width).abs() < 0.2, "{width}: {most}");
+    }
+}
