@@ -61,24 +61,31 @@ pub fn build_pilot(session: &Session) -> Result<PathBuf> {
     Ok(session.target.join("release/robot"))
 }
 
-/// A Pi's target; its linker, and the Debian packages that bring it; the program of QEMU that runs its programs.
-type Pi = (&'static str, &'static str, &'static str, &'static str);
+/// A Pi's processor.
+struct Pi {
+    target: &'static str,
+    linker: &'static str,
+    /// Debian packages that bring the linker.
+    packages: &'static str,
+    /// The program of QEMU that runs its programs.
+    qemu: &'static str,
+}
 
 /// Static, so that the Pi's libraries do not matter. The first needs no C compiler; rustup's mirrors often lack
 /// the second's like.
 const PI: [Pi; 2] = [
-    (
-        "aarch64-unknown-linux-musl",
-        "rust-lld",
-        "",
-        "qemu-aarch64-static",
-    ),
-    (
-        "armv7-unknown-linux-gnueabihf",
-        "arm-linux-gnueabihf-gcc",
-        "gcc-arm-linux-gnueabihf libc6-dev-armhf-cross",
-        "qemu-arm-static",
-    ),
+    Pi {
+        target: "aarch64-unknown-linux-musl",
+        linker: "rust-lld",
+        packages: "",
+        qemu: "qemu-aarch64-static",
+    },
+    Pi {
+        target: "armv7-unknown-linux-gnueabihf",
+        linker: "arm-linux-gnueabihf-gcc",
+        packages: "gcc-arm-linux-gnueabihf libc6-dev-armhf-cross",
+        qemu: "qemu-arm-static",
+    },
 ];
 
 /// Makes the Debian packages of the Pi's program, of 64 and of 32 bits; returns each with the program of
@@ -91,7 +98,13 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
         "clippy --release --locked {FEATURES} -- -D warnings"
     ));
     clippy.run()?;
-    let package = |(target, linker, packages, qemu): Pi| {
+    let package = |pi: Pi| {
+        let Pi {
+            target,
+            linker,
+            packages,
+            qemu,
+        } = pi;
         let std = session.sysroot.join("lib/rustlib").join(target).join("lib");
         let has_target = || std.is_dir();
         let add = session.rustup(&format!("target add {target}"));

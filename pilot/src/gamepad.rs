@@ -111,19 +111,19 @@ fn device(path: &Path, cause: String) -> Error {
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(crate) mod tests {
     use super::*;
     use std::io::{PipeWriter, Write, pipe};
     use std::time::Duration;
 
     /// A gamepad and what its events are written to.
-    pub fn gamepad() -> (Gamepad, PipeWriter) {
+    pub(crate) fn gamepad() -> (Gamepad, PipeWriter) {
         let (reader, writer) = pipe().unwrap();
         (Gamepad::reading(Path::new("js0"), reader), writer)
     }
 
     /// Writes an event and waits until the gamepad has read it.
-    pub fn write(to: &mut PipeWriter, kind: u8, number: u8, value: i16) {
+    pub(crate) fn write(to: &mut PipeWriter, kind: u8, number: u8, value: i16) {
         let [low, high] = value.to_ne_bytes();
         to.write_all(&[0, 0, 0, 0, low, high, kind, number])
             .unwrap();

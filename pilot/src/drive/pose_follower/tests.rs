@@ -66,7 +66,7 @@ fn follower_rests_on_poses_all_around() {
 }
 
 #[test]
-fn follower_held_back_does_not_overshoot_and_turns_for_a_way_back() {
+fn held_back_follower_turns_round_without_overshoot() {
     let config = config(&Image::FIRST_BOARD);
     let ahead = Pose::new(600.0, 0.0, 0.0);
     for held in [100.0, 30.0] {
