@@ -139,12 +139,13 @@ impl PiEnd {
         self.close += usize::from(close);
         let mut accepted = good.map_or_else(|| last.accepted.clone(), |number| vec![number]);
         if close && good.is_none() {
-            // The frame before may have been replaced unread.
-            if let Some(before) = self.ends.iter().rev().nth(1) {
-                accepted.extend(&before.accepted);
-                accepted.sort_unstable();
-                accepted.dedup();
-            }
+            // All that ended while the robot may have been busy may have been replaced unread, each by the next.
+            let is_busy = |end: &&ChipSelectEnd| at_ns - end.at_ns <= self.busy_ns;
+            let unread = self.ends.iter().rev().take_while(is_busy).count();
+            let known = self.ends.iter().rev().take(unread + 1);
+            accepted.extend(known.flat_map(|end| &end.accepted));
+            accepted.sort_unstable();
+            accepted.dedup();
         }
         if self.ends.len() > 16 {
             self.ends.remove(0);
