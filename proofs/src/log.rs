@@ -223,6 +223,7 @@ crate::properties! {
     }
     theorem T13 three_lines_fit_or_are_counted(sent: [u8; 2]) {
         cases ["all fit", "one was dropped"];
+        kani proof [unwind(30)];
         exhaustive (0..=u16::MAX).map(|sent| (sent.to_le_bytes(),));
     }
 }

@@ -150,7 +150,7 @@ pub enum Accepted {
 
 impl Accepted {
     /// Whether a raw value is accepted.
-    // Requirement: WIRE-eeprom-10, WIRE-refused-3
+    // Requirement: WIRE-eeprom-10, WIRE-refused-3, WIRE-refused-5
     #[must_use]
     pub fn contains(self, raw: u64) -> bool {
         match self {

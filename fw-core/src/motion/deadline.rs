@@ -33,7 +33,7 @@ impl StopDeadline {
     ///
     /// `now` may lie before the last frame by up to half the clock's range: an interrupt that reads
     /// its clock first may run later.
-    // Requirement: WIRE-deadline-1
+    // Requirement: WIRE-deadline-1, WIRE-deadline-3
     #[allow(clippy::inline_always, reason = "every frame calls it")]
     #[inline(always)]
     #[must_use]

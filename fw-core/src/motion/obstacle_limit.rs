@@ -145,6 +145,7 @@ impl ObstacleLimit {
             track.ahead = None;
         }
         let fresh = core::mem::take(&mut track.fresh);
+        // Requirement: WIRE-obstacle-2
         track.max_forward = match &mut track.ahead {
             None => self.blind_speed,
             Some(_) if travel <= 0 && !fresh => track.max_forward,
@@ -158,6 +159,7 @@ impl ObstacleLimit {
     }
 
     /// The speed nearest to `commanded` that is allowed, µm/s, forward positive.
+    // Requirement: WIRE-obstacle-2
     pub fn limit(&self, commanded: i32) -> i32 {
         commanded.min(self.max_forward()).max(-self.max_reverse())
     }

@@ -166,6 +166,7 @@ impl Odometry {
         // In the frame of the quadrant: ahead, and to the right.
         let ahead = component(low, high, direction.cosine, short);
         let right = component(low, high, direction.minus_sine, short);
+        // Requirement: DOC-4.1-4
         let (x, y) = match direction.quarter {
             0 => (self.x + ahead, self.y - right),
             1 => (self.x + right, self.y + ahead),
@@ -241,7 +242,6 @@ fn narrow(path: i64) -> i32 {
 
 /// Chord over arc, less 1: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in 2⁻³² turns; error ≤ 2.1e-10
 /// up to a sixteenth of a turn, bounded by 6 % beyond.
-// Requirement: DOC-4.1-4
 const fn shortening(turn: i32) -> i32 {
     // −turns², Q35. All factors are negative: LLVM takes a known positive factor for
     // unsigned, and has no single instruction for a mixed product.

@@ -272,7 +272,6 @@ fn hold_is_braked_and_a_push_is_answered() {
     }
 }
 
-// Requirement: WIRE-modes-2
 #[test]
 fn target_repeated_every_tick_is_reached_and_halt_brakes() {
     let mut robot = Robot::new(&first_board(), Params::default());

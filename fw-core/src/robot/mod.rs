@@ -191,6 +191,7 @@ impl Robot {
         }
     }
 
+    // Requirement: WIRE-deadline-5
     fn drive(&mut self, pose: &Pose) -> MotorCommands {
         match (&mut self.control, self.request) {
             (Control::Pose(controller), DriveRequest::Target) => {
@@ -246,12 +247,13 @@ impl Robot {
                 clear_faults: command.clear_faults,
             },
         );
+        // Requirement: WIRE-modes-2, DOC-5.1.1-4
         if tuning {
+            // Requirement: WIRE-deadline-5
             if !self.supervisor.halted() {
                 self.request = DriveRequest::Duty(duty);
             }
         } else if command.apply {
-            // Requirement: WIRE-modes-2, DOC-5.1.1-4
             let known = self.request == DriveRequest::Target && command.expected == self.target;
             if !known {
                 let PoseCode { x, y, rotation } = command.expected;
@@ -308,7 +310,7 @@ impl Robot {
     }
 
     /// Frames that ended before the robot came to read the one before them.
-    // Requirement: WIRE-spi-3
+    // Requirement: WIRE-spi-3, WIRE-fault-2
     pub fn on_lost_frames(&mut self, frames: u32, log: &mut Log) {
         self.link.overrun(frames);
         self.supervisor.raise(Faults::FRAME_REJECTED);

@@ -9,7 +9,7 @@ use crate::wire::{CellCode, DistanceCode, GyroCode, MAX_FRAME, PoseCode};
 
 impl Robot {
     /// Pose, measurement and voltages of a tick, in the wire's codes.
-    // Requirement: DOC-2.1-4
+    // Requirement: DOC-2.1-4, WIRE-spi-6
     pub(super) fn update_report(&mut self, pose: &Pose) {
         self.report.pose = PoseCode::from_pose(pose);
         // Requirement: WIRE-gyro-3

@@ -81,6 +81,7 @@ impl Supervisor {
     }
 
     /// Whether a fresh frame has come and the deadline since the last one has not passed by `now`.
+    // Requirement: WIRE-deadline-3
     #[must_use]
     pub fn link_alive(&mut self, now: Micros) -> bool {
         !self.deadline.expired(now)
@@ -125,6 +126,7 @@ impl Supervisor {
         } else {
             State::Ready
         };
+        // Requirement: WIRE-deadline-3
         if requested {
             AllowedMotion::Drive
         } else {

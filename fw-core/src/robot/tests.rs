@@ -143,7 +143,6 @@ fn runs(outputs: &TickOutput) -> bool {
     is_run(outputs.left) && is_run(outputs.right)
 }
 
-// Requirement: WIRE-deadline-3
 #[test]
 fn robot_without_frame_coasts() {
     let mut bench = Bench::new(Mode::Normal);

@@ -126,8 +126,6 @@ pub struct Battery {
     /// Of each cell; 0 before its tap's first word.
     voltages: [Volts; MAX_CELLS],
     cells: u8,
-    /// The cell that [`Self::walk`] shows next.
-    next: u8,
     /// 2⁻¹⁶ V.
     warn: u32,
     cutoff: u32,
@@ -157,7 +155,6 @@ impl Battery {
             taps,
             voltages: [Volts::default(); MAX_CELLS],
             cells: config.cells(),
-            next: 0,
             warn: config.battery_warn().0.to_bits(),
             cutoff: config.battery_cutoff().0.to_bits(),
             low_ticks: 0,
@@ -169,7 +166,7 @@ impl Battery {
 
     /// One tick's ADC words, tap 1 first. A tap without a word stays unread: on a board with fewer ADC
     /// pins than cells the missing ones are not low.
-    // Requirement: WIRE-eeprom-12
+    // Requirement: WIRE-eeprom-12, WIRE-fault-3, WIRE-fault-4
     pub fn sample(&mut self, words: &[u16]) {
         let mut words = words.iter();
         // No conversion counts as empty: the voltage is not known.
@@ -222,14 +219,6 @@ impl Battery {
     /// Voltage of cell `index`, from 0; `None` beyond the last cell.
     pub fn cell(&self, index: u8) -> Option<Volts> {
         self.voltages().get(usize::from(index)).copied()
-    }
-
-    /// The next cell in turn, one a frame: 0 ..= cells − 1 and again.
-    // Requirement: WIRE-battery-1
-    pub fn walk(&mut self) -> (u8, Volts) {
-        let index = self.next;
-        self.next = if index + 1 < self.cells { index + 1 } else { 0 };
-        (index, self.cell(index).unwrap_or_default())
     }
 
     /// Tuning (document, 5.1.3): the upper resistor, ohms, with which the reading of cell `index` is

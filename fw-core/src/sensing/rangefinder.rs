@@ -224,6 +224,7 @@ impl Rangefinders {
     }
 
     /// The bearing is unknown: discards all readings and pending triggers.
+    // Requirement: WIRE-servo-1
     pub fn invalidate(&mut self) {
         for sensor in &mut self.sensors {
             sensor.pending = None;

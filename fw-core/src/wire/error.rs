@@ -236,6 +236,7 @@ impl Reason {
     }
 
     #[inline(never)]
+    // Requirement: WIRE-chain-2
     fn log(self, line: &mut Line) {
         match self {
             Self::Short { needed, left } => {

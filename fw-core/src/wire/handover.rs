@@ -251,3 +251,102 @@ const fn other(a: u8, b: u8) -> u8 {
         2
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reply `number` in transmit buffer `buffer`.
+    const fn reply(buffer: u8, number: u32) -> Reply {
+        Reply { buffer, number }
+    }
+
+    #[test]
+    fn answer_within_the_window_replaces_the_standby() {
+        let mut handover = Handover::new(1);
+        assert_eq!(handover.fresh_reply(), Some(reply(1, 1)));
+        assert_eq!(handover.next_reply(), reply(1, 2));
+        handover.stand_by(reply(1, 2));
+        let dma = handover.end_frame(26, Micros(100));
+        assert_eq!((dma.receive, dma.transmit), (1, 1));
+        let claimed = handover.claim().expect("a frame");
+        assert_eq!((claimed.frame.buffer, claimed.frame.clocked), (0, 26));
+        assert_eq!((claimed.lost, claimed.answer), (0, reply(0, 2)));
+        let armed = handover.answer(claimed.answer, Micros(100 + SWAP_WINDOW_US));
+        assert_eq!(armed.map(|dma| dma.transmit), Some(0));
+        assert_eq!(handover.dma_buffers().transmit, 0);
+        assert_eq!(handover.fresh_reply(), Some(reply(1, 2)));
+        // The reply after it waits while this one is rebuilt.
+        handover.stand_by(reply(1, 3));
+        assert_eq!(handover.fresh_reply(), Some(reply(2, 2)));
+        assert_eq!(handover.refresh(reply(2, 2), true), Some(0));
+        assert_eq!(handover.refresh(reply(2, 2), false), None);
+        assert_eq!(handover.refresh(reply(2, 3), true), None);
+        assert_eq!(handover.end_frame(26, Micros(500)).transmit, 1);
+    }
+
+    #[test]
+    fn late_answer_waits_for_the_frame_after_the_next() {
+        let mut handover = Handover::new(1);
+        // Without a standby the armed reply goes once more.
+        assert_eq!(handover.end_frame(26, Micros(0)).transmit, 0);
+        assert_eq!(handover.fresh_reply(), None);
+        let claimed = handover.claim().expect("a frame");
+        assert_eq!(claimed.answer, reply(1, 2));
+        assert_eq!(handover.answer(claimed.answer, Micros(13)), None);
+        assert_eq!(handover.dma_buffers().transmit, 0);
+        assert_eq!(handover.end_frame(26, Micros(300)).transmit, 1);
+        assert_eq!(handover.fresh_reply(), Some(reply(0, 2)));
+        // Where the armed reply is already the one due, a late answer is dropped.
+        let claimed = handover.claim().expect("a frame");
+        assert_eq!(claimed.answer, reply(0, 2));
+        assert_eq!(handover.answer(claimed.answer, Micros(313)), None);
+        assert_eq!(handover.end_frame(26, Micros(600)).transmit, 1);
+        assert_eq!(handover.fresh_reply(), None);
+    }
+
+    // Requirement: WIRE-spi-3
+    #[test]
+    fn frames_that_end_unread_are_replaced_and_counted_once() {
+        let mut handover = Handover::new(1);
+        for (at, receive) in [(0, 1), (30, 0), (60, 1)] {
+            assert_eq!(handover.end_frame(26, Micros(at)).receive, receive);
+            assert_eq!(handover.ended_at(), Some(Micros(at)));
+        }
+        let first = handover.claim().expect("a frame");
+        assert_eq!((first.lost, first.frame.at), (2, Micros(60)));
+        assert_eq!((handover.ended_at(), handover.claim()), (None, None));
+        // A frame that ends while the robot reads: neither its buffer nor the read one is the DMA's.
+        assert_eq!(handover.end_frame(26, Micros(90)).receive, 2);
+        assert_eq!(
+            handover.answer(first.answer, Micros(91)),
+            None,
+            "the wire went on"
+        );
+        assert_eq!(
+            handover.answer(first.answer, Micros(91)),
+            None,
+            "no frame is claimed"
+        );
+        let next = handover.claim().expect("a frame");
+        assert_eq!((next.lost, next.frame.buffer), (0, 1));
+        // Its buffer is free again with the answer.
+        let _ = handover.answer(next.answer, Micros(92));
+        assert_eq!(handover.end_frame(26, Micros(120)).receive, 0);
+    }
+
+    #[test]
+    fn reply_out_of_turn_is_dropped() {
+        let mut handover = Handover::new(u32::MAX);
+        for number in [u32::MAX, 1] {
+            handover.stand_by(reply(1, number));
+            assert_eq!(handover.end_frame(26, Micros(0)).transmit, 0);
+        }
+        handover.stand_by(reply(1, 0));
+        assert_eq!(handover.end_frame(26, Micros(0)).transmit, 1);
+        let claimed = handover.claim().expect("a frame");
+        assert_eq!(claimed.answer.number, 0);
+        assert_eq!(handover.answer(reply(2, 1), Micros(1)), None);
+        assert_eq!(handover.dma_buffers().transmit, 1);
+    }
+}

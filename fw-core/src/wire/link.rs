@@ -232,6 +232,7 @@ impl StmLink {
     }
 
     /// Counts frames that arrived but had to be dropped unread.
+    // Requirement: WIRE-spi-3, WIRE-log-11
     pub fn overrun(&mut self, frames: u32) {
         let counters = &mut self.endpoint.counters;
         counters.overrun = counters.overrun.saturating_add(frames);

@@ -21,7 +21,7 @@ pub struct Position;
 const APPLY: u16 = 0x8000;
 
 /// The pose, and bit 7 of byte 9.
-// Requirement: DOC-5.1.1-1
+// Requirement: DOC-5.1.1-1, DOC-5.1.1-4
 #[inline(always)]
 fn parse(reader: &mut FrameReader<'_>) -> Result<(PoseCode, bool), FieldError> {
     reader.require(10)?;

@@ -5,9 +5,6 @@ use super::MAX_FRAME;
 
 /// The byte at `place` of the frame that begins with `first`.
 fn byte(first: u8, place: u8) -> u8 {
-    if place == 0 {
-        return first;
-    }
     (first ^ place.wrapping_mul(0x35)).rotate_left(u32::from(place & 7))
 }
 

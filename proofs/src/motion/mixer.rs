@@ -242,6 +242,12 @@ fn of_any_limits() -> AcceptedConfig {
     AcceptedConfig::of_any(|field| matches!(field.address, 0x0320 | 0x0322))
 }
 
+/// The first board's limits and any dead zones.
+#[cfg(kani)]
+fn of_any_dead_zones() -> AcceptedConfig {
+    AcceptedConfig::of_any(|field| matches!(field.address, 0x031C | 0x031E))
+}
+
 crate::properties! {
     property T7 duty_keeps_its_wheels_limit(
         values: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
@@ -249,6 +255,7 @@ crate::properties! {
         cases ["at a limit", "on the spot", "no output"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
         kani any_limits [unwind(80)] = (of_any_limits(), Driven::NOT, any(), any());
+        kani any_dead_zones [unwind(80)] = (of_any_dead_zones(), Driven::NOT, any(), any());
         sampled 100_000;
     }
     property T7 raw_duty_is_exact_within_limits(

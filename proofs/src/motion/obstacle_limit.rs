@@ -373,6 +373,7 @@ crate::properties! {
         cases ["stands", "the fastest", "between"];
         kani immediate [unwind(16)] = (0, any());
         kani first_board [unwind(16)] = (313, any());
+        kani longest [unwind(16)] = (78_125, any());
         sampled 2_000_000;
     }
     theorem T15 figures_err_on_the_safe_side(

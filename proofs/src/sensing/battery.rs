@@ -1,9 +1,9 @@
-//! T5 and T10: cell voltages are total, correct and monotone; every cell has its turn.
+//! T5 and T10: cell voltages are total, correct and monotone.
 
 use fixed::types::U16F16;
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::fields::{
-    ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, CELLS, FIELDS, TAP_1_LOWER, TAP_1_UPPER,
+    ADC_MAX, ADC_MAX_WORD, BATTERY_CUTOFF, BATTERY_WARN, CELLS, TAP_1_LOWER, TAP_1_UPPER,
 };
 use fw_core::eeprom::{Config, Divider};
 use fw_core::sensing::Battery;
@@ -102,27 +102,6 @@ pub fn filter_never_overshoots(before: u16, after: u16, samples: u8) -> Seen {
         assert!(low <= now && now <= high);
     }
     seen!(before < after && samples > 0, before > after && samples > 0)
-}
-
-/// The cells take turns, none skipped, for every number of cells.
-// Requirement: WIRE-battery-1
-pub fn walk_covers_every_cell(cells: u8) -> Seen {
-    let taps = FIELDS.iter().filter(|field| field.tap != 0);
-    let values = taps.fold(AcceptedConfig::FIRST_BOARD, |values, tap| {
-        values.with(tap, 1)
-    });
-    let Some(config) = values.with(CELLS, cells.into()).config() else {
-        assert!(!(1..=8).contains(&cells));
-        return Seen::NOTHING.case(0, true);
-    };
-    let mut battery = Battery::new(&config);
-    for _ in 0..3 {
-        for expected in 0..cells {
-            let (index, voltage) = battery.walk();
-            assert!(index == expected && voltage == Volts::default());
-        }
-    }
-    Seen::NOTHING.case(1, cells == 8).case(2, cells == 1)
 }
 
 /// With the tuned resistor the same word gives the reference, to a part in a thousand, an ohm and a last
@@ -256,10 +235,6 @@ crate::properties! {
     property T10 filter_never_overshoots(before: u16, after: u16, samples: u8) {
         cases ["rising", "falling"];
         sampled 50_000;
-    }
-    theorem T10 walk_covers_every_cell(cells: u8) {
-        cases ["not accepted", "eight", "one"];
-        exhaustive (0..=u8::MAX).map(|cells| (cells,));
     }
     property T10 tuned_divider_shows_the_reference(values: AcceptedConfig, word: u16, reference: u32) {
         cases ["nothing to tune", "tuned", "no resistor that is accepted"];

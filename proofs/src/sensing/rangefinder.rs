@@ -241,6 +241,7 @@ crate::properties! {
     }
     theorem T9 distance_is_monotone(width: u32) {
         cases ["a distance", "none"];
+        kani proof [unwind(4)];
         exhaustive (0..1 << 20).map(|width| (width,));
     }
     theorem T9 missing_edge_is_no_distance(

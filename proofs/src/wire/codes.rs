@@ -192,9 +192,10 @@ crate::properties! {
         kani proof [unwind(4)];
         sampled 1_000_000;
     }
-    property T2 length_code_is_monotone(one: i64, other: i64) {
+    theorem T2 length_code_is_monotone(one: i64, other: i64) {
         cases ["equal codes", "a higher code"];
         needs [length_code_is_nearest];
+        kani proof [unwind(4)];
         sampled 300_000;
     }
     theorem T2 rotation_code_is_nearest(heading: u32) {

@@ -149,3 +149,17 @@ fn way_back_is_slow_and_short_until_the_next_way_forward() {
     let _ = moved(&mut to_a_pose, -5000.0, 0.0);
     assert_eq!(to_a_pose.limit(-60_000), -50_000);
 }
+
+#[test]
+fn limit_with_another_track_goes_on_from_there() {
+    let mut before = limit();
+    before.on_range(0, Some(mm(170)));
+    let _ = moved(&mut before, -200.0, 0.0);
+    let mut after = limit().with_track(*before.track());
+    assert_eq!(after.track(), before.track());
+    assert_eq!(
+        moved(&mut after, -90.0, 0.0),
+        moved(&mut before, -90.0, 0.0)
+    );
+    assert_eq!(after.max_reverse(), 0);
+}

@@ -79,3 +79,11 @@ fn pid_at_the_limit_integrates_only_away_from_it() {
         assert_eq!(pid.integral(), I32F32::from(at(37.5)));
     }
 }
+
+#[test]
+fn pid_begins_with_the_integral_given_it() {
+    let mut controller = pid(1.0, 0.0, 0.0, 0.0).with_integral(I32F32::from_num(20));
+    assert_output(&mut controller, 1.0, 0.0, 21.0);
+    let beyond = pid(1.0, 0.0, 0.0, 0.0).with_integral(I32F32::from_num(60));
+    assert_eq!(beyond.integral(), I32F32::from_num(50));
+}

@@ -241,3 +241,19 @@ fn gyro_event_is_one_line_of_its_level() {
         assert_eq!(std::str::from_utf8(log.pending()), Ok(line));
     }
 }
+
+// Requirement: WIRE-gyro-3
+#[test]
+fn reply_carries_the_gyros_angle() {
+    let mut robot = Turned::new(Mode::GuardedVelocity);
+    let angle = |robot: &mut Turned| robot.bench.frame(&Command::default()).gyro.angle();
+    robot.tick(0, 0, 0);
+    assert_eq!(angle(&mut robot), None);
+    robot.ticks(200, 0, 0, 0);
+    let before = angle(&mut robot).expect("an angle after the rest");
+    robot.ticks(50, SPIN, -10, 10);
+    let turned = angle(&mut robot).expect("an angle") - before;
+    // 30°, 2⁻²⁴ turns.
+    let expected = (1 << 24) / 12;
+    assert!((turned - expected).abs() < expected / 20, "{turned}");
+}

@@ -141,7 +141,7 @@ impl GyroFusion {
 
     /// The gyroscope's own angle since the first bias, 2⁻³² turns, wrapping, the last known bias taken off each
     /// tick; `None` before the first bias.
-    // Requirement: WIRE-gyro-2
+    // Requirement: WIRE-gyro-2, WIRE-gyro-3
     #[must_use]
     pub fn angle(&self) -> Option<i64> {
         self.bias().map(|_| self.angle)
