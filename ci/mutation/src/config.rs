@@ -43,6 +43,17 @@ pub struct Stage {
     pub skip: Vec<String>,
 }
 
+impl Stage {
+    /// The tests of these packages but those with these parts in their names; `all` with those in `tests/`.
+    pub fn of(packages: &[String], all: bool, skip: &[String]) -> Self {
+        Self {
+            packages: packages.to_vec(),
+            all,
+            skip: skip.to_vec(),
+        }
+    }
+}
+
 impl Config {
     /// The package's own tests.
     pub fn of(package: String) -> Self {
@@ -78,15 +89,13 @@ impl Config {
 
     /// The stages: the quick tests beside the code, all tests of the package, other packages'.
     pub fn stages(&self) -> Vec<Stage> {
-        let stage = |packages: &[String], all: bool, skip: &[String]| Stage {
-            packages: packages.to_vec(),
-            all,
-            skip: skip.to_vec(),
-        };
         let own = [self.package.clone()];
-        let mut stages = vec![stage(&own, false, &self.slow), stage(&own, true, &[])];
+        let mut stages = vec![
+            Stage::of(&own, false, &self.slow),
+            Stage::of(&own, true, &[]),
+        ];
         if !self.also.is_empty() {
-            stages.push(stage(&self.also, true, &[]));
+            stages.push(Stage::of(&self.also, true, &[]));
         }
         stages
     }

@@ -2,17 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::slice;
 use std::sync::Mutex;
 use std::thread;
 
 use serde_json::Value;
 
+use crate::citations::{Citations, Claim};
 use crate::config::{Config, Stage};
 use crate::mutant::Mutant;
 use crate::operators::{CONSTANT, NAMES};
 use crate::suite::{BuildError, Outcome, Suite};
 use crate::switch::{Constants, FEATURES, SWITCH, marked, switch};
-use crate::workspace::Workspace;
+use crate::workspace::{Workspace, module, sorted};
 
 /// Fewer mutants than this are built one by one sooner than all at once.
 const FEW: usize = 8;
@@ -87,7 +89,7 @@ impl<'a> Engine<'a> {
             let numbers = self.rewrite(&copy.root, &refused)?;
             match Suite::build(self.config, &self.stages[0], &copy.root, &copy.target) {
                 Ok(mut suite) => {
-                    suite.calibrate()?;
+                    suite.calibrate(&[])?;
                     copy.suites.insert(0, suite);
                     return Ok((copy, numbers));
                 }
@@ -195,6 +197,45 @@ impl<'a> Engine<'a> {
         Ok(outcomes)
     }
 
+    /// The claims of which no mutant is noticed, `jobs` at a time, and how many there are.
+    ///
+    /// # Errors
+    /// Where the tests fail without a mutant, or cannot be run.
+    pub fn try_claims(&mut self, citations: &Citations) -> Result<(usize, Vec<Claim>), String> {
+        let Some((copy, numbers)) = &self.switched else {
+            return Err("no mutant has a switch".into());
+        };
+        let claims = citations.claims(self.all, |index| numbers.contains(&index));
+        let mut idle = Vec::new();
+        for (elsewhere, packages) in [slice::from_ref(&self.config.package), &self.config.also]
+            .into_iter()
+            .enumerate()
+        {
+            let stage = Stage::of(packages, false, &[]);
+            let suite = Suite::build(self.config, &stage, &copy.root, &copy.target);
+            let suite = suite.map_err(BuildError::into_text)?;
+            let chosen =
+                (0..claims.len()).filter(|index| claims[*index].elsewhere == (elsewhere == 1));
+            let outcomes = in_parallel(&chosen.collect::<Vec<_>>(), self.jobs, |index| {
+                let mut suite = suite.clone();
+                let only = [claims[index].test.clone()];
+                suite.calibrate(&only)?;
+                for mutant in &claims[index].mutants {
+                    let outcome = suite.run(mutant + 1, &only)?;
+                    if outcome != Outcome::Survived {
+                        return Ok(outcome);
+                    }
+                }
+                println!("  {}", claims[index]);
+                Ok(Outcome::Survived)
+            })?;
+            let survived = outcomes.into_iter();
+            let survived = survived.filter(|(_, outcome)| *outcome == Outcome::Survived);
+            idle.extend(survived.map(|(index, _)| claims[index].clone()));
+        }
+        Ok((claims.len(), idle))
+    }
+
     fn try_plain(
         &mut self,
         index: usize,
@@ -241,38 +282,11 @@ impl Copy {
         }
         let mut suite = match Suite::build(config, &stages[stage], &self.root, &self.target) {
             Ok(suite) => suite,
-            Err(BuildError::Compile(_)) => return Err("the tests do not compile".into()),
-            Err(BuildError::Other(error)) => return Err(error),
+            Err(error) => return Err(error.into_text()),
         };
-        suite.calibrate()?;
+        suite.calibrate(&[])?;
         self.suites.insert(stage, suite);
         Ok(())
-    }
-}
-
-/// The sources in a folder, a module before those inside it.
-fn sorted(folder: &Path) -> Result<Vec<PathBuf>, String> {
-    let (mut folders, mut files) = (vec![folder.to_owned()], Vec::new());
-    while let Some(folder) = folders.pop() {
-        let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
-        for entry in std::fs::read_dir(&folder).map_err(shown)? {
-            let path = entry.map_err(shown)?.path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|kind| kind == "rs") {
-                files.push(path);
-            }
-        }
-    }
-    files.sort_by_key(|path| module(path));
-    Ok(files)
-}
-
-/// The folder of the modules inside a file's.
-fn module(file: &Path) -> PathBuf {
-    match file.file_stem().and_then(|stem| stem.to_str()) {
-        Some("mod" | "lib" | "main") => file.with_file_name("").components().collect(),
-        _ => file.with_extension(""),
     }
 }
 

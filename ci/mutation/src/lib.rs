@@ -28,6 +28,7 @@
 //! command line.
 #![forbid(unsafe_code)]
 
+mod citations;
 mod config;
 mod engine;
 mod excuses;
@@ -51,6 +52,7 @@ pub use report::{Counts, Report};
 pub use suite::Outcome;
 pub use switch::switch;
 
+use citations::Citations;
 use engine::Engine;
 use workspace::Workspace;
 
@@ -172,6 +174,44 @@ pub fn run(
         }
     }
     Ok(report)
+}
+
+/// Whether each test that cites a requirement in a comment `// LABEL: NAME, …` notices a change of the code that
+/// cites it: how many do, and those that do not.
+///
+/// # Errors
+/// Where the mutants cannot be listed, or the tests fail without one.
+pub fn run_citations(
+    folder: &Path,
+    lister: &Path,
+    config: &Config,
+    label: &str,
+    jobs: usize,
+) -> Result<(usize, Vec<String>), Error> {
+    let workspace = Workspace::find(folder, &config.package)?;
+    let all = list(&workspace, lister, config, &[])?;
+    let mut citations = Citations::default();
+    for package in [&config.package].into_iter().chain(&config.also) {
+        let library = Workspace::find(folder, package)?.library;
+        let sources = library.parent().unwrap_or(Path::new(""));
+        for path in workspace::sorted(&workspace.root.join(sources))? {
+            let shown = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+            let text = std::fs::read_to_string(&path).map_err(|error| shown(&error))?;
+            let name = path.strip_prefix(&workspace.root).unwrap_or(&path);
+            let module = workspace::module(name.strip_prefix(sources).unwrap_or(name));
+            let module = module
+                .iter()
+                .map(|part| part.to_string_lossy().into_owned());
+            let (name, module) = (name.to_string_lossy(), module.collect::<Vec<_>>());
+            let elsewhere = *package != config.package;
+            citations
+                .read((&name, &module), &text, label, elsewhere)
+                .map_err(|error| shown(&error))?;
+        }
+    }
+    let mut engine = Engine::new(config, &workspace, &all, all.len(), (jobs, true))?;
+    let (claims, idle) = engine.try_claims(&citations)?;
+    Ok((claims, idle.iter().map(ToString::to_string).collect()))
 }
 
 /// The indices of the chosen mutants.

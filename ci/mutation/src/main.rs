@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use mutation::{Choice, Config, Error, Excuses, run};
+use mutation::{Choice, Config, Error, Excuses, run, run_citations};
 
 /// Changes a package in every way that cargo-mutants lists, to see that some test notices
 ///
@@ -24,6 +24,10 @@ struct Arguments {
     /// The program that lists the mutants: cargo-mutants, or cargo
     #[arg(long, value_name = "PROGRAM", default_value = "cargo-mutants")]
     lister: PathBuf,
+    /// Instead, whether each test that cites a requirement in a comment `// LABEL: NAME, ...` notices a change
+    /// of the code that cites it
+    #[arg(long, value_name = "LABEL")]
+    citations: Option<String>,
     #[command(flatten)]
     choice: Choice,
     /// Also write the report to this file
@@ -50,6 +54,16 @@ fn try_main(arguments: Arguments) -> Result<ExitCode, Error> {
         Some(file) => Config::read(file)?,
         None => (Config::of(package), Excuses::default()),
     };
+    if let Some(label) = &arguments.citations {
+        let (folder, lister) = (&arguments.dir, &arguments.lister);
+        let (claims, idle) =
+            run_citations(folder, lister, &config.0, label, arguments.choice.jobs)?;
+        for finding in &idle {
+            println!("- {finding}");
+        }
+        println!("{claims} citations by tests, {} findings", idle.len());
+        return Ok(ExitCode::from(u8::from(!idle.is_empty())));
+    }
     let report = run(
         &arguments.dir,
         &arguments.lister,

@@ -20,13 +20,24 @@ pub const SWAP: &str = "Swap";
 pub const LITERAL: &str = "Literal";
 /// An integer in a constant, one more or less; a large one doubled or halved.
 pub const CONSTANT: &str = "Constant";
+/// A method, by its opposite.
+pub const METHOD: &str = "Method";
+/// Methods and what stands in their place: what is kept in range wraps, one end is the other.
+const OPPOSITES: [(&str, &str); 5] = [
+    ("saturating_add", "wrapping_add"),
+    ("saturating_sub", "wrapping_sub"),
+    ("saturating_mul", "wrapping_mul"),
+    ("min", "max"),
+    ("max", "min"),
+];
 
 /// The names of the operators, for a configuration's `operators`, and their genres.
-pub const NAMES: [(&str, &str); 4] = [
+pub const NAMES: [(&str, &str); 5] = [
     ("delete-statement", STATEMENT),
     ("swap-statements", SWAP),
     ("change-literal", LITERAL),
     ("change-constant", CONSTANT),
+    ("change-method", METHOD),
 ];
 
 /// Constants above this are doubled and halved: their next numbers are rarely another behaviour.
@@ -202,6 +213,16 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         }
     }
 
+    fn visit_expr_method_call(&mut self, call: &'ast syn::ExprMethodCall) {
+        let method = &call.method;
+        let known = OPPOSITES.iter().find(|(name, _)| method == name);
+        if let Some((_, other)) = known.filter(|_| self.genre == LITERAL) {
+            let change = format!("replace {method} with {other}");
+            self.add(span(method), METHOD, change, String::from(*other));
+        }
+        visit::visit_expr_method_call(self, call);
+    }
+
     fn visit_block(&mut self, block: &'ast syn::Block) {
         for pair in block.stmts.windows(2) {
             let [one, other] = pair else { continue };
@@ -294,6 +315,16 @@ mod tests {
                 "fn f() { match a { B => (), _ => e(), } }",
             ]
         );
+    }
+
+    #[test]
+    fn method_is_changed_to_its_opposite() {
+        let changed = changed("fn f() -> u8 { a.min(b.saturating_sub(c)).g() }");
+        let expected = [
+            "fn f() -> u8 { a.max(b.saturating_sub(c)).g() }",
+            "fn f() -> u8 { a.min(b.wrapping_sub(c)).g() }",
+        ];
+        assert_eq!(changed, expected);
     }
 
     #[test]

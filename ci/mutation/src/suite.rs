@@ -28,6 +28,7 @@ pub enum Outcome {
 }
 
 /// The built test programs of one stage.
+#[derive(Clone)]
 pub struct Suite {
     /// Each with the folder it expects to be started in.
     programs: Vec<(PathBuf, PathBuf)>,
@@ -43,6 +44,16 @@ pub enum BuildError {
     Compile(String),
     /// Anything else.
     Other(String),
+}
+
+impl BuildError {
+    /// In a sentence.
+    pub fn into_text(self) -> String {
+        match self {
+            Self::Compile(_) => "the tests do not compile".into(),
+            Self::Other(error) => error,
+        }
+    }
 }
 
 impl Suite {
@@ -83,13 +94,14 @@ impl Suite {
         })
     }
 
-    /// Runs the tests without a mutant, which gives the time limit for those with one.
+    /// Runs the tests without a mutant, which gives the time limit for those with one; of the names in `only`,
+    /// or all where that is empty.
     ///
     /// # Errors
     /// Where they fail.
-    pub fn calibrate(&mut self) -> Result<Duration, String> {
+    pub fn calibrate(&mut self, only: &[String]) -> Result<Duration, String> {
         let start = Instant::now();
-        match self.run(0, &[])? {
+        match self.run(0, only)? {
             Outcome::Survived => {}
             _ => return Err("the tests fail without a mutant".into()),
         }

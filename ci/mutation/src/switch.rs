@@ -14,7 +14,7 @@ use syn::visit_mut::{self, VisitMut};
 use syn::{Arm, BinOp, Block, Expr, Stmt, parse_quote};
 
 use crate::mutant::Mutant;
-use crate::operators::{LITERAL, STATEMENT, SWAP};
+use crate::operators::{LITERAL, METHOD, STATEMENT, SWAP};
 pub use constants::Constants;
 use constants::{Calls, function_of};
 
@@ -224,6 +224,7 @@ impl VisitMut for Rewriter<'_> {
             Expr::Binary(binary) => self.take(binary.op.span(), "BinaryOperator"),
             Expr::Unary(unary) => self.take(unary.op.span(), "UnaryOperator"),
             Expr::Lit(literal) => self.take(literal.span(), LITERAL),
+            Expr::MethodCall(call) => self.take(call.method.span(), METHOD),
             _ => (Vec::new(), Vec::new()),
         };
         visit_mut::visit_expr_mut(self, expression);
@@ -239,6 +240,13 @@ impl VisitMut for Rewriter<'_> {
             (Expr::Unary(unary), Some(number)) => {
                 let syn::ExprUnary { op, expr, .. } = unary;
                 *expression = parse_quote!(crate::mutant_sign!(#number, #op, #expr));
+            }
+            (Expr::MethodCall(call), Some(number)) => {
+                let syn::ExprMethodCall { receiver, args, .. } = call;
+                let other = &others[0];
+                *expression = parse_quote! {
+                    (match crate::active_mutant() { #number => #receiver.#other(#args), _ => #call })
+                };
             }
             (Expr::Lit(literal), Some(_)) => {
                 *expression = parse_quote! {
@@ -339,6 +347,9 @@ mod tests {
         let later = "iftrue&&crate::active_mutant()!=0_0_1{h();}";
         let earlier = "ifcrate::active_mutant()==0_0_1{h();}";
         assert_eq!(swapped, format!("fnf(){{{earlier}g();{later}}}"));
+        let method = switched("fn f() -> u8 { a.min(b) }", &[(18, METHOD, "max")]);
+        let chosen = "(matchcrate::active_mutant(){0_0_1=>a.max(b),_=>a.min(b),})";
+        assert!(method.contains(chosen), "{method}");
         let literal = switched("fn f() -> u8 { 4 }", &[(16, LITERAL, "5")]);
         assert!(
             literal.contains("(matchcrate::active_mutant(){0_0_1=>5,_=>4,})"),

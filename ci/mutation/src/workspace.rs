@@ -58,6 +58,35 @@ pub fn cargo() -> Command {
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
+/// The sources in a folder, a module before those inside it.
+///
+/// # Errors
+/// Where a folder cannot be read.
+pub fn sorted(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let (mut folders, mut files) = (vec![folder.to_owned()], Vec::new());
+    while let Some(folder) = folders.pop() {
+        let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
+        for entry in std::fs::read_dir(&folder).map_err(shown)? {
+            let path = entry.map_err(shown)?.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|kind| kind == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort_by_key(|path| module(path));
+    Ok(files)
+}
+
+/// The folder of the modules inside a file's.
+pub fn module(file: &Path) -> PathBuf {
+    match file.file_stem().and_then(|stem| stem.to_str()) {
+        Some("mod" | "lib" | "main") => file.with_file_name("").components().collect(),
+        _ => file.with_extension(""),
+    }
+}
+
 /// Makes `to` a copy of `from` without `target` and git's files. Equal files keep their time, so
 /// that cargo builds only what changed.
 fn mirror(from: &Path, target: &Path, to: &Path) -> io::Result<()> {

@@ -40,7 +40,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 34] = [
+const GATES: [Gate; 35] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -79,6 +79,7 @@ const GATES: [Gate; 34] = [
     ("coverage", Night, tests::coverage),
     ("all-defects", Night, |session| defects::run(session, &[])),
     ("all-mutants", Night, proofs::all_mutants),
+    ("citations", Night, proofs::citations),
 ];
 
 /// Which gates to run.

@@ -85,6 +85,12 @@ pub fn all_mutants(session: &Session) -> Result<String> {
     mutants(session, &arguments.map(str::to_owned))
 }
 
+/// Every test of the core, or of a property, that cites a requirement notices a change of the code that cites it.
+pub fn citations(session: &Session) -> Result<String> {
+    let arguments = ["--jobs", "2", "--citations", "Requirement"];
+    mutants(session, &arguments.map(str::to_owned))
+}
+
 #[test]
 fn columns_of_the_theorems_are_summed_by_name() {
     let list = "kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n\
