@@ -104,7 +104,12 @@ fn start_hardware(log: &mut Log) -> (Start, Uart) {
     let uart = Uart::start();
     let cause = reset::cause();
     log.line(Level::Info, |line| {
-        line.text("boot after ").text(cause.name());
+        line.text(concat!(
+            "firmware ",
+            env!("CARGO_PKG_VERSION"),
+            ", boot after "
+        ))
+        .text(cause.name());
     });
     (Start { clock, cause }, uart)
 }

@@ -10,6 +10,7 @@ use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::{Config, IMAGE_LEN, Image};
+use fw_core::types::Faults;
 use fw_core::wire::{Command, MAX_FRAME, Mode, PoseCode, Reason, Report, StmLink};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -175,9 +176,13 @@ impl MockBoard {
         let command = match link.receive(out, 0, self.reply) {
             Ok(command) => command,
             // The first frames of a new session.
-            Err(error) if matches!(error.reason, Reason::Stale { .. }) => return,
+            Err(error) if matches!(error.reason, Reason::Stale { .. }) => {
+                self.report.faults |= Faults::FRAME_REJECTED;
+                return;
+            }
             Err(error) => panic!("the Pi sends a wrong frame: {error}"),
         };
+        self.report.faults = self.report.faults.difference(command.clear_faults);
         if command.apply {
             let half = |from: i32, to: i32| from + (to - from) / 2;
             let (from, to) = (self.report.pose, command.expected);

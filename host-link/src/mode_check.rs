@@ -8,6 +8,7 @@
 //! other evidence.
 
 use fw_core::eeprom::Config;
+use fw_core::types::Faults;
 use fw_core::wire::{Field, Report};
 
 /// When none of the first frames is valid, the two ends run other chains or keys: reported at once,
@@ -88,6 +89,29 @@ impl ModeCheck {
 fn repeats(report: &Report) -> bool {
     let battery = u16::from(report.cell.cell) << 13 | report.cell.voltage;
     report.ranges.iter().all(|range| range.0 == battery)
+}
+
+/// The fault that a session causes by beginning: the STM rejects its first frames as stale where their numbers lie
+/// behind those of the last session.
+#[derive(Default)]
+pub(crate) struct StartFaults {
+    /// Latched before this session's first frame.
+    before: Option<Faults>,
+    /// To clear.
+    pub own: Faults,
+}
+
+impl StartFaults {
+    /// Frames after which a rejected one is the wire's fault.
+    const FRAMES: u64 = 8;
+
+    /// Of a report after so many frames.
+    pub fn update(&mut self, frames: u64, faults: Faults) {
+        let before = *self.before.get_or_insert(faults);
+        let starting = frames <= Self::FRAMES;
+        let new = faults.difference(before) & Faults::FRAME_REJECTED;
+        self.own = if starting { new } else { Faults::NONE };
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::link::Link;
 use crate::log::{LogLine, LogParser};
 pub use crate::mode_check::MODE_CHECK_FRAMES;
-use crate::mode_check::ModeCheck;
+use crate::mode_check::{ModeCheck, StartFaults};
 use crate::pose::Pose;
 use crate::snapshot::Snapshot;
 use crate::statistics::LinkStatistics;
@@ -79,6 +79,7 @@ pub struct Session<'m> {
     cell: u8,
     snapshot: Snapshot,
     mode_check: ModeCheck,
+    start: StartFaults,
     lines: LogParser,
     log_error: Option<String>,
 }
@@ -110,6 +111,7 @@ impl<'m> Session<'m> {
             cell: 0,
             snapshot: Snapshot::new(&config),
             mode_check: ModeCheck::new(&config),
+            start: StartFaults::default(),
             lines: LogParser::default(),
             log_error: None,
             io,
@@ -199,6 +201,7 @@ impl<'m> Session<'m> {
                 self.last_good_us = now_us;
                 self.unanswered = 0;
                 let statistics = self.link.statistics();
+                self.start.update(statistics.frames, report.faults);
                 self.snapshot.update(now_us, &report, statistics);
                 let checked = self.mode_check.update(&report);
                 checked.map_err(|why| self.mode_mismatch(why))?;
@@ -298,7 +301,7 @@ impl<'m> Session<'m> {
             apply: request.target.is_some(),
             percent: Binary64(request.percent.to_bits()),
             tune: request.tune.unwrap_or(CellCode { cell, voltage: 0 }),
-            clear_faults: request.clear_faults,
+            clear_faults: request.clear_faults.union(self.start.own),
             order: request.order,
             ..Command::default()
         }

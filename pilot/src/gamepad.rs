@@ -3,7 +3,7 @@
 
 use host_link::error::Error;
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
@@ -45,7 +45,10 @@ impl Gamepad {
             loop {
                 let mut event = [0; EVENT];
                 let read = file.read_exact(&mut event);
-                let read = read.map(|()| event).map_err(|cause| cause.to_string());
+                let read = read.map(|()| event).map_err(|cause| match cause.kind() {
+                    ErrorKind::UnexpectedEof => "it is gone".into(),
+                    _ => cause.to_string(),
+                });
                 let failed = read.is_err();
                 if sender.send(read).is_err() || failed {
                     return;

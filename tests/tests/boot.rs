@@ -28,6 +28,8 @@ fn boot_original_eeprom_ready_within_50_ms() {
     assert_eq!((reply.key, reply.rotation), (KEY_STM, 0));
     assert_eq!((reply.x, reply.y), (0, 0));
     assert!(rig.motors_off());
+    let version = env!("CARGO_PKG_VERSION");
+    rig.assert_logged(&format!(": firmware {version}, boot after power-on\n"));
     rig.assert_logged("configured, mode Normal");
     assert!(!rig.log().contains("internal oscillator"), "{}", rig.log());
     rig.assert_modelled();

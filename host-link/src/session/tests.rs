@@ -4,7 +4,7 @@ use super::*;
 use crate::mock_board::mock_board;
 use crate::uart::LogSource;
 use fw_core::eeprom::{FIELDS, Image, fields};
-use fw_core::types::Velocity;
+use fw_core::types::{Faults, Velocity};
 use fw_core::wire::Mode;
 
 /// The first board's EEPROM with so many cells.
@@ -205,4 +205,29 @@ fn log_is_read_until_it_fails() {
     board.borrow_mut().log.push(0);
     assert!(session.poll_log().is_empty());
     assert_eq!(session.log_error(), Some("interrupted"));
+}
+
+#[test]
+fn session_clears_the_rejections_of_its_own_start_only() {
+    let mode = (fields::MODE, u64::from(Mode::GuardedNormal.code()));
+    for before in [Faults::NONE, Faults::FRAME_REJECTED] {
+        let (board, mut io) = mock_board(&image(2).with(mode.0, mode.1), None);
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        let exchange = |session: &mut Session<'_>, frames: u32| {
+            for _ in 0..frames {
+                session.exchange(&CommandRequest::default()).unwrap();
+            }
+        };
+        exchange(&mut session, 50);
+        board.borrow_mut().report.faults = before;
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        exchange(&mut session, 2);
+        assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
+        exchange(&mut session, 6);
+        assert_eq!(board.borrow().report.faults, before);
+        // Later it is the wire's.
+        board.borrow_mut().report.faults = Faults::FRAME_REJECTED;
+        exchange(&mut session, 10);
+        assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
+    }
 }
