@@ -184,7 +184,7 @@ impl BoardModel {
     fn drive_analog_inputs(&self, chip: &mut Stm32f411) {
         let centi_celsius = (self.world.chip_temperature_c() * 100.0).round() as i32;
         chip.adc.set_temperature(centi_celsius);
-        for (channel, volts) in (0..).zip(self.world.battery().pins()) {
+        for (channel, volts) in (0..).zip(self.world.cell_pins()) {
             let channel = Channel::new(channel).expect("two of sixteen channels");
             let millivolts = (volts * 1000.0).round().max(0.0) as u32;
             chip.adc.set_input(channel, millivolts);

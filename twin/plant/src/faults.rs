@@ -19,4 +19,6 @@ pub struct Faults {
     pub unplugged: [bool; 3],
     /// The rangefinder always reports this distance, mm.
     pub stuck_mm: [Option<f64>; 3],
+    /// The cells' voltages, whatever their charge: sagging under a load, or 0 V at an open tap.
+    pub cells_v: Option<[f64; 2]>,
 }

@@ -154,6 +154,11 @@ impl World {
         &self.params
     }
 
+    /// Voltages at the ADC pins of the cells.
+    pub fn cell_pins(&self) -> [f64; 2] {
+        self.battery.pins(self.faults.cells_v)
+    }
+
     /// The battery.
     pub fn battery(&self) -> &Battery {
         &self.battery

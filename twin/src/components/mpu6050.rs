@@ -56,6 +56,8 @@ pub enum Mpu6050Fault {
     RefusesAfter(u32),
     /// Its data do not change.
     Frozen,
+    /// Its rate is off by this, °/s.
+    Offset(i16),
     /// `WHO_AM_I` has another value.
     WrongId(u8),
 }
@@ -167,7 +169,11 @@ impl Mpu6050 {
         if self.fault != Mpu6050Fault::Frozen {
             let scale = f64::from(1 << (self.registers[GYRO_CONFIG] >> 3 & 3));
             let noise = self.params.noise_deg_s * self.rng.normal();
-            let rate = self.params.reading_deg_s(self.lags[1], now as f64 / 1e9) + noise;
+            let offset = match self.fault {
+                Mpu6050Fault::Offset(offset) => f64::from(offset),
+                _ => 0.0,
+            };
+            let rate = self.params.reading_deg_s(self.lags[1], now as f64 / 1e9) + noise + offset;
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "it saturates, as the part does"

@@ -1,10 +1,19 @@
 //! The faults of the campaign, and what must report each.
 
 use fw_core::types::Faults;
+use plant::Rng;
 use twin::{Board, I2cController, Mpu6050Fault};
 
 /// The faults that reset the part.
 pub const RESTARTING: [&str; 2] = ["no ticks", "reset by pin"];
+
+/// Faults that another one hides: the taps are measured against the supply, and after a reset the gyroscope has no
+/// bias that it could be off from.
+pub const HIDDEN: [(&str, &str); 3] = [
+    ("battery sags", "supply low"),
+    ("gyro off by 60 deg/s", "no ticks"),
+    ("gyro off by 60 deg/s", "reset by pin"),
+];
 
 /// What happens to the Pi's frames.
 #[derive(Clone, Copy, PartialEq)]
@@ -12,6 +21,7 @@ pub enum Frames {
     Flood,
     Silent,
     Torn,
+    Short,
     Long,
     Corrupt,
 }
@@ -73,6 +83,20 @@ pub fn reset(board: &Board) {
     board.hold_reset(false);
 }
 
+/// Every fault alone and every pair, in an order that the seed draws; the gyroscope has one at a time.
+pub fn combinations(seed: u64) -> Vec<(usize, usize)> {
+    let of_gyro = |kind: usize| matches!(KINDS[kind].1, Cause::Gyro(_));
+    let mut all: Vec<_> = (0..KINDS.len())
+        .flat_map(|a| (a..KINDS.len()).map(move |b| (a, b)))
+        .filter(|&(a, b)| a == b || !(of_gyro(a) && of_gyro(b)))
+        .collect();
+    let mut random = Rng::new(seed);
+    for end in (1..all.len()).rev() {
+        all.swap(end, random.below(end + 1));
+    }
+    all
+}
+
 macro_rules! kinds {
     ($($name:literal: $cause:expr, $sign:expr, $after:expr;)*) => {
         /// Every fault that the virtual board can have while it runs.
@@ -83,6 +107,7 @@ macro_rules! kinds {
 kinds! {
     "silent host": On(Frames::Silent), LOST, Reset;
     "torn frames": On(Frames::Torn), LOST, Reset;
+    "short frames": On(Frames::Short), LOST, Reset;
     "long frames": On(Frames::Long), LOST, Reset;
     "corrupt frames": On(Frames::Corrupt), LOST, Reset;
     "flood of frames": On(Frames::Flood), Sign::None, Nothing;
@@ -99,10 +124,14 @@ kinds! {
     "gyro silent": Gyro(Mpu6050Fault::Silent), NO_GYRO, Nothing;
     "gyro refuses": Gyro(Mpu6050Fault::RefusesAfter(0)), NO_GYRO, Nothing;
     "gyro frozen": Gyro(Mpu6050Fault::Frozen), NO_GYRO, Nothing;
+    // A wheel seems to slip, for two seconds.
+    "gyro off by 60 deg/s": Gyro(Mpu6050Fault::Offset(60)), Sign::Latched(Faults::SLIP.union(Faults::GYRO_LOST)), Pose;
     "data line held": Wires(|b| hold(b, u32::MAX), |b| hold(b, 1)), NO_GYRO, Reset;
     "bus errors": Wires(Board::raise_bus_error, Board::raise_bus_error), Sign::None, Nothing;
     "supply low": Wires(|b| b.set_supply(2_500), |b| b.set_supply(3_300)), Sign::Latched(Faults::SUPPLY_LOW), Nothing;
     "no conversions": Wires(Board::stop_conversions, |_| ()), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
+    "battery sags": World(|f| f.cells_v = Some([2.7, 2.7])), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
+    "first tap open": World(|f| f.cells_v = Some([0.0, 7.4])), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
     "no ticks": Wires(Board::stop_ticks, |_| ()), Sign::Log("boot after watchdog reset"), Reset;
     "reset by pin": Wires(reset, |_| ()), Sign::Log("boot after reset by pin"), Nothing;
     "EEPROM with the Pi": Wires(|b| b.switch_i2c(I2cController::Pi), |b| b.switch_i2c(I2cController::Stm)),

@@ -113,9 +113,11 @@ fn faults_of_parts_act_on_their_part_alone() {
     world.faults.jammed.right = true;
     world.faults.missing_echo[crate::FRONT] = true;
     world.faults.stuck_mm[crate::LEFT] = Some(123.0);
+    world.faults.cells_v = Some([0.0, 3.0]);
     drive(&mut world, 500, 0.75, 0.75);
     assert_eq!(world.wheel_counts(), Sides::default());
     assert!(world.pose().heading_rad < 0.0, "the left wheel still turns");
+    assert!(world.cell_pins()[0] == 0.0 && world.cell_pins()[1] > 1.0);
     assert_eq!(world.range_mm(crate::FRONT), None);
     assert_eq!(world.range_mm(crate::LEFT), Some(123.0));
     assert!(world.range_mm(crate::RIGHT).is_some());
