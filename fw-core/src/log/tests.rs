@@ -157,3 +157,12 @@ fn number_beyond_line_end_ends_in_tilde() {
         assert_eq!(line.as_str().contains('~'), before != 3);
     }
 }
+
+// Requirement: WIRE-log-2
+#[test]
+fn dropped_lines_beyond_the_last_number_stay_there() {
+    let mut log = Log::<24>::new();
+    (log.unreported, log.dropped) = (u32::MAX, u32::MAX);
+    log.line(Level::Info, |_| ());
+    assert_eq!((log.unreported, log.dropped()), (u32::MAX, u32::MAX));
+}

@@ -336,6 +336,25 @@ mod tests {
     }
 
     #[test]
+    fn answer_in_time_is_armed_instead_of_an_older_standby() {
+        let mut handover = Handover::new(1);
+        let _ = handover.end_frame(26, Micros(0));
+        let claimed = handover.claim().expect("a frame");
+        // A tick builds the same reply meanwhile.
+        handover.stand_by(reply(2, 2));
+        let armed = handover.answer(claimed.answer, Micros(5));
+        assert_eq!(armed.map(|dma| dma.transmit), Some(1));
+        assert_eq!(handover.fresh_reply().map(|fresh| fresh.number), Some(2));
+        assert_eq!(handover.end_frame(26, Micros(30)).transmit, 1);
+        let mut full = Handover {
+            lost: u32::MAX,
+            ..handover
+        };
+        let _ = full.end_frame(26, Micros(60));
+        assert_eq!(full.claim().map(|claimed| claimed.lost), Some(u32::MAX));
+    }
+
+    #[test]
     fn reply_out_of_turn_is_dropped() {
         let mut handover = Handover::new(u32::MAX);
         for number in [u32::MAX, 1] {

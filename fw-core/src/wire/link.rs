@@ -363,3 +363,23 @@ fn counters_at_their_end_stay_there() {
     }
     assert_eq!((stm.counters(), full.frames()), (&full, u32::MAX));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sum_of_counters_beyond_their_end_stays_there() {
+        for (rejected, overrun) in [(u32::MAX, 0), (0, u32::MAX)] {
+            let counters = LinkCounters {
+                accepted: 1,
+                rejected: [rejected; Cause::ALL.len()],
+                overrun,
+                missed: 0,
+                unacknowledged: 2,
+            };
+            assert_eq!(counters.frames(), u32::MAX);
+            assert_eq!(counters.rejected_total(), rejected);
+        }
+    }
+}

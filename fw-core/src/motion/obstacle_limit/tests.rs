@@ -163,3 +163,17 @@ fn limit_with_another_track_goes_on_from_there() {
     );
     assert_eq!(after.max_reverse(), 0);
 }
+
+#[test]
+fn ways_longer_than_their_type_stay_at_its_end() {
+    let mut ahead = limit();
+    ahead.on_range(0, Some(mm(2000)));
+    for _ in 0..4 {
+        assert_eq!(moved(&mut ahead, 32_000.0, 0.0), 0);
+    }
+    let mut back = limit();
+    for _ in 0..4 {
+        let _ = moved(&mut back, -32_000.0, 0.0);
+        assert_eq!(back.max_reverse(), 0);
+    }
+}

@@ -93,3 +93,41 @@ fn blocked_wheels_saturate_and_rest_forgets_what_they_taught() {
         }
     }
 }
+
+#[test]
+fn speeds_beyond_their_type_are_the_fastest() {
+    let mut wheel = wheel(0.5, 0.0);
+    for _ in 0..100 {
+        let _ = wheel.step(1 << 14, 1 << 14);
+    }
+    let before = wheel.step(1 << 14, 1 << 14);
+    assert!(wheel.step(1 << 14, i32::MIN) > before);
+    assert_eq!(towards(i32::MIN, i32::MAX, 5), i32::MIN + 5);
+    assert_eq!(towards(i32::MAX, i32::MIN, 5), i32::MAX - 5);
+}
+
+// Requirement: WIRE-velocity-5
+#[test]
+fn pushed_robot_saturates_in_its_first_tick() {
+    let config = crate::eeprom::first_board();
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    let command = Velocity {
+        forward: 4_000,
+        yaw_rate: 0,
+    };
+    for (travel, turn) in [(i32::MAX, i32::MAX), (i32::MAX, i32::MIN)] {
+        let pushed = Delta {
+            travel: I16F16::from_bits(travel),
+            turn,
+            ..Delta::default()
+        };
+        let mut controller = VelocityController::new(&config);
+        let commands = controller.step(command, &obstacle, &pushed);
+        let is_back = |command| matches!(command, crate::types::MotorCommand::Run(duty) if duty.hundredths() < 0);
+        assert!(
+            is_back(commands.left) && is_back(commands.right),
+            "{commands:?}"
+        );
+        assert!(controller.clipped());
+    }
+}

@@ -184,3 +184,12 @@ fn temperature_is_logged_when_known_and_when_lost() {
         assert_eq!(lines, Vec::from_iter(line));
     }
 }
+
+#[test]
+fn rejected_frames_beyond_the_last_number_stay_there() {
+    let mut event_log = EventLog::new(Milliseconds(0));
+    event_log.frame_rejected(stale(1));
+    event_log.suppressed = u32::MAX;
+    event_log.frame_rejected(stale(2));
+    assert_eq!(event_log.suppressed, u32::MAX);
+}

@@ -257,3 +257,14 @@ fn reply_carries_the_gyros_angle() {
     let expected = (1 << 24) / 12;
     assert!((turned - expected).abs() < expected / 20, "{turned}");
 }
+
+#[test]
+fn correction_beyond_its_type_keeps_its_sign_in_the_log() {
+    let mut log = Log::new();
+    log_event(Event::SlipEnded(1 << 61), &mut log);
+    let text = crate::log::tests::transmitted(&mut log);
+    assert!(
+        text.contains("corrected by ") && !text.contains('-'),
+        "{text}"
+    );
+}

@@ -44,6 +44,8 @@ fn tune_finds_the_actual_resistors() {
         battery.sample(&words);
         assert_eq!(battery.tune(cell, Volts(U16F16::ZERO)), None);
         assert_eq!(battery.tune(2, reference), None);
+        let least = battery.tune(cell, Volts(U16F16::from_bits(1)));
+        assert!(cell != 0 || least == Some(0));
         let tuned = battery.tune(cell, reference).unwrap();
         assert!((f64::from(tuned) - resistor).abs() < 30.0, "{tuned}");
         let upper = [fields::TAP_1_UPPER, fields::TAP_2_UPPER][usize::from(cell)];

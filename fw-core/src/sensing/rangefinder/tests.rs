@@ -92,3 +92,40 @@ fn distance_follows_the_temperature_from_40_below_to_85() {
         assert!((distance - speed * 5.0).abs() < 0.01, "{celsius}");
     }
 }
+
+#[test]
+fn edges_of_no_echo_are_ignored() {
+    let start = Micros(7 * TICK);
+    let before = Micros(start.0 - 500);
+    for (rise, fall) in [
+        (before, start.after(5_000)),
+        (
+            start.after(MAX_RISE_DELAY + 1),
+            start.after(MAX_RISE_DELAY + 5_000),
+        ),
+        (start.after(500), start.after(500 + (1 << 20) + 1)),
+    ] {
+        let mut rangefinders = triggered(start);
+        rangefinders.echo(Front, rise, fall);
+        assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
+        rangefinders.echo(Front, start.after(500), start.after(5_500));
+        assert!(matches!(
+            rangefinders.reading(Front).echo,
+            Echo::Distance(_)
+        ));
+    }
+}
+
+#[test]
+fn counts_beyond_their_type_stay_at_its_end() {
+    let mut stats = EchoStats {
+        missing: u32::MAX,
+        consecutive_misses: u8::MAX,
+        ..EchoStats::default()
+    };
+    stats.count(Echo::Missing);
+    assert_eq!(
+        (stats.missing, stats.consecutive_misses),
+        (u32::MAX, u8::MAX)
+    );
+}

@@ -145,11 +145,15 @@ fn late_trigger_keeps_the_settling_and_listening_times() {
 #[test]
 fn changed_width_counts_from_the_next_step_on() {
     let mut scan = ServoScan::new(&with_servo(), true);
-    let (mut angle, mut target) = (0.0, 0.0);
-    for width in [90.0_f64, 30.0, 60.0, 0.0, 20.0] {
+    let (mut angle, mut target, mut last) = (0.0, 0.0, None::<f64>);
+    for width in [90.0_f64, 30.0, 60.0, 0.0, 20.0, 75.0, 45.0] {
         scan.set_width((width * 65_536.0 / 360.0) as u16);
-        let mut most = 0.0_f64;
-        for tick in 0..400 {
+        let (mut most, mut bearings) = (0.0_f64, std::collections::BTreeSet::new());
+        // To the lower end, which a narrower scan begins above.
+        for tick in 0.. {
+            if tick > 400 && last.is_some_and(|last| last < 0.2 - width) {
+                break;
+            }
             let mut servo = Servo { angle, target };
             let pulse = scan.tick(true);
             if let Some(bearing) = scan.settled_bearing().map(degrees) {
@@ -159,14 +163,24 @@ fn changed_width_counts_from_the_next_step_on() {
                     "{bearing}: it is at {}",
                     servo.angle
                 );
-                // One reading may have begun before.
+                // One reading may have begun before; the next are beside it.
                 if tick >= 12 {
                     most = most.max(bearing.abs());
+                    bearings.insert((bearing * 10.0).round() as i32);
+                    let beside = last.unwrap_or(bearing).clamp(-width, width);
+                    assert!((bearing - beside).abs() < 20.2, "{last:?} {bearing}");
                 }
+                last = Some(bearing);
             }
             servo.tick(pulse);
             (angle, target) = (servo.angle, servo.target);
         }
         assert!((most - width).abs() < 0.2, "{width}: {most}");
+        let steps = if width == 0.0 {
+            0
+        } else {
+            (width / 5.0) as usize
+        };
+        assert_eq!(bearings.len(), steps + 1, "{width}: {bearings:?}");
     }
 }

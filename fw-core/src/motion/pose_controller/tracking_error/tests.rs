@@ -57,3 +57,26 @@ fn within_is_a_circle() {
     let there = TrackingError::new(&Pose::default(), &Pose::default());
     assert_eq!((there.bearing(true), there.bearing(false)), (0, 0));
 }
+
+#[test]
+fn motion_beyond_every_bound_does_not_stop_within() {
+    let error = |longitudinal| TrackingError {
+        longitudinal,
+        lateral: 0,
+        heading: 0,
+    };
+    let moving = |travel, turn| Delta {
+        travel: fixed::types::I16F16::from_bits(travel),
+        turn,
+        ..Delta::default()
+    };
+    let end = (i32::MAX >> (16 - FRACTION_BITS)) - 1;
+    assert!(error(0).after_braking(&moving(i32::MAX, 0)) <= -end);
+    assert!(error(0).after_braking(&moving(i32::MIN, 0)) >= end);
+    assert!(error(i32::MIN).after_braking(&moving(i32::MAX, 0)) < 0);
+    let (distance, angle) = (5 << FRACTION_BITS, 1 << 20);
+    assert!(error(0).stops_within(&moving(0, 0), distance, angle));
+    for turn in [i32::MIN, i32::MAX] {
+        assert!(!error(0).stops_within(&moving(0, turn), distance, angle));
+    }
+}
