@@ -55,6 +55,7 @@ impl Binary64 {
     ///
     /// # Errors
     /// NaN, infinite, or beyond ±2⁶³ after scaling.
+    // Requirement: DOC-5.1.2-1
     pub const fn to_scaled(self, fraction_bits: u8) -> Result<i64, Binary64Error> {
         let negative = self.0 & SIGN != 0;
         let field = (self.magnitude() >> FRACTION_BITS) as i32;

@@ -287,6 +287,7 @@ impl<const N: usize> Log<N> {
         line
     }
 
+    // Requirement: WIRE-log-2
     #[inline(never)]
     fn end(&mut self, line: &mut Line) {
         line.newline();

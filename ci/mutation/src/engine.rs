@@ -14,7 +14,7 @@ use crate::mutant::Mutant;
 use crate::operators::{CONSTANT, NAMES};
 use crate::suite::{BuildError, Outcome, Suite};
 use crate::switch::{Constants, FEATURES, SWITCH, marked, switch};
-use crate::workspace::{Workspace, module, sorted};
+use crate::workspace::{Workspace, module, near, sorted};
 
 /// Fewer mutants than this are built one by one sooner than all at once.
 const FEW: usize = 8;
@@ -197,15 +197,20 @@ impl<'a> Engine<'a> {
         Ok(outcomes)
     }
 
-    /// The claims of which no mutant is noticed, `jobs` at a time, and how many there are.
+    /// The chosen claims of which no mutant is noticed, `jobs` at a time, and how many there are.
     ///
     /// # Errors
     /// Where the tests fail without a mutant, or cannot be run.
-    pub fn try_claims(&mut self, citations: &Citations) -> Result<(usize, Vec<Claim>), String> {
+    pub fn try_claims(
+        &mut self,
+        citations: &Citations,
+        chosen: impl Fn(&Claim) -> bool,
+    ) -> Result<(usize, Vec<Claim>), String> {
         let Some((copy, numbers)) = &self.switched else {
             return Err("no mutant has a switch".into());
         };
-        let claims = citations.claims(self.all, |index| numbers.contains(&index));
+        let mut claims = citations.claims(self.all, |index| numbers.contains(&index));
+        claims.retain(chosen);
         let mut idle = Vec::new();
         for (elsewhere, packages) in [slice::from_ref(&self.config.package), &self.config.also]
             .into_iter()
@@ -298,19 +303,6 @@ fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<()
     std::fs::write(file, text).map_err(|error| shown(&error))
 }
 
-/// The start of the names of the tests next to a file: `wire::crc` and `wire::tests::` of
-/// `fw-core/src/wire/crc.rs`.
-fn near(file: &str) -> Vec<String> {
-    let inside = file.split_once("src/").map_or(file, |(_, inside)| inside);
-    let mut modules = inside.trim_end_matches(".rs").split('/');
-    let outer = modules.next().unwrap_or_default();
-    match modules.next() {
-        None if outer == "lib" => Vec::new(),
-        None | Some("mod") => vec![format!("{outer}::")],
-        Some(inner) => vec![format!("{outer}::{inner}"), format!("{outer}::tests::")],
-    }
-}
-
 /// The text of an error among the compiler's messages.
 fn rendered(message: &str) -> Option<String> {
     let message: Value = serde_json::from_str(message).ok()?;
@@ -383,16 +375,6 @@ fn in_parallel(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tests_near_a_file_are_those_of_its_module() {
-        let of = |file| near(file).join(" ");
-        let slip = "fw-core/src/motion/odometry/slip.rs";
-        assert_eq!(of(slip), "motion::odometry motion::tests::");
-        assert_eq!(of("fw-core/src/robot/mod.rs"), "robot::");
-        assert_eq!(of("src/log.rs"), "log::");
-        assert_eq!(of("src/lib.rs"), "");
-    }
 
     #[test]
     fn error_blames_the_mutants_of_its_line() {

@@ -52,7 +52,7 @@ pub use report::{Counts, Report};
 pub use suite::Outcome;
 pub use switch::switch;
 
-use citations::Citations;
+use citations::{Citations, Claim};
 use engine::Engine;
 use workspace::Workspace;
 
@@ -186,7 +186,7 @@ pub fn run_citations(
     lister: &Path,
     config: &Config,
     label: &str,
-    jobs: usize,
+    choice: &Choice,
 ) -> Result<(usize, Vec<String>), Error> {
     let workspace = Workspace::find(folder, &config.package)?;
     let all = list(&workspace, lister, config, &[])?;
@@ -209,8 +209,9 @@ pub fn run_citations(
                 .map_err(|error| shown(&error))?;
         }
     }
-    let mut engine = Engine::new(config, &workspace, &all, all.len(), (jobs, true))?;
-    let (claims, idle) = engine.try_claims(&citations)?;
+    let mut engine = Engine::new(config, &workspace, &all, all.len(), (choice.jobs, true))?;
+    let chosen = |claim: &Claim| contains_any(&claim.to_string(), &choice.only);
+    let (claims, idle) = engine.try_claims(&citations, chosen)?;
     Ok((claims, idle.iter().map(ToString::to_string).collect()))
 }
 
@@ -235,18 +236,20 @@ fn choose(
             Some(list(workspace, lister, config, &in_diff)?)
         }
     };
-    let any = |words: &[String], text: &str| {
-        words.is_empty() || words.iter().any(|word| text.contains(word))
-    };
     let (shard, shards) = choice.shard.unwrap_or((0, 1));
     let chosen = all.iter().enumerate().skip(shard).step_by(shards);
     let chosen = chosen.filter(|(_, mutant)| {
         let changed = changed.as_ref();
-        any(&choice.files, &mutant.file)
-            && any(&choice.only, &mutant.to_string())
+        contains_any(&mutant.file, &choice.files)
+            && contains_any(&mutant.to_string(), &choice.only)
             && changed.is_none_or(|changed| changed.contains(mutant))
     });
     Ok(chosen.map(|(index, _)| index).collect())
+}
+
+/// Whether a text contains one of these, or there are none.
+fn contains_any(text: &str, words: &[String]) -> bool {
+    words.is_empty() || words.iter().any(|word| text.contains(word))
 }
 
 /// What is tried between two looks at the clock: a file's mutants, or a few spread over all.

@@ -56,8 +56,7 @@ fn try_main(arguments: Arguments) -> Result<ExitCode, Error> {
     };
     if let Some(label) = &arguments.citations {
         let (folder, lister) = (&arguments.dir, &arguments.lister);
-        let (claims, idle) =
-            run_citations(folder, lister, &config.0, label, arguments.choice.jobs)?;
+        let (claims, idle) = run_citations(folder, lister, &config.0, label, &arguments.choice)?;
         for finding in &idle {
             println!("- {finding}");
         }

@@ -87,6 +87,19 @@ pub fn module(file: &Path) -> PathBuf {
     }
 }
 
+/// The start of the names of the tests next to a file: `wire::crc` and `wire::tests::` of
+/// `fw-core/src/wire/crc.rs`.
+pub fn near(file: &str) -> Vec<String> {
+    let inside = file.split_once("src/").map_or(file, |(_, inside)| inside);
+    let mut modules = inside.trim_end_matches(".rs").split('/');
+    let outer = modules.next().unwrap_or_default();
+    match modules.next() {
+        None if outer == "lib" => Vec::new(),
+        None | Some("mod") => vec![format!("{outer}::")],
+        Some(inner) => vec![format!("{outer}::{inner}"), format!("{outer}::tests::")],
+    }
+}
+
 /// Makes `to` a copy of `from` without `target` and git's files. Equal files keep their time, so
 /// that cargo builds only what changed.
 fn mirror(from: &Path, target: &Path, to: &Path) -> io::Result<()> {
@@ -118,4 +131,19 @@ fn mirror(from: &Path, target: &Path, to: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tests_near_a_file_are_those_of_its_module() {
+        let of = |file| near(file).join(" ");
+        let slip = "fw-core/src/motion/odometry/slip.rs";
+        assert_eq!(of(slip), "motion::odometry motion::tests::");
+        assert_eq!(of("fw-core/src/robot/mod.rs"), "robot::");
+        assert_eq!(of("src/log.rs"), "log::");
+        assert_eq!(of("src/lib.rs"), "");
+    }
 }

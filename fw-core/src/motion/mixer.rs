@@ -190,7 +190,7 @@ impl Mixer {
 
     /// Uncompensated duties, hundredths of a percent, within the configured limits: the tuning modes
     /// measure the motors alone.
-    // Requirement: WIRE-eeprom-6
+    // Requirement: DOC-5.2.2-1, WIRE-eeprom-6
     #[must_use]
     pub fn raw(&mut self, left: i32, right: i32) -> MotorCommands {
         self.stop_learning();

@@ -185,6 +185,7 @@ impl ObstacleLimit {
 }
 
 /// `2·a·t_r` in units of speed, rounded up: below 2¹⁷ for `a` ≤ 10 000 mm/s² and `t_r` ≤ 1000 ms.
+// Requirement: WIRE-obstacle-1
 pub const fn reaction_speed(deceleration: u32, reaction_time: u32) -> u32 {
     // 2·(10³·a)·(10⁻³·t) / 2⁸.
     (deceleration * reaction_time).div_ceil(1 << (SPEED_SHIFT - 1))
@@ -192,6 +193,7 @@ pub const fn reaction_speed(deceleration: u32, reaction_time: u32) -> u32 {
 
 /// `2·a·room` in squared units of speed, rounded down, saturating; `room` in 2⁻¹⁶ mm, `deceleration` in
 /// mm/s² / 125 000, below 2³¹.
+// Requirement: WIRE-obstacle-1
 pub const fn braking_energy(room: u32, deceleration: u32) -> u32 {
     let energy = (room as u64 * deceleration as u64) >> 28;
     if energy > u32::MAX as u64 {
@@ -203,6 +205,7 @@ pub const fn braking_energy(room: u32, deceleration: u32) -> u32 {
 
 /// Way from `speed`, at most 2000 mm/s, until the robot stands, mm, rounded up; reaction time in ms,
 /// at most 1000, deceleration in mm/s².
+// Requirement: WIRE-obstacle-4
 pub const fn stopping_way(speed: u32, reaction_time: u32, deceleration: u32) -> u32 {
     let braking = 2 * deceleration;
     let braking = if braking == 0 { 1 } else { braking };

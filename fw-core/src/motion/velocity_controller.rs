@@ -151,6 +151,7 @@ pub struct Followed {
 
 impl VelocityRamp {
     /// Of the configured limits.
+    // Requirement: WIRE-velocity-3
     pub fn new(limits: &VelocityLimits) -> Self {
         Self {
             max_speed: i32::from(limits.speed_mm_s) * 1000,
@@ -161,7 +162,7 @@ impl VelocityRamp {
     }
 
     /// From `before` one tick towards `commanded`.
-    // Requirement: WIRE-velocity-3
+    // Requirement: WIRE-velocity-3, WIRE-obstacle-1
     #[allow(clippy::inline_always, reason = "a part of the controller's step")]
     #[inline(always)]
     pub fn step(
@@ -352,6 +353,7 @@ const fn larger(a: i32, b: i32) -> i32 {
 }
 
 /// `from` one `step`, not negative, towards `to`.
+// Requirement: WIRE-velocity-5
 #[inline(never)]
 pub fn towards(from: i32, to: i32, step: i32) -> i32 {
     from.saturating_add(to.saturating_sub(from).max(-step).min(step))

@@ -196,7 +196,7 @@ impl Rangefinders {
 
     /// Both edges of an echo. Edges that cannot belong to the sensor's last trigger are ignored: a missing
     /// edge never becomes a distance.
-    // Requirement: WIRE-distance-1
+    // Requirement: WIRE-bearing-2, WIRE-distance-1
     pub fn echo(&mut self, which: RangefinderId, rise: Micros, fall: Micros) {
         let Some(sensor) = self.sensors.get_mut(which as usize) else {
             return;

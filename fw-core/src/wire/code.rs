@@ -71,7 +71,7 @@ fn length(code: i32) -> Millimetres {
 }
 
 /// Turn × 0x8000, nearest (a tie goes up); what rounds to 0x8000 is 0.
-// Requirement: DOC-5.1.1-3, WIRE-position-2
+// Requirement: DOC-5.1.1-3, WIRE-code-1, WIRE-position-2
 fn rotation_code(heading: Turns) -> u16 {
     // Wrapping past a whole turn is what makes 0x8000 become 0. 15 bits are left.
     (heading.0.wrapping_add(1 << 16) >> 17) as u16
@@ -83,7 +83,7 @@ impl CellCode {
 
     /// The nearest code of a cell's voltage (a tie goes up), saturating at 40.955 V. `cell` is
     /// taken modulo 8.
-    // Requirement: DOC-5.1.3-2
+    // Requirement: DOC-5.1.3-2, WIRE-code-1
     pub fn from_volts(cell: u8, voltage: Volts) -> Self {
         let scaled = u64::from(voltage.0.to_bits()).wrapping_mul(200);
         let code = scaled.wrapping_add(1 << 15) >> 16;
@@ -105,7 +105,7 @@ impl CellCode {
 impl DistanceCode {
     /// The nearest code (a tie goes up). A distance that is negative, or that rounds to 2500 mm or
     /// more, is out of range: [`Self::NONE`].
-    // Requirement: DOC-5.1.4-1
+    // Requirement: DOC-5.1.4-1, DOC-5.1.4-2, WIRE-code-1
     pub fn from_distance(distance: Option<Millimetres>) -> Self {
         let Some(Millimetres(distance)) = distance else {
             return Self::NONE;
@@ -136,7 +136,7 @@ impl DistanceCode {
 impl GyroCode {
     /// The nearest code of an angle of 2⁻³² turns (a tie goes up), wrapping; what would be
     /// [`Self::NONE`] is the next one.
-    // Requirement: WIRE-gyro-1
+    // Requirement: WIRE-code-1, WIRE-gyro-1
     pub const fn from_angle(angle: i64) -> Self {
         match (angle.wrapping_add(1 << 7) >> 8) as i32 {
             i32::MIN => Self(i32::MIN + 1),
@@ -155,7 +155,7 @@ impl GyroCode {
 }
 
 /// A bearing's nearest code: turn × 0x10000 (a tie goes up), wrapping.
-// Requirement: WIRE-bearing-1
+// Requirement: WIRE-bearing-1, WIRE-code-1
 pub fn bearing_code(bearing: Turns) -> u16 {
     (bearing.0.wrapping_add(1 << 15) >> 16) as u16
 }
