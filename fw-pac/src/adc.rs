@@ -101,13 +101,17 @@ pub fn begin() {
     });
 }
 
-/// The words of the scan begun last, taps in order; `None` until it has completed.
+/// The words of the scan begun last, taps in order, as they would be at a supply of 3.3 V; `None` until
+/// it has completed.
 pub fn words() -> Option<[u16; TAPS]> {
     Dma::complete().then(|| {
         let [cell_1_low, cell_1_high, cell_2_low, cell_2_high] = WORDS.get();
+        let reference = ADC1::registers().jdr2().read().jdata().bits();
+        let correction = calibration().supply_correction(reference);
+        let nominal = |word| correction.apply(u16::from_le_bytes(word));
         [
-            u16::from_le_bytes([cell_1_low, cell_1_high]),
-            u16::from_le_bytes([cell_2_low, cell_2_high]),
+            nominal([cell_1_low, cell_1_high]),
+            nominal([cell_2_low, cell_2_high]),
         ]
     })
 }

@@ -69,8 +69,8 @@ fn named(findings: &Findings, outcome: Outcome) -> Vec<&str> {
 #[test]
 fn bringup_sound_board_passes_every_check() {
     let (findings, _) = bring_up(sound(), true, |_| ());
-    assert_eq!(named(&findings, Outcome::Passed).len(), 20, "{findings:#?}");
-    assert_eq!(findings.0.len(), 20);
+    assert_eq!(named(&findings, Outcome::Passed).len(), 21, "{findings:#?}");
+    assert_eq!(findings.0.len(), 21);
 }
 
 // Requirement: WIRE-bringup-1
@@ -90,6 +90,7 @@ fn bringup_mistake_of_the_hardware_fails_its_check() {
             &|_| (),
         );
     }
+    mistake("brown-out reset", sound(), &|rig| rig.reset_option_bytes());
     mistake("supply", sound(), &|rig| rig.set_supply(2_950));
     let mut open = sound();
     open.params.battery.dividers[1].upper_ohm = f64::INFINITY;

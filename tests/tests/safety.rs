@@ -147,6 +147,32 @@ fn supply_below_threshold_stops_motors() {
     stays_off(&rig, "supply low: motors off");
 }
 
+// Requirement: WIRE-battery-4
+#[test]
+fn cells_read_the_same_at_any_supply() {
+    // Nearly empty: the taps' pins, 2.3 and 2.4 V, stay below every supply.
+    let mut options = Options::with_eeprom(original_image());
+    options.params.battery.charge = [0.01; 2];
+    let rig = Rig::ready(options);
+    let stand = normal_frame(0, 0, 0, false);
+    for millivolts in [2_600, 3_000, 3_600, 3_300] {
+        rig.set_supply(millivolts);
+        let _ = rig.keep_sending(&stand, 1_000_000);
+        let taps = rig.truth().battery_v;
+        let cells = [taps[0], taps[1] - taps[0]];
+        for _ in 0..2 {
+            let reply = NormalReply::of(&rig.keep_sending(&stand, 25_000));
+            let volts = f64::from(reply.voltage) / 200.0;
+            let truth = cells[usize::from(reply.cell)];
+            let error = volts / truth - 1.0;
+            assert!(
+                error.abs() < 0.01,
+                "{volts} V, truly {truth} V, at {millivolts} mV"
+            );
+        }
+    }
+}
+
 // Requirement: WIRE-fault-4
 #[test]
 fn converter_without_new_words_stops_motors() {

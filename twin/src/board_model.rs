@@ -8,7 +8,7 @@ mod spi_lines;
 
 use std::collections::VecDeque;
 
-use plant::{Pose2, Sides, World};
+use plant::{FRONT, Pose2, RIGHT, Sides, World};
 use rigless::device::Level;
 use rigless::soc::stm32f427::peripherals::adc::Channel;
 use rigless::time::VirtualNanos;
@@ -306,8 +306,12 @@ impl BoardModel {
         for (nth, encoder) in ENCODERS.into_iter().enumerate() {
             while let Some(edge) = self.encoders[nth].take(now.0) {
                 let before = Encoder::levels(self.counts[nth]);
-                let after = Encoder::levels(edge.count);
+                let mut after = Encoder::levels(edge.count);
                 self.counts[nth] = edge.count;
+                let dead = self.world.faults.dead_channel;
+                if [dead.left, dead.right][nth] {
+                    after[1] = Level::Low;
+                }
                 for channel in 0..2 {
                     if before[channel] != after[channel] {
                         chip.drive_pin(now, encoder.pins[channel], Some(after[channel]));
@@ -337,10 +341,13 @@ impl BoardModel {
     }
 
     fn drive_echo_lines(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
-        let rangefinders = self.rangefinders.iter_mut();
-        for (rangefinder, pins) in rangefinders.zip(pinout::RANGEFINDERS) {
+        let mut lines = pinout::RANGEFINDERS.map(|pins| pins.echo);
+        if self.world.faults.crossed_echoes {
+            lines.swap(FRONT, RIGHT);
+        }
+        for (rangefinder, line) in self.rangefinders.iter_mut().zip(lines) {
             while let Some(high) = rangefinder.take(now.0) {
-                chip.drive_pin(now, pins.echo, Some(Level::from(high)));
+                chip.drive_pin(now, line, Some(Level::from(high)));
             }
         }
     }

@@ -49,6 +49,11 @@ impl Board {
         self.stopped(move |stopped| stopped.mcu().chip.set_supply(millivolts));
     }
 
+    /// The option bytes are the factory's: no brown-out reset (RM0383, 3.8.6).
+    pub fn reset_option_bytes(&self) {
+        self.stopped(|stopped| stopped.mcu().chip.set_option_bytes(0x0FFF_AAED));
+    }
+
     /// The converter stops: no conversion ends any more.
     pub fn stop_converter(&self) {
         self.change(RCC_APB2ENR, |clocks| clocks & !ADC1EN);

@@ -187,6 +187,14 @@ fn fields_are_sorted_unique_and_described() {
     assert_eq!(Image::FIRST_BOARD.get(LAYOUT_LENGTH), PLATFORM_LEN as u64);
 }
 
+#[test]
+fn byte_beyond_the_last_is_erased() {
+    assert_eq!(
+        [0, 1, 2].map(|at| super::field::byte(&[7], at)),
+        [7, 0xFF, 0xFF]
+    );
+}
+
 // Requirement: DOC-6.0.1-1
 #[test]
 fn eeprom_key_any_wrong_byte_rejected() {
@@ -217,6 +225,7 @@ rotation.anti_windup FFF0000000000000 01 address 0x38: rotation.anti_windup is i
 rotation.p 7E37E43C8800759C 01 address 0x20: rotation.p is a binary64 of bits 0x7E37E43C8800759C \
 %/deg, accepted: 0.0 to 10000.0
 adc_max 0 02 address 0x04: adc_max is 0.000000 V, accepted: 0.1 to 10.0
+cells 9 02 address 0x03: cells is 9, accepted: 1 to 8
 mode 7 00 address 0x0C: mode is 7, accepted: 0x00, 0x01, 0x02, 0x10, 0x11, 0x12, 0x20, 0x30
 mode 20 03 address 0x18: servo is 0, accepted: 1 in mode 0x20
 signs_reserved 5 03 address 0x10: signs_reserved is 5, accepted: 0

@@ -171,6 +171,7 @@ fn assert_reaches_every_pose(config: &Config, params: &Params) {
     }
 }
 
+// Requirement: DOC-5.2.1-1, DOC-6.0.2-2
 #[test]
 fn first_board_reaches_every_pose() {
     assert_reaches_every_pose(&first_board(), &Params::default());

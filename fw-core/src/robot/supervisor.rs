@@ -117,6 +117,7 @@ impl Supervisor {
             self.halted = true;
             return AllowedMotion::Brake;
         }
+        // Requirement: WIRE-deadline-2
         if self.halted {
             self.state = State::Stopped;
             return AllowedMotion::Brake;
@@ -193,6 +194,23 @@ mod tests {
             let (mut supervisor, _) = after(APPLY, 1);
             assert_eq!(supervisor.on_tick(Micros(2), requested, busy), allowed);
             assert_eq!(supervisor.state(), state);
+        }
+    }
+
+    // Requirement: WIRE-deadline-1
+    #[test]
+    fn silence_while_faulted_is_a_lost_link_too() {
+        let (mut supervisor, _) = after(APPLY, 1);
+        supervisor.raise(Faults::LEFT_STALLED);
+        for (tick, faults) in [
+            (DEADLINE_US - 1, Faults::LEFT_STALLED),
+            (DEADLINE_US, Faults::LEFT_STALLED | Faults::LINK_LOST),
+        ] {
+            let allowed = supervisor.on_tick(Micros(tick), true, true);
+            assert_eq!(
+                (allowed, supervisor.faults()),
+                (AllowedMotion::Brake, faults)
+            );
         }
     }
 

@@ -165,6 +165,7 @@ fn target_without_apply_is_not_driven() {
     }
 }
 
+// Requirement: DOC-2.1-2
 #[test]
 fn applied_target_drives_until_silence_brakes() {
     let mut bench = Bench::new(Mode::Normal);
@@ -214,6 +215,7 @@ fn rejected_frame_does_not_feed_stop_deadline() {
     assert!(bench.log().contains("frame rejected: "));
 }
 
+// Requirement: DOC-5.2.1-2
 #[test]
 fn replies_carry_pose_and_cells_in_turn() {
     let mut bench = Bench::new(Mode::Normal);
@@ -231,7 +233,7 @@ fn replies_carry_pose_and_cells_in_turn() {
     assert_eq!(first.ranges, [DistanceCode::NONE; 3]);
 }
 
-// Requirement: WIRE-spi-6, WIRE-sequence-5, WIRE-battery-1
+// Requirement: WIRE-spi-6, WIRE-sequence-5, WIRE-battery-1, WIRE-ready-2
 #[test]
 fn reply_depends_on_its_number_and_newest_data_only() {
     let mut bench = Bench::new(Mode::GuardedNormal);

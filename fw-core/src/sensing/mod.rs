@@ -18,4 +18,4 @@ pub use gyro::GyroFusion;
 pub use mpu6050::Mpu6050;
 pub use rangefinder::{Echo, EchoStats, Rangefinders, Reading};
 pub use servo_scan::ServoScan;
-pub use temperature::{Calibration, Thermometer};
+pub use temperature::{Calibration, SupplyCorrection, Thermometer};

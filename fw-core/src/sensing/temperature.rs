@@ -28,8 +28,10 @@ const REFERENCE: (u16, u16) = (1400, 1600);
 const COLD: (u16, u16) = (700, 1300);
 /// Difference of the sensor words at 30 and 110 °C: 248 typically (2.5 mV/K).
 const SPAN: (u16, u16) = (150, 350);
-/// Reference words at a supply of 2.8 to 3.8 V.
+/// Reference words at a supply of 2.8 to 3.8 V: for the thermometer.
 const SUPPLY: (u16, u16) = (1270, 1800);
+/// And of 2.4 V, below which the converter would run too fast (DS10314), to 3.8 V: for other channels.
+const CORRECTED_SUPPLY: (u16, u16) = (1270, 2115);
 /// Range of the part, 2⁻¹² °C.
 const COLDEST: i32 = -40 << 12;
 const HOTTEST: i32 = 105 << 12;
@@ -58,6 +60,34 @@ impl Calibration {
         within(self.reference, REFERENCE)
             && within(self.cold, COLD)
             && within(self.hot, (self.cold + SPAN.0, self.cold + SPAN.1))
+    }
+
+    /// The correction of other channels' words of the scan in which the reference read this word. None
+    /// where that word or the calibration is implausible.
+    #[inline]
+    pub const fn supply_correction(&self, reference: u16) -> SupplyCorrection {
+        if within(self.reference, REFERENCE) && within(reference, CORRECTED_SUPPLY) {
+            SupplyCorrection(((self.reference as u32) << 16) / reference as u32)
+        } else {
+            SupplyCorrection(1 << 16)
+        }
+    }
+}
+
+/// From words at the present supply, which is the converter's full scale, to words at 3.3 V.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SupplyCorrection(
+    /// 2⁻¹⁶, at most 1600/1270.
+    u32,
+);
+
+impl SupplyCorrection {
+    /// A word of 12 bits as it would be at 3.3 V, nearest, within 0.06: 0 ..= 5159. Further bits are
+    /// ignored.
+    // Requirement: WIRE-battery-4
+    #[inline]
+    pub const fn apply(self, word: u16) -> u16 {
+        (((word & FULL_SCALE) as u32 * self.0 + (1 << 15)) >> 16) as u16
     }
 }
 
@@ -136,7 +166,7 @@ mod tests {
 
     #[test]
     fn temperature_is_within_a_degree_at_any_supply() {
-        for supply in [3.0, 3.3, 3.6] {
+        for supply in [2.8, 3.3, 3.6] {
             for chip in -36..=104 {
                 let chip = f64::from(chip);
                 let air = read(TYPICAL, words(chip, supply)).expect("within range");
@@ -145,6 +175,27 @@ mod tests {
                     "{chip} at {supply}: {air}"
                 );
             }
+        }
+    }
+
+    // Requirement: WIRE-battery-4
+    #[test]
+    fn word_at_any_supply_becomes_that_at_3_3_volts() {
+        let word = |volts: f64, supply: f64| (volts / supply * 4095.0).round() as u16;
+        for supply in [2.4, 3.0, 3.3, 3.6] {
+            let correction = TYPICAL.supply_correction(word(1.21, supply));
+            for pin in [0.0, 1.0, 2.3] {
+                let nominal = f64::from(correction.apply(word(pin, supply)));
+                let error = nominal / 4095.0 * 3.3 - pin;
+                assert!(error.abs() < 0.002, "{pin} V at {supply} V: {error}");
+            }
+        }
+        let correction = TYPICAL.supply_correction(TYPICAL.reference);
+        assert!((0..=4095).all(|word| correction.apply(word) == word));
+        for (calibration, reference) in [(TYPICAL, 1269), (TYPICAL, 2116), (TYPICAL, 0)] {
+            let correction = calibration.supply_correction(reference);
+            assert_eq!(correction, Calibration::UNWRITTEN.supply_correction(1501));
+            assert_eq!(correction.apply(4095), 4095);
         }
     }
 

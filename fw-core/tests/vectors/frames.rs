@@ -86,6 +86,7 @@ fn frame_numbered(setup: Setup, command: bool, own: u8) -> Vec<u8> {
     Pair::sending(setup, command, own, 0).send(command, &Command::default(), &Report::default())
 }
 
+// Requirement: WIRE-modes-1, DOC-5.2-1, WIRE-distance-2
 #[test]
 fn frames_encode_to_vector_bytes() {
     let file = file("frames");
@@ -104,6 +105,7 @@ fn frames_encode_to_vector_bytes() {
     }
 }
 
+// Requirement: WIRE-modes-1, DOC-5.2-1, WIRE-distance-2
 #[test]
 fn frames_decode_to_vector_values() {
     for vector in list(&file("frames")) {

@@ -13,11 +13,14 @@ use std::ops::RangeInclusive;
 const DEVICE: u32 = 0x431;
 /// Least flash, KiB.
 const FLASH_KB: u32 = 64;
+/// `BOR_LEV` of level 2, 2.4 V: below that four wait states are too few (RM0383, 3.4.1 and 3.8.6).
+const BROWN_OUT_BITS: u32 = 1;
 /// The supply at which the voltage reference's calibration word was taken, and what is accepted, millivolts.
 const CALIBRATION_MV: u32 = 3_300;
 const SUPPLY_MV: RangeInclusive<u32> = 3_130..=3_470;
-/// A tap below this is open, and one at the converter's end too high, words of 4,095.
-const TAP_WORDS: RangeInclusive<u32> = 400..=4_090;
+/// A tap below this is open, and one as near to the supply too high for the converter, millivolts at the pin.
+const OPEN_MV: u32 = 320;
+const FULL_MV: u32 = 5;
 /// Longest echo of an object within 2.5 m, microseconds; without one the line stays high longer.
 const ECHO_US: u32 = 15_000;
 /// Counts of wheels that stand, and fewest of a motor that runs for 0.4 s.
@@ -80,7 +83,7 @@ pub fn judge(log: &str, findings: &mut Findings) {
                       to 115200 baud, 8N1";
         findings.fail("firmware", "no line of the bring-up firmware", advice);
         for checks in [
-            &["crystal", "part", "supply"][..],
+            &["crystal", "part", "brown-out reset", "supply"][..],
             &TAPS,
             &["I2C lines"],
             &ON_THE_BUS,
@@ -127,6 +130,18 @@ fn part(lines: &Lines, findings: &mut Findings) {
         lines.rest("part").unwrap_or("not reported").into(),
         "the firmware is for an STM32F411 (device 0x431)",
     );
+    let level = lines.number("part", "bor");
+    let found = match level {
+        Some(bits @ 0..=2) => format!("level {}", 3 - bits),
+        _ => "off".into(),
+    };
+    findings.judge(
+        "brown-out reset",
+        level.is_some_and(|bits| bits <= BROWN_OUT_BITS),
+        found,
+        "below 2.4 V the flash reads wrongly and the motors may run: set level 2, `openocd -f interface/stlink.cfg \
+         -f target/stm32f4x.cfg -c 'init; reset halt; stm32f2x options_write 0 0xE4; exit'`, and cycle the power",
+    );
 }
 
 fn supply(lines: &Lines, findings: &mut Findings) {
@@ -152,12 +167,12 @@ fn supply(lines: &Lines, findings: &mut Findings) {
     let mut words = taps.map_or("", |(_, taps)| taps).split(' ');
     for check in TAPS {
         let word: Option<u32> = words.next().and_then(|word| word.parse().ok());
-        let found = word.map_or("not converted".into(), |word| {
-            format!("{} mV at the pin", word * supply_mv / 4095)
-        });
+        // The firmware gives words as they would be at the calibration's supply.
+        let pin_mv = word.map(|word| word.saturating_mul(CALIBRATION_MV) / 4095);
+        let found = pin_mv.map_or("not converted".into(), |mv| format!("{mv} mV at the pin"));
         findings.judge(
             check,
-            word.is_some_and(|word| TAP_WORDS.contains(&word)),
+            pin_mv.is_some_and(|mv| (OPEN_MV..=supply_mv - FULL_MV).contains(&mv)),
             found,
             "connect the battery; check this tap's divider (docs/board.md) and its wire to PA0 or PA1",
         );

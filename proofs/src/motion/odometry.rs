@@ -1,5 +1,6 @@
 //! T5 and T6: heading and position from the encoders.
 
+use fw_core::eeprom::Wheel;
 use fw_core::eeprom::fields::{ENCODER_LEFT_REVERSED, ENCODER_RIGHT_REVERSED};
 use fw_core::motion::Odometry;
 
@@ -19,7 +20,7 @@ fn samples(path: &Path, scale: u8) -> impl Iterator<Item = (i32, i32)> + '_ {
 }
 
 /// The heading depends on the counters alone, not on the path: tick by tick, with wraps, or in one tick,
-/// it is equal to the last bit.
+/// it is equal to the last bit, and it is that of (4.4) in whole numbers, rounded.
 // Requirement: DOC-4.1-5
 pub fn heading_never_drifts(
     values: AcceptedConfig,
@@ -43,7 +44,18 @@ pub fn heading_never_drifts(
     // The range of a 16-bit counter in one step.
     given!(net_right.abs() <= 32_767);
     let _ = quick.step(l, r);
-    assert!(slow.pose().heading == quick.pose().heading);
+    let heading = slow.pose().heading;
+    assert!(heading == quick.pose().heading);
+    let arc = |net: i32, wheel: &Wheel| {
+        let forward = if wheel.encoder_reversed { -net } else { net };
+        i128::from(forward) * i128::from(wheel.diameter.0)
+    };
+    let arcs = arc(net_right, config.right()) - arc(net_left, config.left());
+    let per_turn = 2 * i128::from(config.counts_per_turn()) * i128::from(config.track().0);
+    let turns = (2 * (arcs << 32) + per_turn).div_euclid(2 * per_turn);
+    // A tie between two codes may go either way: a count's turn is rounded at 2⁻⁶⁴.
+    let above = (i128::from(heading.0) - turns + 1).rem_euclid(1 << 32);
+    assert!((0..=2).contains(&above));
     Seen::NOTHING
         .case(0, net_left != 0 && net_right != 0)
         .case(1, l < left && net_left > 0)

@@ -80,7 +80,39 @@ pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
         .case(1, one.is_some() != two.is_some())
 }
 
+/// A tap's word at any plausible supply becomes that at 3.3 V, to half a unit and a sixteenth; where the
+/// reference or its calibration is implausible it stays what it is. Further bits are never read.
+// Requirement: WIRE-battery-4
+pub fn supply_correction_is_nearest(at_factory: u16, reference: u16, word: u16) -> Seen {
+    let calibration = Calibration {
+        reference: at_factory,
+        ..Calibration::UNWRITTEN
+    };
+    let correction = calibration.supply_correction(reference);
+    let word = word & 0xFFF;
+    let nominal = correction.apply(word);
+    assert!(correction.apply(word | 0x8000) == nominal);
+    let plausible = (1400..=1600).contains(&at_factory) && (1270..=2115).contains(&reference);
+    if plausible {
+        let [word, nominal, at_factory, reference] =
+            [word, nominal, at_factory, reference].map(i32::from);
+        assert!(16 * (nominal * reference - word * at_factory).abs() <= 9 * reference);
+    } else {
+        assert!(nominal == word && correction == Calibration::UNWRITTEN.supply_correction(0));
+    }
+    Seen::NOTHING
+        .case(0, plausible && nominal > 4095)
+        .case(1, plausible && nominal < word)
+        .case(2, !plausible && word > 0)
+}
+
 crate::properties! {
+    theorem T9 supply_correction_is_nearest(at_factory: u16, reference: u16, word: u16) {
+        cases ["above the full scale", "a supply below 3.3 V", "an implausible reference"];
+        exhaustive (1399..=1601_u16).flat_map(|at_factory| (1269..=2116_u16).flat_map(move |reference| {
+            (0..4096_u16).map(move |word| (at_factory, reference, word))
+        }));
+    }
     theorem T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
         cases ["a temperature", "a reading out of range", "an implausible calibration"];
         kani proof [unwind(3)];

@@ -7,6 +7,8 @@ use crate::Sides;
 pub struct Faults {
     /// The encoder gives no edges.
     pub dead_encoder: Sides<bool>,
+    /// The encoder's second channel gives no edges: the count goes to and fro.
+    pub dead_channel: Sides<bool>,
     /// Share of the wheel's travel that does not move the robot, 0..=1 (1 = spinning in place).
     pub slip: Sides<f64>,
     /// External rotation of the robot with sliding wheels, °/s, counter-clockwise.
@@ -17,6 +19,8 @@ pub struct Faults {
     pub missing_echo: [bool; 3],
     /// The rangefinder is unplugged: its line never rises.
     pub unplugged: [bool; 3],
+    /// The front and the right rangefinder's echo lines are swapped.
+    pub crossed_echoes: bool,
     /// The rangefinder always reports this distance, mm.
     pub stuck_mm: [Option<f64>; 3],
     /// The cells' voltages, whatever their charge: sagging under a load, or 0 V at an open tap.

@@ -234,6 +234,12 @@ impl Stm32f411 {
         self.adc.set_reference(millivolts);
     }
 
+    /// The option bytes, as `FLASH_OPTCR` shows them (RM0383, 3.8.6); a reset keeps them.
+    pub fn set_option_bytes(&mut self, word: u64) {
+        let flash = self.bus.slot_mut(self.slots.flash).registers_mut();
+        flash.set(g::flash::Register::Optcr, word);
+    }
+
     /// Requests a stop at `at`.
     pub fn wake_at(&mut self, now: VirtualNanos, at: VirtualNanos) {
         self.bus.drive(now, self.slots.board_port).1.schedule(at);
@@ -303,6 +309,8 @@ impl Mcu for Stm32f411 {
         let (hse, lse) = self.rcc.crystals();
         fresh.rcc.attach_crystals(hse, lse);
         fresh.set_supply(self.pwr.supply());
+        let flash = self.bus.slots()[self.slots.flash].registers();
+        fresh.set_option_bytes(flash.get(g::flash::Register::Optcr));
         for (fresh, old) in fresh.usart.iter_mut().zip(&mut self.usart) {
             fresh.inherit(old);
         }

@@ -74,6 +74,20 @@ fn identification_needs_6_percent_on_both_wheels() {
 }
 
 #[test]
+fn largest_output_is_of_the_new_gain_balance() {
+    let config = config_with(&[(fields::DEAD_ZONE_LEFT, 0)]);
+    let mut motor = Motor::new(config.left());
+    let headroom = motor.headroom;
+    for (own, other, factor) in [(2, 1, 2), (1, 1, 1), (100, 1, 4), (1, 3, 1)] {
+        assert_eq!(
+            motor.balance(own, other),
+            headroom * factor,
+            "{own} {other}"
+        );
+    }
+}
+
+#[test]
 fn gain_balance_changes_every_sixteenth_tick() {
     let (mut mixer, mut changes) = (mixer(), 0);
     for _ in 0..500 {

@@ -167,6 +167,7 @@ fn rangefinder_is_silent_after_three_misses() {
     }
 }
 
+// Requirement: WIRE-log-10
 #[test]
 fn temperature_is_logged_when_known_and_when_lost() {
     let mut event_log = EventLog::new(Milliseconds(0));

@@ -54,7 +54,7 @@ impl Course {
     }
 }
 
-// Requirement: DOC-5.1.1-4
+// Requirement: DOC-5.1.1-4, WIRE-modes-2, DOC-2.1-2
 #[test]
 fn motors_follow_last_applied_target() {
     let mut course = Course::new();

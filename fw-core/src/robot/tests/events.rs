@@ -128,6 +128,26 @@ fn chip_temperature_sets_speed_of_sound() {
     assert_eq!(lines_of(": air at 28 deg C\n"), 1);
 }
 
+// Requirement: WIRE-log-3
+#[test]
+fn link_line_comes_every_hundredth_tick() {
+    let mut bench = Bench::new(Mode::Normal);
+    bench.frame(&Command::default());
+    let mut lines = std::vec::Vec::new();
+    for tick in 1..=302 {
+        if tick % 10 == 0 {
+            bench.frame(&Command::default());
+        }
+        bench.log = Log::new();
+        bench.tick();
+        if bench.log().contains(": L ") {
+            lines.push(tick);
+        }
+    }
+    // The first tick says that it is ready.
+    assert_eq!(lines, [2, 102, 202, 302]);
+}
+
 // Requirement: WIRE-platform-12
 #[test]
 fn pose_line_period_delays_link_line() {

@@ -66,7 +66,7 @@ fn rolled(changes: Changes, left: i32, right: i16) -> (f64, f64) {
     (f64::from(pose.x) / 1000.0, turn * TAU)
 }
 
-// Requirement: WIRE-platform-2
+// Requirement: WIRE-platform-2, DOC-1-1
 #[test]
 fn geometry_fields_scale_the_pose() {
     let changes: [Changes; 6] = [
@@ -131,7 +131,7 @@ fn sign_fields_reverse_encoders_and_motors() {
     assert_eq!(duties(&[(MOTOR_RIGHT_REVERSED, 1)]), [-4000, -4000]);
 }
 
-// Requirement: WIRE-platform-4
+// Requirement: WIRE-platform-4, DOC-2.2-2
 #[test]
 fn fitted_rangefinders_are_triggered() {
     for fitted in 0..=3 {
@@ -278,7 +278,12 @@ fn battery_fields_set_warning_and_cutoff() {
     for (changes, found) in [(off, Faults::NONE), (&[], both)] {
         let mut bench = Bench::with(Mode::Normal, changes);
         bench.words = [500, 500];
-        bench.ticks(200);
+        bench.ticks(49);
+        assert_eq!(bench.robot.faults() & both, Faults::NONE);
+        // Half a second: in this tick, not in the next.
+        bench.tick();
+        assert_eq!(bench.robot.faults() & both, found);
+        bench.ticks(150);
         assert_eq!(bench.robot.faults() & both, found);
     }
 }

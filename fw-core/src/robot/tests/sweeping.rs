@@ -27,10 +27,19 @@ fn sweeper() -> Bench {
     Bench::new(Mode::GuardedSweep)
 }
 
+// Requirement: DOC-2.2-3, WIRE-bearing-3
 #[test]
 fn servo_scan_swings_while_link_is_alive() {
     let mut bench = sweeper();
     assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "no frame yet");
+    let Report {
+        bearing, ranges, ..
+    } = bench.frame(&Command::default());
+    assert_eq!(
+        (bearing, ranges[0]),
+        (0, DistanceCode::NONE),
+        "no reading yet"
+    );
     // Half a second to get to the first end, then a bearing every 60 ms: 18 steps of 10° there, and
     // back again.
     let (bearings, pulses) = swept(&mut bench, 50 + 37 * 6, 10);
@@ -53,12 +62,15 @@ fn servo_scan_rests_in_silence_and_when_faulted() {
     let (_, pulses) = swept(&mut bench, 14, 0);
     assert_eq!(pulses, 7);
     assert_ne!(bench.robot.report.ranges[0], DistanceCode::NONE);
-    assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "silence");
+    // What it measured is forgotten in the tick in which it rests.
+    assert_eq!(swept(&mut bench, 1, 0), (Vec::new(), 0), "silence");
     assert_eq!(bench.robot.report.ranges[0], DistanceCode::NONE);
+    assert_eq!(swept(&mut bench, 99, 0), (Vec::new(), 0), "silence");
     let (again, _) = swept(&mut bench, 200, 10);
     assert_eq!(again, first, "from its first end again");
     bench.raise(Faults::LEFT_STALLED);
     assert_ne!(bench.robot.report.ranges[0], DistanceCode::NONE);
-    assert_eq!(swept(&mut bench, 100, 10), (Vec::new(), 0), "faulted");
+    assert_eq!(swept(&mut bench, 1, 10), (Vec::new(), 0), "faulted");
     assert_eq!(bench.robot.report.ranges[0], DistanceCode::NONE);
+    assert_eq!(swept(&mut bench, 99, 10), (Vec::new(), 0), "faulted");
 }

@@ -24,6 +24,7 @@ fn percentage_rounds_to_nearest_hundredth() {
     }
 }
 
+// Requirement: WIRE-modes-2
 #[test]
 fn tuning_duty_sets_state_moving() {
     for mode in [Mode::TuneRotate, Mode::TuneMove] {
@@ -50,7 +51,7 @@ fn sample(log: &str) -> f64 {
     figure.parse().expect("a number")
 }
 
-// Requirement: DOC-5.2.2-2
+// Requirement: DOC-5.2.2-2, WIRE-modes-3, WIRE-modes-4, WIRE-log-8, DOC-5.2.3-4
 #[test]
 fn tuning_measurement_is_in_reply_and_log() {
     // A count of both wheels of 80 mm at 3840 counts is 80·π/3840 mm, and against each other at a

@@ -65,6 +65,10 @@ fn zero_velocity_holds_wheels_and_is_ready() {
 #[test]
 fn blind_speed_is_reported_and_logged() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
+    bench.frame(&drive(150));
+    bench.tick();
+    let report = bench.frame(&drive(150));
+    assert!(report.clipped, "by the first tick's acceleration");
     let (_, report) = follow(&mut bench, &drive(150), 3);
     assert!(report.obstacle_limited && report.clipped);
     assert!(bench.log().contains("obstacle: speed limited\n"));
