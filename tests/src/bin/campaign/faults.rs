@@ -7,10 +7,8 @@ use twin::{Board, I2cController, Mpu6050Fault};
 /// The faults that reset the part.
 pub const RESTARTING: [&str; 2] = ["no ticks", "reset by pin"];
 
-/// Faults that another one hides: the taps are measured against the supply, and after a reset the gyroscope has no
-/// bias that it could be off from.
-pub const HIDDEN: [(&str, &str); 3] = [
-    ("battery sags", "supply low"),
+/// Faults that another one hides: after a reset the gyroscope has no bias that it could be off from.
+pub const HIDDEN: [(&str, &str); 2] = [
     ("gyro off by 60 deg/s", "no ticks"),
     ("gyro off by 60 deg/s", "reset by pin"),
 ];
@@ -76,6 +74,15 @@ fn hold(board: &Board, pulses: u32) {
     board.i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
 }
 
+/// Flips a bit of a gain.
+fn flip(board: &Board) {
+    board.i2c_bus(|bus, _| {
+        if let Some(eeprom) = &mut bus.eeprom {
+            eeprom.bytes_mut()[0x105] ^= 1;
+        }
+    });
+}
+
 /// A short pulse on the RESET line.
 pub fn reset(board: &Board) {
     board.hold_reset(true);
@@ -114,12 +121,14 @@ kinds! {
     // To the gyroscope a wheel that does not count slips, for two seconds.
     "left encoder dead": World(|f| f.dead_encoder.left = true), stalled(Faults::LEFT_STALLED), Pose;
     "right encoder dead": World(|f| f.dead_encoder.right = true), stalled(Faults::RIGHT_STALLED), Pose;
+    "left encoder's channel dead": World(|f| f.dead_channel.left = true), stalled(Faults::LEFT_STALLED), Pose;
     "left wheel blocked": World(|f| f.jammed.left = true), Sign::Driven(Faults::LEFT_STALLED), Nothing;
     "right wheel blocked": World(|f| f.jammed.right = true), Sign::Driven(Faults::RIGHT_STALLED), Nothing;
     "left wheel slips": World(|f| f.slip.left = 0.8), Sign::None, Pose;
     "robot turned": World(|f| f.twist_deg_s = 60.0), Sign::None, Pose;
     "front echo missing": World(|f| f.missing_echo[0] = true), Sign::None, Nothing;
     "front sensor unplugged": World(|f| f.unplugged[0] = true), Sign::Log("front rangefinder silent"), Nothing;
+    "echo lines crossed": World(|f| f.crossed_echoes = true), Sign::Log("front rangefinder silent"), Nothing;
     "front echo stuck": World(|f| f.stuck_mm[0] = Some(120.0)), Sign::None, Nothing;
     "gyro silent": Gyro(Mpu6050Fault::Silent), NO_GYRO, Nothing;
     "gyro refuses": Gyro(Mpu6050Fault::RefusesAfter(0)), NO_GYRO, Nothing;
@@ -134,6 +143,8 @@ kinds! {
     "first tap open": World(|f| f.cells_v = Some([0.0, 7.4])), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
     "no ticks": Wires(Board::stop_ticks, |_| ()), Sign::Log("boot after watchdog reset"), Reset;
     "reset by pin": Wires(reset, |_| ()), Sign::Log("boot after reset by pin"), Nothing;
+    // It matters at the next start: a configuration that nobody wrote is refused, and the robot stands.
+    "EEPROM bit flipped": Wires(flip, flip), Sign::None, Reset;
     "EEPROM with the Pi": Wires(|b| b.switch_i2c(I2cController::Pi), |b| b.switch_i2c(I2cController::Stm)),
         Sign::None, Nothing;
 }

@@ -278,10 +278,11 @@ impl Trial {
         self.ask(forward, yaw);
         self.run_ms(500);
         let may_turn = |kind: &&Kind| match (kind.1, kind.2) {
-            // Until the drive monitor has heard of it a failed wheel may turn the robot as it likes, and a lying
-            // gyroscope until a slip has lasted too long.
+            // Until it is noticed a failed wheel or a lying gyroscope may turn the robot as it likes; against a
+            // push it turns with all its power, and a stop meanwhile overshoots for longer.
             (Cause::Gyro(Mpu6050Fault::Offset(_)), _) => SLIP_MS,
             (_, Sign::Driven(_)) => DRIVEN_MS,
+            _ if kind.0 == "robot turned" => OVERSHOOT_MS,
             _ => 0,
         };
         self.may_turn_ms = kinds.iter().map(may_turn).max().unwrap_or(0);
