@@ -232,6 +232,7 @@ impl Sight {
     }
 
     /// The nearest close echo on the way straight ahead of the body, and the way to the contact, mm.
+    // Requirement: NAV-contact-1
     pub fn contact(&self, pose: &Pose2) -> Option<(f64, Point)> {
         let way = |&(_, point): &(f64, Point)| {
             let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);

@@ -81,6 +81,7 @@ impl Gamepad {
         }
     }
 
+    // Requirement: SERVE-teleop-1
     fn take(&mut self, [_, _, _, _, low, high, kind, number]: [u8; EVENT]) -> bool {
         let value = i16::from_ne_bytes([low, high]);
         match (kind & !INITIAL, number) {
@@ -93,6 +94,7 @@ impl Gamepad {
     }
 
     /// Ahead and to the left, −1 to 1, while a dead man's handle is held.
+    // Requirement: SERVE-teleop-1
     pub fn held(&self) -> Option<(f64, f64)> {
         let part = |value: i16| {
             let part = (-f64::from(value) / f64::from(i16::MAX)).clamp(-1.0, 1.0);

@@ -3,6 +3,7 @@
 //! A new operator lists its mutants here, under a genre of its own; [`crate::switch`] puts a
 //! switch where it sees that genre, or leaves the mutant to a build of its own.
 
+mod arithmetic;
 mod places;
 
 use syn::spanned::Spanned;
@@ -31,8 +32,12 @@ const OPPOSITES: [(&str, &str); 5] = [
     ("max", "min"),
 ];
 
+/// An operator of a constructor, as cargo-mutants changes those of other functions: of `new` it lists nothing.
+pub const BINARY: &str = "BinaryOperator";
+
 /// The names of the operators, for a configuration's `operators`, and their genres.
-pub const NAMES: [(&str, &str); 5] = [
+pub const NAMES: [(&str, &str); 6] = [
+    ("constructors", BINARY),
     ("delete-statement", STATEMENT),
     ("swap-statements", SWAP),
     ("change-literal", LITERAL),
@@ -43,7 +48,8 @@ pub const NAMES: [(&str, &str); 5] = [
 /// Constants above this are doubled and halved: their next numbers are rarely another behaviour.
 const LARGE: u128 = 1000;
 
-/// The mutants of these genres in these functions, and in the constants beside them.
+/// The mutants of these genres in these functions, and in the constants beside them; with [`BINARY`] in
+/// constructors too.
 ///
 /// # Errors
 /// Where the text is no Rust.
@@ -57,14 +63,20 @@ pub fn list(
         text,
         genre: CONSTANT,
         unit: false,
+        owner: String::new(),
+        constructing: false,
+        constructors: Vec::new(),
         mutants: Vec::new(),
     };
     finder.visit_file(&syn::parse_file(text)?);
+    let constructors = finder.constructors.iter();
+    let constructors = constructors.filter(|_| genres.contains(&BINARY));
+    let functions: Vec<_> = constructors.chain(functions).collect();
     let mutants = finder.mutants.into_iter();
     let mutants = mutants.filter(|mutant| genres.contains(&&*mutant.genre));
     let mutants = mutants.filter_map(|mutant| {
         let span = mutant.span;
-        let inside = |function: &&Function| {
+        let inside = |function: &&&Function| {
             function.span.start <= span.start && span.end <= function.span.end
         };
         let function = functions.iter().rfind(inside);
@@ -85,6 +97,11 @@ struct Finder<'a> {
     genre: &'static str,
     /// The function returns nothing.
     unit: bool,
+    /// What the functions here belong to.
+    owner: String,
+    /// In a constructor.
+    constructing: bool,
+    constructors: Vec<Function>,
     mutants: Vec<Mutant>,
 }
 
@@ -170,8 +187,30 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         self.function(&item.sig.output, |inner| inner.visit_block(&item.block));
     }
 
+    fn visit_item_impl(&mut self, item: &'ast syn::ItemImpl) {
+        let owner = &item.self_ty;
+        self.owner = quote::quote!(#owner).to_string().replace(' ', "");
+        visit::visit_item_impl(self, item);
+    }
+
     fn visit_impl_item_fn(&mut self, item: &'ast syn::ImplItemFn) {
+        self.constructing = item.sig.ident == "new";
+        if self.constructing {
+            let (name, span) = (format!("{}::new", self.owner), span(item));
+            self.constructors.push(Function { name, span });
+        }
         self.function(&item.sig.output, |inner| inner.visit_block(&item.block));
+        self.constructing = false;
+    }
+
+    fn visit_expr_binary(&mut self, binary: &'ast syn::ExprBinary) {
+        let (text, others) = arithmetic::others(binary.op);
+        let constructing = self.constructing;
+        for other in others.iter().filter(|_| constructing) {
+            let change = format!("replace {text} with {other}");
+            self.add(span(&binary.op), BINARY, change, String::from(*other));
+        }
+        visit::visit_expr_binary(self, binary);
     }
 
     fn visit_item_const(&mut self, item: &'ast syn::ItemConst) {
@@ -325,6 +364,17 @@ mod tests {
             "fn f() -> u8 { a.min(b.wrapping_sub(c)).g() }",
         ];
         assert_eq!(changed, expected);
+    }
+
+    #[test]
+    fn arithmetic_of_constructors_is_changed() {
+        let text = "impl A { fn new(b: u8) -> Self { A(b << 1) } fn f(self) -> u8 { self.0 + C } }";
+        let expected =
+            "impl A { fn new(b: u8) -> Self { A(b >> 1) } fn f(self) -> u8 { self.0 + C } }";
+        assert!(changed(text).contains(&expected.to_owned()));
+        let mutants = list("a.rs", text, &[], &[BINARY]).unwrap();
+        let found = mutants.iter().map(|mutant| &*mutant.function);
+        assert_eq!(found.collect::<Vec<_>>(), ["A::new"]);
     }
 
     #[test]

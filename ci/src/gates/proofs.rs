@@ -50,12 +50,16 @@ pub fn defects(session: &Session) -> Result<String> {
     Ok(format!("{} fit the code; noticed: {noticed}", all.len()))
 }
 
-/// Tries mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
+/// Tries the core's mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
 pub fn mutants(session: &Session, arguments: &[String]) -> Result<String> {
+    mutation(session, "--config ci/mutation.toml", arguments)
+}
+
+/// `ci/mutation` for what `of` says.
+fn mutation(session: &Session, of: &str, arguments: &[String]) -> Result<String> {
     session.require_tool("mutants@27.1.0")?;
-    let words =
-        "run --quiet --release --package mutation -- --config ci/mutation.toml --lister cargo";
-    let (success, text) = process::tee(session.cargo(words).args(arguments))?;
+    let words = format!("run --quiet --release --package mutation -- {of} --lister cargo");
+    let (success, text) = process::tee(session.cargo(&words).args(arguments))?;
     let last = text.trim().lines().last().unwrap_or_default().to_owned();
     if success { Ok(last) } else { bail!(last) }
 }
@@ -85,10 +89,18 @@ pub fn all_mutants(session: &Session) -> Result<String> {
     mutants(session, &arguments.map(str::to_owned))
 }
 
-/// Every test of the core, or of a property, that cites a requirement notices a change of the code that cites it.
+/// Every unit test, or property, that cites a requirement notices a change of its crate's code that cites it.
 pub fn citations(session: &Session) -> Result<String> {
-    let arguments = ["--jobs", "2", "--citations", "Requirement"];
-    mutants(session, &arguments.map(str::to_owned))
+    let arguments = ["--jobs", "2", "--citations", "Requirement"].map(str::to_owned);
+    let crates = [
+        "--config ci/mutation.toml",
+        "--config ci/mutation-host-link.toml",
+        "--config ci/mutation-pilot.toml",
+        "--package navigator",
+        "--package mapper",
+    ];
+    let of_each = crates.map(|of| mutation(session, of, &arguments));
+    Ok(of_each.into_iter().collect::<Result<Vec<_>>>()?.join("; "))
 }
 
 #[test]

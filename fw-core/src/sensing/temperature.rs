@@ -74,7 +74,8 @@ impl Calibration {
     }
 }
 
-/// From words at the present supply, which is the converter's full scale, to words at 3.3 V.
+/// From words at the present supply, which is the converter's full scale, to words at 3.3 V. A pin above the
+/// supply reads as the supply: too low, never too high.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupplyCorrection(
     /// 2⁻¹⁶, at most 1600/1270.

@@ -12,6 +12,7 @@ use mapper::{Mount, Pose2};
 const MAX_STEP_US: u64 = 1_000_000;
 
 /// The pose since the STM's reset, and the velocity since the pose before, on the board's clock.
+// Requirement: SERVE-ros2-1
 pub fn odometry(us: u64, (now_us, pose): (u64, Pose), last: Option<(u64, Pose)>) -> Odometry {
     let mut message = Odometry {
         header: Header::of(us, "odom"),

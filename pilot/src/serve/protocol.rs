@@ -117,6 +117,7 @@ impl Request {
         Ok(request)
     }
 
+    // Requirement: SERVE-client-1
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Hello { version, name, .. } => {

@@ -30,6 +30,21 @@ fn expected(distance: f64) -> i32 {
 const BLIND: i32 = 100_000;
 
 #[test]
+fn way_back_is_the_configured_one_less_what_stops() {
+    let figures = *first_board().obstacle_stop();
+    for mm in [0, 100, 300, 10_000] {
+        let figures = ObstacleStop {
+            reverse_distance_mm: mm,
+            ..figures
+        };
+        // 50 mm/s, 100 ms, 400 mm/s²: 5 mm and 3.125 mm, each one more.
+        let limit = ObstacleLimit::new(&figures, true);
+        assert_eq!(limit.reverse_way, Some((i32::from(mm) - 10).max(0) * MM));
+        assert_eq!(ObstacleLimit::new(&figures, false).reverse_way, None);
+    }
+}
+
+#[test]
 fn stoppable_is_the_largest_speed_that_stops() {
     for reaction in [0, 1, 313, 78_125, (1 << 17) - 1] {
         let energy = |n: u32| u64::from(n) * u64::from(n + reaction);

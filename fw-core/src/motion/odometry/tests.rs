@@ -10,6 +10,30 @@ use crate::eeprom::{config_with, fields, first_board};
 use crate::types::HeadingCorrection;
 use exact_arcs::ExactArcs;
 
+#[test]
+fn figures_per_count_and_turn_are_nearest() {
+    for (diameter, counts, track) in [(80_000, 3840, 125_000), (10_007, 60_000, 792_555)] {
+        let config = config_with(&[
+            (fields::WHEEL_DIAMETER_LEFT, diameter),
+            (fields::WHEEL_DIAMETER_RIGHT, diameter),
+            (fields::COUNTS_PER_TURN, counts),
+            (fields::TRACK, track),
+        ]);
+        let odometry = Odometry::new(&config, 0, 0);
+        let (way, per) = (
+            u128::from(diameter) * u128::from(PI),
+            u128::from(2000 * counts),
+        );
+        let nearest = ((2 * way + per) / (2 * per)) as i64;
+        assert_eq!(odometry.left.half.times(1, 0), nearest);
+        assert_eq!(odometry.right.half.times(1, 0), nearest);
+        // π · track in 2⁻⁴⁰ mm.
+        let exact = core::f64::consts::PI * track as f64 / 1000.0 * (1_u64 << 40) as f64;
+        let found = odometry.half_travel_per_turn as f64;
+        assert!((found / exact - 1.0).abs() < 1e-9, "{found} {exact}");
+    }
+}
+
 /// Odometry and reference over the same counts.
 struct Pair {
     odometry: Odometry,

@@ -34,6 +34,19 @@ fn assert_output(pid: &mut Pid, error: f64, rate: f64, output: f64) {
 }
 
 #[test]
+fn new_scales_limits_and_anti_windup() {
+    for (anti_windup, factor) in [(0.0, 0), (0.25, 1 << 14), (1.0, 1 << 16), (1.4, 1 << 16)] {
+        let pid = pid(1.0, 1.0, 1.0, anti_windup);
+        assert_eq!(pid.back_calculation, factor, "{anti_windup}");
+        assert_eq!(pid.limit, 50 << 32);
+        assert_eq!(
+            pid.integration_limit,
+            (50 << 32) / i64::from(INTEGRATION_SHARE)
+        );
+    }
+}
+
+#[test]
 fn gain_times_value_is_the_product() {
     for factor in [0.0, 2e-10, 0.009_326, 0.3, 1.0, 6.5088, 106.72, 9999.0, 1e4] {
         for value in [-32768.0, -700.25, -1.0 / 65536.0, 0.0, 0.5, 3.0, 32767.99] {
