@@ -15,7 +15,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// How long a client is listened to before its messages go out.
-pub const TURN: Duration = Duration::from_millis(10);
+pub const TURN: Duration = Duration::from_millis(2);
 /// A client that takes no bytes for so long is dropped.
 pub const STALLED: Duration = Duration::from_secs(1);
 /// Time for the first message.
