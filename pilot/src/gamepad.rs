@@ -81,7 +81,6 @@ impl Gamepad {
         }
     }
 
-    // Requirement: SERVE-teleop-1
     fn take(&mut self, [_, _, _, _, low, high, kind, number]: [u8; EVENT]) -> bool {
         let value = i16::from_ne_bytes([low, high]);
         match (kind & !INITIAL, number) {

@@ -61,7 +61,7 @@ fn real(value: f64) -> u64 {
     value.to_bits()
 }
 
-// Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1, DOC-6.0.3-2
+// Requirement: DOC-6.0.1-2, DOC-6.0.2-1, DOC-6.0.3-1
 #[test]
 fn original_image_decodes_with_first_platform() {
     let image = original_by_hand();

@@ -213,6 +213,7 @@ impl Mixer {
         self.right.effective = 0;
     }
 
+    // Requirement: WIRE-platform-3
     fn commands(&self, left: i32, right: i32) -> MotorCommands {
         let run = |duty: i32, reversed: bool| {
             MotorCommand::Run(Duty::saturating(if reversed { -duty } else { duty }))

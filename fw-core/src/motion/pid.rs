@@ -68,7 +68,7 @@ pub struct Pid {
 
 impl Pid {
     /// With an output within ±`limit` percent, 0 ..= 100.
-    // Requirement: DOC-6.0.2-1, WIRE-eeprom-11
+    // Requirement: WIRE-eeprom-11
     pub fn new(gains: &Gains, limit: I16F16) -> Self {
         let back_calculation = gains.anti_windup.value().to_bits() >> 16;
         let limit = limit.to_bits().clamp(0, 100 << 16);

@@ -59,7 +59,7 @@ fn gain_times_value_is_the_product() {
     }
 }
 
-// Requirement: DOC-6.0.2-1, WIRE-eeprom-11
+// Requirement: WIRE-eeprom-11
 #[test]
 fn pid_gains_count_per_sample_and_in_percent() {
     let mut controller = pid(2.0, 0.5, 10.0, 0.3);
