@@ -90,7 +90,7 @@ impl Suite {
         Ok(Self {
             programs: messages.lines().filter_map(program).collect(),
             skip: skipped.collect(),
-            limit: Duration::from_mins(10),
+            limit: Duration::from_mins(30),
         })
     }
 
@@ -103,6 +103,7 @@ impl Suite {
         let start = Instant::now();
         match self.run(0, only)? {
             Outcome::Survived => {}
+            Outcome::TimedOut => return Err("the tests take half an hour without a mutant".into()),
             _ => return Err("the tests fail without a mutant".into()),
         }
         let took = start.elapsed();
