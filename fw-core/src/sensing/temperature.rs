@@ -193,6 +193,8 @@ mod tests {
         }
         let correction = TYPICAL.supply_correction(TYPICAL.reference);
         assert!((0..=4095).all(|word| correction.apply(word) == word));
+        // 371.75.
+        assert_eq!(TYPICAL.supply_correction(1502).apply(372), 372);
         for (calibration, reference) in [(TYPICAL, 1269), (TYPICAL, 2116), (TYPICAL, 0)] {
             let correction = calibration.supply_correction(reference);
             assert_eq!(correction, Calibration::UNWRITTEN.supply_correction(1501));
