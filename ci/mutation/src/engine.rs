@@ -212,16 +212,18 @@ impl<'a> Engine<'a> {
         let mut claims = citations.claims(self.all, |index| numbers.contains(&index));
         claims.retain(chosen);
         let mut idle = Vec::new();
-        for (elsewhere, packages) in [slice::from_ref(&self.config.package), &self.config.also]
-            .into_iter()
-            .enumerate()
-        {
+        let own = slice::from_ref(&self.config.package);
+        for (elsewhere, packages) in [(false, own), (true, &self.config.also)] {
+            let chosen = (0..claims.len()).filter(|index| claims[*index].elsewhere == elsewhere);
+            let chosen: Vec<_> = chosen.collect();
+            // Without a package cargo would build all of them.
+            if chosen.is_empty() {
+                continue;
+            }
             let stage = Stage::of(packages, false, &[]);
             let suite = Suite::build(self.config, &stage, &copy.root, &copy.target);
             let suite = suite.map_err(BuildError::into_text)?;
-            let chosen =
-                (0..claims.len()).filter(|index| claims[*index].elsewhere == (elsewhere == 1));
-            let outcomes = in_parallel(&chosen.collect::<Vec<_>>(), self.jobs, |index| {
+            let outcomes = in_parallel(&chosen, self.jobs, |index| {
                 let mut suite = suite.clone();
                 let only = [claims[index].test.clone()];
                 suite.calibrate(&only)?;

@@ -76,10 +76,10 @@ pub fn list(
     let mutants = mutants.filter(|mutant| genres.contains(&&*mutant.genre));
     let mutants = mutants.filter_map(|mutant| {
         let span = mutant.span;
-        let inside = |function: &&&Function| {
+        let inside = |function: &&Function| {
             function.span.start <= span.start && span.end <= function.span.end
         };
-        let function = functions.iter().rfind(inside);
+        let function = functions.iter().copied().rfind(inside);
         let constant = mutant.genre == CONSTANT;
         (constant || function.is_some()).then(|| Mutant {
             file: file.to_owned(),
@@ -204,11 +204,12 @@ impl<'ast> Visit<'ast> for Finder<'_> {
     }
 
     fn visit_expr_binary(&mut self, binary: &'ast syn::ExprBinary) {
-        let (text, others) = arithmetic::others(binary.op);
-        let constructing = self.constructing;
-        for other in others.iter().filter(|_| constructing) {
-            let change = format!("replace {text} with {other}");
-            self.add(span(&binary.op), BINARY, change, String::from(*other));
+        if self.constructing {
+            let (text, others) = arithmetic::others(binary.op);
+            for other in others {
+                let change = format!("replace {text} with {other}");
+                self.add(span(&binary.op), BINARY, change, String::from(*other));
+            }
         }
         visit::visit_expr_binary(self, binary);
     }
