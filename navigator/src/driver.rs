@@ -258,23 +258,40 @@ impl Driver {
         if reason == StopReason::Link {
             return;
         }
-        let contact = self.sight.contact(&pose);
-        let (ahead_mm, left_mm) = contact.map_or((FRONT_EDGE_MM, 0.0), |(_, point)| {
-            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(&pose);
-            (local.x_mm, local.y_mm)
-        });
+        let (ahead_mm, left_mm) = self.obstacle(&pose);
         for aside in [-50.0, 0.0, 50.0] {
             let mark = pose.point_at(ahead_mm.max(FRONT_EDGE_MM), left_mm + aside);
             self.marks.push((status.time_s, mark));
         }
         let back_mm = self.trail.reversible_mm().min(BACK_MM);
         if times > 0 {
-            let about = left_mm.atan2(ahead_mm) + PI + TURN_MORE_RAD * f64::from(times - 1);
-            let facing = self.trail.net_rad + wrap_angle(about);
-            self.enqueue([Kind::Turn(facing), Kind::Straight(BACK_MM)]);
+            self.leave(&pose, times - 1);
         } else if back_mm > 20.0 {
             self.enqueue([Kind::Straight(-back_mm)]);
         }
+    }
+
+    /// What touches the robot, ahead of and to the left of its middle, mm.
+    fn obstacle(&self, pose: &Pose2) -> (f64, f64) {
+        let contact = self.sight.contact(pose);
+        contact.map_or((FRONT_EDGE_MM, 0.0), |(_, point)| {
+            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
+            (local.x_mm, local.y_mm)
+        })
+    }
+
+    /// Turns about from what stopped the robot, further after so many turns in vain, and drives away.
+    pub fn leave(&mut self, pose: &Pose2, in_vain: u32) {
+        let (ahead_mm, left_mm) = self.obstacle(pose);
+        let about = left_mm.atan2(ahead_mm) + PI + TURN_MORE_RAD * f64::from(in_vain);
+        let facing = self.trail.net_rad + wrap_angle(about);
+        self.enqueue([Kind::Turn(facing), Kind::Straight(BACK_MM)]);
+    }
+
+    /// Whether the robot has not left the place of its last stop.
+    pub fn is_held(&self, pose: &Pose2) -> bool {
+        let (last_s, place, _) = self.stopped;
+        last_s > f64::NEG_INFINITY && distance_mm(pose, place) < SAME_PLACE_MM
     }
 }
 

@@ -31,6 +31,8 @@ const TRIES: usize = 2;
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
 const FIELD_RAD: f64 = 1.75;
+/// A robot that is held gives up after turning away so often.
+const LEAVES: u32 = 4;
 /// Cost of a way with its turns per length.
 const LONGER: f64 = 1.2;
 /// Spacing of the places to return to, mm, and time between two returns, s.
@@ -67,6 +69,8 @@ pub struct Explorer {
     anchors: Vec<(Point, f64)>,
     returned_s: f64,
     targets: usize,
+    /// Times the robot has turned away from a stop because nothing else was left.
+    leaves: u32,
 }
 
 impl Explorer {
@@ -80,6 +84,7 @@ impl Explorer {
             anchors: Vec::new(),
             returned_s: 0.0,
             targets: 0,
+            leaves: 0,
         }
     }
 
@@ -289,13 +294,22 @@ impl Explorer {
         let next = next_of_tour(&reach, &targets, home, config.inflation_mm);
         if let Some(target) = next.filter(|_| !late) {
             self.driver.follow(&reach, target.view, status.time_s);
+            self.leaves = 0;
             self.goal = Goal::Approach(target);
             return;
         }
-        let outcome = if late {
-            Outcome::TimeLimit
-        } else {
-            Outcome::Complete
+        // Requirement: NAV-recovery-1
+        let held = self.driver.is_held(&pose);
+        if held && !late && self.leaves < LEAVES {
+            self.driver.leave(&pose, self.leaves);
+            self.leaves += 1;
+            self.goal = Goal::Choose;
+            return;
+        }
+        let outcome = match (late, held) {
+            (true, _) => Outcome::TimeLimit,
+            (_, true) => Outcome::Unreachable,
+            _ => Outcome::Complete,
         };
         if let Some(node) = home {
             self.driver.follow(&reach, node, status.time_s);

@@ -120,7 +120,7 @@ pub enum Outcome {
     Complete,
     /// The time ran out before everything was known; the explorer is back at its start.
     TimeLimit,
-    /// No way leads to the target or back to the start.
+    /// No way leads to the target or back to the start, or the robot cannot leave the place of a stop.
     Unreachable,
 }
 

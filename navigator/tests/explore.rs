@@ -13,7 +13,7 @@ use closed_loop::{Mapping, Run, drive, explore, localiser};
 use geometry::{Point, Pose2};
 use ideal_map::IdealMapper;
 use mapper::{Grid, PoseEstimate};
-use navigator::{Config, GoTo, Outcome, Status, StopReason};
+use navigator::{Action, Config, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use plant::Room;
 use plant::kinematic::SensorSample;
 
@@ -156,6 +156,32 @@ fn stops_of_every_kind_are_cleared_and_exploring_completes() {
         "{count} {}",
         run.coverage
     );
+}
+
+// Requirement: NAV-recovery-1
+#[test]
+fn robot_that_cannot_leave_its_start_does_not_complete() {
+    let mut explorer = Explorer::new(Config::default());
+    let mut pushed = 0;
+    let navigate = |grid: &Grid, status: &Status| {
+        // Its wheels stall a second after each command.
+        let stop = (pushed == 40).then_some(StopReason::Stall);
+        match explorer.step(grid, &Status { stop, ..*status }) {
+            Action::Drive(velocity) => {
+                let turns = velocity.forward_mm_s.abs() + velocity.yaw_rate_rad_s.abs() > 0.0;
+                pushed = if turns { pushed + 1 } else { 0 };
+                Action::Drive(Velocity::default())
+            }
+            action => {
+                pushed = 0;
+                action
+            }
+        }
+    };
+    let mut mapping = IdealMapper::new(Grid::new(25.0));
+    let run = drive(&Room::two_rooms(), 107, navigate, &mut mapping, |_| None);
+    assert_eq!(run.outcome, Some(Outcome::Unreachable));
+    assert!(run.resumed > 4 && run.path_mm < 1.0, "{}", run.resumed);
 }
 
 #[test]
