@@ -118,9 +118,8 @@ impl Citations {
 /// The citations of a text, and what stands below each: the largest piece of syntax that begins first.
 fn cited(text: &str, module: &[String], label: &str) -> syn::Result<Vec<(String, Cited)>> {
     let mark = format!("// {label}: ");
-    let lines = (1..).zip(text.lines());
-    let wanted =
-        lines.filter_map(|(number, line)| Some((number, line.trim().strip_prefix(&mark)?)));
+    let lines = (1..).zip(text.lines().map(str::trim));
+    let wanted = lines.filter_map(|(number, line)| Some((number, line.strip_prefix(&mark)?)));
     let wanted: Vec<_> = wanted.collect();
     let mut finder = Finder {
         lines: wanted.iter().map(|(number, _)| *number).collect(),
@@ -185,10 +184,8 @@ impl<'ast> Visit<'ast> for Finder {
     fn visit_item(&mut self, item: &'ast syn::Item) {
         match item {
             syn::Item::Fn(function) => {
-                let is_test = function
-                    .attrs
-                    .iter()
-                    .any(|attr| attr.path().is_ident("test"));
+                let mut attributes = function.attrs.iter();
+                let is_test = attributes.any(|attr| attr.path().is_ident("test"));
                 let name = function.sig.ident.to_string();
                 self.consider(item, Some((&name, is_test)));
             }
@@ -281,17 +278,12 @@ mod tests {
     fn claim_has_the_mutants_of_its_requirements_code() {
         let mut citations = Citations::default();
         let file = "p/src/a.rs";
-        citations
-            .read((file, &["a".into()]), TEXT, "Cites", false)
-            .unwrap();
-        citations
-            .read(
-                ("q/src/lib.rs", &[]),
-                "// Cites: X-3\nfn q() {}\n",
-                "Cites",
-                true,
-            )
-            .unwrap();
+        let mut read = |place: (&str, &[String]), text: &str, elsewhere| {
+            citations.read(place, text, "Cites", elsewhere).unwrap();
+        };
+        read((file, &["a".into()]), TEXT, false);
+        let other = "// Cites: X-3\nfn q() {}\n";
+        read(("q/src/lib.rs", &[]), other, true);
         let mutant = |line, genre: &str| Mutant {
             file: file.into(),
             genre: genre.into(),
@@ -301,21 +293,10 @@ mod tests {
             },
             ..Mutant::default()
         };
-        let all = [
-            Mutant {
-                span: Span {
-                    start: Position { line: 5, column: 1 },
-                    end: Position {
-                        line: 18,
-                        column: 1,
-                    },
-                },
-                ..mutant(5, "FnValue")
-            },
-            mutant(8, "BinaryOperator"),
-            mutant(8, "BinaryOperator"),
-            mutant(12, "BinaryOperator"),
-        ];
+        let mut whole = mutant(5, "FnValue");
+        whole.span.end.line = 18;
+        let [one, other, later] = [8, 8, 12].map(|line| mutant(line, "BinaryOperator"));
+        let all = [whole, one, other, later];
         let claims = citations.claims(&all, |index| index != 2);
         let claim = |requirement: &str, test: &str, elsewhere| Claim {
             requirement: requirement.into(),
@@ -323,12 +304,10 @@ mod tests {
             elsewhere,
             mutants: vec![1],
         };
-        assert_eq!(
-            claims,
-            [
-                claim("X-1", "a::tests::one", false),
-                claim("X-3", "q", true)
-            ]
-        );
+        let expected = [
+            claim("X-1", "a::tests::one", false),
+            claim("X-3", "q", true),
+        ];
+        assert_eq!(claims, expected);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use anyhow::{Context, Error, Result, bail};
 use serde::Deserialize;
 
 use crate::excuses::Excuses;
@@ -30,6 +31,18 @@ pub struct Config {
     /// Arguments of every `cargo test`.
     #[serde(default)]
     pub cargo_args: Vec<String>,
+    /// For a package without tests of its own.
+    pub judge: Option<Judge>,
+}
+
+/// Commands, words parted by spaces, that run in the copy of the workspace with a mutant in it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Judge {
+    /// Fails where the mutant does not compile.
+    pub build: String,
+    /// Fails where the mutant is noticed.
+    pub test: String,
 }
 
 /// Tests that see a mutant together; what they let pass goes to the next stage.
@@ -67,24 +80,22 @@ impl Config {
     ///
     /// # Errors
     /// Names the file, and what is wrong in it.
-    pub fn read(path: &Path) -> Result<(Self, Excuses), String> {
-        let read = |path: &Path| {
-            let text = std::fs::read_to_string(path);
-            text.map_err(|error| format!("{}: {error}", path.display()))
-        };
-        let named = |path: &Path, error: &str| format!("{}: {error}", path.display());
-        let config: Self =
-            toml::from_str(&read(path)?).map_err(|error| named(path, &error.to_string()))?;
+    pub fn read(path: &Path) -> Result<(Self, Excuses)> {
+        fn parse<T>(path: &Path, parse: impl Fn(&str) -> Result<T>) -> Result<T> {
+            let parsed = std::fs::read_to_string(path).map_err(Error::from);
+            let parsed = parsed.and_then(|text| parse(&text));
+            parsed.with_context(|| path.display().to_string())
+        }
+        let config: Self = parse(path, |text| Ok(toml::from_str(text)?))?;
         let known = |name: &str| operators::NAMES.iter().any(|(known, _)| *known == name);
         if let Some(unknown) = config.operators.iter().find(|name| !known(name)) {
-            return Err(named(path, &format!("no operator {unknown}")));
+            bail!("{}: no operator {unknown}", path.display());
         }
         let Some(file) = &config.excuses else {
             return Ok((config, Excuses::default()));
         };
         let file = path.parent().unwrap_or(Path::new("")).join(file);
-        let excuses = Excuses::parse(&read(&file)?).map_err(|error| named(&file, &error))?;
-        Ok((config, excuses))
+        Ok((config, parse(&file, Excuses::parse)?))
     }
 
     /// The stages: the quick tests beside the code, all tests of the package, other packages'.

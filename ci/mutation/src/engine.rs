@@ -2,14 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::slice;
 use std::sync::Mutex;
 use std::thread;
 
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde_json::Value;
 
 use crate::citations::{Citations, Claim};
-use crate::config::{Config, Stage};
+use crate::config::{Config, Judge, Stage};
 use crate::mutant::Mutant;
 use crate::operators::{CONSTANT, NAMES};
 use crate::suite::{BuildError, Outcome, Suite};
@@ -51,7 +53,7 @@ impl<'a> Engine<'a> {
         all: &'a [Mutant],
         count: usize,
         (jobs, quick): (usize, bool),
-    ) -> Result<Self, String> {
+    ) -> Result<Self> {
         let mut engine = Self {
             config,
             workspace,
@@ -62,7 +64,13 @@ impl<'a> Engine<'a> {
             switched: None,
             plain: None,
         };
-        if quick || count >= FEW {
+        if let Some(judge) = &config.judge {
+            let outcome = engine.judged(judge, None)?;
+            ensure!(
+                outcome == Outcome::Survived,
+                "without a mutant: {outcome:?}"
+            );
+        } else if quick || count >= FEW {
             let (copy, numbers) = engine.build_switched()?;
             println!("{} of {} mutants in one build", numbers.len(), all.len());
             engine.switched = Some((copy, numbers));
@@ -70,7 +78,7 @@ impl<'a> Engine<'a> {
         Ok(engine)
     }
 
-    fn copy(&self, name: &str) -> Result<Copy, String> {
+    fn copy(&self, name: &str) -> Result<Copy> {
         let folder = self.workspace.target.join("mutants").join(name);
         let root = folder.join("workspace");
         self.workspace.copy(&root)?;
@@ -82,7 +90,7 @@ impl<'a> Engine<'a> {
     }
 
     /// Rewrites a copy until it compiles, each time without the mutants that the compiler refused.
-    fn build_switched(&self) -> Result<(Copy, BTreeSet<usize>), String> {
+    fn build_switched(&self) -> Result<(Copy, BTreeSet<usize>)> {
         let mut refused = BTreeSet::new();
         loop {
             let mut copy = self.copy("switched")?;
@@ -98,9 +106,7 @@ impl<'a> Engine<'a> {
                     refused.extend(blamed(&messages, &copy.root));
                     if refused.len() == before {
                         let error = messages.lines().find_map(rendered).unwrap_or_default();
-                        return Err(format!(
-                            "the code with all mutants does not compile: {error}"
-                        ));
+                        bail!("the code with all mutants does not compile: {error}");
                     }
                 }
                 Err(BuildError::Other(error)) => return Err(error),
@@ -109,15 +115,13 @@ impl<'a> Engine<'a> {
     }
 
     /// Puts a switch for every mutant but the refused ones into a copy; those that have one.
-    fn rewrite(&self, root: &Path, refused: &BTreeSet<usize>) -> Result<BTreeSet<usize>, String> {
+    fn rewrite(&self, root: &Path, refused: &BTreeSet<usize>) -> Result<BTreeSet<usize>> {
         let mut files = BTreeMap::<&str, Vec<(usize, &Mutant)>>::new();
         for (index, mutant) in self.all.iter().enumerate() {
             if !refused.contains(&index) {
                 // Number 0 is no mutant.
-                files
-                    .entry(&mutant.file)
-                    .or_default()
-                    .push((index + 1, mutant));
+                let of_file = files.entry(&mutant.file).or_default();
+                of_file.push((index + 1, mutant));
             }
         }
         let mut switched = BTreeSet::new();
@@ -126,18 +130,15 @@ impl<'a> Engine<'a> {
         for path in sorted(&sources)? {
             let file = path.strip_prefix(root).unwrap_or(&path);
             let mutants = files.remove(file.to_str().unwrap_or_default());
-            let around = module(&path);
-            let around = around
-                .ancestors()
-                .skip(1)
-                .find_map(|outer| modules.get(outer));
+            let own = module(&path);
+            let around = own.ancestors().skip(1).find_map(|outer| modules.get(outer));
             let mut constants = around.cloned().unwrap_or_default();
             edit(&path, |text| {
                 let (text, numbers) = switch(text, &mutants.unwrap_or_default(), &mut constants)?;
                 switched.extend(numbers.into_iter().map(|number| number - 1));
                 Ok(text)
             })?;
-            modules.insert(module(&path), constants);
+            modules.insert(own, constants);
         }
         edit(&root.join(&self.workspace.library), |text| {
             Ok([FEATURES, text, SWITCH].concat())
@@ -153,7 +154,7 @@ impl<'a> Engine<'a> {
         &mut self,
         mutants: &[usize],
         excused: impl Fn(&Mutant) -> bool,
-    ) -> Result<BTreeMap<usize, Outcome>, String> {
+    ) -> Result<BTreeMap<usize, Outcome>> {
         let mut outcomes = BTreeMap::new();
         let has_switch = |index: &&usize| {
             let switched = self.switched.as_ref();
@@ -205,9 +206,9 @@ impl<'a> Engine<'a> {
         &mut self,
         citations: &Citations,
         chosen: impl Fn(&Claim) -> bool,
-    ) -> Result<(usize, Vec<Claim>), String> {
+    ) -> Result<(usize, Vec<Claim>)> {
         let Some((copy, numbers)) = &self.switched else {
-            return Err("no mutant has a switch".into());
+            bail!("no mutant has a switch");
         };
         let mut claims = citations.claims(self.all, |index| numbers.contains(&index));
         claims.retain(chosen);
@@ -222,7 +223,7 @@ impl<'a> Engine<'a> {
             }
             let stage = Stage::of(packages, false, &[]);
             let suite = Suite::build(self.config, &stage, &copy.root, &copy.target);
-            let suite = suite.map_err(BuildError::into_text)?;
+            let suite = suite.map_err(BuildError::into_error)?;
             let outcomes = in_parallel(&chosen, self.jobs, |index| {
                 let mut suite = suite.clone();
                 let only = [claims[index].test.clone()];
@@ -243,12 +244,32 @@ impl<'a> Engine<'a> {
         Ok((claims.len(), idle))
     }
 
-    fn try_plain(
-        &mut self,
-        index: usize,
-        excused: impl Fn(&Mutant) -> bool,
-    ) -> Result<Outcome, String> {
+    /// What the judge's commands come to, with the mutant.
+    fn judged(&self, judge: &Judge, mutant: Option<&Mutant>) -> Result<Outcome> {
+        let copy = self.copy("judged")?;
+        if let Some(mutant) = mutant {
+            let file = copy.root.join(&mutant.file);
+            edit(&file, |text| Ok(mutant.applied(text)))?;
+        }
+        let passes = |words: &str| {
+            let mut words = words.split(' ');
+            let mut command = Command::new(words.next().unwrap_or_default());
+            command.args(words).current_dir(&copy.root);
+            let output = command.output().with_context(|| judge.build.clone());
+            output.map(|output| output.status.success())
+        };
+        Ok(match passes(&judge.build)? {
+            false => Outcome::Unviable,
+            true if passes(&judge.test)? => Outcome::Survived,
+            true => Outcome::Caught,
+        })
+    }
+
+    fn try_plain(&mut self, index: usize, excused: impl Fn(&Mutant) -> bool) -> Result<Outcome> {
         let mutant = &self.all[index];
+        if let Some(judge) = &self.config.judge {
+            return self.judged(judge, Some(mutant));
+        }
         let mut copy = match self.plain.take() {
             Some(copy) => copy,
             None => self.copy("plain")?,
@@ -256,8 +277,7 @@ impl<'a> Engine<'a> {
         let file = copy.root.join(&mutant.file);
         let mut outcome = Outcome::Survived;
         for stage in 0..self.stages.len() {
-            let later = stage > 0 && (outcome != Outcome::Survived || excused(mutant));
-            if later {
+            if stage > 0 && (outcome != Outcome::Survived || excused(mutant)) {
                 break;
             }
             // Without the mutant first, for the time limit.
@@ -283,14 +303,12 @@ impl<'a> Engine<'a> {
 
 impl Copy {
     /// Builds and calibrates a stage's tests, once.
-    fn prepare(&mut self, config: &Config, stages: &[Stage], stage: usize) -> Result<(), String> {
+    fn prepare(&mut self, config: &Config, stages: &[Stage], stage: usize) -> Result<()> {
         if self.suites.contains_key(&stage) {
             return Ok(());
         }
-        let mut suite = match Suite::build(config, &stages[stage], &self.root, &self.target) {
-            Ok(suite) => suite,
-            Err(error) => return Err(error.into_text()),
-        };
+        let suite = Suite::build(config, &stages[stage], &self.root, &self.target);
+        let mut suite = suite.map_err(BuildError::into_error)?;
         suite.calibrate(&[])?;
         self.suites.insert(stage, suite);
         Ok(())
@@ -298,11 +316,11 @@ impl Copy {
 }
 
 /// Rewrites a file.
-fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<(), String> {
-    let shown = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-    let text = std::fs::read_to_string(file).map_err(|error| shown(&error))?;
-    let text = new(&text).map_err(|error| shown(&error))?;
-    std::fs::write(file, text).map_err(|error| shown(&error))
+fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<()> {
+    let shown = || file.display().to_string();
+    let text = std::fs::read_to_string(file).with_context(shown)?;
+    let text = new(&text).with_context(shown)?;
+    std::fs::write(file, text).with_context(shown)
 }
 
 /// The text of an error among the compiler's messages.
@@ -349,25 +367,19 @@ fn blamed(messages: &str, root: &Path) -> BTreeSet<usize> {
 fn in_parallel(
     indices: &[usize],
     jobs: usize,
-    work: impl Fn(usize) -> Result<Outcome, String> + Sync,
-) -> Result<BTreeMap<usize, Outcome>, String> {
+    work: impl Fn(usize) -> Result<Outcome> + Sync,
+) -> Result<BTreeMap<usize, Outcome>> {
     let queue = Mutex::new(indices.iter());
-    let take = || {
-        queue
-            .lock()
-            .ok()
-            .and_then(|mut queue| queue.next().copied())
-    };
+    let take = || queue.lock().ok()?.next().copied();
     thread::scope(|scope| {
-        let worker = || -> Result<Vec<_>, String> {
-            std::iter::from_fn(take)
-                .map(|index| Ok((index, work(index)?)))
-                .collect()
+        let worker = || -> Result<Vec<_>> {
+            let taken = std::iter::from_fn(take);
+            taken.map(|index| Ok((index, work(index)?))).collect()
         };
         let running: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
         let mut outcomes = BTreeMap::new();
         for thread in running {
-            let found = thread.join().map_err(|_| "a worker panicked")?;
+            let found = thread.join().map_err(|_| anyhow!("a worker panicked"))?;
             outcomes.extend(found?);
         }
         Ok(outcomes)

@@ -10,6 +10,7 @@
 //!
 //! A change outside of functions has no `function`.
 
+use anyhow::{Result, ensure};
 use serde::Deserialize;
 
 use crate::mutant::Mutant;
@@ -44,13 +45,12 @@ pub struct Excused {
 impl Excuses {
     /// # Errors
     /// Names the line that cannot be read, or the excuse without a reason.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let excuses: Self = toml::from_str(text).map_err(|error| error.to_string())?;
-        let empty = |excuse: &&Excuse| excuse.reason.trim().is_empty();
-        match excuses.excuse.iter().find(empty) {
-            Some(excuse) => Err(format!("no reason for {:?}", excuse.mutants)),
-            None => Ok(excuses),
+    pub fn parse(text: &str) -> Result<Self> {
+        let excuses: Self = toml::from_str(text)?;
+        for Excuse { reason, mutants } in &excuses.excuse {
+            ensure!(!reason.trim().is_empty(), "no reason for {mutants:?}");
         }
+        Ok(excuses)
     }
 
     fn all(&self) -> impl Iterator<Item = &Excused> {

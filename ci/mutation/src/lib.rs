@@ -43,6 +43,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 pub use config::Config;
@@ -89,31 +90,10 @@ fn parse_shard(text: &str) -> Result<(usize, usize), &'static str> {
     shard.ok_or("not K/N with K from 0 to N - 1")
 }
 
-/// Why there is no report.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Error {
-    /// cargo-mutants cannot be started.
-    NoLister(String),
-    /// Anything else, in a sentence.
-    Failed(String),
-}
-
-impl std::fmt::Display for Error {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::NoLister(why) => write!(f, "cargo-mutants cannot be started: {why}"),
-            Self::Failed(why) => f.write_str(why),
-        }
-    }
-}
-
-impl std::error::Error for Error {}
-
-impl From<String> for Error {
-    fn from(why: String) -> Self {
-        Self::Failed(why)
-    }
-}
+/// cargo-mutants cannot be started.
+#[derive(Debug, thiserror::Error)]
+#[error("cargo-mutants cannot be started: {0}")]
+pub struct NoLister(std::io::Error);
 
 /// Lists the mutants of a package and tries the chosen ones. `lister` is the program
 /// cargo-mutants; `folder` is in the workspace.
@@ -125,7 +105,7 @@ pub fn run(
     lister: &Path,
     (config, excuses): &(Config, Excuses),
     choice: &Choice,
-) -> Result<Report, Error> {
+) -> Result<Report> {
     let workspace = Workspace::find(folder, &config.package)?;
     let all = list(&workspace, lister, config, &[])?;
     let chosen = choose(&workspace, lister, config, choice, &all)?;
@@ -134,9 +114,8 @@ pub fn run(
         ..Report::default()
     };
     let stale = excuses.stale(&all).into_iter();
-    report.findings = stale
-        .map(|excused| format!("excuse without a mutant: {excused}"))
-        .collect();
+    let stale = stale.map(|excused| format!("excuse without a mutant: {excused}"));
+    report.findings = stale.collect();
     if chosen.is_empty() {
         return Ok(report);
     }
@@ -144,10 +123,8 @@ pub fn run(
     let mut engine = Engine::new(config, &workspace, &all, chosen.len(), how)?;
     let start = Instant::now();
     for group in groups(&all, &chosen, choice.seconds.is_some()) {
-        if choice
-            .seconds
-            .is_some_and(|limit| start.elapsed().as_secs() >= limit)
-        {
+        let is_over = |limit| start.elapsed().as_secs() >= limit;
+        if choice.seconds.is_some_and(is_over) {
             break;
         }
         let outcomes = engine.try_all(&group, |mutant| excuses.cover(mutant))?;
@@ -163,12 +140,8 @@ pub fn run(
             };
             report.findings.push(finding);
         }
-        let file = &all[group[0]].file;
-        println!(
-            "{file}: {} tried, {:.0} s",
-            group.len(),
-            start.elapsed().as_secs_f64()
-        );
+        let (file, seconds) = (&all[group[0]].file, start.elapsed().as_secs_f64());
+        println!("{file}: {} tried, {seconds:.0} s", group.len());
         for finding in &report.findings[before..] {
             println!("  {finding}");
         }
@@ -187,7 +160,7 @@ pub fn run_citations(
     config: &Config,
     label: &str,
     choice: &Choice,
-) -> Result<(usize, Vec<String>), Error> {
+) -> Result<(usize, Vec<String>)> {
     let workspace = Workspace::find(folder, &config.package)?;
     let all = list(&workspace, lister, config, &[])?;
     let mut citations = Citations::default();
@@ -195,18 +168,15 @@ pub fn run_citations(
         let library = Workspace::find(folder, package)?.library;
         let sources = library.parent().unwrap_or(Path::new(""));
         for path in workspace::sorted(&workspace.root.join(sources))? {
-            let shown = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-            let text = std::fs::read_to_string(&path).map_err(|error| shown(&error))?;
+            let shown = || path.display().to_string();
+            let text = std::fs::read_to_string(&path).with_context(shown)?;
             let name = path.strip_prefix(&workspace.root).unwrap_or(&path);
             let module = workspace::module(name.strip_prefix(sources).unwrap_or(name));
-            let module = module
-                .iter()
-                .map(|part| part.to_string_lossy().into_owned());
-            let (name, module) = (name.to_string_lossy(), module.collect::<Vec<_>>());
-            let elsewhere = *package != config.package;
-            citations
-                .read((&name, &module), &text, label, elsewhere)
-                .map_err(|error| shown(&error))?;
+            let part = |part: &std::ffi::OsStr| part.to_string_lossy().into_owned();
+            let (name, module) = (name.to_string_lossy(), module.iter().map(part));
+            let (module, elsewhere) = (module.collect::<Vec<_>>(), *package != config.package);
+            let read = citations.read((&name, &module), &text, label, elsewhere);
+            read.with_context(shown)?;
         }
     }
     let mut engine = Engine::new(config, &workspace, &all, all.len(), (choice.jobs, true))?;
@@ -222,16 +192,16 @@ fn choose(
     config: &Config,
     choice: &Choice,
     all: &[Mutant],
-) -> Result<Vec<usize>, Error> {
+) -> Result<Vec<usize>> {
     let changed = match &choice.since {
         None => None,
         Some(base) => {
             let mut git = Command::new("git");
-            git.args(["diff", "--merge-base", base])
-                .current_dir(&workspace.root);
-            let diff = git.output().map_err(|error| format!("git: {error}"))?;
+            git.current_dir(&workspace.root);
+            git.args(["diff", "--merge-base", base]);
+            let diff = git.output().context("git")?;
             let file = workspace.target.join("mutants.diff");
-            std::fs::write(&file, diff.stdout).map_err(|error| error.to_string())?;
+            std::fs::write(&file, diff.stdout)?;
             let in_diff = ["--in-diff".as_ref(), file.as_os_str()];
             Some(list(workspace, lister, config, &in_diff)?)
         }
@@ -270,17 +240,14 @@ fn list(
     lister: &Path,
     config: &Config,
     arguments: &[&std::ffi::OsStr],
-) -> Result<Vec<Mutant>, Error> {
+) -> Result<Vec<Mutant>> {
     let mut ask = Command::new(lister);
     ask.args(["mutants", "--list", "--json", "--colors", "never"]);
     ask.args(["--package", &config.package]).args(arguments);
     let answer = ask.current_dir(&workspace.root).output();
-    let answer = answer.map_err(|error| Error::NoLister(error.to_string()))?;
-    if !answer.status.success() {
-        return Err(Error::Failed(
-            String::from_utf8_lossy(&answer.stderr).into_owned(),
-        ));
-    }
+    let answer = answer.map_err(NoLister)?;
+    let error = String::from_utf8_lossy(&answer.stderr);
+    ensure!(answer.status.success(), "{error}");
     let answer = String::from_utf8_lossy(&answer.stdout);
     let (mut mutants, functions) = mutant::parse(&answer, &workspace.root)?;
     let genres: Vec<_> = (operators::NAMES.iter())
@@ -289,9 +256,8 @@ fn list(
         .collect();
     for (file, functions) in functions.iter().filter(|_| !genres.is_empty()) {
         let text = std::fs::read_to_string(workspace.root.join(file));
-        let text = text.map_err(|error| format!("{file}: {error}"))?;
-        let own = operators::list(file, &text, functions, &genres);
-        mutants.extend(own.map_err(|error| format!("{file}: {error}"))?);
+        let own = operators::list(file, &text.context(file.clone())?, functions, &genres);
+        mutants.extend(own.context(file.clone())?);
     }
     mutants.retain(|mutant| !config.without.iter().any(|part| mutant.file.contains(part)));
     Ok(mutants)

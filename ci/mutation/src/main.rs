@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::{Context, Result};
 use clap::Parser;
-use mutation::{Choice, Config, Error, Excuses, run, run_citations};
+use mutation::{Choice, Config, Excuses, NoLister, run, run_citations};
 
 /// Changes a package in every way that cargo-mutants lists, to see that some test notices
 ///
@@ -36,26 +37,20 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match try_main(Arguments::parse()) {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("mutation: {error}");
-            match error {
-                Error::NoLister(_) => ExitCode::from(4),
-                Error::Failed(_) => ExitCode::FAILURE,
-            }
-        }
-    }
+    try_main(Arguments::parse()).unwrap_or_else(|error| {
+        eprintln!("mutation: {error:#}");
+        ExitCode::from(if error.is::<NoLister>() { 4 } else { 1 })
+    })
 }
 
-fn try_main(arguments: Arguments) -> Result<ExitCode, Error> {
+fn try_main(arguments: Arguments) -> Result<ExitCode> {
     let package = arguments.package.unwrap_or_default();
     let config = match &arguments.config {
         Some(file) => Config::read(file)?,
         None => (Config::of(package), Excuses::default()),
     };
+    let (folder, lister) = (&arguments.dir, &arguments.lister);
     if let Some(label) = &arguments.citations {
-        let (folder, lister) = (&arguments.dir, &arguments.lister);
         let (claims, idle) = run_citations(folder, lister, &config.0, label, &arguments.choice)?;
         for finding in &idle {
             println!("- {finding}");
@@ -63,21 +58,13 @@ fn try_main(arguments: Arguments) -> Result<ExitCode, Error> {
         println!("{claims} citations by tests, {} findings", idle.len());
         return Ok(ExitCode::from(u8::from(!idle.is_empty())));
     }
-    let report = run(
-        &arguments.dir,
-        &arguments.lister,
-        &config,
-        &arguments.choice,
-    )?;
+    let report = run(folder, lister, &config, &arguments.choice)?;
     println!("\n{report}");
     if let Some(file) = arguments.report {
         let written = std::fs::write(&file, format!("{report}\n"));
-        written.map_err(|error| format!("{}: {error}", file.display()))?;
+        written.with_context(|| file.display().to_string())?;
     }
-    let (tried, chosen) = (report.tried(), report.chosen);
-    println!(
-        "{tried} of {chosen} mutants, {} findings",
-        report.findings.len()
-    );
-    Ok(ExitCode::from(u8::from(!report.findings.is_empty())))
+    let (tried, chosen, findings) = (report.tried(), report.chosen, report.findings.len());
+    println!("{tried} of {chosen} mutants, {findings} findings");
+    Ok(ExitCode::from(u8::from(findings > 0)))
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use anyhow::{Context, Result, bail};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -59,26 +60,26 @@ pub struct Function {
 /// The mutants of a list, and the functions they are in by file.
 pub type List = (Vec<Mutant>, BTreeMap<String, Vec<Function>>);
 
+/// What prints the list.
+const LIST: &str = "cargo mutants --list";
+
 /// Reads the answer of `cargo mutants --list --json`, beside the sources in `root`.
 ///
 /// # Errors
 /// Where the answer is none, or does not fit the sources.
-pub fn parse(answer: &str, root: &Path) -> Result<List, String> {
+pub fn parse(answer: &str, root: &Path) -> Result<List> {
     if answer.trim().is_empty() {
         return Ok(List::default());
     }
-    let listed: Vec<Value> =
-        serde_json::from_str(answer).map_err(|error| format!("cargo mutants --list: {error}"))?;
+    let listed: Vec<Value> = serde_json::from_str(answer).context(LIST)?;
     let (mut mutants, mut functions) = List::default();
     let mut text = (String::new(), String::new());
     for listed in listed {
-        let read = |error| format!("cargo mutants --list: {error}");
-        let mut mutant = Mutant::deserialize(&listed).map_err(read)?;
-        let function = Option::<Function>::deserialize(&listed["function"]).map_err(read)?;
+        let mut mutant = Mutant::deserialize(&listed).context(LIST)?;
+        let function = Option::<Function>::deserialize(&listed["function"]).context(LIST)?;
         if text.0 != mutant.file {
             let read = std::fs::read_to_string(root.join(&mutant.file));
-            let read = read.map_err(|error| format!("{}: {error}", mutant.file))?;
-            text = (mutant.file.clone(), read);
+            text = (mutant.file.clone(), read.context(mutant.file.clone())?);
         }
         let known: &mut Vec<Function> = functions.entry(mutant.file.clone()).or_default();
         if let Some(function) = function {
@@ -90,10 +91,7 @@ pub fn parse(answer: &str, root: &Path) -> Result<List, String> {
         let Position { line, column } = mutant.span.start;
         let start = format!("{}:{line}:{column}: ", mutant.file);
         let Some(change) = mutant.change.strip_prefix(&start) else {
-            return Err(format!(
-                "cargo mutants --list: {} is not there",
-                mutant.change
-            ));
+            bail!("{LIST}: {} is not there", mutant.change);
         };
         let end = format!(" in {}", mutant.function);
         let change = change.strip_suffix(&end).unwrap_or(change);

@@ -145,12 +145,8 @@ impl Finder<'_> {
             end: span(other).end,
         };
         let replacement = format!("{}\n{}", text(other), text(one));
-        self.add(
-            both,
-            SWAP,
-            "swap with the next statement".to_owned(),
-            replacement,
-        );
+        let change = "swap with the next statement".to_owned();
+        self.add(both, SWAP, change, replacement);
     }
 
     fn function(&mut self, output: &ReturnType, visit: impl FnOnce(&mut Self)) {

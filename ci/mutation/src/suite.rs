@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use anyhow::{Context, Error, Result, anyhow, bail};
 use serde_json::Value;
 
 use crate::config::{Config, Stage};
@@ -43,14 +44,14 @@ pub enum BuildError {
     /// The compiler's messages, as cargo prints them in JSON.
     Compile(String),
     /// Anything else.
-    Other(String),
+    Other(Error),
 }
 
 impl BuildError {
     /// In a sentence.
-    pub fn into_text(self) -> String {
+    pub fn into_error(self) -> Error {
         match self {
-            Self::Compile(_) => "the tests do not compile".into(),
+            Self::Compile(_) => anyhow!("the tests do not compile"),
             Self::Other(error) => error,
         }
     }
@@ -68,9 +69,8 @@ impl Suite {
         target: &Path,
     ) -> Result<Self, BuildError> {
         let mut build = cargo();
-        build
-            .current_dir(root)
-            .args(["test", "--no-run", "--message-format=json"]);
+        build.current_dir(root);
+        build.args(["test", "--no-run", "--message-format=json"]);
         for package in &stage.packages {
             build.args(["--package", package]);
         }
@@ -80,8 +80,8 @@ impl Suite {
         // For the switch alone, see `switch.in.rs`; and a mutant may leave something unused.
         build.env("RUSTC_BOOTSTRAP", config.package.replace('-', "_"));
         build.env("RUSTFLAGS", "--cap-lints=allow");
-        let answer = build.output();
-        let answer = answer.map_err(|error| BuildError::Other(format!("cargo test: {error}")))?;
+        let answer = build.output().context("cargo test");
+        let answer = answer.map_err(BuildError::Other)?;
         let messages = String::from_utf8_lossy(&answer.stdout);
         if !answer.status.success() {
             return Err(BuildError::Compile(messages.into_owned()));
@@ -99,12 +99,12 @@ impl Suite {
     ///
     /// # Errors
     /// Where they fail.
-    pub fn calibrate(&mut self, only: &[String]) -> Result<Duration, String> {
+    pub fn calibrate(&mut self, only: &[String]) -> Result<Duration> {
         let start = Instant::now();
         match self.run(0, only)? {
             Outcome::Survived => {}
-            Outcome::TimedOut => return Err("the tests take half an hour without a mutant".into()),
-            _ => return Err("the tests fail without a mutant".into()),
+            Outcome::TimedOut => bail!("the tests take half an hour without a mutant"),
+            _ => bail!("the tests fail without a mutant"),
         }
         let took = start.elapsed();
         self.limit = took * 5 + Duration::from_secs(20);
@@ -124,10 +124,10 @@ impl Suite {
     ///
     /// # Errors
     /// Where a program cannot be started, or was killed by a signal.
-    pub fn run(&self, mutant: usize, only: &[String]) -> Result<Outcome, String> {
+    pub fn run(&self, mutant: usize, only: &[String]) -> Result<Outcome> {
         let end = Instant::now() + self.limit;
         for (program, folder) in &self.programs {
-            let shown = |error: std::io::Error| format!("{}: {error}", program.display());
+            let shown = || program.display().to_string();
             let mut tests = Command::new("sh");
             let limited = format!("ulimit -v {MEMORY_KIB} && exec \"$0\" \"$@\"");
             tests.arg("-c").arg(limited).arg(program);
@@ -137,20 +137,21 @@ impl Suite {
             tests.args(&self.skip).args(only);
             tests.current_dir(folder).env("MUTANT", mutant.to_string());
             tests.stdout(Stdio::null()).stderr(Stdio::null());
-            let mut child = tests.spawn().map_err(shown)?;
+            let mut child = tests.spawn().with_context(shown)?;
             let status = loop {
-                if let Some(status) = child.try_wait().map_err(shown)? {
+                if let Some(status) = child.try_wait().with_context(shown)? {
                     break status;
                 }
                 if Instant::now() > end {
-                    child.kill().and_then(|()| child.wait()).map_err(shown)?;
+                    let killed = child.kill().and_then(|()| child.wait());
+                    killed.with_context(shown)?;
                     return Ok(Outcome::TimedOut);
                 }
                 thread::sleep(Duration::from_millis(20));
             };
             match (status.success(), status.signal()) {
                 (true, _) => {}
-                (false, Some(9)) => return Err("the tests were killed".into()),
+                (false, Some(9)) => bail!("the tests were killed"),
                 (false, _) => return Ok(Outcome::Caught),
             }
         }

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use anyhow::{Context, Result};
 use serde_json::Value;
 
 /// Where things are.
@@ -17,26 +18,27 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Asks cargo in `folder` for the workspace and the package's library.
+    /// Asks cargo in `folder` for the workspace and the package's library, or program.
     ///
     /// # Errors
-    /// Where there is no such package with a library.
-    pub fn find(folder: &Path, package: &str) -> Result<Self, String> {
+    /// Where there is no such package.
+    pub fn find(folder: &Path, package: &str) -> Result<Self> {
         let mut ask = cargo();
         ask.args(["metadata", "--no-deps", "--format-version", "1"]);
-        let answer = ask.current_dir(folder).output();
-        let answer = answer.map_err(|error| format!("cargo metadata: {error}"))?;
+        let answer = ask.current_dir(folder).output().context("cargo metadata")?;
         let metadata: Value = serde_json::from_slice(&answer.stdout)
-            .map_err(|_| String::from_utf8_lossy(&answer.stderr).into_owned())?;
+            .with_context(|| String::from_utf8_lossy(&answer.stderr).into_owned())?;
         let path = |value: &Value| PathBuf::from(value.as_str().unwrap_or_default());
         let root = path(&metadata["workspace_root"]);
         let packages = metadata["packages"].as_array().into_iter().flatten();
         let mut targets = packages
             .filter(|found| found["name"] == package)
             .flat_map(|package| package["targets"].as_array().into_iter().flatten());
-        let library = targets.find(|target| target["kind"][0] == "lib");
+        let library = targets.find(|target| {
+            ["lib", "bin"].contains(&target["kind"][0].as_str().unwrap_or_default())
+        });
         let library = library.map(|library| path(&library["src_path"]));
-        let library = library.ok_or_else(|| format!("no package {package} with a library"))?;
+        let library = library.with_context(|| format!("no package {package}"))?;
         Ok(Self {
             library: library.strip_prefix(&root).unwrap_or(&library).to_owned(),
             root,
@@ -48,8 +50,8 @@ impl Workspace {
     ///
     /// # Errors
     /// Where a file cannot be copied.
-    pub fn copy(&self, to: &Path) -> Result<(), String> {
-        mirror(&self.root, &self.target, to).map_err(|error| format!("{}: {error}", to.display()))
+    pub fn copy(&self, to: &Path) -> Result<()> {
+        mirror(&self.root, &self.target, to).with_context(|| to.display().to_string())
     }
 }
 
@@ -62,12 +64,12 @@ pub fn cargo() -> Command {
 ///
 /// # Errors
 /// Where a folder cannot be read.
-pub fn sorted(folder: &Path) -> Result<Vec<PathBuf>, String> {
+pub fn sorted(folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut folders, mut files) = (vec![folder.to_owned()], Vec::new());
     while let Some(folder) = folders.pop() {
-        let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
-        for entry in std::fs::read_dir(&folder).map_err(shown)? {
-            let path = entry.map_err(shown)?.path();
+        let shown = || folder.display().to_string();
+        for entry in std::fs::read_dir(&folder).with_context(shown)? {
+            let path = entry.with_context(shown)?.path();
             if path.is_dir() {
                 folders.push(path);
             } else if path.extension().is_some_and(|kind| kind == "rs") {
