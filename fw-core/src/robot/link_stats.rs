@@ -11,7 +11,7 @@ use crate::wire::{Cause, LinkCounters};
 /// Ticks from one line to the next.
 const PERIOD: u8 = 100;
 
-/// The longest time between two accepted frames, microseconds; `u32::MAX` for half an hour and more.
+/// The longest time between two accepted frames, microseconds; `u32::MAX` for 35 minutes and more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct FrameGap {
     last: Option<Micros>,

@@ -215,22 +215,26 @@ fn rejected_frame_does_not_feed_stop_deadline() {
     assert!(bench.log().contains("frame rejected: "));
 }
 
-// Requirement: DOC-5.2.1-2
+// Requirement: DOC-5.2.1-2, DOC-5.2.2-4, DOC-5.2.3-3, DOC-2.3-5
 #[test]
 fn replies_carry_pose_and_cells_in_turn() {
-    let mut bench = Bench::new(Mode::Normal);
-    bench.roll(1000, 1000);
-    bench.tick();
-    let first = bench.frame(&Command::default());
-    // 1000 counts of 80 mm · π / 3840.
-    let PoseCode { x, y, rotation } = first.pose;
-    assert_eq!((x, y, rotation), (65_450, 0, 0));
-    let second = bench.frame(&Command::default());
-    assert_eq!(bench.frame(&Command::default()).cell.cell, 0);
-    // 3428 / 4095 · 3.3 V · 43/33 = 3.5996 V; 3574 / 4095 · 3.3 V · 55/22 = 7.2004 V; steps of 5 mV.
-    let cells = [first.cell, second.cell].map(|c| (c.cell, c.voltage));
-    assert_eq!(cells, [(0, 720), (1, 720)]);
-    assert_eq!(first.ranges, [DistanceCode::NONE; 3]);
+    for mode in [Mode::Normal, Mode::TuneRotate, Mode::TuneMove] {
+        let mut bench = Bench::new(mode);
+        bench.roll(1000, 1000);
+        bench.tick();
+        let first = bench.frame(&Command::default());
+        if mode == Mode::Normal {
+            // 1000 counts of 80 mm · π / 3840.
+            let PoseCode { x, y, rotation } = first.pose;
+            assert_eq!((x, y, rotation), (65_450, 0, 0));
+            assert_eq!(first.ranges, [DistanceCode::NONE; 3]);
+        }
+        let second = bench.frame(&Command::default());
+        assert_eq!(bench.frame(&Command::default()).cell.cell, 0);
+        // 3428 / 4095 · 3.3 V · 43/33 = 3.5996 V; 3574 / 4095 · 3.3 V · 55/22 = 7.2004 V; steps of 5 mV.
+        let cells = [first.cell, second.cell].map(|c| (c.cell, c.voltage));
+        assert_eq!(cells, [(0, 720), (1, 720)]);
+    }
 }
 
 // Requirement: WIRE-spi-6, WIRE-sequence-5, WIRE-battery-1, WIRE-ready-2

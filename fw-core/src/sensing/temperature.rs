@@ -62,8 +62,8 @@ impl Calibration {
             && within(self.hot, (self.cold + SPAN.0, self.cold + SPAN.1))
     }
 
-    /// The correction of other channels' words of the scan in which the reference read this word. None
-    /// where that word or the calibration is implausible.
+    /// The correction of other channels' words of the scan in which the reference read this word. It changes
+    /// nothing where that word or the calibration is implausible.
     #[inline]
     pub const fn supply_correction(&self, reference: u16) -> SupplyCorrection {
         if within(self.reference, REFERENCE) && within(reference, CORRECTED_SUPPLY) {

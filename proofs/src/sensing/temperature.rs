@@ -1,6 +1,6 @@
 //! T5 and T9: the temperature sensor for any words and any calibration.
 
-use fw_core::sensing::{Calibration, Thermometer};
+use fw_core::sensing::{Calibration, SupplyCorrection, Thermometer};
 
 use crate::input::{Input, Source};
 use crate::property::Seen;
@@ -80,38 +80,51 @@ pub fn temperature_is_monotone(sensor: u16, reference: u16) -> Seen {
         .case(1, one.is_some() != two.is_some())
 }
 
-/// A tap's word at any plausible supply becomes that at 3.3 V, to half a unit and a sixteenth; where the
-/// reference or its calibration is implausible it stays what it is. Further bits are never read.
-// Requirement: WIRE-battery-4
-pub fn supply_correction_is_nearest(at_factory: u16, reference: u16, word: u16) -> Seen {
+/// The correction for these words of the reference, at the factory and now, and whether both are plausible.
+fn correction(at_factory: u16, reference: u16) -> (SupplyCorrection, bool) {
     let calibration = Calibration {
         reference: at_factory,
         ..Calibration::UNWRITTEN
     };
-    let correction = calibration.supply_correction(reference);
-    let word = word & 0xFFF;
-    let nominal = correction.apply(word);
-    assert!(correction.apply(word | 0x8000) == nominal);
     let plausible = (1400..=1600).contains(&at_factory) && (1270..=2115).contains(&reference);
-    if plausible {
-        let [word, nominal, at_factory, reference] =
-            [word, nominal, at_factory, reference].map(i32::from);
-        assert!(16 * (nominal * reference - word * at_factory).abs() <= 9 * reference);
-    } else {
-        assert!(nominal == word && correction == Calibration::UNWRITTEN.supply_correction(0));
-    }
-    Seen::NOTHING
-        .case(0, plausible && nominal > 4095)
-        .case(1, plausible && nominal < word)
-        .case(2, !plausible && word > 0)
+    (calibration.supply_correction(reference), plausible)
+}
+
+/// A tap's word of 12 bits at any plausible supply becomes that at 3.3 V, to half a unit and a sixteenth.
+// Requirement: WIRE-battery-4
+pub fn supply_correction_is_nearest(at_factory: u16, reference: u16, word: u16) -> Seen {
+    given!(let (correction, true) = correction(at_factory, reference));
+    given!(word <= 0xFFF);
+    let nominal = correction.apply(word);
+    let [word, nominal, at_factory, reference] =
+        [word, nominal, at_factory, reference].map(i32::from);
+    assert!(16 * (nominal * reference - word * at_factory).abs() <= 9 * reference);
+    seen!(nominal > 4095, nominal < word)
+}
+
+/// Where the reference's word or its calibration is implausible, a word stays what it is.
+// Requirement: WIRE-battery-4
+pub fn supply_correction_needs_the_reference(at_factory: u16, reference: u16, word: u16) -> Seen {
+    given!(let (correction, false) = correction(at_factory, reference));
+    assert!(correction.apply(word) == word & 0xFFF);
+    seen!(at_factory == 0xFFFF, at_factory == 1501 && word > 0)
 }
 
 crate::properties! {
     theorem T9 supply_correction_is_nearest(at_factory: u16, reference: u16, word: u16) {
-        cases ["above the full scale", "a supply below 3.3 V", "an implausible reference"];
-        exhaustive (1399..=1601_u16).flat_map(|at_factory| (1269..=2116_u16).flat_map(move |reference| {
+        cases ["above the full scale", "a supply below 3.3 V"];
+        exhaustive (1400..=1600_u16).flat_map(|at_factory| (1270..=2115_u16).flat_map(move |reference| {
             (0..4096_u16).map(move |word| (at_factory, reference, word))
         }));
+    }
+    theorem T9 supply_correction_needs_the_reference(at_factory: u16, reference: u16, word: u16) {
+        cases ["no calibration", "an implausible reading"];
+        kani proof [unwind(3)];
+        stepped [0, 1399, 1501, 1601, u16::MAX].into_iter().flat_map(|at_factory| {
+            (0..=u16::MAX).flat_map(move |reference| {
+                [0, 1, 4095, u16::MAX].map(|word| (at_factory, reference, word))
+            })
+        });
     }
     theorem T5 temperature_is_total(calibration: Calibration, first: Words, second: Words) {
         cases ["a temperature", "a reading out of range", "an implausible calibration"];
