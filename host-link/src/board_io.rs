@@ -11,15 +11,23 @@ use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A monotonic clock. On the virtual board it shows virtual time, which only passes while the host
-/// waits or transfers.
+/// A monotonic clock, or a function as one. On the virtual board it shows virtual time, which only passes
+/// while the host waits or transfers.
 pub trait Clock {
     /// Microseconds since some fixed instant.
     fn micros(&mut self) -> u64;
 }
 
+impl<F: FnMut() -> u64> Clock for F {
+    fn micros(&mut self) -> u64 {
+        self()
+    }
+}
+
 /// An output line whose driver is not known here.
 pub type DynOutput = dyn OutputPin<Error = IoError>;
+/// An input line whose driver is not known here.
+pub type DynInput = dyn InputPin<Error = IoError>;
 
 /// Everything that connects the Pi with one board.
 // Requirement: DOC-3.2-2
@@ -35,7 +43,7 @@ pub struct BoardIo {
     /// `WP_EEPROM`: high = write-protected.
     pub protect: Box<DynOutput>,
     /// `STM_READY`: high = configured.
-    pub ready: Box<dyn InputPin<Error = IoError>>,
+    pub ready: Box<DynInput>,
     /// Waiting.
     pub delay: Box<dyn DelayNs>,
     /// Time.
@@ -129,6 +137,43 @@ macro_rules! erased {
 }
 
 erased!(digital, i2c, spi);
+
+/// A line behind a function.
+struct FunctionLine<F>(F);
+
+impl<F> digital::ErrorType for FunctionLine<F> {
+    type Error = IoError;
+}
+
+impl<F: FnMut(bool) -> Result<(), IoError>> OutputPin for FunctionLine<F> {
+    fn set_low(&mut self) -> Result<(), IoError> {
+        self.0(false)
+    }
+
+    fn set_high(&mut self) -> Result<(), IoError> {
+        self.0(true)
+    }
+}
+
+impl<F: FnMut() -> Result<bool, IoError>> InputPin for FunctionLine<F> {
+    fn is_high(&mut self) -> Result<bool, IoError> {
+        self.0()
+    }
+
+    fn is_low(&mut self) -> Result<bool, IoError> {
+        self.0().map(|high| !high)
+    }
+}
+
+/// A line that `set` drives high (`true`) or low.
+pub fn output(set: impl FnMut(bool) -> Result<(), IoError> + 'static) -> Box<DynOutput> {
+    Box::new(FunctionLine(set))
+}
+
+/// A line of which `is_high` reads the level.
+pub fn input(is_high: impl FnMut() -> Result<bool, IoError> + 'static) -> Box<DynInput> {
+    Box::new(FunctionLine(is_high))
+}
 
 /// A driver with its error type replaced by [`IoError`].
 pub struct Erased<T>(T);

@@ -1,6 +1,7 @@
 //! What can go wrong, as one sentence each, and the exit code a script can rely on.
 
 use crate::file_fault::FileFault;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 macro_rules! exit_codes {
@@ -268,13 +269,22 @@ impl Error {
         Self::Content { path, faults }
     }
 
+    /// The device `name` could not be used; `advice` says what to do next.
+    pub fn device(name: impl Display, cause: impl Display, advice: impl Into<String>) -> Self {
+        Self::Device {
+            name: name.to_string(),
+            cause: cause.to_string(),
+            advice: advice.into(),
+        }
+    }
+
     /// `path` could not be read.
     pub fn unreadable(path: impl Into<PathBuf>, cause: &std::io::Error) -> Self {
         Self::Unreadable(path.into(), cause.to_string())
     }
 
     /// `path` could not be written.
-    pub fn unwritable(path: impl Into<PathBuf>, cause: &impl std::fmt::Display) -> Self {
+    pub fn unwritable(path: impl Into<PathBuf>, cause: &impl Display) -> Self {
         Self::Unwritable(path.into(), cause.to_string())
     }
 }

@@ -90,11 +90,8 @@ impl Kind {
 
     /// Whether a file's first 64 KiB are of this kind.
     fn holds(self, head: &[u8]) -> bool {
-        let begins = self
-            .signature()
-            .1
-            .iter()
-            .any(|start| head.starts_with(start));
+        let (_, starts) = self.signature();
+        let begins = starts.iter().any(|start| head.starts_with(start));
         begins || self == Self::Image && is_image(head)
     }
 }
@@ -194,9 +191,8 @@ impl Drop for OutputFile {
 }
 
 fn folder(path: &Path) -> &Path {
-    let parent = path
-        .parent()
-        .filter(|parent| !parent.as_os_str().is_empty());
+    let parent = path.parent();
+    let parent = parent.filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
 }
 
@@ -244,12 +240,11 @@ mod tests {
         let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name();
         let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
         names.sort();
-        names
-            .iter()
-            .map(|name| name.to_string_lossy().into())
-            .collect()
+        let text = |name: &std::ffi::OsString| name.to_string_lossy().into();
+        names.iter().map(text).collect()
     }
 
+    // Requirement: WIRE-program-1
     #[test]
     fn save_device_link_folder_or_foreign_file_is_refused() {
         let here = scratch("sink");
@@ -273,6 +268,7 @@ mod tests {
         fs::remove_dir_all(here).unwrap();
     }
 
+    // Requirement: WIRE-program-1
     #[test]
     fn save_replaces_its_kind_and_follows_no_planted_link() {
         let here = scratch("kind");

@@ -4,7 +4,7 @@
 //! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
 //! down.
 
-use crate::board_io::{BoardIo, Clock, Interrupt, erase};
+use crate::board_io::{BoardIo, Interrupt, erase};
 use crate::error::Error;
 use crate::uart::SerialPort;
 use embedded_hal::digital::{ErrorType, OutputPin};
@@ -44,7 +44,7 @@ pub struct Devices {
 /// # Errors
 /// [`Error::Device`] names the device and what to do.
 pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
-    let gpio_failed = |cause| device(&devices.gpiochip, &cause, GPIO_ADVICE);
+    let gpio_failed = |cause| Error::device(devices.gpiochip.display(), cause, GPIO_ADVICE);
     let mut chip = open_chip(&devices.gpiochip).map_err(gpio_failed)?;
     let path = chip.path().to_path_buf();
     let mut pin = |net: &str, offset: u32, flags: LineRequestFlags, value: u8| {
@@ -52,7 +52,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
         let handle = line.and_then(|line| line.request(flags, value, net));
         handle.and_then(CdevPin::new).map_err(|cause| {
             let name = format!("{} line {offset} ({net})", path.display());
-            device(Path::new(&name), &cause, GPIO_ADVICE)
+            Error::device(name, cause, GPIO_ADVICE)
         })
     };
     let protect = pin("WP_EEPROM", PROTECT, LineRequestFlags::OUTPUT, 1)?;
@@ -62,19 +62,21 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
     let reset = OpenDrain { line, low: None };
 
     // Requirement: DOC-2.1-5, WIRE-spi-4
-    let mut spi = SpidevDevice::open(&devices.spi)
-        .map_err(|cause| device(&devices.spi, &cause, SPI_ADVICE))?;
+    let spi_failed = |cause| Error::device(devices.spi.display(), cause, SPI_ADVICE);
+    let mut spi = SpidevDevice::open(&devices.spi).map_err(spi_failed)?;
     let options = SpidevOptions::new()
         .bits_per_word(8)
         .max_speed_hz(devices.spi_hz)
         .mode(SpiModeFlags::SPI_MODE_0)
         .build();
-    spi.0
-        .configure(&options)
-        .map_err(|cause| device(&devices.spi, &cause, SPI_ADVICE))?;
-    let i2c =
-        I2cdev::new(&devices.i2c).map_err(|cause| device(&devices.i2c, &cause, I2C_ADVICE))?;
+    let configured = spi.0.configure(&options);
+    configured.map_err(|cause| Error::device(devices.spi.display(), cause, SPI_ADVICE))?;
+    let i2c = I2cdev::new(&devices.i2c);
+    let i2c = i2c.map_err(|cause| Error::device(devices.i2c.display(), cause, I2C_ADVICE))?;
 
+    // The computer's monotonic clock.
+    let start = Instant::now();
+    let micros = move || u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
     Ok(BoardIo {
         spi: erase(spi),
         i2c: erase(i2c),
@@ -83,7 +85,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
         protect: erase(protect),
         ready: erase(ready),
         delay: Box::new(Delay),
-        clock: Box::new(Monotonic(Instant::now())),
+        clock: Box::new(micros),
         log: Box::new(SerialPort::new(&devices.uart)),
         interrupt,
     })
@@ -113,14 +115,6 @@ const SPI_ADVICE: &str =
     "enable SPI (raspi-config, or dtparam=spi=on in config.txt) and join the group spi";
 const I2C_ADVICE: &str =
     "enable I2C (raspi-config, or dtparam=i2c_arm=on in config.txt) and join the group i2c";
-
-fn device(name: &Path, cause: &dyn std::fmt::Display, advice: &str) -> Error {
-    Error::Device {
-        name: name.display().to_string(),
-        cause: cause.to_string(),
-        advice: advice.into(),
-    }
-}
 
 /// A line that is driven low or released to an input, never driven high.
 pub struct OpenDrain {
@@ -152,14 +146,5 @@ impl Drop for OpenDrain {
     fn drop(&mut self) {
         // A held reset line must not outlive the program.
         let _ = self.set_high();
-    }
-}
-
-/// The computer's monotonic clock.
-pub struct Monotonic(Instant);
-
-impl Clock for Monotonic {
-    fn micros(&mut self) -> u64 {
-        u64::try_from(self.0.elapsed().as_micros()).unwrap_or(u64::MAX)
     }
 }

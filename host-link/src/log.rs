@@ -86,13 +86,11 @@ fn content(body: &str) -> Option<LogLine> {
         return Some(LogLine::Sample { percent, value });
     }
     if let Some(tuned) = body.strip_prefix("tuned tap ") {
-        let (tap, ohm) = tuned
-            .strip_suffix(" ohm")?
-            .split_once(": upper resistor ")?;
+        let tuned = tuned.strip_suffix(" ohm")?;
+        let (tap, ohm) = tuned.split_once(": upper resistor ")?;
         let (tap, ohm) = (u8::try_from(whole(tap)?).ok()?, whole(ohm)?);
-        return (1..=8)
-            .contains(&tap)
-            .then_some(LogLine::Tuned { tap, ohm });
+        let known = (1..=8).contains(&tap);
+        return known.then_some(LogLine::Tuned { tap, ohm });
     }
     match body.strip_prefix("L ") {
         Some(counters) => link(counters).map(LogLine::Link),

@@ -1,11 +1,8 @@
 //! A board in memory behind [`BoardIo`], with a fault at any chosen call. The real board's behaviour is
 //! tested on the virtual one.
 
-use crate::board_io::{BoardIo, Clock, Interrupt, IoError};
-use crate::error::Error;
-use crate::uart::LogSource;
+use crate::board_io::{BoardIo, Interrupt, IoError, input, output};
 use embedded_hal::delay::DelayNs;
-use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
 use fw_core::binary64::Binary64;
@@ -140,6 +137,24 @@ impl MockBoard {
         !self.in_reset && !self.selected && Config::decode(&self.memory).is_ok()
     }
 
+    fn set_reset(&mut self, high: bool) {
+        if high && self.in_reset {
+            let ticks = self.drive.ticks;
+            (self.link, self.reply) = (link(&self.memory), 1);
+            self.drive = DriveModel::default();
+            self.drive.ticks = ticks;
+            self.resets += usize::from(self.now_us - self.low_since_us >= 100_000);
+        } else if !high {
+            self.low_since_us = self.now_us;
+        }
+        self.in_reset = !high;
+    }
+
+    fn set_select(&mut self, high: bool) {
+        assert!(high || self.protected, "returned without protection");
+        (self.selected, self.taken_from_us) = (high, self.now_us + 100);
+    }
+
     /// One I2C write to the EEPROM.
     fn write(&mut self, bytes: &[u8]) -> Result<(), IoError> {
         let [high, low, data @ ..] = bytes else {
@@ -225,76 +240,14 @@ impl MockBoard {
     }
 }
 
-/// The driver of one line or bus.
-pub struct MockLine<const WHICH: usize>(Shared);
+/// The driver of every bus.
+struct MockBus(Shared);
 
-const RESET: usize = 0;
-const SELECT: usize = 1;
-const PROTECT: usize = 2;
-const READY: usize = 3;
-const BUS: usize = 4;
-
-impl<const WHICH: usize> digital::ErrorType for MockLine<WHICH> {
+impl i2c::ErrorType for MockBus {
     type Error = IoError;
 }
 
-impl<const WHICH: usize> MockLine<WHICH> {
-    fn set(&mut self, high: bool) -> Result<(), IoError> {
-        let mut board = self.0.borrow_mut();
-        board.call(false)?;
-        match WHICH {
-            RESET if high && board.in_reset => {
-                board.in_reset = false;
-                let ticks = board.drive.ticks;
-                (board.link, board.reply) = (link(&board.memory), 1);
-                board.drive = DriveModel::default();
-                board.drive.ticks = ticks;
-                if board.now_us - board.low_since_us >= 100_000 {
-                    board.resets += 1;
-                }
-            }
-            RESET if !high => {
-                board.in_reset = true;
-                board.low_since_us = board.now_us;
-            }
-            SELECT => {
-                assert!(high || board.protected, "returned without protection");
-                (board.selected, board.taken_from_us) = (high, board.now_us + 100);
-            }
-            PROTECT => board.protected = high,
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-impl<const WHICH: usize> OutputPin for MockLine<WHICH> {
-    fn set_low(&mut self) -> Result<(), IoError> {
-        self.set(false)
-    }
-
-    fn set_high(&mut self) -> Result<(), IoError> {
-        self.set(true)
-    }
-}
-
-impl InputPin for MockLine<READY> {
-    fn is_high(&mut self) -> Result<bool, IoError> {
-        let mut board = self.0.borrow_mut();
-        board.call(false)?;
-        Ok(board.ready())
-    }
-
-    fn is_low(&mut self) -> Result<bool, IoError> {
-        self.is_high().map(|high| !high)
-    }
-}
-
-impl i2c::ErrorType for MockLine<BUS> {
-    type Error = IoError;
-}
-
-impl I2c for MockLine<BUS> {
+impl I2c for MockBus {
     fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), IoError> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
@@ -313,11 +266,11 @@ impl I2c for MockLine<BUS> {
     }
 }
 
-impl spi::ErrorType for MockLine<BUS> {
+impl spi::ErrorType for MockBus {
     type Error = IoError;
 }
 
-impl SpiDevice for MockLine<BUS> {
+impl SpiDevice for MockBus {
     fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
         let mut board = self.0.borrow_mut();
         board.call(true)?;
@@ -332,21 +285,9 @@ impl SpiDevice for MockLine<BUS> {
     }
 }
 
-impl DelayNs for MockLine<BUS> {
+impl DelayNs for MockBus {
     fn delay_ns(&mut self, ns: u32) {
         self.0.borrow_mut().pass(u64::from(ns / 1000));
-    }
-}
-
-impl Clock for MockLine<BUS> {
-    fn micros(&mut self) -> u64 {
-        self.0.borrow().now_us
-    }
-}
-
-impl LogSource for MockLine<BUS> {
-    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
-        Ok(std::mem::take(&mut self.0.borrow_mut().log))
     }
 }
 
@@ -387,17 +328,28 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 
 /// A second connection to the same board.
 pub fn reconnect(board: &Shared) -> BoardIo {
-    let at = || board.clone();
+    let bus = || Box::new(MockBus(board.clone()));
+    let [lines, clock, log] = [(); 3].map(|()| board.clone());
+    let line = |set: fn(&mut MockBoard, bool)| {
+        let board = board.clone();
+        output(move |high| {
+            let mut board = board.borrow_mut();
+            board.call(false).map(|()| set(&mut board, high))
+        })
+    };
     BoardIo {
-        spi: Box::new(MockLine::<BUS>(at())),
-        i2c: Box::new(MockLine::<BUS>(at())),
-        reset: Box::new(MockLine::<RESET>(at())),
-        select: Box::new(MockLine::<SELECT>(at())),
-        protect: Box::new(MockLine::<PROTECT>(at())),
-        ready: Box::new(MockLine::<READY>(at())),
-        delay: Box::new(MockLine::<BUS>(at())),
-        clock: Box::new(MockLine::<BUS>(at())),
-        log: Box::new(MockLine::<BUS>(at())),
+        spi: bus(),
+        i2c: bus(),
+        reset: line(MockBoard::set_reset),
+        select: line(MockBoard::set_select),
+        protect: line(|board, high| board.protected = high),
+        ready: input(move || {
+            let mut board = lines.borrow_mut();
+            board.call(false).map(|()| board.ready())
+        }),
+        delay: bus(),
+        clock: Box::new(move || clock.borrow().now_us),
+        log: Box::new(move || Ok(std::mem::take(&mut log.borrow_mut().log))),
         interrupt: board.borrow().interrupt.clone(),
     }
 }

@@ -160,18 +160,12 @@ mod tests {
 
     #[test]
     fn other_chain_is_detected_within_ten_frames() {
-        for (pi, stm) in Mode::ALL
-            .iter()
-            .flat_map(|&pi| Mode::ALL.iter().map(move |&stm| (pi, stm)))
-        {
-            let differs = chain(pi) != chain(stm);
-            assert_eq!(
-                is_detected(pi, stm, 2),
-                differs,
-                "{} {}",
-                pi.name(),
-                stm.name()
-            );
+        for &pi in Mode::ALL {
+            for &stm in Mode::ALL {
+                let differs = chain(pi) != chain(stm);
+                let modes = [pi, stm].map(Mode::name);
+                assert_eq!(is_detected(pi, stm, 2), differs, "{modes:?}");
+            }
         }
         // A single cell is no evidence, but the position is.
         assert!(is_detected(Mode::Normal, Mode::GuardedNormal, 1));

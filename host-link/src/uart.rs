@@ -10,13 +10,19 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
-/// The STM's log.
+/// The STM's log, or a function that reads one.
 pub trait LogSource {
     /// The bytes that came since the last call; never waits.
     ///
     /// # Errors
     /// [`Error::Device`].
     fn read_new(&mut self) -> Result<Vec<u8>, Error>;
+}
+
+impl<F: FnMut() -> Result<Vec<u8>, Error>> LogSource for F {
+    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+        self()
+    }
 }
 
 /// A serial device, set to 115200 baud, raw. It is opened at the first read; earlier bytes are lost.
@@ -41,11 +47,8 @@ impl LogSource for SerialPort {
         let received = self.received.get_or_insert_with(|| spawn_reader(path));
         let mut fresh = Vec::new();
         for bytes in received.try_iter() {
-            fresh.extend(bytes.map_err(|cause| Error::Device {
-                name: path.display().to_string(),
-                cause,
-                advice: "name the Pi's serial port with --uart, and join the group dialout".into(),
-            })?);
+            let advice = "name the Pi's serial port with --uart, and join the group dialout";
+            fresh.extend(bytes.map_err(|cause| Error::device(path.display(), cause, advice))?);
         }
         Ok(fresh)
     }

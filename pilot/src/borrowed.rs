@@ -5,10 +5,9 @@ use crate::client::{self, Client};
 use crate::serve::board::{Call, MAX_DELAY_US};
 use crate::serve::protocol::{Failure, Message, Request};
 use embedded_hal::delay::DelayNs;
-use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
-use host_link::board_io::{BoardIo, Clock, Interrupt, IoError};
+use host_link::board_io::{BoardIo, Clock, Interrupt, IoError, input, output};
 use host_link::error::Error;
 use host_link::uart::LogSource;
 use std::cell::RefCell;
@@ -43,14 +42,18 @@ impl Borrowed {
 
     /// Its lines and buses.
     pub fn io(&self, interrupt: Interrupt) -> BoardIo {
-        let line = |call| Box::new(Line(self.clone(), call));
+        let line = |call: fn(bool) -> Call| {
+            let robot = self.clone();
+            output(move |high| robot.run(call(high)))
+        };
+        let ready = self.clone();
         BoardIo {
             spi: Box::new(self.clone()),
             i2c: Box::new(self.clone()),
             reset: line(Call::Reset),
             select: line(Call::Select),
             protect: line(Call::Protect),
-            ready: Box::new(self.clone()),
+            ready: input(move || Ok(ready.call(Call::Ready)?.1 != 0)),
             delay: Box::new(self.clone()),
             clock: Box::new(self.clone()),
             log: Box::new(self.clone()),
@@ -91,36 +94,6 @@ impl Borrowed {
 
 fn driver_error(cause: &impl Display) -> IoError {
     IoError::new(format_args!("{cause}"))
-}
-
-struct Line(Borrowed, fn(bool) -> Call);
-
-impl digital::ErrorType for Line {
-    type Error = IoError;
-}
-
-impl OutputPin for Line {
-    fn set_low(&mut self) -> Result<(), IoError> {
-        self.0.run(self.1(false))
-    }
-
-    fn set_high(&mut self) -> Result<(), IoError> {
-        self.0.run(self.1(true))
-    }
-}
-
-impl digital::ErrorType for Borrowed {
-    type Error = IoError;
-}
-
-impl InputPin for Borrowed {
-    fn is_high(&mut self) -> Result<bool, IoError> {
-        Ok(self.call(Call::Ready)?.1 != 0)
-    }
-
-    fn is_low(&mut self) -> Result<bool, IoError> {
-        Ok(!self.is_high()?)
-    }
 }
 
 impl spi::ErrorType for Borrowed {
@@ -197,10 +170,6 @@ impl Clock for Borrowed {
 impl LogSource for Borrowed {
     fn read_new(&mut self) -> Result<Vec<u8>, Error> {
         let read = self.call(Call::Log).map(|(bytes, _)| bytes);
-        read.map_err(|cause| Error::Device {
-            name: "the STM's log".into(),
-            cause: cause.to_string(),
-            advice: "`robot doctor` checks it".into(),
-        })
+        read.map_err(|cause| Error::device("the STM's log", cause, "`robot doctor` checks it"))
     }
 }

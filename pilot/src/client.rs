@@ -1,7 +1,7 @@
 //! A client of a server: over its socket, or in the same process.
 
 use crate::serve::hub::Port;
-use crate::serve::listener::{Lines, TURN, Transport};
+use crate::serve::listener::{Lines, STALLED, Transport};
 use crate::serve::protocol::{Frame, Message, Request, Tile, VERSION};
 use crate::serve::tiles;
 use host_link::error::{Error, Exit};
@@ -10,16 +10,21 @@ use std::collections::{HashMap, VecDeque};
 use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
+/// How long [`Client::message`] waits.
+const WAIT: Duration = Duration::from_millis(10);
 /// Time for a reply.
 const REPLY: Duration = Duration::from_secs(5);
 /// Tiles farther from the origin than the grid reaches are not taken.
 const FARTHEST_TILE: i32 = 63;
 
 enum Link {
-    Socket(Lines<UnixStream>),
-    Local(Port),
+    /// With what follows the last message.
+    Socket(Lines, Vec<u8>),
+    Local(Port, Receiver<Arc<str>>),
 }
 
 /// A client that has joined.
@@ -45,16 +50,16 @@ impl Client {
                 return Ok(None);
             }
             Err(cause) => {
-                return Err(Error::Device {
-                    name: format!("the server's socket {}", path.display()),
-                    cause: cause.to_string(),
-                    advice: "join the group of the user that runs `robot serve`".into(),
-                });
+                let name = format!("the server's socket {}", path.display());
+                let advice = "join the group of the user that runs `robot serve`";
+                return Err(Error::device(name, cause, advice));
             }
         };
-        let lines = Lines::over(stream).map_err(|cause| lost(&cause.to_string()))?;
+        stream
+            .set_write_timeout(Some(STALLED))
+            .map_err(|cause| lost(&cause.to_string()))?;
         let queue = VecDeque::new();
-        let link = Link::Socket(lines);
+        let link = Link::Socket(Lines(stream), Vec::new());
         let mut client = Self { link, queue };
         client.request(&Request::Hello {
             version: VERSION,
@@ -68,10 +73,10 @@ impl Client {
     ///
     /// # Errors
     /// Those of [`Self::request`].
-    pub fn local(mut port: Port, name: &str) -> Result<Self, Error> {
-        port.join(name.into());
+    pub fn local(port: Port, name: &str) -> Result<Self, Error> {
+        let (messages, _) = port.join(name.into());
         let queue = VecDeque::new();
-        let link = Link::Local(port);
+        let link = Link::Local(port, messages);
         let mut client = Self { link, queue };
         client.await_reply()?;
         Ok(client)
@@ -83,13 +88,13 @@ impl Client {
     /// [`Error::Server`]: the refusal, or that the server has ended.
     pub fn request(&mut self, request: &Request) -> Result<(), Error> {
         match &mut self.link {
-            Link::Socket(lines) => {
+            Link::Socket(lines, _) => {
                 let line = serde_json::to_string(request).unwrap_or_default();
                 lines
                     .send(&line)
                     .map_err(|cause| lost(&cause.to_string()))?;
             }
-            Link::Local(port) => port.ask(request.clone()),
+            Link::Local(port, _) => port.ask(Ok(request.clone())),
         }
         self.await_reply()
     }
@@ -109,7 +114,7 @@ impl Client {
         Err(lost("no reply"))
     }
 
-    /// The next message, if one has come within [`TURN`].
+    /// The next message, if one has come within 10 ms.
     ///
     /// # Errors
     /// [`Error::Server`]: the server has ended.
@@ -122,11 +127,14 @@ impl Client {
 
     fn receive(&mut self) -> Result<Option<Message>, Error> {
         let line = match &mut self.link {
-            Link::Socket(lines) => lines.receive().map_err(|cause| lost(&cause.to_string()))?,
-            Link::Local(port) => {
-                let message = port.receive(TURN).map_err(|_| lost("it has ended"))?;
-                message.map(|message| message.as_bytes().to_vec())
-            }
+            Link::Socket(lines, unread) => lines
+                .receive(unread, Some(Instant::now() + WAIT))
+                .map_err(|cause| lost(&cause.to_string()))?,
+            Link::Local(_, messages) => match messages.recv_timeout(WAIT) {
+                Ok(message) => Some(message.as_bytes().to_vec()),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return Err(lost("it has ended")),
+            },
         };
         let Some(line) = line else {
             return Ok(None);

@@ -106,12 +106,9 @@ impl Gamepad {
 }
 
 fn device(path: &Path, cause: String) -> Error {
-    Error::Device {
-        name: format!("the gamepad {}", path.display()),
-        cause,
-        advice: "connect it, name its joystick device with --gamepad, and join the group input"
-            .into(),
-    }
+    let name = format!("the gamepad {}", path.display());
+    let advice = "connect it, name its joystick device with --gamepad, and join the group input";
+    Error::device(name, cause, advice)
 }
 
 #[cfg(test)]

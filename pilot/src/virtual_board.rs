@@ -3,11 +3,10 @@
 
 use crate::ground_truth::{GroundTruth, Point};
 use embedded_hal::i2c::{self, ErrorType, Operation};
-use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
+use host_link::board_io::{BoardIo, Interrupt, erase};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
-use host_link::uart::LogSource;
 use plant::{Chassis, Imperfections, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -35,29 +34,6 @@ pub struct Options {
     pub eeprom_image: PathBuf,
     /// Where to write the STM's log, if anywhere.
     pub uart_log: Option<PathBuf>,
-}
-
-/// Virtual time.
-struct VirtualClock(Board);
-
-impl Clock for VirtualClock {
-    fn micros(&mut self) -> u64 {
-        self.0.now_us()
-    }
-}
-
-/// The virtual board's UART.
-struct VirtualUart {
-    board: Board,
-    read: usize,
-}
-
-impl LogSource for VirtualUart {
-    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
-        let fresh = self.board.uart_from(self.read);
-        self.read += fresh.len();
-        Ok(fresh)
-    }
 }
 
 /// Measures the virtual robot as a person with a tape does.
@@ -145,6 +121,7 @@ fn io_with(
     interrupt: Interrupt,
     eeprom_file: Option<PathBuf>,
 ) -> BoardIo {
+    let (clock, log, mut read) = (board.clone(), board.clone(), 0);
     BoardIo {
         spi: erase(board.spi_with(SpiTiming {
             hz: spi_hz.into(),
@@ -161,10 +138,11 @@ fn io_with(
         protect: erase(board.pin(Line::WriteProtect)),
         ready: erase(board.pin(Line::Ready)),
         delay: Box::new(board.delay()),
-        clock: Box::new(VirtualClock(board.clone())),
-        log: Box::new(VirtualUart {
-            board: board.clone(),
-            read: 0,
+        clock: Box::new(move || clock.now_us()),
+        log: Box::new(move || {
+            let fresh = log.uart_from(read);
+            read += fresh.len();
+            Ok(fresh)
         }),
         interrupt,
     }
@@ -177,11 +155,9 @@ fn io_with(
 /// not fit the board.
 pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, BoardIo), Error> {
     if !options.elf.exists() {
-        return Err(Error::Device {
-            name: format!("the firmware {}", options.elf.display()),
-            cause: "there is no such file".into(),
-            advice: "build it with `cargo xtask firmware`, or name one with --elf".into(),
-        });
+        let name = format!("the firmware {}", options.elf.display());
+        let advice = "build it with `cargo xtask firmware`, or name one with --elf";
+        return Err(Error::device(name, "there is no such file", advice));
     }
     let elf = file::read(&options.elf, MAX_ELF)?;
     let room = options
@@ -207,10 +183,13 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
         ..twin::Options::with_eeprom(eeprom)
     };
     built.params.rangefinder.temperature_c = options.air_c.into();
-    let board = Board::new(&elf, built).map_err(|cause| Error::Device {
-        name: format!("the virtual board with {}", options.elf.display()),
-        cause: cause.to_string(),
-        advice: "build the firmware with `cargo xtask firmware`".into(),
+    let board = Board::new(&elf, built).map_err(|cause| {
+        let name = format!("the virtual board with {}", options.elf.display());
+        Error::device(
+            name,
+            cause,
+            "build the firmware with `cargo xtask firmware`",
+        )
     })?;
     let eeprom_file = Some(options.eeprom_image.clone());
     let io = io_with(&board, options.spi_hz, interrupt, eeprom_file);
@@ -257,16 +236,11 @@ impl VirtualBoard {
         if let Some(path) = &self.uart_log {
             file::save(path, Kind::Log, &self.board.uart())?;
         }
-        let bytes = self
-            .board
-            .try_stopped(|stopped| {
-                stopped.i2c_bus(|bus, _| bus.eeprom.as_ref().map(|part| part.bytes().to_vec()))
-            })
-            .map_err(|cause| Error::Device {
-                name: "the virtual board".into(),
-                cause: cause.to_string(),
-                advice: "read its report above".into(),
-            })?;
+        let bytes = self.board.try_stopped(|stopped| {
+            stopped.i2c_bus(|bus, _| bus.eeprom.as_ref().map(|part| part.bytes().to_vec()))
+        });
+        let ended = |cause| Error::device("the virtual board", cause, "read its report above");
+        let bytes = bytes.map_err(ended)?;
         file::save(&self.eeprom_image, Kind::Any, &bytes.unwrap_or_default())
     }
 }

@@ -10,8 +10,8 @@ use host_link::session::{CommandRequest, Session, VelocityRequest};
 use pilot::borrowed::Borrowed;
 use pilot::client::Client;
 use pilot::serve::control::{self, Options};
-use pilot::serve::hub::{Hub, MAX_CLIENTS};
-use pilot::serve::listener::{self, Lines, TURN};
+use pilot::serve::hub::{Event, Hub, MAX_CLIENTS};
+use pilot::serve::listener::{self, Lines};
 use pilot::serve::protocol::{Activity, MAX_LINE, Message, Request};
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
@@ -290,9 +290,8 @@ fn hub_admits_a_bounded_number_of_clients() {
 fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
     let (hub, _events) = Hub::new();
     let (mut client, server) = UnixStream::pair().unwrap();
-    server.set_read_timeout(Some(TURN)).unwrap();
     let thread = thread::spawn(move || {
-        listener::serve(&mut Lines::new(server), hub.admit().unwrap(), token);
+        listener::serve(&Lines(server), &hub.admit().unwrap(), token);
     });
     // The server may refuse before everything is sent.
     let _ = client.write_all(bytes);
@@ -331,4 +330,29 @@ fn connection_without_a_valid_hello_gets_a_refusal() {
         let text = answer(&bytes, token);
         assert!(text.contains(reason) && text.lines().count() == 1, "{text}");
     }
+}
+
+// Requirement: SERVE-client-2
+#[test]
+fn idle_connection_of_a_dropped_client_ends() {
+    let (hub, events) = Hub::new();
+    let (mut client, server) = UnixStream::pair().unwrap();
+    let thread = thread::spawn(move || {
+        listener::serve(&Lines(server), &hub.admit().unwrap(), None);
+    });
+    let hello = br#"{"do":"hello","version":1,"name":"a"}"#;
+    client.write_all(&[hello, &b"\n"[..]].concat()).unwrap();
+    let Event::Joined(joined) = events.recv().unwrap() else {
+        panic!("no client");
+    };
+    assert!(joined.send(&"reply".into()));
+    joined.answered();
+    // Its reader waits for a request by now.
+    thread::sleep(Duration::from_millis(50));
+    drop(joined);
+    let mut text = String::new();
+    client.read_to_string(&mut text).unwrap();
+    assert!(text.starts_with("reply\n"), "{text}");
+    assert!(text.contains("the server has ended"), "{text}");
+    thread.join().unwrap();
 }

@@ -17,7 +17,7 @@ use mapper::{Localiser, PlotError, map_iou, map_plot};
 use navigator::{Explorer, Outcome};
 use pilot::exploring::{self, Drive, Localisation};
 use serde::Serialize;
-use twin::plant::{Imperfections, Params, Pose2, Room};
+use twin::plant::{Imperfections, Pose2, Room};
 use twin::{Board, Options};
 
 use crate::truth_track::TruthTrack;
@@ -32,8 +32,6 @@ pub const TOLERANCE_MM: f64 = 100.0;
 pub const PI_RATIO: f64 = 18.0;
 /// How long READY may take, milliseconds.
 pub const READY_MS: u32 = 1_000;
-/// The Pi's SPI clock, hertz.
-pub const SPI_HZ: u32 = 8_000_000;
 
 /// Changes of the sample configuration for exploring: the front sensor on its servo, which sees the slanted
 /// walls that fixed sensors miss.
@@ -42,16 +40,9 @@ pub const CHANGES: [(&Field, u64); 1] = [(fields::SERVO, 1)];
 /// A virtual robot at the start of a room, its world as imperfect as the seed says.
 #[must_use]
 pub fn options(room: &Room, imperfections: Imperfections, seed: u64) -> Options {
-    let params = Params {
-        imperfections,
-        ..Params::default()
-    };
-    Options {
-        seed,
-        room: room.clone(),
-        params,
-        ..Options::default()
-    }
+    let mut options = Options::default().in_room(room.clone());
+    (options.seed, options.params.imperfections) = (seed, imperfections);
+    options
 }
 
 /// A virtual robot at the start of a room in an imperfect world, configured for exploring.

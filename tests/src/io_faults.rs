@@ -5,9 +5,8 @@ use std::panic::resume_unwind;
 use std::rc::Rc;
 
 use embedded_hal::delay::DelayNs;
-use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
-use host_link::board_io::{BoardIo, DynOutput, IoError, erase};
+use host_link::board_io::{BoardIo, DynOutput, IoError, erase, input, output};
 
 /// A fault of the board's I/O.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,12 +37,6 @@ struct FaultPlan {
 /// A call failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CallFailed;
-
-impl digital::Error for CallFailed {
-    fn kind(&self) -> digital::ErrorKind {
-        digital::ErrorKind::Other
-    }
-}
 
 impl i2c::Error for CallFailed {
     fn kind(&self) -> i2c::ErrorKind {
@@ -96,37 +89,6 @@ pub struct FaultyIo<T> {
     calls: Calls,
 }
 
-impl<T> digital::ErrorType for FaultyIo<T> {
-    type Error = CallFailed;
-}
-
-impl OutputPin for FaultyIo<Box<DynOutput>> {
-    fn set_low(&mut self) -> Result<(), CallFailed> {
-        self.calls.call(false)?;
-        self.inner.set_low().map_err(|_| CallFailed)
-    }
-
-    fn set_high(&mut self) -> Result<(), CallFailed> {
-        self.calls.call(false)?;
-        self.inner.set_high().map_err(|_| CallFailed)
-    }
-}
-
-impl InputPin for FaultyIo<Box<dyn InputPin<Error = IoError>>> {
-    fn is_high(&mut self) -> Result<bool, CallFailed> {
-        self.calls.call(false)?;
-        let high = self.inner.is_high().map_err(|_| CallFailed)?;
-        if !high {
-            self.calls.polled();
-        }
-        Ok(high)
-    }
-
-    fn is_low(&mut self) -> Result<bool, CallFailed> {
-        self.is_high().map(|high| !high)
-    }
-}
-
 impl<T> i2c::ErrorType for FaultyIo<T> {
     type Error = CallFailed;
 }
@@ -164,12 +126,27 @@ pub fn with_fault(io: BoardIo, fault: IoFault) -> (BoardIo, Calls) {
         calls: 0,
         polls: Vec::new(),
     })));
+    let line = |mut inner: Box<DynOutput>| {
+        let calls = calls.clone();
+        output(move |high| {
+            calls.call(false).map_err(IoError::new)?;
+            inner.set_state(high.into())
+        })
+    };
+    let (polls, mut ready) = (calls.clone(), io.ready);
     let board = BoardIo {
         i2c: erase(faulty(io.i2c, &calls)),
-        reset: erase(faulty(io.reset, &calls)),
-        select: erase(faulty(io.select, &calls)),
-        protect: erase(faulty(io.protect, &calls)),
-        ready: erase(faulty(io.ready, &calls)),
+        reset: line(io.reset),
+        select: line(io.select),
+        protect: line(io.protect),
+        ready: input(move || {
+            polls.call(false).map_err(IoError::new)?;
+            let high = ready.is_high()?;
+            if !high {
+                polls.polled();
+            }
+            Ok(high)
+        }),
         delay: Box::new(faulty(io.delay, &calls)),
         ..io
     };

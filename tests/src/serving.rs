@@ -2,15 +2,13 @@
 
 use std::thread;
 
-use host_link::board_io::Interrupt;
 use host_link::settings::Settings;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
-use pilot::virtual_board::board_io;
 use twin::Board;
 use twin::trace::EventKind;
 
-use crate::exploration::{CHANGES, READY_MS, SPI_HZ};
+use crate::exploration::{CHANGES, READY_MS};
 use crate::test_board::{BRIDGES, Rig};
 
 /// Serves a robot in Guarded Velocity in the default room while the scenario runs.
@@ -20,15 +18,12 @@ use crate::test_board::{BRIDGES, Rig};
 pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
     let settings = Settings::sample().and_then(|sample| sample.with(&CHANGES));
     let image = settings.expect("accepted").image().clone();
-    let rig = Rig::ready(twin::Options {
-        room: twin::plant::Room::two_rooms(),
-        ..twin::Options::with_eeprom(image.0.to_vec())
-    });
+    let rig = Rig::configured(image.0.to_vec());
     for (_, port, _) in BRIDGES {
         rig.trace_writes(port);
     }
     let (hub, events) = Hub::new();
-    let mut io = board_io(&rig.board, SPI_HZ, Interrupt::new());
+    let mut io = rig.io();
     let end = io.interrupt.raised_on_drop();
     let options = Options {
         rate_hz: 40,

@@ -4,7 +4,9 @@ use std::ops::Deref;
 use std::path::PathBuf;
 
 use embedded_hal::spi::SpiDevice;
-use twin::plant::Sides;
+use host_link::board_io::{BoardIo, Interrupt};
+use pilot::virtual_board::board_io;
+use twin::plant::{Room, Sides};
 use twin::{Board, Options};
 
 /// Environment variable with the path of the release ELF; `cargo xtask` sets it.
@@ -26,8 +28,24 @@ pub const BRIDGES: [(u64, u64, u64); 2] = [
     (0x4000_0840, 0x4002_0818, 0xC000_C000),
 ];
 
+/// The Pi's SPI clock, hertz.
+const SPI_HZ: u32 = 8_000_000;
+
 /// READY may take this long, microseconds: a reset, the log's first lines and 1 KiB of EEPROM.
 pub const READY_US: u64 = 200_000;
+
+/// The Pi's lines and buses to a board.
+pub fn io(board: &Board) -> BoardIo {
+    board_io(board, SPI_HZ, Interrupt::new())
+}
+
+/// Walls within the reach of every rangefinder.
+pub fn near_walls() -> Room {
+    Room::default()
+        .with_wall(900.0, -800.0, 900.0, 800.0)
+        .with_wall(900.0, 800.0, -900.0, 800.0)
+        .with_wall(-900.0, -800.0, 900.0, -800.0)
+}
 
 /// The ELF that the variable names, or the one that `cargo xtask firmware` leaves on a machine whose own
 /// compiler has the target.
@@ -101,10 +119,8 @@ impl Rig {
 
     /// A robot with this EEPROM, booted until READY or for as long as that may take.
     pub fn booted(eeprom: Option<Vec<u8>>) -> Self {
-        let rig = Self::new(Options {
-            eeprom,
-            ..Options::default()
-        });
+        let options = Options::default();
+        let rig = Self::new(Options { eeprom, ..options });
         rig.await_ready();
         rig
     }
@@ -125,6 +141,11 @@ impl Rig {
     /// With the log, where it has not.
     pub fn configured(eeprom: Vec<u8>) -> Self {
         Self::ready(Options::with_eeprom(eeprom))
+    }
+
+    /// The Pi's lines and buses.
+    pub fn io(&self) -> BoardIo {
+        io(&self.board)
     }
 
     /// Lets time pass until READY, at most [`READY_US`]; whether it came.

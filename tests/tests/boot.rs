@@ -4,6 +4,8 @@ use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, 
 use robot_tests::test_board::Rig;
 use twin::{I2cController, Options};
 
+const I2C1_DR: u64 = 0x4000_5410;
+
 /// What every refusal to start must look like, however long one waits and whatever one sends.
 fn assert_stays_off(rig: &Rig, why: &str) {
     let frame = normal_frame(1_000_000, 0, 0, true);
@@ -158,7 +160,10 @@ fn boot_shorted_bus_stays_off_and_logs() {
 fn boot_waits_while_pi_has_eeprom() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.switch_i2c(I2cController::Pi);
+    rig.trace_writes(I2C1_DR);
     assert!(!rig.await_ready());
+    rig.assert_logged("the Pi has the EEPROM, waiting");
+    assert_eq!(rig.take_events(), [], "it keeps off the bus");
     rig.switch_i2c(I2cController::Stm);
     rig.assert_ready();
 }

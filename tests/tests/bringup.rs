@@ -1,12 +1,10 @@
 //! The bring-up firmware on the virtual board: a sound board passes every check of `robot bringup`, and each
 //! mistake of the hardware fails exactly its own.
 
-use host_link::board_io::Interrupt;
 use pilot::doctor::{Findings, Outcome, bringup};
-use pilot::virtual_board::board_io;
-use robot_tests::test_board::{ELF_BRINGUP, Rig, elf};
+use robot_tests::test_board::{ELF_BRINGUP, Rig, elf, near_walls};
 use twin::Options;
-use twin::plant::{Room, Sides};
+use twin::plant::Sides;
 
 /// A hand's speed, degrees of a wheel a second.
 const HAND_DEG_S: f64 = 90.0;
@@ -25,20 +23,14 @@ fn bring_up(options: Options, hand: bool, spoil: impl FnOnce(&Rig)) -> (Findings
     let linked = |rig: &Rig| rig.log().contains("link frames");
     let ended = rig.run_until(LIMIT_US, 20_000, |_| {
         let log = rig.log();
-        let turns = |name| {
-            if hand && asked(&log, name) {
-                HAND_DEG_S
-            } else {
-                0.0
-            }
-        };
+        let turns = |name| HAND_DEG_S * f64::from(u8::from(hand && asked(&log, name)));
         let hands = Sides::new(turns("left"), turns("right"));
         rig.world(move |world| world.hand_deg_s = hands);
         linked(&rig)
     });
     assert!(ended, "{}", rig.log());
     let mut findings = Findings::default();
-    let mut io = board_io(&rig, 8_000_000, Interrupt::new());
+    let mut io = rig.io();
     bringup::exchange(&mut io, 200, &mut findings).expect("the bus works");
     rig.run_us(1_100_000);
     bringup::judge(&rig.log(), &mut findings);
@@ -51,13 +43,7 @@ fn bring_up(options: Options, hand: bool, spoil: impl FnOnce(&Rig)) -> (Findings
 }
 
 fn sound() -> Options {
-    Options {
-        room: Room::default()
-            .with_wall(900.0, -800.0, 900.0, 800.0)
-            .with_wall(900.0, 800.0, -900.0, 800.0)
-            .with_wall(-900.0, -800.0, 900.0, -800.0),
-        ..Options::default()
-    }
+    Options::default().in_room(near_walls())
 }
 
 fn named(findings: &Findings, outcome: Outcome) -> Vec<&str> {
@@ -81,28 +67,18 @@ fn bringup_mistake_of_the_hardware_fails_its_check() {
         assert_eq!(findings.failed(), [expected], "{findings:#?}");
     };
     for crystal_hz in [0, 25_000_000] {
-        mistake(
-            "crystal",
-            Options {
-                crystal_hz,
-                ..sound()
-            },
-            &|_| (),
-        );
+        let mut other = sound();
+        other.crystal_hz = crystal_hz;
+        mistake("crystal", other, &|_| ());
     }
     mistake("brown-out reset", sound(), &|rig| rig.reset_option_bytes());
     mistake("supply", sound(), &|rig| rig.set_supply(2_950));
     let mut open = sound();
     open.params.battery.dividers[1].upper_ohm = f64::INFINITY;
     mistake("battery tap 2", open, &|_| ());
-    mistake(
-        "EEPROM",
-        Options {
-            eeprom: None,
-            ..sound()
-        },
-        &|_| (),
-    );
+    let mut unfitted = sound();
+    unfitted.eeprom = None;
+    mistake("EEPROM", unfitted, &|_| ());
     mistake("I2C lines", sound(), &|rig| {
         rig.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
     });

@@ -1,7 +1,7 @@
 //! Calibration end to end: the release ELF drives a robot whose true wheels and track are not those of its
 //! EEPROM; only its true poses are measured.
 
-use host_link::board_io::{BoardIo, Interrupt};
+use host_link::board_io::BoardIo;
 use host_link::eeprom;
 use host_link::pose::Pose;
 use host_link::session::Session;
@@ -13,29 +13,21 @@ use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
 use pilot::drive::ArrivalCriteria;
 use pilot::ground_truth::GroundTruth;
-use pilot::virtual_board::{SimulatedTape, board_io};
+use pilot::virtual_board::SimulatedTape;
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
 use twin::Options;
-use twin::plant::{Chassis, GyroParams, Params, Room, Sides};
+use twin::plant::{Room, Sides};
 
 const SIDE_MM: f64 = 1000.0;
 
 fn rig(truth: &WheelGeometry, eeprom: Vec<u8>) -> Rig {
-    Rig::ready(Options {
-        // Both images say 80 mm, 80 mm, 125 mm.
-        room: Room::default(),
-        params: Params {
-            chassis: Chassis {
-                wheel_diameter_mm: Sides::new(truth.left_mm, truth.right_mm),
-                track_mm: truth.track_mm,
-                ..Chassis::default()
-            },
-            ..Params::default()
-        },
-        mpu: Some(GyroParams::default()),
-        ..Options::with_eeprom(eeprom)
-    })
+    let mut options = Options::with_eeprom(eeprom).in_room(Room::default());
+    // Both images say 80 mm, 80 mm, 125 mm.
+    let chassis = &mut options.params.chassis;
+    chassis.wheel_diameter_mm = Sides::new(truth.left_mm, truth.right_mm);
+    chassis.track_mm = truth.track_mm;
+    Rig::ready(options)
 }
 
 /// The I/O of a virtual robot and the measurement of its true position.
@@ -82,7 +74,7 @@ fn calibrated(
 ) -> (WheelGeometry, Score, Score) {
     let rig = rig(truth, eeprom);
     let mut robot = Robot {
-        io: board_io(&rig, 8_000_000, Interrupt::new()),
+        io: rig.io(),
         tape: SimulatedTape::new(&rig, 1),
     };
     let path = drive(&mut robot, &straight(length_mm));

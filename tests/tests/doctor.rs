@@ -1,19 +1,13 @@
 //! `doctor` on the virtual board: a sound robot passes every check, and each fault fails exactly its own.
 
-use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use fw_core::eeprom::{Image, fields};
 use fw_core::wire::Mode;
-use host_link::board_io::{BoardIo, Interrupt, erase};
+use host_link::board_io::{BoardIo, IoError, input, output};
 use host_link::eeprom::journal::Journal;
-use host_link::error::Error;
-use host_link::uart::LogSource;
 use pilot::doctor::{Finding, Findings, Outcome, check_board, check_wheels};
-use pilot::virtual_board::board_io;
-use robot_tests::io_faults::CallFailed;
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{Rig, near_walls};
 use twin::Options;
 use twin::components::i2c_bus::I2cController;
-use twin::plant::Room;
 
 /// The first board with everything fitted.
 fn image() -> Image {
@@ -23,47 +17,11 @@ fn image() -> Image {
         .with(fields::SERVO, 1)
 }
 
-/// A line that cannot be driven, or reads low.
-struct DeadLine(bool);
-
-impl ErrorType for DeadLine {
-    type Error = CallFailed;
-}
-
-impl OutputPin for DeadLine {
-    fn set_low(&mut self) -> Result<(), CallFailed> {
-        (!self.0).then_some(()).ok_or(CallFailed)
-    }
-
-    fn set_high(&mut self) -> Result<(), CallFailed> {
-        self.set_low()
-    }
-}
-
-impl InputPin for DeadLine {
-    fn is_high(&mut self) -> Result<bool, CallFailed> {
-        Ok(false)
-    }
-
-    fn is_low(&mut self) -> Result<bool, CallFailed> {
-        Ok(true)
-    }
-}
-
-/// A log that always has these bytes.
-struct OtherLog(&'static [u8]);
-
-impl LogSource for OtherLog {
-    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
-        Ok(self.0.to_vec())
-    }
-}
-
 /// The checks of a board that boots with `options` and is then spoilt.
 fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardIo)) -> Findings {
     let rig = Rig::new(options);
     rig.await_ready();
-    let mut io = board_io(&rig, 8_000_000, Interrupt::new());
+    let mut io = rig.io();
     spoil(&rig, &mut io);
     let mut findings = Findings::default();
     let image = check_board(&mut io, 40, 300, &mut findings).expect("not interrupted");
@@ -80,14 +38,7 @@ fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardI
 }
 
 fn with_image(image: &Image) -> Options {
-    Options {
-        // Walls within the reach of every rangefinder.
-        room: Room::default()
-            .with_wall(900.0, -800.0, 900.0, 800.0)
-            .with_wall(900.0, 800.0, -900.0, 800.0)
-            .with_wall(-900.0, -800.0, 900.0, -800.0),
-        ..Options::with_eeprom(image.0.to_vec())
-    }
+    Options::with_eeprom(image.0.to_vec()).in_room(near_walls())
 }
 
 #[track_caller]
@@ -114,9 +65,10 @@ fn doctor_fault_of_the_board_fails_its_check() {
         assert_fails(expected, &findings);
     };
     let sound = || with_image(&image());
-    board("lines", sound(), &|_, io| io.reset = erase(DeadLine(true)));
+    let dead = |_| Err(IoError::new("dead"));
+    board("lines", sound(), &|_, io| io.reset = output(dead));
     board("bus switch", sound(), &|rig, io| {
-        io.select = erase(DeadLine(false));
+        io.select = output(|_| Ok(()));
         rig.switch_i2c(I2cController::Pi);
     });
     for (check, eeprom) in [("EEPROM", None), ("EEPROM key", Some(Vec::new()))] {
@@ -125,7 +77,7 @@ fn doctor_fault_of_the_board_fails_its_check() {
     let mut torn = image();
     torn.0[0x100] ^= 4;
     board("configuration", with_image(&torn), &|_, _| ());
-    board("READY", sound(), &|_, io| io.ready = erase(DeadLine(false)));
+    board("READY", sound(), &|_, io| io.ready = input(|| Ok(false)));
     let other_key = image().with(fields::KEY_FROM_STM, 0x11);
     board("link", sound(), &|rig, _| {
         let bytes = other_key.0.to_vec();
@@ -135,10 +87,10 @@ fn doctor_fault_of_the_board_fails_its_check() {
         });
     });
     board("log port", sound(), &|_, io| {
-        io.log = Box::new(OtherLog(b""));
+        io.log = Box::new(|| Ok(Vec::new()));
     });
     board("firmware", sound(), &|_, io| {
-        io.log = Box::new(OtherLog(b"login:\n"));
+        io.log = Box::new(|| Ok(b"login:\n".to_vec()));
     });
     let mut slow = sound();
     slow.crystal_hz = 0;

@@ -1,12 +1,11 @@
 //! Driving to a pose with the real, unequal motors: 5 mm and 1° at rest.
 
-use host_link::board_io::Interrupt;
 use host_link::pose::Pose;
 use host_link::session::{RATE_HZ, Session};
 use host_link::settings::Settings;
 use pilot::drive::{ArrivalCriteria, go_to};
-use pilot::{mapping, virtual_board};
-use robot_tests::exploration::{self, READY_MS, SPI_HZ};
+use pilot::mapping;
+use robot_tests::exploration::{self, READY_MS};
 use robot_tests::reference::{normal_frame, original_image};
 use robot_tests::test_board::Rig;
 use twin::Options;
@@ -14,10 +13,8 @@ use twin::plant::{Imperfections, Room};
 
 /// Drives to (x, y) mm and `degrees` in an open field; the truth's distance and angle to it at rest.
 fn drive(x: f64, y: f64, degrees: f64, seconds: u64) -> (f64, f64, u32) {
-    let rig = Rig::ready(Options {
-        room: Room::default(),
-        ..Options::with_eeprom(original_image())
-    });
+    let options = Options::with_eeprom(original_image());
+    let rig = Rig::ready(options.in_room(Room::default()));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let rotation = (degrees / 360.0 * 32768.0).round().rem_euclid(32768.0) as u16;
     #[allow(clippy::cast_possible_truncation)]
@@ -51,12 +48,10 @@ fn drive_reaches_poses_within_5_mm_and_1_degree() {
 /// Follows poses by velocity in an open field; checks what is reported, and returns how far the truth is from
 /// it at the end of each, at worst.
 fn follow(imperfections: Imperfections, poses: &[(f64, f64, f64)]) -> (f64, f64) {
-    let options = exploration::options(&Room::default(), imperfections, 31);
-    let rig = Rig::ready(Options {
-        eeprom: Some(Settings::sample().expect("accepted").image().0.to_vec()),
-        ..options
-    });
-    let mut io = virtual_board::board_io(&rig.board, SPI_HZ, Interrupt::new());
+    let mut options = exploration::options(&Room::default(), imperfections, 31);
+    options.eeprom = Some(Settings::sample().expect("accepted").image().0.to_vec());
+    let rig = Rig::ready(options);
+    let mut io = rig.io();
     let mut session = Session::open(&mut io, RATE_HZ, READY_MS).expect("a session");
     let mut worst = (0.0_f64, 0.0_f64);
     for &(x, y, degrees) in poses {

@@ -7,17 +7,15 @@ use std::path::PathBuf;
 
 use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
-use host_link::board_io::{BoardIo, Interrupt};
+use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{Repaired, repair};
 use host_link::eeprom::{Programmed, program};
 use host_link::error::Error;
 use host_link::session::Session;
-use pilot::virtual_board;
 use robot_tests::io_faults::{Calls, IoFault, ProcessKilled, with_fault};
 use robot_tests::test_board::Rig;
 
-const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;
 const RATE_HZ: u32 = 400;
 
@@ -54,7 +52,7 @@ impl EepromTest {
     }
 
     fn machine(&self) -> BoardIo {
-        virtual_board::board_io(&self.rig, SPI_HZ, Interrupt::new())
+        self.rig.io()
     }
 
     /// Restores the first image; the STM keeps the configuration it booted with.

@@ -1,13 +1,11 @@
 //! Exploring on the virtual board: a small room that the robot does not know, in an imperfect world,
 //! and what goes wrong on the way.
 
-use host_link::board_io::Interrupt;
 use host_link::settings::Settings;
 use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
-use pilot::virtual_board;
-use robot_tests::exploration::{self, Figures, SPI_HZ};
-use robot_tests::test_board::{ELF, elf};
+use robot_tests::exploration::{self, Figures};
+use robot_tests::test_board::{self, ELF, elf};
 use twin::plant::{Faults, Imperfections, Pose2, Room};
 use twin::{Board, Options};
 
@@ -27,7 +25,7 @@ fn small_room() -> Room {
 fn explore(seed: u64, mut disturb: impl FnMut(&Board, f64)) -> Figures {
     let room = small_room();
     let board = exploration::configured_board(&elf(ELF), &room, seed).expect("a board");
-    let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+    let mut io = test_board::io(&board);
     let mut reports = 0.0;
     let run = exploration::explore(&mut io, &board, |_| {
         reports += 1.0;
@@ -88,15 +86,9 @@ fn learned_wheels_in_eeprom_improve_next_exploration() {
     let (mut off, mut raw_mm) = (Vec::new(), Vec::new());
     for _ in 0..2 {
         let eeprom = Some(settings.image().0.to_vec());
-        let board = Board::new(
-            &elf,
-            Options {
-                eeprom,
-                ..exploration::options(&room, Imperfections::default(), 24)
-            },
-        )
-        .expect("a board");
-        let mut io = virtual_board::board_io(&board, SPI_HZ, Interrupt::new());
+        let options = exploration::options(&room, Imperfections::default(), 24);
+        let board = Board::new(&elf, Options { eeprom, ..options }).expect("a board");
+        let mut io = test_board::io(&board);
         let run = exploration::explore(&mut io, &board, |_| ()).expect("a session");
         let true_wheels = board.world(|world| world.params().chassis);
         let [wheels, track] = {

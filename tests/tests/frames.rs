@@ -4,7 +4,8 @@ use robot_tests::reference::{
     KEY_PI, KEY_STM, NormalReply, crc16, image_in_mode, normal_frame, original_image, tuning_frame,
 };
 use robot_tests::test_board::Rig;
-use twin::SpiStep;
+use twin::plant::{Pose2, Room};
+use twin::{Options, SpiStep};
 
 const HZ: u64 = 8_000_000;
 
@@ -22,8 +23,7 @@ fn idle() -> [u8; 19] {
 #[test]
 fn normal_reply_alternates_cells_with_true_voltages() {
     let rig = normal();
-    let taps = rig.truth().battery_v;
-    let cells = [taps[0], taps[1] - taps[0]];
+    let cells = rig.truth().cells_v();
     let mut next = None;
     for _ in 0..6 {
         let reply = NormalReply::of(&rig.frame(&idle()));
@@ -39,18 +39,19 @@ fn normal_reply_alternates_cells_with_true_voltages() {
 // Requirement: DOC-2.2-1, DOC-5.2.1-2, DOC-2.1-4, WIRE-distance-2
 #[test]
 fn normal_reply_distances_order_and_scale() {
-    let rig = normal();
+    // 900 mm ahead, 600 mm to the right, 1,400 mm to the left.
+    let walls = Room::default()
+        .with_wall(980.0, -3000.0, 980.0, 3000.0)
+        .with_wall(-3000.0, -660.0, 3000.0, -660.0)
+        .with_wall(-3000.0, 1460.0, 3000.0, 1460.0);
+    let options = Options::with_eeprom(original_image()).in_room(walls);
+    let rig = Rig::ready(options.at(Pose2::default()));
+    rig.run_us(200_000);
     let reply = NormalReply::of(&rig.frame(&idle()));
     let truth = rig.world(|world| [0, 1, 2].map(|sensor| world.range_mm(sensor)));
     for (code, truth) in reply.ranges.into_iter().zip(truth) {
-        match truth {
-            Some(mm) if mm < 2450.0 => {
-                let measured = f64::from(code) * 2500.0 / 65535.0;
-                assert!((measured - mm).abs() < 30.0, "{measured} mm, truly {mm} mm");
-            }
-            Some(mm) if mm < 2550.0 => {}
-            _ => assert_eq!(code, 0xFFFF),
-        }
+        let (measured, mm) = (f64::from(code) * 2500.0 / 65535.0, truth.expect("a wall"));
+        assert!((measured - mm).abs() < 30.0, "{measured} mm, truly {mm} mm");
     }
 }
 
@@ -203,8 +204,7 @@ fn tune_reply_alternates_cells_with_true_voltages() {
     for mode in [1, 2] {
         let rig = Rig::booted(Some(image_in_mode(mode)));
         rig.run_us(200_000);
-        let taps = rig.truth().battery_v;
-        let cells = [taps[0], taps[1] - taps[0]];
+        let cells = rig.truth().cells_v();
         let mut walked = Vec::new();
         for _ in 0..6 {
             let reply = rig.frame(&tuning_frame(0.0));

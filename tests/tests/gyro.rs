@@ -28,11 +28,8 @@ fn image(gyro: bool) -> Image {
 }
 
 fn options(gyro: bool, mpu: Option<GyroParams>) -> Options {
-    Options {
-        room: Room::default(),
-        mpu,
-        ..Options::with_eeprom(image(gyro).0.to_vec())
-    }
+    let options = Options::with_eeprom(image(gyro).0.to_vec()).in_room(Room::default());
+    Options { mpu, ..options }
 }
 
 impl GyroRobot {

@@ -2,14 +2,11 @@
 
 use fw_core::eeprom::{Config, Image, fields};
 use fw_core::wire::{Mode, chain};
-use host_link::board_io::Interrupt;
 use host_link::error::Error;
 use host_link::session::{CommandRequest, MODE_CHECK_FRAMES, RATE_HZ, Session};
 use pilot::mode;
-use pilot::virtual_board;
 use robot_tests::test_board::Rig;
 
-const SPI_HZ: u32 = 8_000_000;
 const READY_MS: u32 = 1_000;
 
 /// The first board's figures and a servo, which the sweep asks for.
@@ -35,7 +32,7 @@ fn mode_mismatch_is_detected_within_ten_frames() {
     for &stm in Mode::ALL {
         let rig = booted(stm);
         for &pi in Mode::ALL {
-            let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
+            let mut machine = rig.io();
             let config = Config::decode(&image(pi)).expect("accepted");
             let mut session = Session::with_config(&mut machine, config, RATE_HZ);
             let met = session.confirm_mode();
@@ -59,7 +56,7 @@ fn mode_mismatch_is_detected_within_ten_frames() {
 #[test]
 fn mode_change_takes_effect_on_both_ends() {
     let rig = booted(Mode::Normal);
-    let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
+    let mut machine = rig.io();
     let mut before = Mode::Normal;
     for &mode in Mode::ALL.iter().rev().chain([&Mode::GuardedNormal]) {
         let mut changed = mode::change(&mut machine, mode, RATE_HZ, READY_MS, None, |_| {})

@@ -125,11 +125,9 @@ fn at_full_speed() -> Image {
 }
 
 fn rig(params: &Params, eeprom: Vec<u8>) -> Rig {
-    Rig::ready(Options {
-        room: Room::default(),
-        params: params.clone(),
-        ..Options::with_eeprom(eeprom)
-    })
+    let mut options = Options::with_eeprom(eeprom).in_room(Room::default());
+    options.params = params.clone();
+    Rig::ready(options)
 }
 
 /// Drives each goal from rest, nothing learned; prints the table and fails beyond the bars.

@@ -108,6 +108,11 @@ fn is_refresh(access: &Snapshot) -> bool {
     access.register == S3NDTR && access.written.is_none()
 }
 
+fn options(mode: u8, room: Room) -> Options {
+    let options = Options::with_eeprom(image_in_mode(mode)).in_room(room);
+    options.at(Pose2::default())
+}
+
 /// A driving robot, and where its replies lie and are swapped.
 struct Drive {
     rig: Rig,
@@ -125,16 +130,11 @@ struct Drive {
 
 impl Drive {
     fn new(elf: &[u8], mode: u8, mips: u64, spi_preloads: bool) -> Self {
-        let rig = Rig::with_elf(
-            elf,
-            Options {
-                room: Room::default().with_box(&Pose2::new(1_500.0, 0.0, 0.0), 5_000.0, 2_000.0),
-                start: Some(Pose2::new(0.0, 0.0, 0.0)),
-                mips: mips.try_into().expect("a core that runs"),
-                spi_preloads,
-                ..Options::with_eeprom(image_in_mode(mode))
-            },
-        );
+        let room = Room::default().with_box(&Pose2::new(1_500.0, 0.0, 0.0), 5_000.0, 2_000.0);
+        let mut options = options(mode, room);
+        options.mips = mips.try_into().expect("a core that runs");
+        options.spi_preloads = spi_preloads;
+        let rig = Rig::with_elf(elf, options);
         rig.assert_ready();
         let mut drive = Self {
             rig,
@@ -277,12 +277,9 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
 // Requirement: WIRE-spi-6
 #[test]
 fn reply_refresh_across_zero_keeps_fetched_bytes() {
-    let rig = Rig::ready(Options {
-        room: Room::default(),
-        start: Some(Pose2::new(0.0, 0.0, 0.0)),
-        spi_preloads: true,
-        ..Options::with_eeprom(image_in_mode(0))
-    });
+    let mut options = options(0, Room::default());
+    options.spi_preloads = true;
+    let rig = Rig::ready(options);
     let mut signs = Vec::new();
     for x_um in [150_000, -150_000, 150_000] {
         for _ in 0..400 {

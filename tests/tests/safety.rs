@@ -158,8 +158,7 @@ fn cells_read_the_same_at_any_supply() {
     for millivolts in [2_600, 3_000, 3_600, 3_300] {
         rig.set_supply(millivolts);
         let _ = rig.keep_sending(&stand, 1_000_000);
-        let taps = rig.truth().battery_v;
-        let cells = [taps[0], taps[1] - taps[0]];
+        let cells = rig.truth().cells_v();
         for _ in 0..2 {
             let reply = NormalReply::of(&rig.keep_sending(&stand, 25_000));
             let volts = f64::from(reply.voltage) / 200.0;
@@ -279,10 +278,7 @@ fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
         .with(fields::BATTERY_CUTOFF, cutoff_mv)
         // At full speed: the load that drains it.
         .with(fields::BLIND_SPEED, 2000);
-    let mut options = Options {
-        room: Room::default(),
-        ..Options::with_eeprom(image.0.to_vec())
-    };
+    let mut options = Options::with_eeprom(image.0.to_vec()).in_room(Room::default());
     options.params.battery.capacity_ah = 0.004;
     options.params.battery.idle_a = 0.05;
     options.params.battery.cell_ohm = 0.15;
@@ -291,8 +287,8 @@ fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
 
 /// The lower cell's voltage.
 fn lowest(rig: &Rig) -> f64 {
-    let [one, both] = rig.truth().battery_v;
-    one.min(both - one)
+    let [one, other] = rig.truth().cells_v();
+    one.min(other)
 }
 
 // Requirement: WIRE-fault-3, WIRE-fault-4, WIRE-platform-10

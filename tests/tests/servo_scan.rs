@@ -28,10 +28,8 @@ struct ScanningRobot {
 impl ScanningRobot {
     fn new(image: &Image, params: Params) -> Self {
         let config = Config::decode(image).expect("accepted");
-        let rig = Rig::ready(Options {
-            params,
-            ..Options::with_eeprom(image.0.to_vec())
-        });
+        let options = Options::with_eeprom(image.0.to_vec());
+        let rig = Rig::ready(Options { params, ..options });
         rig.run_us(20_000);
         Self {
             rig,

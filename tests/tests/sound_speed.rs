@@ -28,12 +28,9 @@ fn walls(ahead: f64, right: f64, left: f64) -> Room {
 }
 
 fn rig(room: Room, params: Params, calibration_words: Option<[u16; 3]>) -> Rig {
-    let mut options = Options {
-        room,
-        start: Some(Pose2::default()),
-        params,
-        ..Options::with_eeprom(original_image())
-    };
+    let options = Options::with_eeprom(original_image()).in_room(room);
+    let mut options = options.at(Pose2::default());
+    options.params = params;
     if let Some(words) = calibration_words {
         options.calibration_words = words;
     }
@@ -94,7 +91,7 @@ fn temperature_conversion_keeps_cell_voltages() {
     }
 }
 
-// Requirement: DOC-2.1-6
+// Requirement: DOC-2.1-6, DOC-5.2.2-5
 #[test]
 fn rangefinders_ping_in_turn_every_20_ms() {
     let rig = rig(walls(2400.0, 2400.0, 2400.0), exact(20.0, 2.5), None);
@@ -104,6 +101,7 @@ fn rangefinders_ping_in_turn_every_20_ms() {
     let pings = rig.pings();
     for (nth, pair) in pings.windows(2).enumerate() {
         let apart = pair[1].at_ns - pair[0].at_ns;
+        // Two ticks.
         let right = (19_800_000..=20_200_000).contains(&apart);
         assert!(right, "{nth}: {apart} ns");
         assert_eq!(pair[1].sensor, (pair[0].sensor + 1) % 3);

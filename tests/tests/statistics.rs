@@ -3,12 +3,9 @@
 
 use fw_core::eeprom::{Config, Image, fields};
 use fw_core::wire::{Cause, Field, Mode, frame_len};
-use host_link::board_io::Interrupt;
 use host_link::session::{CommandRequest, RATE_HZ, Session};
-use pilot::virtual_board;
 use robot_tests::test_board::Rig;
 
-const SPI_HZ: u32 = 8_000_000;
 /// Frames in two and a half seconds: enough for a log line with the pause and one without.
 const FRAMES: u32 = RATE_HZ * 5 / 2;
 
@@ -27,7 +24,7 @@ fn booted(mode: Mode) -> (Rig, Config) {
 fn statistics_count_frames_of_both_ends() {
     for &mode in Mode::ALL {
         let (rig, config) = booted(mode);
-        let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
+        let mut machine = rig.io();
         let mut session = Session::with_config(&mut machine, config.clone(), RATE_HZ);
         let exchange = |session: &mut Session, frames| {
             for _ in 0..frames {
@@ -91,7 +88,7 @@ fn statistics_count_frames_of_both_ends() {
 #[test]
 fn statistics_silent_link_logs_nothing() {
     let (rig, config) = booted(Mode::GuardedNormal);
-    let mut machine = virtual_board::board_io(&rig, SPI_HZ, Interrupt::new());
+    let mut machine = rig.io();
     let mut session = Session::with_config(&mut machine, config, RATE_HZ);
     session.confirm_mode().expect("a good link");
     rig.run_us(5_000_000);

@@ -1,10 +1,8 @@
 //! Tuning end to end: the Pi's steps and fit against the virtual motors, whose figures are known.
 
-use host_link::board_io::Interrupt;
 use host_link::eeprom;
 use host_link::session::Session;
 use pilot::tune::{Axis, battery, drive_model, step_response, temporary_mode};
-use pilot::virtual_board::board_io;
 use plant::MotorParams;
 use robot_tests::reference::original_image;
 use robot_tests::test_board::Rig;
@@ -12,10 +10,7 @@ use twin::Options;
 use twin::plant::Room;
 
 fn rig() -> Rig {
-    Rig::ready(Options {
-        room: Room::default(),
-        ..Options::with_eeprom(original_image())
-    })
+    Rig::ready(Options::with_eeprom(original_image()).in_room(Room::default()))
 }
 
 /// Millimetres of travel per degree of a wheel.
@@ -34,7 +29,7 @@ fn mean(of: impl Fn(MotorParams) -> f64) -> f64 {
 
 fn tuned(axis: Axis) -> drive_model::DriveModel {
     let rig = rig();
-    let mut machine = board_io(&rig, 8_000_000, Interrupt::new());
+    let mut machine = rig.io();
     let original = eeprom::read(&mut machine).expect("the EEPROM");
     let plan = step_response::StepPlan {
         levels: vec![50.0, 75.0, 100.0],
@@ -81,7 +76,7 @@ fn tuning_identifies_motor_gain_and_lag() {
 #[test]
 fn tuning_battery_proposes_resistor() {
     let rig = rig();
-    let mut machine = board_io(&rig, 8_000_000, Interrupt::new());
+    let mut machine = rig.io();
     let mut session = Session::open(&mut machine, 40, 1000).expect("a session");
     for _ in 0..40 {
         let standing = host_link::session::CommandRequest::default();

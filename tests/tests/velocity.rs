@@ -29,11 +29,9 @@ impl Driven {
             image = image.with(field, raw);
         }
         let config = Config::decode(&image).expect("accepted");
-        let rig = Rig::ready(Options {
-            room,
-            mpu: (image.get(fields::GYRO) != 0).then(GyroParams::default),
-            ..Options::with_eeprom(image.0.to_vec())
-        });
+        let mut options = Options::with_eeprom(image.0.to_vec()).in_room(room);
+        options.mpu = (image.get(fields::GYRO) != 0).then(GyroParams::default);
+        let rig = Rig::ready(options);
         Self {
             rig,
             pi: PiLink::new(config.link_setup()),

@@ -39,6 +39,15 @@ pub struct Truth {
     pub collisions: u32,
 }
 
+impl Truth {
+    /// The battery's cells, volts.
+    #[must_use]
+    pub fn cells_v(&self) -> [f64; 2] {
+        let [one, both] = self.battery_v;
+        [one, both - one]
+    }
+}
+
 /// A reset of the microcontroller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reset {

@@ -308,8 +308,10 @@ impl BoardModel {
                 let before = Encoder::levels(self.counts[nth]);
                 let mut after = Encoder::levels(edge.count);
                 self.counts[nth] = edge.count;
-                let dead = self.world.faults.dead_channel;
-                if [dead.left, dead.right][nth] {
+                let faults = &self.world.faults;
+                let [dead, noisy] =
+                    [faults.dead_channel, faults.noisy_encoder].map(|of| [of.left, of.right][nth]);
+                if dead {
                     after[1] = Level::Low;
                 }
                 for channel in 0..2 {
@@ -319,6 +321,10 @@ impl BoardModel {
                 }
                 let routed = |&pin: &Pin| chip.role(pin) == Role::Function(encoder.function);
                 if encoder.pins.iter().all(routed) {
+                    if noisy {
+                        self.drive_timer_inputs(chip, now, nth, after);
+                        self.drive_timer_inputs(chip, now, nth, before);
+                    }
                     self.drive_timer_inputs(chip, now, nth, after);
                 }
             }

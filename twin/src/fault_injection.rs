@@ -7,10 +7,14 @@ use rigless::soc::Width;
 
 use crate::board::Board;
 use crate::components::mpu6050::Mpu6050;
+use crate::virtual_board::FACTORY_OPTIONS;
 
 /// TIM5's first control register, RM0383 table 1 and section 13.4.1.
 const TIM5_CR1: u64 = 0x4000_0C00;
 const TIM5_DIER: u64 = TIM5_CR1 + 0xC;
+/// USART1's third control register, RM0383 section 19.6.6, and whether the DMA feeds it.
+const USART1_CR3: u64 = 0x4001_1014;
+const DMAT: u64 = 1 << 7;
 /// The clocks of APB2's peripherals, RM0383 section 6.3.12, and the converter's among them.
 const RCC_APB2ENR: u64 = 0x4002_3844;
 const ADC1EN: u64 = 1 << 8;
@@ -49,9 +53,9 @@ impl Board {
         self.stopped(move |stopped| stopped.mcu().chip.set_supply(millivolts));
     }
 
-    /// The option bytes are the factory's: no brown-out reset (RM0383, 3.8.6).
+    /// The option bytes are the factory's: no brown-out reset.
     pub fn reset_option_bytes(&self) {
-        self.stopped(|stopped| stopped.mcu().chip.set_option_bytes(0x0FFF_AAED));
+        self.stopped(|stopped| stopped.mcu().chip.set_option_bytes(FACTORY_OPTIONS));
     }
 
     /// The converter stops: no conversion ends any more.
@@ -59,32 +63,37 @@ impl Board {
         self.change(RCC_APB2ENR, |clocks| clocks & !ADC1EN);
     }
 
-    /// The converter is started no more: TIM5's third compare interrupts no longer.
-    ///
-    /// # Panics
-    /// While TIM5 has no clock, before the firmware has started it.
+    /// The converter is started no more: TIM5's third compare interrupts no longer, where TIM5 has a clock.
     pub fn stop_conversions(&self) {
         self.change(TIM5_DIER, |enables| enables & !(1 << 3));
     }
 
-    /// TIM5, the timer of the firmware's ticks, stops.
-    ///
-    /// # Panics
-    /// While TIM5 has no clock, before the firmware has started it.
+    /// TIM5, the timer of the firmware's ticks, stops, where it has a clock.
     pub fn stop_ticks(&self) {
         self.change(TIM5_CR1, |_| 0);
     }
 
-    /// Changes a word of a peripheral that has its clock.
+    /// A debugger halts the core, or lets it go on. The peripherals go on meanwhile; who freezes the watchdog
+    /// and the timers is not modelled: the firmware does not.
+    pub fn halt_core(&self, halted: bool) {
+        self.stopped(move |stopped| stopped.host.hold(halted));
+    }
+
+    /// The log's bytes leave no more, or do again, where USART1 has a clock.
+    pub fn block_log(&self, blocked: bool) {
+        let requests = if blocked { 0 } else { DMAT };
+        self.change(USART1_CR3, move |word| word & !DMAT | requests);
+    }
+
+    /// Changes a word of a peripheral; without a clock it does nothing that could be changed.
     fn change(&self, address: u64, change: impl FnOnce(u64) -> u64 + Send + 'static) {
         self.stopped(move |stopped| {
             let at = stopped.at();
             let chip = &mut stopped.mcu().chip;
-            let word = chip
-                .read(at, address, Width::W32)
-                .expect("it has its clock");
-            let written = chip.write(at, address, Width::W32, change(word));
-            written.expect("it has its clock");
+            if let Ok(word) = chip.read(at, address, Width::W32) {
+                let written = chip.write(at, address, Width::W32, change(word));
+                written.expect("it has its clock");
+            }
         });
     }
 }

@@ -47,6 +47,19 @@ impl Options {
             ..Self::default()
         }
     }
+
+    /// The same in another room.
+    #[must_use]
+    pub fn in_room(self, room: Room) -> Self {
+        Self { room, ..self }
+    }
+
+    /// The same from another start.
+    #[must_use]
+    pub fn at(self, start: Pose2) -> Self {
+        let start = Some(start);
+        Self { start, ..self }
+    }
 }
 
 impl Default for Options {

@@ -76,8 +76,10 @@ pub struct VirtualBoard {
     instructions_per_second: NonZeroU64,
 }
 
-/// The factory's option bytes but for the brown-out reset, which is at 2.4 V (RM0383, 3.8.6).
-const OPTION_BYTES: u64 = 0x0FFF_AAE5;
+/// The factory's option bytes, without a brown-out reset (RM0383, 3.8.6).
+pub const FACTORY_OPTIONS: u64 = 0x0FFF_AAED;
+/// With it at level 2, 2.4 V.
+const OPTIONS: u64 = FACTORY_OPTIONS & !(1 << 3);
 
 impl VirtualBoard {
     /// The microcontroller on `board`, at `mips` instructions a microsecond; without a crystal
@@ -89,7 +91,7 @@ impl VirtualBoard {
         let mut chip = Stm32f411::new()?;
         chip.rcc.attach_crystals(crystal_hz, 0);
         chip.set_supply(RAIL_MV);
-        chip.set_option_bytes(OPTION_BYTES);
+        chip.set_option_bytes(OPTIONS);
         chip.usart[0].attach(UartReceiver::default());
         chip.i2c[0].inner.attach(StmPort(board.i2c.clone()));
         let mut mcu = McuOnBoard { chip, board };

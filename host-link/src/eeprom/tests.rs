@@ -65,6 +65,7 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     assert!(matches!(outcome, Err(Error::Verify { address: at, .. }) if at == address));
 }
 
+// Requirement: DOC-6-6
 #[test]
 fn lines_left_elsewhere_are_idle_after_read_or_repair() {
     let (board, mut io) = mock_board(&BLANK, None);

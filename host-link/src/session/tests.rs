@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::mock_board::mock_board;
-use crate::uart::LogSource;
 use fw_core::eeprom::{FIELDS, Image, fields};
 use fw_core::types::{Faults, Velocity};
 use fw_core::wire::Mode;
@@ -186,12 +185,6 @@ fn resume_clears_the_lost_link_alone() {
 
 #[test]
 fn log_is_read_until_it_fails() {
-    struct Broken;
-    impl LogSource for Broken {
-        fn read_new(&mut self) -> Result<Vec<u8>, Error> {
-            Err(Error::Interrupted)
-        }
-    }
     let (board, mut io) = mock_board(&image(2), None);
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
     for part in b"I00013: L 40 40 0 - 25013 25013 -\n".chunks(20) {
@@ -199,7 +192,7 @@ fn log_is_read_until_it_fails() {
         assert_eq!(session.poll_log(), part);
     }
     assert_eq!(session.snapshot().stm.map(|stm| stm.frames), Some(40));
-    let working = std::mem::replace(&mut session.io.log, Box::new(Broken));
+    let working = std::mem::replace(&mut session.io.log, Box::new(|| Err(Error::Interrupted)));
     assert!(session.poll_log().is_empty());
     session.io.log = working;
     board.borrow_mut().log.push(0);

@@ -251,13 +251,9 @@ fn open_virtual(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
 
 #[cfg(not(all(feature = "linux", feature = "virtual")))]
 fn not_built(name: &str, feature: &str, otherwise: &str) -> Error {
-    Error::Device {
-        name: name.into(),
-        cause: format!("this `robot` was built without the feature `{feature}`"),
-        advice: format!(
-            "build it with `cargo build --release -p pilot --features {feature}`{otherwise}"
-        ),
-    }
+    let cause = format!("this `robot` was built without the feature `{feature}`");
+    let build = format!("cargo build --release -p pilot --features {feature}");
+    Error::device(name, cause, format!("build it with `{build}`{otherwise}"))
 }
 
 /// The flag that Ctrl-C raises; its handler can be installed only once.
@@ -268,10 +264,9 @@ pub fn interrupt() -> Result<Interrupt, Error> {
     }
     let interrupt = INTERRUPT.get_or_init(Interrupt::new).clone();
     let raised = interrupt.clone();
-    ctrlc::set_handler(move || raised.raise()).map_err(|cause| Error::Device {
-        name: "the handler of Ctrl-C".into(),
-        cause: cause.to_string(),
-        advice: "start the program in another way".into(),
+    ctrlc::set_handler(move || raised.raise()).map_err(|cause| {
+        let advice = "start the program in another way";
+        Error::device("the handler of Ctrl-C", cause, advice)
     })?;
     Ok(interrupt)
 }

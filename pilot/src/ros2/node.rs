@@ -62,10 +62,9 @@ impl Ros2Node {
                 "--namespace {namespace}: {cause}; accepted are {what}"
             )));
         }
-        Self::join(&namespace, options).map_err(|cause| Error::Device {
-            name: format!("the DDS domain {}", options.domain),
-            cause: cause.to_string(),
-            advice: "choose another --domain, or end a program that holds its UDP ports".into(),
+        Self::join(&namespace, options).map_err(|cause| {
+            let advice = "choose another --domain, or end a program that holds its UDP ports";
+            Error::device(format!("the DDS domain {}", options.domain), cause, advice)
         })
     }
 

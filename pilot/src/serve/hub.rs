@@ -1,10 +1,9 @@
-//! The clients of the control loop: bounded queues out, one pending request each in.
+//! The clients of the control loop: bounded queues out, one request at a time each in.
 
 use super::protocol::Request;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
-use std::time::Duration;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 
 /// Most clients at a time.
 pub const MAX_CLIENTS: usize = 64;
@@ -18,8 +17,8 @@ pub type ClientId = usize;
 pub enum Event {
     /// A client has been accepted.
     Joined(Client),
-    /// A client asks for something.
-    Asked(ClientId, Request),
+    /// A client asks for something, or for what is no request.
+    Asked(ClientId, Result<Request, String>),
     /// A client has gone.
     Left(ClientId),
 }
@@ -35,7 +34,7 @@ pub struct Client {
     /// Tiles of the map that it has got.
     pub tiles: usize,
     queue: SyncSender<Arc<str>>,
-    pending: Arc<AtomicBool>,
+    answered: SyncSender<()>,
 }
 
 impl Client {
@@ -48,7 +47,7 @@ impl Client {
 
     /// Its request is answered: the next may come.
     pub fn answered(&self) {
-        self.pending.store(false, Ordering::Release);
+        let _ = self.answered.try_send(());
     }
 }
 
@@ -78,76 +77,50 @@ impl Hub {
         let place = |count| (count < MAX_CLIENTS).then_some(count + 1);
         let (done, missed) = (Ordering::AcqRel, Ordering::Acquire);
         self.clients.fetch_update(done, missed, place).ok()?;
-        let (queue, messages) = mpsc::sync_channel(QUEUE);
-        Some(Port {
-            id: self.next.fetch_add(1, Ordering::Relaxed),
-            hub: self.clone(),
-            queue: Some(queue),
-            messages,
-            pending: Arc::default(),
-        })
+        let (id, hub) = (self.next.fetch_add(1, Ordering::Relaxed), self.clone());
+        Some(Port { id, hub })
     }
 }
 
-/// A client's own end.
+/// A client's place.
 pub struct Port {
     id: ClientId,
     hub: Hub,
-    queue: Option<SyncSender<Arc<str>>>,
-    messages: Receiver<Arc<str>>,
-    pending: Arc<AtomicBool>,
 }
 
 impl Port {
-    /// Joins under this name; the reply is queued.
-    pub fn join(&mut self, name: String) {
-        if let Some(queue) = self.queue.take() {
-            self.pending.store(true, Ordering::Release);
-            let pending = Arc::clone(&self.pending);
-            let (id, every, tiles) = (self.id, None, 0);
-            let client = Client {
-                id,
-                name,
-                every,
-                tiles,
-                queue,
-                pending,
-            };
-            let _ = self.hub.events.send(Event::Joined(client));
-        }
+    /// Joins under this name: the client's messages, the first of which is the reply, and a signal for each
+    /// answer. Both end once the control loop has ended or has dropped the client.
+    pub fn join(&self, name: String) -> (Receiver<Arc<str>>, Receiver<()>) {
+        let (queue, messages) = mpsc::sync_channel(QUEUE);
+        let (answered, answers) = mpsc::sync_channel(1);
+        let (id, every, tiles) = (self.id, None, 0);
+        let client = Client {
+            id,
+            name,
+            every,
+            tiles,
+            queue,
+            answered,
+        };
+        let _ = self.hub.events.send(Event::Joined(client));
+        (messages, answers)
     }
 
-    /// Passes a request on. While [`Self::is_pending`], a client waits.
-    pub fn ask(&self, request: Request) {
-        self.pending.store(true, Ordering::Release);
+    /// Passes a request on, or why it is refused.
+    pub fn ask(&self, request: Result<Request, String>) {
         let _ = self.hub.events.send(Event::Asked(self.id, request));
     }
 
-    /// Whether a request is not answered yet.
-    pub fn is_pending(&self) -> bool {
-        self.pending.load(Ordering::Acquire)
-    }
-
-    /// The next message within this time, if one comes; an error once the client is dropped.
-    ///
-    /// # Errors
-    /// The control loop has ended or has dropped this client.
-    pub fn receive(&self, timeout: Duration) -> Result<Option<Arc<str>>, Dropped> {
-        match self.messages.recv_timeout(timeout) {
-            Ok(message) => Ok(Some(message)),
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(Dropped),
-        }
+    /// The control loop drops the client, whose place is still taken.
+    pub fn leave(&self) {
+        let _ = self.hub.events.send(Event::Left(self.id));
     }
 }
 
 impl Drop for Port {
     fn drop(&mut self) {
-        let _ = self.hub.events.send(Event::Left(self.id));
+        self.leave();
         self.hub.clients.fetch_sub(1, Ordering::AcqRel);
     }
 }
-
-/// The control loop has ended or has dropped the client.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Dropped;

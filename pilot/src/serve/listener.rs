@@ -1,4 +1,4 @@
-//! Sockets: one thread accepts, one thread serves each client.
+//! Sockets: one thread accepts; each client has one that reads and one that writes.
 
 use super::hub::{Hub, Port};
 use super::protocol::{Failure, MAX_LINE, Message, Request, VERSION};
@@ -6,109 +6,117 @@ use super::token;
 use host_link::error::{Error, Exit};
 use std::fs;
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream, ToSocketAddrs};
+use std::net::{Shutdown, TcpListener, ToSocketAddrs};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How long a client is listened to before its messages go out.
-pub const TURN: Duration = Duration::from_millis(2);
 /// A client that takes no bytes for so long is dropped.
 pub const STALLED: Duration = Duration::from_secs(1);
 /// Time for the first message.
 pub const GREETING: Duration = Duration::from_secs(5);
 
-/// A connection that carries messages.
-pub trait Transport {
-    /// The next message, if one has come within [`TURN`].
+/// A connection that carries messages: one thread receives, another one may send.
+pub trait Transport: Sync {
+    /// Its socket, which takes nothing for at most [`STALLED`].
+    fn stream(&self) -> &UnixStream;
+
+    /// Takes the first message out of the bytes that were read, if it is complete.
     ///
     /// # Errors
-    /// The connection has ended, or a message is too long.
-    fn receive(&mut self) -> io::Result<Option<Vec<u8>>>;
+    /// The peer closes, or a message is too long.
+    fn take(&self, unread: &mut Vec<u8>) -> io::Result<Option<Vec<u8>>>;
 
     /// # Errors
     /// The connection has ended, or takes nothing for [`STALLED`].
-    fn send(&mut self, message: &str) -> io::Result<()>;
-}
+    fn send(&self, message: &str) -> io::Result<()>;
 
-/// Lines over a stream.
-pub struct Lines<S> {
-    stream: S,
-    buffer: Vec<u8>,
-}
-
-impl Lines<UnixStream> {
-    /// Over a Unix socket, whose time-outs it sets.
+    /// The next message; none when it has not come by `ends`. What follows it stays in `unread`.
     ///
     /// # Errors
-    /// The system's.
-    pub fn over(stream: UnixStream) -> io::Result<Self> {
-        stream.set_read_timeout(Some(TURN))?;
-        stream.set_write_timeout(Some(STALLED))?;
-        Ok(Self::new(stream))
+    /// The connection has ended, and those of [`Self::take`].
+    fn receive(&self, unread: &mut Vec<u8>, ends: Option<Instant>) -> io::Result<Option<Vec<u8>>> {
+        loop {
+            let message = self.take(unread)?;
+            if message.is_some() || !read(self.stream(), unread, ends)? {
+                return Ok(message);
+            }
+        }
     }
 }
 
-impl<S: Read + Write> Lines<S> {
-    /// Over a stream whose time-outs are set.
-    pub const fn new(stream: S) -> Self {
-        let buffer = Vec::new();
-        Self { stream, buffer }
+/// Reads what has come, or waits for it; false at `ends`.
+///
+/// # Errors
+/// The connection has ended.
+pub fn read(stream: &UnixStream, unread: &mut Vec<u8>, ends: Option<Instant>) -> io::Result<bool> {
+    let remaining = ends.map(|ends| ends.saturating_duration_since(Instant::now()));
+    if remaining == Some(Duration::ZERO) {
+        return Ok(false);
+    }
+    stream.set_read_timeout(remaining)?;
+    let mut bytes = [0; 4096];
+    match (&*stream).read(&mut bytes) {
+        Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+        Ok(length) => unread.extend_from_slice(&bytes[..length]),
+        Err(cause) if cause.kind() == ErrorKind::WouldBlock => return Ok(false),
+        Err(cause) if cause.kind() == ErrorKind::Interrupted => {}
+        Err(cause) => return Err(cause),
+    }
+    Ok(true)
+}
+
+/// Lines over a socket.
+pub struct Lines(pub UnixStream);
+
+impl Transport for Lines {
+    fn stream(&self) -> &UnixStream {
+        &self.0
     }
 
-    fn line(&mut self) -> io::Result<Option<Vec<u8>>> {
-        if let Some(end) = self.buffer.iter().position(|&byte| byte == b'\n') {
-            let rest = self.buffer.split_off(end + 1);
-            let mut line = std::mem::replace(&mut self.buffer, rest);
+    // Requirement: SERVE-client-1
+    fn take(&self, unread: &mut Vec<u8>) -> io::Result<Option<Vec<u8>>> {
+        if let Some(end) = unread.iter().position(|&byte| byte == b'\n') {
+            let rest = unread.split_off(end + 1);
+            let mut line = std::mem::replace(unread, rest);
             line.pop();
             return Ok(Some(line));
         }
-        if self.buffer.len() > MAX_LINE {
+        if unread.len() > MAX_LINE {
             return Err(io::Error::other(format!(
                 "a line has at most {MAX_LINE} bytes"
             )));
         }
         Ok(None)
     }
-}
 
-impl<S: Read + Write> Transport for Lines<S> {
-    // Requirement: SERVE-client-1
-    fn receive(&mut self) -> io::Result<Option<Vec<u8>>> {
-        if let Some(line) = self.line()? {
-            return Ok(Some(line));
-        }
-        let mut bytes = [0; 4096];
-        match self.stream.read(&mut bytes) {
-            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
-            Ok(len) => {
-                self.buffer.extend_from_slice(&bytes[..len]);
-                self.line()
-            }
-            Err(cause) if is_timeout(&cause) => Ok(None),
-            Err(cause) => Err(cause),
-        }
+    fn send(&self, message: &str) -> io::Result<()> {
+        (&self.0).write_all(&[message.as_bytes(), b"\n"].concat())
     }
-
-    fn send(&mut self, message: &str) -> io::Result<()> {
-        let line = [message.as_bytes(), b"\n"].concat();
-        self.stream.write_all(&line)
-    }
-}
-
-/// Whether only the time of a read is over.
-pub fn is_timeout(cause: &io::Error) -> bool {
-    use ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    matches!(cause.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
 /// Serves one client to its end. Over a network it has to show the token.
-pub fn serve(transport: &mut impl Transport, mut port: Port, token: Option<&str>) {
-    let greeted = greet(transport, &mut port, token);
-    let ended = greeted.and_then(|()| exchange(transport, &port, token.is_none()));
+pub fn serve(transport: &impl Transport, port: &Port, token: Option<&str>) {
+    let mut unread = Vec::new();
+    let ended = greet(transport, &mut unread, token).and_then(|name| {
+        let (messages, answers) = port.join(name);
+        thread::scope(|scope| {
+            scope.spawn(|| write(transport, messages));
+            let ended = exchange(transport, &mut unread, port, &answers, token.is_none());
+            let dropped = answers.try_recv() == Err(TryRecvError::Disconnected);
+            port.leave();
+            if dropped {
+                let what = "this client does not keep up, or the server has ended";
+                return Err(io::Error::other(what));
+            }
+            ended
+        })
+    });
     if let Err(cause) = ended {
         let _ = transport.send(&refusal(cause.to_string(), Exit::Usage));
     }
@@ -122,74 +130,77 @@ pub fn refusal(text: String, exit: Exit) -> String {
     serde_json::to_string(&Message::Reply { version, error }).unwrap_or_default()
 }
 
+/// The name of a client that may join.
 // Requirement: SERVE-client-3
-fn greet(transport: &mut impl Transport, port: &mut Port, token: Option<&str>) -> io::Result<()> {
-    let ends = Instant::now() + GREETING;
-    while Instant::now() < ends {
-        let Some(line) = transport.receive()? else {
-            continue;
-        };
-        return match Request::parse(&line) {
-            Ok(Request::Hello {
-                name, token: shown, ..
-            }) => {
-                if token.is_some_and(|token| !token::same(token, &shown)) {
-                    return Err(io::Error::other("the token is wrong"));
-                }
-                port.join(name);
-                Ok(())
+fn greet(
+    transport: &impl Transport,
+    unread: &mut Vec<u8>,
+    token: Option<&str>,
+) -> io::Result<String> {
+    let line = transport.receive(unread, Some(Instant::now() + GREETING))?;
+    match Request::parse(&line.ok_or(ErrorKind::TimedOut)?) {
+        Ok(Request::Hello {
+            name, token: shown, ..
+        }) => {
+            if token.is_some_and(|token| !token::same(token, &shown)) {
+                return Err(io::Error::other("the token is wrong"));
             }
-            Ok(_) => Err(io::Error::other("the first message is `hello`")),
-            Err(what) => Err(io::Error::other(what)),
-        };
+            Ok(name)
+        }
+        Ok(_) => Err(io::Error::other("the first message is `hello`")),
+        Err(what) => Err(io::Error::other(what)),
     }
-    Err(ErrorKind::TimedOut.into())
 }
 
-/// The robot's lines and buses are for clients of this computer (`local`).
-fn exchange(transport: &mut impl Transport, port: &Port, local: bool) -> io::Result<()> {
-    let gone = |_| io::Error::other("this client does not keep up, or the server has ended");
-    loop {
-        // A client whose request is pending is not listened to: it has one at a time.
-        let wait = if port.is_pending() {
-            TURN
-        } else {
-            Duration::ZERO
-        };
-        let mut next = port.receive(wait).map_err(gone)?;
-        while let Some(message) = next {
-            transport.send(&message)?;
-            next = port.receive(Duration::ZERO).map_err(gone)?;
-        }
-        if port.is_pending() {
-            continue;
-        }
-        if let Some(line) = transport.receive()? {
-            match Request::parse(&line) {
-                Ok(Request::Borrow) if !local => {
-                    let what = "a robot is borrowed over its Unix socket only".into();
-                    transport.send(&refusal(what, Exit::Usage))?;
-                }
-                Ok(request) => port.ask(request),
-                Err(what) => transport.send(&refusal(what, Exit::Usage))?,
+/// Writes each message at once, until the control loop drops the client or the client stalls; then ends
+/// its reader.
+fn write(transport: &impl Transport, messages: Receiver<Arc<str>>) {
+    let sent = messages
+        .into_iter()
+        .try_for_each(|message| transport.send(&message));
+    // A client that was dropped is told why.
+    let ends = sent.map_or(Shutdown::Both, |()| Shutdown::Read);
+    let _ = transport.stream().shutdown(ends);
+}
+
+/// Reads requests, the next one once one is answered, until the control loop drops the client. The robot's
+/// lines and buses are for clients of this computer (`local`).
+fn exchange(
+    transport: &impl Transport,
+    unread: &mut Vec<u8>,
+    port: &Port,
+    answers: &Receiver<()>,
+    local: bool,
+) -> io::Result<()> {
+    while answers.recv().is_ok() {
+        let line = transport.receive(unread, None)?.unwrap_or_default();
+        port.ask(Request::parse(&line).and_then(|request| match request {
+            Request::Borrow if !local => {
+                Err("a robot is borrowed over its Unix socket only".into())
             }
-        }
+            request => Ok(request),
+        }));
     }
+    Ok(())
 }
 
 /// Accepts clients and gives each a thread.
-pub fn accept<S: Send + 'static>(
+pub fn accept(
     hub: &Hub,
-    mut next: impl FnMut() -> io::Result<S> + Send + 'static,
-    serve: impl Fn(S, Port) + Clone + Send + 'static,
-    refuse: impl Fn(S) + Send + 'static,
+    next: impl Fn() -> io::Result<UnixStream> + Send + 'static,
+    serve: impl Fn(UnixStream, Port) + Clone + Send + 'static,
+    refuse: impl Fn(UnixStream) + Send + 'static,
 ) {
     let hub = hub.clone();
     thread::spawn(move || {
         loop {
-            let Ok(stream) = next() else {
+            let limited = |stream: UnixStream| {
+                stream.set_write_timeout(Some(STALLED))?;
+                Ok(stream)
+            };
+            let Ok(stream) = next().and_then(limited) else {
                 // No descriptor is left, or a client has gone already.
-                thread::sleep(TURN);
+                thread::sleep(Duration::from_millis(10));
                 continue;
             };
             let Some(port) = hub.admit() else {
@@ -203,9 +214,9 @@ pub fn accept<S: Send + 'static>(
 }
 
 /// Refuses a client for which there is no place.
-fn refuse_line<S: Read + Write>(stream: S) {
+fn refuse_line(stream: UnixStream) {
     let full = "the server has as many clients as it takes".into();
-    let _ = Lines::new(stream).send(&refusal(full, Exit::Busy));
+    let _ = Lines(stream).send(&refusal(full, Exit::Busy));
 }
 
 /// The file of a Unix socket, removed at the end.
@@ -230,11 +241,7 @@ pub fn unix(path: &Path, hub: &Hub) -> Result<SocketFile, Error> {
     let listener = UnixListener::bind(path).map_err(unwritable)?;
     let file = SocketFile(path.into());
     fs::set_permissions(path, fs::Permissions::from_mode(0o660)).map_err(unwritable)?;
-    let client = |stream: UnixStream, port| {
-        if let Ok(mut lines) = Lines::over(stream) {
-            serve(&mut lines, port, None);
-        }
-    };
+    let client = |stream, port| serve(&Lines(stream), &port, None);
     accept(hub, move || Ok(listener.accept()?.0), client, refuse_line);
     Ok(file)
 }
@@ -253,14 +260,14 @@ pub fn bind(address: &str) -> Result<TcpListener, Error> {
     })
 }
 
-/// Sets the time-outs of a client's connection.
+/// Accepts a client over TCP. Its socket is used as a Unix one: std's calls are the same for both.
 ///
 /// # Errors
 /// The system's.
-pub fn set_timeouts(stream: &TcpStream) -> io::Result<()> {
+pub fn accept_tcp(listener: &TcpListener) -> io::Result<UnixStream> {
+    let (stream, _) = listener.accept()?;
     stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(TURN))?;
-    stream.set_write_timeout(Some(STALLED))
+    Ok(OwnedFd::from(stream).into())
 }
 
 /// Listens on TCP for clients with the token.
@@ -269,11 +276,7 @@ pub fn set_timeouts(stream: &TcpStream) -> io::Result<()> {
 /// [`Error::Device`].
 pub fn tcp(address: &str, token: &Arc<str>, hub: &Hub) -> Result<(), Error> {
     let (listener, token) = (bind(address)?, Arc::clone(token));
-    let client = move |stream: TcpStream, port| {
-        if set_timeouts(&stream).is_ok() {
-            serve(&mut Lines::new(stream), port, Some(&token));
-        }
-    };
-    accept(hub, move || Ok(listener.accept()?.0), client, refuse_line);
+    let client = move |stream, port| serve(&Lines(stream), &port, Some(&token));
+    accept(hub, move || accept_tcp(&listener), client, refuse_line);
     Ok(())
 }

@@ -302,6 +302,7 @@ fn proposed_gains_settle_with_small_overshoot() {
     }
 }
 
+// Requirement: DOC-5.1.3-4
 #[test]
 fn upper_resistor_is_read_from_log() {
     let (board, mut io) = mock_board(&original(), None);

@@ -1,8 +1,9 @@
 //! The head of an HTTP request: as much of RFC 9112 as a page of three files needs.
 
-use crate::serve::listener::{GREETING, is_timeout};
+use crate::serve::listener::{self, GREETING};
 use std::collections::HashMap;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind};
+use std::os::unix::net::UnixStream;
 use std::time::Instant;
 
 /// Longest head, bytes.
@@ -26,18 +27,11 @@ impl Head {
 ///
 /// # Errors
 /// The connection's; [`ErrorKind::InvalidData`] for what is no GET request of at most [`MAX_HEAD`] bytes.
-pub fn read_head(stream: &mut impl Read) -> io::Result<Head> {
+pub fn read_head(stream: &UnixStream) -> io::Result<Head> {
     let (mut bytes, ends) = (Vec::new(), Instant::now() + GREETING);
-    let mut chunk = [0; 1024];
     while !bytes.ends_with(b"\r\n\r\n") {
-        if bytes.len() > MAX_HEAD || Instant::now() > ends {
+        if bytes.len() > MAX_HEAD || !listener::read(stream, &mut bytes, Some(ends))? {
             return Err(ErrorKind::InvalidData.into());
-        }
-        match stream.read(&mut chunk) {
-            Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-            Ok(len) => bytes.extend_from_slice(&chunk[..len]),
-            Err(cause) if is_timeout(&cause) => {}
-            Err(cause) => return Err(cause),
         }
     }
     parse(&bytes).ok_or_else(|| ErrorKind::InvalidData.into())
@@ -68,6 +62,7 @@ fn parse(bytes: &[u8]) -> Option<Head> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Write;
 
     #[test]
     fn head_is_parsed_or_refused() {
@@ -85,9 +80,10 @@ mod tests {
         ] {
             assert_eq!(parse(wrong.as_bytes()), None, "{wrong}");
         }
-        let endless = &mut io::repeat(b'a');
+        let (mut client, server) = UnixStream::pair().unwrap();
+        client.write_all(&[b'a'; MAX_HEAD + 1]).unwrap();
         assert_eq!(
-            read_head(endless).unwrap_err().kind(),
+            read_head(&server).unwrap_err().kind(),
             ErrorKind::InvalidData
         );
     }

@@ -13,7 +13,8 @@ use http::Head;
 use socket::Socket;
 use std::fs;
 use std::io::{self, Write};
-use std::net::{IpAddr, TcpStream};
+use std::net::IpAddr;
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 
 /// Path, type and content of the static files.
@@ -40,9 +41,9 @@ pub fn serve(address: &str, token: &Arc<str>, hub: &Hub) -> Result<String, Error
     let address = address.unwrap_or_default();
     let url = format!("http://{address}/#{token}");
     let token = Arc::clone(token);
-    let client = move |stream: TcpStream, port| {
+    let client = move |stream, port| {
         // An end of the connection ends the client.
-        let _ = answer(stream, port, &token);
+        let _ = answer(stream, &port, &token);
     };
     let refuse = |stream| {
         let _ = respond(
@@ -52,13 +53,13 @@ pub fn serve(address: &str, token: &Arc<str>, hub: &Hub) -> Result<String, Error
             "too many clients",
         );
     };
-    listener::accept(hub, move || Ok(listener.accept()?.0), client, refuse);
+    let next = move || listener::accept_tcp(&listener);
+    listener::accept(hub, next, client, refuse);
     Ok(url)
 }
 
-fn answer(mut stream: TcpStream, port: Port, token: &str) -> io::Result<()> {
-    listener::set_timeouts(&stream)?;
-    let head = http::read_head(&mut stream)?;
+fn answer(mut stream: UnixStream, port: &Port, token: &str) -> io::Result<()> {
+    let head = http::read_head(&stream)?;
     if !is_own_host(&head, &own_name()) {
         return respond(stream, "403 Forbidden", "text/plain", "unknown host");
     }
@@ -82,7 +83,7 @@ fn answer(mut stream: TcpStream, port: Port, token: &str) -> io::Result<()> {
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
          Sec-WebSocket-Accept: {accept}\r\n\r\n"
     )?;
-    listener::serve(&mut Socket::new(stream), port, Some(token));
+    listener::serve(&Socket::new(stream), port, Some(token));
     Ok(())
 }
 
@@ -117,7 +118,7 @@ fn accepted_key(head: &Head) -> Option<&str> {
     (fits && asks("sec-websocket-version", "13")).then(|| head.header("sec-websocket-key"))?
 }
 
-fn respond(mut stream: TcpStream, status: &str, kind: &str, content: &str) -> io::Result<()> {
+fn respond(mut stream: UnixStream, status: &str, kind: &str, content: &str) -> io::Result<()> {
     let length = content.len();
     write!(
         stream,
@@ -130,6 +131,7 @@ fn respond(mut stream: TcpStream, status: &str, kind: &str, content: &str) -> io
 mod tests {
     use super::*;
     use std::io::Read;
+    use std::net::TcpStream;
 
     // Requirement: SERVE-client-4
     #[test]

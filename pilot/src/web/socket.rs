@@ -1,8 +1,10 @@
 //! A web socket at the server's end (RFC 6455): whole text messages of at most [`MAX_LINE`] bytes.
 
-use crate::serve::listener::{Transport, is_timeout};
+use crate::serve::listener::Transport;
 use crate::serve::protocol::MAX_LINE;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::net::UnixStream;
+use std::sync::Mutex;
 
 /// Appended to the client's key (section 1.3).
 const GUID: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
@@ -29,19 +31,20 @@ pub fn accept_key(key: &str) -> String {
 }
 
 /// A web socket after its handshake.
-pub struct Socket<S> {
-    stream: S,
-    buffer: Vec<u8>,
+pub struct Socket {
+    stream: UnixStream,
+    /// The reader answers pings between the writer's messages.
+    writing: Mutex<()>,
 }
 
-impl<S: Read + Write> Socket<S> {
-    /// Over a stream whose time-outs are set.
-    pub const fn new(stream: S) -> Self {
-        let buffer = Vec::new();
-        Self { stream, buffer }
+impl Socket {
+    /// Over a client's socket.
+    pub const fn new(stream: UnixStream) -> Self {
+        let writing = Mutex::new(());
+        Self { stream, writing }
     }
 
-    fn write(&mut self, first: u8, payload: &[u8]) -> io::Result<()> {
+    fn write(&self, first: u8, payload: &[u8]) -> io::Result<()> {
         let length = payload.len();
         let mut frame = vec![first];
         if let Ok(short @ 0..=125) = u8::try_from(length) {
@@ -54,7 +57,8 @@ impl<S: Read + Write> Socket<S> {
             frame.extend((length as u64).to_be_bytes());
         }
         frame.extend(payload);
-        self.stream.write_all(&frame)
+        let _guard = self.writing.lock();
+        (&self.stream).write_all(&frame)
     }
 }
 
@@ -88,31 +92,27 @@ fn parse(bytes: &[u8]) -> io::Result<Option<(u8, Vec<u8>, usize)>> {
     Ok(payload)
 }
 
-impl<S: Read + Write> Transport for Socket<S> {
-    // Requirement: SERVE-client-1
-    fn receive(&mut self) -> io::Result<Option<Vec<u8>>> {
-        loop {
-            while let Some((first, payload, length)) = parse(&self.buffer)? {
-                self.buffer.drain(..length);
-                match first {
-                    TEXT => return Ok(Some(payload)),
-                    PING => self.write(PONG, &payload)?,
-                    PONG => {}
-                    // The peer closes.
-                    _ => return Err(ErrorKind::UnexpectedEof.into()),
-                }
-            }
-            let mut bytes = [0; 4096];
-            match self.stream.read(&mut bytes) {
-                Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-                Ok(length) => self.buffer.extend_from_slice(&bytes[..length]),
-                Err(cause) if is_timeout(&cause) => return Ok(None),
-                Err(cause) => return Err(cause),
-            }
-        }
+impl Transport for Socket {
+    fn stream(&self) -> &UnixStream {
+        &self.stream
     }
 
-    fn send(&mut self, message: &str) -> io::Result<()> {
+    // Requirement: SERVE-client-1
+    fn take(&self, unread: &mut Vec<u8>) -> io::Result<Option<Vec<u8>>> {
+        while let Some((first, payload, length)) = parse(unread)? {
+            unread.drain(..length);
+            match first {
+                TEXT => return Ok(Some(payload)),
+                PING => self.write(PONG, &payload)?,
+                PONG => {}
+                // The peer closes.
+                _ => return Err(ErrorKind::UnexpectedEof.into()),
+            }
+        }
+        Ok(None)
+    }
+
+    fn send(&self, message: &str) -> io::Result<()> {
         self.write(TEXT, message.as_bytes())
     }
 }
@@ -121,7 +121,7 @@ impl<S: Read + Write> Transport for Socket<S> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::os::unix::net::UnixStream;
+    use std::io::Read;
 
     fn masked(first: u8, payload: &[u8]) -> Vec<u8> {
         let mask = [0x37, 0xFA, 0x21, 0x3D];
@@ -162,13 +162,14 @@ mod tests {
     #[test]
     fn socket_answers_ping_and_ends_with_close() {
         let (mut client, server) = UnixStream::pair().unwrap();
-        let mut socket = Socket::new(server);
+        let (socket, mut unread) = (Socket::new(server), Vec::new());
         let long = vec![b'a'; 300];
         for frame in [masked(PING, b"p"), masked(TEXT, &long), masked(0x88, b"")] {
             client.write_all(&frame).unwrap();
         }
-        assert_eq!(socket.receive().unwrap(), Some(long.clone()));
-        assert!(socket.receive().is_err());
+        let mut receive = || socket.receive(&mut unread, None);
+        assert_eq!(receive().unwrap(), Some(long.clone()));
+        assert!(receive().is_err());
         socket.send(std::str::from_utf8(&long).unwrap()).unwrap();
         let mut got = [0; 3 + 4];
         client.read_exact(&mut got).unwrap();

@@ -8,9 +8,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::{fs, thread};
 
 use clap::Parser;
-use host_link::board_io::Interrupt;
-use pilot::virtual_board;
 use robot_tests::exploration::{self, Figures, PI_RATIO};
+use robot_tests::test_board;
 use serde::Serialize;
 use twin::plant::room;
 
@@ -87,7 +86,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn explore(elf: &[u8], seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
     let room = room::generate(seed);
     let board = exploration::configured_board(elf, &room, seed)?;
-    let mut io = virtual_board::board_io(&board, exploration::SPI_HZ, Interrupt::new());
+    let mut io = test_board::io(&board);
     let run = exploration::explore(&mut io, &board, |_| ())?;
     if let Err(error) = &run.drive {
         eprintln!("seed {seed} ended early: {error}");

@@ -9,6 +9,8 @@ pub struct Faults {
     pub dead_encoder: Sides<bool>,
     /// The encoder's second channel gives no edges: the count goes to and fro.
     pub dead_channel: Sides<bool>,
+    /// Every edge of the encoder bounces.
+    pub noisy_encoder: Sides<bool>,
     /// Share of the wheel's travel that does not move the robot, 0..=1 (1 = spinning in place).
     pub slip: Sides<f64>,
     /// External rotation of the robot with sliding wheels, °/s, counter-clockwise.

@@ -169,43 +169,27 @@ impl PwmTimer {
         let unbuffered = |nth| matches!(output_control(registers, nth), (6.., false));
         // CCxS of the two channels that a CCMR configures.
         let selections = (value(Register::Ccmr1Output) | value(Register::Ccmr2Output)) & 0x0303;
-        for (found, register, reason) in [
-            (
-                value(Register::Dier) != 0,
-                "DIER",
-                "its interrupts and DMA requests are not modelled",
-            ),
-            (
-                value(Register::Smcr) & 7 != 0,
-                "SMCR",
-                "its slave modes are not modelled",
-            ),
-            (
-                value(Register::Cr2) != 0,
-                "CR2",
-                "its trigger output is not modelled",
-            ),
-            (
-                value(Register::Cr1) & (cr1::OPM.mask() | cr1::DIR.mask() | cr1::CMS.mask()) != 0,
-                "CR1",
-                "it counts up and goes on",
-            ),
-            (selections != 0, "CCMR", "its captures are not modelled"),
-            (
-                modes.into_iter().any(|mode| (1..=3).contains(&mode)),
-                "CCMR",
-                "output modes that act at a match are not modelled",
-            ),
-            (
-                (0..CHANNELS).any(|nth| on(nth) && unbuffered(nth)),
-                "CCER",
-                "PWM mode without preload, RM0383 13.4.7",
-            ),
-        ] {
+        let counts_otherwise = cr1::OPM.mask() | cr1::DIR.mask() | cr1::CMS.mask();
+        let mut tell = |found, register, reason| {
             if found {
                 context.tell(register, reason);
             }
-        }
+        };
+        let (interrupts, slave) = (value(Register::Dier), value(Register::Smcr) & 7);
+        let reason = "its interrupts and DMA requests are not modelled";
+        tell(interrupts != 0, "DIER", reason);
+        tell(slave != 0, "SMCR", "its slave modes are not modelled");
+        let trigger = value(Register::Cr2) != 0;
+        tell(trigger, "CR2", "its trigger output is not modelled");
+        let otherwise = value(Register::Cr1) & counts_otherwise != 0;
+        tell(otherwise, "CR1", "it counts up and goes on");
+        tell(selections != 0, "CCMR", "its captures are not modelled");
+        let at_match = modes.into_iter().any(|mode| (1..=3).contains(&mode));
+        let reason = "output modes that act at a match are not modelled";
+        tell(at_match, "CCMR", reason);
+        let at_once = (0..CHANNELS).any(|nth| on(nth) && unbuffered(nth));
+        let reason = "PWM mode without preload, RM0383 13.4.7";
+        tell(at_once, "CCER", reason);
     }
 
     /// Takes what the registers hold now.

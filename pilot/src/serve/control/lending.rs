@@ -61,13 +61,13 @@ impl Server {
             let interrupted = session.io().interrupt.check();
             let borrower = self.lease.as_ref().map(|lease| lease.client);
             match self.events.recv_timeout(IDLE) {
-                Ok(Event::Asked(id, Request::Board { call })) if Some(id) == borrower => {
+                Ok(Event::Asked(id, Ok(Request::Board { call }))) if Some(id) == borrower => {
                     if self.must_reread(&call) {
                         session = session.reread();
                     }
                     self.call(id, &call, &mut session);
                 }
-                Ok(Event::Asked(id, Request::Return)) if Some(id) == borrower => {
+                Ok(Event::Asked(id, Ok(Request::Return))) if Some(id) == borrower => {
                     returned = true;
                     self.reply(id, &Ok(()));
                 }

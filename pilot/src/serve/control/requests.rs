@@ -1,7 +1,7 @@
 //! What the clients ask for, and who may drive.
 
 use super::{CELL_MM, Lease, Motion, Server};
-use crate::serve::hub::{ClientId, Event};
+use crate::serve::hub::{ClientId, Event, MAX_CLIENTS};
 use crate::serve::protocol::{Activity, Message, Request};
 use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 
 impl Server {
     pub(super) fn handle_events(&mut self) {
-        while let Ok(event) = self.events.try_recv() {
+        // A client that asks again at once waits for the next frame.
+        let events: Vec<_> = self.events.try_iter().take(MAX_CLIENTS).collect();
+        for event in events {
             self.handle_event(event);
         }
         self.check_lease();
@@ -25,7 +27,8 @@ impl Server {
                 self.clients.insert(id, client);
                 self.reply(id, &Ok(()));
             }
-            Event::Asked(id, request) => {
+            Event::Asked(id, Err(what)) => self.reply(id, &Err(refused(&what, Exit::Usage))),
+            Event::Asked(id, Ok(request)) => {
                 let outcome = self.handle(id, &request);
                 // A robot that is borrowed is confirmed once it is lent.
                 if request != Request::Borrow || outcome.is_err() {

@@ -5,10 +5,15 @@ use plant::Rng;
 use twin::{Board, I2cController, Mpu6050Fault};
 
 /// The faults that reset the part.
-pub const RESTARTING: [&str; 2] = ["no ticks", "reset by pin"];
+pub const RESTARTING: [&str; 3] = ["no ticks", "reset by pin", HALTED];
+/// The one in which nothing else is reported.
+pub const HALTED: &str = "core halted";
 
-/// Faults that another one hides: after a reset the gyroscope has no bias that it could be off from.
-pub const HIDDEN: [(&str, &str); 2] = [
+/// Faults that another one hides: lines that a blocked log has no room for are counted alone, and after a reset the
+/// gyroscope has no bias that it could be off from.
+pub const HIDDEN: [(&str, &str); 4] = [
+    ("front sensor unplugged", "log blocked"),
+    ("echo lines crossed", "log blocked"),
     ("gyro off by 60 deg/s", "no ticks"),
     ("gyro off by 60 deg/s", "reset by pin"),
 ];
@@ -45,6 +50,22 @@ pub enum Cause {
     Gyro(Mpu6050Fault),
     /// How it begins and how it ends.
     Wires(fn(&Board), fn(&Board)),
+}
+
+impl Cause {
+    /// Begins a fault of the board or its world, or ends it.
+    pub fn set(self, board: &Board, on: bool) {
+        match self {
+            Self::Frames(_) => {}
+            Self::World(change) if on => board.set_faults(change),
+            Self::World(_) => board.set_faults(|all| *all = plant::Faults::default()),
+            Self::Gyro(fault) => {
+                let fault = if on { fault } else { Mpu6050Fault::None };
+                board.set_mpu(move |mpu| mpu.fault = fault);
+            }
+            Self::Wires(begin, end) => (if on { begin } else { end })(board),
+        }
+    }
 }
 
 /// What a fault leaves beside its sign.
@@ -122,6 +143,7 @@ kinds! {
     "left encoder dead": World(|f| f.dead_encoder.left = true), stalled(Faults::LEFT_STALLED), Pose;
     "right encoder dead": World(|f| f.dead_encoder.right = true), stalled(Faults::RIGHT_STALLED), Pose;
     "left encoder's channel dead": World(|f| f.dead_channel.left = true), stalled(Faults::LEFT_STALLED), Pose;
+    "left encoder noisy": World(|f| f.noisy_encoder.left = true), Sign::None, Nothing;
     "left wheel blocked": World(|f| f.jammed.left = true), Sign::Driven(Faults::LEFT_STALLED), Nothing;
     "right wheel blocked": World(|f| f.jammed.right = true), Sign::Driven(Faults::RIGHT_STALLED), Nothing;
     "left wheel slips": World(|f| f.slip.left = 0.8), Sign::None, Pose;
@@ -141,9 +163,12 @@ kinds! {
     "no conversions": Wires(Board::stop_conversions, |_| ()), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
     "battery sags": World(|f| f.cells_v = Some([2.7, 2.7])), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
     "first tap open": World(|f| f.cells_v = Some([0.0, 7.4])), Sign::Latched(Faults::BATTERY_CUTOFF), Reset;
+    "log blocked": Wires(|b| b.block_log(true), |b| b.block_log(false)), Sign::None, Nothing;
     "no ticks": Wires(Board::stop_ticks, |_| ()), Sign::Log("boot after watchdog reset"), Reset;
+    // By a debugger, which leaves the watchdog running.
+    "core halted": Wires(|b| b.halt_core(true), |b| b.halt_core(false)), Sign::Log("boot after watchdog reset"), Reset;
     "reset by pin": Wires(reset, |_| ()), Sign::Log("boot after reset by pin"), Nothing;
-    // It matters at the next start: a configuration that nobody wrote is refused, and the robot stands.
+    // Read at the next start alone, which then rejects the configuration.
     "EEPROM bit flipped": Wires(flip, flip), Sign::None, Reset;
     "EEPROM with the Pi": Wires(|b| b.switch_i2c(I2cController::Pi), |b| b.switch_i2c(I2cController::Stm)),
         Sign::None, Nothing;

@@ -17,13 +17,13 @@ use std::time::Instant;
 
 use clap::Parser;
 use fw_core::eeprom::Field;
-use host_link::board_io::{BoardIo, Interrupt};
+use host_link::board_io::BoardIo;
 use host_link::eeprom;
 use host_link::settings::Settings;
-use pilot::virtual_board;
 use report::Bars;
 use robot_tests::exploration;
 use robot_tests::stack::Stack;
+use robot_tests::test_board;
 use serde_json::{Value, json};
 use twin::plant::{Imperfections, Room};
 use twin::{Board, Options};
@@ -73,7 +73,7 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
     };
     let (board, stack) = boot_blank(&elf, exploration::options(&room, world, arguments.seed))?;
     println!("2/4  write {CONFIGURATION} to the EEPROM");
-    let mut machine = virtual_board::board_io(&board, exploration::SPI_HZ, Interrupt::new());
+    let mut machine = test_board::io(&board);
     let reset_to_ready_ms = configure(&mut machine, changes)?;
     let mut report = if arguments.tour {
         println!("3/4  drive through {} way-points", room.tour.len());
