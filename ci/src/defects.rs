@@ -32,6 +32,9 @@ pub struct Defect {
     to: String,
     /// Who must notice: `elf`, `stack`, `loop FILE FILTER`, or a package and a filter of its tests.
     noticed_by: String,
+    /// Requirements that it violates: the test of `noticed-by` cites them.
+    #[serde(default)]
+    requirements: Vec<String>,
     /// Whether every `cargo xtask test` tries it.
     #[serde(default)]
     pub sample: bool,
@@ -44,6 +47,7 @@ pub fn all(session: &Session) -> Result<Vec<Defect>> {
         let source = session.sh.read_file(&defect.file)?;
         let changes = defect.applied(&source)? != source;
         ensure!(changes, "{} changes nothing", defect.name);
+        defect.check_citations(session)?;
     }
     Ok(defects)
 }
@@ -54,6 +58,21 @@ fn parse(text: &str) -> Result<Vec<Defect>> {
 }
 
 impl Defect {
+    /// The test that must notice it cites the requirements.
+    fn check_citations(&self, session: &Session) -> Result<()> {
+        let [Some(file), Some(test)] = [1, 2].map(|nth| self.noticed_by.split(' ').nth(nth)) else {
+            return Ok(());
+        };
+        for id in &self.requirements {
+            let source = session.sh.read_file(format!("tests/tests/{file}.rs"))?;
+            let word = escape(id);
+            let cited = format!(r"// Requirement: .*\b{word}\b.*\n(//.*\n)*#\[test\]\nfn {test}\b");
+            let found = pattern(&cited).is_match(&source);
+            ensure!(found, "{}: {test} does not cite {id}", self.name);
+        }
+        Ok(())
+    }
+
     /// The file's text with the defect in it.
     fn applied(&self, source: &str) -> Result<String> {
         let letters = self.from.chars().filter(|letter| !letter.is_whitespace());
@@ -90,9 +109,8 @@ impl Copy<'_> {
         let by = &defect.noticed_by;
         match by.split_once(' ').unwrap_or((by, "")) {
             ("elf", _) => {
-                let bytes = session
-                    .sh
-                    .read_binary_file(session.build_copy(&self.root)?)?;
+                let elf = session.build_copy(&self.root)?;
+                let bytes = session.sh.read_binary_file(elf)?;
                 let symbols = Elf::parse(&bytes)?.symbols();
                 let found = BANNED.iter().find(|kind| !kind.among(&symbols).is_empty());
                 Ok(found.map(|kind| kind.name.to_owned()))
