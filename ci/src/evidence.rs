@@ -31,16 +31,12 @@ pub type Verdicts = BTreeMap<String, Verdict>;
 pub fn judge<'n>(names: &[&'n str], verdicts: &Verdicts) -> Result<(String, Vec<&'n str>)> {
     let of = |name: &&str| Some((name.to_string(), verdicts.get(*name)?));
     let found: Vec<_> = names.iter().filter_map(of).collect();
-    let findings = found
-        .iter()
-        .filter(|(_, verdict)| !verdict.finding.is_empty());
-    let findings = findings.map(|(name, verdict)| format!("{name} {}", verdict.finding));
+    let bad = found.iter().filter(|(_, one)| !one.finding.is_empty());
+    let findings = bad.map(|(name, verdict)| format!("{name} {}", verdict.finding));
     let findings = findings.collect::<Vec<_>>().join("; ");
     ensure!(findings.is_empty(), findings);
     let covers: u32 = found.iter().map(|(_, verdict)| verdict.covers[0]).sum();
-    let seconds = found
-        .iter()
-        .fold(0.0, |sum, (_, verdict)| sum + verdict.seconds);
+    let seconds: f64 = found.iter().map(|(_, verdict)| verdict.seconds).sum();
     let (proven, all) = (found.len(), names.len());
     let mut figure = format!("{proven} of {all} harnesses proven, {covers} covers, {seconds:.0} s");
     let slowest = found
@@ -69,10 +65,8 @@ pub fn write(workspace: &Workspace, verdicts: &Verdicts) -> Result<()> {
     for (name, verdict) in verdicts {
         let (finding, tools) = (&verdict.finding, &verdict.tools);
         let (covers, seconds) = (verdict.covers, verdict.seconds);
-        write!(
-            text,
-            "{name:?} = {{ finding = {finding:?}, covers = {covers:?}, "
-        )?;
+        write!(text, "{name:?} = {{ finding = {finding:?}, ")?;
+        write!(text, "covers = {covers:?}, ")?;
         write!(text, "seconds = {seconds:.1}, tools = {tools:?}, ")?;
         writeln!(text, "sources = {:?} }}", sources.hash(name))?;
     }
@@ -145,14 +139,10 @@ impl Sources {
             next += 1;
         }
         modules.sort();
-        let words = modules
-            .iter()
-            .flat_map(|module| self.0[module].split_whitespace());
-        let hash = words
-            .flat_map(str::bytes)
-            .fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
-                (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3)
-            });
+        let texts = modules.iter().map(|module| &self.0[module]);
+        let bytes = texts.flat_map(|text| text.split_whitespace().flat_map(str::bytes));
+        let step = |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3);
+        let hash = bytes.fold(0xCBF2_9CE4_8422_2325, step);
         format!("{hash:016x}")
     }
 }

@@ -94,17 +94,10 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
     const FEATURES: &str = "--package pilot --features linux,terminal,web,ros2";
     session.require_tool("deb@3.8.0")?;
     // The only build without the virtual board.
-    let clippy = session.cargo(&format!(
-        "clippy --release --locked {FEATURES} -- -D warnings"
-    ));
-    clippy.run()?;
+    let clippy = format!("clippy --release --locked {FEATURES} -- -D warnings");
+    session.cargo(&clippy).run()?;
     let package = |pi: Pi| {
-        let Pi {
-            target,
-            linker,
-            packages,
-            qemu,
-        } = pi;
+        let (target, linker, packages) = (pi.target, pi.linker, pi.packages);
         let std = session.sysroot.join("lib/rustlib").join(target).join("lib");
         let has_target = || std.is_dir();
         let add = session.rustup(&format!("target add {target}"));
@@ -121,14 +114,12 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
         let build = build.arg(target);
         let build = build.env("CARGO_PROFILE_RELEASE_STRIP", "true");
         let build = build.env(format!("{of_target}_LINKER"), linker);
-        let is_static = "-Ctarget-feature=+crt-static";
-        build
-            .env(format!("{of_target}_RUSTFLAGS"), is_static)
-            .run()?;
+        let flags = format!("{of_target}_RUSTFLAGS");
+        build.env(flags, "-Ctarget-feature=+crt-static").run()?;
         let deb = "deb --locked --package pilot --no-build --no-strip --quiet --target";
         let deb = session.cargo(deb).arg(target);
         let deb = deb.arg("--output").arg(session.target.join("packages"));
-        Ok((deb.read()?.into(), qemu))
+        Ok((deb.read()?.into(), pi.qemu))
     };
     PI.into_iter().map(package).collect()
 }

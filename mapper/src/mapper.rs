@@ -74,6 +74,7 @@ impl Mapper {
     /// Takes one report: the estimated pose and the latest range of every rangefinder in the order
     /// of [`Config::mounts`], mm, `None` = no echo or out of range. Give every report once, repeats
     /// of a measurement included; ranges without a mount are ignored.
+    // Requirement: DOC-1-2
     pub fn observe(&mut self, pose: &Pose2, ranges_mm: &[Option<f64>]) {
         for (sensor, range_mm) in ranges_mm.iter().enumerate() {
             self.observe_fixed(pose, sensor, *range_mm);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use xshell::cmd;
 
-use crate::error::{Kind, Result, fail};
+use crate::error::{Error, Kind, Result, fail};
 use crate::process::pattern;
 use crate::workspace::Workspace;
 
@@ -35,10 +35,10 @@ impl Lines {
     pub fn read_serial(workspace: &Workspace, device: &str) -> Result<Self> {
         let options = "115200 cs8 -cstopb -parenb raw -echo".split(' ');
         let stty = cmd!(workspace.sh, "stty -F {device}").args(options);
-        match (stty.run(), File::open(device)) {
-            (Ok(()), Ok(port)) => Ok(Self::read(port)),
-            (Err(error), _) => fail(Kind::Board, format!("{device}: {error}")),
-            (_, Err(error)) => fail(Kind::Board, format!("{device}: {error}")),
+        let port = stty.run().map_err(Error::from);
+        match port.and_then(|()| Ok(File::open(device)?)) {
+            Ok(port) => Ok(Self::read(port)),
+            Err(error) => fail(Kind::Board, format!("{device}: {error}")),
         }
     }
 

@@ -55,21 +55,16 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
         return fail(Kind::MissingProgram, missing);
     }
     // Listen before the reset, or the first lines are gone.
-    let log = board.serial.as_deref();
-    let log = log
-        .map(|device| Lines::read_serial(session, device))
-        .transpose()?;
+    let read = |device| Lines::read_serial(session, device);
+    let log = board.serial.as_deref().map(read).transpose()?;
     let written = if probe_rs {
         let written = cmd!(sh, "probe-rs download --chip {CHIP} --verify {elf}").run();
         written.and_then(|()| cmd!(sh, "probe-rs reset --chip {CHIP}").run())
     } else {
         let program = format!("program \"{}\" verify reset exit", elf.display());
         let interface = format!("interface/{}.cfg", board.interface);
-        cmd!(
-            sh,
-            "openocd -f {interface} -f target/stm32f4x.cfg -c {program}"
-        )
-        .run()
+        let openocd = cmd!(sh, "openocd -f {interface} -f target/stm32f4x.cfg");
+        openocd.args(["-c", &program]).run()
     };
     if let Err(error) = written {
         let hint = "is the probe plugged in and the board on?";

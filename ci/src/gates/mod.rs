@@ -197,10 +197,8 @@ fn requirements(session: &Session) -> Result<String> {
     let cited = |of: fn(&Requirement) -> usize| trace.requirements.values().map(of).sum::<usize>();
     let (code, checks) = (cited(|one| one.code.len()), cited(|one| one.checks.len()));
     let figure = format!("requirements, cited {code} times above code, {checks} above checks");
-    passed_without(
-        &trace.findings,
-        format!("{} {figure}", trace.requirements.len()),
-    )
+    let figure = format!("{} {figure}", trace.requirements.len());
+    passed_without(&trace.findings, figure)
 }
 
 #[test]

@@ -56,14 +56,10 @@ pub fn clippy(session: &Session) -> Result<String> {
     require(session, "clippy", "clippy")?;
     let all = session.cargo_with_board(&format!("clippy --release --all-targets {HOST}"))?;
     all.args(["--", "-D", "warnings"]).run()?;
-    let bench = format!(
-        "clippy --release --locked --manifest-path {} -- -D warnings",
-        WORKSPACES[1]
-    );
-    let bench = session.cargo(&bench);
-    bench
-        .env("CARGO_TARGET_DIR", session.target.join("bench"))
-        .run()?;
+    let bench = session.cargo("clippy --release --locked --manifest-path");
+    let bench = bench.args([WORKSPACES[1], "--", "-D", "warnings"]);
+    let target = session.target.join("bench");
+    bench.env("CARGO_TARGET_DIR", target).run()?;
     on_target(session, "clippy TARGET -- -D warnings")
 }
 
