@@ -75,6 +75,8 @@ pub(crate) struct Driver {
     interrupted: bool,
     /// Time and place of the last stop, and stops there before it.
     stopped: (f64, Point, u32),
+    /// The robot has not left the place of the last stop.
+    pub held: bool,
 }
 
 impl Driver {
@@ -92,6 +94,7 @@ impl Driver {
             moving_s: 0.0,
             interrupted: false,
             stopped: (f64::NEG_INFINITY, Point::new(0.0, 0.0), 0),
+            held: false,
         }
     }
 
@@ -124,6 +127,7 @@ impl Driver {
     pub fn step(&mut self, grid: &Grid, status: &Status) -> Step {
         let pose = status.estimate.pose;
         self.trail.observe(&pose);
+        self.held &= distance_mm(&pose, self.stopped.1) < SAME_PLACE_MM;
         let walls_rad = self
             .map
             .as_ref()
@@ -249,6 +253,7 @@ impl Driver {
         let reported = repeat && status.time_s - last_s < SAME_STOP_S;
         let times = times * u32::from(repeat) + u32::from(repeat && !reported);
         self.stopped = (status.time_s, pose.position(), times);
+        self.held = true;
         if reported {
             return;
         }
@@ -286,12 +291,6 @@ impl Driver {
         let about = left_mm.atan2(ahead_mm) + PI + TURN_MORE_RAD * f64::from(in_vain);
         let facing = self.trail.net_rad + wrap_angle(about);
         self.enqueue([Kind::Turn(facing), Kind::Straight(BACK_MM)]);
-    }
-
-    /// Whether the robot has not left the place of its last stop.
-    pub fn is_held(&self, pose: &Pose2) -> bool {
-        let (last_s, place, _) = self.stopped;
-        last_s > f64::NEG_INFINITY && distance_mm(pose, place) < SAME_PLACE_MM
     }
 }
 

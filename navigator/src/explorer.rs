@@ -27,6 +27,14 @@ const UNWIND_RAD: f64 = 1.25 * TAU;
 const SAME_MM: f64 = 250.0;
 /// A target is given up after this many fruitless tries.
 const TRIES: usize = 2;
+/// Clearance of the gaps that are looked at last, mm, and unknown floor behind them, m²: wide beams draw the ends
+/// of walls too long, by a decimetre or two.
+const NARROW_MM: f64 = 60.0;
+const GAP_GAIN_M2: f64 = 0.16;
+/// No gap is looked at nearer than this to a fruitless look, mm: there the wall does not answer.
+const GAP_MM: f64 = 500.0;
+/// Share of the time after which gaps are left alone.
+const GAPS_TILL: f64 = 0.7;
 /// A look that leaves more than this share of the gain was fruitless.
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
@@ -69,7 +77,7 @@ pub struct Explorer {
     anchors: Vec<(Point, f64)>,
     returned_s: f64,
     targets: usize,
-    /// Times the robot has turned away from a stop because nothing else was left.
+    /// Times that nothing was left to choose while a stop held the robot.
     leaves: u32,
 }
 
@@ -136,6 +144,8 @@ impl Explorer {
                 Kind::Frontier => map
                     .at(target.centre)
                     .is_some_and(|node| node.cell != Cell::Unknown),
+                // What it looks like from afar is no answer.
+                Kind::Gap => false,
                 Kind::Surface => self.driver.sight.is_seen_closely(target.centre),
             },
             _ => false,
@@ -159,11 +169,16 @@ impl Explorer {
             }
             Goal::Choose | Goal::Look(_) => self.choose(grid, status),
             Goal::Approach(target) => {
+                // One look shows whether it is wider.
+                if target.kind == Kind::Gap {
+                    self.tries.extend([target.centre; TRIES]);
+                }
                 let map = self.driver.survey(grid, status.time_s);
                 let at = status.estimate.pose.position();
                 let wide = |node: &Node| node.clearance_mm >= self.driver.config.inflation_mm;
                 let clear = map.line(at, target.centre, wide);
-                if target.kind == Kind::Frontier && clear && self.tries(target.centre) > 0 {
+                if target.kind == Kind::Frontier && clear && self.tries(target.centre, SAME_MM) > 0
+                {
                     self.enter(target.centre, status);
                 } else {
                     self.look(Some(target.centre), status);
@@ -244,12 +259,10 @@ impl Explorer {
         ]);
     }
 
-    /// Number of fruitless looks at a place.
-    fn tries(&self, centre: Point) -> usize {
-        self.tries
-            .iter()
-            .filter(|at| at.distance_mm(centre) < SAME_MM)
-            .count()
+    /// Number of fruitless looks within a radius of a place.
+    fn tries(&self, centre: Point, radius_mm: f64) -> usize {
+        let near = |at: &&Point| at.distance_mm(centre) < radius_mm;
+        self.tries.iter().filter(near).count()
     }
 
     /// Chooses the next target, or goes home.
@@ -273,7 +286,7 @@ impl Explorer {
                 return;
             }
         }
-        let mut targets = frontiers(&reach, config.inflation_mm);
+        let mut targets = frontiers(Kind::Frontier, &reach, config.inflation_mm, &reach);
         targets.extend(unseen_surfaces(&reach, grid, &self.driver.sight));
         let same = |a: Point, b: Point| a.distance_mm(b) < SAME_MM;
         if let Goal::Look(last) = self.goal {
@@ -286,7 +299,14 @@ impl Explorer {
                 self.tries.push(last.centre);
             }
         }
-        targets.retain(|target| self.tries(target.centre) < TRIES);
+        let fresh = |target: &Target| self.tries(target.centre, SAME_MM) < TRIES;
+        targets.retain(fresh);
+        if targets.is_empty() && status.time_s < GAPS_TILL * config.time_limit_s {
+            let floor = Reach::new(&map, &pose, NARROW_MM);
+            targets = frontiers(Kind::Gap, &floor, NARROW_MM, &reach);
+            let fresh = |target: &Target| self.tries(target.centre, GAP_MM) < TRIES;
+            targets.retain(|target| fresh(target) && target.gain > GAP_GAIN_M2);
+        }
         self.targets = targets.len();
         let late = status.time_s > config.time_limit_s;
         let start = self.start.unwrap_or(pose).position();
@@ -299,24 +319,27 @@ impl Explorer {
             return;
         }
         // Requirement: NAV-recovery-1
-        let held = self.driver.is_held(&pose);
-        if held && !late && self.leaves < LEAVES {
-            self.driver.leave(&pose, self.leaves);
-            self.leaves += 1;
+        let held = self.driver.held;
+        self.leaves += u32::from(held);
+        if held && !late && self.leaves <= LEAVES {
+            self.driver.leave(&pose, self.leaves - 1);
             self.goal = Goal::Choose;
             return;
         }
-        let outcome = match (late, held) {
-            (true, _) => Outcome::TimeLimit,
-            (_, true) => Outcome::Unreachable,
-            _ => Outcome::Complete,
+        // Elsewhere the way home may lead out.
+        let at_start = distance_mm(&pose, start) < SAME_MM;
+        let stuck = held && (at_start || self.leaves > 2 * LEAVES);
+        self.goal = match home.filter(|_| !stuck) {
+            Some(node) => {
+                self.driver.follow(&reach, node, status.time_s);
+                Goal::Home(if late {
+                    Outcome::TimeLimit
+                } else {
+                    Outcome::Complete
+                })
+            }
+            None => Goal::Finish(Outcome::Unreachable),
         };
-        if let Some(node) = home {
-            self.driver.follow(&reach, node, status.time_s);
-            self.goal = Goal::Home(outcome);
-        } else {
-            self.goal = Goal::Finish(Outcome::Unreachable);
-        }
     }
 }
 

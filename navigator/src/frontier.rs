@@ -25,6 +25,8 @@ const SURFACE_VIEW_MM: (f64, f64) = (230.0, 550.0);
 pub(crate) enum Kind {
     /// Unknown floor begins there.
     Frontier,
+    /// It begins behind a gap that is narrower than the robot on the map.
+    Gap,
     /// A surface was seen from afar alone: two door jambs look like a wall across the door.
     Surface,
 }
@@ -41,16 +43,22 @@ pub(crate) struct Target {
     pub gain: f64,
 }
 
-/// The borders between reachable and unknown floor.
-pub(crate) fn frontiers(reach: &Reach, inflation_mm: f64) -> Vec<Target> {
+/// The borders between known and unknown floor to which a robot of this clearance finds ways, `floor`; each is
+/// looked at from where `reach` leads.
+pub(crate) fn frontiers(
+    kind: Kind,
+    floor: &Reach,
+    clearance_mm: f64,
+    reach: &Reach,
+) -> Vec<Target> {
     let map = reach.map;
     let unknown = |index: usize| {
         let node = &map.nodes[index];
         node.cell == Cell::Unknown
-            && node.clearance_mm >= inflation_mm
-            && reach.cost(index).is_none()
+            && node.clearance_mm >= clearance_mm
+            && floor.cost(index).is_none()
     };
-    let mut border: Vec<usize> = reach
+    let mut border: Vec<usize> = floor
         .nodes()
         .flat_map(|index| map.neighbours(index))
         .filter(|&index| unknown(index))
@@ -61,9 +69,9 @@ pub(crate) fn frontiers(reach: &Reach, inflation_mm: f64) -> Vec<Target> {
     let mut targets = Vec::new();
     for group in groups(&points, 1.5 * STEP_MM) {
         let nodes: Vec<usize> = group.iter().map(|&nth| border[nth]).collect();
-        let floor = flood(map, &nodes, unknown);
+        let behind = flood(map, &nodes, unknown);
         let near: Vec<Point> = group.iter().map(|&nth| points[nth]).collect();
-        let (Some(centre), true) = (middle(&near), floor >= SMALLEST) else {
+        let (Some(centre), true) = (middle(&near), behind >= SMALLEST) else {
             continue;
         };
         let view = map
@@ -75,9 +83,9 @@ pub(crate) fn frontiers(reach: &Reach, inflation_mm: f64) -> Vec<Target> {
             .map(|(_, index)| index)
             .or_else(|| reach.nearest(centre, EXTENT_MM));
         #[allow(clippy::cast_precision_loss)] // some hundred
-        let gain = floor as f64 * (STEP_MM / 1000.0).powi(2);
+        let gain = behind as f64 * (STEP_MM / 1000.0).powi(2);
         targets.extend(view.map(|view| Target {
-            kind: Kind::Frontier,
+            kind,
             centre,
             view,
             gain,
@@ -217,7 +225,7 @@ mod tests {
         let mut seen = Sight::default();
         see(&mut seen);
         (
-            frontiers(&reach, 120.0),
+            frontiers(Kind::Frontier, &reach, 120.0, &reach),
             unseen_surfaces(&reach, &grid, &seen),
         )
     }
@@ -235,6 +243,21 @@ mod tests {
         let closed = HALF.map(|row| row.replace(".          ", "#          "));
         let closed: Vec<&str> = closed.iter().map(String::as_str).collect();
         assert!(targets(&closed, |_| {}).0.is_empty());
+    }
+
+    #[test]
+    fn gap_below_the_robots_width_is_found_with_less_clearance() {
+        let row = ["#........#          ", "#.........          "];
+        let rows = [0, 0, 1, 1, 0, 0].map(|nth: usize| row[nth]);
+        let rows = [&[HALF[0]], &rows[..], &[HALF[0]]].concat();
+        let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
+        let from = |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
+        let (reach, floor) = (from(120.0), from(60.0));
+        let wide = frontiers(Kind::Frontier, &reach, 120.0, &reach);
+        assert!(wide.is_empty(), "{wide:?}");
+        let gaps = frontiers(Kind::Gap, &floor, 60.0, &reach);
+        assert_eq!(gaps.len(), 1, "{gaps:?}");
+        assert!(reach.cost(gaps[0].view).is_some(), "{gaps:?}");
     }
 
     #[test]
