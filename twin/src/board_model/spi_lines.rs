@@ -32,6 +32,9 @@ impl BoardModel {
                     let [sck, mosi, miso] = [pinout::SCK, pinout::MOSI, pinout::MISO]
                         .map(|pin| chip.role(pin) == SPI_FUNCTION);
                     self.route_nss(chip, now);
+                    if let (true, Some(&(at, true))) = (sck, self.selects.back()) {
+                        chip.check_spi(now, self.spi.rate(), now.0 - at);
+                    }
                     let clock = |chip: &mut Stm32f411| {
                         chip.drive_spi(now, |spi, registers, context| {
                             spi.clock(bit && mosi, registers, context)

@@ -119,6 +119,14 @@ impl SpiMaster {
         }
     }
 
+    /// The rate of the clock just taken, hertz.
+    pub fn rate(&self) -> u64 {
+        match self.steps.front() {
+            Some(SpiStep::Bits { hz, .. }) => *hz,
+            _ => 0,
+        }
+    }
+
     /// The level of MISO at the clock just taken.
     pub fn receive(&mut self, bit: bool) {
         self.miso.push(bit);

@@ -298,6 +298,24 @@ impl Stm32f411 {
         }
     }
 
+    /// A rising clock edge of the master at SPI1, at this rate, so many nanoseconds after the chip select fell.
+    pub(crate) fn check_spi(&mut self, now: VirtualNanos, hz: u64, selected_ns: u64) {
+        let pclk = self.rcc.pclk2(self.bus.slots()[self.slots.rcc].registers());
+        let fastest = if self.pwr.supply() < 2_700 {
+            20_000_000
+        } else {
+            38_000_000
+        };
+        if hz > fastest.min(pclk / 2) {
+            let reason = "SCK is faster than the slave takes, RM0383 20.2.1, DS10314 6.3.19";
+            self.tell(now, self.slots.spi, "DR", reason);
+        }
+        if 2 * selected_ns * pclk < 3_000_000_000 {
+            let reason = "SCK rises within 1.5 APB2 cycles of NSS, DS10314 6.3.19";
+            self.tell(now, self.slots.spi, "DR", reason);
+        }
+    }
+
     /// The limits of the buses, the voltage scale and the flash, whenever one of them has changed.
     pub(super) fn check_clocks(&mut self, now: VirtualNanos) {
         let rcc = self.bus.slots()[self.slots.rcc].registers();

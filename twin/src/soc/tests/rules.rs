@@ -167,3 +167,14 @@ fn crystal_and_pll_become_ready_after_their_time() {
         assert_eq!(is_ready_at(late), late_us.is_some());
     }
 }
+
+/// Out of reset APB2 runs at 16 MHz: half of it is the slave's limit, 94 ns its set-up time.
+#[test]
+fn master_that_the_spi_slave_cannot_follow_is_reported() {
+    for (hz, selected_ns, expected) in [(8_000_000, 94, 0), (8_000_001, 94, 1), (8_000_000, 93, 1)]
+    {
+        let mut part = super::part();
+        part.act(|part, now| part.check_spi(now, hz, selected_ns));
+        assert_eq!(objections(&mut part).len(), expected, "{hz} {selected_ns}");
+    }
+}
