@@ -164,6 +164,7 @@ fn boot_waits_while_pi_has_eeprom() {
     assert!(!rig.await_ready());
     rig.assert_logged("the Pi has the EEPROM, waiting");
     assert_eq!(rig.take_events(), [], "it keeps off the bus");
+    assert!(rig.resets().is_empty(), "waiting is no reason for a reset");
     rig.switch_i2c(I2cController::Stm);
     rig.assert_ready();
 }

@@ -3,8 +3,11 @@
 
 use fw_core::eeprom::{Config, Image, fields};
 use fw_core::wire::{Cause, Field, Mode, frame_len};
+use host_link::log::{LogLine, LogParser};
 use host_link::session::{CommandRequest, RATE_HZ, Session};
+use robot_tests::reference::{normal_frame, original_image};
 use robot_tests::test_board::Rig;
+use twin::Options;
 
 /// Frames in two and a half seconds: enough for a log line with the pause and one without.
 const FRAMES: u32 = RATE_HZ * 5 / 2;
@@ -82,6 +85,33 @@ fn statistics_count_frames_of_both_ends() {
         let trip = pi.round_trip_us.map(|us| us.abs_diff(25_000) < 100);
         assert_eq!(trip, guarded.then_some(true), "{name}: {pi:?}");
     }
+}
+
+/// A core of 20 MIPS takes longer for a tick than two frames at the wire's highest rate: one of them is lost.
+// Requirement: WIRE-log-3
+#[test]
+fn statistics_count_frames_that_come_too_fast() {
+    const FRAMES: u32 = 1_000;
+    let mut options = Options::with_eeprom(original_image());
+    options.mips = 20.try_into().expect("not zero");
+    let rig = Rig::ready(options);
+    for _ in 0..FRAMES {
+        let _ = rig.frame(&normal_frame(0, 0, 0, false));
+    }
+    rig.run_us(1_100_000);
+    let log = rig.log();
+    let mut lines = LogParser::default().feed(log.as_bytes()).into_iter();
+    let line = lines.rfind(|(_, line)| matches!(line, LogLine::Link(_)));
+    let Some((_, LogLine::Link(stm))) = line else {
+        panic!("{log}")
+    };
+    assert_eq!(
+        (stm.frames, stm.accepted + stm.lost),
+        (FRAMES, FRAMES),
+        "{log}"
+    );
+    assert!(stm.lost > 0, "{log}");
+    rig.assert_logged("frames lost: not read in time");
 }
 
 // Requirement: WIRE-log-3
