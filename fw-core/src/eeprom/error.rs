@@ -178,3 +178,38 @@ impl core::fmt::Display for ConfigError {
 }
 
 impl core::error::Error for ConfigError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eeprom::fields::{FORWARD_P, MODE};
+    use std::string::ToString;
+
+    #[test]
+    fn error_shows_value_and_what_is_accepted() {
+        let huge = ConfigError::range(FORWARD_P, 0x7E37_E43C_0800_759C);
+        let sum = ConfigError {
+            value: FieldValue::Checksum(0x12AB),
+            expected: Expected::Checksum(0x0C0D_E000),
+            ..huge
+        };
+        for (error, expected) in [
+            (
+                huge,
+                "EEPROM page 0x01 address 0x00: forward.p is a binary64 of bits 0x7E37E43C0800759C %/mm, \
+                 accepted: 0.0 to 10000.0",
+            ),
+            (
+                sum,
+                "EEPROM page 0x01 address 0x00: forward.p is 0x000012AB %/mm, accepted: 0x0C0DE000",
+            ),
+            (
+                ConfigError::range(MODE, 0xF),
+                "EEPROM page 0x00 address 0x0C: mode is 15, accepted: 0x00, 0x01, 0x02, 0x10, 0x11, 0x12, \
+                 0x20, 0x30",
+            ),
+        ] {
+            assert_eq!(error.to_string(), expected);
+        }
+    }
+}
