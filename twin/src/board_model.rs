@@ -4,6 +4,7 @@
 //! [`BoardModel::step`] runs at every stop of the emulator. It carries out what is due, in the order
 //! of the board's signals, and requests the next stop; nothing polls.
 
+mod encoder_lines;
 mod spi_lines;
 
 use std::collections::VecDeque;
@@ -298,51 +299,6 @@ impl BoardModel {
         let high = level == Some(Level::High);
         if let Some(width_us) = self.servo.level(now.0, high) {
             self.world.servo_mut().pulse(width_us);
-        }
-    }
-
-    /// Drives the encoders' edges that are due.
-    fn step_encoders(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
-        for (nth, encoder) in ENCODERS.into_iter().enumerate() {
-            while let Some(edge) = self.encoders[nth].take(now.0) {
-                let before = Encoder::levels(self.counts[nth]);
-                let mut after = Encoder::levels(edge.count);
-                self.counts[nth] = edge.count;
-                let faults = &self.world.faults;
-                let [dead, noisy] =
-                    [faults.dead_channel, faults.noisy_encoder].map(|of| [of.left, of.right][nth]);
-                if dead {
-                    after[1] = Level::Low;
-                }
-                for channel in 0..2 {
-                    if before[channel] != after[channel] {
-                        chip.drive_pin(now, encoder.pins[channel], Some(after[channel]));
-                    }
-                }
-                let routed = |&pin: &Pin| chip.role(pin) == Role::Function(encoder.function);
-                if encoder.pins.iter().all(routed) {
-                    if noisy {
-                        self.drive_timer_inputs(chip, now, nth, after);
-                        self.drive_timer_inputs(chip, now, nth, before);
-                    }
-                    self.drive_timer_inputs(chip, now, nth, after);
-                }
-            }
-        }
-    }
-
-    fn drive_timer_inputs(
-        &mut self,
-        chip: &mut Stm32f411,
-        now: VirtualNanos,
-        nth: usize,
-        levels: [Level; 2],
-    ) {
-        for (channel, (input, level)) in (1..).zip(self.timer_inputs[nth].iter_mut().zip(levels)) {
-            if *input != level {
-                *input = level;
-                chip.drive_timer(now, ENCODERS[nth].timer, channel, level);
-            }
         }
     }
 

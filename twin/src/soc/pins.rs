@@ -48,6 +48,11 @@ impl Stm32f411 {
         self.port(pin).get(Register::Pupdr) >> (pin.number * 2) & 3
     }
 
+    /// Whether the pin has its pull-up.
+    pub fn pulls_up(&self, pin: Pin) -> bool {
+        self.pull(pin) == 1
+    }
+
     /// The level the firmware drives on a pin, `None` where it drives none.
     pub fn output(&self, pin: Pin) -> Option<Level> {
         let registers = self.port(pin);

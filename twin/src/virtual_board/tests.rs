@@ -24,6 +24,7 @@ const GPIOA: u64 = 0x4002_0000;
 const GPIOB: u64 = 0x4002_0400;
 const GPIOC: u64 = 0x4002_0800;
 const MODER: u64 = 0;
+const PUPDR: u64 = 0xC;
 const BSRR: u64 = 0x18;
 const AFRL: u64 = 0x20;
 const AFRH: u64 = 0x24;
@@ -42,6 +43,14 @@ fn timers_count_wheel_rotation() {
     board.write(GPIOB + AFRL, 1 << 12);
     board.write(GPIOC + AFRL, 0x2200_0000);
     board.write(GPIOC + MODER, 2 << 12 | 2 << 14 | 1 << 28 | 1 << 30);
+    // The encoders' outputs are open collectors.
+    for (port, pulls) in [
+        (GPIOA, 1 << 30),
+        (GPIOB, 1 << 6),
+        (GPIOC, 1 << 12 | 1 << 14),
+    ] {
+        board.write(port + PUPDR, pulls);
+    }
     // Both enables high by hand; the right wheel forward, the left one backward.
     board.write(GPIOB + MODER, 2 << 6 | 1 << 16 | 1 << 18);
     board.write(GPIOB + BSRR, 1 << 8 | 1 << 9);
