@@ -94,11 +94,7 @@ pub fn begin() {
         w.adon().set_bit();
         w.dma().set_bit().dds().set_bit()
     });
-    adc.cr2().write(|w| {
-        w.adon().set_bit();
-        w.dma().set_bit().dds().set_bit();
-        w.swstart().set_bit()
-    });
+    adc.cr2().modify(|_, w| w.swstart().set_bit());
 }
 
 /// The words of the scan begun last, taps in order, as they would be at a supply of 3.3 V; `None` until
