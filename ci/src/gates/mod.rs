@@ -40,7 +40,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 35] = [
+const GATES: [Gate; 36] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -79,6 +79,7 @@ const GATES: [Gate; 35] = [
     ("coverage", Night, tests::coverage),
     ("all-defects", Night, |session| defects::run(session, &[])),
     ("all-mutants", Night, proofs::all_mutants),
+    ("firmware-mutants", Night, proofs::firmware_mutants),
     ("citations", Night, proofs::citations),
 ];
 

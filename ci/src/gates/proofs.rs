@@ -1,5 +1,7 @@
 //! Gates on the proofs and on what the tests notice: Kani, fuzz targets, mutants, seeded defects.
 
+use std::time::UNIX_EPOCH;
+
 use serde_json::{Map, Value};
 use xshell::cmd;
 
@@ -101,6 +103,15 @@ pub fn citations(session: &Session) -> Result<String> {
     ];
     let of_each = crates.map(|of| mutation(session, of, &arguments));
     Ok(of_each.into_iter().collect::<Result<Vec<_>>>()?.join("; "))
+}
+
+/// A part of fw-pac's statements deleted, another one each day: the virtual board judges.
+pub fn firmware_mutants(session: &Session) -> Result<String> {
+    const PARTS: u64 = 20;
+    let days = UNIX_EPOCH.elapsed()?.as_secs() / 86_400;
+    let part = format!("{}/{PARTS}", days % PARTS);
+    let arguments = ["--only", "delete statement", "--shard", &part].map(str::to_owned);
+    mutation(session, "--config ci/mutation-fw-pac.toml", &arguments)
 }
 
 #[test]
