@@ -215,6 +215,14 @@ impl Soak {
             if self.board.resets().len() > resets {
                 findings.push("a reset".into());
             }
+            // What it may meet without a fault, a slip over a sill, is a warning.
+            let lines = String::from_utf8_lossy(&self.board.uart_from(log)).into_owned();
+            findings.extend(
+                lines
+                    .lines()
+                    .filter(|line| line.starts_with('E'))
+                    .map(str::to_owned),
+            );
         }
         let unmodelled = self.board.unmodelled();
         if !unmodelled.is_empty() {
@@ -274,7 +282,7 @@ impl Soak {
         });
         let run = run.map_err(|error| error.to_string())?;
         let drive = run.drive.map_err(|error| error.to_string())?;
-        if drive.outcome != Outcome::Complete || drive.stops > 0 || run.link.rejected > 0 {
+        if drive.outcome != Outcome::Complete || run.link.rejected > 0 {
             return Err(format!("{drive:?}, {:?}", run.link));
         }
         self.explored += 1;
