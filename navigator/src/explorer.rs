@@ -33,8 +33,8 @@ const NARROW_MM: f64 = 60.0;
 const GAP_GAIN_M2: f64 = 0.16;
 /// No gap is looked at nearer than this to a fruitless look, mm: there the wall does not answer.
 const GAP_MM: f64 = 500.0;
-/// Share of the time after which gaps are left alone.
-const GAPS_TILL: f64 = 0.7;
+/// Most gaps that are looked at, those with the most floor behind them: each costs up to a minute.
+const GAP_LOOKS: usize = 2;
 /// A look that leaves more than this share of the gain was fruitless.
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
@@ -77,6 +77,8 @@ pub struct Explorer {
     anchors: Vec<(Point, f64)>,
     returned_s: f64,
     targets: usize,
+    /// Gaps that were looked at.
+    gaps: usize,
     /// Times that nothing was left to choose while a stop held the robot.
     leaves: u32,
 }
@@ -92,6 +94,7 @@ impl Explorer {
             anchors: Vec::new(),
             returned_s: 0.0,
             targets: 0,
+            gaps: 0,
             leaves: 0,
         }
     }
@@ -171,6 +174,7 @@ impl Explorer {
             Goal::Approach(target) => {
                 // One look shows whether it is wider.
                 if target.kind == Kind::Gap {
+                    self.gaps += 1;
                     self.tries.extend([target.centre; TRIES]);
                 }
                 let map = self.driver.survey(grid, status.time_s);
@@ -301,11 +305,13 @@ impl Explorer {
         }
         let fresh = |target: &Target| self.tries(target.centre, SAME_MM) < TRIES;
         targets.retain(fresh);
-        if targets.is_empty() && status.time_s < GAPS_TILL * config.time_limit_s {
+        if targets.is_empty() {
             let floor = Reach::new(&map, &pose, NARROW_MM);
             targets = frontiers(Kind::Gap, &floor, NARROW_MM, &reach);
             let fresh = |target: &Target| self.tries(target.centre, GAP_MM) < TRIES;
             targets.retain(|target| fresh(target) && target.gain > GAP_GAIN_M2);
+            targets.sort_by(|one, other| other.gain.total_cmp(&one.gain));
+            targets.truncate(GAP_LOOKS.saturating_sub(self.gaps));
         }
         self.targets = targets.len();
         let late = status.time_s > config.time_limit_s;
