@@ -158,7 +158,7 @@ fn write(transport: &impl Transport, messages: Receiver<Arc<str>>) {
     let sent = messages
         .into_iter()
         .try_for_each(|message| transport.send(&message));
-    // A client that was dropped is told why.
+    // A client that was dropped still gets the reason.
     let ends = sent.map_or(Shutdown::Both, |()| Shutdown::Read);
     let _ = transport.stream().shutdown(ends);
 }

@@ -18,7 +18,7 @@ use twin::Board;
 
 use crate::faults::{After, Cause, KINDS, Kind, reset};
 
-/// Without a load, charged: nobody charges this robot.
+/// Without a load, charged: the battery never runs down.
 const CELLS_V: [f64; 2] = [3.9, 3.9];
 /// From one fault to the next, and how long each lasts, seconds: least and range.
 const PAUSE_S: [f64; 2] = [5.0, 60.0];
