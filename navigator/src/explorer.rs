@@ -305,13 +305,13 @@ impl Explorer {
         }
         let fresh = |target: &Target| self.tries(target.centre, SAME_MM) < TRIES;
         targets.retain(fresh);
-        if targets.is_empty() {
+        if targets.is_empty() && self.gaps < GAP_LOOKS {
             let floor = Reach::new(&map, &pose, NARROW_MM);
             targets = frontiers(Kind::Gap, &floor, NARROW_MM, &reach);
             let fresh = |target: &Target| self.tries(target.centre, GAP_MM) < TRIES;
             targets.retain(|target| fresh(target) && target.gain > GAP_GAIN_M2);
             targets.sort_by(|one, other| other.gain.total_cmp(&one.gain));
-            targets.truncate(GAP_LOOKS.saturating_sub(self.gaps));
+            targets.truncate(GAP_LOOKS - self.gaps);
         }
         self.targets = targets.len();
         let late = status.time_s > config.time_limit_s;

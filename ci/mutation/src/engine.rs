@@ -252,10 +252,10 @@ impl<'a> Engine<'a> {
             edit(&file, |text| Ok(mutant.applied(text)))?;
         }
         let passes = |words: &str| {
-            let mut words = words.split(' ');
-            let mut command = Command::new(words.next().unwrap_or_default());
-            command.args(words).current_dir(&copy.root);
-            let output = command.output().with_context(|| judge.build.clone());
+            let mut parts = words.split(' ');
+            let mut command = Command::new(parts.next().unwrap_or_default());
+            command.args(parts).current_dir(&copy.root);
+            let output = command.output().with_context(|| words.to_owned());
             output.map(|output| output.status.success())
         };
         Ok(match passes(&judge.build)? {
