@@ -94,6 +94,23 @@ fn wheel_turns_from_a_128th_of_a_turn() {
                 let found = faults(side, 5000 * way, counts * i32::from(way), 150);
                 let second = found.get(1).map(|&(_, faults)| faults);
                 assert_eq!(second, fault, "{side:?} {way} {counts}");
+                let (first, _) = found[0];
+                let mut monitor = monitor();
+                // In the first window, too.
+                let mut turn = |tick| {
+                    let rolls = if tick == first - 1 {
+                        counts * i32::from(way)
+                    } else {
+                        0
+                    };
+                    monitor.step(&side.driven(5000 * way), &side.rolled(rolls))
+                };
+                let ends = (0..=first).map(&mut turn).last();
+                assert_eq!(
+                    ends,
+                    Some(fault.unwrap_or(Faults::NONE)),
+                    "{side:?} {way} {counts}"
+                );
             }
         }
     }

@@ -127,6 +127,57 @@ fn braked_and_raw_driven_wheels_are_not_identified() {
 }
 
 #[test]
+fn lags_take_sixteen_ticks_each_and_identification_64() {
+    let (mut lag, mut first, mut second) = (MotorLag::default(), 0.0, 0.0);
+    for tick in 0..100 {
+        first += (100.0 - first) / 16.0;
+        second += (first - second) / 16.0;
+        let lagged = f64::from(lag.step(100 * PERCENT)) / f64::from(PERCENT);
+        assert!((lagged - second).abs() < 1e-3, "{tick}: {lagged} {second}");
+    }
+    // The share of a response that came 64 ticks ago; counts of more than a thousand are none.
+    let identified = |counts: i32| {
+        let mut motor = Motor::new(config_with(&[]).left());
+        motor.lag = MotorLag([20 * PERCENT; 2]);
+        (0..64).for_each(|_| motor.identify(counts));
+        let response = i32::try_from(motor.response).expect("below 2³¹");
+        f64::from(response) / f64::from((20 << 8) << 8)
+    };
+    let share = 1.0 - (63.0_f64 / 64.0).powi(64);
+    for (counts, counted) in [
+        (40, 40),
+        (-999, -999),
+        (1000, 1000),
+        (1001, 1000),
+        (-1001, -1000),
+    ] {
+        let off = identified(counts) - share * f64::from(counted);
+        assert!(off.abs() < 0.01, "{counts}: {off}");
+    }
+}
+
+#[test]
+fn full_output_is_the_whole_duty() {
+    let whole = [
+        (fields::DEAD_ZONE_LEFT, 0),
+        (fields::DEAD_ZONE_RIGHT, 0),
+        (fields::LIMIT_LEFT, 10_000),
+        (fields::LIMIT_RIGHT, 10_000),
+    ];
+    let mut mixer = Mixer::new(&config_with(&whole));
+    mixer.balance();
+    for percent in [100.0, 150.0] {
+        let MotorCommands { left, right } = mixer.mix(I16F16::from_num(percent), I16F16::ZERO);
+        for command in [left, right] {
+            let MotorCommand::Run(duty) = command else {
+                panic!("{command:?}")
+            };
+            assert_eq!(duty.hundredths().abs(), 10_000);
+        }
+    }
+}
+
+#[test]
 fn duty_is_the_nearest_hundredth() {
     let changes = [
         (fields::DEAD_ZONE_LEFT, 0),

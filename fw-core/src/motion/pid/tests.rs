@@ -100,3 +100,17 @@ fn pid_begins_with_the_integral_given_it() {
     let beyond = pid(1.0, 0.0, 0.0, 0.0).with_integral(I32F32::from_num(60));
     assert_eq!(beyond.integral(), I32F32::from_num(50));
 }
+
+#[test]
+fn pid_back_calculation_takes_its_share_of_the_excess_down_to_zero() {
+    for side in [1.0, -1.0] {
+        for (anti_windup, integral) in [(0.25, 12.5), (0.5, 5.0), (1.0, 0.0)] {
+            let begun = pid(1.0, 0.5, 0.0, anti_windup);
+            let mut pid = begun.with_integral(I32F32::from_num(20.0 * side));
+            // 60 + 20 is 30 beyond the limit.
+            assert_output(&mut pid, 60.0 * side, 0.0, 50.0 * side);
+            let off = pid.integral() - I32F32::from_num(integral * side);
+            assert!(off.abs() < I32F32::from_num(1e-3), "{anti_windup}: {off}");
+        }
+    }
+}
