@@ -43,9 +43,8 @@ pub struct LongRun {
     pub jitter_without_frames_us: f64,
 }
 
-/// A robot in a corridor long enough to drive straight on for the whole run, its core at `mips` instructions
-/// a microsecond.
-fn in_a_corridor(elf: &[u8], mips: u64) -> Result<Rig, Box<dyn Error>> {
+/// A robot in a corridor long enough to drive straight on for the whole run.
+fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
     let mut image = image_in_mode(0);
     image[0x0203] = CELLS;
     let divider: Vec<u8> = image[0x0210..0x0218].to_vec();
@@ -60,7 +59,6 @@ fn in_a_corridor(elf: &[u8], mips: u64) -> Result<Rig, Box<dyn Error>> {
                 .with_wall(-1e3, 1e3, 1e5, 1e3)
                 .with_wall(-1e3, -1e3, 1e5, -1e3),
             start: Some(start),
-            mips: mips.try_into()?,
             ..Options::with_eeprom(image)
         },
     );
@@ -169,18 +167,12 @@ pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
 }
 
 /// `rate` Normal frames a second at a clock of `hz` for `seconds` virtual seconds, driving straight on
-/// meanwhile so that every tick's data is new; the core runs at `mips` instructions a microsecond.
+/// meanwhile so that every tick's data is new.
 ///
 /// # Errors
 /// Where the robot does not start or does not drive.
-pub fn long_run(
-    elf: &[u8],
-    mips: u64,
-    hz: u64,
-    rate: u64,
-    seconds: u64,
-) -> Result<LongRun, Box<dyn Error>> {
-    let rig = in_a_corridor(elf, mips)?;
+pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun, Box<dyn Error>> {
+    let rig = in_a_corridor(elf)?;
     rig.board.trace_writes(TIM5_CCR1);
     rig.board.run_us(2_000_000);
     let quiet = worst_jitter_us(&times(&rig.board.take_events(), is_tick));
@@ -297,7 +289,7 @@ pub struct TornFrames {
 /// # Errors
 /// Where the robot does not start.
 pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> Result<TornFrames, Box<dyn Error>> {
-    let rig = in_a_corridor(elf, 100)?;
+    let rig = in_a_corridor(elf)?;
     rig.board.run_us(100_000);
     let frame = normal_frame(0, 0, 0, false);
     let mut seen = TornFrames { torn: 0, lost: 0 };

@@ -307,7 +307,7 @@ fn link_rejects_disturbed_frames_and_accepts_good_ones() {
     if let Ok(seeds) = std::env::var(SEEDS) {
         let number = |text: &str| text.parse::<u64>().expect("a number");
         let (first, end) = seeds.split_once("..").expect("ROBOT_LINK_SEEDS=A..B");
-        let mips = std::env::var(MIPS).map_or(100, |text| number(&text));
+        let mips = std::env::var(MIPS).map_or(60, |text| number(&text));
         for seed in number(first)..number(end) {
             (0..PHASES).for_each(|phase| run(seed, phase, mips));
         }

@@ -167,7 +167,8 @@ impl Drive {
         let at: BTreeSet<u64> = accesses.iter().map(|access| access.instruction).collect();
         let near = |address: &u64| at.iter().any(|at| (at - 40..at + 80).contains(address));
         let all = functions(elf).expect("an ELF file").into_iter();
-        self.swap = all.flat_map(|f| f.instructions).filter(near).collect();
+        let all = all.flat_map(|f| f.instructions).map(|one| one.address);
+        self.swap = all.filter(near).collect();
         let near_stores = self.swap.iter().copied().filter(|at| stores.contains(at));
         self.stores = near_stores.collect();
         let events = self.rig.take_events();

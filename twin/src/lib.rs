@@ -32,9 +32,9 @@
 //! with trigger, echo and crosstalk, the front one's servo, the log's UART at its bit rate.
 //!
 //! # What is not
-//! - The core retires instructions at one rate ([`Options::mips`]) at any clock, and entering or leaving
-//!   an exception takes none: only that rate stands for wait states, misses of the flash accelerator and
-//!   the twelve cycles of an exception entry.
+//! - The core retires instructions at one rate at any clock, [`Options::mips`]: an estimate
+//!   ([`trace::cycles`]) with the flash's wait states, loads and branches. Entering or leaving an exception
+//!   takes no time.
 //! - DMA moves a word at the instant it is requested.
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9, TIM10, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and [`Board::unmodelled`] reports every access.

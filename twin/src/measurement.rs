@@ -30,8 +30,8 @@ impl Board {
     /// When the firmware's ELF file cannot be read.
     pub fn profile(&self) -> Result<Vec<Function>, TraceError> {
         let functions = functions(&self.elf)?;
-        let all = functions.iter().flat_map(|f| f.instructions.clone());
-        self.watch(all.collect());
+        let all = functions.iter().flat_map(|f| &f.instructions);
+        self.watch(all.map(|one| one.address).collect());
         Ok(functions)
     }
 

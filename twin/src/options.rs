@@ -6,8 +6,8 @@ use plant::{GyroParams, Params, Pose2, Room};
 
 use crate::emulator::Debugger;
 
-/// One instruction per cycle at 100 MHz.
-const FULL_SPEED: NonZeroU64 = NonZeroU64::new(100).expect("not zero");
+/// 100 MHz at 1.6 cycles an instruction, rounded down: `mips_estimate` of target/figures.json.
+const MIPS: NonZeroU64 = NonZeroU64::new(60).expect("not zero");
 
 /// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
 /// the default room.
@@ -27,8 +27,8 @@ pub struct Options {
     pub mpu: Option<GyroParams>,
     /// The crystal's frequency, hertz; 0: none oscillates.
     pub crystal_hz: u64,
-    /// Instructions that the core retires in a microsecond of its 100 MHz clock. The default, 100, is
-    /// one per cycle; behind wait states and branches the part reaches 60 to 75.
+    /// Instructions that the core retires in a microsecond of its 100 MHz clock. The default, 60, is
+    /// what [`cycles`](crate::trace::cycles) estimates for the firmware.
     pub mips: NonZeroU64,
     /// Whether the idle SPI slave fetches two bytes ahead of the first clock, not one.
     pub spi_preloads: bool,
@@ -72,7 +72,7 @@ impl Default for Options {
             eeprom: Some(Vec::new()),
             mpu: Some(GyroParams::default()),
             crystal_hz: 8_000_000,
-            mips: FULL_SPEED,
+            mips: MIPS,
             spi_preloads: false,
             // The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the
             // converter's model returns (STM32F411xC/xE datasheet, temperature sensor and internal

@@ -18,16 +18,20 @@ use robot_tests::throughput::{
 };
 use serde::Serialize;
 use serde_json::{Value, json};
-use twin::trace::{Event, EventKind, Span, exclusive, shares, spans};
+use twin::trace::{Event, EventKind, Span, cycles, exclusive, shares, spans};
 use twin::{Board, Options};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// The control register of the stream that feeds SPI1 (RM0383, 9.5.5): bit 0 enables it.
 const DMA2_S3CR: u64 = 0x4002_6458;
+const SELECTED: EventKind = EventKind::ChipSelect(true);
 /// The long run: SPI clock, frames a second, virtual seconds. The rate is no multiple of the tick's, so
 /// the frames pass through all of its phases.
 const LONG: (u64, u64, u64) = (12_000_000, 10_007, 10);
+/// The handlers above the robot's priority, and the others at it; the end of a frame belongs to the frame.
+const TIMED: [&str; 4] = ["TIM5", "EXTI0", "EXTI9_5", "EXTI15_10"];
+const BESIDE: [&str; 4] = ["DMA2_STREAM7", "I2C1_EV", "I2C1_ER", "DMA1_STREAM0"];
 /// Instructions of the original C++ to decode a Normal frame and encode its reply on this core at -O2.
 const ORIGINAL: f64 = 4947.0;
 
@@ -170,13 +174,20 @@ fn to_reply(events: &[Event], core: &Span, others: &[Span]) -> Option<u64> {
     let rise = events.iter().rfind(rises)?.instructions;
     let left = core.entered + core.instructions;
     let enables = |kind: &EventKind| matches!(kind, EventKind::Write { address: DMA2_S3CR, value } if value & 1 == 1);
-    let arms = |event: &&Event| event.instructions >= left && enables(&event.kind);
-    let armed = events.iter().find(arms)?.instructions;
-    let elsewhere = others.iter().map(|other| {
+    // An answer that is late leaves the standby armed.
+    let mut after = events.iter().skip_while(|event| event.instructions < left);
+    let next = after.find(|event| enables(&event.kind) || event.kind == SELECTED)?;
+    let armed = (next.kind != SELECTED).then_some(next.instructions)?;
+    let mut others: Vec<_> = others.iter().collect();
+    others.sort_by_key(|other| other.entered);
+    let (mut own, mut seen) = (armed - rise, rise);
+    // They pre-empt each other: nothing counts twice.
+    for other in others {
         let end = (other.entered + other.instructions).min(armed);
-        end.saturating_sub(other.entered.max(rise))
-    });
-    Some((armed - rise).saturating_sub(elsewhere.sum()))
+        own -= end.saturating_sub(other.entered.max(seen));
+        seen = seen.max(end);
+    }
+    Some(own)
 }
 
 /// The ELF under measurement.
@@ -209,7 +220,7 @@ impl Firmware {
         let (hand, codec) = codecs(reference)?;
         let wire = |hz| 1_000_000_000 / shortest_period(hz);
         let (hz, rate, seconds) = LONG;
-        let long = long_run(&self.elf, 100, hz, rate, seconds)?;
+        let long = long_run(&self.elf, hz, rate, seconds)?;
         let torn = torn_frames(&self.elf, hz, rate)?;
         let lossless = |hz, rate| self.with_robot(0, |rig| lossless(rig, hz, rate));
         let at_8_mhz = sustained(8_000_000, lossless)?;
@@ -217,6 +228,7 @@ impl Firmware {
         Ok(json!({
             "flash_bytes": flash_bytes,
             "static_ram_bytes": static_ram_bytes,
+            "mips_estimate": self.with_robot(0, mips_estimate)?,
             "boot_to_ready_us": self.with_robot(0, boot_to_ready_us)?,
             "tick_instructions": tick,
             "odometry_step_instructions": odometry_step,
@@ -263,6 +275,8 @@ impl Firmware {
         }
         let ready_us = self.with_robot(0, boot_to_ready_us)?;
         println!("{:18} {ready_us} µs after reset", "READY");
+        let mips = self.with_robot(0, mips_estimate)?;
+        println!("{:18} {mips:.1} at 100 MHz, estimated", "MIPS");
         self.with_robot(0, |rig| profile_of(rig, "robot_tick"))?;
         self.with_robot(0, |rig| profile_of(rig, "robot_frame"))
     }
@@ -279,15 +293,8 @@ fn boot_to_ready_us(rig: &Rig) -> Result<u64> {
 
 /// Ticks, odometry steps and Normal frames while driving to a pose at 40 frames a second.
 fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
-    let handlers = [
-        "TIM5",
-        "robot_tick",
-        "Odometry::step",
-        "robot_frame",
-        "EXTI4",
-    ];
-    let echoes = ["EXTI0", "EXTI9_5", "EXTI15_10"];
-    let traced = handlers.iter().chain(&echoes);
+    let handlers = ["robot_tick", "Odometry::step", "robot_frame", "EXTI4"];
+    let traced = handlers.iter().chain(&TIMED).chain(&BESIDE);
     let traced = traced.map(|name| rig.board.trace(name));
     let traced = traced.collect::<std::result::Result<Vec<_>, _>>()?;
     rig.board.trace_chip_select();
@@ -295,15 +302,16 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
     let _ = rig.keep_sending(&normal_frame(700_000, 400_000, 0x2000, true), 20_000_000);
     let events = rig.board.take_events();
     let runs: Vec<Vec<Span>> = traced.iter().map(|traced| spans(traced, &events)).collect();
-    let [latches, ticks, steps, frames, edges, echoes @ ..] = &runs[..] else {
+    let [ticks, steps, frames, edges, others @ ..] = &runs[..] else {
         return Err("every traced function has its runs".into());
     };
+    let (timed, beside) = others.split_at(TIMED.len());
+    let latches = &timed[0];
     // The latch that belongs to a tick is the longest run of its handler.
     let latch = latches.iter().map(|span| span.instructions).max();
-    let timed: Vec<Span> = echoes.iter().chain([latches]).flatten().copied().collect();
+    let timed = timed.concat();
     let preempting = [&timed[..], edges].concat();
-    // The handler of chip-select belongs to the frame.
-    let waited = [ticks, &timed[..]].concat();
+    let waited = [&timed[..], &beside.concat(), ticks].concat();
     Ok((
         Spread::of(&exclusive(ticks, &preempting), latch.unwrap_or(0))?,
         // And the call.
@@ -313,9 +321,10 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
 }
 
 fn guarded_frames(rig: &Rig) -> Result<Frames> {
-    let traced = ["TIM5", "robot_tick", "robot_frame"].map(|name| rig.board.trace(name));
-    let [latch, tick, frame] = traced;
-    let (latch, tick, frame) = (latch?, tick?, frame?);
+    let frame = rig.board.trace("robot_frame")?;
+    let others = TIMED.iter().chain(&BESIDE).chain(&["robot_tick"]);
+    let others = others.map(|name| rig.board.trace(name));
+    let others = others.collect::<std::result::Result<Vec<_>, _>>()?;
     rig.board.trace_chip_select();
     rig.board.trace_writes(DMA2_S3CR);
     let inner = normal_frame(200_000, 0, 0, true);
@@ -332,9 +341,19 @@ fn guarded_frames(rig: &Rig) -> Result<Frames> {
         return Err(format!("a guarded frame was rejected: {}", rig.log()).into());
     }
     let events = rig.board.take_events();
-    let latches = spans(&latch, &events);
-    let waited = [spans(&tick, &events), latches.clone()].concat();
-    Frames::of(&events, &spans(&frame, &events), &latches, &waited)
+    let others: Vec<_> = others.iter().map(|other| spans(other, &events)).collect();
+    let timed = others[..TIMED.len()].concat();
+    Frames::of(&events, &spans(&frame, &events), &timed, &others.concat())
+}
+
+/// Millions of instructions a second at 100 MHz, over two seconds of the same drive.
+fn mips_estimate(rig: &Rig) -> Result<f64> {
+    let target = normal_frame(700_000, 400_000, 0x2000, true);
+    let code = rig.board.profile()?;
+    let _ = rig.keep_sending(&target, 2_000_000);
+    let (cycles, count) = cycles(&code, &rig.board.take_events());
+    #[allow(clippy::cast_precision_loss)] // counts far below 2⁵²
+    Ok(100.0 * count as f64 / cycles as f64)
 }
 
 /// The mean instructions of a function by callee, over two seconds of the same drive.

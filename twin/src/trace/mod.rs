@@ -18,10 +18,12 @@
 //! The core retires [`Options::mips`](crate::Options::mips) instructions a microsecond of virtual time while
 //! it is awake, so a span's virtual time follows from its instructions unless the core sleeps in it.
 
+mod cycles;
 mod symbols;
 mod thumb;
 
-pub use symbols::{Function, TraceError, TracedFunction, functions};
+pub use cycles::cycles;
+pub use symbols::{Function, Instruction, TraceError, TracedFunction, functions};
 
 /// What happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

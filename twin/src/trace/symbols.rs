@@ -6,6 +6,15 @@ use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use super::thumb::{Flow, flow, halfwords};
 
+/// An instruction of the firmware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Instruction {
+    /// Where it begins.
+    pub address: u64,
+    /// Its one or two halfwords; behind the one, anything.
+    pub halfwords: [u16; 2],
+}
+
 /// A function of the firmware.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Function {
@@ -13,8 +22,8 @@ pub struct Function {
     pub name: String,
     /// Its first instruction.
     pub address: u64,
-    /// Where its instructions begin.
-    pub instructions: Vec<u64>,
+    /// Its instructions.
+    pub instructions: Vec<Instruction>,
     /// The instructions it returns by.
     pub returns: Vec<u64>,
     /// The jumps out of it (tail calls), and what they jump to.
@@ -141,8 +150,11 @@ fn decode(name: String, address: u64, code: &[u8], is_data: impl Fn(u64) -> bool
             at += 1;
             continue;
         }
-        function.instructions.push(here);
         let second = halves.get(at + 1).copied().unwrap_or_default();
+        function.instructions.push(Instruction {
+            address: here,
+            halfwords: [halves[at], second],
+        });
         match flow(here, halves[at], second) {
             Flow::Return => function.returns.push(here),
             Flow::Jump(to) if !(address..ends).contains(&to) => {
@@ -167,7 +179,8 @@ mod tests {
         ];
         let code: Vec<u8> = code.into_iter().flat_map(u16::to_le_bytes).collect();
         let function = decode("f".into(), 0x100, &code, |at| (0x102..0x106).contains(&at));
-        assert_eq!(function.instructions, [0x100, 0x106, 0x10A, 0x10E]);
+        let begins = function.instructions.iter().map(|one| one.address);
+        assert!(begins.eq([0x100, 0x106, 0x10A, 0x10E]));
         assert_eq!(function.returns, [0x10E]);
         assert_eq!(function.tail_calls, [(0x10A, 0x1100)]);
     }

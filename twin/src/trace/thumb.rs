@@ -1,4 +1,4 @@
-//! The part of the Thumb-2 encoding that ends a function (ARM DDI 0403E.b, chapter A5).
+//! The part of the Thumb-2 encoding that ends a function or takes its time (ARM DDI 0403E.b, chapter A5).
 
 /// Effect of an instruction on the control flow of its function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +54,54 @@ pub fn flow(address: u64, first: u16, second: u16) -> Flow {
             Flow::Jump(relative(address, i64::from(offset), 25))
         }
         _ => Flow::Continue,
+    }
+}
+
+/// The time of an instruction: [`super::cycles`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timing {
+    /// Cycles of its own.
+    pub cycles: u64,
+    /// It loads one word: its last cycle overlaps with the next such instruction.
+    pub load: bool,
+    /// The address it loads from in the code.
+    pub literal: Option<u64>,
+}
+
+/// The time of the instruction of these halfwords at `address`.
+pub fn timing(address: u64, [first, second]: [u16; 2]) -> Timing {
+    let literal_base = (address + 4) & !3;
+    let literal = match first {
+        // LDR T1 (literal), A7.7.44, and T2.
+        _ if first & 0xF800 == 0x4800 => Some(literal_base + 4 * u64::from(first & 0xFF)),
+        0xF85F => Some(literal_base - u64::from(second & 0xFFF)),
+        0xF8DF => Some(literal_base + u64::from(second & 0xFFF)),
+        _ => None,
+    };
+    let load = match first >> 11 {
+        // LDRSB and those behind it, A5.2.4.
+        0b01010 | 0b01011 => first & 0xE00 >= 0x600,
+        0b01001 | 0b01101 | 0b01111 | 0b10001 | 0b10011 => true,
+        0b11111 => first & 0xFE10 == 0xF810,
+        _ => false,
+    };
+    let words = match first {
+        _ if first & 0xF600 == 0xB400 => first & 0x1FF,
+        _ if first & 0xF000 == 0xC000 => first & 0xFF,
+        _ if first & 0xFE40 == 0xE800 => second,
+        // Two words, exclusive accesses, table branches: A5.3.6.
+        _ if first & 0xFE40 == 0xE840 => 0b11,
+        _ => 0,
+    };
+    let arithmetic = match first & 0xFFF0 {
+        0xFB90 | 0xFBB0 => 6,
+        0xFB00 if second & 0xF000 != 0xF000 => 1,
+        _ => 0,
+    };
+    Timing {
+        cycles: 1 + u64::from(load) + u64::from(words.count_ones()) + arithmetic,
+        load,
+        literal,
     }
 }
 

@@ -140,3 +140,19 @@ fn distance_saturates_at_10_metres() {
         }
     }
 }
+
+#[test]
+fn distance_of_a_speed_is_its_damping_and_half_its_duty_over_p() {
+    // 1 mm/s is 0.01 mm a tick; the first board's right wheel needs less: 77 % for 169 mm/s.
+    for (p, expected_mm) in [
+        (6.5088, (106.72 + 77.0 / 1.69 / 2.0) / 650.88),
+        (0.001, 256.0),
+    ] {
+        let config = config_with(&[(fields::FORWARD_P, f64::to_bits(p))]);
+        let found = f64::from(distance_per_speed(&config)) / 65536.0;
+        assert!(
+            (found / expected_mm - 1.0).abs() < 1e-4,
+            "{found} {expected_mm}"
+        );
+    }
+}
