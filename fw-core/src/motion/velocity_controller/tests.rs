@@ -131,3 +131,90 @@ fn pushed_robot_saturates_in_its_first_tick() {
         assert!(controller.clipped());
     }
 }
+
+/// Without dead zones, wheels of 200 and 100 mm/s, 40 mm/s a tick, hardly any gains.
+fn unequal() -> Config {
+    use crate::eeprom::{config_with, fields};
+    config_with(&[
+        (fields::DEAD_ZONE_LEFT, 0),
+        (fields::DEAD_ZONE_RIGHT, 0),
+        (fields::FULL_SPEED_LEFT, 200),
+        (fields::FULL_SPEED_RIGHT, 100),
+        (fields::MAX_SPEED, 2_000),
+        (fields::BLIND_SPEED, 2_000),
+        (fields::ACCELERATION, 4_000),
+        (fields::FORWARD_P, 0.001_f64.to_bits()),
+        (fields::FORWARD_D, 0.001_f64.to_bits()),
+    ])
+}
+
+// Requirement: WIRE-velocity-5
+#[test]
+fn saturated_wheel_slows_both_and_the_ramp() {
+    let config = unequal();
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    let mut controller = VelocityController::new(&config);
+    let fast = Velocity {
+        forward: 2_000_000,
+        yaw_rate: 0,
+    };
+    let commands = controller.step(fast, &obstacle, &Delta::default());
+    // Four times 40 mm/s take 80 and 160 %: 60 mm/s too much for the right wheel.
+    for (command, percent) in [(commands.left, 50.0), (commands.right, 100.0)] {
+        let crate::types::MotorCommand::Run(duty) = command else {
+            panic!("{command:?}")
+        };
+        let found = f64::from(duty.hundredths().abs()) / 100.0;
+        assert!((found - percent).abs() < 0.1, "{found} % of {percent} %");
+    }
+    assert!((controller.applied().forward - 25_000).abs() < 100);
+    // So is a turn.
+    let mut turning = VelocityController::new(&config);
+    turning.ramp.yaw_step = i32::MAX;
+    turning.ramp.max_yaw_rate = i32::MAX;
+    let yaw_rate = 1 << 29;
+    let spin = Velocity {
+        forward: 0,
+        yaw_rate,
+    };
+    let _ = turning.step(spin, &obstacle, &Delta::default());
+    let way_mm_s =
+        f64::from(yaw_rate) / 4_294_967_296.0 * std::f64::consts::PI * f64::from(config.track().0)
+            / 1000.0;
+    let applied = f64::from(turning.applied().yaw_rate) / f64::from(yaw_rate) * way_mm_s;
+    assert!((applied - 25.0).abs() < 0.1, "{applied} of {way_mm_s} mm/s");
+}
+
+#[test]
+fn yaw_rate_is_the_wheels_way_round_the_middle() {
+    let config = unequal();
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    let mut controller = VelocityController::new(&config);
+    let slow = Velocity {
+        forward: 0,
+        yaw_rate: 1 << 27,
+    };
+    for _ in 0..300 {
+        let _ = controller.step(slow, &obstacle, &Delta::default());
+    }
+    // A 32nd of a turn in a second.
+    let way_mm = std::f64::consts::PI * f64::from(config.track().0) / 1000.0 / 3200.0;
+    for (wheel, sign) in [(&controller.left, -1.0), (&controller.right, 1.0)] {
+        let off = f64::from(wheel.lag[1]) / MM * sign - way_mm;
+        assert!(off.abs() < 0.001 * way_mm + 1e-3, "{off} of {way_mm}");
+    }
+}
+
+#[test]
+fn wheel_slower_than_10_mm_s_is_slow() {
+    let mut wheel = wheel(0.0, 0.0);
+    for (second, slow) in [
+        (6_552, true),
+        (-6_552, true),
+        (6_553, false),
+        (-6_553, false),
+    ] {
+        wheel.lag = [0, second];
+        assert_eq!(wheel.is_slow(), slow, "{second}");
+    }
+}
