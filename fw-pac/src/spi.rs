@@ -282,6 +282,13 @@ impl SpiSlave {
         Some(FreshReply(FreeTxBuffer { reply, slave }, armed))
     }
 
+    /// Bytes of the armed reply that the transmitter holds ready, where no frame is under way: for bring-up.
+    #[allow(dead_code, reason = "bring-up alone")]
+    pub fn prefetched(&self) -> Option<u32> {
+        let fetched = update(|state| state.len.saturating_sub(Transmit::remaining().into()));
+        SS.is_high().then_some(fetched as u32)
+    }
+
     /// A buffer for the reply after the armed one.
     #[inline]
     pub fn free_tx_buffer(&mut self) -> FreeTxBuffer<'_> {

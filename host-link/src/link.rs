@@ -11,7 +11,7 @@ use std::collections::HashMap;
 
 /// From the fall of chip-select to the first clock, nanoseconds: the STM needs 60 (docs/interfaces.md), and
 /// spidev's delays are whole microseconds.
-const SETUP_NS: u32 = 1_000;
+pub const SETUP_NS: u32 = 1_000;
 
 /// The Pi's end of the link.
 pub struct Link {
@@ -69,7 +69,7 @@ impl Link {
         };
         let begun_us = clock.micros();
         self.round_trip.sent(begun_us);
-        transfer(spi, out, back)?;
+        transfer(spi, out, back, SETUP_NS)?;
         let ended_us = clock.micros();
         // One more, since the clock counts whole microseconds.
         self.due_us = ended_us + u64::from(GAP_US) + 1;
@@ -98,7 +98,7 @@ impl Link {
         frame: &[u8],
         reply: &mut [u8],
     ) -> Result<Option<Report>, Error> {
-        transfer(spi, frame, reply)?;
+        transfer(spi, frame, reply, SETUP_NS)?;
         self.frames += 1;
         Ok(self.end.receive(reply).ok())
     }
@@ -122,7 +122,7 @@ impl Link {
     }
 }
 
-/// One chip-select, with the set-up time that the STM needs.
+/// One chip-select, `setup_ns` before the first clock: [`SETUP_NS`].
 ///
 /// # Errors
 /// [`Error::Spi`].
@@ -130,9 +130,10 @@ pub fn transfer(
     spi: &mut dyn SpiDevice<Error = IoError>,
     out: &[u8],
     back: &mut [u8],
+    setup_ns: u32,
 ) -> Result<(), Error> {
     let transfer = Operation::Transfer(back, out);
-    spi.transaction(&mut [Operation::DelayNs(SETUP_NS), transfer])
+    spi.transaction(&mut [Operation::DelayNs(setup_ns), transfer])
         .map_err(|cause| Error::Spi(cause.to_string()))
 }
 

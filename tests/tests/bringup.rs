@@ -1,7 +1,9 @@
 //! The bring-up firmware on the virtual board: a sound board passes every check of `robot bringup`, and each
 //! mistake of the hardware fails exactly its own.
 
+use host_link::board_io::Interrupt;
 use pilot::doctor::{Findings, Outcome, bringup};
+use pilot::virtual_board::board_io;
 use robot_tests::test_board::{ELF_BRINGUP, Rig, elf, near_walls};
 use twin::Options;
 use twin::plant::Sides;
@@ -30,8 +32,8 @@ fn bring_up(options: Options, hand: bool, spoil: impl FnOnce(&Rig)) -> (Findings
     });
     assert!(ended, "{}", rig.log());
     let mut findings = Findings::default();
-    let mut io = rig.io();
-    bringup::exchange(&mut io, 200, &mut findings).expect("the bus works");
+    let open = |hz| Ok(board_io(&rig.board, hz, Interrupt::new()));
+    bringup::exchange(open, 12_000_000, 100, &mut findings).expect("the bus works");
     rig.run_us(1_100_000);
     bringup::judge(&rig.log(), &mut findings);
     assert!(rig.motors_off() && !rig.is_ready());
@@ -54,9 +56,18 @@ fn named(findings: &Findings, outcome: Outcome) -> Vec<&str> {
 // Requirement: WIRE-bringup-1
 #[test]
 fn bringup_sound_board_passes_every_check() {
-    let (findings, _) = bring_up(sound(), true, |_| ());
-    assert_eq!(named(&findings, Outcome::Passed).len(), 21, "{findings:#?}");
-    assert_eq!(findings.0.len(), 21);
+    for (spi_preloads, bytes) in [(false, "1 bytes"), (true, "2 bytes")] {
+        let options = Options {
+            spi_preloads,
+            ..sound()
+        };
+        let (findings, _) = bring_up(options, true, |_| ());
+        assert_eq!(named(&findings, Outcome::Passed).len(), 23, "{findings:#?}");
+        assert_eq!(findings.0.len(), 23);
+        let prefetch = findings.0.iter().find(|one| one.check == "SPI prefetch");
+        let found = &prefetch.expect("judged").found;
+        assert!(found.starts_with(bytes), "{found}");
+    }
 }
 
 // Requirement: WIRE-bringup-1

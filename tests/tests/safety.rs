@@ -220,7 +220,11 @@ const DEAD_TIME_NS: u64 = 2_000;
 // Requirement: DOC-2.3-2
 #[test]
 fn bridge_inputs_change_after_dead_time() {
-    let rig = driving();
+    // The wait is counted in cycles: on the fastest core it is shortest.
+    let mut options = Options::with_eeprom(original_image());
+    options.mips = 100.try_into().expect("not zero");
+    let rig = Rig::ready(options);
+    drive(&rig);
     rig.trace_writes(TIM4_EGR);
     for (compare, port, _) in BRIDGES {
         rig.trace_writes(compare);
@@ -252,6 +256,29 @@ fn bridge_inputs_change_after_dead_time() {
         }
         assert!(changes >= 4, "{changes} changes of the inputs");
     }
+}
+
+/// TIM4's prescaler and reload.
+const TIM4_PERIOD: [u64; 2] = [0x4000_0828, 0x4000_082C];
+
+/// Inaudible, and within the L298P's 40 kHz.
+// Requirement: DOC-2.3-2
+#[test]
+fn bridge_is_chopped_at_20_khz() {
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    for register in TIM4_PERIOD {
+        rig.trace_writes(register);
+    }
+    assert!(rig.await_ready());
+    let events = rig.take_events();
+    let cycles = TIM4_PERIOD.map(|register| {
+        let last = events.iter().rev().find_map(|event| match event.kind {
+            EventKind::Write { address, value } if address == register => Some(value),
+            _ => None,
+        });
+        last.expect("written") + 1
+    });
+    assert_eq!(cycles[0] * cycles[1], 100_000_000 / 20_000);
 }
 
 #[test]

@@ -130,8 +130,9 @@ impl Board {
             Mpu6050::new(errors, options.seed)
         });
         let model = BoardModel::new(world, SharedBus::new(I2cBus::new(eeprom, mpu)));
-        let board = VirtualBoard::new(model, options.crystal_hz, options.mips)
+        let mut board = VirtualBoard::new(model, options.crystal_hz, options.mips)
             .map_err(EmulationEnded::because)?;
+        board.mcu.chip.spi.preloads = options.spi_preloads;
         let emulator = Emulator::start(board, vec![firmware, factory], options.debugger)?;
         Ok(Self {
             emulator: Arc::new(emulator),

@@ -192,6 +192,18 @@ mod tests {
     }
 
     #[test]
+    fn gap_of_half_an_hour_is_measured() {
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
+        line.on_frame(Micros(0));
+        for second in 0..1_800 {
+            line.log_line(Micros(second * 1_000_000), true, &counted(1), &mut log);
+        }
+        line.on_frame(Micros(1_800_000_000));
+        line.log_line(Micros(1_800_000_000), true, &counted(2), &mut log);
+        assert!(transmitted(&mut log).ends_with("L 3 2 1 2 1800000000 1800000000 1\n"));
+    }
+
+    #[test]
     fn largest_numbers_fit_one_line() {
         let mut counters = counted(u32::MAX);
         counters.overrun = u32::MAX;

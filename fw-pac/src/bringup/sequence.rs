@@ -92,6 +92,8 @@ pub struct Sequence {
     frames: u32,
     good: u32,
     lost: u32,
+    /// Bytes of a reply that the idle slave holds ready.
+    prefetched: u32,
 }
 
 impl Sequence {
@@ -105,6 +107,7 @@ impl Sequence {
         frames: 0,
         good: 0,
         lost: 0,
+        prefetched: 0,
     };
 
     /// The steps up to the overflow were done before the reset.
@@ -146,6 +149,7 @@ impl Sequence {
                 self.echo_us = None;
                 rangefinders::trigger(which);
             }
+            Step::Link => self.prefetched = drivers.spi.prefetched().unwrap_or(self.prefetched),
             Step::Hand(wheel) => log.line(Level::Info, |line| {
                 line.text("hand turn the ").text(wheel.name());
                 line.text(" wheel forward, a quarter turn");
@@ -265,6 +269,7 @@ impl Sequence {
                     line.text("link frames ").int(self.frames.into());
                     line.text(" good ").int(self.good.into());
                     line.text(" lost ").int(self.lost.into());
+                    line.text(" prefetched ").int(self.prefetched.into());
                     return;
                 }
                 Step::Rest => line.text("rest"),

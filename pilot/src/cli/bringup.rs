@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 /// Time between two looks at the serial device.
 const LOOK: Duration = Duration::from_millis(20);
-/// Frames that are exchanged.
-const FRAMES: u32 = 2_000;
+/// Frames that are exchanged at each clock.
+const FRAMES: u32 = 1_000;
 /// Begin of the last step's lines.
 const LAST_STEP: &str = ": link frames ";
 
@@ -57,8 +57,8 @@ fn listen(
                 return Ok(log);
             }
             exchanged = true;
-            let (mut io, ..) = open_linux(context, interrupt.clone())?;
-            bringup::exchange(&mut io, FRAMES, findings)?;
+            let open = |hz| Ok(open_linux(context, hz, interrupt.clone())?.0);
+            bringup::exchange(open, context.board.spi_hz, FRAMES, findings)?;
             // What was counted before is of no frame.
             log.truncate(shown);
             log = log.replace(LAST_STEP, ": ");

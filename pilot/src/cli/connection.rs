@@ -92,7 +92,7 @@ impl Context<'_> {
         let (io, truth, finish) = if self.board.virtual_board.chosen {
             open_virtual(self, interrupt)?
         } else {
-            open_linux(self, interrupt)?
+            open_linux(self, self.board.spi_hz, interrupt)?
         };
         let journal = self.journal();
         let mut connection = Connection { io, journal, truth };
@@ -213,15 +213,21 @@ impl Context<'_> {
 
 type Opened = (BoardIo, Option<Box<dyn GroundTruth>>, Finish);
 
-/// The real robot's I/O.
+/// The real robot's I/O, its SPI at `spi_hz`.
 #[cfg(feature = "linux")]
-pub fn open_linux(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
-    let io = host_link::linux::open(&context.board.devices(), interrupt)?;
+pub fn open_linux(
+    context: Context<'_>,
+    spi_hz: u32,
+    interrupt: Interrupt,
+) -> Result<Opened, Error> {
+    let mut devices = context.board.devices();
+    devices.spi_hz = spi_hz;
+    let io = host_link::linux::open(&devices, interrupt)?;
     Ok((io, None, Box::new(|_| Ok(()))))
 }
 
 #[cfg(not(feature = "linux"))]
-pub fn open_linux(_: Context<'_>, _: Interrupt) -> Result<Opened, Error> {
+pub fn open_linux(_: Context<'_>, _: u32, _: Interrupt) -> Result<Opened, Error> {
     Err(not_built(
         "this computer's buses",
         "linux",

@@ -6,7 +6,7 @@ use fw_core::sensing::mpu6050::IDENTITY;
 use fw_core::wire::{MAX_FRAME, test_frame};
 use host_link::board_io::BoardIo;
 use host_link::error::Error;
-use host_link::link::transfer;
+use host_link::link::{SETUP_NS, transfer};
 use std::ops::RangeInclusive;
 
 /// Device code of the STM32F411 (RM0383, 23.6.1).
@@ -327,33 +327,77 @@ fn link(lines: &Lines, findings: &mut Findings) {
     let [frames, good] = ["frames", "good"].map(|key| lines.number("link", key).unwrap_or(0));
     if frames == 0 {
         findings.skip(
-            &["link at the STM"],
+            &["link at the STM", "SPI prefetch"],
             "no frames: `robot bringup --link` on the Pi sends them",
         );
         return;
     }
     let found = format!("{good} of {frames} frames whole");
     findings.judge("link at the STM", good == frames, found, LINK_ADVICE);
+    let prefetched = lines.number("link", "prefetched");
+    findings.judge(
+        "SPI prefetch",
+        prefetched.is_some_and(|bytes| (1..=2).contains(&bytes)),
+        prefetched.map_or("not reported".into(), |bytes| {
+            format!("{bytes} bytes of the idle reply")
+        }),
+        "the reply's refresh relies on one or two; do not drive with this part",
+    );
 }
 
 const LINK_ADVICE: &str =
     "lower --spi-hz; check ground, and MOSI, MISO, SCK and SS for length and crosstalk";
 
-/// Exchanges `count` test frames; replies that are not whole fail.
+/// Clocks that are tried below the chosen one, hertz.
+const CLOCKS_HZ: [u32; 4] = [1_000_000, 2_000_000, 4_000_000, 8_000_000];
+/// The least wait from chip-select to the first clock that the interface allows, nanoseconds.
+const LEAST_SETUP_NS: u32 = 60;
+
+/// Exchanges `count` test frames at each clock up to `hz`, with the usual wait behind chip-select and with the
+/// least; replies that are not whole fail. `open` gives the bus at a clock.
 ///
 /// # Errors
-/// [`Error::Spi`]; [`Error::Interrupted`].
-pub fn exchange(io: &mut BoardIo, count: u32, findings: &mut Findings) -> Result<(), Error> {
+/// Those of `open`; [`Error::Spi`]; [`Error::Interrupted`].
+pub fn exchange(
+    open: impl Fn(u32) -> Result<BoardIo, Error>,
+    hz: u32,
+    count: u32,
+    findings: &mut Findings,
+) -> Result<(), Error> {
+    let lower = CLOCKS_HZ.into_iter().filter(|&lower| lower < hz);
+    let clocks: Vec<u32> = lower.chain([hz]).collect();
+    for (check, wait_ns) in [
+        ("link at the Pi", SETUP_NS),
+        ("chip-select's set-up", LEAST_SETUP_NS),
+    ] {
+        let mut by_clock = Vec::new();
+        for &hz in &clocks {
+            by_clock.push(whole_replies(&mut open(hz)?, count, wait_ns)?);
+        }
+        let each = clocks.iter().zip(&by_clock);
+        let each: Vec<_> = each
+            .map(|(&hz, good)| format!("{good} at {} MHz", f64::from(hz) / 1e6))
+            .collect();
+        findings.judge(
+            check,
+            by_clock.iter().all(|&good| good == count),
+            format!("of {count} replies whole: {}", each.join(", ")),
+            LINK_ADVICE,
+        );
+    }
+    Ok(())
+}
+
+/// Exchanges `count` test frames; the number of whole replies.
+fn whole_replies(io: &mut BoardIo, count: u32, wait_ns: u32) -> Result<u32, Error> {
     let mut good = 0;
     for number in 0..count {
         io.interrupt.check()?;
         let (mut frame, mut reply) = ([0; MAX_FRAME], [0; MAX_FRAME]);
         test_frame::encode(number, &mut frame);
-        transfer(&mut *io.spi, &frame, &mut reply)?;
+        transfer(&mut *io.spi, &frame, &mut reply, wait_ns)?;
         good += u32::from(test_frame::is_whole(&reply));
         io.delay.delay_us(500);
     }
-    let found = format!("{good} of {count} replies whole");
-    findings.judge("link at the Pi", good == count, found, LINK_ADVICE);
-    Ok(())
+    Ok(good)
 }

@@ -194,3 +194,26 @@ fn rejected_frames_beyond_the_last_number_stay_there() {
     event_log.frame_rejected(stale(2));
     assert_eq!(event_log.suppressed, u32::MAX);
 }
+
+// Requirement: WIRE-obstacle-6
+#[test]
+fn obstacle_is_logged_once_and_its_end_a_second_later() {
+    let (mut event_log, mut log) = (EventLog::new(Milliseconds(0)), Log::new());
+    let mut all = Vec::new();
+    for tick in 0..500 {
+        let obstacle = (3..10).contains(&tick) || tick == 20 || tick == 300;
+        let _ = event_log.tick(State::Booting, Faults::NONE, obstacle, &mut log);
+        all.extend(lines(&mut log).into_iter().map(|line| (tick, line)));
+    }
+    let line = |tick, text: &str| (tick, format!("I: obstacle: {text}"));
+    let (begin, end) = ("speed limited", "way free");
+    assert_eq!(
+        all,
+        [
+            line(3, begin),
+            line(119, end),
+            line(300, begin),
+            line(399, end)
+        ]
+    );
+}
