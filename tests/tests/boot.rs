@@ -194,3 +194,14 @@ fn run_is_reproducible_from_seed() {
     };
     assert_eq!(run(), run());
 }
+
+#[test]
+fn boot_low_speed_oscillator_left_on_gives_its_pins_back() {
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    rig.start_lse();
+    assert!(rig.await_ready());
+    let _ = rig.keep_sending(&normal_frame(1_000_000, 0, 0, true), 500_000);
+    let wheels = rig.truth().wheel_deg_s;
+    assert!(wheels.left > 100.0 && wheels.right > 100.0, "{wheels:?}");
+    rig.assert_modelled();
+}

@@ -58,6 +58,11 @@ impl Board {
         self.stopped(|stopped| stopped.mcu().chip.set_option_bytes(FACTORY_OPTIONS));
     }
 
+    /// An earlier firmware has left the low-speed oscillator on.
+    pub fn start_lse(&self) {
+        self.stopped(|stopped| stopped.mcu().chip.start_lse());
+    }
+
     /// The converter stops: no conversion ends any more.
     pub fn stop_converter(&self) {
         self.change(RCC_APB2ENR, |clocks| clocks & !ADC1EN);

@@ -2,11 +2,15 @@
 
 use rigless::device::{Level, RegisterFile};
 use rigless::soc::stm32f427::generated::gpioa::Register;
+use rigless::soc::stm32f427::generated::rcc::Register::Bdcr;
 use rigless::soc::stm32f427::peripherals::gpio::{self, Gpio};
 use rigless::time::VirtualNanos;
 
 use super::Stm32f411;
 use crate::pin::Pin;
+
+/// `RCC_BDCR`'s bit 0.
+const LSEON: u64 = 1;
 
 fn gpio(pin: Pin) -> gpio::Pin {
     gpio::Pin::new(pin.number).expect("a port has sixteen pins")
@@ -53,8 +57,12 @@ impl Stm32f411 {
         self.pull(pin) == 1
     }
 
-    /// The level the firmware drives on a pin, `None` where it drives none.
+    /// The level the firmware drives on a pin, `None` where it drives none: the low-speed oscillator has PC14
+    /// and PC15 while it is on (RM0383, 8.3.13).
     pub fn output(&self, pin: Pin) -> Option<Level> {
+        if pin.port == 2 && pin.number >= 14 && self.lse_is_on() {
+            return None;
+        }
         let registers = self.port(pin);
         let bit = |register| registers.get(register) >> pin.number & 1 != 0;
         match self.role(pin) {
@@ -65,6 +73,16 @@ impl Stm32f411 {
             }
             _ => None,
         }
+    }
+
+    fn lse_is_on(&self) -> bool {
+        self.bus.slots()[self.slots.rcc].registers().get(Bdcr) & LSEON != 0
+    }
+
+    /// The low-speed oscillator is on, as an earlier firmware may leave it: no reset stops it.
+    pub fn start_lse(&mut self) {
+        let rcc = self.bus.slot_mut(self.slots.rcc).registers_mut();
+        rcc.set(Bdcr, rcc.get(Bdcr) | LSEON);
     }
 
     fn port(&self, pin: Pin) -> &RegisterFile {
