@@ -2,6 +2,7 @@
 
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
 use robot_tests::test_board::Rig;
+use twin::trace::EventKind;
 use twin::{I2cController, Options};
 
 const I2C1_DR: u64 = 0x4000_5410;
@@ -204,4 +205,24 @@ fn boot_low_speed_oscillator_left_on_gives_its_pins_back() {
     let wheels = rig.truth().wheel_deg_s;
     assert!(wheels.left > 100.0 && wheels.right > 100.0, "{wheels:?}");
     rig.assert_modelled();
+}
+
+/// `CCMR1` of TIM2 and TIM3.
+const ENCODER_INPUTS: [u64; 2] = [0x4000_0018, 0x4000_0418];
+
+/// Spikes below 0.64 us are no edges: eight samples of 12.5 MHz.
+#[test]
+fn boot_encoder_inputs_are_filtered() {
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    for register in ENCODER_INPUTS {
+        rig.trace_writes(register);
+    }
+    assert!(rig.await_ready());
+    let events = rig.take_events();
+    let filters = events.iter().filter_map(|event| match event.kind {
+        EventKind::Write { value, .. } => Some((value >> 4 & 15, value >> 12 & 15)),
+        _ => None,
+    });
+    // RM0383, 13.4.7: a quarter of the dead-time clock, 8 samples.
+    assert!(filters.eq([(0b0111, 0b0111); 2]));
 }

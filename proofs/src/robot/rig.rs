@@ -109,7 +109,7 @@ pub struct Rig {
     /// Number of the last reply.
     reply: u32,
     part: Part,
-    /// What became of the gyroscope's last order.
+    /// Result of the last request to the gyroscope.
     outcome: BusResult,
     log: Log,
     now: Micros,

@@ -180,3 +180,22 @@ fn factor_scales_to_nearest_at_every_exponent() {
         }
     }
 }
+
+#[test]
+fn reading_follows_a_step_within_80_ms_and_the_warning_ends_50_mv_above() {
+    let mut battery = Battery::new(&first_board());
+    battery.sample(&[0, 0]);
+    (0..8).for_each(|_| battery.sample(&words(4.0, 4.0)));
+    let share = 1.0 - (7.0_f64 / 8.0).powi(8);
+    assert!((volts(&battery, 0) - 4.0 * share).abs() < 0.005);
+    let mut battery = Battery::new(&first_board());
+    battery.sample(&words(4.0, 3.9));
+    let cells = battery.voltages().iter().map(|volts| volts.0.to_bits());
+    let lowest = cells.min().unwrap();
+    for (above, low) in [(3276, true), (3277, false)] {
+        let mut battery = battery.clone();
+        (battery.warn, battery.low) = (lowest - above, true);
+        battery.sample(&words(4.0, 3.9));
+        assert_eq!(battery.low(), low, "{above} of 2⁻¹⁶ V");
+    }
+}
