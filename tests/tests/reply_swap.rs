@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, HashSet};
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::{Command, MAX_FRAME, PiLink};
 use robot_tests::disturbance::Random;
-use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame};
+use robot_tests::reference::{KEY_STM, NormalReply, crc16, image_in_mode, normal_frame};
 use robot_tests::test_board::{ELF, Rig, TIM5_CCR1, elf};
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
@@ -271,6 +271,42 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
         "of {frames} replies never built: {some:#?}"
     );
     drive.rig.assert_modelled();
+}
+
+/// A frame that begins before the gap is over, while the robot still answers the one before, goes on
+/// undisturbed.
+// Requirement: WIRE-spi-5
+#[test]
+fn early_frame_gets_a_whole_reply() {
+    let mut options = options(0x10, Room::default());
+    // The answer is there after 8 µs: time enough to replace the armed reply.
+    options.mips = 100.try_into().expect("a core that runs");
+    let rig = Rig::ready(options);
+    let Pi::Guarded(mut pi) = Pi::new(0x10) else {
+        panic!("mode 0x10 is guarded")
+    };
+    let mut next = |steps: &mut Vec<SpiStep>, gap_ns| {
+        let mut out = [0; MAX_FRAME];
+        let len = pi.send(&Command::default(), &mut out);
+        let bits = SpiStep::bytes(&out[..len], 12_000_000);
+        let (setup, select) = (SpiStep::Wait(60), SpiStep::Select);
+        steps.extend([select(true), setup.clone(), bits, setup, select(false)]);
+        steps.push(SpiStep::Wait(gap_ns));
+        len
+    };
+    let mut early = Vec::new();
+    for gap_ns in (2_000..6_000).step_by(50) {
+        let mut steps = Vec::new();
+        let len = next(&mut steps, gap_ns);
+        // Late enough that only the first one's answer may come into its way.
+        next(&mut steps, 3_300_000);
+        let miso = pack(&rig.spi_steps(steps));
+        early.extend(miso.chunks(len).map(<[u8]>::to_vec));
+    }
+    for (nth, reply) in early.iter().enumerate() {
+        let (bytes, crc) = reply.split_at(reply.len() - 2);
+        assert_eq!(crc, crc16(bytes).to_be_bytes(), "{nth}: {reply:02x?}");
+    }
 }
 
 /// The transmitter holds a reply's first two bytes ready: a refresh that changes the second, the highest of x,
