@@ -95,6 +95,34 @@ fn missing_tick_stops_motors_and_restarts() {
     rig.assert_logged(reason);
 }
 
+/// TIM5's flags.
+const TIM5_SR: u64 = 0x4000_0C10;
+
+/// A tick that comes while the handler of its timer clears another flag is served after it.
+#[test]
+fn tick_within_its_timers_handler_is_not_lost() {
+    let rig = driving();
+    let target = normal_frame(3_000_000, 0, 0, true);
+    rig.trace_memory(&[TIM5_SR], 0..0);
+    let _ = rig.keep_sending(&target, 50_000);
+    let accesses = rig.take_snapshots();
+    let clears = accesses
+        .iter()
+        .rev()
+        .find(|access| access.written.is_some());
+    let clears = clears.expect("a flag was cleared").instruction;
+    // Longer than from the battery's conversion, whichever of the next arrivals it is, to the tick.
+    for skip in 0..3 {
+        rig.stall_once(clears, skip, 250_000);
+        let _ = rig.keep_sending(&target, 200_000);
+    }
+    assert!(
+        rig.resets().is_empty() && !rig.motors_off(),
+        "{}",
+        rig.log()
+    );
+}
+
 fn with_original_image(elf: &[u8]) -> Rig {
     let options = Options::with_eeprom(original_image());
     Rig::with_elf(elf, options)
