@@ -102,7 +102,7 @@ fn pid_begins_with_the_integral_given_it() {
 }
 
 #[test]
-fn pid_back_calculation_takes_its_share_of_the_excess_down_to_zero() {
+fn pid_back_calculation_takes_excess_down_to_zero() {
     for side in [1.0, -1.0] {
         for (anti_windup, integral) in [(0.25, 12.5), (0.5, 5.0), (1.0, 0.0)] {
             let begun = pid(1.0, 0.5, 0.0, anti_windup);

@@ -182,7 +182,7 @@ fn factor_scales_to_nearest_at_every_exponent() {
 }
 
 #[test]
-fn reading_follows_a_step_within_80_ms_and_the_warning_ends_50_mv_above() {
+fn reading_takes_80_ms_and_warning_ends_50_mv_above() {
     let mut battery = Battery::new(&first_board());
     battery.sample(&[0, 0]);
     (0..8).for_each(|_| battery.sample(&words(4.0, 4.0)));
