@@ -6,7 +6,7 @@ use plant::{GyroParams, Params, Pose2, Room};
 
 use crate::emulator::Debugger;
 
-/// 100 MHz at 1.6 cycles an instruction, rounded down: `mips_estimate` of target/figures.json.
+/// 100 MHz at 1.7 cycles an instruction, to the nearest ten: `mips_estimate` of target/figures.json.
 const MIPS: NonZeroU64 = NonZeroU64::new(60).expect("not zero");
 
 /// How a virtual robot is built. The default is the first board with a blank EEPROM at the start of
@@ -28,7 +28,7 @@ pub struct Options {
     /// The crystal's frequency, hertz; 0: none oscillates.
     pub crystal_hz: u64,
     /// Instructions that the core retires in a microsecond of its 100 MHz clock. The default, 60, is
-    /// what [`cycles`](crate::trace::cycles) estimates for the firmware.
+    /// about what [`cycles`](crate::trace::cycles) estimates for the firmware.
     pub mips: NonZeroU64,
     /// Whether the idle SPI slave fetches two bytes ahead of the first clock, not one.
     pub spi_preloads: bool,

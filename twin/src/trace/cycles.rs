@@ -4,9 +4,9 @@
 //! - a load's second cycle, but not for a load behind a load, and a cycle for each word of several;
 //! - 2 cycles, of 1 to 3, to refill the pipeline where the next instruction is another than the next;
 //! - 7 cycles, of 2 to 12, to divide, and 2 to multiply and add;
-//! - the flash's 3 wait states for an instruction or a literal in none of the accelerator's 64 and 8 lines
-//!   of 128 bits, the least recently used replaced; less for a line that is being prefetched behind the
-//!   one before (RM0383, 3.4.2).
+//! - the flash's 4 wait states, as the firmware sets them, for an instruction or a literal in none of the
+//!   accelerator's 64 and 8 lines of 128 bits, the least recently used replaced; less for a line that is
+//!   being prefetched behind the one before (RM0383, 3.4.2).
 //!
 //! It does not count entry into exceptions and return, waits of the peripherals' buses, and waits for RAM
 //! that a DMA stream holds.
@@ -17,7 +17,7 @@ use super::thumb::{halfwords, timing};
 use super::{Event, Function};
 
 const REFILL: u64 = 2;
-const WAIT_STATES: u64 = 3;
+const WAIT_STATES: u64 = 4;
 
 /// Lines of the accelerator, the least recently used first.
 struct Lines {
@@ -120,22 +120,22 @@ mod tests {
         let nop = [0xBF00, 0];
         for (code, cycles) in [
             (nop, 1),
-            ([0x6801, 0], 2),       // ldr r1, [r0]
-            ([0x6001, 0], 1),       // str r1, [r0]
-            ([0x5841, 0], 2),       // ldr r1, [r0, r1]
-            ([0x5041, 0], 1),       // str r1, [r0, r1]
-            ([0x4801, 0], 5),       // ldr r0, [pc, #4]
-            ([0xF8DF, 0x0010], 5),  // ldr.w r0, [pc, #16]
-            ([0xF8D0, 0x1004], 2),  // ldr.w r1, [r0, #4]
-            ([0xF8C0, 0x1004], 1),  // str.w r1, [r0, #4]
-            ([0xB5F0, 0], 6),       // push {r4, r5, r6, r7, lr}
-            ([0xC80E, 0], 4),       // ldm r0!, {r1, r2, r3}
-            ([0xE92D, 0x4FF0], 10), // push.w {r4 … r11, lr}
-            ([0xE9D0, 0x1202], 3),  // ldrd r1, r2, [r0, #8]
-            ([0xFBB0, 0xF1F2], 7),  // udiv r1, r0, r2
-            ([0xFB00, 0x3102], 2),  // mla r1, r0, r2, r3
-            ([0xFB00, 0xF102], 1),  // mul r1, r0, r2
-            ([0xFB80, 0x1202], 1),  // smull r1, r2, r0, r2
+            ([0x6801, 0], 2),                    // ldr r1, [r0]
+            ([0x6001, 0], 1),                    // str r1, [r0]
+            ([0x5841, 0], 2),                    // ldr r1, [r0, r1]
+            ([0x5041, 0], 1),                    // str r1, [r0, r1]
+            ([0x4801, 0], 2 + WAIT_STATES),      // ldr r0, [pc, #4]
+            ([0xF8DF, 0x0010], 2 + WAIT_STATES), // ldr.w r0, [pc, #16]
+            ([0xF8D0, 0x1004], 2),               // ldr.w r1, [r0, #4]
+            ([0xF8C0, 0x1004], 1),               // str.w r1, [r0, #4]
+            ([0xB5F0, 0], 6),                    // push {r4, r5, r6, r7, lr}
+            ([0xC80E, 0], 4),                    // ldm r0!, {r1, r2, r3}
+            ([0xE92D, 0x4FF0], 10),              // push.w {r4 … r11, lr}
+            ([0xE9D0, 0x1202], 3),               // ldrd r1, r2, [r0, #8]
+            ([0xFBB0, 0xF1F2], 7),               // udiv r1, r0, r2
+            ([0xFB00, 0x3102], 2),               // mla r1, r0, r2, r3
+            ([0xFB00, 0xF102], 1),               // mul r1, r0, r2
+            ([0xFB80, 0x1202], 1),               // smull r1, r2, r0, r2
         ] {
             assert_eq!(of(&[code], &[0x100]), COLD + cycles, "{code:x?}");
         }
