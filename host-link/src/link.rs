@@ -122,7 +122,7 @@ impl Link {
     }
 }
 
-/// One chip-select, `setup_ns` before the first clock: [`SETUP_NS`].
+/// One chip-select, `setup_ns` before the first clock, usually [`SETUP_NS`].
 ///
 /// # Errors
 /// [`Error::Spi`].

@@ -3,10 +3,12 @@
 use std::ops::Deref;
 use std::path::PathBuf;
 
+use crate::reference::original_image;
 use embedded_hal::spi::SpiDevice;
 use host_link::board_io::{BoardIo, Interrupt};
 use pilot::virtual_board::board_io;
 use twin::plant::{Room, Sides};
+use twin::trace::{Event, EventKind};
 use twin::{Board, Options};
 
 /// Environment variable with the path of the release ELF; `cargo xtask` sets it.
@@ -151,6 +153,24 @@ impl Rig {
     /// Lets time pass until READY, at most [`READY_US`]; whether it came.
     pub fn await_ready(&self) -> bool {
         self.board.run_until(READY_US, 100, Board::is_ready)
+    }
+
+    /// What the firmware writes to `registers` until it is READY on the first board, in order: addresses and values.
+    ///
+    /// # Panics
+    /// Where it does not become READY.
+    pub fn written_at_boot(registers: &[u64]) -> Vec<(u64, u64)> {
+        let rig = Self::new(Options::with_eeprom(original_image()));
+        for &register in registers {
+            rig.trace_writes(register);
+        }
+        rig.assert_ready();
+        let events = rig.take_events().into_iter();
+        let write = |event: Event| match event.kind {
+            EventKind::Write { address, value } => Some((address, value)),
+            _ => None,
+        };
+        events.filter_map(write).collect()
     }
 
     /// The log so far.

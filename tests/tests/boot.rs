@@ -2,7 +2,6 @@
 
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
 use robot_tests::test_board::Rig;
-use twin::trace::EventKind;
 use twin::{I2cController, Options};
 
 const I2C1_DR: u64 = 0x4000_5410;
@@ -213,16 +212,8 @@ const ENCODER_INPUTS: [u64; 2] = [0x4000_0018, 0x4000_0418];
 /// Spikes below 0.64 us are no edges: eight samples of 12.5 MHz.
 #[test]
 fn boot_encoder_inputs_are_filtered() {
-    let rig = Rig::new(Options::with_eeprom(original_image()));
-    for register in ENCODER_INPUTS {
-        rig.trace_writes(register);
-    }
-    assert!(rig.await_ready());
-    let events = rig.take_events();
-    let filters = events.iter().filter_map(|event| match event.kind {
-        EventKind::Write { value, .. } => Some((value >> 4 & 15, value >> 12 & 15)),
-        _ => None,
-    });
+    let written = Rig::written_at_boot(&ENCODER_INPUTS).into_iter();
+    let filters = written.map(|(_, value)| (value >> 4 & 15, value >> 12 & 15));
     // RM0383, 13.4.7: a quarter of the dead-time clock, 8 samples.
     assert!(filters.eq([(0b0111, 0b0111); 2]));
 }

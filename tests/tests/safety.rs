@@ -293,18 +293,10 @@ const TIM4_PERIOD: [u64; 2] = [0x4000_0828, 0x4000_082C];
 // Requirement: DOC-2.3-2
 #[test]
 fn bridge_is_chopped_at_20_khz() {
-    let rig = Rig::new(Options::with_eeprom(original_image()));
-    for register in TIM4_PERIOD {
-        rig.trace_writes(register);
-    }
-    assert!(rig.await_ready());
-    let events = rig.take_events();
+    let written = Rig::written_at_boot(&TIM4_PERIOD);
     let cycles = TIM4_PERIOD.map(|register| {
-        let last = events.iter().rev().find_map(|event| match event.kind {
-            EventKind::Write { address, value } if address == register => Some(value),
-            _ => None,
-        });
-        last.expect("written") + 1
+        let last = written.iter().rfind(|(address, _)| *address == register);
+        last.expect("written").1 + 1
     });
     assert_eq!(cycles[0] * cycles[1], 100_000_000 / 20_000);
 }

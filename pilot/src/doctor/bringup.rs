@@ -366,14 +366,17 @@ pub fn exchange(
 ) -> Result<(), Error> {
     let lower = CLOCKS_HZ.into_iter().filter(|&lower| lower < hz);
     let clocks: Vec<u32> = lower.chain([hz]).collect();
-    for (check, wait_ns) in [
-        ("link at the Pi", SETUP_NS),
-        ("chip-select's set-up", LEAST_SETUP_NS),
-    ] {
-        let mut by_clock = Vec::new();
-        for &hz in &clocks {
-            by_clock.push(whole_replies(&mut open(hz)?, count, wait_ns)?);
+    let mut good = [Vec::new(), Vec::new()];
+    for &hz in &clocks {
+        let mut io = open(hz)?;
+        for (by_clock, wait_ns) in good.iter_mut().zip([SETUP_NS, LEAST_SETUP_NS]) {
+            by_clock.push(whole_replies(&mut io, count, wait_ns)?);
         }
+    }
+    for (check, by_clock) in ["link at the Pi", "chip-select's set-up"]
+        .into_iter()
+        .zip(good)
+    {
         let each = clocks.iter().zip(&by_clock);
         let each: Vec<_> = each
             .map(|(&hz, good)| format!("{good} at {} MHz", f64::from(hz) / 1e6))

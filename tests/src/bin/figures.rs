@@ -18,7 +18,7 @@ use robot_tests::throughput::{
 };
 use serde::Serialize;
 use serde_json::{Value, json};
-use twin::trace::{Event, EventKind, Span, cycles, exclusive, shares, spans};
+use twin::trace::{Event, EventKind, Span, TracedFunction, cycles, exclusive, shares, spans};
 use twin::{Board, Options};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -291,17 +291,21 @@ fn boot_to_ready_us(rig: &Rig) -> Result<u64> {
     Ok(ready.at.div_ceil(1000))
 }
 
+/// Traces these functions, and what else tells when a frame ends and its answer is armed.
+fn trace_frames(rig: &Rig, names: &[&str]) -> Result<Vec<TracedFunction>> {
+    rig.board.trace_chip_select();
+    rig.board.trace_writes(DMA2_S3CR);
+    let traced = names.iter().map(|name| rig.board.trace(name));
+    Ok(traced.collect::<std::result::Result<_, _>>()?)
+}
+
 /// Ticks, odometry steps and Normal frames while driving to a pose at 40 frames a second.
 fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
     let handlers = ["robot_tick", "Odometry::step", "robot_frame", "EXTI4"];
-    let traced = handlers.iter().chain(&TIMED).chain(&BESIDE);
-    let traced = traced.map(|name| rig.board.trace(name));
-    let traced = traced.collect::<std::result::Result<Vec<_>, _>>()?;
-    rig.board.trace_chip_select();
-    rig.board.trace_writes(DMA2_S3CR);
+    let traced = trace_frames(rig, &[&handlers[..], &TIMED, &BESIDE].concat())?;
     let _ = rig.keep_sending(&normal_frame(700_000, 400_000, 0x2000, true), 20_000_000);
     let events = rig.board.take_events();
-    let runs: Vec<Vec<Span>> = traced.iter().map(|traced| spans(traced, &events)).collect();
+    let runs: Vec<_> = traced.iter().map(|traced| spans(traced, &events)).collect();
     let [ticks, steps, frames, edges, others @ ..] = &runs[..] else {
         return Err("every traced function has its runs".into());
     };
@@ -321,12 +325,8 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
 }
 
 fn guarded_frames(rig: &Rig) -> Result<Frames> {
-    let frame = rig.board.trace("robot_frame")?;
-    let others = TIMED.iter().chain(&BESIDE).chain(&["robot_tick"]);
-    let others = others.map(|name| rig.board.trace(name));
-    let others = others.collect::<std::result::Result<Vec<_>, _>>()?;
-    rig.board.trace_chip_select();
-    rig.board.trace_writes(DMA2_S3CR);
+    let handlers = ["robot_tick", "robot_frame"];
+    let traced = trace_frames(rig, &[&handlers[..], &TIMED, &BESIDE].concat())?;
     let inner = normal_frame(200_000, 0, 0, true);
     for own in 1..=200_u8 {
         let mut bytes = [0; 26];
@@ -341,9 +341,13 @@ fn guarded_frames(rig: &Rig) -> Result<Frames> {
         return Err(format!("a guarded frame was rejected: {}", rig.log()).into());
     }
     let events = rig.board.take_events();
-    let others: Vec<_> = others.iter().map(|other| spans(other, &events)).collect();
+    let runs: Vec<_> = traced.iter().map(|traced| spans(traced, &events)).collect();
+    let [ticks, frames, others @ ..] = &runs[..] else {
+        return Err("every traced function has its runs".into());
+    };
     let timed = others[..TIMED.len()].concat();
-    Frames::of(&events, &spans(&frame, &events), &timed, &others.concat())
+    let waited = [&others.concat()[..], ticks].concat();
+    Frames::of(&events, frames, &timed, &waited)
 }
 
 /// Millions of instructions a second at 100 MHz, over two seconds of the same drive.
