@@ -33,8 +33,9 @@ const RX_LEN: usize = 64;
 /// Bytes of a transmit buffer: the longest frame, and a power of two for the index.
 const TX_LEN: usize = MAX_FRAME.next_power_of_two();
 
-/// Bytes that the idle transmitter may hold ready.
-const IDLE_FETCH: usize = 2;
+/// Bytes that the idle transmitter may hold ready: two in the SPI, and the DMA's own where its counter
+/// includes it.
+const IDLE_FETCH: usize = 3;
 
 /// Number of the first reply: the wire counts from 1.
 const FIRST_REPLY: u32 = 1;

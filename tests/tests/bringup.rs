@@ -56,9 +56,9 @@ fn named(findings: &Findings, outcome: Outcome) -> Vec<&str> {
 // Requirement: WIRE-bringup-1
 #[test]
 fn bringup_sound_board_passes_every_check() {
-    for (spi_preloads, bytes) in [(false, "1 bytes"), (true, "2 bytes")] {
+    for (spi_prefetch, bytes) in [(1, "1 bytes"), (2, "2 bytes"), (3, "3 bytes")] {
         let options = Options {
-            spi_preloads,
+            spi_prefetch,
             ..sound()
         };
         let (findings, _) = bring_up(options, true, |_| ());

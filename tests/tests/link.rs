@@ -277,7 +277,7 @@ fn assert_unmoved(rig: &Rig, pi: &PiEnd) {
 fn run(seed: u64, phase: u64, mips: u64) {
     let rig = Rig::ready(Options {
         mips: mips.try_into().expect("a core that runs"),
-        spi_preloads: phase % 2 == 1,
+        spi_prefetch: [1, 3][(phase % 2) as usize],
         ..Options::with_eeprom(image_in_mode(0x10))
     });
     rig.run_us(100_000 + phase * TICK_NS / PHASES / 1000);

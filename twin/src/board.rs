@@ -132,7 +132,7 @@ impl Board {
         let model = BoardModel::new(world, SharedBus::new(I2cBus::new(eeprom, mpu)));
         let mut board = VirtualBoard::new(model, options.crystal_hz, options.mips)
             .map_err(EmulationEnded::because)?;
-        board.mcu.chip.spi.preloads = options.spi_preloads;
+        board.mcu.chip.spi.prefetch = options.spi_prefetch;
         let emulator = Emulator::start(board, vec![firmware, factory], options.debugger)?;
         Ok(Self {
             emulator: Arc::new(emulator),

@@ -30,8 +30,9 @@ pub struct Options {
     /// Instructions that the core retires in a microsecond of its 100 MHz clock. The default, 60, is
     /// about what [`cycles`](crate::trace::cycles) estimates for the firmware.
     pub mips: NonZeroU64,
-    /// Whether the idle SPI slave fetches two bytes ahead of the first clock, not one.
-    pub spi_preloads: bool,
+    /// Bytes of a reply that have left the memory before the first clock, 1 ..= 3: one or two that the idle
+    /// SPI slave holds, and one that the DMA does. The default, 3, is the most.
+    pub spi_prefetch: u8,
     /// The factory's calibration words: voltage reference, temperature sensor at 30 and at 110 °C.
     pub calibration_words: [u16; 3],
     /// A debugger's port.
@@ -73,7 +74,7 @@ impl Default for Options {
             mpu: Some(GyroParams::default()),
             crystal_hz: 8_000_000,
             mips: MIPS,
-            spi_preloads: false,
+            spi_prefetch: 3,
             // The reference's 1.21 V, and 0.76 V at 25 °C with 2.5 mV/K, converted at 3.3 V: what the
             // converter's model returns (STM32F411xC/xE datasheet, temperature sensor and internal
             // reference characteristics).

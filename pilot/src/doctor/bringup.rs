@@ -337,11 +337,11 @@ fn link(lines: &Lines, findings: &mut Findings) {
     let prefetched = lines.number("link", "prefetched");
     findings.judge(
         "SPI prefetch",
-        prefetched.is_some_and(|bytes| (1..=2).contains(&bytes)),
+        prefetched.is_some_and(|bytes| (1..=3).contains(&bytes)),
         prefetched.map_or("not reported".into(), |bytes| {
             format!("{bytes} bytes of the idle reply")
         }),
-        "the reply's refresh relies on one or two; do not drive with this part",
+        "the reply's refresh relies on three at most; do not drive with this part",
     );
 }
 

@@ -44,9 +44,12 @@ pub struct SpiSlave {
     overrun: bool,
     /// `DR` was read since the overrun, so a read of `SR` clears it.
     overrun_read: bool,
-    /// Whether the idle block moves its first word to the shift register and asks for a second one before
-    /// the first clock. RM0383 20.3 leaves it open.
-    pub preloads: bool,
+    /// Words that have left the memory before the first clock: one; two where the idle block moves the first
+    /// to its shift register, which RM0383 20.3 leaves open; three with the one that the DMA holds ready
+    /// behind them (RM0383 9.2).
+    pub prefetch: u8,
+    /// The word that the DMA holds ready.
+    behind: Option<u16>,
     /// The shift register holds the next word.
     loaded: bool,
     shift_out: u16,
@@ -113,8 +116,7 @@ impl SpiSlave {
         let lsb_first = cr1::LSBFIRST.is_set(registers.get(Register::Cr1));
         if self.bits == 0 {
             if !std::mem::take(&mut self.loaded) {
-                self.shift_out = self.transmit;
-                self.transmit_full = false;
+                self.load();
             }
             self.shift_in = 0;
         }
@@ -140,6 +142,14 @@ impl SpiSlave {
         Some(out)
     }
 
+    /// The next word to the shift register.
+    fn load(&mut self) {
+        self.shift_out = self.transmit;
+        let behind = self.behind.take();
+        self.transmit_full = behind.is_some();
+        self.transmit = behind.unwrap_or(self.transmit);
+    }
+
     fn status(&self) -> u64 {
         let mut status = 0;
         status = sr::RXNE.set(status, u64::from(self.receive_full));
@@ -150,17 +160,17 @@ impl SpiSlave {
 
     fn refresh(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let waits = self.bits == 0 && !self.loaded && cr1::SPE.is_set(registers.get(Register::Cr1));
-        if self.preloads && waits && self.transmit_full {
-            self.shift_out = self.transmit;
-            self.transmit_full = false;
+        if self.prefetch > 1 && waits && self.transmit_full {
+            self.load();
             self.loaded = true;
         }
         registers.set(Register::Sr, self.status());
         registers.set(Register::Dr, u64::from(self.receive));
         let control = registers.get(Register::Cr2);
+        let ready = self.transmit_full && (self.prefetch < 3 || self.behind.is_some());
         let levels = [
             Level::from(self.receive_full && cr2::RXDMAEN.is_set(control)),
-            Level::from(!self.transmit_full && cr2::TXDMAEN.is_set(control)),
+            Level::from(!ready && cr2::TXDMAEN.is_set(control)),
         ];
         for (request, (driven, level)) in self.requests.iter_mut().zip(levels).enumerate() {
             if *driven != level {
@@ -247,8 +257,13 @@ impl Device for SpiSlave {
     ) {
         match register {
             Register::Dr => {
-                self.transmit = u16::try_from(value & 0xFFFF).unwrap_or_default();
-                self.transmit_full = true;
+                let word = u16::try_from(value & 0xFFFF).unwrap_or_default();
+                if self.transmit_full && self.prefetch > 2 {
+                    self.behind = Some(word);
+                } else {
+                    self.transmit = word;
+                    self.transmit_full = true;
+                }
             }
             Register::Cr1 if !cr1::SPE.is_set(registers.get(Register::Cr1)) => {
                 self.bits = 0;
@@ -262,7 +277,7 @@ impl Device for SpiSlave {
     fn reset(&mut self) {
         *self = Self {
             nss: self.nss,
-            preloads: self.preloads,
+            prefetch: self.prefetch,
             ..Self::default()
         };
     }

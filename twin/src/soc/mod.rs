@@ -318,7 +318,7 @@ impl Mcu for Stm32f411 {
             fresh.inner.inherit(&mut old.inner);
         }
         fresh.adc.inherit(&self.adc);
-        fresh.spi.preloads = self.spi.preloads;
+        fresh.spi.prefetch = self.spi.prefetch;
         fresh.board_port.inherit(&self.board_port);
         for (name, registers) in [("RTC", None), ("RCC", Some(g::rcc::Register::Bdcr))] {
             let slot = self.bus.slot_of(name).expect("an instance of the part");
