@@ -134,4 +134,7 @@ fn log_baud_changes_to_configured_rate_after_boot() {
         let later = pace(&rig, |line| line.contains(": pose "));
         assert!((later - 10e6 / f64::from(baud)).abs() < 0.2, "{later} µs");
     }
+    // A reader at the boot's rate sees the last of its lines whole.
+    let image = Image::FIRST_BOARD.with(fields::LOG_BAUD, 9_600);
+    Rig::configured(image.0.to_vec()).assert_logged("configured, mode Normal\n");
 }

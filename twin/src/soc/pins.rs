@@ -52,6 +52,16 @@ impl Stm32f411 {
         self.port(pin).get(Register::Pupdr) >> (pin.number * 2) & 3
     }
 
+    /// The fastest square wave that its output follows at 2.7 V and 30 to 50 pF, hertz: DS10314 6.3.16.
+    pub(super) fn fastest(&self, pin: Pin) -> u64 {
+        match self.port(pin).get(Register::Ospeedr) >> (pin.number * 2) & 3 {
+            0 => 4_000_000,
+            1 => 25_000_000,
+            2 => 50_000_000,
+            _ => 100_000_000,
+        }
+    }
+
     /// Whether the pin has its pull-up.
     pub fn pulls_up(&self, pin: Pin) -> bool {
         self.pull(pin) == 1

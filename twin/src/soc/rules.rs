@@ -310,6 +310,11 @@ impl Stm32f411 {
             let reason = "SCK is faster than the slave takes, RM0383 20.2.1, DS10314 6.3.19";
             self.tell(now, self.slots.spi, "DR", reason);
         }
+        // At most every other clock is a wave's edge of the same direction.
+        if hz > 2 * self.fastest(pinout::MISO) {
+            let reason = "MISO's pad is too slow for SCK, DS10314 6.3.16";
+            self.tell(now, self.slots.spi, "DR", reason);
+        }
         if 2 * selected_ns * pclk < 3_000_000_000 {
             let reason = "SCK rises within 1.5 APB2 cycles of NSS, DS10314 6.3.19";
             self.tell(now, self.slots.spi, "DR", reason);
