@@ -30,7 +30,8 @@
 //!
 //! // The frame reaches the robot; the next tick drives.
 //! let frame = ReceivedFrame { bytes: &bytes[..sent], overflow_len: 0, at: input.now, reply: 2 };
-//! robot.on_frame(&frame, &mut log);
+//! let received = robot.receive(&frame).expect("accepted");
+//! robot.execute(&received, frame.at, &mut log);
 //! input.now = Micros(10_000);
 //! let output = robot.on_tick(input, &[3428, 3574], &mut log);
 //! assert!(matches!(output.left, MotorCommand::Run(_)));

@@ -90,10 +90,9 @@ impl App {
         while let Some(event) = next_event(&mut drivers.spi) {
             match event {
                 Event::Echo(Echo { which, rise, fall }) => robot.on_echo(which, rise, fall),
-                Event::Frame(mut frame) => {
-                    exchange(robot, &mut frame, log);
+                Event::Frame(frame) => {
                     let lost = frame.lost();
-                    frame.answer();
+                    exchange(robot, frame, log);
                     drivers.refresh_standby(robot);
                     if lost > 0 {
                         robot.on_lost_frames(lost, log);
@@ -120,22 +119,25 @@ impl App {
     }
 }
 
-/// A frame's effect and its reply, without a register. Its own symbol, so that its instructions can be
-/// counted.
+/// A frame's reply and effect. Its own symbol, so that its instructions can be counted.
 // Requirement: DOC-5-3
 #[inline(never)]
 #[unsafe(export_name = "robot_frame")]
-fn exchange(robot: &mut Robot, frame: &mut Claim, log: &mut Log) {
+fn exchange(robot: &mut Robot, mut frame: Claim, log: &mut Log) {
     let (number, at) = (frame.number(), frame.at());
     let (bytes, reply) = frame.buffers();
-    let received = ReceivedFrame {
+    let command = robot.receive(&ReceivedFrame {
         bytes,
         overflow_len: 0,
         at,
         reply: number,
-    };
-    robot.on_frame(&received, log);
+    });
     robot.encode_reply(number, reply);
+    // First: the window for it is short.
+    frame.answer();
+    if let Ok(command) = command {
+        robot.execute(&command, at, log);
+    }
 }
 
 impl Drivers {

@@ -181,7 +181,7 @@ impl Claim<'_> {
                 &mut *TX.get(self.claimed.answer.buffer).cast(),
             )
         };
-        let clocked = usize::from(self.claimed.frame.clocked);
+        let clocked = usize::from(self.claimed.frame.clocked).min(RX_LEN);
         (frame.get(..clocked).unwrap_or(frame), answer)
     }
 
@@ -203,8 +203,10 @@ impl Claim<'_> {
         self.claimed.lost
     }
 
-    /// Returns the frame's buffer and submits the answer.
-    #[inline]
+    /// Returns the frame's buffer and submits the answer. Its own symbol, for the same reason as
+    /// `robot_frame`.
+    #[inline(never)]
+    #[unsafe(export_name = "robot_answer")]
     pub fn answer(self) {
         update(|state| {
             // A chip-select that fell within the gap: its frame goes on undisturbed.
@@ -318,7 +320,7 @@ fn arm(dma: DmaBuffers, len: usize) {
     unsafe {
         Receive::receive(RX.get(dma.receive), RX_LEN as u16, STREAM);
         let reply = &*TX.get(dma.transmit);
-        Transmit::send(reply.get(..len).unwrap_or(reply), STREAM);
+        Transmit::send(reply.get(..len.min(TX_LEN)).unwrap_or(reply), STREAM);
     }
     spi.cr2().write(|w| {
         w.rxdmaen().set_bit();

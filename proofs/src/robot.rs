@@ -117,7 +117,9 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
             at: sample.now,
             reply: 1,
         };
-        robot.on_frame(&received, &mut log);
+        if let Ok(command) = robot.receive(&received) {
+            robot.execute(&command, sample.now, &mut log);
+        }
         let outputs = robot.on_tick(sample, &[], &mut log);
         sample.now = sample.now.after(10_000);
         let accused = robot.faults().intersects(WHEELS);

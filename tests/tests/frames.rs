@@ -1,5 +1,6 @@
 //! The frames of the ELF, against the document's tables and not against our own encoder.
 
+use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Setup};
 use robot_tests::reference::{
     KEY_PI, KEY_STM, NormalReply, crc16, image_in_mode, normal_frame, original_image, tuning_frame,
 };
@@ -303,4 +304,23 @@ fn guarded_accepts_fresh_frames_with_valid_crc() {
     rig.run_us(20_000);
     assert!(!rig.motors_off(), "the order to resume does");
     rig.assert_modelled();
+}
+
+/// The answer to the longest frame is armed in the gap behind it: the next frame acknowledges it, unless a
+/// tick came in between.
+// Requirement: WIRE-spi-5
+#[test]
+fn guarded_velocity_frame_is_acknowledged_by_the_next() {
+    let rig = Rig::ready(Options::with_eeprom(image_in_mode(0x30)));
+    let mut pi = PiLink::new(Setup::first_board(Mode::GuardedVelocity));
+    let mut late = 0;
+    for _ in 0..200 {
+        let mut bytes = [0; MAX_FRAME];
+        let len = pi.send(&Command::default(), &mut bytes);
+        pi.receive(&rig.frame(&bytes[..len])).expect("a report");
+        late += u32::from(pi.counters().unacknowledged > 1);
+        // No multiple of the tick's: all of its phases.
+        rig.run_us(25_013);
+    }
+    assert!(late <= 4, "{late} of 200 acknowledged late");
 }

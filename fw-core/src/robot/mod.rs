@@ -4,7 +4,7 @@
 //! | event | method | comes from |
 //! |---|---|---|
 //! | 100 Hz tick | [`Robot::on_gyro`], then [`Robot::on_tick`] | TIM5, with both encoder counters and the last ADC words; I2C1 |
-//! | frame | [`Robot::on_frame`], then [`Robot::encode_reply`] | chip-select's rising edge |
+//! | frame | [`Robot::receive`], [`Robot::encode_reply`], then [`Robot::execute`] | chip-select's rising edge |
 //! | echo | [`Robot::on_echo`] | EXTI, both edges timed |
 //! | temperature | [`Robot::on_temperature`] | ADC1, once a second |
 
@@ -213,45 +213,48 @@ impl Robot {
         }
     }
 
-    /// A frame ended. Nothing of a rejected frame takes effect; the stop deadline keeps running.
+    /// A frame ended: the command in it, for [`Self::execute`], once the reply is on its way.
+    ///
+    /// # Errors
+    /// Why the frame was rejected: nothing of it takes effect, the stop deadline keeps running.
     #[inline]
-    pub fn on_frame(&mut self, frame: &ReceivedFrame<'_>, log: &mut Log) {
+    pub fn receive(&mut self, frame: &ReceivedFrame<'_>) -> Result<Command, FrameError> {
         let received = (self.link).receive(frame.bytes, frame.overflow_len, frame.reply);
-        match received {
-            Ok(command) => self.on_command(&command, frame.at, log),
-            Err(error) => self.on_rejected(error),
+        match &received {
+            Ok(command) => self.supervise(command, frame.at),
+            Err(error) => self.on_rejected(*error),
         }
+        received
     }
 
+    /// What the reply shows of an accepted command.
     #[inline]
-    fn on_command(&mut self, command: &Command, now: Micros, log: &mut Log) {
-        self.link_stats.on_frame(now);
-        // Only the tuning modes carry a percentage; the others do not pay for decoding one.
-        let tuning = self.quantity != MeasuredQuantity::Pose;
-        let duty = if tuning {
-            percent(command.percent)
-        } else {
-            Duty::ZERO
-        };
+    fn supervise(&mut self, command: &Command, now: Micros) {
         // In the modes without an order of their own, apply or 0 % ends a stop.
-        let resumes = if tuning {
-            duty == Duty::ZERO
-        } else {
-            command.apply
-        };
+        let resumes = !self.link.mode().has(Field::Status)
+            && match self.quantity {
+                MeasuredQuantity::Pose => command.apply,
+                _ => percent(command.percent) == Duty::ZERO,
+            };
         self.supervisor.on_fresh(
             now,
             SupervisorCommand {
-                resumes: resumes && !self.link.mode().has(Field::Status),
+                resumes,
                 order: command.order,
                 clear_faults: command.clear_faults,
             },
         );
-        // Requirement: WIRE-modes-2, DOC-5.1.1-4
-        if tuning {
+    }
+
+    /// Takes over the motion that the command of a frame requests, which ended at `at`.
+    // Requirement: WIRE-modes-2, DOC-5.1.1-4
+    #[inline]
+    pub fn execute(&mut self, command: &Command, at: Micros, log: &mut Log) {
+        self.link_stats.on_frame(at);
+        if self.quantity != MeasuredQuantity::Pose {
             // Requirement: WIRE-deadline-5
             if !self.supervisor.halted() {
-                self.request = DriveRequest::Duty(duty);
+                self.request = DriveRequest::Duty(percent(command.percent));
             }
         } else if command.apply {
             let known = self.request == DriveRequest::Target && command.expected == self.target;

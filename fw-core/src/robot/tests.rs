@@ -99,7 +99,9 @@ impl Bench {
             at: self.sample.now,
             reply: self.reply + 1,
         };
-        self.robot.on_frame(&frame, &mut self.log);
+        if let Ok(command) = self.robot.receive(&frame) {
+            self.robot.execute(&command, frame.at, &mut self.log);
+        }
     }
 
     pub(super) fn log(&self) -> &str {

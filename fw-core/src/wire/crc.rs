@@ -11,7 +11,8 @@ use super::{Command, Report};
 #[derive(Debug)]
 pub struct Crc;
 
-/// CRC-16/IBM-3740 of `bytes`, without a table: 16 bytes at once, then eight, two and one at a time.
+/// CRC-16/IBM-3740 of `bytes`, without a table: 16 bytes at once, then eight, four, two and one at a
+/// time.
 ///
 /// Squared again and again, x¹⁶ = x¹² + x⁵ + 1 gives x⁶⁴ = x⁴⁸ + x²⁰ + 1 and x¹²⁸ = x⁹⁶ + x⁴⁰ + 1: a
 /// word goes into the ones 64 or 128 bits behind it by shifts.
@@ -43,7 +44,11 @@ pub fn crc16(bytes: &[u8]) -> u16 {
             return (crc & 0xFFFF) as u16;
         }
     }
-    while let Some((pair, after)) = rest.split_first_chunk() {
+    while let Some((word, after)) = rest.split_first_chunk() {
+        crc = remainder(crc << 16 ^ u32::from_be_bytes(*word));
+        rest = after;
+    }
+    if let Some((pair, after)) = rest.split_first_chunk() {
         crc = remainder((crc ^ u32::from(u16::from_be_bytes(*pair))) & 0xFFFF);
         rest = after;
     }

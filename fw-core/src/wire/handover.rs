@@ -25,13 +25,14 @@ pub const TX_BUFFERS: u8 = 3;
 /// Least time from a rising edge of chip-select to the next falling edge, µs (docs/interfaces.md).
 pub const GAP_US: u32 = 20;
 /// Microseconds after the rising edge within which the armed reply may be replaced. What is left of
-/// [`GAP_US`] covers, at 60 instructions a microsecond, every handler that captures a time (300), the
-/// longest masked stretch (60) and the time to arm (110).
-pub const SWAP_WINDOW_US: u32 = 12;
+/// [`GAP_US`], less one for the clock's resolution, are 360 instructions at 60 a microsecond: every handler
+/// that captures a time (180, and 30 for their entries), the longest masked stretch (40) and the time to arm
+/// (100). Three of the handlers are echoes': while the rangefinders take turns, 100 cycles of latency fit in.
+pub const SWAP_WINDOW_US: u32 = 13;
 
 /// Bytes that the transmitter may have fetched when a refresh is complete that began with chip-select
-/// high: two held ready, and one every 0.67 µs at 12 MHz in the 1.8 µs that 45 instructions at 60 a
-/// microsecond and 100 cycles of latency take. The rest is margin: 250 cycles are tested.
+/// high: two held ready by the SPI and one by the DMA (RM0383, 9.2), and one every 0.67 µs at 12 MHz in
+/// the 1.8 µs that 45 instructions at 60 a microsecond and 100 cycles of latency take.
 pub const SAME_PREFIX: usize = 6;
 
 /// Whether two replies begin alike. As numbers: comparing arrays would link a routine of its own.
@@ -293,14 +294,21 @@ mod tests {
         assert_eq!(handover.fresh_reply(), None);
         let claimed = handover.claim().expect("a frame");
         assert_eq!(claimed.answer, reply(1, 2));
-        assert_eq!(handover.answer(claimed.answer, Micros(13)), None);
+        assert_eq!(
+            handover.answer(claimed.answer, Micros(SWAP_WINDOW_US + 1)),
+            None
+        );
         assert_eq!(handover.dma_buffers().transmit, 0);
-        assert_eq!(handover.end_frame(26, Micros(300)).transmit, 1);
+        let at = Micros(300);
+        assert_eq!(handover.end_frame(26, at).transmit, 1);
         assert_eq!(handover.fresh_reply(), Some(reply(0, 2)));
         // Where the armed reply is already the one due, a late answer is dropped.
         let claimed = handover.claim().expect("a frame");
         assert_eq!(claimed.answer, reply(0, 2));
-        assert_eq!(handover.answer(claimed.answer, Micros(313)), None);
+        assert_eq!(
+            handover.answer(claimed.answer, at.after(SWAP_WINDOW_US + 1)),
+            None
+        );
         assert_eq!(handover.end_frame(26, Micros(600)).transmit, 1);
         assert_eq!(handover.fresh_reply(), None);
     }

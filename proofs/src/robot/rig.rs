@@ -184,13 +184,15 @@ impl Rig {
             at: self.now,
             reply: self.reply + 1,
         };
-        self.robot.on_frame(&received, &mut self.log);
+        let received = self.robot.receive(&received);
         let after = self.robot.counters();
-        if after.accepted == before.accepted {
-            assert!(after.rejected_total() == before.rejected_total() + 1);
-            self.seen = self.seen.case(REJECTED, self.fresh.is_some());
-        } else {
+        assert!(received.is_ok() == (after.accepted == before.accepted + 1));
+        assert!(received.is_err() == (after.rejected_total() == before.rejected_total() + 1));
+        if let Ok(command) = received {
+            self.robot.execute(&command, self.now, &mut self.log);
             self.fresh = Some(self.now);
+        } else {
+            self.seen = self.seen.case(REJECTED, self.fresh.is_some());
         }
         self.reply += 1;
         let _ = self.report();

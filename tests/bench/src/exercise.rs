@@ -133,8 +133,11 @@ pub fn exercise(mode: Mode) -> (u64, [i32; 3]) {
                 at: input.now.after(3_000),
                 reply: number,
             };
-            robot.on_frame(&received, &mut log);
+            let accepted = robot.receive(&received);
             len = robot.encode_reply(number, &mut reply);
+            if let Ok(command) = accepted {
+                robot.execute(&command, received.at, &mut log);
+            }
             (command.clear_faults, command.order) = (Faults::NONE, Order::None);
         }
         digest.bytes(log.pending());

@@ -165,17 +165,18 @@ impl Frames {
     }
 }
 
-/// From the rise of chip-select before `core` until the transmitting stream is enabled after it, without
-/// the instructions of `others`.
+/// From the rise of chip-select before `core` until the transmitting stream is enabled in it, without the
+/// instructions of `others`.
 fn to_reply(events: &[Event], core: &Span, others: &[Span]) -> Option<u64> {
     let rises = |event: &&Event| {
         event.kind == EventKind::ChipSelect(false) && event.at_ns <= core.entered_ns
     };
     let rise = events.iter().rfind(rises)?.instructions;
-    let left = core.entered + core.instructions;
     let enables = |kind: &EventKind| matches!(kind, EventKind::Write { address: DMA2_S3CR, value } if value & 1 == 1);
     // An answer that is late leaves the standby armed.
-    let mut after = events.iter().skip_while(|event| event.instructions < left);
+    let mut after = events
+        .iter()
+        .skip_while(|event| event.instructions < core.entered);
     let next = after.find(|event| enables(&event.kind) || event.kind == SELECTED)?;
     let armed = (next.kind != SELECTED).then_some(next.instructions)?;
     let mut others: Vec<_> = others.iter().collect();
@@ -301,12 +302,18 @@ fn trace_frames(rig: &Rig, names: &[&str]) -> Result<Vec<TracedFunction>> {
 
 /// Ticks, odometry steps and Normal frames while driving to a pose at 40 frames a second.
 fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
-    let handlers = ["robot_tick", "Odometry::step", "robot_frame", "EXTI4"];
+    let handlers = [
+        "robot_tick",
+        "Odometry::step",
+        "robot_frame",
+        "EXTI4",
+        "robot_answer",
+    ];
     let traced = trace_frames(rig, &[&handlers[..], &TIMED, &BESIDE].concat())?;
     let _ = rig.keep_sending(&normal_frame(700_000, 400_000, 0x2000, true), 20_000_000);
     let events = rig.board.take_events();
     let runs: Vec<_> = traced.iter().map(|traced| spans(traced, &events)).collect();
-    let [ticks, steps, frames, edges, others @ ..] = &runs[..] else {
+    let [ticks, steps, frames, edges, answers, others @ ..] = &runs[..] else {
         return Err("every traced function has its runs".into());
     };
     let (timed, beside) = others.split_at(TIMED.len());
@@ -320,12 +327,17 @@ fn driving(rig: &Rig) -> Result<(Spread, Spread, Frames)> {
         Spread::of(&exclusive(ticks, &preempting), latch.unwrap_or(0))?,
         // And the call.
         Spread::of(&exclusive(steps, &preempting), 1)?,
-        Frames::of(&events, frames, &preempting, &waited)?,
+        Frames::of(
+            &events,
+            frames,
+            &[&preempting[..], answers].concat(),
+            &waited,
+        )?,
     ))
 }
 
 fn guarded_frames(rig: &Rig) -> Result<Frames> {
-    let handlers = ["robot_tick", "robot_frame"];
+    let handlers = ["robot_tick", "robot_frame", "robot_answer"];
     let traced = trace_frames(rig, &[&handlers[..], &TIMED, &BESIDE].concat())?;
     let inner = normal_frame(200_000, 0, 0, true);
     for own in 1..=200_u8 {
@@ -342,12 +354,13 @@ fn guarded_frames(rig: &Rig) -> Result<Frames> {
     }
     let events = rig.board.take_events();
     let runs: Vec<_> = traced.iter().map(|traced| spans(traced, &events)).collect();
-    let [ticks, frames, others @ ..] = &runs[..] else {
+    let [ticks, frames, answers, others @ ..] = &runs[..] else {
         return Err("every traced function has its runs".into());
     };
     let timed = others[..TIMED.len()].concat();
     let waited = [&others.concat()[..], ticks].concat();
-    Frames::of(&events, frames, &timed, &waited)
+    let beside = [&timed[..], answers].concat();
+    Frames::of(&events, frames, &beside, &waited)
 }
 
 /// Millions of instructions a second at 100 MHz, over two seconds of the same drive.
