@@ -133,7 +133,7 @@ fn exchange(robot: &mut Robot, mut frame: Claim, log: &mut Log) {
         reply: number,
     });
     robot.encode_reply(number, reply);
-    // First: the window for it is short.
+    // Before the effect: the window for it is short.
     frame.answer();
     if let Ok(command) = command {
         robot.execute(&command, at, log);

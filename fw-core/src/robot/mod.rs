@@ -246,7 +246,7 @@ impl Robot {
         );
     }
 
-    /// Takes over the motion that the command of a frame requests, which ended at `at`.
+    /// Takes over the motion that an accepted command requests; its frame ended at `at`.
     // Requirement: WIRE-modes-2, DOC-5.1.1-4
     #[inline]
     pub fn execute(&mut self, command: &Command, at: Micros, log: &mut Log) {
