@@ -60,6 +60,7 @@ pub fn elf(variable: &str) -> Vec<u8> {
             let name = match variable {
                 ELF_BRINGUP => "bringup.elf",
                 ELF_PANIC => "fw-pac-test-panic.elf",
+                ELF_OVERFLOW => "fw-pac-test-overflow.elf",
                 _ => "fw-pac.elf",
             };
             PathBuf::from(env!("CARGO_MANIFEST_DIR"))

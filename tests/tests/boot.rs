@@ -2,9 +2,12 @@
 
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
 use robot_tests::test_board::Rig;
+use twin::components::eeprom::{ADDRESS, WRITE_CYCLE_NS};
+use twin::trace::{Event, EventKind};
 use twin::{I2cController, Options};
 
 const I2C1_DR: u64 = 0x4000_5410;
+const GPIOB_BSRR: u64 = 0x4002_0418;
 
 /// What every refusal to start must look like, however long one waits and whatever one sends.
 fn assert_stays_off(rig: &Rig, why: &str) {
@@ -99,7 +102,7 @@ fn boot_blank_eeprom_stays_off_and_logs() {
 #[test]
 fn boot_absent_eeprom_stays_off_and_logs() {
     let rig = Rig::booted(None);
-    assert_stays_off(&rig, "no configuration");
+    assert_stays_off(&rig, "no configuration: EEPROM 0x50 does not answer");
 }
 
 // Requirement: WIRE-eeprom-3, DOC-6-8, DOC-6.0.1-2, DOC-6.0.3-1, WIRE-refused-3, WIRE-refused-4
@@ -138,13 +141,52 @@ fn boot_wrong_page_3_crc_stays_off() {
     assert_stays_off(&rig, "page 0x03 address 0x4E");
 }
 
+/// A part in its write cycle does not acknowledge: the Pi has written a byte, and the reset came at once.
+#[test]
+fn boot_in_a_write_cycle_waits_for_its_end() {
+    let image = original_image();
+    let bytes = [0, 0, image[0]];
+    let rig = Rig::new(Options::with_eeprom(image));
+    rig.i2c_bus(move |bus, now| {
+        let eeprom = bus.eeprom.as_mut().expect("fitted");
+        eeprom.set_write_protect(false);
+        eeprom.start(now, ADDRESS, false);
+        assert!(bytes.iter().all(|&byte| eeprom.write(byte)));
+        eeprom.stop(now);
+        eeprom.set_write_protect(true);
+    });
+    let busy_until = rig.now_ns() + WRITE_CYCLE_NS;
+    rig.trace_writes(I2C1_DR);
+    rig.assert_ready();
+    let first = rig.take_events()[0].at_ns;
+    assert!(first < busy_until, "it asked only after {first} ns");
+    assert!(!rig.log().contains("stuck"), "{}", rig.log());
+}
+
 #[test]
 fn boot_held_bus_is_cleared_and_starts() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
-    rig.i2c_bus(|bus, _| bus.hold_sda(7));
+    rig.i2c_bus(|bus, _| bus.hold_sda(9));
+    rig.trace_writes(GPIOB_BSRR);
     rig.assert_ready();
     rig.assert_logged("W");
-    rig.assert_modelled();
+    // Nine clocks at 100 kHz or slower, then a STOP (UM10204, 3.1.16).
+    let [scl, sda] = [1 << 6, 1 << 7];
+    let mut edges = vec![scl, sda];
+    edges.extend([scl << 16, scl].repeat(9));
+    edges.extend([scl << 16, sda << 16, scl, sda]);
+    let events = rig.take_events();
+    let written = |event: &Event| match event.kind {
+        EventKind::Write { value, .. } => value & (scl | sda) * 0x1_0001,
+        _ => 0,
+    };
+    let driven: Vec<_> = events.iter().filter(|event| written(event) != 0).collect();
+    let values: Vec<u64> = driven.iter().map(|event| written(event)).collect();
+    assert_eq!(values, edges);
+    for pair in driven[1..].windows(2) {
+        let half_period = pair[1].at_ns - pair[0].at_ns;
+        assert!(half_period >= 5_000, "{half_period} ns");
+    }
 }
 
 #[test]
@@ -152,7 +194,7 @@ fn boot_shorted_bus_stays_off_and_logs() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
     rig.await_ready();
-    assert_stays_off(&rig, "no configuration");
+    assert_stays_off(&rig, "no configuration: I2C held low");
 }
 
 // Requirement: DOC-2.3-4, DOC-6-6

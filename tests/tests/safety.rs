@@ -216,9 +216,8 @@ fn converter_without_new_words_stops_motors() {
     }
 }
 
-// Requirement: WIRE-safe-1, WIRE-fault-1
-#[test]
-fn dead_crystal_stops_motors_and_restarts_on_hsi() {
+/// Driving, with the NMI's handler as that of I2C1's errors: the emulated core has no line to its NMI.
+fn with_crystal_that_dies() -> Rig {
     let mut elf = elf(ELF);
     let file = object::File::parse(&*elf).expect("an ELF");
     let vectors = file.section_by_name(".vector_table").expect("vectors");
@@ -227,6 +226,13 @@ fn dead_crystal_stops_motors_and_restarts_on_hsi() {
     let rig = with_original_image(&elf);
     rig.assert_ready();
     drive(&rig);
+    rig
+}
+
+// Requirement: WIRE-safe-1, WIRE-fault-1
+#[test]
+fn dead_crystal_stops_motors_and_restarts_on_hsi() {
+    let rig = with_crystal_that_dies();
     rig.stop_crystal();
     assert!(rig.run_until(100, 10, |_| rig.motors_off()));
     rig.run_us(10_000);
@@ -238,6 +244,22 @@ fn dead_crystal_stops_motors_and_restarts_on_hsi() {
     rig.run_us(100_000);
     assert!(rig.motors_off(), "after the restart it stands");
     rig.assert_logged("internal oscillator");
+}
+
+/// The safe state's line is whole although the DMA was sending another one.
+// Requirement: WIRE-safe-1
+#[test]
+fn safe_state_is_reported_in_the_middle_of_a_line() {
+    let rig = with_crystal_that_dies();
+    let before = rig.uart().len();
+    let _ = rig.frame(&[0xA5; 19]);
+    assert!(rig.run_until(20_000, 10, |board| board.uart().len() > before + 8));
+    rig.stop_crystal();
+    rig.run_us(10_000);
+    let log = rig.log();
+    let ends = log.strip_suffix("\nE: crystal failed, motors off\n");
+    let line = &ends.expect(&log)[before..];
+    assert!(line.starts_with('W') && !line.contains('\n'), "{line}");
 }
 
 /// TIM4's event generation (RM0383, table 1).

@@ -125,14 +125,47 @@ impl Account {
     }
 }
 
-/// The speed is the largest that stops: n² + reaction·n ≤ energy, and n + 1 exceeds it.
+/// Places of the bits of a speed, from the highest on.
+fn places() -> impl Iterator<Item = u32> {
+    (0..14).rev()
+}
+
+/// `2·above + bit`, for the bits of `n` above a place and the bit there: times the bit what it adds to their
+/// square.
+const fn added(n: u32, place: u32) -> u32 {
+    (n >> place >> 1 << 1 << place) * 2 + (1 << place)
+}
+
+/// What the bits of a speed add is its square, and their sum the speed: with a reaction,
+/// `Σ (added + reaction)·bit` is `n² + reaction·n`.
+pub fn bits_of_a_speed_add_up(n: u16) -> Seen {
+    let n = u32::from(n) % (1 << 14);
+    let (mut square, mut sum) = (0, 0);
+    for place in places().filter(|place| n >> place & 1 != 0) {
+        square += added(n, place) << place;
+        sum += 1 << place;
+    }
+    assert!(square == n * n && sum == n);
+    seen!(n == 0, n == (1 << 14) - 1)
+}
+
+/// The speed is the largest that stops: `n² + reaction·n`, as [`bits_of_a_speed_add_up`] has it, is within the
+/// energy, and for n + 1, which needs `2·n + 1 + reaction` more, it is not.
+// Requirement: WIRE-obstacle-1
 pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
     given!(reaction < 1 << 17);
-    let (n, energy) = (u64::from(stoppable(reaction, energy)), u64::from(energy));
-    let needed = |n: u64| n * (n + u64::from(reaction));
+    let n = stoppable(reaction, energy);
     let fastest = (1 << 14) - 1;
-    assert!(n <= fastest && needed(n) <= energy);
-    assert!(n == fastest || needed(n + 1) > energy);
+    assert!(n <= fastest);
+    let mut rest = energy;
+    for place in places() {
+        if n >> place & 1 != 0 {
+            let needed = (added(n, place) + reaction) << place;
+            assert!(needed <= rest);
+            rest -= needed;
+        }
+    }
+    assert!(n == fastest || rest < 2 * n + 1 + reaction);
     seen!(n == 0, n == fastest, n > 0 && n < fastest)
 }
 
@@ -369,11 +402,15 @@ fn figures() -> impl Iterator<Item = (u16, u16, u16, u32)> {
 }
 
 crate::properties! {
-    property T15 speed_is_the_largest_that_stops(reaction: u32, energy: u32) {
+    theorem T15 bits_of_a_speed_add_up(n: u16) {
+        cases ["stands", "the fastest"];
+        exhaustive (0..=u16::MAX).map(|n| (n,));
+        sampled 20_000;
+    }
+    theorem T15 speed_is_the_largest_that_stops(reaction: u32, energy: u32) {
         cases ["stands", "the fastest", "between"];
-        kani immediate [unwind(16)] = (0, any());
-        kani first_board [unwind(16)] = (313, any());
-        kani longest [unwind(16)] = (78_125, any());
+        needs [bits_of_a_speed_add_up];
+        kani proof [unwind(16)];
         sampled 2_000_000;
     }
     theorem T15 figures_err_on_the_safe_side(
