@@ -2,9 +2,9 @@
 
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
 use robot_tests::test_board::Rig;
-use twin::components::eeprom::{ADDRESS, WRITE_CYCLE_NS};
+use twin::components::eeprom::{ADDRESS, Eeprom, WRITE_CYCLE_NS};
 use twin::trace::{Event, EventKind};
-use twin::{I2cController, Options};
+use twin::{Board, I2cController, Options};
 
 const I2C1_DR: u64 = 0x4000_5410;
 const GPIOB_BSRR: u64 = 0x4002_0418;
@@ -209,6 +209,27 @@ fn boot_waits_while_pi_has_eeprom() {
     assert!(rig.resets().is_empty(), "waiting is no reason for a reset");
     rig.switch_i2c(I2cController::Stm);
     rig.assert_ready();
+}
+
+/// The Pi takes the bus in the middle of the read: that is no error, and the STM leaves the lines alone.
+// Requirement: DOC-2.3-4
+#[test]
+fn boot_gives_the_bus_up_in_the_middle_of_a_read() {
+    let reading =
+        |board: &Board| board.i2c_bus(|bus, _| bus.eeprom.as_ref().is_some_and(Eeprom::is_reading));
+    for later in [0, 500, 1_000, 2_000, 3_000] {
+        let rig = Rig::new(Options::with_eeprom(original_image()));
+        rig.run_us(later);
+        assert!(rig.run_until(20_000, 10, reading));
+        rig.switch_i2c(I2cController::Pi);
+        rig.trace_writes(GPIOB_BSRR);
+        rig.run_us(10_000);
+        assert_eq!(rig.take_events(), [], "{later} µs later");
+        assert!(!rig.is_ready());
+        rig.switch_i2c(I2cController::Stm);
+        rig.assert_ready();
+        assert!(!rig.log().contains("stuck"), "{}", rig.log());
+    }
 }
 
 // Requirement: DOC-2.3-1, WIRE-fault-1

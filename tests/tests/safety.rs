@@ -169,7 +169,7 @@ fn supply_below_threshold_stops_motors() {
     let go = normal_frame(3_000_000, 0, 0, true);
     let _ = rig.keep_sending(&go, 100_000);
     assert!(!rig.motors_off(), "{}", rig.log());
-    rig.set_supply(2_500);
+    rig.set_supply(2_600);
     assert!(rig.run_until(11_000, 100, |_| rig.motors_off()));
     rig.set_supply(3_300);
     stays_off(&rig, "supply low: motors off");
@@ -260,6 +260,46 @@ fn safe_state_is_reported_in_the_middle_of_a_line() {
     let ends = log.strip_suffix("\nE: crystal failed, motors off\n");
     let line = &ends.expect(&log)[before..];
     assert!(line.starts_with('W') && !line.contains('\n'), "{line}");
+}
+
+/// Each byte waits for the one before, at a rate at which that takes a millisecond.
+// Requirement: WIRE-safe-1
+#[test]
+fn safe_state_is_reported_at_a_slow_rate() {
+    let image = Image::FIRST_BOARD.with(fields::LOG_BAUD, 9_600);
+    let rig = Rig::configured(image.0.to_vec());
+    rig.run_us(500_000);
+    let before = rig.board.log().len();
+    rig.stop_ticks();
+    rig.run_us(70_000);
+    let ends: Vec<u64> = rig.board.log()[before..]
+        .iter()
+        .map(|sent| sent.at)
+        .collect();
+    assert_eq!(ends.len(), "\nE: no tick, motors off\n".len());
+    assert!(ends.windows(2).all(|two| two[1] - two[0] > 1_040_000));
+}
+
+/// The watchdog's key register (RM0383, 15.4.1), and the key that feeds it.
+const IWDG_KR: u64 = 0x4000_3000;
+const FEED: u64 = 0xAAAA;
+
+/// Frames and echoes wake the core, but a tick alone has the watchdog fed.
+// Requirement: WIRE-safe-2
+#[test]
+fn watchdog_is_fed_once_a_tick() {
+    let rig = driving();
+    rig.trace_writes(IWDG_KR);
+    let begin = rig.now_us();
+    let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
+    let ticks = (rig.now_us() - begin) / 10_000;
+    let fed = rig.take_events().into_iter();
+    let fed = fed.filter(|event| matches!(event.kind, EventKind::Write { value: FEED, .. }));
+    let fed = fed.count() as u64;
+    assert!(
+        (ticks..=ticks + 1).contains(&fed),
+        "{fed} times in {ticks} ticks"
+    );
 }
 
 /// TIM4's event generation (RM0383, table 1).
