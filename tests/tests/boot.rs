@@ -211,16 +211,34 @@ fn boot_waits_while_pi_has_eeprom() {
     rig.assert_ready();
 }
 
+fn is_reading(board: &Board) -> bool {
+    board.i2c_bus(|bus, _| bus.eeprom.as_ref().is_some_and(Eeprom::is_reading))
+}
+
+/// A part that stretches the clock for a while only delays the read; one that does not end is an error.
+#[test]
+fn boot_waits_for_a_stretched_clock_but_not_for_ever() {
+    for (stretched_us, ends) in [(500, "configured"), (400_000, "no configuration: I2C")] {
+        let rig = Rig::new(Options::with_eeprom(original_image()));
+        assert!(rig.run_until(20_000, 10, is_reading));
+        rig.stretch_i2c(true);
+        rig.run_us(stretched_us);
+        assert!(!rig.is_ready());
+        rig.stretch_i2c(false);
+        rig.run_us(100_000);
+        rig.assert_logged(ends);
+        assert!(rig.resets().is_empty());
+    }
+}
+
 /// The Pi takes the bus in the middle of the read: that is no error, and the STM leaves the lines alone.
 // Requirement: DOC-2.3-4
 #[test]
 fn boot_gives_the_bus_up_in_the_middle_of_a_read() {
-    let reading =
-        |board: &Board| board.i2c_bus(|bus, _| bus.eeprom.as_ref().is_some_and(Eeprom::is_reading));
     for later in [0, 500, 1_000, 2_000, 3_000] {
         let rig = Rig::new(Options::with_eeprom(original_image()));
         rig.run_us(later);
-        assert!(rig.run_until(20_000, 10, reading));
+        assert!(rig.run_until(20_000, 10, is_reading));
         rig.switch_i2c(I2cController::Pi);
         rig.trace_writes(GPIOB_BSRR);
         rig.run_us(10_000);

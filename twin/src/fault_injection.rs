@@ -40,6 +40,14 @@ impl Board {
         });
     }
 
+    /// A device on I2C1's bus stretches the clock for as long as this is set.
+    pub fn stretch_i2c(&self, stretched: bool) {
+        self.stopped(move |stopped| {
+            let at = stopped.at();
+            stopped.mcu().chip.stretch_i2c1(at, stretched);
+        });
+    }
+
     /// I2C1 sees a bus error that is none, ES0287 section 2.10.
     pub fn raise_bus_error(&self) {
         self.stopped(|stopped| {

@@ -1,10 +1,11 @@
-//! `rigless`'s I2C controller with three additions.
+//! `rigless`'s I2C controller with four additions.
 //!
 //! - The last byte of a DMA reception. With `LAST` set (RM0383 section 18.3.8, 18.6.2 bit 12) the
 //!   hardware answers the byte that ends the stream's count with a NACK. The part sets
 //!   [`I2cPeripheral::next_is_last`] from the stream's count.
 //! - A bus held low by a device. `BUSY` is set (section 18.6.7 bit 1: on detection of `SDA` or `SCL`
 //!   low) and a requested start waits until the line is released.
+//! - A clock stretched by a device: what comes next comes when it is released (section 18.3.3).
 //! - A spurious `BERR` (ES0287 section 2.10): the flag and its interrupt; the transfer goes on.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
@@ -20,6 +21,9 @@ pub struct I2cPeripheral {
     pub inner: I2c,
     last: bool,
     held_low: bool,
+    /// A device stretches the clock, and what waits for it.
+    stretched: bool,
+    waiting: Option<EventId>,
     /// The error line, raised by `BERR`.
     bus_error: bool,
 }
@@ -34,6 +38,8 @@ impl I2cPeripheral {
             inner: I2c::with_clock(clock_hz),
             last: false,
             held_low: false,
+            stretched: false,
+            waiting: None,
             bus_error: false,
         }
     }
@@ -100,6 +106,19 @@ impl I2cPeripheral {
         }
     }
 
+    /// A device stretches the clock, or releases it.
+    pub fn stretch(
+        &mut self,
+        stretched: bool,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.stretched = stretched;
+        if !stretched && let Some(event) = self.waiting.take() {
+            self.on_event(event, registers, context);
+        }
+    }
+
     fn set_busy(&self, registers: &mut RegisterFile) {
         if self.held_low && cr1::PE.is_set(registers.get(Register::Cr1)) {
             let status = registers.get(Register::Sr2);
@@ -148,6 +167,10 @@ impl Device for I2cPeripheral {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
+        if self.stretched {
+            self.waiting = Some(event);
+            return;
+        }
         let control = registers.get(Register::Cr1);
         if self.last && cr1::ACK.is_set(control) {
             // The hardware's NACK leaves the software's ACK bit unchanged.
@@ -185,12 +208,14 @@ impl Device for I2cPeripheral {
 
     fn reset(&mut self) {
         self.last = false;
+        self.waiting = None;
         self.bus_error = false;
         self.inner.reset();
     }
 
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.last = false;
+        self.waiting = None;
         self.inner.reset_line(registers, context);
     }
 }

@@ -60,6 +60,12 @@ impl Stm32f411 {
         self.i2c[0].hold_low(held, registers, &mut context);
     }
 
+    /// A device on I2C1's bus stretches the clock, or releases it.
+    pub fn stretch_i2c1(&mut self, now: VirtualNanos, stretched: bool) {
+        let (registers, mut context) = self.bus.drive(now, self.slots.i2c1);
+        self.i2c[0].stretch(stretched, registers, &mut context);
+    }
+
     /// I2C1 sees a bus error that is none.
     pub fn raise_i2c1_bus_error(&mut self, now: VirtualNanos) {
         let (registers, mut context) = self.bus.drive(now, self.slots.i2c1);
