@@ -30,6 +30,11 @@ pub const BRIDGES: [(u64, u64, u64); 2] = [
     (0x4000_0840, 0x4002_0818, 0xC000_C000),
 ];
 
+/// TIM4's event generation (RM0383, table 1).
+const TIM4_EGR: u64 = 0x4000_0814;
+/// More than the L298P's slowest turn-off, nanoseconds.
+const DEAD_TIME_NS: u64 = 2_000;
+
 /// The Pi's SPI clock, hertz.
 const SPI_HZ: u32 = 8_000_000;
 
@@ -172,6 +177,46 @@ impl Rig {
             _ => None,
         };
         events.filter_map(write).collect()
+    }
+
+    /// From here on for [`Self::take_input_changes`].
+    pub fn trace_bridges(&self) {
+        self.trace_writes(TIM4_EGR);
+        for (compare, port, _) in BRIDGES {
+            self.trace_writes(compare);
+            self.trace_writes(port);
+        }
+    }
+
+    /// When the inputs of the right and of the left motor changed, nanoseconds.
+    ///
+    /// # Panics
+    /// Where the enable had not been low for the dead time.
+    pub fn take_input_changes(&self) -> [Vec<u64>; 2] {
+        let events = self.take_events();
+        BRIDGES.map(|(compare, port, inputs)| {
+            let (mut duty, mut off_since, mut changes) = (None, None, Vec::new());
+            for event in &events {
+                match event.kind {
+                    EventKind::Write { address, value } if address == compare => {
+                        (duty, off_since) = (Some(value), None);
+                    }
+                    // A zero is in effect from the update on.
+                    EventKind::Write { address, .. } if address == TIM4_EGR && duty == Some(0) => {
+                        off_since = Some(event.at_ns);
+                    }
+                    EventKind::Write { address, value }
+                        if address == port && value & inputs != 0 =>
+                    {
+                        let off = event.at_ns - off_since.expect("the enable is low");
+                        assert!(off >= DEAD_TIME_NS, "{off} ns at {}", event.at_ns);
+                        changes.push(event.at_ns);
+                    }
+                    _ => {}
+                }
+            }
+            changes
+        })
     }
 
     /// The log so far.

@@ -6,7 +6,7 @@ use fw_core::wire::State;
 use object::{Object, ObjectSection};
 use robot_tests::reference::{NormalReply, normal_frame, original_image};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{BRIDGES, ELF, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
+use robot_tests::test_board::{ELF, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
 use twin::plant::{Room, Sides};
 use twin::trace::EventKind;
 use twin::{Board, Options, ResetSource};
@@ -128,6 +128,13 @@ fn with_original_image(elf: &[u8]) -> Rig {
     Rig::with_elf(elf, options)
 }
 
+/// Set and reset registers of the ports, and both motors' enables and inputs there.
+const MOTOR_PINS: [(u64, u64); 3] = [
+    (0x4002_0018, 0x000C),
+    (0x4002_0418, 0x0300),
+    (0x4002_0818, 0xC000),
+];
+
 /// Two seconds after READY the firmware fails on purpose while it drives: the motors go off, the log
 /// says `why`, and the watchdog restarts a robot that stands.
 fn ends_standing(rig: &Rig, why: &str) {
@@ -136,6 +143,9 @@ fn ends_standing(rig: &Rig, why: &str) {
     let ready = rig.now_us();
     let _ = rig.keep_sending(&go, 1_500_000);
     assert!(!rig.motors_off(), "it drives until it fails: {}", rig.log());
+    for (port, _) in MOTOR_PINS {
+        rig.trace_writes(port);
+    }
     // The host goes on as if nothing had happened.
     while rig.is_ready() {
         let _ = rig.frame(&go);
@@ -143,6 +153,17 @@ fn ends_standing(rig: &Rig, why: &str) {
         assert!(rig.now_us() - ready < 2_100_000, "nothing failed");
     }
     assert!(rig.motors_off(), "READY is low and the motors run");
+    // Enables and inputs have been set low since the last frame.
+    let since = (rig.now_us() - 3_000) * 1000;
+    let events = rig.take_events();
+    for (port, pins) in MOTOR_PINS {
+        let low = events.iter().filter(|event| event.at_ns > since);
+        let low = low.fold(0, |low, event| match event.kind {
+            EventKind::Write { address, value } if address == port => low | value >> 16,
+            _ => low,
+        });
+        assert_eq!(low & pins, pins, "{port:#x}");
+    }
     rig.assert_logged(why);
     assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
     assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
@@ -302,11 +323,6 @@ fn watchdog_is_fed_once_a_tick() {
     );
 }
 
-/// TIM4's event generation (RM0383, table 1).
-const TIM4_EGR: u64 = 0x4000_0814;
-/// More than the L298P's slowest turn-off, nanoseconds.
-const DEAD_TIME_NS: u64 = 2_000;
-
 // Requirement: DOC-2.3-2
 #[test]
 fn bridge_inputs_change_after_dead_time() {
@@ -315,36 +331,12 @@ fn bridge_inputs_change_after_dead_time() {
     options.mips = 100.try_into().expect("not zero");
     let rig = Rig::ready(options);
     drive(&rig);
-    rig.trace_writes(TIM4_EGR);
-    for (compare, port, _) in BRIDGES {
-        rig.trace_writes(compare);
-        rig.trace_writes(port);
-    }
+    rig.trace_bridges();
     for x_um in [-3_000_000, 3_000_000, -3_000_000] {
         let _ = rig.keep_sending(&normal_frame(x_um, 0, 0, true), 1_500_000);
     }
-    let events = rig.take_events();
-    for (compare, port, inputs) in BRIDGES {
-        let (mut duty, mut off_since, mut changes) = (None, None, 0);
-        for event in &events {
-            match event.kind {
-                EventKind::Write { address, value } if address == compare => {
-                    (duty, off_since) = (Some(value), None);
-                }
-                // A zero is in effect from the update on.
-                EventKind::Write { address, .. } if address == TIM4_EGR && duty == Some(0) => {
-                    off_since = Some(event.at_ns);
-                }
-                EventKind::Write { address, value } if address == port && value & inputs != 0 => {
-                    let off_since = off_since.expect("the enable is low");
-                    let off = event.at_ns - off_since;
-                    assert!(off >= DEAD_TIME_NS, "{off} ns at {}", event.at_ns);
-                    changes += 1;
-                }
-                _ => {}
-            }
-        }
-        assert!(changes >= 4, "{changes} changes of the inputs");
+    for changes in rig.take_input_changes() {
+        assert!(changes.len() >= 4, "{changes:?}");
     }
 }
 

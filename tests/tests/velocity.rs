@@ -77,6 +77,23 @@ fn wall(x_mm: f64) -> Room {
     Room::default().with_wall(x_mm, -1000.0, x_mm, 1000.0)
 }
 
+/// In a curve from a straight line one motor reverses, the other does not.
+// Requirement: DOC-2.3-2
+#[test]
+fn one_bridge_changes_its_inputs_alone() {
+    let mut driven = Driven::new(Room::default(), &[]);
+    let _ = driven.drive((100.0, 0.0), 0, 500);
+    driven.rig.trace_bridges();
+    for speeds in [(30.0, 60.0), (100.0, 0.0), (30.0, -60.0)] {
+        let _ = driven.drive(speeds, 0, 500);
+    }
+    let [right, left] = driven.rig.take_input_changes();
+    for (one, other) in [(&right, &left), (&left, &right)] {
+        let alone = |at: &u64| other.iter().all(|&then| then.abs_diff(*at) > 100_000);
+        assert!(one.iter().any(alone), "{right:?} {left:?}");
+    }
+}
+
 // Requirement: WIRE-velocity-1, WIRE-velocity-4, WIRE-velocity-6
 #[test]
 fn velocity_tracks_within_five_percent_and_zero_holds() {
