@@ -177,7 +177,7 @@ fn boot_held_bus_is_cleared_and_starts() {
     edges.extend([scl << 16, sda << 16, scl, sda]);
     let events = rig.take_events();
     let written = |event: &Event| match event.kind {
-        EventKind::Write { value, .. } => value & (scl | sda) * 0x1_0001,
+        EventKind::Write { value, .. } => value & ((scl | sda) * 0x1_0001),
         _ => 0,
     };
     let driven: Vec<_> = events.iter().filter(|event| written(event) != 0).collect();

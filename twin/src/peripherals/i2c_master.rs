@@ -21,9 +21,8 @@ pub struct I2cPeripheral {
     pub inner: I2c,
     last: bool,
     held_low: bool,
-    /// A device stretches the clock, and what waits for it.
-    stretched: bool,
-    waiting: Option<EventId>,
+    /// What waits while a device stretches the clock.
+    stretched: Option<Vec<EventId>>,
     /// The error line, raised by `BERR`.
     bus_error: bool,
 }
@@ -38,8 +37,7 @@ impl I2cPeripheral {
             inner: I2c::with_clock(clock_hz),
             last: false,
             held_low: false,
-            stretched: false,
-            waiting: None,
+            stretched: None,
             bus_error: false,
         }
     }
@@ -113,8 +111,8 @@ impl I2cPeripheral {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        self.stretched = stretched;
-        if !stretched && let Some(event) = self.waiting.take() {
+        let waiting = std::mem::replace(&mut self.stretched, stretched.then(Vec::new));
+        for event in waiting.into_iter().flatten() {
             self.on_event(event, registers, context);
         }
     }
@@ -167,8 +165,8 @@ impl Device for I2cPeripheral {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        if self.stretched {
-            self.waiting = Some(event);
+        if let Some(waiting) = &mut self.stretched {
+            waiting.push(event);
             return;
         }
         let control = registers.get(Register::Cr1);
@@ -208,14 +206,14 @@ impl Device for I2cPeripheral {
 
     fn reset(&mut self) {
         self.last = false;
-        self.waiting = None;
+        self.stretched = self.stretched.take().map(|_| Vec::new());
         self.bus_error = false;
         self.inner.reset();
     }
 
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.last = false;
-        self.waiting = None;
+        self.stretched = self.stretched.take().map(|_| Vec::new());
         self.inner.reset_line(registers, context);
     }
 }
