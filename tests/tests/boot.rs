@@ -1,5 +1,8 @@
 //! Boot: a good, a blank, a corrupt, an absent EEPROM, a stuck bus, a dead crystal.
 
+use fw_core::eeprom::{Image, fields};
+use fw_core::robot::leds;
+use fw_core::wire::State;
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
 use robot_tests::test_board::Rig;
 use twin::components::eeprom::{ADDRESS, Eeprom, WRITE_CYCLE_NS};
@@ -19,6 +22,7 @@ fn assert_stays_off(rig: &Rig, why: &str) {
         assert!(rig.motors_off(), "the motors run");
     }
     rig.assert_logged(why);
+    assert_eq!(rig.leds(), leds(State::Faulted));
     assert!(rig.resets().is_empty(), "waiting is no reason for a reset");
     rig.assert_modelled();
 }
@@ -134,11 +138,25 @@ fn boot_corrupt_field_is_rejected_with_address() {
 // Requirement: WIRE-eeprom-2
 #[test]
 fn boot_wrong_page_3_crc_stays_off() {
-    let mut image = fw_core::eeprom::Image::FIRST_BOARD.0.to_vec();
+    let mut image = Image::FIRST_BOARD.0.to_vec();
     assert!(Rig::booted(Some(image.clone())).board.is_ready());
     image[0x0310] ^= 4;
     let rig = Rig::booted(Some(image));
     assert_stays_off(&rig, "page 0x03 address 0x4E");
+}
+
+#[test]
+fn boot_warns_of_cells_without_taps() {
+    for cells in [2, 3] {
+        let image = Image::FIRST_BOARD
+            .with(fields::CELLS, cells)
+            .with(fields::TAP_3_UPPER, 33_000)
+            .with(fields::TAP_3_LOWER, 10_000);
+        let rig = Rig::configured(image.0.to_vec());
+        rig.run_us(20_000);
+        let warned = rig.log().contains("more cells than this board has taps");
+        assert_eq!(warned, cells > 2, "{}", rig.log());
+    }
 }
 
 /// A part in its write cycle does not acknowledge: the Pi has written a byte, and the reset came at once.
