@@ -316,3 +316,28 @@ fn boot_encoder_inputs_are_filtered() {
     // RM0383, 13.4.7: a quarter of the dead-time clock, 8 samples.
     assert!(filters.eq([(0b0111, 0b0111); 2]));
 }
+
+/// What nobody may drive is pulled (RM0383, 8.4.4): the Pi's lines, the log's, the encoders', the switch's. The rest
+/// floats, but the debugger's pins.
+// Requirement: DOC-2.3-4
+#[test]
+fn boot_pulls_what_nobody_may_drive() {
+    let up = |pin: u32| 1 << (2 * pin);
+    let down = |pin: u32| 2 << (2 * pin);
+    let debugger = [up(13) | down(14), up(4), 0];
+    let board = [
+        // Chip-select, both lines of the UART, left encoder.
+        up(4) | up(9) | up(10) | up(15),
+        // Left encoder, the EEPROM's switch.
+        up(3) | down(12),
+        // Right encoder.
+        up(6) | up(7),
+    ];
+    let registers = [0x4002_000C, 0x4002_040C, 0x4002_080C];
+    let written = Rig::written_at_boot(&registers);
+    for (port, register) in registers.into_iter().enumerate() {
+        let last = written.iter().rfind(|(address, _)| *address == register);
+        let (_, pulls) = last.expect("written");
+        assert_eq!(*pulls, debugger[port] | board[port], "{register:#x}");
+    }
+}
