@@ -20,6 +20,7 @@ const SPI1_CR1: u64 = 0x4001_3000;
 const SPI1_CR2: u64 = 0x4001_3004;
 const SPI1_DR: u64 = 0x4001_300C;
 const USART1_DR: u64 = 0x4001_1004;
+const USART1_BRR: u64 = 0x4001_1008;
 const I2C1_DR: u64 = 0x4000_5410;
 
 /// Of each bus: the stream, its channel, which way, and the data register.
@@ -137,4 +138,18 @@ fn log_baud_changes_to_configured_rate_after_boot() {
     // A reader at the boot's rate sees the last of its lines whole.
     let image = Image::FIRST_BOARD.with(fields::LOG_BAUD, 9_600);
     Rig::configured(image.0.to_vec()).assert_logged("configured, mode Normal\n");
+}
+
+// Requirement: WIRE-log-4
+#[test]
+fn log_divider_is_the_nearest() {
+    for baud in [9_600, 460_800, 921_600, 1_900_000] {
+        let image = Image::FIRST_BOARD.with(fields::LOG_BAUD, baud);
+        let rig = Rig::new(Options::with_eeprom(image.0.to_vec()));
+        rig.trace_writes(USART1_BRR);
+        rig.assert_ready();
+        let last = rig.take_events().pop().expect("written").kind;
+        let (address, value) = (USART1_BRR, (100_000_000 + baud / 2) / baud);
+        assert_eq!(last, EventKind::Write { address, value }, "{baud} baud");
+    }
 }

@@ -128,9 +128,9 @@ fn with_original_image(elf: &[u8]) -> Rig {
     Rig::with_elf(elf, options)
 }
 
-/// Set and reset registers of the ports, and both motors' enables and inputs there.
-const MOTOR_PINS: [(u64, u64); 3] = [
-    (0x4002_0018, 0x000C),
+/// Set and reset registers of the ports, and both motors' enables and inputs and the servo there.
+const DRIVEN_PINS: [(u64, u64); 3] = [
+    (0x4002_0018, 0x010C),
     (0x4002_0418, 0x0300),
     (0x4002_0818, 0xC000),
 ];
@@ -143,7 +143,7 @@ fn ends_standing(rig: &Rig, why: &str) {
     let ready = rig.now_us();
     let _ = rig.keep_sending(&go, 1_500_000);
     assert!(!rig.motors_off(), "it drives until it fails: {}", rig.log());
-    for (port, _) in MOTOR_PINS {
+    for (port, _) in DRIVEN_PINS {
         rig.trace_writes(port);
     }
     // The host goes on as if nothing had happened.
@@ -153,10 +153,11 @@ fn ends_standing(rig: &Rig, why: &str) {
         assert!(rig.now_us() - ready < 2_100_000, "nothing failed");
     }
     assert!(rig.motors_off(), "READY is low and the motors run");
-    // Enables and inputs have been set low since the last frame.
+    assert_eq!(rig.leds(), leds(State::Faulted));
+    // Enables, inputs and servo have been set low since the last frame.
     let since = (rig.now_us() - 3_000) * 1000;
     let events = rig.take_events();
-    for (port, pins) in MOTOR_PINS {
+    for (port, pins) in DRIVEN_PINS {
         let low = events.iter().filter(|event| event.at_ns > since);
         let low = low.fold(0, |low, event| match event.kind {
             EventKind::Write { address, value } if address == port => low | value >> 16,
