@@ -165,6 +165,31 @@ fn frames_20_us_apart_are_all_answered() {
     assert!(!log.contains("rejected") && !log.contains("lost"), "{log}");
 }
 
+/// A position is at most a frame and a tick old, also where the core is too slow to answer within the gap.
+// Requirement: WIRE-spi-6
+#[test]
+fn position_is_a_frame_and_a_tick_old_at_most() {
+    for mips in [20, 60] {
+        let mut options = Options::with_eeprom(original_image());
+        options.mips = mips.try_into().expect("not zero");
+        let rig = Rig::ready(options);
+        let go = normal_frame(3_000_000, 0, 0, true);
+        let _ = rig.keep_sending(&go, 1_500_000);
+        let mut before = rig.truth();
+        for _ in 0..20 {
+            rig.run_us(25_000 - 60);
+            let now = rig.truth();
+            #[allow(clippy::cast_precision_loss, reason = "some milliseconds")]
+            let mm_each_ms =
+                (now.pose.x_mm - before.pose.x_mm) * 1e6 / (now.at_ns - before.at_ns) as f64;
+            let reply = NormalReply::of(&rig.frame(&go));
+            let age_ms = (now.pose.x_mm - f64::from(reply.x) / 1000.0) / mm_each_ms;
+            assert!(mm_each_ms > 0.05 && age_ms < 36.0, "{age_ms} ms");
+            before = now;
+        }
+    }
+}
+
 // Requirement: DOC-5.2.2-1, DOC-2.1-4, DOC-2.3-2, DOC-5.2.2-2, WIRE-modes-3
 #[test]
 fn tune_rotate_sets_duty_and_reports_rotation() {
