@@ -8,7 +8,7 @@ use robot_tests::test_board::{Rig, TIM5_CCR1};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::{GyroParams, Room, Sides};
 use twin::trace::EventKind;
-use twin::{I2cController, Mpu6050Fault, Options};
+use twin::{Board, I2cController, Mpu6050Fault, Options};
 
 /// A robot in Guarded Normal, and the Pi's end of its link.
 struct GyroRobot {
@@ -121,6 +121,19 @@ impl GyroRobot {
 
     fn log(&self) -> String {
         self.rig.log()
+    }
+
+    /// Stands for 0.3 s, in which every tick reads the rate.
+    #[track_caller]
+    fn assert_read(&mut self) {
+        let reads = |rig: &Rig| {
+            let reads = rig.i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
+            reads.expect("it is fitted")
+        };
+        let before = reads(&self.rig);
+        self.stand(300);
+        let more = reads(&self.rig) - before;
+        assert!((29..=34).contains(&more), "{more} reads in 0.3 s");
     }
 }
 
@@ -305,21 +318,35 @@ fn gyro_failing_later_drives_by_encoders() {
     assert!(after.contains("gyro: bias"), "{log}");
 }
 
+/// A clock that is stretched beyond the next tick in the middle of a reading costs that reading.
+// Requirement: DOC-3.1-3
+#[test]
+fn gyro_transfer_is_aborted_at_the_next_tick() {
+    let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
+    robot.stand(1_500);
+    let is_reading =
+        |board: &Board| board.i2c_bus(|bus, _| bus.mpu.as_ref().is_some_and(Mpu6050::is_reading));
+    for (episode, later) in [0, 10, 20, 40].into_iter().enumerate() {
+        assert!(robot.rig.run_until(20_000, 2, is_reading));
+        robot.rig.run_us(later);
+        robot.rig.stretch_i2c(true);
+        robot.stand(15);
+        robot.rig.stretch_i2c(false);
+        // A second to the next attempt, and its set-up.
+        robot.stand(3_000);
+        let held = robot.log().matches("gyro: I2C held").count();
+        assert_eq!(held, episode + 1, "{}", robot.log());
+        robot.assert_read();
+    }
+}
+
 #[test]
 fn gyro_reads_continue_while_pi_has_eeprom() {
     let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
     robot.stand(1_000);
-    let reads = |robot: &GyroRobot| {
-        let rig = &robot.rig;
-        let reads = rig.i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
-        reads.expect("it is fitted")
-    };
     for controller in [I2cController::Pi, I2cController::Stm] {
         robot.rig.switch_i2c(controller);
-        let before = reads(&robot);
-        robot.stand(300);
-        let more = reads(&robot) - before;
-        assert!((29..=34).contains(&more), "{more} reads in 0.3 s");
+        robot.assert_read();
     }
     assert!(!robot.log().contains("encoders alone"), "{}", robot.log());
 }
