@@ -66,6 +66,7 @@ pub const PROPERTIES: &[&[Property]] = &[
     motion::mixer::PROPERTIES,
     motion::pose_controller::PROPERTIES,
     motion::obstacle_limit::PROPERTIES,
+    motion::stopping::PROPERTIES,
     motion::velocity_controller::PROPERTIES,
     motion::drive_monitor::PROPERTIES,
     motion::deadline::PROPERTIES,

@@ -7,5 +7,6 @@ pub mod obstacle_limit;
 pub mod odometry;
 pub mod pid;
 pub mod pose_controller;
+pub mod stopping;
 pub mod trig;
 pub mod velocity_controller;
