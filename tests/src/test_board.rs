@@ -3,7 +3,7 @@
 use std::ops::Deref;
 use std::path::PathBuf;
 
-use crate::reference::original_image;
+use crate::reference::{normal_frame, original_image};
 use embedded_hal::spi::SpiDevice;
 use host_link::board_io::{BoardIo, Interrupt};
 use pilot::virtual_board::board_io;
@@ -149,6 +149,25 @@ impl Rig {
     /// With the log, where it has not.
     pub fn configured(eeprom: Vec<u8>) -> Self {
         Self::ready(Options::with_eeprom(eeprom))
+    }
+
+    /// A robot of the first board that drives three metres ahead.
+    ///
+    /// # Panics
+    /// With the log, where it does not.
+    pub fn driving() -> Self {
+        let rig = Self::booted(Some(original_image()));
+        rig.drive_off();
+        rig
+    }
+
+    /// Drives three metres ahead.
+    ///
+    /// # Panics
+    /// With the log, where it does not.
+    pub fn drive_off(&self) {
+        let _ = self.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
+        assert!(!self.motors_off(), "{}", self.log());
     }
 
     /// The Pi's lines and buses.

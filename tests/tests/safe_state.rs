@@ -1,0 +1,218 @@
+//! The safe state: a panic, a HardFault, a missing tick, a dead crystal; and the watchdog.
+
+use fw_core::eeprom::{Image, fields};
+use fw_core::robot::leds;
+use fw_core::wire::State;
+use object::{Object, ObjectSection};
+use robot_tests::reference::{normal_frame, original_image};
+use robot_tests::stack::Stack;
+use robot_tests::test_board::{ELF, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
+use twin::trace::EventKind;
+use twin::{Board, Options, ResetSource};
+
+// Requirement: WIRE-safe-1
+#[test]
+fn panic_stops_motors_and_watchdog_restarts() {
+    let rig = with_original_image(&elf(ELF_PANIC));
+    ends_standing(&rig, "panic");
+}
+
+// Requirement: WIRE-safe-1
+#[test]
+fn stack_overflow_faults_and_stops_motors() {
+    let elf = elf(ELF_OVERFLOW);
+    let rig = with_original_image(&elf);
+    let stack = Stack::paint(&elf, &rig).expect("a stack to paint");
+    ends_standing(&rig, "HardFault");
+    // It was the stack's end that stopped it: less than one more frame was left.
+    let left = stack.bytes() - stack.used(&rig);
+    assert!(left < 512, "{left} bytes of the stack are left");
+}
+
+// Requirement: WIRE-fault-11, WIRE-safe-1, WIRE-safe-2
+#[test]
+fn missing_tick_stops_motors_and_restarts() {
+    let rig = Rig::driving();
+    let stopped = rig.now_us();
+    rig.stop_ticks();
+    assert!(rig.run_until(31_000, 100, |_| rig.motors_off()));
+    rig.run_us(10_000);
+    rig.assert_logged("no tick, motors off");
+    let restarted = |board: &Board| !board.resets().is_empty();
+    assert!(rig.run_until(400_000, 1_000, restarted));
+    // 68 to 188 ms over the tolerance of its oscillator.
+    let after = rig.now_us() - stopped;
+    assert!(after <= 190_000, "{after} µs");
+    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
+    rig.assert_ready();
+    rig.run_us(100_000);
+    assert!(rig.motors_off(), "after the restart it stands");
+    rig.assert_logged("watchdog");
+    let reason = "restarted after a failure";
+    rig.assert_logged(reason);
+}
+
+/// TIM5's flags.
+const TIM5_SR: u64 = 0x4000_0C10;
+
+/// A tick that comes while the handler of its timer clears another flag is served after it.
+#[test]
+fn tick_within_its_timers_handler_is_not_lost() {
+    let rig = Rig::driving();
+    let target = normal_frame(3_000_000, 0, 0, true);
+    rig.trace_memory(&[TIM5_SR], 0..0);
+    let _ = rig.keep_sending(&target, 50_000);
+    let accesses = rig.take_snapshots();
+    let clears = accesses
+        .iter()
+        .rev()
+        .find(|access| access.written.is_some());
+    let clears = clears.expect("a flag was cleared").instruction;
+    // Longer than from the battery's conversion, whichever of the next arrivals it is, to the tick.
+    for skip in 0..3 {
+        rig.stall_once(clears, skip, 250_000);
+        let _ = rig.keep_sending(&target, 200_000);
+    }
+    assert!(
+        rig.resets().is_empty() && !rig.motors_off(),
+        "{}",
+        rig.log()
+    );
+}
+
+fn with_original_image(elf: &[u8]) -> Rig {
+    let options = Options::with_eeprom(original_image());
+    Rig::with_elf(elf, options)
+}
+
+/// Set and reset registers of the ports, and both motors' enables and inputs and the servo there.
+const DRIVEN_PINS: [(u64, u64); 3] = [
+    (0x4002_0018, 0x010C),
+    (0x4002_0418, 0x0300),
+    (0x4002_0818, 0xC000),
+];
+
+/// Two seconds after READY the firmware fails on purpose while it drives: the motors go off, the log
+/// says `why`, and the watchdog restarts a robot that stands.
+fn ends_standing(rig: &Rig, why: &str) {
+    rig.assert_ready();
+    let go = normal_frame(3_000_000, 0, 0, true);
+    let ready = rig.now_us();
+    let _ = rig.keep_sending(&go, 1_500_000);
+    assert!(!rig.motors_off(), "it drives until it fails: {}", rig.log());
+    for (port, _) in DRIVEN_PINS {
+        rig.trace_writes(port);
+    }
+    // The host goes on as if nothing had happened.
+    while rig.is_ready() {
+        let _ = rig.frame(&go);
+        rig.run_us(2_000);
+        assert!(rig.now_us() - ready < 2_100_000, "nothing failed");
+    }
+    assert!(rig.motors_off(), "READY is low and the motors run");
+    assert_eq!(rig.leds(), leds(State::Faulted));
+    // Enables, inputs and servo have been set low since the last frame.
+    let since = (rig.now_us() - 3_000) * 1000;
+    let events = rig.take_events();
+    for (port, pins) in DRIVEN_PINS {
+        let low = events.iter().filter(|event| event.at_ns > since);
+        let low = low.fold(0, |low, event| match event.kind {
+            EventKind::Write { address, value } if address == port => low | value >> 16,
+            _ => low,
+        });
+        assert_eq!(low & pins, pins, "{port:#x}");
+    }
+    rig.assert_logged(why);
+    assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
+    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
+    rig.assert_ready();
+    assert!(rig.motors_off(), "after the restart it stands");
+    rig.run_us(100_000);
+    rig.assert_logged("watchdog");
+}
+
+/// Driving, with the NMI's handler as that of I2C1's errors: the emulated core has no line to its NMI.
+fn with_crystal_that_dies() -> Rig {
+    let mut elf = elf(ELF);
+    let file = object::File::parse(&*elf).expect("an ELF");
+    let vectors = file.section_by_name(".vector_table").expect("vectors");
+    let at = usize::try_from(vectors.file_range().expect("in the file").0).expect("an offset");
+    elf.copy_within(at + 4 * 2..at + 4 * 3, at + 4 * (16 + 32));
+    let rig = with_original_image(&elf);
+    rig.assert_ready();
+    rig.drive_off();
+    rig
+}
+
+// Requirement: WIRE-safe-1, WIRE-fault-1
+#[test]
+fn dead_crystal_stops_motors_and_restarts_on_hsi() {
+    let rig = with_crystal_that_dies();
+    rig.stop_crystal();
+    assert!(rig.run_until(100, 10, |_| rig.motors_off()));
+    rig.run_us(10_000);
+    assert!(!rig.is_ready());
+    // From 16 MHz, at the log's rate.
+    rig.assert_logged("crystal failed, motors off");
+    assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
+    rig.assert_ready();
+    rig.run_us(100_000);
+    assert!(rig.motors_off(), "after the restart it stands");
+    rig.assert_logged("internal oscillator");
+}
+
+/// The safe state's line is whole although the DMA was sending another one.
+// Requirement: WIRE-safe-1
+#[test]
+fn safe_state_is_reported_in_the_middle_of_a_line() {
+    let rig = with_crystal_that_dies();
+    let before = rig.uart().len();
+    let _ = rig.frame(&[0xA5; 19]);
+    assert!(rig.run_until(20_000, 10, |board| board.uart().len() > before + 8));
+    rig.stop_crystal();
+    rig.run_us(10_000);
+    let log = rig.log();
+    let ends = log.strip_suffix("\nE: crystal failed, motors off\n");
+    let line = &ends.expect(&log)[before..];
+    assert!(line.starts_with('W') && !line.contains('\n'), "{line}");
+}
+
+/// Each byte waits for the one before, at a rate at which that takes a millisecond.
+// Requirement: WIRE-safe-1
+#[test]
+fn safe_state_is_reported_at_a_slow_rate() {
+    let image = Image::FIRST_BOARD.with(fields::LOG_BAUD, 9_600);
+    let rig = Rig::configured(image.0.to_vec());
+    rig.run_us(500_000);
+    let before = rig.board.log().len();
+    rig.stop_ticks();
+    rig.run_us(70_000);
+    let ends: Vec<u64> = rig.board.log()[before..]
+        .iter()
+        .map(|sent| sent.at)
+        .collect();
+    assert_eq!(ends.len(), "\nE: no tick, motors off\n".len());
+    assert!(ends.windows(2).all(|two| two[1] - two[0] > 1_040_000));
+}
+
+/// The watchdog's key register (RM0383, 15.4.1), and the key that feeds it.
+const IWDG_KR: u64 = 0x4000_3000;
+const FEED: u64 = 0xAAAA;
+
+/// Frames and echoes wake the core, but a tick alone has the watchdog fed.
+// Requirement: WIRE-safe-2
+#[test]
+fn watchdog_is_fed_once_a_tick() {
+    let rig = Rig::driving();
+    rig.trace_writes(IWDG_KR);
+    let begin = rig.now_us();
+    let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
+    let ticks = (rig.now_us() - begin) / 10_000;
+    let fed = rig.take_events().into_iter();
+    let fed = fed.filter(|event| matches!(event.kind, EventKind::Write { value: FEED, .. }));
+    let fed = fed.count() as u64;
+    assert!(
+        (ticks..=ticks + 1).contains(&fed),
+        "{fed} times in {ticks} ticks"
+    );
+}
