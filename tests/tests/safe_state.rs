@@ -1,4 +1,4 @@
-//! The safe state: a panic, a HardFault, a missing tick, a dead crystal; and the watchdog.
+//! The safe state: a panic, a `HardFault`, a missing tick, a dead crystal; and the watchdog.
 
 use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
