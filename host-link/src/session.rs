@@ -47,8 +47,7 @@ pub struct VelocityRequest {
     pub forward_mm_s: f64,
     /// Yaw rate, degrees a second, counter-clockwise; saturates at half a turn a second.
     pub yaw_rate_deg_s: f64,
-    /// Half the width of the front rangefinder's sweep around straight ahead, degrees, up to 180; 0 looks
-    /// straight ahead.
+    /// Half the width of the front rangefinder's sweep around straight ahead, degrees, up to 180; 0: none.
     pub sweep_half_width_deg: f64,
 }
 
@@ -138,8 +137,7 @@ impl<'m> Session<'m> {
         self.io
     }
 
-    /// Transfers a frame that another process has built; the reply, and the report that it carries, if it is
-    /// a valid one, which is taken over.
+    /// Transfers a frame that another process has built; the reply, and its report where valid, which is taken over.
     ///
     /// # Errors
     /// [`Error::Spi`].

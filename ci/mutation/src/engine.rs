@@ -16,7 +16,7 @@ use crate::mutant::Mutant;
 use crate::operators::{CONSTANT, NAMES};
 use crate::suite::{BuildError, Outcome, Suite};
 use crate::switch::{Constants, FEATURES, SWITCH, marked, switch};
-use crate::workspace::{Workspace, module, near, sorted};
+use crate::workspace::{Workspace, edit, module, near, sorted};
 
 /// Fewer mutants than this are built one by one sooner than all at once.
 const FEW: usize = 8;
@@ -313,14 +313,6 @@ impl Copy {
         self.suites.insert(stage, suite);
         Ok(())
     }
-}
-
-/// Rewrites a file.
-fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<()> {
-    let shown = || file.display().to_string();
-    let text = std::fs::read_to_string(file).with_context(shown)?;
-    let text = new(&text).with_context(shown)?;
-    std::fs::write(file, text).with_context(shown)
 }
 
 /// The text of an error among the compiler's messages.

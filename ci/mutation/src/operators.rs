@@ -11,7 +11,7 @@ use syn::visit::{self, Visit};
 use syn::{Expr, Lit, ReturnType, Stmt};
 
 use crate::mutant::{Function, Mutant, Position, Span};
-use places::{Places, assigns, declares};
+use places::{Places, assigns, calls, declares, moves};
 
 /// A statement with an effect, deleted.
 pub const STATEMENT: &str = "Statement";
@@ -154,20 +154,6 @@ impl Finder<'_> {
         (self.genre, self.unit) = (LITERAL, matches!(output, ReturnType::Default));
         visit(self);
         (self.genre, self.unit) = outer;
-    }
-}
-
-fn calls(expression: &Expr) -> bool {
-    matches!(expression, Expr::Call(_) | Expr::MethodCall(_))
-}
-
-/// Whether it can be moved: not what declares, returns or has a value.
-fn moves(statement: &Stmt) -> bool {
-    match statement {
-        Stmt::Expr(expression, Some(_)) => assigns(expression) || calls(expression),
-        Stmt::Expr(Expr::If(branch), None) => branch.else_branch.is_none(),
-        Stmt::Expr(Expr::ForLoop(_) | Expr::While(_), _) => true,
-        _ => false,
     }
 }
 

@@ -135,6 +135,17 @@ fn mirror(from: &Path, target: &Path, to: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// Rewrites a file.
+///
+/// # Errors
+/// Where it cannot be read, understood or written.
+pub fn edit(file: &Path, new: impl FnOnce(&str) -> syn::Result<String>) -> Result<()> {
+    let shown = || file.display().to_string();
+    let text = std::fs::read_to_string(file).with_context(shown)?;
+    let text = new(&text).with_context(shown)?;
+    std::fs::write(file, text).with_context(shown)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -179,8 +179,7 @@ impl Robot {
         }
     }
 
-    /// Stopped: a later resume drives to the target from rest, and in the tuning modes and by velocity
-    /// nowhere until the next command.
+    /// Stopped: a later resume drives to the target from rest; by duty or velocity only the next command does.
     // Requirement: WIRE-deadline-5
     fn stop_motion(&mut self) {
         self.control.halt();

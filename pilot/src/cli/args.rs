@@ -3,6 +3,7 @@
 
 use super::board_args::BoardArgs;
 use super::measuring_args::{Calibrate, Tune};
+use super::number::{SMALLEST, number};
 use clap::{Args, Parser, Subcommand, value_parser};
 use fw_core::wire::Mode;
 use host_link::error::Exit;
@@ -11,7 +12,6 @@ use pilot::drive::ArrivalCriteria;
 use pilot::mode;
 use pilot::waypoints::{MAX_ROTATION_DEG, parse_pose};
 use std::fmt::Write;
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 /// Configures, drives and maps with the robot, real or virtual.
@@ -387,19 +387,5 @@ impl CriteriaArgs {
             tolerance_deg: self.tolerance_deg,
             timeout_s: self.timeout,
         }
-    }
-}
-
-/// Smallest tolerance, time or length.
-pub const SMALLEST: f64 = 1e-3;
-
-/// A number within a range.
-pub fn number(
-    range: RangeInclusive<f64>,
-) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
-    move |text| match text.parse::<f64>() {
-        // NaN is in no range.
-        Ok(value) if range.contains(&value) => Ok(value),
-        _ => Err(format!("accepted is {} to {}", range.start(), range.end())),
     }
 }

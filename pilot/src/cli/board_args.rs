@@ -1,7 +1,7 @@
 //! The options that choose a robot. All are global: they stand before or after the command.
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
-use super::args::number;
+use super::number::number;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, value_parser};
 use host_link::error::Error;

@@ -1,7 +1,7 @@
 //! The arguments of `tune` and `calibrate`.
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
-use super::args::number;
+use super::number::number;
 use clap::{Args, Subcommand, value_parser};
 use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run::LENGTHS_MM;

@@ -13,6 +13,7 @@ mod map;
 mod measuring_args;
 mod mode;
 mod monitor;
+mod number;
 mod output;
 mod prompt;
 mod replay;

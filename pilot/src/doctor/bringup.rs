@@ -1,12 +1,15 @@
 //! Judges what the bring-up firmware reports on the log's UART: the bare board part by part, without a
 //! configuration and without a Pi.
 
+mod lines;
+
 use super::Findings;
 use fw_core::sensing::mpu6050::IDENTITY;
 use fw_core::wire::{MAX_FRAME, test_frame};
 use host_link::board_io::BoardIo;
 use host_link::error::Error;
 use host_link::link::{SETUP_NS, transfer};
+use lines::Lines;
 use std::ops::RangeInclusive;
 
 /// Device code of the STM32F411 (RM0383, 23.6.1).
@@ -33,44 +36,6 @@ const ON_THE_BUS: [&str; 2] = ["EEPROM", "gyroscope"];
 const RANGEFINDERS: [&str; 3] = ["rangefinder front", "rangefinder right", "rangefinder left"];
 const ENCODERS: [&str; 2] = ["encoder left", "encoder right"];
 const MOTORS: [&str; 2] = ["motor left", "motor right"];
-
-/// The lines of the firmware, without what the log puts before them.
-struct Lines<'a>(Vec<&'a str>);
-
-impl<'a> Lines<'a> {
-    /// The rest of the last line that begins with `start`.
-    fn rest(&self, start: &str) -> Option<&'a str> {
-        let found = self
-            .0
-            .iter()
-            .rev()
-            .find_map(|line| line.strip_prefix(start));
-        found.map(str::trim)
-    }
-
-    /// The word that follows `key` in the last line that begins with `start`.
-    fn word(&self, start: &str, key: &str) -> Option<&'a str> {
-        let mut words = self.rest(start)?.split(' ');
-        words.find(|&word| word == key)?;
-        words.next()
-    }
-
-    /// That word as a number, hexadecimal after `0x`.
-    fn number(&self, start: &str, key: &str) -> Option<u32> {
-        let word = self.word(start, key)?;
-        match word.strip_prefix("0x") {
-            Some(digits) => u32::from_str_radix(digits, 16).ok(),
-            None => word.parse().ok(),
-        }
-    }
-
-    /// Left and right counts of a line.
-    fn counts(&self, start: &str) -> Option<[i32; 2]> {
-        let (_, counts) = self.rest(start)?.split_once("counts ")?;
-        let (left, right) = counts.split_once(' ')?;
-        Some([left.parse().ok()?, right.parse().ok()?])
-    }
-}
 
 /// Judges the firmware's lines so far.
 pub fn judge(log: &str, findings: &mut Findings) {

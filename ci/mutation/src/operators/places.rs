@@ -17,6 +17,21 @@ fn is_assignment(op: BinOp) -> bool {
     op.ends_with('=') && !["==", "!=", "<=", ">="].contains(&&*op)
 }
 
+/// Whether it is a call.
+pub(super) fn calls(expression: &Expr) -> bool {
+    matches!(expression, Expr::Call(_) | Expr::MethodCall(_))
+}
+
+/// Whether it can be moved: not what declares, returns or has a value.
+pub(super) fn moves(statement: &Stmt) -> bool {
+    match statement {
+        Stmt::Expr(expression, Some(_)) => assigns(expression) || calls(expression),
+        Stmt::Expr(Expr::If(branch), None) => branch.else_branch.is_none(),
+        Stmt::Expr(Expr::ForLoop(_) | Expr::While(_), _) => true,
+        _ => false,
+    }
+}
+
 /// Whether it declares a variable that is named elsewhere.
 pub(super) fn declares(statement: &Stmt, elsewhere: &Places) -> bool {
     let Stmt::Local(local) = statement else {
