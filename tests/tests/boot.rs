@@ -320,11 +320,11 @@ fn boot_encoder_inputs_are_filtered() {
     assert!(filters.eq([(0b0111, 0b0111); 2]));
 }
 
-/// What nobody may drive is pulled (RM0383, 8.4.4): the Pi's lines, the log's, the encoders', the switch's. The rest
-/// floats, but the debugger's pins.
+/// Lines that may have no driver get a pull (RM0383, 8.4.4): chip-select, UART, encoders and the EEPROM's switch. The
+/// others float, except for the debugger's.
 // Requirement: DOC-2.3-4
 #[test]
-fn boot_pulls_what_nobody_may_drive() {
+fn boot_pulls_lines_without_a_driver() {
     let up = |pin: u32| 1 << (2 * pin);
     let down = |pin: u32| 2 << (2 * pin);
     let debugger = [up(13) | down(14), up(4), 0];
