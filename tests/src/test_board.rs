@@ -198,6 +198,18 @@ impl Rig {
         events.filter_map(write).collect()
     }
 
+    /// What each of `registers` holds when the firmware is READY on the first board.
+    ///
+    /// # Panics
+    /// Where it does not become READY, or has not written one of them.
+    pub fn registers_after_boot<const N: usize>(registers: [u64; N]) -> [u64; N] {
+        let written = Self::written_at_boot(&registers);
+        registers.map(|register| {
+            let last = written.iter().rfind(|(address, _)| *address == register);
+            last.expect("written").1
+        })
+    }
+
     /// From here on for [`Self::take_input_changes`].
     pub fn trace_bridges(&self) {
         self.trace_writes(TIM4_EGR);
