@@ -120,8 +120,10 @@ impl Copy<'_> {
                 Ok(bound.err().map(|error| error.to_string()))
             }
             ("loop", rest) => {
-                let tests = format!("test --release --package robot-tests --test {rest}");
-                let tests = session.cargo_with_board(&tests)?;
+                let (file, test) = rest.split_once(' ').unwrap_or((rest, ""));
+                let tests = "test --release --package robot-tests --test in_the_loop";
+                let tests = session.cargo_with_board(tests)?;
+                let tests = tests.arg(format!("{file}::{test}"));
                 failures(tests.env("ROBOT_ELF", session.build_copy(&self.root)?))
             }
             (package, rest) => {

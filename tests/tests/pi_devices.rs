@@ -1,6 +1,5 @@
 //! The program as a Pi runs it: spidev, i2c-dev, GPIO character device and serial port, with the release ELF
 //! behind them in real time.
-#![cfg(target_os = "linux")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -60,8 +60,10 @@ pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let found = || installed("chromedriver") && browsers.into_iter().any(installed);
     install(session, "chromium-driver", found)?;
-    let words = "test --release --package twin --package robot-tests --test page";
-    let test = session.cargo_with_board(words)?.args(["--", "--ignored"]);
+    let words = "test --release --package twin --package robot-tests --test in_the_loop";
+    let test = session
+        .cargo_with_board(words)?
+        .args(["--", "--ignored", "page::"]);
     run(test.env("ROBOT_ELF", &session.image()?.path))
 }
 
