@@ -88,13 +88,16 @@ impl Kind {
         }
     }
 
-    /// Whether a file's first 64 KiB are of this kind.
+    /// Whether a file of which these are the first bytes, [`LONGEST_HEAD`] at most, is of this kind.
     fn holds(self, head: &[u8]) -> bool {
         let (_, starts) = self.signature();
         let begins = starts.iter().any(|start| head.starts_with(start));
         begins || self == Self::Image && is_image(head)
     }
 }
+
+/// So much of a file shows its kind: an EEPROM's image is not longer.
+const LONGEST_HEAD: u64 = LARGEST_LEN as u64 + 1;
 
 /// # Errors
 /// [`Error::Unwritable`] if what is at `path` must not be replaced.
@@ -112,7 +115,7 @@ fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
     let mut head = Vec::new();
     if kind != Kind::Any {
         File::open(path)
-            .and_then(|file| file.take(1 << 16).read_to_end(&mut head))
+            .and_then(|file| file.take(LONGEST_HEAD).read_to_end(&mut head))
             .map_err(|cause| Error::unwritable(path, &cause))?;
     }
     if !head.is_empty() && !kind.holds(&head) {
@@ -282,6 +285,39 @@ mod tests {
         check(&map, Kind::Pgm).unwrap();
         assert_eq!(fs::read(&victim).unwrap(), b"kept");
         assert_eq!(names(&here), ["map.pgm", "victim"]);
+        fs::remove_dir_all(here).unwrap();
+    }
+
+    #[test]
+    fn image_is_told_from_other_files_by_key_or_unwritten_cells() {
+        let here = scratch("image");
+        let path = here.join("image.bin");
+        let is_replaced = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            assert_eq!(read(&path, bytes.len() as u64).unwrap(), bytes);
+            assert!(read(&path, bytes.len() as u64 - 1).is_err());
+            check(&path, Kind::Image).is_ok()
+        };
+        let unwritten = |len: usize, cells: std::ops::Range<usize>| {
+            let mut bytes = vec![0; len];
+            bytes[cells].fill(0xFF);
+            bytes
+        };
+        assert!(is_replaced(&unwritten(ORIGINAL_LEN, 0xF0..0x100)));
+        for cells in [0xF1..0x100, 0xF0..0xFF] {
+            assert!(!is_replaced(&unwritten(ORIGINAL_LEN, cells)));
+        }
+        for (len, is_image) in [
+            (ORIGINAL_LEN - 1, false),
+            (ORIGINAL_LEN, true),
+            (LARGEST_LEN, true),
+            (LARGEST_LEN + 1, false),
+        ] {
+            let mut keyed = vec![0; len];
+            keyed[..KEY.len()].copy_from_slice(&KEY);
+            assert_eq!(is_replaced(&keyed), is_image, "{len}");
+            assert_eq!(is_replaced(&unwritten(len, 0xF0..0x100)), is_image, "{len}");
+        }
         fs::remove_dir_all(here).unwrap();
     }
 

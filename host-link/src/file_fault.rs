@@ -66,3 +66,23 @@ impl FileFault {
         text
     }
 }
+
+#[test]
+fn fault_shows_its_line_and_columns_up_to_160() {
+    let shown = |text: &str, span: Range<usize>| {
+        let fault = FileFault::at(text, span, "wrong");
+        (fault.line, fault.shown)
+    };
+    let line = |line: &str, columns| Some((line.to_owned(), columns));
+    assert_eq!(shown("ab cd\nef", 3..5), (Some(1), line("ab cd", 3..5)));
+    assert_eq!(shown("ab\nä cd", 6..8), (Some(2), line("ä cd", 2..4)));
+    // One column at least, and those of the first line only.
+    assert_eq!(shown("ab", 2..2), (Some(1), line("ab", 2..3)));
+    assert_eq!(shown("ab\ncd", 1..5), (Some(1), line("ab", 1..2)));
+    let long = "x".repeat(200);
+    assert_eq!(
+        shown(&long, 159..160),
+        (Some(1), line(&long[..160], 159..160))
+    );
+    assert_eq!(shown(&long, 159..161), (Some(1), None));
+}

@@ -283,6 +283,19 @@ mod tests {
     }
 
     #[test]
+    fn numbers_beyond_what_the_stm_writes_are_no_lines() {
+        let is_read = |body: &str| content(body).is_some();
+        for (tap, good) in [(0, false), (1, true), (8, true), (9, false)] {
+            assert_eq!(
+                is_read(&format!("tuned tap {tap}: upper resistor 1 ohm")),
+                good
+            );
+        }
+        assert!(is_read("T 0.00 -123456789012.345") && !is_read("T 0.00 1234567890123.345"));
+        assert!(is_read("T 100.00 0.000") && !is_read("T 100.01 0.000"));
+    }
+
+    #[test]
     fn endless_line_takes_no_memory() {
         let mut parser = LogParser::default();
         for _ in 0..1000 {

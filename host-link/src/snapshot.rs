@@ -187,6 +187,11 @@ mod tests {
         assert_eq!(snapshot.state, Some("faulted"));
         assert!(snapshot.obstacle_limited && !snapshot.clipped);
         snapshot.kind = Mode::default();
+        for state in (0..=u8::MAX).filter_map(State::from_code) {
+            snapshot.state = Some(state.name());
+            let json = serde_json::to_string(&snapshot).unwrap();
+            assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
+        }
         let json = serde_json::to_string(&snapshot).unwrap();
         assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
     }

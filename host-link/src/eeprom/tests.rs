@@ -65,6 +65,41 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     assert!(matches!(outcome, Err(Error::Verify { address: at, .. }) if at == address));
 }
 
+#[test]
+fn transaction_without_an_answer_ends_in_time() {
+    for (fails_from, doing, end_us) in [
+        (0, "writing", 10_000),
+        (1, "waiting for a write cycle's end", 20_000),
+    ] {
+        let (board, mut io) = mock_board(&BLANK, Some(IoFault::BusesFail(fails_from)));
+        (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
+        let outcome = chip::write_burst(&mut io, 0, &[1]);
+        let Err(Error::Eeprom { doing: found, .. }) = outcome else {
+            panic!("{outcome:?}");
+        };
+        assert_eq!((found, board.borrow().now_us), (doing, end_us));
+    }
+    // Once or twice is tried again, a write cycle later.
+    let (board, mut io) = mock_board(&BLANK, Some(IoFault::FailOnce(0)));
+    (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
+    chip::write_burst(&mut io, 0, &[1]).unwrap();
+    assert_eq!(board.borrow().now_us, 5_000 + 3_000);
+    // A whole image in as few transactions as its bursts of 256 bytes.
+    let before = board.borrow().calls;
+    chip::read(&mut io, 0, &mut [0; 0x400]).unwrap();
+    assert_eq!(board.borrow().calls - before, 4);
+}
+
+#[test]
+fn hex_has_sixteen_bytes_a_line_and_no_unwritten_line() {
+    assert_eq!(image::hex(&BLANK), "blank: every cell reads 0xFF\n");
+    let mut some = BLANK;
+    (some.0[0x1F], some.0[0x3F0]) = (0x0A, 0xFE);
+    let blank = " FF".repeat(15);
+    let expected = format!("0010 {blank} 0A\n03F0  FE{blank}\n");
+    assert_eq!(image::hex(&some), expected);
+}
+
 // Requirement: DOC-6-6
 #[test]
 fn lines_left_elsewhere_are_idle_after_read_or_repair() {

@@ -157,6 +157,68 @@ fn second_without_valid_reply_is_silence() {
     assert!(last.contains("key"), "{last}");
 }
 
+// Requirement: WIRE-rejected-4
+#[test]
+fn ten_replies_without_a_valid_one_are_another_mode() {
+    for valid in [0, 1] {
+        let (board, mut io) = mock_board(&image(2), None);
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        assert!(session.check_answered(1).is_ok());
+        board.borrow_mut().garbled_from = valid;
+        let request = CommandRequest::default();
+        let first = (0..valid).map(|_| session.exchange(&request)).last();
+        assert!(first.is_none_or(|reply| reply.unwrap().is_some()));
+        for _ in 1..MODE_CHECK_FRAMES {
+            assert_eq!(session.exchange(&request), Ok(None));
+        }
+        let tenth = session.exchange(&request);
+        let is_mismatch = matches!(tenth, Err(Error::ModeMismatch { frames: 10, .. }));
+        assert_eq!(is_mismatch, valid == 0, "{tenth:?}");
+    }
+}
+
+#[test]
+fn rate_is_kept_when_the_configuration_is_read_again() {
+    for (rate_hz, period_us) in [(0, 1_000_000), (1, 1_000_000), (40, 25_000), (3, 333_333)] {
+        let (board, mut io) = mock_board(&image(2), None);
+        let config = crate::settings::decode(&image(2)).unwrap();
+        let mut session = Session::with_config(&mut io, config, rate_hz);
+        for _ in 0..2 {
+            session.exchange(&CommandRequest::default()).unwrap();
+            let begun_us = board.borrow().now_us;
+            session.exchange(&CommandRequest::default()).unwrap();
+            assert_eq!(board.borrow().now_us - begun_us, period_us, "{rate_hz} Hz");
+            session = session.reread();
+        }
+    }
+}
+
+#[test]
+fn relayed_frame_is_counted_and_its_report_taken_over() {
+    let (board, mut io) = mock_board(&image(2), None);
+    board.borrow_mut().report.pose.x = 1_234_000;
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let mut frame = [0; fw_core::wire::MAX_FRAME];
+    let mut client = fw_core::wire::PiLink::new(session.config().link_setup());
+    let len = client.send(&Command::default(), &mut frame);
+    for frames in 1..=2 {
+        let (reply, report) = session.relay(&frame[..len]).unwrap();
+        assert_eq!(client.receive(&reply).ok(), report);
+        assert_eq!(session.statistics().frames, frames);
+        assert_eq!(session.snapshot().pose.map(|pose| pose.x_mm), Some(1234.0));
+    }
+}
+
+#[test]
+fn stop_sends_ten_frames_that_brake() {
+    let image = image(2).with(fields::MODE, Mode::GuardedNormal.code().into());
+    let (board, mut io) = mock_board(&image, None);
+    Session::open(&mut io, RATE_HZ, 100).unwrap().stop();
+    let board = board.borrow();
+    let orders: Vec<_> = board.commands.iter().map(|command| command.order).collect();
+    assert_eq!(orders, [Order::Stop; 10]);
+}
+
 // Requirement: WIRE-status-2, WIRE-deadline-4
 #[test]
 fn resume_clears_the_lost_link_alone() {
