@@ -4,6 +4,19 @@
 //! as large as the whole pose controller. Nothing that runs every tick divides 64 bits, so one bit a
 //! turn is fast enough.
 
+/// A binary digit of a division by `d`, and the rest after it: `next`, 0 or 1, is the dividend's digit
+/// behind the `rest` so far, which is below `d` and below 2⁶³. 2·`rest` + `next` = `d`·digit + rest after it.
+#[inline]
+pub const fn digit(rest: u64, next: u64, d: u64) -> (u64, u64) {
+    let rest = (rest << 1) | next;
+    if rest >= d {
+        // Wraps for no input: `proofs` shows that the digit is exact.
+        (1, rest.wrapping_sub(d))
+    } else {
+        (0, rest)
+    }
+}
+
 /// `(n / d, n % d)`; by zero `(u64::MAX, n)`.
 #[inline(never)]
 pub const fn div_rem(n: u64, d: u64) -> (u64, u64) {
@@ -11,13 +24,10 @@ pub const fn div_rem(n: u64, d: u64) -> (u64, u64) {
     let mut rest = 0_u64;
     let mut bit = 0;
     while bit < 64 {
-        // As many bits of `n` as turns, so far: none leaves it.
-        rest = (rest << 1) | (quotient >> 63);
-        quotient <<= 1;
-        if rest >= d {
-            rest -= d;
-            quotient |= 1;
-        }
+        // The rest has as many bits of `n` as turns, so far: it is below 2⁶³.
+        let one;
+        (one, rest) = digit(rest, quotient >> 63, d);
+        quotient = (quotient << 1) | one;
         bit += 1;
     }
     (quotient, if d == 0 { n } else { rest })

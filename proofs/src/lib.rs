@@ -35,6 +35,7 @@ pub mod property;
 pub mod input;
 
 pub mod binary64;
+pub mod divide;
 pub mod eeprom;
 pub mod log;
 pub mod motion;
@@ -57,6 +58,7 @@ pub const PROPERTIES: &[&[Property]] = &[
     wire::sequence::PROPERTIES,
     wire::codes::PROPERTIES,
     binary64::PROPERTIES,
+    divide::PROPERTIES,
     eeprom::image::PROPERTIES,
     eeprom::checksum::PROPERTIES,
     eeprom::contract::PROPERTIES,

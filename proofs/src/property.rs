@@ -120,7 +120,7 @@ macro_rules! properties {
         $($crate::property_parts! { $name $inputs $body })*
 
         /// The properties of this area.
-        pub const PROPERTIES: &[$crate::property::Property] =
+        pub(crate) const PROPERTIES: &[$crate::property::Property] =
             &[$($crate::property_entry! { $kind $number $name $inputs $body }),*];
     };
 }

@@ -24,7 +24,7 @@ mod slip;
 use fixed::types::{I16F16, I32F32};
 
 use super::trig::{Reduced, nearest, plus, split, upper};
-use crate::divide::div_rem;
+use crate::divide::{digit, div_rem};
 use crate::eeprom::{self, Config};
 use crate::types::{Delta, Millimetres, Pose, Turns};
 
@@ -68,15 +68,13 @@ fn fraction(n: u64, d: u64) -> u64 {
     let mut quotient = 0u64;
     let mut bit = 0;
     while bit < 64 {
-        rest <<= 1;
-        quotient <<= 1;
-        if rest >= d {
-            rest -= d;
-            quotient |= 1;
-        }
+        let one;
+        (one, rest) = digit(rest, 0, d);
+        quotient = (quotient << 1) | one;
         bit += 1;
     }
-    quotient.wrapping_add(u64::from(2 * rest >= d))
+    let (half, _) = digit(rest, 0, d);
+    quotient.wrapping_add(half)
 }
 
 impl Wheel {
@@ -110,9 +108,7 @@ pub struct Odometry {
     half_travel_per_turn: i64,
     /// 2⁻⁶⁴ turns, plus [`ROUNDING`].
     heading: i64,
-    /// 2⁻⁴⁰ mm, within ±[`MAX_POSITION`].
-    x: i64,
-    y: i64,
+    position: Position,
 }
 
 impl Odometry {
@@ -126,8 +122,7 @@ impl Odometry {
             right_counter: right,
             half_travel_per_turn: (PI >> 2) as i64 / 1000 * i64::from(config.track().0),
             heading: ROUNDING,
-            x: 0,
-            y: 0,
+            position: Position { x: 0, y: 0 },
         }
     }
 
@@ -160,6 +155,41 @@ impl Odometry {
             .left
             .half
             .times(n_left, self.right.half.times(n_right, 0));
+        self.position.advance(path, middle, turn);
+
+        Delta {
+            left: n_left,
+            right: n_right,
+            travel: I16F16::from_bits(narrow(path)),
+            turn,
+        }
+    }
+
+    /// Position to the nearest 2⁻³² mm, heading to the nearest 2⁻³² turns.
+    pub const fn pose(&self) -> Pose {
+        let Position { x, y } = self.position;
+        Pose {
+            x: Millimetres(I32F32::from_bits((x >> 8) + ((x >> 7) & 1))),
+            y: Millimetres(I32F32::from_bits((y >> 8) + ((y >> 7) & 1))),
+            heading: Turns((self.heading.wrapping_add((1 << 31) - ROUNDING) >> 32) as u32),
+        }
+    }
+}
+
+/// The axle's centre, 2⁻⁴⁰ mm, both within ±[`MAX_POSITION`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Position {
+    /// Ahead at the start.
+    pub x: i64,
+    /// To the left at the start.
+    pub y: i64,
+}
+
+impl Position {
+    /// Moves it along an arc: `path` long, 2⁻⁴² mm, its chord in the direction `middle`, 2⁻⁶⁴ turns of
+    /// which the upper 34 bits count, bent by `turn`, 2⁻³² turns. Safe for any arc.
+    #[inline]
+    pub fn advance(&mut self, path: i64, middle: i64, turn: i32) {
         let direction = Reduced::of(middle as u64);
         let short = shortening(turn);
         let (low, high) = split(path);
@@ -178,22 +208,6 @@ impl Odometry {
         } else {
             (x, y)
         };
-
-        Delta {
-            left: n_left,
-            right: n_right,
-            travel: I16F16::from_bits(narrow(path)),
-            turn,
-        }
-    }
-
-    /// Position to the nearest 2⁻³² mm, heading to the nearest 2⁻³² turns.
-    pub const fn pose(&self) -> Pose {
-        Pose {
-            x: Millimetres(I32F32::from_bits((self.x >> 8) + ((self.x >> 7) & 1))),
-            y: Millimetres(I32F32::from_bits((self.y >> 8) + ((self.y >> 7) & 1))),
-            heading: Turns((self.heading.wrapping_add((1 << 31) - ROUNDING) >> 32) as u32),
-        }
     }
 }
 
@@ -213,7 +227,7 @@ const fn component(low: i32, high: i32, cosine: i64, short: i32) -> i64 {
 
 /// Range of the position: ±4.19 km, twice the wire's. A step is shorter than half of it, so no sum
 /// overflows.
-const MAX_POSITION: i64 = (1 << 62) - 1;
+pub const MAX_POSITION: i64 = (1 << 62) - 1;
 
 /// Whether a position is out of range.
 const fn out_of_range(position: i64) -> bool {

@@ -3,11 +3,11 @@
 //! Imports no other module of the crate.
 
 mod faults;
-mod motion;
+mod movement;
 mod units;
 
 pub use faults::{Fault, Faults};
-pub use motion::{Delta, HeadingCorrection, MotorCommand, MotorCommands, Pose, Velocity};
+pub use movement::{Delta, HeadingCorrection, MotorCommand, MotorCommands, Pose, Velocity};
 pub use units::{Duty, Micrometres, Micros, Millimetres, Milliseconds, Ohms, Turns, Volts};
 
 /// A rangefinder, in the order of the frame.

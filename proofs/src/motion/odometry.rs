@@ -3,6 +3,7 @@
 use fw_core::eeprom::Wheel;
 use fw_core::eeprom::fields::{ENCODER_LEFT_REVERSED, ENCODER_RIGHT_REVERSED};
 use fw_core::motion::Odometry;
+use fw_core::motion::odometry::{MAX_POSITION, Position};
 
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
@@ -129,6 +130,44 @@ pub fn step_is_the_exact_arc(values: AcceptedConfig, heading: u16, left: i16, ri
         .case(2, psi.abs() > 0.3)
 }
 
+/// Every accepted platform has its factors without overflow, and starts at the origin.
+pub fn any_platform_starts_at_the_origin(values: AcceptedConfig, left: u32, right: u16) -> Seen {
+    given!(let (true, config) = values.checked());
+    let pose = Odometry::new(&config, left, right).pose();
+    assert!(pose.x.0 == 0 && pose.y.0 == 0 && pose.heading == Turns(0));
+    seen!(config.left().diameter.0 >= 80_000)
+}
+
+fn in_range(position: Position) -> bool {
+    let range = !MAX_POSITION..=MAX_POSITION;
+    range.contains(&position.x) && range.contains(&position.y)
+}
+
+/// No arc overflows anything, from any position, with any length, direction and bend, and its end is in the
+/// range again: so it is in every tick of every platform, as what comes before it in a tick wraps on purpose.
+pub fn any_arc_is_safe(from: (i64, i64), path: i64, middle: i64, turn: i32) -> Seen {
+    let (x, y) = from;
+    let mut position = Position { x, y };
+    given!(in_range(position));
+    position.advance(path, middle, turn);
+    assert!(in_range(position));
+    seen!(
+        position.x == MAX_POSITION,
+        position.y < y - MAX_POSITION / 4
+    )
+}
+
+/// No path that a slipping wheel did not roll overflows the position, in any direction, or takes it out of its
+/// range: half of 32 768 counts of either wheel, each at most 2⁴⁶ · 2⁻⁴² mm, is the longest.
+pub fn any_loss_is_safe(from: (i64, i64), lost: i64, heading: Turns) -> Seen {
+    let (x, y) = from;
+    let mut position = Position { x, y };
+    given!(in_range(position) && (-1 << 60..=1 << 60).contains(&lost));
+    position.take_back(lost, heading);
+    assert!(in_range(position));
+    seen!(position.x == MAX_POSITION, position.y > y)
+}
+
 /// No counters overflow anything on an accepted platform.
 pub fn any_counters_are_safe(values: AcceptedConfig, counters: [(u32, u16); 8], ticks: u8) -> Seen {
     given!(let (true, config) = values.checked());
@@ -142,6 +181,24 @@ pub fn any_counters_are_safe(values: AcceptedConfig, counters: [(u32, u16); 8], 
 }
 
 crate::properties! {
+    theorem T5 any_platform_starts_at_the_origin(values: AcceptedConfig, left: u32, right: u16) {
+        cases ["a wheel of 80 mm or more"];
+        needs [accepted_configuration_is_bounded];
+        kani any_encoder [unwind(80)] = (AcceptedConfig::of_any(|field| field.address == 0x0302), any(), any());
+        kani any_diameters [unwind(80)] = (AcceptedConfig::of_any(|field| matches!(field.address, 0x0304 | 0x0308)), any(), any());
+        kani any_track [unwind(80)] = (AcceptedConfig::of_any(|field| field.address == 0x030C), any(), any());
+        sampled 10_000;
+    }
+    theorem T5 any_arc_is_safe(from: (i64, i64), path: i64, middle: i64, turn: i32) {
+        cases ["held at the end of the range", "a long way back"];
+        kani proof [unwind(4)];
+        sampled 1_000_000;
+    }
+    theorem T5 any_loss_is_safe(from: (i64, i64), lost: i64, heading: Turns) {
+        cases ["held at the end of the range", "to the left"];
+        kani proof [unwind(4)];
+        sampled 1_000_000;
+    }
     property T6 heading_never_drifts(values: AcceptedConfig, left: u32, right: u16, path: Path, scale: u8) {
         cases ["both wheels turned", "the left counter wrapped", "the right counter wrapped"];
         needs [accepted_configuration_is_bounded];
@@ -161,7 +218,6 @@ crate::properties! {
         cases ["far ahead", "far behind"];
         needs [accepted_configuration_is_bounded];
         kani on_first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), 1);
-        kani any_diameters [unwind(80)] = (AcceptedConfig::of_any(|field| matches!(field.address, 0x0304 | 0x0308)), any(), 1);
         sampled 100_000;
     }
 }

@@ -1,6 +1,6 @@
 //! Correction of heading and position for a slipping wheel.
 
-use super::{Odometry, ROUNDING, saturated};
+use super::{Odometry, Position, ROUNDING, saturated};
 use crate::motion::trig::sin_cos;
 use crate::types::{Delta, HeadingCorrection, Turns};
 
@@ -28,6 +28,13 @@ impl Odometry {
             return;
         }
         let heading = Turns((self.heading.wrapping_sub(ROUNDING) >> 32) as u32);
+        self.position.take_back(lost, heading);
+    }
+}
+
+impl Position {
+    /// Takes back a path `lost` in the direction `heading`, 2⁻⁴⁰ mm, at most 2⁶⁰.
+    pub fn take_back(&mut self, lost: i64, heading: Turns) {
         let (sine, cosine) = sin_cos(heading);
         self.x = saturated(self.x - scale(lost << 1, cosine));
         self.y = saturated(self.y - scale(lost << 1, sine));
@@ -93,8 +100,8 @@ mod tests {
         for (tick, lost) in [(i32::MAX, half), (i32::MIN, half), (0, 0)] {
             let mut odometry = start.clone();
             odometry.apply_slip(HeadingCorrection { tick, heading: 0 }, &rolled);
-            assert_eq!(odometry.y, start.y);
-            let back = start.x - odometry.x;
+            assert_eq!(odometry.position.y, start.position.y);
+            let back = start.position.x - odometry.position.x;
             assert!((back - lost).abs() <= lost / 1000, "{back} {lost}");
         }
     }

@@ -68,8 +68,8 @@ impl Pair {
     /// Distance between the two positions, µm.
     fn error(&self) -> f64 {
         let mm = |ours: i64| ours as f64 * 2f64.powi(-40);
-        let x = self.exact.x.less(mm(self.odometry.x));
-        let y = self.exact.y.less(mm(self.odometry.y));
+        let x = self.exact.x.less(mm(self.odometry.position.x));
+        let y = self.exact.y.less(mm(self.odometry.position.y));
         x.hypot(y) * 1000.0
     }
 
@@ -277,7 +277,7 @@ fn step_direction_is_the_nearest_of_34_bits() {
         odometry.right.turn = PerCount::new(0);
         odometry.heading += (part * 2f64.powi(30)) as i64;
         let _ = odometry.step(30_000, 30_000);
-        let slope = odometry.y as f64 / odometry.x as f64;
+        let slope = odometry.position.y as f64 / odometry.position.x as f64;
         let turned = slope / std::f64::consts::TAU * 2f64.powi(34);
         assert!((turned - nearest).abs() < 0.02, "{part}: {turned}");
     }
@@ -288,8 +288,8 @@ fn pose_is_rounded_to_nearest() {
     let mut odometry = Odometry::new(&first_board(), 0, 0);
     for whole in [-3_i64, -1, 0, 1, 1 << 40] {
         for (part, up) in [(0, 0), (1, 0), (127, 0), (128, 1), (129, 1), (255, 1)] {
-            odometry.x = whole * 256 + part;
-            odometry.y = -whole * 256 + part;
+            odometry.position.x = whole * 256 + part;
+            odometry.position.y = -whole * 256 + part;
             let pose = odometry.pose();
             assert_eq!(pose.x.0.to_bits(), whole + up, "{whole} {part}");
             assert_eq!(pose.y.0.to_bits(), -whole + up, "{whole} {part}");
