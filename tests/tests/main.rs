@@ -1,7 +1,8 @@
 //! The firmware in the loop: what would be flashed, on the virtual board, with the Pi's library and program.
 //!
 //! One program for all of them: it is linked once, and long and short tests of different files share the
-//! cores.
+//! cores. `cargo xtask test --only loop` runs it; where no test of the file runs `robot`, one file alone by
+//! `ROBOT_ELF=$PWD/target/elf/fw-pac.elf cargo test --release -p twin -p robot-tests --test in_the_loop frames::`.
 
 mod boot;
 mod bringup;
