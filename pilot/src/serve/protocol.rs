@@ -352,6 +352,34 @@ mod tests {
         }
     }
 
+    // Requirement: SERVE-client-1
+    #[test]
+    fn request_at_an_end_of_its_range_is_taken_as_it_is() {
+        let parse = |line: &str| Request::parse(line.as_bytes());
+        for (lease, lease_ms) in [
+            ("", 1000),
+            (r#","lease_ms":100"#, 100),
+            (r#","lease_ms":5000"#, 5000),
+        ] {
+            let drive = Request::Drive {
+                forward_mm_s: 1000.0,
+                yaw_rate_deg_s: -180.0,
+                lease_ms,
+            };
+            let line = r#"{"do":"drive","forward_mm_s":1000,"yaw_rate_deg_s":-180"#;
+            assert_eq!(parse(&format!("{line}{lease}}}")), Ok(drive));
+            let explore = Request::Explore { lease_ms };
+            assert_eq!(parse(&format!(r#"{{"do":"explore"{lease}}}"#)), Ok(explore));
+        }
+        for (count, accepted) in [(40, true), (41, false)] {
+            let name = "n".repeat(count);
+            let hello = parse(&format!(r#"{{"do":"hello","version":1,"name":"{name}"}}"#));
+            assert_eq!(hello.is_ok(), accepted);
+            let watch = parse(&format!(r#"{{"do":"watch","every":{}}}"#, count + 360));
+            assert_eq!(watch.is_ok(), accepted);
+        }
+    }
+
     proptest! {
         // Requirement: SERVE-client-1
         #[test]
