@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn position_that_jumps_ten_metres_four_times_is_another_chain() {
-        for (step_um, jumps, is_other) in
+        for (step_m, jumps, is_other) in
             [(10, 3, false), (10, 4, true), (-10, 4, true), (9, 9, false)]
         {
             let mut mode_check = ModeCheck::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
@@ -183,13 +183,13 @@ mod tests {
                 .map(|frame| {
                     let mut report = Report::default();
                     report.cell.cell = u8::try_from(frame % 2).unwrap();
-                    report.pose.x = frame.min(jumps) * step_um * 1_000_000;
+                    report.pose.x = frame.min(jumps) * step_m * 1_000_000;
                     mode_check.update(&report)
                 })
                 .collect();
-            let far = Err(format!("positions {step_um} m apart from frame to frame"));
+            let far = Err(format!("positions {step_m} m apart from frame to frame"));
             let expected = if is_other { far } else { Ok(()) };
-            assert_eq!(outcomes[3], expected, "{jumps} of {step_um} m");
+            assert_eq!(outcomes[3], expected, "{jumps} of {step_m} m");
             assert_eq!(outcomes[..3], [const { Ok(()) }; 3]);
         }
     }

@@ -192,8 +192,6 @@ mod tests {
             let json = serde_json::to_string(&snapshot).unwrap();
             assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
         }
-        let json = serde_json::to_string(&snapshot).unwrap();
-        assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
     }
 
     // Requirement: WIRE-gyro-1

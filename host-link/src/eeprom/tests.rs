@@ -79,12 +79,12 @@ fn transaction_without_an_answer_ends_in_time() {
         };
         assert_eq!((found, board.borrow().now_us), (doing, end_us));
     }
-    // Once or twice is tried again, a write cycle later.
+    // What fails once is tried again, a write cycle later.
     let (board, mut io) = mock_board(&BLANK, Some(IoFault::FailOnce(0)));
     (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
     chip::write_burst(&mut io, 0, &[1]).unwrap();
     assert_eq!(board.borrow().now_us, 5_000 + 3_000);
-    // A whole image in as few transactions as its bursts of 256 bytes.
+    // A whole image is read in four transactions of 256 bytes.
     let before = board.borrow().calls;
     chip::read(&mut io, 0, &mut [0; 0x400]).unwrap();
     assert_eq!(board.borrow().calls - before, 4);
