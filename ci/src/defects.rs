@@ -121,8 +121,7 @@ impl Copy<'_> {
             }
             ("loop", rest) => {
                 let (file, test) = rest.split_once(' ').unwrap_or((rest, ""));
-                let tests = "test --release --package robot-tests --test in_the_loop";
-                let tests = session.cargo_with_board(tests)?;
+                let tests = session.cargo_on_host("test --release --test in_the_loop")?;
                 let tests = tests.arg(format!("{file}::{test}"));
                 failures(tests.env("ROBOT_ELF", session.build_copy(&self.root)?))
             }

@@ -11,9 +11,11 @@ use crate::process;
 use crate::session::Session;
 use crate::toolchain::{TARGET, apt_install};
 
-fn robot_tests<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
-    let words = format!("run --release --package robot-tests --bin {program}");
-    Ok(session.cargo_with_board(&words)?.arg("--").arg("--elf"))
+/// A program that takes the release ELF.
+fn on_elf<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
+    let program = session.build_program(program)?;
+    let elf = &session.image()?.path;
+    Ok(cmd!(session.sh, "{program} --elf {elf}"))
 }
 
 /// Explores the default room, with `more` arguments of the demo program; returns the folder it leaves.
@@ -23,22 +25,21 @@ pub fn demo(session: &Session, more: &[String]) -> Result<PathBuf> {
     // The report of an earlier run must not pass for this one's.
     session.sh.remove_path(out.join("report.json"))?;
     session.sh.create_dir(&out)?;
-    let demo = robot_tests(session, "demo")?.arg(&session.image()?.path);
-    demo.arg("--out").arg(&out).args(more).run()?;
+    let demo = on_elf(session, "demo")?.arg("--out").arg(&out);
+    demo.args(more).run()?;
     Ok(out)
 }
 
 /// Explores generated rooms, with `more` arguments of the bench.
 pub fn explore_bench(session: &Session, more: &[String]) -> Result<()> {
-    let bench = robot_tests(session, "explore-bench")?.arg(&session.image()?.path);
     let out = session.target.join("explore-bench");
-    Ok(bench.arg("--out").arg(out).args(more).run()?)
+    let bench = on_elf(session, "explore-bench")?.arg("--out").arg(out);
+    Ok(bench.args(more).run()?)
 }
 
 /// Injects faults into the driving robot, with `more` arguments of the campaign.
 pub fn campaign(session: &Session, more: &[String]) -> Result<()> {
-    let campaign = robot_tests(session, "campaign")?.arg(&session.image()?.path);
-    Ok(campaign.args(more).run()?)
+    Ok(on_elf(session, "campaign")?.args(more).run()?)
 }
 
 /// Measures the release ELF, and the reference codec of `tests/bench` beside it, with `more` arguments of
@@ -47,18 +48,10 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
     let reference = bench_on_core(session, "reference-codec")?;
     let out = session.target.join("figures.json");
     session.sh.remove_path(&out)?;
-    let figures = robot_tests(session, "figures")?.arg(&session.image()?.path);
-    let figures = figures.arg("--out").arg(&out).arg("--reference");
+    let figures = on_elf(session, "figures")?.arg("--out").arg(&out);
+    let figures = figures.arg("--reference");
     figures.arg(reference).args(more).run()?;
     Ok(out)
-}
-
-/// Builds the Pi's program with the virtual board; returns its path.
-pub fn build_pilot(session: &Session) -> Result<PathBuf> {
-    // Together with the tests, which name the features: the emulator is built once.
-    let build = "build --quiet --release --package pilot --package robot-tests --bin robot";
-    session.cargo_with_board(build)?.quiet().run()?;
-    Ok(session.target.join("release/robot"))
 }
 
 /// A Pi's processor.
@@ -127,7 +120,7 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
 /// Runs the Pi's program on the virtual board; `arguments` are its own, files in them are relative to
 /// the current folder. Returns its exit code.
 pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
-    let mut program = Command::new(build_pilot(session)?);
+    let mut program = Command::new(session.build_program("robot")?);
     program.args(arguments).args(["--virtual", "--elf"]);
     program.arg(&session.image()?.path);
     let names_image = |word: &String| word.starts_with("--eeprom-image");
@@ -168,8 +161,8 @@ pub fn bench(session: &Session) -> Result<()> {
     let lines = session.target.join("bench/on-host.txt");
     let sh = &session.sh;
     sh.write_file(&lines, bench_on_host(session, "on-host")?)?;
-    let bench = robot_tests(session, "bench")?.arg(elf);
-    Ok(bench.arg("--host").arg(lines).run()?)
+    let bench = session.build_program("bench")?;
+    Ok(cmd!(sh, "{bench} --elf {elf} --host {lines}").run()?)
 }
 
 /// What the core's arithmetic comes to on the host and on QEMU's Cortex-M4. Its STM32F405 has the firmware's

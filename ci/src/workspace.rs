@@ -77,6 +77,20 @@ impl Workspace {
         Ok(self.cargo(words).args(ignore))
     }
 
+    /// [`Self::cargo_with_board`] on all that runs on a computer without a sanitizer. Whatever is built or
+    /// tested of it, dependencies get the same features and are built once.
+    pub fn cargo_on_host(&self, words: &str) -> Result<Cmd<'_>> {
+        let packages = "--workspace --exclude fw-pac --exclude robot-fuzz";
+        self.cargo_with_board(&format!("{words} {packages}"))
+    }
+
+    /// Builds a program that runs on a computer; returns its path.
+    pub fn build_program(&self, name: &str) -> Result<PathBuf> {
+        let build = format!("build --quiet --release --bin {name}");
+        self.cargo_on_host(&build)?.run()?;
+        Ok(self.target.join("release").join(name))
+    }
+
     /// rustup, which waits long where there is no network.
     pub fn rustup(&self, words: &str) -> Cmd<'_> {
         let rustup = cmd!(self.sh, "timeout 300 rustup");

@@ -171,7 +171,8 @@ impl Board {
     /// # Errors
     /// When the emulation has ended.
     pub fn try_run_ns(&self, ns: u64) -> Result<(), EmulationEnded> {
-        self.emulator.run_until(|now| now + ns)
+        self.emulator
+            .run_until(move |stopped| stopped.now + ns, |_| ())
     }
 
     /// Lets virtual time pass, microseconds.
@@ -332,13 +333,13 @@ impl Board {
     /// # Errors
     /// When the emulation has ended.
     pub fn try_spi_steps(&self, steps: Vec<SpiStep>) -> Result<Vec<bool>, EmulationEnded> {
-        let ends = self.try_stopped(move |stopped| {
+        let play = move |stopped: &mut StoppedBoard<'_>| {
             let now = stopped.now;
-            stopped.mcu().board.spi.play(now, steps)
-        })?;
-        // One nanosecond on, so the last step is carried out.
-        self.emulator.run_until(|_| ends + 1)?;
-        self.try_stopped(|stopped| stopped.mcu().board.spi.take_miso())
+            // One nanosecond on, so the last step is carried out.
+            stopped.mcu().board.spi.play(now, steps) + 1
+        };
+        let take = |stopped: &mut StoppedBoard<'_>| stopped.mcu().board.spi.take_miso();
+        self.emulator.run_until(play, take)
     }
 
     /// Like [`Board::try_spi_steps`].

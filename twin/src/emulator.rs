@@ -17,7 +17,7 @@ use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::trace::{Event, EventKind, Snapshot};
+use crate::trace::{Event, EventKind, Snapshot, Stall};
 use crate::virtual_board::{McuOnBoard, VirtualBoard};
 
 /// The board between two runs, for work on it.
@@ -65,17 +65,6 @@ pub struct Tracer {
     pub stall: Option<Stall>,
 }
 
-/// A standstill of the core.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stall {
-    /// The instruction before which the core stands still.
-    pub address: u64,
-    /// Arrivals before that.
-    pub skip: u64,
-    /// For how many nanoseconds; 0 once it is over.
-    pub ns: u64,
-}
-
 impl Tracer {
     /// How long the core stands still on its arrival at `address`, nanoseconds.
     fn stall_ns(&mut self, address: u64) -> Option<u64> {
@@ -104,11 +93,12 @@ impl Tracer {
     }
 }
 
-type Work = Box<dyn FnOnce(&mut StoppedBoard<'_>) + Send>;
+type Work<T> = Box<dyn FnOnce(&mut StoppedBoard<'_>) -> T + Send>;
 
 enum Command {
-    Do(Work),
-    RunUntil(u64),
+    Do(Work<()>),
+    /// Runs until the instant that the work returns.
+    RunUntil(Work<u64>),
 }
 
 /// The emulation has ended, and why: a model failed, or a debugger ended the run.
@@ -198,17 +188,20 @@ impl Driver<VirtualBoard> for EmulatorDriver {
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
         self.stops.send(stop.at.0).ok()?;
+        let mut stopped = StoppedBoard {
+            session,
+            host,
+            now: stop.at.0,
+            instructions: stop.instruction_count,
+            tracer: &mut self.tracer,
+        };
         loop {
             match self.commands.recv().ok()? {
-                Command::Do(work) => work(&mut StoppedBoard {
-                    session,
-                    host,
-                    now: stop.at.0,
-                    instructions: stop.instruction_count,
-                    tracer: &mut self.tracer,
-                }),
-                Command::RunUntil(until) if until > stop.at.0 => return Some(VirtualNanos(until)),
-                Command::RunUntil(_) => self.stops.send(stop.at.0).ok()?,
+                Command::Do(work) => work(&mut stopped),
+                Command::RunUntil(work) => match work(&mut stopped) {
+                    until if until > stop.at.0 => return Some(VirtualNanos(until)),
+                    _ => self.stops.send(stop.at.0).ok()?,
+                },
             }
         }
     }
@@ -314,22 +307,27 @@ impl Emulator {
         work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
     ) -> Result<T, EmulationEnded> {
         self.with_handle(|handle| {
-            let (answer, answered) = channel();
-            handle.send(Command::Do(Box::new(move |stopped| {
-                let _ = answer.send(work(stopped));
-            })))?;
+            let answered = handle.send_work(work)?;
             answered.recv().map_err(|_| handle.end())
         })
     }
 
-    /// Runs until `until(now)`, nanoseconds of virtual time.
+    /// Runs until the instant that `before` returns, nanoseconds of virtual time, and returns what `after`
+    /// does. The other thread is waited for once: that takes longer than many a run.
     ///
     /// # Errors
     /// When the emulation has ended.
-    pub fn run_until(&self, until: impl FnOnce(u64) -> u64) -> Result<(), EmulationEnded> {
+    pub fn run_until<T: Send + 'static>(
+        &self,
+        before: impl FnOnce(&mut StoppedBoard<'_>) -> u64 + Send + 'static,
+        after: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
+    ) -> Result<T, EmulationEnded> {
         self.with_handle(|handle| {
-            handle.send(Command::RunUntil(until(handle.now)))?;
-            handle.wait_for_stop()
+            handle.send(Command::RunUntil(Box::new(before)))?;
+            let answered = handle.send_work(after)?;
+            let answer = answered.recv().map_err(|_| handle.end())?;
+            handle.wait_for_stop()?;
+            Ok(answer)
         })
     }
 
@@ -348,6 +346,18 @@ impl Handle {
         sent.unwrap_or(false)
             .then_some(())
             .ok_or_else(|| self.end())
+    }
+
+    /// Lets the other thread do `work`; where its result will come.
+    fn send_work<T: Send + 'static>(
+        &mut self,
+        work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
+    ) -> Result<Receiver<T>, EmulationEnded> {
+        let (answer, answered) = channel();
+        self.send(Command::Do(Box::new(move |stopped| {
+            let _ = answer.send(work(stopped));
+        })))?;
+        Ok(answered)
     }
 
     fn wait_for_stop(&mut self) -> Result<(), EmulationEnded> {

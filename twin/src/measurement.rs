@@ -6,8 +6,7 @@ use rigless::emulator::Watch;
 use rigless::soc::Width;
 
 use crate::board::Board;
-use crate::emulator::Stall;
-use crate::trace::{Event, Function, Snapshot, TraceError, TracedFunction, functions};
+use crate::trace::{Event, Function, Snapshot, Stall, TraceError, TracedFunction, functions};
 
 #[expect(
     clippy::missing_panics_doc,

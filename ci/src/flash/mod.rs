@@ -99,11 +99,7 @@ impl Drop for Server {
 /// Starts the virtual board with nothing in its flash (what runs then came through the debugger) and its
 /// core held; its program, its log and its debug server's address.
 fn start_virtual_board(session: &Session) -> Result<(Server, Lines, String)> {
-    // With the tests' features of its dependencies, so that the emulator is built once.
-    let build = "build --release --package twin --package robot-tests --bin virtual-board";
-    session.cargo_with_board(build)?.run()?;
-    let program = session.target.join("release/virtual-board");
-    let mut board = Command::new(program);
+    let mut board = Command::new(session.build_program("virtual-board")?);
     board.args(["--gdb", "127.0.0.1:0"]).stdin(Stdio::null());
     let mut server = Server(board.stdout(Stdio::piped()).spawn()?);
     let log = Lines::read(server.0.stdout.take().context("virtual-board: no output")?);

@@ -1,5 +1,6 @@
 //! The gates: what a change must pass, in order, with a table at the end.
 
+mod beside;
 mod firmware;
 mod modules;
 mod proofs;
@@ -13,6 +14,7 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde_json::Value;
 
+use self::beside::Beside;
 use crate::budget::Budget;
 use crate::error::{Failure, Kind, Result, bail, fail};
 use crate::kani;
@@ -53,10 +55,10 @@ const GATES: [Gate; 36] = [
     ("docs", Change, source::docs),
     ("unit", Quick, tests::unit),
     ("floors", Quick, proofs::floors),
-    ("msrv", Change, source::msrv),
     ("firmware", Quick, firmware::budget),
     ("elf", Quick, firmware::contents),
     ("stack", Quick, firmware::stack),
+    ("msrv", Change, source::msrv),
     ("reproducible", Change, firmware::reproducible),
     ("defects", Change, proofs::defects),
     ("mutants", Change, proofs::mutants_of_the_change),
@@ -114,32 +116,53 @@ struct Row(&'static str, &'static str, String);
 /// Runs the gates of these commands, or the chosen ones; `quick` prints the slow ones as skipped.
 /// Prints the table; returns whether none failed.
 pub fn run(session: &Session, choice: &Choice, of: &[When], quick: bool) -> bool {
-    let mut rows = Vec::new();
-    for (name, when, run) in GATES {
-        let chosen = choice.only.iter().any(|only| only == name);
-        if !chosen && (!choice.only.is_empty() || !of.contains(&when)) {
+    let all = choice.only.is_empty();
+    let is_beside = |name| all && !quick && of.contains(&Change) && beside::GATES.contains(&name);
+    let (mut rows, mut other) = (Vec::new(), None);
+    for (name, when, gate) in GATES {
+        let named = choice.only.iter().any(|only| only == name);
+        let runs = if all { of.contains(&when) } else { named };
+        if !runs {
+            continue;
+        }
+        if is_beside(name) {
+            other.get_or_insert_with(|| Beside::start(session));
             continue;
         }
         let start = Instant::now();
-        let outcome = if chosen || !quick || when == Quick {
+        let outcome = if named || !quick || when == Quick {
             println!("\n== {name}");
-            run(session)
+            gate(session)
         } else {
             fail(Kind::Skipped, "left out by --quick")
         };
-        let (result, figure) = match outcome {
-            Ok(figure) => (PASSED, figure),
-            Err(error) => match error.downcast_ref() {
-                Some(Failure(Kind::MissingProgram | Kind::Skipped, why)) => (SKIPPED, why.clone()),
-                _ => (FAILED, format!("{error:#}")),
-            },
-        };
-        let seconds = start.elapsed().as_secs_f64();
-        let figure = one_line(&figure);
-        println!("{name}: {result}: {figure}");
-        rows.push(Row(name, result, format!("{seconds:>7.1}  {figure}")));
+        rows.push(row(name, outcome, start.elapsed().as_secs_f64()));
+    }
+    if let Some(other) = other {
+        rows.extend(other.and_then(Beside::finish).unwrap_or_default());
+        for name in beside::GATES {
+            if rows.iter().all(|row| row.0 != name) {
+                let none = "the process beside this one came to no result".to_owned();
+                rows.push(Row(name, FAILED, none));
+            }
+        }
+        rows.sort_by_key(|row| GATES.iter().position(|gate| gate.0 == row.0));
     }
     summarise(&rows, choice)
+}
+
+/// Prints what a gate came to; its row of the table.
+fn row(name: &'static str, outcome: Result<String>, seconds: f64) -> Row {
+    let (result, figure) = match outcome {
+        Ok(figure) => (PASSED, figure),
+        Err(error) => match error.downcast_ref() {
+            Some(Failure(Kind::MissingProgram | Kind::Skipped, why)) => (SKIPPED, why.clone()),
+            _ => (FAILED, format!("{error:#}")),
+        },
+    };
+    let figure = one_line(&figure);
+    println!("{name}: {result}: {figure}");
+    Row(name, result, format!("{seconds:>7.1}  {figure}"))
 }
 
 /// Prints the table and, last, the line that sums it up; returns whether no gate failed, and none was

@@ -16,13 +16,18 @@ use crate::session::Session;
 use crate::toolchain::{apt_install, in_rustlib};
 
 pub fn unit(session: &Session) -> Result<String> {
-    run(session.cargo("test --release --no-fail-fast"))
+    run(session.cargo_on_host("test --release --no-fail-fast")?)
+}
+
+/// The tests with the firmware in the loop.
+fn with_firmware(session: &Session) -> Result<Cmd<'_>> {
+    let tests = session.cargo_on_host("test --release --test in_the_loop")?;
+    Ok(tests.env("ROBOT_ELF", &session.image()?.path))
 }
 
 pub fn in_the_loop(session: &Session) -> Result<String> {
-    let tests = session.cargo_with_board("test --release --package twin --package robot-tests")?;
-    let tests = tests.env("ROBOT_ELF", &session.image()?.path);
-    let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
+    let tests = with_firmware(session)?;
+    let tests = tests.env("ROBOT_PROGRAM", session.build_program("robot")?);
     let tests = tests.env("ROBOT_ELF_BRINGUP", session.build(BRINGUP)?.path);
     let failing = |features| session.build(Program("fw-pac", features));
     let tests = tests.env("ROBOT_ELF_PANIC", failing("test-panic")?.path);
@@ -42,7 +47,7 @@ pub fn by_python(session: &Session, script: &str) -> Result<String> {
         let missing = "cannot be installed by python3 -m venv and pip";
         return fail(Kind::Skipped, format!("{} {missing}", packages.display()));
     }
-    let (program, elf) = (programs::build_pilot(session)?, &session.image()?.path);
+    let (program, elf) = (session.build_program("robot")?, &session.image()?.path);
     Ok(cmd!(sh, "{python} {script} {program} {elf} {folder}").read()?)
 }
 
@@ -60,11 +65,7 @@ pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let found = || installed("chromedriver") && browsers.into_iter().any(installed);
     install(session, "chromium-driver", found)?;
-    let words = "test --release --package twin --package robot-tests --test in_the_loop";
-    let test = session
-        .cargo_with_board(words)?
-        .args(["--", "--ignored", "page::"]);
-    run(test.env("ROBOT_ELF", &session.image()?.path))
+    run(with_firmware(session)?.args(["--", "--ignored", "page::"]))
 }
 
 /// The core's arithmetic on another emulator of its processor, to the bit as on the host.

@@ -55,6 +55,17 @@ pub struct Event {
     pub instructions: u64,
 }
 
+/// A standstill of the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stall {
+    /// The instruction before which the core stands still.
+    pub address: u64,
+    /// Arrivals before that.
+    pub skip: u64,
+    /// For how many nanoseconds; 0 once it is over.
+    pub ns: u64,
+}
+
 /// Memory at an access of the firmware to a register.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snapshot {

@@ -1,0 +1,73 @@
+//! Gates that keep one core busy, run by another process beside the gates that follow.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::process::{Child, Command};
+
+use super::{FAILED, PASSED, Row, SKIPPED};
+use crate::error::Result;
+use crate::session::Session;
+
+/// They only read what the gates before them built, or build in folders of their own.
+pub const GATES: [&str; 8] = [
+    "msrv",
+    "reproducible",
+    "qemu",
+    "demo",
+    "tour",
+    "figures",
+    "kani",
+    "supply",
+];
+
+/// The other process.
+pub struct Beside {
+    process: Child,
+    output: PathBuf,
+}
+
+impl Beside {
+    /// Starts it with this command's own arguments.
+    pub fn start(session: &Session) -> Result<Self> {
+        let output = session.target.join("beside.txt");
+        let file = File::create(&output)?;
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(std::env::args_os().skip(1));
+        command.args(["--only", &GATES.join(",")]);
+        command.stdout(file.try_clone()?).stderr(file);
+        let process = command.spawn()?;
+        println!("\n{} run beside what follows", GATES.join(", "));
+        Ok(Self { process, output })
+    }
+
+    /// Waits for its end and prints what it printed; its rows.
+    pub fn finish(mut self) -> Result<Vec<Row>> {
+        self.process.wait()?;
+        let text = String::from_utf8_lossy(&std::fs::read(self.output)?).into_owned();
+        let (printed, table) = text.rsplit_once("\ngate ").unwrap_or((&text, ""));
+        println!("{printed}");
+        Ok(table.lines().filter_map(row).collect())
+    }
+}
+
+/// A line of the table as [`super::summarise`] prints it.
+fn row(line: &str) -> Option<Row> {
+    let (name, rest) = line.split_once(' ')?;
+    let (result, figure) = rest.trim_start().split_once(' ')?;
+    let name = GATES.into_iter().find(|gate| *gate == name)?;
+    let results = [PASSED, FAILED, SKIPPED].into_iter();
+    let result = { results }.find(|known| *known == result)?;
+    Some(Row(name, result, figure.trim_start().to_owned()))
+}
+
+#[test]
+fn row_of_the_table_is_read_and_nothing_else() {
+    let line = "demo          passed      41.4  13 bars; map 0.94";
+    let Row(name, result, figure) = row(line).unwrap();
+    assert_eq!(
+        (name, result, &*figure),
+        ("demo", PASSED, "41.4  13 bars; map 0.94")
+    );
+    assert!(row("7 passed, 1 failed, 0 skipped").is_none());
+    assert!(row("loop          passed      41.4  a gate of the other process").is_none());
+}
