@@ -205,6 +205,20 @@ mod tests {
             refused("header.frame_id = \"base_link\"", goal("base_link"));
         }
         assert_eq!(commands.keep(now + Duration::from_secs(1)), None);
+        for (x, yaw, good) in [(-1.0, PI, true), (1.001, 0.0, false), (0.0, -3.15, false)] {
+            assert_eq!(commands.velocity(1, &twist(x, yaw), now).is_ok(), good);
+        }
+        for (x, length, good) in [
+            (0.009, 0.991, true),
+            (-0.011, 1.0, false),
+            (0.0, 0.989, false),
+            (0.0, 1.011, false),
+        ] {
+            let mut tilted = goal("map");
+            let turn = &mut tilted.pose.orientation;
+            (turn.x, turn.z, turn.w) = (x, 0.0, length);
+            assert_eq!(commands.goal(&tilted, now).is_ok(), good, "{x} {length}");
+        }
     }
 
     // Requirement: SERVE-ros2-2
@@ -259,6 +273,12 @@ mod tests {
         assert_eq!(commands.keep(at(900)), None);
         commands.goal(&goal("map"), at(0)).unwrap();
         commands.velocity(1, &twist(0.1, 0.0), at(10)).unwrap();
+        assert_eq!(commands.keep(at(900)), None);
+        // A goal takes the place of who drives; a stop that of both.
+        commands.goal(&goal("map"), at(20)).unwrap();
+        commands.velocity(2, &twist(0.1, 0.0), at(30)).unwrap();
+        commands.goal(&goal("map"), at(40)).unwrap();
+        commands.stop(true);
         assert_eq!(commands.keep(at(900)), None);
     }
 }

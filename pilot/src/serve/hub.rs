@@ -33,8 +33,9 @@ pub struct Client {
     pub every: Option<u32>,
     /// Tiles of the map that it has got.
     pub tiles: usize,
-    queue: SyncSender<Arc<str>>,
+    // Dropped before the queue, whose end wakes the reader: it finds out why.
     answered: SyncSender<()>,
+    queue: SyncSender<Arc<str>>,
 }
 
 impl Client {
@@ -100,8 +101,8 @@ impl Port {
             name,
             every,
             tiles,
-            queue,
             answered,
+            queue,
         };
         let _ = self.hub.events.send(Event::Joined(client));
         (messages, answers)

@@ -162,3 +162,12 @@ impl Server {
         self.reply(id, &Ok(()));
     }
 }
+
+#[test]
+fn log_of_a_loan_keeps_the_newest_bytes() {
+    let mut loan = Loan::default();
+    loan.keep_log(&vec![1; MAX_LOG]);
+    loan.keep_log(&[2; 3]);
+    assert_eq!((loan.log.len(), loan.log[0]), (MAX_LOG, 1));
+    assert_eq!(loan.log[MAX_LOG - 4..], [1, 2, 2, 2]);
+}

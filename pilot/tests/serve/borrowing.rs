@@ -1,0 +1,128 @@
+//! The robot in the hands of a client.
+
+use super::*;
+
+/// Drives a borrowed robot for some frames, or until it is taken back.
+fn drive_borrowed(borrowed: &Borrowed, frames: usize) -> Result<(), Error> {
+    let mut io = borrowed.io(Interrupt::new());
+    let mut session = Session::open(&mut io, 40, 100)?;
+    let velocity = VelocityRequest {
+        forward_mm_s: 100.0,
+        ..VelocityRequest::default()
+    };
+    let request = CommandRequest {
+        velocity: Some(velocity),
+        ..CommandRequest::default()
+    };
+    (0..frames).try_for_each(|_| session.exchange(&request).map(drop))
+}
+
+// Requirement: SERVE-borrow-1, SERVE-drive-1, SERVE-drive-2
+#[test]
+fn borrowed_robot_is_watched_and_stopped_for_each() {
+    for vanishes in [false, true] {
+        let commands = serve(Some(1.0), |hub| {
+            let mut watcher = join(hub, "watcher");
+            let borrowed = Borrowed::new(join(hub, "tour")).unwrap();
+            let refused = watcher.request(&Request::Borrow).unwrap_err();
+            assert!(refused.to_string().contains("tour drives"), "{refused}");
+            let call = Call::Reset(false);
+            for request in [Request::Board { call }, Request::Return] {
+                assert!(watcher.request(&request).is_err(), "{request:?}");
+            }
+            drive_borrowed(&borrowed, 12).unwrap();
+            let seen = watcher.status().unwrap();
+            assert_eq!(seen.activity, Activity::Command);
+            assert!(seen.robot.link.accepted >= 8, "{:?}", seen.robot.link);
+            if vanishes {
+                drop(borrowed);
+                while watcher.status().unwrap().activity != Activity::Idle {}
+                return;
+            }
+            watcher.request(&Request::Stop).unwrap();
+            assert!(drive_borrowed(&borrowed, 1000).is_err());
+            let why = borrowed.give_back().unwrap_err().to_string();
+            assert_eq!(why, "stopped by watcher");
+            watcher.request(&drive(0.0, 500)).unwrap();
+        });
+        let (frames, speeds) = stops(&commands);
+        assert!(frames <= 4 && speeds == [100_000], "{frames}, {speeds:?}");
+    }
+}
+
+// Requirement: SERVE-borrow-1
+#[test]
+fn eeprom_write_of_a_vanished_borrower_is_undone() {
+    let path = std::env::temp_dir().join(format!("robot-lent-{}", std::process::id()));
+    let journal = Journal::new(&path);
+    let written = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedNormal.code().into());
+    let board = serve_on(None, Some(journal.clone()), None, |hub| {
+        let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
+        let mut io = borrowed.io(Interrupt::new());
+        let mut watcher = join(hub, "watcher");
+        let mut mode_of_frames = |io: &mut BoardIo| {
+            let mut session = Session::open(io, 40, 100).unwrap();
+            for _ in 0..8 {
+                session.exchange(&CommandRequest::default()).unwrap();
+            }
+            watcher.status().unwrap().robot.mode
+        };
+        assert_eq!(mode_of_frames(&mut io), Mode::GuardedVelocity.name());
+        let done = eeprom::program(&mut io, &written, 100, Some(&journal), |_| ()).unwrap();
+        assert!(done.bytes > 0);
+        // Those who watch see the new one, too.
+        assert_eq!(mode_of_frames(&mut io), Mode::GuardedNormal.name());
+        drop(io);
+        borrowed.give_back().unwrap();
+        let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
+        let mut io = borrowed.io(Interrupt::new());
+        journal.begin(&written).unwrap();
+        io.set_select(true).unwrap();
+        io.delay.delay_ms(1);
+        io.set_protect(false).unwrap();
+        io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
+        drop((io, borrowed));
+        let mut watcher = join(hub, "watcher");
+        while watcher.status().unwrap().robot.mode != Mode::GuardedNormal.name()
+            || journal.unfinished()
+        {}
+    });
+    let board = board.borrow();
+    assert!(board.memory == written && board.protected && !board.selected);
+    assert!(!path.exists());
+}
+
+// Requirement: SERVE-borrow-1
+#[test]
+fn robot_that_is_not_ready_is_reset_after_a_vanished_borrower_only() {
+    let journal = Journal::new(std::env::temp_dir().join("robot-not-ready"));
+    for vanishes in [false, true] {
+        let board = serve_on(None, Some(journal.clone()), None, |hub| {
+            let mut watcher = join(hub, "watcher");
+            let borrowed = Borrowed::new(join(hub, "borrower")).unwrap();
+            let mut io = borrowed.io(Interrupt::new());
+            io.set_select(true).unwrap();
+            io.delay.delay_ms(1);
+            io.set_protect(false).unwrap();
+            io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
+            drop(io);
+            let ended = if vanishes {
+                drop(borrowed);
+                Ok(())
+            } else {
+                borrowed.give_back()
+            };
+            ended.unwrap();
+            let why = loop {
+                if let Some(error) = watcher.status().unwrap().error {
+                    break error;
+                }
+            };
+            assert!(why.contains("READY"), "{why}");
+            let refused = watcher.request(&drive(100.0, 500)).unwrap_err();
+            assert_eq!(refused.to_string(), why);
+            assert_eq!(watcher.status().unwrap().driver, None);
+        });
+        assert_eq!(board.borrow().resets, usize::from(vanishes));
+    }
+}

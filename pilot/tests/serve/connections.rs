@@ -1,0 +1,179 @@
+//! Clients that come, stay silent, are refused or dropped.
+
+use super::*;
+
+// Requirement: SERVE-client-2
+#[test]
+fn reader_that_does_not_read_is_dropped() {
+    serve(None, |hub| {
+        let (mut slow, mut other) = (join(hub, "slow"), join(hub, "other"));
+        slow.request(&Request::Watch { every: 1 }).unwrap();
+        while other.status().unwrap().clients > 1 {}
+        let mut messages = 0;
+        let error = loop {
+            match slow.message() {
+                Ok(message) => messages += usize::from(message.is_some()),
+                Err(error) => break error,
+            }
+        };
+        assert!(matches!(error, Error::Server { .. }));
+        // As many as the queue holds, but for replies, and those that came before it was full.
+        assert!((500..5000).contains(&messages), "{messages}");
+    });
+}
+
+// Requirement: SERVE-client-2
+#[test]
+fn hub_admits_a_bounded_number_of_clients() {
+    let (hub, _events) = Hub::new();
+    let mut ports: Vec<_> = (0..MAX_CLIENTS).map(|_| hub.admit().unwrap()).collect();
+    assert!(hub.admit().is_none());
+    ports.pop();
+    assert!(hub.admit().is_some());
+}
+
+/// What a client gets that sends these bytes, and whether the connection has ended.
+fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
+    let (hub, _events) = Hub::new();
+    let (mut client, server) = UnixStream::pair().unwrap();
+    let thread = thread::spawn(move || {
+        listener::serve(&Lines(server), &hub.admit().unwrap(), token);
+    });
+    // The server may refuse before everything is sent.
+    let _ = client.write_all(bytes);
+    let mut text = String::new();
+    let _ = client.read_to_string(&mut text);
+    thread.join().unwrap();
+    text
+}
+
+// Requirement: SERVE-client-1, SERVE-client-3
+#[test]
+fn connection_without_a_valid_hello_gets_a_refusal() {
+    let hello = |token: &str| {
+        let hello = Request::Hello {
+            version: 1,
+            name: "a".into(),
+            token: token.into(),
+        };
+        [serde_json::to_vec(&hello).unwrap(), b"\n".to_vec()].concat()
+    };
+    for (bytes, token, reason) in [
+        (b"\x00\xFF{}\n".to_vec(), None, "expected"),
+        (
+            b"{\"do\":\"stop\"}\n".to_vec(),
+            None,
+            "the first message is `hello`",
+        ),
+        (vec![b'['; MAX_LINE + 8192], None, "at most 16384 bytes"),
+        (
+            hello("0123456789abcdef"),
+            Some("0123456789abcdeF"),
+            "the token is wrong",
+        ),
+        (hello(""), Some("0123456789abcdef"), "the token is wrong"),
+    ] {
+        let text = answer(&bytes, token);
+        assert!(text.contains(reason) && text.lines().count() == 1, "{text}");
+    }
+}
+
+// Requirement: SERVE-client-2
+#[test]
+fn idle_connection_of_a_dropped_client_ends() {
+    let (hub, events) = Hub::new();
+    let (mut client, server) = UnixStream::pair().unwrap();
+    let thread = thread::spawn(move || {
+        listener::serve(&Lines(server), &hub.admit().unwrap(), None);
+    });
+    let hello = br#"{"do":"hello","version":1,"name":"a"}"#;
+    client.write_all(&[hello, &b"\n"[..]].concat()).unwrap();
+    let Event::Joined(joined) = events.recv().unwrap() else {
+        panic!("no client");
+    };
+    assert!(joined.send(&"reply".into()));
+    joined.answered();
+    // Its reader waits for a request by now.
+    thread::sleep(Duration::from_millis(50));
+    drop(joined);
+    let mut text = String::new();
+    client.read_to_string(&mut text).unwrap();
+    assert!(text.starts_with("reply\n"), "{text}");
+    assert!(text.contains("the server has ended"), "{text}");
+    thread.join().unwrap();
+}
+
+// Requirement: SERVE-client-3
+#[test]
+fn robot_is_not_lent_over_a_network() {
+    serve(None, |hub| {
+        let (client, server) = UnixStream::pair().unwrap();
+        let port = hub.admit().unwrap();
+        let token = "0123456789abcdef";
+        let thread = thread::spawn(move || listener::serve(&Lines(server), &port, Some(token)));
+        let hello = Request::Hello {
+            version: 1,
+            name: "a".into(),
+            token: token.into(),
+        };
+        let mut answers = BufReader::new(&client).lines();
+        for (request, refused) in [(hello, false), (Request::Borrow, true)] {
+            let request = serde_json::to_string(&request).unwrap() + "\n";
+            (&client).write_all(request.as_bytes()).unwrap();
+            let answer = answers.next().unwrap().unwrap();
+            let reason = answer.contains("over its Unix socket only");
+            assert_eq!(reason, refused, "{answer}");
+        }
+        client.shutdown(Shutdown::Both).unwrap();
+        thread.join().unwrap();
+    });
+}
+
+// Requirement: SERVE-client-3
+#[test]
+fn socket_is_for_owner_and_group_and_takes_no_other_files_place() {
+    let (hub, _events) = Hub::new();
+    let path = std::env::temp_dir().join(format!("robot-socket-{}", std::process::id()));
+    fs::write(&path, "notes").unwrap();
+    assert!(matches!(
+        listener::unix(&path, &hub),
+        Err(Error::Unwritable { .. })
+    ));
+    assert_eq!(fs::read_to_string(&path).unwrap(), "notes");
+    fs::remove_file(&path).unwrap();
+    // What a killed server leaves is replaced.
+    drop(UnixListener::bind(&path).unwrap());
+    let socket = listener::unix(&path, &hub).unwrap_or_else(|why| panic!("{why}"));
+    assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o660);
+    drop(socket);
+    assert!(!path.exists());
+}
+
+// Requirement: SERVE-client-2
+#[test]
+fn socket_client_that_does_not_read_loses_its_place() {
+    serve(None, |hub| {
+        let path = std::env::temp_dir().join(format!("robot-stalled-{}", std::process::id()));
+        let _socket = listener::unix(&path, hub);
+        let mut client = UnixStream::connect(&path).unwrap();
+        let hello = br#"{"do":"hello","version":1,"name":"a"}"#;
+        let watch = br#"{"do":"watch","every":1}"#;
+        client
+            .write_all(&[&hello[..], watch, b""].join(&b'\n'))
+            .unwrap();
+        // It watches.
+        let mut answers = BufReader::new(&client).lines();
+        while !answers.next().unwrap().unwrap().contains("map") {}
+        assert_eq!(free_places(hub), MAX_CLIENTS - 1);
+        let ends = Instant::now() + Duration::from_secs(10);
+        while free_places(hub) < MAX_CLIENTS {
+            assert!(Instant::now() < ends);
+            thread::sleep(Duration::from_millis(50));
+        }
+    });
+}
+
+fn free_places(hub: &Hub) -> usize {
+    let ports: Vec<_> = (0..MAX_CLIENTS).map_while(|_| hub.admit()).collect();
+    ports.len()
+}

@@ -1,0 +1,110 @@
+//! The control loop and its clients on a board in memory.
+
+mod borrowing;
+mod connections;
+mod driving;
+
+use fw_core::eeprom::{Image, fields};
+use fw_core::types::Faults;
+use fw_core::wire::{Command, Mode, Order, State};
+use host_link::board_io::{BoardIo, Interrupt};
+use host_link::eeprom::{self, journal::Journal};
+use host_link::error::Error;
+use host_link::mock_board::{OnCommand, Shared, mock_board};
+use host_link::session::{CommandRequest, Session, VelocityRequest};
+use pilot::borrowed::Borrowed;
+use pilot::client::Client;
+use pilot::gamepad::Gamepad;
+use pilot::serve::board::Call;
+use pilot::serve::control::{self, Options};
+use pilot::serve::hub::{Event, Hub, MAX_CLIENTS};
+use pilot::serve::listener::{self, Lines};
+use pilot::serve::protocol::{Activity, MAX_LINE, Message, Request};
+use pilot::teleop::{self, DeadMan, Key, Shown};
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::Shutdown;
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::MetadataExt;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Serves a board in Guarded Velocity while the scenario runs; every command that the board got.
+fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command> {
+    let board = serve_on(speed, None, None, scenario);
+    std::mem::take(&mut board.borrow_mut().commands)
+}
+
+/// The same with the journal of the server, and with what the robot does at each command; the board.
+fn serve_on(
+    speed: Option<f64>,
+    journal: Option<Journal>,
+    on_command: Option<OnCommand>,
+    scenario: impl FnOnce(&Hub) + Send,
+) -> Shared {
+    let (hub, events) = Hub::new();
+    let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+    let (board, mut io) = mock_board(&image, None);
+    board.borrow_mut().on_command = on_command;
+    let end = io.interrupt.raised_on_drop();
+    let options = Options {
+        rate_hz: 40,
+        ready_timeout_ms: 100,
+        speed,
+        journal,
+    };
+    thread::scope(|scope| {
+        let scenario = scope.spawn(move || {
+            let _end = end;
+            scenario(&hub);
+        });
+        control::run(&mut io, &options, events).unwrap();
+        scenario.join().unwrap();
+    });
+    board
+}
+
+const EXPLORE: Request = Request::Explore { lease_ms: 2000 };
+
+fn join(hub: &Hub, name: &str) -> Client {
+    Client::local(hub.admit().unwrap(), name).unwrap()
+}
+
+fn drive(forward_mm_s: f64, lease_ms: u32) -> Request {
+    Request::Drive {
+        forward_mm_s,
+        yaw_rate_deg_s: 0.0,
+        lease_ms,
+    }
+}
+
+fn time_us(client: &mut Client) -> u64 {
+    client.status().unwrap().robot.time_us
+}
+
+/// Waits until the client's motion has ended; why it ended.
+fn end_of_motion(client: &mut Client) -> String {
+    loop {
+        if let Some(Message::Done { error, .. }) = client.message().unwrap() {
+            return error.map_or_else(String::new, |error| error.text);
+        }
+    }
+}
+
+/// Frames from the last one that drives until the stop order, and the speeds of those that drove.
+fn stops(commands: &[Command]) -> (usize, Vec<i32>) {
+    let mut speeds: Vec<_> = commands
+        .iter()
+        .map(|command| command.velocity.forward)
+        .collect();
+    let last = speeds.iter().rposition(|&speed| speed != 0).unwrap();
+    let stop = commands[last..]
+        .iter()
+        .position(|command| command.order == Order::Stop);
+    speeds.retain(|&speed| speed != 0);
+    speeds.dedup();
+    (stop.unwrap(), speeds)
+}
