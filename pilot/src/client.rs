@@ -203,3 +203,25 @@ impl View {
         tiles::grid(&self.tiles, self.cell_mm.max(1.0))
     }
 }
+
+// Requirement: SERVE-map-1
+#[test]
+fn view_takes_tiles_within_reach_until_the_map_begins_again() {
+    let mut view = View::default();
+    let new_map = Message::Map { cell_mm: 25.0 };
+    view.take(&new_map);
+    let none = view.grid().columns();
+    let tile = |column| Tile {
+        column,
+        row: 0,
+        cells: "#".repeat(1024),
+    };
+    let tiles = vec![tile(FARTHEST_TILE + 1), tile(-FARTHEST_TILE - 1)];
+    view.take(&Message::Tiles { tiles });
+    assert_eq!(view.grid().columns(), none);
+    let tiles = vec![tile(FARTHEST_TILE)];
+    view.take(&Message::Tiles { tiles });
+    assert!(view.grid().columns() > none);
+    view.take(&new_map);
+    assert_eq!(view.grid().columns(), none);
+}
