@@ -168,9 +168,10 @@ fn motion_of_the_driver_replaces_its_last_one() {
         while driver.status().unwrap().activity != Activity::Drive {}
         let asked_us = time_us(&mut driver);
         driver.request(&EXPLORE).unwrap();
-        while driver.status().unwrap().activity != Activity::Explore {}
-        // The lease of the first was for 5 s.
-        assert!(time_us(&mut driver) < asked_us + 1_000_000);
+        while driver.status().unwrap().activity != Activity::Explore {
+            // The lease of the first was for 5 s.
+            assert!(time_us(&mut driver) < asked_us + 1_000_000);
+        }
         driver.request(&Request::Stop).unwrap();
         while !end_of_motion(&mut driver).contains("stopped by driver") {}
         join(hub, "other").request(&drive(0.0, 500)).unwrap();
