@@ -144,7 +144,10 @@ fn fault_ends_a_velocity_until_it_is_cleared() {
         };
         assert!(is_faulted(&mut client));
         client.request(&Request::ClearFaults).unwrap();
-        while is_faulted(&mut client) {}
+        let asked_us = time_us(&mut client);
+        while is_faulted(&mut client) {
+            assert!(time_us(&mut client) < asked_us + 1_000_000);
+        }
     });
     let commands = std::mem::take(&mut board.borrow_mut().commands);
     let (frames, speeds) = stops(&commands);
