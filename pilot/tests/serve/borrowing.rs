@@ -94,7 +94,7 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
 
 // Requirement: SERVE-borrow-1
 #[test]
-fn robot_that_is_not_ready_is_reset_after_a_vanished_borrower_only() {
+fn unready_robot_is_reset_after_vanished_borrower_only() {
     let journal = Journal::new(std::env::temp_dir().join("robot-not-ready"));
     for vanishes in [false, true] {
         let board = serve_on(None, Some(journal.clone()), None, |hub| {
