@@ -95,7 +95,8 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
 // Requirement: SERVE-borrow-1
 #[test]
 fn unready_robot_is_reset_after_vanished_borrower_only() {
-    let journal = Journal::new(std::env::temp_dir().join("robot-not-ready"));
+    let journal =
+        Journal::new(std::env::temp_dir().join(format!("robot-unready-{}", std::process::id())));
     for vanishes in [false, true] {
         let board = serve_on(None, Some(journal.clone()), None, |hub| {
             let mut watcher = join(hub, "watcher");

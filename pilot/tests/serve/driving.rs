@@ -188,7 +188,7 @@ fn teleop_stops_by_its_key_and_where_its_terminal_hangs() {
         (false, "stopped by teleop"),
         (true, "the lease of teleop has ended"),
     ] {
-        serve(Some(1.0), |hub| {
+        let commands = serve(Some(1.0), |hub| {
             let mut client = join(hub, "teleop");
             let (mut drives, mut ended) = (false, String::new());
             let turn = |shown: Shown<'_>| {
@@ -214,6 +214,11 @@ fn teleop_stops_by_its_key_and_where_its_terminal_hangs() {
             teleop::run(&mut client, &Interrupt::new(), dead_man, turn).unwrap();
             assert!(ended.contains(expected), "{ended}");
         });
+        // For less than 750 ms, by the lease of 400 ms.
+        let driven = commands
+            .iter()
+            .filter(|command| command.velocity.forward != 0);
+        assert!(driven.count() <= 30);
     }
 }
 
