@@ -125,6 +125,24 @@ fn stop_ends_the_motion_that_waits_for_the_next_frame() {
 }
 
 #[test]
+fn velocity_and_plans_are_refused_in_a_mode_without_velocity() {
+    serve_on(Mode::GuardedNormal, Some(1.0), None, None, |hub| {
+        let mut client = join(hub, "client");
+        let goto = Request::Goto {
+            x_mm: 1000.0,
+            y_mm: 0.0,
+            rotation_deg: None,
+            lease_ms: 5000,
+        };
+        for request in [drive(100.0, 5000), goto, EXPLORE] {
+            let refused = client.request(&request).unwrap_err().to_string();
+            assert!(refused.contains("velocity to drive at"), "{refused}");
+            assert_eq!(client.status().unwrap().driver, None);
+        }
+    });
+}
+
+#[test]
 fn fault_ends_a_velocity_until_it_is_cleared() {
     let stalls: OnCommand = Box::new(|command, report| {
         if command.velocity.forward != 0 {
@@ -133,22 +151,28 @@ fn fault_ends_a_velocity_until_it_is_cleared() {
             (report.state, report.faults) = (State::Ready, Faults::NONE);
         }
     });
-    let board = serve_on(Some(1.0), None, Some(stalls), |hub| {
-        let mut client = join(hub, "client");
-        client.request(&drive(100.0, 5000)).unwrap();
-        let why = end_of_motion(&mut client);
-        assert!(why.contains("left-stalled"), "{why}");
-        let is_faulted = |client: &mut Client| {
-            let state = client.status().unwrap().robot.state;
-            state == Some(State::Faulted.name())
-        };
-        assert!(is_faulted(&mut client));
-        client.request(&Request::ClearFaults).unwrap();
-        let asked_us = time_us(&mut client);
-        while is_faulted(&mut client) {
-            assert!(time_us(&mut client) < asked_us + 1_000_000);
-        }
-    });
+    let board = serve_on(
+        Mode::GuardedVelocity,
+        Some(1.0),
+        None,
+        Some(stalls),
+        |hub| {
+            let mut client = join(hub, "client");
+            client.request(&drive(100.0, 5000)).unwrap();
+            let why = end_of_motion(&mut client);
+            assert!(why.contains("left-stalled"), "{why}");
+            let is_faulted = |client: &mut Client| {
+                let state = client.status().unwrap().robot.state;
+                state == Some(State::Faulted.name())
+            };
+            assert!(is_faulted(&mut client));
+            client.request(&Request::ClearFaults).unwrap();
+            let asked_us = time_us(&mut client);
+            while is_faulted(&mut client) {
+                assert!(time_us(&mut client) < asked_us + 1_000_000);
+            }
+        },
+    );
     let commands = std::mem::take(&mut board.borrow_mut().commands);
     let (frames, speeds) = stops(&commands);
     assert!(frames <= 3 && speeds == [100_000], "{frames}, {speeds:?}");
@@ -277,7 +301,7 @@ fn map_begins_again_after_a_jump_or_when_asked() {
     let stands = Arc::clone(&x);
     let robot: OnCommand =
         Box::new(move |_, report| report.pose.x = stands.load(Ordering::Relaxed));
-    serve_on(Some(4.0), None, Some(robot), |hub| {
+    serve_on(Mode::GuardedVelocity, Some(4.0), None, Some(robot), |hub| {
         let mut watcher = join(hub, "watcher");
         watcher.request(&Request::Watch { every: 1 }).unwrap();
         while new_map(&mut watcher) {}

@@ -34,19 +34,20 @@ use std::time::{Duration, Instant};
 
 /// Serves a board in Guarded Velocity while the scenario runs; every command that the board got.
 fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command> {
-    let board = serve_on(speed, None, None, scenario);
+    let board = serve_on(Mode::GuardedVelocity, speed, None, None, scenario);
     std::mem::take(&mut board.borrow_mut().commands)
 }
 
-/// The same with the journal of the server, and with what the robot does at each command; the board.
+/// The same in any mode, with the journal of the server, and with what the robot does at each command; the board.
 fn serve_on(
+    mode: Mode,
     speed: Option<f64>,
     journal: Option<Journal>,
     on_command: Option<OnCommand>,
     scenario: impl FnOnce(&Hub) + Send,
 ) -> Shared {
     let (hub, events) = Hub::new();
-    let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+    let image = Image::FIRST_BOARD.with(fields::MODE, mode.code().into());
     let (board, mut io) = mock_board(&image, None);
     board.borrow_mut().on_command = on_command;
     let end = io.interrupt.raised_on_drop();
