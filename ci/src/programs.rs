@@ -49,9 +49,16 @@ pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
     let out = session.target.join("figures.json");
     session.sh.remove_path(&out)?;
     let figures = on_elf(session, "figures")?.arg("--out").arg(&out);
-    let figures = figures.arg("--reference");
-    figures.arg(reference).args(more).run()?;
+    let figures = figures.arg("--reference").arg(reference);
+    figures.args(more).run()?;
     Ok(out)
+}
+
+/// Builds the Pi's program with the virtual board, silently: what is shown is its own; returns its path.
+pub fn build_pilot(session: &Session) -> Result<PathBuf> {
+    let build = session.cargo_on_host("build --quiet --release --bin robot")?;
+    build.quiet().run()?;
+    Ok(session.target.join("release/robot"))
 }
 
 /// A Pi's processor.
@@ -120,7 +127,7 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
 /// Runs the Pi's program on the virtual board; `arguments` are its own, files in them are relative to
 /// the current folder. Returns its exit code.
 pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
-    let mut program = Command::new(session.build_program("robot")?);
+    let mut program = Command::new(build_pilot(session)?);
     program.args(arguments).args(["--virtual", "--elf"]);
     program.arg(&session.image()?.path);
     let names_image = |word: &String| word.starts_with("--eeprom-image");

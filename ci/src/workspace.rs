@@ -8,6 +8,9 @@ use xshell::{Cmd, Shell, cmd};
 use crate::error::{Context, Kind, Result, fail};
 use crate::process;
 
+/// All packages that run on a computer.
+pub const HOST: &str = "--workspace --exclude fw-pac";
+
 pub struct Workspace {
     /// In the workspace's root.
     pub sh: Shell,
@@ -80,13 +83,12 @@ impl Workspace {
     /// [`Self::cargo_with_board`] on all that runs on a computer without a sanitizer. Whatever is built or
     /// tested of it, dependencies get the same features and are built once.
     pub fn cargo_on_host(&self, words: &str) -> Result<Cmd<'_>> {
-        let packages = "--workspace --exclude fw-pac --exclude robot-fuzz";
-        self.cargo_with_board(&format!("{words} {packages}"))
+        self.cargo_with_board(&format!("{words} {HOST} --exclude robot-fuzz"))
     }
 
     /// Builds a program that runs on a computer; returns its path.
     pub fn build_program(&self, name: &str) -> Result<PathBuf> {
-        let build = format!("build --quiet --release --bin {name}");
+        let build = format!("build --release --bin {name}");
         self.cargo_on_host(&build)?.run()?;
         Ok(self.target.join("release").join(name))
     }

@@ -40,14 +40,27 @@ impl Beside {
         Ok(Self { process, output })
     }
 
-    /// Waits for its end and prints what it printed; its rows.
-    pub fn finish(mut self) -> Result<Vec<Row>> {
+    /// Waits for its end and prints what it printed, but for its table.
+    fn finish(mut self) -> Result<String> {
         self.process.wait()?;
         let text = String::from_utf8_lossy(&std::fs::read(self.output)?).into_owned();
         let (printed, table) = text.rsplit_once("\ngate ").unwrap_or((&text, ""));
         println!("{printed}");
-        Ok(table.lines().filter_map(row).collect())
+        Ok(table.to_owned())
     }
+}
+
+/// The rows of all [`GATES`], once it has ended.
+pub fn rows(started: Result<Beside>) -> [Row; GATES.len()] {
+    let (table, why) = match started.and_then(Beside::finish) {
+        Ok(table) => (
+            table,
+            "the process beside this one came to no result".into(),
+        ),
+        Err(error) => (String::new(), format!("{error:#}")),
+    };
+    let found = |gate| table.lines().filter_map(row).find(|row| row.0 == gate);
+    GATES.map(|gate| found(gate).unwrap_or_else(|| Row(gate, FAILED, why.clone())))
 }
 
 /// A line of the table as [`super::summarise`] prints it.

@@ -139,13 +139,7 @@ pub fn run(session: &Session, choice: &Choice, of: &[When], quick: bool) -> bool
         rows.push(row(name, outcome, start.elapsed().as_secs_f64()));
     }
     if let Some(other) = other {
-        rows.extend(other.and_then(Beside::finish).unwrap_or_default());
-        for name in beside::GATES {
-            if rows.iter().all(|row| row.0 != name) {
-                let none = "the process beside this one came to no result".to_owned();
-                rows.push(Row(name, FAILED, none));
-            }
-        }
+        rows.extend(beside::rows(other));
         rows.sort_by_key(|row| GATES.iter().position(|gate| gate.0 == row.0));
     }
     summarise(&rows, choice)

@@ -6,9 +6,8 @@ use crate::error::{Kind, Result, fail};
 use crate::process;
 use crate::session::Session;
 use crate::toolchain::{Provider, TARGET, apt_install};
+use crate::workspace::HOST;
 
-/// All that runs on a computer, with the features that the tests name.
-const HOST: &str = "--workspace --exclude fw-pac";
 /// The manifests of the workspaces with a lock file of their own.
 pub const WORKSPACES: [&str; 2] = ["Cargo.toml", "tests/bench/Cargo.toml"];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).

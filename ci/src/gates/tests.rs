@@ -27,7 +27,7 @@ fn with_firmware(session: &Session) -> Result<Cmd<'_>> {
 
 pub fn in_the_loop(session: &Session) -> Result<String> {
     let tests = with_firmware(session)?;
-    let tests = tests.env("ROBOT_PROGRAM", session.build_program("robot")?);
+    let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
     let tests = tests.env("ROBOT_ELF_BRINGUP", session.build(BRINGUP)?.path);
     let failing = |features| session.build(Program("fw-pac", features));
     let tests = tests.env("ROBOT_ELF_PANIC", failing("test-panic")?.path);
@@ -47,7 +47,7 @@ pub fn by_python(session: &Session, script: &str) -> Result<String> {
         let missing = "cannot be installed by python3 -m venv and pip";
         return fail(Kind::Skipped, format!("{} {missing}", packages.display()));
     }
-    let (program, elf) = (session.build_program("robot")?, &session.image()?.path);
+    let (program, elf) = (programs::build_pilot(session)?, &session.image()?.path);
     Ok(cmd!(sh, "{python} {script} {program} {elf} {folder}").read()?)
 }
 
