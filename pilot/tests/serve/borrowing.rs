@@ -1,6 +1,23 @@
 //! The robot in the hands of a client.
 
-use super::*;
+use crate::{Served, drive, join, serve, stops};
+use fw_core::eeprom::{Image, fields};
+use fw_core::wire::Mode;
+use host_link::board_io::{BoardIo, Interrupt};
+use host_link::eeprom::{self, journal::Journal};
+use host_link::error::Error;
+use host_link::session::{CommandRequest, Session, VelocityRequest};
+use pilot::borrowed::Borrowed;
+use pilot::serve::board::Call;
+use pilot::serve::protocol::{Activity, Request};
+
+/// Writes to the EEPROM what is no configuration, and leaves bus and protection so.
+fn spoil_eeprom(io: &mut BoardIo) {
+    io.set_select(true).unwrap();
+    io.delay.delay_ms(1);
+    io.set_protect(false).unwrap();
+    io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
+}
 
 /// Drives a borrowed robot for some frames, or until it is taken back.
 fn drive_borrowed(borrowed: &Borrowed, frames: usize) -> Result<(), Error> {
@@ -56,43 +73,38 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
     let path = std::env::temp_dir().join(format!("robot-lent-{}", std::process::id()));
     let journal = Journal::new(&path);
     let written = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedNormal.code().into());
-    let board = serve_on(
-        Mode::GuardedVelocity,
-        None,
-        Some(journal.clone()),
-        None,
-        |hub| {
-            let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
-            let mut io = borrowed.io(Interrupt::new());
-            let mut watcher = join(hub, "watcher");
-            let mut mode_of_frames = |io: &mut BoardIo| {
-                let mut session = Session::open(io, 40, 100).unwrap();
-                for _ in 0..8 {
-                    session.exchange(&CommandRequest::default()).unwrap();
-                }
-                watcher.status().unwrap().robot.mode
-            };
-            assert_eq!(mode_of_frames(&mut io), Mode::GuardedVelocity.name());
-            let done = eeprom::program(&mut io, &written, 100, Some(&journal), |_| ()).unwrap();
-            assert!(done.bytes > 0);
-            // Those who watch see the new one, too.
-            assert_eq!(mode_of_frames(&mut io), Mode::GuardedNormal.name());
-            drop(io);
-            borrowed.give_back().unwrap();
-            let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
-            let mut io = borrowed.io(Interrupt::new());
-            journal.begin(&written).unwrap();
-            io.set_select(true).unwrap();
-            io.delay.delay_ms(1);
-            io.set_protect(false).unwrap();
-            io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
-            drop((io, borrowed));
-            let mut watcher = join(hub, "watcher");
-            while watcher.status().unwrap().robot.mode != Mode::GuardedNormal.name()
-                || journal.unfinished()
-            {}
-        },
-    );
+    let served = Served {
+        journal: Some(journal.clone()),
+        ..Served::at(None)
+    };
+    let board = served.run(|hub| {
+        let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
+        let mut io = borrowed.io(Interrupt::new());
+        let mut watcher = join(hub, "watcher");
+        let mut mode_of_frames = |io: &mut BoardIo| {
+            let mut session = Session::open(io, 40, 100).unwrap();
+            for _ in 0..8 {
+                session.exchange(&CommandRequest::default()).unwrap();
+            }
+            watcher.status().unwrap().robot.mode
+        };
+        assert_eq!(mode_of_frames(&mut io), Mode::GuardedVelocity.name());
+        let done = eeprom::program(&mut io, &written, 100, Some(&journal), |_| ()).unwrap();
+        assert!(done.bytes > 0);
+        // Those who watch see the new one, too.
+        assert_eq!(mode_of_frames(&mut io), Mode::GuardedNormal.name());
+        drop(io);
+        borrowed.give_back().unwrap();
+        let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
+        let mut io = borrowed.io(Interrupt::new());
+        journal.begin(&written).unwrap();
+        spoil_eeprom(&mut io);
+        drop((io, borrowed));
+        let mut watcher = join(hub, "watcher");
+        while watcher.status().unwrap().robot.mode != Mode::GuardedNormal.name()
+            || journal.unfinished()
+        {}
+    });
     let board = board.borrow();
     assert!(board.memory == written && board.protected && !board.selected);
     assert!(!path.exists());
@@ -104,38 +116,33 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
     let journal =
         Journal::new(std::env::temp_dir().join(format!("robot-unready-{}", std::process::id())));
     for vanishes in [false, true] {
-        let board = serve_on(
-            Mode::GuardedVelocity,
-            None,
-            Some(journal.clone()),
-            None,
-            |hub| {
-                let mut watcher = join(hub, "watcher");
-                let borrowed = Borrowed::new(join(hub, "borrower")).unwrap();
-                let mut io = borrowed.io(Interrupt::new());
-                io.set_select(true).unwrap();
-                io.delay.delay_ms(1);
-                io.set_protect(false).unwrap();
-                io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
-                drop(io);
-                let ended = if vanishes {
-                    drop(borrowed);
-                    Ok(())
-                } else {
-                    borrowed.give_back()
-                };
-                ended.unwrap();
-                let why = loop {
-                    if let Some(error) = watcher.status().unwrap().error {
-                        break error;
-                    }
-                };
-                assert!(why.contains("READY"), "{why}");
-                let refused = watcher.request(&drive(100.0, 500)).unwrap_err();
-                assert_eq!(refused.to_string(), why);
-                assert_eq!(watcher.status().unwrap().driver, None);
-            },
-        );
+        let served = Served {
+            journal: Some(journal.clone()),
+            ..Served::at(None)
+        };
+        let board = served.run(|hub| {
+            let mut watcher = join(hub, "watcher");
+            let borrowed = Borrowed::new(join(hub, "borrower")).unwrap();
+            let mut io = borrowed.io(Interrupt::new());
+            spoil_eeprom(&mut io);
+            drop(io);
+            let ended = if vanishes {
+                drop(borrowed);
+                Ok(())
+            } else {
+                borrowed.give_back()
+            };
+            ended.unwrap();
+            let why = loop {
+                if let Some(error) = watcher.status().unwrap().error {
+                    break error;
+                }
+            };
+            assert!(why.contains("READY"), "{why}");
+            let refused = watcher.request(&drive(100.0, 500)).unwrap_err();
+            assert_eq!(refused.to_string(), why);
+            assert_eq!(watcher.status().unwrap().driver, None);
+        });
         assert_eq!(board.borrow().resets, usize::from(vanishes));
     }
 }

@@ -1,6 +1,16 @@
 //! Clients that come, stay silent, are refused or dropped.
 
-use super::*;
+use crate::{join, serve};
+use host_link::error::Error;
+use pilot::serve::hub::{Event, Hub, MAX_CLIENTS};
+use pilot::serve::listener::{self, Lines};
+use pilot::serve::protocol::{MAX_LINE, Request};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::Shutdown;
+use std::os::unix::fs::MetadataExt;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::time::{Duration, Instant};
+use std::{fs, thread};
 
 // Requirement: SERVE-client-2
 #[test]
@@ -32,6 +42,19 @@ fn hub_admits_a_bounded_number_of_clients() {
     assert!(hub.admit().is_some());
 }
 
+fn hello(token: &str) -> Request {
+    Request::Hello {
+        version: 1,
+        name: "a".into(),
+        token: token.into(),
+    }
+}
+
+/// The request as it is sent.
+fn line(request: &Request) -> Vec<u8> {
+    [serde_json::to_vec(request).unwrap(), b"\n".to_vec()].concat()
+}
+
 /// What a client gets that sends these bytes, and whether the connection has ended.
 fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
     let (hub, _events) = Hub::new();
@@ -50,14 +73,7 @@ fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
 // Requirement: SERVE-client-1, SERVE-client-3
 #[test]
 fn connection_without_a_valid_hello_gets_a_refusal() {
-    let hello = |token: &str| {
-        let hello = Request::Hello {
-            version: 1,
-            name: "a".into(),
-            token: token.into(),
-        };
-        [serde_json::to_vec(&hello).unwrap(), b"\n".to_vec()].concat()
-    };
+    let hello = |token| line(&hello(token));
     for (bytes, token, reason) in [
         (b"\x00\xFF{}\n".to_vec(), None, "expected"),
         (
@@ -111,15 +127,9 @@ fn robot_is_not_lent_over_a_network() {
         let port = hub.admit().unwrap();
         let token = "0123456789abcdef";
         let thread = thread::spawn(move || listener::serve(&Lines(server), &port, Some(token)));
-        let hello = Request::Hello {
-            version: 1,
-            name: "a".into(),
-            token: token.into(),
-        };
         let mut answers = BufReader::new(&client).lines();
-        for (request, refused) in [(hello, false), (Request::Borrow, true)] {
-            let request = serde_json::to_string(&request).unwrap() + "\n";
-            (&client).write_all(request.as_bytes()).unwrap();
+        for (request, refused) in [(hello(token), false), (Request::Borrow, true)] {
+            (&client).write_all(&line(&request)).unwrap();
             let answer = answers.next().unwrap().unwrap();
             let reason = answer.contains("over its Unix socket only");
             assert_eq!(reason, refused, "{answer}");
@@ -156,11 +166,9 @@ fn socket_client_that_does_not_read_loses_its_place() {
         let path = std::env::temp_dir().join(format!("robot-stalled-{}", std::process::id()));
         let _socket = listener::unix(&path, hub);
         let mut client = UnixStream::connect(&path).unwrap();
-        let hello = br#"{"do":"hello","version":1,"name":"a"}"#;
-        let watch = br#"{"do":"watch","every":1}"#;
-        client
-            .write_all(&[&hello[..], watch, b""].join(&b'\n'))
-            .unwrap();
+        for request in [hello(""), Request::Watch { every: 1 }] {
+            client.write_all(&line(&request)).unwrap();
+        }
         // It watches.
         let mut answers = BufReader::new(&client).lines();
         while !answers.next().unwrap().unwrap().contains("map") {}

@@ -1,6 +1,36 @@
 //! Who drives, what ends a motion, the map.
 
-use super::*;
+use crate::{EXPLORE, Served, drive, end_of_motion, join, serve, stops, time_us};
+use fw_core::types::Faults;
+use fw_core::wire::{Command, Mode, Order, State};
+use host_link::board_io::Interrupt;
+use host_link::mock_board::OnCommand;
+use pilot::client::Client;
+use pilot::gamepad::Gamepad;
+use pilot::serve::protocol::{Activity, Message, Request};
+use pilot::teleop::{self, DeadMan, Key, Shown};
+use std::io::Write;
+use std::os::fd::AsRawFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// A metre ahead, with a direction to a pose, without one by a plan.
+fn goto(rotation_deg: Option<f64>) -> Request {
+    Request::Goto {
+        x_mm: 1000.0,
+        y_mm: 0.0,
+        rotation_deg,
+        lease_ms: 5000,
+    }
+}
+
+/// The commands that drive ahead or back.
+fn driven(commands: &[Command]) -> impl Iterator<Item = &Command> {
+    let drives = |command: &&Command| command.velocity.forward != 0;
+    commands.iter().filter(drives)
+}
 
 // Requirement: SERVE-drive-1, SERVE-drive-2
 #[test]
@@ -64,17 +94,11 @@ fn lease_without_renewal_ends_in_a_stop() {
 // Requirement: SERVE-drive-1
 #[test]
 fn stop_of_a_watching_client_ends_each_motion() {
-    let goto = Request::Goto {
-        x_mm: 1000.0,
-        y_mm: 0.0,
-        rotation_deg: Some(0.0),
-        lease_ms: 5000,
-    };
     let commands = serve(Some(1.0), |hub| {
         let (mut driver, mut watcher) = (join(hub, "driver"), join(hub, "watcher"));
         for (motion, activity) in [
             (drive(100.0, 5000), Activity::Drive),
-            (goto, Activity::Goto),
+            (goto(Some(0.0)), Activity::Goto),
             (EXPLORE, Activity::Explore),
         ] {
             driver.request(&motion).unwrap();
@@ -109,12 +133,7 @@ fn stop_ends_the_motion_that_waits_for_the_next_frame() {
         driver.0.ask(Ok(drive(100.0, 5000)));
         while watcher.status().unwrap().activity != Activity::Drive {}
         // Both before the next frame.
-        driver.0.ask(Ok(Request::Goto {
-            x_mm: 1000.0,
-            y_mm: 0.0,
-            rotation_deg: Some(0.0),
-            lease_ms: 5000,
-        }));
+        driver.0.ask(Ok(goto(Some(0.0))));
         stopper.0.ask(Ok(Request::Stop));
         while watcher.status().unwrap().activity != Activity::Idle {}
         let rest_us = time_us(&mut watcher);
@@ -126,15 +145,14 @@ fn stop_ends_the_motion_that_waits_for_the_next_frame() {
 
 #[test]
 fn velocity_and_plans_are_refused_in_a_mode_without_velocity() {
-    serve_on(Mode::GuardedNormal, Some(1.0), None, None, |hub| {
+    let mode = Mode::GuardedNormal;
+    let served = Served {
+        mode,
+        ..Served::at(Some(1.0))
+    };
+    served.run(|hub| {
         let mut client = join(hub, "client");
-        let goto = Request::Goto {
-            x_mm: 1000.0,
-            y_mm: 0.0,
-            rotation_deg: None,
-            lease_ms: 5000,
-        };
-        for request in [drive(100.0, 5000), goto, EXPLORE] {
+        for request in [drive(100.0, 5000), goto(None), EXPLORE] {
             let refused = client.request(&request).unwrap_err().to_string();
             assert!(refused.contains("velocity to drive at"), "{refused}");
             assert_eq!(client.status().unwrap().driver, None);
@@ -151,39 +169,30 @@ fn fault_ends_a_velocity_until_it_is_cleared() {
             (report.state, report.faults) = (State::Ready, Faults::NONE);
         }
     });
-    let board = serve_on(
-        Mode::GuardedVelocity,
-        Some(1.0),
-        None,
-        Some(stalls),
-        |hub| {
-            let mut client = join(hub, "client");
-            client.request(&drive(100.0, 5000)).unwrap();
-            let why = end_of_motion(&mut client);
-            assert!(why.contains("left-stalled"), "{why}");
-            let is_faulted = |client: &mut Client| {
-                let state = client.status().unwrap().robot.state;
-                state == Some(State::Faulted.name())
-            };
-            assert!(is_faulted(&mut client));
-            client.request(&Request::ClearFaults).unwrap();
-            let asked_us = time_us(&mut client);
-            while is_faulted(&mut client) {
-                assert!(time_us(&mut client) < asked_us + 1_000_000);
-            }
-        },
-    );
+    let served = Served {
+        on_command: Some(stalls),
+        ..Served::at(Some(1.0))
+    };
+    let board = served.run(|hub| {
+        let mut client = join(hub, "client");
+        client.request(&drive(100.0, 5000)).unwrap();
+        let why = end_of_motion(&mut client);
+        assert!(why.contains("left-stalled"), "{why}");
+        let is_faulted = |client: &mut Client| {
+            let state = client.status().unwrap().robot.state;
+            state == Some(State::Faulted.name())
+        };
+        assert!(is_faulted(&mut client));
+        client.request(&Request::ClearFaults).unwrap();
+        let asked_us = time_us(&mut client);
+        while is_faulted(&mut client) {
+            assert!(time_us(&mut client) < asked_us + 1_000_000);
+        }
+    });
     let commands = std::mem::take(&mut board.borrow_mut().commands);
     let (frames, speeds) = stops(&commands);
     assert!(frames <= 3 && speeds == [100_000], "{frames}, {speeds:?}");
-    let driven = commands
-        .iter()
-        .filter(|command| command.velocity.forward != 0);
-    assert!(
-        driven
-            .clone()
-            .all(|command| command.clear_faults == Faults::SLIP)
-    );
+    assert!(driven(&commands).all(|command| command.clear_faults == Faults::SLIP));
 }
 
 // Requirement: SERVE-drive-1
@@ -239,10 +248,7 @@ fn teleop_stops_by_its_key_and_where_its_terminal_hangs() {
             assert!(ended.contains(expected), "{ended}");
         });
         // For less than 750 ms, by the lease of 400 ms.
-        let driven = commands
-            .iter()
-            .filter(|command| command.velocity.forward != 0);
-        assert!(driven.count() <= 30);
+        assert!(driven(&commands).count() <= 30);
     }
 }
 
@@ -301,7 +307,11 @@ fn map_begins_again_after_a_jump_or_when_asked() {
     let stands = Arc::clone(&x);
     let robot: OnCommand =
         Box::new(move |_, report| report.pose.x = stands.load(Ordering::Relaxed));
-    serve_on(Mode::GuardedVelocity, Some(4.0), None, Some(robot), |hub| {
+    let served = Served {
+        on_command: Some(robot),
+        ..Served::at(Some(4.0))
+    };
+    served.run(|hub| {
         let mut watcher = join(hub, "watcher");
         watcher.request(&Request::Watch { every: 1 }).unwrap();
         while new_map(&mut watcher) {}

@@ -5,67 +5,63 @@ mod connections;
 mod driving;
 
 use fw_core::eeprom::{Image, fields};
-use fw_core::types::Faults;
-use fw_core::wire::{Command, Mode, Order, State};
-use host_link::board_io::{BoardIo, Interrupt};
-use host_link::eeprom::{self, journal::Journal};
-use host_link::error::Error;
+use fw_core::wire::{Command, Mode, Order};
+use host_link::eeprom::journal::Journal;
 use host_link::mock_board::{OnCommand, Shared, mock_board};
-use host_link::session::{CommandRequest, Session, VelocityRequest};
-use pilot::borrowed::Borrowed;
 use pilot::client::Client;
-use pilot::gamepad::Gamepad;
-use pilot::serve::board::Call;
 use pilot::serve::control::{self, Options};
-use pilot::serve::hub::{Event, Hub, MAX_CLIENTS};
-use pilot::serve::listener::{self, Lines};
-use pilot::serve::protocol::{Activity, MAX_LINE, Message, Request};
-use pilot::teleop::{self, DeadMan, Key, Shown};
-use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::Shutdown;
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::MetadataExt;
-use std::os::unix::net::{UnixListener, UnixStream};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicI32, Ordering};
+use pilot::serve::hub::Hub;
+use pilot::serve::protocol::{Message, Request};
 use std::thread;
-use std::time::{Duration, Instant};
 
 /// Serves a board in Guarded Velocity while the scenario runs; every command that the board got.
 fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command> {
-    let board = serve_on(Mode::GuardedVelocity, speed, None, None, scenario);
+    let board = Served::at(speed).run(scenario);
     std::mem::take(&mut board.borrow_mut().commands)
 }
 
-/// The same in any mode, with the journal of the server, and with what the robot does at each command; the board.
-fn serve_on(
+/// A board in memory and how it is served.
+struct Served {
     mode: Mode,
     speed: Option<f64>,
     journal: Option<Journal>,
     on_command: Option<OnCommand>,
-    scenario: impl FnOnce(&Hub) + Send,
-) -> Shared {
-    let (hub, events) = Hub::new();
-    let image = Image::FIRST_BOARD.with(fields::MODE, mode.code().into());
-    let (board, mut io) = mock_board(&image, None);
-    board.borrow_mut().on_command = on_command;
-    let end = io.interrupt.raised_on_drop();
-    let options = Options {
-        rate_hz: 40,
-        ready_timeout_ms: 100,
-        speed,
-        journal,
-    };
-    thread::scope(|scope| {
-        let scenario = scope.spawn(move || {
-            let _end = end;
-            scenario(&hub);
+}
+
+impl Served {
+    /// In Guarded Velocity, without a journal.
+    fn at(speed: Option<f64>) -> Self {
+        Self {
+            mode: Mode::GuardedVelocity,
+            speed,
+            journal: None,
+            on_command: None,
+        }
+    }
+
+    /// Serves it while the scenario runs; the board.
+    fn run(self, scenario: impl FnOnce(&Hub) + Send) -> Shared {
+        let (hub, events) = Hub::new();
+        let image = Image::FIRST_BOARD.with(fields::MODE, self.mode.code().into());
+        let (board, mut io) = mock_board(&image, None);
+        board.borrow_mut().on_command = self.on_command;
+        let end = io.interrupt.raised_on_drop();
+        let options = Options {
+            rate_hz: 40,
+            ready_timeout_ms: 100,
+            speed: self.speed,
+            journal: self.journal,
+        };
+        thread::scope(|scope| {
+            let scenario = scope.spawn(move || {
+                let _end = end;
+                scenario(&hub);
+            });
+            control::run(&mut io, &options, events).unwrap();
+            scenario.join().unwrap();
         });
-        control::run(&mut io, &options, events).unwrap();
-        scenario.join().unwrap();
-    });
-    board
+        board
+    }
 }
 
 const EXPLORE: Request = Request::Explore { lease_ms: 2000 };
