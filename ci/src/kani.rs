@@ -52,7 +52,7 @@ impl Shard {
 
 /// The harnesses that `proofs` declares, one a line.
 fn declared(workspace: &Workspace) -> Result<String> {
-    let list = "run --quiet --package proofs --example theorems -- --harnesses";
+    let list = "run --quiet --release --package proofs --example theorems -- --harnesses";
     Ok(workspace.cargo(list).read()?)
 }
 

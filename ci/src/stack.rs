@@ -16,8 +16,9 @@ pub struct Bound {
 /// is what has no bound, or why an overflow would not fault.
 pub fn bound(workspace: &Workspace, elf: &Path) -> Result<Bound> {
     let options = "--priority-bits 4 --ram-start 0x20000000 --masked boot";
-    let words = format!("run --quiet --release --package stack-bound -- {options}");
-    let (success, text) = process::tee(workspace.cargo(&words).arg(elf))?;
+    let program = workspace.build_program("stack-bound")?;
+    let run = workspace.sh.cmd(program).args(options.split(' '));
+    let (success, text) = process::tee(run.arg(elf))?;
     let bound = parse(&text);
     ensure!(bound.is_some() || !success, "stack-bound printed no bound");
     bound.with_context(|| text.lines().last().unwrap_or_default().to_owned())

@@ -8,16 +8,21 @@ use super::{FAILED, PASSED, Row, SKIPPED};
 use crate::error::Result;
 use crate::session::Session;
 
-/// They only read what the gates before them built, or build in folders of their own.
-pub const GATES: [&str; 8] = [
-    "msrv",
+/// They build in folders of their own, or wait until `unit` has built what they need.
+pub const GATES: [&str; 13] = [
+    "firmware",
+    "elf",
     "reproducible",
+    "msrv",
+    "supply",
+    "exhaustive",
+    "kani",
     "qemu",
     "demo",
     "tour",
+    "recording",
+    "ros2",
     "figures",
-    "kani",
-    "supply",
 ];
 
 /// The other process.

@@ -42,7 +42,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 36] = [
+const GATES: [Gate; 37] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -51,19 +51,22 @@ const GATES: [Gate; 36] = [
     ("size", Quick, structure::size),
     ("trace", Quick, requirements),
     ("vectors", Quick, source::vectors),
+    ("firmware", Quick, firmware::budget),
+    ("elf", Quick, firmware::contents),
+    ("reproducible", Change, firmware::reproducible),
+    ("msrv", Change, source::msrv),
+    ("supply", Change, source::supply),
     ("clippy", Quick, source::clippy),
     ("docs", Change, source::docs),
     ("unit", Quick, tests::unit),
+    ("exhaustive", Change, tests::exhaustive),
     ("floors", Quick, proofs::floors),
-    ("firmware", Quick, firmware::budget),
-    ("elf", Quick, firmware::contents),
     ("stack", Quick, firmware::stack),
-    ("msrv", Change, source::msrv),
-    ("reproducible", Change, firmware::reproducible),
     ("defects", Change, proofs::defects),
     ("mutants", Change, proofs::mutants_of_the_change),
     ("loop", Change, tests::in_the_loop),
     ("page", Change, tests::page),
+    ("kani", Change, |session| kani::gate(session)),
     ("qemu", Change, tests::qemu),
     ("demo", Change, |session| tests::demo(session, "demo")),
     ("tour", Change, |session| tests::demo(session, "tour")),
@@ -74,8 +77,6 @@ const GATES: [Gate; 36] = [
         tests::by_python(session, "ros2/bridge.py")
     }),
     ("figures", Change, tests::figures),
-    ("kani", Change, |session| kani::gate(session)),
-    ("supply", Change, source::supply),
     ("fuzz", Night, |session| fuzz::run(session, None, None)),
     ("packages", Night, tests::packages),
     ("coverage", Night, tests::coverage),

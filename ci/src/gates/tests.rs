@@ -15,8 +15,17 @@ use crate::programs;
 use crate::session::Session;
 use crate::toolchain::{apt_install, in_rustlib};
 
+/// In the names of the properties' tests that try every input: seconds each, so no quick check.
+const EXHAUSTIVE: &str = "::exhaustive";
+
 pub fn unit(session: &Session) -> Result<String> {
-    run(session.cargo_on_host("test --release --no-fail-fast")?)
+    let tests = session.cargo_on_host("test --release --no-fail-fast")?;
+    run(tests.args(["--", "--skip", EXHAUSTIVE]))
+}
+
+pub fn exhaustive(session: &Session) -> Result<String> {
+    let tests = session.cargo_on_host("test --release --no-fail-fast --lib")?;
+    run(tests.args(["--", EXHAUSTIVE]))
 }
 
 /// The tests with the firmware in the loop.
