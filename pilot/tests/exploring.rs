@@ -1,21 +1,23 @@
 //! The loop of localiser and plan over a session, on a robot without firmware in an imperfect world.
 
-use fw_core::eeprom::{Image, fields};
+use fw_core::eeprom::{Config, Field, Image, fields};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, State};
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::error::Error;
 use host_link::mock_board::{Shared, mock_board};
-use host_link::session::{RATE_HZ, Session};
-use mapper::{Localiser, Point, Pose2, ros};
-use navigator::{Explorer, GoTo, Outcome};
-use pilot::exploring::{self, Drive, Localisation};
+use host_link::session::{CommandRequest, RATE_HZ, Session};
+use mapper::{Grid, Localiser, Point, Pose2, PoseEstimate, ros};
+use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
+use pilot::exploring::{self, Drive, Localisation, Plan, PlanRunner};
+use pilot::mapping::RangeSample;
 use plant::kinematic::{KinematicRobot, VelocityInput};
 use plant::{Imperfections, Room};
 use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::rc::Rc;
+use std::time::Duration;
 
 /// A room of 2.4 m by 1.8 m with a box in a corner, for the robot that starts in its middle.
 fn room() -> Room {
@@ -172,4 +174,115 @@ fn saved_map_leads_to_a_point_from_an_unknown_start() {
     let off_mm = end.position().distance_mm(target);
     assert!(off_mm < 150.0, "{end:?} is {off_mm} mm from {target:?}");
     assert!(robot.borrow().collisions().is_empty());
+}
+
+/// Answers every frame alike, and keeps what it was told.
+struct Told(Action, Vec<Status>);
+
+impl Plan for Told {
+    fn step(&mut self, _: &Grid, status: &Status) -> Action {
+        self.1.push(*status);
+        self.0
+    }
+}
+
+/// What a runner asks for after reports at these seconds, with the stops that the plan was told of.
+fn run(
+    answer: Action,
+    reports: &[(f64, State, Faults)],
+) -> (Result<Vec<CommandRequest>, Error>, Vec<Option<StopReason>>) {
+    let (mut runner, mut plan) = (PlanRunner::new(0), Told(answer, Vec::new()));
+    let estimate = PoseEstimate::default();
+    let grid = Grid::new(25.0);
+    let step = |&(time_s, state, faults): &(f64, State, Faults)| {
+        let time_us = Duration::from_secs_f64(time_s).as_micros();
+        let sample = RangeSample {
+            time_us: time_us.try_into().unwrap(),
+            ..RangeSample::default()
+        };
+        let report = Report {
+            state,
+            faults,
+            ..Report::default()
+        };
+        let next = runner.step(&mut plan, &grid, estimate, &sample, &report)?;
+        Ok(next.continue_value().expect("the plan goes on"))
+    };
+    let asked = reports.iter().map(step).collect();
+    let stops = plan.1.iter().map(|status| status.stop).collect();
+    (asked, stops)
+}
+
+#[test]
+fn plan_is_told_of_each_stop_and_its_answer_clears_it() {
+    let quarter_turn = Velocity {
+        forward_mm_s: 100.0,
+        yaw_rate_rad_s: TAU / 4.0,
+        sweep_half_width_rad: TAU / 8.0,
+    };
+    let latched = Faults::SLIP.union(Faults::FRAME_REJECTED);
+    let slip = |time_s| (time_s, State::Moving, latched);
+    // At once, with the clearing on its way, again soon, and again after a while.
+    let (asked, stops) = run(
+        Action::Drive(quarter_turn),
+        &[1.0, 1.05, 1.5, 9.0].map(slip),
+    );
+    assert_eq!(stops, [None, None, Some(StopReason::Slip), None]);
+    for request in asked.unwrap() {
+        let velocity = request.velocity.unwrap();
+        assert!(
+            (velocity.yaw_rate_deg_s - 90.0).abs() < 1e-9,
+            "{velocity:?}"
+        );
+        assert!(
+            (velocity.sweep_half_width_deg - 45.0).abs() < 1e-9,
+            "{velocity:?}"
+        );
+        assert_eq!(
+            (request.order, request.clear_faults),
+            (Order::None, Faults::SLIP)
+        );
+    }
+    for (state, fault, expected) in [
+        (State::Faulted, Faults::LEFT_STALLED, StopReason::Stall),
+        (State::Faulted, Faults::RIGHT_STALLED, StopReason::Stall),
+        (State::Faulted, Faults::LEFT_REVERSED, StopReason::Stall),
+        (State::Faulted, Faults::RIGHT_REVERSED, StopReason::Stall),
+        (State::Faulted, Faults::ENCODER_JUMP, StopReason::Stall),
+        (State::Stopped, Faults::LINK_LOST, StopReason::Link),
+    ] {
+        let (asked, stops) = run(Action::Resume, &[(1.0, state, fault)]);
+        assert_eq!(stops, [Some(expected)], "{fault:?}");
+        let request = asked.unwrap()[0];
+        assert_eq!(
+            (request.order, request.clear_faults),
+            (Order::Resume, fault)
+        );
+    }
+    let (asked, stops) = run(
+        Action::Resume,
+        &[(1.0, State::Faulted, Faults::BATTERY_CUTOFF)],
+    );
+    assert!(matches!(asked, Err(Error::Fault { .. })) && stops.is_empty());
+}
+
+#[test]
+fn exploring_keeps_to_what_the_configuration_can_do() {
+    let config = |values: &[(&'static Field, u64)]| {
+        let with = |image: Image, &(field, value): &(_, u64)| image.with(field, value);
+        Config::decode(&values.iter().fold(Image::FIRST_BOARD, with)).unwrap()
+    };
+    let plan = exploring::navigator_config(&config(&[]));
+    let defaults = navigator::Config::default();
+    assert_eq!(
+        (plan.cruise_mm_s, plan.sweep_half_width_rad),
+        (defaults.cruise_mm_s, 0.0)
+    );
+    let swept =
+        exploring::navigator_config(&config(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]));
+    assert_eq!(swept.cruise_mm_s, 90.0);
+    assert!((swept.sweep_half_width_rad.to_degrees() - 60.0).abs() < 1e-9);
+    let (_, mut io) = mock_board(&Image::FIRST_BOARD, None);
+    let (driven, _) = explore(&mut io);
+    assert!(matches!(driven, Err(Error::WrongMode(..))), "{driven:?}");
 }

@@ -25,7 +25,8 @@ use fixed::types::{I16F16, I32F32};
 
 use super::trig::{Reduced, nearest, plus, split, upper};
 use crate::divide::{digit, div_rem};
-use crate::eeprom::{self, Config};
+use crate::eeprom::fields::{COUNTS_PER_TURN, WHEEL_DIAMETER_LEFT};
+use crate::eeprom::{self, Accepted, Config};
 use crate::types::{Delta, Millimetres, Pose, Turns};
 
 /// A factor per count, `high·2³² + low`.
@@ -61,6 +62,16 @@ struct Wheel {
 
 /// π, 42 fractional bits.
 const PI: u64 = 13_816_870_609_430;
+
+// The largest wheel on the coarsest encoder: [`Wheel::half`] is at most 2⁴⁶.
+const _: () = {
+    let (Accepted::IntRange { max, .. }, Accepted::IntRange { min, .. }) =
+        (*WHEEL_DIAMETER_LEFT.accepted, *COUNTS_PER_TURN.accepted)
+    else {
+        panic!()
+    };
+    assert!(max as u64 * PI / (2000 * min as u64) < 1 << 46);
+};
 
 /// Fractional part of `n / d`, nearest, 2⁻⁶⁴; `d` below 2⁶².
 fn fraction(n: u64, d: u64) -> u64 {

@@ -112,7 +112,8 @@ fn part(lines: &Lines, findings: &mut Findings) {
 fn supply(lines: &Lines, findings: &mut Findings) {
     let [calibration, reference] =
         ["calibration", "reference"].map(|key| lines.number("supply", key).unwrap_or(0));
-    let supply_mv = (calibration * CALIBRATION_MV)
+    let supply_mv = calibration
+        .saturating_mul(CALIBRATION_MV)
         .checked_div(reference)
         .unwrap_or(0);
     let good = SUPPLY_MV.contains(&supply_mv);
@@ -230,7 +231,7 @@ fn wheels(lines: &Lines, findings: &mut Findings) {
             continue;
         };
         let (own, other) = (turned[side], turned[1 - side]);
-        let good = own.unsigned_abs() > 4 * other.unsigned_abs().max(REST_COUNTS);
+        let good = own.unsigned_abs() > other.unsigned_abs().max(REST_COUNTS).saturating_mul(4);
         let sign = if own < 0 {
             "down: encoder_reversed = true"
         } else {
@@ -368,4 +369,13 @@ fn whole_replies(io: &mut BoardIo, count: u32, wait_ns: u32) -> Result<u32, Erro
         io.delay.delay_us(500);
     }
     Ok(good)
+}
+
+#[test]
+fn garbled_numbers_are_judged_as_any_others() {
+    let mut findings = Findings::default();
+    let log = "bringup 1 after power-on\nsupply calibration 4294967295 reference 1 taps 4294967295 0\n\
+               turned left counts -2147483648 -2147483648\n";
+    judge(log, &mut findings);
+    assert!(findings.failed().contains(&"supply") && findings.failed().contains(&"encoder left"));
 }
