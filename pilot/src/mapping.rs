@@ -223,4 +223,44 @@ mod tests {
             .with(fields::RANGEFINDERS, 2);
         assert_eq!(degrees(&image), [23.0, -45.0]);
     }
+
+    #[test]
+    fn swept_range_is_mapped_by_its_bearing_and_fixed_ones_beside_it() {
+        let config = Config::decode(&Image::FIRST_BOARD).unwrap();
+        let mut mapping = Mapping::new(mapper_config(&config, 25.0));
+        // Between two walls, to the right.
+        for step in 0..60_u32 {
+            let y_mm = -2.0 * f64::from(step);
+            mapping.add(&RangeSample {
+                time_us: u64::from(step) * 25_000,
+                pose: Pose::new(0.0, y_mm, 0.0),
+                ranges_mm: [Some(1000.0 - y_mm), Some(700.0 + y_mm), None],
+                bearing_deg: Some(90.0),
+                gyro_deg: None,
+            });
+        }
+        let grid = mapping.mapper().grid();
+        let occupied = |range: std::ops::Range<f64>| {
+            let middles = grid.cells().map(|(column, row)| {
+                let is_occupied = grid.cell(column, row) == mapper::Cell::Occupied;
+                (is_occupied, grid.middle(column, row))
+            });
+            let mut middles = middles.filter(|(is_occupied, _)| *is_occupied);
+            middles.any(|(_, middle)| range.contains(&middle.y_mm))
+        };
+        assert!(occupied(950.0..1050.0) && occupied(-850.0..-650.0));
+        assert!(!occupied(-600.0..900.0));
+    }
+
+    #[test]
+    fn map_files_are_checked_before_the_wheels_turn() {
+        let stem = std::env::temp_dir().join(format!("robot-map-files-{}", std::process::id()));
+        assert_eq!(Files::check(&stem), Ok(()));
+        let files = Files::new(&stem);
+        for file in [files.png, files.pgm, files.yaml] {
+            std::fs::write(&file, "of somebody else\n").unwrap();
+            assert!(Files::check(&stem).is_err(), "{}", file.display());
+            std::fs::remove_file(file).unwrap();
+        }
+    }
 }

@@ -280,9 +280,22 @@ fn exploring_keeps_to_what_the_configuration_can_do() {
     );
     let swept =
         exploring::navigator_config(&config(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]));
-    assert_eq!(swept.cruise_mm_s, 90.0);
+    assert!((swept.cruise_mm_s - 90.0).abs() < 1e-9);
     assert!((swept.sweep_half_width_rad.to_degrees() - 60.0).abs() < 1e-9);
     let (_, mut io) = mock_board(&Image::FIRST_BOARD, None);
     let (driven, _) = explore(&mut io);
     assert!(matches!(driven, Err(Error::WrongMode(..))), "{driven:?}");
+}
+
+#[test]
+fn report_is_observed_in_seconds_and_radians() {
+    let observed = exploring::observation(&RangeSample {
+        time_us: 2_500_000,
+        gyro_deg: Some(180.0),
+        bearing_deg: Some(-90.0),
+        ..RangeSample::default()
+    });
+    let quarters =
+        [observed.gyro_rad.unwrap(), observed.front_bearing_rad].map(|rad| rad / TAU * 4.0);
+    assert_eq!((observed.time_s, quarters), (2.5, [2.0, -1.0]));
 }

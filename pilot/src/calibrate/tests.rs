@@ -171,6 +171,7 @@ fn implausible_distance_is_rejected_with_range() {
         (1101.0, None),
         (899.0, Some(0.0)),
         (-1000.0, Some(0.0)),
+        (-1000.0, None),
         (f64::NAN, None),
         (700.0, Some(700.0)), // bent by far more than a tenth of ratio
     ] {
@@ -249,4 +250,29 @@ fn run_interrupt_or_lost_link_stops_robot() {
     // 6 answered, 8 not, and the 10 of the stop.
     assert_eq!(board.borrow().commands.len(), 24);
     assert_holds_position(&board.borrow());
+}
+
+#[test]
+fn run_keeps_to_its_path_leg_by_leg() {
+    let run = |drift_um: i32, way: &[Pose]| {
+        let (board, mut io) = mock_board(&Image::FIRST_BOARD, None);
+        board.borrow_mut().on_command = Some(Box::new(move |_, report| {
+            report.pose.y += drift_um;
+        }));
+        let mut session = Session::open(&mut io, 40, 100).unwrap();
+        let run = run::run(&mut session, way, &ArrivalCriteria::default(), |_| {});
+        (run.map(|path| path.moved()), board)
+    };
+    assert_eq!(run(0, &square(1000.0, true)).0, Ok(true));
+    for (drift_um, way, why) in [
+        (200_000, straight(1000.0), "beside its path"),
+        (0, vec![Pose::default()], "nothing moved"),
+    ] {
+        let (outcome, board) = run(drift_um, &way);
+        assert!(
+            matches!(&outcome, Err(Error::Calibration(text)) if text.contains(why)),
+            "{outcome:?}"
+        );
+        assert_holds_position(&board.borrow());
+    }
 }

@@ -190,3 +190,25 @@ fn rest_takes_quarter_second_without_creeping() {
     let allowed_s = ArrivalCriteria::default().allowance_s(400.0);
     assert!((allowed_s - 25.0).abs() < 1e-9);
 }
+
+#[test]
+fn drive_ends_within_both_tolerances_only() {
+    for (mm, degrees, arrives) in [
+        (4.9, 0.9, true),
+        (5.1, 0.0, false),
+        (0.0, 1.1, false),
+        (0.0, -1.1, false),
+    ] {
+        let (board, mut io) = mock_board(&image(Mode::Normal), None);
+        board.borrow_mut().on_command = Some(Box::new(move |_, report| {
+            report.pose = Pose::new(mm, 0.0, degrees).in_frame_of(TARGET).code();
+        }));
+        let mut session = Session::open(&mut io, 40, 100).unwrap();
+        let criteria = ArrivalCriteria {
+            timeout_s: Some(2.0),
+            ..ArrivalCriteria::default()
+        };
+        let driven = go_to(&mut session, TARGET, &criteria, |_, _| {});
+        assert_eq!(driven.is_ok(), arrives, "{mm} mm, {degrees}°: {driven:?}");
+    }
+}

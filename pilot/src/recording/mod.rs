@@ -195,6 +195,11 @@ impl Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fw_core::eeprom::{Config, Image};
+
+    fn scratch(name: &str) -> PathBuf {
+        std::env::temp_dir().join(format!("robot-{name}-{}.mcap", std::process::id()))
+    }
 
     fn samples() -> Vec<RangeSample> {
         let sample = |n: u32| RangeSample {
@@ -202,16 +207,19 @@ mod tests {
             pose: Pose::new(f64::from(n) * 1.5, -2.0, f64::from(n) % 170.0),
             ranges_mm: [Some(1234.5), None, Some(80.0)],
             bearing_deg: n.is_multiple_of(2).then(|| f64::from(n % 60) - 30.0),
-            gyro_deg: (n > 3).then(|| f64::from(n) * 20.0),
+            gyro_deg: (n > 3 && n != 50).then(|| f64::from(n) * 20.0),
         };
         (0..200).map(sample).collect()
     }
 
     fn recorded(name: &str, finish: bool) -> Vec<u8> {
-        let path = std::env::temp_dir().join(format!("robot-{name}-{}.mcap", std::process::id()));
+        let path = scratch(name);
         let mut recorder = Recorder::create(&path).unwrap();
+        let mut snapshot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
         for sample in samples() {
             recorder.add(&sample).unwrap();
+            snapshot.time_us = sample.time_us;
+            recorder.add_state(&snapshot).unwrap();
         }
         if finish {
             recorder.finish(5_000_000, &Grid::new(25.0)).unwrap();
@@ -276,5 +284,60 @@ mod tests {
     #[test]
     fn killed_recording_lacks_at_most_half_a_second() {
         assert_begins(&parse(&recorded("killed", false)).unwrap(), 200 - 20);
+    }
+
+    #[test]
+    fn messages_are_numbered_slow_ones_come_once_a_second_and_the_map_at_the_end() {
+        let bytes = recorded("topics", true);
+        let mut topics: BTreeMap<String, Vec<(u32, u64)>> = BTreeMap::new();
+        for message in mcap::MessageStream::new(&bytes).unwrap() {
+            let message = message.unwrap();
+            let messages = topics.entry(message.channel.topic.clone()).or_default();
+            messages.push((message.sequence, message.log_time / 1_000_000));
+        }
+        for (topic, messages) in &topics {
+            let numbers = messages.iter().map(|message| message.0);
+            assert!(numbers.eq((1..).take(messages.len())), "{topic}");
+        }
+        // 200 reports in 5 s.
+        for topic in ["/battery_state", "/diagnostics"] {
+            let at_ms = topics[topic].iter().map(|message| message.1);
+            assert!(at_ms.eq((0..5).map(|second| second * 1000)), "{topic}");
+        }
+        assert_eq!(topics[POSE].len(), 200);
+        assert_eq!(topics["/map"], [(1, 5000)]);
+    }
+
+    #[test]
+    fn gyroscope_goes_on_from_turn_to_turn() {
+        let read = parse(&recorded("turns", true)).unwrap();
+        let gyro = |n: u8| read[usize::from(n)].gyro_deg.unwrap();
+        for n in [5, 40, 199] {
+            let turned = 20.0 * f64::from(n - 4);
+            assert!((gyro(n) - gyro(4) - turned).abs() < 1e-3, "{n}");
+        }
+    }
+
+    #[test]
+    fn recording_without_a_pose_or_beyond_any_picture_is_refused() {
+        let path = scratch("no-pose");
+        let mut recorder = Recorder::create(&path).unwrap();
+        let nowhere = RangeSample {
+            pose: Pose::new(f64::NAN, 0.0, 0.0),
+            ..RangeSample::default()
+        };
+        recorder.add(&nowhere).unwrap();
+        recorder.finish(0, &Grid::new(25.0)).unwrap();
+        let refused = load(&path).unwrap_err().to_string();
+        std::fs::remove_file(&path).unwrap();
+        assert!(refused.contains("no report of a pose"), "{refused}");
+        let at = |x_mm| RangeSample {
+            pose: Pose::new(x_mm, 0.0, 0.0),
+            ..RangeSample::default()
+        };
+        let extent = |mm| check_extent(&[at(0.0), at(mm)], 25.0, &path);
+        assert_eq!(extent(90_000.0), Ok(()));
+        let refused = extent(200_000.0).unwrap_err().to_string();
+        assert!(refused.contains("200 m apart"), "{refused}");
     }
 }

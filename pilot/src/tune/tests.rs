@@ -53,8 +53,11 @@ fn assert_restored(board: &MockBoard, fault: Option<IoFault>) {
 #[test]
 fn tuning_known_drive_recovers_model() {
     let (board, mut io) = mock_board(&original(), None);
+    // Of an earlier record.
+    board.borrow_mut().log.extend(b"I00500: T 77.00 9.000\n");
     let recorder = tune(&mut io, &plan()).unwrap();
     assert_restored(&board.borrow(), None);
+    assert!(recorder.samples()[0].percent.abs() < 1.0);
     let steps = drive_model::steps(recorder.samples());
     let levels: Vec<_> = steps.iter().map(|step| step.percent).collect();
     assert_eq!(levels, [50.0, -50.0, 100.0, -100.0]);
@@ -178,6 +181,23 @@ fn step_ends_at_its_travel() {
 }
 
 #[test]
+fn robot_that_slides_away_ends_the_steps() {
+    let (board, mut io) = mock_board(&original(), None);
+    let mut slid = 0.0;
+    board.borrow_mut().on_command = Some(Box::new(move |_, report| {
+        slid += 20.0;
+        let measured = f64::from_bits(report.measurement.0) + slid;
+        report.measurement.0 = measured.to_bits();
+    }));
+    let outcome = tune(&mut io, &plan());
+    assert!(
+        matches!(&outcome, Err(Error::Tuning(text)) if text.contains("further than 600")),
+        "{outcome:?}"
+    );
+    assert_restored(&board.borrow(), None);
+}
+
+#[test]
 fn step_plan_out_of_range_is_rejected() {
     let edits: [fn(&mut step_response::StepPlan); 6] = [
         |plan| plan.hold_s = 10.0,
@@ -272,6 +292,16 @@ fn drive_model_fit_rejects_implausible_steps() {
     assert!(fit(|_| 3.0, 0.0).unwrap_err().contains("moved"));
     assert!(fit(|value| -value, 0.0).is_err());
     assert!(fit(|value| value, 500.0).is_err());
+    // It is held whenever it backs off.
+    let (mut held, mut at) = (synthetic(1.73, 20.1, 0.144, 0.0), 0.0);
+    for sample in &mut held {
+        if sample.percent < 0.0 {
+            sample.value = at;
+        }
+        at = sample.value;
+    }
+    let why = drive_model::fit(&drive_model::steps(&held)).unwrap_err();
+    assert!(why.contains("unexplained"), "{why}");
 }
 
 #[test]
@@ -308,7 +338,7 @@ fn upper_resistor_is_read_from_log() {
     let (board, mut io) = mock_board(&original(), None);
     let mut session = Session::open(&mut io, 40, 100).unwrap();
     assert_eq!(
-        battery::measure_upper_resistor(&mut session, 2, 3.7),
+        battery::measure_upper_resistor(&mut session, 2, 3.699),
         Ok(33_120)
     );
     let asked = board.borrow().commands.last().unwrap().tune;
@@ -344,7 +374,7 @@ fn divider_far_off_worse_gains_and_idle_duties_are_refused() {
         curve: Vec::new(),
     };
     for (after, before, worse) in [
-        ((Some(1.0), 9.0), (Some(1.0), 0.0), false),
+        ((Some(1.05), 9.0), (Some(1.0), 0.0), false),
         ((Some(1.2), 0.0), (Some(1.0), 0.0), true),
         ((None, 0.0), (Some(4.9), 0.0), true),
         ((Some(4.9), 0.0), (None, 0.0), false),
