@@ -9,13 +9,14 @@ use crate::error::Result;
 use crate::session::Session;
 
 /// They build in folders of their own, or wait until `unit` has built what they need.
-pub const GATES: [&str; 14] = [
+pub const GATES: [&str; 15] = [
     "firmware",
     "elf",
     "reproducible",
     "msrv",
     "supply",
     "exhaustive",
+    "defects",
     "page",
     "kani",
     "qemu",
