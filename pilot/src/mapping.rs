@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn swept_range_is_mapped_by_its_bearing_and_fixed_ones_beside_it() {
+    fn swept_range_is_mapped_by_its_bearing_beside_fixed_ones() {
         let config = Config::decode(&Image::FIRST_BOARD).unwrap();
         let mut mapping = Mapping::new(mapper_config(&config, 25.0));
         // Between two walls, to the right.

@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_numbered_slow_ones_come_once_a_second_and_the_map_at_the_end() {
+    fn topics_are_numbered_and_slow_ones_come_once_a_second() {
         let bytes = recorded("topics", true);
         let mut topics: BTreeMap<String, Vec<(u32, u64)>> = BTreeMap::new();
         for message in mcap::MessageStream::new(&bytes).unwrap() {
