@@ -50,10 +50,10 @@ impl Shard {
     }
 }
 
-/// The harnesses that `proofs` declares, one a line.
-fn declared(workspace: &Workspace) -> Result<String> {
-    let list = "run --quiet --release --package proofs --example theorems -- --harnesses";
-    Ok(workspace.cargo(list).read()?)
+/// What `proofs` declares, as its example `theorems` lists it: a table, or with `--harnesses` those, one a line.
+pub fn declared(workspace: &Workspace, arguments: &[&str]) -> Result<String> {
+    let list = workspace.cargo("run --quiet --release --package proofs --example theorems --");
+    Ok(list.args(arguments).read()?)
 }
 
 /// Proves every harness where Kani is installed; reads the evidence where it is not.
@@ -63,7 +63,7 @@ pub fn gate(workspace: &Workspace) -> Result<String> {
     if !matches!(&proven, Err(error) if error.downcast_ref().is_some_and(is_missing)) {
         return proven;
     }
-    let declared = declared(workspace)?;
+    let declared = declared(workspace, &["--harnesses"])?;
     let declared: Vec<_> = declared.lines().collect();
     let (figure, missing) = evidence::judge(&declared, &evidence::read(workspace)?)?;
     if missing.is_empty() {
@@ -83,7 +83,7 @@ pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
     let limit = Budget::read(workspace)?;
     let limit = limit.value("kani.at_most.harness_seconds")?.as_f64();
     let limit = limit.context("harness_seconds is no number")?;
-    let declared = declared(workspace)?;
+    let declared = declared(workspace, &["--harnesses"])?;
     let declared: Vec<_> = declared.lines().collect();
     let mut known = Verdicts::new();
     if choice.evidence {

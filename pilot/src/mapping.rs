@@ -241,12 +241,10 @@ mod tests {
         }
         let grid = mapping.mapper().grid();
         let occupied = |range: std::ops::Range<f64>| {
-            let middles = grid.cells().map(|(column, row)| {
-                let is_occupied = grid.cell(column, row) == mapper::Cell::Occupied;
-                (is_occupied, grid.middle(column, row))
-            });
-            let mut middles = middles.filter(|(is_occupied, _)| *is_occupied);
-            middles.any(|(_, middle)| range.contains(&middle.y_mm))
+            grid.cells().any(|(column, row)| {
+                grid.cell(column, row) == mapper::Cell::Occupied
+                    && range.contains(&grid.middle(column, row).y_mm)
+            })
         };
         assert!(occupied(950.0..1050.0) && occupied(-850.0..-650.0));
         assert!(!occupied(-600.0..900.0));
@@ -258,7 +256,7 @@ mod tests {
         assert_eq!(Files::check(&stem), Ok(()));
         let files = Files::new(&stem);
         for file in [files.png, files.pgm, files.yaml] {
-            std::fs::write(&file, "of somebody else\n").unwrap();
+            std::fs::write(&file, "foreign\n").unwrap();
             assert!(Files::check(&stem).is_err(), "{}", file.display());
             std::fs::remove_file(file).unwrap();
         }

@@ -176,22 +176,22 @@ fn saved_map_leads_to_a_point_from_an_unknown_start() {
     assert!(robot.borrow().collisions().is_empty());
 }
 
-/// Answers every frame alike, and keeps what it was told.
-struct Told(Action, Vec<Status>);
+/// Returns the same action for every frame, and records the status of each.
+struct FixedPlan(Action, Vec<Status>);
 
-impl Plan for Told {
+impl Plan for FixedPlan {
     fn step(&mut self, _: &Grid, status: &Status) -> Action {
         self.1.push(*status);
         self.0
     }
 }
 
-/// What a runner asks for after reports at these seconds, with the stops that the plan was told of.
+/// The requests of a runner after reports at these seconds, and the stops in the plan's status.
 fn run(
-    answer: Action,
+    action: Action,
     reports: &[(f64, State, Faults)],
 ) -> (Result<Vec<CommandRequest>, Error>, Vec<Option<StopReason>>) {
-    let (mut runner, mut plan) = (PlanRunner::new(0), Told(answer, Vec::new()));
+    let (mut runner, mut plan) = (PlanRunner::new(0), FixedPlan(action, Vec::new()));
     let estimate = PoseEstimate::default();
     let grid = Grid::new(25.0);
     let step = |&(time_s, state, faults): &(f64, State, Faults)| {
@@ -214,7 +214,7 @@ fn run(
 }
 
 #[test]
-fn plan_is_told_of_each_stop_and_its_answer_clears_it() {
+fn plan_gets_each_stop_and_its_action_clears_it() {
     let quarter_turn = Velocity {
         forward_mm_s: 100.0,
         yaw_rate_rad_s: TAU / 4.0,

@@ -8,13 +8,13 @@ use xshell::cmd;
 use super::check_bars;
 use crate::defects;
 use crate::error::{Context, Error, Kind, Result, bail, fail};
+use crate::kani;
 use crate::process;
 use crate::session::Session;
 
 /// The theorems' table against its floors: a proof that went missing fails here.
 pub fn floors(session: &Session) -> Result<String> {
-    let list = session.cargo("run --quiet --release --package proofs --example theorems");
-    let counts = counts(&list.read()?)?;
+    let counts = counts(&kani::declared(session, &[])?)?;
     let figures = counts.iter().map(|(name, count)| format!("{count} {name}"));
     let figures = figures.collect::<Vec<_>>().join(", ");
     check_bars(session, "proofs", &Value::Object(counts))?;
