@@ -168,21 +168,28 @@ impl OutputFile {
     pub fn save(mut self, bytes: &[u8]) -> Result<(), Error> {
         let written = self.file.write_all(bytes);
         written.map_err(|cause| Error::unwritable(&self.path, &cause))?;
-        self.publish().map(|_| ())
+        self.publish()
     }
 
-    /// Puts the file in its place as it is; it can be written on.
+    /// Another handle of the file, with which it is written before and after [`OutputFile::publish`].
     ///
     /// # Errors
     /// [`Error::Unwritable`].
-    pub fn publish(self) -> Result<File, Error> {
-        let file = self.file.try_clone().and_then(|file| {
-            file.sync_all()?;
-            fs::rename(&self.beside, &self.path)?;
-            sync_folder(&self.path)?;
-            Ok(file)
-        });
+    pub fn handle(&self) -> Result<File, Error> {
+        let file = self.file.try_clone();
         file.map_err(|cause| Error::unwritable(&self.path, &cause))
+    }
+
+    /// Puts the file in its place as it is.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`].
+    pub fn publish(self) -> Result<(), Error> {
+        let published = self.file.sync_all().and_then(|()| {
+            fs::rename(&self.beside, &self.path)?;
+            sync_folder(&self.path)
+        });
+        published.map_err(|cause| Error::unwritable(&self.path, &cause))
     }
 }
 

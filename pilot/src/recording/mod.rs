@@ -46,12 +46,12 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins the file.
+    /// Begins the file. Its header is written before it is seen at its path.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn create(path: &Path) -> Result<Self, Error> {
-        let file = BufWriter::new(OutputFile::create(path, Kind::Recording)?.publish()?);
+        let file = OutputFile::create(path, Kind::Recording)?;
         let options = WriteOptions::new()
             .compression(None)
             .profile("ros2")
@@ -59,13 +59,14 @@ impl Recorder {
         let mut recorder = Self {
             path: path.into(),
             writer: options
-                .create(file)
+                .create(BufWriter::new(file.handle()?))
                 .map_err(|cause| Error::unwritable(path, &cause))?,
             channels: BTreeMap::new(),
             flushed_us: 0,
             slow_us: None,
         };
         recorder.flush()?;
+        file.publish()?;
         Ok(recorder)
     }
 
@@ -284,6 +285,20 @@ mod tests {
     #[test]
     fn killed_recording_lacks_at_most_half_a_second() {
         assert_begins(&parse(&recorded("killed", false)).unwrap(), 200 - 20);
+    }
+
+    // Requirement: WIRE-program-1
+    #[test]
+    fn recording_has_its_header_whenever_it_is_seen() {
+        let path = scratch("seen");
+        drop(Recorder::create(&path).unwrap());
+        std::thread::scope(|scope| {
+            let writes = scope.spawn(|| (0..50).for_each(|_| drop(Recorder::create(&path))));
+            while !writes.is_finished() {
+                assert_eq!(parse(&std::fs::read(&path).unwrap()), Ok(Vec::new()));
+            }
+        });
+        std::fs::remove_file(path).unwrap();
     }
 
     #[test]
