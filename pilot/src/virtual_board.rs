@@ -12,6 +12,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use twin::Board;
 use twin::hal::{I2c, I2cError, Line, SpiTiming};
+pub use twin::processor::keep_to_one as keep_to_one_processor;
 
 /// Which virtual board.
 #[derive(Clone, Debug, PartialEq)]

@@ -120,6 +120,7 @@ impl Rig {
     /// # Panics
     /// Where the board cannot be made.
     pub fn with_elf(elf: &[u8], options: Options) -> Self {
+        twin::processor::keep_to_one();
         let board = Board::new(elf, options).expect("a board");
         let release = elf == self::elf(ELF);
         Self { board, release }

@@ -24,6 +24,7 @@ fn small_room() -> Room {
 /// without a collision.
 fn explore(seed: u64, mut disturb: impl FnMut(&Board, f64)) -> Figures {
     let room = small_room();
+    twin::processor::keep_to_one();
     let board = exploration::configured_board(&elf(ELF), &room, seed).expect("a board");
     let mut io = test_board::io(&board);
     let mut reports = 0.0;
@@ -76,6 +77,7 @@ fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
 // Requirement: NAV-calibrate-1
 #[test]
 fn learned_wheels_in_eeprom_improve_next_exploration() {
+    twin::processor::keep_to_one();
     let (elf, room) = (elf(ELF), small_room());
     let sample = Settings::sample()
         .and_then(|sample| sample.with(&exploration::CHANGES))

@@ -55,6 +55,7 @@ mod options;
 pub mod peripherals;
 pub mod pin;
 pub mod pinout;
+pub mod processor;
 pub mod soc;
 pub mod trace;
 pub mod unmodelled;

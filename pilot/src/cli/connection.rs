@@ -59,6 +59,10 @@ impl Context<'_> {
         job: impl FnOnce(&mut Connection) -> Result<T, Error>,
     ) -> Result<T, Error> {
         let Some(client) = self.server()? else {
+            #[cfg(feature = "virtual")]
+            if self.board.virtual_board.chosen {
+                pilot::virtual_board::keep_to_one_processor();
+            }
             return self.with_own_board(job);
         };
         let borrowed = Borrowed::new(client)?;

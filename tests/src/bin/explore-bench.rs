@@ -59,6 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     thread::scope(|scope| {
         for _ in 0..THREADS {
             scope.spawn(|| {
+                twin::processor::keep_to_one();
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
                     if seed > last {

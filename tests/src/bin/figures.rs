@@ -88,6 +88,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 }
 
 fn main() -> Result<()> {
+    twin::processor::keep_to_one();
     let arguments = Arguments::parse();
     let firmware = Firmware {
         elf: read(&arguments.elf)?,

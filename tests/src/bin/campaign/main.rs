@@ -42,6 +42,7 @@ struct Arguments {
 
 #[expect(clippy::cast_precision_loss, reason = "hours")]
 fn main() -> Result<(), Box<dyn Error>> {
+    twin::processor::keep_to_one();
     let arguments = Arguments::parse();
     let elf = fs::read(&arguments.elf)?;
     if arguments.soak {

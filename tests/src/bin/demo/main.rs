@@ -51,6 +51,7 @@ struct Arguments {
 }
 
 fn main() {
+    twin::processor::keep_to_one();
     let missed = run(&Arguments::parse()).unwrap_or_else(|error| vec![error.to_string()]);
     for missed in &missed {
         eprintln!("demo: missed: {missed}");
