@@ -1,6 +1,9 @@
 //! Gates that run tests: beside the code, and with the firmware in the loop.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Mutex;
+use std::thread::{self, available_parallelism};
 
 use serde_json::Value;
 use xshell::{Cmd, cmd};
@@ -29,18 +32,63 @@ pub fn exhaustive(session: &Session) -> Result<String> {
 }
 
 /// The tests with the firmware in the loop.
-fn with_firmware(session: &Session) -> Result<Cmd<'_>> {
-    let tests = session.cargo_on_host("test --release --test in_the_loop")?;
-    Ok(tests.env("ROBOT_ELF", &session.image()?.path))
-}
+const IN_THE_LOOP: &str = "test --release --test in_the_loop";
 
+/// Each test in a process of its own, as many at a time as there are processors: the emulator compiles the
+/// firmware as it runs, and each new page of code interrupts every processor that runs the same process.
 pub fn in_the_loop(session: &Session) -> Result<String> {
-    let tests = with_firmware(session)?;
-    let tests = tests.env("ROBOT_PROGRAM", programs::build_pilot(session)?);
-    let tests = tests.env("ROBOT_ELF_BRINGUP", session.build(BRINGUP)?.path);
     let failing = |features| session.build(Program("fw-pac", features));
-    let tests = tests.env("ROBOT_ELF_PANIC", failing("test-panic")?.path);
-    run(tests.env("ROBOT_ELF_OVERFLOW", failing("test-overflow")?.path))
+    let inputs = [
+        ("ROBOT_ELF", session.image()?.path.clone()),
+        ("ROBOT_PROGRAM", programs::build_pilot(session)?),
+        ("ROBOT_ELF_BRINGUP", session.build(BRINGUP)?.path),
+        ("ROBOT_ELF_PANIC", failing("test-panic")?.path),
+        ("ROBOT_ELF_OVERFLOW", failing("test-overflow")?.path),
+    ];
+    let tests = session.cargo_on_host(IN_THE_LOOP)?;
+    let built = tests
+        .args(["--no-run", "--message-format", "json"])
+        .read()?;
+    let program = captures(&built, r#""executable":"([^"]*/in_the_loop-[^"]*)""#);
+    let program = program.first().context("cargo names no in_the_loop")?;
+    let folder = session.root.join("tests");
+    let output = |words: &[&str]| {
+        let mut test = Command::new(program);
+        test.args(words).envs(inputs.clone()).current_dir(&folder);
+        test.output()
+    };
+    let list = output(&["--list", "--format", "terse"])?;
+    let list = String::from_utf8_lossy(&list.stdout);
+    let names = Mutex::new(captures(&list, "(?m)^(.*): test$").into_iter());
+    let next = || names.lock().ok()?.next();
+    let outcomes = Mutex::new(Vec::new());
+    let work = || {
+        while let Some(name) = next() {
+            let (success, text) = match output(&["--exact", name]) {
+                Ok(test) => (test.status.success(), [test.stdout, test.stderr].concat()),
+                Err(error) => (false, error.to_string().into_bytes()),
+            };
+            let text = String::from_utf8_lossy(&text);
+            let lines = text
+                .lines()
+                .filter(|line| !success || line.starts_with("test "));
+            lines
+                .filter(|line| !line.starts_with("test result"))
+                .for_each(|line| println!("{line}"));
+            if let Ok(mut outcomes) = outcomes.lock() {
+                outcomes.push((name, success, results(&text).0));
+            }
+        }
+    };
+    let processors = available_parallelism()?.get();
+    thread::scope(|scope| (0..processors).for_each(|_| drop(scope.spawn(work))));
+    let outcomes = outcomes.into_inner().unwrap_or_default();
+    let failed = outcomes.iter().filter(|(_, success, _)| !success);
+    let failed: Vec<_> = failed.map(|(name, ..)| *name).collect();
+    judge(
+        outcomes.iter().map(|outcome| outcome.2).sum(),
+        &failed.join(", "),
+    )
 }
 
 /// Runs a script of `tests/` on the Pi's program and the ELF, by Python with what `requirements.txt` beside
@@ -74,7 +122,9 @@ pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let found = || installed("chromedriver") && browsers.into_iter().any(installed);
     install(session, "chromium-driver", found)?;
-    run(with_firmware(session)?.args(["--", "--ignored", "page::"]))
+    let tests = session.cargo_on_host(IN_THE_LOOP)?;
+    let tests = tests.env("ROBOT_ELF", &session.image()?.path);
+    run(tests.args(["--", "--ignored", "page::"]))
 }
 
 /// The core's arithmetic on another emulator of its processor, to the bit as on the host.
@@ -206,8 +256,15 @@ fn check_report(
 fn run(tests: Cmd<'_>) -> Result<String> {
     let (success, text) = process::tee(tests)?;
     let (passed, failed) = results(&text);
+    ensure!(
+        success || !failed.is_empty(),
+        "the tests did not end with 0"
+    );
+    judge(passed, &failed)
+}
+
+fn judge(passed: u32, failed: &str) -> Result<String> {
     ensure!(failed.is_empty(), "failed: {failed}");
-    ensure!(success, "the tests did not end with 0");
     ensure!(passed > 0, "no test ran");
     Ok(format!("{passed} tests"))
 }
