@@ -18,7 +18,9 @@ use crate::test_board::{BRIDGES, Rig};
 pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
     let settings = Settings::sample().and_then(|sample| sample.with(&CHANGES));
     let image = settings.expect("accepted").image().clone();
-    let rig = Rig::configured(image.0.to_vec());
+    // On a thread of its own, which keeps to one processor: clients, a browser among them, may use all.
+    let rig = thread::spawn(move || Rig::configured(image.0.to_vec()));
+    let rig = rig.join().expect("a robot");
     for (_, port, _) in BRIDGES {
         rig.trace_writes(port);
     }

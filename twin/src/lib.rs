@@ -20,7 +20,8 @@
 //! ```
 //!
 //! Virtual time passes only inside transfers, delays and the `run` methods, and everything that
-//! happens depends on it and on the seed: a run can be repeated bit for bit.
+//! happens depends on it and on the seed: a run can be repeated bit for bit. A thread with a board
+//! runs it faster after [`processor::keep_to_one`].
 //!
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
