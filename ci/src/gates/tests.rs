@@ -1,7 +1,8 @@
 //! Gates that run tests: beside the code, and with the firmware in the loop.
 
+use std::io;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use std::sync::Mutex;
 use std::thread::{self, available_parallelism};
 
@@ -47,7 +48,7 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
     ];
     let tests = session.cargo_on_host(IN_THE_LOOP)?;
     let built = tests
-        .args(["--no-run", "--message-format", "json"])
+        .args(["--no-run", "--message-format", "json-render-diagnostics"])
         .read()?;
     let program = captures(&built, r#""executable":"([^"]*/in_the_loop-[^"]*)""#);
     let program = program.first().context("cargo names no in_the_loop")?;
@@ -59,22 +60,24 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
     };
     let list = output(&["--list", "--format", "terse"])?;
     let list = String::from_utf8_lossy(&list.stdout);
-    let names = Mutex::new(captures(&list, "(?m)^(.*): test$").into_iter());
+    apart(captures(&list, "(?m)^(.*): test$"), |name| {
+        output(&["--exact", name])
+    })
+}
+
+/// Runs each of these tests by `start`, as many at a time as there are processors.
+fn apart(names: Vec<&str>, start: impl Fn(&str) -> io::Result<Output> + Sync) -> Result<String> {
+    let (names, outcomes) = (Mutex::new(names.into_iter()), Mutex::new(Vec::new()));
     let next = || names.lock().ok()?.next();
-    let outcomes = Mutex::new(Vec::new());
     let work = || {
         while let Some(name) = next() {
-            let (success, text) = match output(&["--exact", name]) {
-                Ok(test) => (test.status.success(), [test.stdout, test.stderr].concat()),
+            let (success, text) = match start(name) {
+                Ok(end) => (end.status.success(), [end.stdout, end.stderr].concat()),
                 Err(error) => (false, error.to_string().into_bytes()),
             };
             let text = String::from_utf8_lossy(&text);
-            let lines = text
-                .lines()
-                .filter(|line| !success || line.starts_with("test "));
-            lines
-                .filter(|line| !line.starts_with("test result"))
-                .for_each(|line| println!("{line}"));
+            let verdict = captures(&text, r"(?m)^(test .* \.\.\. .*)$").concat();
+            println!("{}", if success { &verdict } else { &*text });
             if let Ok(mut outcomes) = outcomes.lock() {
                 outcomes.push((name, success, results(&text).0));
             }
@@ -83,12 +86,10 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
     let processors = available_parallelism()?.get();
     thread::scope(|scope| (0..processors).for_each(|_| drop(scope.spawn(work))));
     let outcomes = outcomes.into_inner().unwrap_or_default();
-    let failed = outcomes.iter().filter(|(_, success, _)| !success);
-    let failed: Vec<_> = failed.map(|(name, ..)| *name).collect();
-    judge(
-        outcomes.iter().map(|outcome| outcome.2).sum(),
-        &failed.join(", "),
-    )
+    let failed = outcomes.iter().filter(|outcome| !outcome.1);
+    let failed: Vec<_> = failed.map(|outcome| outcome.0).collect();
+    let passed = outcomes.iter().map(|outcome| outcome.2).sum();
+    judge(passed, &failed.join(", "))
 }
 
 /// Runs a script of `tests/` on the Pi's program and the ELF, by Python with what `requirements.txt` beside
