@@ -10,8 +10,8 @@ static KEPT: Mutex<Vec<usize>> = Mutex::new(Vec::new());
 /// Keeps this thread, and those that it starts from now on, to one processor for as long as it runs.
 ///
 /// The emulator's thread and the one that drives the board take turns; on one processor a turn wakes no
-/// other processor, and an exploration takes a quarter less time. Of the threads of a process that keep to one, each
-/// gets a processor that the fewest of them have. A system that refuses changes nothing.
+/// other processor, and an exploration takes a quarter less time. Of the threads of a process that keep
+/// to one, each gets a processor that the fewest of them have. A system that refuses changes nothing.
 pub fn keep_to_one() {
     thread_local! {
         static PLACE: Place = Place::take();

@@ -35,12 +35,8 @@ pub struct LocaliserConfig {
     pub incidence_rad: f64,
     /// Noise of the motion.
     pub motion: MotionNoise,
-    /// Weight of the matches; `None` = mapping by prediction alone.
-    pub matcher: Option<MatcherConfig>,
-    /// Whether the slope of the range gives an echo's bearing.
-    pub bearings: bool,
-    /// Whether walls at right angles to the first one correct the heading.
-    pub right_angles: bool,
+    /// Weight of the matches.
+    pub matcher: MatcherConfig,
     /// Length of a stretch, mm of way.
     pub stretch_mm: f64,
 }
@@ -57,9 +53,7 @@ impl Default for LocaliserConfig {
             half_angle_rad: 15f64.to_radians(),
             incidence_rad: 30f64.to_radians(),
             motion: MotionNoise::default(),
-            matcher: Some(MatcherConfig::default()),
-            bearings: true,
-            right_angles: true,
+            matcher: MatcherConfig::default(),
             stretch_mm: 400.0,
         }
     }

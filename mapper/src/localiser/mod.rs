@@ -220,11 +220,6 @@ impl Localiser {
             let new = track.old..track.readings.len();
             elements.extend(new.filter_map(|at| element(&track.readings, at, &self.beam)));
         }
-        if !self.config.bearings {
-            for element in &mut elements {
-                element.forget_bearing();
-            }
-        }
         if self.search.is_some() {
             self.search(elements);
         } else {
@@ -232,9 +227,7 @@ impl Localiser {
             for element in &mut elements {
                 *element = element.moved(&to_robot);
             }
-            if self.config.right_angles {
-                self.observe_walls(&elements);
-            }
+            self.observe_walls(&elements);
             self.correct(&elements);
             self.enter(&elements, &to_robot);
         }
@@ -253,8 +246,8 @@ impl Localiser {
         };
         let stretch = (elements, std::mem::take(&mut self.trace));
         let map = (&self.evidence.surfaces, &self.evidence.grid);
-        let config = self.config.matcher.unwrap_or_default();
-        match search.advance(stretch, &self.dead_reckoning, map, (&self.beam, &config)) {
+        let config = &self.config.matcher;
+        match search.advance(stretch, &self.dead_reckoning, map, (&self.beam, config)) {
             Outcome::Searching(mean, covariance) => self.ekf.relocate(&mean, &covariance),
             Outcome::Located(place) => {
                 let slack = Vector3::from(LOCATED).component_mul(&Vector3::from(LOCATED));
@@ -281,9 +274,6 @@ impl Localiser {
 
     /// Corrects the pose by a match of these elements, given in the robot's frame.
     fn correct(&mut self, elements: &[Element]) {
-        let Some(config) = &self.config.matcher else {
-            return;
-        };
         let pose = self.ekf.pose();
         let visible: Vec<Element> = elements
             .iter()
@@ -292,7 +282,7 @@ impl Localiser {
             .collect();
         let prior = (&pose, &self.ekf.pose_covariance());
         let surfaces = &self.evidence.surfaces;
-        let found = matcher::find(surfaces, &visible, prior, &self.beam, config);
+        let found = matcher::find(surfaces, &visible, prior, &self.beam, &self.config.matcher);
         if let Some(found) = found.filter(|found| found.cost < 0.5 * likelihood::LIMIT) {
             self.ekf.replace_pose(&found.mean, &found.covariance);
         }

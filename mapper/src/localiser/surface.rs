@@ -76,13 +76,6 @@ impl Element {
         self.spread_rad < KNOWN_RAD
     }
 
-    /// As if the way did not tell the bearing.
-    pub fn forget_bearing(&mut self) {
-        self.kind = Kind::Unclear;
-        self.towards_rad = self.sensor.heading_rad;
-        self.spread_rad = PRIOR_RAD;
-    }
-
     /// The answering point, if the surface's normal is in direction `towards_rad`: the beam's rim
     /// where the normal is outside of it.
     pub fn point_towards(&self, beam: &Beam, towards_rad: f64) -> Point {

@@ -165,7 +165,6 @@ impl<'a> Floor<'a> {
 pub struct Drive {
     pub localiser: Localiser,
     pub robot: KinematicRobot,
-    pub with_gyro: bool,
     /// Frames until the localiser was located.
     pub search_frames: usize,
     /// By frame, relative to the start: estimate, truth, odometry.
@@ -182,7 +181,6 @@ impl Drive {
         Self {
             localiser: Localiser::new(config),
             robot: KinematicRobot::new(room.clone(), room.start, world, seed),
-            with_gyro: true,
             search_frames: 0,
             poses: Vec::new(),
             nees: Vec::new(),
@@ -203,8 +201,7 @@ impl Drive {
 
     fn drive_frame(&mut self, start: &Pose2, command: VelocityInput) {
         self.robot.step(FRAME_S, command);
-        let mut observation = Self::observation(&self.robot);
-        observation.gyro_rad = observation.gyro_rad.filter(|_| self.with_gyro);
+        let observation = Self::observation(&self.robot);
         let clock = std::time::Instant::now();
         self.localiser.observe(&observation);
         self.search_frames += usize::from(!self.localiser.is_located());

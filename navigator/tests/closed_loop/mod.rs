@@ -1,5 +1,4 @@
 //! Explores a room with the robot without firmware, and compares with the truth afterwards.
-#![allow(dead_code)] // the test and the example each use a part
 
 use std::time::{Duration, Instant};
 
