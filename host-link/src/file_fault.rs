@@ -85,4 +85,5 @@ fn fault_shows_its_line_and_columns_up_to_160() {
         (Some(1), line(&long[..160], 159..160))
     );
     assert_eq!(shown(&long, 159..161), (Some(1), None));
+    assert!(shown(&long, 100..160).1.is_some());
 }

@@ -222,6 +222,7 @@ mod tests {
         for wrong in [
             "I00012: L 45 40 1 2 3600001 3600000 1 stale 1 crc 3",
             "I00012: L 45 40 1 - 25013 3600000 1 stale 1 crc 3",
+            "I00012: L 45 40 1 x 25013 3600000 x stale 1 crc 3",
             "I00012: L 45 40 1 2 25013 3600000 256 stale 1 crc 3",
             "I00012: L 45 40 1 2 25013 3600000 1 crc 3 stale 1",
             "I00012: L 45 40 1 2 25013 3600000 1 stale 1 stale 1 crc 2",
@@ -303,5 +304,9 @@ mod tests {
         }
         assert!(parser.partial.len() <= LONGEST + 1);
         assert_eq!(parser.feed(b"\nI00001: x\n"), [(1, LogLine::Other)]);
+        for (len, lines) in [(LONGEST, 1), (LONGEST + 1, 0)] {
+            let line = format!("I00001: {:x<1$}\n", "", len - 8);
+            assert_eq!(parser.feed(line.as_bytes()).len(), lines, "{len}");
+        }
     }
 }

@@ -118,7 +118,9 @@ impl StartFaults {
 mod tests {
     use super::*;
     use fw_core::eeprom::{Image, fields};
-    use fw_core::wire::{CellCode, Command, MAX_FRAME, Mode, PiLink, StmLink, chain, frame_len};
+    use fw_core::wire::{
+        CellCode, Command, DistanceCode, MAX_FRAME, Mode, PiLink, StmLink, chain, frame_len,
+    };
 
     /// The Pi in one mode, the STM in another, at rest, for ten frames: whether the Pi detects it.
     fn is_detected(pi_mode: Mode, stm_mode: Mode, cells: u8) -> bool {
@@ -192,6 +194,32 @@ mod tests {
             assert_eq!(outcomes[3], expected, "{jumps} of {step_m} m");
             assert_eq!(outcomes[..3], [const { Ok(()) }; 3]);
         }
+    }
+
+    /// Updates of a single cell's robot: battery and distances are one byte repeated, and x is these metres.
+    fn updates(repeated: bool, x_m: impl IntoIterator<Item = i32>) -> Vec<Result<(), String>> {
+        let config = Config::decode(&Image::FIRST_BOARD.with(fields::CELLS, 1)).unwrap();
+        let mut mode_check = ModeCheck::new(&config);
+        let ranges = [DistanceCode(u16::from(!repeated)); 3];
+        let updates = x_m.into_iter().map(|x_m| {
+            let mut report = Report {
+                ranges,
+                ..Report::default()
+            };
+            report.pose.x = x_m * 1_000_000;
+            mode_check.update(&report)
+        });
+        updates.collect()
+    }
+
+    #[test]
+    fn mismatch_needs_every_reply_repeated_or_jumps_in_a_row() {
+        let outcomes = updates(true, [0; 10]);
+        assert!(outcomes[..9].iter().all(Result::is_ok) && outcomes[9].is_err());
+        assert_eq!(updates(false, [0; 10]), [const { Ok(()) }; 10]);
+        // Three and three more after a pause.
+        let pause = [10, 20, 30, 30, 40, 50, 60];
+        assert!(updates(false, pause).iter().all(Result::is_ok));
     }
 
     #[test]

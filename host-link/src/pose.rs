@@ -105,3 +105,13 @@ fn rotation_difference_takes_shortest_way() {
     assert!((back.rotation_to_deg(ten) - 20.0).abs() < 1e-9);
     assert!((ten.rotation_to_deg(back) + 20.0).abs() < 1e-9);
 }
+
+#[test]
+fn pose_seen_from_origin_is_turned_and_shifted() {
+    // Cosine 0.6, sine 0.8.
+    let origin = Pose::new(100.0, 200.0, 4f64.atan2(3.0).to_degrees());
+    let there = Pose::new(10.0, 5.0, 7.0).in_frame_of(origin);
+    let expected = Pose::new(102.0, 211.0, origin.rotation_deg + 7.0);
+    assert!(there.distance_mm(expected) < 1e-9 && there.rotation_to_deg(expected).abs() < 1e-9);
+    assert!((expected.distance_mm(Pose::new(105.0, 207.0, 0.0)) - 5.0).abs() < 1e-9);
+}

@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(snapshot.cells_v, [None, Some(3.7)]);
         let ranges_mm = snapshot.ranges_mm.map(|mm| mm.map(f64::round));
         assert_eq!(ranges_mm, [Some(500.0), None, Some(0.0)]);
-        assert_eq!(snapshot.faults, fault_names(report.faults));
+        assert_eq!(snapshot.faults, ["left-stalled", "slip"]);
         assert_eq!(snapshot.state, Some("faulted"));
         assert!(snapshot.obstacle_limited && !snapshot.clipped);
         snapshot.kind = Mode::default();

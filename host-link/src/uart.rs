@@ -120,6 +120,8 @@ fn serial_port_bytes_or_its_absence_arrive() {
         matches!(missing, Some(Err(Error::Device { .. }))),
         "{missing:?}"
     );
+    let once: Vec<_> = spawn_reader(&path).iter().collect();
+    assert!(matches!(once.as_slice(), [Err(_)]), "{once:?}");
 }
 
 #[test]
@@ -135,4 +137,8 @@ fn terminal_is_set_to_the_logs_speed_and_raw() {
     assert_eq!(settings.output_speed(), BAUD);
     let echoes_or_waits = LocalModes::ECHO | LocalModes::ICANON;
     assert!(!settings.local_modes.intersects(echoes_or_waits));
+    let (local, reads) = (ControlModes::CLOCAL, ControlModes::CREAD);
+    assert!(settings.control_modes.contains(local | reads));
+    let flags = rustix::io::fcntl_getfd(&port).unwrap();
+    assert!(flags.contains(rustix::io::FdFlags::CLOEXEC));
 }

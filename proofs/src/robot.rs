@@ -83,7 +83,8 @@ const WHEELS: Faults = Faults::LEFT_STALLED
 
 /// A robot whose wheels do not turn is stopped in time: commanded to turn from a start, by any percentage,
 /// it brakes and is faulted after [`EARLIEST`](drive_monitor::EARLIEST) ticks at the earliest, and after
-/// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is latched stays, whatever the Pi says but clearing it.
+/// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is
+/// latched stays, whatever the Pi says but clearing it.
 // Requirement: WIRE-status-1, WIRE-status-3
 pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percent: i8) -> Seen {
     let values = values

@@ -27,8 +27,8 @@ pub const CELL_MM: f64 = 25.0;
 /// How near an occupied cell and a wall must be to agree, millimetres.
 pub const TOLERANCE_MM: f64 = 100.0;
 /// How much longer one core of a Raspberry Pi 3B+ (Cortex-A53, 1.4 GHz) takes than one of this computer.
-/// An estimate, not measured: the ratio of their single-core results in Geekbench 5, about 100 against 1,000 to 1,200 of a server
-/// core of 2021, and half as much again for floating point on an in-order core.
+/// An estimate, not measured: the ratio of their single-core results in Geekbench 5, about 100 against 1,000 to
+/// 1,200 of a server core of 2021, and half as much again for floating point on an in-order core.
 pub const PI_RATIO: f64 = 18.0;
 /// How long READY may take, milliseconds.
 pub const READY_MS: u32 = 1_000;

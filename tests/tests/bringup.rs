@@ -73,10 +73,12 @@ fn bringup_sound_board_passes_every_check() {
 // Requirement: WIRE-bringup-1
 #[test]
 fn bringup_mistake_of_the_hardware_fails_its_check() {
-    let mistake = |expected: &str, options: Options, spoil: &dyn Fn(&Rig)| {
+    let mistakes = |expected: &[&str], options: Options, spoil: &dyn Fn(&Rig)| {
         let (findings, _) = bring_up(options, true, |rig| spoil(rig));
-        assert_eq!(findings.failed(), [expected], "{findings:#?}");
+        assert_eq!(findings.failed(), expected, "{findings:#?}");
     };
+    let mistake =
+        |expected: &str, options, spoil: &dyn Fn(&Rig)| mistakes(&[expected], options, spoil);
     for crystal_hz in [0, 25_000_000] {
         let mut other = sound();
         other.crystal_hz = crystal_hz;
@@ -104,6 +106,9 @@ fn bringup_mistake_of_the_hardware_fails_its_check() {
     });
     mistake("motor left", sound(), &|rig| {
         rig.set_faults(|faults| faults.jammed.left = true);
+    });
+    mistakes(&["motor left", "motor right"], sound(), &|rig| {
+        rig.set_faults(|faults| faults.crossed_motors = true);
     });
 }
 

@@ -26,11 +26,11 @@
 //! # What is modelled
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
 //! with its temperature sensor and voltage reference, TIM1 to TIM3, TIM5, IWDG, NVIC, `SysTick`, DWT. By
-//! this crate: TIM4 as a PWM generator, TIM11's captures of the crystal's clock, EXTI, the multiplexer in SYSCFG, SPI1 as a slave, the NACK that ends an I2C reception
-//! by DMA, a bus held low, a crystal that does not start. On the board: the EEPROM with its write
-//! cycle, page wrap and write protection, the I2C switch, the MPU6050's vertical gyroscope, the
-//! RESET line, quadrature edges, the bridge, battery taps behind their dividers, three rangefinders
-//! with trigger, echo and crosstalk, the front one's servo, the log's UART at its bit rate.
+//! this crate: TIM4 as a PWM generator, TIM11's captures of the crystal's clock, EXTI, the multiplexer in SYSCFG,
+//! SPI1 as a slave, the NACK that ends an I2C reception by DMA, a bus held low, a crystal that does not start. On
+//! the board: the EEPROM with its write cycle, page wrap and write protection, the I2C switch, the MPU6050's
+//! vertical gyroscope, the RESET line, quadrature edges, the bridge, battery taps behind their dividers, three
+//! rangefinders with trigger, echo and crosstalk, the front one's servo, the log's UART at its bit rate.
 //!
 //! # What is not
 //! - The core retires instructions at one rate at any clock, [`Options::mips`]: an estimate

@@ -7,10 +7,10 @@
 //! | final rotation | The rotation PID turns to the target's heading, the forward PID holds the position. Brakes as soon as the robot would come to rest within the position tolerance and ¾ of the heading tolerance. Beyond twice the position tolerance: approach again. |
 //! | hold | Within both tolerances and at rest for 50 ms: braked. A disturbance beyond 1⅝ position tolerances or 1⅗ heading tolerances restarts. |
 //!
-//! An attempt that ends outside the tolerances widens them by a half, once, so that a robot that
-//! cannot do better does not hunt. The obstacle stop bounds the distance that the forward PID receives to
-//! the one at which it drives with the allowed speed, and clears its integral. From the final approach on the rotation PID's derivative acts on the
-//! deviation from a planned turn rate: heavily damped gains would else creep through the last 20°.
+//! An attempt that ends outside the tolerances widens them by a half, once, so that a robot that cannot do better does
+//! not hunt. The obstacle stop bounds the distance that the forward PID receives to the one at which it drives with the
+//! allowed speed, and clears its integral. From the final approach on the rotation PID's derivative acts on the deviation
+//! from a planned turn rate: heavily damped gains would else creep through the last 20°.
 
 pub(super) mod stiction;
 mod tracking_error;

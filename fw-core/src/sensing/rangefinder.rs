@@ -146,7 +146,8 @@ impl Rangefinders {
     }
 
     /// Every 10 ms: the sensor to trigger now, pointing at `bearing` (turn × 0x10000); none while the
-    /// bearing is unknown, unless the sensors at the `sides` need none. A sensor without an echo by its next trigger becomes [`Echo::Missing`].
+    /// bearing is unknown, unless the sensors at the `sides` need none. A sensor without an echo by its next
+    /// trigger becomes [`Echo::Missing`].
     pub fn tick(
         &mut self,
         now: Micros,

@@ -24,8 +24,9 @@ pub enum Repaired {
     },
 }
 
-/// Sets the lines idle. If `journal` shows an incomplete write, writes the content before it back. If the journal shows that a reset was due, or the last run was `killed` and the STM
-/// is not ready, resets it: it may have been reading its configuration when the bus was taken.
+/// Sets the lines idle. If `journal` shows an incomplete write, writes the content before it back. If the journal
+/// shows that a reset was due, or the last run was `killed` and the STM is not ready, resets it: it may have been
+/// reading its configuration when the bus was taken.
 ///
 /// # Errors
 /// [`Error::Pin`]; with a journal, those of [`image::load`] and [`program`], but for

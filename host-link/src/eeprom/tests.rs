@@ -183,6 +183,31 @@ fn absent_eeprom_is_an_error_within_a_second() {
 }
 
 #[test]
+fn eeprom_is_noticed_where_it_answers() {
+    let (board, mut io) = mock_board(&BLANK, None);
+    io.set_select(true).unwrap();
+    io.delay.delay_us(1000);
+    assert!(chip::answers(&mut io));
+    board.borrow_mut().fault = Some(IoFault::BusesFail(0));
+    assert!(!chip::answers(&mut io));
+}
+
+#[test]
+fn journal_of_complete_write_asks_for_reset() {
+    let folder = std::env::temp_dir().join(format!("robot-written-{}", std::process::id()));
+    let journal = Journal::new(folder.join("before"));
+    journal.begin(&wanted()).unwrap();
+    journal.written().unwrap();
+    assert!(!journal.unfinished() && journal.reset_due());
+    journal.end().unwrap();
+    assert!(!journal.reset_due());
+    // What cannot be removed is an error.
+    std::fs::create_dir(journal.path()).unwrap();
+    assert!(matches!(journal.end(), Err(Error::Unwritable { .. })));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
 fn write_cycle_without_end_is_an_error_after_20_ms() {
     let ends = (0..40).map(|at| {
         let (board, mut io) = mock_board(&BLANK, Some(IoFault::BusesFail(at)));

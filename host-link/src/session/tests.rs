@@ -260,6 +260,7 @@ fn log_is_read_until_it_fails() {
     board.borrow_mut().log.push(0);
     assert!(session.poll_log().is_empty());
     assert_eq!(session.log_error(), Some("interrupted"));
+    assert_eq!(session.read_log(), Ok(vec![0]));
 }
 
 #[test]

@@ -160,6 +160,8 @@ mod tests {
             assert_eq!(bearing(text(front, code).parse().unwrap()), Ok(code));
         }
         assert_eq!(text(front, 0xC000), "-90.0");
+        let travel = fw_core::eeprom::fields::SERVO_TRAVEL;
+        assert_eq!(text(travel, 0x8000), "180.0");
         assert_eq!(shortest(91, TURN / 360.0), "0.5");
         assert_eq!(shortest(80_000, 1000.0), "80.0");
         assert_eq!(scaled(70.0, 1000.0, 0xFFFF), Err("0 to 65.535".into()));

@@ -147,6 +147,7 @@ mod tests {
         for (from, to, expected) in [
             ("cells = 2", "cells = 300", cells),
             ("cells = 2", "cellz = 2", "unknown key battery.cellz"),
+            ("[pid.forward]", "[pod.forward]", "unknown key pod:"),
             ("mode = \"Normal\"", "mode = \"Normla\"", mode),
             ("servo = false", "servo = 0", servo),
             ("_ms = 250", "_ms = 70000", "a whole number from 0 to 65535"),
@@ -160,9 +161,17 @@ mod tests {
             assert_eq!(faults[0].line, Some(expected_line), "{what}");
             assert!(what.contains(expected), "{what}");
         }
-        let missing = complaint("adc_max_word = 4095", "").0.to_string();
-        let expected = "battery.adc_max_word is missing";
-        assert!(missing.contains(expected), "{missing}");
+        let section = parse("link = 3").unwrap_err().to_string();
+        let expected = "link must be a section, [link]";
+        assert!(section.contains(expected), "{section}");
+        // The last tap of two cells counts.
+        for (line, key) in [
+            ("adc_max_word = 4095", "battery.adc_max_word"),
+            ("upper_ohm = 33000", "battery.tap_2.upper_ohm"),
+        ] {
+            let missing = complaint(line, "").0.to_string();
+            assert!(missing.contains(&format!("{key} is missing")), "{missing}");
+        }
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! One direction alone cannot separate them, they may even cancel.
 //!
 //! The paper's two formulas hold for small angles. They are reported as the first-order estimate; what
-//! is written comes from [`least_squares`](super::least_squares): the track and the ratio with which the very paths that the
-//! wheels rolled end where they were measured.
+//! is written comes from [`least_squares`](super::least_squares): the track and the ratio with which the very
+//! paths that the wheels rolled end where they were measured.
 
 use super::least_squares::fit_factors;
 use super::wheel_geometry::WheelGeometry;

@@ -59,7 +59,8 @@ pub enum Command {
     },
     /// Exchange frames without a command and show state, faults, battery and both ends of the link
     Status(Status),
-    /// Check everything from the device files to the link, with --wheels-up to the wheels; exit code 14 if anything fails
+    /// Check everything from the device files to the link, with --wheels-up to the wheels; exit code 14 if
+    /// anything fails
     Doctor(Doctor),
     /// Judge a bare board part by part, by the log of the bring-up firmware
     Bringup(Bringup),

@@ -147,8 +147,11 @@ fn watch(session: &mut Session<'_>, findings: &mut Findings) -> Result<bool, Err
         findings.judge(
             "servo",
             swept.0 < -SWEPT_DEG && swept.1 > SWEPT_DEG,
-            format!("it swept from {:.0}° to {:.0}°", swept.0, swept.1),
-            "check the servo's travel in the configuration (servo_…), its signal and its supply",
+            format!(
+                "sent from {:.0}° to {:.0}°; nothing reports its angle: look whether it turned",
+                swept.0, swept.1
+            ),
+            "correct servo_travel in the configuration",
         );
     } else {
         findings.skip(&["servo"], "servo = false in the configuration");
@@ -162,30 +165,27 @@ fn watch(session: &mut Session<'_>, findings: &mut Findings) -> Result<bool, Err
     let moved_mm = start
         .zip(there)
         .map_or(0.0, |(start, there)| start.distance_mm(there));
-    let faults = session.snapshot().faults.clone();
     let limited = session.snapshot().obstacle_limited;
-    let mut turned = true;
-    for (check, causes) in [
-        (
-            "left wheel",
-            Faults::LEFT_STALLED.union(Faults::LEFT_REVERSED),
-        ),
-        (
-            "right wheel",
-            Faults::RIGHT_STALLED.union(Faults::RIGHT_REVERSED),
-        ),
-    ] {
-        let causes = causes.iter().map(|fault| fault.name);
-        let causes: Vec<_> = causes.filter(|name| faults.contains(name)).collect();
-        let found = if causes.is_empty() {
-            format!("it turned ahead and back, {moved_mm:.0} mm")
+    let latched = &session.snapshot().faults;
+    let causes = [
+        Faults::LEFT_STALLED.union(Faults::LEFT_REVERSED),
+        Faults::RIGHT_STALLED.union(Faults::RIGHT_REVERSED),
+    ]
+    .map(|causes| {
+        let names = causes.iter().map(|fault| fault.name);
+        names.filter(|name| latched.contains(name)).collect()
+    });
+    let turned = causes.iter().all(Vec::is_empty);
+    for (check, causes) in ["left wheel", "right wheel"].into_iter().zip(causes) {
+        const ADVICE: &str = "check motor, bridge and encoder of this wheel, both signs in the configuration, \
+            and that each motor is at its own bridge";
+        if turned {
+            findings.pass(check, format!("it turned ahead and back, {moved_mm:.0} mm"));
+        } else if causes.is_empty() {
+            findings.skip(&[check], "the other wheel's fault ended the drive");
         } else {
-            causes.join(", ")
-        };
-        let advice =
-            "check motor, bridge and encoder of this wheel, and both signs in the configuration";
-        findings.judge(check, causes.is_empty(), found, advice);
-        turned &= causes.is_empty();
+            findings.fail(check, causes.join(", "), ADVICE);
+        }
     }
     if turned && moved_mm < 0.5 * SPEED_MM_S {
         let found = format!(

@@ -17,6 +17,8 @@ pub struct Faults {
     pub twist_deg_s: f64,
     /// The wheel cannot turn; its motor stalls.
     pub jammed: Sides<bool>,
+    /// Each motor is plugged in at the other's bridge.
+    pub crossed_motors: bool,
     /// The rangefinder receives no echo: its line stays high as long as without an object.
     pub missing_echo: [bool; 3],
     /// The rangefinder is unplugged: its line never rises.

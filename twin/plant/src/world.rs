@@ -69,6 +69,11 @@ impl World {
 
     fn integrate(&mut self, dt: f64, inputs: Sides<MotorInput>) {
         let volts = self.battery.taps()[1];
+        let inputs = if self.faults.crossed_motors {
+            Sides::new(inputs.right, inputs.left)
+        } else {
+            inputs
+        };
         let motors = self.motors.as_mut().zip(inputs).zip(self.faults.jammed);
         let driven = motors.map(|((motor, input), jammed)| {
             let turned = motor.step(dt, input, volts);

@@ -22,8 +22,8 @@ const PLL_NS: u64 = scaled(300_000);
 pub struct OnSince([Option<VirtualNanos>; 2]);
 
 impl Stm32f411 {
-    /// Sets the ready flags, for which a switch to the PLL must wait here: never without a crystal (RM0383 section 6.2.1), where `rigless` sets its flag all
-    /// the same.
+    /// Sets the ready flags, for which a switch to the PLL must wait here: never without a crystal (RM0383
+    /// section 6.2.1), where `rigless` sets its flag all the same.
     pub(super) fn update_ready_flags(&mut self, now: VirtualNanos) {
         let crystal = self.rcc.crystals().0 != 0;
         let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();

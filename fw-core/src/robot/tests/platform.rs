@@ -1,7 +1,8 @@
 //! Every field of page 0x03 changes what the robot does, and how.
 //!
-//! Not here: `layout_version`, `layout_length`, `signs_reserved` and `crc`, which say what the page is; `log_baud`, which the
-//! registers obey; `gyro` and `log_period`, which `slip_monitor` and `events` test; `bearing_right` and `bearing_left`, which only the Pi's map uses.
+//! Not here: `layout_version`, `layout_length`, `signs_reserved` and `crc`, which say what the page is;
+//! `log_baud`, which the registers obey; `gyro` and `log_period`, which `slip_monitor` and `events` test;
+//! `bearing_right` and `bearing_left`, which only the Pi's map uses.
 
 use super::{Bench, tune};
 use crate::eeprom::fields::*;
