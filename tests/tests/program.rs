@@ -66,6 +66,15 @@ impl Program {
         assert_eq!(done.status.code(), Some(code), "{words}: {text}");
         text
     }
+
+    /// Runs the program in each of these ways; it must print the text among others.
+    #[track_caller]
+    fn expect_each<'a>(&self, runs: impl IntoIterator<Item = (i32, &'a str, &'a str)>) {
+        for (code, words, expected) in runs {
+            let text = self.expect(code, words);
+            assert!(text.contains(expected), "{words}: {text}");
+        }
+    }
 }
 
 struct Server(Child);
@@ -125,7 +134,7 @@ fn senseless_drives_are_refused_before_they_move() {
     let program = Program::configured("refused");
     fs::write(program.0.join("tour"), "300 0 0\n").expect("written");
     fs::create_dir(program.0.join("map.png")).expect("made");
-    for (code, words, expected) in [
+    program.expect_each([
         (
             2,
             "--rate 1 goto 100 0 0",
@@ -135,11 +144,84 @@ fn senseless_drives_are_refused_before_they_move() {
         (2, "tune move --yes --levels 20,100", "--levels 20"),
         (2, "tune move", "not confirmed"),
         (13, "tune battery 1 5.1", "accepted are 5 %"),
-    ] {
-        let text = program.expect(code, words);
-        assert!(text.contains(expected), "{words}: {text}");
-    }
-    assert!(program.expect(0, "--json doctor").contains("\"failed\":0"));
+        (0, "--json doctor", "\"failed\":0"),
+    ]);
+}
+
+const SERVO: &str = "platform.servo: false -> true";
+const UPPER: &str = "battery.tap_1.upper_ohm: 10587 -> 10000";
+
+// Requirement: WIRE-program-1
+#[test]
+fn configuration_is_compared_saved_and_brought_back() {
+    let program = Program::configured("configuration");
+    let file = |name: &str| program.0.join(name);
+    let first = fs::read_to_string(file("robot.toml")).expect("there");
+    let second = first.replace("servo = false", "servo = true");
+    fs::write(file("second.toml"), second).expect("written");
+    program.expect_each([
+        (0, "eeprom diff robot.toml", "no difference"),
+        (1, "eeprom diff second.toml", SERVO),
+        (0, "eeprom backup saved.bin", "1024 bytes saved"),
+        (2, "eeprom backup saved.bin", "--force"),
+        (0, "eeprom write --dry-run second.toml", SERVO),
+        (1, "eeprom diff second.toml", SERVO),
+        (0, "eeprom write second.toml", "5 bytes written"),
+        (0, "eeprom diff second.toml", "no difference"),
+        (0, "eeprom restore saved.bin", "5 bytes written"),
+        (0, "eeprom diff robot.toml", "no difference"),
+        (0, "eeprom migrate", "0 bytes written"),
+        (0, "eeprom dump --hex", "0000  15 26 37 48"),
+        // 5 % more than the cell has.
+        (0, "tune battery 1 3.95 --yes", "10587 ohm written"),
+        (1, "eeprom diff robot.toml", UPPER),
+        (0, "tune rollback", "as it was before"),
+        (0, "eeprom diff robot.toml", "no difference"),
+        (2, "calibrate rollback", "no tuning or calibration"),
+        (0, "reset", "STM reset; ready after"),
+        (0, "status", "stop deadline 250 ms"),
+        (0, "stop", "stopped ("),
+    ]);
+    let mut log = program.command("log");
+    let mut log = log.stdout(Stdio::piped()).spawn().expect("started");
+    let mut lines = BufReader::new(log.stdout.take().expect("piped")).lines();
+    assert!(lines.any(|line| line.is_ok_and(|line| line.ends_with(": ready"))));
+    log.kill().expect("a child");
+    log.wait().expect("ended");
+}
+
+/// A room of 2 m2.
+const SMALL_ROOM: &str = "wall -700 -700 700 -700 700 700 -700 700 -700 -700\nstart 0 0 0\n";
+
+// Requirement: WIRE-program-4
+#[test]
+fn robot_is_checked_calibrated_and_explores_a_room() {
+    let program = Program::configured("explores");
+    fs::write(program.0.join("small.room"), SMALL_ROOM).expect("written");
+    program.expect_each([
+        (0, "--json doctor --wheels-up --yes", "\"failed\":0"),
+        (
+            0,
+            "--true-diameter-left 81 --true-diameter-right 81 calibrate distance --length 500 --yes \
+             --measure-with truth --no-verify",
+            "platform.wheel_diameter_left_mm: 80.0 -> 8",
+        ),
+        (1, "eeprom diff robot.toml", "-> 80.0"),
+        (0, "calibrate rollback", "as it was before"),
+        (0, "eeprom diff robot.toml", "no difference"),
+        (
+            0,
+            "--room small.room explore --yes --record way.mcap",
+            "map of 2",
+        ),
+        (0, "calibrate from-explore --dry-run", "not written"),
+        (
+            0,
+            "--room small.room goto --map map.yaml 200 100 --start 0,0,0",
+            "arrived at x",
+        ),
+        (0, "replay way.mcap", "mm"),
+    ]);
 }
 
 // Requirement: SERVE-borrow-1
@@ -148,28 +230,26 @@ fn commands_borrow_the_robot_of_a_server() {
     let program = Program::blank("served");
     fs::write(program.0.join("tour"), "150 0 0\n0 0 0\n").expect("written");
     let _server = program.serve();
-    for (words, expected) in [
-        ("--json doctor", "\"failed\":0"),
-        ("tour tour", "2 of 2: arrived"),
-        ("map tour --record drive.mcap", "map of"),
+    program.expect_each([
+        (0, "--json doctor", "\"failed\":0"),
+        (0, "tour tour", "2 of 2: arrived"),
+        (0, "map tour --record drive.mcap", "map of"),
         (
+            0,
             "map --from drive.mcap --out again",
             "by odometry alone in again-raw.png",
         ),
-        ("goto --map map.yaml 100 0 --start 0,0,0", "arrived at"),
-        ("tune rotate --yes --dry-run", "not written"),
-        ("eeprom check", "Guarded Velocity"),
-        ("mode guarded-normal", "both ends"),
-        ("goto 100 0 0", "arrived at"),
-        ("--json monitor --count 3", "Guarded Normal"),
-        ("stop", "stopped"),
-    ] {
-        let text = program.expect(0, words);
-        assert!(text.contains(expected), "{words}: {text}");
-    }
+        (0, "goto --map map.yaml 100 0 --start 0,0,0", "arrived at"),
+        (0, "tune rotate --yes --dry-run", "not written"),
+        (0, "eeprom check", "Guarded Velocity"),
+        (0, "mode guarded-normal", "both ends"),
+        (0, "goto 100 0 0", "arrived at"),
+        (0, "--json monitor --count 3", "Guarded Normal"),
+        (0, "stop", "stopped"),
+    ]);
     assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
-    let text = program.expect(2, "calibrate distance --yes --measure-with truth");
-    assert!(text.contains("end the server"), "{text}");
+    let calibrate = "calibrate distance --yes --measure-with truth";
+    program.expect_each([(2, calibrate, "end the server")]);
 }
 
 /// Environment variable with the number of kills; 200 for a release.
