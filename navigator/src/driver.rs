@@ -325,7 +325,7 @@ pub(crate) fn distance_mm(pose: &Pose2, point: Point) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mapper::PoseEstimate;
+    use crate::manoeuvre::tests::status;
 
     // Requirement: NAV-recovery-1
     #[test]
@@ -337,16 +337,8 @@ mod tests {
         let (mut driver, grid) = (Driver::new(config), Grid::new(25.0));
         driver.rested_s = 0.0;
         let mut frame = |time_s, stop| {
-            let status = Status {
-                time_s,
-                estimate: PoseEstimate::default(),
-                speed_mm_s: 0.0,
-                ranges_mm: [None; 3],
-                front_bearing_rad: 0.0,
-                obstacle_limited: false,
-                stop,
-            };
-            driver.step(&grid, &status)
+            let at_start = status(time_s, Pose2::default());
+            driver.step(&grid, &Status { stop, ..at_start })
         };
         let stall = Some(StopReason::Stall);
         for (time_s, turns) in [(1.0, false), (2.0, true)] {

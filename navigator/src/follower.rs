@@ -11,8 +11,8 @@ const LOOK_AHEAD: (f64, f64, f64) = (0.8, 90.0, 200.0);
 const ON_THE_SPOT: (f64, f64) = (0.6, 0.15);
 /// The path's end is reached within this, mm.
 const ARRIVED_MM: f64 = 25.0;
-/// Speed per distance to the end, 1/s, and the slowest approach, mm/s.
-const APPROACH: (f64, f64) = (2.0, 20.0);
+/// Speed per distance to the end, 1/s.
+const APPROACH: f64 = 2.0;
 /// Yaw rate per heading error, 1/s, and the slowest turn, rad/s: below it friction wins.
 const TURN: (f64, f64) = (3.5, 0.15);
 
@@ -126,8 +126,7 @@ impl Follower {
         // The arc through the target has the curvature 2·sin(error)/distance.
         let curvature = 2.0 * error.sin() / local.x_mm.hypot(local.y_mm).max(1.0);
         let by_turn = fastest_rad_s / curvature.abs().max(1e-9);
-        let by_end = (APPROACH.0 * remaining).max(APPROACH.1);
-        let forward_mm_s = fastest_mm_s.min(by_turn).min(by_end);
+        let forward_mm_s = fastest_mm_s.min(by_turn).min(APPROACH * remaining);
         Some(Velocity {
             forward_mm_s,
             yaw_rate_rad_s: forward_mm_s * curvature,
@@ -142,7 +141,7 @@ mod tests {
 
     /// Follows with an ideal robot; returns its way.
     fn follow(path: &[(f64, f64)], start: Pose2) -> Vec<Pose2> {
-        let mut follower = Follower::new(path.iter().map(|&(x, y)| Point::new(x, y)).collect());
+        let mut follower = Follower::new(points(path));
         let mut way = vec![start];
         while let Some(velocity) = follower.step(&way[way.len() - 1], (200.0, 1.0), |_, _| true) {
             let (along, turn) = (
@@ -188,14 +187,56 @@ mod tests {
         }
     }
 
+    fn points(path: &[(f64, f64)]) -> Vec<Point> {
+        path.iter().map(|&(x, y)| Point::new(x, y)).collect()
+    }
+
+    /// The velocity from `pose` along a path in free floor, at most 200 mm/s and this yaw rate.
+    fn first_step(path: &[(f64, f64)], pose: Pose2, yaw_rate_rad_s: f64) -> Option<(f64, f64)> {
+        let mut follower = Follower::new(points(path));
+        let velocity = follower.step(&pose, (200.0, yaw_rate_rad_s), |_, _| true);
+        velocity.map(|velocity| (velocity.forward_mm_s, velocity.yaw_rate_rad_s))
+    }
+
+    #[test]
+    fn follower_drives_the_arc_to_its_target_and_slows_before_the_end() {
+        let is = |found: Option<(f64, f64)>, (forward, yaw): (f64, f64)| {
+            let found = found.unwrap();
+            let near = (found.0 - forward).abs() < 1e-6 && (found.1 - yaw).abs() < 1e-6;
+            assert!(near, "{found:?} is not {forward} and {yaw}");
+        };
+        // The target is 160 mm ahead and 30 mm to the left.
+        let aside = Pose2::new(0.0, -30.0, 0.0);
+        let curvature = 2.0 * 30.0 / (160.0 * 160.0 + 30.0 * 30.0);
+        let long = [(0.0, 0.0), (1000.0, 0.0)];
+        is(first_step(&long, aside, 1.0), (200.0, 200.0 * curvature));
+        is(first_step(&long, aside, 0.3), (0.3 / curvature, 0.3));
+        is(
+            first_step(&long, Pose2::new(940.0, 0.0, 0.0), 1.0),
+            (120.0, 0.0),
+        );
+        assert_eq!(first_step(&long, Pose2::new(976.0, 0.0, 0.0), 1.0), None);
+        // The robot stands at the end of a way round.
+        let round = [(0.0, 0.0), (60.0, 0.0), (0.0, 10.0)];
+        assert_eq!(first_step(&round, Pose2::default(), 1.0), None);
+        assert!((turn_rate(-0.01, 1.0) + 0.15).abs() < 1e-9);
+    }
+
+    #[test]
+    fn follower_beyond_a_corner_is_on_the_next_leg() {
+        let mut follower = Follower::new(points(&[(0.0, 0.0), (100.0, 0.0), (100.0, 500.0)]));
+        follower.project(Point::new(150.0, 20.0));
+        let ahead = follower.ahead(0.0).unwrap();
+        assert!(
+            ahead.distance_mm(Point::new(100.0, 20.0)) < 1e-9,
+            "{ahead:?}"
+        );
+        assert!((follower.remaining_mm() - 480.0).abs() < 1e-9);
+    }
+
     #[test]
     fn follower_blocked_view_shortens_look_ahead() {
-        let path = vec![
-            Point::new(0.0, 0.0),
-            Point::new(100.0, 0.0),
-            Point::new(100.0, 500.0),
-        ];
-        let mut follower = Follower::new(path);
+        let mut follower = Follower::new(points(&[(0.0, 0.0), (100.0, 0.0), (100.0, 500.0)]));
         let seen = std::cell::RefCell::new(Vec::new());
         follower.step(&Pose2::default(), (200.0, 1.0), |_, to| {
             seen.borrow_mut().push(to);

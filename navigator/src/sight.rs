@@ -271,6 +271,7 @@ fn is_occupied_near(grid: &Grid, point: Point, within_mm: f64) -> bool {
 mod tests {
     use super::*;
     use crate::cost_map::tests::draw;
+    use crate::manoeuvre::tests::status;
 
     #[test]
     fn echo_is_remembered_until_map_or_later_echo_explains_it() {
@@ -286,6 +287,33 @@ mod tests {
         // Beyond the axis' middle part, the places stay possible.
         assert!(!sight.see_near(&sensor, 900.0, 700.0, &empty));
         assert_eq!(sight.unexplained().count(), 2);
+    }
+
+    #[test]
+    fn echo_counts_once_and_is_forgotten_by_way_and_turns() {
+        let (grid, config) = (draw(&["....."; 5]), Config::default());
+        let mut sight = Sight::default();
+        let mut observe = |x_mm, heading_rad, range_mm, bearing_rad| {
+            let mut status = status(0.0, Pose2::new(x_mm, 0.0, heading_rad));
+            status.ranges_mm[0] = range_mm;
+            status.front_bearing_rad = bearing_rad;
+            sight.observe(&status, &config, &grid, 0.0);
+            (
+                sight.unexplained().count(),
+                sight.contact(&status.estimate.pose),
+            )
+        };
+        // Of the swept front sensor, 1 rad to the left.
+        let (places, contact) = observe(0.0, 0.0, Some(300.0), 1.0);
+        assert_eq!((places, contact), (5, None));
+        // The same value is the same measurement, wherever the sensor points now.
+        assert_eq!(observe(10.0, 0.0, Some(300.0), 0.0), (5, None));
+        let (places, contact) = observe(10.0, 0.0, Some(301.0), 0.0);
+        assert!(places == 10 && contact.is_some());
+        // 200 mm and a radian are 600 mm of way; silence explains nothing.
+        assert_eq!(observe(-190.0, 1.0, None, 0.0).0, 10);
+        assert_eq!(observe(-190.0, 1.235, None, 0.0).0, 5);
+        assert_eq!(observe(-190.0, 1.3, None, 0.0).0, 0);
     }
 
     // Requirement: NAV-contact-1

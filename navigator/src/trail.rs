@@ -68,6 +68,12 @@ mod tests {
         trail.observe(&Pose2::new(120.0, 0.0, 0.5));
         assert!(trail.reversible_mm() < 1e-9);
         assert_eq!(trail.points.len(), 5);
+        let turned = Pose2::new(120.0, 0.0, 0.5);
+        for (mm, back_mm) in [(100.0, 100.0), (400.0, FARTHEST_BACK_MM)] {
+            let Point { x_mm, y_mm } = turned.point_at(mm, 0.0);
+            trail.observe(&Pose2::new(x_mm, y_mm, 0.5));
+            assert!((trail.reversible_mm() - back_mm).abs() < 1e-9);
+        }
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
         rejected(&mut hints, "the STM rejected frames", &stm.causes);
         if stm.lost > 0 {
             hints.push(format!(
-                "the STM lost {} frames that came before it had read the one before: leave more time between frames (--rate)",
+                "the STM lost {} frames that came before it had read the one before: leave more time between frames (a lower --rate)",
                 stm.lost
             ));
         }
@@ -47,7 +47,7 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
 
 fn gap(whose: &str, us: u64, deadline_ms: u64) -> String {
     format!(
-        "{whose} were up to {} ms apart, the stop deadline is {deadline_ms} ms: look for a busy computer or a lower --rate",
+        "{whose} were up to {} ms apart, the stop deadline is {deadline_ms} ms: look for what keeps the computer busy, or give a higher --rate",
         us / 1000
     )
 }

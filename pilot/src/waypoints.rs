@@ -42,7 +42,7 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
             },
             _ => {
                 let what = format!(
-                    "{} values where a way-point has three: x y rotation, in millimetres and degrees",
+                    "a way-point is x, y and rotation, in millimetres and degrees: this line has {} of three",
                     words.len()
                 );
                 faults.push(FileFault::at(

@@ -2,6 +2,7 @@
 
 use host_link::eeprom::Progress;
 use host_link::error::Error;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 
@@ -45,6 +46,20 @@ impl Output {
             ErrorKind::BrokenPipe => Error::PipeClosed,
             _ => Error::unwritable("standard output", &cause),
         })
+    }
+
+    /// Whether standard output is still read: for what may print nothing for long.
+    ///
+    /// # Errors
+    /// [`Error::PipeClosed`].
+    pub fn check_reader() -> Result<(), Error> {
+        let stdout = io::stdout();
+        let mut ends = [PollFd::new(&stdout, PollFlags::empty())];
+        let closed = PollFlags::ERR | PollFlags::HUP;
+        match poll(&mut ends, Some(&Timespec::default())) {
+            Ok(_) if ends[0].revents().intersects(closed) => Err(Error::PipeClosed),
+            _ => Ok(()),
+        }
     }
 
     /// A message that is not the result.

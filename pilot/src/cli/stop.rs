@@ -1,6 +1,7 @@
 //! `stop` and `log`.
 
 use super::connection::{Context, interrupt};
+use super::output::Output;
 use host_link::error::Error;
 use pilot::serve::protocol::{Message, Request};
 use serde_json::json;
@@ -43,6 +44,7 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
         client.request(&Request::Watch { every: 400 })?;
         loop {
             interrupt.check()?;
+            Output::check_reader()?;
             if let Some(Message::Log { line }) = client.message()? {
                 show(line)?;
             }
@@ -53,6 +55,7 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
         let mut partial = Vec::new();
         loop {
             io.interrupt.check()?;
+            Output::check_reader()?;
             for byte in io.log.read_new()? {
                 if byte == b'\n' {
                     show(String::from_utf8_lossy(&partial).trim_end().to_string())?;
