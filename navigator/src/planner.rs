@@ -136,7 +136,16 @@ mod tests {
     ];
 
     fn plan(rows: &[&str], from: (f64, f64), to: (f64, f64)) -> Option<Vec<Point>> {
-        let map = CostMap::new(&draw(rows), 0.0, &[], &[]);
+        plan_with(rows, from, to, &[])
+    }
+
+    fn plan_with(
+        rows: &[&str],
+        from: (f64, f64),
+        to: (f64, f64),
+        driven: &[Point],
+    ) -> Option<Vec<Point>> {
+        let map = CostMap::new(&draw(rows), 0.0, &[], driven);
         let reach = Reach::new(&map, &Pose2::new(from.0, from.1, 0.0), 120.0);
         reach
             .nearest(Point::new(to.0, to.1), 50.0)
@@ -161,7 +170,12 @@ mod tests {
     fn gap_below_inflation_is_no_way() {
         let mut closed = ROOM;
         (closed[4], closed[6]) = (closed[3], closed[3]);
-        assert_eq!(plan(&closed, (300.0, 700.0), (1600.0, 700.0)), None);
+        let (from, to) = ((300.0, 700.0), (1600.0, 700.0));
+        assert_eq!(plan(&closed, from, to), None);
+        // The robot has come through it.
+        let driven = [16, 17, 18, 19, 20, 21, 22].map(|step| (f64::from(step) * STEP_MM, 450.0));
+        let driven = driven.map(|(x, y)| Point::new(x, y));
+        assert!(plan_with(&closed, from, to, &driven).is_some());
     }
 
     #[test]

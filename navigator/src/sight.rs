@@ -316,6 +316,36 @@ mod tests {
         assert_eq!(observe(-190.0, 1.3, None, 0.0).0, 0);
     }
 
+    #[test]
+    fn way_is_blocked_by_echoes_before_the_body_alone() {
+        let (grid, robot) = (draw(&["....."; 5]), Pose2::new(200.0, 200.0, 1.0));
+        for (ahead_mm, left_mm, blocked) in [
+            (200.0, 0.0, true),
+            (200.0, 110.0, true),
+            (200.0, -110.0, true),
+            (200.0, 150.0, false),
+            (300.0, 0.0, false),
+            (-100.0, 0.0, false),
+        ] {
+            let Point { x_mm, y_mm } = robot.point_at(ahead_mm - 40.0, left_mm);
+            let mut sight = Sight::default();
+            assert!(sight.see_near(&Pose2::new(x_mm, y_mm, 1.0), 40.0, 700.0, &grid));
+            assert_eq!(sight.is_blocked(&robot), blocked, "{ahead_mm} {left_mm}");
+        }
+    }
+
+    #[test]
+    fn slanted_walls_are_seen_half_way_between_the_walls_directions() {
+        let (grid, config) = (draw(&["....."; 5]), Config::default());
+        for (heading_rad, looks) in [(0.3, false), (0.7, true), (-0.9, true), (1.2, false)] {
+            let mut sight = Sight::default();
+            let status = status(0.0, Pose2::new(100.0, 100.0, heading_rad));
+            sight.observe(&status, &config, &grid, 0.0);
+            let aside = Point::new(500.0, 100.0);
+            assert_eq!(sight.is_slant_seen(aside), looks, "{heading_rad}");
+        }
+    }
+
     // Requirement: NAV-contact-1
     #[test]
     fn contact_of_close_echo_is_where_body_touches_it() {

@@ -342,3 +342,6 @@ impl Localiser {
         self.ekf.calibration()
     }
 }
+
+#[cfg(test)]
+mod tests;

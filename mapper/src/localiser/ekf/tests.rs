@@ -180,3 +180,64 @@ fn majority_of_walls_is_direction_of_room() {
     let direction = robot.ekf.state[WALLS];
     assert!(direction.abs() < 0.02, "{direction}");
 }
+
+#[test]
+fn covariance_grows_by_slip_drift_and_correlates_with_bias() {
+    let noise = MotionNoise {
+        calibration: [0.0, 0.0, 0.0, 0.0, 0.01],
+        ..MotionNoise::default()
+    };
+    let mut ekf = Ekf::new(noise, &Pose2::default(), &Matrix3::zeros());
+    ekf.advance(&Increment {
+        time_s: FRAME_S,
+        forward_mm: 100.0,
+        turn_rad: 0.0,
+        gyro_rad: Some(0.0),
+    });
+    // Half the turn of the frame acts on all of its way.
+    let bias = 0.01_f64.powi(2);
+    let aside = bias * (100.0 / 2.0 * FRAME_S).powi(2);
+    let along = noise.wheel.powi(2) * 200.0 / 4.0;
+    let slip = noise.slip.powi(2) * 100.0;
+    let walk = noise.bias_walk.powi(2) * FRAME_S;
+    for (row, column, expected) in [
+        (0, 0, along + slip),
+        (1, 1, aside + slip),
+        (1, BIAS, -bias * 100.0 / 2.0 * FRAME_S),
+        (2, BIAS, -bias * FRAME_S),
+        (BIAS, BIAS, bias + walk),
+    ] {
+        let found = ekf.covariance[(row, column)];
+        let off = (found - expected).abs();
+        assert!(
+            off < 1e-9 * expected.abs(),
+            "{row} {column}: {found} {expected}"
+        );
+    }
+}
+
+#[test]
+fn robot_put_elsewhere_knows_no_walls() {
+    let mut ekf = Ekf::new(
+        MotionNoise::default(),
+        &Pose2::default(),
+        &Matrix3::identity(),
+    );
+    ekf.observe_wall(0.1);
+    assert!(ekf.walls_rad().is_some());
+    ekf.relocate(&Vector3::new(1.0, 2.0, 0.3), &Matrix3::identity());
+    assert_eq!(ekf.walls_rad(), None);
+}
+
+#[test]
+fn turns_on_both_sides_of_a_gap_of_the_gyro_are_not_compared() {
+    let mut robot = Robot::new(6);
+    let ratio = |robot: &Robot| robot.ekf.calibration().wheel_ratio;
+    let before = ratio(&robot);
+    robot.drive(0.3, 5.0, 5.0, true);
+    robot.frame(5.0, 5.0, false);
+    robot.drive(0.3, 5.0, 5.0, true);
+    assert_eq!(ratio(&robot), before);
+    robot.drive(0.3, 5.0, 5.0, true);
+    assert_ne!(ratio(&robot), before);
+}
