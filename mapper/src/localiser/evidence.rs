@@ -323,4 +323,17 @@ mod tests {
         assert_eq!(at(&evidence, 1200.0), Cell::Unknown);
         assert!(occupied(&evidence).is_empty());
     }
+
+    #[test]
+    fn echo_is_behind_a_wall_of_two_cells_well_before_it() {
+        let mut evidence = evidence_of(&[]);
+        let is_behind = |evidence: &Evidence, range_mm| {
+            evidence.is_behind_wall(&echo(range_mm, Kind::Wall, 0.03), &BEAM)
+        };
+        evidence.occupy(Point::new(410.0, 1.0), 4.0);
+        assert!(!is_behind(&evidence, 1000.0));
+        evidence.occupy(Point::new(435.0, 1.0), 4.0);
+        assert!(is_behind(&evidence, 1000.0));
+        assert!(!is_behind(&evidence, 570.0));
+    }
 }

@@ -224,4 +224,57 @@ mod tests {
             "{there}"
         );
     }
+
+    #[test]
+    fn surfel_is_the_mean_of_its_latest_elements() {
+        let mut map = SurfaceMap::default();
+        map.begin(&Pose2::default(), Matrix3::zeros());
+        let (first, later) = (Point::new(10.0, 10.0), Point::new(40.0, 10.0));
+        map.insert(first, -PI, Kind::Wall);
+        map.insert(later, 0.2 - PI, Kind::Wall);
+        let surfel = |map: &SurfaceMap| *map.near(first, 1.0).next().unwrap();
+        let mean = surfel(&map);
+        assert!((mean.point.x_mm - 25.0).abs() < 1e-9 && (mean.facing_rad - 0.1).abs() < 1e-9);
+        // A changed world changes the map.
+        for (at, count) in [(first, 1000), (later, 30)] {
+            for _ in 0..count {
+                map.insert(at, -PI, Kind::Wall);
+            }
+        }
+        assert!(surfel(&map).point.x_mm > 25.0);
+        let wall = |p: Point| if p.y_mm.abs() < 25.0 { 4.0 } else { -4.0 };
+        let (low, high) = (Point::new(-500.0, -500.0), Point::new(500.0, 500.0));
+        let saved = SurfaceMap::from_grid(&Grid::from_fn(25.0, low, high, wall));
+        assert!(
+            saved
+                .near(first, 50.0)
+                .all(|surfel| surfel.weight >= LARGEST_WEIGHT)
+        );
+    }
+
+    #[test]
+    fn error_of_a_record_turns_about_its_place() {
+        let mut covariance = Matrix3::zeros();
+        covariance[(2, 2)] = 0.01;
+        let position = Point::new(50.0, 20.0);
+        let record = Record {
+            position,
+            covariance,
+        };
+        let found = record.covariance_at(&Pose2::new(150.0, 220.0, 1.0));
+        // Turned to the left, what lies 100 mm ahead and 200 mm to the left moves back and left.
+        let expected = [
+            (0, 0, 400.0),
+            (1, 1, 100.0),
+            (0, 2, -2.0),
+            (1, 2, 1.0),
+            (2, 2, 0.01),
+        ];
+        for (row, column, value) in expected {
+            assert!(
+                (found[(row, column)] - value).abs() < 1e-9,
+                "{row} {column}: {found}"
+            );
+        }
+    }
 }

@@ -241,3 +241,15 @@ fn turns_on_both_sides_of_a_gap_of_the_gyro_are_not_compared() {
     robot.drive(0.3, 5.0, 5.0, true);
     assert_ne!(ratio(&robot), before);
 }
+
+#[test]
+fn direction_of_walls_is_forgotten_after_ten_that_disagree() {
+    let start = Pose2::default();
+    let mut ekf = Ekf::new(MotionNoise::default(), &start, &Matrix3::identity());
+    let mut observe = |normal_rad, count| {
+        (0..count).for_each(|_| ekf.observe_wall(normal_rad));
+        ekf.walls_rad().is_some()
+    };
+    assert!(observe(0.0, 100) && observe(0.5, 9));
+    assert!(!observe(0.5, 1));
+}
