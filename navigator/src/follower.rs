@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn follower_drives_the_arc_to_its_target_and_slows_before_the_end() {
+    fn follower_drives_arc_to_target_and_slows_before_end() {
         let is = |found: Option<(f64, f64)>, (forward, yaw): (f64, f64)| {
             let found = found.unwrap();
             let near = (found.0 - forward).abs() < 1e-6 && (found.1 - yaw).abs() < 1e-6;

@@ -96,7 +96,7 @@ impl Drop for Program {
 #[test]
 fn closed_pipe_ends_monitor_and_log_without_an_error() {
     let program = Program::configured("pipe");
-    // No line follows the last of a robot that nobody drives.
+    // No line follows the last of an idle robot.
     for (words, last) in [("monitor", ""), ("log", ": ready")] {
         let mut command = program.command(words);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -325,6 +325,25 @@ mod tests {
     }
 
     #[test]
+    fn edge_occupies_its_point_and_wall_a_stretch() {
+        let cells = |kind| occupied(&evidence_of(&[echo(1000.0, kind, 0.03); 12])).len();
+        assert_eq!((cells(Kind::Edge), cells(Kind::Wall)), (1, 2));
+    }
+
+    #[test]
+    fn echo_without_bearing_of_a_known_surface_occupies_nothing() {
+        for (facing_rad, explained) in [(PI, true), (PI - 0.8, false)] {
+            let mut evidence = evidence_of(&[]);
+            let (at, towards_rad) = (Point::new(600.0, 0.0), facing_rad + PI);
+            evidence.surfaces.insert(at, towards_rad, Kind::Wall);
+            for _ in 0..6 {
+                evidence.enter_echo(&echo(600.0, Kind::Unclear, 0.2), &BEAM);
+            }
+            assert_eq!(occupied(&evidence).is_empty(), explained);
+        }
+    }
+
+    #[test]
     fn echo_is_behind_a_wall_of_two_cells_well_before_it() {
         let mut evidence = evidence_of(&[]);
         let is_behind = |evidence: &Evidence, range_mm| {
