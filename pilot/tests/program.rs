@@ -151,7 +151,8 @@ fn faults_of_a_file_come_in_one_run_with_carets() {
     let (code, _, stderr) = run(&format!("tour {}", file.display()));
     assert_eq!(code, 3, "{stderr}");
     for expected in [
-        "line 2: 2 values",
+        "line 2: a way-point is x, y and rotation",
+        "this line has 2 of three",
         "    1 2\n    ^^^",
         "line 3: y = x",
         "    0 x 0\n      ^",
