@@ -257,10 +257,10 @@ fn log_is_read_until_it_fails() {
     let working = std::mem::replace(&mut session.io.log, Box::new(|| Err(Error::Interrupted)));
     assert!(session.poll_log().is_empty());
     session.io.log = working;
-    board.borrow_mut().log.push(0);
+    board.borrow_mut().log.push(b'x');
     assert!(session.poll_log().is_empty());
     assert_eq!(session.log_error(), Some("interrupted"));
-    assert_eq!(session.read_log(), Ok(vec![0]));
+    assert_eq!(session.read_log(), Ok(b"x".to_vec()));
 }
 
 #[test]
