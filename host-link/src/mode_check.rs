@@ -196,7 +196,8 @@ mod tests {
         }
     }
 
-    /// Updates of a single cell's robot: battery and distances are one byte repeated, and x is these metres.
+    /// Updates with these x, metres, from a robot of one cell whose battery and distances are one byte
+    /// repeated, or not.
     fn updates(repeated: bool, x_m: impl IntoIterator<Item = i32>) -> Vec<Result<(), String>> {
         let config = Config::decode(&Image::FIRST_BOARD.with(fields::CELLS, 1)).unwrap();
         let mut mode_check = ModeCheck::new(&config);

@@ -139,6 +139,10 @@ impl Follower {
 mod tests {
     use super::*;
 
+    fn points(path: &[(f64, f64)]) -> Vec<Point> {
+        path.iter().map(|&(x, y)| Point::new(x, y)).collect()
+    }
+
     /// Follows with an ideal robot; returns its way.
     fn follow(path: &[(f64, f64)], start: Pose2) -> Vec<Pose2> {
         let mut follower = Follower::new(points(path));
@@ -185,10 +189,6 @@ mod tests {
             let off = (pose.y_mm.abs()).min((pose.x_mm - 800.0).abs());
             assert!(off < 90.0, "{pose:?}");
         }
-    }
-
-    fn points(path: &[(f64, f64)]) -> Vec<Point> {
-        path.iter().map(|&(x, y)| Point::new(x, y)).collect()
     }
 
     /// The velocity from `pose` along a path in free floor, at most 200 mm/s and this yaw rate.

@@ -173,8 +173,8 @@ mod tests {
         let (from, to) = ((300.0, 700.0), (1600.0, 700.0));
         assert_eq!(plan(&closed, from, to), None);
         // The robot has come through it.
-        let driven = [16, 17, 18, 19, 20, 21, 22].map(|step| (f64::from(step) * STEP_MM, 450.0));
-        let driven = driven.map(|(x, y)| Point::new(x, y));
+        let driven = (16..=22).map(|step| Point::new(f64::from(step) * STEP_MM, 450.0));
+        let driven: Vec<Point> = driven.collect();
         assert!(plan_with(&closed, from, to, &driven).is_some());
     }
 

@@ -8,7 +8,6 @@ use pilot::doctor::{Finding, Findings, Outcome, check_board, check_wheels};
 use robot_tests::test_board::{Rig, near_walls};
 use twin::Options;
 use twin::components::i2c_bus::I2cController;
-use twin::plant::Room;
 
 /// The first board with everything fitted.
 fn image() -> Image {
@@ -96,6 +95,9 @@ fn doctor_fault_of_the_board_fails_its_check() {
     let mut slow = sound();
     slow.crystal_hz = 0;
     board("faults", slow, &|_, _| ());
+    let mut flat = sound();
+    flat.params.battery.charge[1] = 0.02;
+    board("battery", flat, &|_, _| ());
     for cells_v in [[3.0, 3.9], [3.6, 4.5]] {
         board("battery", sound(), &|rig, _| {
             rig.set_faults(move |faults| faults.cells_v = Some(cells_v));
@@ -123,9 +125,7 @@ fn doctor_fault_of_the_wheels_fails_its_check() {
     });
     let short = image().with(fields::SERVO_TRAVEL, 80 * 0x8000 / 180);
     wheels("servo", with_image(&short), &|_| ());
-    let walled = Room::default().with_wall(160.0, -800.0, 160.0, 800.0);
-    let walled = walled.with_wall(-900.0, 800.0, 900.0, 800.0);
-    let walled = walled.with_wall(-900.0, -800.0, 900.0, -800.0);
+    let walled = near_walls().with_wall(160.0, -800.0, 160.0, 800.0);
     wheels("drive", sound().in_room(walled), &|_| ());
     // Each wheel's error drives the other wheel; the first to turn backwards ends it.
     wheels("right wheel", sound(), &|rig| {

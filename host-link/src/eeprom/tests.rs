@@ -17,6 +17,13 @@ fn write(io: &mut crate::board_io::BoardIo) -> Result<Programmed, Error> {
     program(io, &wanted(), 100, None, |_| {})
 }
 
+/// A journal in a folder of the test's own.
+fn journal_in(name: &str) -> (std::path::PathBuf, Journal) {
+    let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
+    let journal = Journal::new(folder.join("before"));
+    (folder, journal)
+}
+
 fn calls_of_a_good_write() -> usize {
     let (board, mut io) = mock_board(&BLANK, None);
     write(&mut io).unwrap();
@@ -194,8 +201,7 @@ fn eeprom_is_noticed_where_it_answers() {
 
 #[test]
 fn journal_of_complete_write_asks_for_reset() {
-    let folder = std::env::temp_dir().join(format!("robot-written-{}", std::process::id()));
-    let journal = Journal::new(folder.join("before"));
+    let (folder, journal) = journal_in("written");
     journal.begin(&wanted()).unwrap();
     journal.written().unwrap();
     assert!(!journal.unfinished() && journal.reset_due());
@@ -224,8 +230,7 @@ fn write_cycle_without_end_is_an_error_after_20_ms() {
 
 #[test]
 fn journal_exists_during_write_and_after_its_failure() {
-    let folder = std::env::temp_dir().join(format!("robot-journal-{}", std::process::id()));
-    let journal = Journal::new(folder.join("before"));
+    let (folder, journal) = journal_in("journal");
     let (_, mut whole) = mock_board(&BLANK, None);
     program(&mut whole, &wanted(), 100, Some(&journal), |step| {
         let writes = matches!(step, Progress::Written { .. });
@@ -245,8 +250,7 @@ fn journal_exists_during_write_and_after_its_failure() {
 
 #[test]
 fn repair_after_any_failure_restores_whole_image() {
-    let folder = std::env::temp_dir().join(format!("robot-repair-{}", std::process::id()));
-    let journal = Journal::new(folder.join("before"));
+    let (folder, journal) = journal_in("repair");
     let mut undone = 0;
     for at in 0..calls_of_a_good_write() {
         let faults = [IoFault::BusesFail, IoFault::AllFail, IoFault::Interrupt];

@@ -245,11 +245,8 @@ mod tests {
         let wall = |p: Point| if p.y_mm.abs() < 25.0 { 4.0 } else { -4.0 };
         let (low, high) = (Point::new(-500.0, -500.0), Point::new(500.0, 500.0));
         let saved = SurfaceMap::from_grid(&Grid::from_fn(25.0, low, high, wall));
-        assert!(
-            saved
-                .near(first, 50.0)
-                .all(|surfel| surfel.weight >= LARGEST_WEIGHT)
-        );
+        let weights = saved.near(first, 50.0).map(|surfel| surfel.weight);
+        assert!(weights.reduce(f64::min) >= Some(LARGEST_WEIGHT));
     }
 
     #[test]

@@ -218,11 +218,7 @@ fn covariance_grows_by_slip_drift_and_correlates_with_bias() {
 
 #[test]
 fn robot_put_elsewhere_knows_no_walls() {
-    let mut ekf = Ekf::new(
-        MotionNoise::default(),
-        &Pose2::default(),
-        &Matrix3::identity(),
-    );
+    let mut ekf = Robot::new(8).ekf;
     ekf.observe_wall(0.1);
     assert!(ekf.walls_rad().is_some());
     ekf.relocate(&Vector3::new(1.0, 2.0, 0.3), &Matrix3::identity());
@@ -244,8 +240,7 @@ fn turns_on_both_sides_of_a_gap_of_the_gyro_are_not_compared() {
 
 #[test]
 fn direction_of_walls_is_forgotten_after_ten_that_disagree() {
-    let start = Pose2::default();
-    let mut ekf = Ekf::new(MotionNoise::default(), &start, &Matrix3::identity());
+    let mut ekf = Robot::new(9).ekf;
     let mut observe = |normal_rad, count| {
         (0..count).for_each(|_| ekf.observe_wall(normal_rad));
         ekf.walls_rad().is_some()
