@@ -8,7 +8,7 @@ use mapper::{Cell, Grid};
 
 use crate::cost_map::{CostMap, NO_WAY_MM, Node};
 use crate::driver::{Driver, Step, distance_mm};
-use crate::frontier::{Kind, Target, frontiers, unseen_surfaces};
+use crate::frontier::{Kind, Target, frontiers, gaps, unseen_surfaces};
 use crate::manoeuvre::Kind as Motion;
 use crate::planner::{Reach, passable};
 use crate::tour::Tour;
@@ -27,14 +27,14 @@ const UNWIND_RAD: f64 = 1.25 * TAU;
 const SAME_MM: f64 = 250.0;
 /// A target is given up after this many fruitless tries.
 const TRIES: usize = 2;
-/// Clearance of the gaps that are looked at last, mm, and unknown floor behind them, m²: wide beams draw the ends
-/// of walls too long, by a decimetre or two.
-const NARROW_MM: f64 = 60.0;
+/// Clearances of the gaps that are looked at last, mm, the widest first, and unknown floor behind them, m²: wide
+/// beams draw the ends of walls too long, by a decimetre or two.
+const GAPS_MM: [f64; 4] = [105.0, 90.0, 75.0, 60.0];
 const GAP_GAIN_M2: f64 = 0.16;
-/// No gap is looked at nearer than this to a fruitless look, mm: there the wall does not answer.
+/// Fruitless looks nearer than this to a gap count as looks at it, mm: there the wall does not answer.
 const GAP_MM: f64 = 500.0;
-/// Most gaps that are looked at, those with the most floor behind them: each costs up to a minute.
-const GAP_LOOKS: usize = 2;
+/// Time for gaps, s, which time for other targets gives back: a far one costs up to a minute.
+const GAPS_S: f64 = 90.0;
 /// A look that leaves more than this share of the gain was fruitless.
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
@@ -77,8 +77,11 @@ pub struct Explorer {
     anchors: Vec<(Point, f64)>,
     returned_s: f64,
     targets: usize,
-    /// Gaps that were looked at.
-    gaps: usize,
+    /// The kind of the last target and when it was chosen, s.
+    chosen: Option<(Kind, f64)>,
+    /// Time spent for gaps, s, and where the robot stood to look at them.
+    gaps_s: f64,
+    gap_views: Vec<Point>,
     /// Times that nothing was left to choose while a stop held the robot.
     leaves: u32,
 }
@@ -94,7 +97,9 @@ impl Explorer {
             anchors: Vec::new(),
             returned_s: 0.0,
             targets: 0,
-            gaps: 0,
+            chosen: None,
+            gaps_s: 0.0,
+            gap_views: Vec::new(),
             leaves: 0,
         }
     }
@@ -172,13 +177,12 @@ impl Explorer {
             }
             Goal::Choose | Goal::Look(_) => self.choose(grid, status),
             Goal::Approach(target) => {
-                // One look shows whether it is wider.
+                let at = status.estimate.pose.position();
                 if target.kind == Kind::Gap {
-                    self.gaps += 1;
-                    self.tries.extend([target.centre; TRIES]);
+                    self.gap_views.push(at);
+                    self.tries.push(target.centre);
                 }
                 let map = self.driver.survey(grid, status.time_s);
-                let at = status.estimate.pose.position();
                 let wide = |node: &Node| node.clearance_mm >= self.driver.config.inflation_mm;
                 let clear = map.line(at, target.centre, wide);
                 if target.kind == Kind::Frontier && clear && self.tries(target.centre, SAME_MM) > 0
@@ -222,14 +226,12 @@ impl Explorer {
         let pose = status.estimate.pose;
         let net_rad = self.driver.trail.net_rad;
         let unwind = -net_rad.signum();
-        if net_rad.abs() > UNWIND_RAD {
-            self.driver.enqueue([Motion::Turn(net_rad + unwind * TAU)]);
-            return;
-        }
+        let is_wound = net_rad.abs() > UNWIND_RAD;
+        let back_rad = if is_wound { unwind * TAU } else { 0.0 };
         let walls_rad = self.driver.map.as_ref().map_or(0.0, CostMap::direction_rad);
         let quarter = ((pose.heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2;
         let aligned_rad = walls_rad + quarter;
-        let mut base_rad = net_rad + wrap_angle(aligned_rad - pose.heading_rad);
+        let mut base_rad = net_rad + back_rad + wrap_angle(aligned_rad - pose.heading_rad);
         let bearing = |centre: Point| f64::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
         let off_rad = centre.map_or(0.0, |centre| wrap_angle(bearing(centre) - aligned_rad));
         if self.driver.config.sweeps_aside() {
@@ -269,6 +271,21 @@ impl Explorer {
         self.tries.iter().filter(near).count()
     }
 
+    /// The gaps to look at next: of the widest those with the fewest looks.
+    fn gaps(&self, map: &CostMap, pose: &Pose2, reach: &Reach) -> Vec<Target> {
+        let looks = |target: &Target| self.tries(target.centre, GAP_MM);
+        let of_width = |width_mm: f64| {
+            let floor = Reach::new(map, pose, width_mm);
+            let mut found = gaps(&floor, width_mm, reach, &self.gap_views);
+            found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
+            let fewest = found.iter().map(looks).min();
+            found.retain(|target| Some(looks(target)) == fewest);
+            found
+        };
+        let mut found = GAPS_MM.into_iter().map(of_width);
+        found.find(|found| !found.is_empty()).unwrap_or_default()
+    }
+
     /// Chooses the next target, or goes home.
     // Requirement: NAV-explore-1
     fn choose(&mut self, grid: &Grid, status: &Status) {
@@ -290,8 +307,13 @@ impl Explorer {
                 return;
             }
         }
-        let mut targets = frontiers(Kind::Frontier, &reach, config.inflation_mm, &reach);
+        let mut targets = frontiers(&reach, config.inflation_mm);
         targets.extend(unseen_surfaces(&reach, grid, &self.driver.sight));
+        if let Some((kind, since_s)) = self.chosen.take() {
+            let spent_s = status.time_s - since_s;
+            let sign = if kind == Kind::Gap { 1.0 } else { -1.0 };
+            self.gaps_s = (self.gaps_s + sign * spent_s).max(0.0);
+        }
         let same = |a: Point, b: Point| a.distance_mm(b) < SAME_MM;
         if let Goal::Look(last) = self.goal {
             let left = |target: &Target| {
@@ -305,13 +327,8 @@ impl Explorer {
         }
         let fresh = |target: &Target| self.tries(target.centre, SAME_MM) < TRIES;
         targets.retain(fresh);
-        if targets.is_empty() && self.gaps < GAP_LOOKS {
-            let floor = Reach::new(&map, &pose, NARROW_MM);
-            targets = frontiers(Kind::Gap, &floor, NARROW_MM, &reach);
-            let fresh = |target: &Target| self.tries(target.centre, GAP_MM) < TRIES;
-            targets.retain(|target| fresh(target) && target.gain > GAP_GAIN_M2);
-            targets.sort_by(|one, other| other.gain.total_cmp(&one.gain));
-            targets.truncate(GAP_LOOKS - self.gaps);
+        if targets.is_empty() && self.gaps_s < GAPS_S {
+            targets = self.gaps(&map, &pose, &reach);
         }
         self.targets = targets.len();
         let late = status.time_s > config.time_limit_s;
@@ -321,6 +338,7 @@ impl Explorer {
         if let Some(target) = next.filter(|_| !late) {
             self.driver.follow(&reach, target.view, status.time_s);
             self.leaves = 0;
+            self.chosen = Some((target.kind, status.time_s));
             self.goal = Goal::Approach(target);
             return;
         }

@@ -17,6 +17,10 @@ const EXTENT_MM: f64 = 500.0;
 const DEPTH: u32 = 8;
 /// A border is looked at from this near, mm.
 const VIEW_MM: f64 = 220.0;
+/// A gap is looked at from this near, mm, and from a place this far from the earlier ones, mm: what the map draws
+/// into it by two echoes of equal range goes where it is looked at squarely.
+const GAP_VIEW_MM: f64 = 450.0;
+const APART_MM: f64 = 150.0;
 /// Distances from which a surface is looked at, mm.
 const SURFACE_VIEW_MM: (f64, f64) = (230.0, 550.0);
 
@@ -43,15 +47,55 @@ pub(crate) struct Target {
     pub gain: f64,
 }
 
-/// The borders between known and unknown floor to which a robot of this clearance finds ways, `floor`; each is
-/// looked at from where `reach` leads.
-pub(crate) fn frontiers(
-    kind: Kind,
+/// The borders between known and unknown floor to which a robot of this clearance finds ways.
+pub(crate) fn frontiers(reach: &Reach, clearance_mm: f64) -> Vec<Target> {
+    let view = |centre| view_of(centre, VIEW_MM, reach, |_| true);
+    borders(Kind::Frontier, reach, clearance_mm, view)
+}
+
+/// The borders to which only a robot of this clearance would find ways, `floor`; each is looked at from where
+/// `reach` leads, apart from the places that earlier ones were looked at from.
+pub(crate) fn gaps(
     floor: &Reach,
     clearance_mm: f64,
     reach: &Reach,
+    viewed: &[Point],
 ) -> Vec<Target> {
+    let is_apart = |from: Point| {
+        viewed
+            .iter()
+            .all(|other| other.distance_mm(from) > APART_MM)
+    };
+    let view = |centre| view_of(centre, GAP_VIEW_MM, reach, is_apart);
+    borders(Kind::Gap, floor, clearance_mm, view)
+}
+
+/// The node to look at a border from: the one with the shortest way that sees it from near, or the nearest.
+fn view_of(
+    centre: Point,
+    near_mm: f64,
+    reach: &Reach,
+    allowed: impl Fn(Point) -> bool,
+) -> Option<usize> {
     let map = reach.map;
+    let sees = |from: Point| map.line(from, centre, |node| node.cell != Cell::Occupied);
+    let near = map.within(centre, near_mm).into_iter();
+    near.filter(|&index| allowed(map.point(index)) && sees(map.point(index)))
+        .filter_map(|index| Some((reach.cost(index)?, index)))
+        .min()
+        .map(|(_, index)| index)
+        .or_else(|| reach.nearest(centre, EXTENT_MM))
+        .filter(|&index| allowed(map.point(index)))
+}
+
+/// The borders of the unknown at this floor, and the nodes to look at them from.
+fn borders(
+    kind: Kind,
+    floor: &Reach,
+    clearance_mm: f64,
+    view: impl Fn(Point) -> Option<usize>,
+) -> Vec<Target> {
+    let map = floor.map;
     let unknown = |index: usize| {
         let node = &map.nodes[index];
         node.cell == Cell::Unknown
@@ -74,17 +118,9 @@ pub(crate) fn frontiers(
         let (Some(centre), true) = (middle(&near), behind >= SMALLEST) else {
             continue;
         };
-        let view = map
-            .within(centre, VIEW_MM)
-            .into_iter()
-            .filter(|&index| map.line(map.point(index), centre, |node| node.cell != Cell::Occupied))
-            .filter_map(|index| Some((reach.cost(index)?, index)))
-            .min()
-            .map(|(_, index)| index)
-            .or_else(|| reach.nearest(centre, EXTENT_MM));
         #[allow(clippy::cast_precision_loss)] // some hundred
         let gain = behind as f64 * (STEP_MM / 1000.0).powi(2);
-        targets.extend(view.map(|view| Target {
+        targets.extend(view(centre).map(|view| Target {
             kind,
             centre,
             view,
@@ -225,7 +261,7 @@ mod tests {
         let mut seen = Sight::default();
         see(&mut seen);
         (
-            frontiers(Kind::Frontier, &reach, 120.0, &reach),
+            frontiers(&reach, 120.0),
             unseen_surfaces(&reach, &grid, &seen),
         )
     }
@@ -253,11 +289,17 @@ mod tests {
         let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
         let from = |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
         let (reach, floor) = (from(120.0), from(60.0));
-        let wide = frontiers(Kind::Frontier, &reach, 120.0, &reach);
+        let wide = frontiers(&reach, 120.0);
         assert!(wide.is_empty(), "{wide:?}");
-        let gaps = frontiers(Kind::Gap, &floor, 60.0, &reach);
-        assert_eq!(gaps.len(), 1, "{gaps:?}");
-        assert!(reach.cost(gaps[0].view).is_some(), "{gaps:?}");
+        let view = |viewed: &[Point]| {
+            let found = gaps(&floor, 60.0, &reach, viewed);
+            assert_eq!(found.len(), 1, "{found:?}");
+            assert!(reach.cost(found[0].view).is_some(), "{found:?}");
+            map.point(found[0].view)
+        };
+        let first = view(&[]);
+        let second = view(&[first]);
+        assert!(second.distance_mm(first) > APART_MM, "{second:?}");
     }
 
     #[test]

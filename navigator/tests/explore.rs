@@ -65,7 +65,7 @@ fn default_room_is_explored_and_robot_comes_home() {
         run.iou
     );
     assert!(
-        run.minutes < 12.0 && run.path_mm > 20_000.0,
+        run.minutes < 13.0 && run.path_mm > 20_000.0,
         "{}",
         run.minutes
     );

@@ -205,7 +205,11 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
 /// Largest firmware that is read, bytes.
 const MAX_ELF: u64 = 64 << 20;
 
-fn load_room(path: &Path) -> Result<Room, Error> {
+/// The room of a file.
+///
+/// # Errors
+/// Where it cannot be read, or its first malformed line.
+pub fn load_room(path: &Path) -> Result<Room, Error> {
     Room::parse(&file::read_text(path)?).map_err(|error| {
         let what = error.problem.to_string();
         Error::content(path, error.line, what)

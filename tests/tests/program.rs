@@ -209,6 +209,11 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         ),
         (0, "calibrate from-explore --dry-run", "not written"),
         (
+            8,
+            "--room small.room explore --timeout 20 --out part",
+            "the time ran out",
+        ),
+        (
             0,
             "--room small.room goto --map map.yaml 200 100 --start 0,0,0",
             "arrived at x",

@@ -12,15 +12,16 @@ use super::calibration::{CalibrationEstimate, MotionNoise};
 use crate::Pose2;
 
 /// Number of states.
-const N: usize = 9;
+const N: usize = WALLS + DIRECTIONS;
 /// Position of the states; 0 to 2 are x, y (mm) and the heading (rad).
 const TRAVEL: usize = 3;
 const DIFFERENCE: usize = 4;
 const TURN: usize = 5;
 const SCALE: usize = 6;
 const BIAS: usize = 7;
-/// Direction of the room's walls, modulo a right angle, rad.
+/// The first of the known directions of walls, modulo a right angle, rad, and their number.
 const WALLS: usize = 8;
+const DIRECTIONS: usize = 4;
 
 /// What the odometry and the gyroscope report between two observations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,11 +41,13 @@ const SLIP_GATE: f64 = 4.0;
 /// Error of the bias that the core takes off at every rest, rad/s: 0.05 °/s over 64 samples.
 const RESET_BIAS_RAD_S: f64 = 1.1e-4;
 
-/// Deviation of a wall's direction by one stretch, and the largest difference from a right angle
-/// that is taken for an error, rad.
-const WALL_RAD: f64 = 0.035;
-const WALL_GATE_RAD: f64 = 0.12;
-/// The majority is as hard to change as this many walls.
+/// Deviation of a wall's direction by one stretch, rad: 0.8° to 1.2° against the truth of generated rooms.
+const WALL_RAD: f64 = 0.021;
+/// Beyond this many deviations, a wall has not the direction that is nearest to its own.
+const WALL_GATE: f64 = 3.0;
+/// A wall this far from every known direction, rad, has one of its own; nearer, it might be one of them.
+const OWN_RAD: f64 = 0.12;
+/// A direction is as hard to forget as this many walls.
 const MOST_VOTES: u32 = 10;
 
 /// Sums since the last comparison of the turns.
@@ -63,8 +66,8 @@ pub(super) struct Ekf {
     state: SVector<f64, N>,
     covariance: SMatrix<f64, N, N>,
     comparison: Comparison,
-    /// Walls that agreed with the room's direction less those that did not.
-    votes: u32,
+    /// Walls that agreed with each direction less those that agreed with none; 0 is no direction.
+    votes: [u32; DIRECTIONS],
 }
 
 impl Ekf {
@@ -84,7 +87,7 @@ impl Ekf {
             state,
             covariance,
             comparison: Comparison::default(),
-            votes: 0,
+            votes: [0; DIRECTIONS],
         }
     }
 
@@ -92,9 +95,15 @@ impl Ekf {
         Pose2::new(self.state[0], self.state[1], self.state[2])
     }
 
-    /// One of the directions of the room's walls, rad, once a wall was seen.
+    /// The direction that most walls of the room have, modulo a right angle, rad, once a wall was seen.
     pub fn walls_rad(&self) -> Option<f64> {
-        (self.votes > 0).then_some(self.state[WALLS])
+        let most = self.directions().max_by_key(|&nth| self.votes[nth])?;
+        Some(self.state[WALLS + most])
+    }
+
+    /// The known directions.
+    fn directions(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..DIRECTIONS).filter(|&nth| self.votes[nth] > 0)
     }
 
     pub fn pose_covariance(&self) -> Matrix3<f64> {
@@ -205,58 +214,76 @@ impl Ekf {
         let expected = sums.turn_rad * (1.0 + self.state[TURN])
             + self.state[DIFFERENCE] * row[DIFFERENCE]
             - bias_free * scale;
-        self.measure(&row, -expected, sums.variance + quantisation * quantisation);
+        let variance = sums.variance + quantisation * quantisation;
+        self.measure(&row, -expected, variance, SLIP_GATE);
     }
 
-    /// Takes the direction of a wall's normal in the robot's frame, rad. What most walls agree with
-    /// (majority vote of Boyer and Moore) is the room's direction; a wall at right angles to it
-    /// corrects the heading, a slanted one does not.
+    /// Takes the direction of a wall's normal in the robot's frame, rad. A wall parallel or at right angles to
+    /// those of a known direction corrects the heading. The directions that many walls have are kept (heavy hitters
+    /// of Misra and Gries).
     pub fn observe_wall(&mut self, normal_rad: f64) {
         let direction = self.state[2] + normal_rad;
-        if self.votes == 0 {
-            self.state[WALLS] = direction;
-            self.covariance.row_mut(WALLS).fill(0.0);
-            self.covariance.column_mut(WALLS).fill(0.0);
-            self.covariance[(WALLS, WALLS)] = 1.0;
+        let known = self.directions().map(|nth| {
+            let off = self.state[WALLS + nth] - direction;
+            (nth, off - FRAC_PI_2 * (off / FRAC_PI_2).round())
+        });
+        let nearest = known.min_by(|(_, one), (_, other)| one.abs().total_cmp(&other.abs()));
+        if let Some((nth, off)) = nearest.filter(|(_, off)| off.abs() < OWN_RAD) {
+            let mut row = SMatrix::<f64, 1, N>::zeros();
+            row[2] = 1.0;
+            row[WALLS + nth] = -1.0;
+            if self.measure(&row, off, WALL_RAD * WALL_RAD, WALL_GATE) {
+                self.votes[nth] = (self.votes[nth] + 1).min(MOST_VOTES);
+            }
+        } else if let Some(free) = self.votes.iter().position(|&votes| votes == 0) {
+            self.votes[free] = 1;
+            self.add_direction(WALLS + free, direction);
+        } else {
+            self.votes = self.votes.map(|votes| votes - 1);
         }
-        let off = self.state[WALLS] - direction;
-        let off = off - FRAC_PI_2 * (off / FRAC_PI_2).round();
-        if off.abs() > WALL_GATE_RAD {
-            self.votes -= 1;
-            return;
-        }
-        self.votes = (self.votes + 1).min(MOST_VOTES);
-        let mut row = SMatrix::<f64, 1, N>::zeros();
-        row[2] = 1.0;
-        row[WALLS] = -1.0;
-        self.measure(&row, off, WALL_RAD * WALL_RAD);
     }
 
-    /// Updates by one scalar measurement with this row, innovation and variance, unless the
-    /// innovation is improbable.
-    fn measure(&mut self, row: &SMatrix<f64, 1, N>, innovation: f64, variance: f64) {
+    /// This state is a wall's direction, known as well as the heading that it was seen from.
+    fn add_direction(&mut self, nth: usize, direction_rad: f64) {
+        self.state[nth] = direction_rad;
+        let mut cross = self.covariance.column(2).clone_owned();
+        cross[nth] = cross[2] + WALL_RAD * WALL_RAD;
+        self.covariance.set_column(nth, &cross);
+        self.covariance.set_row(nth, &cross.transpose());
+    }
+
+    /// Updates by one scalar measurement with this row, innovation and variance, unless the innovation is
+    /// beyond `gate` deviations; whether it is not.
+    fn measure(
+        &mut self,
+        row: &SMatrix<f64, 1, N>,
+        innovation: f64,
+        variance: f64,
+        gate: f64,
+    ) -> bool {
         let cross = self.covariance * row.transpose();
         let total = (row * cross)[0] + variance;
-        if innovation * innovation > SLIP_GATE * SLIP_GATE * total {
-            return;
+        if innovation * innovation > gate * gate * total {
+            return false;
         }
         let gain = cross / total;
         self.state += gain * innovation;
         self.covariance -= gain * cross.transpose();
         self.symmetrise();
+        true
     }
 
     /// Puts the pose elsewhere, without regard to the past.
     pub fn relocate(&mut self, mean: &Vector3<f64>, covariance: &Matrix3<f64>) {
         self.state.fixed_rows_mut::<3>(0).copy_from(mean);
-        for nth in [0, 1, 2, WALLS] {
+        for nth in (0..3).chain(WALLS..N) {
             self.covariance.row_mut(nth).fill(0.0);
             self.covariance.column_mut(nth).fill(0.0);
         }
         self.covariance
             .fixed_view_mut::<3, 3>(0, 0)
             .copy_from(covariance);
-        self.votes = 0;
+        self.votes = [0; DIRECTIONS];
     }
 
     /// Replaces the pose's mean and covariance; the calibration follows by its correlation.

@@ -362,6 +362,9 @@ pub struct Explore {
     /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
+    /// Go home after this time, seconds
+    #[arg(long, value_name = "S", default_value = "1500", value_parser = number(SMALLEST..=1e6))]
+    pub timeout: f64,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
     #[arg(long)]
     pub yes: bool,

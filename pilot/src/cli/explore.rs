@@ -37,7 +37,10 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         let config = session.config();
         let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
-        let mut plan = Explorer::new(exploring::navigator_config(config));
+        let mut plan = Explorer::new(navigator::Config {
+            time_limit_s: explore.timeout,
+            ..exploring::navigator_config(config)
+        });
         let mut recorder = explore
             .record
             .as_deref()

@@ -1,4 +1,4 @@
-//! Generated rooms explored by the release ELF in an imperfect world, two at a time, as a table.
+//! Generated rooms, or one from a file, explored by the release ELF in an imperfect world, two at a time, as a table.
 #![forbid(unsafe_code)]
 
 use std::error::Error;
@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::{fs, thread};
 
 use clap::Parser;
+use pilot::virtual_board::load_room;
 use robot_tests::exploration::{self, Figures, PI_RATIO};
 use robot_tests::test_board;
 use serde::Serialize;
-use twin::plant::room;
+use twin::plant::{Room, room};
 
 /// Rooms at a time.
 const THREADS: usize = 2;
@@ -25,6 +26,9 @@ struct Arguments {
     /// Seeds of the rooms and of their worlds, the last included
     #[arg(long, value_name = "A..B", value_parser = seeds)]
     seeds: (u64, u64),
+    /// A room of this file in the seeds' worlds, instead of generated rooms
+    #[arg(long, value_name = "FILE")]
+    room: Option<PathBuf>,
     /// Where the table and a picture of each run go
     #[arg(long, default_value = "target/explore-bench")]
     out: PathBuf,
@@ -53,6 +57,7 @@ struct Row {
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let elf = fs::read(&arguments.elf)?;
+    let room = arguments.room.as_deref().map(load_room).transpose()?;
     fs::create_dir_all(&arguments.out)?;
     let (next, last) = (AtomicU64::new(arguments.seeds.0), arguments.seeds.1);
     let rows = Mutex::new(Vec::new());
@@ -65,7 +70,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                     if seed > last {
                         return;
                     }
-                    let row = explore(&elf, seed, &arguments.out);
+                    let room = room.clone().unwrap_or_else(|| room::generate(seed));
+                    let row = explore(&elf, &room, seed, &arguments.out);
                     let row = row.map_err(|error| format!("seed {seed}: {error}"));
                     eprintln!("{}", row.as_ref().map_or_else(Clone::clone, line));
                     rows.lock().expect("no thread panics").push(row);
@@ -84,15 +90,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn explore(elf: &[u8], seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
-    let room = room::generate(seed);
-    let board = exploration::configured_board(elf, &room, seed)?;
+fn explore(elf: &[u8], room: &Room, seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
+    let board = exploration::configured_board(elf, room, seed)?;
     let mut io = test_board::io(&board);
     let run = exploration::explore(&mut io, &board, |_| ())?;
     if let Err(error) = &run.drive {
         eprintln!("seed {seed} ended early: {error}");
     }
-    let picture = run.trajectory_plot(&room)?;
+    let picture = run.trajectory_plot(room)?;
     fs::write(out.join(format!("trajectory-{seed}.png")), picture)?;
     let truth = board.truth();
     #[allow(clippy::cast_precision_loss)] // minutes, cells
@@ -105,7 +110,7 @@ fn explore(elf: &[u8], seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
         }),
         virtual_minutes: board.now_us() as f64 / 60e6,
         floor_m2: room.reachable_floor().len() as f64 * 625e-6,
-        figures: run.figures(&room),
+        figures: run.figures(room),
     })
 }
 

@@ -157,7 +157,7 @@ fn right_angles_hold_heading_and_slanted_wall_does_not() {
     robot.ekf.observe_wall(0.1);
     // A turn of unknown size, a slanted wall, then the wall to the left.
     robot.drive(1.0, -2.5, 2.5, true);
-    let noise = SMatrix::<f64, 9, 1>::from_fn(|nth, _| if nth == 2 { 0.03 } else { 0.0 });
+    let noise = SMatrix::<f64, N, 1>::from_fn(|nth, _| if nth == 2 { 0.03 } else { 0.0 });
     robot.ekf.covariance += noise * noise.transpose();
     let (before, turned) = (robot.ekf.pose(), robot.truth.heading_rad);
     robot.ekf.observe_wall(0.1 + 0.3 - turned);
@@ -177,7 +177,7 @@ fn majority_of_walls_is_direction_of_room() {
     for _ in 0..5 {
         robot.ekf.observe_wall(0.0);
     }
-    let direction = robot.ekf.state[WALLS];
+    let direction = robot.ekf.walls_rad().unwrap();
     assert!(direction.abs() < 0.02, "{direction}");
 }
 
@@ -239,12 +239,35 @@ fn turns_on_both_sides_of_a_gap_of_the_gyro_are_not_compared() {
 }
 
 #[test]
-fn direction_of_walls_is_forgotten_after_ten_that_disagree() {
+fn directions_of_walls_are_forgotten_after_ten_that_disagree() {
     let mut ekf = Robot::new(9).ekf;
     let mut observe = |normal_rad, count| {
         (0..count).for_each(|_| ekf.observe_wall(normal_rad));
-        ekf.walls_rad().is_some()
+        ekf.directions().count()
     };
-    assert!(observe(0.0, 100) && observe(0.5, 9));
-    assert!(!observe(0.5, 1));
+    let others = [0.3, 0.6, 0.9].map(|normal_rad| observe(normal_rad, 100));
+    assert_eq!((others, observe(0.0, 100)), ([1, 2, 3], DIRECTIONS));
+    assert_eq!((observe(1.2, 9), observe(1.2, 1)), (DIRECTIONS, 0));
+}
+
+#[test]
+fn slanted_walls_hold_heading_once_known() {
+    let mut robot = Robot::new(10);
+    let see = |ekf: &mut Ekf, normal_rad| (0..20).for_each(|_| ekf.observe_wall(normal_rad));
+    see(&mut robot.ekf, 0.1);
+    see(&mut robot.ekf, 0.4);
+    let heading = |ekf: &Ekf| ekf.pose().heading_rad;
+    let known = heading(&robot.ekf);
+    assert!(known.abs() < 1e-9, "{known}");
+    // A wall six degrees aside of a known one is neither that nor another.
+    let before = robot.ekf.clone();
+    see(&mut robot.ekf, 0.505);
+    assert_eq!(robot.ekf.state, before.state);
+    // An unseen turn to the left: both walls stand more to the right.
+    robot.ekf.covariance[(2, 2)] += 0.03 * 0.03;
+    see(&mut robot.ekf, 0.4 - 0.02);
+    let turned = heading(&robot.ekf);
+    assert!((turned - 0.02).abs() < 0.003, "{turned}");
+    let direction = robot.ekf.state[WALLS + 1];
+    assert!((direction - 0.4).abs() < 0.003, "{direction}");
 }
