@@ -393,3 +393,6 @@ fn deviation_mm(status: &Status) -> f64 {
     let covariance = &status.estimate.covariance;
     (covariance[0][0] + covariance[1][1]).max(0.0).sqrt()
 }
+
+#[cfg(test)]
+mod tests;

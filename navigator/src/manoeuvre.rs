@@ -28,7 +28,7 @@ pub(crate) enum Kind {
 /// A motion under way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Manoeuvre {
-    kind: Kind,
+    pub kind: Kind,
     began: Option<(f64, Pose2)>,
 }
 
