@@ -363,7 +363,7 @@ pub struct Explore {
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Go home after this time, seconds
-    #[arg(long, value_name = "S", default_value = "1500", value_parser = number(SMALLEST..=1e6))]
+    #[arg(long, value_name = "S", default_value_t = navigator::Config::default().time_limit_s, value_parser = number(SMALLEST..=1e6))]
     pub timeout: f64,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
     #[arg(long)]
