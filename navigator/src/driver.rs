@@ -17,6 +17,9 @@ use crate::{Action, Config, Status, StopReason, Velocity, walls};
 
 /// Interval between two looks at the map along the path, s.
 const CHECK_S: f64 = 1.0;
+/// Farther ahead than this, mm, an echo that the map does not explain ends no path: it came from one place of its
+/// arc, and the map will know which before the robot is there.
+const DOUBT_MM: f64 = 300.0;
 /// Delay of that look when something appears in front, s: the next echoes may refute it.
 const APPEARED_S: f64 = 0.2;
 /// Slanted walls are looked for this long before the reach of the last look ends, mm; the turn that shows
@@ -200,11 +203,13 @@ impl Driver {
             let follower = self.follower.as_ref()?;
             let mut mm = 100.0;
             while mm < follower.remaining_mm() - 100.0 {
-                let node = map.at(follower.ahead(mm)?);
-                self.interrupted |= !node.is_some_and(|node| {
+                let point = follower.ahead(mm)?;
+                let is_free = map.at(point).is_some_and(|node| {
                     node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 15.0
                         || passable(node, inflation_mm)
                 });
+                let is_doubted = mm > DOUBT_MM && self.sight.doubts(point, inflation_mm);
+                self.interrupted |= !is_free && !is_doubted;
                 mm += 50.0;
             }
             self.map = Some(map);
@@ -325,7 +330,39 @@ pub(crate) fn distance_mm(pose: &Pose2, point: Point) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cost_map::tests::draw;
     use crate::manoeuvre::tests::status;
+
+    #[test]
+    fn unexplained_echo_ends_a_path_only_nearby() {
+        let open = ["...................."; 8];
+        let walled = open.map(|row| row.replace(".........", "........#"));
+        let walled: Vec<&str> = walled.iter().map(String::as_str).collect();
+        for (later, range_mm, goes_on) in [
+            (&open[..], None, true),
+            (&open, Some(600.0), true),
+            (&open, Some(250.0), false),
+            (&walled, None, false),
+            // What the map knows is no doubt.
+            (&walled, Some(600.0), false),
+        ] {
+            let mut driver = Driver::new(Config {
+                rest_every_s: 1e9,
+                sweep_half_width_rad: 1.0,
+                ..Config::default()
+            });
+            driver.rested_s = 0.0;
+            let pose = Pose2::new(200.0, 400.0, 0.0);
+            let map = driver.survey(&draw(&open), 0.0);
+            let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
+            let end = map.index(Point::new(1800.0, 400.0)).unwrap();
+            driver.follow(&reach, end, 0.0);
+            let mut status = status(1.0, pose);
+            status.ranges_mm[0] = range_mm;
+            let step = driver.step(&draw(later), &status);
+            assert_eq!(step != Step::Interrupted, goes_on, "{range_mm:?}: {step:?}");
+        }
+    }
 
     // Requirement: NAV-recovery-1
     #[test]

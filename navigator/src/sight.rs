@@ -223,6 +223,13 @@ impl Sight {
         self.floor.squares.contains(&Squares::key(point, FLOOR_MM))
     }
 
+    /// Whether a robot of this clearance may touch at a point what an unexplained echo came from.
+    pub fn doubts(&self, point: Point, clearance_mm: f64) -> bool {
+        let within_mm = clearance_mm + EXPLAINED.0;
+        self.unexplained()
+            .any(|echo| echo.distance_mm(point) < within_mm)
+    }
+
     /// Whether an unexplained echo came from the way straight ahead of the body.
     pub fn is_blocked(&self, pose: &Pose2) -> bool {
         self.unexplained().any(|point| {
