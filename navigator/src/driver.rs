@@ -208,8 +208,8 @@ impl Driver {
                     node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 15.0
                         || passable(node, inflation_mm)
                 });
-                let is_doubted = mm > DOUBT_MM && self.sight.doubts(point, inflation_mm);
-                self.interrupted |= !is_free && !is_doubted;
+                let is_doubted = || mm > DOUBT_MM && self.sight.doubts(point, inflation_mm);
+                self.interrupted |= !is_free && !is_doubted();
                 mm += 50.0;
             }
             self.map = Some(map);
