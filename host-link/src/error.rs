@@ -158,7 +158,9 @@ pub enum Error {
     /// The robot did not come to rest at the target in time.
     #[error(
         "the robot did not come to rest at its target within {seconds:.1} s: {off_mm:.1} mm and \
-         {off_deg:.2} degrees are left; look for an obstacle or give --timeout a longer time"
+         {off_deg:.2} degrees are left; {}",
+        if *obstacle { "an obstacle ahead holds it: clear the way" }
+        else { "look for what holds it, or give it more time" }
     )]
     NotReached {
         /// Seconds it was given.
@@ -167,6 +169,8 @@ pub enum Error {
         off_mm: f64,
         /// Rotation left, degrees, signed.
         off_deg: f64,
+        /// Whether the obstacle stop limited the speed at the end.
+        obstacle: bool,
     },
     /// A drive by a plan ended before it was complete.
     #[error("{what} after {seconds:.0} s: {reason}; look for an obstacle and start again")]

@@ -150,11 +150,13 @@ pub fn follow<'m>(
         }
         let now_us = moving.session.now_us();
         if seconds_since(begun_us, now_us) > seconds {
-            let pose = moving.session.snapshot().pose.unwrap_or_default();
+            let snapshot = moving.session.snapshot();
+            let pose = snapshot.pose.unwrap_or_default();
             return Err(Error::NotReached {
                 seconds,
                 off_mm: pose.distance_mm(target),
                 off_deg: pose.rotation_to_deg(target),
+                obstacle: snapshot.obstacle_limited,
             });
         }
     }
