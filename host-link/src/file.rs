@@ -239,13 +239,6 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&folder);
-        fs::create_dir_all(&folder).unwrap();
-        folder
-    }
-
     fn names(folder: &Path) -> Vec<String> {
         let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name();
         let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
@@ -257,7 +250,8 @@ mod tests {
     // Requirement: WIRE-program-1
     #[test]
     fn save_device_link_folder_or_foreign_file_is_refused() {
-        let here = scratch("sink");
+        let here = tempfile::tempdir().unwrap();
+        let here = here.path();
         let (foreign, link, folder) =
             (here.join("foreign"), here.join("link"), here.join("folder"));
         fs::write(&foreign, "a letter").unwrap();
@@ -265,23 +259,23 @@ mod tests {
         fs::create_dir(&folder).unwrap();
         let socket = here.join("socket");
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
-        let before = names(&here);
+        let before = names(here);
         for path in [&foreign, &link, &folder, &socket, &here.join("foreign/x")] {
             let refused = save(path, Kind::Png, b"\x89PNG\r\n\x1a\n");
             assert!(matches!(refused, Err(Error::Unwritable { .. })), "{path:?}");
             assert!(check(path, Kind::Png).is_err());
         }
         assert_eq!(fs::read(&foreign).unwrap(), b"a letter");
-        assert_eq!(names(&here), before);
+        assert_eq!(names(here), before);
         save(&foreign, Kind::Any, b"replaced").unwrap();
         assert_eq!(fs::read(&link).unwrap(), b"replaced");
-        fs::remove_dir_all(here).unwrap();
     }
 
     // Requirement: WIRE-program-1
     #[test]
     fn save_replaces_its_kind_and_follows_no_planted_link() {
-        let here = scratch("kind");
+        let here = tempfile::tempdir().unwrap();
+        let here = here.path();
         let (map, victim) = (here.join("map.pgm"), here.join("victim"));
         fs::write(&victim, "kept").unwrap();
         symlink(&victim, here.join(".map.pgm.robot-new")).unwrap();
@@ -291,13 +285,13 @@ mod tests {
         }
         check(&map, Kind::Pgm).unwrap();
         assert_eq!(fs::read(&victim).unwrap(), b"kept");
-        assert_eq!(names(&here), ["map.pgm", "victim"]);
-        fs::remove_dir_all(here).unwrap();
+        assert_eq!(names(here), ["map.pgm", "victim"]);
     }
 
     #[test]
     fn image_is_told_from_other_files_by_key_or_unwritten_cells() {
-        let here = scratch("image");
+        let here = tempfile::tempdir().unwrap();
+        let here = here.path();
         let path = here.join("image.bin");
         let is_replaced = |bytes: &[u8]| {
             fs::write(&path, bytes).unwrap();
@@ -325,7 +319,6 @@ mod tests {
             assert_eq!(is_replaced(&keyed), is_image, "{len}");
             assert_eq!(is_replaced(&unwritten(len, 0xF0..0x100)), is_image, "{len}");
         }
-        fs::remove_dir_all(here).unwrap();
     }
 
     #[test]

@@ -111,7 +111,8 @@ fn serial_port_bytes_or_its_absence_arrive() {
         let is_something = |read: &Result<Vec<u8>, Error>| !read.as_ref().is_ok_and(Vec::is_empty);
         reads.find(is_something)
     };
-    let path = std::env::temp_dir().join(format!("robot-tty-{}", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tty");
     std::fs::write(&path, b"I00000: boot\n").unwrap();
     assert_eq!(read(&path), Some(Ok(b"I00000: boot\n".to_vec())));
     std::fs::remove_file(&path).unwrap();

@@ -252,7 +252,8 @@ mod tests {
 
     #[test]
     fn map_files_are_checked_before_the_wheels_turn() {
-        let stem = std::env::temp_dir().join(format!("robot-map-files-{}", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let stem = folder.path().join("map");
         assert_eq!(Files::check(&stem), Ok(()));
         let files = Files::new(&stem);
         for file in [files.png, files.pgm, files.yaml] {

@@ -5,16 +5,8 @@ use mapper::Grid;
 use pilot::mapping::RangeSample;
 use pilot::recording::Recorder;
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
-
-/// An empty folder of the test's own.
-fn scratch(name: &str) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("robot-program-{name}-{}", std::process::id()));
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
 
 /// Records poses along x, millimetres.
 fn record(path: &Path, along_mm: &[f64]) {
@@ -94,7 +86,8 @@ fn failed_standard_output_is_exit_code_11_and_closed_pipe_0() {
 
 #[test]
 fn endless_and_far_inputs_are_refused() {
-    let here = scratch("inputs");
+    let here = tempfile::tempdir().unwrap();
+    let here = here.path();
     let far = here.join("far.mcap");
     record(&far, &[0.0, 2e6]);
     let (map, far) = (
@@ -117,13 +110,13 @@ fn endless_and_far_inputs_are_refused() {
         assert!(stderr.contains(expected), "{words}: {stderr}");
     }
     assert!(!here.join("map.png").exists());
-    fs::remove_dir_all(here).unwrap();
 }
 
 // Requirement: WIRE-program-1
 #[test]
 fn outputs_spare_foreign_files_and_links() {
-    let here = scratch("outputs");
+    let here = tempfile::tempdir().unwrap();
+    let here = here.path();
     let (letter, link) = (here.join("map.png"), here.join("link.toml"));
     fs::write(&letter, "a letter").unwrap();
     std::os::unix::fs::symlink(&letter, &link).unwrap();
@@ -140,12 +133,12 @@ fn outputs_spare_foreign_files_and_links() {
     }
     assert_eq!(fs::read(&letter).unwrap(), b"a letter");
     assert!(link.is_symlink() && !here.join("map.pgm").exists());
-    fs::remove_dir_all(here).unwrap();
 }
 
 #[test]
 fn faults_of_a_file_come_in_one_run_with_carets() {
-    let here = scratch("faults");
+    let here = tempfile::tempdir().unwrap();
+    let here = here.path();
     let file = here.join("tour");
     fs::write(&file, "0 0 0\n1 2\n0 x 0\n").unwrap();
     let (code, _, stderr) = run(&format!("tour {}", file.display()));
@@ -159,12 +152,12 @@ fn faults_of_a_file_come_in_one_run_with_carets() {
     ] {
         assert!(stderr.contains(expected), "{expected}: {stderr}");
     }
-    fs::remove_dir_all(here).unwrap();
 }
 
 #[test]
 fn manual_has_page_for_each_command_and_completions() {
-    let folder = scratch("manual");
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
     assert_eq!(run(&format!("manual {}", folder.display())).0, 0);
     let text = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
     assert!(text("robot.1").contains("Exit codes"));
@@ -174,5 +167,4 @@ fn manual_has_page_for_each_command_and_completions() {
     }
     let file = folder.join("robot.1");
     assert_eq!(run(&format!("manual {}", file.display())).0, 11);
-    fs::remove_dir_all(folder).unwrap();
 }

@@ -26,8 +26,8 @@ fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardI
     let mut findings = Findings::default();
     let image = check_board(&mut io, 40, 300, &mut findings).expect("not interrupted");
     if let (true, Some(image)) = (wheels, image) {
-        let name = format!("robot-doctor-{}-{:p}", std::process::id(), &rig);
-        let journal = Journal::new(std::env::temp_dir().join(name));
+        let folder = tempfile::tempdir().expect("a folder");
+        let journal = Journal::new(folder.path().join("before"));
         let before = image.clone();
         check_wheels(&mut io, &image, 40, 300, &journal, &mut findings).expect("restored");
         assert!(!journal.unfinished() && rig.motors_off());

@@ -3,7 +3,7 @@
 //! complete image. Every call in turn, on the virtual board with the ELF booting from the image.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use tempfile::TempDir;
 
 use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
@@ -38,16 +38,16 @@ fn after() -> Image {
 struct EepromTest {
     rig: Rig,
     journal: Journal,
-    folder: PathBuf,
+    _folder: TempDir,
 }
 
 impl EepromTest {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
         Self {
             rig: Rig::booted(Some(before().0.to_vec())),
-            journal: Journal::new(folder.join("before")),
-            folder,
+            journal: Journal::new(folder.path().join("before")),
+            _folder: folder,
         }
     }
 
@@ -121,16 +121,10 @@ impl EepromTest {
     }
 }
 
-impl Drop for EepromTest {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.folder);
-    }
-}
-
 // Requirement: DOC-6-2, DOC-6-3, DOC-6-6, DOC-6-7
 #[test]
 fn eeprom_write_survives_one_failing_call() {
-    let test = EepromTest::new("fails");
+    let test = EepromTest::new();
     for at in test.calls() {
         let fault = IoFault::FailsOnce(at);
         test.restore_image();
@@ -146,7 +140,7 @@ fn eeprom_write_survives_one_failing_call() {
 
 #[test]
 fn eeprom_write_killed_is_repaired_by_next_run() {
-    let test = EepromTest::new("dies");
+    let test = EepromTest::new();
     let (mut undone, mut reset, mut killed) = (0, 0, 0);
     for at in test.calls() {
         let fault = IoFault::Killed(at);

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
+use tempfile::TempDir;
 
 use robot_tests::pi_devices::PiDevices;
 use robot_tests::test_board::Rig;
@@ -19,25 +20,17 @@ const STOPPED: Duration = Duration::from_millis(600);
 
 /// A blank robot with device files in a folder of the test's own.
 struct Pi {
-    folder: PathBuf,
+    folder: TempDir,
     devices: PiDevices,
     program: PathBuf,
     _rig: Rig,
 }
 
-impl Drop for Pi {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.folder);
-    }
-}
-
 impl Pi {
-    fn new(name: &str, keeps_levels: bool) -> Self {
-        let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&folder);
-        fs::create_dir_all(&folder).expect("a folder");
+    fn new(keeps_levels: bool) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
         let rig = Rig::new(Options::with_eeprom(Vec::new()));
-        let devices = PiDevices::new(&folder, &rig.board, keeps_levels).expect("devices");
+        let devices = PiDevices::new(folder.path(), &rig.board, keeps_levels).expect("devices");
         let usual = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/robot");
         let program = std::env::var_os("ROBOT_PROGRAM").map_or(usual, PathBuf::from);
         Self {
@@ -73,10 +66,10 @@ impl Pi {
 #[test]
 fn commands_configure_and_drive_through_device_files() {
     for keeps_levels in [false, true] {
-        let pi = Pi::new("files", keeps_levels);
+        let pi = Pi::new(keeps_levels);
         if keeps_levels {
             // A Pi 5 with an older kernel.
-            let chip = |number: u8| pi.folder.join(format!("gpiochip{number}"));
+            let chip = |number: u8| pi.folder.path().join(format!("gpiochip{number}"));
             fs::write(chip(4), "pinctrl-rp1").expect("written");
             fs::write(chip(0), "gpio-brcmstb@107d508500").expect("written");
         }
@@ -104,11 +97,11 @@ fn commands_configure_and_drive_through_device_files() {
 
 #[test]
 fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
-    let pi = Pi::new("kill", true);
+    let pi = Pi::new(true);
     pi.configure();
-    let second = fs::read_to_string(pi.folder.join("robot.toml")).expect("there");
+    let second = fs::read_to_string(pi.folder.path().join("robot.toml")).expect("there");
     let second = second.replace("servo = false", "servo = true");
-    fs::write(pi.folder.join("second.toml"), second).expect("written");
+    fs::write(pi.folder.path().join("second.toml"), second).expect("written");
     let mut outcomes = Vec::new();
     for after_ms in [20, 60, 150, 400] {
         let mut write = pi.command("eeprom write second.toml");
@@ -152,13 +145,13 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
 
 #[test]
 fn missing_and_wrong_devices_are_named_with_advice() {
-    let pi = Pi::new("missing", false);
+    let pi = Pi::new(false);
     for (name, advice) in [
         ("gpiochip0", "--gpiochip names"),
         ("spidev0.0", "enable SPI"),
         ("i2c-1", "enable I2C"),
     ] {
-        let (file, away) = (pi.folder.join(name), pi.folder.join("away"));
+        let (file, away) = (pi.folder.path().join(name), pi.folder.path().join("away"));
         fs::rename(&file, &away).expect("renamed");
         let text = pi.expect(10, "status");
         assert!(text.contains(name) && text.contains(advice), "{text}");

@@ -1,33 +1,37 @@
 //! The program `robot` on the virtual board, as its user runs it.
 
 use plant::Rng;
-use std::fs;
-use std::io::{BufRead, BufReader};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 /// Environment variable with the path of the program, built with the feature `virtual`.
 const PROGRAM: &str = "ROBOT_PROGRAM";
 
 /// The program with a virtual EEPROM in a folder of the test's own.
-struct Program(PathBuf);
+struct Program(TempDir);
 
 impl Program {
     /// A blank one.
-    fn blank(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&folder);
-        fs::create_dir_all(&folder).expect("a folder");
-        Self(folder)
+    fn blank() -> Self {
+        Self(tempfile::tempdir().expect("a folder"))
     }
 
     /// With the sample configuration.
-    fn configured(name: &str) -> Self {
-        let program = Self::blank(name);
+    fn configured() -> Self {
+        let program = Self::blank();
         program.expect(0, "eeprom init robot.toml");
         program.expect(0, "eeprom write robot.toml");
         program
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
     }
 
     fn command(&self, words: &str) -> Command {
@@ -40,7 +44,7 @@ impl Program {
         let elf = file("ROBOT_ELF", "elf/fw-pac.elf");
         command.args(["--virtual", "--eeprom-image", "eeprom.bin", "--elf"]);
         command.arg(elf).args(words.split(' '));
-        command.current_dir(&self.0).stdin(Stdio::null());
+        command.current_dir(self.0.path()).stdin(Stdio::null());
         command
     }
 
@@ -86,16 +90,10 @@ impl Drop for Server {
     }
 }
 
-impl Drop for Program {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
 // Requirement: WIRE-program-2
 #[test]
 fn closed_pipe_ends_monitor_and_log_without_an_error() {
-    let program = Program::configured("pipe");
+    let program = Program::configured();
     // No line follows the last of an idle robot.
     for (words, last) in [("monitor", ""), ("log", ": ready")] {
         let mut command = program.command(words);
@@ -120,20 +118,20 @@ fn closed_pipe_ends_monitor_and_log_without_an_error() {
 // Requirement: WIRE-program-1
 #[test]
 fn foreign_eeprom_image_is_refused_and_kept() {
-    let program = Program::blank("foreign");
-    fs::write(program.0.join("eeprom.bin"), "a letter").expect("written");
+    let program = Program::blank();
+    fs::write(program.file("eeprom.bin"), "a letter").expect("written");
     let text = program.expect(11, "status");
     assert!(text.contains("no EEPROM image"), "{text}");
-    let kept = fs::read(program.0.join("eeprom.bin")).expect("there");
+    let kept = fs::read(program.file("eeprom.bin")).expect("there");
     assert_eq!(kept, b"a letter");
 }
 
 // Requirement: WIRE-program-1, WIRE-program-3
 #[test]
 fn senseless_drives_are_refused_before_they_move() {
-    let program = Program::configured("refused");
-    fs::write(program.0.join("tour"), "300 0 0\n").expect("written");
-    fs::create_dir(program.0.join("map.png")).expect("made");
+    let program = Program::configured();
+    fs::write(program.file("tour"), "300 0 0\n").expect("written");
+    fs::create_dir(program.file("map.png")).expect("made");
     program.expect_each([
         (
             2,
@@ -153,11 +151,10 @@ fn senseless_drives_are_refused_before_they_move() {
 fn configuration_is_compared_saved_and_brought_back() {
     const SERVO: &str = "platform.servo: false -> true";
     const UPPER: &str = "battery.tap_1.upper_ohm: 10587 -> 10000";
-    let program = Program::configured("configuration");
-    let file = |name: &str| program.0.join(name);
-    let first = fs::read_to_string(file("robot.toml")).expect("there");
+    let program = Program::configured();
+    let first = fs::read_to_string(program.file("robot.toml")).expect("there");
     let second = first.replace("servo = false", "servo = true");
-    fs::write(file("second.toml"), second).expect("written");
+    fs::write(program.file("second.toml"), second).expect("written");
     program.expect_each([
         (0, "eeprom diff robot.toml", "no difference"),
         (1, "eeprom diff second.toml", SERVO),
@@ -176,6 +173,10 @@ fn configuration_is_compared_saved_and_brought_back() {
         (1, "eeprom diff robot.toml", UPPER),
         (0, "tune rollback", "as it was before"),
         (0, "eeprom diff robot.toml", "no difference"),
+        (0, "tune move --yes --levels 60,90", "gains written"),
+        (1, "eeprom diff robot.toml", "pid.forward.p: "),
+        (0, "tune rollback", "as it was before"),
+        (14, "bringup robot.toml", "the firmware is not heard"),
         (2, "calibrate rollback", "no tuning or calibration"),
         (0, "reset", "STM reset; ready after"),
         (0, "status", "stop deadline 250 ms"),
@@ -189,8 +190,8 @@ const SMALL_ROOM: &str = "wall -700 -700 700 -700 700 700 -700 700 -700 -700\nst
 // Requirement: WIRE-program-4
 #[test]
 fn robot_is_checked_calibrated_and_explores_a_room() {
-    let program = Program::configured("explores");
-    fs::write(program.0.join("small.room"), SMALL_ROOM).expect("written");
+    let program = Program::configured();
+    fs::write(program.file("small.room"), SMALL_ROOM).expect("written");
     program.expect_each([
         (0, "--json doctor --wheels-up --yes", "\"failed\":0"),
         (
@@ -202,6 +203,12 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         (1, "eeprom diff robot.toml", "-> 80.0"),
         (0, "calibrate rollback", "as it was before"),
         (0, "eeprom diff robot.toml", "no difference"),
+        (
+            0,
+            "calibrate umbmark --side 300 --runs 1 --dry-run --yes --measure-with truth",
+            "right wheel against left -0.1",
+        ),
+        (8, "goto 3000 0 0 --timeout 20", "an obstacle ahead holds"),
         (
             0,
             "--room small.room explore --yes --record way.mcap",
@@ -225,8 +232,8 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
 // Requirement: SERVE-borrow-1
 #[test]
 fn commands_borrow_the_robot_of_a_server() {
-    let program = Program::blank("served");
-    fs::write(program.0.join("tour"), "150 0 0\n0 0 0\n").expect("written");
+    let program = Program::blank();
+    fs::write(program.file("tour"), "150 0 0\n0 0 0\n").expect("written");
     let _server = program.serve();
     program.expect_each([
         (0, "--json doctor", "\"failed\":0"),
@@ -250,6 +257,38 @@ fn commands_borrow_the_robot_of_a_server() {
     program.expect_each([(2, calibrate, "end the server")]);
 }
 
+// Requirement: SERVE-teleop-1
+#[test]
+fn teleop_drives_by_keys_of_a_terminal() {
+    let program = Program::blank();
+    let server = program.serve();
+    let pty = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pty");
+    grantpt(&pty).expect("granted");
+    unlockpt(&pty).expect("unlocked");
+    let name = ptsname(&pty, Vec::new()).expect("a name").into_bytes();
+    let name = std::ffi::OsString::from_vec(name);
+    let open = || File::options().read(true).write(true).open(&name);
+    let mut command = program.command("teleop --yes");
+    let terminal = open().expect("a terminal");
+    command.stdout(open().expect("a terminal")).stdin(terminal);
+    let mut teleop = command.stderr(Stdio::null()).spawn().expect("started");
+    drop(command);
+    let mut keys = File::from(pty);
+    let mut screen = keys.try_clone().expect("a copy");
+    let shown = std::thread::spawn(move || std::io::copy(&mut screen, &mut std::io::sink()));
+    for key in [b"w"; 20].into_iter().chain([b"q"]) {
+        std::thread::sleep(Duration::from_millis(100));
+        keys.write_all(key).expect("typed");
+    }
+    assert_eq!(teleop.wait().expect("ended").code(), Some(0));
+    let _ = shown.join();
+    let status = program.expect(0, "--json status");
+    let (_, x) = status.split_once("\"x_mm\":").expect("a pose");
+    let (x, _) = x.split_once(',').expect("a number");
+    assert!(x.parse::<f64>().expect("a number") > 50.0, "{status}");
+    drop(server);
+}
+
 /// Environment variable with the number of kills; 200 for a release.
 const KILLS: &str = "ROBOT_KILLS";
 
@@ -265,12 +304,11 @@ const KILLED: [&str; 4] = [
 #[test]
 fn killed_commands_leave_nothing_half_written() {
     let kills = std::env::var(KILLS).map_or(8, |kills| kills.parse().expect("a number"));
-    let program = Program::configured("killed");
-    let path = |name: &str| program.0.join(name);
-    fs::write(path("tour"), "60 0 0\n0 0 0\n").expect("written");
-    let first = fs::read_to_string(path("robot.toml")).expect("there");
+    let program = Program::configured();
+    fs::write(program.file("tour"), "60 0 0\n0 0 0\n").expect("written");
+    let first = fs::read_to_string(program.file("robot.toml")).expect("there");
     let second = first.replace("servo = false", "servo = true");
-    fs::write(path("second.toml"), second).expect("written");
+    fs::write(program.file("second.toml"), second).expect("written");
     let old = program.expect(0, "eeprom dump");
     let begun = Instant::now();
     program.expect(0, "eeprom write second.toml");
@@ -302,11 +340,11 @@ fn killed_commands_leave_nothing_half_written() {
             "{words} after {after:?}: {text}"
         );
         assert!(
-            !path("eeprom.bin.eeprom.before").exists(),
+            !program.file("eeprom.bin.eeprom.before").exists(),
             "{words} after {after:?}"
         );
         undone += usize::from(text.contains("is undone"));
-        if path("drive.mcap").exists() {
+        if program.file("drive.mcap").exists() {
             let done = program
                 .command("replay drive.mcap")
                 .output()
@@ -323,7 +361,7 @@ fn killed_commands_leave_nothing_half_written() {
             ("map.pgm", b"P5\n", b""),
             ("map.yaml", b"image: ", b"\n"),
         ] {
-            let Ok(bytes) = fs::read(path(name)) else {
+            let Ok(bytes) = fs::read(program.file(name)) else {
                 continue;
             };
             assert!(bytes.starts_with(begin) && bytes.ends_with(end), "{name}");

@@ -1,6 +1,5 @@
 //! The server on the virtual board: many clients, one driver, real sockets.
 
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Instant;
@@ -22,10 +21,6 @@ const PERIOD_US: (u64, u64) = (25_000, 2_000);
 /// The stop deadline, microseconds.
 const DEADLINE_US: u64 = 250_000;
 
-fn socket(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("robot-{name}-{}.sock", std::process::id()))
-}
-
 fn drive() -> Request {
     Request::Drive {
         forward_mm_s: 100.0,
@@ -38,7 +33,8 @@ fn drive() -> Request {
 #[test]
 fn twenty_watchers_leave_the_frame_period_alone() {
     serve(|hub, _| {
-        let path = socket("watch");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("socket");
         let _socket = listener::unix(&path, hub).expect("a socket");
         let watch = |number: usize| {
             let name = format!("watcher {number}");
@@ -82,7 +78,8 @@ fn twenty_watchers_leave_the_frame_period_alone() {
 #[test]
 fn driver_that_is_gone_or_stopped_stops_the_wheels() {
     serve(|hub, board| {
-        let path = socket("drive");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("socket");
         let _socket = listener::unix(&path, hub).expect("a socket");
         let connect = |name| Client::connect(&path, name).unwrap().expect("a server");
         let mut watcher = connect("watcher");

@@ -384,14 +384,13 @@ mod tests {
 
     #[test]
     fn error_blames_the_mutants_of_its_line() {
-        let folder = std::env::temp_dir().join(format!("mutation-blame-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
         std::fs::write(folder.join("a.rs"), "a\nb 0_0_3 c 0_0_14\nd 0_0_15\n").unwrap();
         let messages = r#"{"reason": "compiler-message", "message": {"level": "error", "spans": [
             {"file_name": "core/macros.rs", "line_start": 7, "line_end": 7, "expansion":
              {"span": {"file_name": "a.rs", "line_start": 2, "line_end": 2, "expansion": null}}}]}}"#;
-        let blamed = blamed(&messages.replace('\n', " "), &folder);
+        let blamed = blamed(&messages.replace('\n', " "), folder);
         assert_eq!(blamed, BTreeSet::from([2, 13]));
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

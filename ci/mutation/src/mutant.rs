@@ -162,8 +162,8 @@ mod tests {
 
     #[test]
     fn mutant_is_known_by_change_and_line() {
-        let folder = std::env::temp_dir().join(format!("mutation-list-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
         let text = "fn f() {\n    a + b + c\n}\n";
         std::fs::write(folder.join("a.rs"), text).unwrap();
         let answer = r#"[
@@ -173,13 +173,12 @@ mod tests {
                           "span": {"start": {"line": 1, "column": 1}, "end": {"line": 3, "column": 2}}}},
             {"name": "a.rs:1:8: replace f with ()", "file": "a.rs", "genre": "FnValue", "replacement": "()",
              "span": {"start": {"line": 1, "column": 8}, "end": {"line": 3, "column": 2}}, "function": null}]"#;
-        let (mutants, functions) = parse(answer, &folder).unwrap();
+        let (mutants, functions) = parse(answer, folder).unwrap();
         assert_eq!(mutants[0].change, "replace + with -");
         assert_eq!(mutants[0].at, "a + b «+» c");
         assert_eq!(mutants[0].applied(text), "fn f() {\n    a + b - c\n}\n");
         assert_eq!(mutants[1].to_string(), "a.rs:1:8: replace f with ()");
         assert_eq!(mutants[1].at, "fn f() «{");
         assert_eq!(functions["a.rs"][0].name, "f");
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -18,9 +18,9 @@ fn write(io: &mut crate::board_io::BoardIo) -> Result<Programmed, Error> {
 }
 
 /// A journal in a folder of the test's own.
-fn journal_in(name: &str) -> (std::path::PathBuf, Journal) {
-    let folder = std::env::temp_dir().join(format!("robot-{name}-{}", std::process::id()));
-    let journal = Journal::new(folder.join("before"));
+fn journal() -> (tempfile::TempDir, Journal) {
+    let folder = tempfile::tempdir().unwrap();
+    let journal = Journal::new(folder.path().join("folder/before"));
     (folder, journal)
 }
 
@@ -201,7 +201,7 @@ fn eeprom_is_noticed_where_it_answers() {
 
 #[test]
 fn journal_of_complete_write_asks_for_reset() {
-    let (folder, journal) = journal_in("written");
+    let (_folder, journal) = journal();
     journal.begin(&wanted()).unwrap();
     journal.written().unwrap();
     assert!(!journal.unfinished() && journal.reset_due());
@@ -210,7 +210,6 @@ fn journal_of_complete_write_asks_for_reset() {
     // What cannot be removed is an error.
     std::fs::create_dir(journal.path()).unwrap();
     assert!(matches!(journal.end(), Err(Error::Unwritable { .. })));
-    std::fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
@@ -230,7 +229,7 @@ fn write_cycle_without_end_is_an_error_after_20_ms() {
 
 #[test]
 fn journal_exists_during_write_and_after_its_failure() {
-    let (folder, journal) = journal_in("journal");
+    let (_folder, journal) = journal();
     let (_, mut whole) = mock_board(&BLANK, None);
     program(&mut whole, &wanted(), 100, Some(&journal), |step| {
         let writes = matches!(step, Progress::Written { .. });
@@ -245,12 +244,11 @@ fn journal_exists_during_write_and_after_its_failure() {
     // The half-written content does not replace the last complete one.
     journal.begin(&wanted()).unwrap();
     assert!(image::load(journal.path()).unwrap() == BLANK);
-    std::fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
 fn repair_after_any_failure_restores_whole_image() {
-    let (folder, journal) = journal_in("repair");
+    let (_folder, journal) = journal();
     let mut undone = 0;
     for at in 0..calls_of_a_good_write() {
         let faults = [IoFault::BusesFail, IoFault::AllFail, IoFault::Interrupt];
@@ -271,5 +269,4 @@ fn repair_after_any_failure_restores_whole_image() {
         }
     }
     assert!(undone > 50, "{undone}");
-    std::fs::remove_dir_all(folder).unwrap();
 }

@@ -324,14 +324,6 @@ impl Localiser {
         }
     }
 
-    /// The odometry's origin in the map's frame: `map_to_odom().compose(&odometry)` is the pose.
-    pub fn map_to_odom(&self) -> Pose2 {
-        let odometry = self.last.map_or_else(Pose2::default, |last| last.odometry);
-        self.ekf
-            .pose()
-            .compose(&Pose2::default().relative_to(&odometry))
-    }
-
     /// The corrected map.
     pub const fn grid(&self) -> &Grid {
         &self.evidence.grid

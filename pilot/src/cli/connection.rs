@@ -360,10 +360,9 @@ mod tests {
 
     #[test]
     fn lock_is_shared_by_group_exclusive_and_no_link() {
-        let folder = std::env::temp_dir().join(format!("robot-lock-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&folder);
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
         let (path, device) = (folder.join("lock"), folder.join("device"));
-        fs::create_dir_all(&folder).unwrap();
         fs::write(&device, "").unwrap();
         let take = |path: &Path| Lock::take(path, Some(&device));
         let held = take(&path).unwrap();
@@ -376,12 +375,11 @@ mod tests {
         fs::write(&device, "a letter, not a lock").unwrap();
         let link = folder.join("link");
         symlink(&device, &link).unwrap();
-        for wrong in [&link, &device, &folder] {
+        for wrong in [&link, &device, folder] {
             assert!(
                 matches!(take(wrong), Err(Error::Unwritable { .. })),
                 "{wrong:?}"
             );
         }
-        fs::remove_dir_all(folder).unwrap();
     }
 }

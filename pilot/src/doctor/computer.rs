@@ -69,17 +69,16 @@ mod tests {
 
     #[test]
     fn missing_device_names_overlay_and_group() {
-        let boot = std::env::temp_dir().join(format!("robot-boot-{}", std::process::id()));
-        fs::create_dir_all(&boot).unwrap();
+        let boot = tempfile::tempdir().unwrap();
+        let boot = boot.path();
         fs::write(boot.join("config.txt"), "dtparam=spi=on,i2c_arm=off\n").unwrap();
         let (absent, present) = (boot.join("spidev0.0"), Path::new("/dev/null"));
         let mut findings = Findings::default();
-        check([&absent, &absent, present, present], &boot, &mut findings);
+        check([&absent, &absent, present, present], boot, &mut findings);
         assert_eq!(findings.failed(), ["SPI device", "I2C device"]);
         let found = |index: usize| &findings.0[index].found;
         assert!(!found(0).contains("config.txt") && found(1).contains("`i2c_arm=on`"));
         assert!(findings.0[1].advice.unwrap().contains("group i2c"));
         assert_eq!(findings.0[2].outcome, Outcome::Passed);
-        fs::remove_dir_all(boot).unwrap();
     }
 }

@@ -198,10 +198,6 @@ mod tests {
     use super::*;
     use fw_core::eeprom::{Config, Image};
 
-    fn scratch(name: &str) -> PathBuf {
-        std::env::temp_dir().join(format!("robot-{name}-{}.mcap", std::process::id()))
-    }
-
     fn samples() -> Vec<RangeSample> {
         let sample = |n: u32| RangeSample {
             time_us: u64::from(n) * 25_000,
@@ -213,8 +209,9 @@ mod tests {
         (0..200).map(sample).collect()
     }
 
-    fn recorded(name: &str, finish: bool) -> Vec<u8> {
-        let path = scratch(name);
+    fn recorded(finish: bool) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
         let mut recorder = Recorder::create(&path).unwrap();
         let mut snapshot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
         for sample in samples() {
@@ -228,9 +225,7 @@ mod tests {
             // As a kill: nothing that is buffered reaches the file.
             std::mem::forget(recorder);
         }
-        let bytes = std::fs::read(&path).unwrap();
-        std::fs::remove_file(path).unwrap();
-        bytes
+        std::fs::read(&path).unwrap()
     }
 
     #[track_caller]
@@ -267,7 +262,7 @@ mod tests {
     // Requirement: WIRE-program-5
     #[test]
     fn recording_reads_back_and_up_to_any_cut() {
-        let whole = recorded("whole", true);
+        let whole = recorded(true);
         assert_begins(&parse(&whole).unwrap(), 200);
         for len in (0..whole.len()).step_by(977) {
             if let Ok(read) = parse(&whole[..len]) {
@@ -284,13 +279,14 @@ mod tests {
     // Requirement: WIRE-program-5
     #[test]
     fn killed_recording_lacks_at_most_half_a_second() {
-        assert_begins(&parse(&recorded("killed", false)).unwrap(), 200 - 20);
+        assert_begins(&parse(&recorded(false)).unwrap(), 200 - 20);
     }
 
     // Requirement: WIRE-program-1
     #[test]
     fn recording_has_its_header_whenever_it_is_seen() {
-        let path = scratch("seen");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
         drop(Recorder::create(&path).unwrap());
         std::thread::scope(|scope| {
             let writes = scope.spawn(|| (0..50).for_each(|_| drop(Recorder::create(&path))));
@@ -298,12 +294,11 @@ mod tests {
                 assert_eq!(parse(&std::fs::read(&path).unwrap()), Ok(Vec::new()));
             }
         });
-        std::fs::remove_file(path).unwrap();
     }
 
     #[test]
     fn topics_are_numbered_and_slow_ones_come_once_a_second() {
-        let bytes = recorded("topics", true);
+        let bytes = recorded(true);
         let mut topics: BTreeMap<String, Vec<(u32, u64)>> = BTreeMap::new();
         for message in mcap::MessageStream::new(&bytes).unwrap() {
             let message = message.unwrap();
@@ -325,7 +320,7 @@ mod tests {
 
     #[test]
     fn gyroscope_goes_on_from_turn_to_turn() {
-        let read = parse(&recorded("turns", true)).unwrap();
+        let read = parse(&recorded(true)).unwrap();
         let gyro = |n: u8| read[usize::from(n)].gyro_deg.unwrap();
         for n in [5, 40, 199] {
             let turned = 20.0 * f64::from(n - 4);
@@ -335,7 +330,8 @@ mod tests {
 
     #[test]
     fn recording_without_a_pose_or_beyond_any_picture_is_refused() {
-        let path = scratch("no-pose");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
         let mut recorder = Recorder::create(&path).unwrap();
         let nowhere = RangeSample {
             pose: Pose::new(f64::NAN, 0.0, 0.0),
@@ -344,7 +340,6 @@ mod tests {
         recorder.add(&nowhere).unwrap();
         recorder.finish(0, &Grid::new(25.0)).unwrap();
         let refused = load(&path).unwrap_err().to_string();
-        std::fs::remove_file(&path).unwrap();
         assert!(refused.contains("no report of a pose"), "{refused}");
         let at = |x_mm| RangeSample {
             pose: Pose::new(x_mm, 0.0, 0.0),

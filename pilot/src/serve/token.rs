@@ -71,9 +71,8 @@ mod tests {
     // Requirement: SERVE-client-3
     #[test]
     fn token_file_is_private_or_refused() {
-        let folder = std::env::temp_dir().join(format!("robot-token-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("token");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
         let token = load(&path).unwrap();
         assert_eq!(token.len(), 2 * BYTES);
         assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
@@ -86,6 +85,5 @@ mod tests {
         fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
         fs::write(&path, "short\n").unwrap();
         assert!(matches!(load(&path), Err(Error::Content { .. })));
-        fs::remove_dir_all(&folder).unwrap();
     }
 }

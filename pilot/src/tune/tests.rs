@@ -108,8 +108,8 @@ fn tuning_fault_at_any_call_restores_eeprom() {
 
 #[test]
 fn killed_tuning_is_restored_unless_eeprom_rewritten() {
-    let path = std::env::temp_dir().join(format!("robot-tune-journal-{}", std::process::id()));
-    let journal = Journal::new(&path);
+    let folder = tempfile::tempdir().unwrap();
+    let journal = Journal::new(folder.path().join("before"));
     let with_mode = |mode| {
         temporary_mode::set_mode(&original(), mode)
             .unwrap()

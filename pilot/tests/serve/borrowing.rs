@@ -70,7 +70,8 @@ fn borrowed_robot_is_watched_and_stopped_for_each() {
 // Requirement: SERVE-borrow-1
 #[test]
 fn eeprom_write_of_a_vanished_borrower_is_undone() {
-    let path = std::env::temp_dir().join(format!("robot-lent-{}", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("before");
     let journal = Journal::new(&path);
     let written = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedNormal.code().into());
     let served = Served {
@@ -113,8 +114,8 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
 // Requirement: SERVE-borrow-1
 #[test]
 fn unready_robot_is_reset_after_vanished_borrower_only() {
-    let journal =
-        Journal::new(std::env::temp_dir().join(format!("robot-unready-{}", std::process::id())));
+    let folder = tempfile::tempdir().unwrap();
+    let journal = Journal::new(folder.path().join("before"));
     for vanishes in [false, true] {
         let served = Served {
             journal: Some(journal.clone()),

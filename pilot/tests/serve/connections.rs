@@ -143,7 +143,8 @@ fn robot_is_not_lent_over_a_network() {
 #[test]
 fn socket_is_for_owner_and_group_and_takes_no_other_files_place() {
     let (hub, _events) = Hub::new();
-    let path = std::env::temp_dir().join(format!("robot-socket-{}", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
     fs::write(&path, "notes").unwrap();
     assert!(matches!(
         listener::unix(&path, &hub),
@@ -163,7 +164,8 @@ fn socket_is_for_owner_and_group_and_takes_no_other_files_place() {
 #[test]
 fn socket_client_that_does_not_read_loses_its_place() {
     serve(None, |hub| {
-        let path = std::env::temp_dir().join(format!("robot-stalled-{}", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
         let _socket = listener::unix(&path, hub);
         let mut client = UnixStream::connect(&path).unwrap();
         for request in [hello(""), Request::Watch { every: 1 }] {
