@@ -106,29 +106,23 @@ fn shortest(code: u32, scale: f64) -> String {
     for decimals in 0..10 {
         let text = format!("{value:.decimals$}");
         let back = text.parse().unwrap_or(f64::NAN);
-        if scaled(back, scale, u32::MAX.into()) == Ok(code.into()) {
+        if scaled(back, scale, u32::MAX.into()) == Some(code.into()) {
             return if decimals == 0 { text + ".0" } else { text };
         }
     }
     format!("{value:?}")
 }
 
-/// The nearest code of `value` × `scale`.
-///
-/// # Errors
-/// The accepted range, in the file's unit, if the code would not fit 0 ..= `max`.
+/// The nearest code of `value` × `scale`, if it is one of 0 ..= `max`.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
     reason = "32 bits at most"
 )]
-pub(super) fn scaled(value: f64, scale: f64, max: u64) -> Result<u64, String> {
+pub(super) fn scaled(value: f64, scale: f64, max: u64) -> Option<u64> {
     let code = (value * scale).round();
-    if (0.0..=max as f64).contains(&code) {
-        return Ok(code as u64);
-    }
-    Err(format!("0 to {}", max as f64 / scale))
+    (0.0..=max as f64).contains(&code).then_some(code as u64)
 }
 
 /// The nearest bearing of an angle in degrees, wrapped.
@@ -136,10 +130,9 @@ pub(super) fn scaled(value: f64, scale: f64, max: u64) -> Result<u64, String> {
 /// # Errors
 /// The accepted range.
 pub(super) fn bearing(degrees: f64) -> Result<u64, String> {
-    if !(-360.0..=360.0).contains(&degrees) {
-        return Err("-360 to 360".into());
-    }
-    let code = scaled(degrees.rem_euclid(360.0), TURN / 360.0, 0x1_0000)?;
+    let within = (-360.0..=360.0).contains(&degrees);
+    let code = scaled(degrees.rem_euclid(360.0), TURN / 360.0, 0x1_0000);
+    let code = code.filter(|_| within).ok_or("-360 to 360")?;
     Ok(code & 0xFFFF)
 }
 
@@ -152,7 +145,7 @@ mod tests {
         for scale in [100.0, 1000.0, TURN / 360.0] {
             for code in 0..=0xFFFF {
                 let value: f64 = shortest(code, scale).parse().unwrap();
-                assert_eq!(scaled(value, scale, 0xFFFF), Ok(code.into()));
+                assert_eq!(scaled(value, scale, 0xFFFF), Some(code.into()));
             }
         }
         let front = fw_core::eeprom::fields::BEARING_FRONT;
@@ -164,9 +157,8 @@ mod tests {
         assert_eq!(text(travel, 0x8000), "180.0");
         assert_eq!(shortest(91, TURN / 360.0), "0.5");
         assert_eq!(shortest(80_000, 1000.0), "80.0");
-        assert_eq!(scaled(70.0, 1000.0, 0xFFFF), Err("0 to 65.535".into()));
-        assert!(scaled(-1.0, 1.0, 0xFFFF).is_err());
-        assert!(scaled(f64::NAN, 1.0, 0xFFFF).is_err());
+        let refused = |mm| scaled(mm, 1000.0, 0xFFFF).is_none();
+        assert!(refused(70.0) && refused(-1.0) && refused(f64::NAN));
         assert!(bearing(f64::INFINITY).is_err());
     }
 }

@@ -68,7 +68,8 @@ impl Settings {
     pub fn from_image(image: &Image) -> Result<Self, Error> {
         let rejected = |what| Error::Rejected("in the EEPROM's image".into(), what);
         if *image == Image::BLANK {
-            return Err(rejected("it is blank, every cell reads 0xFF".into()));
+            let blank = "it is blank; `robot eeprom init` makes a file to start from";
+            return Err(rejected(blank.into()));
         }
         let image = migrate::from_layout_1(image).unwrap_or_else(|| image.clone());
         let config = Config::decode(&image).map_err(|error| rejected(error.to_string()))?;

@@ -4,7 +4,7 @@ use super::Settings;
 use super::format::{self, Format};
 use crate::error::Error;
 use crate::file::FileFault;
-use fw_core::eeprom::{Config, ConfigError, FIELDS, Field, Image, fields};
+use fw_core::eeprom::{Accepted, Config, ConfigError, FIELDS, Field, Image, fields};
 use fw_core::wire::Mode;
 use std::fmt::Write;
 use std::ops::Range;
@@ -153,15 +153,23 @@ fn unknown(
 /// What would be accepted.
 fn raw(field: &Field, value: &DeValue<'_>) -> Result<u64, String> {
     let max = field.kind.max();
+    let (from, to) = match *field.accepted {
+        Accepted::IntRange { min, max } => (min.into(), max.into()),
+        _ => (0, max),
+    };
     match Format::of(field) {
         Format::Mode => mode(value),
         Format::Flag => Ok(value.as_bool().ok_or("true or false")?.into()),
         Format::Hex | Format::Int => {
             let value = whole(value).and_then(|value| u64::try_from(value).ok());
             let value = value.filter(|&value| value <= max);
-            value.ok_or_else(|| format!("a whole number from 0 to {max}"))
+            value.ok_or_else(|| format!("a whole number from {from} to {to}"))
         }
-        Format::Scaled(scale) => format::scaled(real(value)?, scale, max),
+        Format::Scaled(scale) => {
+            let code = format::scaled(real(value)?, scale, max);
+            let end = |code| format::text(field, code);
+            code.ok_or_else(|| format!("{} to {}", end(from), end(to)))
+        }
         Format::Bearing => format::bearing(real(value)?),
         Format::Real => Ok(real(value)?.to_bits()),
     }

@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn complaints_name_key_value_range_and_line() {
         let mode = "link.mode = \"Normla\": accepted is \"Normal\" (0x00)";
-        let cells = "battery.cells = 300: accepted is a whole number from 0 to 255";
+        let cells = "battery.cells = 300: accepted is a whole number from 1 to 8";
         let servo = "platform.servo = 0: accepted is true or false";
         for (from, to, expected) in [
             ("cells = 2", "cells = 300", cells),
@@ -150,7 +150,12 @@ mod tests {
             ("[pid.forward]", "[pod.forward]", "unknown key pod:"),
             ("mode = \"Normal\"", "mode = \"Normla\"", mode),
             ("servo = false", "servo = 0", servo),
-            ("_ms = 250", "_ms = 70000", "a whole number from 0 to 65535"),
+            ("_ms = 250", "_ms = 70000", "a whole number from 20 to 2000"),
+            (
+                "_mm = 125.0",
+                "_mm = -1",
+                "_mm = -1: accepted is 20.0 to 2000.0",
+            ),
             ("key_from_pi = 0x96", "key_from_pi = 0x96 7", ""),
         ] {
             let (error, expected_line) = complaint(from, to);
