@@ -232,7 +232,14 @@ impl Ekf {
             let mut row = SMatrix::<f64, 1, N>::zeros();
             row[2] = 1.0;
             row[WALLS + nth] = -1.0;
-            if self.measure(&row, off, WALL_RAD * WALL_RAD, WALL_GATE) {
+            let before = (row * self.covariance * row.transpose())[0];
+            let total = before + WALL_RAD * WALL_RAD;
+            let deviations = off.abs() / total.sqrt();
+            if deviations < WALL_GATE {
+                // Beyond one deviation it counts less in proportion (Huber): a wall slightly askew, seen again
+                // and again, is no scatter.
+                let variance = total * deviations.max(1.0) - before;
+                self.measure(&row, off, variance, f64::INFINITY);
                 self.votes[nth] = (self.votes[nth] + 1).min(MOST_VOTES);
             }
         } else if let Some(free) = self.votes.iter().position(|&votes| votes == 0) {
@@ -253,24 +260,17 @@ impl Ekf {
     }
 
     /// Updates by one scalar measurement with this row, innovation and variance, unless the innovation is
-    /// beyond `gate` deviations; whether it is not.
-    fn measure(
-        &mut self,
-        row: &SMatrix<f64, 1, N>,
-        innovation: f64,
-        variance: f64,
-        gate: f64,
-    ) -> bool {
+    /// beyond `gate` deviations.
+    fn measure(&mut self, row: &SMatrix<f64, 1, N>, innovation: f64, variance: f64, gate: f64) {
         let cross = self.covariance * row.transpose();
         let total = (row * cross)[0] + variance;
         if innovation * innovation > gate * gate * total {
-            return false;
+            return;
         }
         let gain = cross / total;
         self.state += gain * innovation;
         self.covariance -= gain * cross.transpose();
         self.symmetrise();
-        true
     }
 
     /// Puts the pose elsewhere, without regard to the past.

@@ -271,3 +271,15 @@ fn slanted_walls_hold_heading_once_known() {
     let direction = robot.ekf.state[WALLS + 1];
     assert!((direction - 0.4).abs() < 0.003, "{direction}");
 }
+
+#[test]
+fn wall_askew_pulls_heading_like_one_at_one_deviation() {
+    let pull = |askew_rad: f64| {
+        let mut ekf = Robot::new(11).ekf;
+        (0..20).for_each(|_| ekf.observe_wall(0.1));
+        ekf.covariance[(2, 2)] += 0.03 * 0.03;
+        ekf.observe_wall(0.1 - askew_rad);
+        ekf.pose().heading_rad
+    };
+    assert!((0.02..0.027).contains(&pull(0.035)) && pull(0.1) < 0.027);
+}
