@@ -17,7 +17,7 @@ fn write(io: &mut crate::board_io::BoardIo) -> Result<Programmed, Error> {
     program(io, &wanted(), 100, None, |_| {})
 }
 
-/// A journal in a folder of the test's own.
+/// A journal in a folder that does not exist yet, within one of the test's own.
 fn journal() -> (tempfile::TempDir, Journal) {
     let folder = tempfile::tempdir().unwrap();
     let journal = Journal::new(folder.path().join("folder/before"));
@@ -118,7 +118,7 @@ fn lines_left_elsewhere_are_idle_after_read_or_repair() {
     // Begins a write cycle.
     io.i2c.write(0x50, &[0, 0, 0]).unwrap();
     assert!(read(&mut io).is_ok());
-    let journal = Journal::new(std::env::temp_dir().join("robot-no-journal"));
+    let (_folder, journal) = journal();
     (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
     let repaired = repair(&mut io, &journal, true, 100);
     assert_eq!(repaired, Ok(Repaired::Nothing));
