@@ -164,11 +164,14 @@ impl Driver {
         let pose = &status.estimate.pose;
         let blocked = self.sight.is_blocked(pose) || self.contact_limit(pose) < BLOCKED.0;
         while let Some(motion) = self.queue.front_mut() {
-            if motion.is_forward() && blocked {
-                self.queue.pop_front();
-                continue;
-            }
-            if let Some(velocity) = motion.step(status, self.trail.net_rad, &self.config) {
+            let is_closed = match motion.kind {
+                Kind::Straight(mm) if mm > 0.0 => blocked,
+                // Nothing looks back: only over floor that was just driven.
+                Kind::Straight(_) => self.trail.reversible_mm() <= 0.0,
+                Kind::Rest(_) | Kind::Turn(_) => false,
+            };
+            let velocity = motion.step(status, self.trail.net_rad, &self.config);
+            if let Some(velocity) = velocity.filter(|_| !is_closed) {
                 self.moving_s = status.time_s;
                 return Some(velocity);
             }
@@ -328,67 +331,4 @@ pub(crate) fn distance_mm(pose: &Pose2, point: Point) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cost_map::tests::draw;
-    use crate::manoeuvre::tests::status;
-
-    #[test]
-    fn unexplained_echo_ends_a_path_only_nearby() {
-        let open = ["...................."; 8];
-        let walled = open.map(|row| row.replace(".........", "........#"));
-        let walled: Vec<&str> = walled.iter().map(String::as_str).collect();
-        for (later, range_mm, goes_on) in [
-            (&open[..], None, true),
-            (&open, Some(600.0), true),
-            (&open, Some(250.0), false),
-            (&walled, None, false),
-            // What the map knows is no doubt.
-            (&walled, Some(600.0), false),
-        ] {
-            let mut driver = Driver::new(Config {
-                rest_every_s: 1e9,
-                sweep_half_width_rad: 1.0,
-                ..Config::default()
-            });
-            driver.rested_s = 0.0;
-            let pose = Pose2::new(200.0, 400.0, 0.0);
-            let map = driver.survey(&draw(&open), 0.0);
-            let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
-            let end = map.index(Point::new(1800.0, 400.0)).unwrap();
-            driver.follow(&reach, end, 0.0);
-            let mut status = status(1.0, pose);
-            status.ranges_mm[0] = range_mm;
-            let step = driver.step(&draw(later), &status);
-            assert_eq!(step != Step::Interrupted, goes_on, "{range_mm:?}: {step:?}");
-        }
-    }
-
-    // Requirement: NAV-recovery-1
-    #[test]
-    fn stop_repeated_at_one_place_turns_about() {
-        let config = Config {
-            rest_every_s: 1e9,
-            ..Config::default()
-        };
-        let (mut driver, grid) = (Driver::new(config), Grid::new(25.0));
-        driver.rested_s = 0.0;
-        let mut frame = |time_s, stop| {
-            let at_start = status(time_s, Pose2::default());
-            driver.step(&grid, &Status { stop, ..at_start })
-        };
-        let stall = Some(StopReason::Stall);
-        for (time_s, turns) in [(1.0, false), (2.0, true)] {
-            assert_eq!(frame(time_s, stall), Step::Act(Action::Resume));
-            // The resume is on its way.
-            assert_eq!(frame(time_s + 0.025, stall), Step::Act(Action::Resume));
-            match frame(time_s + 0.05, None) {
-                Step::Act(Action::Drive(velocity)) => {
-                    assert!(turns && velocity.yaw_rate_rad_s.abs() > 1.0, "{velocity:?}");
-                    assert!(velocity.forward_mm_s.abs() < 1e-9, "{velocity:?}");
-                }
-                step => assert_eq!((step, turns), (Step::Interrupted, false)),
-            }
-        }
-    }
-}
+mod tests;

@@ -39,11 +39,6 @@ impl From<Kind> for Manoeuvre {
 }
 
 impl Manoeuvre {
-    /// Whether it drives forward.
-    pub fn is_forward(&self) -> bool {
-        matches!(self.kind, Kind::Straight(mm) if mm > 0.0)
-    }
-
     /// The velocity for this frame; `None` when the motion has ended. `net_rad` is the robot's net
     /// rotation.
     pub fn step(&mut self, status: &Status, net_rad: f64, config: &Config) -> Option<Velocity> {

@@ -169,13 +169,26 @@ fn gyro_angle_counts_turns_from_first_bias() {
     robot.drive(STAND, 0, 2500);
     let before = robot.rig.truth().pose.heading_rad;
     assert!(robot.last.gyro.angle().expect("a bias").abs() < 1 << 12);
-    robot.drive((0.0, 60.0), 0, 10_000);
+    let turning = robot.drive((0.0, 60.0), 0, 10_000);
     robot.drive(STAND, 0, 1500);
-    let turned = f64::from(robot.last.gyro.angle().expect("a bias")) / 16_777_216.0;
+    let angle = |report: &Report| f64::from(report.gyro.angle().expect("a bias")) / 16_777_216.0;
+    let turned = angle(&robot.last);
     let truth = (robot.rig.truth().pose.heading_rad - before) / std::f64::consts::TAU;
     let error = (turned - truth + 0.5).rem_euclid(1.0) - 0.5;
     // More than one turn, 3 % of scale.
     assert!(turned > 1.4 && error.abs() < 0.06, "{turned} turns");
+
+    // How far it trails the position, but for the error of its scale: docs/interfaces.md.
+    let behind = |report: &Report| {
+        let turns = f64::from(report.pose.rotation) / 32_768.0 - angle(report);
+        turns - turns.round()
+    };
+    let scale = behind(&robot.last) / turned;
+    let late = |report: &Report| behind(report) - scale * angle(report);
+    let last_s = &turning[turning.len() - 41..];
+    let late_s =
+        last_s.iter().map(late).sum::<f64>() / 41.0 / (angle(&last_s[40]) - angle(&last_s[0]));
+    assert!((late_s - 0.0095).abs() < 0.001, "{late_s} s");
 
     let mut blank = Driven::new(Room::default(), &[]);
     blank.drive(STAND, 0, 2500);

@@ -9,6 +9,8 @@ pub struct MotionNoise {
     pub wheel: f64,
     /// Error of the position that neither sensor sees (slip on sills and carpets), mm per √mm.
     pub slip: f64,
+    /// How much later the gyroscope's angle is than the encoders', s.
+    pub gyro_lag_s: f64,
     /// Angular random walk of the gyroscope, rad per √s.
     pub gyro_walk: f64,
     /// Random walk of its bias, rad/s per √s.
@@ -27,6 +29,8 @@ impl Default for MotionNoise {
             wheel: 0.015,
             // 3 mm per √m: a sill of up to 10 mm every few metres
             slip: 0.1,
+            // A tick from the reading to the angle, measured on the virtual board.
+            gyro_lag_s: 0.0095,
             gyro_walk: 0.01f64.to_radians(),
             // 0.02 °/s per minute
             bias_walk: 0.003f64.to_radians(),

@@ -36,6 +36,8 @@ pub(super) struct Increment {
 const COMPARISON_S: f64 = 0.5;
 /// Quantisation of the encoders' turn over that time, rad: half a count per wheel.
 const TURN_STEP_RAD: f64 = 3e-4;
+/// What varies of the gyroscope's lag, s.
+const LAG_JITTER_S: f64 = 0.005;
 /// A difference beyond this many deviations is slip and says nothing about the calibration.
 const SLIP_GATE: f64 = 4.0;
 /// Error of the bias that the core takes off at every rest, rad/s: 0.05 °/s over 64 samples.
@@ -58,6 +60,8 @@ struct Comparison {
     turn_rad: f64,
     gyro_rad: f64,
     variance: f64,
+    /// The rate of turn when they began, rad/s.
+    began_rad_s: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -66,6 +70,8 @@ pub(super) struct Ekf {
     state: SVector<f64, N>,
     covariance: SMatrix<f64, N, N>,
     comparison: Comparison,
+    /// The rate of turn in the last frame, rad/s.
+    rate_rad_s: f64,
     /// Walls that agreed with each direction less those that agreed with none; 0 is no direction.
     votes: [u32; DIRECTIONS],
 }
@@ -87,6 +93,7 @@ impl Ekf {
             state,
             covariance,
             comparison: Comparison::default(),
+            rate_rad_s: 0.0,
             votes: [0; DIRECTIONS],
         }
     }
@@ -125,6 +132,7 @@ impl Ekf {
 
     /// Predicts, and returns the motion in the frame of the pose before.
     pub fn advance(&mut self, by: &Increment) -> Pose2 {
+        let by = &self.without_lag(by);
         let Self { noise, state, .. } = *self;
         let half_turn = by.turn_rad.abs() * noise.track_mm / 2.0;
         // The sum of what both wheels rolled.
@@ -184,6 +192,17 @@ impl Ekf {
         motion
     }
 
+    /// The increment with the turn that the gyroscope's angle has yet to report.
+    fn without_lag(&mut self, by: &Increment) -> Increment {
+        let rate_rad_s = by.gyro_rad.unwrap_or(by.turn_rad) / by.time_s.max(1e-3);
+        let more_rad_s = rate_rad_s - std::mem::replace(&mut self.rate_rad_s, rate_rad_s);
+        let late_rad = self.noise.gyro_lag_s * more_rad_s;
+        Increment {
+            gyro_rad: by.gyro_rad.map(|gyro_rad| gyro_rad + late_rad),
+            ..*by
+        }
+    }
+
     fn compare_turns(&mut self, by: &Increment, variance: f64) {
         let Some(gyro_rad) = by.gyro_rad else {
             self.comparison = Comparison::default();
@@ -198,7 +217,11 @@ impl Ekf {
         if sums.time_s < COMPARISON_S {
             return;
         }
-        let sums = std::mem::take(sums);
+        let next = Comparison {
+            began_rad_s: self.rate_rad_s,
+            ..Comparison::default()
+        };
+        let sums = std::mem::replace(sums, next);
         let at_rest = sums.forward_mm == 0.0 && sums.turn_rad == 0.0;
         if at_rest {
             self.covariance[(BIAS, BIAS)] += RESET_BIAS_RAD_S * RESET_BIAS_RAD_S;
@@ -214,7 +237,8 @@ impl Ekf {
         let expected = sums.turn_rad * (1.0 + self.state[TURN])
             + self.state[DIFFERENCE] * row[DIFFERENCE]
             - bias_free * scale;
-        let variance = sums.variance + quantisation * quantisation;
+        let lag_rad = LAG_JITTER_S * (self.rate_rad_s - sums.began_rad_s);
+        let variance = sums.variance + quantisation * quantisation + lag_rad * lag_rad;
         self.measure(&row, -expected, variance, SLIP_GATE);
     }
 

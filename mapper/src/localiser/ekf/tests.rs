@@ -73,6 +73,38 @@ impl Robot {
 }
 
 #[test]
+fn late_gyro_is_no_error_of_scale() {
+    let noise = MotionNoise::default();
+    let late_s = noise.gyro_lag_s + 0.003;
+    let mut ekf = Ekf::new(noise, &Pose2::default(), &Matrix3::zeros());
+    let (mut heading_rad, mut last) = (0.0, 0.0);
+    for nth in 0..800_u32 {
+        // A straight way as a controller drives it, then turns on the spot.
+        let turns = [1.2, 0.0, -1.2, 0.0][nth as usize / 60 % 4];
+        let rate = if nth < 420 {
+            0.1 * (0.35 * f64::from(nth)).sin()
+        } else {
+            turns
+        };
+        let turn_rad = rate * FRAME_S;
+        ekf.advance(&Increment {
+            time_s: FRAME_S,
+            forward_mm: if nth < 420 { 2.0 } else { 0.0 },
+            turn_rad,
+            gyro_rad: Some(turn_rad - late_s * (rate - last)),
+        });
+        (heading_rad, last) = (heading_rad + turn_rad, rate);
+        let error_rad = ekf.pose().heading_rad - heading_rad;
+        let is_steady = nth % 60 > 3;
+        assert!(!is_steady || error_rad.abs() < 0.005, "{nth}: {error_rad}");
+    }
+    let found = ekf.calibration();
+    for (scale, _) in [found.track_scale, found.gyro_scale] {
+        assert!((scale - 1.0).abs() < 0.001, "{found:?}");
+    }
+}
+
+#[test]
 fn rest_reveals_bias_of_gyro() {
     let mut robot = Robot::new(1);
     robot.gyro.1 = 0.03f64.to_radians();
