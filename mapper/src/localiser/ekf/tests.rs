@@ -80,16 +80,15 @@ fn late_gyro_is_no_error_of_scale() {
     let (mut heading_rad, mut last) = (0.0, 0.0);
     for nth in 0..800_u32 {
         // A straight way as a controller drives it, then turns on the spot.
-        let turns = [1.2, 0.0, -1.2, 0.0][nth as usize / 60 % 4];
-        let rate = if nth < 420 {
-            0.1 * (0.35 * f64::from(nth)).sin()
+        let (forward_mm, rate) = if nth < 420 {
+            (2.0, 0.1 * (0.35 * f64::from(nth)).sin())
         } else {
-            turns
+            (0.0, [1.2, 0.0, -1.2, 0.0][nth as usize / 60 % 4])
         };
         let turn_rad = rate * FRAME_S;
         ekf.advance(&Increment {
             time_s: FRAME_S,
-            forward_mm: if nth < 420 { 2.0 } else { 0.0 },
+            forward_mm,
             turn_rad,
             gyro_rad: Some(turn_rad - late_s * (rate - last)),
         });
