@@ -18,6 +18,7 @@ fn probability(log_odds: f32) -> f32 {
 }
 
 impl Cell {
+    #[inline]
     fn of(log_odds: f32) -> Self {
         if log_odds > OCCUPIED_LOG_ODDS {
             Self::Occupied
@@ -107,6 +108,7 @@ impl Grid {
     }
 
     /// Log-odds of the cell in this column and row; 0 outside the grid.
+    #[inline]
     pub fn log_odds(&self, column: usize, row: usize) -> f32 {
         if column < self.columns && row < self.rows {
             self.log_odds[row * self.columns + column]
@@ -121,6 +123,7 @@ impl Grid {
     }
 
     /// State of the cell in this column and row.
+    #[inline]
     pub fn cell(&self, column: usize, row: usize) -> Cell {
         Cell::of(self.log_odds(column, row))
     }

@@ -171,7 +171,10 @@ impl CostMap {
                     .clone()
                     .map(move |column| row * self.columns + column)
             })
-            .filter(|&index| self.point(index).distance_mm(point) <= radius_mm)
+            .filter(|&index| {
+                let off = self.point(index) - point;
+                off.dot(off) <= radius_mm * radius_mm
+            })
             .collect()
     }
 
@@ -212,8 +215,8 @@ impl<'a> Field<'a> {
             known_mm: Vec::new(),
         };
         for &point in driven {
-            field.stamp(point, BODY_MM, |index, distance| {
-                if cells[index] == Cell::Unknown || distance <= DRIVEN_MM {
+            field.stamp(point, BODY_MM, |index, square| {
+                if cells[index] == Cell::Unknown || square <= DRIVEN_MM * DRIVEN_MM {
                     cells[index] = Cell::Free;
                 }
             });
@@ -229,7 +232,8 @@ impl<'a> Field<'a> {
         field
     }
 
-    /// Calls with every cell whose middle is within `radius_mm`, and its distance.
+    /// Calls with every cell whose middle is within `radius_mm`, and the square of its distance.
+    #[allow(clippy::cast_precision_loss)] // some hundred
     fn stamp(&self, point: Point, radius_mm: f64, mut each: impl FnMut(usize, f64)) {
         let (origin, cell_mm) = (self.grid.origin(), self.grid.cell_mm());
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
@@ -237,11 +241,14 @@ impl<'a> Field<'a> {
         let span = |mm: f64, count: usize| {
             number(mm - radius_mm, count)..number(mm + radius_mm + cell_mm, count)
         };
-        for row in span(point.y_mm - origin.y_mm, self.grid.rows()) {
-            for column in span(point.x_mm - origin.x_mm, self.grid.columns()) {
-                let distance = self.grid.middle(column, row).distance_mm(point);
-                if distance <= radius_mm {
-                    each(row * self.grid.columns() + column, distance);
+        let off_mm = |from_mm: f64, nth: usize| (nth as f64 + 0.5) * cell_mm - from_mm;
+        let (x_mm, y_mm) = (point.x_mm - origin.x_mm, point.y_mm - origin.y_mm);
+        for row in span(y_mm, self.grid.rows()) {
+            let aside = off_mm(y_mm, row).powi(2);
+            for column in span(x_mm, self.grid.columns()) {
+                let square = off_mm(x_mm, column).powi(2) + aside;
+                if square <= radius_mm * radius_mm {
+                    each(row * self.grid.columns() + column, square);
                 }
             }
         }
@@ -266,15 +273,19 @@ impl<'a> Field<'a> {
                 }
             }
         }
-        for index in (0..rows).flat_map(inside) {
-            let above = field[index - width - 1].min(field[index - width + 1]) + corner;
-            let beside = field[index - width].min(field[index - 1]) + side;
-            field[index] = field[index].min(above).min(beside);
-        }
-        for index in (0..rows).flat_map(inside).rev() {
-            let below = field[index + width + 1].min(field[index + width - 1]) + corner;
-            let beside = field[index + width].min(field[index + 1]) + side;
-            field[index] = field[index].min(below).min(beside);
+        // From the lower left, then the same from the upper right.
+        for _ in 0..2 {
+            for row in 1..=rows {
+                let (before, cells) = field.split_at_mut(row * width);
+                let below = before[(row - 1) * width..].windows(3);
+                let mut beside = FARTHEST;
+                for (cell, below) in cells[1..=columns].iter_mut().zip(below) {
+                    let aside = beside.min(below[1]) + side;
+                    beside = (*cell).min(aside).min(below[0].min(below[2]) + corner);
+                    *cell = beside;
+                }
+            }
+            field.reverse();
         }
         (0..rows)
             .flat_map(|row| field[inside(row)].iter())
@@ -308,70 +319,4 @@ impl<'a> Field<'a> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use super::*;
-
-    /// A grid from rows of squares of 100 mm, the first row on top; the lower left corner is the
-    /// origin. `#` is occupied, `.` free.
-    pub fn draw(rows: &[&str]) -> Grid {
-        let size = |count: usize| 100.0 * f64::from(u32::try_from(count).unwrap());
-        let high = Point::new(size(rows[0].len()) - 1.0, size(rows.len()) - 1.0);
-        Grid::from_fn(25.0, Point::new(0.0, 0.0), high, |point| {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small
-            let number = |mm: f64| (mm / 100.0).floor().max(0.0) as usize;
-            let row = rows
-                .len()
-                .checked_sub(1 + number(point.y_mm))
-                .map(|row| rows[row]);
-            match row.and_then(|row| row.as_bytes().get(number(point.x_mm))) {
-                Some(b'#') => 4.0,
-                Some(b'.') => -4.0,
-                _ => 0.0,
-            }
-        })
-    }
-
-    #[test]
-    fn clearance_is_distance_to_nearest_obstacle() {
-        let grid = draw(&[
-            "#########",
-            "#.......#",
-            "#.......#",
-            "#.......#",
-            "#########",
-        ]);
-        let map = CostMap::new(&grid, 0.0, &[], &[]);
-        let node = map.at(Point::new(450.0, 250.0)).unwrap();
-        assert!(
-            (node.clearance_mm - 150.0).abs() < 45.0 && node.known_mm > 100.0,
-            "{node:?}"
-        );
-        let marked = CostMap::new(&grid, 0.0, &[Point::new(450.0, 250.0)], &[]);
-        assert!(marked.at(Point::new(450.0, 250.0)).unwrap().clearance_mm < 30.0);
-    }
-
-    #[test]
-    fn turned_lattice_keeps_points_and_neighbours() {
-        let grid = draw(&["......", "......", "......"]);
-        let map = CostMap::new(&grid, 0.4, &[], &[]);
-        for index in (0..map.nodes.len()).step_by(7) {
-            assert_eq!(map.index(map.point(index)), Some(index));
-            for next in map.neighbours(index) {
-                assert!((map.point(next).distance_mm(map.point(index)) - STEP_MM).abs() < 1e-6);
-            }
-        }
-        assert!(
-            map.at(Point::new(300.0, 150.0))
-                .is_some_and(|node| node.cell == Cell::Free)
-        );
-    }
-
-    #[test]
-    fn driven_floor_is_free_where_grid_is_unknown() {
-        let grid = draw(&["      ", "      ", "......"]);
-        let at = Point::new(200.0, 200.0);
-        let map = CostMap::new(&grid, 0.0, &[], &[at]);
-        let node = map.at(at).unwrap();
-        assert!(node.driven && node.cell == Cell::Free);
-    }
-}
+pub(crate) mod tests;

@@ -33,9 +33,9 @@ const GAPS_MM: [f64; 4] = [105.0, 90.0, 75.0, 60.0];
 const GAP_GAIN_M2: f64 = 0.16;
 /// Fruitless looks nearer than this to a gap count as looks at it, mm: there the wall does not answer.
 const GAP_MM: f64 = 500.0;
-/// Time for gaps, s, which time for other targets gives back: a far one costs up to a minute.
+/// Time for gaps, s, which time for other targets that are reached gives back: a far one costs up to a minute.
 const GAPS_S: f64 = 90.0;
-/// A look that leaves more than this share of the gain was fruitless.
+/// A look that leaves more than this share of the gain was fruitless, one that shows twice the floor behind a gap not.
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
 const FIELD_RAD: f64 = 1.75;
@@ -71,8 +71,8 @@ pub struct Explorer {
     driver: Driver,
     goal: Goal,
     start: Option<Pose2>,
-    /// Middles of targets that were looked at in vain, once per try.
-    tries: Vec<Point>,
+    /// Targets that were looked at in vain, once per try.
+    tries: Vec<Target>,
     /// Places on the way and the position's standard deviation there, mm.
     anchors: Vec<(Point, f64)>,
     returned_s: f64,
@@ -180,13 +180,13 @@ impl Explorer {
                 let at = status.estimate.pose.position();
                 if target.kind == Kind::Gap {
                     self.gap_views.push(at);
-                    self.tries.push(target.centre);
+                    self.tries.push(target);
                 }
                 let map = self.driver.survey(grid, status.time_s);
                 let wide = |node: &Node| node.clearance_mm >= self.driver.config.inflation_mm;
                 let clear = map.line(at, target.centre, wide);
-                if target.kind == Kind::Frontier && clear && self.tries(target.centre, SAME_MM) > 0
-                {
+                let is_tried = self.tries(target.centre, SAME_MM).next().is_some();
+                if target.kind == Kind::Frontier && clear && is_tried {
                     self.enter(target.centre, status);
                 } else {
                     self.look(Some(target.centre), status);
@@ -212,7 +212,9 @@ impl Explorer {
     fn interrupted(&mut self) {
         match self.goal {
             Goal::Approach(target) | Goal::Look(target) => {
-                self.tries.push(target.centre);
+                self.tries.push(target);
+                // In vain: it gives gaps no time.
+                self.chosen = self.chosen.filter(|&(kind, _)| kind == Kind::Gap);
                 self.goal = Goal::Choose;
             }
             Goal::Return | Goal::Home(_) => self.goal = Goal::Choose,
@@ -265,18 +267,21 @@ impl Explorer {
         ]);
     }
 
-    /// Number of fruitless looks within a radius of a place.
-    fn tries(&self, centre: Point, radius_mm: f64) -> usize {
-        let near = |at: &&Point| at.distance_mm(centre) < radius_mm;
-        self.tries.iter().filter(near).count()
+    /// The fruitless looks within a radius of a place.
+    fn tries(&self, centre: Point, radius_mm: f64) -> impl Iterator<Item = &Target> {
+        let near = move |tried: &&Target| tried.centre.distance_mm(centre) < radius_mm;
+        self.tries.iter().filter(near)
     }
 
     /// The gaps to look at next: of the widest those with the fewest looks.
     fn gaps(&self, map: &CostMap, pose: &Pose2, reach: &Reach) -> Vec<Target> {
-        let looks = |target: &Target| self.tries(target.centre, GAP_MM);
+        let looks = |target: &Target| {
+            let near = self.tries(target.centre, GAP_MM);
+            near.filter(|tried| target.gain <= 2.0 * tried.gain).count()
+        };
         let of_width = |width_mm: f64| {
             let floor = Reach::new(map, pose, width_mm);
-            let mut found = gaps(&floor, width_mm, reach, &self.gap_views);
+            let mut found = gaps(&floor, reach, &self.gap_views);
             found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
             let fewest = found.iter().map(looks).min();
             found.retain(|target| Some(looks(target)) == fewest);
@@ -307,7 +312,7 @@ impl Explorer {
                 return;
             }
         }
-        let mut targets = frontiers(&reach, config.inflation_mm);
+        let mut targets = frontiers(&reach);
         targets.extend(unseen_surfaces(&reach, grid, &self.driver.sight));
         if let Some((kind, since_s)) = self.chosen.take() {
             let spent_s = status.time_s - since_s;
@@ -322,10 +327,10 @@ impl Explorer {
                     && target.gain > FRUITLESS * last.gain
             };
             if targets.iter().any(left) {
-                self.tries.push(last.centre);
+                self.tries.push(last);
             }
         }
-        let fresh = |target: &Target| self.tries(target.centre, SAME_MM) < TRIES;
+        let fresh = |target: &Target| self.tries(target.centre, SAME_MM).count() < TRIES;
         targets.retain(fresh);
         if targets.is_empty() && self.gaps_s < GAPS_S {
             targets = self.gaps(&map, &pose, &reach);
@@ -334,7 +339,7 @@ impl Explorer {
         let late = status.time_s > config.time_limit_s;
         let start = self.start.unwrap_or(pose).position();
         let home = reach.nearest(start, SAME_MM);
-        let next = next_of_tour(&reach, &targets, home, config.inflation_mm);
+        let next = next_of_tour(&reach, &targets, home);
         if let Some(target) = next.filter(|_| !late) {
             self.driver.follow(&reach, target.view, status.time_s);
             self.leaves = 0;
@@ -368,14 +373,9 @@ impl Explorer {
 }
 
 /// The first target of a short tour over all of them that ends at `home`.
-fn next_of_tour(
-    reach: &Reach,
-    targets: &[Target],
-    home: Option<usize>,
-    inflation_mm: f64,
-) -> Option<Target> {
+fn next_of_tour(reach: &Reach, targets: &[Target], home: Option<usize>) -> Option<Target> {
     let ways = |from: usize| {
-        let allowed = |node: &Node| passable(node, inflation_mm);
+        let allowed = |node: &Node| passable(node, reach.inflation_mm);
         let ways_mm = reach.map.ways_mm(from, allowed);
         targets.iter().map(|to| LONGER * ways_mm[to.view]).collect()
     };

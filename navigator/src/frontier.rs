@@ -1,9 +1,10 @@
 //! Places worth going to: borders of the unknown, and surfaces that were seen from afar alone.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::VecDeque;
 
 use geometry::Point;
 use mapper::{Cell, Grid};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::cost_map::{CostMap, STEP_MM};
 use crate::planner::Reach;
@@ -48,26 +49,21 @@ pub(crate) struct Target {
 }
 
 /// The borders between known and unknown floor to which a robot of this clearance finds ways.
-pub(crate) fn frontiers(reach: &Reach, clearance_mm: f64) -> Vec<Target> {
+pub(crate) fn frontiers(reach: &Reach) -> Vec<Target> {
     let view = |centre| view_of(centre, VIEW_MM, reach, |_| true);
-    borders(Kind::Frontier, reach, clearance_mm, view)
+    borders(Kind::Frontier, reach, reach, view)
 }
 
 /// The borders to which only a robot of this clearance would find ways, `floor`; each is looked at from where
 /// `reach` leads, apart from the places that earlier ones were looked at from.
-pub(crate) fn gaps(
-    floor: &Reach,
-    clearance_mm: f64,
-    reach: &Reach,
-    viewed: &[Point],
-) -> Vec<Target> {
+pub(crate) fn gaps(floor: &Reach, reach: &Reach, viewed: &[Point]) -> Vec<Target> {
     let is_apart = |from: Point| {
         viewed
             .iter()
             .all(|other| other.distance_mm(from) > APART_MM)
     };
     let view = |centre| view_of(centre, GAP_VIEW_MM, reach, is_apart);
-    borders(Kind::Gap, floor, clearance_mm, view)
+    borders(Kind::Gap, floor, reach, view)
 }
 
 /// The node to look at a border from: the one with the shortest way that sees it from near, or the nearest.
@@ -88,24 +84,29 @@ fn view_of(
         .filter(|&index| allowed(map.point(index)))
 }
 
-/// The borders of the unknown at this floor, and the nodes to look at them from.
+/// The borders at `floor` of what is beyond the robot's `reach`, and the nodes to look at them from. Beyond a gap
+/// that was looked through begins floor that is known.
 fn borders(
     kind: Kind,
     floor: &Reach,
-    clearance_mm: f64,
+    reach: &Reach,
     view: impl Fn(Point) -> Option<usize>,
 ) -> Vec<Target> {
     let map = floor.map;
-    let unknown = |index: usize| {
+    let is_new = |index: usize| {
         let node = &map.nodes[index];
-        node.cell == Cell::Unknown
-            && node.clearance_mm >= clearance_mm
-            && floor.cost(index).is_none()
+        let is_open = node.cell != Cell::Occupied && node.clearance_mm >= floor.inflation_mm;
+        is_open && reach.cost(index).is_none()
+    };
+    let is_border = |index: usize| {
+        let node = &map.nodes[index];
+        let is_floor = node.cell == Cell::Unknown || node.clearance_mm >= reach.inflation_mm;
+        is_floor && is_new(index)
     };
     let mut border: Vec<usize> = floor
         .nodes()
         .flat_map(|index| map.neighbours(index))
-        .filter(|&index| unknown(index))
+        .filter(|&index| is_border(index))
         .collect();
     border.sort_unstable();
     border.dedup();
@@ -113,7 +114,7 @@ fn borders(
     let mut targets = Vec::new();
     for group in groups(&points, 1.5 * STEP_MM) {
         let nodes: Vec<usize> = group.iter().map(|&nth| border[nth]).collect();
-        let behind = flood(map, &nodes, unknown);
+        let behind = flood(map, &nodes, is_new);
         let near: Vec<Point> = group.iter().map(|&nth| points[nth]).collect();
         let (Some(centre), true) = (middle(&near), behind >= SMALLEST) else {
             continue;
@@ -181,7 +182,7 @@ fn groups(points: &[Point], gap_mm: f64) -> Vec<Vec<usize>> {
             (point.y_mm / gap_mm).floor() as i32,
         )
     };
-    let mut squares: HashMap<(i32, i32), Vec<usize>> = HashMap::new();
+    let mut squares: FxHashMap<(i32, i32), Vec<usize>> = FxHashMap::default();
     for (nth, &point) in points.iter().enumerate() {
         squares.entry(square(point)).or_default().push(nth);
     }
@@ -221,14 +222,14 @@ fn middle(points: &[Point]) -> Option<Point> {
     points.iter().min_by(nearer).copied()
 }
 
-/// Number of unknown nodes behind a border, [`DEPTH`] steps deep.
-fn flood(map: &CostMap, border: &[usize], unknown: impl Fn(usize) -> bool) -> usize {
-    let mut seen: HashSet<usize> = border.iter().copied().collect();
+/// Number of new nodes behind a border, [`DEPTH`] steps deep.
+fn flood(map: &CostMap, border: &[usize], is_new: impl Fn(usize) -> bool) -> usize {
+    let mut seen: FxHashSet<usize> = border.iter().copied().collect();
     let mut todo: VecDeque<(usize, u32)> = border.iter().map(|&index| (index, 0)).collect();
     while let Some((index, depth)) = todo.pop_front() {
         if depth < DEPTH {
             for next in map.neighbours(index) {
-                if unknown(next) && seen.insert(next) {
+                if is_new(next) && seen.insert(next) {
                     todo.push_back((next, depth + 1));
                 }
             }
@@ -260,10 +261,7 @@ mod tests {
         let reach = Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), 120.0);
         let mut seen = Sight::default();
         see(&mut seen);
-        (
-            frontiers(&reach, 120.0),
-            unseen_surfaces(&reach, &grid, &seen),
-        )
+        (frontiers(&reach), unseen_surfaces(&reach, &grid, &seen))
     }
 
     #[test]
@@ -289,10 +287,10 @@ mod tests {
         let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
         let from = |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
         let (reach, floor) = (from(120.0), from(60.0));
-        let wide = frontiers(&reach, 120.0);
+        let wide = frontiers(&reach);
         assert!(wide.is_empty(), "{wide:?}");
         let view = |viewed: &[Point]| {
-            let found = gaps(&floor, 60.0, &reach, viewed);
+            let found = gaps(&floor, &reach, viewed);
             assert_eq!(found.len(), 1, "{found:?}");
             assert!(reach.cost(found[0].view).is_some(), "{found:?}");
             map.point(found[0].view)
@@ -300,6 +298,33 @@ mod tests {
         let first = view(&[]);
         let second = view(&[first]);
         assert!(second.distance_mm(first) > APART_MM, "{second:?}");
+    }
+
+    #[test]
+    fn gap_to_floor_that_was_seen_through_it_is_a_target() {
+        for (behind, is_target) in [("........", true), ("########", false)] {
+            let wall = "#".repeat(18);
+            let row = |door: &str| format!("#........{door}{behind}#");
+            let rows = ["#", "#", ".", ".", "#", "#"].map(row);
+            let rows: Vec<&str> = [&wall]
+                .into_iter()
+                .chain(&rows)
+                .chain([&wall])
+                .map(String::as_str)
+                .collect();
+            let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
+            let from =
+                |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
+            let (reach, floor) = (from(120.0), from(60.0));
+            let found = gaps(&floor, &reach, &[]);
+            assert_eq!(!found.is_empty(), is_target, "{found:?}");
+            assert!(
+                found
+                    .iter()
+                    .all(|target| reach.cost(target.view).is_some() && target.gain > 0.3),
+                "{found:?}"
+            );
+        }
     }
 
     #[test]

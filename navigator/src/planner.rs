@@ -25,6 +25,8 @@ type State = usize;
 /// The ways from one place.
 pub(crate) struct Reach<'a> {
     pub map: &'a CostMap,
+    /// Clearance that they keep, mm.
+    pub inflation_mm: f64,
     /// Per state the state before it; its own for the start.
     parents: Vec<Option<State>>,
     /// Per node the cheapest state and its cost, mm.
@@ -77,7 +79,12 @@ impl<'a> Reach<'a> {
             parents[reached.node] = Some(reached.parent.unwrap_or(start));
             best[reached.node / 4].get_or_insert((reached.total_cost, reached.node));
         }
-        Self { map, parents, best }
+        Self {
+            map,
+            inflation_mm,
+            parents,
+            best,
+        }
     }
 
     /// Cost of the way to a node, mm; `None` where none leads.
@@ -150,6 +157,29 @@ mod tests {
         reach
             .nearest(Point::new(to.0, to.1), 50.0)
             .map(|node| reach.path(node))
+    }
+
+    #[test]
+    fn step_costs_more_beside_walls_and_on_unknown_or_unseen_floor() {
+        for (clearance_mm, known_mm, seen, expected) in [
+            (300.0, 300.0, true, 50),
+            (500.0, 500.0, false, 100),
+            (120.0, 300.0, true, 150),
+            (210.0, 300.0, true, 75),
+            (30.0, 300.0, true, 275),
+            (300.0, 0.0, true, 100),
+            (300.0, 90.0, true, 75),
+            (210.0, 90.0, false, 150),
+        ] {
+            let node = Node {
+                clearance_mm,
+                known_mm,
+                cell: Cell::Free,
+                driven: false,
+                seen,
+            };
+            assert_eq!(cost(&node, 120.0), expected, "{node:?}");
+        }
     }
 
     #[test]

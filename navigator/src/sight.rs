@@ -1,11 +1,11 @@
 //! What the sensors saw lately or at short distance, at once and without the map: the map enters
 //! readings only after some decimetres of way.
 
-use std::collections::HashSet;
 use std::f64::consts::FRAC_PI_2;
 
 use geometry::{Point, Pose2, wrap_angle};
 use mapper::Grid;
+use rustc_hash::FxHashSet;
 
 use crate::{Config, Status};
 
@@ -48,7 +48,7 @@ const SILENCE_S: f64 = 0.06;
 /// A set of squares of the plane.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Squares {
-    squares: HashSet<(i32, i32)>,
+    squares: FxHashSet<(i32, i32)>,
 }
 
 impl Squares {

@@ -4,6 +4,7 @@ use fw_core::eeprom::{Config, Field, Image, fields};
 use fw_core::types::{Faults, Velocity};
 use fw_core::wire::{Command, DistanceCode, GyroCode, MAX_FRAME, Mode, PiLink, Report, State};
 use host_link::snapshot::distance_mm;
+use mapper::LocaliserConfig;
 use robot_tests::test_board::Rig;
 use twin::Options;
 use twin::plant::{GyroParams, Room};
@@ -132,6 +133,39 @@ fn obstacle_stops_before_wall_until_way_is_free() {
     assert!(!robot.last.obstacle_limited);
     robot.rig.assert_logged("obstacle: speed limited");
     robot.rig.assert_logged("obstacle: way free");
+}
+
+/// At the time of the position in its frame.
+#[test]
+fn range_is_as_old_as_the_localiser_takes_it_to_be() {
+    const SPEED_MM_S: f64 = 200.0;
+    let mut robot = Driven::new(wall(2400.0), &[FAST_BLIND]);
+    let x_mm = |report: &Report| f64::from(report.pose.x) / 1000.0;
+    let range_mm = |report: &Report| distance_mm(report.ranges[0]).expect("an echo");
+    let rest = |robot: &mut Driven| {
+        robot.drive(STAND, 0, 1500);
+        let ranges = robot
+            .drive(STAND, 0, 1500)
+            .iter()
+            .map(range_mm)
+            .sum::<f64>();
+        (x_mm(&robot.last), ranges / 60.0)
+    };
+    let far = rest(&mut robot);
+    let reports = robot.drive((SPEED_MM_S, 0.0), 0, 9000);
+    let near = rest(&mut robot);
+    // The air is not as warm as the robot takes it to be.
+    let slope = (near.1 - far.1) / (near.0 - far.0);
+    let is_new = |pair: &&[Report]| pair[0].ranges[0] != pair[1].ranges[0];
+    let new = reports[20..].windows(2).filter(is_new).map(|pair| pair[1]);
+    let late_mm = new.map(|report| range_mm(&report) - far.1 - slope * (x_mm(&report) - far.0));
+    let (sum_mm, count) = late_mm.fold((0.0, 0.0), |(sum, count), mm| (sum + mm, count + 1.0));
+    let age_s = sum_mm / count / SPEED_MM_S;
+    let expected_s = LocaliserConfig::default().range_age_s;
+    assert!(
+        count > 100.0 && (age_s - expected_s).abs() < 0.006,
+        "{age_s} s"
+    );
 }
 
 // Requirement: WIRE-deadline-1

@@ -1,3 +1,5 @@
+mod motions;
+
 use super::*;
 use crate::manoeuvre::tests::status;
 
@@ -38,27 +40,6 @@ fn explorer() -> (Explorer, Status) {
 }
 
 #[test]
-fn wound_robot_looks_where_it_unwinds_to() {
-    for (sweep_half_width_rad, expected) in [
-        (1.0, [Motion::Turn(TAU), Motion::Rest(1.5)]),
-        (
-            0.0,
-            [-LOOK_RAD, LOOK_RAD].map(|off| Motion::Turn(TAU + off)),
-        ),
-    ] {
-        let mut explorer = Explorer::new(Config {
-            sweep_half_width_rad,
-            ..Config::default()
-        });
-        explorer.driver.trail.net_rad = 2.0 * TAU;
-        let status = status(0.0, Pose2::default());
-        explorer.look(Some(Point::new(1000.0, 0.0)), &status);
-        let queue = explorer.driver.queue.iter().map(|motion| motion.kind);
-        assert_eq!(queue.collect::<Vec<_>>(), expected);
-    }
-}
-
-#[test]
 fn widest_gaps_are_looked_at_first_and_each_twice() {
     let grid = room(&[(500.0, 150.0), (1500.0, 275.0)]);
     let (mut explorer, status) = explorer();
@@ -67,7 +48,7 @@ fn widest_gaps_are_looked_at_first_and_each_twice() {
         match explorer.goal {
             Goal::Approach(target) => {
                 assert_eq!(target.kind, Kind::Gap);
-                explorer.tries.push(target.centre);
+                explorer.tries.push(target);
                 Some(target.centre.y_mm > 1000.0)
             }
             _ => None,
@@ -78,6 +59,11 @@ fn widest_gaps_are_looked_at_first_and_each_twice() {
         order,
         [Some(true), Some(true), Some(false), Some(false), None]
     );
+    // The looks have shown more floor behind the gaps.
+    for tried in &mut explorer.tries {
+        tried.gain /= 2.1;
+    }
+    assert_eq!(chosen(&mut explorer), Some(true));
 }
 
 #[test]
@@ -94,4 +80,194 @@ fn gaps_are_left_when_the_time_for_them_is_spent() {
     assert_eq!(choose(Kind::Gap, 50.0), (false, 110.0));
     assert_eq!(choose(Kind::Frontier, 40.0), (true, 70.0));
     assert_eq!(choose(Kind::Surface, 100.0), (true, 0.0));
+}
+
+fn queue(explorer: &Explorer) -> Vec<Motion> {
+    let queue = explorer.driver.queue.iter();
+    queue.map(|motion| motion.kind).collect()
+}
+
+fn target(kind: Kind, x_mm: f64, y_mm: f64) -> Target {
+    Target {
+        kind,
+        centre: Point::new(x_mm, y_mm),
+        view: 0,
+        gain: 0.3,
+    }
+}
+
+#[test]
+fn places_are_remembered_with_their_deviation() {
+    let mut explorer = Explorer::new(Config::default());
+    for x_mm in [0.0, 299.0, 300.0, 550.0] {
+        let mut status = status(0.0, Pose2::new(x_mm, 0.0, 0.0));
+        status.estimate.covariance[0][0] = 900.0;
+        status.estimate.covariance[1][1] = 1600.0;
+        explorer.record(&status);
+    }
+    let expected = [0.0, 300.0].map(|x_mm| (Point::new(x_mm, 0.0), 50.0));
+    assert_eq!(explorer.anchors, expected);
+}
+
+#[test]
+fn target_is_resolved_once_it_is_seen() {
+    let (mut explorer, _) = explorer();
+    let approach = Goal::Approach;
+    for (goal, expected) in [
+        (approach(target(Kind::Frontier, 500.0, 500.0)), true),
+        (approach(target(Kind::Frontier, 1500.0, 500.0)), false),
+        (approach(target(Kind::Gap, 500.0, 500.0)), false),
+        (approach(target(Kind::Surface, 1000.0, 500.0)), true),
+        (approach(target(Kind::Surface, 1500.0, 500.0)), false),
+        (Goal::Look(target(Kind::Frontier, 500.0, 500.0)), false),
+    ] {
+        explorer.driver.map = None;
+        explorer.goal = goal;
+        assert!(!explorer.is_resolved());
+        explorer.driver.map = Some(CostMap::new(&room(&[]), 0.0, &[], &[]));
+        assert_eq!(explorer.is_resolved(), expected, "{goal:?}");
+    }
+    // The way there is left, and the next target is chosen.
+    let seen = approach(target(Kind::Frontier, 500.0, 500.0));
+    explorer.goal = seen;
+    explorer.driver.follow(
+        &Reach::new(
+            &CostMap::new(&room(&[]), 0.0, &[], &[]),
+            &Pose2::new(500.0, 1000.0, 0.0),
+            120.0,
+        ),
+        0,
+        100.0,
+    );
+    explorer.step(&room(&[]), &status(100.0, Pose2::new(500.0, 1000.0, 0.0)));
+    assert!(
+        !matches!(explorer.goal, Goal::Approach(_)),
+        "{:?}",
+        explorer.goal
+    );
+}
+
+#[test]
+fn uncertain_robot_returns_to_where_it_was_sure() {
+    let returns = |time_s: f64, deviation_mm: f64, then_mm: f64| {
+        let (mut explorer, mut status) = explorer();
+        status.time_s = time_s;
+        status.estimate.covariance[0][0] = deviation_mm * deviation_mm;
+        explorer.anchors = [(300.0, 400.0), (500.0, 1500.0)]
+            .map(|(x, y)| (Point::new(x, y), then_mm))
+            .into();
+        explorer.choose(&room(&[(1000.0, 400.0)]), &status);
+        let is_return = matches!(explorer.goal, Goal::Return);
+        assert!(explorer.driver.follower.is_some());
+        let end = explorer
+            .driver
+            .follower
+            .as_ref()
+            .expect("a way")
+            .remaining_mm();
+        // The nearer one.
+        assert!(!is_return || (400.0..=600.0).contains(&end), "{end}");
+        // Not again at once.
+        explorer.choose(&room(&[(1000.0, 400.0)]), &status);
+        assert!(!matches!(explorer.goal, Goal::Return));
+        is_return
+    };
+    assert!(returns(100.0, 90.0, 40.0));
+    assert!(!returns(100.0, 90.0, 50.0), "it was no better there");
+    assert!(!returns(100.0, 79.0, 30.0), "sure enough");
+    assert!(!returns(59.0, 90.0, 40.0), "a return just before");
+}
+
+#[test]
+fn late_explorer_goes_home_and_lost_one_gives_up() {
+    let end = |time_s: f64, start: Pose2, openings: &[(f64, f64)]| {
+        let (mut explorer, mut status) = explorer();
+        status.time_s = time_s;
+        explorer.start = Some(start);
+        explorer.choose(&room(openings), &status);
+        (explorer.targets(), explorer.goal)
+    };
+    let (near, open) = (Pose2::new(500.0, 400.0, 0.0), [(1000.0, 400.0)]);
+    assert!(matches!(end(100.0, near, &open), (1, Goal::Approach(_))));
+    let late = end(2000.0, near, &open);
+    assert!(
+        matches!(late, (1, Goal::Home(Outcome::TimeLimit))),
+        "{late:?}"
+    );
+    let done = end(100.0, near, &[]);
+    assert!(
+        matches!(done, (0, Goal::Home(Outcome::Complete))),
+        "{done:?}"
+    );
+    let cut_off = end(100.0, Pose2::new(5000.0, 400.0, 0.0), &[]);
+    assert!(
+        matches!(cut_off.1, Goal::Finish(Outcome::Unreachable)),
+        "{cut_off:?}"
+    );
+}
+
+#[test]
+fn held_robot_turns_away_before_it_goes_home_or_gives_up() {
+    for (start_y_mm, choices) in [(1000.0, LEAVES), (400.0, 2 * LEAVES)] {
+        let (mut explorer, status) = explorer();
+        explorer.start = Some(Pose2::new(500.0, start_y_mm, 0.0));
+        let mut turns = Vec::new();
+        for nth in 0..choices {
+            explorer.driver.held = true;
+            explorer.driver.queue.clear();
+            explorer.choose(&room(&[]), &status);
+            assert_eq!(matches!(explorer.goal, Goal::Choose), nth < LEAVES, "{nth}");
+            turns.extend(queue(&explorer).first().copied());
+        }
+        turns.dedup();
+        assert_eq!(turns.len(), LEAVES as usize, "{turns:?}");
+        explorer.driver.held = true;
+        explorer.choose(&room(&[]), &status);
+        assert!(matches!(explorer.goal, Goal::Finish(Outcome::Unreachable)));
+    }
+}
+
+#[test]
+fn look_that_left_the_most_was_in_vain() {
+    let open = room(&[(1000.0, 400.0)]);
+    let (mut explorer, status) = explorer();
+    explorer.choose(&open, &status);
+    let Goal::Approach(found) = explorer.goal else {
+        panic!("{:?}", explorer.goal);
+    };
+    for (last, tries) in [
+        (
+            Target {
+                gain: 1.5 * found.gain,
+                ..found
+            },
+            0,
+        ),
+        (
+            Target {
+                kind: Kind::Surface,
+                ..found
+            },
+            0,
+        ),
+        (target(Kind::Frontier, 500.0, 300.0), 0),
+        (found, 1),
+    ] {
+        explorer.goal = Goal::Look(last);
+        explorer.choose(&open, &status);
+        assert_eq!(
+            explorer.tries(found.centre, SAME_MM).count(),
+            tries,
+            "{last:?}"
+        );
+        assert!(matches!(explorer.goal, Goal::Approach(_)));
+    }
+    // The second time.
+    explorer.goal = Goal::Look(found);
+    explorer.choose(&open, &status);
+    assert!(
+        matches!(explorer.goal, Goal::Home(Outcome::Complete)),
+        "{:?}",
+        explorer.goal
+    );
 }
