@@ -14,7 +14,7 @@ use crate::sight::Sight;
 const SMALLEST: usize = 4;
 /// A target extends this far from its first node, mm; what lies farther is another.
 const EXTENT_MM: f64 = 500.0;
-/// Unknown floor counts as gain this many steps behind its border.
+/// New floor counts as gain this many steps behind its border.
 const DEPTH: u32 = 8;
 /// A border is looked at from this near, mm.
 const VIEW_MM: f64 = 220.0;
@@ -44,7 +44,7 @@ pub(crate) struct Target {
     pub centre: Point,
     /// The node to look from.
     pub view: usize,
-    /// Unknown floor, m², or unseen surface, m.
+    /// New floor behind it, m², or unseen surface, m.
     pub gain: f64,
 }
 

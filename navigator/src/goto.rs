@@ -49,3 +49,68 @@ impl GoTo {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::StopReason;
+    use crate::cost_map::tests::draw;
+    use crate::manoeuvre::tests::status;
+    use geometry::Pose2;
+
+    /// Steps towards a target on open floor of 2 m by 0.8 m.
+    fn steps(target: Point) -> impl FnMut(f64, f64, Option<StopReason>) -> Action {
+        let grid = draw(&["...................."; 8]);
+        let config = Config {
+            sweep_half_width_rad: 1.0,
+            ..Config::default()
+        };
+        let mut plan = GoTo::new(config, target);
+        move |time_s, x_mm, stop| {
+            let report = status(time_s, Pose2::new(x_mm, 400.0, 0.0));
+            plan.step(&grid, &Status { stop, ..report })
+        }
+    }
+
+    fn is_at_rest(action: Action) -> bool {
+        matches!(action, Action::Drive(velocity) if velocity.forward_mm_s.abs() < 1e-9)
+    }
+
+    #[test]
+    fn target_is_planned_to_and_reached() {
+        let mut step = steps(Point::new(1500.0, 400.0));
+        assert!(is_at_rest(step(0.0, 300.0, None)), "for the gyro");
+        assert!(is_at_rest(step(2.0, 300.0, None)));
+        let moves = (0..400).any(|nth| {
+            let action = step(2.0 + 0.025 * f64::from(nth), 300.0, None);
+            matches!(action, Action::Drive(velocity) if velocity.forward_mm_s > 10.0)
+        });
+        assert!(moves);
+        let x_mm = |nth: i32| 300.0 + 2.0 * f64::from(nth);
+        let done = (0..700).position(|nth| {
+            let action = step(12.0 + 0.025 * f64::from(nth), x_mm(nth), None);
+            action == Action::Done(Outcome::Complete)
+        });
+        let end_mm = x_mm(i32::try_from(done.expect("an end")).unwrap());
+        assert!((1450.0..1550.0).contains(&end_mm), "{end_mm}");
+    }
+
+    #[test]
+    fn target_without_a_way_is_unreachable_and_one_is_after_six_plans() {
+        let mut step = steps(Point::new(1500.0, 2000.0));
+        step(0.0, 300.0, None);
+        let action = step(2.0, 300.0, None);
+        assert_eq!(action, Action::Done(Outcome::Unreachable));
+
+        let mut step = steps(Point::new(1500.0, 400.0));
+        step(0.0, 300.0, None);
+        for nth in 0..PLANS {
+            let (time_s, x_mm) = (2.0 + f64::from(nth), 300.0 + 200.0 * f64::from(nth % 2));
+            assert!(is_at_rest(step(time_s, x_mm, None)), "{nth}");
+            let lost = step(time_s + 0.1, x_mm, Some(StopReason::Link));
+            assert_eq!(lost, Action::Resume);
+        }
+        let action = step(9.0, 300.0, None);
+        assert_eq!(action, Action::Done(Outcome::Unreachable));
+    }
+}

@@ -159,4 +159,29 @@ mod tests {
             "{found} {shortest}"
         );
     }
+
+    #[test]
+    fn no_reversal_and_no_move_of_one_target_shortens_the_order() {
+        let mut rng = Rng::new(11);
+        for _ in 0..60 {
+            let mut point = || Point::new(4000.0 * rng.unit(), 4000.0 * rng.unit());
+            let (robot, home) = (point(), point());
+            let targets = [(); 12].map(|()| point());
+            let tour = tour(robot, &targets, home);
+            let order = tour.order();
+            let mut all = order.clone();
+            all.sort_unstable();
+            assert_eq!(all, (0..12).collect::<Vec<_>>());
+            let shortest = length(&tour, &order) - LEAST_MM - 1e-6;
+            for (from, to) in (0..12).flat_map(|from| (0..12).map(move |to| (from, to))) {
+                let mut moved = order.clone();
+                let target = moved.remove(from);
+                moved.insert(to, target);
+                assert!(length(&tour, &moved) >= shortest, "{from} {to}");
+                let mut turned = order.clone();
+                turned[from.min(to)..=from.max(to)].reverse();
+                assert!(length(&tour, &turned) >= shortest, "{from} {to}");
+            }
+        }
+    }
 }

@@ -107,3 +107,202 @@ fn stop_repeated_at_one_place_turns_about() {
         }
     }
 }
+
+/// A driver that rests no more, on the way through open floor from (200, 400) to (1800, 400), mm.
+fn under_way(config: Config) -> (Driver, Grid) {
+    let grid = draw(&["...................."; 8]);
+    let mut driver = Driver::new(Config {
+        rest_every_s: 1e9,
+        ..config
+    });
+    driver.rested_s = 0.0;
+    let map = driver.survey(&grid, 0.0);
+    let pose = Pose2::new(200.0, 400.0, 0.0);
+    let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
+    let end = map.index(Point::new(1800.0, 400.0)).unwrap();
+    driver.follow(&reach, end, 0.0);
+    (driver, grid)
+}
+
+fn queue(driver: &Driver) -> Vec<Kind> {
+    driver.queue.iter().map(|motion| motion.kind).collect()
+}
+
+#[test]
+fn speed_is_limited_by_clearance_and_unknown_floor_ahead() {
+    let limit = |change: fn(&mut Node, f64)| {
+        let grid = draw(&["...................."; 8]);
+        let mut map = CostMap::new(&grid, 0.0, &[], &[]);
+        for index in 0..map.nodes.len() {
+            let x_mm = map.point(index).x_mm;
+            let node = &mut map.nodes[index];
+            (node.seen, node.known_mm, node.clearance_mm) = (true, 500.0, 500.0);
+            change(node, x_mm);
+        }
+        let path = [212.5, 1812.5].map(|x_mm| Point::new(x_mm, 412.5));
+        speed_limit(&Follower::new(path.into()), &map, &Config::default())
+    };
+    let is = |found: f64, expected: f64| {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    };
+    is(limit(|_, _| ()), 170.0);
+    is(limit(|node, _| node.seen = false), 90.0);
+    is(limit(|node, _| node.known_mm = 110.0), 90.0);
+    is(limit(|node, _| node.known_mm = 111.0), 170.0);
+    is(limit(|node, _| node.clearance_mm = 170.0), 120.0);
+    is(limit(|node, _| node.clearance_mm = 100.0), 60.0);
+    // Narrow 50 mm ahead: slower by then.
+    let narrow = |node: &mut Node, x_mm: f64| {
+        if (x_mm - 262.5).abs() < 1.0 {
+            node.clearance_mm = 120.0;
+        }
+    };
+    is(limit(narrow), 60f64.hypot(2e4f64.sqrt()));
+}
+
+// Requirement: NAV-contact-1
+#[test]
+fn close_echo_limits_speed_and_is_what_stops() {
+    let (mut driver, grid) = under_way(Config::default());
+    let pose = Pose2::new(200.0, 400.0, 0.0);
+    assert!(driver.contact_limit(&pose).is_infinite());
+    assert_eq!(driver.obstacle(&pose), (FRONT_EDGE_MM, 0.0));
+    let mut frame = status(0.1, pose);
+    frame.ranges_mm[0] = Some(120.0);
+    driver.sight.observe(&frame, &driver.config, &grid, 0.0);
+    // The sensor is 80 mm ahead, the body reaches 110 mm, 15 mm are kept.
+    assert!((driver.contact_limit(&pose) - 150.0).abs() < 1e-6);
+    let Step::Act(Action::Drive(velocity)) = driver.drive(
+        Velocity {
+            forward_mm_s: 170.0,
+            yaw_rate_rad_s: 0.2,
+            ..Velocity::default()
+        },
+        &pose,
+    ) else {
+        panic!("no velocity");
+    };
+    assert!((velocity.forward_mm_s - 150.0).abs() < 1e-6);
+    assert!((velocity.yaw_rate_rad_s - 0.2).abs() < 1e-9);
+    let (ahead_mm, left_mm) = driver.obstacle(&pose);
+    assert!((ahead_mm - 200.0).abs() < 1e-6 && left_mm.abs() < 1e-6);
+    driver.trail.net_rad = 0.3;
+    for in_vain in [0, 2] {
+        driver.queue.clear();
+        driver.leave(&pose, in_vain);
+        let [Kind::Turn(facing), Kind::Straight(away_mm)] = queue(&driver)[..] else {
+            panic!("{:?}", queue(&driver));
+        };
+        let about = wrap_angle(PI + TURN_MORE_RAD * f64::from(in_vain));
+        assert!((facing - 0.3).abs() <= PI && wrap_angle(facing - 0.3 - about).abs() < 1e-9);
+        assert!((away_mm - BACK_MM).abs() < 1e-9);
+    }
+}
+
+// Requirement: NAV-recovery-1
+#[test]
+fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
+    for (way_mm, reason, back_mm, marks) in [
+        (200.0, StopReason::Stall, Some(150.0), 3),
+        (100.0, StopReason::Slip, Some(100.0), 3),
+        (15.0, StopReason::Obstacle, None, 3),
+        (200.0, StopReason::Link, None, 0),
+    ] {
+        let (mut driver, grid) = under_way(Config::default());
+        let pose = |x_mm: f64| Pose2::new(200.0 + x_mm, 400.0, 0.0);
+        driver.step(&grid, &status(0.1, pose(0.0)));
+        driver.step(&grid, &status(0.2, pose(way_mm)));
+        driver.enqueue([Kind::Rest(9.0)]);
+        let stop = Status {
+            stop: Some(reason),
+            ..status(0.3, pose(way_mm))
+        };
+        assert_eq!(driver.step(&grid, &stop), Step::Act(Action::Resume));
+        assert!(driver.held && driver.follower.is_none());
+        let expected: Vec<Kind> = back_mm
+            .map(|mm: f64| Kind::Straight(-mm))
+            .into_iter()
+            .collect();
+        assert_eq!(queue(&driver), expected, "{reason:?}");
+        assert_eq!(driver.marks.len(), marks);
+        for (&(time_s, at), aside) in driver.marks.iter().zip([-50.0, 0.0, 50.0]) {
+            assert!((time_s - 0.3).abs() < 1e-9);
+            let expected = pose(way_mm).point_at(FRONT_EDGE_MM, aside);
+            assert!(at.distance_mm(expected) < 1e-6, "{at:?}");
+        }
+        driver.queue.clear();
+        assert_eq!(
+            driver.step(&grid, &status(0.4, pose(way_mm))),
+            Step::Interrupted
+        );
+        assert_eq!(
+            driver.step(&grid, &status(0.5, pose(way_mm))),
+            Step::Arrived
+        );
+        assert!(driver.held);
+        driver.step(&grid, &status(0.6, pose(way_mm + 100.0)));
+        assert!(!driver.held, "it has left the place");
+        // The marks are obstacles for a while.
+        let is_marked = |driver: &mut Driver, time_s| {
+            let map = driver.survey(&grid, time_s);
+            let ahead = map.at(pose(way_mm).point_at(FRONT_EDGE_MM, 0.0)).copied();
+            ahead.expect("on the grid").clearance_mm < 60.0
+        };
+        assert_eq!(is_marked(&mut driver, 399.0), marks > 0);
+        assert!(!is_marked(&mut driver, 401.0));
+    }
+}
+
+#[test]
+fn robot_that_does_not_move_is_blocked_after_a_second() {
+    let (mut driver, grid) = under_way(Config {
+        sweep_half_width_rad: 1.0,
+        ..Config::default()
+    });
+    for (time_s, speed_mm_s, is_blocked) in [
+        (0.1, 0.0, false),
+        (0.9, 13.0, false),
+        (1.8, 11.0, false),
+        (2.0, 11.0, true),
+    ] {
+        let frame = Status {
+            speed_mm_s,
+            ..status(time_s, Pose2::new(200.0, 400.0, 0.0))
+        };
+        let step = driver.step(&grid, &frame);
+        assert_eq!(
+            driver.marks.len(),
+            if is_blocked { 3 } else { 0 },
+            "{time_s}"
+        );
+        assert_eq!(step == Step::Interrupted, is_blocked, "{step:?}");
+    }
+}
+
+#[test]
+fn robot_without_a_sweep_looks_for_slanted_walls_before_new_floor() {
+    for (sweep_half_width_rad, heading_rad, net_rad, expected) in [
+        (0.0, 0.0, 2.0, Some(1.2)),
+        (0.0, 0.2, -2.0, Some(-1.2)),
+        // Not along the walls.
+        (0.0, 0.5, 2.0, None),
+        (1.0, 0.0, 2.0, None),
+    ] {
+        let (mut driver, grid) = under_way(Config {
+            sweep_half_width_rad,
+            ..Config::default()
+        });
+        driver.trail.net_rad = net_rad;
+        let step = driver.step(&grid, &status(0.1, Pose2::new(200.0, 400.0, heading_rad)));
+        let queue = queue(&driver);
+        if let Some(turn) = expected {
+            let [Kind::Turn(there), Kind::Turn(back)] = queue[..] else {
+                panic!("{queue:?}");
+            };
+            assert!((there - turn).abs() < 1e-9 && (back - net_rad).abs() < 1e-9);
+        } else {
+            assert_eq!(queue, []);
+        }
+        assert!(matches!(step, Step::Act(Action::Drive(_))), "{step:?}");
+    }
+}
