@@ -306,3 +306,15 @@ fn robot_without_a_sweep_looks_for_slanted_walls_before_new_floor() {
         assert!(matches!(step, Step::Act(Action::Drive(_))), "{step:?}");
     }
 }
+
+#[test]
+fn survey_knows_what_floor_a_beam_has_passed() {
+    let (mut driver, grid) = under_way(Config::default());
+    let frame = status(0.1, Pose2::new(200.0, 400.0, 0.0));
+    driver.sight.observe(&frame, &driver.config, &grid, 0.0);
+    let map = driver.survey(&grid, 0.2);
+    for (x_mm, y_mm, seen) in [(600.0, 400.0, true), (1500.0, 400.0, false)] {
+        let node = map.at(Point::new(x_mm, y_mm)).expect("on the grid");
+        assert_eq!(node.seen, seen, "{x_mm}");
+    }
+}

@@ -128,23 +128,46 @@ fn target_is_resolved_once_it_is_seen() {
         assert_eq!(explorer.is_resolved(), expected, "{goal:?}");
     }
     // The way there is left, and the next target is chosen.
-    let seen = approach(target(Kind::Frontier, 500.0, 500.0));
-    explorer.goal = seen;
-    explorer.driver.follow(
-        &Reach::new(
-            &CostMap::new(&room(&[]), 0.0, &[], &[]),
-            &Pose2::new(500.0, 1000.0, 0.0),
-            120.0,
-        ),
-        0,
-        100.0,
-    );
-    explorer.step(&room(&[]), &status(100.0, Pose2::new(500.0, 1000.0, 0.0)));
-    assert!(
-        !matches!(explorer.goal, Goal::Approach(_)),
-        "{:?}",
-        explorer.goal
-    );
+    let (grid, pose) = (room(&[]), Pose2::new(500.0, 1000.0, 0.0));
+    let map = CostMap::new(&grid, 0.0, &[], &[]);
+    let reach = Reach::new(&map, &pose, 120.0);
+    let node = map.index(Point::new(500.0, 500.0)).unwrap();
+    explorer.driver.follow(&reach, node, 100.0);
+    explorer.driver.rested_s = 100.0;
+    explorer.start = Some(Pose2::new(500.0, 600.0, 0.0));
+    explorer.goal = approach(target(Kind::Frontier, 500.0, 500.0));
+    explorer.step(&grid, &status(100.0, pose));
+    let goal = explorer.goal;
+    assert!(matches!(goal, Goal::Home(Outcome::Complete)), "{goal:?}");
+    assert!(explorer.driver.follower.is_some());
+}
+
+#[test]
+fn surface_that_was_never_near_is_a_target() {
+    let (seen, status) = explorer();
+    let mut explorer = Explorer::new(seen.driver.config);
+    explorer.leaves = 3;
+    explorer.choose(&room(&[]), &status);
+    let Goal::Approach(found) = explorer.goal else {
+        panic!("{:?}", explorer.goal);
+    };
+    assert_eq!((found.kind, explorer.leaves), (Kind::Surface, 0));
+    assert_eq!(explorer.chosen, Some((Kind::Surface, status.time_s)));
+}
+
+#[test]
+fn gap_with_fewer_looks_comes_first() {
+    let grid = room(&[(500.0, 225.0), (1500.0, 225.0)]);
+    for tried_y_mm in [500.0, 1500.0] {
+        let (mut explorer, status) = explorer();
+        let tried = target(Kind::Gap, 1050.0, tried_y_mm);
+        explorer.tries.push(tried);
+        explorer.choose(&grid, &status);
+        let Goal::Approach(found) = explorer.goal else {
+            panic!("{:?}", explorer.goal);
+        };
+        assert!(found.centre.distance_mm(tried.centre) > 500.0, "{found:?}");
+    }
 }
 
 #[test]

@@ -50,6 +50,7 @@ fn arrival_looks_or_enters_what_no_look_could_clear() {
         let is_look = queue.len() == 2;
         let away_mm = pose.position().distance_mm(target.centre);
         if !is_look {
+            assert_eq!(queue.len(), 5);
             let facing = 0.5 + FRAC_PI_4 - 0.3;
             let expected = [
                 Motion::Turn(facing),
@@ -197,4 +198,13 @@ fn interrupted_target_was_tried_in_vain() {
         assert_eq!(explorer.tries(tried.centre, 1.0).count(), tries);
         assert_eq!(explorer.chosen.is_some(), counts, "{goal:?} {kind:?}");
     }
+}
+
+#[test]
+fn returned_robot_looks_around_and_chooses() {
+    let (mut explorer, status) = explorer();
+    explorer.goal = Goal::Return;
+    explorer.arrived(&room(&[]), &status);
+    assert_eq!(queue(&explorer).len(), 2);
+    assert!(matches!(explorer.goal, Goal::Choose));
 }
