@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn target_without_a_way_is_unreachable_and_one_is_after_six_plans() {
+    fn target_is_given_up_without_a_way_or_after_six_plans() {
         let mut step = steps(Point::new(1500.0, 2000.0));
         step(0.0, 300.0, None);
         let action = step(2.0, 300.0, None);

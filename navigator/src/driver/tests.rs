@@ -280,7 +280,7 @@ fn robot_that_does_not_move_is_blocked_after_a_second() {
 }
 
 #[test]
-fn robot_without_a_sweep_looks_for_slanted_walls_before_new_floor() {
+fn robot_without_sweep_looks_for_slanted_walls_first() {
     for (sweep_half_width_rad, heading_rad, net_rad, expected) in [
         (0.0, 0.0, 2.0, Some(1.2)),
         (0.0, 0.2, -2.0, Some(-1.2)),

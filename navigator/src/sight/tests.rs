@@ -187,7 +187,7 @@ fn beam_sees_floor_as_wide_as_it_is() {
 }
 
 #[test]
-fn unexplained_echo_may_come_from_its_arc_unless_the_map_has_a_cell_near() {
+fn echo_comes_from_its_arc_unless_the_map_has_a_cell_near() {
     let sensor = Pose2::new(0.0, 250.0, 0.0);
     // Within 40 mm and a tenth of the range of the arc at 400 mm.
     for (x_mm, is_explained) in [(300.0, false), (335.0, true), (470.0, true), (505.0, false)] {
