@@ -243,9 +243,10 @@ impl<'a> Field<'a> {
         };
         let off_mm = |from_mm: f64, nth: usize| (nth as f64 + 0.5) * cell_mm - from_mm;
         let (x_mm, y_mm) = (point.x_mm - origin.x_mm, point.y_mm - origin.y_mm);
+        let columns = span(x_mm, self.grid.columns());
         for row in span(y_mm, self.grid.rows()) {
             let aside = off_mm(y_mm, row).powi(2);
-            for column in span(x_mm, self.grid.columns()) {
+            for column in columns.clone() {
                 let square = off_mm(x_mm, column).powi(2) + aside;
                 if square <= radius_mm * radius_mm {
                     each(row * self.grid.columns() + column, square);

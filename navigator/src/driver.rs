@@ -331,4 +331,4 @@ pub(crate) fn distance_mm(pose: &Pose2, point: Point) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -35,7 +35,7 @@ const GAP_GAIN_M2: f64 = 0.16;
 const GAP_MM: f64 = 500.0;
 /// Time for gaps, s, which time for other targets that are reached gives back: a far one costs up to a minute.
 const GAPS_S: f64 = 90.0;
-/// A look that leaves more than this share of the gain was fruitless, one that shows twice the floor behind a gap not.
+/// A look that leaves more than this share of the gain was fruitless.
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
 const FIELD_RAD: f64 = 1.75;
@@ -275,6 +275,7 @@ impl Explorer {
 
     /// The gaps to look at next: of the widest those with the fewest looks.
     fn gaps(&self, map: &CostMap, pose: &Pose2, reach: &Reach) -> Vec<Target> {
+        // One that has shown twice the floor behind the gap was not in vain.
         let looks = |target: &Target| {
             let near = self.tries(target.centre, GAP_MM);
             near.filter(|tried| target.gain <= 2.0 * tried.gain).count()

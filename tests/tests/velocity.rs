@@ -154,7 +154,7 @@ fn range_is_as_old_as_the_localiser_takes_it_to_be() {
     let far = rest(&mut robot);
     let reports = robot.drive((SPEED_MM_S, 0.0), 0, 9000);
     let near = rest(&mut robot);
-    // The air is not as warm as the robot takes it to be.
+    // What is wrong with the scales of ranges and positions is in both rests.
     let slope = (near.1 - far.1) / (near.0 - far.0);
     let is_new = |pair: &&[Report]| pair[0].ranges[0] != pair[1].ranges[0];
     let new = reports[20..].windows(2).filter(is_new).map(|pair| pair[1]);

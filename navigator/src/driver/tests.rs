@@ -4,6 +4,27 @@ use super::*;
 use crate::cost_map::tests::draw;
 use crate::manoeuvre::tests::status;
 
+/// A driver that rests no more, on the way through open floor from (200, 400) to (1800, 400), mm.
+fn under_way(config: Config) -> (Driver, Grid) {
+    let grid = draw(&["...................."; 8]);
+    let mut driver = Driver::new(Config {
+        rest_every_s: 1e9,
+        ..config
+    });
+    driver.rested_s = 0.0;
+    let map = driver.survey(&grid, 0.0);
+    let pose = Pose2::new(200.0, 400.0, 0.0);
+    let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
+    let end = map.index(Point::new(1800.0, 400.0)).unwrap();
+    driver.follow(&reach, end, 0.0);
+    (driver, grid)
+}
+
+/// The motions that come before the path.
+pub fn queue(driver: &Driver) -> Vec<Kind> {
+    driver.queue.iter().map(|motion| motion.kind).collect()
+}
+
 #[test]
 fn unexplained_echo_ends_a_path_only_nearby() {
     let open = ["...................."; 8];
@@ -19,17 +40,11 @@ fn unexplained_echo_ends_a_path_only_nearby() {
         // What the map knows is no doubt.
         (&walled, Some(600.0), 1.0, false),
     ] {
-        let mut driver = Driver::new(Config {
-            rest_every_s: 1e9,
+        let (mut driver, _) = under_way(Config {
             sweep_half_width_rad: 1.0,
             ..Config::default()
         });
-        driver.rested_s = 0.0;
         let pose = Pose2::new(200.0, 400.0, 0.0);
-        let map = driver.survey(&draw(&open), 0.0);
-        let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
-        let end = map.index(Point::new(1800.0, 400.0)).unwrap();
-        driver.follow(&reach, end, 0.0);
         let mut frame = |time_s| {
             let mut status = status(time_s, pose);
             status.ranges_mm[0] = range_mm;
@@ -106,26 +121,6 @@ fn stop_repeated_at_one_place_turns_about() {
             step => assert_eq!((step, turns), (Step::Interrupted, false)),
         }
     }
-}
-
-/// A driver that rests no more, on the way through open floor from (200, 400) to (1800, 400), mm.
-fn under_way(config: Config) -> (Driver, Grid) {
-    let grid = draw(&["...................."; 8]);
-    let mut driver = Driver::new(Config {
-        rest_every_s: 1e9,
-        ..config
-    });
-    driver.rested_s = 0.0;
-    let map = driver.survey(&grid, 0.0);
-    let pose = Pose2::new(200.0, 400.0, 0.0);
-    let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
-    let end = map.index(Point::new(1800.0, 400.0)).unwrap();
-    driver.follow(&reach, end, 0.0);
-    (driver, grid)
-}
-
-fn queue(driver: &Driver) -> Vec<Kind> {
-    driver.queue.iter().map(|motion| motion.kind).collect()
 }
 
 #[test]

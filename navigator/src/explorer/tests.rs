@@ -39,6 +39,20 @@ fn explorer() -> (Explorer, Status) {
     (explorer, status(100.0, pose))
 }
 
+/// The motions that come before the path.
+fn queue(explorer: &Explorer) -> Vec<Motion> {
+    crate::driver::tests::queue(&explorer.driver)
+}
+
+fn target(kind: Kind, x_mm: f64, y_mm: f64) -> Target {
+    Target {
+        kind,
+        centre: Point::new(x_mm, y_mm),
+        view: 0,
+        gain: 0.3,
+    }
+}
+
 #[test]
 fn widest_gaps_are_looked_at_first_and_each_twice() {
     let grid = room(&[(500.0, 150.0), (1500.0, 275.0)]);
@@ -80,20 +94,6 @@ fn gaps_are_left_when_the_time_for_them_is_spent() {
     assert_eq!(choose(Kind::Gap, 50.0), (false, 110.0));
     assert_eq!(choose(Kind::Frontier, 40.0), (true, 70.0));
     assert_eq!(choose(Kind::Surface, 100.0), (true, 0.0));
-}
-
-fn queue(explorer: &Explorer) -> Vec<Motion> {
-    let queue = explorer.driver.queue.iter();
-    queue.map(|motion| motion.kind).collect()
-}
-
-fn target(kind: Kind, x_mm: f64, y_mm: f64) -> Target {
-    Target {
-        kind,
-        centre: Point::new(x_mm, y_mm),
-        view: 0,
-        gain: 0.3,
-    }
 }
 
 #[test]
@@ -181,13 +181,8 @@ fn uncertain_robot_returns_to_where_it_was_sure() {
             .into();
         explorer.choose(&room(&[(1000.0, 400.0)]), &status);
         let is_return = matches!(explorer.goal, Goal::Return);
-        assert!(explorer.driver.follower.is_some());
-        let end = explorer
-            .driver
-            .follower
-            .as_ref()
-            .expect("a way")
-            .remaining_mm();
+        let follower = explorer.driver.follower.as_ref().expect("a way");
+        let end = follower.remaining_mm();
         // The nearer one.
         assert!(!is_return || (400.0..=600.0).contains(&end), "{end}");
         // Not again at once.

@@ -162,8 +162,7 @@ fn wound_robot_looks_where_it_unwinds_to() {
         explorer.driver.trail.net_rad = 2.0 * TAU;
         let status = status(0.0, Pose2::default());
         explorer.look(Some(Point::new(1000.0, 0.0)), &status);
-        let queue = explorer.driver.queue.iter().map(|motion| motion.kind);
-        assert_eq!(queue.collect::<Vec<_>>(), expected);
+        assert_eq!(queue(&explorer), expected);
     }
 }
 
