@@ -207,6 +207,7 @@ macro_rules! structures {
 }
 
 use fw_core::binary64::Binary64;
+use fw_core::motion::ArrivalTimer;
 use fw_core::motion::obstacle_limit::Track;
 use fw_core::motion::velocity_controller::VelocityRamp;
 use fw_core::types::{Faults, Micros, Turns, Velocity};
@@ -245,6 +246,7 @@ structures! {
     CellCode { cell, voltage }
     Sequence { own, seen }
     Velocity { forward, yaw_rate }
+    ArrivalTimer { speed, pace, turns, left }
     VelocityRamp { max_speed, max_yaw_rate, speed_step, yaw_step }
     Track { ahead, fresh, turned, misses, backward, forward, max_forward }
     Command { expected, apply, percent, velocity, sweep, tune, sequence, clear_faults, order }

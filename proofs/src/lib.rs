@@ -72,6 +72,7 @@ pub const PROPERTIES: &[&[Property]] = &[
     motion::velocity_controller::PROPERTIES,
     motion::drive_monitor::PROPERTIES,
     motion::deadline::PROPERTIES,
+    motion::arrival::PROPERTIES,
     sensing::rangefinder::PROPERTIES,
     sensing::servo_scan::PROPERTIES,
     sensing::temperature::PROPERTIES,

@@ -74,6 +74,27 @@ pub fn first_sample_moves_nothing(
         .case(2, rolled == 0)
 }
 
+/// A command of the Pi in a frame that ends now.
+pub(crate) fn send(
+    pi: &mut PiLink,
+    command: &Command,
+    robot: &mut Robot,
+    now: Micros,
+    log: &mut Log,
+) {
+    let mut frame = [0; MAX_FRAME];
+    let len = pi.send(command, &mut frame);
+    let received = ReceivedFrame {
+        bytes: &frame[..len],
+        overflow_len: 0,
+        at: now,
+        reply: 1,
+    };
+    if let Ok(command) = robot.receive(&received) {
+        robot.execute(&command, now, log);
+    }
+}
+
 /// What is found at the wheels.
 const WHEELS: Faults = Faults::LEFT_STALLED
     .union(Faults::RIGHT_STALLED)
@@ -110,17 +131,7 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
             percent: Binary64::from_scaled(percent.into(), 0),
             ..Command::default()
         };
-        let mut frame = [0; MAX_FRAME];
-        let len = pi.send(&command, &mut frame);
-        let received = ReceivedFrame {
-            bytes: &frame[..len],
-            overflow_len: 0,
-            at: sample.now,
-            reply: 1,
-        };
-        if let Ok(command) = robot.receive(&received) {
-            robot.execute(&command, sample.now, &mut log);
-        }
+        send(&mut pi, &command, &mut robot, sample.now, &mut log);
         let outputs = robot.on_tick(sample, &[], &mut log);
         sample.now = sample.now.after(10_000);
         let accused = robot.faults().intersects(WHEELS);

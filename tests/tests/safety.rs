@@ -62,6 +62,25 @@ fn supply_below_threshold_stops_motors() {
     stays_off(&rig, "supply low: motors off");
 }
 
+/// Motors with a twentieth of their speed turn the wheels, but half a metre would take more than a minute.
+// Requirement: WIRE-fault-15
+#[test]
+fn target_that_takes_too_long_stops_motors() {
+    let mut options = Options::with_eeprom(original_image());
+    let motors = &mut options.params.motors;
+    for motor in [&mut motors.left, &mut motors.right] {
+        motor.speeds_deg_s = motor.speeds_deg_s.map(|speed| speed / 20.0);
+    }
+    let rig = Rig::ready(options);
+    let go = normal_frame(500_000, 0, 0, true);
+    // 10 s, and a metre at 33.5 mm/s.
+    let _ = rig.keep_sending(&go, 39_500_000);
+    assert!(!rig.motors_off(), "{}", rig.log());
+    let _ = rig.keep_sending(&go, 800_000);
+    assert!(rig.motors_off());
+    stays_off(&rig, "not arrived in time");
+}
+
 // Requirement: WIRE-battery-4
 #[test]
 fn cells_read_the_same_at_any_supply() {

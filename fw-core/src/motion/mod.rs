@@ -6,6 +6,7 @@
     reason = "fixed point: every cast states or follows from a range"
 )]
 
+pub mod arrival_timer;
 pub mod deadline;
 pub mod drive_monitor;
 pub mod mixer;
@@ -18,6 +19,7 @@ mod simulation;
 pub mod trig;
 pub mod velocity_controller;
 
+pub use arrival_timer::ArrivalTimer;
 pub use deadline::StopDeadline;
 pub use drive_monitor::DriveMonitor;
 pub use obstacle_limit::ObstacleLimit;

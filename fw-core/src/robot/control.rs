@@ -1,9 +1,11 @@
 //! The mode's controller and quantity, and what the Pi asks of the motors.
 
+use super::Robot;
 use crate::binary64::Binary64;
 use crate::eeprom::Config;
+use crate::log::Log;
 use crate::motion::{PoseController, VelocityController};
-use crate::types::{Duty, Velocity};
+use crate::types::{Duty, Faults, MotorCommand, Velocity};
 use crate::wire::Mode;
 
 /// What the Pi asks of the motors.
@@ -77,6 +79,35 @@ impl Control {
         match self {
             Self::Pose(controller) => (false, controller.held_back()),
             Self::Velocity(controller) => (controller.clipped(), controller.held_back()),
+        }
+    }
+}
+
+impl Robot {
+    /// Once a tick: whether the motors are busy with what the Pi asks. Gives up a target that is not
+    /// reached in time.
+    #[allow(clippy::inline_always, reason = "every tick calls it")]
+    #[inline(always)]
+    pub(super) fn busy(&mut self, log: &mut Log) -> bool {
+        match self.request {
+            DriveRequest::None => false,
+            // Requirement: WIRE-fault-15
+            DriveRequest::Target => {
+                let moving = self.control.moving();
+                let (from, to) = (&self.report.pose, &self.target);
+                let way = || [to.x.abs_diff(from.x), to.y.abs_diff(from.y)];
+                let held_back = self.report.obstacle_limited
+                    && self.obstacle.max_forward() < self.arrival.speed;
+                if self.arrival.step(moving, held_back, way) {
+                    self.latch(Faults::NOT_ARRIVED, log);
+                }
+                moving
+            }
+            // Until the wheels are held.
+            DriveRequest::Velocity(velocity) => {
+                velocity != Velocity::default() || matches!(self.applied.left, MotorCommand::Run(_))
+            }
+            DriveRequest::Duty(duty) => duty != Duty::ZERO,
         }
     }
 }

@@ -22,12 +22,10 @@ pub use supervisor::{AllowedMotion, Supervisor, SupervisorCommand};
 
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
-use crate::motion::{DriveMonitor, ObstacleLimit, Odometry, StopDeadline};
+use crate::motion::{ArrivalTimer, DriveMonitor, ObstacleLimit, Odometry, StopDeadline};
 use crate::sensing::battery::MAX_CELLS;
 use crate::sensing::{Battery, Calibration, Rangefinders, ServoScan, Thermometer};
-use crate::types::{
-    Delta, Duty, Faults, Micros, MotorCommand, MotorCommands, Pose, RangefinderId, Velocity,
-};
+use crate::types::{Delta, Duty, Faults, Micros, MotorCommands, Pose, RangefinderId, Velocity};
 use crate::wire::{
     CellCode, Command, Field, FrameError, LinkCounters, Mode, Order, PoseCode, Report, State,
     StmLink,
@@ -52,6 +50,7 @@ pub struct Robot {
     gyro_enabled: bool,
     slip_monitor: SlipMonitor,
     control: Control,
+    arrival: ArrivalTimer,
     obstacle: ObstacleLimit,
     drive_monitor: DriveMonitor,
     /// Motor commands applied since the last tick.
@@ -62,10 +61,9 @@ pub struct Robot {
     thermometer: Thermometer,
     request: DriveRequest,
     target: PoseCode,
-    /// Millimetres along the path since reset, 2⁻¹⁶.
-    distance: i64,
-    /// Rotation since reset, 2⁻³² turns; unlike the heading it counts whole turns.
-    rotation: i64,
+    /// Since reset, for tuning: the way along the path, 2⁻¹⁶ mm, or the rotation, 2⁻³² turns; unlike the
+    /// heading it counts whole turns.
+    measured: i64,
     /// Next report but for cell, faults and state, see [`Self::encode_reply`].
     report: Report,
     /// The cells' voltages in the wire's code.
@@ -95,6 +93,7 @@ impl Robot {
             gyro_enabled: config.gyro() && quantity == MeasuredQuantity::Pose,
             slip_monitor: SlipMonitor::new(),
             control: Control::new(config),
+            arrival: ArrivalTimer::new(config),
             obstacle: ObstacleLimit::new(config.obstacle_stop(), by_velocity),
             drive_monitor: DriveMonitor::new(config),
             applied: MotorCommands::default(),
@@ -105,8 +104,7 @@ impl Robot {
             thermometer: Thermometer::new(Calibration::UNWRITTEN),
             request: DriveRequest::None,
             target: PoseCode::default(),
-            distance: 0,
-            rotation: 0,
+            measured: 0,
             report: Report::default(),
             voltages: [0; MAX_CELLS],
             event_log: EventLog::new(config.log_period()),
@@ -120,10 +118,9 @@ impl Robot {
     pub fn on_tick(&mut self, input: TickInput, adc_words: &[u16], log: &mut Log) -> TickOutput {
         self.delta = self.odometry.step(input.left, input.right);
         self.slip_monitor.add_to(&mut self.delta);
-        self.distance = self
-            .distance
-            .wrapping_add(self.delta.travel.to_bits().into());
-        self.rotation = self.rotation.wrapping_add(self.delta.turn.into());
+        if self.quantity != MeasuredQuantity::Pose {
+            self.measure();
+        }
         let pose = self.odometry.pose();
         self.obstacle.step(&self.delta);
         let faults = self.drive_monitor.step(&self.applied, &self.delta);
@@ -140,15 +137,7 @@ impl Robot {
 
         // Requirement: WIRE-deadline-3
         let requested = self.request != DriveRequest::None;
-        let busy = match self.request {
-            DriveRequest::None => false,
-            DriveRequest::Target => self.control.moving(),
-            // Until the wheels are held.
-            DriveRequest::Velocity(velocity) => {
-                velocity != Velocity::default() || matches!(self.applied.left, MotorCommand::Run(_))
-            }
-            DriveRequest::Duty(duty) => duty != Duty::ZERO,
-        };
+        let busy = self.busy(log);
         let wheels = match self.supervisor.on_tick(input.now, requested, busy) {
             AllowedMotion::Coast => MotorCommands::default(),
             AllowedMotion::Brake => {
@@ -281,6 +270,7 @@ impl Robot {
         let expected = PoseCode { x, y, rotation };
         self.request = DriveRequest::Target;
         self.target = expected;
+        self.arrival.restart();
         if let Control::Pose(controller) = &mut self.control {
             controller.set_target(expected.to_pose());
         }
@@ -341,8 +331,8 @@ impl Robot {
     fn thousandths(&self) -> i64 {
         match self.quantity {
             MeasuredQuantity::Pose => 0,
-            MeasuredQuantity::Rotation => (self.rotation >> 8).saturating_mul(360_000) >> 24,
-            MeasuredQuantity::Displacement => self.distance.saturating_mul(1000) >> 16,
+            MeasuredQuantity::Rotation => (self.measured >> 8).saturating_mul(360_000) >> 24,
+            MeasuredQuantity::Displacement => self.measured.saturating_mul(1000) >> 16,
         }
     }
 

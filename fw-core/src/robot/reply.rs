@@ -74,15 +74,25 @@ impl Robot {
         }
     }
 
+    /// Adds the last tick's motion to what is measured.
+    #[cold]
+    pub(super) fn measure(&mut self) {
+        let moved = match self.quantity {
+            MeasuredQuantity::Displacement => self.delta.travel.to_bits(),
+            MeasuredQuantity::Rotation | MeasuredQuantity::Pose => self.delta.turn,
+        };
+        self.measured = self.measured.wrapping_add(moved.into());
+    }
+
     /// Rotation in degrees or displacement in millimetres since reset.
     // Requirement: WIRE-modes-3, WIRE-modes-4
     pub(super) fn measurement(&self) -> Binary64 {
         match self.quantity {
             MeasuredQuantity::Pose => Binary64::default(),
             MeasuredQuantity::Rotation => {
-                Binary64::from_scaled(self.rotation.saturating_mul(360), 32)
+                Binary64::from_scaled(self.measured.saturating_mul(360), 32)
             }
-            MeasuredQuantity::Displacement => Binary64::from_scaled(self.distance, 16),
+            MeasuredQuantity::Displacement => Binary64::from_scaled(self.measured, 16),
         }
     }
 }

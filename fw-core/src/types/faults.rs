@@ -81,6 +81,8 @@ faults! {
         "the configuration has a gyroscope and it is missing or unreliable: encoders alone", None;
     SUPPLY_LOW = 14, "supply-low", true, "fw-pac/src/app.rs",
         "the supply of the STM fell below 2.7 V", Some("supply low: motors off");
+    NOT_ARRIVED = 15, "not-arrived", true, "fw-core/src/robot/control.rs",
+        "the robot did not reach its target in time", Some("not arrived in time");
 }
 
 impl Faults {
@@ -165,6 +167,6 @@ mod tests {
             assert_eq!(fault.faults.bits(), 1 << bit, "{}", fault.name);
             assert_eq!(fault.blocking, Faults::BLOCKING.intersects(fault.faults));
         }
-        assert_eq!(Faults::BLOCKING.bits(), 0b100_0011_1111_0000);
+        assert_eq!(Faults::BLOCKING.bits(), 0b1100_0011_1111_0000);
     }
 }

@@ -135,7 +135,7 @@ fn new_faults_are_logged_by_the_table() {
         assert_eq!(lines, Vec::from_iter(line(fault)));
     }
     let all: Vec<_> = Faults::TABLE.iter().filter_map(line).collect();
-    assert_eq!(all.len(), 10);
+    assert_eq!(all.len(), 11);
     assert_eq!(lines_of(|log| log_faults(Faults::ALL_BITS, log)), all);
     assert_eq!(lines_of(|log| log_faults(Faults::NONE, log)), NOTHING);
 }

@@ -102,3 +102,83 @@ fn drive_after_stop_begins_from_rest() {
     course.controller.set_target(target.expected.to_pose());
     course.follow(&target, 40);
 }
+
+/// What was latched but that nobody reads the log.
+fn faults(bench: &Bench) -> Faults {
+    bench.robot.faults().difference(Faults::LOG_DROPPED)
+}
+
+// Requirement: WIRE-fault-15, WIRE-status-5
+#[test]
+fn target_that_is_not_reached_in_time_is_given_up() {
+    for mode in [Mode::Normal, Mode::GuardedNormal] {
+        let mut bench = Bench::new(mode);
+        // 13 mm/s: enough for the drive monitor, too slow for a metre and the 55 s that it may take.
+        let mut ticks = 0;
+        while bench.robot.state() != State::Faulted {
+            // Repeated, the target has no more time.
+            bench.frame(&go(1000));
+            bench.log = Log::new();
+            let running = runs(&bench.tick());
+            let moves = bench.robot.state() == State::Moving;
+            assert!(ticks < 6000 && running == moves, "tick {ticks}");
+            bench.roll(2, 2);
+            ticks += 1;
+        }
+        assert_eq!((ticks, faults(&bench)), (5477, Faults::NOT_ARRIVED));
+        assert!(bench.log().contains(": not arrived in time\n"));
+        for target in [1000, 500] {
+            bench.frame(&go(target));
+            assert_eq!(bench.motors(), BRAKE);
+        }
+        if mode == Mode::GuardedNormal {
+            let clear_faults = Faults::NOT_ARRIVED;
+            bench.frame(&Command {
+                clear_faults,
+                ..go(1000)
+            });
+            assert_eq!(bench.motors(), BRAKE, "cleared, it is stopped");
+            bench.frame(&with_order(Order::Resume, go(1000)));
+            assert!(runs(&bench.tick()) && faults(&bench).is_empty());
+        }
+    }
+}
+
+// Requirement: WIRE-fault-15
+#[test]
+fn target_held_from_time_to_time_is_not_given_up() {
+    let mut bench = Bench::new(Mode::Normal);
+    bench.frame(&go(0));
+    // For two minutes pushed back by 13 mm again and again, from where the motors return.
+    let mut pushes = 0;
+    for _ in 0..12_000 {
+        bench.frame(&go(0));
+        if runs(&bench.tick()) {
+            bench.roll(1, 1);
+        } else if bench.robot.state() == State::Ready {
+            pushes += 1;
+            bench.roll(-200, -200);
+        }
+    }
+    assert_eq!(
+        (faults(&bench), pushes > 50),
+        (Faults::NONE, true),
+        "{pushes}"
+    );
+}
+
+/// The obstacle stop holds the robot back for longer than it may take.
+// Requirement: WIRE-fault-15
+#[test]
+fn time_does_not_run_before_an_obstacle() {
+    let stands = [(fields::BLIND_SPEED, 0)];
+    let mut bench = Bench::with(Mode::Normal, &stands);
+    for _ in 0..12_000 {
+        bench.frame(&go(1000));
+        bench.tick();
+    }
+    assert_eq!(
+        (bench.robot.state(), faults(&bench)),
+        (State::Moving, Faults::NONE)
+    );
+}

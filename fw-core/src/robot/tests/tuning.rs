@@ -170,7 +170,7 @@ fn measurement_beyond_its_type_keeps_its_sign() {
     for mode in [Mode::TuneRotate, Mode::TuneMove] {
         let mut bench = Bench::new(mode);
         for end in [i64::MAX, i64::MIN, 1 << 62] {
-            (bench.robot.rotation, bench.robot.distance) = (end, end);
+            bench.robot.measured = end;
             assert_eq!(bench.robot.thousandths() > 0, end > 0);
             let measured = f64::from_bits(bench.robot.measurement().0);
             assert!(
