@@ -108,25 +108,32 @@ fn faults(bench: &Bench) -> Faults {
     bench.robot.faults().difference(Faults::LOG_DROPPED)
 }
 
+/// Ticks until the robot, of which the wheels roll so, gives up its target.
+fn given_up_after(bench: &mut Bench, command: &Command, roll: impl Fn(u32) -> (i32, i16)) -> u32 {
+    let mut ticks = 0;
+    while bench.robot.state() != State::Faulted {
+        // Repeated, the target has no more time.
+        bench.frame(command);
+        bench.log = Log::new();
+        let running = runs(&bench.tick());
+        let moves = bench.robot.state() == State::Moving;
+        assert!(ticks < 6000 && running == moves, "tick {ticks}");
+        let (left, right) = roll(ticks);
+        bench.roll(left, right);
+        ticks += 1;
+    }
+    assert_eq!(faults(bench), Faults::NOT_ARRIVED);
+    assert!(bench.log().contains(": not arrived in time\n"));
+    ticks
+}
+
 // Requirement: WIRE-fault-15, WIRE-status-5
 #[test]
 fn target_that_is_not_reached_in_time_is_given_up() {
     for mode in [Mode::Normal, Mode::GuardedNormal] {
         let mut bench = Bench::new(mode);
         // 13 mm/s: enough for the drive monitor, too slow for a metre and the 55 s that it may take.
-        let mut ticks = 0;
-        while bench.robot.state() != State::Faulted {
-            // Repeated, the target has no more time.
-            bench.frame(&go(1000));
-            bench.log = Log::new();
-            let running = runs(&bench.tick());
-            let moves = bench.robot.state() == State::Moving;
-            assert!(ticks < 6000 && running == moves, "tick {ticks}");
-            bench.roll(2, 2);
-            ticks += 1;
-        }
-        assert_eq!((ticks, faults(&bench)), (5477, Faults::NOT_ARRIVED));
-        assert!(bench.log().contains(": not arrived in time\n"));
+        assert_eq!(given_up_after(&mut bench, &go(1000), |_| (2, 2)), 5477);
         for target in [1000, 500] {
             bench.frame(&go(target));
             assert_eq!(bench.motors(), BRAKE);
@@ -165,6 +172,24 @@ fn target_held_from_time_to_time_is_not_given_up() {
         (Faults::NONE, true),
         "{pushes}"
     );
+}
+
+/// The obstacle stop's 100 mm/s are just a quarter of the full speed; or it allows nothing, but the robot
+/// turns where it stands, by 46° in 10 s.
+// Requirement: WIRE-fault-15
+#[test]
+fn time_runs_while_the_obstacle_stop_does_not_hold_back() {
+    let fast = [
+        (fields::FULL_SPEED_LEFT, 400),
+        (fields::FULL_SPEED_RIGHT, 400),
+    ];
+    let mut bench = Bench::with(Mode::Normal, &fast);
+    assert_eq!(given_up_after(&mut bench, &go(1000), |_| (2, 2)), 2499);
+    let mut bench = Bench::with(Mode::Normal, &[(fields::BLIND_SPEED, 0)]);
+    let mut turn = go(0);
+    turn.expected.rotation = 0x4000;
+    let slowly = |tick| if tick % 3 == 0 { (0, 0) } else { (-1, 1) };
+    assert_eq!(given_up_after(&mut bench, &turn, slowly), 2492);
 }
 
 /// The obstacle stop holds the robot back for longer than it may take.
