@@ -52,6 +52,16 @@ fn velocity_without_frames_brakes_at_deadline() {
 }
 
 #[test]
+fn velocity_is_motion_from_its_first_tick_until_wheels_are_held() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    assert!(follow(&mut bench, &drive(80), 1).0);
+    assert_eq!(bench.robot.state(), State::Moving);
+    follow(&mut bench, &drive(80), 9);
+    assert!(follow(&mut bench, &drive(0), 1).0);
+    assert_eq!(bench.robot.state(), State::Moving);
+}
+
+#[test]
 fn zero_velocity_holds_wheels_and_is_ready() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     for _ in 0..30 {
