@@ -80,6 +80,7 @@ pub const PROPERTIES: &[&[Property]] = &[
     sensing::gyro::PROPERTIES,
     log::PROPERTIES,
     robot::PROPERTIES,
+    robot::target::PROPERTIES,
 ];
 
 /// Every property, area by area.

@@ -1,6 +1,7 @@
-//! T5, T8 and T14 of the whole robot: any configuration that was accepted, any order of events.
+//! T5, T8, T14 and T17 of the whole robot: any configuration that was accepted, any order of events.
 
 mod rig;
+pub mod target;
 
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::fields::{BATTERY_CUTOFF, MODE};
@@ -75,13 +76,7 @@ pub fn first_sample_moves_nothing(
 }
 
 /// A command of the Pi in a frame that ends now.
-pub(crate) fn send(
-    pi: &mut PiLink,
-    command: &Command,
-    robot: &mut Robot,
-    now: Micros,
-    log: &mut Log,
-) {
+fn send(pi: &mut PiLink, command: &Command, robot: &mut Robot, now: Micros, log: &mut Log) {
     let mut frame = [0; MAX_FRAME];
     let len = pi.send(command, &mut frame);
     let received = ReceivedFrame {

@@ -9,7 +9,7 @@ const PACE: u32 = 26_843_545;
 
 /// Counts the ticks of a motion. It has 10 s, and the time in which the slower wheel rolls, at a quarter
 /// of its full speed, the way along x, along y and four tracks for its turns: on the first board 25 s
-/// and 30 s a metre. The time does not run while the obstacle stop allows less than that speed.
+/// and 30 s a metre. The time does not run while the obstacle stop holds it below that speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArrivalTimer {
     /// A quarter of the slower wheel's full speed, µm/s.
@@ -72,15 +72,10 @@ mod tests {
 
     /// Ticks of a motion of so many micrometres, of which every third is held back, until its time is over.
     fn ticks(timer: &mut ArrivalTimer, way: [u32; 2]) -> u32 {
-        let mut ticks = 0;
-        // What is measured after the first tick has no effect.
-        while !timer.step(
-            true,
-            ticks % 3 == 1,
-            || {
-                if ticks == 0 { way } else { [9; 2] }
-            },
-        ) {
+        let (mut ticks, mut measured) = (0, way);
+        while !timer.step(true, ticks % 3 == 1, || measured) {
+            // What is measured after the first tick has no effect.
+            measured = [9; 2];
             ticks += 1;
             assert!(ticks < 100_000, "never over");
         }
@@ -119,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn timer_begins_anew_with_each_motion() {
+    fn timer_restarts_with_each_motion() {
         let mut timer = ArrivalTimer::new(&first_board());
         let first = ticks(&mut timer, [0, 0]);
         assert!(!timer.step(false, false, || [0; 2]));

@@ -143,8 +143,7 @@ impl PoseController {
         self.allowed = (-distance(back), distance(ahead));
     }
 
-    /// Whether the obstacle stop reduced the forward drive of the last tick: the time of arrival does not
-    /// run.
+    /// Whether the obstacle stop reduced the forward drive of the last tick.
     pub const fn held_back(&self) -> bool {
         self.held_back
     }

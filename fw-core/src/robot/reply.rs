@@ -75,6 +75,7 @@ impl Robot {
     }
 
     /// Adds the last tick's motion to what is measured.
+    // Only the tuning modes measure; inline it costs the other modes' tick.
     #[cold]
     pub(super) fn measure(&mut self) {
         let moved = match self.quantity {

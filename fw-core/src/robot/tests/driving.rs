@@ -103,7 +103,7 @@ fn drive_after_stop_begins_from_rest() {
     course.follow(&target, 40);
 }
 
-/// What was latched but that nobody reads the log.
+/// The latched faults, without the one of the log, which this test does not drain.
 fn faults(bench: &Bench) -> Faults {
     bench.robot.faults().difference(Faults::LOG_DROPPED)
 }
