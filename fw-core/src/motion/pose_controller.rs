@@ -163,6 +163,7 @@ impl PoseController {
     pub fn halt(&mut self) {
         self.phase = Phase::Idle;
         self.tuning_heading = None;
+        self.held_back = false;
         self.mixer.stop_learning();
     }
 
@@ -279,7 +280,6 @@ impl PoseController {
                 } else if aligned && resting {
                     self.settled_ticks += 1;
                     if self.settled_ticks >= SETTLING_TICKS {
-                        self.settled_ticks = 0;
                         if error.within(position_tolerance) {
                             self.phase = Phase::Hold;
                             self.reset_pids();
@@ -305,6 +305,7 @@ impl PoseController {
 
     /// Chooses nose or tail first.
     fn approach(&mut self, error: &TrackingError, pose: &Pose) {
+        self.settled_ticks = 0;
         // In reverse either turn is half a turn less the nose's: less in all where these sum to more.
         let nose = error.bearing(false);
         let turns = i64::from(nose).abs() + i64::from(error.heading.wrapping_sub(nose)).abs();

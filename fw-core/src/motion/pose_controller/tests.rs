@@ -219,9 +219,32 @@ fn held_back_ends_with_the_obstacle_and_is_not_boosted() {
         assert_eq!(controller.drive(&Pose::default(), &STILL), first);
         assert!(controller.held_back());
     }
+    let mut halted = controller.clone();
+    halted.halt();
+    assert!(!halted.held_back());
     limited(&mut controller, 2500.0);
     let _ = controller.drive(&Pose::default(), &STILL);
     assert!(!controller.held_back());
+}
+
+// Requirement: WIRE-obstacle-4
+#[test]
+fn way_back_has_the_limit_of_its_own() {
+    for (ahead, target, held_back) in [
+        (172.0, -10.0, false),
+        (172.0, -500.0, true),
+        (2500.0, -500.0, true),
+    ] {
+        let mut controller = controller(1.0, 1.0);
+        controller.set_target(pose(target, 0.0, 0.0));
+        limited(&mut controller, ahead);
+        let commands = controller.drive(&Pose::default(), &STILL);
+        assert_eq!(controller.held_back(), held_back, "{ahead} {target}");
+        let MotorCommand::Run(left) = commands.left else {
+            panic!("{commands:?}")
+        };
+        assert!(left.hundredths() < -500, "{left:?}");
+    }
 }
 
 // Requirement: DOC-5.2.2-1

@@ -324,3 +324,17 @@ fn derivative_counts_from_the_planned_turn_rate() {
         assert_outputs(controller.drive(&here, &rolling(0.0, most)), 0.0, 0.0);
     }
 }
+
+// Requirement: DOC-5.2.1-1
+#[test]
+fn settling_begins_anew_after_a_push() {
+    let (mut controller, here) = start(&gains(1.0, 1.0, 0.0), 0.0, 0.0);
+    for pose in [&here, &here, &here, &here, &before_target(6.05, 0.0), &here] {
+        let _ = controller.drive(pose, &STILL);
+    }
+    assert_eq!(controller.phase, Phase::FinalRotation);
+    for tick in 1..=5 {
+        let _ = controller.drive(&here, &STILL);
+        assert_eq!(controller.arrived(), tick == 5, "{tick}");
+    }
+}
