@@ -81,11 +81,13 @@ impl Settings {
     /// # Errors
     /// [`Error::Rejected`].
     pub fn with(&self, changes: &[(&Field, u64)]) -> Result<Self, Error> {
-        let mut image = self.image.clone();
+        let on_platform = |&(field, _): &(&Field, u64)| field.address >= PLATFORM;
+        let mut image = if changes.iter().any(on_platform) {
+            self.platform_written()
+        } else {
+            self.image.clone()
+        };
         for &(field, raw) in changes {
-            if field.address >= PLATFORM && image.is_original() {
-                image = self.platform_written();
-            }
             image.set(field, raw);
         }
         image.seal();
@@ -139,4 +141,24 @@ impl Settings {
 /// [`Error::Rejected`] names address, field, value and accepted range.
 pub fn decode(image: &Image) -> Result<Config, Error> {
     Ok(Settings::from_image(image)?.config)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn with_changes_in_any_order_on_original_image_keeps_all() {
+        let mut image = Image::FIRST_BOARD;
+        image.make_original();
+        let original = Settings::from_image(&image).unwrap();
+        let mut changes = [(fields::MODE, 0x10), (fields::GYRO, 1)];
+        for _ in 0..2 {
+            let settings = original.with(&changes).unwrap();
+            for (field, raw) in changes {
+                assert_eq!(settings.get(field), raw, "{}", field.name());
+            }
+            changes.reverse();
+        }
+    }
 }
