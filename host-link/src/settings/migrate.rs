@@ -12,7 +12,7 @@ pub(super) fn from_layout_1(image: &Image) -> Option<Image> {
     let (covered, rest) = image.0.split_at_checked(CHECKSUM)?;
     let is_layout_1 = image.get(LAYOUT_VERSION) == 1
         && image.0.starts_with(&KEY)
-        && rest.starts_with(&crc32(covered).to_le_bytes());
+        && rest.starts_with(&crc32(0, covered).to_le_bytes());
     is_layout_1.then(|| {
         let mut migrated = image.clone();
         for field in &FIELDS {
@@ -40,9 +40,14 @@ mod tests {
         image.set(LAYOUT_VERSION, 1);
         image.set(LAYOUT_LENGTH, 0x38);
         image.0[0x0338..].fill(0xFF);
-        let sum = crc32(&image.0[..0x0334]).to_le_bytes();
-        image.0[0x0334..0x0338].copy_from_slice(&sum);
+        seal(&mut image);
         image
+    }
+
+    /// Stores the checksum of layout 1.
+    fn seal(image: &mut Image) {
+        let sum = crc32(0, &image.0[..0x0334]).to_le_bytes();
+        image.0[0x0334..0x0338].copy_from_slice(&sum);
     }
 
     #[test]
@@ -65,11 +70,14 @@ mod tests {
             image.0[at] ^= 1;
             assert!(Settings::from_image(&image).is_err(), "{at:#06x}");
         }
-        let mut image = layout_1();
-        image.set(CELLS, 9);
-        let sum = crc32(&image.0[..0x0334]).to_le_bytes();
-        image.0[0x0334..0x0338].copy_from_slice(&sum);
-        let error = Settings::from_image(&image).unwrap_err().to_string();
-        assert!(error.contains("cells is 9"), "{error}");
+        // The checksum is right, the content is not.
+        let [mut foreign_key, mut nine_cells] = [layout_1(), layout_1()];
+        foreign_key.0[0] ^= 1;
+        nine_cells.set(CELLS, 9);
+        for (mut image, expected) in [(foreign_key, "key is"), (nine_cells, "cells is 9")] {
+            seal(&mut image);
+            let error = Settings::from_image(&image).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
     }
 }
