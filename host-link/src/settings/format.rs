@@ -1,6 +1,7 @@
 //! Keys and values of the file, derived from a field's page, name, unit and range.
 
 use fw_core::eeprom::{Accepted, FIELDS, Field, Kind, PLATFORM, Unit};
+use fw_core::log::Line;
 use fw_core::wire::Mode;
 
 /// Codes of a turn.
@@ -100,6 +101,29 @@ pub(super) fn text(field: &Field, raw: u64) -> String {
     }
 }
 
+/// What a field may hold, as the file writes it.
+pub(super) fn accepted(field: &Field) -> String {
+    let (min, max) = match *field.accepted {
+        Accepted::IntRange { min, max } => (min.into(), max.into()),
+        _ => (0, field.kind.max()),
+    };
+    match Format::of(field) {
+        Format::Mode => {
+            let mode = |mode: &Mode| format!("\"{}\" ({:#04x})", mode.name(), mode.code());
+            Mode::ALL.iter().map(mode).collect::<Vec<_>>().join(", ")
+        }
+        Format::Flag => "true or false".into(),
+        Format::Hex | Format::Int => format!("a whole number from {min} to {max}"),
+        Format::Scaled(_) => format!("{} to {}", text(field, min), text(field, max)),
+        Format::Bearing => "-360 to 360".into(),
+        Format::Real => {
+            let mut line = Line::new();
+            field.accepted.log(&mut line);
+            line.as_str().into()
+        }
+    }
+}
+
 /// `code` / `scale` with as few decimals as bring the same code back.
 fn shortest(code: u32, scale: f64) -> String {
     let value = f64::from(code) / scale;
@@ -125,15 +149,11 @@ pub(super) fn scaled(value: f64, scale: f64, max: u64) -> Option<u64> {
     (0.0..=max as f64).contains(&code).then_some(code as u64)
 }
 
-/// The nearest bearing of an angle in degrees, wrapped.
-///
-/// # Errors
-/// The accepted range.
-pub(super) fn bearing(degrees: f64) -> Result<u64, String> {
+/// The nearest bearing of an angle from -360 to 360 degrees.
+pub(super) fn bearing(degrees: f64) -> Option<u64> {
     let within = (-360.0..=360.0).contains(&degrees);
     let code = scaled(degrees.rem_euclid(360.0), TURN / 360.0, 0x1_0000);
-    let code = code.filter(|_| within).ok_or("-360 to 360")?;
-    Ok(code & 0xFFFF)
+    Some(code.filter(|_| within)? & 0xFFFF)
 }
 
 #[cfg(test)]
@@ -150,7 +170,7 @@ mod tests {
         }
         let front = fw_core::eeprom::fields::BEARING_FRONT;
         for code in 0..=0xFFFF {
-            assert_eq!(bearing(text(front, code).parse().unwrap()), Ok(code));
+            assert_eq!(bearing(text(front, code).parse().unwrap()), Some(code));
         }
         assert_eq!(text(front, 0xC000), "-90.0");
         let travel = fw_core::eeprom::fields::SERVO_TRAVEL;
@@ -159,6 +179,6 @@ mod tests {
         assert_eq!(shortest(80_000, 1000.0), "80.0");
         let refused = |mm| scaled(mm, 1000.0, 0xFFFF).is_none();
         assert!(refused(70.0) && refused(-1.0) && refused(f64::NAN));
-        assert!(bearing(f64::INFINITY).is_err());
+        assert!(bearing(f64::INFINITY).is_none());
     }
 }

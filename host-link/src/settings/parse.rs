@@ -4,7 +4,7 @@ use super::Settings;
 use super::format::{self, Format};
 use crate::error::Error;
 use crate::file::FileFault;
-use fw_core::eeprom::{Accepted, Config, ConfigError, FIELDS, Field, Image, fields};
+use fw_core::eeprom::{Config, ConfigError, Expected, FIELDS, Field, Image, fields};
 use fw_core::wire::Mode;
 use std::fmt::Write;
 use std::ops::Range;
@@ -33,14 +33,16 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
     for (field, key) in format::all().zip(&keys) {
         let unused = u64::from(field.tap) > image.get(fields::CELLS);
         match find(document, key) {
-            Some(value) => match raw(field, value.get_ref()) {
-                Ok(raw) => image.set(field, raw),
-                Err(accepted) => {
-                    let shown = text.get(value.span()).unwrap_or_default();
-                    let what = format!("{key} = {shown}: accepted is {accepted}");
-                    faults.push(FileFault::at(text, value.span(), what));
+            Some(value) => {
+                if let Some(raw) = raw(field, value.get_ref()) {
+                    image.set(field, raw);
+                    continue;
                 }
-            },
+                let shown = text.get(value.span()).unwrap_or_default();
+                let accepted = format::accepted(field);
+                let what = format!("{key} = {shown}: accepted is {accepted}");
+                faults.push(FileFault::at(text, value.span(), what));
+            }
             None if format::is_optional(field) || unused => {}
             None => {
                 let help = fields::HELP.get(usize::from(field.index)).unwrap_or(&"");
@@ -72,19 +74,25 @@ fn rejected(
     path: &Path,
     line: impl Fn(&str) -> Option<usize>,
 ) -> Error {
-    let locate = |error: &ConfigError| {
+    // The field, where the file has it, and what is wrong, in the file's units.
+    let judged = |error: &ConfigError, image: &Image| {
         let field = FIELDS.iter().find(|field| field.name() == error.field());
         let mut location = format!("in {}", path.display());
-        if let Some(key) = field.map(format::key) {
+        let mut what = error.to_string();
+        if let Some(field) = field {
+            let key = format::key(field);
             if let Some(line) = line(&key) {
                 let _ = write!(location, ", line {line}");
             }
             let _ = write!(location, " ({key})");
+            if let Expected::Range(_) = error.expected {
+                let value = format::text(field, image.get(field));
+                what = format!("{key} is {value}, accepted is {}", format::accepted(field));
+            }
         }
-        (field, location)
+        (field, location, what)
     };
-    let (mut field, location) = locate(first);
-    let mut what = first.to_string();
+    let (mut field, location, mut what) = judged(first, &image);
     for _ in &FIELDS {
         let Some(known) = field else { break };
         image.set(known, Image::FIRST_BOARD.get(known));
@@ -92,11 +100,11 @@ fn rejected(
         let Err(next) = Config::decode(&image) else {
             break;
         };
-        let also = locate(&next);
+        let also = judged(&next, &image);
         if also.0.map(|field| field.address) == Some(known.address) {
             break;
         }
-        let _ = write!(what, "; {}: {next}", also.1);
+        let _ = write!(what, "; {}: {}", also.1, also.2);
         field = also.0;
     }
     Error::Rejected(location, what)
@@ -147,31 +155,19 @@ fn unknown(
     }
 }
 
-/// The raw value of a value of the file.
-///
-/// # Errors
-/// What would be accepted.
-fn raw(field: &Field, value: &DeValue<'_>) -> Result<u64, String> {
+/// The raw value of a value of the file, if the field can store it.
+fn raw(field: &Field, value: &DeValue<'_>) -> Option<u64> {
     let max = field.kind.max();
-    let (from, to) = match *field.accepted {
-        Accepted::IntRange { min, max } => (min.into(), max.into()),
-        _ => (0, max),
-    };
     match Format::of(field) {
         Format::Mode => mode(value),
-        Format::Flag => Ok(value.as_bool().ok_or("true or false")?.into()),
+        Format::Flag => value.as_bool().map(u64::from),
         Format::Hex | Format::Int => {
-            let value = whole(value).and_then(|value| u64::try_from(value).ok());
-            let value = value.filter(|&value| value <= max);
-            value.ok_or_else(|| format!("a whole number from {from} to {to}"))
+            let value = u64::try_from(whole(value)?).ok();
+            value.filter(|&value| value <= max)
         }
-        Format::Scaled(scale) => {
-            let code = format::scaled(real(value)?, scale, max);
-            let end = |code| format::text(field, code);
-            code.ok_or_else(|| format!("{} to {}", end(from), end(to)))
-        }
+        Format::Scaled(scale) => format::scaled(real(value)?, scale, max),
         Format::Bearing => format::bearing(real(value)?),
-        Format::Real => Ok(real(value)?.to_bits()),
+        Format::Real => real(value).map(f64::to_bits),
     }
 }
 
@@ -181,22 +177,15 @@ fn whole(value: &DeValue<'_>) -> Option<i64> {
 }
 
 #[allow(clippy::cast_precision_loss)] // no field tells 2⁵³ from its neighbour
-fn real(value: &DeValue<'_>) -> Result<f64, String> {
+fn real(value: &DeValue<'_>) -> Option<f64> {
     let float = value.as_float();
     let float = float.and_then(|float| float.as_str().parse().ok());
-    let number = float.or_else(|| whole(value).map(|whole| whole as f64));
-    number.ok_or_else(|| "a number".into())
+    float.or_else(|| whole(value).map(|whole| whole as f64))
 }
 
-fn mode(value: &DeValue<'_>) -> Result<u64, String> {
+fn mode(value: &DeValue<'_>) -> Option<u64> {
     let (name, code) = (value.as_str().unwrap_or_default(), whole(value));
-    let modes = Mode::ALL.iter().map(|mode| (mode.name(), mode.code()));
-    let meant = |&(by_name, by_code): &(&str, u8)| {
-        by_name.eq_ignore_ascii_case(name) || code == Some(by_code.into())
-    };
-    let mode = modes.clone().find(meant).ok_or_else(|| {
-        let all = modes.map(|(name, code)| format!("\"{name}\" ({code:#04x})"));
-        all.collect::<Vec<_>>().join(", ")
-    })?;
-    Ok(mode.1.into())
+    let meant =
+        |mode: &&Mode| mode.name().eq_ignore_ascii_case(name) || code == Some(mode.code().into());
+    Some(Mode::ALL.iter().find(meant)?.code().into())
 }

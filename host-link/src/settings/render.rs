@@ -210,16 +210,36 @@ mod tests {
 
     #[test]
     fn figures_no_robot_may_drive_with_are_rejected_with_their_line() {
-        for (from, to, key) in [
-            ("cells = 2", "cells = 0", "battery.cells"),
-            ("p = 6.5088", "p = nan", "pid.forward.p"),
-            ("word = 4095", "word = 0", "battery.adc_max_word"),
-            ("track_mm = 125.0", "track_mm = 0.0", "platform.track_mm"),
+        for (from, to, key, expected) in [
+            (
+                "cells = 2",
+                "cells = 0",
+                "battery.cells",
+                "is 0, accepted is a whole number from 1 to 8",
+            ),
+            (
+                "p = 6.5088",
+                "p = nan",
+                "pid.forward.p",
+                "is NaN, accepted is 0.0 to 10000.0",
+            ),
+            (
+                "word = 4095",
+                "word = 0",
+                "battery.adc_max_word",
+                "is 0, accepted is a whole number from",
+            ),
+            (
+                "track_mm = 125.0",
+                "track_mm = 0.0",
+                "platform.track_mm",
+                "is 0.0, accepted is 20.0 to 2000.0",
+            ),
         ] {
             let (error, line) = complaint(from, to);
-            let expected = format!("line {line} ({key})");
-            let is_named =
-                matches!(&error, Error::Rejected(location, _) if location.contains(&expected));
+            let place = format!("line {line} ({key})");
+            let is_named = matches!(&error, Error::Rejected(location, what)
+                if location.contains(&place) && what.contains(expected));
             assert!(is_named, "{error:?}");
         }
     }
