@@ -138,6 +138,7 @@ impl MockBoard {
     }
 
     fn set_reset(&mut self, high: bool) {
+        assert!(!high || !self.selected, "released without the EEPROM");
         if high && self.in_reset {
             let ticks = self.drive.ticks;
             (self.link, self.reply) = (link(&self.memory), 1);

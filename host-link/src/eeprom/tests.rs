@@ -65,11 +65,13 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     let programmed = write(&mut io).unwrap();
     assert_eq!((programmed.bytes, programmed.bursts), (0, 0));
     // What changes after its burst was read back.
-    let outcome = program(&mut io, &BLANK, 100, None, |_| {
+    let (_folder, journal) = journal();
+    let outcome = program(&mut io, &BLANK, 100, Some(&journal), |_| {
         board.borrow_mut().memory.0[0x3F0] = 0;
     });
     let address = 0x3F0;
     assert!(matches!(outcome, Err(Error::Verify { address: at, .. }) if at == address));
+    assert!(journal.unfinished());
 }
 
 #[test]
@@ -119,10 +121,18 @@ fn lines_left_elsewhere_are_idle_after_read_or_repair() {
     io.i2c.write(0x50, &[0, 0, 0]).unwrap();
     assert!(read(&mut io).is_ok());
     let (_folder, journal) = journal();
-    (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
-    let repaired = repair(&mut io, &journal, true, 100);
-    assert_eq!(repaired, Ok(Repaired::Nothing));
-    assert_idle(&board.borrow(), None);
+    for (memory, killed, repaired) in [
+        (wanted(), true, Repaired::Nothing),
+        (BLANK, false, Repaired::Nothing),
+        (BLANK, true, Repaired::Reset { due: false }),
+    ] {
+        let (board, mut io) = mock_board(&memory, None);
+        (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
+        assert_eq!(repair(&mut io, &journal, killed, 100), Ok(repaired));
+        let resets = usize::from(repaired != Repaired::Nothing);
+        assert_eq!(board.borrow().resets, resets, "killed: {killed}");
+        assert_idle(&board.borrow(), None);
+    }
 }
 
 // Requirement: DOC-6-2
@@ -160,7 +170,7 @@ fn write_total_failure_names_what_was_not_restored() {
         let (board, mut io) = mock_board(&BLANK, Some(fault));
         let outcome = write(&mut io);
         let board = board.borrow();
-        let restored = board.protected && !board.selected;
+        let restored = board.protected && !board.selected && !board.in_reset;
         let is_named = matches!(outcome, Err(Error::NotRestored { .. }));
         assert!(restored || is_named, "{fault:?}: {outcome:?}");
     }
@@ -200,12 +210,19 @@ fn eeprom_is_noticed_where_it_answers() {
 }
 
 #[test]
-fn journal_of_complete_write_asks_for_reset() {
+fn journal_of_complete_write_asks_for_reset_until_it_succeeds() {
     let (_folder, journal) = journal();
     journal.begin(&wanted()).unwrap();
     journal.written().unwrap();
-    assert!(!journal.unfinished() && journal.reset_due());
-    journal.end().unwrap();
+    assert!(!journal.unfinished());
+    // Due until it succeeds; the calls are three idle lines and the two edges of RESET.
+    for at in 0..=5 {
+        let (_, mut io) = mock_board(&wanted(), Some(IoFault::AllFail(at)));
+        assert!(journal.reset_due(), "call {at}");
+        let repaired = repair(&mut io, &journal, false, 100);
+        let is_reset = repaired == Ok(Repaired::Reset { due: true });
+        assert_eq!(is_reset, at == 5, "call {at}: {repaired:?}");
+    }
     assert!(!journal.reset_due());
     // What cannot be removed is an error.
     std::fs::create_dir(journal.path()).unwrap();

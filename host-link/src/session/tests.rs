@@ -15,6 +15,11 @@ fn image(cells: u8) -> Image {
         .with(fields::CELLS, cells.into())
 }
 
+/// [`image`] of two cells in this mode.
+fn image_in(mode: Mode) -> Image {
+    image(2).with(fields::MODE, mode.code().into())
+}
+
 // Requirement: DOC-5.2.1-4, WIRE-battery-1
 #[test]
 fn frames_cycle_cells_unless_one_is_tuned() {
@@ -211,18 +216,50 @@ fn relayed_frame_is_counted_and_its_report_taken_over() {
 
 #[test]
 fn stop_sends_ten_frames_that_brake() {
-    let image = image(2).with(fields::MODE, Mode::GuardedNormal.code().into());
-    let (board, mut io) = mock_board(&image, None);
-    Session::open(&mut io, RATE_HZ, 100).unwrap().stop();
-    let board = board.borrow();
-    let orders: Vec<_> = board.commands.iter().map(|command| command.order).collect();
-    assert_eq!(orders, [Order::Stop; 10]);
+    for (mode, order, target_x) in [
+        (Mode::GuardedNormal, Order::Stop, None),
+        (Mode::Normal, Order::default(), Some(1_234_000)),
+    ] {
+        let (board, mut io) = mock_board(&image_in(mode), None);
+        board.borrow_mut().report.pose.x = 1_234_000;
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        session.wait_for_reply().unwrap();
+        session.stop();
+        // Silence does not end it early.
+        board.borrow_mut().garbled_from = 0;
+        board.borrow_mut().now_us += SILENCE_TIMEOUT_US;
+        session.stop();
+        let sent = board.borrow_mut().commands.split_off(1).into_iter();
+        let sent: Vec<_> = sent
+            .map(|c| (c.order, c.apply.then_some(c.expected.x)))
+            .collect();
+        assert_eq!(sent, [(order, target_x); 20], "{mode:?}");
+    }
+}
+
+#[test]
+fn ensure_drivable_stopped_or_faulted_is_an_error_in_guarded_modes() {
+    for mode in [Mode::Normal, Mode::GuardedNormal] {
+        let (_, mut io) = mock_board(&image_in(mode), None);
+        let session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        for (state, stands) in [
+            (State::Booting, false),
+            (State::Ready, false),
+            (State::Moving, false),
+            (State::Stopped, true),
+            (State::Faulted, true),
+        ] {
+            let is_refused = session.ensure_drivable(state, Faults::NONE).is_err();
+            let expected = stands && mode == Mode::GuardedNormal;
+            assert_eq!(is_refused, expected, "{mode:?}, {state:?}");
+        }
+    }
 }
 
 // Requirement: WIRE-status-2, WIRE-deadline-4
 #[test]
 fn resume_clears_the_lost_link_alone() {
-    let image = image(2).with(fields::MODE, Mode::GuardedNormal.code().into());
+    let image = image_in(Mode::GuardedNormal);
     for (other, frames) in [(Faults::SLIP, 3), (Faults::LEFT_STALLED, 41)] {
         let (board, mut io) = mock_board(&image, None);
         board.borrow_mut().report.state = State::Stopped;
@@ -265,9 +302,8 @@ fn log_is_read_until_it_fails() {
 
 #[test]
 fn session_clears_the_rejections_of_its_own_start_only() {
-    let mode = (fields::MODE, u64::from(Mode::GuardedNormal.code()));
     for before in [Faults::NONE, Faults::FRAME_REJECTED] {
-        let (board, mut io) = mock_board(&image(2).with(mode.0, mode.1), None);
+        let (board, mut io) = mock_board(&image_in(Mode::GuardedNormal), None);
         let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
         let exchange = |session: &mut Session<'_>, frames: u32| {
             for _ in 0..frames {
