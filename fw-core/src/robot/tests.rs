@@ -260,14 +260,26 @@ fn reply_depends_on_its_number_and_newest_data_only() {
     let fresher = encoded(&mut bench.robot, 1);
     assert_eq!((fresher[1], fresher[16] >> 5), (1, 0));
     assert_ne!(fresher[6..16], first[6..16]);
-    // Refreshed on its way, it keeps what the transmitter may have fetched.
-    bench.robot.raise(Faults::SUPPLY_LOW, &mut bench.log);
-    assert_ne!(encoded(&mut bench.robot, 1)[..6], fresher[..6]);
-    let (mut refreshed, begin) = ([0; MAX_FRAME], *fresher.first_chunk().unwrap());
-    bench.robot.refresh_reply(1, begin, &mut refreshed);
-    assert!(refreshed.starts_with(&begin));
-    let report = bench.pi.receive(&refreshed[..26]).expect("a valid reply");
-    assert!(report.faults.is_empty());
+}
+
+// Requirement: WIRE-spi-6
+#[test]
+fn refreshed_reply_keeps_what_the_transmitter_may_have_fetched() {
+    let guarded = |mode: &&Mode| mode.has(crate::wire::Field::Status);
+    for &mode in Mode::ALL.iter().filter(guarded) {
+        let mut bench = Bench::new(mode);
+        let (mut first, mut fresher, mut refreshed) = ([0; 32], [0; 32], [0; 32]);
+        let len = bench.robot.encode_reply(1, &mut first);
+        bench.raise(Faults::SUPPLY_LOW);
+        bench.tick();
+        bench.robot.encode_reply(1, &mut fresher);
+        assert_ne!(fresher[..6], first[..6]);
+        let begin = *first.first_chunk().unwrap();
+        bench.robot.refresh_reply(1, begin, &mut refreshed);
+        assert!(refreshed.starts_with(&begin));
+        let report = bench.pi.receive(&refreshed[..len]).expect("a valid reply");
+        assert!(report.faults.is_empty());
+    }
 }
 
 // Requirement: WIRE-status-2, WIRE-deadline-5
@@ -293,13 +305,16 @@ fn tuning_stop_needs_zero_percent() {
         assert_eq!(bench.motors(), [run(-5000), run(5000)]);
     }
     assert_eq!(bench.log().matches(": T 50.00 0.000\n").count(), 2);
-    bench.ticks(30);
-    assert_eq!(bench.robot.state(), State::Stopped);
-    bench.frame(&tune(50.0));
-    assert_eq!(bench.motors(), BRAKE, "50 % does not end a stop");
-    bench.frame(&Command::default());
-    bench.frame(&tune(50.0));
-    assert!(runs(&bench.tick()));
+    // What rounds to a duty of zero is zero.
+    for zero in [0.0, -0.0, 0.004] {
+        bench.ticks(30);
+        assert_eq!(bench.robot.state(), State::Stopped);
+        bench.frame(&tune(50.0));
+        assert_eq!(bench.motors(), BRAKE, "50 % does not end a stop");
+        bench.frame(&tune(zero));
+        bench.frame(&tune(50.0));
+        assert!(runs(&bench.tick()));
+    }
 }
 
 #[test]

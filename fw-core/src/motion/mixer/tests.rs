@@ -192,3 +192,22 @@ fn duty_is_the_nearest_hundredth() {
         }
     }
 }
+
+#[test]
+fn first_output_fits_the_lower_limit() {
+    for limits in [(10_000, 5_000), (5_000, 10_000)] {
+        let mut mixer = Mixer::new(&config_with(&[
+            (fields::DEAD_ZONE_LEFT, 0),
+            (fields::DEAD_ZONE_RIGHT, 0),
+            (fields::LIMIT_LEFT, limits.0),
+            (fields::LIMIT_RIGHT, limits.1),
+        ]));
+        // Where one wheel were cut alone, the robot would turn.
+        let MotorCommands { left, right } = mixer.mix(percent(80.0), percent(0.0));
+        let size = |command| match command {
+            MotorCommand::Run(duty) => duty.hundredths().abs(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!([size(left), size(right)], [5_000; 2]);
+    }
+}

@@ -97,12 +97,19 @@ mod tests {
             ..Delta::default()
         };
         let half = start.left.half.times(100, 0) >> 2;
-        for (tick, lost) in [(i32::MAX, half), (i32::MIN, half), (0, 0)] {
+        // Along the corrected heading: x, or y after 90°.
+        for (heading, tick, [x, y]) in [
+            (0, i32::MAX, [half, 0]),
+            (0, i32::MIN, [half, 0]),
+            (0, 0, [0, 0]),
+            (1 << 30, i32::MAX, [0, half]),
+        ] {
             let mut odometry = start.clone();
-            odometry.apply_slip(HeadingCorrection { tick, heading: 0 }, &rolled);
-            assert_eq!(odometry.position.y, start.position.y);
-            let back = start.position.x - odometry.position.x;
-            assert!((back - lost).abs() <= lost / 1000, "{back} {lost}");
+            odometry.apply_slip(HeadingCorrection { heading, tick }, &rolled);
+            let back_x = start.position.x - odometry.position.x;
+            let back_y = start.position.y - odometry.position.y;
+            assert!((back_x - x).abs() <= x / 1000, "{back_x} {x}");
+            assert!((back_y - y).abs() <= y / 1000, "{back_y} {y}");
         }
     }
 }

@@ -142,6 +142,7 @@ fn unequal() -> Config {
         (fields::FULL_SPEED_RIGHT, 100),
         (fields::MAX_SPEED, 2_000),
         (fields::BLIND_SPEED, 2_000),
+        (fields::REVERSE_SPEED, 2_000),
         (fields::ACCELERATION, 4_000),
         (fields::FORWARD_P, 0.001_f64.to_bits()),
         (fields::FORWARD_D, 0.001_f64.to_bits()),
@@ -152,22 +153,24 @@ fn unequal() -> Config {
 #[test]
 fn saturated_wheel_slows_both_and_the_ramp() {
     let config = unequal();
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
-    let mut controller = VelocityController::new(&config);
-    let fast = Velocity {
-        forward: 2_000_000,
-        yaw_rate: 0,
-    };
-    let commands = controller.step(fast, &obstacle, &Delta::default());
-    // Four times 40 mm/s take 80 and 160 %: 60 mm/s too much for the right wheel.
-    for (command, percent) in [(commands.left, 50.0), (commands.right, 100.0)] {
-        let crate::types::MotorCommand::Run(duty) = command else {
-            panic!("{command:?}")
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), false);
+    for direction in [1, -1] {
+        let mut controller = VelocityController::new(&config);
+        let fast = Velocity {
+            forward: 2_000_000 * direction,
+            yaw_rate: 0,
         };
-        let found = f64::from(duty.hundredths().abs()) / 100.0;
-        assert!((found - percent).abs() < 0.1, "{found} % of {percent} %");
+        let commands = controller.step(fast, &obstacle, &Delta::default());
+        // Four times 40 mm/s take 80 and 160 %: 60 mm/s too much for the right wheel.
+        for (command, percent) in [(commands.left, 50.0), (commands.right, 100.0)] {
+            let crate::types::MotorCommand::Run(duty) = command else {
+                panic!("{command:?}")
+            };
+            let found = f64::from(i32::from(duty.hundredths()) * direction) / 100.0;
+            assert!((found - percent).abs() < 0.1, "{found} % of {percent} %");
+        }
+        assert!((controller.applied().forward * direction - 25_000).abs() < 100);
     }
-    assert!((controller.applied().forward - 25_000).abs() < 100);
     // So is a turn.
     let mut turning = VelocityController::new(&config);
     turning.ramp.yaw_step = i32::MAX;

@@ -3,6 +3,7 @@
 use super::super::tests::Bench;
 use super::*;
 use crate::eeprom::fields;
+use crate::types::Millimetres;
 use crate::wire::{Command, Mode, State};
 
 extern crate std;
@@ -29,6 +30,14 @@ impl Turned {
             absent: false,
             settings: [0; 2],
         }
+    }
+
+    /// With a gyroscope that has agreed with the wheels over 30°.
+    fn trusted() -> Self {
+        let mut robot = Self::new(Mode::GuardedNormal);
+        robot.ticks(200, 0, 0, 0);
+        robot.ticks(50, SPIN, -10, 10);
+        robot
     }
 
     /// A tick in which the robot turns at `rate` (least significant bits) and its wheels say `counts`
@@ -75,8 +84,12 @@ impl Turned {
     }
 
     fn heading_deg(&self) -> f64 {
-        f64::from(self.bench.robot.pose().heading.0.cast_signed()) / 4_294_967_296.0 * 360.0
+        degrees(self.bench.robot.pose().heading.0.cast_signed())
     }
+}
+
+fn degrees(turn: i32) -> f64 {
+    f64::from(turn) / 4_294_967_296.0 * 360.0
 }
 
 /// 40 counts a tick each way turn the first board by 2.4° a tick, which is too fast; 10 by 0.6°.
@@ -85,9 +98,7 @@ const SPIN: i16 = 3_931;
 // Requirement: WIRE-fault-12
 #[test]
 fn slip_latches_fault_and_keeps_heading() {
-    let mut robot = Turned::new(Mode::GuardedNormal);
-    robot.ticks(200, 0, 0, 0);
-    robot.ticks(50, SPIN, -10, 10);
+    let mut robot = Turned::trusted();
     robot.ticks(10, 0, 0, 0);
     let before = robot.heading_deg();
     assert!((before - 30.0).abs() < 0.1, "{before}");
@@ -168,24 +179,70 @@ fn contradicting_gyro_is_fault_but_not_slip_end() {
 // Requirement: WIRE-fault-13
 #[test]
 fn frozen_gyro_takes_its_correction_back() {
-    let mut robot = Turned::new(Mode::GuardedNormal);
-    robot.ticks(200, 0, 0, 0);
-    robot.ticks(50, SPIN, -10, 10);
-    let before = robot.heading_deg();
+    // Words repeated before one that changed are confirmed by it.
+    for confirmed in [0, 10] {
+        let mut robot = Turned::trusted();
+        robot.frozen = true;
+        robot.ticks(confirmed, SPIN, 0, 0);
+        robot.frozen = false;
+        robot.ticks(confirmed, SPIN, 0, 0);
+        robot.frozen = true;
+        robot.tick(SPIN, 0, 0);
+        let before = robot.heading_deg();
+        robot.ticks(14, SPIN, 0, 0);
+        assert!(robot.heading_deg() - before > 5.0, "a slip so far");
+        robot.ticks(15, SPIN, 0, 0);
+        assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
+        assert!((robot.heading_deg() - before).abs() < 0.1);
+    }
+}
+
+#[test]
+fn absent_gyro_keeps_its_correction() {
+    let mut robot = Turned::trusted();
+    robot.ticks(10, SPIN, 0, 0);
     robot.frozen = true;
-    robot.ticks(15, SPIN, 0, 0);
-    assert!(robot.heading_deg() - before > 5.0, "a slip so far");
-    robot.ticks(15, SPIN, 0, 0);
+    robot.ticks(5, SPIN, 0, 0);
+    let before = robot.heading_deg();
+    robot.absent = true;
+    robot.ticks(10, SPIN, 0, 0);
     assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
-    assert!((robot.heading_deg() - before).abs() < 0.1);
+    assert!(robot.heading_deg() >= before);
+}
+
+/// The heading takes the whole window, the controllers one tick.
+#[test]
+fn slip_start_turns_the_controllers_by_one_tick() {
+    let mut robot = Turned::trusted();
+    let before = robot.heading_deg();
+    let started = (0..20).any(|_| {
+        robot.tick(SPIN, 0, 0);
+        !robot.faults().is_empty()
+    });
+    assert!(started && robot.heading_deg() - before > 2.0);
+    let turn = degrees(robot.bench.robot.delta.turn);
+    assert!((turn - 0.6).abs() < 0.05, "{turn}");
+}
+
+// Requirement: WIRE-obstacle-2
+#[test]
+fn turn_by_hand_voids_the_echo() {
+    let mut robot = Turned::trusted();
+    let limit = |robot: &Turned| robot.bench.robot.obstacle.max_forward();
+    let blind = limit(&robot);
+    let near = Some(Millimetres::default());
+    robot.bench.robot.obstacle.on_range(0, near);
+    robot.tick(0, 0, 0);
+    assert!(blind > 0 && limit(&robot) == 0);
+    // 2.4° a tick.
+    robot.ticks(10, 4 * SPIN, 0, 0);
+    assert_eq!(limit(&robot), blind);
 }
 
 /// Its bias and its trust go with it, and a slip ends.
 #[test]
 fn gyro_lost_during_slip_restarts_without_bias() {
-    let mut robot = Turned::new(Mode::GuardedNormal);
-    robot.ticks(200, 0, 0, 0);
-    robot.ticks(50, SPIN, -10, 10);
+    let mut robot = Turned::trusted();
     robot.ticks(20, 0, -10, 10);
     robot.absent = true;
     robot.ticks(10, 0, 0, 0);

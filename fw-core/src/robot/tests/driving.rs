@@ -151,6 +151,34 @@ fn target_that_is_not_reached_in_time_is_given_up() {
     }
 }
 
+/// A metre to the left of where it stands, and a metre again before the first is reached.
+// Requirement: WIRE-fault-15
+#[test]
+fn new_target_has_the_time_of_its_own_way() {
+    let mut bench = Bench::new(Mode::Normal);
+    for (left, right, ticks) in [(50, 50, 153), (-50, 50, 30)] {
+        for _ in 0..ticks {
+            bench.roll(left, right);
+            bench.tick();
+        }
+    }
+    let ahead = |bench: &Bench| {
+        let PoseCode { x, y, rotation } = bench.robot.report.pose;
+        let y = y + 1_000_000;
+        let mut target = go(0);
+        target.expected = PoseCode { x, y, rotation };
+        target
+    };
+    let first = ahead(&bench);
+    for _ in 0..5000 {
+        bench.frame(&first);
+        bench.tick();
+        bench.roll(2, 2);
+    }
+    let second = ahead(&bench);
+    assert_eq!(given_up_after(&mut bench, &second, |_| (2, 2)), 5477);
+}
+
 // Requirement: WIRE-fault-15
 #[test]
 fn target_held_from_time_to_time_is_not_given_up() {

@@ -52,6 +52,20 @@ fn servo_scan_swings_while_link_is_alive() {
     }
 }
 
+// Requirement: WIRE-obstacle-4
+#[test]
+fn way_back_to_a_target_is_not_limited_in_length() {
+    let mut bench = Bench::with(Mode::GuardedSweep, &[(fields::REVERSE_DISTANCE, 10)]);
+    for _ in 0..40 {
+        bench.frame(&go(-500));
+        let [left, right] = bench.motors();
+        let is_back =
+            |command| matches!(command, MotorCommand::Run(duty) if duty.hundredths() < -500);
+        assert!(is_back(left) && is_back(right), "{left:?} {right:?}");
+        bench.roll(-8, -8);
+    }
+}
+
 // Requirement: WIRE-servo-1
 #[test]
 fn servo_scan_rests_in_silence_and_when_faulted() {

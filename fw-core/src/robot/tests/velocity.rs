@@ -95,24 +95,44 @@ fn blind_speed_is_reported_and_logged() {
 // Requirement: WIRE-obstacle-2
 #[test]
 fn silent_front_sensor_is_blind_again() {
-    let mut bench = Bench::new(Mode::GuardedVelocity);
-    for (answers, limited) in [(true, false), (false, true), (true, false)] {
-        let mut report = Report::default();
-        // Together less than a stall takes.
-        for _ in 0..30 {
-            report = bench.frame(&drive(150));
-            if let Some(which) = bench.tick().trigger
-                && (answers || which != RangefinderId::Front)
-            {
-                let at = bench.sample.now;
-                // 2 m.
-                bench
-                    .robot
-                    .on_echo(which, at.after(500), at.after(500 + 11_650));
+    let far = (Some(11_650), 150, false);
+    // 2 m and no echo; 170 mm and beyond the range. Each together less than a stall takes.
+    for phases in [
+        &[far, (None, 150, true), far][..],
+        &[(Some(985), 80, true), (Some(38_000), 80, false)],
+    ] {
+        let mut bench = Bench::new(Mode::GuardedVelocity);
+        for &(echo_us, mm_s, limited) in phases {
+            let mut report = Report::default();
+            for _ in 0..30 {
+                report = bench.frame(&drive(mm_s));
+                if let Some(which) = bench.tick().trigger
+                    && let Some(width) = echo_us
+                {
+                    let rise = bench.sample.now.after(500);
+                    bench.robot.on_echo(which, rise, rise.after(width));
+                }
             }
+            assert_eq!(report.obstacle_limited, limited, "{echo_us:?}");
         }
-        assert_eq!(report.obstacle_limited, limited);
     }
+}
+
+// Requirement: WIRE-obstacle-2
+#[test]
+fn echo_limits_the_second_tick_after_it() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    bench.frame(&drive(80));
+    while bench.tick().trigger != Some(RangefinderId::Front) {}
+    let rise = bench.sample.now.after(500);
+    bench
+        .robot
+        .on_echo(RangefinderId::Front, rise, rise.after(985));
+    bench.frame(&drive(80));
+    bench.tick();
+    assert!(!bench.robot.report.obstacle_limited);
+    bench.tick();
+    assert!(bench.robot.report.obstacle_limited);
 }
 
 // Requirement: WIRE-obstacle-5
@@ -135,6 +155,11 @@ fn pose_target_is_held_back_before_obstacle() {
     assert_eq!(bench.robot.state(), State::Moving);
     assert!(!bench.robot.faults().intersects(Faults::BLOCKING));
     assert!(bench.log().contains("obstacle: speed limited\n"));
+    for _ in 0..3 {
+        bench.frame(&with_order(Order::Stop, apply));
+        bench.tick();
+    }
+    assert!(!bench.frame(&apply).obstacle_limited, "standing");
 }
 
 // Requirement: WIRE-gyro-3
@@ -145,11 +170,15 @@ fn robot_without_gyro_reports_no_angle() {
 }
 
 /// Every trigger of some seconds, all answered: sensor, tick, bearing of the reading in degrees.
-fn triggers(sweep: u16, servo: u64) -> std::vec::Vec<(RangefinderId, u32, f64)> {
+fn triggers(sweep: u16, servo: u64, order: Order) -> std::vec::Vec<(RangefinderId, u32, f64)> {
     let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::SERVO, servo)]);
     let mut all = std::vec::Vec::new();
     for tick in 0..400 {
-        let report = bench.frame(&Command { sweep, ..drive(0) });
+        let report = bench.frame(&Command {
+            sweep,
+            order,
+            ..drive(0)
+        });
         if let Some(which) = bench.tick().trigger {
             let at = bench.sample.now;
             bench.robot.on_echo(which, at.after(500), at.after(5000));
@@ -163,13 +192,14 @@ fn triggers(sweep: u16, servo: u64) -> std::vec::Vec<(RangefinderId, u32, f64)> 
 // Requirement: WIRE-sweep-1
 #[test]
 fn sweep_keeps_commanded_width_and_every_sensor_cycle() {
-    for (sweep, servo, width) in [
-        (0, 1, 0.0),
-        (0x1555, 1, 30.0),
-        (0xFFFF, 1, 90.0),
-        (0x1555, 0, 0.0),
+    for (sweep, servo, order, width) in [
+        (0, 1, Order::None, 0.0),
+        (0x1555, 1, Order::None, 30.0),
+        (0x1555, 1, Order::Stop, 30.0),
+        (0xFFFF, 1, Order::None, 90.0),
+        (0x1555, 0, Order::None, 0.0),
     ] {
-        let all = triggers(sweep, servo);
+        let all = triggers(sweep, servo, order);
         let (first, last) = (all[0].1, all[all.len() - 1].1);
         assert_eq!(all.len(), (last - first) as usize / 2 + 1, "every 20 ms");
         assert!(all.windows(2).all(|two| two[0].0 != two[1].0));

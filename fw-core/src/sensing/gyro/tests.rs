@@ -17,12 +17,18 @@ struct Simulation {
     events: Vec<Event>,
     /// Sum of the corrections.
     corrected: f64,
+    /// The last correction's turn of its tick.
+    tick_turn: f64,
     /// Turn of the robot less that of the wheels.
     owed: f64,
 }
 
 fn turn(degrees: f64) -> i32 {
     (degrees / 360.0 * 4_294_967_296.0).round() as i32
+}
+
+fn degrees(turn: i32) -> f64 {
+    f64::from(turn) / 4_294_967_296.0 * 360.0
 }
 
 impl Simulation {
@@ -34,6 +40,7 @@ impl Simulation {
             random: fastrand::Rng::with_seed(1),
             events: Vec::new(),
             corrected: 0.0,
+            tick_turn: 0.0,
             owed: 0.0,
         }
     }
@@ -67,7 +74,8 @@ impl Simulation {
         let (correction, event) =
             self.gyro
                 .step(reading, &Delta::rolled(-counts, counts), turn(wheels));
-        self.corrected += f64::from(correction.heading) / 4_294_967_296.0 * 360.0;
+        self.corrected += degrees(correction.heading);
+        self.tick_turn = degrees(correction.tick);
         self.owed += robot - wheels;
         self.events.extend(event);
     }
@@ -240,12 +248,22 @@ fn slip_of_two_seconds_with_turning_wheels_times_out() {
     while !sim.gyro.is_slipping() {
         sim.run(1, 0.0, 0.8);
     }
+    // The heading takes the window, of two ticks, the controllers the last tick.
+    assert!((sim.corrected + 1.6).abs() < 0.05 && (sim.tick_turn + 0.8).abs() < 0.05);
     sim.run(190, 0.0, 0.8);
     sim.run(10, 0.8, 0.8);
     assert!(matches!(
         sim.events[..],
         [Event::SlipStarted, Event::SlipEnded(_)]
     ));
+    // Pauses of the wheels neither count nor restart the time.
+    let mut sim = Simulation::trusted();
+    for round in 1..=101 {
+        sim.run(2, 0.0, 0.8);
+        sim.run(1, 0.0, 0.0);
+        let timed_out = sim.events.contains(&Event::SlipTimedOut);
+        assert_eq!(timed_out, round == 101, "{round}");
+    }
 }
 
 #[test]
@@ -255,8 +273,10 @@ fn wrongly_mounted_gyro_is_never_trusted() {
         sim.scale = scale;
         sim.run(120, 0.0, 0.0);
         for _ in 0..20 {
-            sim.run(100, 0.9, 0.9);
-            sim.run(100, -0.9, -0.9);
+            // One failed verification each way, then a rest that ends the next.
+            sim.run(15, 0.9, 0.9);
+            sim.run(15, -0.9, -0.9);
+            sim.run(30, 0.0, 0.0);
         }
         assert_eq!(sim.corrected, 0.0);
         let mismatches = sim.events.iter().filter(|e| **e == Event::Mismatch);

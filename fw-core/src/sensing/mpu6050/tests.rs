@@ -243,8 +243,11 @@ fn held_bus_is_recovered_with_nine_pulses_and_a_stop() {
 }
 
 #[test]
-fn bus_held_permanently_is_reported_once() {
+fn bus_held_permanently_after_absence_is_reported_once() {
     let mut bus = Bus::new();
+    bus.part.absent = true;
+    bus.run(100);
+    assert_eq!(bus.losses, [DeviceError::NotResponding]);
     bus.part.held = true;
     bus.run(10_000);
     assert_eq!(bus.losses, [DeviceError::BusHeld]);

@@ -129,3 +129,19 @@ fn counts_beyond_their_type_stay_at_its_end() {
         (u32::MAX, u8::MAX)
     );
 }
+
+#[test]
+fn answer_from_beyond_the_range_ends_the_run_of_misses() {
+    for (echo, misses) in [
+        (Echo::Missing, 4),
+        (Echo::TimedOut, 3),
+        (Echo::OutOfRange, 0),
+    ] {
+        let mut stats = EchoStats {
+            consecutive_misses: 3,
+            ..EchoStats::default()
+        };
+        stats.count(echo);
+        assert_eq!(stats.consecutive_misses, misses, "{echo:?}");
+    }
+}

@@ -143,6 +143,17 @@ fn late_trigger_keeps_the_settling_and_listening_times() {
 
 // Requirement: WIRE-sweep-1
 #[test]
+fn width_beyond_travel_is_cut_to_it() {
+    for reversed in [0, 1] {
+        let config = config_with(&[(fields::SERVO, 1), (fields::SERVO_REVERSED, reversed)]);
+        let mut scan = ServoScan::new(&config, true);
+        scan.set_width(0x7000);
+        assert_eq!(scan.commanded, 0x4000, "{reversed}");
+    }
+}
+
+// Requirement: WIRE-sweep-1
+#[test]
 fn changed_width_counts_from_the_next_step_on() {
     let mut scan = ServoScan::new(&with_servo(), true);
     let (mut angle, mut target, mut last) = (0.0, 0.0, None::<f64>);
