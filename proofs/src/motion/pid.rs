@@ -282,7 +282,7 @@ crate::properties! {
     ) {
         cases ["down to the headroom", "down to zero", "reduced"];
         kani first_board_forward [unwind(4)] =
-            (forward_gains(), 100 << 16, any(), if any() { 8 << 16 } else { 20 << 16 }, 1);
+            (forward_gains(), if any() { 100 << 16 } else { 40 << 16 }, any(), 8 << 16, 1);
         kani first_board_rotation [unwind(4)] =
             (rotation_gains(), 50 << 16, i64::from(coarse(8)) << 16, coarse(8), 1);
         sampled 200_000;
