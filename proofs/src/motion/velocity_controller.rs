@@ -129,12 +129,17 @@ pub fn slowing_never_speeds_up(from: i32, less: i32) -> Seen {
 /// Braked for a zero command, the robot stays braked as long as zero is commanded, whatever rolls,
 /// turns or echoes.
 // Requirement: WIRE-velocity-6
-pub fn zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) -> Seen {
+pub fn zero_command_holds_the_brake(
+    values: AcceptedConfig,
+    track: Track,
+    event: Event,
+    ticks: u8,
+) -> Seen {
     given!(let (true, config) = values.checked());
     given!(track.max_forward >= 0);
     let (mut controller, obstacle) = parts(&config);
     let mut obstacle = obstacle.with_track(track);
-    for _ in 0..2 {
+    for _ in 0..ticks % 9 {
         let delta = event.apply(&mut obstacle);
         let commands = controller.step(Velocity::default(), &obstacle, &delta);
         assert!(commands == MotorCommands::BRAKE && !controller.clipped());
@@ -245,10 +250,12 @@ crate::properties! {
         kani proof [unwind(2)];
         sampled 100_000;
     }
-    property T16 zero_command_holds_the_brake(values: AcceptedConfig, track: Track, event: Event) {
+    property T16 zero_command_holds_the_brake(
+        values: AcceptedConfig, track: Track, event: Event, ticks: u8
+    ) {
         cases ["at an obstacle", "free"];
         needs [accepted_configuration_is_bounded];
-        kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any());
+        kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any(), 1);
         sampled 50_000;
     }
     property T16 velocity_keeps_its_limits(
