@@ -143,6 +143,16 @@ mod tests {
 
     // Requirement: WIRE-log-3
     #[test]
+    fn rejected_frames_alone_are_a_line() {
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
+        let mut counters = LinkCounters::default();
+        counters.reject(Cause::Key);
+        line.tick(Micros(0), false, true, &counters, &mut log);
+        assert_eq!(transmitted(&mut log), "I00000: L 1 0 0 0 0 0 0 key 1\n");
+    }
+
+    // Requirement: WIRE-log-3
+    #[test]
     fn link_line_once_a_second_while_frames_come() {
         let (mut line, mut log) = (LinkStats::default(), Log::new());
         let mut frames = 0;

@@ -294,6 +294,12 @@ fn guarded_stop_needs_resume_order() {
     assert_eq!(bench.motors(), BRAKE, "apply does not resume it");
     bench.frame(&with_order(Order::Resume, go(1000)));
     assert!(runs(&bench.tick()));
+    // A target that comes with the stop is the one to resume.
+    let mut bench = Bench::new(Mode::GuardedNormal);
+    bench.frame(&with_order(Order::Stop, go(1000)));
+    assert_eq!(bench.motors(), BRAKE);
+    bench.frame(&with_order(Order::Resume, Command::default()));
+    assert!(runs(&bench.tick()));
 }
 
 // Requirement: DOC-5.2.2-2, WIRE-deadline-5, WIRE-log-7

@@ -92,6 +92,10 @@ fn long_frame_names_all_data_used_and_excess() {
             assert_eq!(errors(mode, &long, &back), [Some(expected); 2]);
             let beyond = parse_command(mode, &CONTEXT, &command, excess);
             assert_eq!(beyond, Err(expected));
+            let both = parse_command(mode, &CONTEXT, &long, 4);
+            let left = left.saturating_add(4);
+            let expected = error(Field::AllDataUsed, offset, Reason::Long { left });
+            assert_eq!(both, Err(expected));
         }
     }
 }
@@ -307,6 +311,32 @@ fn four_ascending_stale_frames_restart_sequence() {
         let taken = restarts(&[1, 2, 3, 101, 4, 5, 6, 7]);
         let expected = [false, false, false, true, false, false, false, true];
         assert_eq!(taken, expected);
+    }
+}
+
+/// 7 is acknowledged where the STM is at reply 9, and where the Pi has sent its fifth.
+// Requirement: WIRE-sequence-7
+#[test]
+fn restart_counts_what_the_other_end_has_not_acknowledged() {
+    for mode in guarded() {
+        let (mut pi, mut stm) = ends(mode);
+        for own in [100, 1, 2, 3, 4] {
+            let mut frame = [0; MAX_FRAME];
+            let last = Some(7);
+            let context = Context {
+                own,
+                last,
+                ..CONTEXT
+            };
+            let len = write_command(mode, &context, &Command::default(), &mut frame);
+            let _ = stm.receive(&frame[..len], 0, 9);
+            let _ = pi.send(&Command::default(), &mut [0; MAX_FRAME]);
+            let len = write_report(mode, &context, &Report::default(), &mut frame);
+            let _ = pi.receive(&frame[..len]);
+        }
+        let counted = |counters: &LinkCounters| (counters.accepted, counters.unacknowledged);
+        assert_eq!(counted(stm.counters()), (2, 2));
+        assert_eq!(counted(pi.counters()), (2, 254));
     }
 }
 

@@ -221,3 +221,28 @@ fn wheel_slower_than_10_mm_s_is_slow() {
         assert_eq!(wheel.is_slow(), slow, "{second}");
     }
 }
+
+// Requirement: WIRE-velocity-6
+#[test]
+fn brake_waits_for_both_wheels() {
+    let config = crate::eeprom::first_board();
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    for (left, right) in [(0, 1 << 16), (1 << 16, 0)] {
+        let mut controller = VelocityController::new(&config);
+        (controller.left.lag, controller.right.lag) = ([left; 2], [right; 2]);
+        let commands = controller.step(Velocity::default(), &obstacle, &Delta::default());
+        assert_ne!(commands, MotorCommands::BRAKE, "{left} {right}");
+    }
+}
+
+#[test]
+fn wheels_shed_their_windup_as_the_forward_regulator() {
+    use crate::eeprom::fields::{FORWARD_ANTI_WINDUP, ROTATION_ANTI_WINDUP};
+    let of = |field, value: f64| {
+        let config = crate::eeprom::config_with(&[(field, value.to_bits())]);
+        std::format!("{:?}", VelocityController::new(&config).left)
+    };
+    for (field, counts) in [(FORWARD_ANTI_WINDUP, true), (ROTATION_ANTI_WINDUP, false)] {
+        assert_eq!(of(field, 0.0) != of(field, 1.0), counts, "{}", field.name());
+    }
+}

@@ -313,6 +313,23 @@ fn reply_carries_the_gyros_angle() {
     // 30°, 2⁻²⁴ turns.
     let expected = (1 << 24) / 12;
     assert!((turned - expected).abs() < expected / 20, "{turned}");
+    robot.absent = true;
+    robot.ticks(10, 0, 0, 0);
+    assert_eq!(angle(&mut robot), None);
+}
+
+// Requirement: WIRE-platform-7
+#[test]
+fn gyro_is_read_in_every_mode_that_drives() {
+    for mode in [
+        Mode::Normal,
+        Mode::GuardedNormal,
+        Mode::GuardedSweep,
+        Mode::GuardedVelocity,
+    ] {
+        let mut robot = Turned::new(mode);
+        assert!((0..20).any(|_| robot.tick(0, 0, 0) != BusRequest::Idle));
+    }
 }
 
 #[test]

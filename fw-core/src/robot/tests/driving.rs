@@ -103,6 +103,18 @@ fn drive_after_stop_begins_from_rest() {
     course.follow(&target, 40);
 }
 
+#[test]
+fn other_heading_at_the_same_place_is_another_target() {
+    let mut course = Course::new();
+    course.controller.set_target(Pose::default());
+    course.follow(&go(0), 10);
+    let mut turn = go(0);
+    turn.expected.rotation = 0x2000;
+    course.controller.set_target(turn.expected.to_pose());
+    course.follow(&turn, 10);
+    assert_eq!(course.bench.robot.state(), State::Moving);
+}
+
 /// The latched faults, without the one of the log, which this test does not drain.
 fn faults(bench: &Bench) -> Faults {
     bench.robot.faults().difference(Faults::LOG_DROPPED)

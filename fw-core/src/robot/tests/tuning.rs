@@ -158,6 +158,31 @@ fn tuned_cell_logs_its_upper_resistor() {
     }
 }
 
+// Requirement: WIRE-battery-2
+#[test]
+fn cell_is_tuned_in_every_mode_and_with_a_target() {
+    for &mode in Mode::ALL {
+        let mut bench = Bench::new(mode);
+        bench.tick();
+        bench.log = Log::new();
+        let apply = matches!(mode, Mode::Normal | Mode::GuardedNormal);
+        bench.frame(&Command {
+            apply,
+            ..tune_cell(0)
+        });
+        assert!(bench.log().contains("tuned tap 1"), "{mode:?}");
+    }
+}
+
+// Requirement: WIRE-log-3
+#[test]
+fn link_line_comes_between_tuning_lines() {
+    let mut bench = Bench::new(Mode::GuardedTuneRotate);
+    bench.frame(&tune(0.0));
+    bench.ticks(2);
+    assert!(bench.log().contains(": L "));
+}
+
 #[test]
 fn unread_cell_logs_no_resistor() {
     let mut bench = Bench::new(Mode::Normal);

@@ -13,6 +13,13 @@ fn drive(mm_s: i32) -> Command {
     }
 }
 
+/// A twelfth of a turn a second, where it stands.
+fn spin() -> Command {
+    let mut spin = drive(0);
+    spin.velocity.yaw_rate = 1 << 28;
+    spin
+}
+
 /// Some ticks with a frame in each: whether the motors run, and the last report.
 fn follow(bench: &mut Bench, command: &Command, ticks: u32) -> (bool, Report) {
     let mut last = (false, Report::default());
@@ -37,6 +44,12 @@ fn velocity_counts_again_one_frame_after_resume() {
     assert!(runs);
     assert_eq!(bench.robot.state(), State::Moving);
     assert_eq!(report.state, State::Moving);
+    // Nothing is left of a turn either.
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    assert!(follow(&mut bench, &spin(), 3).0);
+    assert!(!follow(&mut bench, &with_order(Order::Stop, spin()), 2).0);
+    assert!(!follow(&mut bench, &with_order(Order::Resume, spin()), 1).0);
+    assert!(!follow(&mut bench, &drive(0), 1).0);
 }
 
 // Requirement: WIRE-deadline-1, WIRE-deadline-5
@@ -54,8 +67,11 @@ fn velocity_without_frames_brakes_at_deadline() {
 #[test]
 fn velocity_is_motion_from_its_first_tick_until_wheels_are_held() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
-    assert!(follow(&mut bench, &drive(80), 1).0);
-    assert_eq!(bench.robot.state(), State::Moving);
+    for command in [spin(), drive(80)] {
+        bench = Bench::new(Mode::GuardedVelocity);
+        assert!(follow(&mut bench, &command, 1).0);
+        assert_eq!(bench.robot.state(), State::Moving);
+    }
     follow(&mut bench, &drive(80), 9);
     assert!(follow(&mut bench, &drive(0), 1).0);
     assert_eq!(bench.robot.state(), State::Moving);
@@ -69,6 +85,31 @@ fn zero_velocity_holds_wheels_and_is_ready() {
         assert_eq!(bench.motors(), BRAKE);
         assert_eq!(bench.robot.state(), State::Ready);
     }
+}
+
+#[test]
+fn yaw_rate_beyond_its_limit_is_clipped() {
+    // A 256th of a turn a second.
+    let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::MAX_YAW_RATE, 0x100)]);
+    for (yaw_rate, clipped) in [(1 << 25, true), (1 << 24, false)] {
+        let mut turn = drive(0);
+        turn.velocity.yaw_rate = yaw_rate;
+        assert_eq!(follow(&mut bench, &turn, 5).1.clipped, clipped);
+    }
+}
+
+#[test]
+fn obstacle_line_comes_with_the_report() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    follow(&mut bench, &drive(10), 6);
+    bench.log = Log::new();
+    for _ in 0..20 {
+        bench.frame(&drive(150));
+        bench.tick();
+        let is_logged = bench.log().contains("obstacle: speed limited");
+        assert_eq!(is_logged, bench.robot.report.obstacle_limited);
+    }
+    assert!(bench.robot.report.obstacle_limited);
 }
 
 // Requirement: WIRE-status-7, WIRE-obstacle-2, WIRE-obstacle-6
@@ -167,6 +208,52 @@ fn pose_target_is_held_back_before_obstacle() {
 fn robot_without_gyro_reports_no_angle() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     assert_eq!(follow(&mut bench, &drive(50), 50).1.gyro, GyroCode::NONE);
+}
+
+// Requirement: WIRE-obstacle-5
+#[test]
+fn target_held_is_left_with_the_present_limit() {
+    let mut bench = Bench::with(Mode::GuardedNormal, &[(fields::BLIND_SPEED, 200)]);
+    follow(&mut bench, &go(0), 10);
+    let near = Some(crate::types::Millimetres::default());
+    bench.robot.obstacle.on_range(0, near);
+    follow(&mut bench, &go(0), 1);
+    assert_eq!(bench.robot.state(), State::Ready);
+    bench.roll(-300, -300);
+    follow(&mut bench, &go(0), 1);
+    assert!(bench.robot.report.obstacle_limited);
+}
+
+// Requirement: WIRE-sweep-1
+#[test]
+fn sweep_without_echoes_keeps_its_cycle_and_homing_is_silent() {
+    let sweep = Command {
+        sweep: 0x4000,
+        ..drive(0)
+    };
+    let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::SERVO, 1)]);
+    let mut front = |ticks: core::ops::Range<u32>| {
+        let is_front = |_: &u32| {
+            bench.frame(&sweep);
+            bench.tick().trigger == Some(RangefinderId::Front)
+        };
+        ticks.filter(is_front).collect::<std::vec::Vec<_>>()
+    };
+    // From the third on, past the first end.
+    let ticks = front(0..400);
+    assert!(ticks.len() > 30 && ticks.windows(2).skip(2).all(|two| two[1] - two[0] == 9));
+    while front(0..1).is_empty() {}
+    bench.raise(Faults::LEFT_STALLED);
+    bench.ticks(5);
+    let clear_faults = Faults::LEFT_STALLED;
+    bench.frame(&Command {
+        clear_faults,
+        ..sweep
+    });
+    for tick in 0..50 {
+        bench.frame(&sweep);
+        assert_eq!(bench.tick().trigger, None, "{tick}");
+    }
 }
 
 /// Every trigger of some seconds, all answered: sensor, tick, bearing of the reading in degrees.

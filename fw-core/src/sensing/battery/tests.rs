@@ -199,3 +199,12 @@ fn reading_takes_80_ms_and_warning_ends_50_mv_above() {
         assert_eq!(battery.low(), low, "{above} of 2⁻¹⁶ V");
     }
 }
+
+// Requirement: WIRE-battery-2
+#[test]
+fn tap_below_its_neighbour_can_be_tuned() {
+    let mut battery = Battery::new(&first_board());
+    battery.sample(&[3428, 1000]);
+    assert!(battery.tap(1) < battery.tap(0));
+    assert!(battery.tune(1, Volts(U16F16::from_num(3.9))).is_some());
+}

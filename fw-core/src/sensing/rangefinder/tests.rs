@@ -145,3 +145,14 @@ fn answer_from_beyond_the_range_ends_the_run_of_misses() {
         assert_eq!(stats.consecutive_misses, misses, "{echo:?}");
     }
 }
+
+#[test]
+fn missing_echo_has_the_bearing_of_its_trigger() {
+    let mut rangefinders = Rangefinders::new(1);
+    assert_eq!(rangefinders.tick(Micros(0), Some(100), false), Some(Front));
+    for k in 1..=6 {
+        let _ = rangefinders.tick(Micros(k * TICK), Some(200), false);
+    }
+    let Reading { echo, bearing } = rangefinders.reading(Front);
+    assert_eq!((echo, bearing), (Echo::Missing, 100));
+}

@@ -338,3 +338,21 @@ fn settling_begins_anew_after_a_push() {
         assert_eq!(controller.arrived(), tick == 5, "{tick}");
     }
 }
+
+/// Widened: 4.5 mm end the final rotation, but 6 mm still end the attempt.
+// Requirement: DOC-5.2.1-1
+#[test]
+fn widened_tolerance_counts_for_the_stop_alone() {
+    for (before, error, stops, again) in [
+        (4.4, 0.0, true, false),
+        (4.6, 0.0, false, false),
+        (5.95, 20.0, false, false),
+        (6.05, 20.0, false, true),
+    ] {
+        let (mut controller, here) = start(&gains(1.0, 1.0, 0.0), before, error);
+        controller.widened = true;
+        let commands = controller.drive(&here, &rolling(0.0, 0.0));
+        assert_eq!(commands == MotorCommands::BRAKE, stops, "{before}");
+        assert_eq!(controller.phase != Phase::FinalRotation, again, "{before}");
+    }
+}

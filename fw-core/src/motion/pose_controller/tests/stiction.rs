@@ -69,10 +69,17 @@ fn boost_forward_needs_an_open_gate_and_a_distance() {
 
 #[test]
 fn boost_of_the_rotation_needs_half_the_heading_tolerance() {
-    let half = HEADING_TOLERANCE / 2;
-    for (error, enabled) in [(0, 0.0), (half, 0.0), (half + 1, 1.0)] {
+    let (half, wide) = (HEADING_TOLERANCE / 2, HEADING_TOLERANCE / 4 * 3);
+    for (widened, error, enabled) in [
+        (false, 0, 0.0),
+        (false, half, 0.0),
+        (false, half + 1, 1.0),
+        (true, wide, 0.0),
+        (true, wide + 1, 1.0),
+    ] {
         for (error, enabled) in [(error, enabled), (-error, -enabled)] {
             let (mut controller, here) = stuck(20.0, error);
+            controller.widened = widened;
             for ticks in 1..=10 {
                 let commands = controller.drive(&here, &STILL);
                 assert_outputs(commands, boost(ticks), boost(ticks) * enabled);
