@@ -287,6 +287,28 @@ mod tests {
     }
 
     #[test]
+    fn answer_leaves_the_standby_after_it() {
+        let mut handover = Handover::new(1);
+        handover.stand_by(reply(1, 2));
+        handover.end_frame(26, Micros(0));
+        handover.stand_by(reply(2, 3));
+        let claimed = handover.claim().expect("a frame");
+        assert!(handover.answer(claimed.answer, Micros(9)).is_some());
+        assert_eq!(handover.end_frame(26, Micros(300)).transmit, 2);
+    }
+
+    #[test]
+    fn answer_behind_another_frame_waits_as_standby() {
+        let mut handover = Handover::new(1);
+        handover.end_frame(26, Micros(0));
+        let claimed = handover.claim().expect("a frame");
+        handover.end_frame(26, Micros(30));
+        assert_eq!(handover.answer(claimed.answer, Micros(31)), None);
+        let transmitted = handover.end_frame(26, Micros(60)).transmit;
+        assert_eq!(transmitted, claimed.answer.buffer);
+    }
+
+    #[test]
     fn late_answer_waits_for_the_frame_after_the_next() {
         let mut handover = Handover::new(1);
         // Without a standby the armed reply goes once more.

@@ -256,6 +256,22 @@ fn sweep_without_echoes_keeps_its_cycle_and_homing_is_silent() {
     }
 }
 
+// Requirement: WIRE-sweep-1
+#[test]
+fn reversed_servo_is_triggered_at_the_same_times() {
+    let ticks = [0, 1].map(|reversed| {
+        let servo = [(fields::SERVO, 1), (fields::SERVO_REVERSED, reversed)];
+        let mut bench = Bench::with(Mode::GuardedVelocity, &servo);
+        let is_trigger = |tick: &u32| {
+            let sweep = if *tick < 205 { 0x4000 } else { 0 };
+            bench.frame(&Command { sweep, ..drive(0) });
+            bench.tick().trigger.is_some()
+        };
+        (0..400).filter(is_trigger).collect::<std::vec::Vec<_>>()
+    });
+    assert_eq!(ticks[0], ticks[1]);
+}
+
 /// Every trigger of some seconds, all answered: sensor, tick, bearing of the reading in degrees.
 fn triggers(sweep: u16, servo: u64, order: Order) -> std::vec::Vec<(RangefinderId, u32, f64)> {
     let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::SERVO, servo)]);
