@@ -292,8 +292,8 @@ mod tests {
         handover.stand_by(reply(1, 2));
         handover.end_frame(26, Micros(0));
         handover.stand_by(reply(2, 3));
-        let claimed = handover.claim().expect("a frame");
-        assert!(handover.answer(claimed.answer, Micros(9)).is_some());
+        let answer = handover.claim().expect("a frame").answer;
+        assert!(handover.answer(answer, Micros(9)).is_some());
         assert_eq!(handover.end_frame(26, Micros(300)).transmit, 2);
     }
 
@@ -301,11 +301,10 @@ mod tests {
     fn answer_behind_another_frame_waits_as_standby() {
         let mut handover = Handover::new(1);
         handover.end_frame(26, Micros(0));
-        let claimed = handover.claim().expect("a frame");
+        let answer = handover.claim().expect("a frame").answer;
         handover.end_frame(26, Micros(30));
-        assert_eq!(handover.answer(claimed.answer, Micros(31)), None);
-        let transmitted = handover.end_frame(26, Micros(60)).transmit;
-        assert_eq!(transmitted, claimed.answer.buffer);
+        assert_eq!(handover.answer(answer, Micros(31)), None);
+        assert_eq!(handover.end_frame(26, Micros(60)).transmit, answer.buffer);
     }
 
     #[test]
