@@ -32,8 +32,8 @@ pub struct Snapshot {
     /// Sweep and velocity mode: the bearing at which the first range was measured, degrees counter-clockwise from
     /// straight ahead, −180 to 180.
     pub bearing_deg: Option<f64>,
-    /// Velocity mode: the gyroscope's angle since the STM's reset, turns, counter-clockwise; none without a
-    /// gyroscope or before its first bias.
+    /// Velocity mode: the gyroscope's angle since the STM's reset or its own last loss, turns,
+    /// counter-clockwise; none without a gyroscope or before its first bias.
     pub gyro_turns: Option<f64>,
     /// Guarded modes: the obstacle stop limits the speed.
     pub obstacle_limited: bool,

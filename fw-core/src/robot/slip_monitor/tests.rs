@@ -316,6 +316,10 @@ fn reply_carries_the_gyros_angle() {
     robot.absent = true;
     robot.ticks(10, 0, 0, 0);
     assert_eq!(angle(&mut robot), None);
+    robot.absent = false;
+    robot.ticks(1_000, 0, 0, 0);
+    let again = angle(&mut robot).expect("an angle again");
+    assert!(again.abs() < expected / 20, "{again}");
 }
 
 // Requirement: WIRE-platform-7
