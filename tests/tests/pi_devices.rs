@@ -75,6 +75,13 @@ fn commands_configure_and_drive_through_device_files() {
         }
         pi.configure();
         assert_eq!(pi.devices.levels(), IDLE);
+        // A busy computer's frames come late: it has the longest deadline, and overshoots and returns.
+        let file = pi.folder.path().join("robot.toml");
+        let text = fs::read_to_string(&file).expect("there");
+        let patient = text.replace("deadline_ms = 250", "deadline_ms = 2000");
+        assert_ne!(patient, text);
+        fs::write(file, patient).expect("written");
+        pi.expect(0, "eeprom write robot.toml");
         let start = pi.devices.board.truth().pose;
         for (words, expected) in [
             ("eeprom check", "Guarded Velocity"),
@@ -88,7 +95,7 @@ fn commands_configure_and_drive_through_device_files() {
             assert!(text.contains(expected), "{words}: {text}");
             assert_eq!(pi.devices.levels(), IDLE, "{words}");
         }
-        // Not the path: a busy computer's frames come late, so that it overshoots and returns.
+        // Not the path.
         let moved_mm = pi.devices.board.truth().pose.distance_mm(&start);
         assert!((moved_mm - 120.0).abs() < 10.0, "{moved_mm}");
         assert_eq!(pi.devices.spi_settings(), (Some(0), Some(8), 8_000_000));
