@@ -46,6 +46,14 @@ impl Pi {
         self.expect(0, "eeprom write robot.toml");
     }
 
+    /// Writes `file`: robot.toml with a value replaced.
+    fn edit(&self, from: &str, to: &str, file: &str) {
+        let text = fs::read_to_string(self.folder.path().join("robot.toml")).expect("there");
+        let edited = text.replace(from, to);
+        assert_ne!(edited, text);
+        fs::write(self.folder.path().join(file), edited).expect("written");
+    }
+
     fn command(&self, words: &str) -> std::process::Command {
         let mut command = self.devices.command(&self.program);
         command.args(words.split(' ')).current_dir(&self.folder);
@@ -76,12 +84,8 @@ fn commands_configure_and_drive_through_device_files() {
         pi.configure();
         assert_eq!(pi.devices.levels(), IDLE);
         // A busy computer's frames come late: it has the longest deadline, and overshoots and returns.
-        let file = pi.folder.path().join("robot.toml");
-        let text = fs::read_to_string(&file).expect("there");
-        let patient = text.replace("deadline_ms = 250", "deadline_ms = 2000");
-        assert_ne!(patient, text);
-        fs::write(file, patient).expect("written");
-        pi.expect(0, "eeprom write robot.toml");
+        pi.edit("deadline_ms = 250", "deadline_ms = 2000", "patient.toml");
+        pi.expect(0, "eeprom write patient.toml");
         let start = pi.devices.board.truth().pose;
         for (words, expected) in [
             ("eeprom check", "Guarded Velocity"),
@@ -106,9 +110,7 @@ fn commands_configure_and_drive_through_device_files() {
 fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     let pi = Pi::new(true);
     pi.configure();
-    let second = fs::read_to_string(pi.folder.path().join("robot.toml")).expect("there");
-    let second = second.replace("servo = false", "servo = true");
-    fs::write(pi.folder.path().join("second.toml"), second).expect("written");
+    pi.edit("servo = false", "servo = true", "second.toml");
     let mut outcomes = Vec::new();
     for after_ms in [20, 60, 150, 400] {
         let mut write = pi.command("eeprom write second.toml");

@@ -66,6 +66,15 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
     }
 }
 
+/// What the core rejects of a file.
+struct Rejection {
+    field: Option<&'static Field>,
+    /// Of the field in the file.
+    location: String,
+    /// What is wrong, in the file's units.
+    what: String,
+}
+
 /// The core's judgement of the image, with the file's lines and keys. It names one field at a time: each is
 /// replaced by the first board's to find the next.
 fn rejected(
@@ -74,7 +83,6 @@ fn rejected(
     path: &Path,
     line: impl Fn(&str) -> Option<usize>,
 ) -> Error {
-    // The field, where the file has it, and what is wrong, in the file's units.
     let judged = |error: &ConfigError, image: &Image| {
         let field = FIELDS.iter().find(|field| field.name() == error.field());
         let mut location = format!("in {}", path.display());
@@ -90,9 +98,14 @@ fn rejected(
                 what = format!("{key} is {value}, accepted is {}", format::accepted(field));
             }
         }
-        (field, location, what)
+        Rejection {
+            field,
+            location,
+            what,
+        }
     };
-    let (mut field, location, mut what) = judged(first, &image);
+    let mut rejection = judged(first, &image);
+    let mut field = rejection.field;
     for _ in &FIELDS {
         let Some(known) = field else { break };
         image.set(known, Image::FIRST_BOARD.get(known));
@@ -101,13 +114,13 @@ fn rejected(
             break;
         };
         let also = judged(&next, &image);
-        if also.0.map(|field| field.address) == Some(known.address) {
+        if also.field.map(|field| field.address) == Some(known.address) {
             break;
         }
-        let _ = write!(what, "; {}: {}", also.1, also.2);
-        field = also.0;
+        let _ = write!(rejection.what, "; {}: {}", also.location, also.what);
+        field = also.field;
     }
-    Error::Rejected(location, what)
+    Error::Rejected(rejection.location, rejection.what)
 }
 
 /// 1-based line of a byte offset.
