@@ -223,7 +223,7 @@ pub const fn stoppable(reaction: u32, energy: u32) -> u32 {
         let more = (2 * n + (1 << bit) + reaction) << bit;
         if more <= rest {
             rest -= more;
-            n += 1 << bit;
+            n |= 1 << bit;
         }
     }
     n

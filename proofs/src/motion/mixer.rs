@@ -168,7 +168,7 @@ pub fn compensation_is_monotone(
     }
     Seen::NOTHING
         .case(0, moves && high[0] < 9_000)
-        .case(1, low[0] < 0 && high[0] > 0)
+        .case(1, low[0] <= 0 && high[0] > 0)
         .case(2, low[0] > 0 && low[0] < high[0])
 }
 
@@ -248,6 +248,13 @@ fn of_any_dead_zones() -> AcceptedConfig {
     AcceptedConfig::of_any(|field| matches!(field.address, 0x031C | 0x031E))
 }
 
+/// Two outputs next to each other: that the duty is monotone in all follows.
+#[cfg(kani)]
+const fn neighbours(less: i32) -> (AcceptedConfig, Driven, i32, i32) {
+    let more = less.saturating_add(1);
+    (AcceptedConfig::FIRST_BOARD, Driven::NOT, less, more)
+}
+
 crate::properties! {
     property T7 duty_keeps_its_wheels_limit(
         values: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
@@ -272,8 +279,7 @@ crate::properties! {
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
-        kani unlearned [unwind(80)] =
-            (AcceptedConfig::FIRST_BOARD, Driven::NOT, any(), any());
+        kani unlearned [unwind(80)] = neighbours(any());
         sampled 100_000;
     }
     property T7 rotation_has_priority(
