@@ -185,6 +185,8 @@ fn applied_target_drives_until_silence_brakes() {
     assert_eq!(ticks, 25, "250 ms");
     assert_eq!([last.left, last.right], BRAKE);
     assert_eq!(bench.robot.state(), State::Stopped);
+    // No reply has carried that state yet.
+    assert_eq!(last.leds, leds(State::Stopped));
     let log = bench.log();
     assert!(log.contains("stopped: no fresh frame"));
     assert!(log.contains(": target 1000.000 0.000 mm, 0.00 deg\n"));

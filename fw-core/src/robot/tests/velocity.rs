@@ -161,6 +161,26 @@ fn silent_front_sensor_is_blind_again() {
 
 // Requirement: WIRE-obstacle-2
 #[test]
+fn third_trigger_without_an_echo_voids_the_last() {
+    let mut bench = Bench::new(Mode::GuardedVelocity);
+    bench.frame(&drive(0));
+    assert!((0..100).any(|_| bench.tick().trigger == Some(RangefinderId::Front)));
+    let rise = bench.sample.now.after(500);
+    bench
+        .robot
+        .on_echo(RangefinderId::Front, rise, rise.after(11_650));
+    bench.ticks(2);
+    let seen = bench.robot.obstacle.max_forward();
+    while bench.robot.obstacle.max_forward() == seen {
+        assert!(bench.robot.stats(RangefinderId::Front).missing <= 3);
+        bench.tick();
+    }
+    // A time-out is no second miss of its trigger.
+    assert_eq!(bench.robot.stats(RangefinderId::Front).missing, 3);
+}
+
+// Requirement: WIRE-obstacle-2
+#[test]
 fn echo_limits_the_second_tick_after_it() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     bench.frame(&drive(80));

@@ -135,6 +135,16 @@ fn battery_unread_for_half_a_second_is_empty() {
     assert!(!battery.low() && !battery.empty());
 }
 
+// Requirement: WIRE-fault-4
+#[test]
+fn cell_of_0_v_is_empty() {
+    for words in [words(3.7, 0.0), words(0.0, 3.7), [0; 2]] {
+        let mut battery = Battery::new(&first_board());
+        (0..DEBOUNCE_TICKS).for_each(|_| battery.sample(&words));
+        assert!(battery.low() && battery.empty(), "{words:?}");
+    }
+}
+
 // Requirement: WIRE-eeprom-12
 #[test]
 fn cell_is_its_tap_less_the_one_below() {

@@ -63,6 +63,30 @@ fn silent_sensor_is_followed_a_tick_later_and_answers_once() {
     }
 }
 
+// Requirement: WIRE-log-9
+#[test]
+fn echo_from_beyond_the_range_counts_behind_the_next_trigger() {
+    let mut rangefinders = Rangefinders::new(3);
+    let mut falls = Vec::new();
+    for k in 0..60 {
+        let now = Micros(k * TICK);
+        falls.retain(|&(which, rise, fall)| {
+            let due = now.since(fall) < 1 << 31;
+            if due {
+                rangefinders.echo(which, rise, fall);
+            }
+            !due
+        });
+        if let Some(which) = rangefinders.tick(now, AHEAD, false) {
+            falls.push((which, now.after(500), now.after(38_500)));
+        }
+    }
+    for which in RangefinderId::ALL {
+        let stats = rangefinders.stats(which);
+        assert!(stats.out_of_range >= 6 && stats.missing == 0, "{stats:?}");
+    }
+}
+
 // Requirement: WIRE-servo-1
 #[test]
 fn invalidate_discards_readings_and_pending_triggers() {
