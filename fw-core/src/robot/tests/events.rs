@@ -24,6 +24,21 @@ fn lost_frames_are_counted_logged_and_a_fault() {
     assert_eq!(report.faults, Faults::FRAME_REJECTED, "in the report");
 }
 
+// Requirement: WIRE-fault-2, WIRE-sequence-6
+#[test]
+fn repeated_frame_is_a_fault_and_does_not_feed_the_deadline() {
+    let mut bench = Bench::new(Mode::GuardedNormal);
+    let mut frame = [0; MAX_FRAME];
+    let len = bench.pi.send(&go(1000), &mut frame);
+    for tick in 0..25 {
+        bench.receive(&frame[..len], 0);
+        let rejected = bench.robot.faults() == Faults::FRAME_REJECTED;
+        assert_eq!(rejected, tick > 0);
+        assert_eq!(runs(&bench.tick()), tick < 24, "{tick}");
+    }
+    assert!(bench.robot.faults().intersects(Faults::LINK_LOST));
+}
+
 #[test]
 fn fault_is_latched_and_logged_once() {
     for bit in 0..16 {
@@ -146,6 +161,27 @@ fn link_line_comes_every_hundredth_tick() {
     }
     // The first tick says that it is ready.
     assert_eq!(lines, [2, 102, 202, 302]);
+}
+
+// Requirement: WIRE-log-3
+#[test]
+fn gap_in_the_link_line_is_between_accepted_frames() {
+    let mut bench = Bench::new(Mode::Normal);
+    let mut lines = 0;
+    for tick in 0..250 {
+        match tick % 10 {
+            0 => drop(bench.frame(&Command::default())),
+            5 => bench.receive(&[0], 0),
+            _ => {}
+        }
+        bench.log = Log::new();
+        bench.tick();
+        if tick > 50 && bench.log().contains(": L ") {
+            assert!(bench.log().contains(" 100000 100000 - key "));
+            lines += 1;
+        }
+    }
+    assert_eq!(lines, 2);
 }
 
 // Requirement: WIRE-platform-12

@@ -171,6 +171,11 @@ fn cell_is_tuned_in_every_mode_and_with_a_target() {
             ..tune_cell(0)
         });
         assert!(bench.log().contains("tuned tap 1"), "{mode:?}");
+        // Also while it is stopped.
+        bench.ticks(30);
+        bench.log = Log::new();
+        bench.frame(&tune_cell(1));
+        assert!(bench.log().contains("tuned tap 2"), "{mode:?}");
     }
 }
 
