@@ -115,7 +115,7 @@ fn frame_reader_counts_offset_and_overflow() {
 #[test]
 fn codes_too_large_for_their_bits_are_cut() {
     let mut command = Command::default();
-    (command.tune.cell, command.tune.voltage) = (0xFA, 0xFFFF);
+    (command.tune.cell, command.tune.voltage) = (0xFA, 0x2001);
     command.expected.rotation = 0xFFFF;
     let frame = command_frame(Mode::Normal, &command);
     assert_eq!(frame[9..13], [0x7F, 0xFF, 0x5F, 0xFF]);
@@ -311,6 +311,26 @@ fn four_ascending_stale_frames_restart_sequence() {
         let taken = restarts(&[1, 2, 3, 101, 4, 5, 6, 7]);
         let expected = [false, false, false, true, false, false, false, true];
         assert_eq!(taken, expected);
+    }
+}
+
+// Requirement: WIRE-sequence-3
+#[test]
+fn frame_wrong_in_anything_else_leaves_the_row_of_stale_ones() {
+    for mode in guarded() {
+        let (_, mut stm) = ends(mode);
+        let mut accepted = |own: u8, crc: u8| {
+            let mut frame = [0; MAX_FRAME];
+            let context = Context { own, ..CONTEXT };
+            let len = write_command(mode, &context, &Command::default(), &mut frame);
+            frame[len - 1] ^= crc;
+            stm.receive(&frame[..len], 0, 1).is_ok()
+        };
+        assert!(accepted(100, 0));
+        for own in 1..=4 {
+            assert!(!accepted(50, 1) && !accepted(101, 1));
+            assert_eq!(accepted(own, 0), own == 4);
+        }
     }
 }
 
