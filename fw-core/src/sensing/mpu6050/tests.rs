@@ -251,6 +251,10 @@ fn bus_held_permanently_after_absence_is_reported_once() {
     bus.part.held = true;
     bus.run(10_000);
     assert_eq!(bus.losses, [DeviceError::BusHeld]);
+    // The pause of an absent part, behind each recovery.
+    let active = |request: &&BusRequest| !matches!(request, BusRequest::Idle);
+    let active = bus.requests.iter().filter(active).count();
+    assert!((200..=300).contains(&active), "{active}");
 }
 
 #[test]

@@ -93,6 +93,11 @@ fn pulses_end_without_a_live_link_and_the_position_is_lost() {
             }
         }
     }
+    // A pause on the way to the first bearing: the time begins anew.
+    for _ in 0..30 {
+        scan.tick(true);
+    }
+    assert!(scan.tick(false).is_none() && scan.is_off());
     assert!(scan.tick(true).is_some());
     for k in 1..=FULL_TRAVEL_TICKS {
         scan.tick(true);
