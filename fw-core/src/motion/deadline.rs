@@ -71,6 +71,15 @@ mod tests {
         assert_silence(7, 30 * 60 * 1_000_000, 100);
     }
 
+    #[test]
+    fn deadline_frame_from_just_after_the_tick_is_fresh() {
+        let mut deadline = StopDeadline::new(Milliseconds(250));
+        for frame in [0, 5, 1 << 31] {
+            deadline.fresh(Micros(frame));
+            assert!(!deadline.expired(Micros(frame).after(u32::MAX)));
+        }
+    }
+
     // Requirement: WIRE-deadline-3
     #[test]
     fn deadline_before_first_frame_is_expired() {

@@ -1,7 +1,7 @@
 //! Threshold of each fault, to the count, the tick and the hundredth of a percent.
 
 use super::*;
-use crate::eeprom::first_board;
+use crate::eeprom::{config_with, fields, first_board};
 use crate::types::Duty;
 use std::vec::Vec;
 
@@ -113,6 +113,26 @@ fn wheel_turns_from_a_128th_of_a_turn() {
                 );
             }
         }
+    }
+}
+
+#[test]
+fn coarse_encoder_stands_below_two_counts() {
+    // A 128th of its turn is less than a count.
+    let config = config_with(&[(fields::COUNTS_PER_TURN, 100)]);
+    for (counts, stalled) in [(0, true), (1, true), (2, false)] {
+        let mut monitor = DriveMonitor::new(&config);
+        let mut found = Faults::NONE;
+        for tick in 0..300 {
+            let rolled = if tick % 50 == 0 { counts } else { 0 };
+            found |= monitor.step(&Left.driven(5000), &Left.rolled(rolled));
+        }
+        let expected = if stalled {
+            Faults::LEFT_STALLED
+        } else {
+            Faults::NONE
+        };
+        assert_eq!(found, expected, "{counts}");
     }
 }
 

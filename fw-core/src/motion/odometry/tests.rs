@@ -289,10 +289,11 @@ fn pose_is_rounded_to_nearest() {
     for whole in [-3_i64, -1, 0, 1, 1 << 40] {
         for (part, up) in [(0, 0), (1, 0), (127, 0), (128, 1), (129, 1), (255, 1)] {
             odometry.position.x = whole * 256 + part;
-            odometry.position.y = -whole * 256 + part;
+            // Half a unit more than x: it rounds the other way.
+            odometry.position.y = -whole * 256 + (part ^ 128);
             let pose = odometry.pose();
             assert_eq!(pose.x.0.to_bits(), whole + up, "{whole} {part}");
-            assert_eq!(pose.y.0.to_bits(), -whole + up, "{whole} {part}");
+            assert_eq!(pose.y.0.to_bits(), -whole + 1 - up, "{whole} {part}");
         }
         for (part, up) in [(0, 0), ((1 << 31) - 1, 0), (1 << 31, 1), (u32::MAX, 1)] {
             odometry.heading = (whole << 32) + i64::from(part) + ROUNDING;

@@ -156,3 +156,17 @@ fn distance_of_a_speed_is_its_damping_and_half_its_duty_over_p() {
         );
     }
 }
+
+#[test]
+fn planned_turn_rate_ends_during_the_approach() {
+    let mut controller = aimed(&gains(0.0, 1.0, 10.0), pose(0.0, 0.0, 90.0));
+    // A turn on the spot, a push, and the way back: the final approach begins without a turn.
+    for (x, ticks) in [(0.0, 20), (-100.0, 50)] {
+        for _ in 0..ticks {
+            let _ = controller.drive(&pose(x, 0.0, 0.0), &rolling(0.0, 0.0));
+        }
+    }
+    assert!(matches!(controller.phase, Phase::Approach { .. }));
+    let commands = controller.drive(&pose(-30.0, 0.0, 0.0), &rolling(0.0, 0.0));
+    assert_outputs(commands, 0.0, 0.0);
+}
