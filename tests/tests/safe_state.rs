@@ -3,11 +3,11 @@
 use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
-use object::{Object, ObjectSection};
+use object::{Object, ObjectSection, ObjectSymbol};
 use robot_tests::reference::{normal_frame, original_image};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{ELF, ELF_OVERFLOW, ELF_PANIC, Rig, elf};
-use twin::trace::EventKind;
+use robot_tests::test_board::{ELF, ELF_OVERFLOW, ELF_PANIC, Rig, TIM5_CCR1, elf};
+use twin::trace::{Event, EventKind};
 use twin::{Board, Options, ResetSource};
 
 // Requirement: WIRE-safe-1
@@ -62,6 +62,13 @@ fn missing_tick_stops_motors_and_restarts() {
     );
 }
 
+fn written(event: &Event) -> Option<u64> {
+    match event.kind {
+        EventKind::Write { value, .. } => Some(value),
+        _ => None,
+    }
+}
+
 /// TIM5's flags.
 const TIM5_SR: u64 = 0x4000_0C10;
 
@@ -78,11 +85,15 @@ fn tick_within_its_timers_handler_is_not_lost() {
         .rev()
         .find(|access| access.written.is_some());
     let clears = clears.expect("a flag was cleared").instruction;
+    rig.trace_writes(TIM5_CCR1);
     // Longer than from the battery's conversion, whichever of the next arrivals it is, to the tick.
     for skip in 0..3 {
         rig.stall_once(clears, skip, 250_000);
         let _ = rig.keep_sending(&target, 200_000);
     }
+    // Each is set from the one before, not from when that was served.
+    let set: Vec<u64> = rig.take_events().iter().filter_map(written).collect();
+    assert!(set.windows(2).all(|two| two[1] - two[0] == 10_000));
     assert!(
         rig.resets().is_empty() && !rig.motors_off(),
         "{}",
@@ -139,6 +150,28 @@ fn ends_standing(rig: &Rig, why: &str) {
     assert!(rig.motors_off(), "after the restart it stands");
     rig.run_us(100_000);
     rig.assert_logged("watchdog");
+}
+
+/// A tick that does not return keeps its priority's other handlers away, but not the safe state's.
+// Requirement: WIRE-safe-1
+#[test]
+fn tick_without_end_is_reported_by_the_safe_state() {
+    let mut elf = elf(ELF);
+    let file = object::File::parse(&*elf).expect("an ELF");
+    let text = file.section_by_name(".text").expect("code");
+    let tick = file
+        .symbols()
+        .find(|symbol| symbol.name() == Ok("robot_tick"));
+    let tick = (tick.expect("a tick").address() & !1) - text.address();
+    let begin = text.file_range().expect("in the file").0;
+    let at = usize::try_from(begin + tick).expect("an offset");
+    // A branch to itself.
+    elf[at..at + 2].copy_from_slice(&[0xFE, 0xE7]);
+    let rig = with_original_image(&elf);
+    rig.assert_ready();
+    rig.run_us(40_000);
+    assert!(!rig.is_ready());
+    rig.assert_logged("no tick, motors off");
 }
 
 /// Driving, with the NMI's handler as that of I2C1's errors: the emulated core has no line to its NMI.
