@@ -13,9 +13,12 @@ const HAND_DEG_S: f64 = 90.0;
 /// The whole of it, with both waits for a turn by hand.
 const LIMIT_US: u64 = 90_000_000;
 
-/// Runs the steps on a board that was spoilt before its power came; turns the wheels when asked, if there is
-/// a `hand`; exchanges frames at the end.
-fn bring_up(options: Options, hand: bool, spoil: impl FnOnce(&Rig)) -> (Findings, Rig) {
+/// Both wheels.
+const BOTH: &[&str] = &["left", "right"];
+
+/// Runs the steps on a board that was spoilt before its power came; turns the wheels of `hands` when asked;
+/// exchanges frames at the end.
+fn bring_up(options: Options, hands: &[&str], spoil: impl FnOnce(&Rig)) -> (Findings, Rig) {
     let rig = Rig::with_elf(&elf(ELF_BRINGUP), options);
     spoil(&rig);
     let asked = |log: &str, name: &str| {
@@ -25,9 +28,10 @@ fn bring_up(options: Options, hand: bool, spoil: impl FnOnce(&Rig)) -> (Findings
     let linked = |rig: &Rig| rig.log().contains("link frames");
     let ended = rig.run_until(LIMIT_US, 20_000, |_| {
         let log = rig.log();
-        let turns = |name| HAND_DEG_S * f64::from(u8::from(hand && asked(&log, name)));
-        let hands = Sides::new(turns("left"), turns("right"));
-        rig.world(move |world| world.hand_deg_s = hands);
+        let turned = |name| hands.contains(&name) && asked(&log, name);
+        let turns = |name| HAND_DEG_S * f64::from(u8::from(turned(name)));
+        let speeds = Sides::new(turns("left"), turns("right"));
+        rig.world(move |world| world.hand_deg_s = speeds);
         linked(&rig)
     });
     assert!(ended, "{}", rig.log());
@@ -61,7 +65,7 @@ fn bringup_sound_board_passes_every_check() {
             spi_prefetch,
             ..sound()
         };
-        let (findings, _) = bring_up(options, true, |_| ());
+        let (findings, _) = bring_up(options, BOTH, |_| ());
         assert_eq!(named(&findings, Outcome::Passed).len(), 23, "{findings:#?}");
         assert_eq!(findings.0.len(), 23);
         let prefetch = findings.0.iter().find(|one| one.check == "SPI prefetch");
@@ -74,7 +78,7 @@ fn bringup_sound_board_passes_every_check() {
 #[test]
 fn bringup_mistake_of_the_hardware_fails_its_check() {
     let mistakes = |expected: &[&str], options: Options, spoil: &dyn Fn(&Rig)| {
-        let (findings, _) = bring_up(options, true, |rig| spoil(rig));
+        let (findings, _) = bring_up(options, BOTH, |rig| spoil(rig));
         assert_eq!(findings.failed(), expected, "{findings:#?}");
     };
     let mistake =
@@ -115,9 +119,13 @@ fn bringup_mistake_of_the_hardware_fails_its_check() {
 // Requirement: WIRE-bringup-1
 #[test]
 fn bringup_wheels_not_turned_by_hand_motors_stay_off() {
-    let (findings, rig) = bring_up(sound(), false, |_| ());
-    assert!(rig.truth().path_mm < 0.001);
-    let skipped = named(&findings, Outcome::Skipped);
-    assert_eq!(skipped, ["motor left", "motor right"], "{findings:#?}");
-    assert_eq!(findings.failed(), ["encoder left", "encoder right"]);
+    for hands in [&[][..], &["left"], &["right"]] {
+        let (findings, rig) = bring_up(sound(), hands, |_| ());
+        assert!(!hands.is_empty() || rig.truth().path_mm < 0.001);
+        let skipped = named(&findings, Outcome::Skipped);
+        assert_eq!(skipped, ["motor left", "motor right"], "{findings:#?}");
+        let resting = BOTH.iter().filter(|name| !hands.contains(name));
+        let resting: Vec<_> = resting.map(|name| format!("encoder {name}")).collect();
+        assert_eq!(findings.failed(), resting);
+    }
 }
