@@ -24,6 +24,8 @@ const SEEDS: &str = "ROBOT_SWAP_SEEDS";
 const S3CR: u64 = 0x4002_6458;
 const S3NDTR: u64 = S3CR + 4;
 const S3M0AR: u64 = S3CR + 12;
+/// The handler of a frame's end clears its line's flag here (RM0383, 10.3.6).
+const EXTI_PR: u64 = 0x4001_3C14;
 /// Transmit buffers of the firmware, and bytes of each.
 const BUFFERS: u64 = 3;
 const BUFFER: usize = 32;
@@ -305,6 +307,35 @@ fn early_frame_gets_a_whole_reply() {
             assert_eq!(crc, crc16(bytes).to_be_bytes(), "{gap_ns}: {reply:02x?}");
         }
     }
+}
+
+/// A frame that ends while the answer to the one before is armed waits for that: buffers change hands one after
+/// the other.
+#[test]
+fn frame_end_while_answer_is_armed_waits() {
+    let mut options = options(0x10, Room::default());
+    options.mips = 100.try_into().expect("a core that runs");
+    let rig = Rig::ready(options);
+    let all = functions(&elf(ELF)).expect("an ELF file");
+    let arm = all.iter().find(|f| f.name.ends_with("spi::arm"));
+    // The first time a frame's end arms the standby, the second time its answer is.
+    rig.stall_once(arm.expect("not inlined").address, 1, 20_000);
+    for register in [EXTI_PR, S3M0AR] {
+        rig.trace_writes(register);
+    }
+    let select = SpiStep::Select;
+    let bits = SpiStep::bytes(&[0; 26], 12_000_000);
+    let mut steps = vec![select(true), SpiStep::Wait(60), bits, select(false)];
+    steps.extend([SpiStep::Wait(15_000), select(true), SpiStep::Wait(100)]);
+    steps.extend([select(false), SpiStep::Wait(100_000)]);
+    rig.spi_steps(steps);
+    let events = rig.take_events();
+    let written = events.iter().filter_map(|event| match event.kind {
+        EventKind::Write { address, .. } => Some(address),
+        _ => None,
+    });
+    let written: Vec<u64> = written.take(4).collect();
+    assert_eq!(written, [EXTI_PR, S3M0AR, S3M0AR, EXTI_PR]);
 }
 
 /// The transmitter holds a reply's first two bytes ready: a refresh that changes the second, the highest of x,
