@@ -223,11 +223,12 @@ impl Rig {
     /// When the inputs of the right and of the left motor changed, nanoseconds.
     ///
     /// # Panics
-    /// Where the enable had not been low for the dead time.
+    /// Where the enable had not been low for the dead time, or both inputs were high.
     pub fn take_input_changes(&self) -> [Vec<u64>; 2] {
         let events = self.take_events();
         BRIDGES.map(|(compare, port, inputs)| {
             let (mut duty, mut off_since, mut changes) = (None, None, Vec::new());
+            let mut high = 0;
             for event in &events {
                 match event.kind {
                     EventKind::Write { address, value } if address == compare => {
@@ -242,6 +243,8 @@ impl Rig {
                     {
                         let off = event.at_ns - off_since.expect("the enable is low");
                         assert!(off >= DEAD_TIME_NS, "{off} ns at {}", event.at_ns);
+                        high = high & !(value >> 16) | value & 0xFFFF;
+                        assert_ne!(high, inputs & 0xFFFF, "both at {}", event.at_ns);
                         changes.push(event.at_ns);
                     }
                     _ => {}

@@ -4,8 +4,9 @@ use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{NormalReply, normal_frame, original_image};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{BRIDGES, Rig};
 use twin::plant::{Room, Sides};
+use twin::trace::{Event, EventKind};
 use twin::{Board, Options};
 
 // Requirement: DOC-2.1-3, WIRE-status-6, WIRE-deadline-1, WIRE-deadline-2
@@ -13,10 +14,18 @@ use twin::{Board, Options};
 fn stop_deadline_silent_host_brakes() {
     let rig = Rig::driving();
     assert_eq!(rig.leds(), leds(State::Moving));
+    for (compare, ..) in BRIDGES {
+        rig.trace_writes(compare);
+    }
     let silent_since = rig.now_us();
     assert!(rig.run_until(400_000, 500, |_| rig.motors_off()));
     let after = rig.now_us() - silent_since;
     assert!((230_000..=261_000).contains(&after), "{after} µs");
+    rig.run_us(10_000);
+    // Above the reload: both enables stay high.
+    let braked = rig.take_events().into_iter().rev().take(2);
+    let full = |event: &Event| matches!(event.kind, EventKind::Write { value: 5_000, .. });
+    assert!(braked.clone().count() == 2 && braked.clone().all(|event| full(&event)));
     rig.run_us(1_000_000);
     assert!(rig.motors_off());
     let speed = rig.truth().wheel_deg_s;
