@@ -37,6 +37,7 @@ fn boot_original_eeprom_ready_within_50_ms() {
     assert_eq!((reply.key, reply.rotation), (KEY_STM, 0));
     assert_eq!((reply.x, reply.y), (0, 0));
     assert!(rig.motors_off());
+    assert_eq!(rig.leds(), leds(State::Ready));
     let version = env!("CARGO_PKG_VERSION");
     rig.assert_logged(&format!(": firmware {version}, boot after power-on\n"));
     rig.assert_logged("configured, mode Normal");
@@ -209,6 +210,14 @@ fn boot_held_bus_is_cleared_and_starts() {
     }
 }
 
+/// A slave that nine clocks do not free gets nine more at each attempt.
+#[test]
+fn boot_bus_held_for_longer_is_cleared_again() {
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    rig.i2c_bus(|bus, _| bus.hold_sda(20));
+    rig.assert_ready();
+}
+
 #[test]
 fn boot_shorted_bus_stays_off_and_logs() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
@@ -249,6 +258,15 @@ fn boot_waits_for_a_stretched_clock_but_not_for_ever() {
         rig.assert_logged(ends);
         assert!(rig.resets().is_empty());
     }
+    // An address byte, too.
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    rig.trace_writes(I2C1_DR);
+    assert!(rig.run_until(20_000, 5, |board| !board.take_events().is_empty()));
+    rig.stretch_i2c(true);
+    rig.run_us(500);
+    rig.stretch_i2c(false);
+    rig.assert_ready();
+    assert!(!rig.log().contains("stuck"), "{}", rig.log());
 }
 
 /// The Pi takes the bus in the middle of the read: that is no error, what came is not used, and the STM leaves the
@@ -308,6 +326,20 @@ fn boot_low_speed_oscillator_left_on_gives_its_pins_back() {
     let wheels = rig.truth().wheel_deg_s;
     assert!(wheels.left > 100.0 && wheels.right > 100.0, "{wheels:?}");
     rig.assert_modelled();
+}
+
+/// `FLASH_ACR`, and I2C1's `CCR` (RM0383, 3.8.1 and 18.6.8).
+const FLASH_ACR: u64 = 0x4002_3C00;
+const I2C1_CCR: u64 = 0x4000_541C;
+
+/// Four wait states serve 100 MHz down to 2.4 V, and the bus is not faster than the EEPROM.
+#[test]
+fn boot_flash_and_bus_keep_their_limits() {
+    let [access, clock] = Rig::registers_after_boot([FLASH_ACR, I2C1_CCR]);
+    assert_eq!(access & 15, 4);
+    // Fast mode, low for two thirds: three times the divider of 50 MHz.
+    assert_eq!(clock >> 14, 0b10);
+    assert!(3 * (clock & 0xFFF) * 20 >= 2_500, "{clock:#x}");
 }
 
 /// `CCMR1` of TIM2 and TIM3.
