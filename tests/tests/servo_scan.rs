@@ -9,6 +9,7 @@ use pilot::mapping::{Mapping, RangeSample, mapper_config};
 use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
 use twin::plant::{Params, RangefinderParams};
+use twin::trace::{Event, EventKind};
 use twin::{Board, Options};
 
 /// The first board with a servo, in the sweep mode.
@@ -207,6 +208,9 @@ fn scan_servo_rests_without_frames() {
     }
 }
 
+/// The servo's timer's reload (RM0383, 12.4.12).
+const TIM1_ARR: u64 = 0x4001_002C;
+
 // Requirement: WIRE-servo-3
 #[test]
 fn servo_points_ahead_in_other_modes() {
@@ -214,6 +218,7 @@ fn servo_points_ahead_in_other_modes() {
     let image = image.0.to_vec();
     let rig = Rig::configured(image);
     rig.world(|world| world.servo_mut().force(-1.5));
+    rig.trace_writes(TIM1_ARR);
     let frame = robot_tests::reference::normal_frame(0, 0, 0, false);
     let _ = rig.keep_sending(&frame, 450_000);
     assert!(rig.pings().is_empty(), "not before it stands");
@@ -223,6 +228,9 @@ fn servo_points_ahead_in_other_modes() {
     for ping in pings.iter().filter(|ping| ping.sensor == 0) {
         assert!(ping.bearing_rad.to_degrees().abs() < 0.7);
     }
+    // A microsecond low, then high until the counter overflows behind its reload: 1.5 ms.
+    let middle = |event: &Event| matches!(event.kind, EventKind::Write { value: 1_500, .. });
+    assert!(rig.take_events().iter().all(middle));
 }
 
 // Requirement: DOC-1-2, DOC-2.2-3
