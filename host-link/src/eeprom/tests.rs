@@ -3,6 +3,7 @@
 
 use super::repair::{Repaired, repair};
 use super::*;
+use crate::board_io::output;
 use crate::error::Error;
 use crate::mock_board::{IoFault, MockBoard, mock_board, reconnect};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -72,6 +73,14 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     let address = 0x3F0;
     assert!(matches!(outcome, Err(Error::Verify { address: at, .. }) if at == address));
     assert!(journal.unfinished());
+    // A burst that the part does not take is found before the next.
+    let (_, mut io) = mock_board(&BLANK, None);
+    io.protect = output(|_| Ok(()));
+    let mut bursts = 0;
+    let outcome = program(&mut io, &wanted(), 100, None, |step| {
+        bursts += usize::from(matches!(step, Progress::Written { .. }));
+    });
+    assert!(matches!(outcome, Err(Error::Verify { .. })) && bursts == 0);
 }
 
 #[test]

@@ -1,10 +1,13 @@
 //! Frames of a session on the mock board.
 
 use super::*;
-use crate::mock_board::mock_board;
+use crate::board_io::{IoError, output};
+use crate::mock_board::{IoFault, mock_board};
 use fw_core::eeprom::{FIELDS, Image, fields};
 use fw_core::types::{Faults, Velocity};
 use fw_core::wire::Mode;
+use std::cell::Cell;
+use std::rc::Rc;
 
 /// The first board's EEPROM with so many cells.
 fn image(cells: u8) -> Image {
@@ -104,6 +107,9 @@ fn rejected_reply_is_counted_and_keeps_last_values() {
         let now = (session.snapshot().pose, session.snapshot().cells_v.clone());
         assert_eq!(now, before);
     }
+    board.borrow_mut().fault = Some(IoFault::BusesFail(0));
+    assert!(matches!(session.exchange(&request), Err(Error::Spi(_))));
+    assert_eq!(session.statistics().frames, 7);
 }
 
 // Requirement: WIRE-ready-3
@@ -121,6 +127,19 @@ fn wait_for_ready_ends_in_time_or_by_interrupt() {
     let (board, mut io) = mock_board(&image(2), None);
     assert_eq!(reset::restart(&mut io, 100), Ok(0));
     assert_eq!(board.borrow().resets, 1);
+}
+
+// Requirement: WIRE-ready-3
+#[test]
+fn reset_line_that_cannot_be_held_is_released() {
+    let (_, mut io) = mock_board(&image(2), None);
+    let released = Rc::new(Cell::new(false));
+    let level = Rc::clone(&released);
+    io.reset = output(move |high| {
+        level.set(high);
+        high.then_some(()).ok_or_else(|| IoError::new("injected"))
+    });
+    assert!(reset::pulse(&mut io).is_err() && released.get());
 }
 
 // Requirement: WIRE-rejected-4
