@@ -3,10 +3,10 @@
 use crate::{join, serve};
 use host_link::error::Error;
 use pilot::serve::hub::{Event, Hub, MAX_CLIENTS};
-use pilot::serve::listener::{self, Lines};
+use pilot::serve::listener::{self, GREETING, Lines};
 use pilot::serve::protocol::{MAX_LINE, Request};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::Shutdown;
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
@@ -64,8 +64,10 @@ fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
     });
     // The server may refuse before everything is sent.
     let _ = client.write_all(bytes);
+    client.set_read_timeout(Some(2 * GREETING)).unwrap();
     let mut text = String::new();
     let _ = client.read_to_string(&mut text);
+    drop(client);
     thread.join().unwrap();
     text
 }
@@ -88,10 +90,26 @@ fn connection_without_a_valid_hello_gets_a_refusal() {
             "the token is wrong",
         ),
         (hello(""), Some("0123456789abcdef"), "the token is wrong"),
+        (vec![], None, "timed out"),
     ] {
         let text = answer(&bytes, token);
         assert!(text.contains(reason) && text.lines().count() == 1, "{text}");
     }
+}
+
+// Requirement: SERVE-client-3
+#[test]
+fn network_client_without_the_token_is_refused() {
+    let (hub, _events) = Hub::new();
+    let free = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = free.local_addr().unwrap().to_string();
+    drop(free);
+    listener::tcp(&address, &"0123456789abcdef".into(), &hub).unwrap();
+    let mut client = TcpStream::connect(&address).unwrap();
+    client.set_read_timeout(Some(GREETING)).unwrap();
+    client.write_all(&line(&hello(""))).unwrap();
+    let refusal = BufReader::new(client).lines().next().unwrap().unwrap();
+    assert!(refusal.contains("the token is wrong"), "{refusal}");
 }
 
 // Requirement: SERVE-client-2
