@@ -217,7 +217,14 @@ impl State {
         }
         match flags {
             LINE_INPUT => self.pull(number),
-            LINE_OUTPUT => self.drive(number, level != 0)?,
+            LINE_OUTPUT => {
+                let idle = u32::from(number != SELECT);
+                assert!(
+                    number == RESET || level == idle,
+                    "line {number} is opened at {level}"
+                );
+                self.drive(number, level != 0)?;
+            }
             _ => return Err(EINVAL),
         }
         Ok(())

@@ -25,6 +25,8 @@ fn findings(options: Options, wheels: bool, spoil: impl FnOnce(&Rig, &mut BoardI
     spoil(&rig, &mut io);
     let mut findings = Findings::default();
     let image = check_board(&mut io, 40, 300, &mut findings).expect("not interrupted");
+    // Wheels turn on a sound board only.
+    assert_eq!(image.is_some(), findings.failed().is_empty());
     if let (true, Some(image)) = (wheels, image) {
         let folder = tempfile::tempdir().expect("a folder");
         let journal = Journal::new(folder.path().join("before"));

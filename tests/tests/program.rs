@@ -135,8 +135,8 @@ fn senseless_drives_are_refused_before_they_move() {
     program.expect_each([
         (
             2,
-            "--rate 1 goto 100 0 0",
-            "--rate 1: frames would come 1000 ms",
+            "--rate 7 goto 100 0 0",
+            "--rate 7: frames would come 142 ms",
         ),
         (11, "map tour", "map.png"),
         (2, "tune move --yes --levels 20,100", "--levels 20"),

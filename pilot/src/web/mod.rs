@@ -130,8 +130,42 @@ fn respond(mut stream: UnixStream, status: &str, kind: &str, content: &str) -> i
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::serve::listener::GREETING;
     use std::io::Read;
     use std::net::TcpStream;
+
+    /// Asks the server at `own` for a page, or for its socket.
+    fn ask(own: &str, path: &str, host: &str, origin: &str) -> TcpStream {
+        let mut stream = TcpStream::connect(own).unwrap();
+        let key = "dGhlIHNhbXBsZSBub25jZQ==";
+        let request = format!(
+            "GET {path} HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nUpgrade: websocket\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}\r\n\r\n"
+        );
+        stream.write_all(request.as_bytes()).unwrap();
+        stream
+    }
+
+    // Requirement: SERVE-client-3
+    #[test]
+    fn socket_without_the_token_is_refused() {
+        let (hub, _events) = Hub::new();
+        let url = serve("127.0.0.1:0", &"0123456789abcdef".into(), &hub).unwrap();
+        let own = url.split('/').nth(2).unwrap();
+        let mut stream = ask(own, SOCKET, own, &format!("http://{own}"));
+        // Nothing may follow the request before its answer.
+        stream.read_exact(&mut [0; 12]).unwrap();
+        let hello = br#"{"do":"hello","version":1,"name":"a"}"#;
+        // A text message, masked by zeros.
+        let length = u8::try_from(hello.len()).unwrap();
+        let head = [0x81, 0x80 | length, 0, 0, 0, 0];
+        stream.write_all(&[&head[..], hello].concat()).unwrap();
+        stream.set_read_timeout(Some(GREETING)).unwrap();
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        let answer = String::from_utf8_lossy(&answer);
+        assert!(answer.contains("the token is wrong"), "{answer}");
+    }
 
     // Requirement: SERVE-client-4
     #[test]
@@ -145,13 +179,7 @@ mod tests {
             .next()
             .unwrap();
         let status = |path: &str, host: &str, origin: &str| {
-            let mut stream = TcpStream::connect(own).unwrap();
-            let key = "dGhlIHNhbXBsZSBub25jZQ==";
-            let request = format!(
-                "GET {path} HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nUpgrade: websocket\r\n\
-                 Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}\r\n\r\n"
-            );
-            stream.write_all(request.as_bytes()).unwrap();
+            let mut stream = ask(own, path, host, origin);
             let mut answer = [0; 12];
             stream.read_exact(&mut answer).unwrap();
             String::from_utf8_lossy(&answer[9..]).into_owned()
