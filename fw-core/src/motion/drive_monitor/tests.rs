@@ -153,3 +153,17 @@ fn pause_or_weak_drive_restarts_the_window() {
         }
     }
 }
+
+#[test]
+fn encoder_jumps_beyond_a_tenth_of_a_turn_either_way() {
+    let most = i32::from(first_board().counts_per_turn()) / 10;
+    for side in [Left, Right] {
+        for way in [1, -1] {
+            for (counts, fault) in [(most, Faults::NONE), (most + 1, Faults::ENCODER_JUMP)] {
+                let rolled = side.rolled(counts * way);
+                let found = monitor().step(&MotorCommands::default(), &rolled);
+                assert_eq!(found, fault, "{side:?} {way} {counts}");
+            }
+        }
+    }
+}

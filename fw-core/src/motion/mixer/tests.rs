@@ -202,12 +202,34 @@ fn first_output_fits_the_lower_limit() {
             (fields::LIMIT_LEFT, limits.0),
             (fields::LIMIT_RIGHT, limits.1),
         ]));
-        // Where one wheel were cut alone, the robot would turn.
-        let MotorCommands { left, right } = mixer.mix(percent(80.0), percent(0.0));
         let size = |command| match command {
             MotorCommand::Run(duty) => duty.hundredths().abs(),
             other => panic!("{other:?}"),
         };
-        assert_eq!([size(left), size(right)], [5_000; 2]);
+        // Where one wheel were cut alone, the robot would turn, or not turn on the spot.
+        for (forward, rotation) in [(80.0, 0.0), (-80.0, 0.0), (0.0, 80.0), (0.0, -80.0)] {
+            let MotorCommands { left, right } = mixer.mix(percent(forward), percent(rotation));
+            let sizes = [size(left), size(right)];
+            assert_eq!(sizes, [5_000; 2], "{forward} {rotation}");
+        }
+    }
+}
+
+// Requirement: WIRE-eeprom-6
+#[test]
+fn raw_duty_is_cut_to_the_limit_of_its_wheel() {
+    let mut mixer = Mixer::new(&config_with(&[
+        (fields::LIMIT_LEFT, 8_000),
+        (fields::LIMIT_RIGHT, 5_000),
+    ]));
+    for (left, right, cut) in [
+        (9_000, 9_000, [8_000, 5_000]),
+        (-9_000, -9_000, [-8_000, -5_000]),
+        (6_000, -6_000, [6_000, -5_000]),
+        (4_000, 4_000, [4_000, 4_000]),
+    ] {
+        let MotorCommands { left, right } = mixer.raw(left, right);
+        let run = cut.map(|duty| MotorCommand::Run(Duty::saturating(duty)));
+        assert_eq!([left, right], run);
     }
 }

@@ -112,4 +112,19 @@ mod tests {
             assert!((back_y - y).abs() <= y / 1000, "{back_y} {y}");
         }
     }
+
+    #[test]
+    fn slipping_wheel_is_that_of_the_last_tick() {
+        let start = Odometry::new(&crate::eeprom::first_board(), 0, 0);
+        let rolled = Delta::rolled(100, 0);
+        // The ticks before the slip was detected may have differed the other way.
+        for (tick, loses) in [(1 << 24, true), (-(1 << 24), false)] {
+            for heading in [-(1 << 20), 0, 1 << 20] {
+                let mut odometry = start.clone();
+                odometry.apply_slip(HeadingCorrection { heading, tick }, &rolled);
+                let lost = odometry.position.x < start.position.x;
+                assert_eq!(lost, loses, "{heading} {tick}");
+            }
+        }
+    }
 }

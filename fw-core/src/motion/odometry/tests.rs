@@ -167,15 +167,20 @@ fn position_saturates_at_its_range() {
         (fields::ENCODER_LEFT_REVERSED, 0),
         (fields::ENCODER_RIGHT_REVERSED, 0),
     ]);
-    let mut odometry = Odometry::new(&config, 0, 0);
-    let mut last = 0.0;
-    for k in 1..=100u32 {
-        odometry.step(k * 32_000, (k * 32_000) as u16);
-        let x = odometry.pose().x.0.to_num::<f64>();
-        assert!(x >= last);
-        last = x;
+    for quarter in [0, 1 << 62] {
+        let mut odometry = Odometry::new(&config, 0, 0);
+        odometry.heading += quarter;
+        let mut last = 0.0;
+        for k in 1..=100u32 {
+            odometry.step(k * 32_000, (k * 32_000) as u16);
+            let Pose { x, y, .. } = odometry.pose();
+            let along = if quarter == 0 { x } else { y };
+            let along = along.0.to_num::<f64>();
+            assert!(along >= last);
+            last = along;
+        }
+        assert!(last > 4_194_303.0);
     }
-    assert!(last > 4_194_303.0);
     // ±2²² mm.
     let end = 1 << 62;
     for position in [0, -1, end - 1, end, i64::MAX, -end, -end - 1, i64::MIN] {

@@ -132,6 +132,34 @@ fn pushed_robot_saturates_in_its_first_tick() {
     }
 }
 
+// Requirement: WIRE-velocity-3
+#[test]
+fn speed_and_yaw_rate_are_cut_either_way() {
+    use crate::eeprom::{config_with, fields};
+    let config = config_with(&[
+        (fields::MAX_SPEED, 100),
+        (fields::MAX_YAW_RATE, 0x1000),
+        (fields::BLIND_SPEED, 2_000),
+        (fields::REVERSE_SPEED, 2_000),
+    ]);
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), false);
+    let ramp = VelocityRamp::new(config.velocity_limits());
+    let (forward, yaw_rate) = (100_000, 1 << 28);
+    for (speed, turn) in [(1, 1), (1, -1), (-1, 1), (-1, -1)] {
+        let most = Velocity {
+            forward: forward * speed,
+            yaw_rate: yaw_rate * turn,
+        };
+        let beyond = Velocity {
+            forward: most.forward + speed,
+            yaw_rate: most.yaw_rate + turn,
+        };
+        let followed = ramp.step(most, beyond, &obstacle);
+        assert_eq!((followed.target, followed.velocity), (most, most));
+        assert!(followed.clipped && !ramp.step(most, most, &obstacle).clipped);
+    }
+}
+
 /// Without dead zones, wheels of 200 and 100 mm/s, 40 mm/s a tick, hardly any gains.
 fn unequal() -> Config {
     use crate::eeprom::{config_with, fields};
@@ -186,6 +214,29 @@ fn saturated_wheel_slows_both_and_the_ramp() {
             / 1000.0;
     let applied = f64::from(turning.applied().yaw_rate) / f64::from(yaw_rate) * way_mm_s;
     assert!((applied - 25.0).abs() < 0.1, "{applied} of {way_mm_s} mm/s");
+}
+
+/// The weaker wheel saturates backwards while the robot drives forwards, or the other way round: less forward
+/// speed would not help it.
+// Requirement: WIRE-velocity-5
+#[test]
+fn turn_that_saturates_against_the_forward_speed_is_slowed() {
+    let config = unequal();
+    let obstacle = ObstacleLimit::new(config.obstacle_stop(), false);
+    for direction in [1, -1] {
+        let mut controller = VelocityController::new(&config);
+        controller.ramp.yaw_step = i32::MAX;
+        controller.ramp.max_yaw_rate = i32::MAX;
+        let command = Velocity {
+            forward: 10_000 * direction,
+            yaw_rate: -(1 << 29) * direction,
+        };
+        let _ = controller.step(command, &obstacle, &Delta::default());
+        let Velocity { forward, yaw_rate } = controller.applied();
+        assert_eq!(forward, command.forward);
+        let kept = f64::from(yaw_rate) / f64::from(command.yaw_rate);
+        assert!(0.1 < kept && kept < 0.9, "{kept}");
+    }
 }
 
 #[test]
