@@ -27,6 +27,18 @@ fn first_board_cells_are_exact_to_an_adc_step() {
     }
 }
 
+// Requirement: DOC-6.0.3-2
+#[test]
+fn configured_largest_word_is_the_full_scale() {
+    for largest in [1023_u16, 4095, u16::MAX] {
+        let config = config_with(&[(fields::ADC_MAX_WORD, largest.into())]);
+        let mut battery = Battery::new(&config);
+        battery.sample(&[largest]);
+        // 3.3 V at the pin.
+        assert!((volts(&battery, 0) - 4.3).abs() < 0.0001, "{largest}");
+    }
+}
+
 // Requirement: DOC-5.1.3-3
 #[test]
 fn tune_finds_the_actual_resistors() {
@@ -145,7 +157,7 @@ fn cell_of_0_v_is_empty() {
     }
 }
 
-// Requirement: WIRE-eeprom-12
+// Requirement: WIRE-eeprom-12, DOC-5.1.3-3
 #[test]
 fn cell_is_its_tap_less_the_one_below() {
     let taps = FIELDS.iter().filter(|field| field.tap != 0);
@@ -164,6 +176,10 @@ fn cell_is_its_tap_less_the_one_below() {
         for cell in 0..8 {
             let voltage = battery.cell(cell).unwrap().0.to_bits();
             assert_eq!(voltage, battery.tap(cell).saturating_sub(below), "{cell}");
+            // A reference of what is read finds the resistor that is configured.
+            if let Some(upper) = battery.tune(cell, battery.cell(cell).unwrap()) {
+                assert!(upper.abs_diff(10_000) <= 1, "{cell}: {upper}");
+            }
             below = battery.tap(cell);
         }
     }

@@ -180,3 +180,22 @@ fn missing_echo_has_the_bearing_of_its_trigger() {
     let Reading { echo, bearing } = rangefinders.reading(Front);
     assert_eq!((echo, bearing), (Echo::Missing, 100));
 }
+
+// Requirement: WIRE-bearing-2
+#[test]
+fn front_sensor_waits_for_its_bearing_and_the_sides_do_not() {
+    let mut rangefinders = Rangefinders::new(3);
+    let mut tick = 0;
+    let mut triggered_within = |ticks: u32, bearing| {
+        (0..ticks).find_map(|_| {
+            tick += 1;
+            rangefinders.tick(Micros(tick * TICK), bearing, true)
+        })
+    };
+    for _ in 0..2 {
+        assert_eq!(triggered_within(20, None), None);
+        assert_eq!(triggered_within(1, AHEAD), Some(Front));
+        assert_eq!(triggered_within(3, None), Some(Right));
+        assert_eq!(triggered_within(3, None), Some(Left));
+    }
+}

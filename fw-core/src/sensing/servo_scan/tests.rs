@@ -150,10 +150,19 @@ fn late_trigger_keeps_the_settling_and_listening_times() {
 #[test]
 fn width_beyond_travel_is_cut_to_it() {
     for reversed in [0, 1] {
-        let config = config_with(&[(fields::SERVO, 1), (fields::SERVO_REVERSED, reversed)]);
-        let mut scan = ServoScan::new(&config, true);
-        scan.set_width(0x7000);
-        assert_eq!(scan.commanded, 0x4000, "{reversed}");
+        for travel in [0x8000, 0x2AAA] {
+            let mut scan = ServoScan::new(
+                &config_with(&[
+                    (fields::SERVO, 1),
+                    (fields::SERVO_REVERSED, reversed),
+                    (fields::SERVO_TRAVEL, travel),
+                ]),
+                true,
+            );
+            scan.set_width(0x7000);
+            let half = travel / 2;
+            assert_eq!(u64::from(scan.commanded), half, "{reversed}");
+        }
     }
 }
 
@@ -198,5 +207,29 @@ fn changed_width_counts_from_the_next_step_on() {
             (width / 5.0) as usize
         };
         assert_eq!(bearings.len(), steps + 1, "{width}: {bearings:?}");
+    }
+}
+
+// Requirement: WIRE-sweep-1
+#[test]
+fn scan_narrowed_at_either_end_is_within_it_at_once() {
+    for end in [-90.0, 90.0] {
+        let mut scan = ServoScan::new(&with_servo(), true);
+        let (mut narrowed, mut readings) = (false, 0);
+        for _ in 0..500 {
+            scan.tick(true);
+            let Some(bearing) = scan.settled_bearing().map(degrees) else {
+                continue;
+            };
+            scan.triggered();
+            if narrowed {
+                assert!(bearing.abs() < 30.2, "{end}: {bearing}");
+                readings += 1;
+            } else if (bearing - end).abs() < 0.2 {
+                scan.set_width(0x1555);
+                narrowed = true;
+            }
+        }
+        assert!(readings > 20, "{end}: {readings}");
     }
 }
