@@ -164,3 +164,17 @@ pub fn bearing_code(bearing: Turns) -> u16 {
 pub fn bearing(code: u16) -> Turns {
     Turns(u32::from(code) << 16)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voltage_of_a_code_is_the_nearest() {
+        for voltage in 0..=CellCode::MAX_VOLTAGE {
+            let bits = CellCode { cell: 0, voltage }.to_volts().0.to_bits();
+            let off = (bits * 200).abs_diff(u32::from(voltage) << 16);
+            assert!(off <= 100, "{voltage}: {bits}");
+        }
+    }
+}

@@ -302,8 +302,8 @@ mod tests {
         let mut handover = Handover::new(1);
         handover.end_frame(26, Micros(0));
         let answer = handover.claim().expect("a frame").answer;
-        handover.end_frame(26, Micros(30));
-        assert_eq!(handover.answer(answer, Micros(31)), None);
+        handover.end_frame(26, Micros(9));
+        assert_eq!(handover.answer(answer, Micros(10)), None);
         assert_eq!(handover.end_frame(26, Micros(60)).transmit, answer.buffer);
     }
 

@@ -176,6 +176,17 @@ fn contradicting_gyro_is_fault_but_not_slip_end() {
     assert_eq!(upside_down.faults(), Faults::GYRO_LOST);
 }
 
+#[test]
+fn turn_either_way_makes_the_gyro_trusted() {
+    for way in [1, -1] {
+        let mut robot = Turned::new(Mode::GuardedNormal);
+        robot.ticks(200, 0, 0, 0);
+        robot.ticks(50, SPIN * way, -10 * i32::from(way), 10 * way);
+        let agrees = robot.logged.contains("gyro: agrees with the wheels\n");
+        assert!(agrees, "{way}: {}", robot.logged);
+    }
+}
+
 // Requirement: WIRE-fault-13
 #[test]
 fn frozen_gyro_takes_its_correction_back() {
@@ -320,6 +331,25 @@ fn reply_carries_the_gyros_angle() {
     robot.ticks(1_000, 0, 0, 0);
     let again = angle(&mut robot).expect("an angle again");
     assert!(again.abs() < expected / 20, "{again}");
+}
+
+// Requirement: WIRE-gyro-2
+#[test]
+fn angle_goes_on_through_missing_readings() {
+    let mut robot = Turned::new(Mode::GuardedVelocity);
+    robot.ticks(200, 0, 0, 0);
+    robot.ticks(5, SPIN, -10, 10);
+    let mut turned = |absent| {
+        let angle = |robot: &mut Turned| robot.bench.frame(&Command::default()).gyro.angle();
+        let before = angle(&mut robot).expect("an angle");
+        for tick in 0..10 {
+            robot.absent = absent && tick < 2;
+            robot.tick(SPIN, -10, 10);
+        }
+        angle(&mut robot).expect("an angle") - before
+    };
+    let (read, missed) = (turned(false), turned(true));
+    assert!((read - missed).abs() < read / 100, "{read} {missed}");
 }
 
 // Requirement: WIRE-platform-7

@@ -159,6 +159,17 @@ fn target_that_is_not_reached_in_time_is_given_up() {
             assert_eq!(bench.motors(), BRAKE, "cleared, it is stopped");
             bench.frame(&with_order(Order::Resume, go(1000)));
             assert!(runs(&bench.tick()) && faults(&bench).is_empty());
+            // One frame clears and orders.
+            for order in [Order::Stop, Order::Resume] {
+                bench.raise(Faults::NOT_ARRIVED);
+                let clear = Command {
+                    clear_faults,
+                    ..go(1000)
+                };
+                bench.frame(&with_order(order, clear));
+                assert_eq!(runs(&bench.tick()), order == Order::Resume);
+                assert!(faults(&bench).is_empty(), "{order:?}");
+            }
         }
     }
 }

@@ -210,3 +210,11 @@ fn measurement_beyond_its_type_keeps_its_sign() {
         }
     }
 }
+
+// Requirement: WIRE-log-7
+#[test]
+fn rotation_of_thousands_of_turns_is_logged() {
+    let mut bench = Bench::new(Mode::TuneRotate);
+    bench.robot.measured = -(10_000 << 32);
+    assert_eq!(bench.robot.thousandths(), -3_600_000_000);
+}
