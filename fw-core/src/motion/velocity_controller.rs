@@ -8,8 +8,8 @@
 //!    percent per millimetre a sample its proportional one. What the integral learns of friction and
 //!    gain changes its sign with the direction.
 //! 3. Where a wheel saturates, both are slowed by what does not fit: forward is reduced and the yaw rate
-//!    kept, as long as there is a forward speed. The followed velocity is reduced with it, so that nothing
-//!    winds up.
+//!    kept, as long as less forward speed helps the wheel. The followed velocity is reduced with it, so
+//!    that nothing winds up.
 //!
 //! Zero is braked once the wheels are about to stand; every integral then starts at zero.
 
