@@ -255,3 +255,24 @@ impl Interrupt {
         Ok(())
     }
 }
+
+#[test]
+fn line_disturbed_twice_is_driven_and_three_times_an_error() {
+    for (disturbed, is_driven) in [(2, true), (3, false)] {
+        let mut tries = 0..disturbed;
+        let outcome = retry("SELECT", || match tries.next() {
+            Some(_) => Err(IoError::new("injected")),
+            None => Ok(()),
+        });
+        assert_eq!(outcome.is_ok(), is_driven, "{disturbed}");
+    }
+}
+
+#[test]
+fn interrupt_guard_raises_when_dropped() {
+    let interrupt = Interrupt::new();
+    let guard = interrupt.raised_on_drop();
+    assert_eq!(interrupt.check(), Ok(()));
+    drop(guard);
+    assert_eq!(interrupt.check(), Err(Error::Interrupted));
+}

@@ -3,7 +3,7 @@
 
 use super::repair::{Repaired, repair};
 use super::*;
-use crate::board_io::output;
+use crate::board_io::{IoError, output};
 use crate::error::Error;
 use crate::mock_board::{IoFault, MockBoard, mock_board, reconnect};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -62,8 +62,12 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     assert!(programmed.before == BLANK);
     assert_eq!(board.borrow().resets, 1);
     assert_idle(&board.borrow(), None);
-    // What is there already is not written.
+    // What is there already is not written, nor is the protection lifted for it.
+    let unlocked = || IoError::new("protection lifted");
+    let locked = output(move |high| high.then_some(()).ok_or_else(unlocked));
+    let protect = std::mem::replace(&mut io.protect, locked);
     let programmed = write(&mut io).unwrap();
+    io.protect = protect;
     assert_eq!((programmed.bytes, programmed.bursts), (0, 0));
     // What changes after its burst was read back.
     let (_folder, journal) = journal();
@@ -91,11 +95,17 @@ fn transaction_without_an_answer_ends_in_time() {
     ] {
         let (board, mut io) = mock_board(&BLANK, Some(IoFault::BusesFail(fails_from)));
         (board.borrow_mut().selected, board.borrow_mut().protected) = (true, false);
-        let outcome = chip::write_burst(&mut io, 0, &[1]);
-        let Err(Error::Eeprom { doing: found, .. }) = outcome else {
+        let outcome = chip::write_burst(&mut io, 0x21, &[1]);
+        let Err(Error::Eeprom {
+            doing: found,
+            address,
+            ..
+        }) = outcome
+        else {
             panic!("{outcome:?}");
         };
-        assert_eq!((found, board.borrow().now_us), (doing, end_us));
+        assert_eq!((found, address), (doing, 0x21));
+        assert_eq!(board.borrow().now_us, end_us);
     }
     // What fails once is tried again, a write cycle later.
     let (board, mut io) = mock_board(&BLANK, Some(IoFault::FailOnce(0)));
@@ -106,6 +116,22 @@ fn transaction_without_an_answer_ends_in_time() {
     let before = board.borrow().calls;
     chip::read(&mut io, 0, &mut [0; 0x400]).unwrap();
     assert_eq!(board.borrow().calls - before, 4);
+    io.interrupt.raise();
+    let interrupted = chip::read(&mut io, 0, &mut [0]);
+    assert_eq!(interrupted, Err(Error::Interrupted));
+}
+
+#[test]
+fn verify_names_address_and_both_bytes_of_first_difference() {
+    assert_eq!(chip::verify(0x20, &[1, 2, 3], &[1, 2, 3]), Ok(()));
+    let (address, written, read) = (0x21, 2, 7);
+    let expected = Error::Verify {
+        address,
+        written,
+        read,
+    };
+    let found = chip::verify(0x20, &[1, 2, 3], &[1, 7, 7]);
+    assert_eq!(found, Err(expected));
 }
 
 #[test]
@@ -116,6 +142,25 @@ fn hex_has_sixteen_bytes_a_line_and_no_unwritten_line() {
     let blank = " FF".repeat(15);
     let expected = format!("0010 {blank} 0A\n03F0  FE{blank}\n");
     assert_eq!(image::hex(&some), expected);
+}
+
+#[test]
+fn image_file_shorter_than_an_original_one_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("image.bin");
+    for (len, is_image) in [
+        (image::ORIGINAL_LEN - 1, false),
+        (image::ORIGINAL_LEN, true),
+        (image::LARGEST_LEN, true),
+        (image::LARGEST_LEN + 1, false),
+    ] {
+        std::fs::write(&path, vec![0; len]).unwrap();
+        let loaded = image::load(&path);
+        assert_eq!(loaded.is_ok(), is_image, "{len}");
+        let is_blank = |image: Image| image.0[0x300..].iter().all(|&byte| byte == 0xFF);
+        let is_original = loaded.is_ok_and(is_blank);
+        assert_eq!(is_original, len == image::ORIGINAL_LEN, "{len}");
+    }
 }
 
 // Requirement: DOC-6-6
@@ -174,6 +219,7 @@ fn write_fault_at_any_call_leaves_lines_idle() {
 
 #[test]
 fn write_total_failure_names_what_was_not_restored() {
+    let mut after_another = 0;
     for at in 0..calls_of_a_good_write() {
         let fault = IoFault::AllFail(at);
         let (board, mut io) = mock_board(&BLANK, Some(fault));
@@ -182,7 +228,20 @@ fn write_total_failure_names_what_was_not_restored() {
         let restored = board.protected && !board.selected && !board.in_reset;
         let is_named = matches!(outcome, Err(Error::NotRestored { .. }));
         assert!(restored || is_named, "{fault:?}: {outcome:?}");
+        let has_first = matches!(outcome, Err(Error::NotRestored { first: Some(_), .. }));
+        after_another += usize::from(has_first);
     }
+    assert!(after_another > 50, "{after_another}");
+}
+
+// Requirement: DOC-6-2
+#[test]
+fn protection_line_that_fails_keeps_neither_bus_nor_stm() {
+    let (board, mut io) = mock_board(&BLANK, None);
+    io.protect = output(|_| Err(IoError::new("injected")));
+    assert!(matches!(write(&mut io), Err(Error::Pin("WP_EEPROM", _))));
+    assert_idle(&board.borrow(), None);
+    assert_eq!(board.borrow().resets, 1);
 }
 
 #[test]
@@ -263,6 +322,8 @@ fn journal_exists_during_write_and_after_its_failure() {
     })
     .unwrap();
     assert!(!journal.unfinished() && !journal.reset_due());
+    // What is there already needs none.
+    program(&mut whole, &wanted(), 100, Some(&journal), |_| {}).unwrap();
 
     let (_, mut cut) = mock_board(&BLANK, Some(IoFault::BusesFail(30)));
     program(&mut cut, &wanted(), 100, Some(&journal), |_| {}).unwrap_err();
@@ -270,12 +331,17 @@ fn journal_exists_during_write_and_after_its_failure() {
     // The half-written content does not replace the last complete one.
     journal.begin(&wanted()).unwrap();
     assert!(image::load(journal.path()).unwrap() == BLANK);
+    // Also where the last run was not killed.
+    let (board, mut io) = mock_board(&wanted(), None);
+    let repaired = repair(&mut io, &journal, false, 100);
+    assert!(matches!(repaired, Ok(Repaired::RolledBack { bytes }) if bytes > 0));
+    assert!(board.borrow().memory == BLANK);
 }
 
 #[test]
 fn repair_after_any_failure_restores_whole_image() {
     let (_folder, journal) = journal();
-    let mut undone = 0;
+    let (mut undone, mut completed) = (0, 0);
     for at in 0..calls_of_a_good_write() {
         let faults = [IoFault::BusesFail, IoFault::AllFail, IoFault::Interrupt];
         for fault in faults.map(|fault| fault(at)) {
@@ -291,8 +357,11 @@ fn repair_after_any_failure_restores_whole_image() {
             let whole = if written { wanted() } else { BLANK };
             assert!(board.memory == whole, "{fault:?}: {repaired:?}");
             assert!(!journal.unfinished() && !journal.reset_due());
+            completed += usize::from(repaired == Repaired::Reset { due: true });
             undone += usize::from(matches!(repaired, Repaired::RolledBack { bytes } if bytes > 0));
         }
     }
     assert!(undone > 50, "{undone}");
+    // A complete write is not undone.
+    assert!(completed > 0);
 }
