@@ -190,3 +190,17 @@ fn round_trip_ends_at_first_confirming_reply() {
     }
     assert_eq!(trip.worst_us, Some(50_060));
 }
+
+#[test]
+fn worst_transfer_outlasts_shorter_ones() {
+    let image = fw_core::eeprom::Image::FIRST_BOARD;
+    let (_, mut io) = crate::mock_board::mock_board(&image, None);
+    let mut link = Link::new(&Config::decode(&image).unwrap());
+    for (transfer_us, worst_us) in [(60, 60), (200, 200), (70, 200)] {
+        let mut times = [1_000, 1_000 + transfer_us].into_iter();
+        let mut clock = || times.next().unwrap();
+        let reply = link.exchange(&mut *io.spi, &mut clock, &Command::default());
+        assert!(reply.unwrap().is_ok());
+        assert_eq!(link.statistics().worst_transfer_us, worst_us);
+    }
+}

@@ -197,14 +197,13 @@ mod tests {
     }
 
     /// Updates with these x, metres, from a robot of one cell whose battery and distances are one byte
-    /// repeated, or not.
-    fn updates(repeated: bool, x_m: impl IntoIterator<Item = i32>) -> Vec<Result<(), String>> {
+    /// repeated in so many of the first replies.
+    fn updates(repeated: usize, x_m: impl IntoIterator<Item = i32>) -> Vec<Result<(), String>> {
         let config = Config::decode(&Image::FIRST_BOARD.with(fields::CELLS, 1)).unwrap();
         let mut mode_check = ModeCheck::new(&config);
-        let ranges = [DistanceCode(u16::from(!repeated)); 3];
-        let updates = x_m.into_iter().map(|x_m| {
+        let updates = x_m.into_iter().enumerate().map(|(reply, x_m)| {
             let mut report = Report {
-                ranges,
+                ranges: [DistanceCode(u16::from(reply >= repeated)); 3],
                 ..Report::default()
             };
             report.pose.x = x_m * 1_000_000;
@@ -215,12 +214,23 @@ mod tests {
 
     #[test]
     fn mismatch_needs_every_reply_repeated_or_jumps_in_a_row() {
-        let outcomes = updates(true, [0; 10]);
+        let outcomes = updates(10, [0; 10]);
         assert!(outcomes[..9].iter().all(Result::is_ok) && outcomes[9].is_err());
-        assert_eq!(updates(false, [0; 10]), [const { Ok(()) }; 10]);
+        for repeated in [0, 9] {
+            assert_eq!(updates(repeated, [0; 10]), [const { Ok(()) }; 10]);
+        }
         // Three and three more after a pause.
         let pause = [10, 20, 30, 30, 40, 50, 60];
-        assert!(updates(false, pause).iter().all(Result::is_ok));
+        assert!(updates(0, pause).iter().all(Result::is_ok));
+    }
+
+    #[test]
+    fn cell_that_never_changes_is_named_from_1() {
+        let mut mode_check = ModeCheck::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
+        let mut report = Report::default();
+        report.cell.cell = 1;
+        let last = (0..10).map(|_| mode_check.update(&report)).last();
+        assert_eq!(last, Some(Err("all of cell 2 of 2".into())));
     }
 
     #[test]

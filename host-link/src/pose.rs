@@ -104,6 +104,8 @@ fn rotation_difference_takes_shortest_way() {
     let [ten, back] = [10.0, 350.0].map(|deg| Pose::new(0.0, 0.0, deg));
     assert!((back.rotation_to_deg(ten) - 20.0).abs() < 1e-9);
     assert!((ten.rotation_to_deg(back) + 20.0).abs() < 1e-9);
+    let half = ten.rotation_to_deg(Pose::new(0.0, 0.0, 190.0));
+    assert!((half + 180.0).abs() < 1e-9);
 }
 
 #[test]

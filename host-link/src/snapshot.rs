@@ -192,6 +192,17 @@ mod tests {
             let json = serde_json::to_string(&snapshot).unwrap();
             assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
         }
+        // No echo replaces the distance of before.
+        let ranges = [DistanceCode::NONE; 3];
+        snapshot.update(8, &Report { ranges, ..report }, link);
+        assert_eq!(snapshot.ranges_mm, [None; 3]);
+        // Names of a newer program.
+        (snapshot.mode, snapshot.state) = ("newer", Some("newer"));
+        snapshot.faults = vec!["newer", "slip"];
+        let json = serde_json::to_string(&snapshot).unwrap();
+        let read: Snapshot = serde_json::from_str(&json).unwrap();
+        assert_eq!((read.mode, read.state), ("unknown", Some("unknown")));
+        assert_eq!(read.faults, ["slip"]);
     }
 
     // Requirement: WIRE-gyro-1

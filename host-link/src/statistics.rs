@@ -114,4 +114,7 @@ fn reject_counts_serialize_nonzero_causes() {
     assert_eq!(json, r#"{"short":4294967295,"crc":3}"#);
     assert_eq!(serde_json::from_str::<RejectCounts>(&json).unwrap(), causes);
     assert_eq!(causes.total(), u32::MAX);
+    let every = RejectCounts(Cause::ALL.map(|cause| cause as u32 + 1));
+    let json = serde_json::to_string(&every).unwrap();
+    assert_eq!(serde_json::from_str::<RejectCounts>(&json).unwrap(), every);
 }

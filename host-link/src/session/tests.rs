@@ -152,6 +152,7 @@ fn second_without_valid_reply_is_silence() {
     let begun_us = board.borrow().now_us;
     for frame in 0..60 {
         session.exchange(&request).unwrap();
+        assert_eq!(session.snapshot().time_us - begun_us, frame * 25_000);
         // The transfer takes the set-up time of 1 µs.
         assert_eq!(board.borrow().now_us - begun_us, frame * 25_000 + 1);
     }
@@ -164,6 +165,8 @@ fn second_without_valid_reply_is_silence() {
     let end = session.statistics();
     assert_eq!((end.frames, end.accepted), (62, 61));
     assert_eq!((end.worst_gap_us, end.worst_transfer_us), (50_000, 1));
+    // Normal mode's frames have no number.
+    assert_eq!((end.missed, end.round_trip_frames), (None, None));
     // Slots missed by a pause are skipped.
     board.borrow_mut().now_us += 100_000;
     let resumed_us = board.borrow().now_us;
@@ -218,6 +221,22 @@ fn rate_is_kept_when_the_configuration_is_read_again() {
 }
 
 #[test]
+fn mode_is_confirmed_by_ten_replies_or_one_guarded() {
+    for (mode, frames) in [(Mode::Normal, 10), (Mode::GuardedNormal, 1)] {
+        let (board, mut io) = mock_board(&image_in(mode), None);
+        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+        session.confirm_mode().unwrap();
+        assert_eq!(session.statistics().frames, frames, "{mode:?}");
+        board.borrow_mut().memory = image(1);
+        let mut session = session.reread();
+        assert_eq!(session.config().cells(), 1);
+        session.io().interrupt.raise();
+        let interrupted = session.exchange(&CommandRequest::default());
+        assert_eq!(interrupted, Err(Error::Interrupted));
+    }
+}
+
+#[test]
 fn relayed_frame_is_counted_and_its_report_taken_over() {
     let (board, mut io) = mock_board(&image(2), None);
     board.borrow_mut().report.pose.x = 1_234_000;
@@ -226,7 +245,11 @@ fn relayed_frame_is_counted_and_its_report_taken_over() {
     let mut client = fw_core::wire::PiLink::new(session.config().link_setup());
     let len = client.send(&Command::default(), &mut frame);
     for frames in 1..=2 {
+        let begun_us = board.borrow().now_us;
         let (reply, report) = session.relay(&frame[..len]).unwrap();
+        // The set-up time.
+        assert_eq!(board.borrow().now_us - begun_us, 1);
+        assert_eq!(session.snapshot().time_us, begun_us);
         assert_eq!(client.receive(&reply).ok(), report);
         assert_eq!(session.statistics().frames, frames);
         assert_eq!(session.snapshot().pose.map(|pose| pose.x_mm), Some(1234.0));
@@ -238,6 +261,7 @@ fn stop_sends_ten_frames_that_brake() {
     for (mode, order, target_x) in [
         (Mode::GuardedNormal, Order::Stop, None),
         (Mode::Normal, Order::default(), Some(1_234_000)),
+        (Mode::TuneMove, Order::default(), None),
     ] {
         let (board, mut io) = mock_board(&image_in(mode), None);
         board.borrow_mut().report.pose.x = 1_234_000;
@@ -250,9 +274,9 @@ fn stop_sends_ten_frames_that_brake() {
         session.stop();
         let sent = board.borrow_mut().commands.split_off(1).into_iter();
         let sent: Vec<_> = sent
-            .map(|c| (c.order, c.apply.then_some(c.expected.x)))
+            .map(|c| (c.order, c.apply.then_some(c.expected.x), c.percent))
             .collect();
-        assert_eq!(sent, [(order, target_x); 20], "{mode:?}");
+        assert_eq!(sent, [(order, target_x, Binary64(0)); 20], "{mode:?}");
     }
 }
 
@@ -305,11 +329,12 @@ fn resume_clears_the_lost_link_alone() {
 fn log_is_read_until_it_fails() {
     let (board, mut io) = mock_board(&image(2), None);
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
-    for part in b"I00013: L 40 40 0 - 25013 25013 -\n".chunks(20) {
+    let log = "I00013: L 40 40 0 - 25013 25013 -\nI00014: L 80 80 0 - 25013 25013 -\n";
+    for part in log.as_bytes().chunks(20) {
         board.borrow_mut().log.extend(part);
         assert_eq!(session.poll_log(), part);
     }
-    assert_eq!(session.snapshot().stm.map(|stm| stm.frames), Some(40));
+    assert_eq!(session.snapshot().stm.map(|stm| stm.frames), Some(80));
     let working = std::mem::replace(&mut session.io.log, Box::new(|| Err(Error::Interrupted)));
     assert!(session.poll_log().is_empty());
     session.io.log = working;
@@ -334,8 +359,12 @@ fn session_clears_the_rejections_of_its_own_start_only() {
         let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
         exchange(&mut session, 2);
         assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
-        exchange(&mut session, 6);
-        assert_eq!(board.borrow().report.faults, before);
+        board.borrow_mut().report.faults |= Faults::SLIP;
+        exchange(&mut session, 5);
+        // The last one of the start.
+        board.borrow_mut().report.faults |= Faults::FRAME_REJECTED;
+        exchange(&mut session, 2);
+        assert_eq!(board.borrow().report.faults, before | Faults::SLIP);
         // Later it is the wire's.
         board.borrow_mut().report.faults = Faults::FRAME_REJECTED;
         exchange(&mut session, 10);
