@@ -298,3 +298,34 @@ fn exit_codes_are_ascending() {
     let codes = Exit::ALL.iter().map(|(exit, _)| exit.code());
     assert!(codes.is_sorted_by(|one, next| one < next));
 }
+
+#[test]
+fn errors_of_link_line_server_and_reader_end_with_their_exit_codes() {
+    let server = |exit| Error::Server {
+        text: String::new(),
+        exit,
+    };
+    for (error, exit) in [
+        (Error::Spi(String::new()), Exit::Link),
+        (Error::Pin("SELECT", String::new()), Exit::Device),
+        (server(Exit::Busy), Exit::Busy),
+        (server(Exit::Fault), Exit::Fault),
+        (Error::PipeClosed, Exit::Ok),
+    ] {
+        assert_eq!(error.exit(), exit, "{error:?}");
+    }
+}
+
+#[test]
+fn target_not_reached_advises_to_clear_the_way_of_an_obstacle_only() {
+    for obstacle in [false, true] {
+        let error = Error::NotReached {
+            seconds: 9.0,
+            off_mm: 12.0,
+            off_deg: -3.0,
+            obstacle,
+        };
+        let clears = error.to_string().contains("clear the way");
+        assert_eq!(clears, obstacle);
+    }
+}

@@ -257,10 +257,19 @@ mod tests {
         fs::write(&foreign, "a letter").unwrap();
         symlink(&foreign, &link).unwrap();
         fs::create_dir(&folder).unwrap();
+        // Links are not followed, even where nothing foreign is at their ends.
+        let (picture, dangling) = (here.join("picture"), here.join("dangling"));
+        symlink(here.join("nothing"), &dangling).unwrap();
+        let own = here.join("own.png");
+        fs::write(&own, b"\x89PNG\r\n\x1a\n").unwrap();
+        symlink(&own, &picture).unwrap();
         let socket = here.join("socket");
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
         let before = names(here);
-        for path in [&foreign, &link, &folder, &socket, &here.join("foreign/x")] {
+        let inside = here.join("foreign/x");
+        for path in [
+            &foreign, &link, &picture, &dangling, &folder, &socket, &inside,
+        ] {
             let refused = save(path, Kind::Png, b"\x89PNG\r\n\x1a\n");
             assert!(matches!(refused, Err(Error::Unwritable { .. })), "{path:?}");
             assert!(check(path, Kind::Png).is_err());
@@ -319,6 +328,31 @@ mod tests {
             assert_eq!(is_replaced(&keyed), is_image, "{len}");
             assert_eq!(is_replaced(&unwritten(len, 0xF0..0x100)), is_image, "{len}");
         }
+    }
+
+    #[test]
+    fn log_is_replaced_whatever_its_first_line_reports() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("stm.log");
+        for (first, is_log) in [("I0", true), ("W0", true), ("E0", true), ("D0", false)] {
+            fs::write(&path, first.to_owned() + "0000: line\n").unwrap();
+            assert_eq!(check(&path, Kind::Log).is_ok(), is_log, "{first}");
+        }
+    }
+
+    #[test]
+    fn suffix_is_added_to_whole_name_and_bare_name_lies_here() {
+        assert_eq!(with_suffix(Path::new("b/a.x"), ".y"), Path::new("b/a.x.y"));
+        assert_eq!(folder(Path::new("b/a.x")), Path::new("b"));
+        assert_eq!(folder(Path::new("a.x")), Path::new("."));
+    }
+
+    #[test]
+    fn text_that_is_not_utf_8_is_refused() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("a.toml");
+        fs::write(&path, b"mode = \"\xFF\"").unwrap();
+        assert!(matches!(read_text(&path), Err(Error::Content { .. })));
     }
 
     #[test]

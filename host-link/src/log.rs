@@ -161,7 +161,8 @@ mod tests {
 
     const LOG: &[u8] = b"I00007: ready\nI00008: T -50.00 -0.034\r\nI00009: T 0.00 123456.789\n\
         I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n\
-        I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n";
+        I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n\
+        E00014: configuration rejected\n";
 
     /// What [`LOG`] says; and the statistics of its line 12.
     fn lines() -> (Vec<(u32, LogLine)>, StmStatistics) {
@@ -196,6 +197,7 @@ mod tests {
             (11, LogLine::Other),
             (12, LogLine::Link(disturbed)),
             (13, LogLine::Link(good)),
+            (14, LogLine::Other),
         ];
         (lines, disturbed)
     }
@@ -228,6 +230,7 @@ mod tests {
             "I00012: L 45 40 1 2 25013 3600000 1 stale 1 stale 1 crc 2",
             "I00012: L 41 40 1 2 25013 3600000 1 crc 0",
             "I00012: L 42 40 1 2 25013 3600000 1 noise 1",
+            "I000012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3",
             // Two lines in one.
             "I00001: T 50.00 1.2I00002: T 50.00 3.400",
             "I00001: T 50.00 1.200I00002: T 50.00 3.400",

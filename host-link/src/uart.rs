@@ -102,8 +102,7 @@ fn spawn_reader(path: &Path) -> Receiver<Result<Vec<u8>, String>> {
 
 #[test]
 fn serial_port_bytes_or_its_absence_arrive() {
-    let read = |path: &Path| {
-        let mut port = SerialPort::new(path);
+    let read = |port: &mut SerialPort| {
         let mut reads = (0..500).map(|_| {
             thread::sleep(POLL);
             port.read_new()
@@ -114,9 +113,15 @@ fn serial_port_bytes_or_its_absence_arrive() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tty");
     std::fs::write(&path, b"I00000: boot\n").unwrap();
-    assert_eq!(read(&path), Some(Ok(b"I00000: boot\n".to_vec())));
+    let mut port = SerialPort::new(&path);
+    assert_eq!(read(&mut port), Some(Ok(b"I00000: boot\n".to_vec())));
+    // What comes after a pause.
+    thread::sleep(2 * POLL);
+    let mut device = File::options().append(true).open(&path).unwrap();
+    std::io::Write::write_all(&mut device, b"I00001: ready\n").unwrap();
+    assert_eq!(read(&mut port), Some(Ok(b"I00001: ready\n".to_vec())));
     std::fs::remove_file(&path).unwrap();
-    let missing = read(&path);
+    let missing = read(&mut SerialPort::new(&path));
     assert!(
         matches!(missing, Some(Err(Error::Device { .. }))),
         "{missing:?}"

@@ -148,6 +148,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn blank_image_is_rejected_with_the_command_that_starts_one() {
+        let blank = Settings::from_image(&Image::BLANK).unwrap_err().to_string();
+        assert!(blank.contains("`robot eeprom init`"), "{blank}");
+    }
+
+    #[test]
     fn with_changes_in_any_order_on_original_image_keeps_all() {
         let mut image = Image::FIRST_BOARD;
         image.make_original();

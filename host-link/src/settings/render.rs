@@ -125,7 +125,12 @@ mod tests {
         let track = fw_core::eeprom::fields::TRACK;
         let written = original.with(&[(track, 130_000)]).unwrap();
         assert!(written.platform_page() && written.get(track) == 130_000);
-        assert_eq!(changes(&original, &written).len(), 1);
+        let changes_made = changes(&original, &written);
+        let [change] = changes_made.as_slice() else {
+            panic!("{changes_made:?}");
+        };
+        assert_eq!(change.key, "platform.track_mm");
+        assert_eq!((&*change.before, &*change.after), ("125.0", "130.0"));
         let written = Settings::from_image(&original.platform_written()).unwrap();
         assert!(written.platform_page() && changes(&original, &written).is_empty());
     }
@@ -156,6 +161,7 @@ mod tests {
                 "_mm = -1",
                 "_mm = -1: accepted is 20.0 to 2000.0",
             ),
+            ("front_deg = 0.0", "front_deg = 361", "-360 to 360"),
             ("key_from_pi = 0x96", "key_from_pi = 0x96 7", ""),
         ] {
             let (error, expected_line) = complaint(from, to);
@@ -175,8 +181,14 @@ mod tests {
             ("upper_ohm = 33000", "battery.tap_2.upper_ohm"),
         ] {
             let missing = complaint(line, "").0.to_string();
-            assert!(missing.contains(&format!("{key} is missing")), "{missing}");
+            let text = render(&first());
+            let (_, entry) = text.split_once(line).unwrap();
+            let help = entry.lines().next().unwrap().trim_start_matches([' ', '#']);
+            let expected = format!("{key} is missing: {help}");
+            assert!(missing.contains(&expected), "{missing}");
         }
+        let by_number = render(&first()).replace("mode = \"Normal\"", "mode = 0");
+        assert_eq!(parse(&by_number).unwrap(), first());
     }
 
     #[test]
