@@ -325,6 +325,28 @@ fn resume_clears_the_lost_link_alone() {
     }
 }
 
+// Requirement: WIRE-rejected-1
+#[test]
+fn resume_goes_on_after_a_rejected_reply() {
+    let (board, mut io) = mock_board(&image_in(Mode::GuardedNormal), None);
+    board.borrow_mut().report.state = State::Stopped;
+    board.borrow_mut().on_command = Some(Box::new(|command, report| {
+        if command.order == Order::Resume {
+            report.state = State::Ready;
+        }
+    }));
+    let clocked = board.clone();
+    io.clock = Box::new(move || {
+        let mut board = clocked.borrow_mut();
+        let is_second = board.commands.len() == 1;
+        board.garbled_from = if is_second { 0 } else { usize::MAX };
+        board.now_us
+    });
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    assert_eq!(session.resume(), Ok(()));
+    assert_eq!(session.statistics().rejected, 1);
+}
+
 #[test]
 fn log_is_read_until_it_fails() {
     let (board, mut io) = mock_board(&image(2), None);
