@@ -29,6 +29,8 @@ impl<F: FnMut() -> Result<Vec<u8>, Error>> LogSource for F {
 pub struct SerialPort {
     path: PathBuf,
     received: Option<Receiver<Result<Vec<u8>, String>>>,
+    /// Follows the bytes that came before it.
+    failure: Option<Error>,
 }
 
 impl SerialPort {
@@ -37,6 +39,7 @@ impl SerialPort {
         Self {
             path: path.into(),
             received: None,
+            failure: None,
         }
     }
 }
@@ -48,9 +51,15 @@ impl LogSource for SerialPort {
         let mut fresh = Vec::new();
         for bytes in received.try_iter() {
             let advice = "name the Pi's serial port with --uart, and join the group dialout";
-            fresh.extend(bytes.map_err(|cause| Error::device(path.display(), cause, advice))?);
+            match bytes {
+                Ok(bytes) => fresh.extend(bytes),
+                Err(cause) => self.failure = Some(Error::device(path.display(), cause, advice)),
+            }
         }
-        Ok(fresh)
+        match self.failure.take_if(|_| fresh.is_empty()) {
+            Some(failure) => Err(failure),
+            None => Ok(fresh),
+        }
     }
 }
 
@@ -147,4 +156,16 @@ fn terminal_is_set_to_the_logs_speed_and_raw() {
     assert!(settings.control_modes.contains(local | reads));
     let flags = rustix::io::fcntl_getfd(&port).unwrap();
     assert!(flags.contains(rustix::io::FdFlags::CLOEXEC));
+}
+
+#[test]
+fn bytes_before_a_failure_are_read_and_then_it() {
+    let (sender, receiver) = channel();
+    for received in [Ok(vec![1]), Ok(vec![2]), Err("unplugged".into())] {
+        sender.send(received).unwrap();
+    }
+    let mut port = SerialPort::new("tty");
+    port.received = Some(receiver);
+    assert_eq!(port.read_new(), Ok(vec![1, 2]));
+    assert!(matches!(port.read_new(), Err(Error::Device { .. })));
 }
