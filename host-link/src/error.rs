@@ -300,7 +300,7 @@ fn exit_codes_are_ascending() {
 }
 
 #[test]
-fn errors_of_link_line_server_and_reader_end_with_their_exit_codes() {
+fn exit_codes_of_link_line_server_and_reader_are_theirs() {
     let server = |exit| Error::Server {
         text: String::new(),
         exit,
@@ -317,7 +317,7 @@ fn errors_of_link_line_server_and_reader_end_with_their_exit_codes() {
 }
 
 #[test]
-fn target_not_reached_advises_to_clear_the_way_of_an_obstacle_only() {
+fn missed_target_advises_to_clear_the_way_before_obstacles_only() {
     for obstacle in [false, true] {
         let error = Error::NotReached {
             seconds: 9.0,

@@ -93,7 +93,7 @@ fn pulses_end_without_a_live_link_and_the_position_is_lost() {
             }
         }
     }
-    // A pause on the way to the first bearing: the time begins anew.
+    // A pause on the way to the first bearing: the time starts again.
     for _ in 0..30 {
         scan.tick(true);
     }
