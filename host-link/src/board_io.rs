@@ -274,5 +274,40 @@ fn interrupt_guard_raises_when_dropped() {
     let guard = interrupt.raised_on_drop();
     assert_eq!(interrupt.check(), Ok(()));
     drop(guard);
-    assert_eq!(interrupt.check(), Err(Error::Interrupted));
+    // Every loop ends, not only the first that checks it.
+    for _ in 0..2 {
+        assert_eq!(interrupt.check(), Err(Error::Interrupted));
+    }
+}
+
+#[test]
+fn line_that_fails_is_named() {
+    use crate::mock_board::{IoFault, mock_board};
+    let blank = fw_core::eeprom::Image::BLANK;
+    let (_, mut io) = mock_board(&blank, Some(IoFault::AllFail(0)));
+    for (outcome, net) in [
+        (io.set_reset(true), "RESET"),
+        (io.set_select(true), "SELECT"),
+        (io.set_protect(true), "WP_EEPROM"),
+        (io.is_ready().map(drop), "STM_READY"),
+    ] {
+        let is_named = matches!(outcome, Err(Error::Pin(name, _)) if name == net);
+        assert!(is_named, "{net}: {outcome:?}");
+    }
+}
+
+#[test]
+fn erased_line_keeps_its_level() {
+    let level = std::rc::Rc::new(std::cell::Cell::new(false));
+    let driven = level.clone();
+    let mut line = erase(FunctionLine(move |high: bool| {
+        driven.set(high);
+        Ok(())
+    }));
+    for high in [true, false] {
+        line.set_state(high.into()).unwrap();
+        assert_eq!(level.get(), high);
+        let mut line = erase(FunctionLine(move || Ok(high)));
+        assert_eq!((line.is_high(), line.is_low()), (Ok(high), Ok(!high)));
+    }
 }

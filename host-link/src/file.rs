@@ -341,6 +341,25 @@ mod tests {
     }
 
     #[test]
+    fn file_is_replaced_by_its_own_kind_alone() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("output");
+        let files: [(_, &[u8]); 5] = [
+            (Kind::Pgm, b"P5\n4 4\n"),
+            (Kind::MapYaml, b"image: map.pgm\n"),
+            (Kind::Samples, b"seconds,percent,mm\n"),
+            (Kind::Json, b"{}\n"),
+            (Kind::Recording, b"\x89MCAP0\r\n"),
+        ];
+        for (present, bytes) in files {
+            fs::write(&path, bytes).unwrap();
+            for (kind, _) in files {
+                assert_eq!(check(&path, kind).is_ok(), kind == present, "{kind:?}");
+            }
+        }
+    }
+
+    #[test]
     fn suffix_is_added_to_whole_name_and_bare_name_lies_here() {
         assert_eq!(with_suffix(Path::new("b/a.x"), ".y"), Path::new("b/a.x.y"));
         assert_eq!(folder(Path::new("b/a.x")), Path::new("b"));

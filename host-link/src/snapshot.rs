@@ -187,15 +187,18 @@ mod tests {
         assert_eq!(snapshot.state, Some("faulted"));
         assert!(snapshot.obstacle_limited && !snapshot.clipped);
         snapshot.kind = Mode::default();
+        snapshot.faults = fault_names(Faults::ALL_BITS);
         for state in (0..=u8::MAX).filter_map(State::from_code) {
             snapshot.state = Some(state.name());
             let json = serde_json::to_string(&snapshot).unwrap();
             assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
         }
-        // No echo replaces the distance of before.
-        let ranges = [DistanceCode::NONE; 3];
-        snapshot.update(8, &Report { ranges, ..report }, link);
+        // The latest distances and state replace those of before.
+        snapshot.kind = Mode::GuardedVelocity;
+        snapshot.update(8, &Report::default(), link);
         assert_eq!(snapshot.ranges_mm, [None; 3]);
+        assert_eq!(snapshot.state, Some("booting"));
+        assert!(snapshot.faults.is_empty());
         // Names of a newer program.
         (snapshot.mode, snapshot.state) = ("newer", Some("newer"));
         snapshot.faults = vec!["newer", "slip"];

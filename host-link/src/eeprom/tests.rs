@@ -3,7 +3,7 @@
 
 use super::repair::{Repaired, repair};
 use super::*;
-use crate::board_io::{IoError, output};
+use crate::board_io::{IoError, input, output};
 use crate::error::Error;
 use crate::mock_board::{IoFault, MockBoard, mock_board, reconnect};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -187,6 +187,11 @@ fn lines_left_elsewhere_are_idle_after_read_or_repair() {
         assert_eq!(board.borrow().resets, resets, "killed: {killed}");
         assert_idle(&board.borrow(), None);
     }
+    // A line that cannot be read does not show that the STM is ready.
+    let (_, mut io) = mock_board(&wanted(), None);
+    io.ready = input(|| Err(IoError::new("injected")));
+    let repaired = repair(&mut io, &journal, true, 100);
+    assert_eq!(repaired, Ok(Repaired::Reset { due: false }));
 }
 
 // Requirement: DOC-6-2
@@ -242,6 +247,15 @@ fn protection_line_that_fails_keeps_neither_bus_nor_stm() {
     assert!(matches!(write(&mut io), Err(Error::Pin("WP_EEPROM", _))));
     assert_idle(&board.borrow(), None);
     assert_eq!(board.borrow().resets, 1);
+    // Also where it fails only once the bus is taken.
+    let (board, mut io) = mock_board(&wanted(), None);
+    let mut works = true;
+    io.protect = output(move |_| {
+        let worked = std::mem::take(&mut works);
+        worked.then_some(()).ok_or_else(|| IoError::new("injected"))
+    });
+    assert!(matches!(read(&mut io), Err(Error::NotRestored { .. })));
+    assert_idle(&board.borrow(), None);
 }
 
 #[test]
@@ -272,7 +286,10 @@ fn eeprom_is_noticed_where_it_answers() {
     let (board, mut io) = mock_board(&BLANK, None);
     io.set_select(true).unwrap();
     io.delay.delay_us(1000);
+    // The probe writes nothing, even where a killed run has lifted the protection.
+    board.borrow_mut().protected = false;
     assert!(chip::answers(&mut io));
+    assert!(board.borrow().memory == BLANK);
     board.borrow_mut().fault = Some(IoFault::BusesFail(0));
     assert!(!chip::answers(&mut io));
 }
@@ -331,6 +348,9 @@ fn journal_exists_during_write_and_after_its_failure() {
     // The half-written content does not replace the last complete one.
     journal.begin(&wanted()).unwrap();
     assert!(image::load(journal.path()).unwrap() == BLANK);
+    // A repair that fails leaves it to the next one.
+    let (_, mut cut) = mock_board(&wanted(), Some(IoFault::BusesFail(30)));
+    assert!(repair(&mut cut, &journal, false, 100).is_err() && journal.unfinished());
     // Also where the last run was not killed.
     let (board, mut io) = mock_board(&wanted(), None);
     let repaired = repair(&mut io, &journal, false, 100);

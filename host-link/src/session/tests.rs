@@ -119,7 +119,7 @@ fn wait_for_ready_ends_in_time_or_by_interrupt() {
     let refused = Session::open(&mut io, RATE_HZ, 100).err();
     assert_eq!(refused, Some(Error::NotReady(100)));
     assert_eq!(board.borrow().now_us, 100_000);
-    reset::pulse(&mut io).unwrap();
+    assert_eq!(reset::restart(&mut io, 0), Err(Error::NotReady(0)));
     assert_eq!(board.borrow().now_us, 200_000);
     board.borrow().interrupt.raise();
     let interrupted = Session::open(&mut io, RATE_HZ, 100).err();
@@ -303,9 +303,13 @@ fn ensure_drivable_stopped_or_faulted_is_an_error_in_guarded_modes() {
 #[test]
 fn resume_clears_the_lost_link_alone() {
     let image = image_in(Mode::GuardedNormal);
-    for (other, frames) in [(Faults::SLIP, 3), (Faults::LEFT_STALLED, 41)] {
+    for (state, other, frames) in [
+        (State::Stopped, Faults::SLIP, 3),
+        (State::Ready, Faults::SLIP, 3),
+        (State::Stopped, Faults::LEFT_STALLED, 41),
+    ] {
         let (board, mut io) = mock_board(&image, None);
-        board.borrow_mut().report.state = State::Stopped;
+        board.borrow_mut().report.state = state;
         board.borrow_mut().report.faults = Faults::LINK_LOST | other;
         board.borrow_mut().on_command = Some(Box::new(|command, report| {
             report.faults = report.faults.difference(command.clear_faults);
