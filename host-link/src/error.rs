@@ -305,9 +305,18 @@ fn exit_codes_of_link_line_server_and_reader_are_theirs() {
         text: String::new(),
         exit,
     };
+    let (what, reason, seconds) = ("cells are left", "no way", 9.0);
+    let incomplete = Error::Incomplete {
+        what,
+        reason,
+        seconds,
+    };
     for (error, exit) in [
         (Error::Spi(String::new()), Exit::Link),
         (Error::Pin("SELECT", String::new()), Exit::Device),
+        (Error::WrongMode("Normal", "duty"), Exit::Rejected),
+        (incomplete, Exit::NotReached),
+        (Error::Calibration(String::new()), Exit::Tuning),
         (server(Exit::Busy), Exit::Busy),
         (server(Exit::Fault), Exit::Fault),
         (Error::PipeClosed, Exit::Ok),
@@ -328,4 +337,10 @@ fn missed_target_advises_to_clear_the_way_before_obstacles_only() {
         let clears = error.to_string().contains("clear the way");
         assert_eq!(clears, obstacle);
     }
+}
+
+#[test]
+fn wrong_content_is_shown_with_its_line() {
+    let error = Error::content("a.yaml", 7, "no tour").to_string();
+    assert_eq!(error, "a.yaml, line 7: no tour");
 }

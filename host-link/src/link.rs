@@ -189,6 +189,11 @@ fn round_trip_ends_at_first_confirming_reply() {
         frame(number, Some(25_060));
     }
     assert_eq!(trip.worst_us, Some(50_060));
+    // So is a first reply's 1: frame 1 is under way with it.
+    let mut trip = RoundTrip::default();
+    trip.sent(0);
+    trip.seen(1, 60);
+    assert_eq!(trip.worst_us, None);
 }
 
 #[test]

@@ -296,6 +296,7 @@ mod tests {
             );
         }
         assert!(is_read("T 0.00 -123456789012.345") && !is_read("T 0.00 1234567890123.345"));
+        assert!(!is_read("tuned tap 1: upper resistor +1 ohm"));
         assert!(is_read("T 100.00 0.000") && !is_read("T 100.01 0.000"));
     }
 

@@ -118,3 +118,13 @@ fn reject_counts_serialize_nonzero_causes() {
     let json = serde_json::to_string(&every).unwrap();
     assert_eq!(serde_json::from_str::<RejectCounts>(&json).unwrap(), every);
 }
+
+#[test]
+fn link_counter_of_first_cause_is_taken_over() {
+    use fw_core::eeprom::{Config, Image};
+    let config = Config::decode(&Image::FIRST_BOARD).unwrap();
+    let mut end = fw_core::wire::PiLink::new(config.link_setup());
+    assert!(end.receive(&[]).is_err());
+    let counts: Vec<_> = RejectCounts::from(end.counters()).nonzero().collect();
+    assert_eq!(counts, [(Cause::Short, 1)]);
+}

@@ -179,6 +179,9 @@ mod tests {
         assert_eq!(shortest(80_000, 1000.0), "80.0");
         let refused = |mm| scaled(mm, 1000.0, 0xFFFF).is_none();
         assert!(refused(70.0) && refused(-1.0) && refused(f64::NAN));
+        assert_eq!(shortest(100, TURN / 360.0), "0.55");
         assert!(bearing(f64::INFINITY).is_none());
+        assert_eq!([-360.0, 360.0].map(bearing), [Some(0); 2]);
+        assert_eq!([-360.1, 360.1].map(bearing), [None; 2]);
     }
 }

@@ -130,6 +130,7 @@ mod tests {
             panic!("{changes_made:?}");
         };
         assert_eq!(change.key, "platform.track_mm");
+        assert_eq!(change.address, track.address);
         assert_eq!((&*change.before, &*change.after), ("125.0", "130.0"));
         let written = Settings::from_image(&original.platform_written()).unwrap();
         assert!(written.platform_page() && changes(&original, &written).is_empty());
@@ -192,6 +193,13 @@ mod tests {
     }
 
     #[test]
+    fn change_of_the_files_first_field_is_named() {
+        let field = format::all().next().unwrap();
+        let changed = first().with(&[(field, 0x11)]).unwrap();
+        assert_eq!(changes(&first(), &changed)[0].key, format::key(field));
+    }
+
+    #[test]
     fn several_faults_come_in_one_run() {
         let text = render(&first())
             .replace("cells = 2", "cells = 300")
@@ -217,7 +225,8 @@ mod tests {
             .replace("track_mm = 125.0", "track_mm = 0.0");
         let rejected = parse(&text).unwrap_err().to_string();
         assert!(rejected.contains("(pid.forward.p): "), "{rejected}");
-        assert!(rejected.contains("(platform.track_mm): "), "{rejected}");
+        let track = "(platform.track_mm): platform.track_mm is 0.0, ";
+        assert!(rejected.contains(track), "{rejected}");
     }
 
     #[test]
