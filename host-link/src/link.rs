@@ -69,13 +69,9 @@ impl Link {
         };
         let begun_us = clock.micros();
         self.round_trip.sent(begun_us);
-        transfer(spi, out, back, SETUP_NS)?;
-        let ended_us = clock.micros();
-        // One more, since the clock counts whole microseconds.
-        self.due_us = ended_us + u64::from(GAP_US) + 1;
+        let ended_us = self.transfer(spi, clock, out, back)?;
         let transfer_us = ended_us.saturating_sub(begun_us);
         self.worst_transfer_us = self.worst_transfer_us.max(transfer_us);
-        self.frames += 1;
         let reply = self.end.receive(back);
         if let Ok(report) = &reply {
             if let Some(last) = self.last_good_us.replace(begun_us) {
@@ -88,19 +84,36 @@ impl Link {
         Ok(reply)
     }
 
-    /// Transfers a frame that another process has built; the report, if the reply is a valid one.
+    /// Transfers a frame that another process has built, not before [`Self::due_us`]; the report, if the reply
+    /// is a valid one.
     ///
     /// # Errors
     /// [`Error::Spi`].
     pub fn relay(
         &mut self,
         spi: &mut dyn SpiDevice<Error = IoError>,
+        clock: &mut dyn Clock,
         frame: &[u8],
         reply: &mut [u8],
     ) -> Result<Option<Report>, Error> {
-        transfer(spi, frame, reply, SETUP_NS)?;
-        self.frames += 1;
+        self.transfer(spi, clock, frame, reply)?;
         Ok(self.end.receive(reply).ok())
+    }
+
+    /// One frame, counted; the time of its end, which the next one's begin depends on.
+    fn transfer(
+        &mut self,
+        spi: &mut dyn SpiDevice<Error = IoError>,
+        clock: &mut dyn Clock,
+        out: &[u8],
+        back: &mut [u8],
+    ) -> Result<u64, Error> {
+        transfer(spi, out, back, SETUP_NS)?;
+        let ended_us = clock.micros();
+        // One more, since the clock counts whole microseconds.
+        self.due_us = ended_us + u64::from(GAP_US) + 1;
+        self.frames += 1;
+        Ok(ended_us)
     }
 
     /// The counters so far.

@@ -121,12 +121,7 @@ impl<'m> Session<'m> {
     /// The same by what the EEPROM holds now; by the present configuration where that cannot be read.
     #[must_use]
     pub fn reread(self) -> Self {
-        let Self {
-            io,
-            config,
-            period_us,
-            ..
-        } = self;
+        let (io, config, period_us) = (self.io, self.config, self.period_us);
         let present = eeprom::read(io).and_then(|image| crate::settings::decode(&image));
         let rate_hz = u32::try_from(1_000_000 / period_us).unwrap_or(1);
         Self::with_config(io, present.unwrap_or(config), rate_hz)
@@ -142,12 +137,13 @@ impl<'m> Session<'m> {
     /// # Errors
     /// [`Error::Spi`].
     pub fn relay(&mut self, frame: &[u8]) -> Result<(Vec<u8>, Option<Report>), Error> {
+        self.wait_until(0);
         let now_us = self.now_us();
         let mut reply = vec![0; frame.len()];
-        let report = self.link.relay(&mut *self.io.spi, frame, &mut reply)?;
+        let (spi, clock) = (&mut *self.io.spi, &mut *self.io.clock);
+        let report = self.link.relay(spi, clock, frame, &mut reply)?;
         if let Some(report) = &report {
-            let statistics = self.link.statistics();
-            self.snapshot.update(now_us, report, statistics);
+            self.snapshot.update(now_us, report, self.link.statistics());
         }
         Ok((reply, report))
     }
@@ -208,12 +204,11 @@ impl<'m> Session<'m> {
             Err(wrong) => {
                 self.unanswered = self.unanswered.saturating_add(1);
                 self.last_wrong = Some(wrong.to_string());
-                let silent_us = now_us.saturating_sub(self.last_good_us);
                 if self.snapshot.link.accepted == 0 && self.unanswered >= MODE_CHECK_FRAMES {
                     let last = self.last_wrong.clone().unwrap_or_default();
                     return Err(self.mode_mismatch(format!("the last reply: {last}")));
                 }
-                if silent_us >= SILENCE_TIMEOUT_US {
+                if now_us.saturating_sub(self.last_good_us) >= SILENCE_TIMEOUT_US {
                     return Err(self.silent_error());
                 }
                 Ok(None)
@@ -279,12 +274,17 @@ impl<'m> Session<'m> {
 
     /// Waits for the next slot and the gap after the last frame. Missed slots are skipped.
     fn pace(&mut self) {
-        let now = self.io.clock.micros();
-        let due_us = self.next_us.max(self.link.due_us());
-        if let Ok(wait @ 1..) = u32::try_from(due_us.saturating_sub(now)) {
+        let now = self.now_us();
+        self.wait_until(self.next_us);
+        self.next_us = self.next_us.max(now) + self.period_us;
+    }
+
+    /// Waits for this time and the gap after the last frame.
+    fn wait_until(&mut self, slot_us: u64) {
+        let due_us = slot_us.max(self.link.due_us());
+        if let Ok(wait @ 1..) = u32::try_from(due_us.saturating_sub(self.now_us())) {
             self.io.delay.delay_us(wait);
         }
-        self.next_us = self.next_us.max(now) + self.period_us;
     }
 
     // Requirement: DOC-5.2.1-4, WIRE-battery-1

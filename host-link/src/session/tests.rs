@@ -28,10 +28,8 @@ fn image_in(mode: Mode) -> Image {
 fn frames_cycle_cells_unless_one_is_tuned() {
     let (board, mut io) = mock_board(&image(2), None);
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
-    let tune = CellCode {
-        cell: 1,
-        voltage: 740,
-    };
+    let (cell, voltage) = (1, 740);
+    let tune = CellCode { cell, voltage };
     for tune in [None, None, Some(tune), Some(tune), None, None, None] {
         let rest = CommandRequest::default();
         session.exchange(&CommandRequest { tune, ..rest }).unwrap();
@@ -244,16 +242,19 @@ fn relayed_frame_is_counted_and_its_report_taken_over() {
     let mut frame = [0; fw_core::wire::MAX_FRAME];
     let mut client = fw_core::wire::PiLink::new(session.config().link_setup());
     let len = client.send(&Command::default(), &mut frame);
-    for frames in 1..=2 {
-        let begun_us = board.borrow().now_us;
+    let mut ended_us = board.borrow().now_us;
+    for (frames, gap_us) in [(1, 0), (2, 21)] {
         let (reply, report) = session.relay(&frame[..len]).unwrap();
-        // The set-up time.
-        assert_eq!(board.borrow().now_us - begun_us, 1);
-        assert_eq!(session.snapshot().time_us, begun_us);
+        let begun_us = session.snapshot().time_us;
+        let before_us = std::mem::replace(&mut ended_us, board.borrow().now_us);
+        // The gap, and the set-up time.
+        assert_eq!((begun_us - before_us, ended_us - begun_us), (gap_us, 1));
         assert_eq!(client.receive(&reply).ok(), report);
         assert_eq!(session.statistics().frames, frames);
         assert_eq!(session.snapshot().pose.map(|pose| pose.x_mm), Some(1234.0));
     }
+    session.exchange(&CommandRequest::default()).unwrap();
+    assert_eq!(session.snapshot().time_us - ended_us, 21);
 }
 
 #[test]
