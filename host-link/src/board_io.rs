@@ -281,22 +281,6 @@ fn interrupt_guard_raises_when_dropped() {
 }
 
 #[test]
-fn line_that_fails_is_named() {
-    use crate::mock_board::{IoFault, mock_board};
-    let blank = fw_core::eeprom::Image::BLANK;
-    let (_, mut io) = mock_board(&blank, Some(IoFault::AllFail(0)));
-    for (outcome, net) in [
-        (io.set_reset(true), "RESET"),
-        (io.set_select(true), "SELECT"),
-        (io.set_protect(true), "WP_EEPROM"),
-        (io.is_ready().map(drop), "STM_READY"),
-    ] {
-        let is_named = matches!(outcome, Err(Error::Pin(name, _)) if name == net);
-        assert!(is_named, "{net}: {outcome:?}");
-    }
-}
-
-#[test]
 fn erased_line_keeps_its_level() {
     let level = std::rc::Rc::new(std::cell::Cell::new(false));
     let driven = level.clone();

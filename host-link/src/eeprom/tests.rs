@@ -223,6 +223,19 @@ fn write_fault_at_any_call_leaves_lines_idle() {
 }
 
 #[test]
+fn line_that_fails_is_named() {
+    let (_, mut io) = mock_board(&BLANK, Some(IoFault::AllFail(0)));
+    for (outcome, net) in [
+        (io.set_reset(true), "RESET"),
+        (io.set_select(true), "SELECT"),
+        (io.set_protect(true), "WP_EEPROM"),
+        (io.is_ready().map(drop), "STM_READY"),
+    ] {
+        assert!(matches!(outcome, Err(Error::Pin(name, _)) if name == net));
+    }
+}
+
+#[test]
 fn write_total_failure_names_what_was_not_restored() {
     let mut after_another = 0;
     for at in 0..calls_of_a_good_write() {
