@@ -75,7 +75,7 @@ pub struct MockBoard {
 }
 
 /// The error of every injected fault.
-fn injected() -> IoError {
+pub fn injected() -> IoError {
     IoError::new("injected")
 }
 

@@ -5,7 +5,7 @@ use super::repair::{Repaired, repair};
 use super::*;
 use crate::board_io::{IoError, input, output};
 use crate::error::Error;
-use crate::mock_board::{IoFault, MockBoard, mock_board, reconnect};
+use crate::mock_board::{IoFault, MockBoard, injected, mock_board, reconnect};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 const BLANK: Image = Image::BLANK;
@@ -189,7 +189,7 @@ fn lines_left_elsewhere_are_idle_after_read_or_repair() {
     }
     // A line that cannot be read does not show that the STM is ready.
     let (_, mut io) = mock_board(&wanted(), None);
-    io.ready = input(|| Err(IoError::new("injected")));
+    io.ready = input(|| Err(injected()));
     let repaired = repair(&mut io, &journal, true, 100);
     assert_eq!(repaired, Ok(Repaired::Reset { due: false }));
 }
@@ -256,7 +256,7 @@ fn write_total_failure_names_what_was_not_restored() {
 #[test]
 fn protection_line_that_fails_keeps_neither_bus_nor_stm() {
     let (board, mut io) = mock_board(&BLANK, None);
-    io.protect = output(|_| Err(IoError::new("injected")));
+    io.protect = output(|_| Err(injected()));
     assert!(matches!(write(&mut io), Err(Error::Pin("WP_EEPROM", _))));
     assert_idle(&board.borrow(), None);
     assert_eq!(board.borrow().resets, 1);
@@ -265,7 +265,7 @@ fn protection_line_that_fails_keeps_neither_bus_nor_stm() {
     let mut works = true;
     io.protect = output(move |_| {
         let worked = std::mem::take(&mut works);
-        worked.then_some(()).ok_or_else(|| IoError::new("injected"))
+        worked.then_some(()).ok_or_else(injected)
     });
     assert!(matches!(read(&mut io), Err(Error::NotRestored { .. })));
     assert_idle(&board.borrow(), None);

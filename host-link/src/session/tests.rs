@@ -1,8 +1,8 @@
 //! Frames of a session on the mock board.
 
 use super::*;
-use crate::board_io::{IoError, output};
-use crate::mock_board::{IoFault, mock_board};
+use crate::board_io::output;
+use crate::mock_board::{IoFault, injected, mock_board};
 use fw_core::eeprom::{FIELDS, Image, fields};
 use fw_core::types::{Faults, Velocity};
 use fw_core::wire::Mode;
@@ -135,7 +135,7 @@ fn reset_line_that_cannot_be_held_is_released() {
     let level = Rc::clone(&released);
     io.reset = output(move |high| {
         level.set(high);
-        high.then_some(()).ok_or_else(|| IoError::new("injected"))
+        high.then_some(()).ok_or_else(injected)
     });
     assert!(reset::pulse(&mut io).is_err() && released.get());
 }

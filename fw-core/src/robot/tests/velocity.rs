@@ -159,16 +159,20 @@ fn silent_front_sensor_is_blind_again() {
     }
 }
 
+/// Awaits the front sensor's trigger and answers it with an echo of this width, microseconds.
+fn echo_ahead(bench: &mut Bench, width_us: u32) {
+    assert!((0..100).any(|_| bench.tick().trigger == Some(RangefinderId::Front)));
+    let rise = bench.sample.now.after(500);
+    let fall = rise.after(width_us);
+    bench.robot.on_echo(RangefinderId::Front, rise, fall);
+}
+
 // Requirement: WIRE-obstacle-2
 #[test]
 fn third_trigger_without_an_echo_voids_the_last() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     bench.frame(&drive(0));
-    assert!((0..100).any(|_| bench.tick().trigger == Some(RangefinderId::Front)));
-    let rise = bench.sample.now.after(500);
-    bench
-        .robot
-        .on_echo(RangefinderId::Front, rise, rise.after(11_650));
+    echo_ahead(&mut bench, 11_650);
     bench.ticks(2);
     let seen = bench.robot.obstacle.max_forward();
     while bench.robot.obstacle.max_forward() == seen {
@@ -184,11 +188,7 @@ fn third_trigger_without_an_echo_voids_the_last() {
 fn echo_limits_the_second_tick_after_it() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     bench.frame(&drive(80));
-    assert!((0..100).any(|_| bench.tick().trigger == Some(RangefinderId::Front)));
-    let rise = bench.sample.now.after(500);
-    bench
-        .robot
-        .on_echo(RangefinderId::Front, rise, rise.after(985));
+    echo_ahead(&mut bench, 985);
     bench.frame(&drive(80));
     bench.tick();
     assert!(!bench.robot.report.obstacle_limited);
