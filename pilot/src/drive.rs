@@ -182,7 +182,7 @@ pub fn tour(
 }
 
 #[allow(clippy::cast_precision_loss)] // exact below 285 years
-fn seconds_since(begun_us: u64, now_us: u64) -> f64 {
+pub(crate) fn seconds_since(begun_us: u64, now_us: u64) -> f64 {
     now_us.saturating_sub(begun_us) as f64 / 1e6
 }
 

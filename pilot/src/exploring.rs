@@ -3,7 +3,7 @@
 //!
 //! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
 
-use crate::drive::{SpeedMeter, StopOnDrop};
+use crate::drive::{SpeedMeter, StopOnDrop, seconds_since};
 use crate::mapping::{self, Files, Mapping, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
@@ -214,7 +214,7 @@ impl PlanRunner {
         sample: &RangeSample,
         report: &Report,
     ) -> Result<ControlFlow<Drive, CommandRequest>, Error> {
-        self.time_s = seconds(sample.time_us.saturating_sub(self.begun_us));
+        self.time_s = seconds_since(self.begun_us, sample.time_us);
         let status = Status {
             time_s: self.time_s,
             estimate,
@@ -347,7 +347,7 @@ fn velocity_request(velocity: Velocity) -> VelocityRequest {
 /// A report as the localiser takes it.
 pub fn observation(sample: &RangeSample) -> Observation {
     Observation {
-        time_s: seconds(sample.time_us),
+        time_s: seconds_since(0, sample.time_us),
         odometry: mapping::mapper_pose(sample.pose),
         gyro_rad: sample.gyro_deg.map(f64::to_radians),
         ranges_mm: sample.ranges_mm,
@@ -387,13 +387,6 @@ pub fn navigator_config(config: &Config) -> navigator::Config {
 fn mounts(config: &Config) -> [Mount; 3] {
     let fitted = mapping::mapper_config(config, 25.0).mounts;
     let mut mounts = Mount::first_board();
-    for (mount, fitted) in mounts.iter_mut().zip(fitted) {
-        *mount = fitted;
-    }
+    mounts[..fitted.len()].copy_from_slice(&fitted);
     mounts
-}
-
-#[allow(clippy::cast_precision_loss)] // exact below 285 years
-fn seconds(us: u64) -> f64 {
-    us as f64 / 1e6
 }

@@ -2,6 +2,8 @@
 //! then Gauss-Newton with damping (Levenberg-Marquardt). Errors of 5 % bend a metre by 20° on a
 //! track of 125 mm: far beyond what small-angle formulas can correct in one go.
 
+use nalgebra::{Matrix2, Vector2};
+
 /// The two factors that explain the measurements best.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fitted {
@@ -39,14 +41,11 @@ pub fn fit_factors(residuals: impl Fn([f64; 2]) -> Vec<f64>, reach: [f64; 2]) ->
     let mut damping = 1e-3;
     for _ in 0..STEPS {
         let (normal, gradient, _) = linear(&residuals, factors);
-        let damped = [
-            [normal[0][0] * (1.0 + damping), normal[0][1]],
-            [normal[1][0], normal[1][1] * (1.0 + damping)],
-        ];
-        let Some(inverse) = inverted(damped) else {
+        let damped = normal + Matrix2::from_diagonal(&normal.diagonal()) * damping;
+        let Some(inverse) = damped.try_inverse() else {
             break;
         };
-        let step = times(inverse, gradient);
+        let step = inverse * gradient;
         let next = [factors[0] - step[0], factors[1] - step[1]];
         let cost = cost(next);
         if cost < least {
@@ -55,17 +54,14 @@ pub fn fit_factors(residuals: impl Fn([f64; 2]) -> Vec<f64>, reach: [f64; 2]) ->
         } else {
             damping *= 10.0;
         }
-        if step[0].abs().max(step[1].abs()) < 1e-12 || damping > 1e12 {
+        if step.amax() < 1e-12 || damping > 1e12 {
             break;
         }
     }
     let (normal, _, count) = linear(&residuals, factors);
     let variance = least / (count - 2.0);
-    let deviations = inverted(normal).map_or([f64::NAN; 2], |inverse| {
-        [
-            (variance * inverse[0][0]).sqrt(),
-            (variance * inverse[1][1]).sqrt(),
-        ]
+    let deviations = normal.try_inverse().map_or([f64::NAN; 2], |inverse| {
+        inverse.diagonal().map(|of| (variance * of).sqrt()).into()
     });
     Fitted {
         factors,
@@ -74,43 +70,22 @@ pub fn fit_factors(residuals: impl Fn([f64; 2]) -> Vec<f64>, reach: [f64; 2]) ->
     }
 }
 
-type Square = [[f64; 2]; 2];
-
 /// `JᵀJ`, `Jᵀr` and the number of residuals.
-fn linear(residuals: &impl Fn([f64; 2]) -> Vec<f64>, at: [f64; 2]) -> (Square, [f64; 2], f64) {
+fn linear(
+    residuals: &impl Fn([f64; 2]) -> Vec<f64>,
+    at: [f64; 2],
+) -> (Matrix2<f64>, Vector2<f64>, f64) {
     let here = residuals(at);
     let beside = [
         residuals([at[0] + DELTA, at[1]]),
         residuals([at[0], at[1] + DELTA]),
     ];
-    let (mut normal, mut gradient, mut count) = ([[0.0; 2]; 2], [0.0; 2], 0.0);
+    let (mut normal, mut gradient, mut count) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
     for ((r, a), b) in here.iter().zip(&beside[0]).zip(&beside[1]) {
-        let slope = [(a - r) / DELTA, (b - r) / DELTA];
-        for i in 0..2 {
-            for j in 0..2 {
-                normal[i][j] += slope[i] * slope[j];
-            }
-            gradient[i] += slope[i] * r;
-        }
+        let slope = Vector2::new(a - r, b - r) / DELTA;
+        normal += slope * slope.transpose();
+        gradient += slope * *r;
         count += 1.0;
     }
     (normal, gradient, count)
-}
-
-fn inverted(m: Square) -> Option<Square> {
-    let determinant = m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    if !determinant.is_normal() {
-        return None;
-    }
-    Some([
-        [m[1][1] / determinant, -m[0][1] / determinant],
-        [-m[1][0] / determinant, m[0][0] / determinant],
-    ])
-}
-
-fn times(m: Square, v: [f64; 2]) -> [f64; 2] {
-    [
-        m[0][0] * v[0] + m[0][1] * v[1],
-        m[1][0] * v[0] + m[1][1] * v[1],
-    ]
 }

@@ -113,11 +113,6 @@ impl Output {
     /// The error that ends the program.
     pub fn error(self, error: &Error) {
         self.warn(&error.to_string());
-        self.json_error(error);
-    }
-
-    /// The error as JSON, if results are JSON.
-    pub fn json_error(self, error: &Error) {
         if self.json {
             let exit = error.exit().code();
             let object = serde_json::json!({ "error": error.to_string(), "exit": exit });

@@ -87,17 +87,12 @@ pub fn check(
         },
         "write a configuration: `robot eeprom init FILE`, then `robot eeprom write FILE`",
     );
-    let decoded = if has_key {
-        settings::decode(&image).map_err(|error| error.to_string())
-    } else {
-        Err(String::new())
-    };
-    let config = match decoded {
+    let config = match settings::decode(&image) {
         Ok(config) => config,
         Err(why) => {
             if has_key {
                 let advice = "correct the file and run `robot eeprom write FILE`";
-                findings.fail("configuration", why, advice);
+                findings.fail("configuration", why.to_string(), advice);
             } else {
                 findings.skip(&["configuration"], "the EEPROM has no key");
             }

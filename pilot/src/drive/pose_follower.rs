@@ -262,14 +262,8 @@ impl PoseFollower {
             Some(Phase::Turn(rotation_deg)) => {
                 let error = pose.rotation_to_deg(Pose::new(0.0, 0.0, rotation_deg));
                 let ends = (error - turn).abs() <= SHARES.0 * self.tolerance_deg;
-                [
-                    0.0,
-                    if ends {
-                        0.0
-                    } else {
-                        self.speed_to(1, error, 0.0)
-                    },
-                ]
+                let yaw = (!ends).then(|| self.speed_to(1, error, 0.0));
+                [0.0, yaw.unwrap_or(0.0)]
             }
             Some(Phase::Drive { back }) => {
                 let (ahead_mm, left_mm) = seen_from(pose, self.target);

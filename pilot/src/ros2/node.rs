@@ -98,9 +98,7 @@ impl Ros2Node {
             node,
         })
     }
-}
 
-impl Ros2Node {
     /// The node's name with its namespace.
     pub fn name(&self) -> String {
         self.node.fully_qualified_name()

@@ -7,6 +7,7 @@
 //! dead zone.
 
 use crate::tune::samples::Sample;
+use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 /// The drive.
@@ -159,29 +160,23 @@ fn linear(steps: &[Step], lag: f64) -> Option<Fitted> {
         steps.iter().flat_map(move |step| {
             step.travel.iter().map(move |&(t, measured)| {
                 let unit = unit_travel(t, lag).copysign(step.percent);
-                (unit * step.percent.abs(), unit, measured)
+                (Vector2::new(unit * step.percent.abs(), unit), measured)
             })
         })
     };
-    let [mut aa, mut ab, mut bb, mut ay, mut by, mut count] = [0.0; 6];
-    for (a, b, y) in rows() {
-        aa += a * a;
-        ab += a * b;
-        bb += b * b;
-        ay += a * y;
-        by += b * y;
+    let (mut normal, mut moment, mut count) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
+    for (row, y) in rows() {
+        normal += row * row.transpose();
+        moment += row * y;
         count += 1.0;
     }
-    let determinant = aa * bb - ab * ab;
-    if determinant.is_nan() || determinant <= 1e-9 * aa * bb {
+    let determinant: f64 = normal.determinant();
+    if determinant.is_nan() || determinant <= 1e-9 * normal.m11 * normal.m22 {
         return None;
     }
-    let gain = (ay * bb - by * ab) / determinant;
-    let offset = (by * aa - ay * ab) / determinant;
-    let squares: f64 = rows()
-        .map(|(a, b, y)| (y - gain * a - offset * b).powi(2))
-        .sum();
-    Some((gain, offset, lag, (squares / count).sqrt()))
+    let fitted = normal.try_inverse()? * moment;
+    let squares: f64 = rows().map(|(row, y)| (y - fitted.dot(&row)).powi(2)).sum();
+    Some((fitted.x, fitted.y, lag, (squares / count).sqrt()))
 }
 
 /// The model's position beside the measured one, seconds and position; not-a-number between steps.

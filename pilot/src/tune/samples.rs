@@ -58,21 +58,16 @@ impl SampleRecorder {
             }
         }
         if let LogLine::Sample { percent, value } = *line {
-            if !self.samples.is_empty() {
+            if self.samples.is_empty() {
+                (self.tick, self.lost) = (0, 0);
+            } else {
                 self.tick = self.tick.saturating_add(1);
             }
             self.samples.push(Sample {
-                tick: if self.samples.is_empty() {
-                    0
-                } else {
-                    self.tick
-                },
+                tick: self.tick,
                 percent,
                 value,
             });
-            if self.samples.len() == 1 {
-                (self.tick, self.lost) = (0, 0);
-            }
         }
     }
 
@@ -90,6 +85,7 @@ impl SampleRecorder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tune::{Axis, export};
 
     #[test]
     fn lost_lines_keep_sample_times() {
@@ -105,5 +101,7 @@ mod tests {
             .collect();
         assert_eq!(ticks, [0, 7, 8, 10, 11, 12]);
         assert_eq!(recorder.lost(), 7);
+        let csv = export::csv(Axis::Move, &recorder.samples()[2..3]);
+        assert_eq!(csv, "seconds,percent,mm\n0.08,50.00,0.000\n");
     }
 }

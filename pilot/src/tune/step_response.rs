@@ -56,9 +56,7 @@ impl StepPlan {
         }
         Ok(())
     }
-}
 
-impl StepPlan {
     /// # Errors
     /// [`Error::Usage`] for a duty that does not turn both wheels.
     pub fn check_dead_zones(&self, config: &Config) -> Result<(), Error> {

@@ -97,11 +97,8 @@ impl ModeGuard<'_> {
         // A Ctrl-C that ended the work must not end this too.
         let interrupt = std::mem::replace(&mut self.io.interrupt, Interrupt::new());
         let timeout = self.ready_timeout_ms;
-        let first = eeprom::program(self.io, self.original, timeout, None, |_| {});
-        let outcome = match first {
-            Err(_) => eeprom::program(self.io, self.original, timeout, None, |_| {}),
-            done => done,
-        };
+        let mut write = || eeprom::program(self.io, self.original, timeout, None, |_| {});
+        let outcome = write().or_else(|_| write());
         self.io.interrupt = interrupt;
         self.restored = true;
         outcome?;

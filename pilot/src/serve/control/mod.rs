@@ -206,8 +206,7 @@ impl Server {
             Motion::Clear => self.clear_faults(session),
         };
         let activity = std::mem::take(&mut self.activity);
-        #[allow(clippy::cast_precision_loss)] // exact below 285 years
-        let seconds = session.now_us().saturating_sub(begun_us) as f64 / 1e6;
+        let seconds = drive::seconds_since(begun_us, session.now_us());
         self.cancelled = None;
         self.report_end(activity, outcome.as_ref().err(), seconds);
         if self.next.is_none() {
