@@ -111,7 +111,11 @@ impl SpiDevice for Borrowed {
                     let len = bytes.len().min(reply.len());
                     reply[..len].copy_from_slice(&bytes[..len]);
                 }
-                _ => return Err(IoError::new("a borrowed robot transfers whole frames only")),
+                _ => {
+                    return Err(driver_error(
+                        &"a borrowed robot transfers whole frames only",
+                    ));
+                }
             }
         }
         Ok(())
@@ -133,15 +137,15 @@ impl I2c for Borrowed {
             [Write(write)] => (write.to_vec(), &mut []),
             [Write(write), Read(read)] => (write.to_vec(), read),
             _ => {
-                return Err(IoError::new(
-                    "a borrowed EEPROM is addressed before it is read",
+                return Err(driver_error(
+                    &"a borrowed EEPROM is addressed before it is read",
                 ));
             }
         };
         let (bytes, _) = self.call(Call::I2c(address, write, read.len()))?;
         let all = bytes.len() == read.len();
         all.then(|| read.copy_from_slice(&bytes))
-            .ok_or_else(|| IoError::new("short answer"))
+            .ok_or_else(|| driver_error(&"short answer"))
     }
 }
 

@@ -180,7 +180,8 @@ pub fn ensure_mode(
     if mode.has(Field::Velocity) {
         if !config.gyro() {
             context.output.warn(
-                "the EEPROM holds gyro = false: without the gyroscope pose and map are as good as the                  wheels' grip",
+                "the EEPROM holds gyro = false: without the gyroscope pose and map are as good as the \
+                 wheels' grip",
             );
         }
         return Ok(());

@@ -18,7 +18,7 @@ impl Server {
             self.log.clear();
             return;
         }
-        let messages = self.log_lines(log);
+        let messages = log_lines(&mut self.log, log);
         let frame = self.latest.clone().map(Box::new).map(Message::Frame);
         let frame = frame.as_ref().map(text);
         let mut changed = Vec::new();
@@ -57,22 +57,6 @@ impl Server {
         });
     }
 
-    /// The lines that these bytes complete.
-    fn log_lines(&mut self, bytes: &[u8]) -> Vec<Arc<str>> {
-        self.log.extend_from_slice(bytes);
-        let Some(end) = self.log.iter().rposition(|&byte| byte == b'\n') else {
-            self.log.truncate(MAX_LOG_LINE);
-            return Vec::new();
-        };
-        let rest = self.log.split_off(end + 1);
-        let whole = std::mem::replace(&mut self.log, rest);
-        let whole = String::from_utf8_lossy(&whole);
-        let lines = whole.lines().filter(|line| line.len() <= MAX_LOG_LINE);
-        lines
-            .map(|line| text(&Message::Log { line: line.into() }))
-            .collect()
-    }
-
     pub(super) fn new_map(&mut self) {
         self.tiles = Tiles::default();
         let message = text(&Message::Map { cell_mm: CELL_MM });
@@ -102,8 +86,45 @@ impl Server {
     }
 }
 
+/// The lines that these bytes complete after those of `begun`, which keeps what they begin.
+fn log_lines(begun: &mut Vec<u8>, bytes: &[u8]) -> Vec<Arc<str>> {
+    begun.extend_from_slice(bytes);
+    let Some(end) = begun.iter().rposition(|&byte| byte == b'\n') else {
+        // Still too long for a line.
+        begun.truncate(MAX_LOG_LINE + 1);
+        return Vec::new();
+    };
+    let rest = begun.split_off(end + 1);
+    let whole = std::mem::replace(begun, rest);
+    let whole = String::from_utf8_lossy(&whole);
+    let lines = whole.lines().filter(|line| line.len() <= MAX_LOG_LINE);
+    lines
+        .map(|line| text(&Message::Log { line: line.into() }))
+        .collect()
+}
+
 /// A message as it is sent.
 fn text(message: &Message) -> Arc<str> {
     // Strings, numbers and maps with keys of strings cannot fail.
     serde_json::to_string(message).unwrap_or_default().into()
+}
+
+#[test]
+fn lines_of_the_log_are_whole_or_left_out() {
+    let (mut begun, long) = (Vec::new(), "x".repeat(MAX_LOG_LINE));
+    for (bytes, expected) in [
+        ("I00001: a\nI0000", &["I00001: a"][..]),
+        ("2: b\n", &["I00002: b"]),
+        (&long, &[]),
+        ("x", &[]),
+        ("x\nI00003: c\n", &["I00003: c"]),
+    ] {
+        let message = |line: &&str| {
+            text(&Message::Log {
+                line: (*line).into(),
+            })
+        };
+        let expected: Vec<_> = expected.iter().map(message).collect();
+        assert_eq!(log_lines(&mut begun, bytes.as_bytes()), expected, "{bytes}");
+    }
 }
