@@ -205,6 +205,7 @@ pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
 mod tests {
     use super::*;
     use fw_core::eeprom::{Image, fields};
+    use mapper::Point;
 
     // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
     #[test]
@@ -251,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn map_files_are_checked_before_the_wheels_turn() {
+    fn map_files_are_checked_written_and_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let stem = folder.path().join("map");
         assert_eq!(Files::check(&stem), Ok(()));
@@ -261,5 +262,10 @@ mod tests {
             assert!(Files::check(&stem).is_err(), "{}", file.display());
             std::fs::remove_file(file).unwrap();
         }
+        let (low, high) = (Point::default(), Point::new(500.0, 300.0));
+        let grid = Grid::from_fn(25.0, low, high, |_| -3.0);
+        let files = save_map(&grid, &[], &stem).unwrap();
+        let read = load_map(&files.yaml).unwrap();
+        assert_eq!((read.columns(), read.rows()), (grid.columns(), grid.rows()));
     }
 }

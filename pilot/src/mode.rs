@@ -76,6 +76,16 @@ pub fn change<'m>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fw_core::eeprom::Image;
+    use host_link::mock_board::mock_board;
+
+    // Requirement: DOC-5.2-2
+    #[test]
+    fn mode_change_without_valid_replies_is_an_error() {
+        let (board, mut io) = mock_board(&Image::FIRST_BOARD, None);
+        board.borrow_mut().garbled_from = 0;
+        assert!(change(&mut io, Mode::GuardedNormal, 40, 100, None, |_| ()).is_err());
+    }
 
     #[test]
     fn mode_parse_accepts_names_and_numbers() {

@@ -259,5 +259,9 @@ mod tests {
             assert_eq!(dead_man.poll(now), Ok(stop), "{ms}");
             assert_eq!(dead_man.due(now), due, "{ms}");
         }
+        // Without the gamepad nothing is held.
+        drop(events);
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(dead_man.poll(begun).is_err());
     }
 }

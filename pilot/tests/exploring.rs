@@ -191,7 +191,7 @@ fn run(
     action: Action,
     reports: &[(f64, State, Faults)],
 ) -> (Result<Vec<CommandRequest>, Error>, Vec<Option<StopReason>>) {
-    let (mut runner, mut plan) = (PlanRunner::new(0), FixedPlan(action, Vec::new()));
+    let (mut runner, mut plan) = (PlanRunner::new(500_000), FixedPlan(action, Vec::new()));
     let estimate = PoseEstimate::default();
     let grid = Grid::new(25.0);
     let step = |&(time_s, state, faults): &(f64, State, Faults)| {
@@ -206,6 +206,8 @@ fn run(
             ..Report::default()
         };
         let next = runner.step(&mut plan, &grid, estimate, &sample, &report)?;
+        let status = plan.1.last().expect("a step");
+        assert!((status.time_s - (time_s - 0.5)).abs() < 1e-6);
         Ok(next.continue_value().expect("the plan goes on"))
     };
     let asked = reports.iter().map(step).collect();
@@ -282,6 +284,8 @@ fn exploring_keeps_to_what_the_configuration_can_do() {
         exploring::navigator_config(&config(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]));
     assert!((swept.cruise_mm_s - 90.0).abs() < 1e-9);
     assert!((swept.sweep_half_width_rad.to_degrees() - 60.0).abs() < 1e-9);
+    let eighth = exploring::localiser_config(&config(&[(fields::BEARING_RIGHT, 0xE000)]), 25.0);
+    assert!((eighth.mounts[1].bearing_rad + TAU / 8.0).abs() < 1e-4);
     let (_, mut io) = mock_board(&Image::FIRST_BOARD, None);
     let (driven, _) = explore(&mut io);
     assert!(matches!(driven, Err(Error::WrongMode(..))), "{driven:?}");

@@ -7,6 +7,7 @@ use pilot::recording::Recorder;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// Records poses along x, millimetres.
 fn record(path: &Path, along_mm: &[f64]) {
@@ -110,6 +111,10 @@ fn endless_and_far_inputs_are_refused() {
         assert!(stderr.contains(expected), "{words}: {stderr}");
     }
     assert!(!here.join("map.png").exists());
+    // Its two reports are 25 ms apart.
+    let begun = Instant::now();
+    assert_eq!(run(&format!("replay {far} --speed 0.05")).0, 0);
+    assert!(begun.elapsed() >= Duration::from_millis(500));
 }
 
 // Requirement: WIRE-program-1

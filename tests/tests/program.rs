@@ -180,7 +180,7 @@ fn configuration_is_compared_saved_and_brought_back() {
         (2, "calibrate rollback", "no tuning or calibration"),
         (0, "reset", "STM reset; ready after"),
         (0, "status", "stop deadline 250 ms"),
-        (0, "stop", "stopped ("),
+        (0, "stop", "stopped (stopped)"),
     ]);
 }
 

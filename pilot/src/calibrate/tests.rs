@@ -128,7 +128,14 @@ fn noisy_readings_stay_within_estimated_deviation() {
     }
     let found = umbmark::solve(&runs, 1000.0).unwrap();
     assert!((2.5..3.5).contains(&found.residual_mm), "{found:?}");
-    assert!((4.0..6.0).contains(&found.score.clockwise.deviation_mm));
+    let score = found.score;
+    assert!((4.0..6.0).contains(&score.clockwise.deviation_mm));
+    let offsets = [score.clockwise, score.counter_clockwise].map(|one| one.offset_mm);
+    assert!(offsets.iter().all(|&offset| score.worst_mm >= offset));
+    let image = &fw_core::eeprom::Image::FIRST_BOARD;
+    let settings = host_link::settings::Settings::from_image(image).unwrap();
+    let written = settings.with(&truth.values()).unwrap();
+    assert_eq!(WheelGeometry::from_config(written.config()), truth);
     assert!(off_percent(&found.wheels, &truth) < 0.02, "{found:?}");
     for deviation in [found.track_deviation, found.ratio_deviation] {
         assert!((1e-5..1e-3).contains(&deviation), "{found:?}");
@@ -254,8 +261,10 @@ fn run_interrupt_or_lost_link_stops_robot() {
 
 #[test]
 fn run_keeps_to_its_path_leg_by_leg() {
+    let start = Pose::new(300.0, -200.0, 0.0);
     let run = |drift_um: i32, way: &[Pose]| {
         let (board, mut io) = mock_board(&Image::FIRST_BOARD, None);
+        board.borrow_mut().report.pose = start.code();
         board.borrow_mut().on_command = Some(Box::new(move |_, report| {
             report.pose.y += drift_um;
         }));
@@ -263,7 +272,12 @@ fn run_keeps_to_its_path_leg_by_leg() {
         let run = run::run(&mut session, way, &ArrivalCriteria::default(), |_| {});
         (run.map(|path| path.moved()), board)
     };
-    assert_eq!(run(0, &square(1000.0, true)).0, Ok(true));
+    let (outcome, board) = run(0, &square(1000.0, true));
+    let end = Pose::from_code(board.borrow().report.pose);
+    assert!(
+        outcome == Ok(true) && end.distance_mm(start) < 5.0,
+        "{end:?}"
+    );
     for (drift_um, way, why) in [
         (200_000, straight(1000.0), "beside its path"),
         (0, vec![Pose::default()], "nothing moved"),

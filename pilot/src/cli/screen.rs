@@ -308,9 +308,11 @@ mod tests {
 
     #[test]
     fn key_of_an_event_has_its_meaning() {
-        let event = |code: char, modifiers| {
-            Event::Key(event::KeyEvent::new(KeyCode::Char(code), modifiers))
-        };
+        let pressed = |code: char, modifiers| event::KeyEvent::new(KeyCode::Char(code), modifiers);
+        let event = |code, modifiers| Event::Key(pressed(code, modifiers));
+        let mut released = pressed('d', KeyModifiers::NONE);
+        released.kind = KeyEventKind::Release;
+        assert_eq!(key(&Event::Key(released)), None);
         for (code, expected) in [('d', Some(Key::Right)), (' ', Some(Key::Stop)), ('c', None)] {
             assert_eq!(key(&event(code, KeyModifiers::NONE)), expected, "{code}");
         }

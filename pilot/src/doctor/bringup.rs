@@ -372,7 +372,12 @@ fn whole_replies(io: &mut BoardIo, count: u32, wait_ns: u32) -> Result<u32, Erro
 }
 
 #[test]
-fn garbled_numbers_are_judged_as_any_others() {
+fn motor_that_turns_both_wheels_or_garbled_numbers_fail() {
+    let mut findings = Findings::default();
+    let log = "bringup 1 after power-on\nturned left counts 500 0\nmotor left forward counts 90 90\n\
+               motor left backward counts -90 0\n";
+    judge(log, &mut findings);
+    assert!(findings.failed().contains(&"motor left"));
     let mut findings = Findings::default();
     let log = "bringup 1 after power-on\nsupply calibration 4294967295 reference 1 taps 4294967295 0\n\
                turned left counts -2147483648 -2147483648\n";

@@ -6,7 +6,7 @@ use crate::tune::step_response::{self, StepPlan};
 use crate::tune::{Axis, drive_model, temporary_mode};
 use fw_core::eeprom::{Config, Image};
 use fw_core::types::Faults;
-use fw_core::wire::{Mode, Order};
+use fw_core::wire::Mode;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::error::Error;
@@ -227,7 +227,6 @@ fn drive(
             sweep_half_width_deg: SWEEP_DEG,
             ..VelocityRequest::default()
         }),
-        order: Order::None,
         ..CommandRequest::default()
     };
     let ends_us = session.now_us() + us;
@@ -240,4 +239,14 @@ fn drive(
         }
     }
     Ok(())
+}
+
+#[test]
+fn unrestored_robot_is_an_error_and_others_are_findings() {
+    let mut findings = Findings::default();
+    let (step, cause, first) = ("restoring", "no bus".into(), None);
+    let not_restored = Error::NotRestored { step, cause, first };
+    assert!(unfinished(not_restored, &mut findings).is_err());
+    assert_eq!(unfinished(Error::NotReady(100), &mut findings), Ok(()));
+    assert_eq!(findings.failed(), ["front rangefinder"]);
 }

@@ -209,11 +209,21 @@ mod tests {
         (0..200).map(sample).collect()
     }
 
+    fn nowhere() -> RangeSample {
+        RangeSample {
+            pose: Pose::new(f64::NAN, 0.0, 0.0),
+            gyro_deg: Some(90.0),
+            ..RangeSample::default()
+        }
+    }
+
     fn recorded(finish: bool) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
         let mut recorder = Recorder::create(&path).unwrap();
         let mut snapshot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
+        // It is left out, and its angle is no other's.
+        recorder.add(&nowhere()).unwrap();
         for sample in samples() {
             recorder.add(&sample).unwrap();
             snapshot.time_us = sample.time_us;
@@ -304,6 +314,12 @@ mod tests {
             let message = message.unwrap();
             let messages = topics.entry(message.channel.topic.clone()).or_default();
             messages.push((message.sequence, message.log_time / 1_000_000));
+            if message.channel.topic == TF {
+                let tf = cdr_encoding::from_bytes::<TfMessage, LittleEndian>(&message.data[4..]);
+                let tf = tf.unwrap().0.transforms;
+                let parents = tf.iter().map(|one| one.header.frame_id.as_str());
+                assert!(parents.eq(["odom", "base_link"].into_iter().take(tf.len())));
+            }
         }
         for (topic, messages) in &topics {
             let numbers = messages.iter().map(|message| message.0);
@@ -314,7 +330,7 @@ mod tests {
             let at_ms = topics[topic].iter().map(|message| message.1);
             assert!(at_ms.eq((0..5).map(|second| second * 1000)), "{topic}");
         }
-        assert_eq!(topics[POSE].len(), 200);
+        assert_eq!(topics[POSE].len(), 201);
         assert_eq!(topics["/map"], [(1, 5000)]);
     }
 
@@ -333,21 +349,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
         let mut recorder = Recorder::create(&path).unwrap();
-        let nowhere = RangeSample {
-            pose: Pose::new(f64::NAN, 0.0, 0.0),
-            ..RangeSample::default()
-        };
-        recorder.add(&nowhere).unwrap();
+        recorder.add(&nowhere()).unwrap();
         recorder.finish(0, &Grid::new(25.0)).unwrap();
         let refused = load(&path).unwrap_err().to_string();
         assert!(refused.contains("no report of a pose"), "{refused}");
-        let at = |x_mm| RangeSample {
-            pose: Pose::new(x_mm, 0.0, 0.0),
+        let at = |x_mm, y_mm| RangeSample {
+            pose: Pose::new(x_mm, y_mm, 0.0),
             ..RangeSample::default()
         };
-        let extent = |mm| check_extent(&[at(0.0), at(mm)], 25.0, &path);
-        assert_eq!(extent(90_000.0), Ok(()));
-        let refused = extent(200_000.0).unwrap_err().to_string();
-        assert!(refused.contains("200 m apart"), "{refused}");
+        let extent = |x, y| check_extent(&[at(0.0, 0.0), at(x, y)], 25.0, &path);
+        assert_eq!(extent(90_000.0, -90_000.0), Ok(()));
+        for (x, y) in [(200_000.0, 0.0), (0.0, -200_000.0)] {
+            let refused = extent(x, y).unwrap_err().to_string();
+            assert!(refused.contains("200 m apart"), "{refused}");
+        }
     }
 }

@@ -72,6 +72,44 @@ pub fn diagnostics(us: u64, frame: &Frame) -> DiagnosticArray {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::serve::protocol::{Activity, Estimate};
+    use fw_core::eeprom::{Config, Image};
+    use host_link::snapshot::Snapshot;
+
+    // Requirement: SERVE-ros2-1
+    #[test]
+    fn frame_is_transformed_and_diagnosed() {
+        let mut robot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
+        (robot.pose, robot.bearing_deg) = (Some(Pose::new(100.0, 0.0, 0.0)), Some(30.0));
+        let (pose, deviation_mm) = (Pose::new(1000.0, 500.0, 90.0), 1.0);
+        let mut frame = Frame {
+            robot,
+            estimate: Some(Estimate { pose, deviation_mm }),
+            activity: Activity::Idle,
+            driver: None,
+            targets: 0,
+            advice: vec!["charge".into()],
+            error: None,
+            clients: 1,
+            bearings_deg: [0.0, -90.0, 90.0],
+            stop_deadline_ms: 250,
+        };
+        let mm_and_degrees = |one: &TransformStamped| {
+            let at = one.transform.translation;
+            [at.x * 1e3, at.y * 1e3, one.transform.rotation.degrees()].map(f64::round)
+        };
+        let [odom, base, front, ..] = &transforms(7, &frame).transforms[..] else {
+            panic!("too few");
+        };
+        let found = [odom, base, front].map(mm_and_degrees);
+        let expected = [[1000.0, 400.0, 90.0], [100.0, 0.0, 0.0], [80.0, 0.0, 30.0]];
+        assert_eq!(found, expected);
+        for (error, level, text) in [(None, 1, "charge"), (Some("silent"), 2, "silent")] {
+            frame.error = error.map(Into::into);
+            let status = &diagnostics(7, &frame).status[0];
+            assert_eq!((status.level, &*status.message), (level, text));
+        }
+    }
 
     // Requirement: SERVE-ros2-1
     #[test]

@@ -154,3 +154,17 @@ impl OccupancyGrid {
         }
     }
 }
+
+#[test]
+fn battery_faults_and_map_are_converted() {
+    use fw_core::eeprom::{Config, Image};
+    let mut robot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
+    (robot.cells_v, robot.faults) = (vec![Some(3.5), Some(4.0)], vec!["left-stalled"]);
+    assert!((BatteryState::of(0, &robot).voltage - 7.5).abs() < 1e-6);
+    let status = &DiagnosticArray::of(0, &robot).status[0];
+    assert_eq!((status.level, status.message.as_str()), (2, "left-stalled"));
+    let corners = [(0.0, 0.0), (2000.0, 500.0)].map(|(x, y)| mapper::Point::new(x, y));
+    let grid = Grid::from_fn(25.0, corners[0], corners[1], |_| -4.0);
+    let info = OccupancyGrid::of(0, "map", &grid).info;
+    assert!(info.width > info.height && info.width as usize == grid.columns());
+}

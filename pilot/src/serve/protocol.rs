@@ -325,28 +325,24 @@ mod tests {
     // Requirement: SERVE-client-1
     #[test]
     fn request_outside_its_range_is_refused_by_field() {
-        for (line, field) in [
-            (
-                r#"{"do":"drive","forward_mm_s":1001,"yaw_rate_deg_s":0}"#,
-                "forward_mm_s",
-            ),
-            (
-                r#"{"do":"drive","forward_mm_s":0,"yaw_rate_deg_s":-181}"#,
-                "yaw_rate_deg_s",
-            ),
-            (
-                r#"{"do":"drive","forward_mm_s":0,"yaw_rate_deg_s":0,"lease_ms":99}"#,
-                "lease_ms",
-            ),
-            (r#"{"do":"explore","lease_ms":5001}"#, "lease_ms"),
-            (r#"{"do":"goto","x_mm":1e10,"y_mm":0}"#, "x_mm"),
-            (r#"{"do":"watch","every":0}"#, "every"),
-            (r#"{"do":"hello","version":2,"name":"a"}"#, "version"),
-            (r#"{"do":"hello","version":1,"name":""}"#, "name"),
-            (r#"{"do":"explore","now":1}"#, "now"),
-            (r#"{"do":"jump"}"#, "jump"),
-            ("", "EOF"),
+        for row in [
+            r#"forward_mm_s of drive","forward_mm_s":1001,"yaw_rate_deg_s":0"#,
+            r#"yaw_rate_deg_s of drive","forward_mm_s":0,"yaw_rate_deg_s":-181"#,
+            r#"lease_ms of drive","forward_mm_s":0,"yaw_rate_deg_s":0,"lease_ms":99"#,
+            r#"lease_ms of explore","lease_ms":5001"#,
+            r#"x_mm of goto","x_mm":1e10,"y_mm":0"#,
+            r#"y_mm of goto","x_mm":0,"y_mm":-1e10"#,
+            r#"delay of board","call":{"delay":50001}"#,
+            r#"i2c of board","call":{"i2c":[80,[],2049]}"#,
+            r#"every of watch","every":0"#,
+            r#"version of hello","version":2,"name":"a""#,
+            r#"name of hello","version":1,"name":"""#,
+            r#"now of explore","now":1"#,
+            r#"jump of jump""#,
+            "EOF of ",
         ] {
+            let (field, line) = row.split_once(" of ").unwrap();
+            let line = format!(r#"{{"do":"{line}}}"#);
             let error = Request::parse(line.as_bytes()).unwrap_err();
             assert!(error.contains(field), "{line}: {error}");
         }

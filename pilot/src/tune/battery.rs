@@ -109,3 +109,38 @@ fn code(volts: f64) -> Result<u16, Error> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
     Ok((volts * 200.0).round() as u16)
 }
+
+// Requirement: DOC-5.1.3-4
+#[test]
+fn upper_resistor_is_read_from_log() {
+    use fw_core::eeprom::Image;
+    use host_link::mock_board::mock_board;
+    let (board, mut io) = mock_board(&Image::FIRST_BOARD, None);
+    let mut session = Session::open(&mut io, 40, 100).unwrap();
+    assert_eq!(measure_upper_resistor(&mut session, 2, 3.699), Ok(33_120));
+    let asked = board.borrow().commands.last().unwrap().tune;
+    assert_eq!((asked.cell, asked.voltage), (1, 740));
+    for (cell, volts) in [(0, 3.7), (3, 3.7), (1, 0.0), (1, 41.0), (1, f64::NAN)] {
+        assert!(matches!(
+            measure_upper_resistor(&mut session, cell, volts),
+            Err(Error::Usage(_))
+        ));
+    }
+    // The first fifteen of this tap, in any order, beside those of another one.
+    let (_, mut io) = mock_board(&Image::FIRST_BOARD, None);
+    let mut number = 0;
+    io.log = Box::new(move || {
+        number += 1;
+        let (tap, ohm) = match number % 2 {
+            0 => (1, 10),
+            _ => (2, 33_000 + number / 2 * 7 % 15),
+        };
+        Ok(format!("I{number:05}: tuned tap {tap}: upper resistor {ohm} ohm\n").into_bytes())
+    });
+    let mut varied = Session::open(&mut io, 40, 100).unwrap();
+    let median = measure_upper_resistor(&mut varied, 2, 3.7);
+    assert_eq!(median, Ok(33_007));
+    board.borrow_mut().log_connected = false;
+    let mute = measure_upper_resistor(&mut session, 1, 3.7);
+    assert!(matches!(mute, Err(Error::Tuning(_))), "{mute:?}");
+}

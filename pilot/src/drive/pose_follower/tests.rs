@@ -76,4 +76,12 @@ fn held_back_follower_turns_round_without_overshoot() {
     }
     let behind = Pose::new(-60.0, 2.0, 0.0);
     assert_at(drive(behind, &config, 1e3, false).0, behind);
+    // The criteria's tolerance, where it is the tighter one.
+    let (tolerance_deg, rest) = (0.2, ArrivalCriteria::default());
+    let criteria = ArrivalCriteria {
+        tolerance_deg,
+        ..rest
+    };
+    let follower = PoseFollower::new(ahead, &criteria, &config);
+    assert!(!follower.reaches(Pose::new(600.0, 0.0, 0.3)));
 }
