@@ -282,10 +282,11 @@ mod tests {
     #[test]
     fn gap_below_the_robots_width_is_found_with_less_clearance() {
         let row = ["#........#          ", "#.........          "];
-        let rows = [0, 0, 1, 1, 0, 0].map(|nth: usize| row[nth]);
+        let rows = [0, 0, 0, 0, 1, 1, 0, 0].map(|nth: usize| row[nth]);
         let rows = [&[HALF[0]], &rows[..], &[HALF[0]]].concat();
         let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
-        let from = |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
+        // Beside the wall, from where the gap is not seen.
+        let from = |clearance_mm| Reach::new(&map, &Pose2::new(780.0, 700.0, 0.0), clearance_mm);
         let (reach, floor) = (from(120.0), from(60.0));
         let wide = frontiers(&reach);
         assert!(wide.is_empty(), "{wide:?}");
@@ -293,7 +294,9 @@ mod tests {
             let found = gaps(&floor, &reach, viewed);
             assert_eq!(found.len(), 1, "{found:?}");
             assert!(reach.cost(found[0].view).is_some(), "{found:?}");
-            map.point(found[0].view)
+            let view = map.point(found[0].view);
+            assert!(map.line(view, found[0].centre, |node| node.cell != Cell::Occupied));
+            view
         };
         let first = view(&[]);
         let second = view(&[first]);

@@ -5,11 +5,12 @@ use crate::cost_map::tests::draw;
 use crate::manoeuvre::tests::status;
 
 /// A driver that rests no more, on the way through open floor from (200, 400) to (1800, 400), mm.
-fn under_way(config: Config) -> (Driver, Grid) {
+fn under_way(sweep_half_width_rad: f64) -> (Driver, Grid) {
     let grid = draw(&["...................."; 8]);
     let mut driver = Driver::new(Config {
         rest_every_s: 1e9,
-        ..config
+        sweep_half_width_rad,
+        ..Config::default()
     });
     driver.rested_s = 0.0;
     let map = driver.survey(&grid, 0.0);
@@ -40,10 +41,7 @@ fn unexplained_echo_ends_a_path_only_nearby() {
         // What the map knows is no doubt.
         (&walled, Some(600.0), 1.0, false),
     ] {
-        let (mut driver, _) = under_way(Config {
-            sweep_half_width_rad: 1.0,
-            ..Config::default()
-        });
+        let (mut driver, _) = under_way(1.0);
         let pose = Pose2::new(200.0, 400.0, 0.0);
         let mut frame = |time_s| {
             let mut status = status(time_s, pose);
@@ -53,6 +51,9 @@ fn unexplained_echo_ends_a_path_only_nearby() {
         frame(0.5);
         let step = frame(look_s);
         assert_eq!(step != Step::Interrupted, goes_on, "{range_mm:?}: {step:?}");
+        let at = Point::new(850.0, 100.0);
+        let known = driver.map.as_ref().and_then(|map| map.at(at)).unwrap().cell;
+        assert_eq!(known != draw(later).cell_at(at), later != open && goes_on);
     }
 }
 
@@ -81,7 +82,8 @@ fn way_back_ends_where_way_there_began() {
     for (time_s, x_mm, front_mm, forward_mm_s) in [
         (1.0, 0.0, None, Some(90.0)),
         (2.0, 100.0, None, Some(90.0)),
-        (3.0, 100.0, Some(200.0), Some(-45.0)),
+        (2.5, 100.0, Some(235.0), Some(90.0)),
+        (3.0, 140.0, Some(235.0), Some(-45.0)),
         (4.0, 10.0, None, Some(-45.0)),
         (5.0, -1.0, None, None),
     ] {
@@ -158,14 +160,17 @@ fn speed_is_limited_by_clearance_and_unknown_floor_ahead() {
 // Requirement: NAV-contact-1
 #[test]
 fn close_echo_limits_speed_and_is_what_stops() {
-    let (mut driver, grid) = under_way(Config::default());
+    let (mut driver, _) = under_way(1.0);
     let pose = Pose2::new(200.0, 400.0, 0.0);
     assert!(driver.contact_limit(&pose).is_infinite());
     assert_eq!(driver.obstacle(&pose), (FRONT_EDGE_MM, 0.0));
     let mut frame = status(0.1, pose);
-    frame.ranges_mm[0] = Some(120.0);
-    driver.sight.observe(&frame, &driver.config, &grid, 0.0);
-    // The sensor is 80 mm ahead, the body reaches 110 mm, 15 mm are kept.
+    // Of a wall that the map knows, 178 mm ahead of the middle and 66 mm to the left.
+    frame.ranges_mm[0] = Some(66f64.hypot(98.0));
+    frame.front_bearing_rad = 66f64.atan2(98.0);
+    let wall = draw(&["....#"; 8]);
+    driver.sight.observe(&frame, &driver.config, &wall, 0.0);
+    // There the body reaches 88 mm; 15 mm are kept.
     assert!((driver.contact_limit(&pose) - 150.0).abs() < 1e-6);
     let Step::Act(Action::Drive(velocity)) = driver.drive(
         Velocity {
@@ -178,9 +183,15 @@ fn close_echo_limits_speed_and_is_what_stops() {
         panic!("no velocity");
     };
     assert!((velocity.forward_mm_s - 150.0).abs() < 1e-6);
-    assert!((velocity.yaw_rate_rad_s - 0.2).abs() < 1e-9);
+    let (yaw, sweep) = (velocity.yaw_rate_rad_s, velocity.sweep_half_width_rad);
+    assert!((yaw - 0.2).abs() < 1e-9 && (sweep - 1.0).abs() < 1e-9);
     let (ahead_mm, left_mm) = driver.obstacle(&pose);
-    assert!((ahead_mm - 200.0).abs() < 1e-6 && left_mm.abs() < 1e-6);
+    assert!((ahead_mm - 178.0).abs() < 1e-6 && (left_mm - 66.0).abs() < 1e-6);
+    driver.recover(StopReason::Stall, &frame);
+    assert!(driver.marks[1].1.distance_mm(pose.point_at(178.0, 66.0)) < 1e-6);
+    driver.enqueue([Kind::Straight(300.0)]);
+    let near = status(0.2, Pose2::new(270.0, 400.0, 0.0));
+    assert_eq!(driver.next_motion(&near), None);
     driver.trail.net_rad = 0.3;
     for in_vain in [0, 2] {
         driver.queue.clear();
@@ -188,7 +199,7 @@ fn close_echo_limits_speed_and_is_what_stops() {
         let [Kind::Turn(facing), Kind::Straight(away_mm)] = queue(&driver)[..] else {
             panic!("{:?}", queue(&driver));
         };
-        let about = wrap_angle(PI + TURN_MORE_RAD * f64::from(in_vain));
+        let about = wrap_angle(66f64.atan2(178.0) + PI + TURN_MORE_RAD * f64::from(in_vain));
         assert!((facing - 0.3).abs() <= PI && wrap_angle(facing - 0.3 - about).abs() < 1e-9);
         assert!((away_mm - BACK_MM).abs() < 1e-9);
     }
@@ -203,7 +214,7 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
         (15.0, StopReason::Obstacle, None, 3),
         (200.0, StopReason::Link, None, 0),
     ] {
-        let (mut driver, grid) = under_way(Config::default());
+        let (mut driver, grid) = under_way(0.0);
         let pose = |x_mm: f64| Pose2::new(200.0 + x_mm, 400.0, 0.0);
         driver.step(&grid, &status(0.1, pose(0.0)));
         driver.step(&grid, &status(0.2, pose(way_mm)));
@@ -250,15 +261,15 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
 
 #[test]
 fn robot_that_does_not_move_is_blocked_after_a_second() {
-    let (mut driver, grid) = under_way(Config {
-        sweep_half_width_rad: 1.0,
-        ..Config::default()
-    });
+    let (mut driver, grid) = under_way(1.0);
+    driver.enqueue([Kind::Rest(5.0)]);
     for (time_s, speed_mm_s, is_blocked) in [
         (0.1, 0.0, false),
-        (0.9, 13.0, false),
-        (1.8, 11.0, false),
-        (2.0, 11.0, true),
+        (5.0, 0.0, false),
+        (5.2, 0.0, false),
+        (5.9, 13.0, false),
+        (6.8, 11.0, false),
+        (7.0, 11.0, true),
     ] {
         let frame = Status {
             speed_mm_s,
@@ -283,10 +294,7 @@ fn robot_without_sweep_looks_for_slanted_walls_first() {
         (0.0, 0.5, 2.0, None),
         (1.0, 0.0, 2.0, None),
     ] {
-        let (mut driver, grid) = under_way(Config {
-            sweep_half_width_rad,
-            ..Config::default()
-        });
+        let (mut driver, grid) = under_way(sweep_half_width_rad);
         driver.trail.net_rad = net_rad;
         let step = driver.step(&grid, &status(0.1, Pose2::new(200.0, 400.0, heading_rad)));
         let queue = queue(&driver);
@@ -303,8 +311,28 @@ fn robot_without_sweep_looks_for_slanted_walls_first() {
 }
 
 #[test]
+fn look_ahead_cuts_no_corner_over_unseen_or_narrow_floor() {
+    let forward_mm_s = |change: fn(&mut Node)| {
+        let (mut driver, grid) = under_way(1.0);
+        let path = [(212.5, 412.5), (312.5, 412.5), (312.5, 712.5)];
+        let path = path.map(|(x_mm, y_mm)| Point::new(x_mm, y_mm));
+        driver.follower = Some(Follower::new(path.into()));
+        let map = driver.map.as_mut().unwrap();
+        map.nodes.iter_mut().for_each(|node| node.seen = true);
+        let corner = map.index(Point::new(262.5, 462.5)).unwrap();
+        change(&mut map.nodes[corner]);
+        let frame = status(0.5, Pose2::new(242.5, 412.5, 0.0));
+        driver.follow_path(&grid, &frame).unwrap().forward_mm_s
+    };
+    // Beyond the corner it would turn on the spot.
+    assert!(forward_mm_s(|_| ()).abs() < 1e-9);
+    assert!(forward_mm_s(|node| node.seen = false) > 10.0);
+    assert!(forward_mm_s(|node| node.clearance_mm = 100.0) > 10.0);
+}
+
+#[test]
 fn survey_knows_what_floor_a_beam_has_passed() {
-    let (mut driver, grid) = under_way(Config::default());
+    let (mut driver, grid) = under_way(0.0);
     let frame = status(0.1, Pose2::new(200.0, 400.0, 0.0));
     driver.sight.observe(&frame, &driver.config, &grid, 0.0);
     let map = driver.survey(&grid, 0.2);

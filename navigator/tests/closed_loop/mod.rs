@@ -1,8 +1,6 @@
 //! Explores a room with the robot without firmware, and compares with the truth afterwards.
 
-use std::time::{Duration, Instant};
-
-use geometry::{Pose2, Segment};
+use geometry::Pose2;
 use mapper::evaluation::{PoseErrors, best_alignment, coverage, in_estimate_frame, pose_errors};
 use mapper::{Grid, Localiser, LocaliserConfig, Observation, PoseEstimate, map_iou};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
@@ -25,10 +23,7 @@ pub struct Run {
     /// Where it ended, in the frame of the start.
     pub end: Pose2,
     pub path_mm: f64,
-    pub host: Duration,
-    pub slowest_step: Duration,
     pub grid: Grid,
-    pub walls: Vec<Segment>,
     pub truth: Vec<Pose2>,
     pub estimate: Vec<Pose2>,
 }
@@ -105,10 +100,7 @@ pub fn drive(
         minutes: 0.0,
         end: Pose2::default(),
         path_mm: 0.0,
-        host: Duration::ZERO,
-        slowest_step: Duration::ZERO,
         grid: Grid::new(25.0),
-        walls: room.visible_surfaces(),
         truth: Vec::new(),
         estimate: Vec::new(),
     };
@@ -138,12 +130,7 @@ pub fn drive(
         last = sample.odometry;
         run.truth.push(truth);
         run.estimate.push(status.estimate.pose);
-        let began = Instant::now();
-        let action = navigate(mapping.grid(), &status);
-        let took = began.elapsed();
-        run.host += took;
-        run.slowest_step = run.slowest_step.max(took);
-        match action {
+        match navigate(mapping.grid(), &status) {
             Action::Drive(command) => velocity = command,
             Action::Resume => {
                 velocity = Velocity::default();
@@ -159,7 +146,7 @@ pub fn drive(
     let aligned = best_alignment(&run.estimate, &run.truth);
     let floor = room.reachable_floor();
     run.coverage = coverage(mapping.grid(), &floor, &aligned);
-    let walls = in_estimate_frame(&run.walls, &aligned);
+    let walls = in_estimate_frame(&room.visible_surfaces(), &aligned);
     run.iou = map_iou(mapping.grid(), &walls, 100.0).iou;
     run.grid = mapping.grid().clone();
     run
