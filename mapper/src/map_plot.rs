@@ -233,12 +233,33 @@ mod tests {
         assert!(has(&pixels, UNKNOWN) && has(&pixels, INK) && !has(&pixels, WALL));
 
         let path = [(0.0, 0.0), (400.0, 0.0), (400.0, 300.0)].map(|(x, y)| Pose2::new(x, y, 0.0));
-        let wall = Segment::new(Point::new(900.0, -400.0), Point::new(900.0, 400.0));
-        let (_, _, pixels) = decode(&trajectory(&grid, &path, &path, &[wall]).unwrap());
+        let wall = Segment::new(Point::new(9000.0, -400.0), Point::new(9000.0, 400.0));
+        let (width, _, pixels) = decode(&trajectory(&grid, &path, &path, &[wall]).unwrap());
+        assert!(width > 1800, "as far as the walls: {width}");
         assert!([WALL, ESTIMATE, START].iter().all(|&c| has(&pixels, c)));
         // A real run has no truth, and its legend none either.
         let (_, _, pixels) = decode(&trajectory(&grid, &path, &[], &[]).unwrap());
         assert!(has(&pixels, ESTIMATE) && !has(&pixels, WALL) && !has(&pixels, TRUTH));
+    }
+
+    #[test]
+    fn largest_x_is_right_and_largest_y_on_top() {
+        let (low, high) = (Point::new(0.0, 0.0), Point::new(799.0, 799.0));
+        let corner = |p: Point| {
+            if p.x_mm > 400.0 && p.y_mm > 400.0 {
+                4.0
+            } else {
+                -4.0
+            }
+        };
+        let grid = Grid::from_fn(25.0, low, high, corner);
+        let (width, _, pixels) = decode(&map(&grid).unwrap());
+        let is_dark = |(x, y)| pixels[3 * (y * width + x) as usize] < 100;
+        // 32 cells of 5 pixels, 4 cells of margin.
+        let [left, right] = [40, 120].map(|x| LABELS_PX + 20 + x);
+        let [top, bottom] = [40, 120].map(|y| HEAD_PX + 20 + y);
+        let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
+        assert_eq!(corners.map(is_dark), [false, true, false, false]);
     }
 
     #[test]

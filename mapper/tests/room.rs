@@ -3,7 +3,7 @@
 
 mod drive;
 
-use mapper::map_iou;
+use mapper::{Cell, Config, Mapper, Point, Pose2, map_iou};
 use plant::{Params, RangefinderParams, Room};
 
 // Requirement: DOC-1-2
@@ -21,6 +21,20 @@ fn map_of_default_room_matches_its_walls() {
     );
     let (estimate, truth) = (drive.estimate.last(), drive.truth.last());
     assert!(estimate.unwrap().distance_mm(truth.unwrap()) < 5.0);
+}
+
+#[test]
+fn scanned_range_is_entered_along_its_bearing_once() {
+    let mut mapper = Mapper::new(Config::default());
+    for nth in 0..40 {
+        let range_mm = [900.0, 901.0][nth / 2 % 2];
+        let left = std::f64::consts::FRAC_PI_2;
+        mapper.observe_scan(&Pose2::default(), 0, left, Some(range_mm));
+    }
+    let counters = mapper.counters();
+    assert_eq!((counters.ignored, counters.echoes), (20, 19));
+    let at = Point::new(80.0, 900.0);
+    assert_eq!(mapper.grid().cell_at(at), Cell::Occupied);
 }
 
 // Requirement: DOC-2.2-4

@@ -282,22 +282,6 @@ mod tests {
     }
 
     #[test]
-    fn echo_through_known_wall_is_a_double_bounce() {
-        let wall: Vec<Element> = (0..8)
-            .flat_map(|_| [0.0, -0.02, 0.02])
-            .map(|off| Element {
-                towards_rad: off,
-                ..echo(700.0, Kind::Wall, 0.03)
-            })
-            .collect();
-        let evidence = evidence_of(&wall);
-        let echo = |range| echo(range, Kind::Wall, 0.03);
-        assert!(evidence.is_behind_wall(&echo(1600.0), &BEAM));
-        assert!(!evidence.is_behind_wall(&echo(720.0), &BEAM));
-        assert!(!evidence_of(&[]).is_behind_wall(&echo(1600.0), &BEAM));
-    }
-
-    #[test]
     fn ray_oblique_to_walls_clears_little() {
         for (walls_deg, free) in [(0.0f64, true), (45.0, false)] {
             let mut evidence = evidence_of(&[]);
@@ -326,8 +310,11 @@ mod tests {
 
     #[test]
     fn edge_occupies_its_point_and_wall_a_stretch() {
-        let cells = |kind| occupied(&evidence_of(&[echo(1000.0, kind, 0.03); 12])).len();
-        assert_eq!((cells(Kind::Edge), cells(Kind::Wall)), (1, 2));
+        for (kind, y_mm) in [(Kind::Edge, &[12.5][..]), (Kind::Wall, &[-12.5, 12.5])] {
+            let found = occupied(&evidence_of(&[echo(1010.0, kind, 0.03); 12]));
+            let expected: Vec<_> = y_mm.iter().map(|&y_mm| Point::new(1012.5, y_mm)).collect();
+            assert_eq!(found, expected);
+        }
     }
 
     #[test]

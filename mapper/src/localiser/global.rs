@@ -122,19 +122,22 @@ impl GlobalSearch {
             }
         }
         places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        if let Some(best) = distinct(&places) {
-            let frame = best.pose().compose(&to_robot);
-            let same = is_same(&frame, &self.frame);
-            self.searches = if same { self.searches + 1 } else { 1 };
-            self.frame = frame;
-            if self.searches >= AGREEING {
-                return Outcome::Located(*best);
-            }
-        } else {
-            self.searches = 0;
+        let best = distinct(&places);
+        let frame = best.map(|best| best.pose().compose(&to_robot));
+        if let (Some(best), true) = (best, self.is_agreed(frame)) {
+            return Outcome::Located(*best);
         }
         let (mean, covariance) = spread(&coarse, config.temperature);
         Outcome::Searching(mean, covariance)
+    }
+
+    /// Whether enough successive searches have found this place of the dead reckoning's origin.
+    fn is_agreed(&mut self, frame: Option<Pose2>) -> bool {
+        let same = frame.is_some_and(|frame| is_same(&frame, &self.frame));
+        let before = if same { self.searches } else { 0 };
+        self.searches = before + u32::from(frame.is_some());
+        self.frame = frame.unwrap_or(self.frame);
+        self.searches >= AGREEING
     }
 
     /// Poses on free floor with their cost per element, the best and distinct ones first, then the
@@ -344,26 +347,4 @@ fn faces(surfel: &Surfel, sector: usize) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{Localiser, LocaliserConfig};
-
-    #[test]
-    fn map_without_free_floor_gives_finite_uncertain_pose() {
-        let localiser = Localiser::on_map(LocaliserConfig::default(), Grid::new(25.0), None);
-        let estimate = localiser.estimate();
-        assert!(!localiser.is_located());
-        assert!(estimate.pose.x_mm.is_finite() && estimate.covariance[0][0] > 1e6);
-    }
-
-    #[test]
-    fn spread_covers_all_places_by_their_weight() {
-        let at = |x_mm| Pose2::new(x_mm, 0.0, PI);
-        let (mean, covariance) =
-            spread(&[(at(0.0), 5.0), (at(2000.0), 5.0), (at(9e3), 900.0)], 1.0);
-        assert!(
-            (mean[0] - 1000.0).abs() < 1e-6 && (covariance[(0, 0)].sqrt() - 1000.0).abs() < 2.0
-        );
-        assert!(geometry::wrap_angle(mean[2] - PI).abs() < 1e-9 && covariance[(2, 2)] < 0.01);
-    }
-}
+mod tests;

@@ -149,6 +149,7 @@ fn moments<'a>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::likelihood::LIMIT;
     use super::super::surface::Kind;
     use super::*;
     use crate::Point;
@@ -171,7 +172,7 @@ mod tests {
         let mut map = SurfaceMap::default();
         map.begin(
             &Pose2::default(),
-            Matrix3::identity() * map_deviation * map_deviation,
+            Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0)) * map_deviation.powi(2),
         );
         for step in -20..20 {
             let along = 40.0 * f64::from(step);
@@ -251,7 +252,19 @@ mod tests {
         let (exact, vague) = (matched(true, 0.0), matched(true, 15.0));
         assert!((exact.mean - vague.mean).norm() < 1e-9);
         assert!(exact.covariance[(0, 0)] < 100.0);
-        assert!(vague.covariance[(0, 0)] > 200.0, "{vague:?}");
+        let variance = vague.covariance[(0, 0)];
+        assert!((200.0..260.0).contains(&variance), "{vague:?}");
+    }
+
+    #[test]
+    fn elements_that_contradict_each_other_cost_half_the_limit() {
+        let mut seen = elements(true, &Pose2::default());
+        for (nth, element) in seen.iter_mut().enumerate() {
+            element.range_mm += [-60.0, 0.0, 60.0][nth / 2 % 3];
+        }
+        let prior = (&Pose2::default(), &prior_covariance());
+        let found = find(&surroundings(true, 0.0), &seen, prior, &BEAM, &CONFIG);
+        assert!(found.unwrap().cost > 0.5 * LIMIT);
     }
 
     #[test]
@@ -261,5 +274,8 @@ mod tests {
         let seen = elements(true, &Pose2::default());
         let prior = (&far, &prior_covariance());
         assert_eq!(find(&map, &seen, prior, &BEAM, &CONFIG), None);
+        let prior = (&Pose2::default(), &prior_covariance());
+        let by = |count: usize| find(&map, &seen[..count], prior, &BEAM, &CONFIG);
+        assert!(by(5).is_none() && by(6).is_some());
     }
 }

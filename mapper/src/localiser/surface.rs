@@ -311,7 +311,7 @@ mod tests {
 
     #[test]
     fn slope_of_range_is_bearing_of_wall() {
-        for (tilt_deg, distance_mm) in [(0.0f64, 500.0), (12.0, 900.0), (-22.0, 700.0)] {
+        for (tilt_deg, distance_mm) in [(0.0f64, 500.0), (12.0, 900.0), (-27.0, 700.0)] {
             let (sin, cos) = tilt_deg.to_radians().sin_cos();
             let far =
                 |side: f64| Point::new(side * 3000.0 * cos, distance_mm + side * 3000.0 * sin);
@@ -321,12 +321,22 @@ mod tests {
             let found = element(&readings, 16, &BEAM).unwrap();
             let off = (found.towards_rad - FRAC_PI_2).to_degrees() - tilt_deg;
             assert!(
-                off.abs() < 3.0 && found.has_bearing(),
+                off.abs() < 3.0 && found.has_bearing() && found.spread_rad >= 0.02,
                 "{tilt_deg} {found:?}"
             );
             assert_eq!(found.kind, Kind::Wall, "{tilt_deg}");
-            assert!(wall.distance_mm(found.point(&BEAM)) < 8.0, "{found:?}");
+            let point = found.point(&BEAM);
+            assert!(wall.distance_mm(point) < 8.0, "{found:?}");
+            let frame = Pose2::new(10.0, 20.0, 2.0);
+            let moved = found.moved(&frame).point(&BEAM);
+            assert!(moved.distance_mm(frame.point_at(point.x_mm, point.y_mm)) < 1e-6);
         }
+    }
+
+    #[test]
+    fn surface_rougher_than_the_ranges_has_no_bearing() {
+        let zigzag = drive(|at| Some(500.0 + 8.0 * (FRAC_PI_2 * at.x_mm / 6.0).cos()));
+        assert!(!element(&zigzag, 16, &BEAM).unwrap().has_bearing());
     }
 
     #[test]

@@ -199,7 +199,9 @@ mod tests {
         let map = SurfaceMap::from_grid(&grid);
         let facing = |at: Point, expected: f64| {
             let mut near = map.near(at, 30.0).filter(|s| !s.edge);
-            near.any(|s| wrap_angle(s.facing_rad - expected).abs() < 0.2)
+            near.any(|s| {
+                wrap_angle(s.facing_rad - expected).abs() < 0.2 && s.point.y_mm.abs() < 6.0
+            })
         };
         for (x, up, down) in [(-500.0, true, true), (500.0, true, false)] {
             assert_eq!(facing(Point::new(x, 0.0), PI / 2.0), up, "{x}");
@@ -209,29 +211,12 @@ mod tests {
     }
 
     #[test]
-    fn record_moves_pose_by_turn_about_where_it_was_made() {
-        let mut map = SurfaceMap::default();
-        let covariance = Matrix3::from_diagonal(&nalgebra::Vector3::new(0.0, 0.0, 0.0001));
-        map.begin(&Pose2::new(1000.0, 0.0, 0.0), covariance);
-        map.insert(Point::new(1000.0, 500.0), PI / 2.0, Kind::Wall);
-        let surfel = *map.near(Point::new(1000.0, 500.0), 10.0).next().unwrap();
-        let there = map
-            .record(&surfel)
-            .covariance_at(&Pose2::new(3000.0, 0.0, 0.0));
-        // 0.01 rad over 2 m.
-        assert!(
-            (there[(1, 1)].sqrt() - 20.0).abs() < 1e-9 && there[(0, 0)].abs() < 1e-9,
-            "{there}"
-        );
-    }
-
-    #[test]
     fn surfel_is_the_mean_of_its_latest_elements() {
         let mut map = SurfaceMap::default();
         map.begin(&Pose2::default(), Matrix3::zeros());
         let (first, later) = (Point::new(10.0, 10.0), Point::new(40.0, 10.0));
         map.insert(first, -PI, Kind::Wall);
-        map.insert(later, 0.2 - PI, Kind::Wall);
+        map.insert(later, 0.2 + PI, Kind::Wall);
         let surfel = |map: &SurfaceMap| *map.near(first, 1.0).next().unwrap();
         let mean = surfel(&map);
         assert!((mean.point.x_mm - 25.0).abs() < 1e-9 && (mean.facing_rad - 0.1).abs() < 1e-9);

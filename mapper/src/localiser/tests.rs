@@ -55,11 +55,56 @@ fn stretch_leaves_its_last_readings_as_context() {
 }
 
 #[test]
-fn range_nearer_than_the_sensor_measures_is_ignored() {
-    for (range_mm, kept) in [(29.0, 0), (31.0, 1)] {
-        let at = |nth| report(nth, 0.0, (Some(range_mm), 0.0));
-        let localiser = observing((0..2).map(at));
-        assert_eq!(localiser.tracks[0].readings.len(), kept, "{range_mm}");
+fn range_within_limits_is_kept_where_it_was_measured() {
+    for (range_mm, kept) in [(29.0, None), (31.0, Some(Some(31.0))), (2491.0, Some(None))] {
+        let ahead = |nth| Observation {
+            time_s: 0.1 * f64::from(nth),
+            odometry: Pose2::new(10.0 * f64::from(nth), 0.0, 0.0),
+            ..report(nth, 0.0, (Some(range_mm), 0.0))
+        };
+        let localiser = observing((0..2).map(ahead));
+        let readings = &localiser.tracks[0].readings;
+        assert_eq!(readings.first().map(|reading| reading.range_mm), kept);
+        // 20 ms earlier, 2 mm farther back.
+        assert!(
+            readings
+                .iter()
+                .all(|at| (at.sensor.x_mm - 88.0).abs() < 1e-9)
+        );
+    }
+}
+
+#[test]
+fn heading_of_odometry_wraps() {
+    let turn = |nth| report(nth, [3.1, -3.1][nth as usize], (None, 0.0));
+    let found = observing((0..2).map(turn)).estimate().pose.heading_rad;
+    assert!(
+        (found - (std::f64::consts::TAU - 6.2)).abs() < 1e-9,
+        "{found}"
+    );
+}
+
+#[test]
+fn stretch_enters_its_own_readings_where_it_matched_what_was_there_before() {
+    let at = |nth| Reading {
+        sensor: Pose2::new(12.0 * f64::from(nth), 0.0, std::f64::consts::FRAC_PI_2),
+        range_mm: (nth < 20).then_some(600.0),
+    };
+    let covariance = Matrix3::from_diagonal(&Vector3::new(900.0, 900.0, 9e-4));
+    for (old, is_entered) in [(0, true), (24, false)] {
+        let mut localiser = Localiser::new(LocaliserConfig::default());
+        localiser.ekf.relocate(&Vector3::zeros(), &covariance);
+        localiser.tracks[1].readings = (0..24).map(at).collect();
+        localiser.tracks[1].old = old;
+        localiser.end_stretch();
+        let (grid, surfaces) = (localiser.grid(), &localiser.evidence.surfaces);
+        let written = grid.cells().any(|(c, r)| grid.log_odds(c, r) != 0.0);
+        assert_eq!(written, is_entered);
+        assert_eq!(localiser.ekf.pose_covariance(), covariance);
+        let mut near = surfaces.near(Point::new(100.0, 600.0), 100.0);
+        let record = near.next().map(|surfel| surfaces.record(surfel));
+        let known = record.map(|record| record.covariance_at(&Pose2::default()));
+        assert_eq!(known, is_entered.then_some(covariance));
     }
 }
 
@@ -82,6 +127,19 @@ fn echo_from_behind_a_wall_enters_nothing() {
         surfaces.near(Point::new(x_mm, 0.0), 30.0).count()
     };
     assert!(near(500.0) > 0 && near(1000.0) == 0);
+    // Nor does it correct the pose, nor do echoes that contradict each other.
+    let behind = Point::new(1000.0, 0.0);
+    localiser.evidence.surfaces.insert(behind, 0.0, Kind::Wall);
+    let covariance = Matrix3::from_diagonal(&Vector3::new(900.0, 900.0, 9e-4));
+    for (ranges_mm, is_corrected) in [
+        ([1000.0; 3], false),
+        ([400.0, 500.0, 640.0], false),
+        ([500.0; 3], true),
+    ] {
+        localiser.ekf.relocate(&Vector3::zeros(), &covariance);
+        localiser.correct(&[ranges_mm.map(wall); 3].concat());
+        assert_eq!(localiser.ekf.pose_covariance() != covariance, is_corrected);
+    }
 }
 
 #[test]
@@ -94,4 +152,7 @@ fn body_is_entered_once_where_it_passed() {
     let localiser = observing((0..=125).map(ahead));
     let log_odds = localiser.grid().log_odds_at(Point::new(0.0, 0.0));
     assert!((-3.5..-2.5).contains(&log_odds), "{log_odds}");
+    // Silence is a reading every 75 ms.
+    let silent = observing((0..8).map(ahead));
+    assert_eq!(silent.tracks[0].readings.len(), 2);
 }

@@ -171,8 +171,6 @@ pub struct Drive {
     pub poses: Vec<[Pose2; 3]>,
     /// Squared errors in units of the reported covariance, one per second.
     pub nees: Vec<f64>,
-    /// Time that the localiser took, s.
-    pub cost_s: f64,
 }
 
 impl Drive {
@@ -184,7 +182,6 @@ impl Drive {
             search_frames: 0,
             poses: Vec::new(),
             nees: Vec::new(),
-            cost_s: 0.0,
         }
     }
 
@@ -202,10 +199,8 @@ impl Drive {
     fn drive_frame(&mut self, start: &Pose2, command: VelocityInput) {
         self.robot.step(FRAME_S, command);
         let observation = Self::observation(&self.robot);
-        let clock = std::time::Instant::now();
         self.localiser.observe(&observation);
         self.search_frames += usize::from(!self.localiser.is_located());
-        self.cost_s += clock.elapsed().as_secs_f64();
         let truth = self.robot.true_pose().relative_to(start);
         let estimate = self.localiser.estimate();
         self.poses
@@ -274,8 +269,6 @@ pub struct Figures {
     pub raw_worst_mm: f64,
     pub nees: f64,
     pub minutes: f64,
-    /// Host time per second of the robot, ms.
-    pub ms_per_s: f64,
 }
 
 impl Drive {
@@ -300,7 +293,6 @@ impl Drive {
         let (estimate, truth, raw) = (self.column(0), self.column(1), self.column(2));
         let errors = pose_errors(&estimate, &truth, &self.frame());
         let raw_frame = best_alignment(&raw, &truth);
-        let seconds = self.robot.sample().time_s;
         Figures {
             map: map_iou(self.localiser.grid(), &self.walls(room), 100.0),
             median_mm: errors.position_mm_median,
@@ -308,8 +300,7 @@ impl Drive {
             heading_deg: errors.heading_deg_max,
             raw_worst_mm: pose_errors(&raw, &truth, &raw_frame).position_mm_max,
             nees: self.nees.iter().sum::<f64>() / self.nees.len() as f64,
-            minutes: seconds / 60.0,
-            ms_per_s: self.cost_s * 1000.0 / seconds,
+            minutes: self.robot.sample().time_s / 60.0,
         }
     }
 }
