@@ -5,6 +5,17 @@ use plant::Rng;
 
 const FRAME_S: f64 = 0.025;
 
+/// What one frame reports.
+fn increment(forward_mm: f64, turn_rad: f64, gyro_rad: Option<f64>) -> Increment {
+    let time_s = FRAME_S;
+    Increment {
+        time_s,
+        forward_mm,
+        turn_rad,
+        gyro_rad,
+    }
+}
+
 /// A robot with errors of calibration, and its filter.
 struct Robot {
     truth: Pose2,
@@ -46,12 +57,11 @@ impl Robot {
         let turn = next.heading_rad - self.truth.heading_rad;
         self.truth = next;
         let walk = self.ekf.noise.gyro_walk * FRAME_S.sqrt() * self.rng.normal();
-        self.ekf.advance(&Increment {
-            time_s: FRAME_S,
-            forward_mm: f64::midpoint(left, right),
-            turn_rad: (right - left) / track_mm,
-            gyro_rad: with_gyro.then_some(turn * self.gyro.0 + self.gyro.1 * FRAME_S + walk),
-        });
+        self.ekf.advance(&increment(
+            f64::midpoint(left, right),
+            (right - left) / track_mm,
+            with_gyro.then_some(turn * self.gyro.0 + self.gyro.1 * FRAME_S + walk),
+        ));
     }
 
     fn drive(&mut self, seconds: f64, left: f64, right: f64, with_gyro: bool) {
@@ -86,12 +96,11 @@ fn late_gyro_is_no_error_of_scale() {
             (0.0, [1.2, 0.0, -1.2, 0.0][nth as usize / 60 % 4])
         };
         let turn_rad = rate * FRAME_S;
-        ekf.advance(&Increment {
-            time_s: FRAME_S,
+        ekf.advance(&increment(
             forward_mm,
             turn_rad,
-            gyro_rad: Some(turn_rad - late_s * (rate - last)),
-        });
+            Some(turn_rad - late_s * (rate - last)),
+        ));
         (heading_rad, last) = (heading_rad + turn_rad, rate);
         let error_rad = ekf.pose().heading_rad - heading_rad;
         let is_steady = nth % 60 > 3;
@@ -154,12 +163,7 @@ fn slip_of_wheels_changes_no_calibration() {
     let mut robot = Robot::new(3);
     robot.drive(10.0, 4.0, 4.0, true);
     let before = robot.ekf.calibration();
-    robot.ekf.advance(&Increment {
-        time_s: FRAME_S,
-        forward_mm: 4.0,
-        turn_rad: 0.0,
-        gyro_rad: Some(0.2),
-    });
+    robot.ekf.advance(&increment(4.0, 0.0, Some(0.2)));
     robot.drive(0.5, 0.0, 0.0, true);
     let change = robot.ekf.calibration().wheel_ratio.0 - before.wheel_ratio.0;
     assert!(change.abs() < 1e-4, "{change}");
@@ -239,12 +243,7 @@ fn covariance_grows_by_slip_drift_and_correlates_with_bias() {
         ..MotionNoise::default()
     };
     let mut ekf = Ekf::new(noise, &Pose2::default(), &Matrix3::zeros());
-    ekf.advance(&Increment {
-        time_s: FRAME_S,
-        forward_mm: 100.0,
-        turn_rad: 0.0,
-        gyro_rad: Some(0.0),
-    });
+    ekf.advance(&increment(100.0, 0.0, Some(0.0)));
     // Half the turn of the frame acts on all of its way.
     let bias = 0.01_f64.powi(2);
     let aside = bias * (100.0 / 2.0 * FRAME_S).powi(2);
@@ -273,12 +272,7 @@ fn covariance_turns_with_the_heading_and_grows_by_turns() {
         let known = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.01));
         let start = Pose2::new(0.0, 0.0, start_rad);
         let mut ekf = Ekf::new(MotionNoise::default(), &start, &known);
-        ekf.advance(&Increment {
-            time_s: FRAME_S,
-            forward_mm,
-            turn_rad,
-            gyro_rad,
-        });
+        ekf.advance(&increment(forward_mm, turn_rad, gyro_rad));
         ekf.covariance
     };
     let frame = |start_rad| advanced(start_rad, 100.0, 0.1, Some(0.12));
