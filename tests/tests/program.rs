@@ -133,11 +133,8 @@ fn senseless_drives_are_refused_before_they_move() {
     fs::write(program.file("tour"), "300 0 0\n").expect("written");
     fs::create_dir(program.file("map.png")).expect("made");
     program.expect_each([
-        (
-            2,
-            "--rate 7 goto 100 0 0",
-            "--rate 7: frames would come 142 ms",
-        ),
+        (2, "--rate 7 goto 100 0 0", "would come 142 ms apart"),
+        (2, "--rate 7 serve", "would come 142 ms apart"),
         (11, "map tour", "map.png"),
         (2, "tune move --yes --levels 20,100", "--levels 20"),
         (2, "tune move", "not confirmed"),

@@ -3,9 +3,10 @@
 //! While the robot drives, its elements and its way are kept in the dead reckoning's frame. At the
 //! end of every stretch all poses on free floor are scored by them, coarsely; the best ones are
 //! refined by the matcher. The robot is located when one of them explains nearly everything and
-//! all that are clearly elsewhere explain it much worse, search after search: what is left
-//! unexplained at the best place shows how wrong map and way are, and a place that is worse by
-//! no more than that may be the right one. In a symmetric room none is ever found.
+//! all that are clearly elsewhere do not, search after search: what is left unexplained at the
+//! best place shows how wrong map and way are, and a place that is worse by no more than that may
+//! be the right one. A map's errors are not symmetric where the room is: as long as two places
+//! explain nearly everything, neither is taken.
 
 use std::f64::consts::{PI, TAU};
 
@@ -36,8 +37,8 @@ const COARSE: (f64, f64) = (60.0, 0.05);
 const SAME: (f64, f64) = (250.0, 0.25);
 /// Mean cost of the elements at the right place, at most.
 const GOOD: f64 = 0.3 * LIMIT;
-/// Mean cost at all other places, at least: a multiple of the best one's, and more than it by this.
-const WORSE: (f64, f64) = (2.0, 0.07 * LIMIT);
+/// Mean cost at all other places, at least, besides [`GOOD`]: a multiple of the best one's.
+const WORSE: f64 = 2.0;
 /// Successive searches that find the same place so distinctly.
 const AGREEING: u32 = 6;
 
@@ -226,7 +227,7 @@ fn distinct(places: &[Place]) -> Option<&Place> {
     let best = places.first().filter(|best| best.cost < GOOD)?;
     let is_other = |place: &&Place| !is_same(&best.pose(), &place.pose());
     let other = places.iter().find(is_other);
-    let is_worse = |other: &Place| other.cost > (WORSE.0 * best.cost).max(best.cost + WORSE.1);
+    let is_worse = |other: &Place| other.cost > GOOD.max(WORSE * best.cost);
     other.is_none_or(is_worse).then_some(best)
 }
 

@@ -176,6 +176,7 @@ pub fn ensure_mode(
     let Connection { io, journal, .. } = connection;
     let image = eeprom::read(io)?;
     let config = settings::decode(&image)?;
+    context.check_rate(&config)?;
     let mode = config.mode();
     if mode.has(Field::Velocity) {
         if !config.gyro() {

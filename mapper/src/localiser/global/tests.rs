@@ -59,9 +59,9 @@ fn best_place_is_taken_if_good_and_others_are_clearly_worse() {
     for (cost, other, is_found) in [
         (2.6, (1000.0, 9.0), true),
         (2.8, (1000.0, 9.0), false),
-        (0.1, (1000.0, 0.7), false),
-        (0.1, (1000.0, 0.8), true),
-        (1.0, (1000.0, 1.9), false),
+        (0.1, (1000.0, 2.6), false),
+        (0.1, (1000.0, 2.8), true),
+        (2.0, (1000.0, 3.9), false),
         (1.0, (200.0, 1.1), true),
     ] {
         let places = [(0.0, cost), other].map(|(x_mm, cost)| Place {
