@@ -188,11 +188,16 @@ fn old_frames() -> impl Iterator<Item = (Mode, u8, [u8; 3])> {
     })
 }
 
+#[cfg(test)]
+fn guarded_modes() -> impl Iterator<Item = Mode> {
+    let guarded = |mode: &Mode| table(*mode).guarded;
+    Mode::ALL.iter().copied().filter(guarded)
+}
+
 /// Every bit of every frame of a row, at both ends of what is old.
 #[cfg(test)]
 fn disturbed_rows() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
-    let guarded = |mode: &Mode| table(*mode).guarded;
-    Mode::ALL.iter().copied().filter(guarded).flat_map(|mode| {
+    guarded_modes().flat_map(|mode| {
         [0, 1, 200].into_iter().flat_map(move |accepted| {
             [4, 64, 128].into_iter().flat_map(move |behind| {
                 (0..4).flat_map(move |which| {
@@ -205,8 +210,7 @@ fn disturbed_rows() -> impl Iterator<Item = (Mode, u8, u8, u8, u8)> {
 
 #[cfg(test)]
 fn repeats() -> impl Iterator<Item = (Mode, u8, u8)> {
-    let guarded = |mode: &Mode| table(*mode).guarded;
-    Mode::ALL.iter().copied().filter(guarded).flat_map(|mode| {
+    guarded_modes().flat_map(|mode| {
         (0..=255).flat_map(move |first| (0..128).map(move |between| (mode, first, between)))
     })
 }
