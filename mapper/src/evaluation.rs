@@ -78,11 +78,11 @@ pub fn best_alignment(estimate: &[Pose2], truth: &[Pose2]) -> Pose2 {
     let (mut sin, mut cos) = (0.0, 0.0);
     for (e, t) in estimate.iter().zip(truth) {
         let (a, b) = (e.position() - from, t.position() - to);
-        let (turn_sin, turn_cos) = (t.heading_rad - e.heading_rad).sin_cos();
+        let (turn_sin, turn_cos) = libm::sincos(t.heading_rad - e.heading_rad);
         sin += a.cross(b) + turn_sin;
         cos += a.dot(b) + turn_cos;
     }
-    let rotation = Pose2::new(0.0, 0.0, sin.atan2(cos));
+    let rotation = Pose2::new(0.0, 0.0, libm::atan2(sin, cos));
     let turned = rotation.point_at(from.x_mm, from.y_mm);
     Pose2::at(to - turned, rotation.heading_rad)
 }

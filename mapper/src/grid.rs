@@ -14,7 +14,7 @@ pub enum Cell {
 }
 
 fn probability(log_odds: f32) -> f32 {
-    1.0 - 1.0 / (1.0 + log_odds.exp())
+    1.0 - 1.0 / (1.0 + libm::expf(log_odds))
 }
 
 impl Cell {

@@ -27,6 +27,7 @@
 //!
 //! Lengths, angles and frames are those of [`geometry`]; the grid is in the frame of the poses.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod evaluation;
 mod grid;

@@ -86,7 +86,7 @@ impl SonarModel {
                         grid.add(column, row, -self.free * share * narrow(weight));
                     }
                     Evidence::Arc => {
-                        let beam = (-2.0 * off_axis * off_axis).exp();
+                        let beam = libm::exp(-2.0 * off_axis * off_axis);
                         let likely = narrow(beam) * grid.probability(column, row);
                         likeliest = likeliest.max(likely);
                         arc.push((column, row, likely, distance));

@@ -68,7 +68,7 @@ impl CostMap {
         let columns = steps(fold(f64::max, |p| p.x_mm) - x) + 1;
         let rows = steps(fold(f64::max, |p| p.y_mm) - y) + 1;
         let Point { x_mm, y_mm } = along.point_at(x, y);
-        let (sin, cos) = direction_rad.sin_cos();
+        let (sin, cos) = libm::sincos(direction_rad);
         let mut map = Self {
             step: Point::new(STEP_MM * cos, STEP_MM * sin),
             frame: Pose2::new(x_mm, y_mm, direction_rad),

@@ -296,7 +296,7 @@ impl Driver {
     /// Turns about from what stopped the robot, further after so many turns in vain, and drives away.
     pub fn leave(&mut self, pose: &Pose2, in_vain: u32) {
         let (ahead_mm, left_mm) = self.obstacle(pose);
-        let about = left_mm.atan2(ahead_mm) + PI + TURN_MORE_RAD * f64::from(in_vain);
+        let about = libm::atan2(left_mm, ahead_mm) + PI + TURN_MORE_RAD * f64::from(in_vain);
         let facing = self.trail.net_rad + wrap_angle(about);
         self.enqueue([Kind::Turn(facing), Kind::Straight(BACK_MM)]);
     }
@@ -318,7 +318,7 @@ fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
     let mut mm = 0.0;
     while mm <= SPEED_AHEAD_MM.min(follower.remaining_mm()) {
         if let Some(node) = follower.ahead(mm).and_then(|point| map.at(point)) {
-            limit = limit.min(at(node).hypot((2.0 * DECELERATION * mm).sqrt()));
+            limit = limit.min(libm::hypot(at(node), (2.0 * DECELERATION * mm).sqrt()));
         }
         mm += 50.0;
     }

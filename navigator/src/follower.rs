@@ -76,7 +76,7 @@ impl Follower {
         for leg in self.leg..(self.leg + 2).min(self.path.len().saturating_sub(1)) {
             let (from, to) = (self.path[leg], self.path[leg + 1]);
             let (dx, dy) = (to.x_mm - from.x_mm, to.y_mm - from.y_mm);
-            let length = dx.hypot(dy).max(1e-9);
+            let length = libm::hypot(dx, dy).max(1e-9);
             let along = ((at.x_mm - from.x_mm) * dx + (at.y_mm - from.y_mm) * dy) / length;
             let along = along.clamp(0.0, length);
             let distance = from.lerp(to, along / length).distance_mm(at);
@@ -109,7 +109,7 @@ impl Follower {
             target = self.ahead(look_mm)?;
         }
         let local = Pose2::new(target.x_mm, target.y_mm, 0.0).relative_to(pose);
-        let error = wrap_angle(local.y_mm.atan2(local.x_mm));
+        let error = wrap_angle(libm::atan2(local.y_mm, local.x_mm));
         self.turning = error.abs()
             > if self.turning {
                 ON_THE_SPOT.1
@@ -124,7 +124,7 @@ impl Follower {
             });
         }
         // The arc through the target has the curvature 2·sin(error)/distance.
-        let curvature = 2.0 * error.sin() / local.x_mm.hypot(local.y_mm).max(1.0);
+        let curvature = 2.0 * libm::sin(error) / libm::hypot(local.x_mm, local.y_mm).max(1.0);
         let by_turn = fastest_rad_s / curvature.abs().max(1e-9);
         let forward_mm_s = fastest_mm_s.min(by_turn).min(APPROACH * remaining);
         Some(Velocity {

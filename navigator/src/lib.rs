@@ -38,6 +38,7 @@
 //!
 //! Lengths, angles and frames are those of [`geometry`]; everything is in the frame of the grid.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod cost_map;
 mod driver;

@@ -151,7 +151,7 @@ impl Sight {
     /// A surface answered at a short distance.
     pub fn see_surface(&mut self, sensor: &Pose2, range_mm: f64) {
         for aside in [-0.2f64, 0.0, 0.2] {
-            let (sin, cos) = aside.sin_cos();
+            let (sin, cos) = libm::sincos(aside);
             let point = sensor.point_at(range_mm * cos, range_mm * sin);
             self.surfaces
                 .squares
@@ -165,8 +165,8 @@ impl Sight {
         for echoes in [&mut self.echoes, &mut self.close] {
             echoes.retain(|&(_, point)| {
                 let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(sensor);
-                let off = wrap_angle(local.y_mm.atan2(local.x_mm)).abs();
-                off > REFUTED.0 || local.x_mm.hypot(local.y_mm) > range_mm - REFUTED.1
+                let off = wrap_angle(libm::atan2(local.y_mm, local.x_mm)).abs();
+                off > REFUTED.0 || libm::hypot(local.x_mm, local.y_mm) > range_mm - REFUTED.1
             });
         }
         if range_mm < CLOSE_MM {
@@ -177,7 +177,7 @@ impl Sight {
             return false;
         }
         let arc = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share: f64| {
-            let (sin, cos) = (share * CONE_RAD).sin_cos();
+            let (sin, cos) = libm::sincos(share * CONE_RAD);
             sensor.point_at(range_mm * cos, range_mm * sin)
         });
         let within_mm = EXPLAINED.0 + EXPLAINED.1 * range_mm;

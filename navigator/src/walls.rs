@@ -9,7 +9,7 @@ const PAIR: std::ops::RangeInclusive<i32> = 5..=10;
 /// has none. Every pair of occupied cells some decimetres apart votes with four times its
 /// direction, so that opposite and perpendicular walls agree.
 pub(crate) fn direction_rad(grid: &Grid) -> f64 {
-    let occupied_from = (Grid::OCCUPIED / (1.0 - Grid::OCCUPIED)).ln();
+    let occupied_from = libm::logf(Grid::OCCUPIED / (1.0 - Grid::OCCUPIED));
     let occupied = |column, row| grid.log_odds(column, row) > occupied_from;
     let farthest = *PAIR.end();
     let votes: Vec<(isize, isize, f64, f64)> = (0..=farthest)
@@ -19,7 +19,7 @@ pub(crate) fn direction_rad(grid: &Grid) -> f64 {
             (up > 0 || right > 0) && (PAIR.start().pow(2)..=farthest * farthest).contains(&square)
         })
         .map(|(right, up)| {
-            let (sin, cos) = (4.0 * f64::from(up).atan2(f64::from(right))).sin_cos();
+            let (sin, cos) = libm::sincos(4.0 * libm::atan2(up.into(), right.into()));
             (right as isize, up as isize, cos, sin)
         })
         .collect();
@@ -34,7 +34,7 @@ pub(crate) fn direction_rad(grid: &Grid) -> f64 {
             }
         }
     }
-    f64::atan2(sum.1, sum.0) / 4.0
+    libm::atan2(sum.1, sum.0) / 4.0
 }
 
 #[cfg(test)]
@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn direction_of_turned_room_is_found() {
         for degrees in [-40.0f64, -20.0, 0.0, 7.0, 30.0] {
-            let (sin, cos) = degrees.to_radians().sin_cos();
+            let (sin, cos) = libm::sincos(degrees.to_radians());
             let at = |x: f64, y: f64| Point::new(x * cos - y * sin, x * sin + y * cos);
             let corners = [
                 at(0.0, 0.0),

@@ -224,7 +224,7 @@ impl SpeedMeter {
             self.0.pop_front();
         }
         let (then_s, then) = self.0[0];
-        let (sin, cos) = pose.rotation_deg.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(pose.rotation_deg.to_radians());
         let ahead_mm = (pose.x_mm - then.x_mm) * cos + (pose.y_mm - then.y_mm) * sin;
         ahead_mm / (time_s - then_s).max(0.01)
     }

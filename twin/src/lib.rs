@@ -42,6 +42,7 @@
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
 //! - The MPU6050's accelerometers, other axes, temperature and FIFO.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod board;
 pub mod board_model;

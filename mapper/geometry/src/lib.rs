@@ -18,6 +18,7 @@
 //! from +x; in the robot's own frame x points ahead and y to the left. The firmware's fixed-point
 //! pose is `fw_core`'s own.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod mount;
 mod pose;

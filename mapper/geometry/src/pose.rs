@@ -37,12 +37,12 @@ impl Point {
 
     /// Length of the vector, mm.
     pub fn length_mm(self) -> f64 {
-        self.x_mm.hypot(self.y_mm)
+        libm::hypot(self.x_mm, self.y_mm)
     }
 
     /// The vector's direction, radians counter-clockwise from x.
     pub fn angle_rad(self) -> f64 {
-        self.y_mm.atan2(self.x_mm)
+        libm::atan2(self.y_mm, self.x_mm)
     }
 
     /// The scalar product, mm².
@@ -128,7 +128,7 @@ impl Pose2 {
 
     /// The unit vector along the heading.
     pub fn direction(&self) -> Point {
-        let (sin, cos) = self.heading_rad.sin_cos();
+        let (sin, cos) = libm::sincos(self.heading_rad);
         Point::new(cos, sin)
     }
 
@@ -164,7 +164,7 @@ impl Pose2 {
         let sinc = if half.abs() < 1e-3 {
             1.0 - half * half / 6.0
         } else {
-            half.sin() / half
+            libm::sin(half) / half
         };
         let chord = f64::midpoint(left_mm, right_mm) * sinc;
         let middle = self.facing(self.heading_rad + half);

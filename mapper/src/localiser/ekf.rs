@@ -121,10 +121,11 @@ impl Ekf {
         let value = |nth: usize| (self.state[nth], self.covariance[(nth, nth)].sqrt());
         let scale = |nth: usize| (1.0 + value(nth).0, value(nth).1);
         let (travel, turn) = (value(TRAVEL), value(TURN));
+        let track_deviation = libm::hypot(travel.1, turn.1);
         CalibrationEstimate {
             travel_scale: scale(TRAVEL),
             wheel_ratio: scale(DIFFERENCE),
-            track_scale: ((1.0 + travel.0) / (1.0 + turn.0), travel.1.hypot(turn.1)),
+            track_scale: ((1.0 + travel.0) / (1.0 + turn.0), track_deviation),
             gyro_scale: scale(SCALE),
             gyro_bias_rad_s: value(BIAS),
         }
@@ -162,7 +163,7 @@ impl Ekf {
             travel + turn * noise.track_mm / 2.0,
             noise.track_mm,
         );
-        let (sin, cos) = (state[2] + turn / 2.0).sin_cos();
+        let (sin, cos) = libm::sincos(state[2] + turn / 2.0);
         let (dx, dy) = (travel * cos, travel * sin);
         let mut jacobian = SMatrix::<f64, N, N>::identity();
         jacobian

@@ -234,10 +234,10 @@ fn distinct(places: &[Place]) -> Option<&Place> {
 /// Mean and covariance of weighted poses; the headings around the mean direction.
 fn spread(poses: &[(Pose2, f64)], temperature: f64) -> (Vector3<f64>, Matrix3<f64>) {
     let lowest = poses.first().map_or(0.0, |pose| pose.1);
-    let weight = |cost: f64| (-0.5 * (cost - lowest) / temperature).exp();
+    let weight = |cost: f64| libm::exp(-0.5 * (cost - lowest) / temperature);
     let (mut total, mut sum, mut direction) = (0.0, Vector3::zeros(), (0.0, 0.0));
     for (pose, cost) in poses {
-        let (share, (sin, cos)) = (weight(*cost), pose.heading_rad.sin_cos());
+        let (share, (sin, cos)) = (weight(*cost), libm::sincos(pose.heading_rad));
         total += share;
         sum += Vector3::new(pose.x_mm, pose.y_mm, 0.0) * share;
         direction = (direction.0 + share * sin, direction.1 + share * cos);
@@ -246,7 +246,7 @@ fn spread(poses: &[(Pose2, f64)], temperature: f64) -> (Vector3<f64>, Matrix3<f6
         return (Vector3::zeros(), Matrix3::identity() * NOWHERE);
     }
     let mut mean = sum / total;
-    mean[2] = direction.0.atan2(direction.1);
+    mean[2] = libm::atan2(direction.0, direction.1);
     // Half the coarse spacing.
     let mut covariance = Matrix3::from_diagonal(&Vector3::new(2500.0, 2500.0, 0.002));
     for (pose, cost) in poses {

@@ -40,17 +40,17 @@ impl Pair {
                 surfel.point.x_mm - sensor.x_mm,
                 surfel.point.y_mm - sensor.y_mm,
             );
-            dy.atan2(dx)
+            libm::atan2(dy, dx)
         } else {
             surfel.facing_rad + PI
         };
         let point = element.point_towards(beam, towards);
-        let (sin, cos) = towards.sin_cos();
+        let (sin, cos) = libm::sincos(towards);
         let (dx, dy) = (
             point.x_mm - surfel.point.x_mm,
             point.y_mm - surfel.point.y_mm,
         );
-        let spread = element.spread_rad.hypot(FACING_RAD);
+        let spread = libm::hypot(element.spread_rad, FACING_RAD);
         let off = wrap_angle(towards - element.towards_rad) / spread;
         Self {
             normal: (cos, sin),
@@ -86,7 +86,7 @@ impl<'a> Problem<'a> {
     ) -> Self {
         let candidates = elements.iter().filter_map(|element| {
             let point = element.moved(prior).point(beam);
-            let aside = 2.5 * deviations[0].hypot(deviations[1] * element.range_mm);
+            let aside = 2.5 * libm::hypot(deviations[0], deviations[1] * element.range_mm);
             let reach = ALONG_MM + aside + if element.has_bearing() { 0.0 } else { 60.0 };
             let range_deviation = range_deviation_mm(element.range_mm);
             let variance = config.surface_mm.powi(2) + range_deviation * range_deviation;

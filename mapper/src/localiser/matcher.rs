@@ -138,7 +138,7 @@ fn moments<'a>(
         .fold(f64::INFINITY, f64::min);
     let (mut weight, mut mean, mut square) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (at, cost) in points {
-        let share = (-0.5 * (cost - lowest)).exp();
+        let share = libm::exp(-0.5 * (cost - lowest));
         weight += share;
         mean += at * share;
         square += at * at.transpose() * share;

@@ -143,7 +143,7 @@ impl Localiser {
         };
         let turn_rad = wrap_angle(now.odometry.heading_rad - last.odometry.heading_rad);
         let between = now.odometry.relative_to(&last.odometry);
-        let (sin, cos) = (turn_rad / 2.0).sin_cos();
+        let (sin, cos) = libm::sincos(turn_rad / 2.0);
         let increment = Increment {
             time_s: now.time_s - last.time_s,
             forward_mm: between.x_mm * cos + between.y_mm * sin,
@@ -156,7 +156,7 @@ impl Localiser {
         let motion = self.ekf.advance(&increment);
         self.dead_reckoning = self.dead_reckoning.compose(&motion);
         self.motion = (motion, increment.time_s.max(1e-3));
-        self.way_mm += motion.x_mm.hypot(motion.y_mm);
+        self.way_mm += libm::hypot(motion.x_mm, motion.y_mm);
         self.way_mm += motion.heading_rad.abs() * 100.0 / TURN_PER_100_MM;
         let here = self.dead_reckoning;
         let is_far = |at: &Pose2| at.distance_mm(&here) > 25.0;
@@ -264,11 +264,11 @@ impl Localiser {
         let is_wall = |e: &&Element| e.kind == Kind::Wall && e.has_bearing();
         let walls = elements.iter().filter(is_wall);
         let (sin, cos, count) = walls.fold((0.0, 0.0, 0.0), |(sin, cos, count), wall| {
-            let (s, c) = (4.0 * wall.towards_rad).sin_cos();
+            let (s, c) = libm::sincos(4.0 * wall.towards_rad);
             (sin + s, cos + c, count + 1.0)
         });
-        if count >= FEWEST_OF_WALL && sin.hypot(cos) > AGREEMENT * count {
-            self.ekf.observe_wall(sin.atan2(cos) / 4.0);
+        if count >= FEWEST_OF_WALL && libm::hypot(sin, cos) > AGREEMENT * count {
+            self.ekf.observe_wall(libm::atan2(sin, cos) / 4.0);
         }
     }
 

@@ -201,14 +201,14 @@ fn fit(readings: &[Reading], unclear: &Element, beam: &Beam) -> Option<Element> 
     Some(Element {
         kind,
         towards_rad: axis + bearing,
-        spread_rad: spread.hypot(0.02),
+        spread_rad: libm::hypot(spread, 0.02),
         ..*unclear
     })
 }
 
 /// Sum of the squared residuals of a wall whose normal is in this direction, mm².
 fn wall_misfit(readings: &[Reading], direction: f64, beam: &Beam) -> f64 {
-    let (sin, cos) = direction.sin_cos();
+    let (sin, cos) = libm::sincos(direction);
     // The wall's distance from the origin along the direction, by each reading.
     scatter(readings.iter().map(|reading| {
         let off = wrap_angle(direction - reading.sensor.heading_rad).abs();
@@ -274,7 +274,7 @@ impl Posterior {
     fn moments(&self) -> (f64, f64) {
         let (mut weight, mut sum, mut square) = (0.0, 0.0, 0.0);
         for &(bearing, cost) in &self.costs {
-            let share = (-0.5 * (cost - self.best.0)).exp();
+            let share = libm::exp(-0.5 * (cost - self.best.0));
             weight += share;
             sum += share * bearing;
             square += share * bearing * bearing;

@@ -168,8 +168,8 @@ impl Line {
             let (dx, dy) = (point.x_mm - x, point.y_mm - y);
             (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
         }
-        let along = 0.5 * (2.0 * xy).atan2(xx - yy);
-        let difference = (xx - yy).hypot(2.0 * xy);
+        let along = 0.5 * libm::atan2(2.0 * xy, xx - yy);
+        let difference = libm::hypot(xx - yy, 2.0 * xy);
         Self {
             middle: Pose2::new(x, y, along),
             normal_rad: along + PI / 2.0,

@@ -92,7 +92,7 @@ impl Burst<'_> {
         } else if rim <= 4.0 / 3.0 {
             0.4 * (4.0 - 3.0 * rim)
         } else if rim <= 2.0 {
-            0.1 * ((rim - 4.0 / 3.0) * 1.5 * std::f64::consts::PI).sin()
+            0.1 * libm::sin((rim - 4.0 / 3.0) * 1.5 * std::f64::consts::PI)
         } else {
             0.0
         }
@@ -132,12 +132,12 @@ impl Burst<'_> {
         let (a, b) = (self.seen(from), self.seen(to));
         let along = b - a;
         let length = along.length_mm();
-        let axis_incidence = (along.y_mm / length).abs().min(1.0).acos();
+        let axis_incidence = libm::acos((along.y_mm / length).abs().min(1.0));
         if axis_incidence >= self.surfaces.incidence.1 {
             return None;
         }
         // The part of the wall inside the cone: between both of its rims.
-        let (sin, cos) = self.beam.half_angle_rad.sin_cos();
+        let (sin, cos) = libm::sincos(self.beam.half_angle_rad);
         let (mut start, mut end) = (0.0_f64, 1.0_f64);
         for rim in [Point::new(sin, cos), Point::new(sin, -cos)] {
             let (at, slope) = (a.dot(rim), along.dot(rim));
@@ -158,7 +158,7 @@ impl Burst<'_> {
         let point = a.lerp(b, share);
         let distance = point.length_mm();
         let incidence = (along.cross(point) / (length * distance)).abs();
-        let incidence = incidence.min(1.0).acos();
+        let incidence = libm::acos(incidence.min(1.0));
         let mirrored = self.surfaces.mirrored(incidence.max(axis_incidence));
         let strength = mirrored * self.lobes(point.angle_rad());
         let heard = self.is_heard(strength, distance, wall.soft);
@@ -182,11 +182,12 @@ impl Burst<'_> {
         let seen = self.seen(circle.centre);
         let rim = self.beam.half_angle_rad;
         let aside = seen.angle_rad().clamp(-rim, rim);
-        let (sin, cos) = aside.sin_cos();
+        let (sin, cos) = libm::sincos(aside);
         let (centre, radius_mm) = (seen, circle.radius_mm);
         let local = Circle { centre, radius_mm };
         let hit = local.ray_hit(Point::default(), Point::new(cos, sin))?;
-        let mirrored = self.surfaces.mirrored(hit.cos_incidence.min(1.0).acos());
+        let incidence = libm::acos(hit.cos_incidence.min(1.0));
+        let mirrored = self.surfaces.mirrored(incidence);
         let loss = curvature_loss(circle.radius_mm, hit.distance_mm);
         let heard = self.is_heard(mirrored * loss * self.lobes(aside), hit.distance_mm, false);
         let (ahead, left) = (hit.distance_mm * cos, hit.distance_mm * sin);

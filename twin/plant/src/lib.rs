@@ -24,6 +24,7 @@
 //! - A positive duty drives the wheel forward. The encoders of the first board count *down* going
 //!   forward ([`Chassis::encoder_sign`]).
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod battery;
 mod chassis;

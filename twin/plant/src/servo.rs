@@ -69,7 +69,7 @@ impl Servo {
         if self.since_s > self.params.timeout_s || error.abs() < dead {
             return;
         }
-        let eased = error * (1.0 - (-dt_s / self.params.settle_s).exp());
+        let eased = error * (1.0 - libm::exp(-dt_s / self.params.settle_s));
         let most = self.params.slew_rad_s * dt_s;
         self.angle_rad += eased.clamp(-most, most);
     }

@@ -144,7 +144,7 @@ impl Mpu6050 {
     pub fn step_ms(&mut self, now: u64, rate_deg_s: f64) {
         let low_pass = usize::from(self.registers[CONFIG] & 7);
         // Two lags in a row, each of half the delay, in steps of a millisecond.
-        let share = 1.0 - (-2.0 / DELAY_MS[low_pass]).exp();
+        let share = 1.0 - libm::exp(-2.0 / DELAY_MS[low_pass]);
         self.lags[0] += share * (rate_deg_s - self.lags[0]);
         self.lags[1] += share * (self.lags[0] - self.lags[1]);
         if self.registers[PWR_MGMT_1] & SLEEP != 0 {

@@ -98,7 +98,7 @@ impl Surfaces {
             .min_by(|a, b| a.0.distance_mm.total_cmp(&b.0.distance_mm))
             .map(|(hit, strength, soft, segment)| Hit {
                 distance_mm: hit.distance_mm,
-                incidence_rad: hit.cos_incidence.clamp(-1.0, 1.0).acos(),
+                incidence_rad: libm::acos(hit.cos_incidence.clamp(-1.0, 1.0)),
                 strength,
                 soft,
                 along: segment.map(|s| unit(s.to - s.from)),

@@ -144,7 +144,7 @@ impl Room {
             }
             ("circle", _) => return Err(count("circle x y radius")),
             ("sill", &[x1, y1, x2, y2]) => {
-                let length = (x2 - x1).hypot(y2 - y1);
+                let length = libm::hypot(x2 - x1, y2 - y1);
                 positive(&[length], "a sill's length")?;
                 self = self.with_sill(x1, y1, x2, y2);
             }
