@@ -234,7 +234,7 @@ impl Explorer {
         let quarter = ((pose.heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2;
         let aligned_rad = walls_rad + quarter;
         let mut base_rad = net_rad + back_rad + wrap_angle(aligned_rad - pose.heading_rad);
-        let bearing = |centre: Point| libm::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
+        let bearing = |centre: Point| (centre - pose.position()).angle_rad();
         let off_rad = centre.map_or(0.0, |centre| wrap_angle(bearing(centre) - aligned_rad));
         if self.driver.config.sweeps_aside() {
             if off_rad.abs() > FIELD_RAD {
@@ -256,7 +256,7 @@ impl Explorer {
     /// and looks from there: beside an edge or in a narrow passage the echoes come from the sides.
     fn enter(&mut self, centre: Point, status: &Status) {
         let pose = status.estimate.pose;
-        let bearing = libm::atan2(centre.y_mm - pose.y_mm, centre.x_mm - pose.x_mm);
+        let bearing = (centre - pose.position()).angle_rad();
         let facing = self.driver.trail.net_rad + wrap_angle(bearing - pose.heading_rad);
         self.driver.enqueue([
             Motion::Turn(facing),

@@ -108,8 +108,8 @@ impl Follower {
             look_mm -= 20.0;
             target = self.ahead(look_mm)?;
         }
-        let local = Pose2::new(target.x_mm, target.y_mm, 0.0).relative_to(pose);
-        let error = wrap_angle(libm::atan2(local.y_mm, local.x_mm));
+        let local = Pose2::at(target, 0.0).relative_to(pose).position();
+        let error = wrap_angle(local.angle_rad());
         self.turning = error.abs()
             > if self.turning {
                 ON_THE_SPOT.1
@@ -124,7 +124,7 @@ impl Follower {
             });
         }
         // The arc through the target has the curvature 2·sin(error)/distance.
-        let curvature = 2.0 * libm::sin(error) / libm::hypot(local.x_mm, local.y_mm).max(1.0);
+        let curvature = 2.0 * libm::sin(error) / local.length_mm().max(1.0);
         let by_turn = fastest_rad_s / curvature.abs().max(1e-9);
         let forward_mm_s = fastest_mm_s.min(by_turn).min(APPROACH * remaining);
         Some(Velocity {

@@ -164,9 +164,9 @@ impl Sight {
     fn see_near(&mut self, sensor: &Pose2, range_mm: f64, near_mm: f64, grid: &Grid) -> bool {
         for echoes in [&mut self.echoes, &mut self.close] {
             echoes.retain(|&(_, point)| {
-                let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(sensor);
-                let off = wrap_angle(libm::atan2(local.y_mm, local.x_mm)).abs();
-                off > REFUTED.0 || libm::hypot(local.x_mm, local.y_mm) > range_mm - REFUTED.1
+                let local = Pose2::at(point, 0.0).relative_to(sensor).position();
+                let off = wrap_angle(local.angle_rad()).abs();
+                off > REFUTED.0 || local.length_mm() > range_mm - REFUTED.1
             });
         }
         if range_mm < CLOSE_MM {

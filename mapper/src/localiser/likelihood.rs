@@ -35,12 +35,7 @@ impl Pair {
     fn new(element: &Element, surfel: &Surfel, pose: &Pose2, beam: &Beam) -> Self {
         let element = element.moved(pose);
         let towards = if surfel.edge {
-            let sensor = element.sensor;
-            let (dx, dy) = (
-                surfel.point.x_mm - sensor.x_mm,
-                surfel.point.y_mm - sensor.y_mm,
-            );
-            libm::atan2(dy, dx)
+            (surfel.point - element.sensor.position()).angle_rad()
         } else {
             surfel.facing_rad + PI
         };

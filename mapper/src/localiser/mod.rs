@@ -156,7 +156,7 @@ impl Localiser {
         let motion = self.ekf.advance(&increment);
         self.dead_reckoning = self.dead_reckoning.compose(&motion);
         self.motion = (motion, increment.time_s.max(1e-3));
-        self.way_mm += libm::hypot(motion.x_mm, motion.y_mm);
+        self.way_mm += motion.position().length_mm();
         self.way_mm += motion.heading_rad.abs() * 100.0 / TURN_PER_100_MM;
         let here = self.dead_reckoning;
         let is_far = |at: &Pose2| at.distance_mm(&here) > 25.0;
