@@ -176,7 +176,7 @@ impl Default for Config {
             rest_s: 1.5,
             closer_look_mm: 850.0,
             lost_mm: 80.0,
-            time_limit_s: 1500.0,
+            time_limit_s: 3600.0,
         }
     }
 }

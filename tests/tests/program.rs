@@ -26,7 +26,7 @@ impl Program {
     fn configured() -> Self {
         let program = Self::blank();
         program.expect(0, "eeprom init robot.toml");
-        program.expect(0, "eeprom write robot.toml");
+        program.expect_each([(0, "eeprom write robot.toml", "0x0000 to 0x000C differ")]);
         program
     }
 
@@ -170,7 +170,7 @@ fn configuration_is_compared_saved_and_brought_back() {
         (1, "eeprom diff robot.toml", UPPER),
         (0, "tune rollback", "as it was before"),
         (0, "eeprom diff robot.toml", "no difference"),
-        (0, "tune move --yes --levels 60,90", "gains written"),
+        (0, "tune move --yes --levels 60,90", "tune-move.csv"),
         (1, "eeprom diff robot.toml", "pid.forward.p: "),
         (0, "tune rollback", "as it was before"),
         (14, "bringup robot.toml", "the firmware is not heard"),
@@ -200,6 +200,11 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         (1, "eeprom diff robot.toml", "-> 80.0"),
         (0, "calibrate rollback", "as it was before"),
         (0, "eeprom diff robot.toml", "no difference"),
+        (
+            0,
+            "calibrate distance --measured 506,-3 --length 500 --dry-run",
+            "506.0 mm ahead, -3.0 mm",
+        ),
         (
             0,
             "calibrate umbmark --side 300 --runs 1 --dry-run --yes --measure-with truth",
@@ -235,7 +240,7 @@ fn commands_borrow_the_robot_of_a_server() {
     program.expect_each([
         (0, "--json doctor", "\"failed\":0"),
         (0, "tour tour", "2 of 2: arrived"),
-        (0, "map tour --record drive.mcap", "map of"),
+        (0, "map tour --record drive.mcap", "reports over 0.3"),
         (
             0,
             "map --from drive.mcap --out again",
