@@ -259,11 +259,8 @@ fn commands_borrow_the_robot_of_a_server() {
     program.expect_each([(2, calibrate, "end the server")]);
 }
 
-// Requirement: SERVE-teleop-1
-#[test]
-fn teleop_drives_by_keys_of_a_terminal() {
-    let program = Program::blank();
-    let _server = program.serve();
+/// Runs `teleop` at a terminal where these keys are typed.
+fn teleop(program: &Program, typed: &[u8]) {
     let pty = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pty");
     grantpt(&pty).expect("granted");
     unlockpt(&pty).expect("unlocked");
@@ -278,12 +275,24 @@ fn teleop_drives_by_keys_of_a_terminal() {
     let mut keys = File::from(pty);
     let mut screen = keys.try_clone().expect("a copy");
     let shown = std::thread::spawn(move || std::io::copy(&mut screen, &mut std::io::sink()));
-    for key in [b"w"; 20].into_iter().chain([b"q"]) {
+    for key in typed.chunks(1) {
         std::thread::sleep(Duration::from_millis(100));
         keys.write_all(key).expect("typed");
     }
     assert_eq!(teleop.wait().expect("ended").code(), Some(0));
     let _ = shown.join();
+}
+
+// Requirement: SERVE-teleop-1
+#[test]
+fn teleop_drives_by_keys_of_a_terminal() {
+    let alone = Program::configured();
+    alone.expect_each([(0, "mode guarded-normal", "both ends")]);
+    teleop(&alone, b"q");
+    alone.expect_each([(0, "eeprom check", "Guarded Velocity")]);
+    let program = Program::blank();
+    let _server = program.serve();
+    teleop(&program, b"wwwwwwwwwwwwwwwwwwwwq");
     let status = program.expect(0, "--json status");
     let shown: serde_json::Value = serde_json::from_str(&status).expect("JSON");
     assert!(shown["pose"]["x_mm"].as_f64() > Some(50.0), "{status}");
