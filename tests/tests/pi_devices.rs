@@ -164,6 +164,11 @@ fn missing_and_wrong_devices_are_named_with_advice() {
         fs::rename(&file, &away).expect("renamed");
         let text = pi.expect(10, "status");
         assert!(text.contains(name) && text.contains(advice), "{text}");
+        let text = pi.expect(14, "--json doctor");
+        assert!(
+            text.contains(name) && text.contains("\"failed\":1"),
+            "{text}"
+        );
         fs::rename(&away, &file).expect("renamed");
     }
 }

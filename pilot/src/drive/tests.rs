@@ -212,3 +212,18 @@ fn drive_ends_within_both_tolerances_only() {
         assert_eq!(driven.is_ok(), arrives, "{mm} mm, {degrees}°: {driven:?}");
     }
 }
+
+#[test]
+fn speed_is_measured_ahead_over_the_last_reports() {
+    let (mut meter, mut time_s, mut ahead_mm) = (SpeedMeter::default(), 0.0, 0.0);
+    for expected in [100.0, -50.0] {
+        let mut speed = 0.0;
+        for _ in 0..8 {
+            time_s += 0.025;
+            ahead_mm += expected * 0.025;
+            let pose = Pose::new(-0.6 * ahead_mm, 0.8 * ahead_mm, 126.869_897_6);
+            speed = meter.update(time_s, pose);
+        }
+        assert!((speed - expected).abs() < 1e-3, "{speed}");
+    }
+}

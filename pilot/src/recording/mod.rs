@@ -244,10 +244,8 @@ mod tests {
         for (read, expected) in read.iter().zip(samples()) {
             assert_eq!(read.time_us, expected.time_us);
             let close = |a: f64, b: f64| (a - b).abs() < 1e-3;
-            assert!(
-                close(read.pose.x_mm, expected.pose.x_mm)
-                    && close(read.pose.rotation_deg, expected.pose.rotation_deg)
-            );
+            assert!(read.pose.distance_mm(expected.pose) < 1e-3);
+            assert!(close(read.pose.rotation_deg, expected.pose.rotation_deg));
             assert_eq!(
                 read.ranges_mm.map(|mm| mm.map(f64::round)),
                 expected.ranges_mm.map(|mm| mm.map(f64::round))
