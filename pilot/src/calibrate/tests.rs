@@ -290,3 +290,17 @@ fn run_keeps_to_its_path_leg_by_leg() {
         assert_holds_position(&board.borrow());
     }
 }
+
+#[test]
+fn arc_of_few_reports_ends_where_it_was_reported() {
+    let mut path = WheelPath::new(FIRST_BOARD);
+    for degrees in [0.0_f64, 30.0, 90.0] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        path.push(Pose::new(200.0 * sin, 200.0 * (1.0 - cos), degrees));
+    }
+    let end = path.odometry_end();
+    assert!(
+        (end.ahead_mm - 200.0).hypot(end.left_mm - 200.0) < 1e-6,
+        "{end:?}"
+    );
+}

@@ -122,8 +122,8 @@ mod tests {
         let backwards = odometry(7, (1_025_000, now), Some((1_000_000, last)));
         assert!(close(backwards.twist.twist.linear.x, -0.2));
         assert!(close(backwards.pose.pose.position.y, 0.195));
-        // The same report again, and a board that was reset.
-        for last_us in [1_025_000, 9_000_000, 1] {
+        // The same report again, a board that was reset, and a report of long ago.
+        for last_us in [1_025_000, 9_000_000, 20_000] {
             let still = odometry(7, (1_025_000, now), Some((last_us, last)));
             assert!(still.twist.twist.linear.x.abs() < 1e-9, "{last_us}");
         }

@@ -163,8 +163,12 @@ fn battery_faults_and_map_are_converted() {
     assert!((BatteryState::of(0, &robot).voltage - 7.5).abs() < 1e-6);
     let status = &DiagnosticArray::of(0, &robot).status[0];
     assert_eq!((status.level, status.message.as_str()), (2, "left-stalled"));
-    let corners = [(0.0, 0.0), (2000.0, 500.0)].map(|(x, y)| mapper::Point::new(x, y));
+    let corners = [(-1000.0, 0.0), (1000.0, 500.0)].map(|(x, y)| mapper::Point::new(x, y));
     let grid = Grid::from_fn(25.0, corners[0], corners[1], |_| -4.0);
-    let info = OccupancyGrid::of(0, "map", &grid).info;
+    let OccupancyGrid { header, info, .. } = OccupancyGrid::of(2_345_678, "map", &grid);
     assert!(info.width > info.height && info.width as usize == grid.columns());
+    let (x, cell) = (info.origin.position.x, info.resolution);
+    assert!((cell - 0.025).abs() < 1e-6 && (x - grid.origin().x_mm / 1e3).abs() < 1e-6);
+    let Time { sec, nanosec } = header.stamp;
+    assert_eq!((sec, nanosec), (2, 345_678_000));
 }

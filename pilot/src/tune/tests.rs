@@ -329,6 +329,8 @@ fn proposed_gains_settle_with_small_overshoot() {
                 proposed.anti_windup.to_bits(),
                 present.anti_windup.to_bits()
             );
+            let integral_s = 0.01 * proposed.p / proposed.i;
+            assert!((integral_s / lag - 10.0).abs() < 0.01, "{integral_s} s");
             let response = gains::predict(axis, &model, &proposed);
             assert!(response.overshoot < 0.04 * response.target, "{response:?}");
             assert!(
