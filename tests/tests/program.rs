@@ -139,7 +139,7 @@ fn senseless_drives_are_refused_before_they_move() {
         (11, "map tour", "map.png"),
         (11, "explore --out plan", "explored.json"),
         (2, "tune move --yes --levels 20,100", "--levels 20"),
-        (2, "tune move", "ahead and back 6 times"),
+        (2, "tune move", "ahead and back 6 times, up to 300 mm"),
         (13, "tune battery 1 5.1", "accepted are 5 %"),
         (0, "--json doctor", "\"failed\":0"),
     ]);
