@@ -368,6 +368,8 @@ mod tests {
             "fn f() { self.b = c; let a = self.b; self.d = c; }"
         );
         assert_eq!(swapped.len(), 3);
+        let swapped = changed("fn f() { let a = b.c(); g(b, format!(\"{a}\")); }");
+        assert!(!swapped.iter().any(|text| text.starts_with("fn f() { g(")));
     }
 
     #[test]

@@ -92,6 +92,13 @@ impl<'ast> Visit<'ast> for Places {
         }
     }
 
+    /// By its text, a format string's names among it.
+    fn visit_macro(&mut self, call: &'ast syn::Macro) {
+        let text = call.tokens.to_string();
+        let words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
+        (self.0).extend(words.map(|word| (vec![word.to_owned()], false)));
+    }
+
     fn visit_pat_ident(&mut self, name: &'ast syn::PatIdent) {
         self.0.push((vec![name.ident.to_string()], true));
     }
