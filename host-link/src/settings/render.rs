@@ -226,7 +226,7 @@ mod tests {
         let rejected = parse(&text).unwrap_err().to_string();
         assert!(rejected.contains("(pid.forward.p): "), "{rejected}");
         let track = "(platform.track_mm): platform.track_mm is 0.0, ";
-        assert!(rejected.contains(track), "{rejected}");
+        assert_eq!(rejected.matches(track).count(), 1, "{rejected}");
     }
 
     #[test]
