@@ -162,8 +162,10 @@ impl Suite {
 /// The test program in one of cargo's messages, and its package's folder; a program that tests start is none.
 fn program(message: &str) -> Option<(PathBuf, PathBuf)> {
     let message: Value = serde_json::from_str(message).ok()?;
+    if message["profile"]["test"] != true {
+        return None;
+    }
     let executable = message["executable"].as_str()?;
-    message["profile"]["test"].as_bool()?.then_some(())?;
     let manifest = Path::new(message["manifest_path"].as_str()?);
     Some((executable.into(), manifest.parent()?.to_owned()))
 }
