@@ -206,8 +206,9 @@ fn late_explorer_goes_home_and_lost_one_gives_up() {
         (explorer.targets(), explorer.goal)
     };
     let (near, open) = (Pose2::new(500.0, 400.0, 0.0), [(1000.0, 400.0)]);
-    assert!(matches!(end(100.0, near, &open), (1, Goal::Approach(_))));
-    let late = end(2000.0, near, &open);
+    let limit_s = Config::default().time_limit_s;
+    assert!(matches!(end(limit_s, near, &open), (1, Goal::Approach(_))));
+    let late = end(limit_s + 1.0, near, &open);
     assert!(
         matches!(late, (1, Goal::Home(Outcome::TimeLimit))),
         "{late:?}"
