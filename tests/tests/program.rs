@@ -140,6 +140,7 @@ fn senseless_drives_are_refused_before_they_move() {
         (11, "explore --out plan", "explored.json"),
         (2, "tune move --yes --levels 20,100", "--levels 20"),
         (2, "tune move", "ahead and back 6 times, up to 300 mm"),
+        (2, "tune move", "not confirmed"),
         (13, "tune battery 1 5.1", "accepted are 5 %"),
         (0, "--json doctor", "\"failed\":0"),
     ]);
@@ -172,7 +173,7 @@ fn configuration_is_compared_saved_and_brought_back() {
         (1, "eeprom diff robot.toml", UPPER),
         (0, "tune rollback", "as it was before"),
         (0, "eeprom diff robot.toml", "no difference"),
-        (0, "tune move --yes --levels 60,90", "tune-move.csv"),
+        (0, "tune move --yes --levels 60,90", "gains written"),
         (1, "eeprom diff robot.toml", "pid.forward.p: "),
         (0, "tune rollback", "as it was before"),
         (14, "bringup robot.toml", "the firmware is not heard"),
@@ -181,6 +182,7 @@ fn configuration_is_compared_saved_and_brought_back() {
         (0, "status", "stop deadline 250 ms"),
         (0, "stop", "stopped (stopped)"),
     ]);
+    assert!(program.file("tune-move.csv").exists());
 }
 
 /// A room of 2 m2.
@@ -321,25 +323,26 @@ fn killed_commands_leave_nothing_half_written() {
     let second = first.replace("servo = false", "servo = true");
     fs::write(program.file("second.toml"), second).expect("written");
     let old = program.expect(0, "eeprom dump");
-    let begun = Instant::now();
-    program.expect(0, "eeprom write second.toml");
-    let usual = begun.elapsed();
+    let write = |words: &str| {
+        let begun = Instant::now();
+        program.expect(0, words);
+        begun.elapsed()
+    };
+    let mut usual = write("eeprom write second.toml");
     let new = program.expect(0, "eeprom dump");
     assert_ne!(old, new);
     let (mut alive, mut undone, mut random) = (0, 0, Rng::new(1));
     for kill in 0..kills {
         let words = KILLED[kill % KILLED.len()];
         if words == KILLED[0] {
-            program.expect(0, "eeprom write robot.toml");
+            // A busy computer may have made a write slow, which made every kill late.
+            usual = usual.min(write("eeprom write robot.toml"));
         }
         // A moment within the usual time of a write and half as much again.
         let after = usual.mul_f64(1.5 * random.unit());
         let mut command = program.command(words);
-        let mut child = command
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("started");
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut child = command.spawn().expect("started");
         std::thread::sleep(after);
         alive += usize::from(child.try_wait().expect("a child").is_none());
         child.kill().expect("a child");
@@ -379,5 +382,5 @@ fn killed_commands_leave_nothing_half_written() {
         }
     }
     println!("{kills} kills: {alive} while the command ran, {undone} writes undone");
-    assert!(alive > 0, "all of {kills} came too late");
+    assert!(2 * alive > kills, "{alive} of {kills} hit");
 }

@@ -169,6 +169,5 @@ fn battery_faults_and_map_are_converted() {
     assert!(info.width > info.height && info.width as usize == grid.columns());
     let (x, cell) = (info.origin.position.x, info.resolution);
     assert!((cell - 0.025).abs() < 1e-6 && (x - grid.origin().x_mm / 1e3).abs() < 1e-6);
-    let Time { sec, nanosec } = header.stamp;
-    assert_eq!((sec, nanosec), (2, 345_678_000));
+    assert_eq!((header.stamp.sec, header.stamp.nanosec), (2, 345_678_000));
 }
