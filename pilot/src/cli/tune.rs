@@ -154,7 +154,8 @@ fn steps(
     let picture = export::save_picture(&stem, axis, samples, fitted)?;
     output.message(&summary(axis, &model, &before, &after));
     if after.is_worse_than(&before) {
-        let what = "the proposed gains are predicted to be worse than the present ones";
+        let what = "the proposed gains are predicted to be worse than the present ones, which stay; \
+                    try another --damping";
         return Err(Error::Tuning(format!("{what} (see {})", picture.display())));
     }
     let wanted = settings.with(&proposed.values(axis))?;

@@ -106,14 +106,14 @@ pub struct Response {
 }
 
 impl Response {
-    /// Whether it settles later, by more than the model's tenth, or overshoots more where neither settles.
+    /// Whether it settles later, or as late with more overshoot.
     #[must_use]
     pub fn is_worse_than(&self, other: &Self) -> bool {
-        match (self.settled_s, other.settled_s) {
-            (Some(own_s), Some(other_s)) => own_s > 1.1 * other_s,
-            (None, None) => self.overshoot > other.overshoot,
-            (own_s, _) => own_s.is_none(),
-        }
+        let rank = |response: &Self| {
+            let settled_s = response.settled_s.unwrap_or(f64::INFINITY);
+            (settled_s, response.overshoot)
+        };
+        rank(self) > rank(other)
     }
 }
 

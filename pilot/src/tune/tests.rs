@@ -362,8 +362,10 @@ fn divider_far_off_worse_gains_and_idle_duties_are_refused() {
         curve: Vec::new(),
     };
     for (after, before, worse) in [
-        ((Some(1.05), 9.0), (Some(1.0), 0.0), false),
-        ((Some(1.2), 0.0), (Some(1.0), 0.0), true),
+        ((Some(0.99), 9.0), (Some(1.0), 0.0), false),
+        ((Some(1.01), 0.0), (Some(1.0), 9.0), true),
+        ((Some(1.0), 1.0), (Some(1.0), 1.0), false),
+        ((Some(1.0), 1.1), (Some(1.0), 1.0), true),
         ((None, 0.0), (Some(4.9), 0.0), true),
         ((Some(4.9), 0.0), (None, 0.0), false),
         ((None, 2.0), (None, 1.0), true),
