@@ -68,12 +68,17 @@ impl SonarModel {
     fn sweep(&self, grid: &mut Grid, sensor: &Pose2, reach: f64, judge: impl Fn(f64) -> Evidence) {
         let (columns, rows) = self.cover(grid, sensor, reach);
         let axis = sensor.direction();
+        let (sin, cos) = libm::sincos(self.half_angle_rad);
         let mut arc = Vec::new();
         let mut likeliest = 0f32;
         for row in rows {
             for column in columns.clone() {
                 let way = grid.middle(column, row) - sensor.position();
                 let seen = Point::new(axis.dot(way), axis.cross(way));
+                // Most cells of the rectangle are clearly beside the cone, by a micrometre.
+                if seen.y_mm.abs() * cos - seen.x_mm * sin > 1e-3 || seen.x_mm > reach {
+                    continue;
+                }
                 let off_axis = seen.angle_rad() / self.half_angle_rad;
                 let distance = seen.length_mm();
                 if off_axis.abs() > 1.0 || distance > reach {

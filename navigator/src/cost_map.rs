@@ -76,8 +76,9 @@ impl CostMap {
             rows,
             nodes: Vec::with_capacity(columns * rows),
         };
-        for index in 0..columns * rows {
-            map.nodes.push(field.node(map.point(index)));
+        for row in 0..rows {
+            let node = |column| field.node(map.place(column, row));
+            map.nodes.append(&mut (0..columns).map(node).collect());
         }
         for &point in driven {
             for index in map.within(point, DRIVEN_MM + 0.5 * STEP_MM) {
@@ -94,9 +95,13 @@ impl CostMap {
     }
 
     /// Where a node is.
-    #[allow(clippy::cast_precision_loss)] // some hundred
     pub fn point(&self, index: usize) -> Point {
-        let (column, row) = ((index % self.columns) as f64, (index / self.columns) as f64);
+        self.place(index % self.columns, index / self.columns)
+    }
+
+    #[allow(clippy::cast_precision_loss)] // some hundred
+    fn place(&self, column: usize, row: usize) -> Point {
+        let (column, row) = (column as f64, row as f64);
         let Point { x_mm, y_mm } = self.step;
         Point::new(
             self.frame.x_mm + column * x_mm - row * y_mm,
@@ -166,15 +171,12 @@ impl CostMap {
         let (column, row) = (middle % self.columns, middle / self.columns);
         let columns = column.saturating_sub(reach)..(column + reach + 1).min(self.columns);
         (row.saturating_sub(reach)..(row + reach + 1).min(self.rows))
-            .flat_map(|row| {
-                columns
-                    .clone()
-                    .map(move |column| row * self.columns + column)
-            })
-            .filter(|&index| {
-                let off = self.point(index) - point;
+            .flat_map(|row| columns.clone().map(move |column| (column, row)))
+            .filter(|&(column, row)| {
+                let off = self.place(column, row) - point;
                 off.dot(off) <= radius_mm * radius_mm
             })
+            .map(|(column, row)| row * self.columns + column)
             .collect()
     }
 
@@ -194,12 +196,12 @@ fn steps(mm: f64) -> usize {
     (mm / STEP_MM).round().max(0.0) as usize
 }
 
-/// Distances on the grid itself.
+/// Distances on the grid itself, in [`FRACTION`]s of a millimetre.
 struct Field<'a> {
     grid: &'a Grid,
     cells: Vec<Cell>,
-    clearance_mm: Vec<f32>,
-    known_mm: Vec<f32>,
+    clearance: Vec<u32>,
+    known: Vec<u32>,
 }
 
 impl<'a> Field<'a> {
@@ -211,8 +213,8 @@ impl<'a> Field<'a> {
         let mut field = Self {
             grid,
             cells: Vec::new(),
-            clearance_mm: Vec::new(),
-            known_mm: Vec::new(),
+            clearance: Vec::new(),
+            known: Vec::new(),
         };
         for &point in driven {
             field.stamp(point, BODY_MM, |index, square| {
@@ -226,8 +228,8 @@ impl<'a> Field<'a> {
                 cells[index] = Cell::Occupied;
             });
         }
-        field.clearance_mm = field.distances(|index| cells[index] == Cell::Occupied);
-        field.known_mm = field.distances(|index| cells[index] != Cell::Free);
+        field.clearance = field.distances(|index| cells[index] == Cell::Occupied);
+        field.known = field.distances(|index| cells[index] != Cell::Free);
         field.cells = cells;
         field
     }
@@ -255,12 +257,11 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Distance of every cell to the nearest source, mm: Borgefors' two-pass chamfer transform
+    /// Distance of every cell to the nearest source: Borgefors' two-pass chamfer transform
     /// with the weights that err least (Borgefors, "Distance transformations in digital images",
     /// 1986), inside a frame of cells without a source.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // weights
-    #[allow(clippy::cast_precision_loss)] // below 2²⁴
-    fn distances(&self, is_source: impl Fn(usize) -> bool) -> Vec<f32> {
+    fn distances(&self, is_source: impl Fn(usize) -> bool) -> Vec<u32> {
         let (columns, rows) = (self.grid.columns(), self.grid.rows());
         let weight = |share: f64| (share * self.grid.cell_mm() * FRACTION).round() as u32;
         let (side, corner) = (weight(0.955), weight(1.369));
@@ -274,24 +275,24 @@ impl<'a> Field<'a> {
                 }
             }
         }
-        // From the lower left, then the same from the upper right.
+        // From the lower left, then the same from the upper right. No distance exceeds FARTHEST by more than
+        // a weight: nothing wraps.
         for _ in 0..2 {
             for row in 1..=rows {
                 let (before, cells) = field.split_at_mut(row * width);
                 let below = before[(row - 1) * width..].windows(3);
                 let mut beside = FARTHEST;
                 for (cell, below) in cells[1..=columns].iter_mut().zip(below) {
-                    let aside = beside.min(below[1]) + side;
-                    beside = (*cell).min(aside).min(below[0].min(below[2]) + corner);
+                    let corners = below[0].min(below[2]).wrapping_add(corner);
+                    let nearest = (*cell).min(below[1].wrapping_add(side)).min(corners);
+                    beside = nearest.min(beside.wrapping_add(side));
                     *cell = beside;
                 }
             }
             field.reverse();
         }
-        (0..rows)
-            .flat_map(|row| field[inside(row)].iter())
-            .map(|&distance| distance as f32 / FRACTION as f32)
-            .collect()
+        let rows = (0..rows).map(|row| &field[inside(row)]);
+        rows.collect::<Vec<_>>().concat()
     }
 
     fn point(&self, index: usize) -> Point {
@@ -309,9 +310,10 @@ impl<'a> Field<'a> {
         let index = number(point.x_mm - origin.x_mm, self.grid.columns())
             .zip(number(point.y_mm - origin.y_mm, self.grid.rows()))
             .map(|(column, row)| row * self.grid.columns() + column);
+        let distance_mm = |distance: u32| f64::from(distance) / FRACTION;
         Node {
-            clearance_mm: index.map_or(f64::INFINITY, |index| self.clearance_mm[index].into()),
-            known_mm: index.map_or(0.0, |index| self.known_mm[index].into()),
+            clearance_mm: index.map_or(f64::INFINITY, |index| distance_mm(self.clearance[index])),
+            known_mm: index.map_or(0.0, |index| distance_mm(self.known[index])),
             cell: index.map_or(Cell::Unknown, |index| self.cells[index]),
             driven: false,
             seen: false,

@@ -11,6 +11,11 @@ const STRAIGHT_RAD: f64 = 0.12;
 /// Farthest way back, mm: mode 0x30 reverses no farther.
 const FARTHEST_BACK_MM: f64 = 280.0;
 
+/// Whether it is longer than [`AGAIN_MM`]; most of them show it in one direction.
+fn is_apart(off: Point) -> bool {
+    off.x_mm.abs() > AGAIN_MM || off.y_mm.abs() > AGAIN_MM || off.length_mm() > AGAIN_MM
+}
+
 /// The driven way in the map's frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trail {
@@ -36,7 +41,7 @@ impl Trail {
             .points
             .last()
             .is_none_or(|last| last.distance_mm(at) >= SPACING_MM)
-            && self.points.iter().all(|old| old.distance_mm(at) > AGAIN_MM)
+            && self.points.iter().all(|&old| is_apart(old - at))
         {
             self.points.push(at);
         }

@@ -1,6 +1,6 @@
 //! The direction of the walls.
 
-use mapper::Grid;
+use mapper::{Cell, Grid};
 
 /// Pairs of occupied cells this many columns or rows apart vote.
 const PAIR: std::ops::RangeInclusive<i32> = 5..=10;
@@ -9,10 +9,14 @@ const PAIR: std::ops::RangeInclusive<i32> = 5..=10;
 /// has none. Every pair of occupied cells some decimetres apart votes with four times its
 /// direction, so that opposite and perpendicular walls agree.
 pub(crate) fn direction_rad(grid: &Grid) -> f64 {
-    let occupied_from = libm::logf(Grid::OCCUPIED / (1.0 - Grid::OCCUPIED));
-    let occupied = |column, row| grid.log_odds(column, row) > occupied_from;
     let farthest = *PAIR.end();
-    let votes: Vec<(isize, isize, f64, f64)> = (0..=farthest)
+    // The end of every row is a margin, so that no pair reaches into the next one.
+    let width = grid.columns() + farthest.unsigned_abs() as usize;
+    let mut occupied = vec![false; width * grid.rows()];
+    for (column, row) in grid.cells() {
+        occupied[row * width + column] = grid.cell(column, row) == Cell::Occupied;
+    }
+    let votes: Vec<(usize, f64, f64)> = (0..=farthest)
         .flat_map(|up| (-farthest..=farthest).map(move |right| (right, up)))
         .filter(|&(right, up)| {
             let square = right * right + up * up;
@@ -20,16 +24,14 @@ pub(crate) fn direction_rad(grid: &Grid) -> f64 {
         })
         .map(|(right, up)| {
             let (sin, cos) = libm::sincos(4.0 * libm::atan2(up.into(), right.into()));
-            (right as isize, up as isize, cos, sin)
+            let rows = up.unsigned_abs() as usize * width;
+            (rows.saturating_add_signed(right as isize), cos, sin)
         })
         .collect();
     let mut sum = (0.0, 0.0);
-    for (column, row) in grid.cells().filter(|&(column, row)| occupied(column, row)) {
-        for &(right, up, cos, sin) in &votes {
-            let other = column
-                .checked_add_signed(right)
-                .zip(row.checked_add_signed(up));
-            if other.is_some_and(|(column, row)| occupied(column, row)) {
+    for cell in (0..occupied.len()).filter(|&cell| occupied[cell]) {
+        for &(offset, cos, sin) in &votes {
+            if occupied.get(cell + offset) == Some(&true) {
                 sum = (sum.0 + cos, sum.1 + sin);
             }
         }

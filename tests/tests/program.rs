@@ -174,7 +174,7 @@ fn configuration_is_compared_saved_and_brought_back() {
         (0, "tune rollback", "as it was before"),
         (0, "eeprom diff robot.toml", "no difference"),
         // The first board's are faster.
-        (13, "tune move --yes --levels 60,90", "predicted to be worse"),
+        (13, "tune move --yes --levels 60,90", "be worse than the"),
         (0, "eeprom diff robot.toml", "no difference"),
         (0, "tune rotate --yes --levels 60,90", "gains written"),
         (1, "eeprom diff robot.toml", "pid.rotation.p: "),

@@ -181,3 +181,45 @@ pub fn predict(axis: Axis, model: &DriveModel, factors: &Factors) -> Response {
         curve: points,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn predicted_response_is_that_of_the_loops_poles() {
+        let model = DriveModel {
+            gain: 20.0,
+            dead_zone: 0.0,
+            lag_s: 0.2,
+            residual: 0.0,
+            steps: 4,
+        };
+        let present = Factors::of(Axis::Rotate, &Settings::first_board().unwrap());
+        let mut factors = propose(&model, 0.5, &present);
+        factors.i = 0.0;
+        let response = predict(Axis::Rotate, &model, &factors);
+        // 125 / ((s + 5)(s² + 5s + 25)), by partial fractions; the steps are some milliseconds ahead.
+        let position = |t: f64| {
+            let ring = (-2.5 * t).exp() * (18.75_f64.sqrt() * t).sin() * (4.0_f64 / 3.0).sqrt();
+            90.0 * (1.0 - (-5.0 * t).exp() - ring)
+        };
+        let off = response
+            .curve
+            .iter()
+            .map(|&(t, at)| (at - position(t)).abs());
+        let off = off.fold(0.0, f64::max);
+        assert!(off < 1.5, "{off}");
+        let highest = response
+            .curve
+            .iter()
+            .fold(0.0_f64, |high, now| high.max(now.1));
+        assert!((response.overshoot - (highest - 90.0)).abs() < 1e-9);
+        let last = response
+            .curve
+            .iter()
+            .rfind(|now| (now.1 - 90.0).abs() > 1.0);
+        let since_s = response.settled_s.unwrap() - last.unwrap().0;
+        assert!((since_s - 0.01).abs() < 1e-6, "{response:?}");
+    }
+}
