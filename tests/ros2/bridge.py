@@ -329,9 +329,14 @@ def main(program, elf, folder):
         bridge.wait(10)
         server.send_signal(signal.SIGTERM)
         server.wait(10)
-        # Without a server the node opens the robot itself.
-        alone = start(log, *node)
+        # Without a server the node opens the robot itself, and changes its mode where it may.
+        mode = [program, "mode", "guarded-normal", *virtual]
+        subprocess.run(mode, check=True, capture_output=True)
+        alone = start(log, *node, "--yes")
         robot.odom()
+        driver = Driver(participant, twist(0.1))
+        awaited("motion in the changed mode", lambda: abs(robot.forward() - 0.1) < 0.03)
+        driver.silence()
         alone.send_signal(signal.SIGTERM)
         alone.wait(10)
         print(
