@@ -75,7 +75,7 @@ impl SonarModel {
             for column in columns.clone() {
                 let way = grid.middle(column, row) - sensor.position();
                 let seen = Point::new(axis.dot(way), axis.cross(way));
-                // Most cells of the rectangle are clearly beside the cone, by a micrometre.
+                // Most cells of the rectangle are more than a micrometre beside the cone: they need no angle.
                 if seen.y_mm.abs() * cos - seen.x_mm * sin > 1e-3 || seen.x_mm > reach {
                     continue;
                 }

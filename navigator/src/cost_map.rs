@@ -74,12 +74,11 @@ impl CostMap {
             frame: Pose2::new(x_mm, y_mm, direction_rad),
             columns,
             rows,
-            nodes: Vec::with_capacity(columns * rows),
+            nodes: Vec::new(),
         };
-        for row in 0..rows {
-            let node = |column| field.node(map.place(column, row));
-            map.nodes.append(&mut (0..columns).map(node).collect());
-        }
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        let nodes = places.map(|(column, row)| field.node(map.place(column, row)));
+        map.nodes = nodes.collect();
         for &point in driven {
             for index in map.within(point, DRIVEN_MM + 0.5 * STEP_MM) {
                 map.nodes[index].driven = true;
@@ -275,17 +274,16 @@ impl<'a> Field<'a> {
                 }
             }
         }
-        // From the lower left, then the same from the upper right. No distance exceeds FARTHEST by more than
-        // a weight: nothing wraps.
+        // From the lower left, then the same from the upper right.
         for _ in 0..2 {
             for row in 1..=rows {
                 let (before, cells) = field.split_at_mut(row * width);
                 let below = before[(row - 1) * width..].windows(3);
                 let mut beside = FARTHEST;
                 for (cell, below) in cells[1..=columns].iter_mut().zip(below) {
-                    let corners = below[0].min(below[2]).wrapping_add(corner);
-                    let nearest = (*cell).min(below[1].wrapping_add(side)).min(corners);
-                    beside = nearest.min(beside.wrapping_add(side));
+                    let corners = below[0].min(below[2]) + corner;
+                    let nearest = (*cell).min(below[1] + side).min(corners);
+                    beside = nearest.min(beside + side);
                     *cell = beside;
                 }
             }

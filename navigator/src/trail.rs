@@ -11,11 +11,6 @@ const STRAIGHT_RAD: f64 = 0.12;
 /// Farthest way back, mm: mode 0x30 reverses no farther.
 const FARTHEST_BACK_MM: f64 = 280.0;
 
-/// Whether it is longer than [`AGAIN_MM`]; most of them show it in one direction.
-fn is_apart(off: Point) -> bool {
-    off.x_mm.abs() > AGAIN_MM || off.y_mm.abs() > AGAIN_MM || off.length_mm() > AGAIN_MM
-}
-
 /// The driven way in the map's frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trail {
@@ -32,6 +27,7 @@ impl Trail {
     /// Takes the pose of a frame.
     pub fn observe(&mut self, pose: &Pose2) {
         let at = pose.position();
+        let is_apart = |off: Point| off.dot(off) > AGAIN_MM * AGAIN_MM;
         if let Some(last) = self.last.replace(*pose) {
             self.net_rad += last.turn_to_rad(pose);
         } else {
