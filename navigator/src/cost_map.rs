@@ -2,6 +2,7 @@
 //! every node.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use geometry::{Point, Pose2};
 use mapper::{Cell, Grid};
@@ -51,27 +52,55 @@ impl CostMap {
     /// The lattice over the whole grid along `direction_rad`. `marks` are obstacles that are not
     /// in the grid; `driven` is the way so far.
     pub fn new(grid: &Grid, direction_rad: f64, marks: &[Point], driven: &[Point]) -> Self {
-        let field = Field::new(grid, marks, driven);
-        let along = Pose2::new(0.0, 0.0, direction_rad);
-        let (low, high) = (field.point(0), field.point(field.cells.len().max(1) - 1));
-        let corners = [
-            low,
-            high,
-            Point::new(low.x_mm, high.y_mm),
-            Point::new(high.x_mm, low.y_mm),
-        ]
-        .map(|corner| Pose2::new(corner.x_mm, corner.y_mm, 0.0).relative_to(&along));
-        let fold = |pick: fn(f64, f64) -> f64, of: fn(&Pose2) -> f64| {
-            corners.iter().map(of).reduce(pick).unwrap_or(0.0)
+        let (columns, rows) = (grid.columns().max(1) - 1, grid.rows().max(1) - 1);
+        let corners = [(0, 0), (columns, 0), (columns, rows), (0, rows)];
+        let corners = corners.map(|(column, row)| grid.middle(column, row));
+        let frame = Pose2::new(0.0, 0.0, direction_rad);
+        let whole = bounds(corners.into_iter().map(|corner| local(corner, &frame)));
+        Self::over(grid, &frame, whole, (marks, driven))
+    }
+
+    /// The nodes of this lattice within `margin_mm` of the rectangle around these points, with the grid as it is
+    /// now. What is nearer to a node than the rim is in its clearance.
+    pub fn around(
+        &self,
+        points: &[Point],
+        margin_mm: f64,
+        grid: &Grid,
+        obstacles: (&[Point], &[Point]),
+    ) -> Self {
+        let (low, high) = bounds(points.iter().map(|&point| local(point, &self.frame)));
+        let number = |mm: f64| ((mm - margin_mm) / STEP_MM).floor();
+        let low = Point::new(number(low.x_mm), number(low.y_mm)) * STEP_MM;
+        let high = high + Point::new(margin_mm, margin_mm);
+        Self::over(grid, &self.frame, (low, high), obstacles)
+    }
+
+    /// The lattice over a rectangle, both in the frame.
+    fn over(
+        grid: &Grid,
+        frame: &Pose2,
+        (low, high): (Point, Point),
+        (marks, driven): (&[Point], &[Point]),
+    ) -> Self {
+        let corners = [low, Point::new(high.x_mm, low.y_mm), high];
+        let corners = corners.into_iter().chain([Point::new(low.x_mm, high.y_mm)]);
+        let (from, to) = bounds(corners.map(|corner| frame.point_at(corner.x_mm, corner.y_mm)));
+        let (from, to) = (from - grid.origin(), to - grid.origin());
+        let span = |from_mm: f64, to_mm: f64, count: usize| {
+            let number = |mm: f64| whole_number(mm / grid.cell_mm()).min(count);
+            number(from_mm)..number(to_mm + grid.cell_mm())
         };
-        let (x, y) = (fold(f64::min, |p| p.x_mm), fold(f64::min, |p| p.y_mm));
-        let columns = steps(fold(f64::max, |p| p.x_mm) - x) + 1;
-        let rows = steps(fold(f64::max, |p| p.y_mm) - y) + 1;
-        let Point { x_mm, y_mm } = along.point_at(x, y);
+        let columns = span(from.x_mm, to.x_mm, grid.columns());
+        let rows = span(from.y_mm, to.y_mm, grid.rows());
+        let field = Field::new(grid, (columns, rows), marks, driven);
+        let direction_rad = frame.heading_rad;
         let (sin, cos) = libm::sincos(direction_rad);
+        let extent = high - low;
+        let (columns, rows) = (steps(extent.x_mm) + 1, steps(extent.y_mm) + 1);
         let mut map = Self {
             step: Point::new(STEP_MM * cos, STEP_MM * sin),
-            frame: Pose2::new(x_mm, y_mm, direction_rad),
+            frame: Pose2::at(frame.point_at(low.x_mm, low.y_mm), direction_rad),
             columns,
             rows,
             nodes: Vec::new(),
@@ -190,27 +219,56 @@ impl CostMap {
     }
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // metres over millimetres
 fn steps(mm: f64) -> usize {
-    (mm / STEP_MM).round().max(0.0) as usize
+    whole_number((mm / STEP_MM).round())
 }
 
-/// Distances on the grid itself, in [`FRACTION`]s of a millimetre.
+/// Rounded down, 0 at least.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // metres over millimetres
+fn whole_number(number: f64) -> usize {
+    number.floor().max(0.0) as usize
+}
+
+fn local(point: Point, frame: &Pose2) -> Point {
+    Pose2::at(point, 0.0).relative_to(frame).position()
+}
+
+/// The smallest and the largest coordinates.
+fn bounds(points: impl Iterator<Item = Point>) -> (Point, Point) {
+    let infinite = Point::new(f64::INFINITY, f64::INFINITY);
+    points.fold((infinite, infinite * -1.0), |(low, high), at| {
+        (
+            Point::new(low.x_mm.min(at.x_mm), low.y_mm.min(at.y_mm)),
+            Point::new(high.x_mm.max(at.x_mm), high.y_mm.max(at.y_mm)),
+        )
+    })
+}
+
+/// Distances on a rectangle of the grid itself, in [`FRACTION`]s of a millimetre.
 struct Field<'a> {
     grid: &'a Grid,
+    columns: Range<usize>,
+    rows: Range<usize>,
     cells: Vec<Cell>,
     clearance: Vec<u32>,
     known: Vec<u32>,
 }
 
 impl<'a> Field<'a> {
-    fn new(grid: &'a Grid, marks: &[Point], driven: &[Point]) -> Self {
-        let mut cells: Vec<Cell> = grid
-            .cells()
-            .map(|(column, row)| grid.cell(column, row))
-            .collect();
+    fn new(
+        grid: &'a Grid,
+        (columns, rows): (Range<usize>, Range<usize>),
+        marks: &[Point],
+        driven: &[Point],
+    ) -> Self {
+        let places = rows
+            .clone()
+            .flat_map(|row| columns.clone().map(move |column| (column, row)));
+        let mut cells: Vec<Cell> = places.map(|(column, row)| grid.cell(column, row)).collect();
         let mut field = Self {
             grid,
+            columns,
+            rows,
             cells: Vec::new(),
             clearance: Vec::new(),
             known: Vec::new(),
@@ -237,23 +295,26 @@ impl<'a> Field<'a> {
     #[allow(clippy::cast_precision_loss)] // some hundred
     fn stamp(&self, point: Point, radius_mm: f64, mut each: impl FnMut(usize, f64)) {
         let (origin, cell_mm) = (self.grid.origin(), self.grid.cell_mm());
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
-        let number = |mm: f64, count: usize| ((mm / cell_mm).floor().max(0.0) as usize).min(count);
-        let span = |mm: f64, count: usize| {
-            number(mm - radius_mm, count)..number(mm + radius_mm + cell_mm, count)
+        let span = |mm: f64, range: &Range<usize>| {
+            let number = |mm: f64| whole_number(mm / cell_mm).clamp(range.start, range.end);
+            number(mm - radius_mm)..number(mm + radius_mm + cell_mm)
         };
         let off_mm = |from_mm: f64, nth: usize| (nth as f64 + 0.5) * cell_mm - from_mm;
         let (x_mm, y_mm) = (point.x_mm - origin.x_mm, point.y_mm - origin.y_mm);
-        let columns = span(x_mm, self.grid.columns());
-        for row in span(y_mm, self.grid.rows()) {
+        let columns = span(x_mm, &self.columns);
+        for row in span(y_mm, &self.rows) {
             let aside = off_mm(y_mm, row).powi(2);
             for column in columns.clone() {
                 let square = off_mm(x_mm, column).powi(2) + aside;
                 if square <= radius_mm * radius_mm {
-                    each(row * self.grid.columns() + column, square);
+                    each(self.index(column, row), square);
                 }
             }
         }
+    }
+
+    fn index(&self, column: usize, row: usize) -> usize {
+        (row - self.rows.start) * self.columns.len() + column - self.columns.start
     }
 
     /// Distance of every cell to the nearest source: Borgefors' two-pass chamfer transform
@@ -261,7 +322,7 @@ impl<'a> Field<'a> {
     /// 1986), inside a frame of cells without a source.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // weights
     fn distances(&self, is_source: impl Fn(usize) -> bool) -> Vec<u32> {
-        let (columns, rows) = (self.grid.columns(), self.grid.rows());
+        let (columns, rows) = (self.columns.len(), self.rows.len());
         let weight = |share: f64| (share * self.grid.cell_mm() * FRACTION).round() as u32;
         let (side, corner) = (weight(0.955), weight(1.369));
         let width = columns + 2;
@@ -293,21 +354,15 @@ impl<'a> Field<'a> {
         rows.collect::<Vec<_>>().concat()
     }
 
-    fn point(&self, index: usize) -> Point {
-        let columns = self.grid.columns().max(1);
-        self.grid.middle(index % columns, index / columns)
-    }
-
     fn node(&self, point: Point) -> Node {
         let (origin, cell_mm) = (self.grid.origin(), self.grid.cell_mm());
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
-        let number = |mm: f64, count: usize| {
-            let number = (mm / cell_mm).floor();
-            (number >= 0.0 && (number as usize) < count).then_some(number as usize)
+        let number = |mm: f64, range: &Range<usize>| {
+            let number = whole_number(mm / cell_mm);
+            (mm >= 0.0 && range.contains(&number)).then_some(number)
         };
-        let index = number(point.x_mm - origin.x_mm, self.grid.columns())
-            .zip(number(point.y_mm - origin.y_mm, self.grid.rows()))
-            .map(|(column, row)| row * self.grid.columns() + column);
+        let index = number(point.x_mm - origin.x_mm, &self.columns)
+            .zip(number(point.y_mm - origin.y_mm, &self.rows))
+            .map(|(column, row)| self.index(column, row));
         let distance_mm = |distance: u32| f64::from(distance) / FRACTION;
         Node {
             clearance_mm: index.map_or(f64::INFINITY, |index| distance_mm(self.clearance[index])),

@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use geometry::{Point, Pose2, wrap_angle};
 use mapper::{Cell, Grid};
 
-use crate::cost_map::{CostMap, Node};
+use crate::cost_map::{CostMap, Node, STEP_MM};
 use crate::follower::Follower;
 use crate::manoeuvre::{Kind, Manoeuvre};
 use crate::planner::{Reach, passable};
@@ -17,6 +17,10 @@ use crate::{Action, Config, Status, StopReason, Velocity, walls};
 
 /// Interval between two looks at the map along the path, s.
 const CHECK_S: f64 = 1.0;
+/// The map is looked at this far ahead, mm, which is what the sensors reach, and within this of the path, mm: more
+/// clearance changes nothing.
+const AHEAD_MM: f64 = 2500.0;
+const AROUND_MM: f64 = 400.0;
 /// Farther ahead than this, mm, an echo that the map does not explain ends no path: it came from one place of its
 /// arc, and the map will know which before the robot is there.
 const DOUBT_MM: f64 = 300.0;
@@ -36,6 +40,9 @@ const BY_CLEARANCE: (f64, f64) = (1.2, 60.0);
 const UNKNOWN_NEAR_MM: f64 = 110.0;
 /// Driving below this speed, mm/s, for this time, s, though more is commanded, is blocked.
 const BLOCKED: (f64, f64) = (12.0, 1.0);
+/// Heading obliquely for a wall the beams lose it: the plane of something that they showed slows a robot whose
+/// middle is this near to it, mm, to what is a touch, mm/s.
+const OBLIQUE: (f64, f64) = (170.0, 18.0);
 /// Speed per way to the contact with a close echo, 1/s, and the part of that way that is kept, mm.
 const BY_CONTACT: (f64, f64) = (2.0, 15.0);
 /// Way back after a stop, mm, and the robot's front edge ahead of the axle, mm.
@@ -103,11 +110,32 @@ impl Driver {
 
     /// The lattice of the grid as it is now.
     pub fn survey(&mut self, grid: &Grid, time_s: f64) -> CostMap {
+        let (marks, walls_rad) = (self.marked(time_s), walls::direction_rad(grid));
+        self.with_seen(CostMap::new(grid, walls_rad, &marks, &self.trail.points))
+    }
+
+    /// The lattice around the next part of the path, with the grid as it is now.
+    fn survey_ahead(&mut self, grid: &Grid, status: &Status) -> Option<CostMap> {
+        let marks = self.marked(status.time_s);
+        let (follower, map) = (self.follower.as_ref()?, self.map.as_ref()?);
+        let mut points = vec![status.estimate.pose.position()];
+        let mut mm = 0.0;
+        while mm <= AHEAD_MM {
+            points.push(follower.ahead(mm)?);
+            mm += STEP_MM;
+        }
+        let obstacles = (&marks[..], &self.trail.points[..]);
+        Some(self.with_seen(map.around(&points, AROUND_MM, grid, obstacles)))
+    }
+
+    /// The obstacles that are not in the map.
+    fn marked(&mut self, time_s: f64) -> Vec<Point> {
         self.marks.retain(|&(since_s, _)| time_s - since_s < MARK_S);
         let marked = self.marks.iter().map(|&(_, point)| point);
-        let marks: Vec<Point> = marked.chain(self.sight.unexplained()).collect();
-        let walls_rad = walls::direction_rad(grid);
-        let mut map = CostMap::new(grid, walls_rad, &marks, &self.trail.points);
+        marked.chain(self.sight.unexplained()).collect()
+    }
+
+    fn with_seen(&self, mut map: CostMap) -> CostMap {
         for index in 0..map.nodes.len() {
             map.nodes[index].seen |= self.sight.is_seen_through(map.point(index));
         }
@@ -131,10 +159,7 @@ impl Driver {
         let pose = status.estimate.pose;
         self.trail.observe(&pose);
         self.held &= distance_mm(&pose, self.stopped.1) < SAME_PLACE_MM;
-        let walls_rad = self
-            .map
-            .as_ref()
-            .map_or(pose.heading_rad, CostMap::direction_rad);
+        let walls_rad = self.walls_rad(&pose);
         if self.sight.observe(status, &self.config, grid, walls_rad) {
             self.checked_s = self.checked_s.min(status.time_s - CHECK_S + APPEARED_S);
         }
@@ -193,7 +218,22 @@ impl Driver {
     // Requirement: NAV-contact-1
     fn contact_limit(&self, pose: &Pose2) -> f64 {
         let way = |(way_mm, _): (f64, Point)| BY_CONTACT.0 * (way_mm - BY_CONTACT.1).max(0.0);
-        self.sight.contact(pose).map_or(f64::INFINITY, way)
+        let limit = self.sight.contact(pose).map_or(f64::INFINITY, way);
+        let walls_rad = self.walls_rad(pose);
+        let is_lost = !self.is_aligned(pose) && self.sight.nears_plane(pose, walls_rad, OBLIQUE.0);
+        if is_lost { limit.min(OBLIQUE.1) } else { limit }
+    }
+
+    /// A direction of the walls; that of the heading before they are known.
+    fn walls_rad(&self, pose: &Pose2) -> f64 {
+        let map = self.map.as_ref();
+        map.map_or(pose.heading_rad, CostMap::direction_rad)
+    }
+
+    /// Whether the heading is along the walls.
+    fn is_aligned(&self, pose: &Pose2) -> bool {
+        let quarters = (pose.heading_rad - self.walls_rad(pose)) / FRAC_PI_2;
+        (quarters - quarters.round()).abs() * FRAC_PI_2 < ALIGNED_RAD
     }
 
     fn follow_path(&mut self, grid: &Grid, status: &Status) -> Option<Velocity> {
@@ -201,11 +241,11 @@ impl Driver {
         let inflation_mm = self.config.inflation_mm;
         if status.time_s - self.checked_s >= CHECK_S {
             self.checked_s = status.time_s;
-            let map = self.survey(grid, status.time_s);
+            let map = self.survey_ahead(grid, status)?;
             // What lies under the path has to stay passable, but for the last bit before the end.
             let follower = self.follower.as_ref()?;
             let mut mm = 100.0;
-            while mm < follower.remaining_mm() - 100.0 {
+            while mm < AHEAD_MM.min(follower.remaining_mm() - 100.0) {
                 let point = follower.ahead(mm)?;
                 let is_free = map.at(point).is_some_and(|node| {
                     node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 15.0
@@ -220,12 +260,11 @@ impl Driver {
                 return None;
             }
         }
+        let is_aligned = self.is_aligned(&pose);
         let (Some(follower), Some(map)) = (&mut self.follower, &self.map) else {
             return None;
         };
-        let quarters = (pose.heading_rad - map.direction_rad()) / FRAC_PI_2;
-        let aligned = (quarters - quarters.round()).abs() * FRAC_PI_2 < ALIGNED_RAD;
-        if aligned && !self.config.sweeps_aside() {
+        if is_aligned && !self.config.sweeps_aside() {
             let ahead = follower.ahead(self.sight.slant_reach_mm() - SLANT.0)?;
             let driven = map.at(ahead).is_some_and(|node| node.driven);
             if !driven && !self.sight.is_slant_seen(ahead) {

@@ -40,6 +40,8 @@ const SILENT_WAY_MM: f64 = 100.0;
 const BODY_AHEAD_MM: (f64, f64) = (280.0, 135.0);
 /// Echoes nearer than this stop the robot before its body reaches them, mm.
 const CLOSE_MM: f64 = 350.0;
+/// The plane of a close echo continues this far to either side, mm.
+const PLANE_MM: f64 = 300.0;
 /// Radius of the body with the error of an echo's place, mm.
 const BODY_RADIUS_MM: f64 = 110.0;
 /// Silence is a new reading after this, s.
@@ -66,8 +68,9 @@ pub(crate) struct Sight {
     floor: Squares,
     /// Way at the echo, mm, and a place that it may have come from.
     echoes: Vec<(f64, Point)>,
-    /// Way at every close echo, mm, and its place on the beam's axis, whether the map has it or not.
-    close: Vec<(f64, Point)>,
+    /// Way at every close echo, mm, and its place on the beam's axis with the beam's heading, whether the map has it
+    /// or not.
+    close: Vec<(f64, Pose2)>,
     /// Where the beams turned half-way between the walls' directions.
     looks: Vec<Point>,
     way_mm: f64,
@@ -98,9 +101,8 @@ impl Sight {
             self.looks.push(pose.position());
         }
         let since_mm = self.way_mm - MEMORY_MM;
-        for echoes in [&mut self.echoes, &mut self.close] {
-            echoes.retain(|&(at_mm, _)| at_mm > since_mm);
-        }
+        self.echoes.retain(|&(at_mm, _)| at_mm > since_mm);
+        self.close.retain(|&(at_mm, _)| at_mm > since_mm);
         let mut appeared = false;
         for (nth, range_mm) in status.ranges_mm.into_iter().enumerate() {
             let (last_mm, last_s) = self.readings[nth];
@@ -161,17 +163,18 @@ impl Sight {
 
     /// An echo refutes earlier ones nearer on its axis, and a near one is remembered unless the map
     /// has a surface there.
-    fn see_near(&mut self, sensor: &Pose2, range_mm: f64, near_mm: f64, grid: &Grid) -> bool {
-        for echoes in [&mut self.echoes, &mut self.close] {
-            echoes.retain(|&(_, point)| {
-                let local = Pose2::at(point, 0.0).relative_to(sensor).position();
-                let off = wrap_angle(local.angle_rad()).abs();
-                off > REFUTED.0 || local.length_mm() > range_mm - REFUTED.1
-            });
-        }
+    pub fn see_near(&mut self, sensor: &Pose2, range_mm: f64, near_mm: f64, grid: &Grid) -> bool {
+        let stands = |point: Point| {
+            let local = Pose2::at(point, 0.0).relative_to(sensor).position();
+            let off = wrap_angle(local.angle_rad()).abs();
+            off > REFUTED.0 || local.length_mm() > range_mm - REFUTED.1
+        };
+        self.echoes.retain(|&(_, point)| stands(point));
+        self.close.retain(|(_, beam)| stands(beam.position()));
         if range_mm < CLOSE_MM {
+            let place = sensor.point_at(range_mm, 0.0);
             self.close
-                .push((self.way_mm, sensor.point_at(range_mm, 0.0)));
+                .push((self.way_mm, Pose2::at(place, sensor.heading_rad)));
         }
         if range_mm >= near_mm {
             return false;
@@ -241,13 +244,27 @@ impl Sight {
     /// The nearest close echo on the way straight ahead of the body, and the way to the contact, mm.
     // Requirement: NAV-contact-1
     pub fn contact(&self, pose: &Pose2) -> Option<(f64, Point)> {
-        let way = |&(_, point): &(f64, Point)| {
-            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
+        let way = |(_, beam): &(f64, Pose2)| {
+            let local = beam.relative_to(pose);
             let half_chord = (BODY_RADIUS_MM.powi(2) - local.y_mm.powi(2)).sqrt();
-            (local.x_mm > 0.0 && half_chord >= 0.0).then_some((local.x_mm - half_chord, point))
+            let touches = local.x_mm > 0.0 && half_chord >= 0.0;
+            touches.then_some((local.x_mm - half_chord, beam.position()))
         };
         let ways = self.close.iter().filter_map(way);
         ways.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    /// Whether the robot heads for the plane of a close echo that passes this near to its middle: most things
+    /// stand along the walls, and continue.
+    pub fn nears_plane(&self, pose: &Pose2, walls_rad: f64, radius_mm: f64) -> bool {
+        self.close.iter().any(|(_, beam)| {
+            let quarters = ((beam.heading_rad - walls_rad) / FRAC_PI_2).round();
+            let normal = Pose2::at(pose.position(), walls_rad + quarters * FRAC_PI_2);
+            let echo = beam.relative_to(&normal).position();
+            (0.0..radius_mm).contains(&echo.x_mm)
+                && echo.y_mm.abs() < PLANE_MM
+                && normal.turn_to_rad(pose).abs() < FRAC_PI_2
+        })
     }
 
     /// Places from which echoes came that the map does not explain.

@@ -153,7 +153,8 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
     let mark = Point::new(-600.0, 900.0);
     let marks = [mark, Point::new(-680.0, 570.0)];
     let map = CostMap::new(&grid, 0.0, &marks, &[way]);
-    let field = Field::new(&grid, &marks, &[way]);
+    let whole = (0..grid.columns(), 0..grid.rows());
+    let field = Field::new(&grid, whole, &marks, &[way]);
     for (index, (column, row)) in grid.cells().enumerate() {
         let at = grid.middle(column, row);
         let expected = match grid.cell(column, row) {
@@ -167,5 +168,38 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
     for (index, node) in map.nodes.iter().enumerate() {
         let is_near = map.point(index).distance_mm(way) <= DRIVEN_MM + 0.5 * STEP_MM;
         assert_eq!((node.driven, node.seen), (is_near, is_near));
+    }
+}
+
+#[test]
+fn window_is_the_whole_lattice_around_the_points() {
+    let grid = moved(&MIXED);
+    let (marks, driven) = ([Point::new(-600.0, 900.0)], [Point::new(-300.0, 700.0)]);
+    let whole = CostMap::new(&grid, 0.3, &marks, &driven);
+    for points in [
+        &[Point::new(-310.0, 720.0)][..],
+        &[Point::new(-600.0, 850.0), Point::new(-250.0, 650.0)],
+        // Nearer to the grid's rim than the window is wide.
+        &[Point::new(-780.0, 420.0)],
+    ] {
+        let window = whole.around(points, 400.0, &grid, (&marks, &driven));
+        assert!(window.nodes.len() < whole.nodes.len(), "{points:?}");
+        let is_near = |at: Point| points.iter().any(|point| point.distance_mm(at) <= 150.0);
+        let mut near = 0;
+        for (index, node) in whole.nodes.iter().enumerate() {
+            let at = whole.point(index);
+            if is_near(at) {
+                let twin = window.index(at).expect("in the window");
+                assert!(window.point(twin).distance_mm(at) < 1e-6);
+                let same = |node: &Node| {
+                    let up_to = |mm: f64| mm.min(240.0);
+                    let clearances = (up_to(node.clearance_mm), up_to(node.known_mm));
+                    (clearances, node.cell, node.driven, node.seen)
+                };
+                assert_eq!(same(&window.nodes[twin]), same(node), "{at:?}");
+                near += 1;
+            }
+        }
+        assert!(near >= 9, "{points:?}");
     }
 }

@@ -310,6 +310,31 @@ fn robot_without_sweep_looks_for_slanted_walls_first() {
     }
 }
 
+// Requirement: NAV-contact-1
+#[test]
+fn robot_creeps_obliquely_towards_the_plane_of_what_it_saw() {
+    for (heading_rad, seen, limit_mm_s) in [
+        (0.0, Some((200.0, 560.0)), None),
+        (0.5, None, None),
+        (0.5, Some((200.0, 560.0)), Some(18.0)),
+        (0.5, Some((-90.0, 560.0)), Some(18.0)),
+        (0.5, Some((-110.0, 560.0)), None),
+        (0.5, Some((200.0, 575.0)), None),
+        // It drives away from it, or has passed it.
+        (-0.5, Some((200.0, 560.0)), None),
+        (0.5, Some((200.0, 390.0)), None),
+    ] {
+        let (mut driver, grid) = under_way(1.0);
+        if let Some((x_mm, y_mm)) = seen {
+            let sensor = Pose2::new(x_mm, y_mm - 100.0, FRAC_PI_2);
+            driver.sight.see_near(&sensor, 100.0, 0.0, &grid);
+        }
+        let found = driver.contact_limit(&Pose2::new(200.0, 400.0, heading_rad));
+        let found = found.is_finite().then_some(found);
+        assert_eq!(found, limit_mm_s, "{heading_rad} {seen:?}");
+    }
+}
+
 #[test]
 fn look_ahead_cuts_no_corner_over_unseen_or_narrow_floor() {
     let forward_mm_s = |change: fn(&mut Node)| {
