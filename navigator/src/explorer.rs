@@ -117,7 +117,7 @@ impl Explorer {
             self.driver.enqueue([Motion::Rest(FIRST_REST_S)]);
         }
         self.record(status);
-        if self.is_resolved(grid) {
+        if self.is_resolved() {
             self.driver.follower = None;
             self.goal = Goal::Choose;
         }
@@ -146,10 +146,12 @@ impl Explorer {
     }
 
     /// Whether the target on the way has been seen meanwhile.
-    fn is_resolved(&self, grid: &Grid) -> bool {
-        match self.goal {
-            Goal::Approach(target) => match target.kind {
-                Kind::Frontier => grid.cell_at(target.centre) != Cell::Unknown,
+    fn is_resolved(&self) -> bool {
+        match (self.goal, &self.driver.map) {
+            (Goal::Approach(target), Some(map)) => match target.kind {
+                Kind::Frontier => map
+                    .at(target.centre)
+                    .is_some_and(|node| node.cell != Cell::Unknown),
                 // What it looks like from afar is no answer.
                 Kind::Gap => false,
                 Kind::Surface => self.driver.sight.is_seen_closely(target.centre),
