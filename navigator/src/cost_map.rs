@@ -87,12 +87,9 @@ impl CostMap {
         let corners = corners.into_iter().chain([Point::new(low.x_mm, high.y_mm)]);
         let (from, to) = bounds(corners.map(|corner| frame.point_at(corner.x_mm, corner.y_mm)));
         let (from, to) = (from - grid.origin(), to - grid.origin());
-        let span = |from_mm: f64, to_mm: f64, count: usize| {
-            let number = |mm: f64| whole_number(mm / grid.cell_mm()).min(count);
-            number(from_mm)..number(to_mm + grid.cell_mm())
-        };
-        let columns = span(from.x_mm, to.x_mm, grid.columns());
-        let rows = span(from.y_mm, to.y_mm, grid.rows());
+        let cell_mm = grid.cell_mm();
+        let columns = span(from.x_mm, to.x_mm, cell_mm, &(0..grid.columns()));
+        let rows = span(from.y_mm, to.y_mm, cell_mm, &(0..grid.rows()));
         let field = Field::new(grid, (columns, rows), marks, driven);
         let direction_rad = frame.heading_rad;
         let (sin, cos) = libm::sincos(direction_rad);
@@ -105,7 +102,7 @@ impl CostMap {
             rows,
             nodes: Vec::new(),
         };
-        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        let places = places(0..columns, 0..rows);
         let nodes = places.map(|(column, row)| field.node(map.place(column, row)));
         map.nodes = nodes.collect();
         for &point in driven {
@@ -198,8 +195,8 @@ impl CostMap {
         let reach = steps(radius_mm) + 1;
         let (column, row) = (middle % self.columns, middle / self.columns);
         let columns = column.saturating_sub(reach)..(column + reach + 1).min(self.columns);
-        (row.saturating_sub(reach)..(row + reach + 1).min(self.rows))
-            .flat_map(|row| columns.clone().map(move |column| (column, row)))
+        let rows = row.saturating_sub(reach)..(row + reach + 1).min(self.rows);
+        places(columns, rows)
             .filter(|&(column, row)| {
                 let off = self.place(column, row) - point;
                 off.dot(off) <= radius_mm * radius_mm
@@ -227,6 +224,17 @@ fn steps(mm: f64) -> usize {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // metres over millimetres
 fn whole_number(number: f64) -> usize {
     number.floor().max(0.0) as usize
+}
+
+/// Of the columns or rows `within` those from one place to another.
+fn span(from_mm: f64, to_mm: f64, cell_mm: f64, within: &Range<usize>) -> Range<usize> {
+    let number = |mm: f64| whole_number(mm / cell_mm).clamp(within.start, within.end);
+    number(from_mm)..number(to_mm + cell_mm)
+}
+
+/// Columns and rows, row by row.
+fn places(columns: Range<usize>, rows: Range<usize>) -> impl Iterator<Item = (usize, usize)> {
+    rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
 }
 
 fn local(point: Point, frame: &Pose2) -> Point {
@@ -261,9 +269,7 @@ impl<'a> Field<'a> {
         marks: &[Point],
         driven: &[Point],
     ) -> Self {
-        let places = rows
-            .clone()
-            .flat_map(|row| columns.clone().map(move |column| (column, row)));
+        let places = places(columns.clone(), rows.clone());
         let mut cells: Vec<Cell> = places.map(|(column, row)| grid.cell(column, row)).collect();
         let mut field = Self {
             grid,
@@ -295,10 +301,7 @@ impl<'a> Field<'a> {
     #[allow(clippy::cast_precision_loss)] // some hundred
     fn stamp(&self, point: Point, radius_mm: f64, mut each: impl FnMut(usize, f64)) {
         let (origin, cell_mm) = (self.grid.origin(), self.grid.cell_mm());
-        let span = |mm: f64, range: &Range<usize>| {
-            let number = |mm: f64| whole_number(mm / cell_mm).clamp(range.start, range.end);
-            number(mm - radius_mm)..number(mm + radius_mm + cell_mm)
-        };
+        let span = |mm: f64, within| span(mm - radius_mm, mm + radius_mm, cell_mm, within);
         let off_mm = |from_mm: f64, nth: usize| (nth as f64 + 0.5) * cell_mm - from_mm;
         let (x_mm, y_mm) = (point.x_mm - origin.x_mm, point.y_mm - origin.y_mm);
         let columns = span(x_mm, &self.columns);

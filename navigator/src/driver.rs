@@ -2,7 +2,7 @@
 //! answers stops.
 
 use std::collections::VecDeque;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
 
 use geometry::{Point, Pose2, wrap_angle};
 use mapper::{Cell, Grid};
@@ -219,9 +219,11 @@ impl Driver {
     fn contact_limit(&self, pose: &Pose2) -> f64 {
         let way = |(way_mm, _): (f64, Point)| BY_CONTACT.0 * (way_mm - BY_CONTACT.1).max(0.0);
         let limit = self.sight.contact(pose).map_or(f64::INFINITY, way);
-        let walls_rad = self.walls_rad(pose);
-        let is_lost = !self.is_aligned(pose) && self.sight.nears_plane(pose, walls_rad, OBLIQUE.0);
-        if is_lost { limit.min(OBLIQUE.1) } else { limit }
+        let nears = |walls_rad| self.sight.nears_plane(pose, walls_rad, OBLIQUE.0);
+        if !self.is_aligned(pose) && nears(self.walls_rad(pose)) {
+            return limit.min(OBLIQUE.1);
+        }
+        limit
     }
 
     /// A direction of the walls; that of the heading before they are known.
@@ -232,8 +234,8 @@ impl Driver {
 
     /// Whether the heading is along the walls.
     fn is_aligned(&self, pose: &Pose2) -> bool {
-        let quarters = (pose.heading_rad - self.walls_rad(pose)) / FRAC_PI_2;
-        (quarters - quarters.round()).abs() * FRAC_PI_2 < ALIGNED_RAD
+        let nearest_rad = walls::nearest_rad(pose.heading_rad, self.walls_rad(pose));
+        (pose.heading_rad - nearest_rad).abs() < ALIGNED_RAD
     }
 
     fn follow_path(&mut self, grid: &Grid, status: &Status) -> Option<Velocity> {

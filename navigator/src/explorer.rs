@@ -12,7 +12,7 @@ use crate::frontier::{Kind, Target, frontiers, gaps, unseen_surfaces};
 use crate::manoeuvre::Kind as Motion;
 use crate::planner::{Reach, passable};
 use crate::tour::Tour;
-use crate::{Action, Config, Outcome, Status, Velocity};
+use crate::{Action, Config, Outcome, Status, Velocity, walls};
 
 /// First rest: the gyro's first bias, s.
 const FIRST_REST_S: f64 = 2.0;
@@ -231,8 +231,7 @@ impl Explorer {
         let is_wound = net_rad.abs() > UNWIND_RAD;
         let back_rad = if is_wound { unwind * TAU } else { 0.0 };
         let walls_rad = self.driver.map.as_ref().map_or(0.0, CostMap::direction_rad);
-        let quarter = ((pose.heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2;
-        let aligned_rad = walls_rad + quarter;
+        let aligned_rad = walls::nearest_rad(pose.heading_rad, walls_rad);
         let mut base_rad = net_rad + back_rad + wrap_angle(aligned_rad - pose.heading_rad);
         let bearing = |centre: Point| (centre - pose.position()).angle_rad();
         let off_rad = centre.map_or(0.0, |centre| wrap_angle(bearing(centre) - aligned_rad));

@@ -1,13 +1,13 @@
 //! What the sensors saw lately or at short distance, at once and without the map: the map enters
 //! readings only after some decimetres of way.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use geometry::{Point, Pose2, wrap_angle};
 use mapper::Grid;
 use rustc_hash::FxHashSet;
 
-use crate::{Config, Status};
+use crate::{Config, Status, walls};
 
 /// Raster of the surfaces seen closely and of the floor seen through, mm.
 const SURFACE_MM: f64 = 100.0;
@@ -95,9 +95,9 @@ impl Sight {
         if let Some(last) = self.last.replace(pose) {
             self.way_mm += last.distance_mm(&pose) + TURN_MM * last.turn_to_rad(&pose).abs();
         }
-        let quarters = (pose.heading_rad - walls_rad) / FRAC_PI_2;
-        let slant = 0.5 - (quarters - quarters.round()).abs();
-        if slant * FRAC_PI_2 < SLANT_RAD && !self.is_looked_at(pose.position(), 100.0) {
+        let nearest_rad = walls::nearest_rad(pose.heading_rad, walls_rad);
+        let slant_rad = FRAC_PI_4 - (pose.heading_rad - nearest_rad).abs();
+        if slant_rad < SLANT_RAD && !self.is_looked_at(pose.position(), 100.0) {
             self.looks.push(pose.position());
         }
         let since_mm = self.way_mm - MEMORY_MM;
@@ -134,8 +134,8 @@ impl Sight {
 
     /// Floor that a beam along one of the walls' directions passed.
     fn see_floor(&mut self, sensor: &Pose2, range_mm: Option<f64>, walls_rad: f64) {
-        let off = (sensor.heading_rad - walls_rad) / FRAC_PI_2;
-        if (off - off.round()).abs() * FRAC_PI_2 > NORMAL_RAD {
+        let nearest_rad = walls::nearest_rad(sensor.heading_rad, walls_rad);
+        if (sensor.heading_rad - nearest_rad).abs() > NORMAL_RAD {
             return;
         }
         let reach = range_mm.map_or(FLOOR_REACH_MM, |range| range.min(FLOOR_REACH_MM));
@@ -258,8 +258,8 @@ impl Sight {
     /// stand along the walls, and continue.
     pub fn nears_plane(&self, pose: &Pose2, walls_rad: f64, radius_mm: f64) -> bool {
         self.close.iter().any(|(_, beam)| {
-            let quarters = ((beam.heading_rad - walls_rad) / FRAC_PI_2).round();
-            let normal = Pose2::at(pose.position(), walls_rad + quarters * FRAC_PI_2);
+            let normal_rad = walls::nearest_rad(beam.heading_rad, walls_rad);
+            let normal = Pose2::at(pose.position(), normal_rad);
             let echo = beam.relative_to(&normal).position();
             (0.0..radius_mm).contains(&echo.x_mm)
                 && echo.y_mm.abs() < PLANE_MM

@@ -1,5 +1,7 @@
 //! The direction of the walls.
 
+use std::f64::consts::FRAC_PI_2;
+
 use mapper::{Cell, Grid};
 
 /// Pairs of occupied cells this many columns or rows apart vote.
@@ -37,6 +39,11 @@ pub(crate) fn direction_rad(grid: &Grid) -> f64 {
         }
     }
     libm::atan2(sum.1, sum.0) / 4.0
+}
+
+/// Of the four directions along and across the walls the one nearest to a heading, within π/4 of it, radians.
+pub(crate) fn nearest_rad(heading_rad: f64, walls_rad: f64) -> f64 {
+    walls_rad + ((heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2
 }
 
 #[cfg(test)]

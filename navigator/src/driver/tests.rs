@@ -1,5 +1,7 @@
 //! Tests of driving.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::*;
 use crate::cost_map::tests::draw;
 use crate::manoeuvre::tests::status;
