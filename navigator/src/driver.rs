@@ -40,9 +40,12 @@ const BY_CLEARANCE: (f64, f64) = (1.2, 60.0);
 const UNKNOWN_NEAR_MM: f64 = 110.0;
 /// Driving below this speed, mm/s, for this time, s, though more is commanded, is blocked.
 const BLOCKED: (f64, f64) = (12.0, 1.0);
-/// Heading obliquely for a wall the beams lose it: the plane of something that they showed slows a robot whose
-/// middle is this near to it, mm, to what is a touch, mm/s.
-const OBLIQUE: (f64, f64) = (170.0, 18.0);
+/// Clearance that a path may lose as the map moves, mm.
+const SHIFT_MM: f64 = 15.0;
+/// A contact at this speed is a touch, mm/s: where the map leaves the body no room …
+const TOUCH_MM_S: f64 = 18.0;
+/// … and heading obliquely for a wall, where the beams lose it, within this of the plane of an echo, mm.
+const OBLIQUE_MM: f64 = 170.0;
 /// Speed per way to the contact with a close echo, 1/s, and the part of that way that is kept, mm.
 const BY_CONTACT: (f64, f64) = (2.0, 15.0);
 /// Way back after a stop, mm, and the robot's front edge ahead of the axle, mm.
@@ -77,6 +80,8 @@ pub(crate) struct Driver {
     /// Motions that come before the path.
     pub queue: VecDeque<Manoeuvre>,
     pub follower: Option<Follower>,
+    /// Clearance that the path keeps, mm.
+    clearance_mm: f64,
     marks: Vec<(f64, Point)>,
     pub map: Option<CostMap>,
     checked_s: f64,
@@ -97,6 +102,7 @@ impl Driver {
             sight: Sight::default(),
             queue: VecDeque::new(),
             follower: None,
+            clearance_mm: config.inflation_mm,
             marks: Vec::new(),
             map: None,
             checked_s: f64::NEG_INFINITY,
@@ -145,6 +151,7 @@ impl Driver {
     /// Follows the cheapest way to a reachable node.
     pub fn follow(&mut self, reach: &Reach, node: usize, time_s: f64) {
         self.follower = Some(Follower::new(reach.path(node)));
+        self.clearance_mm = reach.inflation_mm;
         self.map = Some(reach.map.clone());
         (self.checked_s, self.moving_s) = (time_s, time_s);
     }
@@ -219,9 +226,9 @@ impl Driver {
     fn contact_limit(&self, pose: &Pose2) -> f64 {
         let way = |(way_mm, _): (f64, Point)| BY_CONTACT.0 * (way_mm - BY_CONTACT.1).max(0.0);
         let limit = self.sight.contact(pose).map_or(f64::INFINITY, way);
-        let nears = |walls_rad| self.sight.nears_plane(pose, walls_rad, OBLIQUE.0);
+        let nears = |walls_rad| self.sight.nears_plane(pose, walls_rad, OBLIQUE_MM);
         if !self.is_aligned(pose) && nears(self.walls_rad(pose)) {
-            return limit.min(OBLIQUE.1);
+            return limit.min(TOUCH_MM_S);
         }
         limit
     }
@@ -240,7 +247,7 @@ impl Driver {
 
     fn follow_path(&mut self, grid: &Grid, status: &Status) -> Option<Velocity> {
         let pose = status.estimate.pose;
-        let inflation_mm = self.config.inflation_mm;
+        let inflation_mm = self.clearance_mm;
         if status.time_s - self.checked_s >= CHECK_S {
             self.checked_s = status.time_s;
             let map = self.survey_ahead(grid, status)?;
@@ -250,7 +257,7 @@ impl Driver {
             while mm < AHEAD_MM.min(follower.remaining_mm() - 100.0) {
                 let point = follower.ahead(mm)?;
                 let is_free = map.at(point).is_some_and(|node| {
-                    node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - 15.0
+                    node.cell != Cell::Occupied && node.clearance_mm >= inflation_mm - SHIFT_MM
                         || passable(node, inflation_mm)
                 });
                 let is_doubted = || mm > DOUBT_MM && self.sight.doubts(point, inflation_mm);
@@ -348,6 +355,9 @@ fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
     let at = |node: &Node| {
         let (gain, slowest) = BY_CLEARANCE;
         let spare_mm = (node.clearance_mm - config.inflation_mm).max(0.0);
+        if node.clearance_mm < config.inflation_mm - SHIFT_MM {
+            return TOUCH_MM_S;
+        }
         let known = if node.seen && node.known_mm > UNKNOWN_NEAR_MM {
             config.cruise_mm_s
         } else {

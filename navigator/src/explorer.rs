@@ -6,12 +6,12 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 use geometry::{Point, Pose2, wrap_angle};
 use mapper::{Cell, Grid};
 
-use crate::cost_map::{CostMap, NO_WAY_MM, Node};
+use crate::cost_map::{CostMap, Node};
 use crate::driver::{Driver, Step, distance_mm};
-use crate::frontier::{Kind, Target, frontiers, gaps, unseen_surfaces};
+use crate::frontier::{Kind, Target, frontiers, unseen_surfaces};
 use crate::manoeuvre::Kind as Motion;
-use crate::planner::{Reach, passable};
-use crate::tour::Tour;
+use crate::planner::Reach;
+use crate::tour::next_of_tour;
 use crate::{Action, Config, Outcome, Status, Velocity, walls};
 
 /// First rest: the gyro's first bias, s.
@@ -27,22 +27,12 @@ const UNWIND_RAD: f64 = 1.25 * TAU;
 const SAME_MM: f64 = 250.0;
 /// A target is given up after this many fruitless tries.
 const TRIES: usize = 2;
-/// Clearances of the gaps that are looked at last, mm, the widest first, and unknown floor behind them, m²: wide
-/// beams draw the ends of walls too long, by a decimetre or two.
-const GAPS_MM: [f64; 4] = [105.0, 90.0, 75.0, 60.0];
-const GAP_GAIN_M2: f64 = 0.16;
-/// Fruitless looks nearer than this to a gap count as looks at it, mm: there the wall does not answer.
-const GAP_MM: f64 = 500.0;
-/// Time for gaps, s, which time for other targets that are reached gives back: a far one costs up to a minute.
-const GAPS_S: f64 = 90.0;
 /// A look that leaves more than this share of the gain was fruitless.
 const FRUITLESS: f64 = 0.7;
 /// A standing robot's sensors see to this far aside with a sweep, radians.
 const FIELD_RAD: f64 = 1.75;
 /// A robot that is held gives up after turning away so often.
 const LEAVES: u32 = 4;
-/// Cost of a way with its turns per length.
-const LONGER: f64 = 1.2;
 /// Spacing of the places to return to, mm, and time between two returns, s.
 const ANCHORS: (f64, f64) = (300.0, 60.0);
 
@@ -57,6 +47,8 @@ enum Goal {
     Approach(Target),
     /// … and looks at it.
     Look(Target),
+    /// Goes through a gap that is narrower than the robot on the map.
+    Pass(Target),
     /// Goes to a place where the position was well known.
     Return,
     /// Goes to the start.
@@ -125,7 +117,7 @@ impl Explorer {
             match self.driver.step(grid, status) {
                 Step::Act(action) => return action,
                 Step::Arrived => self.arrived(grid, status),
-                Step::Interrupted => self.interrupted(),
+                Step::Interrupted => self.interrupted(status),
             }
             if let Goal::Finish(outcome) = self.goal
                 && self.driver.queue.is_empty()
@@ -193,7 +185,7 @@ impl Explorer {
                 }
                 self.goal = Goal::Look(target);
             }
-            Goal::Return => {
+            Goal::Return | Goal::Pass(_) => {
                 self.look(None, status);
                 self.goal = Goal::Choose;
             }
@@ -209,8 +201,14 @@ impl Explorer {
         }
     }
 
-    fn interrupted(&mut self) {
+    fn interrupted(&mut self, status: &Status) {
         match self.goal {
+            // What stands there is seen now.
+            Goal::Pass(target) => {
+                self.tries.push(target);
+                self.look(Some(target.centre), status);
+                self.goal = Goal::Look(target);
+            }
             Goal::Approach(target) | Goal::Look(target) => {
                 self.tries.push(target);
                 // In vain: it gives gaps no time.
@@ -272,25 +270,6 @@ impl Explorer {
         self.tries.iter().filter(near)
     }
 
-    /// The gaps to look at next: of the widest those with the fewest looks.
-    fn gaps(&self, map: &CostMap, pose: &Pose2, reach: &Reach) -> Vec<Target> {
-        // One that has shown twice the floor behind the gap was not in vain.
-        let looks = |target: &Target| {
-            let near = self.tries(target.centre, GAP_MM);
-            near.filter(|tried| target.gain <= 2.0 * tried.gain).count()
-        };
-        let of_width = |width_mm: f64| {
-            let floor = Reach::new(map, pose, width_mm);
-            let mut found = gaps(&floor, reach, &self.gap_views);
-            found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
-            let fewest = found.iter().map(looks).min();
-            found.retain(|target| Some(looks(target)) == fewest);
-            found
-        };
-        let mut found = GAPS_MM.into_iter().map(of_width);
-        found.find(|found| !found.is_empty()).unwrap_or_default()
-    }
-
     /// Chooses the next target, or goes home.
     // Requirement: NAV-explore-1
     fn choose(&mut self, grid: &Grid, status: &Status) {
@@ -332,7 +311,13 @@ impl Explorer {
         }
         let fresh = |target: &Target| self.tries(target.centre, SAME_MM).count() < TRIES;
         targets.retain(fresh);
-        if targets.is_empty() && self.gaps_s < GAPS_S {
+        if let Goal::Look(last) = self.goal
+            && last.kind == Kind::Gap
+            && self.pass(last, &targets, &reach, status)
+        {
+            return;
+        }
+        if targets.is_empty() {
             targets = self.gaps(&map, &pose, &reach);
         }
         self.targets = targets.len();
@@ -372,27 +357,12 @@ impl Explorer {
     }
 }
 
-/// The first target of a short tour over all of them that ends at `home`.
-fn next_of_tour(reach: &Reach, targets: &[Target], home: Option<usize>) -> Option<Target> {
-    let ways = |from: usize| {
-        let allowed = |node: &Node| passable(node, reach.inflation_mm);
-        let ways_mm = reach.map.ways_mm(from, allowed);
-        targets.iter().map(|to| LONGER * ways_mm[to.view]).collect()
-    };
-    let cost = |target: &Target| reach.cost(target.view).map_or(NO_WAY_MM, f64::from);
-    let tour = Tour {
-        from: targets.iter().map(cost).collect(),
-        between: targets.iter().map(|from| ways(from.view)).collect(),
-        home: home.map_or_else(|| vec![0.0; targets.len()], ways),
-    };
-    tour.order().first().map(|&nth| targets[nth])
-}
-
 /// Standard deviation of the position, mm.
 fn deviation_mm(status: &Status) -> f64 {
     let covariance = &status.estimate.covariance;
     (covariance[0][0] + covariance[1][1]).max(0.0).sqrt()
 }
 
+mod gaps;
 #[cfg(test)]
 mod tests;

@@ -1,9 +1,9 @@
 //! What readings say about the cells of the occupancy grid.
 //!
 //! An echo whose bearing is known occupies a short piece of surface; one without a bearing only an
-//! arc nearby. The cone in front of an echo is free as far as surfaces would have answered: a
-//! smooth surface that a ray meets obliquely answers nothing, so such a ray neither clears it nor
-//! goes on behind it.
+//! arc nearby, unless a known surface may have answered: arcs draw the ends of walls too long. The
+//! cone in front of an echo is free as far as surfaces would have answered: a smooth surface that a
+//! ray meets obliquely answers nothing, so such a ray neither clears it nor goes on behind it.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -27,6 +27,8 @@ const SILENT_MM: f64 = 1000.0;
 const ARC_MM: f64 = 700.0;
 /// Half the arc that such an echo occupies, rad.
 const ARC_RAD: f64 = 0.12;
+/// A surface this much nearer or farther than such an echo explains it, mm.
+const SAME_MM: f64 = 40.0;
 /// A ray farther than this, rad, from the directions of the room's walls passes them unnoticed: it
 /// clears with this share of its weight.
 const OBLIQUE: (f64, f32) = (0.44, 0.3);
@@ -103,16 +105,16 @@ impl Evidence {
         }
     }
 
-    /// Whether a surface on the arc answers for this echo.
+    /// Whether a known surface in the cone, or its edge, is as far away as this echo.
     fn is_explained(&self, element: &Element, beam: &Beam) -> bool {
-        self.surfaces
-            .near(element.point(beam), 0.3 * element.range_mm)
-            .any(|surfel| {
-                let towards = surfel.facing_rad + PI;
-                let off = wrap_angle(towards - element.sensor.heading_rad).abs();
-                let point = element.point_towards(beam, towards);
-                off < beam.incidence_rad && point.distance_mm(surfel.point) < 60.0
-            })
+        let (middle, range_mm) = (element.point(beam), element.range_mm);
+        self.surfaces.near(middle, 0.3 * range_mm).any(|surfel| {
+            let seen = Pose2::at(surfel.point, 0.0)
+                .relative_to(&element.sensor)
+                .position();
+            (seen.length_mm() - range_mm).abs() < SAME_MM
+                && seen.angle_rad().abs() < beam.half_angle_rad
+        })
     }
 
     /// Enters a reading without an echo.
@@ -319,10 +321,18 @@ mod tests {
 
     #[test]
     fn echo_without_bearing_of_a_known_surface_occupies_nothing() {
-        for (facing_rad, explained) in [(PI, true), (PI - 0.8, false)] {
+        // At its edge a surface answers from any direction.
+        for (range_mm, bearing_rad, explained) in [
+            (600.0, 0.0, true),
+            (565.0, 0.24, true),
+            (635.0, -0.24, true),
+            (555.0, 0.0, false),
+            (645.0, 0.0, false),
+            (600.0, 0.28, false),
+        ] {
             let mut evidence = evidence_of(&[]);
-            let (at, towards_rad) = (Point::new(600.0, 0.0), facing_rad + PI);
-            evidence.surfaces.insert(at, towards_rad, Kind::Wall);
+            let at = Pose2::new(0.0, 0.0, bearing_rad).point_at(range_mm, 0.0);
+            evidence.surfaces.insert(at, bearing_rad + 1.2, Kind::Wall);
             for _ in 0..6 {
                 evidence.enter_echo(&echo(600.0, Kind::Unclear, 0.2), &BEAM);
             }

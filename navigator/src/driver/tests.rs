@@ -149,7 +149,8 @@ fn speed_is_limited_by_clearance_and_unknown_floor_ahead() {
     is(limit(|node, _| node.known_mm = 110.0), 90.0);
     is(limit(|node, _| node.known_mm = 111.0), 170.0);
     is(limit(|node, _| node.clearance_mm = 170.0), 120.0);
-    is(limit(|node, _| node.clearance_mm = 100.0), 60.0);
+    is(limit(|node, _| node.clearance_mm = 110.0), 60.0);
+    is(limit(|node, _| node.clearance_mm = 104.0), 18.0);
     // Narrow 50 mm ahead: slower by then.
     let narrow = |node: &mut Node, x_mm: f64| {
         if (x_mm - 262.5).abs() < 1.0 {
@@ -334,6 +335,27 @@ fn robot_creeps_obliquely_towards_the_plane_of_what_it_saw() {
         let found = driver.contact_limit(&Pose2::new(200.0, 400.0, heading_rad));
         let found = found.is_finite().then_some(found);
         assert_eq!(found, limit_mm_s, "{heading_rad} {seen:?}");
+    }
+}
+
+// Requirement: NAV-contact-1
+#[test]
+fn path_keeps_the_clearance_it_was_planned_with() {
+    // A passage of 200 mm.
+    let (wall, floor) = ("####################", "....................");
+    let grid = draw(&[wall, wall, floor, floor, wall, wall]);
+    for (clearance_mm, goes_on) in [(40.0, true), (120.0, false)] {
+        let (mut driver, _) = under_way(1.0);
+        let pose = Pose2::new(200.0, 250.0, 0.0);
+        let map = driver.survey(&grid, 0.0);
+        let reach = Reach::new(&map, &pose, 40.0);
+        let end = map.index(Point::new(1800.0, 250.0)).unwrap();
+        driver.follow(&reach, end, 0.0);
+        assert!((driver.clearance_mm - 40.0).abs() < 1e-9);
+        driver.clearance_mm = clearance_mm;
+        let velocity = driver.follow_path(&grid, &status(1.0, pose));
+        assert_eq!(velocity.is_some(), goes_on, "{clearance_mm}");
+        assert!(velocity.is_none_or(|velocity| velocity.forward_mm_s <= TOUCH_MM_S));
     }
 }
 

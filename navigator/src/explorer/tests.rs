@@ -1,6 +1,7 @@
 mod motions;
 
 use super::*;
+use crate::follower::Follower;
 use crate::manoeuvre::tests::status;
 
 /// A room of 1 m by 2 m with openings in its right wall: where and how wide, mm.
@@ -81,6 +82,45 @@ fn widest_gaps_are_looked_at_first_and_each_twice() {
 }
 
 #[test]
+fn gap_that_was_looked_at_is_gone_through() {
+    let grid = room(&[(1500.0, 225.0)]);
+    let last = target(Kind::Gap, 1050.0, 1500.0);
+    let far = target(Kind::Gap, 1050.0, 900.0);
+    let narrow = room(&[(1500.0, 100.0)]);
+    for (grid, last, passes) in [
+        (&grid, last, true),
+        (&grid, target(Kind::Frontier, 1050.0, 1500.0), false),
+        (&grid, far, false),
+        // Wide enough for the robot: a frontier.
+        (&room(&[(1500.0, 400.0)]), last, false),
+        (&narrow, last, false),
+    ] {
+        let (mut explorer, status) = explorer();
+        explorer.goal = Goal::Look(last);
+        explorer.choose(grid, &status);
+        assert_eq!(matches!(explorer.goal, Goal::Pass(_)), passes, "{last:?}");
+        if passes {
+            let end = explorer.driver.follower.as_ref().and_then(Follower::end);
+            let end = end.expect("a way");
+            assert!(
+                end.x_mm > 950.0 && (end.y_mm - 1500.0).abs() < 60.0,
+                "{end:?}"
+            );
+            assert_eq!(explorer.chosen, Some((Kind::Gap, status.time_s)));
+        }
+    }
+    // Not for ever, and not from afar.
+    for (tries, from, passes) in [(5, 1000.0, true), (6, 1000.0, false), (0, 300.0, false)] {
+        let (mut explorer, mut status) = explorer();
+        status.estimate.pose.y_mm = from;
+        explorer.tries = vec![last; tries];
+        explorer.goal = Goal::Look(last);
+        explorer.choose(&grid, &status);
+        assert_eq!(matches!(explorer.goal, Goal::Pass(_)), passes, "{tries}");
+    }
+}
+
+#[test]
 fn gaps_are_left_when_the_time_for_them_is_spent() {
     let grid = room(&[(1500.0, 225.0)]);
     let (mut explorer, mut status) = explorer();
@@ -94,6 +134,8 @@ fn gaps_are_left_when_the_time_for_them_is_spent() {
     assert_eq!(choose(Kind::Gap, 50.0), (false, 110.0));
     assert_eq!(choose(Kind::Frontier, 40.0), (true, 70.0));
     assert_eq!(choose(Kind::Surface, 100.0), (true, 0.0));
+    // The way there takes longer.
+    assert_eq!(choose(Kind::Gap, 88.0), (false, 88.0));
 }
 
 #[test]

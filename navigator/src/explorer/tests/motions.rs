@@ -186,14 +186,19 @@ fn interrupted_target_was_tried_in_vain() {
         (Goal::Approach(tried), 1, Kind::Frontier, false),
         (Goal::Look(tried), 1, Kind::Surface, false),
         (Goal::Approach(tried), 1, Kind::Gap, true),
+        (Goal::Pass(tried), 1, Kind::Gap, true),
         (Goal::Return, 0, Kind::Frontier, true),
         (Goal::Home(Outcome::Complete), 0, Kind::Frontier, true),
     ] {
-        let (mut explorer, _) = explorer();
+        let (mut explorer, status) = explorer();
         explorer.goal = goal;
         explorer.chosen = Some((kind, 70.0));
-        explorer.interrupted();
-        assert!(matches!(explorer.goal, Goal::Choose));
+        explorer.interrupted(&status);
+        // It looks at what closes a gap.
+        let looks = matches!(goal, Goal::Pass(_));
+        assert_eq!(matches!(explorer.goal, Goal::Look(_)), looks);
+        assert_eq!(matches!(explorer.goal, Goal::Choose), !looks);
+        assert_eq!(queue(&explorer).len(), if looks { 2 } else { 0 });
         assert_eq!(explorer.tries(tried.centre, 1.0).count(), tries);
         assert_eq!(explorer.chosen.is_some(), counts, "{goal:?} {kind:?}");
     }
@@ -202,8 +207,11 @@ fn interrupted_target_was_tried_in_vain() {
 #[test]
 fn returned_robot_looks_around_and_chooses() {
     let (mut explorer, status) = explorer();
-    explorer.goal = Goal::Return;
-    explorer.arrived(&room(&[]), &status);
-    assert_eq!(queue(&explorer).len(), 2);
-    assert!(matches!(explorer.goal, Goal::Choose));
+    for goal in [Goal::Return, Goal::Pass(target(Kind::Gap, 500.0, 500.0))] {
+        explorer.goal = goal;
+        explorer.driver.queue.clear();
+        explorer.arrived(&room(&[]), &status);
+        assert_eq!(queue(&explorer).len(), 2);
+        assert!(matches!(explorer.goal, Goal::Choose));
+    }
 }

@@ -1,0 +1,89 @@
+//! Gaps that are narrower than the robot on the map: the echoes of wide beams draw the ends of walls too long.
+
+use geometry::Pose2;
+
+use super::{Explorer, Goal, SAME_MM, TRIES};
+use crate::Status;
+use crate::cost_map::CostMap;
+use crate::follower::Follower;
+use crate::frontier::{Kind, Target, gaps};
+use crate::planner::Reach;
+
+/// Clearances of the gaps that are looked at last, mm, the widest first, and unknown floor behind them, m²: wide
+/// beams draw the ends of walls too long, by a decimetre or two.
+const GAPS_MM: [f64; 4] = [105.0, 90.0, 75.0, 60.0];
+const GAP_GAIN_M2: f64 = 0.16;
+/// Fruitless looks nearer than this to a gap count as looks at it, mm: there the wall does not answer.
+const GAP_MM: f64 = 500.0;
+/// Time for gaps, s, which time for other targets that are reached gives back: a far one costs up to a minute. Cost of
+/// the way per second, mm.
+const GAPS_S: f64 = 90.0;
+const PACE: f64 = 100.0;
+/// Longest way through a gap, mm.
+const WAY_MM: f64 = 1000.0;
+/// Fruitless looks and tries after which a gap is gone through no more.
+const PASSES: usize = 5;
+
+impl Explorer {
+    /// The gaps to look at next: of the widest those with the fewest looks.
+    pub(super) fn gaps(&self, map: &CostMap, pose: &Pose2, reach: &Reach) -> Vec<Target> {
+        // One that has shown twice the floor behind the gap was not in vain.
+        let looks = |target: &Target| {
+            let near = self.tries(target.centre, GAP_MM);
+            near.filter(|tried| target.gain <= 2.0 * tried.gain).count()
+        };
+        let left_mm = PACE * (GAPS_S - self.gaps_s);
+        // The first may be anywhere.
+        let is_near = |target: &Target| {
+            let cost = reach.cost(target.view);
+            self.gaps_s <= 0.0 || cost.is_some_and(|cost| f64::from(cost) < left_mm)
+        };
+        let of_width = |width_mm: f64| {
+            let floor = Reach::new(map, pose, width_mm);
+            let mut found = gaps(&floor, reach, &self.gap_views);
+            found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
+            found.retain(is_near);
+            let fewest = found.iter().map(looks).min();
+            found.retain(|target| Some(looks(target)) == fewest);
+            found
+        };
+        let mut found = GAPS_MM.into_iter().map(of_width);
+        found.find(|found| !found.is_empty()).unwrap_or_default()
+    }
+
+    /// Goes through the gap that was just looked at, where only the map is too narrow for it. Returns whether a way
+    /// leads through.
+    // Requirement: NAV-explore-1
+    pub(super) fn pass(
+        &mut self,
+        last: Target,
+        others: &[Target],
+        reach: &Reach,
+        status: &Status,
+    ) -> bool {
+        let off_mm = |other: &Target| other.centre.distance_mm(last.centre);
+        let is_here = |other: &&Target| off_mm(other) < GAP_MM;
+        // A frontier needs no narrow way.
+        let mut here = others.iter().filter(is_here);
+        let tries = self.tries(last.centre, GAP_MM).count();
+        if tries > PASSES || here.any(|other| other.kind == Kind::Frontier) {
+            return false;
+        }
+        let through = |width_mm: f64| {
+            let floor = Reach::new(reach.map, &status.estimate.pose, width_mm);
+            let found = gaps(&floor, reach, &[]).into_iter();
+            let found = found.filter(|gap| is_here(&gap) && gap.gain > GAP_GAIN_M2);
+            let nodes = found.filter_map(|gap| Some((floor.nearest(gap.centre, SAME_MM)?, gap)));
+            let (node, gap) = nodes.min_by_key(|&(node, _)| floor.cost(node))?;
+            let way_mm = Follower::new(floor.path(node)).remaining_mm();
+            (way_mm < WAY_MM).then_some((floor, node, gap))
+        };
+        let Some((floor, node, gap)) = GAPS_MM.into_iter().find_map(through) else {
+            return false;
+        };
+        self.driver.follow(&floor, node, status.time_s);
+        self.chosen = Some((Kind::Gap, status.time_s));
+        self.goal = Goal::Pass(gap);
+        true
+    }
+}
