@@ -353,11 +353,11 @@ impl Driver {
 /// Speed for what lies ahead on the path, mm/s.
 fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
     let at = |node: &Node| {
-        let (gain, slowest) = BY_CLEARANCE;
-        let spare_mm = (node.clearance_mm - config.inflation_mm).max(0.0);
         if node.clearance_mm < config.inflation_mm - SHIFT_MM {
             return TOUCH_MM_S;
         }
+        let (gain, slowest) = BY_CLEARANCE;
+        let spare_mm = (node.clearance_mm - config.inflation_mm).max(0.0);
         let known = if node.seen && node.known_mm > UNKNOWN_NEAR_MM {
             config.cruise_mm_s
         } else {

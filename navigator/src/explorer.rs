@@ -318,7 +318,7 @@ impl Explorer {
             return;
         }
         if targets.is_empty() {
-            targets = self.gaps(&map, &pose, &reach);
+            targets = self.gaps(&pose, &reach);
         }
         self.targets = targets.len();
         let late = status.time_s > config.time_limit_s;

@@ -4,7 +4,6 @@ use geometry::Pose2;
 
 use super::{Explorer, Goal, SAME_MM, TRIES};
 use crate::Status;
-use crate::cost_map::CostMap;
 use crate::follower::Follower;
 use crate::frontier::{Kind, Target, gaps};
 use crate::planner::Reach;
@@ -26,7 +25,7 @@ const PASSES: usize = 5;
 
 impl Explorer {
     /// The gaps to look at next: of the widest those with the fewest looks.
-    pub(super) fn gaps(&self, map: &CostMap, pose: &Pose2, reach: &Reach) -> Vec<Target> {
+    pub(super) fn gaps(&self, pose: &Pose2, reach: &Reach) -> Vec<Target> {
         // One that has shown twice the floor behind the gap was not in vain.
         let looks = |target: &Target| {
             let near = self.tries(target.centre, GAP_MM);
@@ -39,7 +38,7 @@ impl Explorer {
             self.gaps_s <= 0.0 || cost.is_some_and(|cost| f64::from(cost) < left_mm)
         };
         let of_width = |width_mm: f64| {
-            let floor = Reach::new(map, pose, width_mm);
+            let floor = Reach::new(reach.map, pose, width_mm);
             let mut found = gaps(&floor, reach, &self.gap_views);
             found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
             found.retain(is_near);
