@@ -8,15 +8,17 @@
 //! ψ⁴/1920 − ψ⁶/322560)` (the document's 2R·sin ψ/2 without division and without a case for ψ = 0),
 //! in direction β + ψ/2, rounded to 34 bits.
 //!
-//! | error contribution over 1 km straight on | µm |
-//! |---|---|
-//! | K, half of 2⁻⁶⁴ turns a count | 0.003 |
-//! | travel of a count, half of 2⁻⁴² mm | 0.002 |
-//! | direction, half of 2⁻³⁴ turns | ≤ 0.18 |
-//! | sine and cosine | ≤ 0.5 together |
-//! | sums, two units of 2⁻⁴⁰ mm each | 0.001 |
+//! | error contribution over 1 km, µm | first board | any accepted platform |
+//! |---|---|---|
+//! | K, half of 2⁻⁶⁴ turns a count of either wheel | 0.003 | ≤ 0.4 |
+//! | travel of a count, half of 2⁻⁴² mm | 0.002 | ≤ 0.5 |
+//! | direction, half of 2⁻³⁴ turns | ≤ 0.18 | ≤ 0.18 |
+//! | sine and cosine | ≤ 0.5 together | ≤ 0.5 together |
+//! | in arcs: the chord, its product half of 2⁻³⁰ | ≤ 0.9 | ≤ 0.9 |
+//! | sums, two units of 2⁻⁴⁰ mm each | 0.001 | 0.001 |
 //!
-//! Measured over many headings: at most 0.40 µm. Numbers of 64 bits are split into two *signed* words,
+//! `proofs` decides or samples chord, sine and cosine (`motion/arc.rs`). Measured straight on, over many headings: at
+//! most 0.40 µm. Numbers of 64 bits are split into two *signed* words,
 //! whose products with a word are one instruction of the Cortex-M4 each (SMULL, SMLAL, MLA, SMMLAR).
 
 mod slip;
@@ -108,7 +110,7 @@ impl Wheel {
     }
 }
 
-/// The robot's pose. Arithmetic error of the position ≤ 1 µm per km of path; the heading is exact.
+/// The robot's pose. Arithmetic error of the position ≤ 2.5 µm per km of path; the heading is exact.
 #[derive(Clone, Debug)]
 pub struct Odometry {
     left: Wheel,

@@ -1,6 +1,4 @@
-//! T3: CRC-32 of page 0x03. That it catches every burst of up to 32 bits is a property of the
-//! polynomial once the code is the polynomial's: a burst is x^k·b(x) with b of a degree below 32, and
-//! x has no common divisor with the polynomial, so the remainder cannot be 0.
+//! T3: CRC-32 of page 0x03 is the catalogue's.
 
 use fw_core::eeprom::crc32;
 

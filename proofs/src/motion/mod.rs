@@ -1,5 +1,6 @@
 //! T5 to T8, T14 to T17: pose, controllers, mixer, drive monitor, stop deadline, obstacle stop and arrival.
 
+pub mod arc;
 pub mod arrival;
 pub mod deadline;
 pub mod drive_monitor;
