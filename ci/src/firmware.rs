@@ -16,20 +16,40 @@ pub struct Image {
     pub sizes: Sizes,
 }
 
-/// A program of `fw-pac` with these features.
+/// A program for the robot's core; its package's features.
 #[derive(Clone, Copy)]
-pub struct Program(pub &'static str, pub &'static str);
+pub struct Program {
+    pub package: &'static str,
+    pub name: &'static str,
+    pub features: &'static str,
+}
 
 /// What is flashed.
-pub const RELEASE: Program = Program("fw-pac", "");
+pub const RELEASE: Program = Program {
+    package: "fw-pac",
+    name: "fw-pac",
+    features: "",
+};
 /// What tries a bare board.
-pub const BRINGUP: Program = Program("bringup", "");
+pub const BRINGUP: Program = Program {
+    name: "bringup",
+    ..RELEASE
+};
+/// A program of `tests/bench`, built as the firmware is.
+pub const fn bench(name: &'static str) -> Program {
+    let package = "odometry-bench";
+    Program {
+        package,
+        name,
+        ..RELEASE
+    }
+}
 
 /// Builds a program of this workspace.
 pub fn build(workspace: &Workspace, toolchain: &Toolchain, program: Program) -> Result<Image> {
     let (sh, target) = (&workspace.sh, &toolchain.target_dir);
     let built = build_in(workspace, toolchain, &workspace.root, target, program)?;
-    let name = format!("{}-{}", program.0, program.1);
+    let name = format!("{}-{}", program.name, program.features);
     let name = name.trim_end_matches('-');
     // Cargo keeps one file whatever the features: a copy per set of features stays valid.
     let path = target.join(format!("elf/{name}.elf"));
@@ -45,32 +65,25 @@ pub fn build(workspace: &Workspace, toolchain: &Toolchain, program: Program) -> 
     Ok(Image { path, bytes, sizes })
 }
 
-/// Builds the firmware of the workspace in `root` into `target_dir`; returns where cargo left the ELF.
+/// Builds a program of the workspace in `root` into `target_dir`; returns where cargo left the ELF.
 pub fn build_in(
     workspace: &Workspace,
     toolchain: &Toolchain,
     root: &Path,
     target_dir: &Path,
-    Program(name, features): Program,
+    program: Program,
 ) -> Result<PathBuf> {
     let _in_root = workspace.sh.push_dir(root);
-    let words = format!("build --locked --package fw-pac --bin {name} --profile firmware");
+    let (package, name) = (program.package, program.name);
+    let words = format!("build --locked --package {package} --bin {name} --profile firmware");
     let cargo = toolchain.cargo(workspace, &words, &flags(workspace, toolchain, root)?);
-    let cargo = cargo.args(["--features", features]).arg("--target-dir");
+    let cargo = cargo.args(["--features", program.features, "--target-dir"]);
     cargo.arg(target_dir).run()?;
     Ok(target_dir.join(TARGET).join("firmware").join(name))
 }
 
 /// The target's flags of `.cargo/config.toml`, which a plain `cargo build` takes by itself and
-/// [`Toolchain::cargo`] replaces.
-pub fn target_flags(workspace: &Workspace) -> Result<Vec<String>> {
-    let config = workspace.root.join(".cargo/config.toml");
-    let config: Value = toml::from_str(&workspace.sh.read_file(config)?)?;
-    let flags = list(&config["target"][TARGET]["rustflags"]).iter();
-    Ok(flags.map(|flag| text(flag).to_owned()).collect())
-}
-
-/// The target's flags, and a name that is the same on every machine for every path of this one.
+/// [`Toolchain::cargo`] replaces, and a name that is the same on every machine for every path of this one.
 fn flags(workspace: &Workspace, toolchain: &Toolchain, root: &Path) -> Result<Vec<String>> {
     let mut names = vec![(cargo_home(), "/cargo"), (root.to_path_buf(), "/robot")];
     names.extend(toolchain.remap.iter().cloned());
@@ -80,7 +93,10 @@ fn flags(workspace: &Workspace, toolchain: &Toolchain, root: &Path) -> Result<Ve
     // rustc takes the last prefix that fits, so the longest must come last.
     names.sort_by_key(|(from, _)| from.as_os_str().len());
     let remap = |(from, to): (PathBuf, _)| format!("--remap-path-prefix={}={to}", from.display());
-    let mut flags = target_flags(workspace)?;
+    let config = workspace.root.join(".cargo/config.toml");
+    let config: Value = toml::from_str(&workspace.sh.read_file(config)?)?;
+    let flags = list(&config["target"][TARGET]["rustflags"]).iter();
+    let mut flags: Vec<_> = flags.map(|flag| text(flag).to_owned()).collect();
     flags.extend(names.into_iter().map(remap));
     Ok(flags)
 }

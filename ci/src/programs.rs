@@ -9,7 +9,7 @@ use crate::error::{Kind, Result, fail};
 use crate::firmware;
 use crate::process;
 use crate::session::Session;
-use crate::toolchain::{TARGET, apt_install};
+use crate::toolchain::apt_install;
 
 /// A program that takes the release ELF.
 fn on_elf<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
@@ -45,7 +45,7 @@ pub fn campaign(session: &Session, more: &[String]) -> Result<()> {
 /// Measures the release ELF, and the reference codec of `tests/bench` beside it, with `more` arguments of
 /// the figures program; returns the report it leaves.
 pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
-    let reference = bench_on_core(session, "reference-codec")?;
+    let reference = session.build(firmware::bench("reference-codec"))?.path;
     let out = session.target.join("figures.json");
     session.sh.remove_path(&out)?;
     let figures = on_elf(session, "figures")?.arg("--out").arg(&out);
@@ -139,44 +139,28 @@ pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
     Ok(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(1))
 }
 
-/// Builds a program of `tests/bench` for the robot's core, as the firmware is built; returns its ELF.
-fn bench_on_core(session: &Session, program: &str) -> Result<PathBuf> {
-    let toolchain = session.toolchain()?;
-    let target = toolchain.target_dir.join("bench");
-    let flags = firmware::target_flags(session)?;
-    let _in_bench = session.sh.push_dir("tests/bench");
-    let words = format!("build --locked --release --bin {program}");
-    let build = toolchain.cargo(session, &words, &flags);
-    build.arg("--target-dir").arg(&target).run()?;
-    Ok(target.join(TARGET).join("release").join(program))
-}
-
 /// What a program of `tests/bench` prints on the host.
 fn bench_on_host(session: &Session, program: &str) -> Result<String> {
-    let (sh, target) = (&session.sh, session.target.join("bench"));
-    let build = "build --locked --release --manifest-path tests/bench/Cargo.toml --bin";
-    let build = session.cargo(build).args([program, "--target-dir"]);
-    build.arg(&target).run()?;
-    let program = target.join("release").join(program);
-    Ok(cmd!(sh, "{program}").read()?)
+    let program = session.build_program(program)?;
+    Ok(cmd!(session.sh, "{program}").read()?)
 }
 
 /// Compares the odometry with others (`tests/bench`): builds what is compared for the core and for the
 /// host, runs both and prints the table.
 pub fn bench(session: &Session) -> Result<()> {
-    let elf = bench_on_core(session, "on-core")?;
-    let lines = session.target.join("bench/on-host.txt");
-    let sh = &session.sh;
-    sh.write_file(&lines, bench_on_host(session, "on-host")?)?;
+    let elf = session.build(firmware::bench("on-core"))?.path;
+    let lines = session.target.join("on-host.txt");
+    let on_host = bench_on_host(session, "on-host")?;
+    session.sh.write_file(&lines, on_host)?;
     let bench = session.build_program("bench")?;
-    Ok(cmd!(sh, "{bench} --elf {elf} --host {lines}").run()?)
+    Ok(cmd!(session.sh, "{bench} --elf {elf} --host {lines}").run()?)
 }
 
 /// What the core's arithmetic comes to on the host and on QEMU's Cortex-M4. Its STM32F405 has the firmware's
 /// memory map.
 pub fn second_opinion(session: &Session) -> Result<[String; 2]> {
     let (sh, program) = (&session.sh, "second-opinion");
-    let elf = bench_on_core(session, program)?;
+    let elf = session.build(firmware::bench(program))?.path;
     let qemu =
         "timeout 60 qemu-system-arm -M netduinoplus2 -display none -monitor none -serial none";
     let qemu = cmd!(sh, "env").args(qemu.split(' '));

@@ -122,9 +122,9 @@ impl Workspace {
         serde_json::from_str(&metadata.quiet().read()?).context("cargo metadata")
     }
 
-    /// The packages of the workspace with this manifest.
-    pub fn packages(&self, manifest: &str) -> Result<Vec<Value>> {
-        let metadata = self.metadata(&format!("--no-deps --manifest-path {manifest}"))?;
+    /// The packages of the workspace.
+    pub fn packages(&self) -> Result<Vec<Value>> {
+        let metadata = self.metadata("--no-deps")?;
         Ok(list(&metadata["packages"]).to_vec())
     }
 

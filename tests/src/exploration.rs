@@ -45,12 +45,11 @@ pub fn options(room: &Room, imperfections: Imperfections, seed: u64) -> Options 
     options
 }
 
-/// A virtual robot at the start of a room in an imperfect world, configured for exploring.
+/// A virtual robot configured for exploring.
 ///
 /// # Errors
 /// Where the board cannot be made.
-pub fn configured_board(elf: &[u8], room: &Room, seed: u64) -> Result<Board, Box<dyn Error>> {
-    let mut options = options(room, Imperfections::default(), seed);
+pub fn configured_board(elf: &[u8], mut options: Options) -> Result<Board, Box<dyn Error>> {
     let settings = Settings::sample()?.with(&CHANGES)?;
     options.eeprom = Some(settings.image().0.to_vec());
     Ok(Board::new(elf, options)?)

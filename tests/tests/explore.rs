@@ -25,7 +25,8 @@ fn small_room() -> Room {
 fn explore(seed: u64, mut disturb: impl FnMut(&Board, f64)) -> Figures {
     let room = small_room();
     twin::processor::keep_to_one();
-    let board = exploration::configured_board(&elf(ELF), &room, seed).expect("a board");
+    let options = exploration::options(&room, Imperfections::default(), seed);
+    let board = exploration::configured_board(&elf(ELF), options).expect("a board");
     let mut io = test_board::io(&board);
     let mut reports = 0.0;
     let run = exploration::explore(&mut io, &board, |_| {

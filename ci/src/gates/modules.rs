@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
 use super::passed_without;
-use super::source::WORKSPACES;
 use crate::error::Result;
 use crate::process::pattern;
 use crate::session::Session;
@@ -17,19 +16,17 @@ type Files = BTreeMap<String, String>;
 pub fn gate(session: &Session) -> Result<String> {
     let files: Files = session.texts("", "rs")?.into_iter().collect();
     let (mut findings, mut compiled, mut crates) = (Vec::new(), HashSet::new(), 0);
-    for manifest in WORKSPACES {
-        for package in session.packages(manifest)? {
-            for target in list(&package["targets"]) {
-                let root = Path::new(text(&target["src_path"]));
-                let root = session.relative(root).to_string();
-                let found = Modules::read(&files, &root);
-                let cycle = found.cycle();
-                if !cycle.is_empty() {
-                    findings.push(format!("{root}: cycle of {cycle:?}"));
-                }
-                compiled.extend(found.files);
-                crates += 1;
+    for package in session.packages()? {
+        for target in list(&package["targets"]) {
+            let root = Path::new(text(&target["src_path"]));
+            let root = session.relative(root).to_string();
+            let found = Modules::read(&files, &root);
+            let cycle = found.cycle();
+            if !cycle.is_empty() {
+                findings.push(format!("{root}: cycle of {cycle:?}"));
             }
+            compiled.extend(found.files);
+            crates += 1;
         }
     }
     let unused = files.keys().filter(|file| !compiled.contains(*file));

@@ -8,8 +8,6 @@ use crate::session::Session;
 use crate::toolchain::{Provider, TARGET, apt_install};
 use crate::workspace::HOST;
 
-/// The manifests of the workspaces with a lock file of their own.
-pub const WORKSPACES: [&str; 2] = ["Cargo.toml", "tests/bench/Cargo.toml"];
 /// The oldest compiler that `fw-core` and `proofs` promise to build with (Kani pins old ones).
 const OLDEST: &str = "1.85";
 
@@ -23,10 +21,7 @@ fn require(session: &Session, subcommand: &str, component: &str) -> Result<()> {
 
 pub fn fmt(session: &Session) -> Result<String> {
     require(session, "fmt", "rustfmt")?;
-    for manifest in WORKSPACES {
-        let words = format!("fmt --all --manifest-path {manifest} --check");
-        session.cargo(&words).run()?;
-    }
+    session.cargo("fmt --all --check").run()?;
     Ok(String::new())
 }
 
@@ -64,10 +59,6 @@ pub fn clippy(session: &Session) -> Result<String> {
         let host = on_host(session, &format!("clippy --release {targets}"))?;
         host.args(["--", "-D", "warnings"]).run()?;
     }
-    let bench = session.cargo("clippy --release --locked --manifest-path");
-    let bench = bench.args([WORKSPACES[1], "--", "-D", "warnings"]);
-    let target = session.target.join("bench");
-    bench.env("CARGO_TARGET_DIR", target).run()?;
     on_target(session, "clippy TARGET -- -D warnings")
 }
 
@@ -96,15 +87,9 @@ pub fn msrv(session: &Session) -> Result<String> {
 /// Licences, bans and sources of the dependencies.
 pub fn supply(session: &Session) -> Result<String> {
     session.require_tool("deny@0.20.2")?;
-    for manifest in WORKSPACES {
-        // Locked: what is committed is what is checked. One list of exceptions for all of them: not each
-        // has what is excepted. Advisories need the network; the nightly workflow checks them.
-        let words = format!(
-            "deny --locked --manifest-path {manifest} --config deny.toml check --hide-inclusion-graph \
-             --allow license-exception-not-encountered bans licenses sources"
-        );
-        session.cargo(&words).run()?;
-    }
-    let count = WORKSPACES.len();
-    Ok(format!("bans, licenses, sources of {count} workspaces"))
+    // Locked: what is committed is what is checked. Advisories need the network; the nightly workflow
+    // checks them.
+    let words = "deny --locked check --hide-inclusion-graph bans licenses sources";
+    session.cargo(words).run()?;
+    Ok("bans, licenses, sources".into())
 }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use serde_json::json;
 use xshell::cmd;
 
-use super::source::WORKSPACES;
 use super::{check_bars, passed_without};
 use crate::budget::Budget;
 use crate::error::{Context, Result};
@@ -16,9 +15,9 @@ use crate::workspace::{list, text};
 
 const FORBIDDEN: &str = "\nunsafe_code = \"forbid\"\n";
 
-/// `unsafe` only in fw-pac, licences and lock files present and current, no toolchain file.
+/// `unsafe` only in fw-pac, licences and lock file present and current, no toolchain file.
 pub fn hygiene(session: &Session) -> Result<String> {
-    let exists = |name: &str| session.sh.path_exists(name);
+    let exists = |name| session.sh.path_exists(name);
     let forbids = |manifest: &str, lints: &[&str]| {
         let manifest = session.sh.read_file(manifest);
         manifest.is_ok_and(|manifest| lints.iter().any(|lint| manifest.contains(lint)))
@@ -37,15 +36,11 @@ pub fn hygiene(session: &Session) -> Result<String> {
         forbids("Cargo.toml", &[FORBIDDEN]),
         format!("Cargo.toml: {lint}"),
     ));
-    for workspace in WORKSPACES {
-        for package in session.packages(workspace)? {
-            let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
-            let lints = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
-            let good = name == "fw-pac" || forbids(manifest, &lints);
-            rules.push((good, format!("{name}: {lint}")));
-        }
-        let lock = workspace.replace(".toml", ".lock");
-        rules.push((exists(&lock), format!("{lock} is missing")));
+    for package in session.packages()? {
+        let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
+        let lints = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
+        let good = name == "fw-pac" || forbids(manifest, &lints);
+        rules.push((good, format!("{name}: {lint}")));
     }
     for name in ["LICENSE-MIT", "LICENSE-APACHE", "README.md"] {
         rules.push((exists(name), format!("{name} is missing")));
@@ -56,7 +51,7 @@ pub fn hygiene(session: &Session) -> Result<String> {
     }
     let broken = rules.into_iter().filter(|(good, _)| !good);
     let findings: Vec<_> = broken.map(|(_, finding)| finding).collect();
-    passed_without(&findings, "licences, lock files, lints".into())
+    passed_without(&findings, "licences, lock file, lints".into())
 }
 
 /// Packages of the workspace, and the ones that they must not depend on, however indirectly, unless
@@ -80,7 +75,7 @@ const VIRTUAL: [&str; 2] = ["pilot/src/cli/board_args.rs", "pilot/src/virtual_bo
 /// The dependency arrows point one way; fw-core is the same code wherever it is built.
 pub fn arrows(session: &Session) -> Result<String> {
     let mut findings = Vec::new();
-    let packages = session.packages("Cargo.toml")?;
+    let packages = session.packages()?;
     for (from, forbidden) in ARROWS {
         let built = built_of(session, &format!("--package {from}"))?;
         let wrong = forbidden

@@ -13,7 +13,7 @@ use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget::{self, Budget};
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
-use crate::firmware::{BRINGUP, Program};
+use crate::firmware::{BRINGUP, Program, RELEASE};
 use crate::process::{self, captures, installed};
 use crate::programs;
 use crate::session::Session;
@@ -38,7 +38,12 @@ const IN_THE_LOOP: &str = "test --release --test in_the_loop";
 /// Each test in a process of its own, as many at a time as there are processors: the emulator compiles the
 /// firmware as it runs, and each new page of code interrupts every processor that runs the same process.
 pub fn in_the_loop(session: &Session) -> Result<String> {
-    let failing = |features| session.build(Program("fw-pac", features));
+    let failing = |features| {
+        session.build(Program {
+            features,
+            ..RELEASE
+        })
+    };
     let inputs = [
         ("ROBOT_ELF", session.image()?.path.clone()),
         ("ROBOT_PROGRAM", programs::build_pilot(session)?),

@@ -12,7 +12,8 @@ use pilot::virtual_board::load_room;
 use robot_tests::exploration::{self, Figures, PI_RATIO};
 use robot_tests::test_board;
 use serde::Serialize;
-use twin::plant::{Room, room};
+use twin::Options;
+use twin::plant::{Imperfections, Room, room};
 
 /// Rooms at a time.
 const THREADS: usize = 2;
@@ -29,6 +30,9 @@ struct Arguments {
     /// A room of this file in the seeds' worlds, instead of generated rooms
     #[arg(long, value_name = "FILE")]
     room: Option<PathBuf>,
+    /// Robots that nobody calibrated
+    #[arg(long)]
+    uncalibrated: bool,
     /// Where the table and a picture of each run go
     #[arg(long, default_value = "target/explore-bench")]
     out: PathBuf,
@@ -58,6 +62,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let elf = fs::read(&arguments.elf)?;
     let room = arguments.room.as_deref().map(load_room).transpose()?;
+    let calibrated = (!arguments.uncalibrated).then(Imperfections::default);
+    let world = calibrated.unwrap_or_else(Imperfections::uncalibrated);
     fs::create_dir_all(&arguments.out)?;
     let (next, last) = (AtomicU64::new(arguments.seeds.0), arguments.seeds.1);
     let rows = Mutex::new(Vec::new());
@@ -71,7 +77,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                         return;
                     }
                     let room = room.clone().unwrap_or_else(|| room::generate(seed));
-                    let row = explore(&elf, &room, seed, &arguments.out);
+                    let options = exploration::options(&room, world, seed);
+                    let row = explore(&elf, &room, options, &arguments.out);
                     let row = row.map_err(|error| format!("seed {seed}: {error}"));
                     eprintln!("{}", row.as_ref().map_or_else(Clone::clone, line));
                     rows.lock().expect("no thread panics").push(row);
@@ -90,8 +97,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn explore(elf: &[u8], room: &Room, seed: u64, out: &Path) -> Result<Row, Box<dyn Error>> {
-    let board = exploration::configured_board(elf, room, seed)?;
+fn explore(elf: &[u8], room: &Room, options: Options, out: &Path) -> Result<Row, Box<dyn Error>> {
+    let seed = options.seed;
+    let board = exploration::configured_board(elf, options)?;
     let mut io = test_board::io(&board);
     let run = exploration::explore(&mut io, &board, |_| ())?;
     if let Err(error) = &run.drive {

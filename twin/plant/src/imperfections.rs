@@ -117,6 +117,16 @@ impl Default for Imperfections {
 }
 
 impl Imperfections {
+    /// The default for a robot that nobody calibrated: wheels and track within 1 %, the gyroscope's scale
+    /// within the data sheet's 3 % (PS-MPU-6000A, 6.1).
+    pub fn uncalibrated() -> Self {
+        let mut world = Self::default();
+        let (wheel, track) = (0.01, 0.01);
+        world.geometry = Some(GeometrySpread { wheel, track });
+        world.gyro.iter_mut().for_each(|gyro| gyro.scale = 0.03);
+        world
+    }
+
     /// A world as configured: what remains are the rangefinders' noise and outliers.
     pub const fn none() -> Self {
         Self {

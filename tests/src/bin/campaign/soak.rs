@@ -11,7 +11,7 @@ use fw_core::wire::{Order, State};
 use host_link::board_io::BoardIo;
 use host_link::session::{CommandRequest, RATE_HZ, Session};
 use navigator::Outcome;
-use plant::{Rng, Sides, room};
+use plant::{Imperfections, Rng, Sides, room};
 use robot_tests::exploration::{self, READY_MS};
 use robot_tests::test_board;
 use twin::Board;
@@ -135,7 +135,9 @@ pub struct Soak {
 
 impl Soak {
     pub fn new(elf: &[u8], seed: u64) -> Result<Self, Box<dyn Error>> {
-        let board = exploration::configured_board(elf, &room::generate(seed), seed)?;
+        let room = room::generate(seed);
+        let options = exploration::options(&room, Imperfections::default(), seed);
+        let board = exploration::configured_board(elf, options)?;
         charge(&board);
         let io = test_board::io(&board);
         let random = Rng::stream(seed, 0x50A4);
