@@ -30,7 +30,7 @@ struct Arguments {
     /// A room of this file in the seeds' worlds, instead of generated rooms
     #[arg(long, value_name = "FILE")]
     room: Option<PathBuf>,
-    /// Robots that nobody calibrated
+    /// Uncalibrated robots
     #[arg(long)]
     uncalibrated: bool,
     /// Where the table and a picture of each run go

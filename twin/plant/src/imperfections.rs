@@ -117,7 +117,7 @@ impl Default for Imperfections {
 }
 
 impl Imperfections {
-    /// The default for a robot that nobody calibrated: wheels and track within 1 %, the gyroscope's scale
+    /// The default for an uncalibrated robot: wheels and track within 1 %, the gyroscope's scale
     /// within the data sheet's 3 % (PS-MPU-6000A, 6.1).
     pub fn uncalibrated() -> Self {
         let mut world = Self::default();
