@@ -37,17 +37,11 @@ fn tuned(axis: Axis) -> drive_model::DriveModel {
         rest_s: 0.8,
         travel: axis.default_travel(),
     };
-    let recorder = temporary_mode::with_mode(
-        &mut machine,
-        &original,
-        axis.mode(),
-        None,
-        1000,
-        |machine, config| {
-            let mut session = Session::with_config(machine, config, 40);
-            step_response::run(&mut session, &plan, |_| {})
-        },
-    )
+    let recorder = temporary_mode::with_modes(&mut machine, &original, None, 1000, |modes| {
+        let (machine, config) = modes.enter(axis.mode())?;
+        let mut session = Session::with_config(machine, config, 40);
+        step_response::run(&mut session, &plan, |_| {})
+    })
     .expect("the steps");
     assert!(eeprom::read(&mut machine).expect("the EEPROM") == original);
     assert_eq!(recorder.lost(), 0);

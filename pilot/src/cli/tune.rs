@@ -124,19 +124,14 @@ fn steps(
     export::check(&stem)?;
     let what = axis.announce(&plan);
     prompt::confirm_drive(arguments.consent.yes, &what, &io.interrupt, output)?;
-    let recorder = temporary_mode::with_mode(
-        io,
-        &original,
-        axis.mode(),
-        Some(&mode_journal(context)),
-        context.board.ready_timeout,
-        |io, config| {
-            let mut session = Session::with_config(io, config, rate);
-            step_response::run(&mut session, &plan, |percent| {
-                output.message(&format!("step of {percent} %"));
-            })
-        },
-    )?;
+    let (journal, timeout) = (mode_journal(context), context.board.ready_timeout);
+    let recorder = temporary_mode::with_modes(io, &original, Some(&journal), timeout, |modes| {
+        let (io, config) = modes.enter(axis.mode())?;
+        let mut session = Session::with_config(io, config, rate);
+        step_response::run(&mut session, &plan, |percent| {
+            output.message(&format!("step of {percent} %"));
+        })
+    })?;
     let samples = recorder.samples();
     let csv = export::save_csv(&stem, axis, samples)?;
     let steps = drive_model::steps(samples);

@@ -3,7 +3,7 @@
 use super::Findings;
 use crate::drive::StopOnDrop;
 use crate::tune::step_response::{self, StepPlan};
-use crate::tune::{Axis, drive_model, temporary_mode};
+use crate::tune::{drive_model, temporary_mode};
 use fw_core::eeprom::{Config, Image};
 use fw_core::types::Faults;
 use fw_core::wire::Mode;
@@ -49,51 +49,16 @@ pub fn check(
     journal: &Journal,
     findings: &mut Findings,
 ) -> Result<(), Error> {
-    let (mode, journal) = (Mode::GuardedVelocity, Some(journal));
-    let work = |io: &mut BoardIo, config: Config| {
-        let mut session = Session::with_config(io, config, rate_hz);
-        watch(&mut session, findings)
-    };
-    let outcome = temporary_mode::with_mode(io, image, mode, journal, ready_timeout_ms, work);
-    match outcome {
-        Ok(true) => {}
-        Ok(false) => {
+    let outcome = temporary_mode::with_modes(io, image, Some(journal), ready_timeout_ms, |modes| {
+        let (io, config) = modes.enter(Mode::GuardedVelocity)?;
+        if !watch(&mut Session::with_config(io, config, rate_hz), findings)? {
             findings.skip(&["dead zones"], "a wheel does not turn");
             return Ok(());
         }
-        Err(error) => return unfinished(error, findings),
-    }
-    let plan = StepPlan {
-        levels: vec![50.0, 100.0],
-        hold_s: 0.8,
-        rest_s: 0.6,
-        travel: 300.0,
-    };
-    let mode = Axis::Move.mode();
-    let steps =
-        temporary_mode::with_mode(io, image, mode, journal, ready_timeout_ms, |io, config| {
-            let dead = [config.left(), config.right()]
-                .map(|wheel| f64::from(wheel.dead_zone.hundredths()) / 100.0);
-            let mut session = Session::with_config(io, config, rate_hz);
-            let recorder = step_response::run(&mut session, &plan, |_| {})?;
-            let fitted = drive_model::fit(&drive_model::steps(recorder.samples()));
-            fitted
-                .map_err(Error::Tuning)
-                .map(|model| (model.dead_zone, dead))
-        });
-    match steps {
-        Ok((measured, [left, right])) => {
-            let stated = f64::midpoint(left, right);
-            findings.judge(
-                "dead zones",
-                (measured - stated).abs() <= DEAD_ZONE_ERROR,
-                format!("{measured:.0} %, the EEPROM has {left} and {right} %"),
-                "enter the right dead zones in the configuration, or free the drive train",
-            );
-            Ok(())
-        }
-        Err(error) => unfinished(error, findings),
-    }
+        let (io, config) = modes.enter(Mode::TuneMove)?;
+        check_dead_zones(&mut Session::with_config(io, config, rate_hz), findings)
+    });
+    outcome.or_else(|error| unfinished(error, findings))
 }
 
 /// What was not checked fails with the reason.
@@ -212,6 +177,27 @@ fn check_gyro(config: &Config, angles: &[f64], findings: &mut Findings) {
         }
         _ => findings.fail("gyroscope", "it has no angle", ADVICE),
     }
+}
+
+fn check_dead_zones(session: &mut Session<'_>, findings: &mut Findings) -> Result<(), Error> {
+    let plan = StepPlan {
+        levels: vec![50.0, 100.0],
+        hold_s: 0.8,
+        rest_s: 0.6,
+        travel: 300.0,
+    };
+    let [left, right] = [session.config().left(), session.config().right()]
+        .map(|wheel| f64::from(wheel.dead_zone.hundredths()) / 100.0);
+    let recorder = step_response::run(session, &plan, |_| {})?;
+    let model = drive_model::fit(&drive_model::steps(recorder.samples())).map_err(Error::Tuning)?;
+    let (measured, stated) = (model.dead_zone, f64::midpoint(left, right));
+    findings.judge(
+        "dead zones",
+        (measured - stated).abs() <= DEAD_ZONE_ERROR,
+        format!("{measured:.0} %, the EEPROM has {left} and {right} %"),
+        "enter the right dead zones in the configuration, or free the drive train",
+    );
+    Ok(())
 }
 
 /// Frames at a speed for so long; ends early on a fault that keeps the motors off.

@@ -1,7 +1,6 @@
 //! The EEPROM's mode changed for a measurement, and restored on every path: success, error, Ctrl-C
 //! and panic. If the process is killed, a journal on disk lets the next one restore it.
 
-use super::Axis;
 use fw_core::eeprom::fields::MODE;
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::Mode;
@@ -9,6 +8,9 @@ use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
 use host_link::settings::{self, Settings};
+
+/// The modes of measurements: an EEPROM that differs from the original in one of these was left so.
+const MODES: [Mode; 3] = [Mode::TuneRotate, Mode::TuneMove, Mode::GuardedVelocity];
 
 /// An image's settings with another mode.
 ///
@@ -36,8 +38,9 @@ pub fn restore_after_kill(
     let present = eeprom::read(io)?;
     // What does not decode was left half-written.
     let left = settings::decode(&present).is_err()
-        || [Axis::Rotate, Axis::Move].into_iter().any(|axis| {
-            set_mode(&original, axis.mode()).is_ok_and(|settings| *settings.image() == present)
+        || MODES.into_iter().any(|mode| {
+            let left = set_mode(&original, mode);
+            present != original && left.is_ok_and(|left| *left.image() == present)
         });
     if left {
         eeprom::program(io, &original, ready_timeout_ms, None, |_| {})?;
@@ -46,8 +49,8 @@ pub fn restore_after_kill(
     Ok(left)
 }
 
-/// Writes `original` back and resets the STM when dropped.
-struct ModeGuard<'m> {
+/// An STM whose mode may be changed. Writes `original` back and resets the STM when dropped.
+pub struct ModeGuard<'m> {
     io: &'m mut BoardIo,
     original: &'m Image,
     journal: Option<&'m Journal>,
@@ -55,21 +58,19 @@ struct ModeGuard<'m> {
     restored: bool,
 }
 
-/// Puts the STM into `mode`, runs `work`, and brings the EEPROM back to `original`. Ctrl-C cuts
-/// `work` short, not the restoring. `journal` keeps the original on disk meanwhile.
+/// Runs `work`, which enters modes, and brings the EEPROM back to `original`. Ctrl-C cuts `work` short,
+/// not the restoring. `journal` keeps the original on disk meanwhile.
 ///
 /// # Errors
-/// Those of [`eeprom::program`] and of `work`; [`Error::NotRestored`] if restoring fails (it
-/// carries the error of `work`, if any).
-pub fn with_mode<T>(
+/// Those of `work` and of the journal; [`Error::NotRestored`] if restoring fails (it carries the error of
+/// `work`, if any).
+pub fn with_modes<T>(
     io: &mut BoardIo,
     original: &Image,
-    mode: Mode,
     journal: Option<&Journal>,
     ready_timeout_ms: u32,
-    work: impl FnOnce(&mut BoardIo, Config) -> Result<T, Error>,
+    work: impl FnOnce(&mut ModeGuard<'_>) -> Result<T, Error>,
 ) -> Result<T, Error> {
-    let settings = set_mode(original, mode)?;
     if let Some(journal) = journal {
         journal.begin(original)?;
     }
@@ -80,8 +81,7 @@ pub fn with_mode<T>(
         ready_timeout_ms,
         restored: false,
     };
-    let outcome = eeprom::program(guard.io, settings.image(), ready_timeout_ms, None, |_| {})
-        .and_then(|_| work(guard.io, settings.config().clone()));
+    let outcome = work(&mut guard);
     match (outcome, guard.restore()) {
         (outcome, Ok(())) => outcome,
         (outcome, Err(error)) => Err(Error::NotRestored {
@@ -93,6 +93,22 @@ pub fn with_mode<T>(
 }
 
 impl ModeGuard<'_> {
+    /// Puts the STM into a mode.
+    ///
+    /// # Errors
+    /// Those of [`set_mode`] and [`eeprom::program`].
+    pub fn enter(&mut self, mode: Mode) -> Result<(&mut BoardIo, Config), Error> {
+        let settings = set_mode(self.original, mode)?;
+        eeprom::program(
+            self.io,
+            settings.image(),
+            self.ready_timeout_ms,
+            None,
+            |_| {},
+        )?;
+        Ok((self.io, settings.config().clone()))
+    }
+
     fn restore(&mut self) -> Result<(), Error> {
         // A Ctrl-C that ended the work must not end this too.
         let interrupt = std::mem::replace(&mut self.io.interrupt, Interrupt::new());

@@ -26,17 +26,11 @@ fn plan() -> step_response::StepPlan {
 }
 
 fn tune(io: &mut BoardIo, plan: &step_response::StepPlan) -> Result<SampleRecorder, Error> {
-    temporary_mode::with_mode(
-        io,
-        &original(),
-        Mode::TuneRotate,
-        None,
-        100,
-        |io, config| {
-            let mut session = Session::with_config(io, config, 40);
-            step_response::run(&mut session, plan, |_| {})
-        },
-    )
+    temporary_mode::with_modes(io, &original(), None, 100, |modes| {
+        let (io, config) = modes.enter(Mode::TuneRotate)?;
+        let mut session = Session::with_config(io, config, 40);
+        step_response::run(&mut session, plan, |_| {})
+    })
 }
 
 /// The EEPROM and its lines are as before the tuning; the last command is zero percent.
@@ -120,6 +114,7 @@ fn killed_tuning_is_restored_unless_eeprom_rewritten() {
     half_written.0[0x0C] = 0x77;
     for (present, restored) in [
         (with_mode(Mode::TuneMove), true),
+        (with_mode(Mode::GuardedVelocity), true),
         (half_written, true),
         (with_mode(Mode::GuardedNormal), false),
     ] {
