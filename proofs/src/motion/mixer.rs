@@ -45,11 +45,10 @@ impl Driven {
     }
 }
 
-/// An accepted configuration, and its mixer with this history.
-fn driven_on(values: &AcceptedConfig, driven: Driven) -> Option<(Config, Mixer)> {
-    let config = values.config()?;
-    let mixer = driven.mixer(&config);
-    Some((config, mixer))
+/// The mixer with this history of an accepted configuration, and that.
+fn driven_on(values: &AcceptedConfig, driven: Driven) -> Option<(Mixer, Config)> {
+    let (accepted, config) = values.checked();
+    accepted.then(|| (driven.mixer(&config), config))
 }
 
 impl Input for Driven {
@@ -104,7 +103,7 @@ pub fn duty_keeps_its_wheels_limit(
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    given!(let Some((config, mut mixer)) = driven_on(&values, driven));
+    given!(let Some((mut mixer, config)) = driven_on(&values, driven));
     assert!(gain_balance_is_in_range(&mixer));
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
     let duties = duties(commands, &config);
@@ -127,7 +126,7 @@ pub fn raw_duty_is_exact_within_limits(
     left: i32,
     right: i32,
 ) -> Seen {
-    given!(let Some((config, mut mixer)) = driven_on(&values, driven));
+    given!(let Some((mut mixer, config)) = driven_on(&values, driven));
     let duties = duties(mixer.raw(left, right), &config);
     for ((requested, limit), duty) in [left, right].into_iter().zip(limits(&config)).zip(duties) {
         assert!(duty == requested.clamp(-limit, limit));
@@ -148,7 +147,7 @@ pub fn compensation_is_monotone(
     more: i32,
 ) -> Seen {
     given!(less <= more);
-    given!(let Some((config, mixer)) = driven_on(&values, driven));
+    given!(let Some((mixer, config)) = driven_on(&values, driven));
     let straight = |output: i32| {
         let commands = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
         duties(commands, &config)
@@ -181,7 +180,7 @@ pub fn rotation_has_priority(
     rotation: i32,
 ) -> Seen {
     let values = values.with(DEAD_ZONE_LEFT, 0).with(DEAD_ZONE_RIGHT, 0);
-    given!(let Some((config, mut mixer)) = driven_on(&values, driven));
+    given!(let Some((mut mixer, config)) = driven_on(&values, driven));
     let (left_balance, right_balance) = mixer.gain_balance();
     let balance = [left_balance.to_bits(), right_balance.to_bits()].map(i64::from);
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
