@@ -87,7 +87,7 @@ impl Context<'_> {
         let interrupt = interrupt()?;
         if self.state_file(TUNE_MODE).exists() {
             self.output.warn(
-                "an earlier `tune` did not finish; its mode may still be in the EEPROM. The next \
+                "an earlier `tune` or `doctor` did not finish; its mode may still be in the EEPROM. The next \
                  `robot tune` restores what was there (`robot tune rollback` does nothing else).",
             );
         }
