@@ -263,7 +263,7 @@ pub(super) fn rollback(connection: &mut Connection, context: Context<'_>) -> Res
     let done = json!({ "repaired_mode": repaired_mode, "rolled_back": rolled_back });
     context.output.result(&done, || {
         if repaired_mode {
-            "the EEPROM's mode that a killed tuning left is restored".into()
+            "the EEPROM's mode that a killed measurement left is restored".into()
         } else {
             "the EEPROM is as it was before the latest tuning or calibration".into()
         }

@@ -9,7 +9,8 @@ use host_link::eeprom::{self, image, journal::Journal};
 use host_link::error::Error;
 use host_link::settings::{self, Settings};
 
-/// The modes of measurements: an EEPROM that differs from the original in one of these was left so.
+/// The modes that a measurement may enter: an EEPROM that differs from the original in one of these was
+/// left by a kill.
 const MODES: [Mode; 3] = [Mode::TuneRotate, Mode::TuneMove, Mode::GuardedVelocity];
 
 /// An image's settings with another mode.
@@ -38,10 +39,10 @@ pub fn restore_after_kill(
     let present = eeprom::read(io)?;
     // What does not decode was left half-written.
     let left = settings::decode(&present).is_err()
-        || MODES.into_iter().any(|mode| {
-            let left = set_mode(&original, mode);
-            present != original && left.is_ok_and(|left| *left.image() == present)
-        });
+        || present != original
+            && MODES.into_iter().any(|mode| {
+                set_mode(&original, mode).is_ok_and(|settings| *settings.image() == present)
+            });
     if left {
         eeprom::program(io, &original, ready_timeout_ms, None, |_| {})?;
     }
@@ -97,7 +98,15 @@ impl ModeGuard<'_> {
     ///
     /// # Errors
     /// Those of [`set_mode`] and [`eeprom::program`].
+    ///
+    /// # Panics
+    /// For a mode that [`restore_after_kill`] does not know.
     pub fn enter(&mut self, mode: Mode) -> Result<(&mut BoardIo, Config), Error> {
+        assert!(
+            MODES.contains(&mode),
+            "{} is of no measurement",
+            mode.name()
+        );
         let settings = set_mode(self.original, mode)?;
         eeprom::program(
             self.io,

@@ -73,7 +73,8 @@ impl AcceptedConfig {
     }
 
     /// What the values mean, and whether they are accepted: apart, CBMC keeps what is known of them. The
-    /// first board's are, as tests expect: there it need not go through all fields.
+    /// first board's are, as tests expect: there it need not go through all fields. Not by `==`, which CBMC
+    /// takes byte by byte.
     pub fn checked(&self) -> (bool, Config) {
         let raw = |field: &'static Field| self.get(field);
         let first_board = (0..COUNT).all(|at| self.0[at / 16][at % 16] == FIRST_BOARD[at]);
