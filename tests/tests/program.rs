@@ -309,8 +309,9 @@ fn teleop_drives_by_keys_of_a_terminal() {
 const KILLS: &str = "ROBOT_KILLS";
 
 /// Commands that are killed.
-const KILLED: [&str; 4] = [
+const KILLED: [&str; 5] = [
     "eeprom write second.toml",
+    "tune rotate --yes",
     "map tour --record drive.mcap",
     "explore --yes --record drive.mcap",
     "serve --speed max",

@@ -85,12 +85,6 @@ impl Context<'_> {
         job: impl FnOnce(&mut Connection) -> Result<T, Error>,
     ) -> Result<T, Error> {
         let interrupt = interrupt()?;
-        if self.state_file(TUNE_MODE).exists() {
-            self.output.warn(
-                "an earlier `tune` or `doctor` did not finish; its mode may still be in the EEPROM. The next \
-                 `robot tune` restores what was there (`robot tune rollback` does nothing else).",
-            );
-        }
         let device = (!self.board.virtual_board.chosen).then_some(self.board.spi.as_path());
         let mut lock = Lock::take(&self.state_file("lock"), device)?;
         let (io, truth, finish) = if self.board.virtual_board.chosen {
@@ -206,8 +200,8 @@ impl Context<'_> {
             }
             Repaired::Reset { due: false } => "the STM was not ready and has been reset".into(),
             Repaired::RolledBack { bytes } => format!(
-                "an earlier EEPROM write did not finish and is undone: {bytes} bytes are what they were \
-                 before it, and the STM has been reset"
+                "an earlier EEPROM write or measurement did not finish and is undone: {bytes} bytes are what \
+                 they were before it, and the STM has been reset"
             ),
         };
         self.output.warn(&text);
@@ -349,9 +343,6 @@ impl Drop for Lock {
         }
     }
 }
-
-/// What the EEPROM held before a measurement changed its mode.
-pub const TUNE_MODE: &str = "tune-mode.before";
 
 #[cfg(test)]
 mod tests {

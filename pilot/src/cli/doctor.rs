@@ -3,7 +3,6 @@
 use super::args::Doctor;
 use super::connection::{Connection, Context};
 use super::prompt;
-use super::tune::{mode_journal, restore_mode};
 use host_link::error::{Error, Exit};
 use pilot::doctor::{self, Findings, Outcome};
 use serde_json::json;
@@ -43,20 +42,18 @@ pub fn report(findings: &Findings, context: Context<'_>) -> Result<Exit, Error> 
 
 fn check(
     doctor: &Doctor,
-    connection: &mut Connection,
+    Connection { io, journal, .. }: &mut Connection,
     context: Context<'_>,
     findings: &mut Findings,
 ) -> Result<(), Error> {
     let (rate, timeout) = (context.board.rate, context.board.ready_timeout);
-    let io = &mut connection.io;
-    restore_mode(io, context)?;
     let image = doctor::check_board(io, rate, timeout, findings)?;
     let (true, Some(image)) = (doctor.wheels_up, image) else {
         return Ok(());
     };
     let what = "Lift the wheels off the floor; they will turn ahead and back.";
     prompt::confirm_drive(doctor.yes, what, &io.interrupt, context.output)?;
-    doctor::check_wheels(io, &image, rate, timeout, &mode_journal(context), findings)
+    doctor::check_wheels(io, &image, rate, timeout, journal, findings)
 }
 
 fn summary(findings: &Findings) -> String {

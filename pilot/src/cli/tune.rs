@@ -1,11 +1,10 @@
 //! `tune …`.
 
-use super::connection::{Connection, Context, TUNE_MODE};
+use super::connection::{Connection, Context};
 use super::measuring_args::{Consent, StepArgs, Tune};
 use super::prompt;
 use fw_core::eeprom::{FIELDS, Image};
-use host_link::board_io::BoardIo;
-use host_link::eeprom::{self, image, journal::Journal};
+use host_link::eeprom::{self, image};
 use host_link::error::Error;
 use host_link::file::{self, Kind};
 use host_link::session::Session;
@@ -32,16 +31,6 @@ pub fn run(command: &Tune, context: Context<'_>) -> Result<(), Error> {
 /// Where the EEPROM's content before the latest tuning or calibration is kept.
 fn before_file(context: Context<'_>) -> PathBuf {
     context.state_file("tune.before")
-}
-
-/// Where the EEPROM's content before a change of mode is kept, while a measurement runs.
-pub(super) fn mode_journal(context: Context<'_>) -> Journal {
-    Journal::new(context.state_file(TUNE_MODE))
-}
-
-/// Restores what a killed measurement left.
-pub(super) fn restore_mode(io: &mut BoardIo, context: Context<'_>) -> Result<bool, Error> {
-    temporary_mode::restore_after_kill(io, &mode_journal(context), context.board.ready_timeout)
 }
 
 /// Shows what would change, asks, and writes it. Returns the changes and whether they were written.
@@ -111,10 +100,9 @@ fn steps(
     context: Context<'_>,
 ) -> Result<(), Error> {
     let output = context.output;
-    let io = &mut connection.io;
+    let Connection { io, journal, .. } = &mut *connection;
     let plan = arguments.plan(axis);
     plan.check()?;
-    restore_mode(io, context)?;
     let original = eeprom::read(io)?;
     let settings = Settings::from_image(&original)?;
     let rate = context.board.rate;
@@ -124,8 +112,8 @@ fn steps(
     export::check(&stem)?;
     let what = axis.announce(&plan);
     prompt::confirm_drive(arguments.consent.yes, &what, &io.interrupt, output)?;
-    let (journal, timeout) = (mode_journal(context), context.board.ready_timeout);
-    let recorder = temporary_mode::with_modes(io, &original, Some(&journal), timeout, |modes| {
+    let timeout = context.board.ready_timeout;
+    let recorder = temporary_mode::with_modes(io, &original, Some(journal), timeout, |modes| {
         let (io, config) = modes.enter(axis.mode())?;
         let mut session = Session::with_config(io, config, rate);
         step_response::run(&mut session, &plan, |percent| {
@@ -221,7 +209,6 @@ fn divider(
     context: Context<'_>,
 ) -> Result<(), Error> {
     let io = &mut connection.io;
-    restore_mode(io, context)?;
     let original = eeprom::read(io)?;
     let mut session = context.open_session(io)?;
     let upper_ohm = battery::measure_upper_resistor(&mut session, cell, volts)?;
@@ -243,29 +230,22 @@ fn divider(
 pub(super) fn rollback(connection: &mut Connection, context: Context<'_>) -> Result<(), Error> {
     let Connection { io, journal, .. } = connection;
     let before = before_file(context);
-    let repaired_mode = restore_mode(io, context)?;
-    let rolled_back = !repaired_mode && before.exists();
-    if rolled_back {
-        let image = image::load(&before)?;
-        if let Ok(present) = Settings::from_image(&eeprom::read(io)?) {
-            show(&changes(&present, &Settings::from_image(&image)?), context);
-        }
-        let timeout = context.board.ready_timeout;
-        eeprom::program(io, &image, timeout, Some(journal), |_| {})?;
-        std::fs::remove_file(&before).map_err(|cause| Error::unwritable(&before, &cause))?;
-    } else if !repaired_mode {
+    if !before.exists() {
         let what = format!(
             "no tuning or calibration to roll back: {} does not exist",
             before.display()
         );
         return Err(Error::Usage(what));
     }
-    let done = json!({ "repaired_mode": repaired_mode, "rolled_back": rolled_back });
+    let image = image::load(&before)?;
+    if let Ok(present) = Settings::from_image(&eeprom::read(io)?) {
+        show(&changes(&present, &Settings::from_image(&image)?), context);
+    }
+    let timeout = context.board.ready_timeout;
+    eeprom::program(io, &image, timeout, Some(journal), |_| {})?;
+    std::fs::remove_file(&before).map_err(|cause| Error::unwritable(&before, &cause))?;
+    let done = json!({ "rolled_back": true });
     context.output.result(&done, || {
-        if repaired_mode {
-            "the EEPROM's mode that a killed measurement left is restored".into()
-        } else {
-            "the EEPROM is as it was before the latest tuning or calibration".into()
-        }
+        "the EEPROM is as it was before the latest tuning or calibration".into()
     })
 }

@@ -1,17 +1,13 @@
 //! The EEPROM's mode changed for a measurement, and restored on every path: success, error, Ctrl-C
-//! and panic. If the process is killed, a journal on disk lets the next one restore it.
+//! and panic. If the process is killed, the next one finds an unfinished write in the journal, and undoes it.
 
 use fw_core::eeprom::fields::MODE;
 use fw_core::eeprom::{Config, Image};
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
-use host_link::eeprom::{self, image, journal::Journal};
+use host_link::eeprom::{self, journal::Journal};
 use host_link::error::Error;
-use host_link::settings::{self, Settings};
-
-/// The modes that a measurement may enter: an EEPROM that differs from the original in one of these was
-/// left by a kill.
-const MODES: [Mode; 3] = [Mode::TuneRotate, Mode::TuneMove, Mode::GuardedVelocity];
+use host_link::settings::Settings;
 
 /// An image's settings with another mode.
 ///
@@ -19,35 +15,6 @@ const MODES: [Mode; 3] = [Mode::TuneRotate, Mode::TuneMove, Mode::GuardedVelocit
 /// [`Error::Rejected`] for an image that is not accepted, or that cannot run the mode.
 pub fn set_mode(image: &Image, mode: Mode) -> Result<Settings, Error> {
     Settings::from_image(image)?.with(&[(MODE, mode.code().into())])
-}
-
-/// Restores the EEPROM that a killed measurement left, by its `journal`. An EEPROM that was written
-/// since, by anything else, stays as it is. Returns whether it was restored; without a journal file nothing
-/// is done.
-///
-/// # Errors
-/// Those of [`eeprom::read`] and [`eeprom::program`], and of the journal's file.
-pub fn restore_after_kill(
-    io: &mut BoardIo,
-    journal: &Journal,
-    ready_timeout_ms: u32,
-) -> Result<bool, Error> {
-    if !journal.unfinished() {
-        return Ok(false);
-    }
-    let original = image::load(journal.path())?;
-    let present = eeprom::read(io)?;
-    // What does not decode was left half-written.
-    let left = settings::decode(&present).is_err()
-        || present != original
-            && MODES.into_iter().any(|mode| {
-                set_mode(&original, mode).is_ok_and(|settings| *settings.image() == present)
-            });
-    if left {
-        eeprom::program(io, &original, ready_timeout_ms, None, |_| {})?;
-    }
-    journal.end()?;
-    Ok(left)
 }
 
 /// An STM whose mode may be changed. Writes `original` back and resets the STM when dropped.
@@ -60,7 +27,7 @@ pub struct ModeGuard<'m> {
 }
 
 /// Runs `work`, which enters modes, and brings the EEPROM back to `original`. Ctrl-C cuts `work` short,
-/// not the restoring. `journal` keeps the original on disk meanwhile.
+/// not the restoring. `journal`, the one of EEPROM writes, keeps the original on disk meanwhile.
 ///
 /// # Errors
 /// Those of `work` and of the journal; [`Error::NotRestored`] if restoring fails (it carries the error of
@@ -86,7 +53,7 @@ pub fn with_modes<T>(
     match (outcome, guard.restore()) {
         (outcome, Ok(())) => outcome,
         (outcome, Err(error)) => Err(Error::NotRestored {
-            step: "restoring the EEPROM's mode (`robot tune rollback` tries again)",
+            step: "restoring the EEPROM's mode (the next command tries again)",
             cause: error.to_string(),
             first: outcome.err().map(Box::new),
         }),
@@ -98,15 +65,7 @@ impl ModeGuard<'_> {
     ///
     /// # Errors
     /// Those of [`set_mode`] and [`eeprom::program`].
-    ///
-    /// # Panics
-    /// For a mode that [`restore_after_kill`] does not know.
     pub fn enter(&mut self, mode: Mode) -> Result<(&mut BoardIo, Config), Error> {
-        assert!(
-            MODES.contains(&mode),
-            "{} is of no measurement",
-            mode.name()
-        );
         let settings = set_mode(self.original, mode)?;
         eeprom::program(
             self.io,

@@ -6,8 +6,9 @@ use crate::tune::samples::{Sample, SampleRecorder};
 use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
+use host_link::eeprom::repair::repair;
 use host_link::error::Error;
-use host_link::mock_board::{IoFault, MockBoard, mock_board};
+use host_link::mock_board::{IoFault, MockBoard, mock_board, reconnect};
 use host_link::session::Session;
 use host_link::settings::Settings;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -25,8 +26,12 @@ fn plan() -> step_response::StepPlan {
     }
 }
 
-fn tune(io: &mut BoardIo, plan: &step_response::StepPlan) -> Result<SampleRecorder, Error> {
-    temporary_mode::with_modes(io, &original(), None, 100, |modes| {
+fn tune(
+    io: &mut BoardIo,
+    plan: &step_response::StepPlan,
+    journal: Option<&Journal>,
+) -> Result<SampleRecorder, Error> {
+    temporary_mode::with_modes(io, &original(), journal, 100, |modes| {
         let (io, config) = modes.enter(Mode::TuneRotate)?;
         let mut session = Session::with_config(io, config, 40);
         step_response::run(&mut session, plan, |_| {})
@@ -49,7 +54,7 @@ fn tuning_known_drive_recovers_model() {
     let (board, mut io) = mock_board(&original(), None);
     // Of an earlier record.
     board.borrow_mut().log.extend(b"I00500: T 77.00 9.000\n");
-    let recorder = tune(&mut io, &plan()).unwrap();
+    let recorder = tune(&mut io, &plan(), None).unwrap();
     assert_restored(&board.borrow(), None);
     assert!(recorder.samples()[0].percent.abs() < 1.0);
     let steps = drive_model::steps(recorder.samples());
@@ -64,7 +69,7 @@ fn tuning_known_drive_recovers_model() {
 #[test]
 fn tuning_fault_at_any_call_restores_eeprom() {
     let (board, mut io) = mock_board(&original(), None);
-    tune(&mut io, &plan()).unwrap();
+    tune(&mut io, &plan(), None).unwrap();
     let calls = board.borrow().calls;
     for at in (0..calls).step_by(3) {
         for fault in [
@@ -78,7 +83,7 @@ fn tuning_fault_at_any_call_restores_eeprom() {
                 continue;
             }
             let (board, mut io) = mock_board(&original(), Some(fault));
-            let outcome = catch_unwind(AssertUnwindSafe(|| tune(&mut io, &plan())));
+            let outcome = catch_unwind(AssertUnwindSafe(|| tune(&mut io, &plan(), None)));
             let board = board.borrow();
             match (fault, outcome) {
                 // After the last step there is nothing left to interrupt.
@@ -101,47 +106,33 @@ fn tuning_fault_at_any_call_restores_eeprom() {
 }
 
 #[test]
-fn killed_tuning_is_restored_unless_eeprom_rewritten() {
+fn killed_tuning_is_undone_by_repair() {
     let folder = tempfile::tempdir().unwrap();
     let journal = Journal::new(folder.path().join("before"));
-    let with_mode = |mode| {
-        temporary_mode::set_mode(&original(), mode)
-            .unwrap()
-            .image()
-            .clone()
-    };
-    let mut half_written = original();
-    half_written.0[0x0C] = 0x77;
-    for (present, restored) in [
-        (with_mode(Mode::TuneMove), true),
-        (with_mode(Mode::GuardedVelocity), true),
-        (half_written, true),
-        (with_mode(Mode::GuardedNormal), false),
-    ] {
-        journal.begin(&original()).unwrap();
-        let (board, mut io) = mock_board(&present, None);
-        let mut restore = || temporary_mode::restore_after_kill(&mut io, &journal, 100);
-        assert_eq!(restore(), Ok(restored));
-        let expected = if restored { original() } else { present };
-        assert!(board.borrow().memory == expected);
-        assert!(!journal.unfinished());
-        assert_eq!(restore(), Ok(false));
+    let (board, mut io) = mock_board(&original(), None);
+    tune(&mut io, &plan(), Some(&journal)).unwrap();
+    assert!(!journal.unfinished());
+    let calls = board.borrow().calls;
+    let mut left = 0;
+    for at in (0..calls).step_by(3) {
+        // What follows a kill reaches no wire.
+        let (board, mut io) = mock_board(&original(), Some(IoFault::AllFail(at)));
+        let _ = tune(&mut io, &plan(), Some(&journal));
+        left += usize::from(board.borrow().memory != original());
+        board.borrow_mut().fault = None;
+        repair(&mut reconnect(&board), &journal, true, 100).unwrap();
+        let board = board.borrow();
+        assert!(board.memory == original() && board.protected && !board.selected);
+        assert!(!journal.unfinished() && !journal.reset_due(), "{at}");
     }
-    // Until it is restored, the journal stays.
-    for at in 0..100 {
-        journal.begin(&original()).unwrap();
-        let fault = Some(IoFault::BusesFail(at));
-        let (_, mut io) = mock_board(&with_mode(Mode::TuneMove), fault);
-        let restored = temporary_mode::restore_after_kill(&mut io, &journal, 100);
-        assert_ne!(restored.is_ok(), journal.unfinished(), "{at}");
-    }
+    assert!(2 * left > calls / 3, "{left} of {calls}");
 }
 
 #[test]
 fn step_link_lost_ends_within_eight_frames() {
     let (board, mut io) = mock_board(&original(), None);
     board.borrow_mut().garbled_from = 20;
-    let outcome = tune(&mut io, &plan());
+    let outcome = tune(&mut io, &plan(), None);
     assert!(matches!(outcome, Err(Error::Silent { .. })), "{outcome:?}");
     let board = board.borrow();
     assert_restored(&board, None);
@@ -158,7 +149,7 @@ fn step_without_log_is_not_started() {
         rest_s: 0.8,
         ..plan()
     };
-    let outcome = tune(&mut io, &plan);
+    let outcome = tune(&mut io, &plan, None);
     assert!(matches!(outcome, Err(Error::Tuning(_))), "{outcome:?}");
     let board = board.borrow();
     assert_restored(&board, None);
@@ -174,7 +165,7 @@ fn step_ends_at_its_travel() {
         hold_s: 2.0,
         ..plan()
     };
-    let recorder = tune(&mut io, &plan).unwrap();
+    let recorder = tune(&mut io, &plan, None).unwrap();
     for step in drive_model::steps(recorder.samples()) {
         let furthest = step.travel.last().unwrap().1.abs();
         // A frame's delay at full speed.
@@ -192,7 +183,7 @@ fn robot_that_slides_away_ends_the_steps() {
         let measured = f64::from_bits(report.measurement.0) + slid;
         report.measurement.0 = measured.to_bits();
     }));
-    let outcome = tune(&mut io, &plan());
+    let outcome = tune(&mut io, &plan(), None);
     assert!(
         matches!(&outcome, Err(Error::Tuning(text)) if text.contains("further than 600")),
         "{outcome:?}"

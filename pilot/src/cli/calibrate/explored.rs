@@ -2,7 +2,7 @@
 
 use crate::cli::connection::{Connection, Context};
 use crate::cli::measuring_args::Consent;
-use crate::cli::tune::{apply, ending, restore_mode};
+use crate::cli::tune::{apply, ending};
 use host_link::eeprom;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
@@ -46,7 +46,6 @@ pub fn run(
     }
     let learned: Explored = serde_json::from_str(&file::read_text(&path)?)
         .map_err(|cause| Error::content(&path, cause.line(), cause.to_string()))?;
-    restore_mode(&mut connection.io, context)?;
     let original = eeprom::read(&mut connection.io)?;
     let settings = Settings::from_image(&original)?;
     if WheelGeometry::from_config(settings.config()) != learned.before {

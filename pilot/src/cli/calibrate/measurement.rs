@@ -2,7 +2,7 @@
 
 use crate::cli::connection::{Connection, Context};
 use crate::cli::measuring_args::{MeasureWith, Measuring, parse_measured};
-use crate::cli::tune::{apply, restore_mode};
+use crate::cli::tune::apply;
 use crate::cli::{monitor, prompt};
 use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
@@ -40,14 +40,13 @@ impl<'a> Measurement<'a> {
         Ok(Self { measuring, context })
     }
 
-    /// Restores what an earlier run left half done; the robot's image, and its wheels.
+    /// The robot's image, and its wheels.
     pub fn begin(&self, connection: &mut Connection) -> Result<(Image, WheelGeometry), Error> {
         if self.measuring.measure_with == MeasureWith::Truth && connection.truth.is_none() {
             let what = "--measure-with truth needs the simulation in this process: end the server";
             return Err(Error::Usage(what.into()));
         }
         let io = &mut connection.io;
-        restore_mode(io, self.context)?;
         let original = eeprom::read(io)?;
         let before = WheelGeometry::from_config(Settings::from_image(&original)?.config());
         Ok((original, before))
