@@ -13,6 +13,9 @@ use tempfile::TempDir;
 /// Environment variable with the path of the program, built with the feature `virtual`.
 const PROGRAM: &str = "ROBOT_PROGRAM";
 
+/// The EEPROM's content before an incomplete write.
+const JOURNAL: &str = "eeprom.bin.eeprom.before";
+
 /// The program with a virtual EEPROM in a folder of the test's own.
 struct Program(TempDir);
 
@@ -221,7 +224,7 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         (
             0,
             "--room small.room explore --yes --record way.mcap",
-            "map of 2",
+            " min: map of 2",
         ),
         (0, "calibrate from-explore --dry-run", "not written"),
         (
@@ -264,6 +267,21 @@ fn commands_borrow_the_robot_of_a_server() {
     assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
     let calibrate = "calibrate distance --yes --measure-with truth";
     program.expect_each([(2, calibrate, "end the server")]);
+
+    // A measurement that is killed does not leave its mode.
+    let mut tune = program.command("tune rotate --yes");
+    tune.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut tune = tune.spawn().expect("started");
+    let journal = program.file(JOURNAL);
+    while !journal.exists() {
+        assert_eq!(tune.try_wait().expect("a child"), None);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    tune.kill().expect("a child");
+    tune.wait().expect("ended");
+    program.expect_each([(0, "eeprom check", "Guarded Normal")]);
+    assert!(!journal.exists());
 }
 
 /// Runs `teleop` at a terminal where these keys are typed.
@@ -352,15 +370,10 @@ fn killed_commands_leave_nothing_half_written() {
         child.kill().expect("a child");
         child.wait().expect("ended");
 
+        let when = format!("{words} after {after:?}");
         let text = program.expect(0, "eeprom dump");
-        assert!(
-            text.contains(&old) || text.contains(&new),
-            "{words} after {after:?}: {text}"
-        );
-        assert!(
-            !program.file("eeprom.bin.eeprom.before").exists(),
-            "{words} after {after:?}"
-        );
+        assert!(text.contains(&old) || text.contains(&new), "{when}: {text}");
+        assert!(!program.file(JOURNAL).exists(), "{when}");
         undone += usize::from(text.contains("is undone"));
         if program.file("drive.mcap").exists() {
             let done = program
@@ -369,10 +382,7 @@ fn killed_commands_leave_nothing_half_written() {
                 .expect("started");
             let text = String::from_utf8_lossy(&done.stderr);
             let empty = text.contains("it has no report");
-            assert!(
-                done.status.success() || empty,
-                "{words} after {after:?}: {text}"
-            );
+            assert!(done.status.success() || empty, "{when}: {text}");
         }
         for (name, begin, end) in [
             ("map.png", &b"\x89PNG"[..], &b"IEND\xAE\x42\x60\x82"[..]),

@@ -246,9 +246,14 @@ fn save(
         "{}; `robot calibrate from-explore` writes the wheels' figures",
         learned.summary()
     ));
+    let ended = drive.map(|drive| {
+        let (outcome, minutes) = (outcome_name(drive.outcome), drive.seconds / 60.0);
+        format!("{outcome} after {minutes:.1} min: ")
+    });
     context.output.result(&done, || {
         format!(
-            "map of {:.1} m² over {:.1} m of way in {}, {}, {}; by odometry alone in {}",
+            "{}map of {:.1} m² over {:.1} m of way in {}, {}, {}; by odometry alone in {}",
+            ended.unwrap_or_default(),
             done.free_m2,
             done.path_mm / 1000.0,
             done.files.png.display(),
