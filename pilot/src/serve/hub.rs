@@ -4,6 +4,7 @@ use super::protocol::Request;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
+use std::time::Instant;
 
 /// Most clients at a time.
 pub const MAX_CLIENTS: usize = 64;
@@ -33,6 +34,8 @@ pub struct Client {
     pub every: Option<u32>,
     /// Tiles of the map that it has got.
     pub tiles: usize,
+    /// When it last sent a velocity after another client had stopped it.
+    pub held: Option<Instant>,
     // Dropped before the queue, whose end wakes the reader: it finds out why.
     answered: SyncSender<()>,
     queue: SyncSender<Arc<str>>,
@@ -95,12 +98,13 @@ impl Port {
     pub fn join(&self, name: String) -> (Receiver<Arc<str>>, Receiver<()>) {
         let (queue, messages) = mpsc::sync_channel(QUEUE);
         let (answered, answers) = mpsc::sync_channel(1);
-        let (id, every, tiles) = (self.id, None, 0);
+        let (id, every, tiles, held) = (self.id, None, 0, None);
         let client = Client {
             id,
             name,
             every,
             tiles,
+            held,
             answered,
             queue,
         };

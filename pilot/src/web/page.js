@@ -4,7 +4,7 @@ const SIDE = 32, LEASE_MS = 3000, LOG_LINES = 200, PATH_POINTS = 20000;
 const COLOURS = { "#": [20, 20, 20], ".": [245, 245, 245], " ": [136, 136, 136] };
 const byId = (id) => document.getElementById(id);
 const canvas = byId("map");
-let socket = null, frame = null, cellMm = 25, tiles = new Map(), path = [], dirty = true, driving = false;
+let socket = null, frame = null, cellMm = 25, tiles = new Map(), path = [], dirty = true;
 let problem = "", log = [], asked = [];
 
 // Each request gets one reply, in order.
@@ -22,7 +22,7 @@ function connect() {
   };
   socket.onmessage = (event) => take(JSON.parse(event.data));
   socket.onclose = () => {
-    [frame, driving, asked] = [null, false, []];
+    [frame, asked] = [null, []];
     show();
     setTimeout(connect, 2000);
   };
@@ -51,10 +51,9 @@ function take(message) {
     byId("log").textContent = log.join("\n");
     byId("log").scrollTop = byId("log").scrollHeight;
   } else if (message.type === "done") {
-    driving = false;
     problem = message.error ? message.error.text : `${message.activity}: done`;
   } else if (message.type === "reply") {
-    // A lease is kept in vain once the motion has ended, which `done` reports.
+    // Who does not drive keeps its lease in vain.
     if (asked.shift() !== "keep" && message.error) {
       problem = message.error.text;
       show();
@@ -144,7 +143,7 @@ function paint() {
 }
 
 function drive(request) {
-  [driving, problem] = [true, ""];
+  problem = "";
   send({ ...request, lease_ms: LEASE_MS });
 }
 
@@ -166,6 +165,6 @@ document.onkeydown = (event) => {
     stop();
   }
 };
-setInterval(() => driving && send({ do: "keep" }), LEASE_MS / 6);
+setInterval(() => send({ do: "keep" }), LEASE_MS / 6);
 connect();
 paint();

@@ -10,6 +10,7 @@ use host_link::session::{CommandRequest, Session, VelocityRequest};
 use pilot::borrowed::Borrowed;
 use pilot::serve::board::Call;
 use pilot::serve::protocol::{Activity, Request};
+use std::time::{Duration, Instant};
 
 /// Writes to the EEPROM what is no configuration, and leaves bus and protection so.
 fn spoil_eeprom(io: &mut BoardIo) {
@@ -65,6 +66,21 @@ fn borrowed_robot_is_watched_and_stopped_for_each() {
         let (frames, speeds) = stops(&commands);
         assert!(frames <= 4 && speeds == [100_000], "{frames}, {speeds:?}");
     }
+}
+
+// Requirement: SERVE-drive-1
+#[test]
+fn robot_of_a_borrower_that_waits_is_free_after_a_stop() {
+    serve(Some(1.0), |hub| {
+        let mut watcher = join(hub, "watcher");
+        let borrowed = Borrowed::new(join(hub, "tune")).unwrap();
+        watcher.request(&Request::Stop).unwrap();
+        let begun = Instant::now();
+        while watcher.request(&Request::ClearFaults).is_err() {
+            assert!(begun.elapsed() < Duration::from_secs(10));
+        }
+        assert!(drive_borrowed(&borrowed, 1).is_err());
+    });
 }
 
 // Requirement: SERVE-borrow-1

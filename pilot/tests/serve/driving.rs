@@ -124,6 +124,26 @@ fn stop_of_a_watching_client_ends_each_motion() {
 
 // Requirement: SERVE-drive-1
 #[test]
+fn handle_that_is_held_does_not_drive_on_after_a_stop() {
+    serve(Some(1.0), |hub| {
+        let (mut driver, mut watcher) = (join(hub, "teleop"), join(hub, "watcher"));
+        driver.request(&drive(100.0, 5000)).unwrap();
+        watcher.request(&Request::Stop).unwrap();
+        for _ in 0..20 {
+            let held = driver.request(&drive(100.0, 400)).unwrap_err();
+            assert!(held.to_string().contains("let go"), "{held}");
+            thread::sleep(Duration::from_millis(100));
+        }
+        thread::sleep(Duration::from_millis(500));
+        driver.request(&drive(100.0, 400)).unwrap();
+        // Its own stop is no other client's.
+        driver.request(&Request::Stop).unwrap();
+        driver.request(&drive(100.0, 400)).unwrap();
+    });
+}
+
+// Requirement: SERVE-drive-1
+#[test]
 fn stop_ends_the_motion_that_waits_for_the_next_frame() {
     let commands = serve(Some(1.0), |hub| {
         let mut watcher = join(hub, "watcher");

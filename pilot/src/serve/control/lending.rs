@@ -12,10 +12,12 @@ use host_link::error::{Error, Exit};
 use host_link::session::Session;
 use host_link::settings::Settings;
 use std::sync::mpsc::RecvTimeoutError;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Without a call for so long, those who watch get the last frame again.
 const IDLE: Duration = Duration::from_millis(50);
+/// A client that was stopped cleans up by calls at shorter distances; otherwise it waits for a person.
+const GRACE: Duration = Duration::from_secs(2);
 /// Unread bytes of the log that are kept for the client.
 const MAX_LOG: usize = 1 << 16;
 
@@ -39,8 +41,8 @@ impl Loan {
 }
 
 impl Server {
-    /// Performs the calls of the client that has the lease until it returns the robot or has gone; then stops
-    /// and repairs what it left.
+    /// Performs the calls of the client that has the lease until it returns the robot, has gone, or makes none
+    /// after it was stopped; then stops and repairs what it left.
     ///
     /// # Errors
     /// [`Error::Interrupted`]; those of [`repair::repair`].
@@ -56,7 +58,7 @@ impl Server {
         if let Some(lease) = &self.lease {
             self.reply(lease.client, &Ok(()));
         }
-        let mut returned = false;
+        let (mut returned, mut called) = (false, Instant::now());
         let interrupted = loop {
             let interrupted = session.io().interrupt.check();
             let borrower = self.lease.as_ref().map(|lease| lease.client);
@@ -66,17 +68,26 @@ impl Server {
                         session = session.reread();
                     }
                     self.call(id, &call, &mut session);
+                    called = Instant::now();
                 }
                 Ok(Event::Asked(id, Ok(Request::Return))) if Some(id) == borrower => {
                     returned = true;
                     self.reply(id, &Ok(()));
                 }
                 Ok(event) => self.handle_event(event),
-                Err(RecvTimeoutError::Timeout) => self.publish(&[]),
+                Err(RecvTimeoutError::Timeout) => {
+                    self.frames = self.frames.wrapping_add(1);
+                    self.publish(&[]);
+                }
                 Err(RecvTimeoutError::Disconnected) => returned = true,
             }
             self.check_lease();
-            let gone = !borrower.is_some_and(|id| self.clients.contains_key(&id));
+            let stopped = self
+                .loan
+                .as_ref()
+                .is_some_and(|loan| loan.stopped.is_some());
+            let gone = !borrower.is_some_and(|id| self.clients.contains_key(&id))
+                || stopped && called.elapsed() > GRACE;
             let ended = returned || gone || interrupted.is_err();
             let cancelled = self.cancelled.take();
             let drives = self.loan.as_ref().is_some_and(|loan| !loan.reconfigured);
@@ -104,7 +115,11 @@ impl Server {
             return false;
         };
         match call {
-            Call::Reset(_) => loan.reconfigured = true,
+            // Its heading and position begin again at zero, and so does the map.
+            Call::Reset(_) => {
+                loan.reconfigured = true;
+                (self.localiser, self.pose) = (None, None);
+            }
             Call::Spi(_) => return std::mem::take(&mut loan.reconfigured),
             _ => {}
         }

@@ -351,6 +351,7 @@ impl Server {
             (frame.error, frame.driver) = (Some(error.to_string()), None);
             frame.activity = Activity::Idle;
         }
+        self.frames = self.frames.wrapping_add(1);
         self.publish(&[]);
         self.handle_events();
         self.cancelled = None;

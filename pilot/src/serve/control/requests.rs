@@ -10,6 +10,9 @@ use mapper::Point;
 use navigator::{Explorer, GoTo};
 use std::time::{Duration, Instant};
 
+/// Without a velocity for so long, a client that was stopped has let go of its handle.
+const LET_GO: Duration = Duration::from_millis(500);
+
 impl Server {
     pub(super) fn handle_events(&mut self) {
         // A client that asks again at once waits for the next frame.
@@ -85,6 +88,7 @@ impl Server {
                 lease_ms,
             } => {
                 self.navigator()?;
+                self.has_let_go(id)?;
                 self.take_lease(id, lease_ms)?;
                 self.velocity = VelocityRequest {
                     forward_mm_s,
@@ -124,6 +128,12 @@ impl Server {
             // Requirement: SERVE-drive-1
             Request::Stop => {
                 let text = format!("stopped by {}", self.name(id));
+                let driver = self.lease.as_ref().map(|lease| lease.client);
+                if let Some(driver) = driver.filter(|&driver| driver != id)
+                    && let Some(client) = self.clients.get_mut(&driver)
+                {
+                    client.held = Some(Instant::now());
+                }
                 if self.activity == Activity::Idle {
                     let error = refused(&text, Exit::NotReached);
                     match (self.next.replace(Motion::Stop), &self.lease) {
@@ -207,6 +217,22 @@ impl Server {
             length,
             ends: Some(Instant::now() + length),
         });
+        Ok(())
+    }
+
+    /// # Errors
+    /// Another client has stopped this one, which has sent velocities since, as a handle that is held does.
+    // Requirement: SERVE-drive-1
+    fn has_let_go(&mut self, id: ClientId) -> Result<(), Error> {
+        let Some(client) = self.clients.get_mut(&id) else {
+            return Ok(());
+        };
+        client.held = client.held.filter(|held| held.elapsed() < LET_GO);
+        if let Some(held) = &mut client.held {
+            *held = Instant::now();
+            let text = "another client has stopped the robot: let go before you drive on";
+            return Err(refused(text, Exit::Busy));
+        }
         Ok(())
     }
 
