@@ -4,8 +4,9 @@
 use crate::error::Error;
 use crate::file::{self, Kind};
 use fw_core::eeprom::Image;
-use std::fs;
+use std::fs::{self, Permissions};
 use std::io::ErrorKind;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 /// A journal file.
@@ -31,7 +32,10 @@ impl Journal {
         if self.0.exists() {
             return Ok(());
         }
-        file::save(&self.0, Kind::Image, &before.0)
+        file::save(&self.0, Kind::Image, &before.0)?;
+        // Whoever shares the folder may have to undo the write. Not every file system has rights.
+        let _ = fs::set_permissions(&self.0, Permissions::from_mode(0o660));
+        Ok(())
     }
 
     /// The write is complete and read back, but the STM is not yet reset.

@@ -5,6 +5,7 @@ use super::journal::Journal;
 use super::{image, program};
 use crate::board_io::BoardIo;
 use crate::error::Error;
+use crate::file;
 use crate::reset;
 
 /// What was repaired besides the lines.
@@ -29,7 +30,7 @@ pub enum Repaired {
 /// reading its configuration when the bus was taken.
 ///
 /// # Errors
-/// [`Error::Pin`]; with a journal, those of [`image::load`] and [`program`], but for
+/// [`Error::Pin`]; with a journal, those of [`file::ensure_trusted`], [`image::load`] and [`program`], but for
 /// [`Error::NotReady`]: the restored content need not be acceptable.
 pub fn repair(
     io: &mut BoardIo,
@@ -39,6 +40,7 @@ pub fn repair(
 ) -> Result<Repaired, Error> {
     io.set_idle()?;
     if journal.unfinished() {
+        file::ensure_trusted(journal.path())?;
         let before = image::load(journal.path())?;
         let mut bytes = 0;
         let outcome = program(io, &before, ready_timeout_ms, Some(journal), |step| {

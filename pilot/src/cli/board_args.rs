@@ -33,9 +33,10 @@ pub struct BoardArgs {
     /// Serial device with the STM's log, 115200 baud; `tune`, `monitor` and `status` read it
     #[arg(long, default_value = "/dev/serial0")]
     pub uart: PathBuf,
-    /// Folder of the lock and of the journal of an unfinished EEPROM write
-    #[arg(long, env = "ROBOT_STATE_DIR", default_value = "/var/tmp")]
-    pub state_dir: PathBuf,
+    /// Folder of the lock and of the journal of an unfinished EEPROM write [default: /var/lib/robot of the
+    /// package, or /var/tmp]
+    #[arg(long, env = "ROBOT_STATE_DIR")]
+    pub state_dir: Option<PathBuf>,
     #[command(flatten)]
     pub virtual_board: VirtualBoardArgs,
 }
@@ -81,7 +82,8 @@ pub struct VirtualBoardArgs {
 }
 
 /// Options of the virtual robot only, and of the real one only.
-const VIRTUAL_ONLY: [&str; 9] = [
+const VIRTUAL_ONLY: [&str; 10] = [
+    "eeprom_image",
     "elf",
     "room",
     "seed",

@@ -180,7 +180,15 @@ impl Context<'_> {
             let spi = &self.board.spi;
             let device = fs::canonicalize(spi).unwrap_or_else(|_| spi.clone());
             let device = device.file_name().unwrap_or_default().to_string_lossy();
-            self.board.state_dir.join(format!("robot-{device}-{name}"))
+            let chosen = self.board.state_dir.as_deref();
+            let usual = [Path::new("/var/lib/robot"), Path::new("/var/tmp")];
+            let usual = if usual[0].is_dir() {
+                usual[0]
+            } else {
+                usual[1]
+            };
+            let folder = chosen.unwrap_or(usual);
+            folder.join(format!("robot-{device}-{name}"))
         }
     }
 

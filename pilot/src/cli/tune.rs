@@ -237,6 +237,7 @@ pub(super) fn rollback(connection: &mut Connection, context: Context<'_>) -> Res
         );
         return Err(Error::Usage(what));
     }
+    file::ensure_trusted(&before)?;
     let image = image::load(&before)?;
     if let Ok(present) = Settings::from_image(&eeprom::read(io)?) {
         show(&changes(&present, &Settings::from_image(&image)?), context);

@@ -44,6 +44,7 @@ pub fn run(
         let what = "nothing was learned yet: `robot explore` first";
         return Err(Error::Usage(what.into()));
     }
+    file::ensure_trusted(&path)?;
     let learned: Explored = serde_json::from_str(&file::read_text(&path)?)
         .map_err(|cause| Error::content(&path, cause.line(), cause.to_string()))?;
     let original = eeprom::read(&mut connection.io)?;
