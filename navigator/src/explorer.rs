@@ -33,6 +33,9 @@ const FRUITLESS: f64 = 0.7;
 const FIELD_RAD: f64 = 1.75;
 /// A robot that is held gives up after turning away so often.
 const LEAVES: u32 = 4;
+/// Interruptions of the way home after which the robot gives up, unless it came nearer by so much, mm.
+const HOME_TRIES: u32 = 8;
+const NEARER_MM: f64 = 100.0;
 /// Spacing of the places to return to, mm, and time between two returns, s.
 const ANCHORS: (f64, f64) = (300.0, 60.0);
 
@@ -76,6 +79,8 @@ pub struct Explorer {
     gap_views: Vec<Point>,
     /// Times that nothing was left to choose while a stop held the robot.
     leaves: u32,
+    /// Times that the way home was interrupted without coming nearer, and how near it came, mm.
+    homeward: (u32, f64),
 }
 
 impl Explorer {
@@ -93,6 +98,7 @@ impl Explorer {
             gaps_s: 0.0,
             gap_views: Vec::new(),
             leaves: 0,
+            homeward: (0, f64::INFINITY),
         }
     }
 
@@ -215,7 +221,23 @@ impl Explorer {
                 self.chosen = self.chosen.filter(|&(kind, _)| kind == Kind::Gap);
                 self.goal = Goal::Choose;
             }
-            Goal::Return | Goal::Home(_) => self.goal = Goal::Choose,
+            Goal::Return => self.goal = Goal::Choose,
+            Goal::Home(outcome) => {
+                let start = self.start.unwrap_or_default().position();
+                let left_mm = start.distance_mm(status.estimate.pose.position());
+                let (times, nearest_mm) = self.homeward;
+                let comes_nearer = left_mm < nearest_mm - NEARER_MM;
+                self.homeward = if comes_nearer {
+                    (0, left_mm)
+                } else {
+                    (times + 1, nearest_mm)
+                };
+                self.goal = match outcome {
+                    _ if self.homeward.0 <= HOME_TRIES => Goal::Choose,
+                    Outcome::Complete => Goal::Finish(Outcome::Unreachable),
+                    late => Goal::Finish(late),
+                };
+            }
             Goal::Begin | Goal::Choose | Goal::Finish(_) => {}
         }
     }

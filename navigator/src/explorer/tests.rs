@@ -289,6 +289,33 @@ fn held_robot_turns_away_before_it_goes_home_or_gives_up() {
 }
 
 #[test]
+fn way_home_that_stays_blocked_is_given_up() {
+    for (ending, expected) in [
+        (Outcome::Complete, Outcome::Unreachable),
+        (Outcome::TimeLimit, Outcome::TimeLimit),
+    ] {
+        let (mut explorer, mut at) = explorer();
+        let mut interrupt = |x_mm: f64| {
+            at.estimate.pose = Pose2::new(x_mm, 1000.0, 0.0);
+            explorer.goal = Goal::Home(ending);
+            explorer.interrupted(&at);
+            match explorer.goal {
+                Goal::Finish(outcome) => Some(outcome),
+                _ => None,
+            }
+        };
+        // As long as it comes nearer it tries again.
+        for step in 0..30 {
+            assert_eq!(interrupt(5000.0 - 110.0 * f64::from(step)), None);
+        }
+        for _ in 0..HOME_TRIES {
+            assert_eq!(interrupt(1800.0), None);
+        }
+        assert_eq!(interrupt(1800.0), Some(expected));
+    }
+}
+
+#[test]
 fn look_that_left_the_most_was_in_vain() {
     let open = room(&[(1000.0, 400.0)]);
     let (mut explorer, status) = explorer();
