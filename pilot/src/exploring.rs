@@ -12,7 +12,9 @@ use fw_core::wire::{Field, Order, Report, State};
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use host_link::snapshot::{self, Snapshot};
-use mapper::{Grid, Localiser, LocaliserConfig, Mount, Observation, Pose2, PoseEstimate};
+use mapper::{
+    Grid, Localiser, LocaliserConfig, MotionNoise, Mount, Observation, Pose2, PoseEstimate,
+};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -360,6 +362,10 @@ pub fn localiser_config(config: &Config, cell_mm: f64) -> LocaliserConfig {
     LocaliserConfig {
         cell_mm,
         mounts: mounts(config),
+        motion: MotionNoise {
+            track_mm: f64::from(config.track().0) / 1000.0,
+            ..MotionNoise::default()
+        },
         ..LocaliserConfig::default()
     }
 }

@@ -55,6 +55,8 @@ fn senseless_options_are_refused_by_name() {
         ("tune move --levels 0,100", "--levels"),
         ("calibrate umbmark --side 1", "--side"),
         ("--rate 0 status", "--rate"),
+        ("--eeprom-image other.bin status", "--eeprom-image"),
+        ("goto 1 2 --map map.yaml --timeout 3", "--timeout"),
     ] {
         let (code, _, stderr) = run(words);
         assert_eq!(code, 2, "{words}: {stderr}");

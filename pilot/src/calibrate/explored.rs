@@ -65,7 +65,14 @@ impl Explored {
                 *factor = value;
             }
         }
-        let [travel, ratio, track] = factors;
+        let [travel, ratio, _] = factors;
+        // The turn is what was measured, from one wheel's way to the other's; the track follows from it and from
+        // the way that the wheels will be written with.
+        let turn = self.travel.0 / self.track.0;
+        let deviation = (self.track.1.powi(2) - self.travel.1.powi(2))
+            .max(0.0)
+            .sqrt();
+        let track = travel / if deviation < MEASURED { turn } else { 1.0 };
         let WheelGeometry {
             left_mm, right_mm, ..
         } = self.before.with_ratio(ratio);
@@ -116,15 +123,23 @@ mod tests {
     #[test]
     fn learned_figures_make_the_wheels_where_they_were_measured() {
         let (small, large) = (MEASURED / 2.0, MEASURED * 1.1);
-        let wheels = |travel, ratio, track| explored(travel, ratio, track).wheels();
-        let found = wheels((1.002, small), (1.004, small), (0.996, small)).unwrap();
+        let wheels = |travel: Factor, ratio, turn: Factor| {
+            let track = (travel.0 / turn.0, travel.1.hypot(turn.1));
+            explored(travel, ratio, track).wheels()
+        };
+        let found = wheels((1.002, small), (1.004, small), (1.006, small)).unwrap();
         assert!((found.right_mm / found.left_mm - 1.004).abs() < 1e-9);
         assert!((found.right_mm + found.left_mm - 160.0 * 1.002).abs() < 1e-9);
-        assert!((found.track_mm - 125.0 * 0.996).abs() < 1e-9);
-        let found = wheels((1.002, large), (1.004, large), (0.996, small)).unwrap();
-        assert_eq!(found, WheelGeometry::new(80.0, 80.0, 125.0 * 0.996));
-        for (track, expected) in [((0.996, large), "longer"), ((1.031, small), "track")] {
-            let why = wheels((1.0, large), (1.0, large), track).unwrap_err();
+        assert!((found.track_mm - 125.0 * 1.002 / 1.006).abs() < 1e-9);
+        // The way's uncertainty is not the turn's.
+        let found = wheels((1.002, large), (1.004, large), (0.996, 0.0005)).unwrap();
+        assert_eq!((found.left_mm, found.right_mm), (80.0, 80.0));
+        assert!((found.track_mm - 125.0 / 0.996).abs() < 1e-9);
+        // Larger wheels alone would turn the robot farther.
+        let found = wheels((1.002, small), (1.0, large), (0.996, large)).unwrap();
+        assert!((found.track_mm - 125.0 * 1.002).abs() < 1e-9);
+        for (turn, expected) in [((0.996, large), "longer"), ((0.969, small), "track")] {
+            let why = wheels((1.0, large), (1.0, large), turn).unwrap_err();
             assert!(why.contains(expected), "{why}");
         }
         let summary = explored((1.0, 0.001), (1.004, 0.0002), (0.996, 0.0005)).summary();

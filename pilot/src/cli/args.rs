@@ -145,7 +145,7 @@ pub enum Eeprom {
         #[arg(long, value_name = "FILE")]
         image: Option<PathBuf>,
     },
-    /// Give an original EEPROM its page 0x03, with the first board's figures that apply anyway
+    /// Give an original EEPROM its page 0x03, with the first board's figures that apply anyway, or convert layout 1
     Migrate {
         /// Only show what would change
         #[arg(long)]
@@ -284,7 +284,7 @@ pub struct Goto {
     #[arg(value_name = "ROT", required_unless_present = "map", value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
     pub rotation: Option<f64>,
     /// Go to X Y of this map (the .yaml that `explore` or ROS wrote), around what it shows
-    #[arg(long, value_name = "FILE", conflicts_with = "rotation")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["rotation", "tolerance_mm", "tolerance_deg", "timeout"])]
     pub map: Option<PathBuf>,
     /// Where the robot stands on the map: mm, mm and degrees; without it the robot finds out by itself
     #[arg(long, value_name = "X,Y,ROT", requires = "map", allow_hyphen_values = true, value_parser = parse_start)]

@@ -52,13 +52,17 @@ fn listen(
             shown += end + 1;
             heard = Instant::now();
         }
-        if log.contains(LAST_STEP) {
+        if log[..shown].contains(LAST_STEP) {
             if exchanged {
+                log.truncate(shown);
                 return Ok(log);
             }
             exchanged = true;
             let open = |hz| Ok(open_linux(context, hz, interrupt.clone())?.0);
             bringup::exchange(open, context.board.spi_hz, FRAMES, findings)?;
+            // The STM counts the frames in a line each second.
+            thread::sleep(Duration::from_millis(1100));
+            heard = Instant::now();
             // What was counted before is of no frame.
             log.truncate(shown);
             log = log.replace(LAST_STEP, ": ");

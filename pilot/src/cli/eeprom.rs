@@ -17,17 +17,29 @@ use std::path::Path;
 pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
     match command {
         Eeprom::Init { file, force } => init(file.as_deref(), *force, context.output),
-        Eeprom::Write { file, dry_run } => put(Settings::load(file)?.image(), *dry_run, context),
-        Eeprom::Restore { file, dry_run } => put(&image::load(file)?, *dry_run, context),
+        Eeprom::Write { file, dry_run } => {
+            let settings = Settings::load(file)?;
+            put(|present| onto(present, &settings), *dry_run, context)
+        }
+        Eeprom::Restore { file, dry_run } => {
+            let image = image::load(file)?;
+            put(|_| image, *dry_run, context)
+        }
         Eeprom::Migrate { dry_run } => {
             let settings = Settings::from_image(&get(None, context)?)?;
-            put(&settings.platform_written(), *dry_run, context)
+            put(|_| settings.platform_written(), *dry_run, context)
         }
         Eeprom::Check { file } => check(&get(file.as_deref(), context)?, context.output),
         Eeprom::Dump { image, hex } => dump(&get(image.as_deref(), context)?, *hex, context.output),
         Eeprom::Diff { file, image } => {
-            let wanted = load(file)?;
-            let difference = Difference::between(&get(image.as_deref(), context)?, &wanted);
+            let loaded = load(file)?;
+            let present = get(image.as_deref(), context)?;
+            let wanted = if is_settings(file) {
+                onto(&present, &Settings::from_image(&loaded)?)
+            } else {
+                loaded
+            };
+            let difference = Difference::between(&present, &wanted);
             let output = context.output;
             output.result(&difference, || difference.summary())?;
             if difference.bytes > 0 {
@@ -51,10 +63,22 @@ fn save(file: &Path, bytes: &[u8], text: String, output: Output) -> Result<(), E
     output.result(&json!({ "bytes": bytes.len() }), || text)
 }
 
+fn is_settings(file: &Path) -> bool {
+    let ending = file.extension().unwrap_or_default();
+    ending.eq_ignore_ascii_case("toml")
+}
+
+/// An image with these settings; what no table defines stays.
+// Requirement: WIRE-eeprom-9
+fn onto(present: &Image, settings: &Settings) -> Image {
+    let mut image = present.clone();
+    image.copy_defined(settings.image());
+    image
+}
+
 /// An image from a file: a configuration file by its ending, else bytes.
 fn load(file: &Path) -> Result<Image, Error> {
-    let ending = file.extension().unwrap_or_default();
-    if ending.eq_ignore_ascii_case("toml") {
+    if is_settings(file) {
         Ok(Settings::load(file)?.image().clone())
     } else {
         image::load(file)
@@ -196,12 +220,18 @@ struct Outcome {
 }
 
 /// Shows the difference, then writes it.
-fn put(wanted: &Image, dry_run: bool, context: Context<'_>) -> Result<(), Error> {
+fn put(
+    wanted: impl FnOnce(&Image) -> Image,
+    dry_run: bool,
+    context: Context<'_>,
+) -> Result<(), Error> {
     let output = context.output;
     context.with_board(|Connection { io, journal, .. }| {
+        let present = eeprom::read(io)?;
+        let wanted = &wanted(&present);
         if dry_run {
             let done = Outcome {
-                difference: Difference::between(&eeprom::read(io)?, wanted),
+                difference: Difference::between(&present, wanted),
                 written: false,
                 ready_ms: None,
             };
@@ -228,4 +258,15 @@ fn put(wanted: &Image, dry_run: bool, context: Context<'_>) -> Result<(), Error>
             )
         })
     })
+}
+
+// Requirement: WIRE-eeprom-9
+#[test]
+fn settings_leave_undefined_bytes_alone() {
+    let mut present = Image::FIRST_BOARD;
+    (present.0[0x20], present.0[0x3FF]) = (0x42, 0x43);
+    let settings = Settings::sample().unwrap();
+    let image = onto(&present, &settings);
+    assert!(changes(&settings, &Settings::from_image(&image).unwrap()).is_empty());
+    assert_eq!((image.0[0x20], image.0[0x3FF]), (0x42, 0x43));
 }

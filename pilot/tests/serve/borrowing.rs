@@ -9,7 +9,7 @@ use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use pilot::borrowed::Borrowed;
 use pilot::serve::board::Call;
-use pilot::serve::protocol::{Activity, Request};
+use pilot::serve::protocol::{Activity, Message, Request};
 use std::time::{Duration, Instant};
 
 /// Writes to the EEPROM what is no configuration, and leaves bus and protection so.
@@ -161,6 +161,14 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
             let refused = watcher.request(&drive(100.0, 500)).unwrap_err();
             assert_eq!(refused.to_string(), why);
             assert_eq!(watcher.status().unwrap().driver, None);
+            // Whoever watches every seventh frame learns it, too.
+            watcher.request(&Request::Watch { every: 7 }).unwrap();
+            let begun = Instant::now();
+            let is_shown =
+                |message| matches!(message, Some(Message::Frame(frame)) if frame.error.is_some());
+            while !is_shown(watcher.message().unwrap()) {
+                assert!(begun.elapsed() < Duration::from_secs(5));
+            }
         });
         assert_eq!(board.borrow().resets, usize::from(vanishes));
     }

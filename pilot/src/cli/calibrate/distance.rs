@@ -2,7 +2,7 @@
 
 use super::measurement::Measurement;
 use crate::cli::connection::Connection;
-use crate::cli::measuring_args::DistanceArgs;
+use crate::cli::measuring_args::{DistanceArgs, parse_measured};
 use crate::cli::tune::ending;
 use host_link::board_io::BoardIo;
 use host_link::error::Error;
@@ -86,7 +86,10 @@ pub fn run(
         file::check(&path_file(&measurement), Kind::Json)?;
         measurement.confirm(&connection.io, &what)?;
         let path = drive(&measurement, &mut connection.io, length)?;
-        (path, measurement.measure(connection, QUESTION)?)
+        (
+            path,
+            measurement.measure(connection, QUESTION, parse_measured)?,
+        )
     };
     let solved = distance::solve(&path, &measured).map_err(Error::Calibration)?;
     output.message(&summary(&measured, &solved));
@@ -95,7 +98,7 @@ pub fn run(
     if written && arguments.measured.is_none() && measurement.verifies(&connection.io)? {
         measurement.put_back(connection)?;
         let path = drive(&measurement, &mut connection.io, length)?;
-        let again = measurement.measure(connection, QUESTION)?;
+        let again = measurement.measure(connection, QUESTION, parse_measured)?;
         verified_mm = Some(distance_error_mm(&path, &again));
     }
     let done = Done {

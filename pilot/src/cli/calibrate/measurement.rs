@@ -1,7 +1,7 @@
 //! The steps that every calibration has: confirm, drive, measure, write.
 
 use crate::cli::connection::{Connection, Context};
-use crate::cli::measuring_args::{MeasureWith, Measuring, parse_measured};
+use crate::cli::measuring_args::{MeasureWith, Measuring};
 use crate::cli::tune::apply;
 use crate::cli::{monitor, prompt};
 use fw_core::eeprom::Image;
@@ -90,7 +90,12 @@ impl<'a> Measurement<'a> {
     }
 
     /// Where it stands, seen from the marks.
-    pub fn measure(&self, connection: &mut Connection, question: &str) -> Result<Measured, Error> {
+    pub fn measure(
+        &self,
+        connection: &mut Connection,
+        question: &str,
+        parse: impl Fn(&str) -> Result<Measured, String>,
+    ) -> Result<Measured, Error> {
         if let (MeasureWith::Truth, Some(truth)) =
             (self.measuring.measure_with, &mut connection.truth)
         {
@@ -101,7 +106,7 @@ impl<'a> Measurement<'a> {
             });
         }
         let interrupt = &connection.io.interrupt;
-        prompt::ask(question, interrupt, self.context.output, parse_measured)
+        prompt::ask(question, interrupt, self.context.output, parse)
     }
 
     /// Shows the wheels' figures, asks, and writes them. An original image gets its page 0x03.

@@ -2,10 +2,11 @@
 
 use super::measurement::Measurement;
 use crate::cli::connection::Connection;
-use crate::cli::measuring_args::UmbmarkArgs;
+use crate::cli::measuring_args::{UmbmarkArgs, parse_measured};
 use crate::cli::tune::ending;
 use host_link::error::Error;
 use host_link::settings::Change;
+use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run::square;
 use pilot::calibrate::umbmark::{self, Estimate, Score, SquareRun, direction_name};
 use pilot::calibrate::wheel_geometry::WheelGeometry;
@@ -49,11 +50,11 @@ fn squares(
                 measurement.put_back(connection)?;
             }
             let path = measurement.drive(&mut connection.io, &square(side_mm, clockwise))?;
-            let end = measurement.measure(connection, QUESTION)?;
+            let end = measurement.measure(connection, QUESTION, parse_point)?;
             let run = SquareRun {
                 clockwise,
                 path,
-                measured: Point::new(end.ahead_mm, end.left_mm.unwrap_or(0.0)),
+                measured: Point::new(end.ahead_mm, end.left_mm.unwrap_or_default()),
             };
             let error = run.error();
             measurement.context.output.message(&format!(
@@ -66,6 +67,17 @@ fn squares(
         }
     }
     Ok(done)
+}
+
+/// A square's end is told by both numbers.
+fn parse_point(text: &str) -> Result<Measured, String> {
+    let measured = parse_measured(text)?;
+    let missing = || "accepted are millimetres ahead and to the left: -12.5,31".into();
+    measured
+        .left_mm
+        .is_some()
+        .then_some(measured)
+        .ok_or_else(missing)
 }
 
 /// Runs the command.
@@ -136,4 +148,10 @@ fn summary(estimate: &Estimate) -> String {
         percent(estimate.first_order[0]),
         percent(estimate.first_order[1])
     )
+}
+
+#[test]
+fn end_of_a_square_is_two_numbers() {
+    assert!(parse_point("5").is_err() && parse_point("x").is_err());
+    assert_eq!(parse_point("5, -3").unwrap().left_mm, Some(-3.0));
 }

@@ -125,29 +125,7 @@ impl Server {
                 }
                 _ => return Err(refused("this client does not drive", Exit::Usage)),
             },
-            // Requirement: SERVE-drive-1
-            Request::Stop => {
-                let text = format!("stopped by {}", self.name(id));
-                let driver = self.lease.as_ref().map(|lease| lease.client);
-                if let Some(driver) = driver.filter(|&driver| driver != id)
-                    && let Some(client) = self.clients.get_mut(&driver)
-                {
-                    client.held = Some(Instant::now());
-                }
-                if self.activity == Activity::Idle {
-                    let error = refused(&text, Exit::NotReached);
-                    match (self.next.replace(Motion::Stop), &self.lease) {
-                        (Some(Motion::Lend), Some(lease)) => self.reply(lease.client, &Err(error)),
-                        (Some(waiting), _) => {
-                            self.report_end(waiting.activity(), Some(&error), 0.0);
-                        }
-                        (None, _) => {}
-                    }
-                    self.lease = None;
-                } else {
-                    self.cancel(&text);
-                }
-            }
+            Request::Stop => self.stop(id),
             Request::ClearFaults => {
                 self.reachable_for(id)?;
                 self.begin(Motion::Clear);
@@ -176,6 +154,27 @@ impl Server {
             }
         }
         Ok(())
+    }
+
+    // Requirement: SERVE-drive-1
+    fn stop(&mut self, id: ClientId) {
+        let text = format!("stopped by {}", self.name(id));
+        let driver = self.lease.as_ref().map(|lease| lease.client);
+        if let Some(driver) = driver.filter(|&driver| driver != id)
+            && let Some(client) = self.clients.get_mut(&driver)
+        {
+            client.held = Some(Instant::now());
+        }
+        if self.activity != Activity::Idle {
+            return self.cancel(&text);
+        }
+        let error = refused(&text, Exit::NotReached);
+        match (self.next.replace(Motion::Stop), &self.lease) {
+            (Some(Motion::Lend), Some(lease)) => self.reply(lease.client, &Err(error)),
+            (Some(waiting), _) => self.report_end(waiting.activity(), Some(&error), 0.0),
+            (None, _) => {}
+        }
+        self.lease = None;
     }
 
     /// Begins a motion in place of the present one.
