@@ -45,8 +45,8 @@ pub fn read_text(path: &Path) -> Result<String, Error> {
         .map_err(|_| Error::content(path, None, "it is no text in UTF-8"))
 }
 
-/// A file that is kept between runs may be believed: it is no link, folder or device, and where everybody may write
-/// to its folder it is this user's or root's.
+/// Checks that a file kept between runs can be trusted: a regular file, and in a world-writable folder one of this
+/// user or of root.
 ///
 /// # Errors
 /// [`Error::Unreadable`].
@@ -58,7 +58,7 @@ pub fn ensure_trusted(path: &Path) -> Result<(), Error> {
     let refused = if !file.is_file() {
         "it is a link, a folder or a device"
     } else if folder.mode() & 0o002 != 0 && ![0, own].contains(&file.uid()) {
-        "it is another user's, who must run this, or you remove it"
+        "it is another user's: run this as that user, or remove it"
     } else {
         return Ok(());
     };

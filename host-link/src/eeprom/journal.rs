@@ -33,7 +33,7 @@ impl Journal {
             return Ok(());
         }
         file::save(&self.0, Kind::Image, &before.0)?;
-        // Whoever shares the folder may have to undo the write. Not every file system has rights.
+        // The next user of the robot may have to undo the write. Not every file system has permissions.
         let _ = fs::set_permissions(&self.0, Permissions::from_mode(0o660));
         Ok(())
     }

@@ -181,13 +181,8 @@ impl Context<'_> {
             let device = fs::canonicalize(spi).unwrap_or_else(|_| spi.clone());
             let device = device.file_name().unwrap_or_default().to_string_lossy();
             let chosen = self.board.state_dir.as_deref();
-            let usual = [Path::new("/var/lib/robot"), Path::new("/var/tmp")];
-            let usual = if usual[0].is_dir() {
-                usual[0]
-            } else {
-                usual[1]
-            };
-            let folder = chosen.unwrap_or(usual);
+            let package = Some(Path::new("/var/lib/robot")).filter(|path| path.is_dir());
+            let folder = chosen.or(package).unwrap_or(Path::new("/var/tmp"));
             folder.join(format!("robot-{device}-{name}"))
         }
     }

@@ -161,7 +161,7 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
             let refused = watcher.request(&drive(100.0, 500)).unwrap_err();
             assert_eq!(refused.to_string(), why);
             assert_eq!(watcher.status().unwrap().driver, None);
-            // Whoever watches every seventh frame learns it, too.
+            // A client that watches every seventh frame gets the error too.
             watcher.request(&Request::Watch { every: 7 }).unwrap();
             let begun = Instant::now();
             let is_shown =

@@ -69,7 +69,7 @@ fn squares(
     Ok(done)
 }
 
-/// A square's end is told by both numbers.
+/// The end of a square needs both numbers.
 fn parse_point(text: &str) -> Result<Measured, String> {
     let measured = parse_measured(text)?;
     let missing = || "accepted are millimetres ahead and to the left: -12.5,31".into();

@@ -75,10 +75,7 @@ impl Server {
                     self.reply(id, &Ok(()));
                 }
                 Ok(event) => self.handle_event(event),
-                Err(RecvTimeoutError::Timeout) => {
-                    self.frames = self.frames.wrapping_add(1);
-                    self.publish(&[]);
-                }
+                Err(RecvTimeoutError::Timeout) => self.publish(&[]),
                 Err(RecvTimeoutError::Disconnected) => returned = true,
             }
             self.check_lease();

@@ -297,7 +297,6 @@ impl Server {
         if let Some(loan) = &mut self.loan {
             loan.keep_log(&log);
         }
-        self.frames = self.frames.wrapping_add(1);
         let config = session.config();
         let sample = RangeSample::of(session.snapshot());
         if let Some(sample) = sample.filter(|_| report.is_some()) {
@@ -312,7 +311,7 @@ impl Server {
                 localiser.observe(&exploring::observation(&sample));
             }
         }
-        if self.frames % ADVICE_FRAMES == 1 {
+        if self.frames.is_multiple_of(ADVICE_FRAMES) {
             self.advice = hints::diagnose(session.snapshot(), config);
             let unread = session.log_error();
             self.advice
@@ -351,7 +350,6 @@ impl Server {
             (frame.error, frame.driver) = (Some(error.to_string()), None);
             frame.activity = Activity::Idle;
         }
-        self.frames = self.frames.wrapping_add(1);
         self.publish(&[]);
         self.handle_events();
         self.cancelled = None;

@@ -14,6 +14,7 @@ const MAX_LOG_LINE: usize = 256;
 impl Server {
     /// Sends the frame, the log and the map to those who watch.
     pub(super) fn publish(&mut self, log: &[u8]) {
+        self.frames = self.frames.wrapping_add(1);
         if self.clients.values().all(|client| client.every.is_none()) {
             self.log.clear();
             return;
