@@ -131,8 +131,8 @@ const ASIDE_RAD: f64 = 0.6;
 /// The robot's size, limits and habits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
-    /// The rangefinders: front, right, left.
-    pub mounts: [Mount; 3],
+    /// The rangefinders: front, right, left; `None` where none is fitted.
+    pub mounts: [Option<Mount>; 3],
     /// Clearance of the robot's middle that plans keep, mm: its radius and the map's error.
     pub inflation_mm: f64,
     /// Speed on known floor with ample clearance, mm/s.
@@ -166,7 +166,7 @@ impl Default for Config {
     /// The first board without a servo; a body of 100 mm radius.
     fn default() -> Self {
         Self {
-            mounts: Mount::first_board(),
+            mounts: Mount::first_board().map(Some),
             inflation_mm: 120.0,
             cruise_mm_s: 170.0,
             slow_mm_s: 90.0,

@@ -105,6 +105,9 @@ impl Sight {
         self.close.retain(|&(at_mm, _)| at_mm > since_mm);
         let mut appeared = false;
         for (nth, range_mm) in status.ranges_mm.into_iter().enumerate() {
+            let Some(mut mount) = config.mounts[nth] else {
+                continue;
+            };
             let (last_mm, last_s) = self.readings[nth];
             #[allow(clippy::float_cmp)] // a repeat of the same measurement
             let repeat =
@@ -113,7 +116,6 @@ impl Sight {
                 continue;
             }
             self.readings[nth] = (range_mm, status.time_s);
-            let mut mount = config.mounts[nth];
             if nth == 0 {
                 mount.bearing_rad = status.front_bearing_rad;
             }

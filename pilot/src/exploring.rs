@@ -138,18 +138,14 @@ impl Drive {
 /// then counts as complete.
 ///
 /// # Errors
-/// [`Error::WrongMode`] in a mode that does not carry a velocity; those of [`Session::exchange`];
-/// [`Error::Fault`] on a fault that no plan can answer. The robot is stopped in every case.
+/// Those of [`Session::exchange`]; [`Error::Fault`] on a fault that no plan can answer. The robot is stopped in
+/// every case.
 pub fn drive(
     session: &mut Session<'_>,
     localisation: &mut Localisation,
     plan: &mut impl Plan,
     mut watch: impl FnMut(&Step<'_>) -> ControlFlow<()>,
 ) -> Result<Drive, Error> {
-    let mode = session.config().mode();
-    if !mode.has(Field::Velocity) {
-        return Err(Error::WrongMode(mode.name(), "velocity to drive at"));
-    }
     session.resume()?;
     let mut runner = PlanRunner::new(session.now_us());
     let moving = StopOnDrop::new(session);
@@ -269,7 +265,7 @@ pub fn locate(
         let config = session.config();
         let around = Localiser::new(localiser_config(config, cell_mm));
         let mut around = Localisation::new(around, config, cell_mm);
-        let mut plan = Explorer::new(navigator_config(config));
+        let mut plan = Explorer::new(navigator_config(config)?);
         let driven = drive(session, &mut around, &mut plan, |step| {
             watch(step);
             on_map.observe(&observation(&step.sample));
@@ -373,11 +369,29 @@ pub fn localiser_config(config: &Config, cell_mm: f64) -> LocaliserConfig {
 /// Half the width of the front sensor's sweep, degrees.
 const SWEEP_DEG: f64 = 60.0;
 
+/// # Errors
+/// [`Error::WrongMode`] where the mode carries no velocity.
+pub fn ensure_velocity(config: &Config) -> Result<(), Error> {
+    let mode = config.mode();
+    if mode.has(Field::Velocity) {
+        return Ok(());
+    }
+    Err(Error::WrongMode(mode.name(), "velocity to drive at"))
+}
+
 /// The plan's settings for a configuration.
-pub fn navigator_config(config: &Config) -> navigator::Config {
+///
+/// # Errors
+/// [`Error::WrongMode`] where the mode carries no velocity; [`Error::Rejected`] without a rangefinder.
+pub fn navigator_config(config: &Config) -> Result<navigator::Config, Error> {
+    ensure_velocity(config)?;
+    if config.rangefinders() == 0 {
+        let why = "rangefinders = 0, and a plan needs 1 to 3 to see its way";
+        return Err(Error::Rejected("in the EEPROM".into(), why.into()));
+    }
     let limits = config.velocity_limits();
     let defaults = navigator::Config::default();
-    navigator::Config {
+    Ok(navigator::Config {
         mounts: mounts(config),
         // Where a wheel cannot follow, the core slows down and keeps the turn.
         cruise_mm_s: defaults.cruise_mm_s.min(limits.speed_mm_s.into()),
@@ -387,12 +401,11 @@ pub fn navigator_config(config: &Config) -> navigator::Config {
             0.0
         },
         ..defaults
-    }
+    })
 }
 
-fn mounts(config: &Config) -> [Mount; 3] {
-    let fitted = mapping::mapper_config(config, 25.0).mounts;
-    let mut mounts = Mount::first_board();
-    mounts[..fitted.len()].copy_from_slice(&fitted);
-    mounts
+/// What is fitted: the code of another is that of a beam without an echo.
+fn mounts(config: &Config) -> [Option<Mount>; 3] {
+    let mut fitted = mapping::mapper_config(config, 25.0).mounts.into_iter();
+    [(); 3].map(|()| fitted.next())
 }

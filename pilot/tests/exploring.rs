@@ -81,7 +81,7 @@ fn explore(io: &mut BoardIo) -> (Result<Drive, Error>, Localisation) {
     let config = session.config();
     let localiser = Localiser::new(exploring::localiser_config(config, 25.0));
     let mut localisation = Localisation::new(localiser, config, 25.0);
-    let mut plan = Explorer::new(exploring::navigator_config(config));
+    let mut plan = Explorer::new(exploring::navigator_config(config).unwrap());
     let driven = exploring::drive(&mut session, &mut localisation, &mut plan, |_| {
         ControlFlow::Continue(())
     });
@@ -165,7 +165,7 @@ fn saved_map_leads_to_a_point_from_an_unknown_start() {
     assert!(localiser.is_located());
     let (config, target) = (session.config(), Point::new(600.0, -400.0));
     let mut localisation = Localisation::new(localiser, config, 25.0);
-    let mut plan = GoTo::new(exploring::navigator_config(config), target);
+    let mut plan = GoTo::new(exploring::navigator_config(config).unwrap(), target);
     let driven = exploring::drive(&mut session, &mut localisation, &mut plan, |_| {
         ControlFlow::Continue(())
     });
@@ -272,23 +272,29 @@ fn plan_gets_each_stop_and_its_action_clears_it() {
 fn exploring_keeps_to_what_the_configuration_can_do() {
     let config = |values: &[(&'static Field, u64)]| {
         let with = |image: Image, &(field, value): &(_, u64)| image.with(field, value);
-        Config::decode(&values.iter().fold(Image::FIRST_BOARD, with)).unwrap()
+        let image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+        Config::decode(&values.iter().fold(image, with)).unwrap()
     };
-    let plan = exploring::navigator_config(&config(&[]));
+    let plan = |values: &[_]| exploring::navigator_config(&config(values));
+    let (swept, blind) = (
+        plan(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]),
+        plan(&[(fields::RANGEFINDERS, 0)]),
+    );
+    assert!(matches!(blind, Err(Error::Rejected(_, why)) if why.starts_with("rangefinders = 0")));
+    let (plan, swept) = (plan(&[]).unwrap(), swept.unwrap());
     let defaults = navigator::Config::default();
     assert_eq!(
         (plan.cruise_mm_s, plan.sweep_half_width_rad),
         (defaults.cruise_mm_s, 0.0)
     );
-    let swept =
-        exploring::navigator_config(&config(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]));
     assert!((swept.cruise_mm_s - 90.0).abs() < 1e-9);
     assert!((swept.sweep_half_width_rad.to_degrees() - 60.0).abs() < 1e-9);
-    let eighth = exploring::localiser_config(&config(&[(fields::BEARING_RIGHT, 0xE000)]), 25.0);
-    assert!((eighth.mounts[1].bearing_rad + TAU / 8.0).abs() < 1e-4);
-    let (_, mut io) = mock_board(&Image::FIRST_BOARD, None);
-    let (driven, _) = explore(&mut io);
-    assert!(matches!(driven, Err(Error::WrongMode(..))), "{driven:?}");
+    let two = [(fields::BEARING_RIGHT, 0xE000), (fields::RANGEFINDERS, 2)];
+    let [_, eighth, none] = exploring::localiser_config(&config(&two), 25.0).mounts;
+    assert!((eighth.unwrap().bearing_rad + TAU / 8.0).abs() < 1e-4 && none.is_none());
+    let normal = Config::decode(&Image::FIRST_BOARD).unwrap();
+    let normal = exploring::navigator_config(&normal);
+    assert!(matches!(normal, Err(Error::WrongMode(..))), "{normal:?}");
 }
 
 #[test]

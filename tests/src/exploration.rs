@@ -84,7 +84,7 @@ pub fn explore(
     let config = session.config();
     let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
     let mut localisation = Localisation::new(localiser, config, CELL_MM);
-    let mut plan = Explorer::new(exploring::navigator_config(config));
+    let mut plan = Explorer::new(exploring::navigator_config(config)?);
     let mut track = TruthTrack::new(board);
     let (mut truth, mut late, mut raw) = (Vec::new(), Vec::new(), Vec::new());
     let mut times_s = Vec::new();

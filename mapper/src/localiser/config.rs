@@ -23,8 +23,8 @@ pub struct Observation {
 pub struct LocaliserConfig {
     /// Width of the map's cells, mm.
     pub cell_mm: f64,
-    /// The rangefinders: front, right, left.
-    pub mounts: [Mount; 3],
+    /// The rangefinders: front, right, left; `None` where none is fitted.
+    pub mounts: [Option<Mount>; 3],
     /// Mean age of a new range at the time of the frame's position, s.
     pub range_age_s: f64,
     /// Nearest and farthest range accepted, mm.
@@ -46,7 +46,7 @@ impl Default for LocaliserConfig {
     fn default() -> Self {
         Self {
             cell_mm: 25.0,
-            mounts: Mount::first_board(),
+            mounts: Mount::first_board().map(Some),
             // From the trigger to the echo's end, to the next tick and to the next frame: 12 to 33 ms by distance,
             // as tests/tests/velocity.rs measures.
             range_age_s: 0.020,

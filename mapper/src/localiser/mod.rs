@@ -173,7 +173,9 @@ impl Localiser {
 
     /// Keeps a range if it is a new measurement.
     fn take_range(&mut self, nth: usize, now: &Observation) {
-        let mut mount = self.config.mounts[nth];
+        let Some(mut mount) = self.config.mounts[nth] else {
+            return;
+        };
         if nth == 0 {
             mount.bearing_rad = now.front_bearing_rad;
         }

@@ -39,7 +39,7 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
         let mut plan = Explorer::new(navigator::Config {
             time_limit_s: explore.timeout,
-            ..exploring::navigator_config(config)
+            ..exploring::navigator_config(config)?
         });
         let mut recorder = explore
             .record
@@ -99,7 +99,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         }
         let config = session.config();
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
-        let mut plan = GoTo::new(exploring::navigator_config(config), target);
+        let mut plan = GoTo::new(exploring::navigator_config(config)?, target);
         let driven = drive(&mut session, &mut localisation, &mut plan, context, |_| ())?;
         driven.ensure_complete("the target is not reached")?;
         let pose = localisation.localiser.estimate().pose;

@@ -12,8 +12,9 @@ use crate::drive::{self, ArrivalCriteria, StopOnDrop};
 use crate::exploring::{self, Plan, PlanRunner};
 use crate::hints;
 use crate::mapping::{self, RangeSample};
+use fw_core::eeprom::Config;
 use fw_core::types::{Faults, RangefinderId};
-use fw_core::wire::{Field, Report};
+use fw_core::wire::Report;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
@@ -93,9 +94,7 @@ struct Server {
     next: Option<Motion>,
     /// Why the present motion must end.
     cancelled: Option<Error>,
-    /// The plans' settings; none where the mode carries no velocity.
-    navigator: Option<navigator::Config>,
-    mode: &'static str,
+    config: Option<Config>,
     localiser: Option<Localiser>,
     tiles: Tiles,
     pose: Option<Pose>,
@@ -122,8 +121,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         velocity: VelocityRequest::default(),
         next: None,
         cancelled: None,
-        navigator: None,
-        mode: "",
+        config: None,
         localiser: None,
         tiles: Tiles::default(),
         pose: None,
@@ -166,10 +164,7 @@ impl Server {
     /// # Errors
     /// Why the link has ended.
     fn serve(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
-        let config = session.config();
-        self.mode = config.mode().name();
-        let drives = config.mode().has(Field::Velocity);
-        self.navigator = drives.then(|| exploring::navigator_config(config));
+        self.config = Some(session.config().clone());
         loop {
             match self.next.take() {
                 None => {

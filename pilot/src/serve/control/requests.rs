@@ -1,8 +1,10 @@
 //! What the clients ask for, and who may drive.
 
 use super::{CELL_MM, Lease, Motion, Server};
+use crate::exploring::{ensure_velocity, navigator_config};
 use crate::serve::hub::{ClientId, Event, MAX_CLIENTS};
 use crate::serve::protocol::{Activity, Message, Request};
+use fw_core::eeprom::Config;
 use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
 use host_link::session::VelocityRequest;
@@ -87,7 +89,7 @@ impl Server {
                 yaw_rate_deg_s,
                 lease_ms,
             } => {
-                self.navigator()?;
+                ensure_velocity(self.config()?)?;
                 self.has_let_go(id)?;
                 self.take_lease(id, lease_ms)?;
                 self.velocity = VelocityRequest {
@@ -108,14 +110,14 @@ impl Server {
                 let motion = if let Some(rotation_deg) = rotation_deg {
                     Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg))
                 } else {
-                    let plan = GoTo::new(self.navigator()?, Point::new(x_mm, y_mm));
+                    let plan = GoTo::new(navigator_config(self.config()?)?, Point::new(x_mm, y_mm));
                     Motion::Plan(Activity::Goto, Box::new(plan))
                 };
                 self.take_lease(id, lease_ms)?;
                 self.begin(motion);
             }
             Request::Explore { lease_ms } => {
-                let plan = Explorer::new(self.navigator()?);
+                let plan = Explorer::new(navigator_config(self.config()?)?);
                 self.take_lease(id, lease_ms)?;
                 self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
             }
@@ -240,11 +242,9 @@ impl Server {
         client.map(|client| client.name.clone()).unwrap_or_default()
     }
 
-    /// # Errors
-    /// [`Error::WrongMode`].
-    fn navigator(&self) -> Result<navigator::Config, Error> {
-        self.navigator
-            .ok_or(Error::WrongMode(self.mode, "velocity to drive at"))
+    fn config(&self) -> Result<&Config, Error> {
+        let unknown = || refused("the robot has not answered yet", Exit::NotReady);
+        self.config.as_ref().ok_or_else(unknown)
     }
 }
 
