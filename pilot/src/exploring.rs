@@ -3,18 +3,20 @@
 //!
 //! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
 
+mod config;
+
+pub use config::{ensure_velocity, localiser_config, navigator_config};
+
 use crate::drive::{SpeedMeter, StopOnDrop, seconds_since};
 use crate::mapping::{self, Files, Mapping, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{Field, Order, Report, State};
+use fw_core::wire::{Order, Report, State};
 use host_link::error::Error;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use host_link::snapshot::{self, Snapshot};
-use mapper::{
-    Grid, Localiser, LocaliserConfig, MotionNoise, Mount, Observation, Pose2, PoseEstimate,
-};
+use mapper::{Grid, Localiser, Observation, Pose2, PoseEstimate};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -351,61 +353,4 @@ pub fn observation(sample: &RangeSample) -> Observation {
         ranges_mm: sample.ranges_mm,
         front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
     }
-}
-
-/// The localiser's settings for a configuration.
-pub fn localiser_config(config: &Config, cell_mm: f64) -> LocaliserConfig {
-    LocaliserConfig {
-        cell_mm,
-        mounts: mounts(config),
-        motion: MotionNoise {
-            track_mm: f64::from(config.track().0) / 1000.0,
-            ..MotionNoise::default()
-        },
-        ..LocaliserConfig::default()
-    }
-}
-
-/// Half the width of the front sensor's sweep, degrees.
-const SWEEP_DEG: f64 = 60.0;
-
-/// # Errors
-/// [`Error::WrongMode`] where the mode carries no velocity.
-pub fn ensure_velocity(config: &Config) -> Result<(), Error> {
-    let mode = config.mode();
-    if mode.has(Field::Velocity) {
-        return Ok(());
-    }
-    Err(Error::WrongMode(mode.name(), "velocity to drive at"))
-}
-
-/// The plan's settings for a configuration.
-///
-/// # Errors
-/// [`Error::WrongMode`] where the mode carries no velocity; [`Error::Rejected`] without a rangefinder.
-pub fn navigator_config(config: &Config) -> Result<navigator::Config, Error> {
-    ensure_velocity(config)?;
-    if config.rangefinders() == 0 {
-        let why = "rangefinders = 0, and a plan needs 1 to 3 to see its way";
-        return Err(Error::Rejected("in the EEPROM".into(), why.into()));
-    }
-    let limits = config.velocity_limits();
-    let defaults = navigator::Config::default();
-    Ok(navigator::Config {
-        mounts: mounts(config),
-        // Where a wheel cannot follow, the core slows down and keeps the turn.
-        cruise_mm_s: defaults.cruise_mm_s.min(limits.speed_mm_s.into()),
-        sweep_half_width_rad: if config.servo().is_some() {
-            SWEEP_DEG.to_radians()
-        } else {
-            0.0
-        },
-        ..defaults
-    })
-}
-
-/// What is fitted: the code of another is that of a beam without an echo.
-fn mounts(config: &Config) -> [Option<Mount>; 3] {
-    let mut fitted = mapping::mapper_config(config, 25.0).mounts.into_iter();
-    [(); 3].map(|()| fitted.next())
 }

@@ -15,6 +15,8 @@ from rosbags.highlevel import AnyReader
 
 EXPECTED = {
     "/pose": "geometry_msgs/msg/PoseStamped",
+    "/settings": "std_msgs/msg/String",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
     "/tf": "tf2_msgs/msg/TFMessage",
     "/range/front": "sensor_msgs/msg/Range",
     "/range/right": "sensor_msgs/msg/Range",
@@ -68,5 +70,8 @@ for read in (one, other):
     grid = read["/map"][-1][1]
     assert grid.info.width * grid.info.height == len(grid.data) > 0
     assert any(math.isfinite(one.range) and one.range > 0 for _, one in read["/range/right"])
+    assert "[platform]" in read["/settings"][0][1].data
+    mounts = {one.child_frame_id: one for one in read["/tf_static"][0][1].transforms}
+    assert mounts["range_left"].transform.translation.y > 0 > mounts["range_right"].transform.translation.y
     assert 6 < read["/battery_state"][0][1].voltage < 8.5
 print(f"{sum(counts.values())} messages on {len(counts)} topics, read alike by mcap and rosbags")

@@ -26,7 +26,8 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
-    /// Print machine-readable JSON on standard output: one object, for `monitor` one a report
+    /// Print machine-readable JSON on standard output, one object a line: the result, for `monitor` and `log`
+    /// one a report, and last the error, if there is one
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]

@@ -16,7 +16,6 @@ use navigator::{Explorer, GoTo, Outcome};
 use pilot::calibrate::explored::Explored;
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
 use pilot::mapping::{self, Files};
-use pilot::recording::Recorder;
 use serde::Serialize;
 use serde_json::json;
 use std::ops::ControlFlow;
@@ -34,6 +33,7 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
     context.with_board(|connection| {
         ensure_mode(connection, explore.yes, context)?;
         let mut session = context.open_session(&mut connection.io)?;
+        let mut recorder = map::recorder(explore.record.as_deref(), &mut session)?;
         let config = session.config();
         let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
@@ -41,11 +41,6 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
             time_limit_s: explore.timeout,
             ..exploring::navigator_config(config)?
         });
-        let mut recorder = explore
-            .record
-            .as_deref()
-            .map(Recorder::create)
-            .transpose()?;
         let mut written = Ok(());
         let driven = drive(
             &mut session,

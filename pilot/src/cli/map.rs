@@ -6,7 +6,7 @@ use super::drive;
 use fw_core::eeprom::Config;
 use host_link::error::Error;
 use host_link::file;
-use host_link::settings::Settings;
+use host_link::session::Session;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
 use mapper::Localiser;
@@ -22,9 +22,9 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     let cell_mm = f64::from(map.cell);
     match (&map.tour, &map.from) {
         (_, Some(file)) => {
-            let samples = recording::load(file)?;
+            let (settings, samples) = recording::load(file)?;
             recording::check_extent(&samples, cell_mm, file)?;
-            let mut localisation = localisation(Settings::first_board()?.config(), cell_mm);
+            let mut localisation = localisation(settings.config(), cell_mm);
             for sample in &samples {
                 localisation.observe(sample);
             }
@@ -36,7 +36,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
                 let mut localisation = localisation(session.config(), cell_mm);
-                let mut recorder = map.record.as_deref().map(Recorder::create).transpose()?;
+                let mut recorder = recorder(map.record.as_deref(), &mut session)?;
                 let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {
                     if let Some(sample) = RangeSample::of(snapshot) {
@@ -76,6 +76,12 @@ pub fn raw_stem(out: &Path) -> PathBuf {
 pub fn check(out: &Path) -> Result<(), Error> {
     Files::check(out)?;
     Files::check(&raw_stem(out))
+}
+
+/// The recording that is asked for.
+pub fn recorder(path: Option<&Path>, session: &mut Session<'_>) -> Result<Option<Recorder>, Error> {
+    path.map(|path| Recorder::of(session.io(), path))
+        .transpose()
 }
 
 /// Adds a report to a recording, if there is one. The first failure is kept: the drive goes on without.

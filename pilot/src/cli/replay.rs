@@ -13,7 +13,7 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// Runs the command.
 pub fn run(replay: &Replay, output: Output) -> Result<(), Error> {
-    let samples = recording::load(&replay.file)?;
+    let (_, samples) = recording::load(&replay.file)?;
     let (interrupt, begun) = (interrupt()?, Instant::now());
     let first_us = samples.first().map_or(0, |sample| sample.time_us);
     for sample in &samples {

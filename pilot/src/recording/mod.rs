@@ -6,17 +6,20 @@ mod records;
 
 pub use reader::{check_extent, load, parse};
 
-use crate::mapping::RangeSample;
+use crate::mapping::{RangeSample, mapper_config};
 use crate::ros_messages::{
     BatteryState, DiagnosticArray, Header, Imu, Message, OccupancyGrid, PoseStamped, Quaternion,
-    RANGE_FRAMES, Range, TfMessage, TransformStamped,
+    RANGE_FRAMES, Range, Text, TfMessage, TransformStamped,
 };
 use byteorder::LittleEndian;
+use fw_core::wire::Field;
+use host_link::board_io::BoardIo;
+use host_link::eeprom;
 use host_link::error::Error;
 use host_link::file::{Kind, OutputFile};
-use host_link::pose::Pose;
+use host_link::settings::{self, Settings};
 use host_link::snapshot::Snapshot;
-use mapper::Grid;
+use mapper::{Grid, Mount};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
 use std::collections::BTreeMap;
@@ -30,6 +33,8 @@ const FLUSH_US: u64 = 500_000;
 const SLOW_US: u64 = 1_000_000;
 
 const RANGES: [&str; 3] = ["/range/front", "/range/right", "/range/left"];
+/// What the EEPROM held, as the settings file writes it.
+const SETTINGS: &str = "/settings";
 const POSE: &str = "/pose";
 const TF: &str = "/tf";
 const IMU: &str = "/imu";
@@ -41,16 +46,26 @@ pub struct Recorder {
     writer: Writer<BufWriter<File>>,
     /// Sequence number and id of each topic's channel.
     channels: BTreeMap<&'static str, (u16, u32)>,
+    front: Mount,
     flushed_us: u64,
     slow_us: Option<u64>,
 }
 
 impl Recorder {
-    /// Begins the file. Its header is written before it is seen at its path.
+    /// Begins the recording of a robot.
+    ///
+    /// # Errors
+    /// [`Error::Unwritable`]; those of [`eeprom::read`] and [`Settings::from_image`].
+    pub fn of(io: &mut BoardIo, path: &Path) -> Result<Self, Error> {
+        let settings = Settings::from_image(&eeprom::read(io)?)?;
+        Self::create(path, &settings, io.clock.micros())
+    }
+
+    /// Begins the file, with the settings. They are written before it is seen at its path.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
-    pub fn create(path: &Path) -> Result<Self, Error> {
+    pub fn create(path: &Path, settings: &Settings, us: u64) -> Result<Self, Error> {
         let file = OutputFile::create(path, Kind::Recording)?;
         let options = WriteOptions::new()
             .compression(None)
@@ -62,9 +77,18 @@ impl Recorder {
                 .create(BufWriter::new(file.handle()?))
                 .map_err(|cause| Error::unwritable(path, &cause))?,
             channels: BTreeMap::new(),
+            front: Mount::first_board()[0],
             flushed_us: 0,
             slow_us: None,
         };
+        let data = settings::render(settings);
+        recorder.write(SETTINGS, us, &Text { data })?;
+        let mounts = mapper_config(settings.config(), 25.0).mounts;
+        let sweeps = settings.config().mode().has(Field::Bearing);
+        let fixed = RANGE_FRAMES.iter().zip(&mounts).skip(sweeps.into());
+        let fixed = fixed.map(|(frame, mount)| TransformStamped::of_rangefinder(us, frame, mount));
+        let transforms = fixed.collect();
+        recorder.write("/tf_static", us, &TfMessage { transforms })?;
         recorder.flush()?;
         file.publish()?;
         Ok(recorder)
@@ -93,9 +117,9 @@ impl Recorder {
         }
         let mut transforms = vec![TransformStamped::of(us, "odom", "base_link", pose)];
         if let Some(bearing) = sample.bearing_deg {
-            let looks = Pose::new(0.0, 0.0, bearing);
+            self.front.bearing_rad = bearing.to_radians();
             let frame = RANGE_FRAMES[0];
-            transforms.push(TransformStamped::of(us, "base_link", frame, looks));
+            transforms.push(TransformStamped::of_rangefinder(us, frame, &self.front));
         }
         self.write(TF, us, &TfMessage { transforms })?;
         // The reader takes a report as complete with its pose.
@@ -197,6 +221,11 @@ impl Recorder {
 mod tests {
     use super::*;
     use fw_core::eeprom::{Config, Image};
+    use host_link::pose::Pose;
+
+    fn create(path: &Path) -> Recorder {
+        Recorder::create(path, &Settings::sample().unwrap(), 0).unwrap()
+    }
 
     fn samples() -> Vec<RangeSample> {
         let sample = |n: u32| RangeSample {
@@ -220,7 +249,7 @@ mod tests {
     fn recorded(finish: bool) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
-        let mut recorder = Recorder::create(&path).unwrap();
+        let mut recorder = create(&path);
         let mut snapshot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
         // It is left out, and its angle is no other's.
         recorder.add(&nowhere()).unwrap();
@@ -271,9 +300,9 @@ mod tests {
     #[test]
     fn recording_reads_back_and_up_to_any_cut() {
         let whole = recorded(true);
-        assert_begins(&parse(&whole).unwrap(), 200);
+        assert_begins(&parse(&whole).unwrap().1, 200);
         for len in (0..whole.len()).step_by(977) {
-            if let Ok(read) = parse(&whole[..len]) {
+            if let Ok((_, read)) = parse(&whole[..len]) {
                 assert_begins(&read, 0);
             }
         }
@@ -287,7 +316,7 @@ mod tests {
     // Requirement: WIRE-program-5
     #[test]
     fn killed_recording_lacks_at_most_half_a_second() {
-        assert_begins(&parse(&recorded(false)).unwrap(), 200 - 20);
+        assert_begins(&parse(&recorded(false)).unwrap().1, 200 - 20);
     }
 
     // Requirement: WIRE-program-1
@@ -295,11 +324,12 @@ mod tests {
     fn recording_has_its_header_whenever_it_is_seen() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
-        drop(Recorder::create(&path).unwrap());
+        drop(create(&path));
         std::thread::scope(|scope| {
-            let writes = scope.spawn(|| (0..50).for_each(|_| drop(Recorder::create(&path))));
+            let writes = scope.spawn(|| (0..50).for_each(|_| drop(create(&path))));
             while !writes.is_finished() {
-                assert_eq!(parse(&std::fs::read(&path).unwrap()), Ok(Vec::new()));
+                let read = parse(&std::fs::read(&path).unwrap());
+                assert!(matches!(read, Ok((Some(_), reports)) if reports.is_empty()));
             }
         });
     }
@@ -334,7 +364,9 @@ mod tests {
 
     #[test]
     fn gyroscope_goes_on_from_turn_to_turn() {
-        let read = parse(&recorded(true)).unwrap();
+        let (settings, read) = parse(&recorded(true)).unwrap();
+        let settings = Settings::parse(&settings.unwrap(), Path::new(""));
+        assert_eq!(settings, Settings::sample());
         let gyro = |n: u8| read[usize::from(n)].gyro_deg.unwrap();
         for n in [5, 40, 199] {
             let turned = 20.0 * f64::from(n - 4);
@@ -346,7 +378,7 @@ mod tests {
     fn recording_without_a_pose_or_beyond_any_picture_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
-        let mut recorder = Recorder::create(&path).unwrap();
+        let mut recorder = create(&path);
         recorder.add(&nowhere()).unwrap();
         recorder.finish(0, &Grid::new(25.0)).unwrap();
         let refused = load(&path).unwrap_err().to_string();

@@ -1,12 +1,13 @@
 //! Reads recordings.
 
-use super::{IMU, POSE, RANGES, TF, records};
+use super::{IMU, POSE, RANGES, SETTINGS, TF, records};
 use crate::mapping::RangeSample;
-use crate::ros_messages::{Imu, PoseStamped, RANGE_FRAMES, Range, TfMessage};
+use crate::ros_messages::{Imu, PoseStamped, RANGE_FRAMES, Range, Text, TfMessage};
 use byteorder::LittleEndian;
 use host_link::error::Error;
 use host_link::file;
 use host_link::pose::Pose;
+use host_link::settings::Settings;
 use mapper::map_plot;
 use mcap::MessageStream;
 use serde::de::DeserializeOwned;
@@ -15,17 +16,20 @@ use std::path::Path;
 /// Largest recording that is read, bytes: two hours.
 const MAX_LEN: u64 = 1 << 28;
 
-/// Reads the reports of a recording; one that was cut off up to the cut.
+/// Reads a recording's settings, without which they are the first board's, and its reports; one that was cut
+/// off up to the cut.
 ///
 /// # Errors
-/// [`Error::Unreadable`]; [`Error::Content`] for what is no recording, or has no report.
-pub fn load(path: &Path) -> Result<Vec<RangeSample>, Error> {
+/// [`Error::Unreadable`]; [`Error::Content`] for what is no recording, or has no report; those of
+/// [`Settings::parse`].
+pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
     let bytes = file::read(path, MAX_LEN)?;
-    let samples = parse(&bytes).map_err(|what| Error::content(path, None, what))?;
+    let (text, samples) = parse(&bytes).map_err(|what| Error::content(path, None, what))?;
     if samples.is_empty() {
         return Err(Error::content(path, None, "it has no report of a pose"));
     }
-    Ok(samples)
+    let settings = text.map(|text| Settings::parse(&text, path));
+    Ok((settings.unwrap_or_else(Settings::first_board)?, samples))
 }
 
 /// # Errors
@@ -47,11 +51,11 @@ pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Resul
     Err(Error::content(path, None, what))
 }
 
-/// The reports among a recording's bytes.
+/// The settings file and the reports among a recording's bytes.
 ///
 /// # Errors
 /// What is wrong with its beginning.
-pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
+pub fn parse(bytes: &[u8]) -> Result<(Option<String>, Vec<RangeSample>), String> {
     if !bytes.starts_with(b"\x89MCAP0\r\n") {
         return Err("no recording: it does not begin as MCAP does".into());
     }
@@ -60,7 +64,7 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
         MessageStream::new_with_options(&records, mcap::read::Options::IgnoreEndMagic.into());
     let stream = stream.map_err(|cause| format!("no recording: {cause}"))?;
     let mut samples: Vec<RangeSample> = Vec::new();
-    let mut pending = RangeSample::default();
+    let (mut settings, mut pending) = (None, RangeSample::default());
     // A broken record is where the file was cut.
     for message in stream.map_while(Result::ok) {
         let Some(data) = message.data.get(4..) else {
@@ -76,6 +80,8 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
             pending.gyro_deg = degrees
                 .filter(|degrees| degrees.is_finite())
                 .map(|degrees| unwrap(degrees, last));
+        } else if topic == SETTINGS {
+            settings = decode(data).map(|Text { data }| data);
         } else if topic == TF {
             let transforms = decode::<TfMessage>(data).unwrap_or_default().transforms;
             let mut frames = transforms
@@ -100,7 +106,7 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<RangeSample>, String> {
             pending = RangeSample::default();
         }
     }
-    Ok(samples)
+    Ok((settings, samples))
 }
 
 fn decode<T: DeserializeOwned>(data: &[u8]) -> Option<T> {

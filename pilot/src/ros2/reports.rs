@@ -50,8 +50,8 @@ pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
     let bearings = frame.bearings_deg.iter().zip(swept);
     let bearings = bearings.map(|(&fixed, swept)| swept.unwrap_or(fixed));
     for ((child, mount), bearing) in RANGE_FRAMES.iter().zip(Mount::first_board()).zip(bearings) {
-        let pose = Pose::new(mount.ahead_mm, mount.left_mm, bearing);
-        transforms.push(TransformStamped::of(us, "base_link", child, pose));
+        let mount = Mount::new(mount.ahead_mm, mount.left_mm, bearing.to_radians());
+        transforms.push(TransformStamped::of_rangefinder(us, child, &mount));
     }
     TfMessage { transforms }
 }

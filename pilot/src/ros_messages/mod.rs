@@ -121,6 +121,17 @@ impl Message for PoseStamped {
     );
 }
 
+/// Any text.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Text {
+    pub data: String,
+}
+
+impl Message for Text {
+    const NAME: &'static str = "std_msgs/msg/String";
+    const DEFINITION: &'static str = "string data";
+}
+
 /// Where the robot is, and how fast. Covariances of zeros are unknown.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Odometry {

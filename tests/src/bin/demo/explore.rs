@@ -25,7 +25,7 @@ pub fn run(
 ) -> Result<Value, Box<dyn Error>> {
     let timer = Timer::start(board);
     let mut reports = 0;
-    let mut recorder = Recorder::create(&out.join("recording.mcap"))?;
+    let mut recorder = Recorder::of(machine, &out.join("recording.mcap"))?;
     let mut outcome = Ok(());
     let run = exploration::explore(machine, board, |step| {
         if outcome.is_ok() {
