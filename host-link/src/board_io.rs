@@ -16,6 +16,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub trait Clock {
     /// Microseconds since some fixed instant.
     fn micros(&mut self) -> u64;
+
+    /// Whether it goes on while the host works.
+    fn goes_on(&self) -> bool {
+        true
+    }
 }
 
 impl<F: FnMut() -> u64> Clock for F {

@@ -168,6 +168,11 @@ impl<'m> Session<'m> {
         self.io.clock.micros()
     }
 
+    /// Time to the next slot of the frame rate, microseconds; 0 once it has come.
+    pub fn until_next_us(&mut self) -> u64 {
+        self.next_us.saturating_sub(self.now_us())
+    }
+
     /// Waits for the next slot of the frame rate and exchanges one frame. `None`: the reply was
     /// rejected and is counted; the latest good values stay.
     ///

@@ -171,7 +171,11 @@ impl Driver {
             self.checked_s = self.checked_s.min(status.time_s - CHECK_S + APPEARED_S);
         }
         if let Some(reason) = status.stop {
-            self.recover(reason, status);
+            // A plan may take longer than the stop deadline; that says nothing of the way.
+            self.moving_s = status.time_s;
+            if reason != StopReason::Link {
+                self.recover(status);
+            }
             return Step::Act(Action::Resume);
         }
         if self.queue.is_empty() && status.time_s - self.rested_s >= self.config.rest_every_s {
@@ -293,7 +297,7 @@ impl Driver {
         if !held {
             self.moving_s = status.time_s;
         } else if status.time_s - self.moving_s > BLOCKED.1 {
-            self.recover(StopReason::Obstacle, status);
+            self.recover(status);
             return self.next_motion(status);
         }
         Some(velocity)
@@ -302,7 +306,7 @@ impl Driver {
     /// Drops the path, marks what stopped the robot, and goes back within what was just driven
     /// straight; where that was in vain, turns about and leaves.
     // Requirement: NAV-recovery-1
-    fn recover(&mut self, reason: StopReason, status: &Status) {
+    fn recover(&mut self, status: &Status) {
         let pose = status.estimate.pose;
         let (last_s, place, times) = self.stopped;
         let repeat = distance_mm(&pose, place) < SAME_PLACE_MM && last_s > f64::NEG_INFINITY;
@@ -316,9 +320,6 @@ impl Driver {
         self.queue.clear();
         self.follower = None;
         self.interrupted = true;
-        if reason == StopReason::Link {
-            return;
-        }
         let (ahead_mm, left_mm) = self.obstacle(&pose);
         for aside in [-50.0, 0.0, 50.0] {
             let mark = pose.point_at(ahead_mm.max(FRONT_EDGE_MM), left_mm + aside);

@@ -102,15 +102,20 @@ mod tests {
         let action = step(2.0, 300.0, None);
         assert_eq!(action, Action::Done(Outcome::Unreachable));
 
+        // Each stop is elsewhere, and the mark of the last one forgotten.
         let mut step = steps(Point::new(1500.0, 400.0));
-        step(0.0, 300.0, None);
+        step(0.0, 900.0, None);
         for nth in 0..PLANS {
-            let (time_s, x_mm) = (2.0 + f64::from(nth), 300.0 + 200.0 * f64::from(nth % 2));
-            assert!(is_at_rest(step(time_s, x_mm, None)), "{nth}");
-            let lost = step(time_s + 0.1, x_mm, Some(StopReason::Link));
-            assert_eq!(lost, Action::Resume);
+            let time_s = 2.0 + 401.0 * f64::from(nth);
+            let x_mm = 900.0 - 110.0 * f64::from(nth);
+            for rested_s in [0.0, 2.0] {
+                assert!(is_at_rest(step(time_s + rested_s, x_mm, None)), "{nth}");
+            }
+            let slipped = step(time_s + 2.1, x_mm, Some(StopReason::Slip));
+            assert_eq!(slipped, Action::Resume);
         }
-        let action = step(9.0, 300.0, None);
+        step(3000.0, 300.0, None);
+        let action = step(3002.0, 300.0, None);
         assert_eq!(action, Action::Done(Outcome::Unreachable));
     }
 }

@@ -1,6 +1,9 @@
 //! Driving to a pose, and from pose to pose. Every early end of a drive stops the robot.
 
+mod meanwhile;
 mod pose_follower;
+
+pub use meanwhile::meanwhile;
 
 use fw_core::wire::{Field, Report};
 use host_link::error::Error;

@@ -7,7 +7,7 @@ mod config;
 
 pub use config::{ensure_velocity, localiser_config, navigator_config};
 
-use crate::drive::{SpeedMeter, StopOnDrop, seconds_since};
+use crate::drive::{SpeedMeter, StopOnDrop, meanwhile, seconds_since};
 use crate::mapping::{self, Files, Mapping, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
@@ -23,7 +23,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Chooses the next velocity: exploring, or going to a point.
-pub trait Plan {
+pub trait Plan: Send {
     /// Takes a frame: the map as it is now and the robot's report.
     fn step(&mut self, grid: &Grid, status: &Status) -> Action;
 
@@ -160,18 +160,21 @@ pub fn drive(
         let Some(sample) = RangeSample::of(session.snapshot()) else {
             continue;
         };
-        let estimate = localisation.observe(&sample);
-        let begun = ThreadTime::now();
-        let grid = localisation.localiser.grid();
-        let next = runner.step(plan, grid, estimate, &sample, &report)?;
-        localisation.busy += begun.elapsed();
-        let targets = plan.targets();
+        let think = || {
+            let estimate = localisation.observe(&sample);
+            let begun = ThreadTime::now();
+            let grid = localisation.localiser.grid();
+            let next = runner.step(plan, grid, estimate, &sample, &report);
+            localisation.busy += begun.elapsed();
+            next.map(|next| (estimate, next))
+        };
+        let (estimate, next) = meanwhile(session, request.velocity, think, |_| Ok(()))??;
         let frame = Step {
             sample,
             snapshot: session.snapshot(),
             estimate,
-            grid,
-            targets,
+            grid: localisation.localiser.grid(),
+            targets: plan.targets(),
         };
         let watched = watch(&frame);
         request = match (next, watched) {

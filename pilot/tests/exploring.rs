@@ -1,5 +1,6 @@
 //! The loop of localiser and plan over a session, on a robot without firmware in an imperfect world.
 
+use embedded_hal::delay::DelayNs;
 use fw_core::eeprom::{Config, Field, Image, fields};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, State};
@@ -9,6 +10,7 @@ use host_link::mock_board::{Shared, mock_board};
 use host_link::session::{CommandRequest, RATE_HZ, Session};
 use mapper::{Grid, Localiser, Point, Pose2, PoseEstimate, ros};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
+use pilot::drive;
 use pilot::exploring::{self, Drive, Localisation, Plan, PlanRunner};
 use pilot::mapping::RangeSample;
 use plant::kinematic::{KinematicRobot, VelocityInput};
@@ -17,7 +19,7 @@ use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A room of 2.4 m by 1.8 m with a box in a corner, for the robot that starts in its middle.
 fn room() -> Room {
@@ -127,6 +129,68 @@ fn room_is_explored_in_spite_of_stall_and_lost_link() {
         &Pose2::default(),
     );
     assert!(coverage > 0.95, "{coverage}");
+}
+
+/// A plan that drives on, but thinks for long before one of its frames.
+struct Slow(u32);
+
+const SLOW_FRAME: u32 = 5;
+
+impl Plan for Slow {
+    fn step(&mut self, _: &Grid, _: &Status) -> Action {
+        self.0 += 1;
+        if self.0 == SLOW_FRAME {
+            std::thread::sleep(Duration::from_millis(400));
+        } else if self.0 == 2 * SLOW_FRAME {
+            return Action::Done(Outcome::Complete);
+        }
+        let forward_mm_s = 50.0;
+        Action::Drive(Velocity {
+            forward_mm_s,
+            ..Velocity::default()
+        })
+    }
+}
+
+struct Sleep;
+
+impl DelayNs for Sleep {
+    fn delay_ns(&mut self, ns: u32) {
+        std::thread::sleep(Duration::from_nanos(ns.into()));
+    }
+}
+
+#[test]
+fn frames_go_on_while_a_plan_takes_longer_than_the_deadline() {
+    let (_, board, mut io) = rig(room().start, |_, _, _, _| ());
+    let opened = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    let (config, begun) = (opened.config().clone(), Instant::now());
+    io.clock = Box::new(move || u64::try_from(begun.elapsed().as_micros()).unwrap());
+    io.delay = Box::new(Sleep);
+    let localiser = Localiser::new(exploring::localiser_config(&config, 25.0));
+    let mut localisation = Localisation::new(localiser, &config, 25.0);
+    let mut session = Session::with_config(&mut io, config, RATE_HZ);
+    let driven = exploring::drive(&mut session, &mut localisation, &mut Slow(0), |_| {
+        ControlFlow::Continue(())
+    });
+    assert_eq!(driven.unwrap().outcome, Outcome::Complete);
+    let speeds: Vec<_> = {
+        let board = board.borrow();
+        let speed = |command: &Command| command.velocity.forward;
+        board.commands.iter().map(speed).collect()
+    };
+    // On with the last velocity, at rest, and on with the plan's.
+    let parts: Vec<_> = speeds.chunk_by(|a, b| a == b).collect();
+    let [.., before, rest, after, _stop] = &parts[..] else {
+        panic!("{speeds:?}");
+    };
+    assert_eq!((before[0], rest[0], after[0]), (50_000, 0, 50_000));
+    assert!(before.len() > 4 && rest.len() >= 4, "{speeds:?}");
+
+    let sleep = || std::thread::sleep(Duration::from_millis(200));
+    let ended = drive::meanwhile(&mut session, None, sleep, |_| Err(Error::Interrupted));
+    assert_eq!(ended, Err(Error::Interrupted));
+    assert!(ends_with_stop(&board));
 }
 
 #[test]

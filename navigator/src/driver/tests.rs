@@ -190,7 +190,7 @@ fn close_echo_limits_speed_and_is_what_stops() {
     assert!((yaw - 0.2).abs() < 1e-9 && (sweep - 1.0).abs() < 1e-9);
     let (ahead_mm, left_mm) = driver.obstacle(&pose);
     assert!((ahead_mm - 178.0).abs() < 1e-6 && (left_mm - 66.0).abs() < 1e-6);
-    driver.recover(StopReason::Stall, &frame);
+    driver.recover(&frame);
     assert!(driver.marks[1].1.distance_mm(pose.point_at(178.0, 66.0)) < 1e-6);
     driver.enqueue([Kind::Straight(300.0)]);
     let near = status(0.2, Pose2::new(270.0, 400.0, 0.0));
@@ -211,11 +211,10 @@ fn close_echo_limits_speed_and_is_what_stops() {
 // Requirement: NAV-recovery-1
 #[test]
 fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
-    for (way_mm, reason, back_mm, marks) in [
-        (200.0, StopReason::Stall, Some(150.0), 3),
-        (100.0, StopReason::Slip, Some(100.0), 3),
-        (15.0, StopReason::Obstacle, None, 3),
-        (200.0, StopReason::Link, None, 0),
+    for (way_mm, reason, back_mm) in [
+        (200.0, StopReason::Stall, Some(150.0)),
+        (100.0, StopReason::Slip, Some(100.0)),
+        (15.0, StopReason::Obstacle, None),
     ] {
         let (mut driver, grid) = under_way(0.0);
         let pose = |x_mm: f64| Pose2::new(200.0 + x_mm, 400.0, 0.0);
@@ -233,7 +232,7 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
             .into_iter()
             .collect();
         assert_eq!(queue(&driver), expected, "{reason:?}");
-        assert_eq!(driver.marks.len(), marks);
+        assert_eq!(driver.marks.len(), 3);
         for (&(time_s, at), aside) in driver.marks.iter().zip([-50.0, 0.0, 50.0]) {
             assert!((time_s - 0.3).abs() < 1e-9);
             let expected = pose(way_mm).point_at(FRONT_EDGE_MM, aside);
@@ -257,8 +256,26 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
             let ahead = map.at(pose(way_mm).point_at(FRONT_EDGE_MM, 0.0)).copied();
             ahead.expect("on the grid").clearance_mm < 60.0
         };
-        assert_eq!(is_marked(&mut driver, 399.0), marks > 0);
-        assert!(!is_marked(&mut driver, 401.0));
+        assert!(is_marked(&mut driver, 399.0) && !is_marked(&mut driver, 401.0));
+    }
+    // A plan that took longer than the stop deadline is followed.
+    let (mut driver, grid) = under_way(1.0);
+    let at = Pose2::new(200.0, 400.0, 0.0);
+    let stop = |time_s| Status {
+        stop: Some(StopReason::Link),
+        ..status(time_s, at)
+    };
+    assert!(matches!(
+        driver.step(&grid, &status(0.1, at)),
+        Step::Act(Action::Drive(_))
+    ));
+    for time_s in [0.2, 5.0] {
+        assert_eq!(driver.step(&grid, &stop(time_s)), Step::Act(Action::Resume));
+        assert!(!driver.held && driver.marks.is_empty());
+        let goes_on = driver.step(&grid, &status(time_s + 0.1, at));
+        assert!(
+            matches!(goes_on, Step::Act(Action::Drive(velocity)) if velocity.forward_mm_s > BLOCKED.0)
+        );
     }
 }
 

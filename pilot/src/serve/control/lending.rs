@@ -115,7 +115,7 @@ impl Server {
             // Its heading and position begin again at zero, and so does the map.
             Call::Reset(_) => {
                 loan.reconfigured = true;
-                (self.localiser, self.pose) = (None, None);
+                self.pose = None;
             }
             Call::Spi(_) => return std::mem::take(&mut loan.reconfigured),
             _ => {}

@@ -8,7 +8,7 @@ use super::hub::{Client, ClientId, Event};
 use super::pacer::Pacer;
 use super::protocol::{Activity, Estimate, Failure, Frame, Message};
 use super::tiles::Tiles;
-use crate::drive::{self, ArrivalCriteria, StopOnDrop};
+use crate::drive::{self, ArrivalCriteria, StopOnDrop, meanwhile};
 use crate::exploring::{self, Plan, PlanRunner};
 use crate::hints;
 use crate::mapping::{self, RangeSample};
@@ -21,7 +21,7 @@ use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use lending::Loan;
-use mapper::Localiser;
+use mapper::{Localiser, PoseEstimate};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::mpsc::Receiver;
@@ -96,6 +96,7 @@ struct Server {
     cancelled: Option<Error>,
     config: Option<Config>,
     localiser: Option<Localiser>,
+    estimate: Option<Estimate>,
     tiles: Tiles,
     pose: Option<Pose>,
     targets: usize,
@@ -123,6 +124,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         cancelled: None,
         config: None,
         localiser: None,
+        estimate: None,
         tiles: Tiles::default(),
         pose: None,
         targets: 0,
@@ -183,6 +185,9 @@ impl Server {
     /// What ends the session, too.
     fn perform(&mut self, session: &mut Session<'_>, motion: Motion) -> Result<(), Error> {
         (self.activity, self.cancelled) = (motion.activity(), None);
+        if !matches!(motion, Motion::Velocity) {
+            self.velocity = VelocityRequest::default();
+        }
         let begun_us = session.now_us();
         let outcome = match motion {
             Motion::Velocity => self.follow_velocity(session),
@@ -257,16 +262,22 @@ impl Server {
             let (Some(report), Some(sample)) = (report, sample) else {
                 continue;
             };
-            let Some(localiser) = &self.localiser else {
+            let Some(localiser) = self.localiser.take() else {
                 continue;
             };
             let (grid, estimate) = (localiser.grid(), localiser.estimate());
-            match runner.step(plan, grid, estimate, &sample, &report)? {
+            let think = || runner.step(plan, grid, estimate, &sample, &report);
+            let next = meanwhile(moving.session, request.velocity, think, |session| {
+                self.show(session)
+            });
+            self.localiser = Some(localiser);
+            match next?? {
                 ControlFlow::Continue(next) => request = next,
                 ControlFlow::Break(drive) => {
                     return drive.ensure_complete("the drive is not complete");
                 }
             }
+            self.velocity = request.velocity.unwrap_or_default();
             self.targets = plan.targets();
         }
     }
@@ -288,37 +299,54 @@ impl Server {
     /// # Errors
     /// Why the present motion must end.
     fn frame(&mut self, session: &mut Session<'_>, report: Option<&Report>) -> Result<(), Error> {
+        let sample = RangeSample::of(session.snapshot());
+        if let Some(sample) = sample.filter(|_| report.is_some()) {
+            let last = self.pose.replace(sample.pose);
+            let jumped = |last: Pose| last.distance_mm(sample.pose) > JUMP_MM;
+            let localiser = self.localiser.take();
+            let localiser = localiser.filter(|_| !last.is_none_or(jumped));
+            let mut localiser = localiser.unwrap_or_else(|| {
+                self.new_map();
+                let settings = exploring::localiser_config(session.config(), CELL_MM);
+                Localiser::new(settings)
+            });
+            let mut observe = || localiser.observe(&exploring::observation(&sample));
+            let observed = if self.loan.is_some() {
+                // The frames are the borrower's.
+                observe();
+                Ok(())
+            } else {
+                let velocity = (self.activity != Activity::Idle).then_some(self.velocity);
+                meanwhile(session, velocity, observe, |session| self.show(session))
+            };
+            let PoseEstimate { pose, covariance } = localiser.estimate();
+            self.estimate = Some(Estimate {
+                pose: mapping::reported_pose(&pose),
+                deviation_mm: (covariance[0][0] + covariance[1][1]).sqrt(),
+            });
+            self.localiser = Some(localiser);
+            observed?;
+        }
+        self.show(session)
+    }
+
+    /// # Errors
+    /// Why the present motion must end.
+    fn show(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
         let log = session.poll_log();
         if let Some(loan) = &mut self.loan {
             loan.keep_log(&log);
         }
         let config = session.config();
-        let sample = RangeSample::of(session.snapshot());
-        if let Some(sample) = sample.filter(|_| report.is_some()) {
-            let last = self.pose.replace(sample.pose);
-            let jumped = |last: Pose| last.distance_mm(sample.pose) > JUMP_MM;
-            if self.localiser.is_none() || last.is_some_and(jumped) {
-                let settings = exploring::localiser_config(config, CELL_MM);
-                self.localiser = Some(Localiser::new(settings));
-                self.new_map();
-            }
-            if let Some(localiser) = &mut self.localiser {
-                localiser.observe(&exploring::observation(&sample));
-            }
-        }
         if self.frames.is_multiple_of(ADVICE_FRAMES) {
             self.advice = hints::diagnose(session.snapshot(), config);
             let unread = session.log_error();
             self.advice
                 .extend(unread.map(|why| format!("the STM's log is not read: {why}")));
         }
-        let estimate = self.localiser.as_ref().map(Localiser::estimate);
         self.latest = Some(Frame {
             robot: session.snapshot().clone(),
-            estimate: estimate.map(|estimate| Estimate {
-                pose: mapping::reported_pose(&estimate.pose),
-                deviation_mm: (estimate.covariance[0][0] + estimate.covariance[1][1]).sqrt(),
-            }),
+            estimate: self.estimate,
             activity: self.activity,
             driver: self.lease.as_ref().map(|lease| lease.name.clone()),
             targets: self.targets,

@@ -134,7 +134,7 @@ impl Server {
             }
             Request::NewMap => {
                 self.reachable_for(id)?;
-                self.localiser = None;
+                self.pose = None;
             }
             Request::Borrow => {
                 self.free_for(id)?;
