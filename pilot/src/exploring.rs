@@ -54,6 +54,8 @@ impl Plan for GoTo {
 pub struct Localisation {
     /// The estimate and the corrected map.
     pub localiser: Localiser,
+    /// Looks for the robot on a saved map.
+    pub on_map: Option<Localiser>,
     /// By the reported poses.
     pub raw: Mapping,
     /// Every estimated pose, in order.
@@ -67,6 +69,7 @@ impl Localisation {
     pub fn new(localiser: Localiser, config: &Config, cell_mm: f64) -> Self {
         Self {
             localiser,
+            on_map: None,
             raw: Mapping::new(mapping::mapper_config(config, cell_mm)),
             path: Vec::new(),
             busy: Duration::ZERO,
@@ -76,7 +79,11 @@ impl Localisation {
     /// Takes one report.
     pub fn observe(&mut self, sample: &RangeSample) -> PoseEstimate {
         let begun = ThreadTime::now();
-        self.localiser.observe(&observation(sample));
+        let observation = observation(sample);
+        self.localiser.observe(&observation);
+        if let Some(on_map) = &mut self.on_map {
+            on_map.observe(&observation);
+        }
         let estimate = self.localiser.estimate();
         self.busy += begun.elapsed();
         self.raw.add(sample);
@@ -105,6 +112,8 @@ pub struct Step<'a> {
     pub grid: &'a Grid,
     /// Targets left.
     pub targets: usize,
+    /// The robot is found on the saved map.
+    pub located: bool,
 }
 
 /// How a drive ended.
@@ -175,6 +184,10 @@ pub fn drive(
             estimate,
             grid: localisation.localiser.grid(),
             targets: plan.targets(),
+            located: localisation
+                .on_map
+                .as_ref()
+                .is_some_and(Localiser::is_located),
         };
         let watched = watch(&frame);
         request = match (next, watched) {
@@ -269,16 +282,21 @@ pub fn locate(
     loop {
         let config = session.config();
         let around = Localiser::new(localiser_config(config, cell_mm));
-        let mut around = Localisation::new(around, config, cell_mm);
+        let mut around = Localisation {
+            on_map: Some(on_map.clone()),
+            ..Localisation::new(around, config, cell_mm)
+        };
         let mut plan = Explorer::new(navigator_config(config)?);
         let driven = drive(session, &mut around, &mut plan, |step| {
             watch(step);
-            on_map.observe(&observation(&step.sample));
-            if on_map.is_located() {
+            if step.located {
                 return ControlFlow::Break(());
             }
             ControlFlow::Continue(())
         })?;
+        if let Some(sought) = around.on_map {
+            *on_map = sought;
+        }
         // A small room is explored before it is recognised.
         let is_lost = driven.outcome == Outcome::Complete && !on_map.is_located();
         if !is_lost || again.next().is_none() {
