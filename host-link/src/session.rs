@@ -247,14 +247,6 @@ impl<'m> Session<'m> {
         }
     }
 
-    /// The bytes of the STM's log since the last call.
-    ///
-    /// # Errors
-    /// [`Error::Device`].
-    pub fn read_log(&mut self) -> Result<Vec<u8>, Error> {
-        self.io.log.read_new()
-    }
-
     /// Reads the STM's log for the counters of its end, [`Snapshot::stm`], and returns the bytes read. A
     /// failure ends the reading and is kept in [`Self::log_error`].
     pub fn poll_log(&mut self) -> Vec<u8> {

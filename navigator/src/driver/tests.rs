@@ -175,14 +175,12 @@ fn close_echo_limits_speed_and_is_what_stops() {
     driver.sight.observe(&frame, &driver.config, &wall, 0.0);
     // There the body reaches 88 mm; 15 mm are kept.
     assert!((driver.contact_limit(&pose) - 150.0).abs() < 1e-6);
-    let Step::Act(Action::Drive(velocity)) = driver.drive(
-        Velocity {
-            forward_mm_s: 170.0,
-            yaw_rate_rad_s: 0.2,
-            ..Velocity::default()
-        },
-        &pose,
-    ) else {
+    let velocity = Velocity {
+        forward_mm_s: 170.0,
+        yaw_rate_rad_s: 0.2,
+        ..Velocity::default()
+    };
+    let Step::Act(Action::Drive(velocity)) = driver.drive(velocity, &pose) else {
         panic!("no velocity");
     };
     assert!((velocity.forward_mm_s - 150.0).abs() < 1e-6);
@@ -261,21 +259,14 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
     // A plan that took longer than the stop deadline is followed.
     let (mut driver, grid) = under_way(1.0);
     let at = Pose2::new(200.0, 400.0, 0.0);
-    let stop = |time_s| Status {
-        stop: Some(StopReason::Link),
-        ..status(time_s, at)
-    };
-    assert!(matches!(
-        driver.step(&grid, &status(0.1, at)),
-        Step::Act(Action::Drive(_))
-    ));
-    for time_s in [0.2, 5.0] {
-        assert_eq!(driver.step(&grid, &stop(time_s)), Step::Act(Action::Resume));
+    let mut lost = status(0.0, at);
+    lost.stop = Some(StopReason::Link);
+    for time_s in [0.1, 4.2, 8.3] {
+        let ahead = driver.step(&grid, &status(time_s, at));
+        assert!(matches!(ahead, Step::Act(Action::Drive(to)) if to.forward_mm_s > BLOCKED.0));
+        lost.time_s = time_s + 4.0;
+        assert_eq!(driver.step(&grid, &lost), Step::Act(Action::Resume));
         assert!(!driver.held && driver.marks.is_empty());
-        let goes_on = driver.step(&grid, &status(time_s + 0.1, at));
-        assert!(
-            matches!(goes_on, Step::Act(Action::Drive(velocity)) if velocity.forward_mm_s > BLOCKED.0)
-        );
     }
 }
 

@@ -90,7 +90,7 @@ pub fn run(
         origin: None,
     };
     // Earlier lines of the log belong to no step.
-    stepping.session.read_log()?;
+    stepping.session.io().log.read_new()?;
     for level in &plan.levels {
         for percent in [*level, -level] {
             stepping.hold(0.0, plan.rest_s, plan.travel)?;
@@ -159,7 +159,7 @@ impl StepRunner<'_, '_> {
     }
 
     fn listen(&mut self) -> Result<(), Error> {
-        let bytes = self.session.read_log()?;
+        let bytes = self.session.io().log.read_new()?;
         self.recorder.feed(&bytes);
         Ok(())
     }
