@@ -1,12 +1,13 @@
 //! The control loop: one thread owns the robot, answers the clients once a frame and publishes it.
 
 mod lending;
+mod map;
 mod publishing;
 mod requests;
 
 use super::hub::{Client, ClientId, Event};
 use super::pacer::Pacer;
-use super::protocol::{Activity, Estimate, Failure, Frame, Message};
+use super::protocol::{Activity, Failure, Frame, Message};
 use super::tiles::Tiles;
 use crate::drive::{self, ArrivalCriteria, StopOnDrop, meanwhile};
 use crate::exploring::{self, Plan, PlanRunner};
@@ -21,7 +22,8 @@ use host_link::error::{Error, Exit};
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use lending::Loan;
-use mapper::{Localiser, PoseEstimate};
+use map::Map;
+use mapper::Localiser;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::mpsc::Receiver;
@@ -95,8 +97,7 @@ struct Server {
     /// Why the present motion must end.
     cancelled: Option<Error>,
     config: Option<Config>,
-    localiser: Option<Localiser>,
-    estimate: Option<Estimate>,
+    map: Map,
     tiles: Tiles,
     pose: Option<Pose>,
     targets: usize,
@@ -123,8 +124,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         next: None,
         cancelled: None,
         config: None,
-        localiser: None,
-        estimate: None,
+        map: Map::default(),
         tiles: Tiles::default(),
         pose: None,
         targets: 0,
@@ -262,7 +262,7 @@ impl Server {
             let (Some(report), Some(sample)) = (report, sample) else {
                 continue;
             };
-            let Some(localiser) = self.localiser.take() else {
+            let Some(localiser) = self.map.localiser.take() else {
                 continue;
             };
             let (grid, estimate) = (localiser.grid(), localiser.estimate());
@@ -270,7 +270,7 @@ impl Server {
             let next = meanwhile(moving.session, request.velocity, think, |session| {
                 self.show(session)
             });
-            self.localiser = Some(localiser);
+            self.map.localiser = Some(localiser);
             match next?? {
                 ControlFlow::Continue(next) => request = next,
                 ControlFlow::Break(drive) => {
@@ -302,29 +302,29 @@ impl Server {
         let sample = RangeSample::of(session.snapshot());
         if let Some(sample) = sample.filter(|_| report.is_some()) {
             let last = self.pose.replace(sample.pose);
-            let jumped = |last: Pose| last.distance_mm(sample.pose) > JUMP_MM;
-            let localiser = self.localiser.take();
-            let localiser = localiser.filter(|_| !last.is_none_or(jumped));
-            let mut localiser = localiser.unwrap_or_else(|| {
-                self.new_map();
+            if last.is_none_or(|last| last.distance_mm(sample.pose) > JUMP_MM) {
                 let settings = exploring::localiser_config(session.config(), CELL_MM);
-                Localiser::new(settings)
-            });
-            let mut observe = || localiser.observe(&exploring::observation(&sample));
-            let observed = if self.loan.is_some() {
-                // The frames are the borrower's.
-                observe();
-                Ok(())
-            } else {
+                self.map = Map::default();
+                self.map.put(Localiser::new(settings));
+                self.new_map();
+            }
+            self.map.waiting.push(exploring::observation(&sample));
+            if self.loan.is_some() && session.io().clock.goes_on() {
+                // A borrower's frames wait for nothing.
+                self.map.collect(false);
+                self.show(session)?;
+                self.map.work_beside();
+                return Ok(());
+            }
+            self.map.collect(true);
+            let mut observed = Ok(());
+            if let Some(mut localiser) = self.map.localiser.take() {
+                let waiting = std::mem::take(&mut self.map.waiting);
+                let observe = || waiting.iter().for_each(|one| localiser.observe(one));
                 let velocity = (self.activity != Activity::Idle).then_some(self.velocity);
-                meanwhile(session, velocity, observe, |session| self.show(session))
-            };
-            let PoseEstimate { pose, covariance } = localiser.estimate();
-            self.estimate = Some(Estimate {
-                pose: mapping::reported_pose(&pose),
-                deviation_mm: (covariance[0][0] + covariance[1][1]).sqrt(),
-            });
-            self.localiser = Some(localiser);
+                observed = meanwhile(session, velocity, observe, |session| self.show(session));
+                self.map.put(localiser);
+            }
             observed?;
         }
         self.show(session)
@@ -346,7 +346,7 @@ impl Server {
         }
         self.latest = Some(Frame {
             robot: session.snapshot().clone(),
-            estimate: self.estimate,
+            estimate: self.map.estimate,
             activity: self.activity,
             driver: self.lease.as_ref().map(|lease| lease.name.clone()),
             targets: self.targets,

@@ -23,7 +23,7 @@ impl Server {
         let frame = self.latest.clone().map(Box::new).map(Message::Frame);
         let frame = frame.as_ref().map(text);
         let mut changed = Vec::new();
-        if let Some(localiser) = &self.localiser {
+        if let Some(localiser) = &self.map.localiser {
             changed = self.tiles.update(localiser.grid());
         }
         let (frames, tiles) = (self.frames, &self.tiles);
