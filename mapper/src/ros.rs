@@ -38,9 +38,9 @@ pub fn yaml(grid: &Grid, picture: &str) -> String {
 pub fn value<'y>(yaml: &'y str, key: &str) -> Result<&'y str, String> {
     let mut lines = yaml.lines().filter_map(|line| line.split_once(':'));
     let found = lines.find(|(found, _)| found.trim() == key);
-    found
-        .map(|(_, value)| value.trim())
-        .ok_or_else(|| format!("no line `{key}:`"))
+    let (_, found) = found.ok_or_else(|| format!("no line `{key}:`"))?;
+    let value = found.split_once(" #").map_or(found, |(value, _)| value);
+    Ok(value.trim().trim_matches(['"', '\'']))
 }
 
 /// The farthest origin, metres.
@@ -74,6 +74,10 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     if !(1.0..=1000.0).contains(&cell_mm) {
         return Err(format!("resolution: {cell_mm} mm is not within 1 to 1000"));
     }
+    if value(yaml, "mode") == Ok("raw") {
+        return Err("mode: raw is not read, but trinary and scale".into());
+    }
+    let is_negated = value(yaml, "negate").is_ok_and(|negate| negate != "0");
     let (occupied, free) = (number("occupied_thresh")?, number("free_thresh")?);
     let (columns, rows, pixels) =
         picture(pgm).ok_or("the picture is no whole binary PGM of 8 bits")?;
@@ -88,7 +92,8 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
         let from_top = rows.checked_sub(row + 1).filter(|_| column < columns);
         let pixel = from_top.and_then(|row| pixels.get(row * columns + column));
         let Some(&pixel) = pixel else { return 0.0 };
-        match (255.0 - f64::from(pixel)) / 255.0 {
+        let dark = if is_negated { pixel } else { 255 - pixel };
+        match f64::from(dark) / 255.0 {
             share if share > occupied => KNOWN,
             share if share < free => -KNOWN,
             _ => 0.0,
@@ -96,10 +101,14 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     }))
 }
 
-/// Columns, rows and pixels of a binary PGM without comments.
+/// Columns, rows and pixels of a binary PGM.
 fn picture(pgm: &[u8]) -> Option<(usize, usize, &[u8])> {
     let mut rest = pgm;
     let mut word = || {
+        while rest.starts_with(b"#") {
+            let end = rest.iter().position(|&byte| byte == b'\n')?;
+            rest = &rest[end + 1..];
+        }
         let end = rest.iter().position(u8::is_ascii_whitespace)?;
         let (word, more) = rest.split_at(end);
         rest = &more[1..];
@@ -150,12 +159,24 @@ mod tests {
     fn written_map_reads_back() {
         let grid = grid();
         let (text, file) = (yaml(&grid, "map.pgm"), pgm(&grid));
-        let back = read(&text, &file).unwrap();
-        for (column, row) in grid.cells() {
-            let middle = grid.middle(column, row);
-            assert_eq!(back.cell_at(middle), grid.cell(column, row), "{middle:?}");
-        }
+        let assert_same = |back: &Grid| {
+            for (column, row) in grid.cells() {
+                let middle = grid.middle(column, row);
+                assert_eq!(back.cell_at(middle), grid.cell(column, row), "{middle:?}");
+            }
+        };
+        assert_same(&read(&text, &file).unwrap());
+        // As other programs write it.
+        let pixels = file.len() - grid.columns() * grid.rows();
+        let (head, pixels) = file.split_at(pixels);
+        let head = String::from_utf8_lossy(head).replace("P5\n", "P5\n# CREATOR: map_saver\n");
+        let negated = pixels.iter().map(|pixel| 255 - pixel);
+        let other: Vec<u8> = head.bytes().chain(negated).collect();
+        let words = text.replace("map.pgm", "\"map.pgm\" # a map");
+        assert_eq!(value(&words, "image"), Ok("map.pgm"));
+        assert_same(&read(&words.replace("negate: 0", "negate: 1 # white"), &other).unwrap());
         for (yaml, pgm, expected) in [
+            (&*text.replace("trinary", "raw"), &file[..], "raw is not"),
             ("", &file[..], "no line `origin:`"),
             (&text.replace("0.025", "9.025"), &file, "9025 mm is not"),
             (&text.replace("0.0]", "1.0]"), &file, "[x, y, 0]"),

@@ -44,7 +44,10 @@ impl Client {
             Err(cause)
                 if matches!(
                     cause.kind(),
-                    ErrorKind::NotFound | ErrorKind::ConnectionRefused
+                    ErrorKind::NotFound
+                        | ErrorKind::ConnectionRefused
+                        // No socket has so long a path.
+                        | ErrorKind::InvalidInput
                 ) =>
             {
                 return Ok(None);

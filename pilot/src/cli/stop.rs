@@ -2,7 +2,7 @@
 
 use super::connection::{Context, interrupt};
 use super::output::Output;
-use host_link::error::Error;
+use host_link::error::{Error, Exit};
 use pilot::serve::protocol::{Message, Request};
 use serde_json::json;
 
@@ -13,6 +13,13 @@ const LOOK_US: u32 = 20_000;
 pub fn run(context: Context<'_>) -> Result<(), Error> {
     if let Some(mut client) = context.server()? {
         client.request(&Request::Stop)?;
+        if let Some(error) = client.status()?.error {
+            let text = format!("the robot cannot be reached and stops by its deadline: {error}");
+            return Err(Error::Server {
+                text,
+                exit: Exit::Link,
+            });
+        }
         let stopped = json!({ "stopped": true });
         return context.output.result(&stopped, || "stopped".into());
     }
