@@ -24,10 +24,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
         (_, Some(file)) => {
             let (settings, samples) = recording::load(file)?;
             recording::check_extent(&samples, cell_mm, file)?;
-            let mut localisation = localisation(settings.config(), cell_mm);
-            for sample in &samples {
-                localisation.observe(sample);
-            }
+            let localisation = localised(settings.config(), cell_mm, &samples);
             save(map, &localisation, None, context)
         }
         (Some(file), None) => {
@@ -35,19 +32,21 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
             check(&map.out)?;
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
-                let mut localisation = localisation(session.config(), cell_mm);
+                let mut samples = Vec::new();
                 let mut recorder = recorder(map.record.as_deref(), &mut session)?;
                 let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {
                     if let Some(sample) = RangeSample::of(snapshot) {
-                        localisation.observe(&sample);
                         record(&mut recorder, &mut written, &sample, snapshot);
+                        // Localising takes longer than the stop deadline at times.
+                        samples.push(sample);
                     }
                 };
                 let (_, outcome) =
                     drive::follow(&mut session, &waypoints, &map.criteria, context, watch);
                 // What was measured before an error is worth keeping, whatever the error was.
                 let end_us = session.now_us();
+                let localisation = localised(session.config(), cell_mm, &samples);
                 if let Some(recorder) = recorder {
                     written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
                 }
@@ -62,9 +61,13 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     }
 }
 
-fn localisation(config: &Config, cell_mm: f64) -> Localisation {
+fn localised(config: &Config, cell_mm: f64, samples: &[RangeSample]) -> Localisation {
     let localiser = Localiser::new(exploring::localiser_config(config, cell_mm));
-    Localisation::new(localiser, config, cell_mm)
+    let mut localisation = Localisation::new(localiser, config, cell_mm);
+    for sample in samples {
+        localisation.observe(sample);
+    }
+    localisation
 }
 
 /// Of the map by odometry alone.

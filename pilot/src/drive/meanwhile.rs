@@ -17,7 +17,7 @@ const GOOD_US: u64 = 100_000;
 /// Those of [`Session::exchange`] and of `watch`, with which the robot is stopped at once.
 pub fn meanwhile<T: Send>(
     session: &mut Session<'_>,
-    velocity: Option<VelocityRequest>,
+    mut velocity: Option<VelocityRequest>,
     work: impl FnOnce() -> T + Send,
     mut watch: impl FnMut(&mut Session<'_>) -> Result<(), Error>,
 ) -> Result<T, Error> {
@@ -37,8 +37,12 @@ pub fn meanwhile<T: Send>(
                 Err(RecvTimeoutError::Timeout) if session.until_next_us() > 0 => continue,
                 Err(RecvTimeoutError::Timeout) => {}
             }
+            if let (Some(velocity), true) = (&mut velocity, session.now_us() >= good_us) {
+                // The sweep goes on.
+                (velocity.forward_mm_s, velocity.yaw_rate_deg_s) = (0.0, 0.0);
+            }
             let request = CommandRequest {
-                velocity: velocity.filter(|_| session.now_us() < good_us),
+                velocity,
                 ..CommandRequest::default()
             };
             let exchanged = session.exchange(&request);
