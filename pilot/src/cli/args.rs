@@ -26,8 +26,7 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Command,
-    /// Print machine-readable JSON on standard output, one object a line: the result, for `monitor` and `log`
-    /// one a report, and last the error, if there is one
+    /// Print machine-readable JSON on standard output: an object a line, an error last
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]

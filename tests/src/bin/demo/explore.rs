@@ -4,6 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 use host_link::board_io::BoardIo;
+use host_link::settings::Settings;
 use mapper::map_plot;
 use pilot::recording::Recorder;
 use robot_tests::exploration;
@@ -25,7 +26,10 @@ pub fn run(
 ) -> Result<Value, Box<dyn Error>> {
     let timer = Timer::start(board);
     let mut reports = 0;
-    let mut recorder = Recorder::of(machine, &out.join("recording.mcap"))?;
+    // What the demo wrote: to read it again would only cost the robot's time.
+    let settings = Settings::sample()?.with(&exploration::CHANGES)?;
+    let begun_us = machine.clock.micros();
+    let mut recorder = Recorder::create(&out.join("recording.mcap"), &settings, begun_us)?;
     let mut outcome = Ok(());
     let run = exploration::explore(machine, board, |step| {
         if outcome.is_ok() {
