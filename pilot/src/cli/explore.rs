@@ -33,7 +33,6 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
     context.with_board(|connection| {
         ensure_mode(connection, explore.yes, context)?;
         let mut session = context.open_session(&mut connection.io)?;
-        let mut recorder = map::recorder(explore.record.as_deref(), &mut session)?;
         let config = session.config();
         let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
         let mut localisation = Localisation::new(localiser, config, CELL_MM);
@@ -41,6 +40,8 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
             time_limit_s: explore.timeout,
             ..exploring::navigator_config(config)?
         });
+        // Once nothing refuses the drive: it may replace a file.
+        let mut recorder = map::recorder(explore.record.as_deref(), &mut session)?;
         let mut written = Ok(());
         let driven = drive(
             &mut session,

@@ -15,6 +15,8 @@ use std::path::Path;
 
 /// Largest recording that is read, bytes: two hours.
 const MAX_LEN: u64 = 1 << 28;
+/// Largest settings that are read, bytes.
+const MAX_SETTINGS: usize = 1 << 16;
 
 /// Reads a recording's settings, without which they are the first board's, and its reports; one that was cut
 /// off up to the cut.
@@ -27,6 +29,13 @@ pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
     let (text, samples) = parse(&bytes).map_err(|what| Error::content(path, None, what))?;
     if samples.is_empty() {
         return Err(Error::content(path, None, "it has no report of a pose"));
+    }
+    if text.as_ref().is_some_and(|text| text.len() > MAX_SETTINGS) {
+        return Err(Error::content(
+            path,
+            None,
+            "its settings are longer than 64 KiB",
+        ));
     }
     let settings = text.map(|text| Settings::parse(&text, path));
     Ok((settings.unwrap_or_else(Settings::first_board)?, samples))
