@@ -18,6 +18,12 @@ use std::time::{Duration, Instant};
 const WAIT: Duration = Duration::from_millis(10);
 /// Time for a reply.
 const REPLY: Duration = Duration::from_secs(5);
+/// What a path without a server's socket leads to; the last, where it is too long for one.
+const NO_SERVER: [ErrorKind; 3] = [
+    ErrorKind::NotFound,
+    ErrorKind::ConnectionRefused,
+    ErrorKind::InvalidInput,
+];
 /// Tiles farther from the origin than the grid reaches are not taken.
 const FARTHEST_TILE: i32 = 63;
 
@@ -41,17 +47,7 @@ impl Client {
     pub fn connect(path: &Path, name: &str) -> Result<Option<Self>, Error> {
         let stream = match UnixStream::connect(path) {
             Ok(stream) => stream,
-            Err(cause)
-                if matches!(
-                    cause.kind(),
-                    ErrorKind::NotFound
-                        | ErrorKind::ConnectionRefused
-                        // No socket has so long a path.
-                        | ErrorKind::InvalidInput
-                ) =>
-            {
-                return Ok(None);
-            }
+            Err(cause) if NO_SERVER.contains(&cause.kind()) => return Ok(None),
             Err(cause) => {
                 let name = format!("the server's socket {}", path.display());
                 let advice = "join the group of the user that runs `robot serve`";

@@ -183,22 +183,24 @@ pub fn bearing_turns(config: &Config, rangefinder: RangefinderId) -> f64 {
     f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0
 }
 
-/// The mapper's settings for a configuration: its rangefinders and their bearings.
+/// The rangefinders that are fitted, of front, right, left.
 // Requirement: WIRE-platform-5
+pub fn mounts(config: &Config) -> Vec<Mount> {
+    let all = Mount::first_board().into_iter().zip(RangefinderId::ALL);
+    let turned = all.map(|(mount, rangefinder)| Mount {
+        bearing_rad: bearing_turns(config, rangefinder) * std::f64::consts::TAU,
+        ..mount
+    });
+    turned.take(config.rangefinders().into()).collect()
+}
+
+/// The mapper's settings for a configuration.
 pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
-    let mut settings = mapper::Config {
+    mapper::Config {
         cell_mm,
+        mounts: mounts(config),
         ..mapper::Config::default()
-    };
-    for (mount, rangefinder) in settings.mounts.iter_mut().zip(RangefinderId::ALL) {
-        let bearing_rad = bearing_turns(config, rangefinder) * std::f64::consts::TAU;
-        *mount = Mount {
-            bearing_rad,
-            ..*mount
-        };
     }
-    settings.mounts.truncate(config.rangefinders().into());
-    settings
 }
 
 #[cfg(test)]

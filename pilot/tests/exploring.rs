@@ -174,11 +174,8 @@ fn frames_go_on_while_a_plan_takes_longer_than_the_deadline() {
         ControlFlow::Continue(())
     });
     assert_eq!(driven.unwrap().outcome, Outcome::Complete);
-    let speeds: Vec<_> = {
-        let board = board.borrow();
-        let speed = |command: &Command| command.velocity.forward;
-        board.commands.iter().map(speed).collect()
-    };
+    let speed = |command: &Command| command.velocity.forward;
+    let speeds: Vec<_> = board.borrow().commands.iter().map(speed).collect();
     // On with the last velocity, at rest, and on with the plan's.
     let parts: Vec<_> = speeds.chunk_by(|a, b| a == b).collect();
     let [.., before, rest, after, _stop] = &parts[..] else {

@@ -59,6 +59,6 @@ pub fn navigator_config(config: &Config) -> Result<navigator::Config, Error> {
 
 /// What is fitted: the code of another is that of a beam without an echo.
 fn mounts(config: &Config) -> [Option<Mount>; 3] {
-    let mut fitted = mapping::mapper_config(config, 25.0).mounts.into_iter();
+    let mut fitted = mapping::mounts(config).into_iter();
     [(); 3].map(|()| fitted.next())
 }

@@ -6,7 +6,7 @@ mod records;
 
 pub use reader::{check_extent, load, parse};
 
-use crate::mapping::{RangeSample, mapper_config};
+use crate::mapping::{RangeSample, mounts};
 use crate::ros_messages::{
     BatteryState, DiagnosticArray, Header, Imu, Message, OccupancyGrid, PoseStamped, Quaternion,
     RANGE_FRAMES, Range, Text, TfMessage, TransformStamped,
@@ -83,7 +83,7 @@ impl Recorder {
         };
         let data = settings::render(settings);
         recorder.write(SETTINGS, us, &Text { data })?;
-        let mounts = mapper_config(settings.config(), 25.0).mounts;
+        let mounts = mounts(settings.config());
         let sweeps = settings.config().mode().has(Field::Bearing);
         let fixed = RANGE_FRAMES.iter().zip(&mounts).skip(sweeps.into());
         let fixed = fixed.map(|(frame, mount)| TransformStamped::of_rangefinder(us, frame, mount));
