@@ -31,11 +31,7 @@ pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
         return Err(Error::content(path, None, "it has no report of a pose"));
     }
     if text.as_ref().is_some_and(|text| text.len() > MAX_SETTINGS) {
-        return Err(Error::content(
-            path,
-            None,
-            "its settings are longer than 64 KiB",
-        ));
+        return Err(Error::content(path, None, "its settings exceed 64 KiB"));
     }
     let settings = text.map(|text| Settings::parse(&text, path));
     Ok((settings.unwrap_or_else(Settings::first_board)?, samples))
