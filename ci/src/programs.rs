@@ -112,6 +112,7 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
         let of_target = format!("CARGO_TARGET_{}", target.to_uppercase().replace('-', "_"));
         let build = session.cargo(&format!("build --locked --release {FEATURES} --target"));
         let build = build.arg(target);
+        let build = build.args(["--config", "profile.release.package.rustdds.opt-level=2"]);
         let build = build.env("CARGO_PROFILE_RELEASE_STRIP", "true");
         let build = build.env(format!("{of_target}_LINKER"), linker);
         let flags = format!("{of_target}_RUSTFLAGS");

@@ -9,12 +9,11 @@ use crate::error::Result;
 use crate::session::Session;
 
 /// They build in folders of their own, or wait until `unit` has built what they need.
-pub const GATES: [&str; 15] = [
+pub const GATES: [&str; 14] = [
     "firmware",
     "elf",
     "reproducible",
     "msrv",
-    "supply",
     "exhaustive",
     "defects",
     "page",

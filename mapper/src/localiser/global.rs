@@ -47,6 +47,7 @@ const NOWHERE: f64 = 1e8;
 
 /// Distance classes of the surfaces that face in one of [`SECTORS`] directions.
 const SECTORS: usize = 12;
+const SECTOR_RAD: f64 = TAU / 12.0;
 const FIELD_MM: f64 = 50.0;
 const REACH_MM: f64 = 150.0;
 
@@ -101,12 +102,8 @@ impl GlobalSearch {
         }
         let to_robot = Pose2::default().relative_to(dead_reckoning);
         let moved = |e: &Element| e.has_bearing().then(|| e.moved(&to_robot));
-        let elements: Vec<Element> = self
-            .stretches
-            .iter()
-            .flat_map(|s| &s.0)
-            .filter_map(moved)
-            .collect();
+        let seen = self.stretches.iter().flat_map(|s| &s.0);
+        let elements: Vec<Element> = seen.filter_map(moved).collect();
         let ways = self.stretches.iter().flat_map(|s| &s.1);
         let way: Vec<Pose2> = ways.map(|at| to_robot.compose(at)).collect();
         let mut coarse = self.coarse(&thinned(&elements), &thinned(&way), beam);
@@ -148,21 +145,20 @@ impl GlobalSearch {
         for heading in 0..HEADINGS {
             let heading_rad = f64::from(heading) * TAU / f64::from(HEADINGS);
             let turn = Pose2::new(0.0, 0.0, heading_rad);
-            let elements: Vec<(Point, f64)> = elements
-                .iter()
-                .map(|e| e.moved(&turn))
-                .map(|e| (e.point(beam), e.towards_rad + PI))
-                .collect();
-            let way: Vec<Point> = way.iter().map(|at| turn.compose(at).position()).collect();
+            let turned = elements.iter().map(|e| e.moved(&turn));
+            let looked_up = |e: Element| (step_to(e.point(beam)), sector(e.towards_rad + PI));
+            let elements: Vec<(Step, usize)> = turned.map(looked_up).collect();
+            let way = way.iter().map(|at| step_to(turn.compose(at).position()));
+            let way: Vec<Step> = way.collect();
             for at in self.field.floor() {
-                let shift = |p: &Point| Point::new(p.x_mm + at.x_mm, p.y_mm + at.y_mm);
-                let blocked = way.iter().filter(|p| !self.field.is_free(shift(p)));
+                let blocked = way.iter().filter(|step| !self.field.is_free(at, **step));
                 let blocked = blocked.take(BLOCKED).count();
                 if blocked < BLOCKED {
-                    let cost = |(p, facing): &(Point, f64)| self.field.cost(shift(p), *facing);
+                    let cost = |(step, sector): &(Step, usize)| self.field.cost(at, *step, *sector);
                     #[allow(clippy::cast_precision_loss)] // below BLOCKED
                     let cost = elements.iter().map(cost).sum::<f64>() + LIMIT * blocked as f64;
-                    poses.push((Pose2::new(at.x_mm, at.y_mm, heading_rad), cost));
+                    let middle = self.field.middle(at);
+                    poses.push((Pose2::new(middle.x_mm, middle.y_mm, heading_rad), cost));
                 }
             }
         }
@@ -191,11 +187,8 @@ fn is_same(a: &Pose2, b: &Pose2) -> bool {
 
 /// At most [`SAMPLES`] of the values, evenly spaced.
 fn thinned<T: Copy>(values: &[T]) -> Vec<T> {
-    values
-        .iter()
-        .step_by(values.len() / SAMPLES + 1)
-        .copied()
-        .collect()
+    let apart = values.len() / SAMPLES + 1;
+    values.iter().step_by(apart).copied().collect()
 }
 
 fn refine(
@@ -257,6 +250,21 @@ fn spread(poses: &[(Pose2, f64)], temperature: f64) -> (Vector3<f64>, Matrix3<f6
     (mean, covariance)
 }
 
+/// Columns and rows of the field from one of its cells to another.
+type Step = (isize, isize);
+
+/// To the cell with a point, seen from the middle of one.
+#[allow(clippy::cast_possible_truncation)] // as far as a robot drives
+fn step_to(point: Point) -> Step {
+    let cells = |mm: f64| libm::floor(mm / FIELD_MM + 0.5) as isize;
+    (cells(point.x_mm), cells(point.y_mm))
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // never negative
+fn sector(facing_rad: f64) -> usize {
+    ((facing_rad.rem_euclid(TAU) / SECTOR_RAD) as usize).min(SECTORS - 1)
+}
+
 /// Costs of elements by place and direction, looked up.
 #[derive(Clone, Debug)]
 struct Field {
@@ -284,7 +292,7 @@ impl Field {
             free: Vec::new(),
         };
         for index in 0..columns * rows {
-            let middle = field.middle(index);
+            let middle = field.middle((index % columns, index / columns));
             field.free.push(grid.cell_at(middle) == Cell::Free);
             for surfel in surfaces.near(middle, REACH_MM) {
                 let off = middle.distance_mm(surfel.point) / COARSE.0;
@@ -300,51 +308,41 @@ impl Field {
     }
 
     #[allow(clippy::cast_precision_loss)]
-    fn middle(&self, index: usize) -> Point {
-        let (column, row) = (index % self.columns, index / self.columns);
+    fn middle(&self, (column, row): (usize, usize)) -> Point {
         let at = |low: f64, number: usize| low + (number as f64 + 0.5) * FIELD_MM;
         Point::new(at(self.low.x_mm, column), at(self.low.y_mm, row))
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // negative is far outside
-    fn index(&self, point: Point) -> Option<usize> {
-        let (x, y) = (point.x_mm - self.low.x_mm, point.y_mm - self.low.y_mm);
-        let (column, row) = ((x / FIELD_MM) as usize, (y / FIELD_MM) as usize);
-        let inside = x >= 0.0 && y >= 0.0 && column < self.columns && row < self.rows;
-        inside.then_some(row * self.columns + column)
+    fn index(&self, (column, row): (usize, usize), step: Step) -> Option<usize> {
+        // Below 0 is far beyond the last one.
+        let column = column.wrapping_add_signed(step.0);
+        let row = row.wrapping_add_signed(step.1);
+        (column < self.columns && row < self.rows).then(|| row * self.columns + column)
     }
 
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss
-    )]
-    fn cost(&self, point: Point, facing_rad: f64) -> f64 {
-        let sector = (facing_rad.rem_euclid(TAU) / TAU * SECTORS as f64) as usize;
-        let cost = |index: usize| f64::from(self.costs[index][sector.min(SECTORS - 1)]);
-        self.index(point).map_or(LIMIT, cost)
+    fn cost(&self, at: (usize, usize), step: Step, sector: usize) -> f64 {
+        let index = self.index(at, step);
+        index.map_or(LIMIT, |index| self.costs[index][sector].into())
     }
 
-    fn is_free(&self, point: Point) -> bool {
-        self.index(point).is_some_and(|index| self.free[index])
+    fn is_free(&self, at: (usize, usize), step: Step) -> bool {
+        self.index(at, step).is_some_and(|index| self.free[index])
     }
 
-    /// Places where the robot may stand, two fields apart.
-    fn floor(&self) -> impl Iterator<Item = Point> + '_ {
-        let apart = |number: usize| number.is_multiple_of(2);
-        (0..self.free.len())
-            .filter(move |index| apart(index % self.columns) && apart(index / self.columns))
-            .filter(|index| self.free[*index])
-            .map(|index| self.middle(index))
+    /// Cells where the robot may stand, every second one.
+    fn floor(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let columns = || (0..self.columns).step_by(2);
+        let rows = (0..self.rows).step_by(2);
+        let cells = rows.flat_map(move |row| columns().map(move |column| (column, row)));
+        cells.filter(|at| self.is_free(*at, (0, 0)))
     }
 }
 
 /// Whether a surfel answers to elements whose surface faces into this sector, give or take one.
 #[allow(clippy::cast_precision_loss)]
 fn faces(surfel: &Surfel, sector: usize) -> bool {
-    let middle = (sector as f64 + 0.5) * TAU / SECTORS as f64;
-    surfel.edge
-        || geometry::wrap_angle(surfel.facing_rad - middle).abs() < 0.75 * TAU / SECTORS as f64
+    let off_rad = surfel.facing_rad - (sector as f64 + 0.5) * SECTOR_RAD;
+    surfel.edge || geometry::wrap_angle(off_rad).abs() < 0.75 * SECTOR_RAD
 }
 
 #[cfg(test)]
