@@ -14,8 +14,8 @@ pub(crate) const NO_WAY_MM: f64 = 1e6;
 /// Occupied cells within this radius of the driven way are outdated or shifted: the body was
 /// there. mm.
 const DRIVEN_MM: f64 = 30.0;
-/// Radius around the driven way that the body has shown to be free, mm.
-const BODY_MM: f64 = 100.0;
+/// Radius of the body that plans keep off walls and that has shown the driven way to be free, mm.
+pub const BODY_MM: f64 = 100.0;
 
 /// Distances are computed in this fraction of a millimetre; none is beyond 65 m.
 const FRACTION: f64 = 16.0;

@@ -53,6 +53,7 @@ mod tour;
 mod trail;
 mod walls;
 
+pub use cost_map::BODY_MM;
 pub use explorer::Explorer;
 pub use goto::GoTo;
 
@@ -163,7 +164,7 @@ impl Config {
 }
 
 impl Default for Config {
-    /// The first board without a servo; a body of 100 mm radius.
+    /// The first board without a servo; a body of [`BODY_MM`].
     fn default() -> Self {
         Self {
             mounts: Mount::first_board().map(Some),

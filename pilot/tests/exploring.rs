@@ -342,6 +342,8 @@ fn exploring_keeps_to_what_the_configuration_can_do() {
         plan(&[(fields::RANGEFINDERS, 0)]),
     );
     assert!(matches!(blind, Err(Error::Rejected(_, why)) if why.starts_with("rangefinders = 0")));
+    let wide = [200_000, 200_001].map(|track| plan(&[(fields::TRACK, track)]).is_err());
+    assert_eq!(wide, [false, true]);
     let (plan, swept) = (plan(&[]).unwrap(), swept.unwrap());
     let defaults = navigator::Config::default();
     assert_eq!(

@@ -35,12 +35,15 @@ pub fn ensure_velocity(config: &Config) -> Result<(), Error> {
 /// The plan's settings for a configuration.
 ///
 /// # Errors
-/// [`Error::WrongMode`] where the mode carries no velocity; [`Error::Rejected`] without a rangefinder.
+/// [`Error::WrongMode`] where the mode carries no velocity; [`Error::Rejected`] without a rangefinder or too wide.
 pub fn navigator_config(config: &Config) -> Result<navigator::Config, Error> {
     ensure_velocity(config)?;
+    let rejected = |why: &str| Err(Error::Rejected("in the EEPROM".into(), why.into()));
     if config.rangefinders() == 0 {
-        let why = "rangefinders = 0, and a plan needs 1 to 3 to see its way";
-        return Err(Error::Rejected("in the EEPROM".into(), why.into()));
+        return rejected("rangefinders = 0, and a plan needs 1 to 3 to see its way");
+    }
+    if f64::from(config.track().0) > 2000.0 * navigator::BODY_MM {
+        return rejected("track is above 200 mm, the width of the body that plans keep off walls");
     }
     let limits = config.velocity_limits();
     let defaults = navigator::Config::default();
@@ -48,11 +51,7 @@ pub fn navigator_config(config: &Config) -> Result<navigator::Config, Error> {
         mounts: mounts(config),
         // Where a wheel cannot follow, the core slows down and keeps the turn.
         cruise_mm_s: defaults.cruise_mm_s.min(limits.speed_mm_s.into()),
-        sweep_half_width_rad: if config.servo().is_some() {
-            SWEEP_DEG.to_radians()
-        } else {
-            0.0
-        },
+        sweep_half_width_rad: config.servo().map_or(0.0, |_| SWEEP_DEG.to_radians()),
         ..defaults
     })
 }
