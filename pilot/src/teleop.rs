@@ -122,10 +122,8 @@ impl DeadMan {
             self.pressed = None;
             return Some((0.0, 0.0));
         }
-        if self
-            .sent
-            .is_some_and(|sent| now.duration_since(sent) < RENEW)
-        {
+        let is_fresh = |sent| now.duration_since(sent) < RENEW;
+        if self.sent.is_some_and(is_fresh) {
             return None;
         }
         self.sent = Some(now);

@@ -317,15 +317,11 @@ fn plan_gets_each_stop_and_its_action_clears_it() {
         let (asked, stops) = run(Action::Resume, &[(1.0, state, fault)]);
         assert_eq!(stops, [Some(expected)], "{fault:?}");
         let request = asked.unwrap()[0];
-        assert_eq!(
-            (request.order, request.clear_faults),
-            (Order::Resume, fault)
-        );
+        let expected = (Order::Resume, fault);
+        assert_eq!((request.order, request.clear_faults), expected);
     }
-    let (asked, stops) = run(
-        Action::Resume,
-        &[(1.0, State::Faulted, Faults::BATTERY_CUTOFF)],
-    );
+    let cutoff = [(1.0, State::Faulted, Faults::BATTERY_CUTOFF)];
+    let (asked, stops) = run(Action::Resume, &cutoff);
     assert!(matches!(asked, Err(Error::Fault { .. })) && stops.is_empty());
 }
 
@@ -337,10 +333,8 @@ fn exploring_keeps_to_what_the_configuration_can_do() {
         Config::decode(&values.iter().fold(image, with)).unwrap()
     };
     let plan = |values: &[_]| exploring::navigator_config(&config(values));
-    let (swept, blind) = (
-        plan(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]),
-        plan(&[(fields::RANGEFINDERS, 0)]),
-    );
+    let swept = plan(&[(fields::SERVO, 1), (fields::MAX_SPEED, 90)]);
+    let blind = plan(&[(fields::RANGEFINDERS, 0)]);
     assert!(matches!(blind, Err(Error::Rejected(_, why)) if why.starts_with("rangefinders = 0")));
     let wide = [200_000, 200_001].map(|track| plan(&[(fields::TRACK, track)]).is_err());
     assert_eq!(wide, [false, true]);

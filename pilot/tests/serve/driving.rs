@@ -89,6 +89,9 @@ fn lease_without_renewal_ends_in_a_stop() {
         assert!(why.contains("the lease of client has ended"), "{why}");
         let lease = Duration::from_millis(LEASE_MS.into());
         assert!((lease..lease * 2).contains(&renewed.elapsed()));
+        // To stand is no error.
+        client.request(&drive(0.0, 300)).unwrap();
+        assert_eq!(end_of_motion(&mut client), "");
     });
     assert_eq!(stops(&commands), (1, vec![100_000]));
 }

@@ -93,14 +93,11 @@ fn end_of_motion(client: &mut Client) -> String {
 
 /// Frames from the last one that drives until the stop order, and the speeds of those that drove.
 fn stops(commands: &[Command]) -> (usize, Vec<i32>) {
-    let mut speeds: Vec<_> = commands
-        .iter()
-        .map(|command| command.velocity.forward)
-        .collect();
+    let speeds = commands.iter().map(|command| command.velocity.forward);
+    let mut speeds: Vec<_> = speeds.collect();
     let last = speeds.iter().rposition(|&speed| speed != 0).unwrap();
-    let stop = commands[last..]
-        .iter()
-        .position(|command| command.order == Order::Stop);
+    let is_stop = |command: &Command| command.order == Order::Stop;
+    let stop = commands[last..].iter().position(is_stop);
     speeds.retain(|&speed| speed != 0);
     speeds.dedup();
     (stop.unwrap(), speeds)

@@ -85,6 +85,12 @@ struct Lease {
     ends: Option<Instant>,
 }
 
+impl Lease {
+    fn is_over(&self) -> bool {
+        self.ends.is_some_and(|ends| Instant::now() >= ends)
+    }
+}
+
 struct Server {
     events: Receiver<Event>,
     clients: BTreeMap<ClientId, Client>,
@@ -241,11 +247,16 @@ impl Server {
                 ..CommandRequest::default()
             };
             let report = moving.session.exchange(&request)?;
-            self.frame(moving.session, report.as_ref())?;
+            let outcome = self.frame(moving.session, report.as_ref());
+            // A command to stand ends with its lease.
+            let stands = self.velocity == VelocityRequest::default();
+            if outcome.is_err() && stands && self.lease.as_ref().is_some_and(Lease::is_over) {
+                return Ok(());
+            }
+            outcome?;
             if let Some(report) = report {
-                moving
-                    .session
-                    .ensure_drivable(report.state, report.faults)?;
+                let (state, faults) = (report.state, report.faults);
+                moving.session.ensure_drivable(state, faults)?;
             }
         }
     }

@@ -52,7 +52,7 @@ impl Server {
             let name = &lease.name;
             if !self.clients.contains_key(&lease.client) {
                 self.cancel(&format!("{name} has disconnected"));
-            } else if lease.ends.is_some_and(|ends| Instant::now() >= ends) {
+            } else if lease.is_over() {
                 self.cancel(&format!("the lease of {name} has ended"));
             }
         }
@@ -138,21 +138,13 @@ impl Server {
             }
             Request::Borrow => {
                 self.free_for(id)?;
-                let (name, length) = (self.name(id), Duration::ZERO);
                 // Without frames the robot's own stop deadline ends its motion.
-                self.lease = Some(Lease {
-                    client: id,
-                    name,
-                    length,
-                    ends: None,
-                });
+                self.lease = Some(self.lease_of(id, Duration::ZERO, None));
                 self.begin(Motion::Lend);
             }
             Request::Board { .. } | Request::Return => {
-                return Err(refused(
-                    "this client has not borrowed the robot",
-                    Exit::Usage,
-                ));
+                let text = "this client has not borrowed the robot";
+                return Err(refused(text, Exit::Usage));
             }
         }
         Ok(())
@@ -212,13 +204,18 @@ impl Server {
     fn take_lease(&mut self, id: ClientId, lease_ms: u32) -> Result<(), Error> {
         self.reachable_for(id)?;
         let length = Duration::from_millis(lease_ms.into());
-        self.lease = Some(Lease {
-            client: id,
-            name: self.name(id),
-            length,
-            ends: Some(Instant::now() + length),
-        });
+        self.lease = Some(self.lease_of(id, length, Some(Instant::now() + length)));
         Ok(())
+    }
+
+    fn lease_of(&self, client: ClientId, length: Duration, ends: Option<Instant>) -> Lease {
+        let name = self.name(client);
+        Lease {
+            client,
+            name,
+            length,
+            ends,
+        }
     }
 
     /// # Errors
