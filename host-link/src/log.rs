@@ -31,10 +31,30 @@ pub enum LogLine {
     Other,
 }
 
-/// Splits bytes into lines.
+/// Splits bytes into lines, as they come.
+#[derive(Clone, Debug, Default)]
+pub struct Lines(Vec<u8>);
+
+impl Lines {
+    /// Takes bytes in pieces of any size; returns the lines they complete without their ends, of a line longer
+    /// than `longest` bytes that many and one more.
+    pub fn feed(&mut self, bytes: &[u8], longest: usize) -> Vec<Vec<u8>> {
+        let mut lines = Vec::new();
+        for &byte in bytes {
+            if byte == b'\n' {
+                lines.push(std::mem::take(&mut self.0));
+            } else if self.0.len() <= longest {
+                self.0.push(byte);
+            }
+        }
+        lines
+    }
+}
+
+/// Reads the log's lines.
 #[derive(Clone, Debug, Default)]
 pub struct LogParser {
-    partial: Vec<u8>,
+    lines: Lines,
     malformed: u64,
 }
 
@@ -42,20 +62,14 @@ impl LogParser {
     /// Takes bytes as they come, in pieces of any size; returns the lines they complete, each with the number
     /// that every line of the log takes: 0 to 99999 and again.
     pub fn feed(&mut self, bytes: &[u8]) -> Vec<(u32, LogLine)> {
-        let mut lines = Vec::new();
-        for &byte in bytes {
-            if byte == b'\n' {
-                match parse(&self.partial) {
-                    Some(line) => lines.push(line),
-                    None => self.malformed += 1,
-                }
-                self.partial.clear();
-            } else if self.partial.len() <= LONGEST {
-                // One byte more than the longest marks the line as too long.
-                self.partial.push(byte);
+        let mut read = Vec::new();
+        for line in self.lines.feed(bytes, LONGEST) {
+            match parse(&line) {
+                Some(line) => read.push(line),
+                None => self.malformed += 1,
             }
         }
-        lines
+        read
     }
 
     /// Lines that do not have the log's form.
@@ -306,7 +320,7 @@ mod tests {
         for _ in 0..1000 {
             parser.feed(&[b'I'; 1000]);
         }
-        assert!(parser.partial.len() <= LONGEST + 1);
+        assert!(parser.lines.0.len() <= LONGEST + 1);
         assert_eq!(parser.feed(b"\nI00001: x\n"), [(1, LogLine::Other)]);
         for (len, lines) in [(LONGEST, 1), (LONGEST + 1, 0)] {
             let line = format!("I00001: {:x<1$}\n", "", len - 8);

@@ -3,6 +3,7 @@
 use super::connection::{Context, interrupt};
 use super::output::Output;
 use host_link::error::{Error, Exit};
+use host_link::log::Lines;
 use pilot::serve::protocol::{Message, Request};
 use serde_json::json;
 
@@ -28,14 +29,11 @@ pub fn run(context: Context<'_>) -> Result<(), Error> {
         session.wait_for_reply()?;
         session.stop();
         let state = session.snapshot().state;
+        let stopped = json!({ "stopped": true, "state": state });
+        let state = state.map(|state| format!(" ({state})")).unwrap_or_default();
         context
             .output
-            .result(&json!({ "stopped": true, "state": state }), || {
-                format!(
-                    "stopped{}",
-                    state.map(|state| format!(" ({state})")).unwrap_or_default()
-                )
-            })
+            .result(&stopped, || format!("stopped{state}"))
     })
 }
 
@@ -59,17 +57,12 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
     }
     context.with_own_board(|connection| {
         let io = &mut connection.io;
-        let mut partial = Vec::new();
+        let mut lines = Lines::default();
         loop {
             io.interrupt.check()?;
             Output::check_reader()?;
-            for byte in io.log.read_new()? {
-                if byte == b'\n' {
-                    show(String::from_utf8_lossy(&partial).trim_end().to_string())?;
-                    partial.clear();
-                } else if partial.len() < 256 {
-                    partial.push(byte);
-                }
+            for line in lines.feed(&io.log.read_new()?, 256) {
+                show(String::from_utf8_lossy(&line).trim_end().to_string())?;
             }
             io.delay.delay_us(LOOK_US);
         }

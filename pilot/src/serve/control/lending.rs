@@ -140,8 +140,8 @@ impl Server {
             (Call::Log, _) => {
                 let fresh = session.poll_log();
                 loan.keep_log(&fresh);
-                self.log.extend(fresh);
                 let read = loan.log.drain(..loan.log.len().min(MAX_BYTES)).collect();
+                self.publish_log(&fresh);
                 let unread = session.log_error();
                 unread.map_or(Ok((read, 0)), |why| Err(refused(why, Exit::Device)))
             }

@@ -19,6 +19,7 @@ use fw_core::wire::Report;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::error::{Error, Exit};
+use host_link::log::Lines;
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use lending::Loan;
@@ -110,7 +111,7 @@ struct Server {
     advice: Vec<String>,
     frames: u32,
     latest: Option<Frame>,
-    log: Vec<u8>,
+    log: Lines,
     pacer: Pacer,
 }
 
@@ -137,7 +138,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         advice: Vec::new(),
         frames: 0,
         latest: None,
-        log: Vec::new(),
+        log: Lines::default(),
         pacer: Pacer::new(options.speed),
     };
     let interrupt = io.interrupt.clone();

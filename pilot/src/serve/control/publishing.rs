@@ -5,6 +5,7 @@ use crate::serve::hub::ClientId;
 use crate::serve::protocol::{Failure, Message, VERSION};
 use crate::serve::tiles::Tiles;
 use host_link::error::Error;
+use host_link::log::Lines;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -15,11 +16,10 @@ impl Server {
     /// Sends the frame, the log and the map to those who watch.
     pub(super) fn publish(&mut self, log: &[u8]) {
         self.frames = self.frames.wrapping_add(1);
+        self.publish_log(log);
         if self.clients.values().all(|client| client.every.is_none()) {
-            self.log.clear();
             return;
         }
-        let messages = log_lines(&mut self.log, log);
         let frame = self.latest.clone().map(Box::new).map(Message::Frame);
         let frame = frame.as_ref().map(text);
         let mut changed = Vec::new();
@@ -44,17 +44,20 @@ impl Server {
             let due = frame.iter().filter(|_| frames % every == 0);
             let known = client.tiles;
             client.tiles += tiles.from(known).len();
+            let shared = |number| written.get(&number).cloned();
             let fresh = known..client.tiles;
-            let fresh = fresh.map(|number| {
-                written
-                    .get(&number)
-                    .cloned()
-                    .unwrap_or_else(|| tile(number))
-            });
+            let fresh = fresh.map(|number| shared(number).unwrap_or_else(|| tile(number)));
             let update = written.range(..known).map(|(_, text)| Arc::clone(text));
-            let mut shared = messages.iter().chain(due);
-            shared.all(|message| client.send(message))
-                && update.chain(fresh).all(|message| client.send(&message))
+            let mut all = due.map(Arc::clone).chain(update).chain(fresh);
+            all.all(|message| client.send(&message))
+        });
+    }
+
+    /// Sends the lines that these bytes of the log complete.
+    pub(super) fn publish_log(&mut self, bytes: &[u8]) {
+        let lines = log_lines(&mut self.log, bytes);
+        self.clients.retain(|_, client| {
+            client.every.is_none() || lines.iter().all(|line| client.send(line))
         });
     }
 
@@ -77,31 +80,19 @@ impl Server {
     }
 
     pub(super) fn send_to(&mut self, id: ClientId, message: &Message) {
-        let keeps_up = self
-            .clients
-            .get(&id)
-            .is_none_or(|client| client.send(&text(message)));
-        if !keeps_up {
+        let client = self.clients.get(&id);
+        if client.is_some_and(|client| !client.send(&text(message))) {
             self.clients.remove(&id);
         }
     }
 }
 
-/// The lines that these bytes complete after those of `begun`, which keeps what they begin.
-fn log_lines(begun: &mut Vec<u8>, bytes: &[u8]) -> Vec<Arc<str>> {
-    begun.extend_from_slice(bytes);
-    let Some(end) = begun.iter().rposition(|&byte| byte == b'\n') else {
-        // Still too long for a line.
-        begun.truncate(MAX_LOG_LINE + 1);
-        return Vec::new();
-    };
-    let rest = begun.split_off(end + 1);
-    let whole = std::mem::replace(begun, rest);
-    let whole = String::from_utf8_lossy(&whole);
-    let lines = whole.lines().filter(|line| line.len() <= MAX_LOG_LINE);
-    lines
-        .map(|line| text(&Message::Log { line: line.into() }))
-        .collect()
+/// The messages of the lines that these bytes complete.
+fn log_lines(lines: &mut Lines, bytes: &[u8]) -> Vec<Arc<str>> {
+    let lines = lines.feed(bytes, MAX_LOG_LINE).into_iter();
+    let lines = lines.map(|line| String::from_utf8_lossy(&line).trim_end().to_owned());
+    let lines = lines.filter(|line| line.len() <= MAX_LOG_LINE);
+    lines.map(|line| text(&Message::Log { line })).collect()
 }
 
 /// A message as it is sent.
@@ -112,7 +103,7 @@ fn text(message: &Message) -> Arc<str> {
 
 #[test]
 fn lines_of_the_log_are_whole_or_left_out() {
-    let (mut begun, long) = (Vec::new(), "x".repeat(MAX_LOG_LINE));
+    let (mut begun, long) = (Lines::default(), "x".repeat(MAX_LOG_LINE));
     for (bytes, expected) in [
         ("I00001: a\nI0000", &["I00001: a"][..]),
         ("2: b\n", &["I00002: b"]),
