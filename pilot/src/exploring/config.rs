@@ -43,7 +43,7 @@ pub fn navigator_config(config: &Config) -> Result<navigator::Config, Error> {
         return rejected("rangefinders = 0, and a plan needs 1 to 3 to see its way");
     }
     if f64::from(config.track().0) > 2000.0 * navigator::BODY_MM {
-        return rejected("track is above 200 mm, the width of the body that plans keep off walls");
+        return rejected("track_mm is above 200, the width of the body that plans keep off walls");
     }
     let limits = config.velocity_limits();
     let defaults = navigator::Config::default();
