@@ -173,11 +173,11 @@ pub enum Error {
         obstacle: bool,
     },
     /// A drive by a plan ended before it was complete.
-    #[error("{what} after {seconds:.0} s: {reason}; look for an obstacle and start again")]
+    #[error("{what} after {seconds:.0} s: {reason}")]
     Incomplete {
         /// What is left undone.
         what: &'static str,
-        /// Why.
+        /// Why, and what to do.
         reason: &'static str,
         /// Seconds it took.
         seconds: f64,

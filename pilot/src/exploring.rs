@@ -133,8 +133,8 @@ impl Drive {
     pub fn ensure_complete(&self, what: &'static str) -> Result<(), Error> {
         let reason = match self.outcome {
             Outcome::Complete => return Ok(()),
-            Outcome::TimeLimit => "the time ran out",
-            Outcome::Unreachable => "no way is left that the map shows free",
+            Outcome::TimeLimit => "the time ran out; `explore --timeout` gives it more",
+            Outcome::Unreachable => "the map shows no way; look for an obstacle and start again",
         };
         let seconds = self.seconds;
         Err(Error::Incomplete {
