@@ -47,7 +47,8 @@ const NOWHERE: f64 = 1e8;
 
 /// Distance classes of the surfaces that face in one of [`SECTORS`] directions.
 const SECTORS: usize = 12;
-const SECTOR_RAD: f64 = TAU / 12.0;
+#[allow(clippy::cast_precision_loss)] // a dozen
+const SECTOR_RAD: f64 = TAU / SECTORS as f64;
 const FIELD_MM: f64 = 50.0;
 const REACH_MM: f64 = 150.0;
 
