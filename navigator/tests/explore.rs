@@ -22,6 +22,14 @@ fn explore_ideally(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopR
     explore(room, seed, Config::default(), &mut mapping, stop)
 }
 
+/// All of the room, without a collision.
+fn ensure_explored(run: &Run, iou: f64) {
+    let figures = (run.coverage, run.iou);
+    assert_eq!(run.outcome, Some(Outcome::Complete));
+    assert_eq!(run.collisions, []);
+    assert!(run.coverage > 0.99 && run.iou > iou, "{figures:?}");
+}
+
 #[test]
 fn default_room_is_explored_by_estimated_pose() {
     let room = Room::two_rooms();
@@ -31,16 +39,7 @@ fn default_room_is_explored_by_estimated_pose() {
     };
     let run = explore(&room, 105, config, &mut localiser(), |_| None);
     let errors = run.errors();
-    assert_eq!(
-        (run.outcome, run.collisions.len()),
-        (Some(Outcome::Complete), 0)
-    );
-    assert!(
-        run.coverage > 0.99 && run.iou > 0.85,
-        "{} {}",
-        run.coverage,
-        run.iou
-    );
+    ensure_explored(&run, 0.85);
     assert!(
         errors.position_mm_median < 30.0 && errors.position_mm_max < 100.0,
         "{errors:?}"
@@ -56,19 +55,9 @@ fn default_room_is_explored_by_estimated_pose() {
 #[test]
 fn default_room_is_explored_and_robot_comes_home() {
     let run = explore_ideally(&Room::two_rooms(), 101, |_| None);
-    assert_eq!(run.outcome, Some(Outcome::Complete));
-    assert_eq!(run.collisions, []);
-    assert!(
-        run.coverage > 0.99 && run.iou > 0.95,
-        "{} {}",
-        run.coverage,
-        run.iou
-    );
-    assert!(
-        run.minutes < 13.0 && run.path_mm > 20_000.0,
-        "{}",
-        run.minutes
-    );
+    ensure_explored(&run, 0.95);
+    let minutes = run.minutes;
+    assert!(minutes < 13.0 && run.path_mm > 20_000.0, "{minutes}");
     assert!(run.end.x_mm.hypot(run.end.y_mm) < 80.0, "{:?}", run.end);
     let turned = run.end.turn_to_rad(&Pose2::default());
     assert!(turned.abs() < 0.1, "{turned}");

@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -56,11 +56,17 @@ impl Pi {
         fs::write(self.folder.path().join(file), edited).expect("written");
     }
 
-    fn command(&self, words: &str) -> std::process::Command {
+    fn command(&self, words: &str) -> Command {
         let mut command = self.devices.command(&self.program);
         command.args(words.split(' ')).current_dir(&self.folder);
         command.stdin(Stdio::null());
         command
+    }
+
+    fn start(&self, words: &str) -> Child {
+        let mut command = self.command(words);
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().expect("started")
     }
 
     #[track_caller]
@@ -112,12 +118,7 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     pi.edit("servo = false", "servo = true", "second.toml");
     let mut outcomes = Vec::new();
     for after_ms in [20, 60, 150, 400] {
-        let mut write = pi.command("eeprom write second.toml");
-        let mut write = write
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("started");
+        let mut write = pi.start("eeprom write second.toml");
         sleep(Duration::from_millis(after_ms));
         write.kill().expect("a child");
         write.wait().expect("ended");
@@ -127,12 +128,7 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
         pi.expect(0, "eeprom write robot.toml");
     }
     println!("undone: {outcomes:?}");
-    let mut goto = pi.command("goto 400 0 0");
-    let mut goto = goto
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("started");
+    let mut goto = pi.start("goto 400 0 0");
     let moves = || pi.devices.board.truth().duty != Sides::default();
     let begins = (0..500).any(|_| {
         sleep(Duration::from_millis(10));

@@ -108,6 +108,7 @@ pub fn serve(transport: &impl Transport, port: &Port, token: Option<&str>) {
         thread::scope(|scope| {
             scope.spawn(|| write(transport, messages));
             let ended = exchange(transport, &mut unread, port, &answers, token.is_none());
+            answers.try_iter().for_each(drop);
             let dropped = answers.try_recv() == Err(TryRecvError::Disconnected);
             port.leave();
             if dropped {
@@ -163,8 +164,9 @@ fn write(transport: &impl Transport, messages: Receiver<Arc<str>>) {
     let _ = transport.stream().shutdown(ends);
 }
 
-/// Reads requests, the next one once one is answered, until the control loop drops the client. The robot's
-/// lines and buses are for clients of this computer (`local`).
+/// Reads requests and passes each on once the one before is answered, until the control loop drops the
+/// client, or the client goes: it leaves at once, also while a request of its is handled. The robot's lines
+/// and buses are for clients of this computer (`local`).
 fn exchange(
     transport: &impl Transport,
     unread: &mut Vec<u8>,
@@ -172,8 +174,11 @@ fn exchange(
     answers: &Receiver<()>,
     local: bool,
 ) -> io::Result<()> {
-    while answers.recv().is_ok() {
+    loop {
         let line = transport.receive(unread, None)?.unwrap_or_default();
+        if answers.recv().is_err() {
+            return Ok(());
+        }
         port.ask(Request::parse(&line).and_then(|request| match request {
             Request::Borrow if !local => {
                 Err("a robot is borrowed over its Unix socket only".into())
@@ -181,7 +186,6 @@ fn exchange(
             request => Ok(request),
         }));
     }
-    Ok(())
 }
 
 /// Accepts clients and gives each a thread.

@@ -3,7 +3,7 @@
 use crate::{join, serve};
 use host_link::error::Error;
 use pilot::client::Client;
-use pilot::serve::hub::{Event, Hub, MAX_CLIENTS};
+use pilot::serve::hub::{self, Event, Hub, MAX_CLIENTS};
 use pilot::serve::listener::{self, GREETING, Lines};
 use pilot::serve::protocol::{MAX_LINE, Request};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
@@ -11,6 +11,8 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::sync::Mutex;
+use std::sync::mpsc::Receiver;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
@@ -62,13 +64,17 @@ fn line(request: &Request) -> Vec<u8> {
     [serde_json::to_vec(request).unwrap(), b"\n".to_vec()].concat()
 }
 
+/// A connection to a server that asks for this token, its events, and its thread.
+fn connected(token: Option<&'static str>) -> (UnixStream, Receiver<Event>, JoinHandle<()>) {
+    let (hub, events) = Hub::new();
+    let (client, server) = UnixStream::pair().unwrap();
+    let serve = move || listener::serve(&Lines(server), &hub.admit().unwrap(), token);
+    (client, events, thread::spawn(serve))
+}
+
 /// What a client gets that sends these bytes, and whether the connection has ended.
 fn answer(bytes: &[u8], token: Option<&'static str>) -> String {
-    let (hub, _events) = Hub::new();
-    let (mut client, server) = UnixStream::pair().unwrap();
-    let thread = thread::spawn(move || {
-        listener::serve(&Lines(server), &hub.admit().unwrap(), token);
-    });
+    let (mut client, _events, thread) = connected(token);
     // The server may refuse before everything is sent.
     let _ = client.write_all(bytes);
     client.set_read_timeout(Some(GREETING / 4)).unwrap();
@@ -122,20 +128,22 @@ fn network_client_without_the_token_is_refused() {
     assert!(refusal.contains("the token is wrong"), "{refusal}");
 }
 
-// Requirement: SERVE-client-2
-#[test]
-fn idle_connection_of_a_dropped_client_ends() {
-    let (hub, events) = Hub::new();
-    let (mut client, server) = UnixStream::pair().unwrap();
-    let thread = thread::spawn(move || {
-        listener::serve(&Lines(server), &hub.admit().unwrap(), None);
-    });
+/// A connection whose client has joined and waits for nothing, its events, and its thread.
+fn joined() -> (UnixStream, hub::Client, Receiver<Event>, JoinHandle<()>) {
+    let (mut client, events, thread) = connected(None);
     client.write_all(&line(&hello(""))).unwrap();
     let Event::Joined(joined) = events.recv().unwrap() else {
         panic!("no client");
     };
-    assert!(joined.send(&"reply".into()));
     joined.answered();
+    (client, joined, events, thread)
+}
+
+// Requirement: SERVE-client-2
+#[test]
+fn idle_connection_of_a_dropped_client_ends() {
+    let (mut client, joined, _events, thread) = joined();
+    assert!(joined.send(&"reply".into()));
     // Its reader waits for a request by now.
     thread::sleep(Duration::from_millis(50));
     drop(joined);
@@ -144,6 +152,17 @@ fn idle_connection_of_a_dropped_client_ends() {
     assert!(text.starts_with("reply\n"), "{text}");
     assert!(text.contains("the server has ended"), "{text}");
     thread.join().unwrap();
+}
+
+// Requirement: SERVE-drive-2
+#[test]
+fn client_that_goes_leaves_before_its_request_is_answered() {
+    let (mut client, _joined, events, _thread) = joined();
+    client.write_all(&line(&Request::Stop)).unwrap();
+    let event = || events.recv_timeout(GREETING).unwrap();
+    assert!(matches!(event(), Event::Asked(0, Ok(Request::Stop))));
+    drop(client);
+    assert!(matches!(event(), Event::Left(0)));
 }
 
 // Requirement: SERVE-client-3
