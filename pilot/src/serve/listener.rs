@@ -108,6 +108,7 @@ pub fn serve(transport: &impl Transport, port: &Port, token: Option<&str>) {
         thread::scope(|scope| {
             scope.spawn(|| write(transport, messages));
             let ended = exchange(transport, &mut unread, port, &answers, token.is_none());
+            // A client may go with an answer unused; it hides whether it was dropped.
             answers.try_iter().for_each(drop);
             let dropped = answers.try_recv() == Err(TryRecvError::Disconnected);
             port.leave();
@@ -165,8 +166,8 @@ fn write(transport: &impl Transport, messages: Receiver<Arc<str>>) {
 }
 
 /// Reads requests and passes each on once the one before is answered, until the control loop drops the
-/// client, or the client goes: it leaves at once, also while a request of its is handled. The robot's lines
-/// and buses are for clients of this computer (`local`).
+/// client or the connection ends, be it while a request waits for its answer. The robot's lines and buses
+/// are for clients of this computer (`local`).
 fn exchange(
     transport: &impl Transport,
     unread: &mut Vec<u8>,
