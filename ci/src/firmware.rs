@@ -37,9 +37,8 @@ pub const BRINGUP: Program = Program {
 };
 /// A program of `tests/bench`, built as the firmware is.
 pub const fn bench(name: &'static str) -> Program {
-    let package = "odometry-bench";
     Program {
-        package,
+        package: "odometry-bench",
         name,
         ..RELEASE
     }

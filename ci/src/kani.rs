@@ -17,11 +17,11 @@ const MISSING: &str =
     "Kani is not installed (`cargo install --locked kani-verifier && cargo kani setup`)";
 
 /// Which harnesses to prove.
-#[derive(Args, Default)]
+#[derive(Args)]
 pub struct Choice {
     /// Only every N-th harness, K from 0
-    #[arg(long, value_name = "K/N", default_value = "0/1", value_parser = Shard::parse)]
-    shard: Shard,
+    #[arg(long, value_name = "K/N", default_value = "0/1", value_parser = parse_shard)]
+    shard: (usize, usize),
     /// Only harnesses with this in their name
     #[arg(long, value_name = "TEXT", default_value = "")]
     only: String,
@@ -32,22 +32,11 @@ pub struct Choice {
 }
 
 /// `K/N`: every N-th harness, K from 0. Neighbours cost alike, so each machine of N gets one of them.
-#[derive(Clone, Copy, Debug)]
-struct Shard(usize, usize);
-
-impl Default for Shard {
-    fn default() -> Self {
-        Self(0, 1)
-    }
-}
-
-impl Shard {
-    fn parse(text: &str) -> Result<Self> {
-        let numbers = text.split_once('/').context("not K/N")?;
-        let (number, count) = (numbers.0.parse()?, numbers.1.parse()?);
-        ensure!(number < count, "K is not below N");
-        Ok(Self(number, count))
-    }
+fn parse_shard(text: &str) -> Result<(usize, usize)> {
+    let numbers = text.split_once('/').context("not K/N")?;
+    let (number, count) = (numbers.0.parse()?, numbers.1.parse()?);
+    ensure!(number < count, "K is not below N");
+    Ok((number, count))
 }
 
 /// What `proofs` declares, as its example `theorems` lists it: a table, or with `--harnesses` those, one a line.
@@ -58,7 +47,12 @@ pub fn declared(workspace: &Workspace, arguments: &[&str]) -> Result<String> {
 
 /// Proves every harness where Kani is installed; reads the evidence where it is not.
 pub fn gate(workspace: &Workspace) -> Result<String> {
-    let proven = prove(workspace, &Choice::default());
+    let every = Choice {
+        shard: (0, 1),
+        only: String::new(),
+        evidence: false,
+    };
+    let proven = prove(workspace, &every);
     let is_missing = |failure: &Failure| failure.0 == Kind::MissingProgram;
     if !matches!(&proven, Err(error) if error.downcast_ref().is_some_and(is_missing)) {
         return proven;
@@ -89,7 +83,7 @@ pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
     if choice.evidence {
         known = evidence::read(workspace)?;
     }
-    let Shard(number, count) = choice.shard;
+    let (number, count) = choice.shard;
     let chosen = declared.iter().skip(number).step_by(count).copied();
     let chosen = chosen.filter(|name| name.contains(&choice.only) && !known.contains_key(*name));
     let chosen: Vec<_> = chosen.collect();

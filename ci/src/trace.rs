@@ -126,7 +126,7 @@ impl Trace {
         let tests = pattern(r"(?m)^ *#\[cfg\(test\)\]\n.*\{$|^(// Requirement: .*\n)?#\[test\]")
             .find(source);
         let tests = tests.map_or(source.len(), |tests| tests.start());
-        for citation in pattern(CITATION).captures_iter(source) {
+        for citation in pattern(r"(?m)^ *// Requirement: (.*)$").captures_iter(source) {
             let at = citation.get(1).map_or(0, |ids| ids.start());
             let place = format!("{name}:{}", source[..at].lines().count());
             let below = source[at..].lines().nth(1).unwrap_or_default();
@@ -144,9 +144,6 @@ impl Trace {
         }
     }
 }
-
-/// A citation of requirements, parted by commas.
-const CITATION: &str = r"(?m)^ *// Requirement: (.*)$";
 
 #[test]
 fn section_of_the_document_without_a_line_is_named() {

@@ -143,16 +143,20 @@ struct Finder {
 }
 
 impl Finder {
-    fn consider(&mut self, node: &(impl ToTokens + Spanned), function: Option<(&str, bool)>) {
+    fn consider(&mut self, node: &(impl ToTokens + Spanned), function: Option<&syn::ItemFn>) {
         let Some(start) = first_line(node) else {
             return;
         };
         let end = node.span().end().line;
-        let path = |name: &str| [&self.modules[..], &[name.to_owned()]].concat().join("::");
+        let path = |function: &syn::ItemFn| {
+            let name = function.sig.ident.to_string();
+            [&self.modules[..], &[name]].concat().join("::")
+        };
+        let mut attributes = function.iter().flat_map(|function| &function.attrs);
         let cited = Cited {
             lines: start..=end,
-            function: function.map(|(name, _)| path(name)),
-            is_test: function.is_some_and(|(_, is_test)| is_test),
+            function: function.map(path),
+            is_test: attributes.any(|attribute| attribute.path().is_ident("test")),
         };
         for (line, found) in self.lines.iter().zip(&mut self.found) {
             let rank = |cited: &Cited| (*cited.lines.start(), usize::MAX - cited.lines.end());
@@ -180,17 +184,26 @@ fn first_line(node: &impl ToTokens) -> Option<usize> {
     }
 }
 
+/// Visits of what is cited as it is, and of what is inside.
+macro_rules! consider {
+    ($($visit:ident: $node:ident),*) => {
+        $(fn $visit(&mut self, node: &'ast syn::$node) {
+            self.consider(node, None);
+            visit::$visit(self, node);
+        })*
+    };
+}
+
 impl<'ast> Visit<'ast> for Finder {
+    consider!(visit_impl_item: ImplItem, visit_stmt: Stmt, visit_arm: Arm);
+    consider!(visit_field_value: FieldValue, visit_field: Field, visit_variant: Variant);
+
     fn visit_item(&mut self, item: &'ast syn::Item) {
-        match item {
-            syn::Item::Fn(function) => {
-                let mut attributes = function.attrs.iter();
-                let is_test = attributes.any(|attr| attr.path().is_ident("test"));
-                let name = function.sig.ident.to_string();
-                self.consider(item, Some((&name, is_test)));
-            }
-            _ => self.consider(item, None),
-        }
+        let function = match item {
+            syn::Item::Fn(function) => Some(function),
+            _ => None,
+        };
+        self.consider(item, function);
         visit::visit_item(self, item);
     }
 
@@ -198,36 +211,6 @@ impl<'ast> Visit<'ast> for Finder {
         self.modules.push(module.ident.to_string());
         visit::visit_item_mod(self, module);
         self.modules.pop();
-    }
-
-    fn visit_impl_item(&mut self, item: &'ast syn::ImplItem) {
-        self.consider(item, None);
-        visit::visit_impl_item(self, item);
-    }
-
-    fn visit_stmt(&mut self, statement: &'ast syn::Stmt) {
-        self.consider(statement, None);
-        visit::visit_stmt(self, statement);
-    }
-
-    fn visit_arm(&mut self, arm: &'ast syn::Arm) {
-        self.consider(arm, None);
-        visit::visit_arm(self, arm);
-    }
-
-    fn visit_field_value(&mut self, field: &'ast syn::FieldValue) {
-        self.consider(field, None);
-        visit::visit_field_value(self, field);
-    }
-
-    fn visit_field(&mut self, field: &'ast syn::Field) {
-        self.consider(field, None);
-        visit::visit_field(self, field);
-    }
-
-    fn visit_variant(&mut self, variant: &'ast syn::Variant) {
-        self.consider(variant, None);
-        visit::visit_variant(self, variant);
     }
 }
 

@@ -14,7 +14,7 @@ use crate::citations::{Citations, Claim};
 use crate::config::{Config, Judge, Stage};
 use crate::mutant::Mutant;
 use crate::operators::{CONSTANT, NAMES};
-use crate::suite::{BuildError, Outcome, Suite};
+use crate::suite::{DoesNotCompile, Outcome, Suite};
 use crate::switch::{Constants, FEATURES, SWITCH, marked, switch};
 use crate::workspace::{Workspace, edit, module, near, sorted};
 
@@ -95,21 +95,16 @@ impl<'a> Engine<'a> {
         loop {
             let mut copy = self.copy("switched")?;
             let numbers = self.rewrite(&copy.root, &refused)?;
-            match Suite::build(self.config, &self.stages[0], &copy.root, &copy.target) {
-                Ok(mut suite) => {
-                    suite.calibrate(&[])?;
-                    copy.suites.insert(0, suite);
-                    return Ok((copy, numbers));
-                }
-                Err(BuildError::Compile(messages)) => {
-                    let before = refused.len();
-                    refused.extend(blamed(&messages, &copy.root));
-                    if refused.len() == before {
-                        let error = messages.lines().find_map(rendered).unwrap_or_default();
-                        bail!("the code with all mutants does not compile: {error}");
-                    }
-                }
-                Err(BuildError::Other(error)) => return Err(error),
+            let Err(error) = copy.prepare(self.config, &self.stages, 0) else {
+                return Ok((copy, numbers));
+            };
+            let DoesNotCompile(messages) = error.downcast()?;
+            let before = refused.len();
+            refused.extend(blamed(&messages, &copy.root));
+            if refused.len() == before {
+                let rendered = |error: Value| error["rendered"].as_str().map(str::to_owned);
+                let error = errors(&messages).find_map(rendered).unwrap_or_default();
+                bail!("the code with all mutants does not compile: {error}");
             }
         }
     }
@@ -222,8 +217,7 @@ impl<'a> Engine<'a> {
                 continue;
             }
             let stage = Stage::of(packages, false, &[]);
-            let suite = Suite::build(self.config, &stage, &copy.root, &copy.target);
-            let suite = suite.map_err(BuildError::into_error)?;
+            let suite = Suite::build(self.config, &stage, &copy.root, &copy.target)?;
             let outcomes = in_parallel(&chosen, self.jobs, |index| {
                 let mut suite = suite.clone();
                 let only = [claims[index].test.clone()];
@@ -289,9 +283,12 @@ impl<'a> Engine<'a> {
             })?;
             let built = Suite::build(self.config, &self.stages[stage], &copy.root, &copy.target);
             let ran = match built {
-                Ok(suite) => suite.limited_as(&copy.suites[&stage]).run(0, &[]),
-                Err(BuildError::Compile(_)) => Ok(Outcome::Unviable),
-                Err(BuildError::Other(error)) => Err(error),
+                Ok(mut suite) => {
+                    suite.limit = copy.suites[&stage].limit;
+                    suite.run(0, &[])
+                }
+                Err(error) if error.is::<DoesNotCompile>() => Ok(Outcome::Unviable),
+                Err(error) => Err(error),
             };
             edit(&file, |_| Ok(original))?;
             outcome = ran?;
@@ -307,30 +304,27 @@ impl Copy {
         if self.suites.contains_key(&stage) {
             return Ok(());
         }
-        let suite = Suite::build(config, &stages[stage], &self.root, &self.target);
-        let mut suite = suite.map_err(BuildError::into_error)?;
+        let mut suite = Suite::build(config, &stages[stage], &self.root, &self.target)?;
         suite.calibrate(&[])?;
         self.suites.insert(stage, suite);
         Ok(())
     }
 }
 
-/// The text of an error among the compiler's messages.
-fn rendered(message: &str) -> Option<String> {
-    let message: Value = serde_json::from_str(message).ok()?;
-    let message = &message["message"];
-    (message["level"] == "error").then(|| message["rendered"].as_str().map(str::to_owned))?
+/// The errors among the compiler's messages.
+fn errors(messages: &str) -> impl Iterator<Item = Value> {
+    let messages = messages.lines().filter_map(|message| {
+        let mut message: Value = serde_json::from_str(message).ok()?;
+        Some(message.get_mut("message")?.take())
+    });
+    messages.filter(|message| message["level"] == "error")
 }
 
 /// The indices of the mutants on the lines that the compiler's errors are about.
 fn blamed(messages: &str, root: &Path) -> BTreeSet<usize> {
     let mut indices = BTreeSet::new();
-    for message in messages.lines() {
-        let message: Value = serde_json::from_str(message).unwrap_or_default();
-        if message["message"]["level"] != "error" {
-            continue;
-        }
-        for span in message["message"]["spans"].as_array().into_iter().flatten() {
+    for error in errors(messages) {
+        for span in error["spans"].as_array().into_iter().flatten() {
             let mut span = span;
             // From inside a macro out to where it is called.
             while span.is_object() {

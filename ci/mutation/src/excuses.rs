@@ -80,13 +80,8 @@ impl Excused {
 
 impl std::fmt::Display for Excused {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            file,
-            function,
-            change,
-            at,
-        } = self;
-        write!(f, "{file}: {change} in {function} at {at}")
+        write!(f, "{}: {} in ", self.file, self.change)?;
+        write!(f, "{} at {}", self.function, self.at)
     }
 }
 

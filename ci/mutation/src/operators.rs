@@ -62,11 +62,7 @@ pub fn list(
     let mut finder = Finder {
         text,
         genre: CONSTANT,
-        unit: false,
-        owner: String::new(),
-        constructing: false,
-        constructors: Vec::new(),
-        mutants: Vec::new(),
+        ..Finder::default()
     };
     finder.visit_file(&syn::parse_file(text)?);
     let constructors = finder.constructors.iter();
@@ -91,6 +87,7 @@ pub fn list(
     Ok(mutants.collect())
 }
 
+#[derive(Default)]
 struct Finder<'a> {
     text: &'a str,
     /// Of an integer here: in a constant, or in a function.

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Error, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
 use crate::config::{Config, Stage};
@@ -36,38 +36,20 @@ pub struct Suite {
     /// Arguments that leave out tests.
     skip: Vec<String>,
     /// How long all programs together may take.
-    limit: Duration,
+    pub limit: Duration,
 }
 
-/// Why there is no suite.
-pub enum BuildError {
-    /// The compiler's messages, as cargo prints them in JSON.
-    Compile(String),
-    /// Anything else.
-    Other(Error),
-}
-
-impl BuildError {
-    /// In a sentence.
-    pub fn into_error(self) -> Error {
-        match self {
-            Self::Compile(_) => anyhow!("the tests do not compile"),
-            Self::Other(error) => error,
-        }
-    }
-}
+/// Why there is no suite: the compiler's messages, as cargo prints them in JSON.
+#[derive(Debug, thiserror::Error)]
+#[error("the tests do not compile")]
+pub struct DoesNotCompile(pub String);
 
 impl Suite {
     /// Builds a stage's tests in a copy of the workspace.
     ///
     /// # Errors
-    /// Where they do not compile, or cargo cannot be started.
-    pub fn build(
-        config: &Config,
-        stage: &Stage,
-        root: &Path,
-        target: &Path,
-    ) -> Result<Self, BuildError> {
+    /// [`DoesNotCompile`], or where cargo cannot be started.
+    pub fn build(config: &Config, stage: &Stage, root: &Path, target: &Path) -> Result<Self> {
         let mut build = cargo();
         build.current_dir(root);
         build.args(["test", "--no-run", "--message-format=json"]);
@@ -80,11 +62,10 @@ impl Suite {
         // For the switch alone, see `switch.in.rs`; and a mutant may leave something unused.
         build.env("RUSTC_BOOTSTRAP", config.package.replace('-', "_"));
         build.env("RUSTFLAGS", "--cap-lints=allow");
-        let answer = build.output().context("cargo test");
-        let answer = answer.map_err(BuildError::Other)?;
+        let answer = build.output().context("cargo test")?;
         let messages = String::from_utf8_lossy(&answer.stdout);
         if !answer.status.success() {
-            return Err(BuildError::Compile(messages.into_owned()));
+            bail!(DoesNotCompile(messages.into_owned()));
         }
         let skipped = stage.skip.iter().map(|name| format!("--skip={name}"));
         Ok(Self {
@@ -99,25 +80,15 @@ impl Suite {
     ///
     /// # Errors
     /// Where they fail.
-    pub fn calibrate(&mut self, only: &[String]) -> Result<Duration> {
+    pub fn calibrate(&mut self, only: &[String]) -> Result<()> {
         let start = Instant::now();
         match self.run(0, only)? {
             Outcome::Survived => {}
             Outcome::TimedOut => bail!("the tests take half an hour without a mutant"),
             _ => bail!("the tests fail without a mutant"),
         }
-        let took = start.elapsed();
-        self.limit = took * 5 + Duration::from_secs(20);
-        Ok(took)
-    }
-
-    /// With the time limit of another build of the same tests.
-    #[must_use]
-    pub fn limited_as(self, other: &Self) -> Self {
-        Self {
-            limit: other.limit,
-            ..self
-        }
+        self.limit = start.elapsed() * 5 + Duration::from_secs(20);
+        Ok(())
     }
 
     /// Runs the tests with a mutant on; of the names in `only`, or all where that is empty.

@@ -58,11 +58,9 @@ impl Beside {
 
 /// The rows of all [`GATES`], once it has ended.
 pub fn rows(started: Result<Beside>) -> [Row; GATES.len()] {
+    let none = "the process beside this one came to no result";
     let (table, why) = match started.and_then(Beside::finish) {
-        Ok(table) => (
-            table,
-            "the process beside this one came to no result".into(),
-        ),
+        Ok(table) => (table, none.into()),
         Err(error) => (String::new(), format!("{error:#}")),
     };
     let found = |gate| table.lines().filter_map(row).find(|row| row.0 == gate);

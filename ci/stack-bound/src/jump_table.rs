@@ -32,14 +32,10 @@ pub fn offsets(
     let mut entry = start;
     let is_code = |at: u32| program.instruction(at).is_some();
     while entry + size <= end && !is_code(entry) {
-        let offset = if halfwords {
-            program.half(entry).map(u32::from)
-        } else {
-            program.byte(entry).map(u32::from)
-        };
-        let Some(to) = offset.map(|offset| pc + 2 * offset) else {
+        let Some(offset) = program.number(entry, size) else {
             break;
         };
+        let to = pc + 2 * offset;
         entry += size;
         if is_code(to) {
             targets.insert(to);

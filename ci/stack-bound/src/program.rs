@@ -162,26 +162,18 @@ impl Program {
         self.code.get(&at).copied()
     }
 
-    fn bytes<const N: usize>(&self, at: u32) -> Option<[u8; N]> {
-        self.memory.iter().find_map(|(start, data)| {
+    /// So many bytes of constant memory, at most four, as a number.
+    pub(crate) fn number(&self, at: u32, size: u32) -> Option<u32> {
+        let bytes = self.memory.iter().find_map(|(start, data)| {
             let from = usize::try_from(at.checked_sub(*start)?).ok()?;
-            data.get(from..from.checked_add(N)?)?.try_into().ok()
-        })
-    }
-
-    /// A byte of constant memory.
-    pub(crate) fn byte(&self, at: u32) -> Option<u8> {
-        self.bytes::<1>(at).map(|[byte]| byte)
-    }
-
-    /// A halfword of constant memory.
-    pub(crate) fn half(&self, at: u32) -> Option<u16> {
-        self.bytes(at).map(u16::from_le_bytes)
+            data.get(from..)?.get(..usize::try_from(size).ok()?)
+        })?;
+        Some((bytes.iter().rev()).fold(0, |number, byte| number << 8 | u32::from(*byte)))
     }
 
     /// A word of constant memory.
     pub(crate) fn word(&self, at: u32) -> Option<u32> {
-        self.bytes(at).map(u32::from_le_bytes)
+        self.number(at, 4)
     }
 
     /// The function an address lies in.

@@ -103,11 +103,9 @@ impl Report {
             restarted = restarted.max(summary.restarted);
             let (rank, name) = rank(*number, *at, program, &analysis, options);
             let level = level(program, name, summary, frame);
-            match levels.get(&rank) {
-                Some(known) if known.routine >= level.routine => {}
-                _ => {
-                    levels.insert(rank, level);
-                }
+            let known = levels.get(&rank);
+            if known.is_none_or(|known| known.routine < level.routine) {
+                levels.insert(rank, level);
             }
         }
         let of = |wanted| handlers.iter().find(|(number, ..)| *number == wanted);

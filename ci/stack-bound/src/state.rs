@@ -144,6 +144,16 @@ impl State {
         }
     }
 
+    /// Sets a register or the stack pointer; `false` where its depth would be unknown.
+    fn assign(&mut self, register: u8, value: Value) -> bool {
+        match (register, value) {
+            (SP, Value::Stack(depth)) => self.set_depth(depth),
+            (SP, _) => return false,
+            (_, value) => self.set(register, value),
+        }
+        true
+    }
+
     pub fn forget(&mut self, list: Registers) {
         for register in each(list) {
             self.set(register, Value::Unknown);
@@ -188,7 +198,7 @@ impl State {
         self.set_depth(self.depth.saturating_add_unsigned(bytes));
     }
 
-    pub fn set_depth(&mut self, depth: i32) {
+    fn set_depth(&mut self, depth: i32) {
         self.depth = depth;
         self.saved.retain(|&at, _| at >= depth);
     }
@@ -201,7 +211,7 @@ impl State {
     }
 
     /// Applies an effect on register values and pushed words; `false` for anything that redirects
-    /// the flow or sets the stack pointer. `word` reads constants.
+    /// the flow or sets the stack pointer to what is not known. `word` reads constants.
     pub fn apply(&mut self, effect: Effect, word: impl Fn(u32) -> Option<u32>) -> bool {
         match effect {
             Effect::Other(writes) => self.forget(writes),
@@ -212,10 +222,10 @@ impl State {
                 let value = self.get(rd).map(|low| Some(low & 0xFFFF | top));
                 self.set(rd, value);
             }
-            Effect::Move(rd, rm) if rd != SP => self.set(rd, self.get(rm)),
-            Effect::Add(rd, rn, offset) if rd != SP => self.set(rd, self.get(rn).plus(offset)),
-            Effect::AddRegister(rd, rn, rm) if rd != SP => {
-                self.set(rd, self.get(rn).sum(&self.get(rm)));
+            Effect::Move(rd, rm) => return self.assign(rd, self.get(rm)),
+            Effect::Add(rd, rn, by) => return self.assign(rd, self.get(rn).plus(by)),
+            Effect::AddRegister(rd, rn, rm) => {
+                return self.assign(rd, self.get(rn).sum(&self.get(rm)));
             }
             Effect::AddScaled(rd, rn) => {
                 let row = match self.get(rn) {
@@ -224,13 +234,8 @@ impl State {
                 };
                 self.set(rd, row);
             }
-            Effect::LoadLiteral(rt, address) => {
-                self.set(rt, word(address).map_or(Value::Unknown, Value::word));
-            }
-            Effect::Load(rt, rn, offset) => {
-                let value = self.get(rn).plus(offset).map(word);
-                self.set(rt, value);
-            }
+            Effect::LoadLiteral(rt, address) => self.set(rt, Value::word(address).map(word)),
+            Effect::Load(rt, rn, offset) => self.set(rt, self.get(rn).plus(offset).map(word)),
             Effect::Push(list, bytes) => self.push(list, bytes),
             Effect::Pop(list, bytes) if list & 1 << PC == 0 => self.pop(list, bytes),
             _ => return false,

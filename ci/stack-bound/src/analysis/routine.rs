@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use super::{Analysis, Arguments, Failure, Result, Summary};
 use crate::Error;
-use crate::decode::{CALLER_SAVED, Effect, LR, PC, SP, it_block};
+use crate::decode::{CALLER_SAVED, Effect, LR, PC, it_block};
 use crate::jump_table;
 use crate::program::Program;
 use crate::state::{State, Value};
@@ -196,14 +196,8 @@ impl<'a> Walk<'_, 'a> {
                 }
             }
             Effect::Trap => Ok(()),
-            Effect::Move(SP, rm) => self.set_stack(here, &state.get(rm), state),
-            Effect::Add(_, rn, offset) => {
-                let value = state.get(rn).plus(offset);
-                self.set_stack(here, &value, state)
-            }
-            Effect::AddRegister(_, rn, rm) => {
-                let value = state.get(rn).sum(&state.get(rm));
-                self.set_stack(here, &value, state)
+            Effect::Move(..) | Effect::Add(..) | Effect::AddRegister(..) => {
+                self.unbounded(at, "a frame of unknown size")
             }
             Effect::SetMainStack(rn) => {
                 if state.get(rn) != Value::word(program.stack.end) {
@@ -224,22 +218,20 @@ impl<'a> Walk<'_, 'a> {
 
     /// The targets of a call or jump through a register.
     fn targets(&self, at: u32, value: &Value) -> Result<Vec<u32>> {
-        let program = self.program();
-        if let Value::OneOf(words) = value {
-            return Ok(words.clone());
-        }
-        if let Value::RowOf(table) = value {
-            let rows = jump_table::branches(program, *table);
-            if rows.is_empty() {
-                return self.unbounded(at, "a jump into a table without branches");
+        match value {
+            Value::OneOf(words) => Ok(words.clone()),
+            Value::RowOf(table) => match jump_table::branches(self.program(), *table) {
+                rows if rows.is_empty() => {
+                    self.unbounded(at, "a jump into a table without branches")
+                }
+                rows => Ok(rows),
+            },
+            Value::AtEntry(register) => {
+                let words = self.arguments.get(register).cloned();
+                words.ok_or(Failure::Needs(*register))
             }
-            return Ok(rows);
+            _ => self.unbounded(at, "an indirect call to an unknown address"),
         }
-        let Value::AtEntry(register) = value else {
-            return self.unbounded(at, "an indirect call to an unknown address");
-        };
-        let words = self.arguments.get(register).cloned();
-        words.ok_or(Failure::Needs(*register))
     }
 
     /// The summary of the routine at `entry`, with the arguments it needs taken from `state`.
@@ -296,14 +288,6 @@ impl<'a> Walk<'_, 'a> {
                 self.analysis.stores.entry(at).or_default().extend(stored);
             }
         }
-    }
-
-    fn set_stack(&mut self, here: Here, value: &Value, mut state: State) -> Result<()> {
-        let Value::Stack(depth) = *value else {
-            return self.unbounded(here.at, "a frame of unknown size");
-        };
-        state.set_depth(depth);
-        self.proceed(here, state)
     }
 
     fn call(&mut self, here: Here, callees: &[u32], mut state: State) -> Result<()> {
