@@ -22,7 +22,7 @@ const JUMP_UM: u64 = 10_000_000;
 const MAX_JUMPS: u32 = 4;
 
 /// The evidence of the replies so far.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ModeCheck {
     guarded: bool,
     position: bool,
@@ -41,12 +41,7 @@ impl ModeCheck {
             guarded: config.mode().has(Field::Sequence),
             position: config.mode().has(Field::Position),
             cells: config.cells(),
-            first: None,
-            cell_changes: false,
-            replies: 0,
-            x_um: 0,
-            jumps: 0,
-            repeats: 0,
+            ..Self::default()
         }
     }
 
@@ -180,15 +175,7 @@ mod tests {
         for (step_m, jumps, is_other) in
             [(10, 3, false), (10, 4, true), (-10, 4, true), (9, 9, false)]
         {
-            let mut mode_check = ModeCheck::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
-            let outcomes: Vec<_> = (1..=9)
-                .map(|frame| {
-                    let mut report = Report::default();
-                    report.cell.cell = u8::try_from(frame % 2).unwrap();
-                    report.pose.x = frame.min(jumps) * step_m * 1_000_000;
-                    mode_check.update(&report)
-                })
-                .collect();
+            let outcomes = updates(0, (1..=9).map(|frame| jumps.min(frame) * step_m));
             let far = Err(format!("positions {step_m} m apart from frame to frame"));
             let expected = if is_other { far } else { Ok(()) };
             assert_eq!(outcomes[3], expected, "{jumps} of {step_m} m");

@@ -74,7 +74,7 @@ pub struct Session<'m> {
     next_us: u64,
     last_good_us: u64,
     unanswered: u32,
-    last_wrong: Option<String>,
+    last_wrong: String,
     cell: u8,
     snapshot: Snapshot,
     mode_check: ModeCheck,
@@ -106,7 +106,7 @@ impl<'m> Session<'m> {
             next_us: now,
             last_good_us: now,
             unanswered: 0,
-            last_wrong: None,
+            last_wrong: String::new(),
             cell: 0,
             snapshot: Snapshot::new(&config),
             mode_check: ModeCheck::new(&config),
@@ -208,10 +208,9 @@ impl<'m> Session<'m> {
             }
             Err(wrong) => {
                 self.unanswered = self.unanswered.saturating_add(1);
-                self.last_wrong = Some(wrong.to_string());
+                self.last_wrong = wrong.to_string();
                 if self.snapshot.link.accepted == 0 && self.unanswered >= MODE_CHECK_FRAMES {
-                    let last = self.last_wrong.clone().unwrap_or_default();
-                    return Err(self.mode_mismatch(format!("the last reply: {last}")));
+                    return Err(self.mode_mismatch(format!("the last reply: {wrong}")));
                 }
                 if now_us.saturating_sub(self.last_good_us) >= SILENCE_TIMEOUT_US {
                     return Err(self.silent_error());
@@ -243,7 +242,7 @@ impl<'m> Session<'m> {
         Error::Silent {
             ms: silent_us / 1000,
             frames: self.unanswered,
-            last: self.last_wrong.clone().unwrap_or_default(),
+            last: self.last_wrong.clone(),
         }
     }
 

@@ -14,7 +14,7 @@ type Name = &'static str;
 const FULL_SCALE_MM: f64 = 2500.0;
 
 /// The latest of everything. Fields the mode does not carry stay empty.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// Microseconds on the board's clock, of the latest valid frame.
     pub time_us: u64,
@@ -60,22 +60,10 @@ impl Snapshot {
     /// Nothing reported yet.
     pub fn new(config: &Config) -> Self {
         Self {
-            time_us: 0,
             mode: config.mode().name(),
-            pose: None,
-            measurement: None,
             cells_v: vec![None; config.cells().into()],
-            ranges_mm: [None; 3],
-            bearing_deg: None,
-            gyro_turns: None,
-            obstacle_limited: false,
-            clipped: false,
-            state: None,
-            faults: Vec::new(),
-            link: LinkStatistics::default(),
-            stm: None,
-            gyro: None,
             kind: config.mode(),
+            ..Self::default()
         }
     }
 

@@ -7,6 +7,7 @@ use crate::serve::tiles;
 use host_link::error::{Error, Exit};
 use mapper::Grid;
 use std::collections::{HashMap, VecDeque};
+use std::fmt::Display;
 use std::io::ErrorKind;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -54,9 +55,7 @@ impl Client {
                 return Err(Error::device(name, cause, advice));
             }
         };
-        stream
-            .set_write_timeout(Some(STALLED))
-            .map_err(|cause| lost(&cause.to_string()))?;
+        stream.set_write_timeout(Some(STALLED)).map_err(lost)?;
         let queue = VecDeque::new();
         let link = Link::Socket(Lines(stream), Vec::new());
         let mut client = Self { link, queue };
@@ -89,9 +88,7 @@ impl Client {
         match &mut self.link {
             Link::Socket(lines, _) => {
                 let line = serde_json::to_string(request).unwrap_or_default();
-                lines
-                    .send(&line)
-                    .map_err(|cause| lost(&cause.to_string()))?;
+                lines.send(&line).map_err(lost)?;
             }
             Link::Local(port, _) => port.ask(Ok(request.clone())),
         }
@@ -128,7 +125,7 @@ impl Client {
         let line = match &mut self.link {
             Link::Socket(lines, unread) => lines
                 .receive(unread, Some(Instant::now() + WAIT))
-                .map_err(|cause| lost(&cause.to_string()))?,
+                .map_err(lost)?,
             Link::Local(_, messages) => match messages.recv_timeout(WAIT) {
                 Ok(message) => Some(message.as_bytes().to_vec()),
                 Err(RecvTimeoutError::Timeout) => None,
@@ -139,7 +136,7 @@ impl Client {
             return Ok(None);
         };
         let message = serde_json::from_slice(&line);
-        message.map(Some).map_err(|cause| lost(&cause.to_string()))
+        message.map(Some).map_err(lost)
     }
 
     /// The latest frame.
@@ -163,7 +160,7 @@ impl Client {
     }
 }
 
-pub(crate) fn lost(cause: &str) -> Error {
+pub(crate) fn lost(cause: impl Display) -> Error {
     let text = format!("the server does not answer ({cause}); look at what `robot serve` shows");
     let exit = Exit::Device;
     Error::Server { text, exit }

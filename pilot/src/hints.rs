@@ -123,16 +123,14 @@ mod tests {
             let mut causes = RejectCounts::default();
             causes.set(cause, 3);
             let counted = format!("({} 3): ", cause.name());
-            let mut snapshot = well();
-            snapshot.link.causes = causes;
-            let hints = diagnose(&snapshot, &first_board());
-            assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
-            assert!(hints[0].starts_with("the Pi"));
-            let mut snapshot = well();
-            snapshot.stm.as_mut().unwrap().causes = causes;
-            let hints = diagnose(&snapshot, &first_board());
-            assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
-            assert!(hints[0].starts_with("the STM"));
+            let [mut pi, mut stm] = [well(), well()];
+            pi.link.causes = causes;
+            stm.stm.as_mut().unwrap().causes = causes;
+            for (snapshot, end) in [(pi, "the Pi"), (stm, "the STM")] {
+                let hints = diagnose(&snapshot, &first_board());
+                assert!(hints.len() == 1 && hints[0].contains(&counted), "{hints:?}");
+                assert!(hints[0].starts_with(end));
+            }
         }
     }
 

@@ -73,14 +73,10 @@ impl Explored {
             .max(0.0)
             .sqrt();
         let track = travel / if deviation < MEASURED { turn } else { 1.0 };
-        let WheelGeometry {
-            left_mm, right_mm, ..
-        } = self.before.with_ratio(ratio);
-        let wheels = WheelGeometry::new(
-            left_mm * travel,
-            right_mm * travel,
-            self.before.track_mm * track,
-        );
+        let wheels = WheelGeometry {
+            track_mm: self.before.track_mm * track,
+            ..self.before.with_ratio(ratio).scaled(travel)
+        };
         if wheels == self.before {
             return Err("no figure was learned well enough: explore for longer".into());
         }

@@ -132,8 +132,7 @@ fn noisy_readings_stay_within_estimated_deviation() {
     assert!((4.0..6.0).contains(&score.clockwise.deviation_mm));
     let offsets = [score.clockwise, score.counter_clockwise].map(|one| one.offset_mm);
     assert!(offsets.iter().all(|&offset| score.worst_mm >= offset));
-    let image = &fw_core::eeprom::Image::FIRST_BOARD;
-    let settings = host_link::settings::Settings::from_image(image).unwrap();
+    let settings = host_link::settings::Settings::first_board().unwrap();
     let written = settings.with(&truth.values()).unwrap();
     assert_eq!(WheelGeometry::from_config(written.config()), truth);
     assert!(off_percent(&found.wheels, &truth) < 0.02, "{found:?}");
@@ -225,14 +224,9 @@ fn track_wrong_by_fifth_is_rejected() {
     );
 }
 
-fn drive(io: &mut BoardIo) -> Result<WheelPath, Error> {
+fn drive(io: &mut BoardIo, way: &[Pose]) -> Result<WheelPath, Error> {
     let mut session = Session::open(io, 40, 100)?;
-    run::run(
-        &mut session,
-        &straight(1000.0),
-        &ArrivalCriteria::default(),
-        |_| {},
-    )
+    run::run(&mut session, way, &ArrivalCriteria::default(), |_| {})
 }
 
 /// The last command keeps the robot where it is.
@@ -244,12 +238,13 @@ fn assert_holds_position(board: &MockBoard) {
 #[test]
 fn run_interrupt_or_lost_link_stops_robot() {
     let (board, mut io) = mock_board(&Image::FIRST_BOARD, Some(IoFault::Interrupt(30)));
-    assert_eq!(drive(&mut io), Err(Error::Interrupted));
+    let interrupted = drive(&mut io, &straight(1000.0));
+    assert_eq!(interrupted, Err(Error::Interrupted));
     assert_holds_position(&board.borrow());
 
     let (board, mut io) = mock_board(&Image::FIRST_BOARD, None);
     board.borrow_mut().garbled_from = 6;
-    let error = drive(&mut io).unwrap_err();
+    let error = drive(&mut io, &straight(1000.0)).unwrap_err();
     assert!(
         matches!(error, Error::Silent { frames: 8, .. }),
         "{error:?}"
@@ -268,8 +263,7 @@ fn run_keeps_to_its_path_leg_by_leg() {
         board.borrow_mut().on_command = Some(Box::new(move |_, report| {
             report.pose.y += drift_um;
         }));
-        let mut session = Session::open(&mut io, 40, 100).unwrap();
-        let run = run::run(&mut session, way, &ArrivalCriteria::default(), |_| {});
+        let run = drive(&mut io, way);
         (run.map(|path| path.moved()), board)
     };
     let (outcome, board) = run(0, &square(1000.0, true));

@@ -72,21 +72,15 @@ pub fn check(
     };
     findings.pass("EEPROM", "it answers at 0x50");
     let has_key = image.0.starts_with(&KEY);
-    let blank = if image == Image::BLANK {
-        "blank"
+    let found = if has_key {
+        "right"
+    } else if image == Image::BLANK {
+        "the EEPROM is blank"
     } else {
-        "foreign"
+        "the EEPROM is foreign"
     };
-    findings.judge(
-        "EEPROM key",
-        has_key,
-        if has_key {
-            "right".into()
-        } else {
-            format!("the EEPROM is {blank}")
-        },
-        "write a configuration: `robot eeprom init FILE`, then `robot eeprom write FILE`",
-    );
+    let advice = "write a configuration: `robot eeprom init FILE`, then `robot eeprom write FILE`";
+    findings.judge("EEPROM key", has_key, found.into(), advice);
     let config = match settings::decode(&image) {
         Ok(config) => config,
         Err(why) => {

@@ -196,14 +196,8 @@ fn rangefinder(lines: &Lines, check: &'static str, findings: &mut Findings) {
     let found = match width {
         Some(us) if us <= ECHO_US => format!("an echo of {us} µs, {} mm", us * 343 / 2000),
         Some(_) => "nothing within 2.5 m".into(),
-        None => format!(
-            "no echo; its line is {}",
-            if lines.number(&start, "level") == Some(1) {
-                "high"
-            } else {
-                "low"
-            }
-        ),
+        None if lines.number(&start, "level") == Some(1) => "no echo; its line is high".into(),
+        None => "no echo; its line is low".into(),
     };
     let advice = "check its 5 V, its trigger and its echo; a line that stays high has no pull-down or sees no end";
     findings.judge(check, width.is_some(), found, advice);

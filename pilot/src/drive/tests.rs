@@ -14,8 +14,16 @@ fn image(mode: Mode) -> Image {
 const TARGET: Pose = Pose::new(1000.0, -500.0, 90.0);
 
 fn drive(io: &mut BoardIo) -> Result<Arrival, Error> {
+    drive_within(io, None)
+}
+
+fn drive_within(io: &mut BoardIo, timeout_s: Option<f64>) -> Result<Arrival, Error> {
     let mut session = Session::open(io, 40, 100)?;
-    go_to(&mut session, TARGET, &ArrivalCriteria::default(), |_, _| {})
+    let criteria = ArrivalCriteria {
+        timeout_s,
+        ..ArrivalCriteria::default()
+    };
+    go_to(&mut session, TARGET, &criteria, |_, _| {})
 }
 
 /// The last command keeps the robot where it is.
@@ -116,10 +124,7 @@ fn drive_panic_in_callback_stops_robot() {
 #[test]
 fn drive_timeout_stops_robot() {
     let (board, mut io) = mock_board(&image(Mode::Normal), None);
-    let mut session = Session::open(&mut io, 40, 100).unwrap();
-    let (timeout_s, rest) = (Some(0.1), ArrivalCriteria::default());
-    let criteria = ArrivalCriteria { timeout_s, ..rest };
-    let error = go_to(&mut session, TARGET, &criteria, |_, _| {}).unwrap_err();
+    let error = drive_within(&mut io, Some(0.1)).unwrap_err();
     assert!(matches!(error, Error::NotReached { .. }), "{error:?}");
     assert_holds_position(&board.borrow());
 }
@@ -155,36 +160,30 @@ fn drive_in_tuning_mode_or_without_spi_is_rejected() {
     assert!(matches!(drive(&mut io), Err(Error::Spi(_))));
 }
 
+/// The first frame at which a robot of these poses rests.
+fn rests_at(poses: impl IntoIterator<Item = Pose>) -> Option<usize> {
+    let (mut rest, frames) = (RestDetector::default(), (0..).step_by(25_000));
+    let mut settled = frames.zip(poses).map(|(us, pose)| rest.settled(us, pose));
+    settled.position(|settled| settled)
+}
+
 #[test]
 fn rest_takes_quarter_second_without_creeping() {
-    let mut rest = RestDetector::default();
-    let mut at_rest = false;
-    for frame in 0..400_u32 {
-        // 4 mm/s: below the limit from frame to frame, far above it over a quarter second.
-        let pose = Pose::new(f64::from(frame) * 0.1, 0.0, 0.0);
-        at_rest |= rest.settled(u64::from(frame) * 25_000, pose);
-    }
-    assert!(!at_rest);
-    let mut rest = RestDetector::default();
-    let settled = (0..20).position(|frame| rest.settled(frame * 25_000, Pose::default()));
-    assert_eq!(settled, Some(10));
-    let mut rest = RestDetector::default();
-    let pose = |frame| Pose::new(if frame < 5 { 1.0 } else { 0.0 }, 0.0, 0.0);
-    let settled = (0..20).position(|frame| rest.settled(frame * 25_000, pose(frame)));
-    assert_eq!(settled, Some(5 + 10));
+    let at = |mm| Pose::new(mm, 0.0, 0.0);
+    // 4 mm/s: below the limit from frame to frame, far above it over a quarter second.
+    let creeping = (0..400).map(|frame| at(f64::from(frame) * 0.1));
+    assert_eq!(rests_at(creeping), None);
+    assert_eq!(rests_at([at(0.0); 20]), Some(10));
+    let arriving = (0..20).map(|frame| at(if frame < 5 { 1.0 } else { 0.0 }));
+    assert_eq!(rests_at(arriving), Some(5 + 10));
     for (mm, deg, rests) in [
         (0.29, 0.0, true),
         (0.31, 0.0, false),
         (0.0, 0.09, true),
         (0.0, 0.11, false),
     ] {
-        let poses = [Pose::default(), Pose::new(mm, 0.0, deg)]
-            .into_iter()
-            .cycle();
-        let mut rest = RestDetector::default();
-        let settled = (0..20)
-            .zip(poses)
-            .any(|(frame, pose)| rest.settled(frame * 25_000, pose));
+        let poses = [[at(0.0), Pose::new(mm, 0.0, deg)]; 10];
+        let settled = rests_at(poses.into_iter().flatten()).is_some();
         assert_eq!(settled, rests, "{mm} mm, {deg} degrees");
     }
     let allowed_s = ArrivalCriteria::default().allowance_s(400.0);
@@ -203,12 +202,7 @@ fn drive_ends_within_both_tolerances_only() {
         board.borrow_mut().on_command = Some(Box::new(move |_, report| {
             report.pose = Pose::new(mm, 0.0, degrees).in_frame_of(TARGET).code();
         }));
-        let mut session = Session::open(&mut io, 40, 100).unwrap();
-        let criteria = ArrivalCriteria {
-            timeout_s: Some(2.0),
-            ..ArrivalCriteria::default()
-        };
-        let driven = go_to(&mut session, TARGET, &criteria, |_, _| {});
+        let driven = drive_within(&mut io, Some(2.0));
         assert_eq!(driven.is_ok(), arrives, "{mm} mm, {degrees}°: {driven:?}");
     }
 }

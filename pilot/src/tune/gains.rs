@@ -188,13 +188,7 @@ mod tests {
 
     #[test]
     fn predicted_response_is_that_of_the_loops_poles() {
-        let model = DriveModel {
-            gain: 20.0,
-            dead_zone: 0.0,
-            lag_s: 0.2,
-            residual: 0.0,
-            steps: 4,
-        };
+        let model = crate::tune::tests::known_drive(20.0, 0.0, 0.2);
         let present = Factors::of(Axis::Rotate, &Settings::first_board().unwrap());
         let mut factors = propose(&model, 0.5, &present);
         factors.i = 0.0;

@@ -119,7 +119,7 @@ impl StepRunner<'_, '_> {
             let measured = self.frame(percent)?;
             let now_us = self.session.now_us();
             let samples = self.recorder.samples().len();
-            self.listen()?;
+            self.recorder.feed(&self.session.io().log.read_new()?);
             if self.recorder.samples().len() > samples {
                 self.sampled_us = Some(now_us);
             } else if now_us.saturating_sub(*self.sampled_us.get_or_insert(now_us)) > LOG_TIMEOUT_US
@@ -156,12 +156,6 @@ impl StepRunner<'_, '_> {
         let report = self.session.exchange(&request)?;
         self.session.check_answered(MAX_UNANSWERED)?;
         Ok(report.and(self.session.snapshot().measurement))
-    }
-
-    fn listen(&mut self) -> Result<(), Error> {
-        let bytes = self.session.io().log.read_new()?;
-        self.recorder.feed(&bytes);
-        Ok(())
     }
 }
 

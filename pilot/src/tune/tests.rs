@@ -217,15 +217,20 @@ fn step_plan_out_of_range_is_rejected() {
     }
 }
 
-/// Steps of a known drive, with noise of ±`noise`.
-fn synthetic(gain: f64, dead_zone: f64, lag_s: f64, noise: f64) -> Vec<Sample> {
-    let known = drive_model::DriveModel {
+/// A drive whose figures are known.
+pub(super) fn known_drive(gain: f64, dead_zone: f64, lag_s: f64) -> drive_model::DriveModel {
+    drive_model::DriveModel {
         gain,
         dead_zone,
         lag_s,
         residual: 0.0,
         steps: 0,
-    };
+    }
+}
+
+/// Steps of a known drive, with noise of ±`noise`.
+fn synthetic(gain: f64, dead_zone: f64, lag_s: f64, noise: f64) -> Vec<Sample> {
+    let known = known_drive(gain, dead_zone, lag_s);
     let (mut samples, mut at, mut seed) = (Vec::new(), 0.0, 1_u32);
     let mut push = |percent: f64, value: f64| {
         let tick = u32::try_from(samples.len()).unwrap();
@@ -311,13 +316,7 @@ fn drive_model_fit_rejects_implausible_steps() {
 fn proposed_gains_settle_with_small_overshoot() {
     for axis in [Axis::Rotate, Axis::Move] {
         for (gain, lag) in [(1.0, 0.1), (1.8, 0.15), (3.0, 0.2)] {
-            let model = drive_model::DriveModel {
-                gain,
-                dead_zone: 20.0,
-                lag_s: lag,
-                residual: 0.0,
-                steps: 6,
-            };
+            let model = known_drive(gain, 20.0, lag);
             let present = gains::Factors::of(Axis::Rotate, &Settings::first_board().unwrap());
             let proposed = gains::propose(&model, axis.damping(), &present);
             assert_eq!(

@@ -45,37 +45,27 @@ pub fn serve(address: &str, token: &Arc<str>, hub: &Hub) -> Result<String, Error
         // An end of the connection ends the client.
         let _ = answer(stream, &port, &token);
     };
-    let refuse = |stream| {
-        let _ = respond(
-            stream,
-            "503 Service Unavailable",
-            "text/plain",
-            "too many clients",
-        );
+    let full = |stream| {
+        let _ = refuse(stream, "503 Service Unavailable", "too many clients");
     };
     let next = move || listener::accept_tcp(&listener);
-    listener::accept(hub, next, client, refuse);
+    listener::accept(hub, next, client, full);
     Ok(url)
 }
 
 fn answer(mut stream: UnixStream, port: &Port, token: &str) -> io::Result<()> {
     let head = http::read_head(&stream)?;
     if !is_own_host(&head, &own_name()) {
-        return respond(stream, "403 Forbidden", "text/plain", "unknown host");
+        return refuse(stream, "403 Forbidden", "unknown host");
     }
     if head.path != SOCKET {
         return match FILES.iter().find(|(path, ..)| *path == head.path) {
             Some((_, kind, content)) => respond(stream, "200 OK", kind, content),
-            None => respond(stream, "404 Not Found", "text/plain", "no such page"),
+            None => refuse(stream, "404 Not Found", "no such page"),
         };
     }
     let Some(key) = accepted_key(&head) else {
-        return respond(
-            stream,
-            "403 Forbidden",
-            "text/plain",
-            "not a socket of this page",
-        );
+        return refuse(stream, "403 Forbidden", "not a socket of this page");
     };
     let accept = socket::accept_key(key);
     write!(
@@ -116,6 +106,10 @@ fn accepted_key(head: &Head) -> Option<&str> {
     };
     let fits = asks("origin", &own) && asks("upgrade", "websocket");
     (fits && asks("sec-websocket-version", "13")).then(|| head.header("sec-websocket-key"))?
+}
+
+fn refuse(stream: UnixStream, status: &str, why: &str) -> io::Result<()> {
+    respond(stream, status, "text/plain", why)
 }
 
 fn respond(mut stream: UnixStream, status: &str, kind: &str, content: &str) -> io::Result<()> {

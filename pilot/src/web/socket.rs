@@ -82,14 +82,14 @@ fn parse(bytes: &[u8]) -> io::Result<Option<(u8, Vec<u8>, usize)>> {
     let Some((mask, rest)) = rest.split_first_chunk::<4>() else {
         return Ok(None);
     };
-    let payload = rest.get(..length).map(|payload| {
-        let unmasked = payload
-            .iter()
-            .zip(mask.iter().cycle())
-            .map(|(byte, mask)| byte ^ mask);
-        (first, unmasked.collect(), head + 4 + length)
-    });
-    Ok(payload)
+    let payload = rest.get(..length);
+    Ok(payload.map(|payload| (first, flip(payload, *mask), head + 4 + length)))
+}
+
+/// The payload with the mask put on, or taken off again (section 5.3).
+fn flip(payload: &[u8], mask: [u8; 4]) -> Vec<u8> {
+    let pairs = payload.iter().zip(mask.into_iter().cycle());
+    pairs.map(|(byte, mask)| byte ^ mask).collect()
 }
 
 impl Transport for Socket {
@@ -131,12 +131,7 @@ mod tests {
             _ => [&[first, 0xFE][..], &length.to_be_bytes()].concat(),
         };
         frame.extend(mask);
-        frame.extend(
-            payload
-                .iter()
-                .zip(mask.iter().cycle())
-                .map(|(byte, mask)| byte ^ mask),
-        );
+        frame.extend(flip(payload, mask));
         frame
     }
 

@@ -142,16 +142,12 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
         let board = served.run(|hub| {
             let mut watcher = join(hub, "watcher");
             let borrowed = Borrowed::new(join(hub, "borrower")).unwrap();
-            let mut io = borrowed.io(Interrupt::new());
-            spoil_eeprom(&mut io);
-            drop(io);
-            let ended = if vanishes {
+            spoil_eeprom(&mut borrowed.io(Interrupt::new()));
+            if vanishes {
                 drop(borrowed);
-                Ok(())
             } else {
-                borrowed.give_back()
-            };
-            ended.unwrap();
+                borrowed.give_back().unwrap();
+            }
             let why = loop {
                 if let Some(error) = watcher.status().unwrap().error {
                     break error;

@@ -14,16 +14,11 @@ impl<'a> Lines<'a> {
         found.map(str::trim)
     }
 
-    /// The word that follows `key` in the last line that begins with `start`.
-    pub fn word(&self, start: &str, key: &str) -> Option<&'a str> {
+    /// The number that follows `key` in the last line that begins with `start`, hexadecimal after `0x`.
+    pub fn number(&self, start: &str, key: &str) -> Option<u32> {
         let mut words = self.rest(start)?.split(' ');
         words.find(|&word| word == key)?;
-        words.next()
-    }
-
-    /// That word as a number, hexadecimal after `0x`.
-    pub fn number(&self, start: &str, key: &str) -> Option<u32> {
-        let word = self.word(start, key)?;
+        let word = words.next()?;
         match word.strip_prefix("0x") {
             Some(digits) => u32::from_str_radix(digits, 16).ok(),
             None => word.parse().ok(),
