@@ -8,8 +8,8 @@ use crate::{Grid, Mount, Pose2, SonarModel};
 pub struct Config {
     /// Width of the map's cells, mm.
     pub cell_mm: f64,
-    /// The rangefinders, in the order their ranges are given in.
-    pub mounts: Vec<Mount>,
+    /// The rangefinders: front, right, left; `None` where none is fitted.
+    pub mounts: [Option<Mount>; 3],
     /// The sensors' beam and the weights of the evidence.
     pub sonar: SonarModel,
     /// Nearest and farthest range accepted, mm.
@@ -23,7 +23,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             cell_mm: 25.0,
-            mounts: Mount::first_board().to_vec(),
+            mounts: Mount::first_board().map(Some),
             sonar: SonarModel::default(),
             limits_mm: (30.0, 2490.0),
             gate_mm: 40.0,
@@ -48,7 +48,7 @@ pub struct Counters {
 #[derive(Clone, Debug)]
 pub struct Mapper {
     config: Config,
-    filters: Vec<RangeFilter>,
+    filters: [RangeFilter; 3],
     /// Bearing and range of the last scanned reading.
     scanned: Option<(f64, Option<f64>)>,
     grid: Grid,
@@ -63,7 +63,7 @@ impl Mapper {
             limits_mm: config.limits_mm,
         };
         Self {
-            filters: vec![RangeFilter::new(gate); config.mounts.len()],
+            filters: [(); 3].map(|()| RangeFilter::new(gate)),
             scanned: None,
             grid: Grid::new(config.cell_mm),
             config,
@@ -84,7 +84,7 @@ impl Mapper {
     /// Takes the latest range of one rangefinder along its mount, otherwise like
     /// [`Mapper::observe`].
     pub fn observe_fixed(&mut self, pose: &Pose2, sensor: usize, range_mm: Option<f64>) {
-        if let Some(mount) = self.config.mounts.get(sensor) {
+        if let Some(Some(mount)) = self.config.mounts.get(sensor) {
             let reading = Reading {
                 sensor: mount.sensor_pose(pose),
                 range_mm,
@@ -104,7 +104,7 @@ impl Mapper {
         bearing_rad: f64,
         range_mm: Option<f64>,
     ) {
-        if let Some(mount) = self.config.mounts.get(sensor) {
+        if let Some(Some(mount)) = self.config.mounts.get(sensor) {
             let mount = Mount::new(mount.ahead_mm, mount.left_mm, bearing_rad);
             let reading = Reading {
                 sensor: mount.sensor_pose(pose),

@@ -14,12 +14,13 @@ pub(crate) const NO_WAY_MM: f64 = 1e6;
 /// Occupied cells within this radius of the driven way are outdated or shifted: the body was
 /// there. mm.
 const DRIVEN_MM: f64 = 30.0;
-/// Radius of the body that plans keep off walls and that has shown the driven way to be free, mm.
-pub const BODY_MM: f64 = 100.0;
 
 /// Distances are computed in this fraction of a millimetre; none is beyond 65 m.
 const FRACTION: f64 = 16.0;
 const FARTHEST: u32 = 1 << 20;
+
+/// The driven way, and the radius of the body that has shown it to be free, mm.
+pub(crate) type Driven<'a> = (&'a [Point], f64);
 
 /// A node of the lattice.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +51,8 @@ pub(crate) struct CostMap {
 
 impl CostMap {
     /// The lattice over the whole grid along `direction_rad`. `marks` are obstacles that are not
-    /// in the grid; `driven` is the way so far.
-    pub fn new(grid: &Grid, direction_rad: f64, marks: &[Point], driven: &[Point]) -> Self {
+    /// in the grid.
+    pub fn new(grid: &Grid, direction_rad: f64, marks: &[Point], driven: Driven<'_>) -> Self {
         let (columns, rows) = (grid.columns().max(1) - 1, grid.rows().max(1) - 1);
         let corners = [(0, 0), (columns, 0), (columns, rows), (0, rows)];
         let corners = corners.map(|(column, row)| grid.middle(column, row));
@@ -67,7 +68,7 @@ impl CostMap {
         points: &[Point],
         margin_mm: f64,
         grid: &Grid,
-        obstacles: (&[Point], &[Point]),
+        obstacles: (&[Point], Driven<'_>),
     ) -> Self {
         let (low, high) = bounds(points.iter().map(|&point| local(point, &self.frame)));
         let number = |mm: f64| ((mm - margin_mm) / STEP_MM).floor();
@@ -81,7 +82,7 @@ impl CostMap {
         grid: &Grid,
         frame: &Pose2,
         (low, high): (Point, Point),
-        (marks, driven): (&[Point], &[Point]),
+        (marks, driven): (&[Point], Driven<'_>),
     ) -> Self {
         let corners = [low, Point::new(high.x_mm, low.y_mm), high];
         let corners = corners.into_iter().chain([Point::new(low.x_mm, high.y_mm)]);
@@ -105,7 +106,7 @@ impl CostMap {
         let places = places(0..columns, 0..rows);
         let nodes = places.map(|(column, row)| field.node(map.place(column, row)));
         map.nodes = nodes.collect();
-        for &point in driven {
+        for &point in driven.0 {
             for index in map.within(point, DRIVEN_MM + 0.5 * STEP_MM) {
                 map.nodes[index].driven = true;
                 map.nodes[index].seen = true;
@@ -267,7 +268,7 @@ impl<'a> Field<'a> {
         grid: &'a Grid,
         (columns, rows): (Range<usize>, Range<usize>),
         marks: &[Point],
-        driven: &[Point],
+        (way, body_mm): Driven<'_>,
     ) -> Self {
         let places = places(columns.clone(), rows.clone());
         let mut cells: Vec<Cell> = places.map(|(column, row)| grid.cell(column, row)).collect();
@@ -279,8 +280,8 @@ impl<'a> Field<'a> {
             clearance: Vec::new(),
             known: Vec::new(),
         };
-        for &point in driven {
-            field.stamp(point, BODY_MM, |index, square| {
+        for &point in way {
+            field.stamp(point, body_mm, |index, square| {
                 if cells[index] == Cell::Unknown || square <= DRIVEN_MM * DRIVEN_MM {
                     cells[index] = Cell::Free;
                 }

@@ -48,9 +48,8 @@ const TOUCH_MM_S: f64 = 18.0;
 const OBLIQUE_MM: f64 = 170.0;
 /// Speed per way to the contact with a close echo, 1/s, and the part of that way that is kept, mm.
 const BY_CONTACT: (f64, f64) = (2.0, 15.0);
-/// Way back after a stop, mm, and the robot's front edge ahead of the axle, mm.
+/// Way back after a stop, mm.
 const BACK_MM: f64 = 150.0;
-const FRONT_EDGE_MM: f64 = 120.0;
 /// A stop within this of the last one, mm, is the same obstacle …
 const SAME_PLACE_MM: f64 = 100.0;
 /// … unless it is the same stop, still reported, s; then the robot turns about, by this much more each
@@ -102,7 +101,7 @@ impl Driver {
             sight: Sight::default(),
             queue: VecDeque::new(),
             follower: None,
-            clearance_mm: config.inflation_mm,
+            clearance_mm: config.inflation_mm(),
             marks: Vec::new(),
             map: None,
             checked_s: f64::NEG_INFINITY,
@@ -117,7 +116,8 @@ impl Driver {
     /// The lattice of the grid as it is now.
     pub fn survey(&mut self, grid: &Grid, time_s: f64) -> CostMap {
         let (marks, walls_rad) = (self.marked(time_s), walls::direction_rad(grid));
-        self.with_seen(CostMap::new(grid, walls_rad, &marks, &self.trail.points))
+        let driven = (&self.trail.points[..], self.config.body_mm);
+        self.with_seen(CostMap::new(grid, walls_rad, &marks, driven))
     }
 
     /// The lattice around the next part of the path, with the grid as it is now.
@@ -130,7 +130,7 @@ impl Driver {
             points.push(follower.ahead(mm)?);
             mm += STEP_MM;
         }
-        let obstacles = (&marks[..], &self.trail.points[..]);
+        let obstacles = (&marks[..], (&self.trail.points[..], self.config.body_mm));
         Some(self.with_seen(map.around(&points, AROUND_MM, grid, obstacles)))
     }
 
@@ -198,7 +198,8 @@ impl Driver {
     /// The velocity of the first motion that has not ended.
     fn next_motion(&mut self, status: &Status) -> Option<Velocity> {
         let pose = &status.estimate.pose;
-        let blocked = self.sight.is_blocked(pose) || self.contact_limit(pose) < BLOCKED.0;
+        let blocked = self.sight.is_blocked(pose, self.config.body_mm)
+            || self.contact_limit(pose) < BLOCKED.0;
         while let Some(motion) = self.queue.front_mut() {
             let is_closed = match motion.kind {
                 Kind::Straight(mm) if mm > 0.0 => blocked,
@@ -229,7 +230,10 @@ impl Driver {
     // Requirement: NAV-contact-1
     fn contact_limit(&self, pose: &Pose2) -> f64 {
         let way = |(way_mm, _): (f64, Point)| BY_CONTACT.0 * (way_mm - BY_CONTACT.1).max(0.0);
-        let limit = self.sight.contact(pose).map_or(f64::INFINITY, way);
+        let limit = self
+            .sight
+            .contact(pose, self.config.body_mm)
+            .map_or(f64::INFINITY, way);
         let nears = |walls_rad| self.sight.nears_plane(pose, walls_rad, OBLIQUE_MM);
         if !self.is_aligned(pose) && nears(self.walls_rad(pose)) {
             return limit.min(TOUCH_MM_S);
@@ -322,7 +326,7 @@ impl Driver {
         self.interrupted = true;
         let (ahead_mm, left_mm) = self.obstacle(&pose);
         for aside in [-50.0, 0.0, 50.0] {
-            let mark = pose.point_at(ahead_mm.max(FRONT_EDGE_MM), left_mm + aside);
+            let mark = pose.point_at(ahead_mm.max(self.config.inflation_mm()), left_mm + aside);
             self.marks.push((status.time_s, mark));
         }
         let back_mm = self.trail.reversible_mm().min(BACK_MM);
@@ -335,8 +339,8 @@ impl Driver {
 
     /// What touches the robot, ahead of and to the left of its middle, mm.
     fn obstacle(&self, pose: &Pose2) -> (f64, f64) {
-        let contact = self.sight.contact(pose);
-        contact.map_or((FRONT_EDGE_MM, 0.0), |(_, point)| {
+        let contact = self.sight.contact(pose, self.config.body_mm);
+        contact.map_or((self.config.inflation_mm(), 0.0), |(_, point)| {
             let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
             (local.x_mm, local.y_mm)
         })
@@ -354,11 +358,11 @@ impl Driver {
 /// Speed for what lies ahead on the path, mm/s.
 fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
     let at = |node: &Node| {
-        if node.clearance_mm < config.inflation_mm - SHIFT_MM {
+        if node.clearance_mm < config.inflation_mm() - SHIFT_MM {
             return TOUCH_MM_S;
         }
         let (gain, slowest) = BY_CLEARANCE;
-        let spare_mm = (node.clearance_mm - config.inflation_mm).max(0.0);
+        let spare_mm = (node.clearance_mm - config.inflation_mm()).max(0.0);
         let known = if node.seen && node.known_mm > UNKNOWN_NEAR_MM {
             config.cruise_mm_s
         } else {

@@ -181,7 +181,7 @@ impl Explorer {
                     self.tries.push(target);
                 }
                 let map = self.driver.survey(grid, status.time_s);
-                let wide = |node: &Node| node.clearance_mm >= self.driver.config.inflation_mm;
+                let wide = |node: &Node| node.clearance_mm >= self.driver.config.inflation_mm();
                 let clear = map.line(at, target.centre, wide);
                 let is_tried = self.tries(target.centre, SAME_MM).next().is_some();
                 if target.kind == Kind::Frontier && clear && is_tried {
@@ -297,7 +297,7 @@ impl Explorer {
     fn choose(&mut self, grid: &Grid, status: &Status) {
         let (pose, config) = (status.estimate.pose, self.driver.config);
         let map = self.driver.survey(grid, status.time_s);
-        let reach = Reach::new(&map, &pose, config.inflation_mm);
+        let reach = Reach::new(&map, &pose, config.inflation_mm());
         let deviation_mm = deviation_mm(status);
         // Requirement: NAV-explore-2
         if deviation_mm > config.lost_mm && status.time_s - self.returned_s > ANCHORS.1 {

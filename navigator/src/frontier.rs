@@ -257,7 +257,7 @@ mod tests {
 
     fn targets(rows: &[&str], see: impl Fn(&mut Sight)) -> (Vec<Target>, Vec<Target>) {
         let grid = draw(rows);
-        let map = CostMap::new(&grid, 0.0, &[], &[]);
+        let map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
         let reach = Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), 120.0);
         let mut seen = Sight::default();
         see(&mut seen);
@@ -284,7 +284,7 @@ mod tests {
         let row = ["#........#          ", "#.........          "];
         let rows = [0, 0, 0, 0, 1, 1, 0, 0].map(|nth: usize| row[nth]);
         let rows = [&[HALF[0]], &rows[..], &[HALF[0]]].concat();
-        let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
+        let map = CostMap::new(&draw(&rows), 0.0, &[], (&[], 100.0));
         // Beside the wall, from where the gap is not seen.
         let from = |clearance_mm| Reach::new(&map, &Pose2::new(780.0, 700.0, 0.0), clearance_mm);
         let (reach, floor) = (from(120.0), from(60.0));
@@ -315,7 +315,7 @@ mod tests {
                 .chain([&wall])
                 .map(String::as_str)
                 .collect();
-            let map = CostMap::new(&draw(&rows), 0.0, &[], &[]);
+            let map = CostMap::new(&draw(&rows), 0.0, &[], (&[], 100.0));
             let from =
                 |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
             let (reach, floor) = (from(120.0), from(60.0));

@@ -39,7 +39,7 @@ impl GoTo {
         }
         let pose = status.estimate.pose;
         let map = self.driver.survey(grid, status.time_s);
-        let reach = Reach::new(&map, &pose, self.driver.config.inflation_mm);
+        let reach = Reach::new(&map, &pose, self.driver.config.inflation_mm());
         match reach.nearest(self.target, NEAR_MM) {
             Some(node) if self.plans <= PLANS => {
                 self.driver.follow(&reach, node, status.time_s);
@@ -69,6 +69,22 @@ mod tests {
         move |time_s, x_mm, stop| {
             let report = status(time_s, Pose2::new(x_mm, 400.0, 0.0));
             plan.step(&grid, &Status { stop, ..report })
+        }
+    }
+
+    #[test]
+    fn gap_is_a_way_for_a_body_that_it_is_wide_enough_for() {
+        let (wall, floor) = ("........##........", "..................");
+        let grid = draw(&[wall, wall, floor, floor, floor, wall, wall]);
+        for (body_mm, is_open) in [(100.0, true), (150.0, false)] {
+            let config = Config {
+                body_mm,
+                ..Config::default()
+            };
+            let mut plan = GoTo::new(config, Point::new(1500.0, 350.0));
+            let at = Pose2::new(400.0, 350.0, 0.0);
+            let [_, planned] = [0.0, 2.0].map(|time_s| plan.step(&grid, &status(time_s, at)));
+            assert_eq!(is_at_rest(planned), is_open, "{body_mm}: {planned:?}");
         }
     }
 

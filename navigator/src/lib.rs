@@ -53,7 +53,6 @@ mod tour;
 mod trail;
 mod walls;
 
-pub use cost_map::BODY_MM;
 pub use explorer::Explorer;
 pub use goto::GoTo;
 
@@ -126,6 +125,8 @@ pub enum Outcome {
     Unreachable,
 }
 
+/// What plans keep beside the body, mm.
+const MAP_ERROR_MM: f64 = 20.0;
 /// Half the width of a sweep that makes turns to look around unnecessary, radians.
 const ASIDE_RAD: f64 = 0.6;
 
@@ -134,8 +135,8 @@ const ASIDE_RAD: f64 = 0.6;
 pub struct Config {
     /// The rangefinders: front, right, left; `None` where none is fitted.
     pub mounts: [Option<Mount>; 3],
-    /// Clearance of the robot's middle that plans keep, mm: its radius and the map's error.
-    pub inflation_mm: f64,
+    /// Radius of the body around the middle of the axle, mm.
+    pub body_mm: f64,
     /// Speed on known floor with ample clearance, mm/s.
     pub cruise_mm_s: f64,
     /// Speed beside unknown floor, mm/s.
@@ -157,6 +158,11 @@ pub struct Config {
 }
 
 impl Config {
+    /// Clearance of the robot's middle that plans keep, mm: its radius and the map's error.
+    pub(crate) fn inflation_mm(&self) -> f64 {
+        self.body_mm + MAP_ERROR_MM
+    }
+
     /// Whether the front sensor's sweep sees aside without a turn of the robot.
     pub(crate) fn sweeps_aside(&self) -> bool {
         self.sweep_half_width_rad >= ASIDE_RAD
@@ -164,11 +170,11 @@ impl Config {
 }
 
 impl Default for Config {
-    /// The first board without a servo; a body of [`BODY_MM`].
+    /// The first board without a servo.
     fn default() -> Self {
         Self {
             mounts: Mount::first_board().map(Some),
-            inflation_mm: 120.0,
+            body_mm: 100.0,
             cruise_mm_s: 170.0,
             slow_mm_s: 90.0,
             yaw_rate_rad_s: 1.2,

@@ -13,11 +13,11 @@ use crate::cost_map::{CostMap, Node, STEP_MM};
 
 /// Cost of a quarter turn, mm of way.
 const TURN: u32 = 200;
-/// Clearance above which more is worth nothing, mm.
-const AMPLE_MM: f64 = 300.0;
-/// Radius around the start in which too little clearance is no obstacle, mm: the robot stands
-/// there.
-const ESCAPE_MM: f64 = 200.0;
+/// Clearance above which more is worth nothing, mm, and what it is above the least.
+const AMPLE_MM: (f64, f64) = (300.0, 180.0);
+/// Radius around the start in which too little clearance is no obstacle, mm beyond the clearance: the robot
+/// stands there.
+const ESCAPE_MM: f64 = 80.0;
 
 /// A node and a direction in one number.
 type State = usize;
@@ -41,7 +41,8 @@ pub(crate) fn passable(node: &Node, inflation_mm: f64) -> bool {
 /// Cost of one step to a node, mm.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // at most some hundred
 fn cost(node: &Node, inflation_mm: f64) -> u32 {
-    let lack = |mm: f64| ((AMPLE_MM - mm) / (AMPLE_MM - inflation_mm)).clamp(0.0, 2.0);
+    let ample_mm = AMPLE_MM.0.max(inflation_mm + AMPLE_MM.1);
+    let lack = |mm: f64| ((ample_mm - mm) / (ample_mm - inflation_mm)).clamp(0.0, 2.0);
     let (tight, unknown) = (lack(node.clearance_mm), lack(node.known_mm + inflation_mm));
     let unseen = if node.seen { 0.0 } else { 1.0 };
     (STEP_MM * (1.0 + 2.0 * tight * tight + unknown + unseen)) as u32
@@ -52,7 +53,7 @@ impl<'a> Reach<'a> {
     pub fn new(map: &'a CostMap, pose: &Pose2, inflation_mm: f64) -> Self {
         let at = pose.position();
         let nearest = map
-            .within(at, ESCAPE_MM)
+            .within(at, inflation_mm + ESCAPE_MM)
             .into_iter()
             .filter(|&index| passable(&map.nodes[index], inflation_mm))
             .min_by(|&a, &b| {
@@ -152,7 +153,7 @@ mod tests {
         to: (f64, f64),
         driven: &[Point],
     ) -> Option<Vec<Point>> {
-        let map = CostMap::new(&draw(rows), 0.0, &[], driven);
+        let map = CostMap::new(&draw(rows), 0.0, &[], (driven, 100.0));
         let reach = Reach::new(&map, &Pose2::new(from.0, from.1, 0.0), 120.0);
         reach
             .nearest(Point::new(to.0, to.1), 50.0)

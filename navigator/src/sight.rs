@@ -36,14 +36,14 @@ const SLANT_RAD: f64 = 0.2;
 const SLANT_REACH_MM: (f64, f64) = (500.0, 250.0);
 /// Silence of the front sensor counts after this way, mm.
 const SILENT_WAY_MM: f64 = 100.0;
-/// The way straight ahead of the middle of the axle: its length and half its width, mm.
-const BODY_AHEAD_MM: (f64, f64) = (280.0, 135.0);
+/// The way straight ahead of the body, and what it is wider than the body to either side, mm.
+const AHEAD_MM: (f64, f64) = (180.0, 35.0);
 /// Echoes nearer than this stop the robot before its body reaches them, mm.
 const CLOSE_MM: f64 = 350.0;
 /// The plane of a close echo continues this far to either side, mm.
 const PLANE_MM: f64 = 300.0;
-/// Radius of the body with the error of an echo's place, mm.
-const BODY_RADIUS_MM: f64 = 110.0;
+/// Error of an echo's place, mm.
+const ECHO_ERROR_MM: f64 = 10.0;
 /// Silence is a new reading after this, s.
 const SILENCE_S: f64 = 0.06;
 
@@ -236,19 +236,21 @@ impl Sight {
     }
 
     /// Whether an unexplained echo came from the way straight ahead of the body.
-    pub fn is_blocked(&self, pose: &Pose2) -> bool {
+    pub fn is_blocked(&self, pose: &Pose2, body_mm: f64) -> bool {
+        let (ahead_mm, aside_mm) = (body_mm + AHEAD_MM.0, body_mm + AHEAD_MM.1);
         self.unexplained().any(|point| {
             let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
-            (0.0..BODY_AHEAD_MM.0).contains(&local.x_mm) && local.y_mm.abs() < BODY_AHEAD_MM.1
+            (0.0..ahead_mm).contains(&local.x_mm) && local.y_mm.abs() < aside_mm
         })
     }
 
     /// The nearest close echo on the way straight ahead of the body, and the way to the contact, mm.
     // Requirement: NAV-contact-1
-    pub fn contact(&self, pose: &Pose2) -> Option<(f64, Point)> {
+    pub fn contact(&self, pose: &Pose2, body_mm: f64) -> Option<(f64, Point)> {
+        let radius_mm = body_mm + ECHO_ERROR_MM;
         let way = |(_, beam): &(f64, Pose2)| {
             let local = beam.relative_to(pose);
-            let half_chord = (BODY_RADIUS_MM.powi(2) - local.y_mm.powi(2)).sqrt();
+            let half_chord = (radius_mm.powi(2) - local.y_mm.powi(2)).sqrt();
             let touches = local.x_mm > 0.0 && half_chord >= 0.0;
             touches.then_some((local.x_mm - half_chord, beam.position()))
         };

@@ -65,12 +65,18 @@ pub struct Localisation {
 }
 
 impl Localisation {
-    /// With the rangefinders of a configuration.
-    pub fn new(localiser: Localiser, config: &Config, cell_mm: f64) -> Self {
+    /// A new map of a robot of this configuration and a body of this radius, mm.
+    pub fn new(config: &Config, body_mm: f64, cell_mm: f64) -> Self {
+        let localiser = Localiser::new(localiser_config(config, body_mm, cell_mm));
+        Self::with(localiser, config, body_mm, cell_mm)
+    }
+
+    /// What this localiser says.
+    pub fn with(localiser: Localiser, config: &Config, body_mm: f64, cell_mm: f64) -> Self {
         Self {
             localiser,
             on_map: None,
-            raw: Mapping::new(mapping::mapper_config(config, cell_mm)),
+            raw: Mapping::new(mapping::mapper_config(config, body_mm, cell_mm)),
             path: Vec::new(),
             busy: Duration::ZERO,
         }
@@ -275,18 +281,18 @@ const ROUNDS: u32 = 4;
 pub fn locate(
     session: &mut Session<'_>,
     on_map: &mut Localiser,
+    body_mm: f64,
     mut watch: impl FnMut(&Step<'_>),
 ) -> Result<Drive, Error> {
     let cell_mm = on_map.grid().cell_mm();
     let mut again = 1..ROUNDS;
     loop {
         let config = session.config();
-        let around = Localiser::new(localiser_config(config, cell_mm));
         let mut around = Localisation {
             on_map: Some(on_map.clone()),
-            ..Localisation::new(around, config, cell_mm)
+            ..Localisation::new(config, body_mm, cell_mm)
         };
-        let mut plan = Explorer::new(navigator_config(config)?);
+        let mut plan = Explorer::new(navigator_config(config, body_mm)?);
         let driven = drive(session, &mut around, &mut plan, |step| {
             watch(step);
             if step.located {

@@ -183,22 +183,36 @@ pub fn bearing_turns(config: &Config, rangefinder: RangefinderId) -> f64 {
     f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0
 }
 
-/// The rangefinders that are fitted, of front, right, left.
+/// Radius of the first board's body around the middle of the axle, mm: an assumption.
+pub const BODY_MM: f64 = 100.0;
+/// The rangefinders that are fitted, of front, right, left, on a body of this radius, mm. The code of another is
+/// that of a beam without an echo.
 // Requirement: WIRE-platform-5
-pub fn mounts(config: &Config) -> Vec<Mount> {
-    let all = Mount::first_board().into_iter().zip(RangefinderId::ALL);
-    let turned = all.map(|(mount, rangefinder)| Mount {
-        bearing_rad: bearing_turns(config, rangefinder) * std::f64::consts::TAU,
-        ..mount
-    });
-    turned.take(config.rangefinders().into()).collect()
+pub fn mounts(config: &Config, body_mm: f64) -> [Option<Mount>; 3] {
+    let mut fitted = RangefinderId::ALL
+        .into_iter()
+        .take(config.rangefinders().into());
+    let overhang_mm = config.obstacle_stop().overhang_mm.into();
+    Mount::on_body(body_mm, overhang_mm).map(|mount| {
+        let bearing_rad = bearing_turns(config, fitted.next()?) * std::f64::consts::TAU;
+        Some(Mount {
+            bearing_rad,
+            ..mount
+        })
+    })
 }
 
-/// The mapper's settings for a configuration.
-pub fn mapper_config(config: &Config, cell_mm: f64) -> mapper::Config {
+/// Where they are on the robot, and look.
+pub fn sensor_poses(config: &Config, body_mm: f64) -> [Option<Pose>; 3] {
+    let pose = |mount: Mount| reported_pose(&mount.sensor_pose(&Pose2::default()));
+    mounts(config, body_mm).map(|mount| mount.map(pose))
+}
+
+/// The mapper's settings for a configuration and a body of this radius, mm.
+pub fn mapper_config(config: &Config, body_mm: f64, cell_mm: f64) -> mapper::Config {
     mapper::Config {
         cell_mm,
-        mounts: mounts(config),
+        mounts: mounts(config, body_mm),
         ..mapper::Config::default()
     }
 }
@@ -214,8 +228,11 @@ mod tests {
     fn mapper_config_takes_fitted_rangefinders() {
         let image = Image::FIRST_BOARD;
         let degrees = |image: &Image| {
-            let mounts = mapper_config(&Config::decode(image).unwrap(), 10.0).mounts;
-            let degrees = mounts.iter().map(|mount| mount.bearing_rad.to_degrees());
+            let mounts = mounts(&Config::decode(image).unwrap(), BODY_MM);
+            let degrees = mounts
+                .iter()
+                .flatten()
+                .map(|mount| mount.bearing_rad.to_degrees());
             degrees.map(f64::round).collect::<Vec<_>>()
         };
         // Front, right, left.
@@ -225,12 +242,16 @@ mod tests {
             .with(fields::BEARING_RIGHT, 0xE000)
             .with(fields::RANGEFINDERS, 2);
         assert_eq!(degrees(&image), [23.0, -45.0]);
+        let image = Image::FIRST_BOARD.with(fields::FRONT_OVERHANG, 30);
+        let wide = mounts(&Config::decode(&image).unwrap(), 170.0).map(Option::unwrap);
+        let places = wide.map(|mount| (mount.ahead_mm, mount.left_mm));
+        assert_eq!(places, [(140.0, 0.0), (0.0, -130.0), (0.0, 130.0)]);
     }
 
     #[test]
     fn swept_range_is_mapped_by_its_bearing_beside_fixed_ones() {
         let config = Config::decode(&Image::FIRST_BOARD).unwrap();
-        let mut mapping = Mapping::new(mapper_config(&config, 25.0));
+        let mut mapping = Mapping::new(mapper_config(&config, BODY_MM, 25.0));
         // Between two walls, to the right.
         for step in 0..60_u32 {
             let y_mm = -2.0 * f64::from(step);

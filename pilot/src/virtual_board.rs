@@ -7,7 +7,7 @@ use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
-use plant::{Chassis, Imperfections, Pose2, Rng, Room};
+use plant::{Chassis, Imperfections, Mount, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use twin::Board;
@@ -190,6 +190,7 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
         room,
         params: plant::Params {
             chassis: options.chassis,
+            mounts: Mount::on_body(options.chassis.radius_mm, 20.0),
             imperfections: options.imperfections,
             ..plant::Params::default()
         },

@@ -3,7 +3,7 @@
 use host_link::pose::Pose;
 use host_link::settings::Settings;
 use mapper::Grid;
-use pilot::mapping::RangeSample;
+use pilot::mapping::{BODY_MM, RangeSample};
 use pilot::recording::Recorder;
 use std::fs::{self, File};
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// Records poses along x, millimetres.
 fn record(path: &Path, along_mm: &[f64]) {
-    let mut recorder = Recorder::create(path, &Settings::sample().unwrap(), 0).unwrap();
+    let mut recorder = Recorder::create(path, &Settings::sample().unwrap(), BODY_MM, 0).unwrap();
     for (time_us, &x_mm) in (0..).step_by(25_000).zip(along_mm) {
         let pose = Pose::new(x_mm, 0.0, 0.0);
         let sample = RangeSample {

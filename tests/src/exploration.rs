@@ -13,11 +13,11 @@ use mapper::evaluation::{
     best_alignment, coverage, in_estimate_frame, pose_error_series, pose_errors, start_alignment,
 };
 use mapper::line_plot::{self, Curve, Panel};
-use mapper::{Localiser, PlotError, map_iou, map_plot};
+use mapper::{PlotError, map_iou, map_plot};
 use navigator::{Explorer, Outcome};
 use pilot::exploring::{self, Drive, Localisation};
 use serde::Serialize;
-use twin::plant::{Imperfections, Pose2, Room};
+use twin::plant::{Imperfections, Mount, Pose2, Room};
 use twin::{Board, Options};
 
 use crate::truth_track::TruthTrack;
@@ -43,6 +43,12 @@ pub fn options(room: &Room, imperfections: Imperfections, seed: u64) -> Options 
     let mut options = Options::default().in_room(room.clone());
     (options.seed, options.params.imperfections) = (seed, imperfections);
     options
+}
+
+/// Gives the virtual robot a body of this radius, mm, with the rangefinders at its rim.
+pub fn set_body(options: &mut Options, radius_mm: f64) {
+    options.params.chassis.radius_mm = radius_mm;
+    options.params.mounts = Mount::on_body(radius_mm, 20.0);
 }
 
 /// A virtual robot configured for exploring.
@@ -82,9 +88,9 @@ pub fn explore(
 ) -> Result<Exploration, Box<dyn Error>> {
     let mut session = Session::open(io, RATE_HZ, READY_MS)?;
     let config = session.config();
-    let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
-    let mut localisation = Localisation::new(localiser, config, CELL_MM);
-    let mut plan = Explorer::new(exploring::navigator_config(config)?);
+    let body_mm = board.world(|world| world.params().chassis.radius_mm);
+    let mut localisation = Localisation::new(config, body_mm, CELL_MM);
+    let mut plan = Explorer::new(exploring::navigator_config(config, body_mm)?);
     let mut track = TruthTrack::new(board);
     let (mut truth, mut late, mut raw) = (Vec::new(), Vec::new(), Vec::new());
     let mut times_s = Vec::new();

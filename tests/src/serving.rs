@@ -3,6 +3,7 @@
 use std::thread;
 
 use host_link::settings::Settings;
+use pilot::mapping::BODY_MM;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use twin::Board;
@@ -30,6 +31,7 @@ pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
     let options = Options {
         rate_hz: 40,
         ready_timeout_ms: READY_MS,
+        body_mm: BODY_MM,
         speed: Some(0.25),
         journal: None,
     };

@@ -2,6 +2,7 @@
 //! and what goes wrong on the way.
 
 use host_link::settings::Settings;
+use mapper::{Cell, Grid, Point};
 use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use robot_tests::exploration::{self, Figures};
@@ -20,18 +21,19 @@ fn small_room() -> Room {
     room.with_box(&corner, 300.0, 300.0)
 }
 
-/// Explores it while `disturb` does what it likes at a time, s; checks that the robot comes home
-/// without a collision.
-fn explore(seed: u64, mut disturb: impl FnMut(&Board, f64)) -> Figures {
+/// Explores it with a body of this radius, mm, while `disturb` does what it likes at a time, s, with the map so far;
+/// checks that the robot comes home without a collision.
+fn explore(seed: u64, body_mm: f64, mut disturb: impl FnMut(&Board, f64, &Grid)) -> Figures {
     let room = small_room();
     twin::processor::keep_to_one();
-    let options = exploration::options(&room, Imperfections::default(), seed);
+    let mut options = exploration::options(&room, Imperfections::default(), seed);
+    exploration::set_body(&mut options, body_mm);
     let board = exploration::configured_board(&elf(ELF), options).expect("a board");
     let mut io = test_board::io(&board);
     let mut reports = 0.0;
-    let run = exploration::explore(&mut io, &board, |_| {
+    let run = exploration::explore(&mut io, &board, |step| {
         reports += 1.0;
-        disturb(&board, reports / 40.0);
+        disturb(&board, reports / 40.0, step.grid);
     });
     let run = run.expect("a session");
     let figures = run.figures(&room);
@@ -49,7 +51,7 @@ fn explore(seed: u64, mut disturb: impl FnMut(&Board, f64)) -> Figures {
 // Requirement: NAV-explore-1, NAV-pose-1
 #[test]
 fn unknown_room_is_mapped_and_robot_comes_home() {
-    let figures = explore(21, |_, _| ());
+    let figures = explore(21, 100.0, |_, _, _| ());
     assert_eq!(figures.stops, 0);
     assert!(figures.position_error_mm_max < 60.0 && figures.heading_error_deg_max < 5.0);
 }
@@ -58,7 +60,7 @@ fn unknown_room_is_mapped_and_robot_comes_home() {
 #[test]
 fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
     let mut silent = false;
-    let figures = explore(22, |board, time_s| {
+    let figures = explore(22, 100.0, |board, time_s, _| {
         let jam = (30.0..32.0).contains(&time_s);
         let slip = f64::from(u8::from((50.0..50.5).contains(&time_s)));
         board.set_faults(move |faults: &mut Faults| {
@@ -73,6 +75,29 @@ fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
     });
     assert!(figures.stops >= 2, "{}", figures.stops);
     assert!(figures.position_error_mm_max < 150.0 && figures.heading_error_deg_max < 8.0);
+}
+
+// Requirement: NAV-explore-1
+#[test]
+fn wide_robot_drives_around_what_comes_and_goes() {
+    let visitor = Point::new(700.0, 300.0);
+    let (mut left_s, mut seen) = (f64::INFINITY, false);
+    explore(23, 150.0, |board, time_s, grid| {
+        let is_far = board.truth().pose.position().distance_mm(visitor) > 500.0;
+        if time_s > 15.0 && left_s > 1e6 && is_far {
+            let room = small_room().with_circle(visitor, 100.0);
+            board.world(move |world| world.set_room(room));
+            left_s = time_s + 40.0;
+        } else if (0.0..time_s).contains(&left_s) {
+            board.world(|world| world.set_room(small_room()));
+            left_s = -1.0;
+        }
+        let is_at = |at: Point| (80.0..150.0).contains(&at.distance_mm(visitor));
+        seen |= grid.cells().any(|(column, row)| {
+            grid.cell(column, row) == Cell::Occupied && is_at(grid.middle(column, row))
+        });
+    });
+    assert!(seen && left_s < 0.0, "{seen} {left_s}");
 }
 
 // Requirement: NAV-calibrate-1

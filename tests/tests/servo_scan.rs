@@ -5,7 +5,7 @@ use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Report};
 use host_link::snapshot::distance_mm;
 use host_link::statistics::LinkStatistics;
 use mapper::Point;
-use pilot::mapping::{Mapping, RangeSample, mapper_config};
+use pilot::mapping::{BODY_MM, Mapping, RangeSample, mapper_config};
 use robot_tests::test_board::Rig;
 use twin::board_model::Ping;
 use twin::plant::{Params, RangefinderParams};
@@ -237,7 +237,7 @@ fn servo_points_ahead_in_other_modes() {
 #[test]
 fn scan_maps_room_around_robot() {
     let mut robot = ScanningRobot::new(&sweeping(), Params::default());
-    let mut survey = Mapping::new(mapper_config(&robot.config, 25.0));
+    let mut survey = Mapping::new(mapper_config(&robot.config, BODY_MM, 25.0));
     let config = robot.config.clone();
     for (at, report) in robot.frames(12_000_000) {
         let mut snapshot = host_link::snapshot::Snapshot::new(&config);

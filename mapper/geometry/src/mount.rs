@@ -25,13 +25,19 @@ impl Mount {
         }
     }
 
-    /// Front, right and left rangefinder of the first board, in the order of the frame. The
-    /// distances from the axle's middle are assumptions.
+    /// Front, right and left rangefinder of the first board, in the order of the frame, on a body of 100 mm
+    /// radius. The distances from the axle's middle are assumptions.
     pub const fn first_board() -> [Self; 3] {
+        Self::on_body(100.0, 20.0)
+    }
+
+    /// The same on a body of another radius, its front edge so far ahead of the front rangefinder, mm.
+    pub const fn on_body(radius_mm: f64, overhang_mm: f64) -> [Self; 3] {
+        let aside_mm = radius_mm - 40.0;
         [
-            Self::new(80.0, 0.0, 0.0),
-            Self::new(0.0, -60.0, -FRAC_PI_2),
-            Self::new(0.0, 60.0, FRAC_PI_2),
+            Self::new(radius_mm - overhang_mm, 0.0, 0.0),
+            Self::new(0.0, -aside_mm, -FRAC_PI_2),
+            Self::new(0.0, aside_mm, FRAC_PI_2),
         ]
     }
 

@@ -54,7 +54,7 @@ fn clearances_are_distances_to_nearest_cells() {
         middles(|cell| cell == Cell::Occupied),
         middles(|cell| cell != Cell::Free),
     );
-    let map = CostMap::new(&grid, 0.3, &[], &[]);
+    let map = CostMap::new(&grid, 0.3, &[], (&[], 100.0));
     assert!((map.direction_rad() - 0.3).abs() < 1e-12);
     let on_grid = |point: Point| {
         let middle = |mm: f64| ((mm / 25.0).floor() + 0.5) * 25.0;
@@ -90,7 +90,7 @@ fn clearances_are_distances_to_nearest_cells() {
 #[test]
 fn lattice_finds_nodes_by_place() {
     for direction_rad in [0.0, 0.4] {
-        let map = CostMap::new(&moved(&MIXED), direction_rad, &[], &[]);
+        let map = CostMap::new(&moved(&MIXED), direction_rad, &[], (&[], 100.0));
         let all = || (0..map.nodes.len()).map(|index| (index, map.point(index)));
         for (index, at) in all() {
             assert_eq!(map.index(at), Some(index));
@@ -131,7 +131,7 @@ fn ways_lead_around_walls_and_lines_do_not_cross_them() {
         "#.......#",
         "#########",
     ]);
-    let map = CostMap::new(&grid, 0.0, &[], &[]);
+    let map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
     let at = |x_mm, y_mm| map.index(Point::new(x_mm, y_mm)).unwrap();
     let free = |node: &Node| node.cell == Cell::Free;
     let (from, to) = (Point::new(250.0, 350.0), Point::new(650.0, 350.0));
@@ -152,14 +152,14 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
     let way = Point::new(-690.0, 560.0);
     let mark = Point::new(-600.0, 900.0);
     let marks = [mark, Point::new(-680.0, 570.0)];
-    let map = CostMap::new(&grid, 0.0, &marks, &[way]);
+    let map = CostMap::new(&grid, 0.0, &marks, (&[way], 120.0));
     let whole = (0..grid.columns(), 0..grid.rows());
-    let field = Field::new(&grid, whole, &marks, &[way]);
+    let field = Field::new(&grid, whole, &marks, (&[way], 120.0));
     for (index, (column, row)) in grid.cells().enumerate() {
         let at = grid.middle(column, row);
         let expected = match grid.cell(column, row) {
             _ if marks.iter().any(|mark| mark.distance_mm(at) <= 25.0) => Cell::Occupied,
-            Cell::Unknown if at.distance_mm(way) <= BODY_MM => Cell::Free,
+            Cell::Unknown if at.distance_mm(way) <= 120.0 => Cell::Free,
             _ if at.distance_mm(way) <= DRIVEN_MM => Cell::Free,
             cell => cell,
         };
@@ -175,14 +175,14 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
 fn window_is_the_whole_lattice_around_the_points() {
     let grid = moved(&MIXED);
     let (marks, driven) = ([Point::new(-600.0, 900.0)], [Point::new(-300.0, 700.0)]);
-    let whole = CostMap::new(&grid, 0.3, &marks, &driven);
+    let whole = CostMap::new(&grid, 0.3, &marks, (&driven, 100.0));
     for points in [
         &[Point::new(-310.0, 720.0)][..],
         &[Point::new(-600.0, 850.0), Point::new(-250.0, 650.0)],
         // Nearer to the grid's rim than the window is wide.
         &[Point::new(-780.0, 420.0)],
     ] {
-        let window = whole.around(points, 400.0, &grid, (&marks, &driven));
+        let window = whole.around(points, 400.0, &grid, (&marks, (&driven, 100.0)));
         assert!(window.nodes.len() < whole.nodes.len(), "{points:?}");
         let is_near = |at: Point| points.iter().any(|point| point.distance_mm(at) <= 150.0);
         let mut near = 0;

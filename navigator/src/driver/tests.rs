@@ -17,7 +17,7 @@ fn under_way(sweep_half_width_rad: f64) -> (Driver, Grid) {
     driver.rested_s = 0.0;
     let map = driver.survey(&grid, 0.0);
     let pose = Pose2::new(200.0, 400.0, 0.0);
-    let reach = Reach::new(&map, &pose, driver.config.inflation_mm);
+    let reach = Reach::new(&map, &pose, driver.config.inflation_mm());
     let end = map.index(Point::new(1800.0, 400.0)).unwrap();
     driver.follow(&reach, end, 0.0);
     (driver, grid)
@@ -131,7 +131,7 @@ fn stop_repeated_at_one_place_turns_about() {
 fn speed_is_limited_by_clearance_and_unknown_floor_ahead() {
     let limit = |change: fn(&mut Node, f64)| {
         let grid = draw(&["...................."; 8]);
-        let mut map = CostMap::new(&grid, 0.0, &[], &[]);
+        let mut map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
         for index in 0..map.nodes.len() {
             let x_mm = map.point(index).x_mm;
             let node = &mut map.nodes[index];
@@ -166,7 +166,7 @@ fn close_echo_limits_speed_and_is_what_stops() {
     let (mut driver, _) = under_way(1.0);
     let pose = Pose2::new(200.0, 400.0, 0.0);
     assert!(driver.contact_limit(&pose).is_infinite());
-    assert_eq!(driver.obstacle(&pose), (FRONT_EDGE_MM, 0.0));
+    assert_eq!(driver.obstacle(&pose), (120.0, 0.0));
     let mut frame = status(0.1, pose);
     // Of a wall that the map knows, 178 mm ahead of the middle and 66 mm to the left.
     frame.ranges_mm[0] = Some(66f64.hypot(98.0));
@@ -233,7 +233,7 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
         assert_eq!(driver.marks.len(), 3);
         for (&(time_s, at), aside) in driver.marks.iter().zip([-50.0, 0.0, 50.0]) {
             assert!((time_s - 0.3).abs() < 1e-9);
-            let expected = pose(way_mm).point_at(FRONT_EDGE_MM, aside);
+            let expected = pose(way_mm).point_at(120.0, aside);
             assert!(at.distance_mm(expected) < 1e-6, "{at:?}");
         }
         driver.queue.clear();
@@ -251,7 +251,7 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
         // The marks are obstacles for a while.
         let is_marked = |driver: &mut Driver, time_s| {
             let map = driver.survey(&grid, time_s);
-            let ahead = map.at(pose(way_mm).point_at(FRONT_EDGE_MM, 0.0)).copied();
+            let ahead = map.at(pose(way_mm).point_at(120.0, 0.0)).copied();
             ahead.expect("on the grid").clearance_mm < 60.0
         };
         assert!(is_marked(&mut driver, 399.0) && !is_marked(&mut driver, 401.0));

@@ -166,12 +166,12 @@ fn target_is_resolved_once_it_is_seen() {
         explorer.driver.map = None;
         explorer.goal = goal;
         assert!(!explorer.is_resolved());
-        explorer.driver.map = Some(CostMap::new(&room(&[]), 0.0, &[], &[]));
+        explorer.driver.map = Some(CostMap::new(&room(&[]), 0.0, &[], (&[], 100.0)));
         assert_eq!(explorer.is_resolved(), expected, "{goal:?}");
     }
     // The way there is left, and the next target is chosen.
     let (grid, pose) = (room(&[]), Pose2::new(500.0, 1000.0, 0.0));
-    let map = CostMap::new(&grid, 0.0, &[], &[]);
+    let map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
     let reach = Reach::new(&map, &pose, 120.0);
     let node = map.index(Point::new(500.0, 500.0)).unwrap();
     explorer.driver.follow(&reach, node, 100.0);

@@ -31,7 +31,7 @@ fn echo_counts_once_and_is_forgotten_by_way_and_turns() {
         sight.observe(&status, &config, &grid, 0.0);
         (
             sight.unexplained().count(),
-            sight.contact(&status.estimate.pose),
+            sight.contact(&status.estimate.pose, 100.0),
         )
     };
     // Of the swept front sensor, 1 rad to the left.
@@ -52,18 +52,19 @@ fn echo_counts_once_and_is_forgotten_by_way_and_turns() {
 fn way_is_blocked_by_echoes_before_the_body_alone() {
     let (grid, robot) = (draw(&["....."; 5]), Pose2::new(200.0, 200.0, 1.0));
     for (ahead_mm, left_mm, blocked) in [
-        (200.0, 0.0, true),
-        (200.0, 110.0, true),
-        (200.0, -110.0, true),
-        (200.0, 150.0, false),
-        (200.0, -150.0, false),
-        (300.0, 0.0, false),
-        (-100.0, 0.0, false),
+        (200.0, 0.0, [true; 2]),
+        (200.0, 110.0, [true; 2]),
+        (200.0, -110.0, [true; 2]),
+        (200.0, 150.0, [false, true]),
+        (200.0, -150.0, [false, true]),
+        (300.0, 0.0, [false, true]),
+        (-100.0, 0.0, [false; 2]),
     ] {
         let Point { x_mm, y_mm } = robot.point_at(ahead_mm - 40.0, left_mm);
         let mut sight = Sight::default();
         assert!(sight.see_near(&Pose2::new(x_mm, y_mm, 1.0), 40.0, 700.0, &grid));
-        assert_eq!(sight.is_blocked(&robot), blocked, "{ahead_mm} {left_mm}");
+        let found = [100.0, 150.0].map(|body_mm| sight.is_blocked(&robot, body_mm));
+        assert_eq!(found, blocked, "{ahead_mm} {left_mm}");
     }
 }
 
@@ -87,17 +88,20 @@ fn contact_of_close_echo_is_where_body_touches_it() {
     let robot = Pose2::new(200.0, 200.0, 0.0);
     let ahead = |bearing_rad| Pose2::new(280.0, 200.0, bearing_rad);
     sight.see_near(&ahead(1.0), 150.0, 700.0, &grid);
-    assert_eq!(sight.contact(&robot), None, "passes beside it");
+    let [narrow, wide] = [100.0, 150.0].map(|body_mm| sight.contact(&robot, body_mm));
+    assert!(narrow.is_none() && wide.is_some(), "passes beside it");
     sight.see_near(&ahead(-0.6), 150.0, 700.0, &grid);
-    let (way_mm, point) = sight.contact(&robot).unwrap();
+    let (way_mm, point) = sight.contact(&robot, 100.0).unwrap();
     let touching = robot.point_at(way_mm, 0.0);
-    assert!((touching.distance_mm(point) - BODY_RADIUS_MM).abs() < 1e-6);
+    assert!((touching.distance_mm(point) - 110.0).abs() < 1e-6);
     assert!((50.0..200.0).contains(&way_mm), "{way_mm}");
     sight.see_near(&ahead(0.0), 340.0, 700.0, &grid);
-    assert_eq!(sight.contact(&robot), Some((way_mm, point)), "the nearest");
+    let nearest = sight.contact(&robot, 100.0);
+    assert_eq!(nearest, Some((way_mm, point)));
     // A later reading through the place refutes it.
     sight.see_near(&ahead(-0.6), 600.0, 700.0, &grid);
-    assert!(sight.contact(&robot).is_some_and(|(mm, _)| mm > 300.0));
+    let left = sight.contact(&robot, 100.0);
+    assert!(left.is_some_and(|(mm, _)| mm > 300.0));
 }
 
 #[test]

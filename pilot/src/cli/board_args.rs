@@ -18,6 +18,10 @@ pub struct BoardArgs {
     /// How long to await STM_READY, ms
     #[arg(long, default_value_t = reset::READY_TIMEOUT_MS, value_parser = value_parser!(u32).range(1..=600_000))]
     pub ready_timeout: u32,
+    /// Radius of the robot's body around the middle of its axle, mm: plans keep it off walls; the front sensor
+    /// is front_overhang inside its rim, the others 40 mm
+    #[arg(long, default_value = "100", value_parser = number(100.0..=300.0))]
+    pub body_radius: f64,
     /// SPI device
     #[arg(long, default_value = "/dev/spidev0.0")]
     pub spi: PathBuf,
@@ -126,6 +130,7 @@ impl BoardArgs {
             chassis: plant::Chassis {
                 wheel_diameter_mm: plant::Sides::new(left, right),
                 track_mm: board.true_track,
+                radius_mm: self.body_radius,
                 ..plant::Chassis::default()
             },
             imperfections: if board.ideal {

@@ -123,6 +123,7 @@ impl Context<'_> {
             let options = control::Options {
                 rate_hz: self.board.rate,
                 ready_timeout_ms: self.board.ready_timeout,
+                body_mm: self.board.body_radius,
                 speed: self.board.virtual_board.chosen.then_some(1.0),
                 journal: None,
             };

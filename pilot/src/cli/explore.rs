@@ -30,18 +30,18 @@ const LIVE_FRAMES: u32 = 20;
 pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
     map::check(&explore.out)?;
     explored::check(context)?;
+    let body_mm = context.board.body_radius;
     context.with_board(|connection| {
         ensure_mode(connection, explore.yes, context)?;
         let mut session = context.open_session(&mut connection.io)?;
         let config = session.config();
-        let localiser = Localiser::new(exploring::localiser_config(config, CELL_MM));
-        let mut localisation = Localisation::new(localiser, config, CELL_MM);
+        let mut localisation = Localisation::new(config, body_mm, CELL_MM);
         let mut plan = Explorer::new(navigator::Config {
             time_limit_s: explore.timeout,
-            ..exploring::navigator_config(config)?
+            ..exploring::navigator_config(config, body_mm)?
         });
         // Once nothing refuses the drive: it may replace a file.
-        let mut recorder = map::recorder(explore.record.as_deref(), &mut session)?;
+        let mut recorder = map::recorder(explore.record.as_deref(), body_mm, &mut session)?;
         let mut written = Ok(());
         let driven = drive(
             &mut session,
@@ -73,7 +73,7 @@ const GIVEN_START: [[f64; 3]; 3] = [[2500.0, 0.0, 0.0], [0.0, 2500.0, 0.0], [0.0
 /// Goes to a point of a saved map.
 pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error> {
     let grid = mapping::load_map(map)?;
-    let target = Point::new(goto.x, goto.y);
+    let (target, body_mm) = (Point::new(goto.x, goto.y), context.board.body_radius);
     let start = goto.start.map(|start| PoseEstimate {
         pose: mapping::mapper_pose(start),
         covariance: GIVEN_START,
@@ -82,10 +82,10 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         ensure_mode(connection, goto.yes, context)?;
         let mut session = context.open_session(&mut connection.io)?;
         let config = session.config();
-        let settings = exploring::localiser_config(config, grid.cell_mm());
+        let settings = exploring::localiser_config(config, body_mm, grid.cell_mm());
         let mut localiser = Localiser::on_map(settings, grid, start);
         if !localiser.is_located() {
-            let located = exploring::locate(&mut session, &mut localiser, live(context.output));
+            let located = exploring::locate(&mut session, &mut localiser, body_mm, live(context.output));
             context.output.end_live();
             located?.ensure_complete("the robot is not found on the map")?;
             if !localiser.is_located() {
@@ -94,8 +94,8 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
             }
         }
         let config = session.config();
-        let mut localisation = Localisation::new(localiser, config, CELL_MM);
-        let mut plan = GoTo::new(exploring::navigator_config(config)?, target);
+        let mut localisation = Localisation::with(localiser, config, body_mm, CELL_MM);
+        let mut plan = GoTo::new(exploring::navigator_config(config, body_mm)?, target);
         let driven = drive(&mut session, &mut localisation, &mut plan, context, |_| ())?;
         driven.ensure_complete("the target is not reached")?;
         let pose = localisation.localiser.estimate().pose;

@@ -9,8 +9,7 @@ use host_link::file;
 use host_link::session::Session;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
-use mapper::Localiser;
-use pilot::exploring::{self, Localisation};
+use pilot::exploring::Localisation;
 use pilot::mapping::{Files, RangeSample};
 use pilot::recording::{self, Recorder};
 use pilot::waypoints;
@@ -19,12 +18,12 @@ use std::path::{Path, PathBuf};
 
 /// Runs the command.
 pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
-    let cell_mm = f64::from(map.cell);
+    let (body_mm, cell_mm) = (context.board.body_radius, f64::from(map.cell));
     match (&map.tour, &map.from) {
         (_, Some(file)) => {
             let (settings, samples) = recording::load(file)?;
             recording::check_extent(&samples, cell_mm, file)?;
-            let localisation = localised(settings.config(), cell_mm, &samples);
+            let localisation = localised(settings.config(), body_mm, cell_mm, &samples);
             save(map, &localisation, None, context)
         }
         (Some(file), None) => {
@@ -33,7 +32,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
                 let mut samples = Vec::new();
-                let mut recorder = recorder(map.record.as_deref(), &mut session)?;
+                let mut recorder = recorder(map.record.as_deref(), body_mm, &mut session)?;
                 let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {
                     if let Some(sample) = RangeSample::of(snapshot) {
@@ -46,7 +45,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                     drive::follow(&mut session, &waypoints, &map.criteria, context, watch);
                 // What was measured before an error is worth keeping, whatever the error was.
                 let end_us = session.now_us();
-                let localisation = localised(session.config(), cell_mm, &samples);
+                let localisation = localised(session.config(), body_mm, cell_mm, &samples);
                 if let Some(recorder) = recorder {
                     written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
                 }
@@ -61,9 +60,8 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     }
 }
 
-fn localised(config: &Config, cell_mm: f64, samples: &[RangeSample]) -> Localisation {
-    let localiser = Localiser::new(exploring::localiser_config(config, cell_mm));
-    let mut localisation = Localisation::new(localiser, config, cell_mm);
+fn localised(config: &Config, body_mm: f64, cell_mm: f64, samples: &[RangeSample]) -> Localisation {
+    let mut localisation = Localisation::new(config, body_mm, cell_mm);
     for sample in samples {
         localisation.observe(sample);
     }
@@ -82,8 +80,12 @@ pub fn check(out: &Path) -> Result<(), Error> {
 }
 
 /// The recording that is asked for.
-pub fn recorder(path: Option<&Path>, session: &mut Session<'_>) -> Result<Option<Recorder>, Error> {
-    path.map(|path| Recorder::of(session.io(), path))
+pub fn recorder(
+    path: Option<&Path>,
+    body_mm: f64,
+    session: &mut Session<'_>,
+) -> Result<Option<Recorder>, Error> {
+    path.map(|path| Recorder::of(session.io(), path, body_mm))
         .transpose()
 }
 

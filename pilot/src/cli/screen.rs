@@ -237,7 +237,7 @@ mod tests {
             advice: vec!["latched fault left-stalled: remove what blocks it".into()],
             error: None,
             clients: 2,
-            bearings_deg: [0.0, -90.0, 90.0],
+            rangefinders: [Some(Pose::new(80.0, 0.0, 0.0)), None, None],
             stop_deadline_ms: 250,
         };
         let wall = |index: i32| {

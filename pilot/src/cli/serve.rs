@@ -43,6 +43,7 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
         let options = Options {
             rate_hz: context.board.rate,
             ready_timeout_ms: context.board.ready_timeout,
+            body_mm: context.board.body_radius,
             speed: match serve.speed {
                 Speed::Times(speed) if simulated => Some(speed),
                 _ => None,

@@ -6,7 +6,7 @@ mod records;
 
 pub use reader::{check_extent, load, parse};
 
-use crate::mapping::{RangeSample, mounts};
+use crate::mapping::{RangeSample, sensor_poses};
 use crate::ros_messages::{
     BatteryState, DiagnosticArray, Header, Imu, Message, OccupancyGrid, PoseStamped, Quaternion,
     RANGE_FRAMES, Range, Text, TfMessage, TransformStamped,
@@ -17,9 +17,10 @@ use host_link::board_io::BoardIo;
 use host_link::eeprom;
 use host_link::error::Error;
 use host_link::file::{Kind, OutputFile};
+use host_link::pose::Pose;
 use host_link::settings::{self, Settings};
 use host_link::snapshot::Snapshot;
-use mapper::{Grid, Mount};
+use mapper::Grid;
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
 use std::collections::BTreeMap;
@@ -46,7 +47,7 @@ pub struct Recorder {
     writer: Writer<BufWriter<File>>,
     /// Sequence number and id of each topic's channel.
     channels: BTreeMap<&'static str, (u16, u32)>,
-    front: Mount,
+    front: Option<Pose>,
     flushed_us: u64,
     slow_us: Option<u64>,
 }
@@ -56,17 +57,18 @@ impl Recorder {
     ///
     /// # Errors
     /// [`Error::Unwritable`]; those of [`eeprom::read`] and [`Settings::from_image`].
-    pub fn of(io: &mut BoardIo, path: &Path) -> Result<Self, Error> {
+    pub fn of(io: &mut BoardIo, path: &Path, body_mm: f64) -> Result<Self, Error> {
         let settings = Settings::from_image(&eeprom::read(io)?)?;
-        Self::create(path, &settings, io.clock.micros())
+        Self::create(path, &settings, body_mm, io.clock.micros())
     }
 
     /// Begins the file, with the settings. They are written before it is seen at its path.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
-    pub fn create(path: &Path, settings: &Settings, us: u64) -> Result<Self, Error> {
+    pub fn create(path: &Path, settings: &Settings, body_mm: f64, us: u64) -> Result<Self, Error> {
         let file = OutputFile::create(path, Kind::Recording)?;
+        let sensors = sensor_poses(settings.config(), body_mm);
         let options = WriteOptions::new()
             .compression(None)
             .profile("ros2")
@@ -77,17 +79,17 @@ impl Recorder {
                 .create(BufWriter::new(file.handle()?))
                 .map_err(|cause| Error::unwritable(path, &cause))?,
             channels: BTreeMap::new(),
-            front: Mount::first_board()[0],
+            front: sensors[0],
             flushed_us: 0,
             slow_us: None,
         };
         let data = settings::render(settings);
         recorder.write(SETTINGS, us, &Text { data })?;
-        let mounts = mounts(settings.config());
         let sweeps = settings.config().mode().has(Field::Bearing);
-        let fixed = RANGE_FRAMES.iter().zip(&mounts).skip(sweeps.into());
-        let fixed = fixed.map(|(frame, mount)| TransformStamped::of_rangefinder(us, frame, mount));
-        let transforms = fixed.collect();
+        let fixed = RANGE_FRAMES.iter().zip(sensors).skip(sweeps.into());
+        let transforms = fixed
+            .filter_map(|(frame, at)| Some(TransformStamped::of(us, "base_link", frame, at?)))
+            .collect();
         recorder.write("/tf_static", us, &TfMessage { transforms })?;
         recorder.flush()?;
         file.publish()?;
@@ -116,10 +118,10 @@ impl Recorder {
             self.write(IMU, us, &message)?;
         }
         let mut transforms = vec![TransformStamped::of(us, "odom", "base_link", pose)];
-        if let Some(bearing) = sample.bearing_deg {
-            self.front.bearing_rad = bearing.to_radians();
+        if let Some((bearing, mut front)) = sample.bearing_deg.zip(self.front) {
+            front.rotation_deg = bearing;
             let frame = RANGE_FRAMES[0];
-            transforms.push(TransformStamped::of_rangefinder(us, frame, &self.front));
+            transforms.push(TransformStamped::of(us, "base_link", frame, front));
         }
         self.write(TF, us, &TfMessage { transforms })?;
         // The reader takes a report as complete with its pose.
@@ -220,11 +222,11 @@ impl Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::BODY_MM;
     use fw_core::eeprom::{Config, Image};
-    use host_link::pose::Pose;
 
     fn create(path: &Path) -> Recorder {
-        Recorder::create(path, &Settings::sample().unwrap(), 0).unwrap()
+        Recorder::create(path, &Settings::sample().unwrap(), BODY_MM, 0).unwrap()
     }
 
     fn samples() -> Vec<RangeSample> {

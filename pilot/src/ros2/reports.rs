@@ -6,7 +6,7 @@ use crate::ros_messages::{
 };
 use crate::serve::protocol::Frame;
 use host_link::pose::Pose;
-use mapper::{Mount, Pose2};
+use mapper::Pose2;
 
 /// Longest time between two poses that is a velocity, microseconds.
 const MAX_STEP_US: u64 = 1_000_000;
@@ -47,11 +47,11 @@ pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
         transforms.push(transform);
     }
     let swept = [frame.robot.bearing_deg, None, None];
-    let bearings = frame.bearings_deg.iter().zip(swept);
-    let bearings = bearings.map(|(&fixed, swept)| swept.unwrap_or(fixed));
-    for ((child, mount), bearing) in RANGE_FRAMES.iter().zip(Mount::first_board()).zip(bearings) {
-        let mount = Mount::new(mount.ahead_mm, mount.left_mm, bearing.to_radians());
-        transforms.push(TransformStamped::of_rangefinder(us, child, &mount));
+    for ((child, fitted), swept) in RANGE_FRAMES.iter().zip(frame.rangefinders).zip(swept) {
+        if let Some(mut sensor) = fitted {
+            sensor.rotation_deg = swept.unwrap_or(sensor.rotation_deg);
+            transforms.push(TransformStamped::of(us, "base_link", child, sensor));
+        }
     }
     TfMessage { transforms }
 }
@@ -91,7 +91,7 @@ mod tests {
             advice: vec!["charge".into()],
             error: None,
             clients: 1,
-            bearings_deg: [0.0, -90.0, 90.0],
+            rangefinders: [Some(Pose::new(80.0, 0.0, 0.0)), None, None],
             stop_deadline_ms: 250,
         };
         let mm_and_degrees = |one: &TransformStamped| {

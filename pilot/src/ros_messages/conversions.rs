@@ -6,7 +6,7 @@ use super::{
 };
 use host_link::pose;
 use host_link::snapshot::Snapshot;
-use mapper::{Cell, Grid, Mount};
+use mapper::{Cell, Grid};
 
 impl Time {
     /// Of microseconds.
@@ -53,13 +53,6 @@ impl TransformStamped {
                 rotation: pose.orientation,
             },
         }
-    }
-
-    /// Where a rangefinder is on the robot, and looks.
-    pub fn of_rangefinder(us: u64, frame: &str, mount: &Mount) -> Self {
-        let looks = mount.bearing_rad.to_degrees();
-        let pose = pose::Pose::new(mount.ahead_mm, mount.left_mm, looks);
-        Self::of(us, "base_link", frame, pose)
     }
 }
 

@@ -252,8 +252,8 @@ pub struct Frame {
     pub error: Option<String>,
     /// Clients, this one included.
     pub clients: usize,
-    /// Where the rangefinders look: front, right, left, degrees counter-clockwise from straight ahead.
-    pub bearings_deg: [f64; 3],
+    /// Where the rangefinders are on the robot, and look: front, right, left; none where none is fitted.
+    pub rangefinders: [Option<Pose>; 3],
     /// `STM_READY`'s configuration: time without a frame after which the motors brake, ms.
     pub stop_deadline_ms: u16,
 }

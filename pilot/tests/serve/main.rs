@@ -9,6 +9,7 @@ use fw_core::wire::{Command, Mode, Order};
 use host_link::eeprom::journal::Journal;
 use host_link::mock_board::{OnCommand, Shared, mock_board};
 use pilot::client::Client;
+use pilot::mapping::BODY_MM;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use pilot::serve::protocol::{Message, Request};
@@ -49,6 +50,7 @@ impl Served {
         let options = Options {
             rate_hz: 40,
             ready_timeout_ms: 100,
+            body_mm: BODY_MM,
             speed: self.speed,
             journal: self.journal,
         };

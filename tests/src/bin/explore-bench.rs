@@ -33,6 +33,9 @@ struct Arguments {
     /// Uncalibrated robots: wheels and track off by up to 1 %, the gyroscope by 3 %
     #[arg(long)]
     uncalibrated: bool,
+    /// Radius of the robots' body, mm
+    #[arg(long, default_value_t = 100.0)]
+    body_radius: f64,
     /// Where the table and a picture of each run go
     #[arg(long, default_value = "target/explore-bench")]
     out: PathBuf,
@@ -80,7 +83,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                         return;
                     }
                     let room = room.clone().unwrap_or_else(|| room::generate(seed));
-                    let options = exploration::options(&room, world, seed);
+                    let mut options = exploration::options(&room, world, seed);
+                    exploration::set_body(&mut options, arguments.body_radius);
                     let row = explore(&elf, &room, options, &arguments.out);
                     let row = row.map_err(|error| format!("seed {seed}: {error}"));
                     eprintln!("{}", row.as_ref().map_or_else(Clone::clone, line));

@@ -57,6 +57,12 @@ impl World {
         }
     }
 
+    /// Changes the room while the robot stands or drives in it.
+    pub fn set_room(&mut self, room: Room) {
+        self.sonar = Sonar::new(self.params.rangefinder, &room, &self.params.imperfections);
+        self.room = room;
+    }
+
     /// Advances by `dt_s` seconds with these inputs at the motors, in steps of at most 1 ms.
     pub fn step(&mut self, dt_s: f64, left: MotorInput, right: MotorInput) {
         let mut rest = dt_s;

@@ -85,7 +85,7 @@ fn look_is_along_the_walls_and_turns_to_what_is_behind() {
             sweep_half_width_rad,
             ..Config::default()
         });
-        explorer.driver.map = Some(CostMap::new(&room(&[]), 0.2, &[], &[]));
+        explorer.driver.map = Some(CostMap::new(&room(&[]), 0.2, &[], (&[], 100.0)));
         explorer.driver.trail.net_rad = net_rad;
         explorer.look(off.map(bearings), &status(7.0, pose));
         let rested_s = if sweep_half_width_rad > 0.0 {

@@ -14,7 +14,7 @@ use crate::exploring::{self, Plan, PlanRunner};
 use crate::hints;
 use crate::mapping::{self, RangeSample};
 use fw_core::eeprom::Config;
-use fw_core::types::{Faults, RangefinderId};
+use fw_core::types::Faults;
 use fw_core::wire::Report;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
@@ -48,6 +48,8 @@ pub struct Options {
     pub ready_timeout_ms: u32,
     /// How much faster than real time virtual time passes; none: as the board's clock does by itself.
     pub speed: Option<f64>,
+    /// Radius of the robot's body, mm.
+    pub body_mm: f64,
     /// Of an EEPROM write that a client which borrowed the robot may leave unfinished.
     pub journal: Option<Journal>,
 }
@@ -104,6 +106,7 @@ struct Server {
     /// Why the present motion must end.
     cancelled: Option<Error>,
     config: Option<Config>,
+    body_mm: f64,
     map: Map,
     tiles: Tiles,
     pose: Option<Pose>,
@@ -131,6 +134,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         next: None,
         cancelled: None,
         config: None,
+        body_mm: options.body_mm,
         map: Map::default(),
         tiles: Tiles::default(),
         pose: None,
@@ -315,7 +319,7 @@ impl Server {
         if let Some(sample) = sample.filter(|_| report.is_some()) {
             let last = self.pose.replace(sample.pose);
             if last.is_none_or(|last| last.distance_mm(sample.pose) > JUMP_MM) {
-                let settings = exploring::localiser_config(session.config(), CELL_MM);
+                let settings = exploring::localiser_config(session.config(), self.body_mm, CELL_MM);
                 self.map = Map::default();
                 self.map.put(Localiser::new(settings));
                 self.new_map();
@@ -365,7 +369,7 @@ impl Server {
             advice: self.advice.clone(),
             error: None,
             clients: self.clients.len(),
-            bearings_deg: RangefinderId::ALL.map(|id| mapping::bearing_turns(config, id) * 360.0),
+            rangefinders: mapping::sensor_poses(config, self.body_mm),
             stop_deadline_ms: config.stop_deadline().0,
         });
         self.publish(&log);

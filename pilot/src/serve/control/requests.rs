@@ -110,14 +110,17 @@ impl Server {
                 let motion = if let Some(rotation_deg) = rotation_deg {
                     Motion::Pose(Pose::new(x_mm, y_mm, rotation_deg))
                 } else {
-                    let plan = GoTo::new(navigator_config(self.config()?)?, Point::new(x_mm, y_mm));
+                    let plan = GoTo::new(
+                        navigator_config(self.config()?, self.body_mm)?,
+                        Point::new(x_mm, y_mm),
+                    );
                     Motion::Plan(Activity::Goto, Box::new(plan))
                 };
                 self.take_lease(id, lease_ms)?;
                 self.begin(motion);
             }
             Request::Explore { lease_ms } => {
-                let plan = Explorer::new(navigator_config(self.config()?)?);
+                let plan = Explorer::new(navigator_config(self.config()?, self.body_mm)?);
                 self.take_lease(id, lease_ms)?;
                 self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
             }

@@ -6,6 +6,7 @@ use std::path::Path;
 use host_link::board_io::BoardIo;
 use host_link::settings::Settings;
 use mapper::map_plot;
+use pilot::mapping::BODY_MM;
 use pilot::recording::Recorder;
 use robot_tests::exploration;
 use serde_json::Value;
@@ -29,7 +30,7 @@ pub fn run(
     // What the demo wrote: to read it again would only cost the robot's time.
     let settings = Settings::sample()?.with(&exploration::CHANGES)?;
     let begun_us = machine.clock.micros();
-    let mut recorder = Recorder::create(&out.join("recording.mcap"), &settings, begun_us)?;
+    let mut recorder = Recorder::create(&out.join("recording.mcap"), &settings, BODY_MM, begun_us)?;
     let mut outcome = Ok(());
     let run = exploration::explore(machine, board, |step| {
         if outcome.is_ok() {

@@ -8,7 +8,7 @@ use host_link::pose::Pose;
 use host_link::session::{RATE_HZ, Session};
 use mapper::{map_iou, map_plot};
 use pilot::drive::{self, ArrivalCriteria};
-use pilot::mapping::{Mapping, RangeSample, mapper_config, mapper_pose, reported_pose};
+use pilot::mapping::{BODY_MM, Mapping, RangeSample, mapper_config, mapper_pose, reported_pose};
 use robot_tests::exploration::{CELL_MM, READY_MS, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ pub fn run(
     out: &Path,
 ) -> Result<Value, Box<dyn Error>> {
     let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
-    let mut mapping = Mapping::new(mapper_config(session.config(), CELL_MM));
+    let mut mapping = Mapping::new(mapper_config(session.config(), BODY_MM, CELL_MM));
     let mut truth = TruthTrack::new(board);
     let (mut estimate, mut true_path) = (Vec::new(), Vec::new());
     // Distance and turn to the truth at the tick, and at the frame's end: worst of each, and the last.
