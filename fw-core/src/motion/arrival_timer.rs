@@ -42,6 +42,7 @@ impl ArrivalTimer {
 
     /// One tick, in which the robot is `moving` to a target `way` micrometres away along x and y, or
     /// not, `held_back` by the obstacle stop or not; whether the time of the motion is over.
+    // Requirement: WIRE-fault-15
     #[must_use]
     pub fn step(&mut self, moving: bool, held_back: bool, way: impl FnOnce() -> [u32; 2]) -> bool {
         let left = match (moving, self.left) {
@@ -55,6 +56,7 @@ impl ArrivalTimer {
     }
 
     /// 10 s to 398 days.
+    // Requirement: WIRE-fault-15
     #[cold]
     #[inline(never)]
     fn allowance(&self, way: impl FnOnce() -> [u32; 2]) -> u32 {

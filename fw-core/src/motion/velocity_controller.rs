@@ -162,7 +162,7 @@ impl VelocityRamp {
     }
 
     /// From `before` one tick towards `commanded`.
-    // Requirement: WIRE-velocity-3, WIRE-obstacle-1
+    // Requirement: WIRE-velocity-3, WIRE-velocity-6, WIRE-obstacle-1
     #[allow(clippy::inline_always, reason = "a part of the controller's step")]
     #[inline(always)]
     pub fn step(

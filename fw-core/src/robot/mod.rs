@@ -328,6 +328,7 @@ impl Robot {
     }
 
     /// [`Self::measurement`] in thousandths, for the log.
+    // Requirement: WIRE-log-7
     fn thousandths(&self) -> i64 {
         match self.quantity {
             MeasuredQuantity::Pose => 0,

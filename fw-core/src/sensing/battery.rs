@@ -225,7 +225,7 @@ impl Battery {
     /// `reference`, a source in place of the cell. `None` without a reference, a cell or a reading.
     ///
     /// The lower resistor is kept. Tune from cell 1 upwards: each cell depends on the tap below.
-    // Requirement: DOC-5.1.3-3
+    // Requirement: DOC-5.1.3-3, WIRE-battery-2
     pub fn tune(&self, index: u8, reference: Volts) -> Option<u32> {
         let reference = reference.0.to_bits();
         if reference == 0 || index >= self.cells {

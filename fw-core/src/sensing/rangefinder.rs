@@ -78,6 +78,7 @@ pub struct EchoStats {
 }
 
 impl EchoStats {
+    // Requirement: WIRE-log-9
     fn count(&mut self, echo: Echo) {
         let count = match echo {
             Echo::Distance(_) => &mut self.hits,
@@ -179,6 +180,7 @@ impl Rangefinders {
         }
         let which = self.current.wrapping_add(1);
         let which = if which < self.count { which } else { 0 };
+        // Requirement: WIRE-bearing-2
         let bearing = bearing.or((sides && which != 0).then_some(0))?;
         let sensor = self.sensors.get_mut(usize::from(which))?;
         if let Some((_, bearing)) = sensor.pending {

@@ -244,7 +244,6 @@ fn target_held_is_left_with_the_present_limit() {
     assert!(bench.robot.report.obstacle_limited);
 }
 
-// Requirement: WIRE-sweep-1
 #[test]
 fn sweep_without_echoes_keeps_its_cycle_and_homing_is_silent() {
     let sweep = Command {
@@ -276,7 +275,6 @@ fn sweep_without_echoes_keeps_its_cycle_and_homing_is_silent() {
     }
 }
 
-// Requirement: WIRE-sweep-1
 #[test]
 fn reversed_servo_is_triggered_at_the_same_times() {
     let ticks = [0, 1].map(|reversed| {
