@@ -356,6 +356,7 @@ impl Driver {
 }
 
 /// Speed for what lies ahead on the path, mm/s.
+// Requirement: NAV-contact-1
 fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
     let at = |node: &Node| {
         if node.clearance_mm < config.inflation_mm() - SHIFT_MM {

@@ -177,6 +177,7 @@ pub struct View {
 
 impl View {
     /// Takes a message.
+    // Requirement: SERVE-map-1
     pub fn take(&mut self, message: &Message) {
         match message {
             Message::Frame(frame) => self.frame = Some(Frame::clone(frame)),

@@ -34,6 +34,7 @@ pub fn odometry(us: u64, (now_us, pose): (u64, Pose), last: Option<(u64, Pose)>)
 }
 
 /// `map` → `odom` where the server localises, `odom` → `base_link`, and where the rangefinders look.
+// Requirement: SERVE-ros2-1
 pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
     let mut transforms = Vec::new();
     if let Some(pose) = frame.robot.pose {
