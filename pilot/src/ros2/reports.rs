@@ -34,7 +34,6 @@ pub fn odometry(us: u64, (now_us, pose): (u64, Pose), last: Option<(u64, Pose)>)
 }
 
 /// `map` → `odom` where the server localises, `odom` → `base_link`, and where the rangefinders look.
-// Requirement: SERVE-ros2-1
 pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
     let mut transforms = Vec::new();
     if let Some(pose) = frame.robot.pose {
@@ -58,6 +57,7 @@ pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
 }
 
 /// Faults and link; a robot that cannot be reached is an error, advice a warning.
+// Requirement: SERVE-ros2-1
 pub fn diagnostics(us: u64, frame: &Frame) -> DiagnosticArray {
     let mut message = DiagnosticArray::of(us, &frame.robot);
     for status in &mut message.status {
@@ -99,7 +99,7 @@ mod tests {
             let at = one.transform.translation;
             [at.x * 1e3, at.y * 1e3, one.transform.rotation.degrees()].map(f64::round)
         };
-        let [odom, base, front, ..] = &transforms(7, &frame).transforms[..] else {
+        let [odom, base, front] = &transforms(7, &frame).transforms[..] else {
             panic!("too few");
         };
         let found = [odom, base, front].map(mm_and_degrees);
