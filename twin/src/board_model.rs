@@ -222,11 +222,10 @@ impl BoardModel {
 
     /// The true pose and the wheels' speeds, °/s, at `now`, which lies within the present tick.
     pub fn at(&self, now: u64) -> (Pose2, Sides<f64>) {
-        let after = Motion::of(&self.world);
+        let (a, b) = (self.before, Motion::of(&self.world));
         let left = u32::try_from(self.next_tick.saturating_sub(now)).unwrap_or(u32::MAX);
         let share = (1.0 - f64::from(left) / TICK_LENGTH).clamp(0.0, 1.0);
         let between = |from: f64, to: f64| from + (to - from) * share;
-        let (a, b) = (self.before, after);
         let pose = Pose2::new(
             between(a.pose.x_mm, b.pose.x_mm),
             between(a.pose.y_mm, b.pose.y_mm),
@@ -238,7 +237,7 @@ impl BoardModel {
 
     /// Handles the changes of the firmware's outputs.
     fn on_gpio(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
-        for change in chip.take_pin_changes() {
+        for change in chip.board_port.take_changes() {
             let high = change.level == Level::High;
             let mut rangefinders = pinout::RANGEFINDERS.iter();
             if let Some(nth) = rangefinders.position(|pins| pins.trigger == change.pin) {
@@ -274,16 +273,13 @@ impl BoardModel {
         let echo_us = self.world.echo_us(nth);
         let returns = self.rangefinders[nth].measure(at, echo_us);
         self.echoes.retain(|&(returns, _)| returns >= at);
-        for &(returns, of) in &self.echoes {
-            if of != nth {
-                self.rangefinders[nth].receive_crosstalk(returns, at);
-            }
+        for &(returns, _) in self.echoes.iter().filter(|echo| echo.1 != nth) {
+            self.rangefinders[nth].receive_crosstalk(returns, at);
         }
         if let Some(returns) = returns {
-            for (other, rangefinder) in self.rangefinders.iter_mut().enumerate() {
-                if other != nth {
-                    rangefinder.receive_crosstalk(returns, at);
-                }
+            let (before, after) = self.rangefinders.split_at_mut(nth);
+            for other in before.iter_mut().chain(&mut after[1..]) {
+                other.receive_crosstalk(returns, at);
             }
             self.echoes.push((returns, nth));
         }
@@ -332,8 +328,7 @@ impl BoardModel {
         let mut bus = self.i2c.lock();
         let high = bus.mpu.as_mut().is_some_and(|mpu| mpu.interrupt(now.0));
         drop(bus);
-        if high != self.imu_irq {
-            self.imu_irq = high;
+        if std::mem::replace(&mut self.imu_irq, high) != high {
             chip.drive_pin(now, pinout::MPU_IRQ, Some(Level::from(high)));
         }
     }

@@ -66,12 +66,18 @@ pub struct Tracer {
 }
 
 impl Tracer {
+    fn record(&mut self, kind: EventKind, at: VirtualNanos, instructions: u64) {
+        self.events.push(Event {
+            kind,
+            at_ns: at.0,
+            instructions,
+        });
+    }
+
     /// How long the core stands still on its arrival at `address`, nanoseconds.
     fn stall_ns(&mut self, address: u64) -> Option<u64> {
-        let stall = self
-            .stall
-            .as_mut()
-            .filter(|stall| stall.address == address)?;
+        let stall = self.stall.as_mut();
+        let stall = stall.filter(|stall| stall.address == address)?;
         if stall.skip > 0 {
             stall.skip -= 1;
             return None;
@@ -128,53 +134,39 @@ impl Driver<VirtualBoard> for EmulatorDriver {
         host: &mut dyn Host,
         settled: Settled,
     ) {
-        if let Settled::Access { access, value } = settled {
-            session.board_mut().mcu.chip.check_access(&access, value);
-        }
         let tracer = &mut self.tracer;
         match settled {
-            Settled::Access { access, value } if tracer.triggers.contains(&access.address) => {
-                tracer.take_snapshot(&access, value, host);
+            Settled::Access { access, value } => {
+                let address = access.address;
+                session.board_mut().mcu.chip.check_access(&access, value);
+                if tracer.triggers.contains(&address) {
+                    tracer.take_snapshot(&access, value, host);
+                }
+                if access.kind == AccessKind::Write && tracer.registers.contains(&address) {
+                    let kind = EventKind::Write { address, value };
+                    tracer.record(kind, access.virtual_time, access.instruction_count);
+                }
             }
             Settled::Hit(hit) => {
-                if let Some(ns) = tracer.stall_ns(hit.address) {
+                let address = hit.address;
+                if let Some(ns) = tracer.stall_ns(address) {
                     let until = VirtualNanos(hit.at.0 + ns);
                     self.stalled_until = Some(until);
                     session.pause_at(Some(until));
                     host.hold(true);
                 }
-            }
-            Settled::Stop(stop) if self.stalled_until.is_some_and(|end| end <= stop.at) => {
-                self.stalled_until = None;
-                host.hold(false);
-            }
-            _ => {}
-        }
-        let mut record = |kind, at: VirtualNanos, instructions| {
-            tracer.events.push(Event {
-                kind,
-                at_ns: at.0,
-                instructions,
-            });
-        };
-        match settled {
-            Settled::Access { access, value }
-                if access.kind == AccessKind::Write
-                    && tracer.registers.contains(&access.address) =>
-            {
-                let address = access.address;
-                let kind = EventKind::Write { address, value };
-                record(kind, access.virtual_time, access.instruction_count);
-            }
-            Settled::Hit(hit) => {
-                let address = hit.address;
                 let kind = EventKind::Reached { address };
-                record(kind, hit.at, hit.instruction_count);
+                tracer.record(kind, hit.at, hit.instruction_count);
             }
-            Settled::Stop(stop) if tracer.chip_select => {
-                for (at_ns, selected) in session.board_mut().mcu.board.selects.drain(..) {
-                    let kind = EventKind::ChipSelect(selected);
-                    record(kind, VirtualNanos(at_ns), stop.instruction_count);
+            Settled::Stop(stop) => {
+                if self.stalled_until.take_if(|end| *end <= stop.at).is_some() {
+                    host.hold(false);
+                }
+                if tracer.chip_select {
+                    for (at_ns, selected) in session.board_mut().mcu.board.selects.drain(..) {
+                        let kind = EventKind::ChipSelect(selected);
+                        tracer.record(kind, VirtualNanos(at_ns), stop.instruction_count);
+                    }
                 }
             }
             _ => {}
@@ -207,6 +199,7 @@ impl Driver<VirtualBoard> for EmulatorDriver {
     }
 }
 
+#[derive(Debug)]
 struct Handle {
     commands: Option<Sender<Command>>,
     stops: Receiver<u64>,
@@ -218,14 +211,9 @@ struct Handle {
 }
 
 /// A running emulation. It stands still except inside [`Emulator::run_until`].
+#[derive(Debug)]
 pub struct Emulator {
     handle: Mutex<Handle>,
-}
-
-impl std::fmt::Debug for Emulator {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.debug_struct("Emulator").finish_non_exhaustive()
-    }
 }
 
 /// The debugger's end: where it connects, and whether the core waits for it.
@@ -306,10 +294,7 @@ impl Emulator {
         &self,
         work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
     ) -> Result<T, EmulationEnded> {
-        self.with_handle(|handle| {
-            let answered = handle.send_work(work)?;
-            answered.recv().map_err(|_| handle.end())
-        })
+        self.with_handle(|handle| handle.answer_of(work))
     }
 
     /// Runs until the instant that `before` returns, nanoseconds of virtual time, and returns what `after`
@@ -324,8 +309,7 @@ impl Emulator {
     ) -> Result<T, EmulationEnded> {
         self.with_handle(|handle| {
             handle.send(Command::RunUntil(Box::new(before)))?;
-            let answered = handle.send_work(after)?;
-            let answer = answered.recv().map_err(|_| handle.end())?;
+            let answer = handle.answer_of(after)?;
             handle.wait_for_stop()?;
             Ok(answer)
         })
@@ -348,16 +332,16 @@ impl Handle {
             .ok_or_else(|| self.end())
     }
 
-    /// Lets the other thread do `work`; where its result will come.
-    fn send_work<T: Send + 'static>(
+    /// Lets the other thread do `work`, and waits for its result.
+    fn answer_of<T: Send + 'static>(
         &mut self,
         work: impl FnOnce(&mut StoppedBoard<'_>) -> T + Send + 'static,
-    ) -> Result<Receiver<T>, EmulationEnded> {
+    ) -> Result<T, EmulationEnded> {
         let (answer, answered) = channel();
         self.send(Command::Do(Box::new(move |stopped| {
             let _ = answer.send(work(stopped));
         })))?;
-        Ok(answered)
+        answered.recv().map_err(|_| self.end())
     }
 
     fn wait_for_stop(&mut self) -> Result<(), EmulationEnded> {

@@ -4,9 +4,11 @@
 use plant::Faults;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
+use rigless::time::VirtualNanos;
 
 use crate::board::Board;
 use crate::components::mpu6050::Mpu6050;
+use crate::soc::Stm32f411;
 use crate::virtual_board::FACTORY_OPTIONS;
 
 /// TIM5's first control register, RM0383 table 1 and section 13.4.1.
@@ -34,41 +36,32 @@ impl Board {
     /// The crystal stops for good, RM0383 section 6.2.7. The emulated core has no line to its NMI: I2C1's error
     /// interrupt stands for it, in an ELF in which both have one vector and without a gyroscope.
     pub fn stop_crystal(&self) {
-        self.stopped(|stopped| {
-            let at = stopped.at();
-            stopped.mcu().chip.fail_crystal(at);
-        });
+        self.act_on_chip(Stm32f411::fail_crystal);
     }
 
     /// A device on I2C1's bus stretches the clock for as long as this is set.
     pub fn stretch_i2c(&self, stretched: bool) {
-        self.stopped(move |stopped| {
-            let at = stopped.at();
-            stopped.mcu().chip.stretch_i2c1(at, stretched);
-        });
+        self.act_on_chip(move |chip, at| chip.stretch_i2c1(at, stretched));
     }
 
     /// I2C1 sees a bus error that is none, ES0287 section 2.10.
     pub fn raise_bus_error(&self) {
-        self.stopped(|stopped| {
-            let at = stopped.at();
-            stopped.mcu().chip.raise_i2c1_bus_error(at);
-        });
+        self.act_on_chip(Stm32f411::raise_i2c1_bus_error);
     }
 
     /// The 3.3 V rail, in millivolts, from now on.
     pub fn set_supply(&self, millivolts: u32) {
-        self.stopped(move |stopped| stopped.mcu().chip.set_supply(millivolts));
+        self.act_on_chip(move |chip, _| chip.set_supply(millivolts));
     }
 
     /// The option bytes are the factory's: no brown-out reset.
     pub fn reset_option_bytes(&self) {
-        self.stopped(|stopped| stopped.mcu().chip.set_option_bytes(FACTORY_OPTIONS));
+        self.act_on_chip(|chip, _| chip.set_option_bytes(FACTORY_OPTIONS));
     }
 
     /// An earlier firmware has left the low-speed oscillator on.
     pub fn start_lse(&self) {
-        self.stopped(|stopped| stopped.mcu().chip.start_lse());
+        self.act_on_chip(|chip, _| chip.start_lse());
     }
 
     /// The converter stops: no conversion ends any more.
@@ -100,13 +93,18 @@ impl Board {
 
     /// Changes a word of a peripheral; without a clock it does nothing that could be changed.
     fn change(&self, address: u64, change: impl FnOnce(u64) -> u64 + Send + 'static) {
-        self.stopped(move |stopped| {
-            let at = stopped.at();
-            let chip = &mut stopped.mcu().chip;
+        self.act_on_chip(move |chip, at| {
             if let Ok(word) = chip.read(at, address, Width::W32) {
                 let written = chip.write(at, address, Width::W32, change(word));
                 written.expect("it has its clock");
             }
+        });
+    }
+
+    fn act_on_chip(&self, act: impl FnOnce(&mut Stm32f411, VirtualNanos) + Send + 'static) {
+        self.stopped(|stopped| {
+            let at = stopped.at();
+            act(&mut stopped.mcu().chip, at);
         });
     }
 }

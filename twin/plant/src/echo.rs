@@ -99,13 +99,10 @@ impl Burst<'_> {
     }
 
     fn is_heard(&self, strength: f64, distance_mm: f64, soft: bool) -> bool {
-        let farthest = if soft {
-            SOFT_RANGE_MM.min(self.beam.farthest_mm)
-        } else {
-            self.beam.farthest_mm
-        };
         let far = distance_mm / self.beam.farthest_mm;
-        distance_mm <= farthest && strength * self.gain >= 0.05 + 0.4 * far * far
+        let in_range =
+            distance_mm <= self.beam.farthest_mm && (!soft || distance_mm <= SOFT_RANGE_MM);
+        in_range && strength * self.gain >= 0.05 + 0.4 * far * far
     }
 
     /// Distance of the nearest point that answers directly.

@@ -29,10 +29,7 @@ pub struct MotorInput {
 
 impl MotorInput {
     /// The enable low: the wheel rolls freely.
-    pub const COAST: Self = Self {
-        duty: 0.0,
-        brake: false,
-    };
+    pub const COAST: Self = Self::run(0.0);
     /// The motor shorted.
     pub const BRAKE: Self = Self {
         duty: 0.0,
@@ -167,11 +164,7 @@ impl Motor {
             self.drive += (target - self.drive) * (dt / p.lag_s).min(1.0);
             self.speed += (self.drive - self.speed) * (dt / p.lag_s).min(1.0);
         }
-        let unbalanced = if pull < p.dead_zone {
-            1.0 - pull / p.dead_zone
-        } else {
-            0.0
-        };
+        let unbalanced = (1.0 - pull / p.dead_zone).max(0.0);
         let lost = p.friction_deg_s2 * unbalanced * dt;
         if lost > 0.0 && self.speed.abs() <= lost {
             self.speed = 0.0;

@@ -18,8 +18,10 @@ pub const WRITE_CYCLE_NS: u64 = 5_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Idle,
-    /// Bytes of the word address still to come, and the first of them.
-    Address(u8),
+    /// The word address is to come.
+    Address,
+    /// Its second byte is to come; this was the first.
+    AddressLow(u8),
     Data,
     Reading,
 }
@@ -30,7 +32,6 @@ pub struct Eeprom {
     bytes: Vec<u8>,
     pointer: usize,
     phase: Phase,
-    high: u8,
     /// The page as it will be written, and which of its bytes are new.
     latch: Vec<(usize, u8)>,
     busy_until: u64,
@@ -47,7 +48,6 @@ impl Eeprom {
             bytes: contents,
             pointer: 0,
             phase: Phase::Idle,
-            high: 0,
             latch: Vec::new(),
             busy_until: 0,
             write_protected: true,
@@ -93,36 +93,26 @@ impl Eeprom {
         }
         // A repeated start drops what was not yet ended by a stop.
         self.latch.clear();
-        self.phase = if read {
-            Phase::Reading
-        } else {
-            Phase::Address(2)
-        };
+        self.phase = if read { Phase::Reading } else { Phase::Address };
         true
     }
 
     /// A byte from the controller. Returns the acknowledge.
     pub fn write(&mut self, byte: u8) -> bool {
         match self.phase {
-            Phase::Address(2) => {
-                self.high = byte;
-                self.phase = Phase::Address(1);
-                true
-            }
-            Phase::Address(_) => {
-                self.pointer = usize::from(u16::from_be_bytes([self.high, byte])) % SIZE;
+            Phase::Address => self.phase = Phase::AddressLow(byte),
+            Phase::AddressLow(high) => {
+                self.pointer = usize::from(u16::from_be_bytes([high, byte])) % SIZE;
                 self.phase = Phase::Data;
-                true
             }
-            Phase::Data if self.write_protected => false,
-            Phase::Data => {
+            Phase::Data if !self.write_protected => {
                 self.latch.push((self.pointer, byte));
                 let page = self.pointer / PAGE * PAGE;
                 self.pointer = page + (self.pointer + 1) % PAGE;
-                true
             }
-            Phase::Idle | Phase::Reading => false,
+            Phase::Data | Phase::Idle | Phase::Reading => return false,
         }
+        true
     }
 
     /// A byte to the controller.

@@ -30,20 +30,16 @@ impl Encoder {
     )]
     pub fn plan(&mut self, start: u64, span: u64, from: f64, to: f64) {
         let (first, last) = (from.floor() as i64, to.floor() as i64);
-        let passed: Vec<(i64, i64)> = if last >= first {
-            (first + 1..=last).map(|whole| (whole, whole)).collect()
-        } else {
-            (last + 1..=first)
-                .rev()
-                .map(|whole| (whole, whole - 1))
-                .collect()
-        };
-        for (whole, count) in passed {
+        let falls = last < first;
+        let mut passed: Vec<i64> = (first.min(last) + 1..=first.max(last)).collect();
+        if falls {
+            passed.reverse();
+        }
+        for whole in passed {
             let share = ((whole as f64 - from) / (to - from)).clamp(0.0, 1.0);
-            self.edges.push_back(Edge {
-                at: start + (share * span as f64) as u64,
-                count,
-            });
+            let at = start + (share * span as f64) as u64;
+            let count = whole - i64::from(falls);
+            self.edges.push_back(Edge { at, count });
         }
     }
 

@@ -28,10 +28,10 @@ pub struct I2cBus {
     pub mpu: Option<Mpu6050>,
     /// What the switch connects the EEPROM to.
     controller: I2cController,
-    /// Clock pulses until a device on the EEPROM's side releases `SDA`.
-    sda_held: Option<u32>,
-    /// Clock pulses until the MPU6050 releases `SDA`.
-    sda_held_by_mpu: Option<u32>,
+    /// Clock pulses until a device on the EEPROM's side releases `SDA`; 0 while none holds it.
+    sda_held: u32,
+    /// The same of the MPU6050.
+    sda_held_by_mpu: u32,
     /// Whether the STM's transaction is with the MPU6050.
     mpu_addressed: bool,
 }
@@ -47,8 +47,8 @@ impl I2cBus {
             eeprom,
             mpu,
             controller: I2cController::Stm,
-            sda_held: None,
-            sda_held_by_mpu: None,
+            sda_held: 0,
+            sda_held_by_mpu: 0,
             mpu_addressed: false,
         }
     }
@@ -70,32 +70,27 @@ impl I2cBus {
 
     /// A device on the EEPROM's side holds `SDA` low for this many clock pulses.
     pub fn hold_sda(&mut self, pulses: u32) {
-        self.sda_held = Some(pulses);
+        self.sda_held = pulses;
     }
 
     /// The MPU6050 holds `SDA` low for this many clock pulses.
     pub fn hold_sda_by_mpu(&mut self, pulses: u32) {
-        self.sda_held_by_mpu = Some(pulses);
+        self.sda_held_by_mpu = pulses;
     }
 
     /// Whether `SDA` is held low on the wires of `side`.
     pub fn is_sda_held(&self, side: I2cController) -> bool {
-        let by_mpu = self.sda_held_by_mpu.is_some() && side == I2cController::Stm;
-        by_mpu || self.sda_held.is_some() && self.controller == side
+        let by_mpu = self.sda_held_by_mpu > 0 && side == I2cController::Stm;
+        by_mpu || self.sda_held > 0 && self.controller == side
     }
 
     /// A clock pulse by `side`.
     pub fn clock_pulse(&mut self, side: I2cController) {
-        let count = |held: &mut Option<u32>| {
-            *held = held
-                .and_then(|left| left.checked_sub(1))
-                .filter(|&left| left > 0);
-        };
         if self.controller == side {
-            count(&mut self.sda_held);
+            self.sda_held = self.sda_held.saturating_sub(1);
         }
         if side == I2cController::Stm {
-            count(&mut self.sda_held_by_mpu);
+            self.sda_held_by_mpu = self.sda_held_by_mpu.saturating_sub(1);
         }
     }
 
@@ -105,38 +100,31 @@ impl I2cBus {
             && let Some(eeprom) = &mut self.eeprom
         {
             if eeprom.is_reading() {
-                self.sda_held = Some(CLEARING_PULSES);
+                self.sda_held = CLEARING_PULSES;
             }
             eeprom.abort();
         }
         if let Some(mpu) = self.mpu.as_mut().filter(|mpu| mpu.is_reading()) {
             mpu.stop();
-            self.sda_held_by_mpu = Some(CLEARING_PULSES);
+            self.sda_held_by_mpu = CLEARING_PULSES;
         }
         self.mpu_addressed = false;
     }
 
     fn mpu(&mut self, side: I2cController) -> Option<&mut Mpu6050> {
-        if side == I2cController::Stm && self.mpu_addressed && !self.is_sda_held(side) {
-            self.mpu.as_mut()
-        } else {
-            None
-        }
+        let answers = side == I2cController::Stm && self.mpu_addressed && !self.is_sda_held(side);
+        self.mpu.as_mut().filter(|_| answers)
     }
 
     fn reachable(&mut self, side: I2cController) -> Option<&mut Eeprom> {
-        if self.controller == side && !self.is_sda_held(side) {
-            self.eeprom.as_mut()
-        } else {
-            None
-        }
+        let answers = self.controller == side && !self.is_sda_held(side);
+        self.eeprom.as_mut().filter(|_| answers)
     }
 
     /// A start. Returns the acknowledge.
     pub fn start(&mut self, side: I2cController, now: u64, address: u8, read: bool) -> bool {
-        let eeprom = self
-            .reachable(side)
-            .is_some_and(|eeprom| eeprom.start(now, address, read));
+        let eeprom = self.reachable(side);
+        let eeprom = eeprom.is_some_and(|eeprom| eeprom.start(now, address, read));
         if side == I2cController::Stm {
             self.mpu_addressed = true;
             self.mpu_addressed = self.mpu(side).is_some_and(|mpu| mpu.start(address, read));

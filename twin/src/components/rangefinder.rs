@@ -24,11 +24,8 @@ impl Rangefinder {
             self.triggered = Some(now);
             return false;
         }
-        let long_enough = self
-            .triggered
-            .take()
-            .is_some_and(|since| now - since >= TRIGGER_NS);
-        long_enough && self.fall.is_none()
+        let risen = self.triggered.take();
+        risen.is_some_and(|since| now - since >= TRIGGER_NS) && self.fall.is_none()
     }
 
     /// Starts a measurement at `now` whose echo takes `echo_us` microseconds, or never returns. Returns
@@ -49,8 +46,8 @@ impl Rangefinder {
     /// Another sensor's echo arrives at `at`: it ends a measurement that is waiting for its own.
     pub fn receive_crosstalk(&mut self, at: u64, now: u64) {
         let listens = self.rise.unwrap_or(now) <= at;
-        if let Some(fall) = self.fall.filter(|&fall| listens && at < fall) {
-            self.fall = Some(at.min(fall));
+        if self.fall.is_some_and(|fall| listens && at < fall) {
+            self.fall = Some(at);
         }
     }
 
@@ -61,16 +58,10 @@ impl Rangefinder {
 
     /// The echo line's next level, if it changes by `now`.
     pub fn take(&mut self, now: u64) -> Option<bool> {
-        if let Some(rise) = self.rise {
-            if rise <= now {
-                self.rise = None;
-                return Some(true);
-            }
-        } else if self.fall.is_some_and(|fall| fall <= now) {
-            self.fall = None;
-            return Some(false);
+        if self.rise.is_some() {
+            return self.rise.take_if(|rise| *rise <= now).map(|_| true);
         }
-        None
+        self.fall.take_if(|fall| *fall <= now).map(|_| false)
     }
 }
 

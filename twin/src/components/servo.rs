@@ -9,20 +9,13 @@ pub struct ServoLine {
 impl ServoLine {
     /// The line has this level at `now`, nanoseconds. Returns the width of the pulse that this ends,
     /// microseconds.
+    #[expect(clippy::cast_precision_loss, reason = "a pulse is milliseconds")]
     pub fn level(&mut self, now: u64, high: bool) -> Option<f64> {
-        match (self.rose, high) {
-            (None, true) => {
-                self.rose = Some(now);
-                None
-            }
-            (Some(rose), false) => {
-                self.rose = None;
-                #[expect(clippy::cast_precision_loss, reason = "a pulse is milliseconds")]
-                let width_us = (now - rose) as f64 / 1000.0;
-                Some(width_us)
-            }
-            _ => None,
+        if high {
+            self.rose.get_or_insert(now);
+            return None;
         }
+        self.rose.take().map(|rose| (now - rose) as f64 / 1000.0)
     }
 }
 

@@ -85,14 +85,11 @@ impl SpiMaster {
         Some(match self.steps.front()? {
             SpiStep::Select(_) => self.began,
             SpiStep::Wait(ns) => self.began + ns,
-            SpiStep::Bits { mosi, hz } => {
-                if self.clocked < mosi.len() {
-                    let bit = (self.clocked + ahead).min(mosi.len() - 1) as u64;
-                    self.began + (2 * bit + 1) * 500_000_000 / hz
-                } else {
-                    self.began + mosi.len() as u64 * 1_000_000_000 / hz
-                }
+            SpiStep::Bits { mosi, hz } if self.clocked < mosi.len() => {
+                let bit = (self.clocked + ahead).min(mosi.len() - 1) as u64;
+                self.began + (2 * bit + 1) * 500_000_000 / hz
             }
+            ended @ SpiStep::Bits { .. } => self.began + ended.duration(),
         })
     }
 
@@ -104,8 +101,7 @@ impl SpiMaster {
                 return None;
             }
             match self.steps.front()? {
-                SpiStep::Select(selected) => {
-                    let selected = *selected;
+                &SpiStep::Select(selected) => {
                     self.finish(due);
                     return Some(SpiAction::Select(selected));
                 }

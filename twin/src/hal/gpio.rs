@@ -23,15 +23,11 @@ pub enum Line {
 /// A line.
 #[derive(Clone, Debug)]
 pub struct Pin {
-    board: Board,
-    line: Line,
+    pub(super) board: Board,
+    pub(super) line: Line,
 }
 
 impl Pin {
-    pub(super) fn new(board: Board, line: Line) -> Self {
-        Self { board, line }
-    }
-
     fn drive(&self, high: bool) -> Result<(), PinError> {
         let line = self.line;
         if line == Line::Ready {

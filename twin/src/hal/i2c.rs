@@ -15,9 +15,7 @@ const BYTE_NS: u64 = 9 * BIT_NS;
 
 /// /dev/i2c-1.
 #[derive(Clone, Debug)]
-pub struct I2c {
-    board: Board,
-}
+pub struct I2c(pub(super) Board);
 
 /// A transfer failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -48,18 +46,14 @@ impl Error for I2cError {
 }
 
 impl I2c {
-    pub(super) fn new(board: Board) -> Self {
-        Self { board }
-    }
-
     /// Lets virtual time pass, then acts on the bus.
     fn after<T: Send + 'static>(
         &self,
         ns: u64,
         act: impl FnOnce(&mut I2cBus, u64) -> T + Send + 'static,
     ) -> Result<T, I2cError> {
-        self.board.try_run_ns(ns)?;
-        Ok(self.board.try_stopped(|stopped| stopped.i2c_bus(act))?)
+        self.0.try_run_ns(ns)?;
+        Ok(self.0.try_stopped(|stopped| stopped.i2c_bus(act))?)
     }
 
     fn start(&self, address: u8, read: bool) -> Result<(), I2cError> {

@@ -9,7 +9,7 @@ use embedded_hal::delay::DelayNs;
 
 pub use gpio::{Line, Pin, PinError};
 pub use i2c::{I2c, I2cError};
-pub use spi::{Spi, SpiError, SpiTiming};
+pub use spi::{Spi, SpiTiming};
 
 use crate::board::Board;
 
@@ -21,17 +21,19 @@ impl Board {
 
     /// The same with other timing.
     pub fn spi_with(&self, timing: SpiTiming) -> Spi {
-        Spi::new(self.clone(), timing)
+        let board = self.clone();
+        Spi { board, timing }
     }
 
     /// /dev/i2c-1 at 400 kHz: the EEPROM, while the switch connects it to the Pi.
     pub fn i2c(&self) -> I2c {
-        I2c::new(self.clone())
+        I2c(self.clone())
     }
 
     /// One of the Pi's GPIO lines.
     pub fn pin(&self, line: Line) -> Pin {
-        Pin::new(self.clone(), line)
+        let board = self.clone();
+        Pin { board, line }
     }
 
     /// A delay in virtual time.

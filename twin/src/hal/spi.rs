@@ -34,26 +34,17 @@ impl Default for SpiTiming {
 /// /dev/spidev0.0.
 #[derive(Clone, Debug)]
 pub struct Spi {
-    board: Board,
-    timing: SpiTiming,
+    pub(super) board: Board,
+    pub(super) timing: SpiTiming,
 }
 
-/// The emulation has ended.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(transparent)]
-pub struct SpiError(#[from] pub EmulationEnded);
-
-impl Error for SpiError {
+impl Error for EmulationEnded {
     fn kind(&self) -> ErrorKind {
         ErrorKind::Other
     }
 }
 
 impl Spi {
-    pub(super) fn new(board: Board, timing: SpiTiming) -> Self {
-        Self { board, timing }
-    }
-
     fn step(&self, operation: &Operation<'_, u8>) -> SpiStep {
         let hz = self.timing.hz;
         match operation {
@@ -71,11 +62,11 @@ impl Spi {
 }
 
 impl ErrorType for Spi {
-    type Error = SpiError;
+    type Error = EmulationEnded;
 }
 
 impl SpiDevice for Spi {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), SpiError> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), EmulationEnded> {
         let mut steps = vec![SpiStep::Select(true), SpiStep::Wait(self.timing.setup_ns)];
         steps.extend(operations.iter().map(|operation| self.step(operation)));
         steps.extend([

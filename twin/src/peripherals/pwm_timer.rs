@@ -16,7 +16,8 @@
 //! a trigger output, counting down, one-pulse mode, captures, and the other output modes.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
-use rigless::soc::stm32f427::generated::tim3::{Register, cr1, egr, sr};
+use rigless::soc::stm32f427::generated::tim3::Register::{self, Ccr1, Ccr2, Ccr3, Ccr4};
+use rigless::soc::stm32f427::generated::tim3::{cr1, egr, sr};
 use rigless::time::{NANOS_PER_SECOND, VirtualNanos};
 
 const CHANNELS: usize = 4;
@@ -195,12 +196,7 @@ impl PwmTimer {
     /// Takes what the registers hold now.
     fn load(&mut self, registers: &RegisterFile) {
         let control = registers.get(Register::Cr1);
-        let compare = [
-            Register::Ccr1,
-            Register::Ccr2,
-            Register::Ccr3,
-            Register::Ccr4,
-        ];
+        let compare = [Ccr1, Ccr2, Ccr3, Ccr4];
         self.preload = Buffered {
             psc: registers.get(Register::Psc) & MAX_COUNT,
             arr: registers.get(Register::Arr) & MAX_COUNT,

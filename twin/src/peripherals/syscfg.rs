@@ -6,7 +6,9 @@
 //! without effect.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
-use rigless::soc::stm32f427::generated::syscfg::Register;
+use rigless::soc::stm32f427::generated::syscfg::Register::{
+    self, Exticr1, Exticr2, Exticr3, Exticr4,
+};
 
 use super::exti::LINES;
 use crate::pin::PORTS;
@@ -23,18 +25,10 @@ pub struct Syscfg {
 
 impl Syscfg {
     fn refresh(&mut self, line: usize, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
-        let register = match line / 4 {
-            0 => Register::Exticr1,
-            1 => Register::Exticr2,
-            2 => Register::Exticr3,
-            _ => Register::Exticr4,
-        };
+        let register = [Exticr1, Exticr2, Exticr3, Exticr4][line / 4];
         let code = registers.get(register) >> (line % 4 * 4) & 0xF;
-        let level = CODES
-            .iter()
-            .position(|&known| known == code)
-            .and_then(|port| self.pins[port][line]);
-        if let Some(level) = level
+        let port = CODES.iter().position(|&known| known == code);
+        if let Some(level) = port.and_then(|port| self.pins[port][line])
             && self.driven[line].replace(level) != Some(level)
         {
             context.request(line, level);

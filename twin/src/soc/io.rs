@@ -24,8 +24,7 @@ impl Stm32f411 {
     /// # Panics
     /// When there is no such channel.
     pub fn pwm_duty(&self, now: VirtualNanos, channel: u8) -> Option<f64> {
-        let registers = self.bus.slots()[self.slots.pwm].registers();
-        self.pwm.duty(now, channel, registers)
+        self.pwm.duty(now, channel, self.block(self.slots.pwm))
     }
 
     /// The level TIM1 puts out on a channel (1 to 4); `None` while it drives none, as until its outputs'
@@ -35,8 +34,7 @@ impl Stm32f411 {
     /// When there is no such channel.
     pub fn tim1_output(&self, channel: u8) -> Option<Level> {
         let channel = Channel::new(channel).expect("a timer has four channels");
-        let registers = self.bus.slots()[self.slots.tim1].registers();
-        self.tim1.output(channel, registers)
+        self.tim1.output(channel, self.block(self.slots.tim1))
     }
 
     /// Drives an input of the SPI slave.
@@ -51,7 +49,7 @@ impl Stm32f411 {
 
     /// The SPI slave's registers.
     pub fn spi_registers(&self) -> &RegisterFile {
-        self.bus.slots()[self.slots.spi].registers()
+        self.block(self.slots.spi)
     }
 
     /// A device on I2C1's bus holds a line low, or releases it.
@@ -83,8 +81,8 @@ impl Stm32f411 {
 
     /// The bit rate USART1 is set to, RM0383 section 19.3.4, or zero while it is off.
     pub fn usart1_baud(&self) -> u64 {
-        let registers = self.bus.slots()[self.slots.usart1].registers();
-        let clocks = self.bus.slots()[self.slots.rcc].registers();
+        let registers = self.block(self.slots.usart1);
+        let clocks = self.block(self.slots.rcc);
         let divider = registers.get(g::usart6::Register::Brr) & 0xFFFF;
         let over8 = registers.get(g::usart6::Register::Cr1) >> 15 & 1 != 0;
         let sixteenths = if over8 {

@@ -8,7 +8,7 @@ use std::num::{NonZeroU32, NonZeroU64};
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::peripherals::{adc, dma::Wire, flash, i2c, tim, usart};
 use rigless::soc::{
-    Builder, Bus, Clock, Cpu, Endian, EraseBlocks, Error, Gate, Peripheral, Region, WriteModify,
+    Builder, Bus, Cpu, Endian, EraseBlocks, Error, Gate, Peripheral, Region, WriteModify,
 };
 
 use crate::peripherals::{board_port, spi_slave};
@@ -217,17 +217,9 @@ pub fn bus() -> Result<Bus, Error> {
     builder = builder
         .gate_writes("RCC", &["BDCR"], Gate::by("PWR", "CR", "DBP"))
         .gate_writes("RTC", &[], Gate::by("PWR", "CR", "DBP"));
+    let board = board_port::NAME;
     for instance in [
-        "RTC",
-        "SYSCFG",
-        "EXTI",
-        board_port::NAME,
-        "TIM1",
-        "RCC",
-        "C_ADC",
-        "ADC1",
-        "DMA1",
-        "DMA2",
+        "RTC", "SYSCFG", "EXTI", board, "TIM1", "RCC", "C_ADC", "ADC1", "DMA1", "DMA2",
     ] {
         builder = builder.reads_requests(instance);
     }
@@ -238,10 +230,8 @@ pub fn bus() -> Result<Bus, Error> {
         .chain(TIMERS.map(|(name, _)| name))
         .chain(["TIM1", "TIM4", "FLASH", "DWT", "IWDG", "C_ADC", "ADC1"])
     {
-        let clock: Clock = reference
-            .clock_of(instance)
-            .ok_or(Error::UnknownInstance { instance })?;
-        builder = builder.clocked_by(instance, clock);
+        let clock = reference.clock_of(instance);
+        builder = builder.clocked_by(instance, clock.ok_or(Error::UnknownInstance { instance })?);
     }
     builder.build()
 }

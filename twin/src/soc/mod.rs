@@ -10,7 +10,7 @@ mod rules;
 pub use pins::Role;
 
 use rigless::cpu::armv7m::Dwt;
-use rigless::device::{ErasedDevice, ResetCause};
+use rigless::device::{ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
@@ -27,7 +27,7 @@ use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
-use crate::peripherals::board_port::{BoardPort, PinChange};
+use crate::peripherals::board_port::BoardPort;
 use crate::peripherals::capture_timer::CaptureTimer;
 use crate::peripherals::exti::Exti;
 use crate::peripherals::i2c_master::I2cPeripheral;
@@ -151,7 +151,7 @@ impl Stm32f411 {
             tim: [0; memory_map::TIMERS.len()],
             tim1: wire("TIM1", Model::Tim1)?,
             pwm: wire("TIM4", Model::Pwm)?,
-            i2c1: 0,
+            i2c1: wire("I2C1", Model::I2c(0))?,
             usart1: wire("USART1", Model::Usart(0))?,
             dma1: wire("DMA1", Model::Dma(0))?,
             spi: wire("SPI1", Model::Spi)?,
@@ -166,15 +166,11 @@ impl Stm32f411 {
         for (nth, (name, _)) in memory_map::TIMERS.into_iter().enumerate() {
             slots.tim[nth] = wire(name, Model::Tim(nth))?;
         }
-        for (nth, name) in memory_map::I2C.into_iter().enumerate() {
-            let slot = wire(name, Model::I2c(nth))?;
-            if nth == 0 {
-                slots.i2c1 = slot;
-            }
-        }
-        wire("USART2", Model::Usart(1))?;
-        wire("USART6", Model::Usart(2))?;
         for (name, field) in [
+            ("USART2", Model::Usart(1)),
+            ("USART6", Model::Usart(2)),
+            ("I2C2", Model::I2c(1)),
+            ("I2C3", Model::I2c(2)),
             ("ADC1", Model::Adc),
             ("C_ADC", Model::AdcCommon),
             ("DMA2", Model::Dma(1)),
@@ -245,14 +241,14 @@ impl Stm32f411 {
         self.bus.drive(now, self.slots.board_port).1.schedule(at);
     }
 
-    /// The changes of the watched pins since the last call.
-    pub fn take_pin_changes(&mut self) -> Vec<PinChange> {
-        self.board_port.take_changes()
+    /// The registers of the instance in this slot of the bus.
+    fn block(&self, slot: usize) -> &RegisterFile {
+        self.bus.slots()[slot].registers()
     }
 
     /// The crystal's clock behind the RTC's prescaler, RM0383 section 6.3.3; 0 while it stands.
     fn crystal_for_rtc_hz(&self) -> u64 {
-        let registers = self.bus.slots()[self.slots.rcc].registers();
+        let registers = self.block(self.slots.rcc);
         let runs = g::rcc::cr::HSERDY.is_set(registers.get(g::rcc::Register::Cr));
         let divider = g::rcc::cfgr::RTCPRE.get(registers.get(g::rcc::Register::Cfgr));
         let crystal_hz = if runs { self.rcc.crystals().0 } else { 0 };
@@ -261,13 +257,13 @@ impl Stm32f411 {
 
     /// Sets whether the byte in transfer on I2C1 is the last of its DMA stream.
     fn update_next_is_last(&mut self) {
-        let registers = self.bus.slots()[self.slots.i2c1].registers();
+        let registers = self.block(self.slots.i2c1);
         if !I2cPeripheral::uses_last(registers) {
             self.i2c[0].next_is_last(false);
             return;
         }
         let waiting = u64::from(I2cPeripheral::has_byte(registers));
-        let streams = self.bus.slots()[self.slots.dma1].registers();
+        let streams = self.block(self.slots.dma1);
         let last = I2C1_RECEIVERS.iter().any(|&(control, count)| {
             let control = streams.get(control);
             let enabled = g::dma2::s0cr::EN.is_set(control);
@@ -298,18 +294,15 @@ impl Mcu for Stm32f411 {
     /// reset flags with `cause`'s beside the earlier ones, the backup domain unchanged.
     fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
         let mut fresh = Self::new().expect("a part that assembled once assembles again");
-        let flags = self.bus.slots()[self.slots.rcc]
-            .registers()
-            .get(g::rcc::Register::Csr);
-        fresh.rcc.restarted(
-            cause,
-            flags,
-            fresh.bus.slot_mut(fresh.slots.rcc).registers_mut(),
-        );
+        let old = self.block(self.slots.rcc);
+        let clocks = fresh.bus.slot_mut(fresh.slots.rcc).registers_mut();
+        let flags = old.get(g::rcc::Register::Csr);
+        fresh.rcc.restarted(cause, flags, clocks);
+        clocks.set(g::rcc::Register::Bdcr, old.get(g::rcc::Register::Bdcr));
         let (hse, lse) = self.rcc.crystals();
         fresh.rcc.attach_crystals(hse, lse);
         fresh.set_supply(self.pwr.supply());
-        let flash = self.bus.slots()[self.slots.flash].registers();
+        let flash = self.block(self.slots.flash);
         fresh.set_option_bytes(flash.get(g::flash::Register::Optcr));
         for (fresh, old) in fresh.usart.iter_mut().zip(&mut self.usart) {
             fresh.inherit(old);
@@ -320,23 +313,13 @@ impl Mcu for Stm32f411 {
         fresh.adc.inherit(&self.adc);
         fresh.spi.prefetch = self.spi.prefetch;
         fresh.board_port.inherit(&self.board_port);
-        for (name, registers) in [("RTC", None), ("RCC", Some(g::rcc::Register::Bdcr))] {
-            let slot = self.bus.slot_of(name).expect("an instance of the part");
-            let old = self.bus.slots()[slot].registers();
-            let new = fresh.bus.slot_mut(slot).registers_mut();
-            match registers {
-                Some(register) => new.set(register, old.get(register)),
-                None => {
-                    for register in g::rtc::Register::ALL {
-                        new.set(register, old.get(register));
-                    }
-                }
-            }
+        let rtc = self.bus.slot_of("RTC").expect("an instance of the part");
+        let backup = fresh.bus.slot_mut(rtc).registers_mut();
+        for register in g::rtc::Register::ALL {
+            backup.set(register, self.block(rtc).get(register));
         }
-        fresh
-            .bus
-            .keep_added(&self.bus)
-            .expect("a part rebuilt from its own description");
+        let kept = fresh.bus.keep_added(&self.bus);
+        kept.expect("a part rebuilt from its own description");
         *self = fresh;
     }
 

@@ -26,26 +26,25 @@ impl Stm32f411 {
     /// section 6.2.1), where `rigless` sets its flag all the same.
     pub(super) fn update_ready_flags(&mut self, now: VirtualNanos) {
         let crystal = self.rcc.crystals().0 != 0;
-        let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
-        let before = registers.get(Cr);
+        let before = self.block(self.slots.rcc).get(Cr);
+        let mut control = before;
         let sources = [
             (g::rcc::cr::HSEON, g::rcc::cr::HSERDY, HSE_NS, crystal),
             (g::rcc::cr::PLLON, g::rcc::cr::PLLRDY, PLL_NS, true),
         ];
-        let (mut control, mut wakes) = (before, [None; 2]);
-        let since = self.on_since.0.iter_mut().zip(&mut wakes);
-        for ((since, wake), (on, ready, ns, works)) in since.zip(sources) {
-            let begins = since.is_none() && on.is_set(control);
-            *since = on.is_set(control).then(|| since.unwrap_or(now));
-            *wake = begins.then_some(VirtualNanos(now.0 + ns));
+        for (nth, (on, ready, ns, works)) in sources.into_iter().enumerate() {
+            let before = self.on_since.0[nth];
+            let since = on.is_set(control).then(|| before.unwrap_or(now));
+            self.on_since.0[nth] = since;
+            if since.is_some() && before.is_none() {
+                self.wake_at(now, VirtualNanos(now.0 + ns));
+            }
             let is_ready = works && since.is_some_and(|since| now.0 - since.0 >= ns);
             control = ready.set(control, is_ready.into());
         }
         if control != before {
+            let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
             registers.set(Cr, control);
-        }
-        for wake in wakes.into_iter().flatten() {
-            self.wake_at(now, wake);
         }
     }
 }

@@ -70,23 +70,14 @@ impl Stm32f411 {
     /// The level the firmware drives on a pin, `None` where it drives none: the low-speed oscillator has PC14
     /// and PC15 while it is on (RM0383, 8.3.13).
     pub fn output(&self, pin: Pin) -> Option<Level> {
-        if pin.port == 2 && pin.number >= 14 && self.lse_is_on() {
+        let lse_is_on = self.block(self.slots.rcc).get(Bdcr) & LSEON != 0;
+        let taken = lse_is_on && pin.port == 2 && pin.number >= 14;
+        if taken || self.role(pin) != Role::Output {
             return None;
         }
-        let registers = self.port(pin);
-        let bit = |register| registers.get(register) >> pin.number & 1 != 0;
-        match self.role(pin) {
-            Role::Output => {
-                let high = bit(Register::Odr);
-                let open_drain = bit(Register::Otyper);
-                (!(high && open_drain)).then_some(Level::from(high))
-            }
-            _ => None,
-        }
-    }
-
-    fn lse_is_on(&self) -> bool {
-        self.bus.slots()[self.slots.rcc].registers().get(Bdcr) & LSEON != 0
+        let bit = |register| self.port(pin).get(register) >> pin.number & 1 != 0;
+        let (high, open_drain) = (bit(Register::Odr), bit(Register::Otyper));
+        (!(high && open_drain)).then_some(Level::from(high))
     }
 
     /// The low-speed oscillator is on, as an earlier firmware may leave it: no reset stops it.
@@ -96,6 +87,6 @@ impl Stm32f411 {
     }
 
     fn port(&self, pin: Pin) -> &RegisterFile {
-        self.bus.slots()[self.slots.gpio[pin.port]].registers()
+        self.block(self.slots.gpio[pin.port])
     }
 }

@@ -10,7 +10,7 @@ use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2
 use rigless::time::VirtualNanos;
 
 use super::{Role, Stm32f411, memory_map};
-use crate::pin::Pin;
+use crate::pin::pin;
 use crate::pinout;
 
 const DMA1: u64 = 0x4002_6000;
@@ -68,14 +68,9 @@ impl Stm32f411 {
             I2C1_CR1 if write => self.check_i2c(now, value),
             GPIOB_MODER if write && !self.i2c_connected() => {
                 self.rules.i2c_reset = false;
-                let slot = self.slots.i2c1;
-                if self.bus.slots()[slot].registers().get(Cr1) & 1 != 0 {
-                    self.tell(
-                        now,
-                        slot,
-                        "CR1",
-                        "enabled without its pins: BUSY may be locked, RM0383 18.6.1",
-                    );
+                if self.block(self.slots.i2c1).get(Cr1) & 1 != 0 {
+                    let reason = "enabled without its pins: BUSY may be locked, RM0383 18.6.1";
+                    self.tell(now, self.slots.i2c1, "CR1", reason);
                 }
             }
             address if write && address & !PORT_MASK == PUPDR => self.check_pulls(now),
@@ -83,10 +78,9 @@ impl Stm32f411 {
                 self.check_sampling(now, value & 1 << 22 != 0);
             }
             address if write && RESETS.contains(&address) => {
-                let rcc = self.bus.slots()[self.slots.rcc].registers();
-                self.rules.resets = [Ahb1rstr, Apb1rstr, Apb2rstr]
-                    .iter()
-                    .any(|&r| rcc.get(r) != 0);
+                let rcc = self.block(self.slots.rcc);
+                let resets = [Ahb1rstr, Apb1rstr, Apb2rstr].map(|r| rcc.get(r));
+                self.rules.resets = resets != [0; 3];
             }
             _ => {}
         }
@@ -103,26 +97,23 @@ impl Stm32f411 {
     }
 
     fn registers(&self, instance: &str) -> &RegisterFile {
-        self.bus
-            .registers(instance)
-            .expect("an instance of the part")
+        let registers = self.bus.registers(instance);
+        registers.expect("an instance of the part")
     }
 
     fn is_held_in_reset(&self, slot: usize) -> bool {
         let name = self.bus.slots()[slot].peripheral().name;
-        let rcc = self.bus.slots()[self.slots.rcc].registers();
-        memory_map::CLOCKED
-            .iter()
-            .any(|&(instance, _, _, register, field)| {
-                let row = g::rcc::Register::ALL
-                    .into_iter()
-                    .find(|row| row.spec().name == register);
-                let field = row.and_then(|row| row.spec().fields.iter().find(|f| f.name == field));
-                let (Some(row), Some(field)) = (row, field) else {
-                    return false;
-                };
-                instance == name && field.is_set(rcc.get(row))
-            })
+        let mut clocked = memory_map::CLOCKED.into_iter();
+        let Some((.., register, field)) = clocked.find(|row| row.0 == name) else {
+            return false;
+        };
+        let mut rows = g::rcc::Register::ALL.into_iter();
+        let row = rows.find(|row| row.spec().name == register);
+        row.is_some_and(|row| {
+            let mut fields = row.spec().fields.iter();
+            let value = self.block(self.slots.rcc).get(row);
+            fields.any(|known| known.name == field && known.is_set(value))
+        })
     }
 
     /// RM0383 section 9.3.17: a stream's registers are written only once `EN` has been read as 0.
@@ -136,24 +127,16 @@ impl Stm32f411 {
         let enables = register == 0 && value & 1 != 0;
         let rules = &mut self.rules;
         if write && rules.stopping & stream != 0 && (register != 0 || enables) {
-            let slot = self
-                .bus
-                .slot_at(DMA1 + (controller << 10))
-                .expect("a controller");
-            self.tell(
-                now,
-                slot,
-                "SxCR",
-                "set up before EN was read as 0, RM0383 9.3.17",
-            );
+            let slot = self.bus.slot_at(DMA1 + (controller << 10));
+            let reason = "set up before EN was read as 0, RM0383 9.3.17";
+            self.tell(now, slot.expect("a controller"), "SxCR", reason);
         } else if write && enables {
             rules.enabled |= stream;
         } else if write && register == 0 && rules.enabled & stream != 0 {
             rules.enabled &= !stream;
             let name = if controller == 0 { "DMA1" } else { "DMA2" };
-            let row = g::dma2::Register::ALL
-                .into_iter()
-                .find(|row| u64::from(row.spec().offset) == 0x14 + nth * 0x18);
+            let mut rows = g::dma2::Register::ALL.into_iter();
+            let row = rows.find(|row| u64::from(row.spec().offset) == 0x14 + nth * 0x18);
             // A stream at its end is off already.
             if row.is_some_and(|row| self.registers(name).get(row) & 0xFFFF != 0) {
                 self.rules.stopping |= stream;
@@ -167,21 +150,14 @@ impl Stm32f411 {
     fn check_pulls(&mut self, now: VirtualNanos) {
         for echo in pinout::RANGEFINDERS.map(|pins| pins.echo) {
             if self.pull(echo) != 0 {
-                let slot = self.slots.gpio[echo.port];
-                self.tell(
-                    now,
-                    slot,
-                    "PUPDR",
-                    "5 V on a pin with a pull, DS10314 table 14",
-                );
+                let reason = "5 V on a pin with a pull, DS10314 table 14";
+                self.tell(now, self.slots.gpio[echo.port], "PUPDR", reason);
             }
         }
     }
 
     fn i2c_connected(&self) -> bool {
-        [pinout::SCL, pinout::SDA]
-            .into_iter()
-            .all(|pin| self.role(pin) == I2C_FUNCTION)
+        [pinout::SCL, pinout::SDA].map(|pin| self.role(pin)) == [I2C_FUNCTION; 2]
     }
 
     /// A write of I2C1's `CR1`.
@@ -196,8 +172,8 @@ impl Stm32f411 {
         if !self.rules.i2c_reset {
             self.tell(now, slot, "CR1", "enabled without SWRST after its pins were connected: BUSY may be locked, RM0383 18.6.1");
         }
-        let registers = self.bus.slots()[slot].registers();
-        let pclk = self.rcc.pclk1(self.bus.slots()[self.slots.rcc].registers());
+        let registers = self.block(slot);
+        let pclk = self.rcc.pclk1(self.block(self.slots.rcc));
         let [frequency, control, rise] = [Cr2, Ccr, Trise].map(|r| registers.get(r));
         let fast = control >> 15 & 1 != 0;
         let (low, high) = match control >> 14 & 3 {
@@ -216,20 +192,12 @@ impl Stm32f411 {
             self.tell(now, slot, "CR2", "FREQ is not APB1's clock, RM0383 18.6.2");
         }
         if ns(low) < low_ns || ns(high) < high_ns {
-            self.tell(
-                now,
-                slot,
-                "CCR",
-                "SCL is faster than the I2C specification allows, RM0383 18.6.8",
-            );
+            let reason = "SCL is faster than the I2C specification allows, RM0383 18.6.8";
+            self.tell(now, slot, "CCR", reason);
         }
         if (rise & 0x3F) != rise_ns * pclk / 1_000_000_000 + 1 {
-            self.tell(
-                now,
-                slot,
-                "TRISE",
-                "not the longest rise in APB1 cycles plus one, RM0383 18.6.9",
-            );
+            let reason = "not the longest rise in APB1 cycles plus one, RM0383 18.6.9";
+            self.tell(now, slot, "TRISE", reason);
         }
     }
 
@@ -238,7 +206,7 @@ impl Stm32f411 {
         use g::adc1::Register::{Cr1, Jsqr, Smpr1, Smpr2, Sqr1, Sqr2, Sqr3};
         let adc = self.registers("ADC1");
         let divider = 2 * ((self.registers("C_ADC").get(g::c_adc::Register::Ccr) >> 16 & 3) + 1);
-        let hz = self.rcc.pclk2(self.bus.slots()[self.slots.rcc].registers()) / divider;
+        let hz = self.rcc.pclk2(self.block(self.slots.rcc)) / divider;
         let field = |register, place: u64| adc.get(register) >> (5 * place) & 0x1F;
         let regular = (0..=adc.get(Sqr1) >> 20 & 0xF).map(|nth| match nth {
             0..=5 => field(Sqr3, nth),
@@ -277,15 +245,9 @@ impl Stm32f411 {
             }
             let number = u8::try_from(channel).expect("five bits");
             let pin = match number {
-                0..=7 => Some(Pin { port: 0, number }),
-                8..=9 => Some(Pin {
-                    port: 1,
-                    number: number - 8,
-                }),
-                10..=15 => Some(Pin {
-                    port: 2,
-                    number: number - 10,
-                }),
+                0..=7 => Some(pin('A', number)),
+                8..=9 => Some(pin('B', number - 8)),
+                10..=15 => Some(pin('C', number - 10)),
                 _ => None,
             };
             if pin.is_some_and(|pin| self.role(pin) != Role::Analog) {
@@ -300,71 +262,50 @@ impl Stm32f411 {
 
     /// A rising clock edge of the master at SPI1, at this rate, so many nanoseconds after the chip select fell.
     pub(crate) fn check_spi(&mut self, now: VirtualNanos, hz: u64, selected_ns: u64) {
-        let pclk = self.rcc.pclk2(self.bus.slots()[self.slots.rcc].registers());
+        let pclk = self.rcc.pclk2(self.block(self.slots.rcc));
         let fastest = if self.pwr.supply() < 2_700 {
             20_000_000
         } else {
             38_000_000
         };
-        if hz > fastest.min(pclk / 2) {
-            let reason = "SCK is faster than the slave takes, RM0383 20.2.1, DS10314 6.3.19";
-            self.tell(now, self.slots.spi, "DR", reason);
-        }
         // At most every other clock is a wave's edge of the same direction.
-        if hz > 2 * self.fastest(pinout::MISO) {
-            let reason = "MISO's pad is too slow for SCK, DS10314 6.3.16";
-            self.tell(now, self.slots.spi, "DR", reason);
+        let pad = 2 * self.fastest(pinout::MISO);
+        let mut tell = |reason| self.tell(now, self.slots.spi, "DR", reason);
+        if hz > fastest.min(pclk / 2) {
+            tell("SCK is faster than the slave takes, RM0383 20.2.1, DS10314 6.3.19");
+        }
+        if hz > pad {
+            tell("MISO's pad is too slow for SCK, DS10314 6.3.16");
         }
         if 2 * selected_ns * pclk < 3_000_000_000 {
-            let reason = "SCK rises within 1.5 APB2 cycles of NSS, DS10314 6.3.19";
-            self.tell(now, self.slots.spi, "DR", reason);
+            tell("SCK rises within 1.5 APB2 cycles of NSS, DS10314 6.3.19");
         }
     }
 
     /// The limits of the buses, the voltage scale and the flash, whenever one of them has changed.
     pub(super) fn check_clocks(&mut self, now: VirtualNanos) {
-        let rcc = self.bus.slots()[self.slots.rcc].registers();
+        let rcc = self.block(self.slots.rcc);
         let (hclk, pclk1, pclk2) = (self.rcc.hclk(rcc), self.rcc.pclk1(rcc), self.rcc.pclk2(rcc));
-        let scale = self.bus.slots()[self.slots.pwr]
-            .registers()
-            .get(g::pwr::Register::Cr)
-            >> 14
-            & 3;
-        let latency = self.bus.slots()[self.slots.flash]
-            .registers()
-            .get(g::flash::Register::Acr)
-            & 7;
+        let scale = self.block(self.slots.pwr).get(g::pwr::Register::Cr) >> 14 & 3;
+        let latency = self.block(self.slots.flash).get(g::flash::Register::Acr) & 7;
         let clocks = [hclk, pclk1, scale, latency];
         if std::mem::replace(&mut self.rules.clocks, clocks) == clocks {
             return;
         }
         let allowed =
             |of: &[u64; 4], code: u64| of[usize::try_from(code).unwrap_or(3).min(3)] * 1_000_000;
-        for (exceeded, register, reason) in [
-            (
-                pclk1 > 50_000_000,
-                "CFGR",
-                "APB1 is faster than 50 MHz, RM0383 6.3.3",
-            ),
-            (
-                pclk2 > 100_000_000,
-                "CFGR",
-                "APB2 is faster than 100 MHz, RM0383 6.3.3",
-            ),
-            (
-                hclk > allowed(&SCALES, scale),
-                "CFGR",
-                "HCLK is too fast for the regulator's scale, RM0383 5.4.1",
-            ),
-            (
-                hclk > allowed(&WAIT_STATES, latency),
-                "CFGR",
-                "HCLK is too fast for the flash's wait states, RM0383 table 5",
-            ),
-        ] {
-            if exceeded {
-                self.tell(now, self.slots.rcc, register, reason);
-            }
+        let mut tell = |reason| self.tell(now, self.slots.rcc, "CFGR", reason);
+        if pclk1 > 50_000_000 {
+            tell("APB1 is faster than 50 MHz, RM0383 6.3.3");
+        }
+        if pclk2 > 100_000_000 {
+            tell("APB2 is faster than 100 MHz, RM0383 6.3.3");
+        }
+        if hclk > allowed(&SCALES, scale) {
+            tell("HCLK is too fast for the regulator's scale, RM0383 5.4.1");
+        }
+        if hclk > allowed(&WAIT_STATES, latency) {
+            tell("HCLK is too fast for the flash's wait states, RM0383 table 5");
         }
     }
 }

@@ -63,22 +63,13 @@ impl TracedFunction {
         let root = exact.or_else(|| all.iter().find(matches));
         let root = root.ok_or_else(|| TraceError::NoFunction(name.to_owned()))?;
         let mut functions = vec![root.clone()];
-        let mut next = 0;
-        while let Some(function) = functions.get(next) {
-            let targets = function
-                .tail_calls
-                .iter()
-                .filter_map(|(_, to)| by_address.get(to));
-            let new: Vec<Function> = targets
-                .filter(|target| {
-                    functions
-                        .iter()
-                        .all(|known| known.address != target.address)
-                })
-                .map(|target| (*target).clone())
-                .collect();
-            functions.extend(new);
-            next += 1;
+        let mut calls = root.tail_calls.clone();
+        while let Some((_, to)) = calls.pop() {
+            let is_new = functions.iter().all(|known| known.address != to);
+            if let Some(&target) = by_address.get(&to).filter(|_| is_new) {
+                functions.push(target.clone());
+                calls.extend(&target.tail_calls);
+            }
         }
         Ok(Self { functions })
     }

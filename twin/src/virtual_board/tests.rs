@@ -62,10 +62,9 @@ fn timers_count_wheel_rotation() {
     board.run(2_000_000_000);
     let Sides { left, right } = board.mcu.board.world.wheel_counts();
     assert!(left > 500 && right < -500, "{left} {right}");
-    let counted = |board: &mut Fixture<McuOnBoard>, timer: u64| board.read(timer + 0x24);
     let low = |count: i64, mask: u64| count.cast_unsigned() & mask;
-    assert_eq!(counted(&mut board, 0x4000_0000), low(left, 0xFFFF_FFFF));
-    assert_eq!(counted(&mut board, 0x4000_0400), low(right, 0xFFFF));
+    assert_eq!(board.read(0x4000_0024), low(left, 0xFFFF_FFFF));
+    assert_eq!(board.read(0x4000_0424), low(right, 0xFFFF));
 }
 
 #[test]
@@ -75,11 +74,10 @@ fn trigger_yields_echo_pulse() {
     board.write(GPIOC + BSRR, 1 << 8);
     board.run(10_000);
     board.write(GPIOC + BSRR, 1 << 24);
-    let echo = |board: &mut Fixture<McuOnBoard>| board.read(GPIOC + 0x10) >> 9 & 1 != 0;
     let mut high = 0;
     for _ in 0..4_000 {
         board.run(10_000);
-        high += u32::from(echo(&mut board));
+        high += board.read(GPIOC + 0x10) >> 9 & 1;
     }
     // Tens of microseconds; the room is a few metres across: 1 to 20 ms, or 38 without echo.
     assert!((50..4_000).contains(&high), "{high}");
@@ -128,8 +126,7 @@ fn tim1_pulse_turns_servo_once_outputs_are_enabled() {
             board.write(TIM1, 1 << 3 | 1);
             board.run(20_000_000);
         }
-        let servo = *board.mcu.board.world.servo();
-        servo.angle_rad().to_degrees()
+        board.mcu.board.world.servo().angle_rad().to_degrees()
     };
     assert!(pulses(&mut board, 2000).abs() < 1e-9, "the outputs are off");
     board.write(TIM1 + 0x44, 1 << 15);
@@ -142,15 +139,7 @@ fn tim1_pulse_turns_servo_once_outputs_are_enabled() {
 #[test]
 fn mpu_measures_yaw_rate_and_pulses_interrupt() {
     let mut board = board();
-    let mut mpu = Mpu6050::new(
-        GyroParams {
-            drift_deg_s_min: 0.0,
-            bias_deg_s: 0.0,
-            scale: 1.0,
-            noise_deg_s: 0.0,
-        },
-        1,
-    );
+    let mut mpu = Mpu6050::new(GyroParams::exact(), 1);
     for bytes in [[0x6B, 0], [0x1B, 8], [0x38, 1]] {
         assert!(mpu.start(ADDRESS, false) && bytes.map(|byte| mpu.write(byte)) == [true; 2]);
     }
@@ -164,11 +153,10 @@ fn mpu_measures_yaw_rate_and_pulses_interrupt() {
     drop(bus);
     assert!((f64::from(word) + 90.0 * 65.5).abs() < 3.0, "{word}");
     // GPIOB's IDR, bit 13: up for 50 µs of every millisecond.
-    let level = |board: &mut Fixture<McuOnBoard>| board.read(GPIOB + 0x10) >> 13 & 1;
     let mut high = 0;
     for _ in 0..200 {
         board.run(10_000);
-        high += level(&mut board);
+        high += board.read(GPIOB + 0x10) >> 13 & 1;
     }
     assert!((8..=12).contains(&high), "{high} of 200 looks");
 }

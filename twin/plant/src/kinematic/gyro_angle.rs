@@ -1,9 +1,8 @@
 //! The gyroscope's own angle as the core integrates it: its bias from every rest.
 
+use super::TICK_S;
 use crate::{GyroParams, Rng};
 
-/// Seconds of a tick.
-const TICK_S: f64 = super::TICK_S;
 /// Ticks without a count before a block of samples counts as rest.
 const SETTLING_TICKS: u32 = 20;
 /// Samples of a block.
@@ -51,20 +50,19 @@ impl GyroAngle {
             return;
         }
         self.rest_ticks += 1;
-        if self.rest_ticks <= SETTLING_TICKS {
-            (self.sum, self.extremes) = (0.0, (reading, reading));
-            return;
-        }
-        self.sum += reading;
-        let (low, high) = self.extremes;
-        self.extremes = (low.min(reading), high.max(reading));
-        if self.rest_ticks == SETTLING_TICKS + BLOCK {
+        if self.rest_ticks > SETTLING_TICKS {
+            self.sum += reading;
+            let (low, high) = self.extremes;
+            self.extremes = (low.min(reading), high.max(reading));
+            if self.rest_ticks < SETTLING_TICKS + BLOCK {
+                return;
+            }
             if self.extremes.1 - self.extremes.0 <= MAX_SPREAD_DEG_S {
                 self.bias_deg_s = Some(self.sum / f64::from(BLOCK));
             }
             self.rest_ticks = SETTLING_TICKS;
-            (self.sum, self.extremes) = (0.0, (reading, reading));
         }
+        (self.sum, self.extremes) = (0.0, (reading, reading));
     }
 
     /// Radians counter-clockwise since the first bias; `None` before.

@@ -56,9 +56,8 @@ impl Ranging {
             self.ticks_left -= 1;
             return None;
         }
-        let reading = self.pending.take();
         let mut front = None;
-        if let Some((range, bearing)) = reading {
+        if let Some((range, bearing)) = self.pending.take() {
             self.ranges_mm[self.sensor] = range;
             if self.sensor == FRONT {
                 self.front_bearing_rad = bearing;

@@ -93,7 +93,10 @@ impl Room {
             room = numbers
                 .and_then(|numbers| match soft {
                     Some(word) => room.with_soft_line(word, &numbers),
-                    None => room.with_line(word, &numbers, &mut started),
+                    None if word == "start" && std::mem::replace(&mut started, true) => {
+                        Err(Problem::SecondStart)
+                    }
+                    None => room.with_line(word, &numbers),
                 })
                 .map_err(|problem| ParseError { line, problem })?;
         }
@@ -104,17 +107,12 @@ impl Room {
         if !matches!(word, "wall" | "box") {
             return Err(Problem::NotSoft(word.to_owned()));
         }
-        let hard = Self::default().with_line(word, numbers, &mut false)?;
+        let hard = Self::default().with_line(word, numbers)?;
         self.soft.extend(hard.segments);
         Ok(self)
     }
 
-    fn with_line(
-        mut self,
-        word: &str,
-        numbers: &[f64],
-        started: &mut bool,
-    ) -> Result<Self, Problem> {
+    fn with_line(mut self, word: &str, numbers: &[f64]) -> Result<Self, Problem> {
         let count = |expected| Problem::Count(expected, numbers.len());
         let positive = |sizes: &[f64], what| {
             let all = sizes.iter().all(|&size| size > 0.0);
@@ -149,7 +147,6 @@ impl Room {
                 self = self.with_sill(x1, y1, x2, y2);
             }
             ("sill", _) => return Err(count("sill x1 y1 x2 y2")),
-            ("start", _) if std::mem::replace(started, true) => return Err(Problem::SecondStart),
             ("start", &[x, y, angle]) => self.start = Pose2::new(x, y, angle.to_radians()),
             ("start", _) => return Err(count("start x y angle")),
             ("way", &[x, y, angle]) => self.tour.push(Pose2::new(x, y, angle.to_radians())),

@@ -122,7 +122,7 @@ impl<'a> Flat<'a> {
         };
         flat.outer_walls(corner);
         let most = (area / 5.5).clamp(2.0, 4.0);
-        while flat.rooms.len() < 2 || (flat.more_rooms(most) && flat.rooms.len() < 4) {
+        while flat.rooms.len() < 2 || flat.more_rooms(most) {
             if !(0..ATTEMPTS).any(|_| flat.split()) {
                 break;
             }
@@ -212,13 +212,9 @@ impl<'a> Flat<'a> {
         let from = between(self.rng, reach);
         for (start, end) in [(low.y_mm, from), (from + door, high.y_mm)] {
             let centre = swap(Point::new(at, f64::midpoint(start, end)));
-            let (width, depth) = if swapped {
-                (end - start, WALL_MM)
-            } else {
-                (WALL_MM, end - start)
-            };
+            let size = swap(Point::new(WALL_MM, end - start));
             let room = std::mem::take(&mut self.room);
-            self.room = room.with_box(&Pose2::at(centre, 0.0), width, depth);
+            self.room = room.with_box(&Pose2::at(centre, 0.0), size.x_mm, size.y_mm);
         }
         let ends = [from, from + door].map(|y| swap(Point::new(at, y)));
         self.doors.push(Segment::new(ends[0], ends[1]));

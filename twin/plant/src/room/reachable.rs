@@ -70,15 +70,16 @@ impl ClearanceGrid {
 
     /// `cells` and their neighbours.
     pub(super) fn grown(&self, cells: &[bool]) -> Vec<bool> {
-        let any = |index: usize, steps: [usize; 2]| {
-            let [before, after] = steps.map(|step| [index.checked_sub(step), Some(index + step)]);
-            let next = before.into_iter().chain(after).flatten();
-            next.into_iter().any(|next| cells.get(next) == Some(&true))
-        };
-        let rows = [self.columns, 1];
-        (0..cells.len())
-            .map(|index| cells[index] || any(index, rows))
-            .collect()
+        let grown = |index| cells[index] || self.beside(index).any(|next| cells[next]);
+        (0..cells.len()).map(grown).collect()
+    }
+
+    /// The cells at a cell's sides. The margin around the room keeps a side step from wrapping into the
+    /// next row, unless the room is open; there the next row's end is as free.
+    fn beside(&self, index: usize) -> impl Iterator<Item = usize> {
+        let steps = [1, self.columns].map(|step| [index.checked_sub(step), Some(index + step)]);
+        let inside = |index: &usize| *index < self.clearance.len();
+        steps.into_iter().flatten().flatten().filter(inside)
     }
 
     /// Which cells can be reached from `start` with this clearance all the way, over cells' sides. At
@@ -92,16 +93,7 @@ impl ClearanceGrid {
                 continue;
             }
             reached[index] = true;
-            // The margin around the room keeps a side step from wrapping into the next row, unless
-            // the room is open; there the next row's end is as free.
-            let next = [
-                index.checked_sub(1),
-                Some(index + 1),
-                index.checked_sub(self.columns),
-                Some(index + self.columns),
-            ];
-            let inside = |index: &usize| *index < self.clearance.len();
-            todo.extend(next.into_iter().flatten().filter(inside));
+            todo.extend(self.beside(index));
         }
         reached
     }

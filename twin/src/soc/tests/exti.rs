@@ -34,14 +34,7 @@ fn exti_edge_pends_only_where_selected() {
         (RTSR, Level::Low, false),
     ] {
         let mut part = part();
-        drive(
-            &mut part,
-            if level == Level::Low {
-                Level::High
-            } else {
-                Level::Low
-            },
-        );
+        drive(&mut part, Level::from(level == Level::Low));
         part.write(IMR, LINE);
         if selected != 0 {
             part.write(selected, LINE);

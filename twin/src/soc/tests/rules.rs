@@ -27,17 +27,11 @@ fn reported(accesses: &[(u64, u64)]) -> Vec<&'static str> {
         (APB2ENR, 1 << 8),
     ];
     for &(address, value) in enabled.iter().chain(accesses) {
-        let kind = if value == READ {
-            AccessKind::Read
+        let (kind, answer) = if value == READ {
+            (AccessKind::Read, part.read(address))
         } else {
-            AccessKind::Write
-        };
-        let answer = match kind {
-            AccessKind::Read => part.read(address),
-            AccessKind::Write => {
-                part.write(address, value);
-                value
-            }
+            part.write(address, value);
+            (AccessKind::Write, value)
         };
         let mut access = Access::new(kind, address, Width::W32, value);
         access.program_counter = Some(0);

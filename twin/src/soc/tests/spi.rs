@@ -41,10 +41,6 @@ fn clock(part: &mut Fixture<Stm32f411>, word: u16, bits: u32) -> u16 {
     })
 }
 
-fn requests(part: &mut Fixture<Stm32f411>) -> [Level; 2] {
-    part.mcu.spi.requests
-}
-
 #[test]
 fn spi_word_is_received_and_sent() {
     let mut part = part();
@@ -135,13 +131,13 @@ fn spi_interrupt_and_dma_requests_follow_flags() {
     assert_eq!(part.interrupts(), [(35, true)]);
     part.read(DR);
     assert_eq!(part.interrupts(), [(35, false)]);
-    assert_eq!(requests(&mut part), [Level::Low; 2]);
+    assert_eq!(part.mcu.spi.requests, [Level::Low; 2]);
     part.write(CR2, 3);
     clock(&mut part, 0, 8);
-    assert_eq!(requests(&mut part), [Level::High; 2]);
+    assert_eq!(part.mcu.spi.requests, [Level::High; 2]);
     part.read(DR);
     part.write(DR, 0);
-    assert_eq!(requests(&mut part), [Level::Low; 2]);
+    assert_eq!(part.mcu.spi.requests, [Level::Low; 2]);
 }
 
 #[test]
