@@ -1,7 +1,11 @@
 //! Disturbances of a Guarded Normal frame on the link's wires, drawn at random.
 
+use std::ops::Range;
+
 use plant::Rng;
 use twin::SpiStep;
+
+use crate::wires::selected;
 
 /// From the chip select's edge to the clocks, and back, nanoseconds.
 pub const SETUPS_NS: [u64; 4] = [60, 250, 500, 1_000];
@@ -24,14 +28,19 @@ const CLOCKS: [(u64, usize); 8] = [
 /// Wrong bits, of a million.
 const RATES: [u64; 5] = [1, 10, 100, 1_000, 10_000];
 
+/// The seeds `A..B` of an environment variable.
+pub fn seeds(variable: &str) -> Option<Range<u64>> {
+    let seeds = std::env::var(variable).ok()?;
+    let (first, end) = seeds.split_once("..").expect("A..B");
+    let number = |text: &str| text.parse().expect("a number");
+    Some(number(first)..number(end))
+}
+
 /// Random numbers.
 pub struct Random(pub Rng);
 
 impl Random {
     /// 0 ..= below − 1.
-    ///
-    /// # Panics
-    /// Never: what is below a `usize` is one.
     pub fn below(&mut self, below: usize) -> usize {
         let scaled = (u128::from(self.0.next_u64()) * below as u128) >> 64;
         usize::try_from(scaled).expect("below a usize")
@@ -146,9 +155,6 @@ impl Disturbance {
     }
 
     /// Puts `frame` on the wires at a random clock and set-up time, the guaranteed gap after the one before.
-    ///
-    /// # Panics
-    /// Never: bytes are bits.
     pub fn play(&self, frame: &[u8], random: &mut Random) -> Vec<SpiStep> {
         let (hz, setup_ns) = (random.clock(), SETUPS_NS[random.below(SETUPS_NS.len())]);
         let mut bytes = frame.to_vec();
@@ -169,13 +175,14 @@ impl Disturbance {
         let mut steps = Vec::new();
         for (mosi, wait) in [(Some(mosi), GAP_NS), (rest, 1_000)] {
             let Some(mosi) = mosi else { continue };
-            steps.extend([SpiStep::Wait(wait), SpiStep::Select(true)]);
-            let setup = SpiStep::Wait(setup_ns);
+            steps.push(SpiStep::Wait(wait));
             match self {
-                Self::Glitch => steps.push(SpiStep::Wait(200)),
-                _ => steps.extend([setup.clone(), SpiStep::Bits { mosi, hz }, setup]),
+                Self::Glitch => {
+                    let [begin, end] = [true, false].map(SpiStep::Select);
+                    steps.extend([begin, SpiStep::Wait(200), end]);
+                }
+                _ => steps.extend(selected(setup_ns, SpiStep::Bits { mosi, hz })),
             }
-            steps.push(SpiStep::Select(false));
         }
         steps
     }

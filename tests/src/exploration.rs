@@ -37,6 +37,14 @@ pub const READY_MS: u32 = 1_000;
 /// walls that fixed sensors miss.
 pub const CHANGES: [(&Field, u64); 1] = [(fields::SERVO, 1)];
 
+/// The sample configuration with [`CHANGES`].
+///
+/// # Errors
+/// Where it is not accepted.
+pub fn settings() -> Result<Settings, host_link::error::Error> {
+    Settings::sample()?.with(&CHANGES)
+}
+
 /// A virtual robot at the start of a room, its world as imperfect as the seed says.
 #[must_use]
 pub fn options(room: &Room, imperfections: Imperfections, seed: u64) -> Options {
@@ -56,8 +64,7 @@ pub fn set_body(options: &mut Options, radius_mm: f64) {
 /// # Errors
 /// Where the board cannot be made.
 pub fn configured_board(elf: &[u8], mut options: Options) -> Result<Board, Box<dyn Error>> {
-    let settings = Settings::sample()?.with(&CHANGES)?;
-    options.eeprom = Some(settings.image().0.to_vec());
+    options.eeprom = Some(settings()?.image().0.to_vec());
     Ok(Board::new(elf, options)?)
 }
 

@@ -21,17 +21,10 @@ pub fn original_image() -> Vec<u8> {
     );
     put(0x000A, &[KEY_PI, KEY_STM, 0x00]);
     // 6.0.2: P, I, D and anti wind-up, forward and rotation.
-    let gains = [
-        6.5088,
-        0.073_412,
-        106.72,
-        0.3,
-        1.3686,
-        0.009_326_3,
-        50.209,
-        1.4_f64,
-    ];
-    for (n, gain) in gains.into_iter().enumerate() {
+    let forward = [6.5088, 0.073_412, 106.72, 0.3];
+    let rotation = [1.3686, 0.009_326_3, 50.209, 1.4_f64];
+    let gains = forward.into_iter().chain(rotation);
+    for (n, gain) in gains.enumerate() {
         put(0x0100 + 8 * n, &gain.to_le_bytes());
     }
     // 6.0.3: two cells, 3.3 V at word 4095, dividers 10k/33k and 33k/22k.
@@ -59,6 +52,27 @@ pub fn normal_frame(x_um: i32, y_um: i32, rotation: u16, apply: bool) -> [u8; 19
     frame[5..9].copy_from_slice(&y_um.to_be_bytes());
     frame[9] = u8::from(apply) << 7 | (rotation >> 8) as u8 & 0x7F;
     frame[10] = (rotation & 0xFF) as u8;
+    frame
+}
+
+/// The codes of x and y, millimetres, and of a heading, degrees.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+pub fn pose_codes(x_mm: f64, y_mm: f64, degrees: f64) -> (i32, i32, u16) {
+    let rotation = (degrees / 360.0 * 32768.0).round().rem_euclid(32768.0);
+    (
+        (x_mm * 1000.0) as i32,
+        (y_mm * 1000.0) as i32,
+        rotation as u16,
+    )
+}
+
+/// A Guarded Normal frame of the Pi that acknowledges none: key, sequence, status, inner frame, CRC.
+pub fn guarded_frame(own: u8, order: u8, inner: &[u8; 19]) -> [u8; 26] {
+    let mut frame = [0; 26];
+    frame[..6].copy_from_slice(&[KEY_PI, own, 0, 0, 0, order]);
+    frame[6..24].copy_from_slice(&inner[1..]);
+    let crc = crc16(&frame[..24]);
+    frame[24..].copy_from_slice(&crc.to_be_bytes());
     frame
 }
 
@@ -93,9 +107,6 @@ pub struct NormalReply {
 
 impl NormalReply {
     /// Takes a frame of 19 bytes apart.
-    ///
-    /// # Panics
-    /// On any other length.
     pub fn of(frame: &[u8]) -> Self {
         assert_eq!(frame.len(), 19);
         let four = |at: usize| {

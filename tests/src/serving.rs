@@ -2,23 +2,18 @@
 
 use std::thread;
 
-use host_link::settings::Settings;
 use pilot::mapping::BODY_MM;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use twin::Board;
-use twin::trace::EventKind;
+use twin::plant::Sides;
 
-use crate::exploration::{CHANGES, READY_MS};
-use crate::test_board::{BRIDGES, Rig};
+use crate::exploration::{READY_MS, settings};
+use crate::test_board::{BRIDGES, Rig, take_writes};
 
 /// Serves a robot in Guarded Velocity in the default room while the scenario runs.
-///
-/// # Panics
-/// Where the robot cannot be served, and with the scenario.
 pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
-    let settings = Settings::sample().and_then(|sample| sample.with(&CHANGES));
-    let image = settings.expect("accepted").image().clone();
+    let image = settings().expect("accepted").image().clone();
     // On a thread of its own, which keeps to one processor: clients, a browser among them, may use all.
     let rig = thread::spawn(move || Rig::configured(image.0.to_vec()));
     let rig = rig.join().expect("a robot");
@@ -50,28 +45,21 @@ pub fn serve(scenario: impl FnOnce(&Hub, &Board) + Send) {
 
 /// Virtual time from `since_us` until both motors get nothing, microseconds. Of the firmware's own writes:
 /// this thread may look at the board long after them.
-///
-/// # Panics
-/// After 5 s.
 pub fn stopped_after(board: &Board, since_us: u64) -> u64 {
-    while board.truth().duty != twin::plant::Sides::default() {
+    while board.truth().duty != Sides::default() {
         let after_us = board.now_us().saturating_sub(since_us);
         assert!(after_us < 5_000_000, "the motors do not stop");
         thread::sleep(std::time::Duration::from_millis(2));
     }
-    let is_input = |kind: &EventKind| {
-        matches!(*kind, EventKind::Write { address, value }
-            if BRIDGES.iter().any(|&(_, port, inputs)| port == address && value & inputs != 0))
-    };
-    let events = board.take_events();
-    let stop = events.iter().rfind(|event| is_input(&event.kind));
+    let mut writes = take_writes(board).into_iter();
+    let stop = writes.rfind(|write| {
+        let mut bridges = BRIDGES.iter();
+        bridges.any(|&(_, port, inputs)| port == write.address && write.value & inputs != 0)
+    });
     (stop.expect("the inputs fell").at_ns / 1000).saturating_sub(since_us)
 }
 
 /// Waits until both wheels turn.
-///
-/// # Panics
-/// After 10 s.
 pub fn await_motion(board: &Board) {
     let ends_us = board.now_us() + 10_000_000;
     loop {

@@ -5,10 +5,13 @@ use std::path::PathBuf;
 
 use crate::reference::{normal_frame, original_image};
 use embedded_hal::spi::SpiDevice;
+use fw_core::eeprom::{Image, fields};
+use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
 use pilot::virtual_board::board_io;
-use twin::plant::{Room, Sides};
-use twin::trace::{Event, EventKind};
+use twin::components::eeprom::Eeprom;
+use twin::plant::{Pose2, Room, Sides};
+use twin::trace::EventKind;
 use twin::{Board, Options};
 
 /// Environment variable with the path of the release ELF; `cargo xtask` sets it.
@@ -39,11 +42,48 @@ const DEAD_TIME_NS: u64 = 2_000;
 const SPI_HZ: u32 = 8_000_000;
 
 /// READY may take this long, microseconds: a reset, the log's first lines and 1 KiB of EEPROM.
-pub const READY_US: u64 = 200_000;
+const READY_US: u64 = 200_000;
 
 /// The Pi's lines and buses to a board.
 pub fn io(board: &Board) -> BoardIo {
     board_io(board, SPI_HZ, Interrupt::new())
+}
+
+/// A write of the firmware to a traced register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RegisterWrite {
+    /// Nanoseconds of virtual time.
+    pub at_ns: u64,
+    /// The register.
+    pub address: u64,
+    /// What it is set to.
+    pub value: u64,
+}
+
+/// Takes the events so far, and of them the writes.
+pub fn take_writes(board: &Board) -> Vec<RegisterWrite> {
+    let events = board.take_events().into_iter();
+    let writes = events.filter_map(|event| match event.kind {
+        EventKind::Write { address, value } => Some(RegisterWrite {
+            at_ns: event.at_ns,
+            address,
+            value,
+        }),
+        _ => None,
+    });
+    writes.collect()
+}
+
+/// The first board with a servo, which the sweep asks for.
+pub fn image_with_servo(mode: Mode) -> Image {
+    Image::FIRST_BOARD
+        .with(fields::SERVO, 1)
+        .with(fields::MODE, mode.code().into())
+}
+
+/// Three metres ahead in mode Normal.
+pub fn ahead() -> [u8; 19] {
+    normal_frame(3_000_000, 0, 0, true)
 }
 
 /// Walls within the reach of every rangefinder.
@@ -56,9 +96,6 @@ pub fn near_walls() -> Room {
 
 /// The ELF that the variable names, or the one that `cargo xtask firmware` leaves on a machine whose own
 /// compiler has the target.
-///
-/// # Panics
-/// Where there is none: the firmware has to be built first.
 pub fn elf(variable: &str) -> Vec<u8> {
     let path = std::env::var_os(variable).map_or_else(
         || {
@@ -108,17 +145,11 @@ impl Deref for Rig {
 
 impl Rig {
     /// A robot with the release ELF.
-    ///
-    /// # Panics
-    /// Where the board cannot be made.
     pub fn new(options: Options) -> Self {
         Self::with_elf(&elf(ELF), options)
     }
 
     /// A robot with an ELF of its own.
-    ///
-    /// # Panics
-    /// Where the board cannot be made.
     pub fn with_elf(elf: &[u8], options: Options) -> Self {
         twin::processor::keep_to_one();
         let board = Board::new(elf, options).expect("a board");
@@ -135,27 +166,31 @@ impl Rig {
     }
 
     /// A robot that has become READY.
-    ///
-    /// # Panics
-    /// With the log, where it has not.
     pub fn ready(options: Options) -> Self {
         let rig = Self::new(options);
         rig.assert_ready();
         rig
     }
 
+    /// A robot that has become READY, its core at so many instructions a microsecond.
+    pub fn with_mips(mips: u64, options: Options) -> Self {
+        let mips = mips.try_into().expect("a core that runs");
+        Self::ready(Options { mips, ..options })
+    }
+
     /// A robot that has become READY with this EEPROM.
-    ///
-    /// # Panics
-    /// With the log, where it has not.
     pub fn configured(eeprom: Vec<u8>) -> Self {
         Self::ready(Options::with_eeprom(eeprom))
     }
 
+    /// A robot with a servo, READY in this mode for a tenth of a second.
+    pub fn in_mode(mode: Mode) -> Self {
+        let rig = Self::configured(image_with_servo(mode).0.to_vec());
+        rig.run_us(100_000);
+        rig
+    }
+
     /// A robot of the first board that drives three metres ahead.
-    ///
-    /// # Panics
-    /// With the log, where it does not.
     pub fn driving() -> Self {
         let rig = Self::booted(Some(original_image()));
         rig.drive_off();
@@ -163,11 +198,8 @@ impl Rig {
     }
 
     /// Drives three metres ahead.
-    ///
-    /// # Panics
-    /// With the log, where it does not.
     pub fn drive_off(&self) {
-        let _ = self.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
+        let _ = self.keep_sending(&ahead(), 1_000_000);
         assert!(!self.motors_off(), "{}", self.log());
     }
 
@@ -176,38 +208,27 @@ impl Rig {
         io(&self.board)
     }
 
-    /// Lets time pass until READY, at most [`READY_US`]; whether it came.
+    /// Lets time pass until READY, at most `READY_US`; whether it came.
     pub fn await_ready(&self) -> bool {
         self.board.run_until(READY_US, 100, Board::is_ready)
     }
 
-    /// What the firmware writes to `registers` until it is READY on the first board, in order: addresses and values.
-    ///
-    /// # Panics
-    /// Where it does not become READY.
-    pub fn written_at_boot(registers: &[u64]) -> Vec<(u64, u64)> {
+    /// What the firmware writes to `registers` until it is READY on the first board, in order.
+    pub fn written_at_boot(registers: &[u64]) -> Vec<RegisterWrite> {
         let rig = Self::new(Options::with_eeprom(original_image()));
         for &register in registers {
             rig.trace_writes(register);
         }
         rig.assert_ready();
-        let events = rig.take_events().into_iter();
-        let write = |event: Event| match event.kind {
-            EventKind::Write { address, value } => Some((address, value)),
-            _ => None,
-        };
-        events.filter_map(write).collect()
+        take_writes(&rig)
     }
 
     /// What each of `registers` holds when the firmware is READY on the first board.
-    ///
-    /// # Panics
-    /// Where it does not become READY, or has not written one of them.
     pub fn registers_after_boot<const N: usize>(registers: [u64; N]) -> [u64; N] {
         let written = Self::written_at_boot(&registers);
         registers.map(|register| {
-            let last = written.iter().rfind(|(address, _)| *address == register);
-            last.expect("written").1
+            let last = written.iter().rfind(|write| write.address == register);
+            last.expect("written").value
         })
     }
 
@@ -220,44 +241,53 @@ impl Rig {
         }
     }
 
-    /// When the inputs of the right and of the left motor changed, nanoseconds.
-    ///
-    /// # Panics
-    /// Where the enable had not been low for the dead time, or both inputs were high.
+    /// When the inputs of the right and of the left motor changed, nanoseconds: each time with the enable low for
+    /// the dead time, and never both high.
     pub fn take_input_changes(&self) -> [Vec<u64>; 2] {
-        let events = self.take_events();
+        let writes = take_writes(self);
         BRIDGES.map(|(compare, port, inputs)| {
             let (mut duty, mut off_since, mut changes) = (None, None, Vec::new());
             let mut high = 0;
-            for event in &events {
-                match event.kind {
-                    EventKind::Write { address, value } if address == compare => {
-                        (duty, off_since) = (Some(value), None);
-                    }
+            for write in &writes {
+                let RegisterWrite { at_ns, value, .. } = *write;
+                if write.address == compare {
+                    (duty, off_since) = (Some(value), None);
+                } else if write.address == TIM4_EGR && duty == Some(0) {
                     // A zero is in effect from the update on.
-                    EventKind::Write { address, .. } if address == TIM4_EGR && duty == Some(0) => {
-                        off_since = Some(event.at_ns);
-                    }
-                    EventKind::Write { address, value }
-                        if address == port && value & inputs != 0 =>
-                    {
-                        let off = event.at_ns - off_since.expect("the enable is low");
-                        assert!(off >= DEAD_TIME_NS, "{off} ns at {}", event.at_ns);
-                        high = high & !(value >> 16) | value & 0xFFFF;
-                        assert_ne!(high, inputs & 0xFFFF, "both at {}", event.at_ns);
-                        changes.push(event.at_ns);
-                    }
-                    _ => {}
+                    off_since = Some(at_ns);
+                } else if write.address == port && value & inputs != 0 {
+                    let off = at_ns - off_since.expect("the enable is low");
+                    assert!(off >= DEAD_TIME_NS, "{off} ns at {at_ns}");
+                    high = high & !(value >> 16) | value & 0xFFFF;
+                    assert_ne!(high, inputs & 0xFFFF, "both at {at_ns}");
+                    changes.push(at_ns);
                 }
             }
             changes
         })
     }
 
+    /// Looks at the fitted EEPROM, or changes it.
+    pub fn eeprom<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Eeprom) -> T + Send + 'static,
+    ) -> T {
+        self.i2c_bus(|bus, _| work(bus.eeprom.as_mut().expect("it is fitted")))
+    }
+
+    /// The true pose, seen from where the robot started.
+    pub fn pose(&self) -> Pose2 {
+        let start = self.world(|world| world.room().start);
+        self.truth().pose.relative_to(&start)
+    }
+
+    /// The faster wheel's speed, degrees a second.
+    pub fn max_wheel_deg_s(&self) -> f64 {
+        let Sides { left, right } = self.truth().wheel_deg_s;
+        left.abs().max(right.abs())
+    }
+
     /// The log so far.
-    ///
-    /// # Panics
-    /// Where it is not ASCII.
     pub fn log(&self) -> String {
         let bytes = self.board.uart();
         assert!(bytes.is_ascii(), "the log is ASCII");
@@ -265,9 +295,6 @@ impl Rig {
     }
 
     /// Fails where the log does not have a text.
-    ///
-    /// # Panics
-    /// With the log.
     #[track_caller]
     pub fn assert_logged(&self, text: &str) {
         let log = self.log();
@@ -275,18 +302,12 @@ impl Rig {
     }
 
     /// Becomes READY.
-    ///
-    /// # Panics
-    /// With the log, where it does not.
     #[track_caller]
     pub fn assert_ready(&self) {
         assert!(self.await_ready(), "{}", self.log());
     }
 
     /// One chip-select at 8 MHz: what the STM sent meanwhile.
-    ///
-    /// # Panics
-    /// Where the emulation has ended.
     pub fn frame(&self, bytes: &[u8]) -> Vec<u8> {
         let mut back = vec![0; bytes.len()];
         self.board
@@ -313,18 +334,12 @@ impl Rig {
     }
 
     /// Ends the check of what the firmware touches: from here on an injected fault has it refused.
-    ///
-    /// # Panics
-    /// Where something has been refused before.
     pub fn end_check(&mut self) {
         self.assert_modelled();
         self.release = false;
     }
 
     /// Fails where the firmware touched something that no model covers.
-    ///
-    /// # Panics
-    /// With the list.
     pub fn assert_modelled(&self) {
         let unmodelled = self.board.unmodelled();
         assert!(unmodelled.is_empty(), "{unmodelled}");

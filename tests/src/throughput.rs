@@ -9,6 +9,7 @@ use twin::{Options, SpiStep};
 
 use crate::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame};
 use crate::test_board::{Rig, TIM5_CCR1};
+use crate::wires::{first_bits, selected};
 
 /// The tick's period, nanoseconds.
 const TICK_NS: u64 = 10_000_000;
@@ -44,29 +45,20 @@ pub struct LongRun {
 }
 
 /// A robot in a corridor long enough to drive straight on for the whole run.
-fn in_a_corridor(elf: &[u8]) -> Result<Rig, Box<dyn Error>> {
+fn in_a_corridor(elf: &[u8]) -> Rig {
     let mut image = image_in_mode(0);
     image[0x0203] = CELLS;
     let divider: Vec<u8> = image[0x0210..0x0218].to_vec();
     for cell in 2..usize::from(CELLS) {
         image[0x0210 + 8 * cell..][..8].copy_from_slice(&divider);
     }
-    let start = Pose2::default();
-    let rig = Rig::with_elf(
-        elf,
-        Options {
-            room: Room::default()
-                .with_wall(-1e3, 1e3, 1e5, 1e3)
-                .with_wall(-1e3, -1e3, 1e5, -1e3),
-            start: Some(start),
-            ..Options::with_eeprom(image)
-        },
-    );
-    if rig.await_ready() {
-        Ok(rig)
-    } else {
-        Err(format!("no READY: {}", rig.log()).into())
-    }
+    let corridor = Room::default()
+        .with_wall(-1e3, 1e3, 1e5, 1e3)
+        .with_wall(-1e3, -1e3, 1e5, -1e3);
+    let options = Options::with_eeprom(image).in_room(corridor);
+    let rig = Rig::with_elf(elf, options.at(Pose2::default()));
+    rig.assert_ready();
+    rig
 }
 
 /// The shortest period of Normal frames at a clock of `hz`, nanoseconds.
@@ -78,14 +70,7 @@ pub fn shortest_period(hz: u64) -> u64 {
 fn burst(frame: &[u8], hz: u64, period: u64, count: u64) -> Vec<SpiStep> {
     let bits = SpiStep::bytes(frame, hz);
     let rest = period.saturating_sub(2 * SETUP_NS + bits.duration());
-    let one = [
-        SpiStep::Select(true),
-        SpiStep::Wait(SETUP_NS),
-        bits,
-        SpiStep::Wait(SETUP_NS),
-        SpiStep::Select(false),
-        SpiStep::Wait(rest),
-    ];
+    let one = [&selected(SETUP_NS, bits)[..], &[SpiStep::Wait(rest)]].concat();
     (0..count).flat_map(|_| one.clone()).collect()
 }
 
@@ -111,10 +96,7 @@ fn worst_jitter_us(ticks: &[u64]) -> f64 {
 }
 
 /// The worst distance of two ticks from their period under back-to-back frames at 8 MHz, microseconds.
-///
-/// # Errors
-/// Where the emulation ends.
-pub fn jitter_us(rig: &Rig) -> Result<f64, Box<dyn Error>> {
+pub fn jitter_us(rig: &Rig) -> f64 {
     rig.board.trace_writes(TIM5_CCR1);
     let period = shortest_period(8_000_000);
     let frame = normal_frame(500_000, 0, 0, true);
@@ -122,7 +104,7 @@ pub fn jitter_us(rig: &Rig) -> Result<f64, Box<dyn Error>> {
         let steps = burst(&frame, 8_000_000, period, 50_000_000 / period);
         rig.board.spi_steps(steps);
     }
-    Ok(worst_jitter_us(&times(&rig.board.take_events(), is_tick)))
+    worst_jitter_us(&times(&rig.board.take_events(), is_tick))
 }
 
 /// The highest frame rate at a clock of `hz` at which `lossless(hz, rate)` holds.
@@ -144,10 +126,7 @@ pub fn sustained(
 }
 
 /// Whether a second of frames passes without one lost, rejected, repeated or torn, driving meanwhile.
-///
-/// # Errors
-/// Where the emulation ends.
-pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
+pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> bool {
     let frame = normal_frame(500_000, 0, 0, true);
     let mut last = None;
     for _ in 0..10 {
@@ -157,22 +136,22 @@ pub fn lossless(rig: &Rig, hz: u64, rate: u64) -> Result<bool, Box<dyn Error>> {
             // The cells take turns: the same one again is an old reply.
             let fresh = last.replace(reply.cell) != Some(reply.cell);
             if reply.key != KEY_STM || reply.not_used || reply.cell > 1 || !fresh {
-                return Ok(false);
+                return false;
             }
         }
     }
     rig.board.run_us(50_000);
     let log = rig.log();
-    Ok(!log.contains("rejected") && !log.contains("lost") && !rig.motors_off())
+    !log.contains("rejected") && !log.contains("lost") && !rig.motors_off()
 }
 
 /// `rate` Normal frames a second at a clock of `hz` for `seconds` virtual seconds, driving straight on
 /// meanwhile so that every tick's data is new.
 ///
 /// # Errors
-/// Where the robot does not start or does not drive.
+/// Where the robot does not drive.
 pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun, Box<dyn Error>> {
-    let rig = in_a_corridor(elf)?;
+    let rig = in_a_corridor(elf);
     rig.board.trace_writes(TIM5_CCR1);
     rig.board.run_us(2_000_000);
     let quiet = worst_jitter_us(&times(&rig.board.take_events(), is_tick));
@@ -203,10 +182,8 @@ pub fn long_run(elf: &[u8], hz: u64, rate: u64, seconds: u64) -> Result<LongRun,
         behind_us = behind_us.max((truth.pose.x_mm - reported) / speed * 1e6);
     }
     let events = rig.board.take_events();
-    let (ticks, falls) = (
-        times(&events, is_tick),
-        times(&events, |what| *what == EventKind::ChipSelect(true)),
-    );
+    let ticks = times(&events, is_tick);
+    let falls = times(&events, |what| *what == EventKind::ChipSelect(true));
     // A tick, two frames, and some for the odometry's error.
     #[allow(clippy::cast_precision_loss)] // frames a second, far below 2⁵²
     let limit_us = 12_300.0 + 2e6 / rate as f64;
@@ -285,30 +262,18 @@ pub struct TornFrames {
 }
 
 /// Tears a Normal frame after every bit, frames before and behind it at `rate` a second.
-///
-/// # Errors
-/// Where the robot does not start.
-pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> Result<TornFrames, Box<dyn Error>> {
-    let rig = in_a_corridor(elf)?;
+pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> TornFrames {
+    let rig = in_a_corridor(elf);
     rig.board.run_us(100_000);
     let frame = normal_frame(0, 0, 0, false);
     let mut seen = TornFrames { torn: 0, lost: 0 };
     let mut before = None;
     for bits in 0..8 * frame.len() {
-        let SpiStep::Bits { mut mosi, .. } = SpiStep::bytes(&frame, hz) else {
-            return Err("bytes are bits".into());
-        };
-        mosi.truncate(bits);
         let period = 1_000_000_000 / rate;
-        let taken = 2 * SETUP_NS + bits as u64 * 1_000_000_000 / hz;
-        let mut steps = vec![
-            SpiStep::Select(true),
-            SpiStep::Wait(SETUP_NS),
-            SpiStep::Bits { mosi, hz },
-            SpiStep::Wait(SETUP_NS),
-            SpiStep::Select(false),
-            SpiStep::Wait(period.saturating_sub(taken).max(GAP_NS)),
-        ];
+        let torn = first_bits(&frame, hz, bits);
+        let taken = 2 * SETUP_NS + torn.duration();
+        let mut steps = selected(SETUP_NS, torn).to_vec();
+        steps.push(SpiStep::Wait(period.saturating_sub(taken).max(GAP_NS)));
         steps.extend(burst(&frame, hz, period, 2));
         let back = rig.board.spi_steps(steps);
         seen.torn += 1;
@@ -324,5 +289,5 @@ pub fn torn_frames(elf: &[u8], hz: u64, rate: u64) -> Result<TornFrames, Box<dyn
     }
     rig.board.run_us(2_100_000);
     seen.lost += dropped(&rig.log());
-    Ok(seen)
+    seen
 }

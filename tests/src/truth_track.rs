@@ -2,9 +2,8 @@
 
 use twin::Board;
 use twin::plant::Pose2;
-use twin::trace::EventKind;
 
-use crate::test_board::TIM5_CCR1;
+use crate::test_board::{TIM5_CCR1, take_writes};
 
 /// Shortest time from a tick to the end of the frame that reports it, nanoseconds: the tick's own work
 /// and the frame. A later tick is not in the reply yet.
@@ -26,11 +25,9 @@ impl TruthTrack {
     /// For the reply of a frame that has just ended: the true pose at the last tick before the frame, whose
     /// data a guarded reply holds (docs/interfaces.md), and now, in the room's frame.
     pub fn sample(&mut self, board: &Board) -> [Pose2; 2] {
-        let events = board.take_events();
-        let ticks = events.iter().filter(
-            |event| matches!(event.kind, EventKind::Write { address, .. } if address == TIM5_CCR1),
-        );
-        self.ticks.extend(ticks.map(|event| event.at_ns));
+        let writes = take_writes(board).into_iter();
+        let ticks = writes.filter(|write| write.address == TIM5_CCR1);
+        self.ticks.extend(ticks.map(|tick| tick.at_ns));
         let now = board.truth();
         let mut ages_ns = self.ticks.iter().rev().map(|tick| now.at_ns - tick);
         let then = ages_ns.find(|age| *age >= NEAREST_NS).map(|age_ns| {

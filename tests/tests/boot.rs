@@ -4,9 +4,8 @@ use fw_core::eeprom::{Image, SPANS, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{Rig, take_writes};
 use twin::components::eeprom::{ADDRESS, Eeprom, WRITE_CYCLE_NS};
-use twin::trace::{Event, EventKind};
 use twin::{Board, I2cController, Options};
 
 const I2C1_DR: u64 = 0x4000_5410;
@@ -61,10 +60,7 @@ fn boot_keys_come_from_eeprom() {
     assert_eq!(reply.key, 0xEE);
     assert!(!rig.motors_off(), "{}", rig.log());
     // As they were at reset, whatever stands there by now.
-    rig.i2c_bus(|bus, _| {
-        let part = bus.eeprom.as_mut().expect("it is fitted");
-        part.bytes_mut()[0x000A..=0x000C].copy_from_slice(&[0x12, 0xED, 1]);
-    });
+    rig.eeprom(|part| part.bytes_mut()[0x000A..=0x000C].copy_from_slice(&[0x12, 0xED, 1]));
     let reply = NormalReply::of(&rig.keep_sending(&frame, 400_000));
     assert_eq!(reply.key, 0xEE);
     assert!(!rig.motors_off(), "{}", rig.log());
@@ -75,8 +71,7 @@ fn boot_keys_come_from_eeprom() {
 fn boot_eeprom_is_never_written() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
     let part = |rig: &Rig| {
-        rig.i2c_bus(|bus, _| {
-            let part = bus.eeprom.as_mut().expect("it is fitted");
+        rig.eeprom(|part| {
             part.set_write_protect(false);
             (part.writes(), part.bytes().to_vec())
         })
@@ -194,14 +189,11 @@ fn boot_held_bus_is_cleared_and_starts() {
     let mut edges = vec![scl, sda];
     edges.extend([scl << 16, scl].repeat(9));
     edges.extend([scl << 16, sda << 16, scl, sda]);
-    let events = rig.take_events();
-    let driven = |event: &Event| match event.kind {
-        EventKind::Write { value, .. } => value & ((scl | sda) * 0x1_0001),
-        _ => 0,
-    };
-    let edges_driven = events.iter().filter(|event| driven(event) != 0);
-    let (at, values): (Vec<u64>, Vec<u64>) = edges_driven
-        .map(|event| (event.at_ns, driven(event)))
+    let lines = (scl | sda) * 0x1_0001;
+    let writes = take_writes(&rig).into_iter();
+    let driven = writes.filter(|write| write.value & lines != 0);
+    let (at, values): (Vec<u64>, Vec<u64>) = driven
+        .map(|write| (write.at_ns, write.value & lines))
         .unzip();
     assert_eq!(values, edges);
     for pair in at[1..].windows(2) {
@@ -349,7 +341,7 @@ const ENCODER_INPUTS: [u64; 2] = [0x4000_0018, 0x4000_0418];
 #[test]
 fn boot_encoder_inputs_are_filtered() {
     let written = Rig::written_at_boot(&ENCODER_INPUTS).into_iter();
-    let filters = written.map(|(_, value)| (value >> 4 & 15, value >> 12 & 15));
+    let filters = written.map(|write| (write.value >> 4 & 15, write.value >> 12 & 15));
     // RM0383, 13.4.7: a quarter of the dead-time clock, 8 samples.
     assert!(filters.eq([(0b0111, 0b0111); 2]));
 }

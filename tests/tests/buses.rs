@@ -2,9 +2,8 @@
 
 use fw_core::eeprom::{Image, SPANS, fields};
 use robot_tests::reference::{KEY_STM, NormalReply, normal_frame, original_image};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{Rig, take_writes};
 use twin::Options;
-use twin::trace::EventKind;
 
 /// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the
 /// number of items and the peripheral's address.
@@ -69,13 +68,10 @@ fn buses_use_dma() {
     assert_eq!(cells, [5, 5]);
     assert!(rig.log().len() > 50, "{}", rig.log());
 
-    let events = rig.take_events();
+    let writes = take_writes(&rig);
     let written = |register: u64| -> Vec<u64> {
-        let wrote = events.iter().filter_map(|event| match event.kind {
-            EventKind::Write { address, value } if address == register => Some(value),
-            _ => None,
-        });
-        wrote.collect()
+        let own = writes.iter().filter(|write| write.address == register);
+        own.map(|write| write.value).collect()
     };
     for (control, channel, way, data) in STREAMS {
         let mut starts = written(control);
@@ -148,8 +144,7 @@ fn log_divider_is_the_nearest() {
         let rig = Rig::new(Options::with_eeprom(image.0.to_vec()));
         rig.trace_writes(USART1_BRR);
         rig.assert_ready();
-        let last = rig.take_events().pop().expect("written").kind;
-        let (address, value) = (USART1_BRR, (100_000_000 + baud / 2) / baud);
-        assert_eq!(last, EventKind::Write { address, value }, "{baud} baud");
+        let last = take_writes(&rig).pop().expect("written").value;
+        assert_eq!(last, (100_000_000 + baud / 2) / baud, "{baud} baud");
     }
 }

@@ -8,7 +8,7 @@ use host_link::session::Session;
 use host_link::settings::{Settings, decode};
 use pilot::calibrate::distance::{self, Measured};
 use pilot::calibrate::run::{run, square, straight};
-use pilot::calibrate::umbmark::{self, Score, SquareRun};
+use pilot::calibrate::umbmark::{self, SquareRun};
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
 use pilot::drive::ArrivalCriteria;
@@ -65,14 +65,21 @@ fn squares(robot: &mut Robot, runs: usize, deviation_mm: f64) -> Vec<SquareRun> 
         .collect()
 }
 
-/// Distance, then `UMBmark`; what the EEPROM holds in the end and how squares end then.
-fn calibrated(
-    truth: &WheelGeometry,
+/// Distance, then `UMBmark`: what the EEPROM holds in the end, and how squares end then. Diameters and track are off
+/// by so many per cent.
+fn assert_recovered(
+    [left, right, track]: [f64; 3],
     eeprom: Vec<u8>,
     length_mm: f64,
     deviation_mm: f64,
-) -> (WheelGeometry, Score, Score) {
-    let rig = rig(truth, eeprom);
+    percent: f64,
+) {
+    let truth = WheelGeometry::new(
+        80.0 * (1.0 + left / 100.0),
+        80.0 * (1.0 + right / 100.0),
+        125.0 * (1.0 + track / 100.0),
+    );
+    let rig = rig(&truth, eeprom);
     let mut robot = Robot {
         io: rig.io(),
         tape: SimulatedTape::new(&rig, 1),
@@ -96,26 +103,8 @@ fn calibrated(
     let found = WheelGeometry::from_config(&decode(&image).expect("a configuration"));
     rig.assert_modelled();
     assert_eq!(rig.truth().collisions, 0);
-    (
-        found,
-        estimate.score,
-        umbmark::score(&after).expect("both ways"),
-    )
-}
-
-fn assert_recovered(
-    [left, right, track]: [f64; 3],
-    eeprom: Vec<u8>,
-    length_mm: f64,
-    deviation_mm: f64,
-    percent: f64,
-) {
-    let truth = WheelGeometry::new(
-        80.0 * (1.0 + left / 100.0),
-        80.0 * (1.0 + right / 100.0),
-        125.0 * (1.0 + track / 100.0),
-    );
-    let (found, before, after) = calibrated(&truth, eeprom, length_mm, deviation_mm);
+    let before = estimate.score;
+    let after = umbmark::score(&after).expect("both ways");
     println!("{left} {right} {track}: {found:?} for {truth:?}, {before:?}, {after:?}");
     for (found, truth) in [
         (found.left_mm, truth.left_mm),

@@ -5,16 +5,13 @@ use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, IoError, input, output};
 use host_link::eeprom::journal::Journal;
 use pilot::doctor::{Finding, Findings, Outcome, check_board, check_wheels};
-use robot_tests::test_board::{Rig, near_walls};
+use robot_tests::test_board::{Rig, image_with_servo, near_walls};
 use twin::Options;
 use twin::components::i2c_bus::I2cController;
 
 /// The first board with everything fitted.
 fn image() -> Image {
-    Image::FIRST_BOARD
-        .with(fields::MODE, Mode::GuardedNormal.code().into())
-        .with(fields::GYRO, 1)
-        .with(fields::SERVO, 1)
+    image_with_servo(Mode::GuardedNormal).with(fields::GYRO, 1)
 }
 
 /// The checks of a board that boots with `options` and is then spoilt.
@@ -83,10 +80,7 @@ fn doctor_fault_of_the_board_fails_its_check() {
     let other_key = image().with(fields::KEY_FROM_STM, 0x11);
     board("link", sound(), &|rig, _| {
         let bytes = other_key.0.to_vec();
-        rig.i2c_bus(move |bus, _| {
-            let part = bus.eeprom.as_mut().expect("fitted");
-            part.bytes_mut()[..bytes.len()].copy_from_slice(&bytes);
-        });
+        rig.eeprom(move |part| part.bytes_mut()[..bytes.len()].copy_from_slice(&bytes));
     });
     board("log port", sound(), &|_, io| {
         io.log = Box::new(|| Ok(Vec::new()));

@@ -6,7 +6,7 @@ use host_link::settings::Settings;
 use pilot::drive::{ArrivalCriteria, go_to};
 use pilot::mapping;
 use robot_tests::exploration::{self, READY_MS};
-use robot_tests::reference::{normal_frame, original_image};
+use robot_tests::reference::{normal_frame, original_image, pose_codes};
 use robot_tests::test_board::Rig;
 use twin::Options;
 use twin::plant::{Imperfections, Room};
@@ -15,18 +15,18 @@ use twin::plant::{Imperfections, Room};
 fn drive(x: f64, y: f64, degrees: f64, seconds: u64) -> (f64, f64, u32) {
     let options = Options::with_eeprom(original_image());
     let rig = Rig::ready(options.in_room(Room::default()));
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let rotation = (degrees / 360.0 * 32768.0).round().rem_euclid(32768.0) as u16;
-    #[allow(clippy::cast_possible_truncation)]
-    let frame = normal_frame((x * 1000.0) as i32, (y * 1000.0) as i32, rotation, true);
+    let (x_um, y_um, rotation) = pose_codes(x, y, degrees);
+    let frame = normal_frame(x_um, y_um, rotation, true);
     let _ = rig.keep_sending(&frame, seconds * 1_000_000);
-    let truth = rig.truth();
-    let still = truth.wheel_deg_s;
-    assert!(still.left.abs().max(still.right.abs()) < 0.5, "{still:?}");
-    let pose = truth.pose.relative_to(&rig.world(|w| w.room().start));
+    assert!(
+        rig.max_wheel_deg_s() < 0.5,
+        "{} deg/s",
+        rig.max_wheel_deg_s()
+    );
+    let pose = rig.pose();
     let off = (pose.heading_rad.to_degrees() - degrees + 180.0).rem_euclid(360.0) - 180.0;
     let mm = (pose.x_mm - x).hypot(pose.y_mm - y);
-    (mm, off.abs(), truth.collisions)
+    (mm, off.abs(), rig.truth().collisions)
 }
 
 // Requirement: DOC-1-1, DOC-5.2.1-1
@@ -58,12 +58,13 @@ fn follow(imperfections: Imperfections, poses: &[(f64, f64, f64)]) -> (f64, f64)
         let target = Pose::new(x, y, degrees);
         let arrival = go_to(&mut session, target, &ArrivalCriteria::default(), |_, _| ());
         let arrival = arrival.unwrap_or_else(|error| panic!("{target:?}: {error}"));
-        let truth = rig.truth();
-        let still = truth.wheel_deg_s;
         // At rest is at most 0.3 mm and 0.1° in 250 ms.
-        assert!(still.left.abs().max(still.right.abs()) < 3.0, "{still:?}");
-        let pose = truth.pose.relative_to(&rig.world(|w| w.room().start));
-        let pose = mapping::reported_pose(&pose);
+        assert!(
+            rig.max_wheel_deg_s() < 3.0,
+            "{} deg/s",
+            rig.max_wheel_deg_s()
+        );
+        let pose = mapping::reported_pose(&rig.pose());
         worst.0 = worst.0.max(pose.distance_mm(arrival.pose));
         worst.1 = worst.1.max(pose.rotation_to_deg(arrival.pose).abs());
         // As near as the configuration says.

@@ -7,7 +7,6 @@ use tempfile::TempDir;
 
 use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
-use host_link::board_io::BoardIo;
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{Repaired, repair};
 use host_link::eeprom::{Programmed, program};
@@ -51,22 +50,16 @@ impl EepromTest {
         }
     }
 
-    fn machine(&self) -> BoardIo {
-        self.rig.io()
-    }
-
     /// Restores the first image; the STM keeps the configuration it booted with.
     fn restore_image(&self) {
         self.journal.end().expect("the journal's file");
         let there = before();
-        self.rig.i2c_bus(move |bus, _| {
-            let part = bus.eeprom.as_mut().expect("an EEPROM");
-            part.bytes_mut()[..IMAGE_LEN].copy_from_slice(&there.0);
-        });
+        self.rig
+            .eeprom(move |part| part.bytes_mut()[..IMAGE_LEN].copy_from_slice(&there.0));
     }
 
     fn write(&self, fault: IoFault) -> (std::thread::Result<Result<Programmed, Error>>, Calls) {
-        let (mut machine, calls) = with_fault(self.machine(), fault);
+        let (mut machine, calls) = with_fault(self.rig.io(), fault);
         let image = after();
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             program(&mut machine, &image, READY_MS, Some(&self.journal), |_| {})
@@ -75,26 +68,22 @@ impl EepromTest {
     }
 
     fn image(&self) -> Image {
-        self.rig.i2c_bus(|bus, _| {
-            let part = bus.eeprom.as_ref().expect("an EEPROM");
-            Image(*part.bytes().first_chunk().expect("four pages"))
-        })
+        self.rig
+            .eeprom(|part| Image(*part.bytes().first_chunk().expect("four pages")))
     }
 
     #[track_caller]
     fn assert_at_rest(&self, fault: IoFault) {
-        let (protected, controller) = self.rig.i2c_bus(|bus, _| {
-            let part = bus.eeprom.as_ref().expect("an EEPROM");
-            (part.is_write_protected(), bus.controller())
-        });
+        let protected = self.rig.eeprom(|part| part.is_write_protected());
         assert!(protected, "unprotected after {fault:?}");
+        let controller = self.rig.i2c_bus(|bus, _| bus.controller());
         assert_eq!(controller, twin::I2cController::Stm, "after {fault:?}");
     }
 
     /// The STM runs with the present image: both ends use its mode.
     #[track_caller]
     fn assert_runs(&self, fault: IoFault) {
-        let mut machine = self.machine();
+        let mut machine = self.rig.io();
         let met = Session::open(&mut machine, RATE_HZ, READY_MS).and_then(|mut s| s.confirm_mode());
         assert_eq!(met, Ok(()), "after {fault:?}: {}", self.rig.log());
     }
@@ -102,7 +91,7 @@ impl EepromTest {
     /// The repair at the start of every command.
     #[track_caller]
     fn repair_after(&self, fault: IoFault) -> Repaired {
-        let repaired = repair(&mut self.machine(), &self.journal, true, READY_MS);
+        let repaired = repair(&mut self.rig.io(), &self.journal, true, READY_MS);
         let repaired = repaired.unwrap_or_else(|error| panic!("after {fault:?}: {error}"));
         assert!(!self.journal.unfinished() && !self.journal.reset_due());
         self.assert_at_rest(fault);

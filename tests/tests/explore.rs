@@ -1,12 +1,11 @@
 //! Exploring on the virtual board: a small room that the robot does not know, in an imperfect world,
 //! and what goes wrong on the way.
 
-use host_link::settings::Settings;
 use mapper::{Cell, Grid, Point};
 use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use robot_tests::exploration::{self, Figures};
-use robot_tests::test_board::{self, ELF, elf};
+use robot_tests::test_board::Rig;
 use twin::plant::{Faults, Imperfections, Pose2, Room};
 use twin::{Board, Options};
 
@@ -25,26 +24,28 @@ fn small_room() -> Room {
 /// checks that the robot comes home without a collision.
 fn explore(seed: u64, body_mm: f64, mut disturb: impl FnMut(&Board, f64, &Grid)) -> Figures {
     let room = small_room();
-    twin::processor::keep_to_one();
     let mut options = exploration::options(&room, Imperfections::default(), seed);
     exploration::set_body(&mut options, body_mm);
-    let board = exploration::configured_board(&elf(ELF), options).expect("a board");
-    let mut io = test_board::io(&board);
+    let settings = exploration::settings().expect("accepted");
+    options.eeprom = Some(settings.image().0.to_vec());
+    let rig = Rig::new(options);
     let mut reports = 0.0;
-    let run = exploration::explore(&mut io, &board, |step| {
+    let run = exploration::explore(&mut rig.io(), &rig, |step| {
         reports += 1.0;
-        disturb(&board, reports / 40.0, step.grid);
+        disturb(&rig, reports / 40.0, step.grid);
     });
     let run = run.expect("a session");
     let figures = run.figures(&room);
-    let truth = board.truth();
+    let truth = rig.truth();
     assert!(figures.completed, "{:?}", run.drive);
     assert_eq!((truth.collisions, figures.frames_rejected), (0, 0));
     assert!(truth.pose.distance_mm(&room.start) < 100.0);
-    let still = truth.wheel_deg_s;
-    assert!(still.left.abs().max(still.right.abs()) < 1.0, "{still:?}");
+    assert!(
+        rig.max_wheel_deg_s() < 1.0,
+        "{} deg/s",
+        rig.max_wheel_deg_s()
+    );
     assert!(figures.coverage > 0.99 && figures.map_iou > 0.8);
-    assert!(board.unmodelled().is_empty());
     figures
 }
 
@@ -103,11 +104,7 @@ fn wide_robot_drives_around_what_comes_and_goes() {
 // Requirement: NAV-calibrate-1
 #[test]
 fn learned_wheels_in_eeprom_improve_next_exploration() {
-    twin::processor::keep_to_one();
-    let (elf, room) = (elf(ELF), small_room());
-    let sample = Settings::sample()
-        .and_then(|sample| sample.with(&exploration::CHANGES))
-        .expect("accepted");
+    let (room, sample) = (small_room(), exploration::settings().expect("accepted"));
     // As measured by a ruler: 0.6 %. What a run in this room learns is off by 0.01 to 0.13 % (12 seeds).
     let by_ruler = WheelGeometry::from_config(sample.config()).with_ratio(1.006);
     let mut settings = sample.with(&by_ruler.values()).expect("accepted");
@@ -115,20 +112,14 @@ fn learned_wheels_in_eeprom_improve_next_exploration() {
     for _ in 0..2 {
         let eeprom = Some(settings.image().0.to_vec());
         let options = exploration::options(&room, Imperfections::default(), 24);
-        let board = Board::new(&elf, Options { eeprom, ..options }).expect("a board");
-        let mut io = test_board::io(&board);
-        let run = exploration::explore(&mut io, &board, |_| ()).expect("a session");
-        let true_wheels = board.world(|world| world.params().chassis);
-        let [wheels, track] = {
-            let WheelGeometry {
-                left_mm,
-                right_mm,
-                track_mm,
-            } = WheelGeometry::from_config(settings.config());
-            let diameters = true_wheels.wheel_diameter_mm;
-            let ratio = right_mm / left_mm / (diameters.right / diameters.left);
-            [ratio, track_mm / true_wheels.track_mm].map(|factor| (factor - 1.0).abs() * 100.0)
-        };
+        let rig = Rig::new(Options { eeprom, ..options });
+        let run = exploration::explore(&mut rig.io(), &rig, |_| ()).expect("a session");
+        let truth = rig.world(|world| world.params().chassis);
+        let diameters = truth.wheel_diameter_mm;
+        let assumed = WheelGeometry::from_config(settings.config());
+        let ratio = assumed.right_mm / assumed.left_mm / (diameters.right / diameters.left);
+        let [wheels, track] =
+            [ratio, assumed.track_mm / truth.track_mm].map(|factor| (factor - 1.0).abs() * 100.0);
         off.push((wheels, track));
         raw_mm.push(run.figures(&room).raw_position_error_mm_max);
         let learned = Explored::new(settings.config(), &run.localisation.localiser.calibration());

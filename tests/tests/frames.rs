@@ -2,13 +2,13 @@
 
 use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Setup};
 use robot_tests::reference::{
-    KEY_PI, KEY_STM, NormalReply, crc16, image_in_mode, normal_frame, original_image, tuning_frame,
+    KEY_STM, NormalReply, crc16, guarded_frame, image_in_mode, normal_frame, original_image,
+    tuning_frame,
 };
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{Rig, ahead};
+use robot_tests::wires::{first_bits, selected};
 use twin::plant::{Pose2, Room};
 use twin::{Options, SpiStep};
-
-const HZ: u64 = 8_000_000;
 
 fn normal() -> Rig {
     let rig = Rig::configured(original_image());
@@ -62,8 +62,7 @@ fn normal_applied_pose_is_reached_and_reported() {
     let rig = normal();
     let reply = rig.keep_sending(&normal_frame(300_000, 0, 0x1000, true), 8_000_000);
     let reply = NormalReply::of(&reply);
-    let (start, end) = (rig.world(|w| w.room().start), rig.truth().pose);
-    let truth = end.relative_to(&start);
+    let truth = rig.pose();
     assert!((f64::from(reply.x) / 1000.0 - truth.x_mm).abs() < 1.0);
     assert!((f64::from(reply.y) / 1000.0 - truth.y_mm).abs() < 1.0);
     let degrees = f64::from(reply.rotation) * 360.0 / 32768.0;
@@ -86,8 +85,7 @@ fn normal_without_apply_keeps_target() {
     let rig = normal();
     let _ = rig.keep_sending(&normal_frame(200_000, 0, 0, true), 100_000);
     let _ = rig.keep_sending(&normal_frame(-200_000, 0, 0x4000, false), 6_000_000);
-    let start = rig.world(|w| w.room().start);
-    let pose = rig.truth().pose.relative_to(&start);
+    let pose = rig.pose();
     assert!((pose.x_mm - 200.0).abs() < 5.0, "{pose:?}");
     assert!(pose.heading_rad.to_degrees().abs() < 1.0, "{pose:?}");
 }
@@ -102,12 +100,14 @@ fn bad_frame_is_dropped_and_next_is_read() {
     let mut bad_cell = good;
     bad_cell[11] = 7 << 5;
     let long: Vec<u8> = good.iter().copied().chain([0; 64]).collect();
-    let (short, long) = ([&good[..18], &good[..1]], [&long[..20], &long]);
-    for bad in short
-        .into_iter()
-        .chain(long)
-        .chain([&wrong_key[..], &bad_cell])
-    {
+    for bad in [
+        &good[..18],
+        &good[..1],
+        &long[..20],
+        &long,
+        &wrong_key,
+        &bad_cell,
+    ] {
         let _ = rig.frame(bad);
         rig.run_us(20_000);
         assert!(rig.motors_off(), "{bad:02X?} had an effect");
@@ -127,19 +127,8 @@ fn frame_torn_at_any_bit_loses_only_itself() {
     let rig = normal();
     let good = normal_frame(0, 0, 0, false);
     for bits in 0..152 {
-        let SpiStep::Bits { mut mosi, .. } = SpiStep::bytes(&good, HZ) else {
-            unreachable!("bytes are bits")
-        };
-        mosi.truncate(bits);
-        let torn = vec![
-            SpiStep::Select(true),
-            SpiStep::Wait(1_000),
-            SpiStep::Bits { mosi, hz: HZ },
-            SpiStep::Wait(1_000),
-            SpiStep::Select(false),
-            SpiStep::Wait(20_000),
-        ];
-        rig.spi_steps(torn);
+        let torn = selected(1_000, first_bits(&good, 8_000_000, bits));
+        rig.spi_steps([&torn[..], &[SpiStep::Wait(20_000)]].concat());
         // 20 µs later, the very next frame.
         let reply = NormalReply::of(&rig.frame(&good));
         assert_eq!(reply.key, KEY_STM, "torn after {bits} bits");
@@ -170,11 +159,8 @@ fn frames_20_us_apart_are_all_answered() {
 #[test]
 fn position_is_a_frame_and_a_tick_old_at_most() {
     for mips in [20, 60] {
-        let mut options = Options::with_eeprom(original_image());
-        options.mips = mips.try_into().expect("not zero");
-        let rig = Rig::ready(options);
-        let go = normal_frame(3_000_000, 0, 0, true);
-        let _ = rig.keep_sending(&go, 1_500_000);
+        let rig = Rig::with_mips(mips, Options::with_eeprom(original_image()));
+        let _ = rig.keep_sending(&ahead(), 1_500_000);
         let mut before = rig.truth();
         for _ in 0..20 {
             rig.run_us(25_000 - 60);
@@ -182,7 +168,7 @@ fn position_is_a_frame_and_a_tick_old_at_most() {
             #[allow(clippy::cast_precision_loss, reason = "some milliseconds")]
             let mm_each_ms =
                 (now.pose.x_mm - before.pose.x_mm) * 1e6 / (now.at_ns - before.at_ns) as f64;
-            let reply = NormalReply::of(&rig.frame(&go));
+            let reply = NormalReply::of(&rig.frame(&ahead()));
             let age_ms = (now.pose.x_mm - f64::from(reply.x) / 1000.0) / mm_each_ms;
             assert!(mm_each_ms > 0.05 && age_ms < 36.0, "{age_ms} ms");
             before = now;
@@ -213,9 +199,7 @@ fn tune_move_drives_straight_and_reports_way() {
     let rig = Rig::booted(Some(image_in_mode(2)));
     let reply = rig.keep_sending(&tuning_frame(-60.0), 1_500_000);
     let measured = measurement(&reply);
-    let pose = rig.truth().pose;
-    let start = rig.world(|w| w.room().start);
-    let truth = pose.relative_to(&start);
+    let truth = rig.pose();
     let off = (measured - truth.x_mm).abs();
     assert!(measured < -20.0 && off < 5.0, "{measured} and {truth:?}");
     assert!(truth.heading_rad.to_degrees().abs() < 8.0, "{truth:?}");
@@ -261,10 +245,8 @@ fn tune_rotate_reports_all_turns_since_reset() {
     let measured = measurement(&reply);
     assert!(measured < -400.0, "clockwise is negative, {measured}");
     // The rotation between the reported tick and the reply, a frame period and a tick at most.
-    assert!(
-        (measured - turned).abs() < 8.0,
-        "{measured}, truly {turned}"
-    );
+    let off = (measured - turned).abs();
+    assert!(off < 8.0, "{measured}, truly {turned}");
 }
 
 // Requirement: WIRE-double-1
@@ -285,22 +267,13 @@ fn measurement(reply: &[u8]) -> f64 {
     f64::from_le_bytes(*bytes.expect("eight bytes"))
 }
 
-/// A Guarded Normal frame: key, sequence, status, position, battery, distances, CRC.
-fn guarded(own: u8, seen: u8, order: u8, inner: &[u8; 19]) -> [u8; 26] {
-    let mut frame = [0; 26];
-    frame[..6].copy_from_slice(&[KEY_PI, own, seen, 0, 0, order]);
-    frame[6..24].copy_from_slice(&inner[1..]);
-    let crc = crc16(&frame[..24]);
-    frame[24..].copy_from_slice(&crc.to_be_bytes());
-    frame
-}
-
 // Requirement: WIRE-sequence-6, WIRE-crc-2, WIRE-deadline-2, WIRE-deadline-5
 #[test]
 fn guarded_accepts_fresh_frames_with_valid_crc() {
     let rig = Rig::booted(Some(image_in_mode(0x10)));
     let go = normal_frame(300_000, 0, 0, true);
-    let mut flipped = guarded(1, 0, 0, &go);
+    let guarded = |own, order| guarded_frame(own, order, &go);
+    let mut flipped = guarded(1, 0);
     flipped[7] ^= 0x10;
     let reply = rig.frame(&flipped);
     assert_eq!(reply[0], KEY_STM);
@@ -309,23 +282,23 @@ fn guarded_accepts_fresh_frames_with_valid_crc() {
     assert!(rig.motors_off(), "a flipped bit had an effect");
     let mut own = 1_u8;
     for _ in 0..20 {
-        let _ = rig.frame(&guarded(own, 0, 0, &go));
+        let _ = rig.frame(&guarded(own, 0));
         own = own.wrapping_add(1);
         rig.run_us(25_000);
     }
     assert!(!rig.motors_off(), "fresh frames drive: {}", rig.log());
     // The same number again and again is not fresh: the deadline stops the robot.
     for _ in 0..16 {
-        let _ = rig.frame(&guarded(own.wrapping_sub(1), 0, 0, &go));
+        let _ = rig.frame(&guarded(own.wrapping_sub(1), 0));
         rig.run_us(25_000);
     }
     assert!(rig.motors_off(), "a repeated frame fed the deadline");
-    let status = rig.frame(&guarded(own, 0, 0, &go));
+    let status = rig.frame(&guarded(own, 0));
     assert_eq!(status[5], 3, "stopped");
     assert_eq!(status[4] & 1, 1, "link lost is latched");
     rig.run_us(20_000);
     assert!(rig.motors_off(), "apply alone does not resume it");
-    let _ = rig.frame(&guarded(own.wrapping_add(1), 0, 2, &go));
+    let _ = rig.frame(&guarded(own.wrapping_add(1), 2));
     rig.run_us(20_000);
     assert!(!rig.motors_off(), "the order to resume does");
     rig.assert_modelled();

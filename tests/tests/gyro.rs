@@ -1,147 +1,50 @@
 //! The gyroscope on the virtual board: a slip that the heading survives, and everything that can be
 //! wrong with the part.
 
-use fw_core::eeprom::{Config, Image, fields};
+use fw_core::eeprom::{Image, fields};
 use fw_core::types::Faults;
-use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, PoseCode, Report};
-use robot_tests::test_board::{Rig, TIM5_CCR1};
+use fw_core::wire::{Command, Mode};
+use robot_tests::linked_robot::LinkedRobot;
+use robot_tests::test_board::{Rig, TIM5_CCR1, take_writes};
 use twin::components::mpu6050::Mpu6050;
-use twin::plant::{GyroParams, Room, Sides};
-use twin::trace::EventKind;
+use twin::plant::{GyroParams, Room};
 use twin::{Board, I2cController, Mpu6050Fault, Options};
 
-/// A robot in Guarded Normal, and the Pi's end of its link.
-struct GyroRobot {
-    rig: Rig,
-    pi: PiLink,
-    last: Report,
-    rejected: u32,
-}
-
-/// x, y and heading: millimetres and degrees.
-type PoseDeg = (f64, f64, f64);
-
-fn image(gyro: bool) -> Image {
-    Image::FIRST_BOARD
+/// A robot in Guarded Normal.
+fn robot(gyro: bool, mpu: Option<GyroParams>) -> LinkedRobot {
+    let image = Image::FIRST_BOARD
         .with(fields::MODE, Mode::GuardedNormal.code().into())
-        .with(fields::GYRO, gyro.into())
+        .with(fields::GYRO, gyro.into());
+    let options = Options::default().in_room(Room::default());
+    LinkedRobot::new(&image, Options { mpu, ..options })
 }
 
-fn options(gyro: bool, mpu: Option<GyroParams>) -> Options {
-    let options = Options::with_eeprom(image(gyro).0.to_vec()).in_room(Room::default());
-    Options { mpu, ..options }
+fn fitted() -> LinkedRobot {
+    robot(true, Some(GyroParams::default()))
 }
 
-impl GyroRobot {
-    fn new(gyro: bool, mpu: Option<GyroParams>) -> Self {
-        let config = Config::decode(&image(gyro)).expect("accepted");
-        let robot = Self {
-            rig: Rig::new(options(gyro, mpu)),
-            pi: PiLink::new(config.link_setup()),
-            last: Report::default(),
-            rejected: 0,
-        };
-        robot.rig.assert_ready();
-        robot
-    }
+fn faults(robot: &LinkedRobot) -> Faults {
+    robot.last.faults & (Faults::SLIP | Faults::GYRO_LOST)
+}
 
-    fn exchange(&mut self, command: &Command) {
-        let mut frame = [0; MAX_FRAME];
-        let len = self.pi.send(command, &mut frame);
-        match self.pi.receive(&self.rig.frame(&frame[..len])) {
-            Ok(report) => self.last = report,
-            Err(_) => self.rejected += 1,
-        }
-    }
-
-    /// Frames at 40 Hz for so many milliseconds.
-    fn drive(&mut self, command: &Command, ms: u64) {
-        let ends = self.rig.now_us() + ms * 1000;
-        while self.rig.now_us() < ends {
-            self.exchange(command);
-            self.rig.run_us(25_000 - 60);
-        }
-    }
-
-    /// Towards a pose for so many milliseconds at 40 Hz.
-    fn go(&mut self, (x, y, degrees): PoseDeg, ms: u64) {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let expected = PoseCode {
-            x: (x * 1000.0) as i32,
-            y: (y * 1000.0) as i32,
-            rotation: (degrees / 360.0 * 32768.0).round().rem_euclid(32768.0) as u16,
-        };
-        let command = Command {
-            expected,
-            apply: true,
-            order: Order::Resume,
-            ..Command::default()
-        };
-        self.drive(&command, ms);
-    }
-
-    /// Stands for so many milliseconds.
-    fn stand(&mut self, ms: u64) {
-        self.drive(&Command::default(), ms);
-    }
-
-    fn truth(&self) -> PoseDeg {
-        let start = self.rig.world(|world| world.room().start);
-        let pose = self.rig.truth().pose.relative_to(&start);
-        (pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
-    }
-
-    fn reported(&mut self) -> PoseDeg {
-        self.rig.run_us(30_000);
-        self.exchange(&Command::default());
-        self.exchange(&Command::default());
-        let PoseCode { x, y, rotation } = self.last.pose;
-        let degrees = f64::from(rotation) / 32768.0 * 360.0;
-        (f64::from(x) / 1000.0, f64::from(y) / 1000.0, degrees)
-    }
-
-    /// Error of the reported pose at rest: millimetres and degrees.
-    fn pose_error(&mut self) -> (f64, f64) {
-        for _ in 0..40 {
-            self.stand(100);
-            let Sides { left, right } = self.rig.truth().wheel_deg_s;
-            if left.abs().max(right.abs()) < 0.05 {
-                break;
-            }
-        }
-        let (reported, truth) = (self.reported(), self.truth());
-        let degrees = (reported.2 - truth.2 + 180.0).rem_euclid(360.0) - 180.0;
-        let mm = (reported.0 - truth.0).hypot(reported.1 - truth.1);
-        (mm, degrees.abs())
-    }
-
-    fn faults(&self) -> Faults {
-        self.last.faults & (Faults::SLIP | Faults::GYRO_LOST)
-    }
-
-    fn log(&self) -> String {
-        self.rig.log()
-    }
-
-    /// Stands for 0.3 s, in which every tick reads the rate.
-    #[track_caller]
-    fn assert_read(&mut self) {
-        let reads = |rig: &Rig| {
-            let reads = rig.i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
-            reads.expect("it is fitted")
-        };
-        let before = reads(&self.rig);
-        self.stand(300);
-        let more = reads(&self.rig) - before;
-        assert!((29..=34).contains(&more), "{more} reads in 0.3 s");
-    }
+/// Stands for 0.3 s, in which every tick reads the rate.
+#[track_caller]
+fn assert_read(robot: &mut LinkedRobot) {
+    let reads = |rig: &Rig| {
+        let reads = rig.i2c_bus(|bus, _| bus.mpu.as_ref().map(Mpu6050::reads));
+        reads.expect("it is fitted")
+    };
+    let before = reads(&robot.rig);
+    robot.stand(300);
+    let more = reads(&robot.rig) - before;
+    assert!((29..=34).contains(&more), "{more} reads in 0.3 s");
 }
 
 /// A master may see a bus error without a cause (ES0287, 2.10): at every step of the transfers.
 // Requirement: WIRE-fault-13
 #[test]
 fn gyro_ignores_spurious_bus_errors() {
-    let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
+    let mut robot = fitted();
     for step in 0..20_000 {
         robot.rig.run_us(71);
         robot.rig.raise_bus_error();
@@ -149,14 +52,14 @@ fn gyro_ignores_spurious_bus_errors() {
             robot.exchange(&Command::default());
         }
     }
-    assert_eq!(robot.last.faults, Faults::NONE, "{}", robot.log());
+    assert_eq!(robot.last.faults, Faults::NONE, "{}", robot.rig.log());
     robot.rig.assert_logged("gyro: bias");
 }
 
 /// Stands two seconds, turns left by a quarter, then drives 1.5 m; its left wheel slips for a second
 /// on the way.
-fn slipping(gyro: bool) -> GyroRobot {
-    let mut robot = GyroRobot::new(gyro, Some(GyroParams::default()));
+fn slipping(gyro: bool) -> LinkedRobot {
+    let mut robot = robot(gyro, Some(GyroParams::default()));
     robot.stand(2_000);
     robot.go((0.0, 0.0, 90.0), 4_000);
     robot.go((0.0, 1500.0, 90.0), 2_500);
@@ -172,20 +75,20 @@ fn slipping(gyro: bool) -> GyroRobot {
 fn gyro_one_second_slip_keeps_heading_within_1_degree() {
     let mut with = slipping(true);
     let (mm, degrees) = with.pose_error();
-    let target = with.truth();
+    let target = with.rig.pose();
     println!("with: off by {mm:.1} mm, {degrees:.2}°, arrived at {target:.1?}");
     let mut without = slipping(false);
     let (mm_without, degrees_without) = without.pose_error();
-    let target_without = without.truth();
+    let target_without = without.rig.pose();
     println!("without: off by {mm_without:.1} mm, {degrees_without:.2}°, at {target_without:.1?}");
-    assert!(degrees <= 1.0, "{degrees:.2}°\n{}", with.log());
-    assert!(mm <= 30.0, "{mm:.1} mm\n{}", with.log());
+    assert!(degrees <= 1.0, "{degrees:.2}°\n{}", with.rig.log());
+    assert!(mm <= 30.0, "{mm:.1} mm\n{}", with.rig.log());
     assert!(degrees_without >= 20.0, "{degrees_without:.2}°");
     // It drove on to where it should be, in truth.
-    assert!(target.0.hypot(target.1 - 1500.0) < 40.0, "{target:?}");
-    assert_eq!(with.faults(), Faults::SLIP, "{}", with.log());
-    assert_eq!(without.faults(), Faults::NONE);
-    let log = with.log();
+    assert!(target.x_mm.hypot(target.y_mm - 1500.0) < 40.0, "{target:?}");
+    assert_eq!(faults(&with), Faults::SLIP, "{}", with.rig.log());
+    assert_eq!(faults(&without), Faults::NONE);
+    let log = with.rig.log();
     let bias = log.split("gyro: bias ").nth(1).expect("a bias");
     let bias: f64 = bias.split(' ').next().unwrap().parse().expect("a number");
     assert!((bias + 3.7).abs() < 0.05, "{log}");
@@ -193,7 +96,7 @@ fn gyro_one_second_slip_keeps_heading_within_1_degree() {
     assert!(of("gyro: bias") < of("gyro: agrees"));
     assert!(of("gyro: agrees") < of("slip: heading by the gyro"));
     assert!(of("slip: ") < of("slip over: heading corrected by"));
-    assert!(!without.log().contains("slip") && !without.log().contains("gyro"));
+    assert!(!without.rig.log().contains("slip") && !without.rig.log().contains("gyro"));
     with.rig.assert_modelled();
 }
 
@@ -201,7 +104,7 @@ fn gyro_one_second_slip_keeps_heading_within_1_degree() {
 fn gyro_without_slip_changes_nothing_and_detects_twist() {
     let way = [(0.0, 0.0, 120.0), (300.0, 200.0, 0.0), (0.0, 0.0, 270.0)];
     let drive = |gyro: bool| {
-        let mut robot = GyroRobot::new(gyro, Some(GyroParams::default()));
+        let mut robot = robot(gyro, Some(GyroParams::default()));
         robot.stand(1_500);
         for pose in way {
             robot.go(pose, 5_000);
@@ -212,21 +115,21 @@ fn gyro_without_slip_changes_nothing_and_detects_twist() {
     for robot in [&mut with, &mut without] {
         let (mm, degrees) = robot.pose_error();
         assert!(mm < 0.5 && degrees < 0.05, "{mm} mm, {degrees}°");
-        assert_eq!(robot.faults(), Faults::NONE);
+        assert_eq!(faults(robot), Faults::NONE);
     }
     with.rig.assert_logged("gyro: agrees");
-    assert!(!with.log().contains("slip"), "{}", with.log());
+    assert!(!with.rig.log().contains("slip"), "{}", with.rig.log());
 
     // It holds its pose, brakes on; a hand turns it at 50 °/s for 1.2 s, and it turns back.
-    let held = with.truth();
+    let held = with.rig.pose();
     with.rig.set_faults(|faults| faults.twist_deg_s = 50.0);
     with.go(way[2], 1_200);
     with.rig.set_faults(|faults| faults.twist_deg_s = 0.0);
     with.go(way[2], 4_000);
     let (_, degrees) = with.pose_error();
-    assert!(degrees < 2.5, "{degrees}°\n{}", with.log());
-    let back = with.truth().2 - held.2;
-    assert!(back.abs() < 3.5, "{back}°\n{}", with.log());
+    assert!(degrees < 2.5, "{degrees}°\n{}", with.rig.log());
+    let back = (with.rig.pose().heading_rad - held.heading_rad).to_degrees();
+    assert!(back.abs() < 3.5, "{back}°\n{}", with.rig.log());
     assert!(with.last.faults.intersects(Faults::SLIP));
 }
 
@@ -234,37 +137,28 @@ fn gyro_without_slip_changes_nothing_and_detects_twist() {
 /// `expected_log`.
 fn drive_with_fault(
     mpu: Option<GyroParams>,
-    breaks: impl FnOnce(&GyroRobot),
+    breaks: impl FnOnce(&LinkedRobot),
     expected_log: &str,
-) -> GyroRobot {
-    let mut robot = GyroRobot::new(true, mpu);
+) -> LinkedRobot {
+    let mut robot = self::robot(true, mpu);
     breaks(&robot);
     robot.rig.trace_writes(TIM5_CCR1);
     robot.stand(500);
     robot.go((200.0, 100.0, 90.0), 5_000);
     let (mm, degrees) = robot.pose_error();
-    assert!(
-        mm < 0.5 && degrees < 0.05,
-        "{expected_log}: {mm} mm, {degrees}°"
-    );
-    let truth = robot.truth();
-    let off = (truth.0 - 200.0).hypot(truth.1 - 100.0);
-    assert!(off < 6.0, "{expected_log}: {truth:?}\n{}", robot.log());
-    let mut events = robot.rig.take_events();
-    events.retain(|event| matches!(event.kind, EventKind::Write { .. }));
-    let ticks: Vec<u64> = events.iter().map(|event| event.at_ns).collect();
+    let exact = mm < 0.5 && degrees < 0.05;
+    assert!(exact, "{expected_log}: {mm} mm, {degrees}°");
+    let truth = robot.rig.pose();
+    let off = (truth.x_mm - 200.0).hypot(truth.y_mm - 100.0);
+    assert!(off < 6.0, "{expected_log}: {truth:?}\n{}", robot.rig.log());
+    let ticks = take_writes(&robot.rig);
     assert!(ticks.len() >= 540, "{expected_log}: {} ticks", ticks.len());
     for pair in ticks.windows(2) {
-        let late = (pair[1] - pair[0]).abs_diff(10_000_000);
+        let late = (pair[1].at_ns - pair[0].at_ns).abs_diff(10_000_000);
         assert!(late < 5_000, "{expected_log}: a tick {late} ns off");
     }
-    assert_eq!(robot.rejected, 0, "{expected_log}");
-    assert_eq!(
-        robot.faults(),
-        Faults::GYRO_LOST,
-        "{expected_log}\n{}",
-        robot.log()
-    );
+    let (found, log) = (faults(&robot), robot.rig.log());
+    assert_eq!(found, Faults::GYRO_LOST, "{expected_log}\n{log}");
     robot.rig.assert_logged(expected_log);
     robot.rig.assert_logged("encoders alone");
     assert!(robot.rig.resets().is_empty());
@@ -272,7 +166,7 @@ fn drive_with_fault(
     robot
 }
 
-fn set_fault(robot: &GyroRobot, fault: Mpu6050Fault) {
+fn set_fault(robot: &LinkedRobot, fault: Mpu6050Fault) {
     let set = move |mpu: &mut Mpu6050| mpu.fault = fault;
     robot.rig.set_mpu(set);
 }
@@ -295,7 +189,7 @@ fn gyro_absent_or_wrong_drives_by_encoders() {
 fn gyro_failing_later_drives_by_encoders() {
     let fitted = Some(GyroParams::default());
     let later = |fault: Mpu6050Fault| {
-        move |robot: &GyroRobot| {
+        move |robot: &LinkedRobot| {
             robot.rig.run_us(1_000_000);
             set_fault(robot, fault);
         }
@@ -304,7 +198,7 @@ fn gyro_failing_later_drives_by_encoders() {
     let _ = drive_with_fault(fitted, silent, "gyro: no answer at 0x68");
     let _ = drive_with_fault(fitted, later(Mpu6050Fault::Frozen), "gyro: data frozen");
     let hold = |pulses: u32| {
-        move |robot: &GyroRobot| {
+        move |robot: &LinkedRobot| {
             robot.rig.run_us(1_000_000);
             robot.rig.i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
         }
@@ -313,7 +207,7 @@ fn gyro_failing_later_drives_by_encoders() {
     // One that only lost its place is freed, found again, and rested.
     let freed = drive_with_fault(fitted, hold(7), "gyro: I2C held");
     freed.rig.run_us(1_500_000);
-    let log = freed.log();
+    let log = freed.rig.log();
     let after = log.split("gyro: I2C held").nth(1).expect("it is there");
     assert!(after.contains("gyro: bias"), "{log}");
 }
@@ -322,7 +216,7 @@ fn gyro_failing_later_drives_by_encoders() {
 // Requirement: DOC-3.1-3
 #[test]
 fn gyro_transfer_is_aborted_at_the_next_tick() {
-    let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
+    let mut robot = fitted();
     robot.stand(1_500);
     let is_reading =
         |board: &Board| board.i2c_bus(|bus, _| bus.mpu.as_ref().is_some_and(Mpu6050::is_reading));
@@ -334,19 +228,20 @@ fn gyro_transfer_is_aborted_at_the_next_tick() {
         robot.rig.stretch_i2c(false);
         // A second to the next attempt, and its set-up.
         robot.stand(3_000);
-        let held = robot.log().matches("gyro: I2C held").count();
-        assert_eq!(held, episode + 1, "{}", robot.log());
-        robot.assert_read();
+        let held = robot.rig.log().matches("gyro: I2C held").count();
+        assert_eq!(held, episode + 1, "{}", robot.rig.log());
+        assert_read(&mut robot);
     }
 }
 
 #[test]
 fn gyro_reads_continue_while_pi_has_eeprom() {
-    let mut robot = GyroRobot::new(true, Some(GyroParams::default()));
+    let mut robot = fitted();
     robot.stand(1_000);
     for controller in [I2cController::Pi, I2cController::Stm] {
         robot.rig.switch_i2c(controller);
-        robot.assert_read();
+        assert_read(&mut robot);
     }
-    assert!(!robot.log().contains("encoders alone"), "{}", robot.log());
+    let log = robot.rig.log();
+    assert!(!log.contains("encoders alone"), "{log}");
 }

@@ -6,11 +6,11 @@
 //! Frames here are 20 µs apart. Where two chip-selects end while the robot is busy with a tick, the older
 //! frame may be lost and a reply repeated (docs/interfaces.md); the test allows that there and nowhere else.
 
+use std::collections::BTreeMap;
 use std::time::SystemTime;
 
-use fw_core::eeprom::{Config, Image};
-use fw_core::wire::{Command, FrameError, MAX_FRAME, Order, PiLink, Reason};
-use robot_tests::disturbance::{Disturbance, LEN, Random};
+use fw_core::wire::{Command, FrameError, MAX_FRAME, Mode, Order, PiLink, Reason, Setup};
+use robot_tests::disturbance::{Disturbance, LEN, Random, seeds};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
 use robot_tests::throughput::logged_counts;
@@ -66,7 +66,7 @@ struct PiEnd {
     close: usize,
     /// Replies that came once more.
     repeated: usize,
-    counts: Vec<(&'static str, usize)>,
+    counts: BTreeMap<&'static str, usize>,
     rejections: usize,
     frames: usize,
     /// Replies that do not acknowledge the frame before theirs yet.
@@ -79,11 +79,8 @@ struct PiEnd {
 
 impl PiEnd {
     fn new(seed: u64, mips: u64) -> Self {
-        let image = image_in_mode(0x10);
-        let image = Image(*image.first_chunk().expect("an image"));
-        let config = Config::decode(&image).expect("accepted");
         Self {
-            end: PiLink::new(config.link_setup()),
+            end: PiLink::new(Setup::first_board(Mode::GuardedNormal)),
             seed,
             random: Random(Rng::new(seed)),
             busy_ns: BUSY_INSTRUCTIONS * 1000 / mips,
@@ -94,7 +91,7 @@ impl PiEnd {
             }],
             close: 0,
             repeated: 0,
-            counts: Vec::new(),
+            counts: BTreeMap::new(),
             rejections: 0,
             frames: 0,
             late: 0,
@@ -156,13 +153,12 @@ impl PiEnd {
     /// Whether a reply may report `seen`: what the robot knew at the last chip-select's end, at the one
     /// before, or at those that ended while it may have been busy.
     fn may_report(&self, seen: u8) -> bool {
-        let mut ends = self.ends.iter().rev();
+        let ends = self.ends.iter().rev();
         let last = self.ends.last().expect("never empty").at_ns;
         let is_busy = |end: &&ChipSelectEnd| last - end.at_ns <= self.busy_ns;
         let known = ends.clone().take_while(is_busy).count() + 1;
-        ends.by_ref()
-            .take(known)
-            .any(|end| end.accepted.contains(&seen))
+        let mut known = ends.take(known);
+        known.any(|end| end.accepted.contains(&seen))
     }
 
     /// Whether two chip-selects ended while the robot may have been busy, so that a reply is repeated.
@@ -219,16 +215,11 @@ impl PiEnd {
         }
         self.rejections += frame.disturbance.rejections();
         self.frames += 1;
-        let name = frame.disturbance.name();
-        match self.counts.iter_mut().find(|(known, _)| *known == name) {
-            Some((_, count)) => *count += 1,
-            None => self.counts.push((name, 1)),
-        }
+        *self.counts.entry(frame.disturbance.name()).or_default() += 1;
     }
 
     fn count(&self, name: &str) -> usize {
-        let known = self.counts.iter().find(|(known, _)| *known == name);
-        known.map_or(0, |(_, count)| *count)
+        self.counts.get(name).copied().unwrap_or_default()
     }
 
     /// Plays frames of these disturbances, 20 µs apart.
@@ -264,22 +255,17 @@ fn assert_unmoved(rig: &Rig, pi: &PiEnd) {
     assert!(lost <= pi.close, "{log}");
     // Only a tick keeps the robot busy for that long.
     let ticks = usize::try_from(pi.now_ns / TICK_NS).expect("seconds") + 1;
-    let twice = pi.repeated + lost;
-    assert!(
-        twice <= ticks + pi.count("split"),
-        "{twice} in {ticks} ticks"
-    );
+    let (twice, most) = (pi.repeated + lost, ticks + pi.count("split"));
+    assert!(twice <= most, "{twice} in {ticks} ticks");
     rig.assert_modelled();
 }
 
 /// Sends disturbed and good frames from `seed`, from a point `phase` of [`PHASES`] in the tick on, to a core
 /// of `mips` instructions a microsecond.
 fn run(seed: u64, phase: u64, mips: u64) {
-    let rig = Rig::ready(Options {
-        mips: mips.try_into().expect("a core that runs"),
-        spi_prefetch: [1, 3][(phase % 2) as usize],
-        ..Options::with_eeprom(image_in_mode(0x10))
-    });
+    let mut options = Options::with_eeprom(image_in_mode(0x10));
+    options.spi_prefetch = [1, 3][(phase % 2) as usize];
+    let rig = Rig::with_mips(mips, options);
     rig.run_us(100_000 + phase * TICK_NS / PHASES / 1000);
     let mut pi = PiEnd::new(seed, mips);
     while pi.frames < FRAMES {
@@ -305,11 +291,9 @@ fn run(seed: u64, phase: u64, mips: u64) {
 // Requirement: WIRE-spi-2, WIRE-spi-5, WIRE-crc-2
 #[test]
 fn link_rejects_disturbed_frames_and_accepts_good_ones() {
-    if let Ok(seeds) = std::env::var(SEEDS) {
-        let number = |text: &str| text.parse::<u64>().expect("a number");
-        let (first, end) = seeds.split_once("..").expect("ROBOT_LINK_SEEDS=A..B");
-        let mips = std::env::var(MIPS).map_or(60, |text| number(&text));
-        for seed in number(first)..number(end) {
+    if let Some(seeds) = seeds(SEEDS) {
+        let mips = std::env::var(MIPS).map_or(60, |mips| mips.parse().expect("a number"));
+        for seed in seeds {
             (0..PHASES).for_each(|phase| run(seed, phase, mips));
         }
         return;

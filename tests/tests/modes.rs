@@ -1,26 +1,13 @@
 //! Both ends and their modes: the host's code on the Pi's wires, the ELF behind them.
 
-use fw_core::eeprom::{Config, Image, fields};
+use fw_core::eeprom::Config;
 use fw_core::wire::{Mode, chain};
 use host_link::error::Error;
 use host_link::session::{CommandRequest, MODE_CHECK_FRAMES, RATE_HZ, Session};
 use pilot::mode;
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{Rig, image_with_servo};
 
 const READY_MS: u32 = 1_000;
-
-/// The first board's figures and a servo, which the sweep asks for.
-fn image(mode: Mode) -> Image {
-    Image::FIRST_BOARD
-        .with(fields::SERVO, 1)
-        .with(fields::MODE, mode.code().into())
-}
-
-fn booted(mode: Mode) -> Rig {
-    let rig = Rig::configured(image(mode).0.to_vec());
-    rig.run_us(100_000);
-    rig
-}
 
 fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
     chain(mode).iter().map(|field| field.name())
@@ -30,10 +17,10 @@ fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
 #[test]
 fn mode_mismatch_is_detected_within_ten_frames() {
     for &stm in Mode::ALL {
-        let rig = booted(stm);
+        let rig = Rig::in_mode(stm);
         for &pi in Mode::ALL {
             let mut machine = rig.io();
-            let config = Config::decode(&image(pi)).expect("accepted");
+            let config = Config::decode(&image_with_servo(pi)).expect("accepted");
             let mut session = Session::with_config(&mut machine, config, RATE_HZ);
             let met = session.confirm_mode();
             let pair = format!("Pi {}, STM {}", pi.name(), stm.name());
@@ -55,7 +42,7 @@ fn mode_mismatch_is_detected_within_ten_frames() {
 // Requirement: DOC-5.2-2, DOC-5.2-1, DOC-5.2-3
 #[test]
 fn mode_change_takes_effect_on_both_ends() {
-    let rig = booted(Mode::Normal);
+    let rig = Rig::in_mode(Mode::Normal);
     let mut machine = rig.io();
     let mut before = Mode::Normal;
     for &mode in Mode::ALL.iter().rev().chain([&Mode::GuardedNormal]) {
@@ -66,9 +53,7 @@ fn mode_change_takes_effect_on_both_ends() {
         assert_eq!(changed.session.config().mode(), mode);
         let report = changed.session.exchange(&CommandRequest::default());
         assert!(matches!(report, Ok(Some(_))), "{}: {report:?}", mode.name());
-        let log = rig.log();
-        let line = format!("configured, mode {}", mode.name());
-        assert!(log.contains(&line), "{line}: {log}");
+        rig.assert_logged(&format!("configured, mode {}", mode.name()));
         before = mode;
     }
     rig.assert_modelled();

@@ -7,7 +7,7 @@
 use std::f64::consts::{PI, TAU};
 
 use fw_core::eeprom::{Image, fields};
-use robot_tests::reference::{NormalReply, normal_frame, original_image};
+use robot_tests::reference::{NormalReply, normal_frame, original_image, pose_codes};
 use robot_tests::test_board::Rig;
 use twin::Options;
 use twin::plant::{MotorInput, MotorParams, Params, Pose2, Room, Sides, World};
@@ -57,12 +57,8 @@ impl Goal {
 
     fn frame(&self) -> [u8; 19] {
         let (x, y) = self.at();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let rotation = (self.rotation / 360.0 * 32768.0)
-            .round()
-            .rem_euclid(32768.0) as u16;
-        #[allow(clippy::cast_possible_truncation)]
-        normal_frame((x * 1000.0) as i32, (y * 1000.0) as i32, rotation, true)
+        let (x_um, y_um, rotation) = pose_codes(x, y, self.rotation);
+        normal_frame(x_um, y_um, rotation, true)
     }
 
     /// Millimetres and degrees off, and millimetres beyond it on the way there.
@@ -76,7 +72,7 @@ impl Goal {
 }
 
 /// How it went, by the truth.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Trip {
     /// Seconds after which it never was off by more than 5 mm or 1° again.
     settled_s: f64,
@@ -95,10 +91,8 @@ fn go(rig: &Rig, goal: &Goal) -> Trip {
     #[allow(clippy::cast_precision_loss)]
     let seconds = |now: u64| (now - begun) as f64 / 1e6;
     let mut trip = Trip {
-        settled_s: 0.0,
         overshoot_mm: f64::MIN,
-        off_mm: 0.0,
-        off_deg: 0.0,
+        ..Trip::default()
     };
     let mut still = 0;
     while still < STILL {
@@ -161,17 +155,15 @@ fn assert_reached(params: &Params, eeprom: &[u8], goals: &[Goal], worst: f64) {
 }
 
 fn a_metre(bearings: &[f64], rotations: &[f64]) -> Vec<Goal> {
-    let goal = |bearing: f64, rotation: f64| Goal {
-        distance: 1000.0,
-        bearing,
-        rotation,
-    };
-    let to = |&bearing| {
-        rotations
-            .iter()
-            .map(move |&rotation| goal(bearing, rotation))
-    };
-    bearings.iter().flat_map(to).collect()
+    let mut goals = Vec::new();
+    for &bearing in bearings {
+        goals.extend(rotations.iter().map(|&rotation| Goal {
+            distance: 1000.0,
+            bearing,
+            rotation,
+        }));
+    }
+    goals
 }
 
 const ROTATIONS: [f64; 7] = [0.0, 45.0, -45.0, 90.0, -90.0, 135.0, 180.0];

@@ -7,14 +7,14 @@
 
 use std::collections::{BTreeSet, HashSet};
 
-use fw_core::eeprom::{Config, Image};
-use fw_core::wire::{Command, MAX_FRAME, PiLink};
-use robot_tests::disturbance::Random;
+use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Setup};
+use robot_tests::disturbance::{Random, SETUPS_NS, seeds};
 use robot_tests::reference::{KEY_STM, NormalReply, crc16, image_in_mode, normal_frame};
-use robot_tests::test_board::{ELF, Rig, TIM5_CCR1, elf};
+use robot_tests::test_board::{ELF, Rig, TIM5_CCR1, elf, take_writes};
+use robot_tests::wires::selected;
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
-use twin::trace::{Event, EventKind, Snapshot, functions};
+use twin::trace::{Snapshot, functions};
 use twin::{Options, SpiStep};
 
 /// Environment variable with seeds, `A..B`, each run at every phase; otherwise two at every 64th and those near the
@@ -39,45 +39,13 @@ const PHASES: usize = 1_200;
 const PHASE_NS: u64 = 50;
 /// Phases to either side of the refresh that are never left out.
 const NEAR: usize = 30;
-const SETUPS_NS: [u64; 4] = [60, 250, 500, 1_000];
 const CLOCKS: [u64; 2] = [8_000_000, 12_000_000];
 /// Longest stall, nanoseconds: 250 cycles, where 100 are demanded.
 const STALL_NS: usize = 2_500;
 
-/// The Pi's end: in turn two poses at both ends of a room.
-enum Pi {
-    Normal,
-    Guarded(Box<PiLink>),
-}
-
-impl Pi {
-    fn new(mode: u8) -> Self {
-        if mode == 0 {
-            return Self::Normal;
-        }
-        let image = image_in_mode(mode);
-        let image = Image(*image.first_chunk().expect("an image"));
-        let config = Config::decode(&image).expect("accepted");
-        Self::Guarded(Box::new(PiLink::new(config.link_setup())))
-    }
-
-    fn frame(&mut self, now_ns: u64) -> Vec<u8> {
-        let (x, y) = match now_ns / STAY_NS % 2 {
-            0 => (2_500_000, 300_000),
-            _ => (300_000, -300_000),
-        };
-        match self {
-            Self::Normal => normal_frame(x, y, 0, true).to_vec(),
-            Self::Guarded(link) => {
-                let mut command = Command::default();
-                let expected = &mut command.expected;
-                (command.apply, expected.x, expected.y) = (true, x, y);
-                let mut frame = [0; MAX_FRAME];
-                let len = link.send(&command, &mut frame);
-                frame[..len].to_vec()
-            }
-        }
-    }
+/// The Pi's end of a guarded link.
+fn guarded_link() -> PiLink {
+    PiLink::new(Setup::first_board(Mode::GuardedNormal))
 }
 
 /// The replies that may be on the wire: the armed one, and its refreshes.
@@ -118,7 +86,8 @@ fn options(mode: u8, room: Room) -> Options {
 /// A driving robot, and where its replies lie and are swapped.
 struct Drive {
     rig: Rig,
-    pi: Pi,
+    /// The Pi's end of a guarded link.
+    pi: Option<PiLink>,
     /// As far before the lowest transmit buffer that was armed as the others may lie.
     base: u64,
     /// Instructions of the swap, and of them those that refresh a reply.
@@ -140,7 +109,7 @@ impl Drive {
         rig.assert_ready();
         let mut drive = Self {
             rig,
-            pi: Pi::new(mode),
+            pi: (mode != 0).then(guarded_link),
             base: 0,
             swap: Vec::new(),
             stores: Vec::new(),
@@ -173,10 +142,7 @@ impl Drive {
         self.swap = all.filter(near).collect();
         let near_stores = self.swap.iter().copied().filter(|at| stores.contains(at));
         self.stores = near_stores.collect();
-        let events = self.rig.take_events();
-        let is_tick = |event: &&Event| matches!(event.kind, EventKind::Write { address, .. } if address == TIM5_CCR1);
-        let tick = events.iter().rfind(is_tick);
-        self.tick_ns = tick.expect("ticks").at_ns;
+        self.tick_ns = take_writes(&self.rig).last().expect("ticks").at_ns;
         self.refresh_ns = (refresh.at_ns - self.tick_ns % TICK_NS) % TICK_NS;
         let end = self.base + (2 * BUFFERS - 1) * BUFFER as u64;
         self.rig.trace_memory(&[S3NDTR, S3M0AR], self.base..end);
@@ -186,8 +152,25 @@ impl Drive {
         }
     }
 
+    /// A frame that commands in turn two poses at both ends of a room.
+    fn frame(&mut self, now_ns: u64) -> Vec<u8> {
+        let (x, y) = match now_ns / STAY_NS % 2 {
+            0 => (2_500_000, 300_000),
+            _ => (300_000, -300_000),
+        };
+        let Some(link) = &mut self.pi else {
+            return normal_frame(x, y, 0, true).to_vec();
+        };
+        let mut command = Command::default();
+        let expected = &mut command.expected;
+        (command.apply, expected.x, expected.y) = (true, x, y);
+        let mut frame = [0; MAX_FRAME];
+        let len = link.send(&command, &mut frame);
+        frame[..len].to_vec()
+    }
+
     fn exchange(&mut self) {
-        let frame = self.pi.frame(self.rig.now_ns());
+        let frame = self.frame(self.rig.now_ns());
         let _ = self.rig.frame(&frame);
         self.rig.run_us(10_000);
     }
@@ -201,12 +184,11 @@ impl Drive {
         let mut at = now;
         let mut steps = Vec::new();
         let frames = [begin.saturating_sub(now), GAP_NS].map(|wait| {
-            let frame = self.pi.frame(now);
+            let frame = self.frame(now);
             let bits = SpiStep::bytes(&frame, hz);
-            let setup = SpiStep::Wait(setup_ns);
             at += wait + 2 * setup_ns + bits.duration();
-            steps.extend([SpiStep::Wait(wait), SpiStep::Select(true), setup.clone()]);
-            steps.extend([bits, setup, SpiStep::Select(false)]);
+            steps.push(SpiStep::Wait(wait));
+            steps.extend(selected(setup_ns, bits));
             (frame.len(), at)
         });
         let miso = pack(&self.rig.spi_steps(steps));
@@ -267,11 +249,8 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
         "mode {mode:#x} {mips} MIPS seed {seed}: {frames} frames, {} wrong, values of each byte {values:?}",
         wrong.len()
     );
-    let some = &wrong[..wrong.len().min(5)];
-    assert!(
-        wrong.is_empty(),
-        "of {frames} replies never built: {some:#?}"
-    );
+    wrong.truncate(5);
+    assert!(wrong.is_empty(), "of {frames} never built: {wrong:#?}");
     drive.rig.assert_modelled();
 }
 
@@ -280,19 +259,14 @@ fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
 // Requirement: WIRE-spi-5
 #[test]
 fn early_frame_gets_a_whole_reply() {
-    let mut options = options(0x10, Room::default());
     // The answer is there after 8 µs: time enough to replace the armed reply.
-    options.mips = 100.try_into().expect("a core that runs");
-    let rig = Rig::ready(options);
-    let Pi::Guarded(mut pi) = Pi::new(0x10) else {
-        panic!("mode 0x10 is guarded")
-    };
+    let rig = Rig::with_mips(100, options(0x10, Room::default()));
+    let mut pi = guarded_link();
     let mut next = |steps: &mut Vec<SpiStep>, gap_ns| {
         let mut out = [0; MAX_FRAME];
         let len = pi.send(&Command::default(), &mut out);
         let bits = SpiStep::bytes(&out[..len], 12_000_000);
-        let (setup, select) = (SpiStep::Wait(60), SpiStep::Select);
-        steps.extend([select(true), setup.clone(), bits, setup, select(false)]);
+        steps.extend(selected(60, bits));
         steps.push(SpiStep::Wait(gap_ns));
         len
     };
@@ -313,9 +287,7 @@ fn early_frame_gets_a_whole_reply() {
 /// the other.
 #[test]
 fn frame_end_while_answer_is_armed_waits() {
-    let mut options = options(0x10, Room::default());
-    options.mips = 100.try_into().expect("a core that runs");
-    let rig = Rig::ready(options);
+    let rig = Rig::with_mips(100, options(0x10, Room::default()));
     let all = functions(&elf(ELF)).expect("an ELF file");
     let arm = all.iter().find(|f| f.name.ends_with("spi::arm"));
     // The first time a frame's end arms the standby, the second time its answer is.
@@ -329,13 +301,10 @@ fn frame_end_while_answer_is_armed_waits() {
     steps.extend([SpiStep::Wait(15_000), select(true), SpiStep::Wait(100)]);
     steps.extend([select(false), SpiStep::Wait(100_000)]);
     rig.spi_steps(steps);
-    let events = rig.take_events();
-    let written = events.iter().filter_map(|event| match event.kind {
-        EventKind::Write { address, .. } => Some(address),
-        _ => None,
-    });
-    let written: Vec<u64> = written.take(4).collect();
-    assert_eq!(written, [EXTI_PR, S3M0AR, S3M0AR, EXTI_PR]);
+    let writes = take_writes(&rig);
+    let first = writes.first_chunk::<4>().expect("four writes");
+    let registers = first.map(|write| write.address);
+    assert_eq!(registers, [EXTI_PR, S3M0AR, S3M0AR, EXTI_PR]);
 }
 
 /// The transmitter holds a reply's first two bytes ready: a refresh that changes the second, the highest of x,
@@ -362,10 +331,7 @@ fn reply_refresh_across_zero_keeps_fetched_bytes() {
 // Requirement: WIRE-spi-6
 #[test]
 fn reply_swap_under_latency_sends_whole_replies() {
-    let seeds = std::env::var(SEEDS).ok();
-    let number = |text: &str| text.parse::<u64>().expect("ROBOT_SWAP_SEEDS=A..B");
-    let range = seeds.as_deref().and_then(|seeds| seeds.split_once(".."));
-    let (seeds, nth) = range.map_or((1..3, 64), |(a, b)| (number(a)..number(b), 1));
+    let (seeds, nth) = seeds(SEEDS).map_or((1..3, 64), |seeds| (seeds, 1));
     for seed in seeds {
         for mode in [0, 0x10] {
             for mips in [60, 100] {

@@ -4,11 +4,12 @@ use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use object::{Object, ObjectSection, ObjectSymbol};
-use robot_tests::reference::{normal_frame, original_image};
+use robot_tests::reference::original_image;
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{ELF, ELF_OVERFLOW, ELF_PANIC, Rig, TIM5_CCR1, elf};
-use twin::trace::{Event, EventKind};
-use twin::{Board, Options, ResetSource};
+use robot_tests::test_board::{
+    ELF, ELF_OVERFLOW, ELF_PANIC, Rig, TIM5_CCR1, ahead, elf, take_writes,
+};
+use twin::{Options, ResetSource};
 
 // Requirement: WIRE-safe-1
 #[test]
@@ -38,16 +39,9 @@ fn missing_tick_stops_motors_and_restarts() {
     assert!(rig.run_until(31_000, 100, |_| rig.motors_off()));
     rig.run_us(10_000);
     rig.assert_logged("no tick, motors off");
-    let restarted = |board: &Board| !board.resets().is_empty();
-    assert!(rig.run_until(400_000, 1_000, restarted));
     // 68 to 188 ms over the tolerance of its oscillator.
-    let after = rig.now_us() - stopped;
+    let after = assert_restarts(&rig, 400_000) - stopped;
     assert!(after <= 190_000, "{after} µs");
-    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
-    rig.assert_ready();
-    rig.run_us(100_000);
-    assert!(rig.motors_off(), "after the restart it stands");
-    rig.assert_logged("watchdog");
     rig.assert_logged("restarted after a failure");
     // The next reset has its own cause.
     let before = rig.uart().len();
@@ -55,18 +49,22 @@ fn missing_tick_stops_motors_and_restarts() {
     rig.run_us(1_000);
     rig.hold_reset(false);
     rig.run_us(100_000);
-    assert!(
-        rig.log()[before..].contains("reset by pin"),
-        "{}",
-        rig.log()
-    );
+    let log = rig.log();
+    assert!(log[before..].contains("reset by pin"), "{log}");
 }
 
-fn written(event: &Event) -> Option<u64> {
-    match event.kind {
-        EventKind::Write { value, .. } => Some(value),
-        _ => None,
-    }
+/// The watchdog resets the robot within so many microseconds, and then it stands; when that was, microseconds.
+#[track_caller]
+fn assert_restarts(rig: &Rig, within_us: u64) -> u64 {
+    assert!(rig.run_until(within_us, 1_000, |board| !board.resets().is_empty()));
+    let reset_us = rig.now_us();
+    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
+    rig.assert_ready();
+    assert!(rig.motors_off(), "after the restart it stands");
+    rig.run_us(100_000);
+    assert!(rig.motors_off(), "after the restart it stands");
+    rig.assert_logged("watchdog");
+    reset_us
 }
 
 /// TIM5's flags.
@@ -76,29 +74,23 @@ const TIM5_SR: u64 = 0x4000_0C10;
 #[test]
 fn tick_within_its_timers_handler_is_not_lost() {
     let rig = Rig::driving();
-    let target = normal_frame(3_000_000, 0, 0, true);
     rig.trace_memory(&[TIM5_SR], 0..0);
-    let _ = rig.keep_sending(&target, 50_000);
+    let _ = rig.keep_sending(&ahead(), 50_000);
     let accesses = rig.take_snapshots();
-    let clears = accesses
-        .iter()
-        .rev()
-        .find(|access| access.written.is_some());
+    let clears = accesses.iter().rfind(|access| access.written.is_some());
     let clears = clears.expect("a flag was cleared").instruction;
     rig.trace_writes(TIM5_CCR1);
     // Longer than from the battery's conversion, whichever of the next arrivals it is, to the tick.
     for skip in 0..3 {
         rig.stall_once(clears, skip, 250_000);
-        let _ = rig.keep_sending(&target, 200_000);
+        let _ = rig.keep_sending(&ahead(), 200_000);
     }
     // Each is set from the one before, not from when that was served.
-    let set: Vec<u64> = rig.take_events().iter().filter_map(written).collect();
-    assert!(set.windows(2).all(|two| two[1] - two[0] == 10_000));
-    assert!(
-        rig.resets().is_empty() && !rig.motors_off(),
-        "{}",
-        rig.log()
-    );
+    let set = take_writes(&rig);
+    let mut pairs = set.windows(2);
+    assert!(pairs.all(|two| two[1].value - two[0].value == 10_000));
+    let drives = rig.resets().is_empty() && !rig.motors_off();
+    assert!(drives, "{}", rig.log());
 }
 
 fn with_original_image(elf: &[u8]) -> Rig {
@@ -117,16 +109,15 @@ const DRIVEN_PINS: [(u64, u64); 3] = [
 /// says `why`, and the watchdog restarts a robot that stands.
 fn ends_standing(rig: &Rig, why: &str) {
     rig.assert_ready();
-    let go = normal_frame(3_000_000, 0, 0, true);
     let ready = rig.now_us();
-    let _ = rig.keep_sending(&go, 1_500_000);
+    let _ = rig.keep_sending(&ahead(), 1_500_000);
     assert!(!rig.motors_off(), "it drives until it fails: {}", rig.log());
     for (port, _) in DRIVEN_PINS {
         rig.trace_writes(port);
     }
     // The host goes on as if nothing had happened.
     while rig.is_ready() {
-        let _ = rig.frame(&go);
+        let _ = rig.frame(&ahead());
         rig.run_us(2_000);
         assert!(rig.now_us() - ready < 2_100_000, "nothing failed");
     }
@@ -134,22 +125,15 @@ fn ends_standing(rig: &Rig, why: &str) {
     assert_eq!(rig.leds(), leds(State::Faulted));
     // Enables, inputs and servo have been set low since the last frame.
     let since = (rig.now_us() - 3_000) * 1000;
-    let events = rig.take_events();
+    let mut writes = take_writes(rig);
+    writes.retain(|write| write.at_ns > since);
     for (port, pins) in DRIVEN_PINS {
-        let low = events.iter().filter(|event| event.at_ns > since);
-        let low = low.fold(0, |low, event| match event.kind {
-            EventKind::Write { address, value } if address == port => low | value >> 16,
-            _ => low,
-        });
+        let own = writes.iter().filter(|write| write.address == port);
+        let low = own.fold(0, |low, write| low | write.value >> 16);
         assert_eq!(low & pins, pins, "{port:#x}");
     }
     rig.assert_logged(why);
-    assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
-    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
-    rig.assert_ready();
-    assert!(rig.motors_off(), "after the restart it stands");
-    rig.run_us(100_000);
-    rig.assert_logged("watchdog");
+    assert_restarts(rig, 300_000);
 }
 
 /// A tick that does not return keeps its priority's other handlers away, but not the safe state's.
@@ -197,10 +181,7 @@ fn dead_crystal_stops_motors_and_restarts_on_hsi() {
     assert!(!rig.is_ready());
     // From 16 MHz, at the log's rate.
     rig.assert_logged("crystal failed, motors off");
-    assert!(rig.run_until(300_000, 1_000, |board| !board.resets().is_empty()));
-    rig.assert_ready();
-    rig.run_us(100_000);
-    assert!(rig.motors_off(), "after the restart it stands");
+    assert_restarts(&rig, 300_000);
     rig.assert_logged("internal oscillator");
 }
 
@@ -230,12 +211,10 @@ fn safe_state_is_reported_at_a_slow_rate() {
     let before = rig.board.log().len();
     rig.stop_ticks();
     rig.run_us(70_000);
-    let ends: Vec<u64> = rig.board.log()[before..]
-        .iter()
-        .map(|sent| sent.at)
-        .collect();
-    assert_eq!(ends.len(), "\nE: no tick, motors off\n".len());
-    assert!(ends.windows(2).all(|two| two[1] - two[0] > 1_040_000));
+    let log = rig.board.log();
+    let line = &log[before..];
+    assert_eq!(line.len(), "\nE: no tick, motors off\n".len());
+    assert!(line.windows(2).all(|two| two[1].at - two[0].at > 1_040_000));
 }
 
 /// The watchdog's key register (RM0383, 15.4.1), and the key that feeds it.
@@ -249,13 +228,10 @@ fn watchdog_is_fed_once_a_tick() {
     let rig = Rig::driving();
     rig.trace_writes(IWDG_KR);
     let begin = rig.now_us();
-    let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 1_000_000);
+    let _ = rig.keep_sending(&ahead(), 1_000_000);
     let ticks = (rig.now_us() - begin) / 10_000;
-    let fed = rig.take_events().into_iter();
-    let fed = fed.filter(|event| matches!(event.kind, EventKind::Write { value: FEED, .. }));
-    let fed = fed.count() as u64;
-    assert!(
-        (ticks..=ticks + 1).contains(&fed),
-        "{fed} times in {ticks} ticks"
-    );
+    let writes = take_writes(&rig).into_iter();
+    let fed = writes.filter(|write| write.value == FEED).count() as u64;
+    let once = (ticks..=ticks + 1).contains(&fed);
+    assert!(once, "{fed} times in {ticks} ticks");
 }

@@ -4,9 +4,8 @@ use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{NormalReply, normal_frame, original_image};
-use robot_tests::test_board::{BRIDGES, Rig};
+use robot_tests::test_board::{BRIDGES, Rig, ahead, take_writes};
 use twin::plant::{Room, Sides};
-use twin::trace::{Event, EventKind};
 use twin::{Board, Options};
 
 // Requirement: DOC-2.1-3, WIRE-status-6, WIRE-deadline-1, WIRE-deadline-2
@@ -23,16 +22,16 @@ fn stop_deadline_silent_host_brakes() {
     assert!((230_000..=261_000).contains(&after), "{after} µs");
     rig.run_us(10_000);
     // Above the reload: both enables stay high.
-    let braked = rig.take_events().into_iter().rev().take(2);
-    let full = |event: &Event| matches!(event.kind, EventKind::Write { value: 5_000, .. });
-    assert!(braked.clone().count() == 2 && braked.clone().all(|event| full(&event)));
+    let writes = take_writes(&rig);
+    let braked = writes.last_chunk::<2>().expect("both enables");
+    assert_eq!(braked.map(|write| write.value), [5_000; 2]);
     rig.run_us(1_000_000);
     assert!(rig.motors_off());
-    let speed = rig.truth().wheel_deg_s;
-    assert!(speed.left.abs().max(speed.right.abs()) < 0.1, "{speed:?}");
+    let speed = rig.max_wheel_deg_s();
+    assert!(speed < 0.1, "{speed} deg/s");
     rig.assert_logged("stop");
     assert_eq!(rig.leds(), leds(State::Stopped));
-    let _ = rig.keep_sending(&normal_frame(3_000_000, 0, 0, true), 300_000);
+    let _ = rig.keep_sending(&ahead(), 300_000);
     assert!(!rig.motors_off(), "a frame with the apply bit resumes");
 }
 
@@ -52,8 +51,7 @@ fn stop_deadline_ignores_invalid_frames() {
 fn stays_off(rig: &Rig, line: &str) {
     rig.assert_logged(line);
     assert_eq!(rig.leds(), leds(State::Faulted));
-    let go = normal_frame(3_000_000, 0, 0, true);
-    let _ = rig.keep_sending(&go, 500_000);
+    let _ = rig.keep_sending(&ahead(), 500_000);
     assert!(rig.motors_off());
 }
 
@@ -62,8 +60,7 @@ fn stays_off(rig: &Rig, line: &str) {
 fn supply_below_threshold_stops_motors() {
     let rig = Rig::driving();
     rig.set_supply(2_800);
-    let go = normal_frame(3_000_000, 0, 0, true);
-    let _ = rig.keep_sending(&go, 100_000);
+    let _ = rig.keep_sending(&ahead(), 100_000);
     assert!(!rig.motors_off(), "{}", rig.log());
     rig.set_supply(2_600);
     assert!(rig.run_until(11_000, 100, |_| rig.motors_off()));
@@ -122,10 +119,9 @@ fn converter_without_new_words_stops_motors() {
         let mut rig = Rig::driving();
         rig.end_check(); // a part without its clock refuses every access
         stop(&rig);
-        let go = normal_frame(3_000_000, 0, 0, true);
-        let _ = rig.keep_sending(&go, 400_000);
+        let _ = rig.keep_sending(&ahead(), 400_000);
         assert!(!rig.motors_off(), "{}", rig.log());
-        let _ = rig.keep_sending(&go, 150_000);
+        let _ = rig.keep_sending(&ahead(), 150_000);
         assert!(rig.motors_off());
         stays_off(&rig, "battery empty: motors off");
     }
@@ -135,9 +131,7 @@ fn converter_without_new_words_stops_motors() {
 #[test]
 fn bridge_inputs_change_after_dead_time() {
     // The wait is counted in cycles: on the fastest core it is shortest.
-    let mut options = Options::with_eeprom(original_image());
-    options.mips = 100.try_into().expect("not zero");
-    let rig = Rig::ready(options);
+    let rig = Rig::with_mips(100, Options::with_eeprom(original_image()));
     rig.drive_off();
     rig.trace_bridges();
     for x_um in [-3_000_000, 3_000_000, -3_000_000] {
@@ -165,13 +159,12 @@ fn empty_battery_stops_for_good() {
     options.params.battery.charge = [0.0; 2];
     let rig = Rig::new(options);
     rig.await_ready();
-    let go = normal_frame(3_000_000, 0, 0, true);
-    let _ = rig.keep_sending(&go, 2_000_000);
+    let _ = rig.keep_sending(&ahead(), 2_000_000);
     let taps = rig.truth().battery_v;
     assert!(taps[0] < 3.0, "the model's battery is not empty: {taps:?}");
     assert!(rig.motors_off());
     rig.assert_logged("battery");
-    let reply = NormalReply::of(&rig.frame(&go));
+    let reply = NormalReply::of(&rig.frame(&ahead()));
     assert!(reply.voltage > 0);
 }
 

@@ -1,58 +1,38 @@
 //! Mode 0x20: the servo, the bearing of every reading, and the resulting map.
 
 use fw_core::eeprom::{Config, Image, fields};
-use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Report};
+use fw_core::wire::{Command, Mode, Report};
 use host_link::snapshot::distance_mm;
 use host_link::statistics::LinkStatistics;
 use mapper::Point;
 use pilot::mapping::{BODY_MM, Mapping, RangeSample, mapper_config};
-use robot_tests::test_board::Rig;
+use robot_tests::linked_robot::LinkedRobot;
+use robot_tests::test_board::{Rig, image_with_servo, take_writes};
 use twin::board_model::Ping;
 use twin::plant::{Params, RangefinderParams};
-use twin::trace::{Event, EventKind};
 use twin::{Board, Options};
 
-/// The first board with a servo, in the sweep mode.
 fn sweeping() -> Image {
-    Image::FIRST_BOARD
-        .with(fields::SERVO, 1)
-        .with(fields::MODE, Mode::GuardedSweep.code().into())
+    image_with_servo(Mode::GuardedSweep)
 }
 
-/// A robot in mode 0x20, and the Pi's end of its link.
-struct ScanningRobot {
-    rig: Rig,
-    pi: PiLink,
-    config: Config,
+fn robot(image: &Image, params: Params) -> LinkedRobot {
+    let options = Options::default();
+    let robot = LinkedRobot::new(image, Options { params, ..options });
+    robot.rig.run_us(20_000);
+    robot
 }
 
-impl ScanningRobot {
-    fn new(image: &Image, params: Params) -> Self {
-        let config = Config::decode(image).expect("accepted");
-        let options = Options::with_eeprom(image.0.to_vec());
-        let rig = Rig::ready(Options { params, ..options });
-        rig.run_us(20_000);
-        Self {
-            rig,
-            pi: PiLink::new(config.link_setup()),
-            config,
-        }
+/// Frames at 40 Hz for `us`: each reply and its time.
+fn frames(robot: &mut LinkedRobot, us: u64) -> Vec<(u64, Report)> {
+    let ends = robot.rig.now_us() + us;
+    let mut all = Vec::new();
+    while robot.rig.now_us() < ends {
+        let at = robot.rig.now_ns();
+        all.push((at, robot.exchange(&Command::default())));
+        robot.rig.run_us(25_000 - 60);
     }
-
-    /// Frames at 40 Hz for `us`: each reply and its time.
-    fn frames(&mut self, us: u64) -> Vec<(u64, Report)> {
-        let ends = self.rig.now_us() + us;
-        let mut all = Vec::new();
-        while self.rig.now_us() < ends {
-            let mut frame = [0; MAX_FRAME];
-            let len = self.pi.send(&Command::default(), &mut frame);
-            let at = self.rig.now_ns();
-            let back = self.rig.frame(&frame[..len]);
-            all.push((at, self.pi.receive(&back).expect("a valid reply")));
-            self.rig.run_us(25_000 - 60);
-        }
-        all
-    }
+    all
 }
 
 fn degrees(bearing: u16) -> f64 {
@@ -114,9 +94,9 @@ fn assert_readings_match_pings(pings: &[Ping], readings: &[(u64, Report)], front
 // Requirement: WIRE-bearing-2, WIRE-bearing-3, WIRE-bearing-4, WIRE-bearing-5
 #[test]
 fn scan_readings_carry_their_bearing_exactly_once() {
-    let mut robot = ScanningRobot::new(&sweeping(), exact());
+    let mut robot = robot(&sweeping(), exact());
     // Five seconds are two sweeps to and fro.
-    let reports = robot.frames(5_600_000);
+    let reports = frames(&mut robot, 5_600_000);
     let first = reports[0].1;
     assert_eq!((first.bearing, distance_mm(first.ranges[0])), (0, None));
     let readings = readings(&reports);
@@ -154,8 +134,8 @@ fn scan_reversed_short_servo_bearings_are_true() {
     params.mounts[0].bearing_rad = 30f64.to_radians();
     let image = sweeping().with(fields::SERVO_REVERSED, 1);
     let image = image.with(fields::SERVO_TRAVEL, 0x4000);
-    let mut robot = ScanningRobot::new(&image.with(fields::BEARING_FRONT, 0x1555), params);
-    let reports = robot.frames(2_500_000);
+    let mut robot = robot(&image.with(fields::BEARING_FRONT, 0x1555), params);
+    let reports = frames(&mut robot, 2_500_000);
     let readings = readings(&reports);
     assert!(readings.len() >= 30);
     assert_readings_match_pings(&robot.rig.pings(), &readings, 30.0);
@@ -166,8 +146,8 @@ fn scan_slow_servo_shows_bearing_errors() {
     let mut params = exact();
     // Half as fast as the plan allows for.
     params.servo.slew_rad_s /= 2.0;
-    let mut robot = ScanningRobot::new(&sweeping(), params);
-    let reports = robot.frames(2_500_000);
+    let mut robot = robot(&sweeping(), params);
+    let reports = frames(&mut robot, 2_500_000);
     let readings = readings(&reports);
     let pings = robot.rig.pings();
     let pairs = pings.iter().zip(&readings);
@@ -179,12 +159,12 @@ fn scan_slow_servo_shows_bearing_errors() {
 // Requirement: WIRE-servo-1, WIRE-servo-2
 #[test]
 fn scan_servo_rests_without_frames() {
-    let mut robot = ScanningRobot::new(&sweeping(), exact());
+    let mut robot = robot(&sweeping(), exact());
     let angle = |board: &Board| board.world(|world| world.servo().angle_rad().to_degrees());
     robot.rig.run_us(700_000);
     assert!(angle(&robot.rig.board).abs() < 1e-9);
     assert!(robot.rig.pings().is_empty());
-    robot.frames(1_000_000);
+    frames(&mut robot, 1_000_000);
     let pings = robot.rig.pings().len();
     assert!(pings > 3);
     // The stop deadline's 250 ms, and what was under way.
@@ -195,7 +175,7 @@ fn scan_servo_rests_without_frames() {
     assert_eq!(robot.rig.pings().len(), pings);
     // Turned from outside meanwhile: the readings after that are still true.
     robot.rig.world(|world| world.servo_mut().force(1.2));
-    let reports = robot.frames(1_500_000);
+    let reports = frames(&mut robot, 1_500_000);
     let fresh = readings(&reports[24..]);
     let after = robot.rig.pings();
     assert!(after.len() > pings + 8);
@@ -214,9 +194,8 @@ const TIM1_ARR: u64 = 0x4001_002C;
 // Requirement: WIRE-servo-3
 #[test]
 fn servo_points_ahead_in_other_modes() {
-    let image = sweeping().with(fields::MODE, Mode::Normal.code().into());
-    let image = image.0.to_vec();
-    let rig = Rig::configured(image);
+    let image = image_with_servo(Mode::Normal);
+    let rig = Rig::configured(image.0.to_vec());
     rig.world(|world| world.servo_mut().force(-1.5));
     rig.trace_writes(TIM1_ARR);
     let frame = robot_tests::reference::normal_frame(0, 0, 0, false);
@@ -229,17 +208,16 @@ fn servo_points_ahead_in_other_modes() {
         assert!(ping.bearing_rad.to_degrees().abs() < 0.7);
     }
     // A microsecond low, then high until the counter overflows behind its reload: 1.5 ms.
-    let middle = |event: &Event| matches!(event.kind, EventKind::Write { value: 1_500, .. });
-    assert!(rig.take_events().iter().all(middle));
+    assert!(take_writes(&rig).iter().all(|write| write.value == 1_500));
 }
 
 // Requirement: DOC-1-2, DOC-2.2-3
 #[test]
 fn scan_maps_room_around_robot() {
-    let mut robot = ScanningRobot::new(&sweeping(), Params::default());
-    let mut survey = Mapping::new(mapper_config(&robot.config, BODY_MM, 25.0));
-    let config = robot.config.clone();
-    for (at, report) in robot.frames(12_000_000) {
+    let mut robot = robot(&sweeping(), Params::default());
+    let config = Config::decode(&sweeping()).expect("accepted");
+    let mut survey = Mapping::new(mapper_config(&config, BODY_MM, 25.0));
+    for (at, report) in frames(&mut robot, 12_000_000) {
         let mut snapshot = host_link::snapshot::Snapshot::new(&config);
         snapshot.update(at / 1000, &report, LinkStatistics::default());
         survey.add(&RangeSample::of(&snapshot).expect("a mode with poses"));
@@ -259,11 +237,9 @@ fn scan_maps_room_around_robot() {
             // Within the cone's half width of a wall: an arc is drawn where only a point of it is.
             let near = room.clearance_mm(room.start.point_at(x, y));
             let allowed = 60.0 + 0.27 * x.hypot(y);
-            *(if near <= allowed {
-                &mut right
-            } else {
-                &mut wrong
-            }) += 1;
+            let seen_wall = near <= allowed;
+            right += u32::from(seen_wall);
+            wrong += u32::from(!seen_wall);
             let side = y.atan2(x).to_degrees();
             ahead[usize::from(side >= -30.0) + usize::from(side > 30.0)] += 1;
         }

@@ -1,25 +1,20 @@
 //! The link statistics of both ends against the frames actually sent: the host's code on one end, the
 //! ELF on the other.
 
-use fw_core::eeprom::{Config, Image, fields};
+use fw_core::eeprom::Config;
 use fw_core::wire::{Cause, Field, Mode, frame_len};
 use host_link::log::{LogLine, LogParser};
 use host_link::session::{CommandRequest, RATE_HZ, Session};
 use robot_tests::reference::{normal_frame, original_image};
-use robot_tests::test_board::Rig;
+use robot_tests::test_board::{Rig, image_with_servo};
 use twin::Options;
 
 /// Frames in two and a half seconds: enough for a log line with the pause and one without.
 const FRAMES: u32 = RATE_HZ * 5 / 2;
 
 fn booted(mode: Mode) -> (Rig, Config) {
-    let image = Image::FIRST_BOARD
-        .with(fields::SERVO, 1)
-        .with(fields::MODE, mode.code().into());
-    let config = Config::decode(&image).expect("accepted");
-    let rig = Rig::configured(image.0.to_vec());
-    rig.run_us(100_000);
-    (rig, config)
+    let config = Config::decode(&image_with_servo(mode)).expect("accepted");
+    (Rig::in_mode(mode), config)
 }
 
 // Requirement: DOC-5-3, DOC-5.2.2-5, WIRE-rejected-1, WIRE-log-3
@@ -85,10 +80,8 @@ fn statistics_count_frames_of_both_ends() {
         assert!(!guarded || matches!(frames, Some(1 | 2)), "{name}: {pi:?}");
         assert_eq!(stm.round_trip_frames, guarded.then_some(2), "{name}");
         let due = frames.map(|frames| u64::from(frames) * 25_000);
-        let trip = pi
-            .round_trip_us
-            .zip(due)
-            .map(|(us, due)| us.abs_diff(due) < 100);
+        let trip = pi.round_trip_us.zip(due);
+        let trip = trip.map(|(us, due)| us.abs_diff(due) < 100);
         assert_eq!(trip, guarded.then_some(true), "{name}: {pi:?}");
     }
 }
@@ -98,9 +91,7 @@ fn statistics_count_frames_of_both_ends() {
 #[test]
 fn statistics_count_frames_that_come_too_fast() {
     const FRAMES: u32 = 1_000;
-    let mut options = Options::with_eeprom(original_image());
-    options.mips = 20.try_into().expect("not zero");
-    let rig = Rig::ready(options);
+    let rig = Rig::with_mips(20, Options::with_eeprom(original_image()));
     for _ in 0..FRAMES {
         let _ = rig.frame(&normal_frame(0, 0, 0, false));
     }
@@ -111,11 +102,8 @@ fn statistics_count_frames_that_come_too_fast() {
     let Some((_, LogLine::Link(stm))) = line else {
         panic!("{log}")
     };
-    assert_eq!(
-        (stm.frames, stm.accepted + stm.lost),
-        (FRAMES, FRAMES),
-        "{log}"
-    );
+    let counts = (stm.frames, stm.accepted + stm.lost);
+    assert_eq!(counts, (FRAMES, FRAMES), "{log}");
     assert!(stm.lost > 0, "{log}");
     rig.assert_logged("frames lost: not read in time");
 }

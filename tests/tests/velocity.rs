@@ -1,20 +1,13 @@
 //! Mode 0x30 on the virtual board: tracking, obstacle stop, silence, the gyro's angle, the sweep.
 
-use fw_core::eeprom::{Config, Field, Image, fields};
-use fw_core::types::{Faults, Velocity};
-use fw_core::wire::{Command, DistanceCode, GyroCode, MAX_FRAME, Mode, PiLink, Report, State};
+use fw_core::eeprom::{Field, Image, fields};
+use fw_core::types::Faults;
+use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Report, State};
 use host_link::snapshot::distance_mm;
 use mapper::LocaliserConfig;
-use robot_tests::test_board::Rig;
+use robot_tests::linked_robot::{LinkedRobot, velocity};
 use twin::Options;
 use twin::plant::{GyroParams, Room};
-
-/// A robot in mode 0x30, and the Pi's end of its link.
-struct Driven {
-    rig: Rig,
-    pi: PiLink,
-    last: Report,
-}
 
 /// Forward speed in mm/s and yaw rate in degrees/s.
 type Speeds = (f64, f64);
@@ -23,55 +16,36 @@ const STAND: Speeds = (0.0, 0.0);
 /// On an open floor the blind speed is the limit.
 const FAST_BLIND: (&Field, u64) = (fields::BLIND_SPEED, 300);
 
-impl Driven {
-    fn new(room: Room, changes: &[(&Field, u64)]) -> Self {
-        let mut image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
-        for &(field, raw) in changes {
-            image = image.with(field, raw);
-        }
-        let config = Config::decode(&image).expect("accepted");
-        let mut options = Options::with_eeprom(image.0.to_vec()).in_room(room);
-        options.mpu = (image.get(fields::GYRO) != 0).then(GyroParams::default);
-        let rig = Rig::ready(options);
-        Self {
-            rig,
-            pi: PiLink::new(config.link_setup()),
-            last: Report::default(),
-        }
+/// A robot in mode 0x30.
+fn driven(room: Room, changes: &[(&Field, u64)]) -> LinkedRobot {
+    let mut image = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedVelocity.code().into());
+    for &(field, raw) in changes {
+        image = image.with(field, raw);
     }
+    let mut options = Options::default().in_room(room);
+    options.mpu = (image.get(fields::GYRO) != 0).then(GyroParams::default);
+    LinkedRobot::new(&image, options)
+}
 
-    /// Frames at 40 Hz for so many milliseconds.
-    #[allow(clippy::cast_possible_truncation, reason = "as saturates")]
-    fn drive(&mut self, (forward, yaw): Speeds, sweep: u16, ms: u32) -> Vec<Report> {
-        let command = Command {
-            velocity: Velocity {
-                forward: (forward * 1000.0) as i32,
-                yaw_rate: (yaw / 360.0 * 4_294_967_296.0) as i32,
-            },
-            sweep,
-            ..Command::default()
-        };
-        let exchange = |_| {
-            let mut frame = [0; MAX_FRAME];
-            let len = self.pi.send(&command, &mut frame);
-            let reply = self.rig.frame(&frame[..len]);
-            self.last = self.pi.receive(&reply).expect("a valid reply");
-            self.rig.run_us(25_000 - 60);
-            self.last
-        };
-        (0..ms / 25).map(exchange).collect()
-    }
+/// Frames at 40 Hz for so many milliseconds.
+fn drive(robot: &mut LinkedRobot, (forward, yaw): Speeds, sweep: u16, ms: u32) -> Vec<Report> {
+    let command = Command {
+        velocity: velocity(forward, yaw),
+        sweep,
+        ..Command::default()
+    };
+    robot.drive(&command, ms / 25)
+}
 
-    /// Mean true speeds over so many milliseconds.
-    fn measured(&mut self, speeds: Speeds, ms: u32) -> Speeds {
-        let before = self.rig.truth();
-        self.drive(speeds, 0, ms);
-        let after = self.rig.truth();
-        let seconds = f64::from(ms) / 1000.0;
-        let turned = (after.pose.heading_rad - before.pose.heading_rad).to_degrees();
-        let turned = (turned + 180.0).rem_euclid(360.0) - 180.0;
-        ((after.path_mm - before.path_mm) / seconds, turned / seconds)
-    }
+/// Mean true speeds over so many milliseconds.
+fn measured(robot: &mut LinkedRobot, speeds: Speeds, ms: u32) -> Speeds {
+    let before = robot.rig.truth();
+    drive(robot, speeds, 0, ms);
+    let after = robot.rig.truth();
+    let seconds = f64::from(ms) / 1000.0;
+    let turned = (after.pose.heading_rad - before.pose.heading_rad).to_degrees();
+    let turned = (turned + 180.0).rem_euclid(360.0) - 180.0;
+    ((after.path_mm - before.path_mm) / seconds, turned / seconds)
 }
 
 fn wall(x_mm: f64) -> Room {
@@ -82,13 +56,13 @@ fn wall(x_mm: f64) -> Room {
 // Requirement: DOC-2.3-2
 #[test]
 fn one_bridge_changes_its_inputs_alone() {
-    let mut driven = Driven::new(Room::default(), &[]);
-    let _ = driven.drive((100.0, 0.0), 0, 500);
-    driven.rig.trace_bridges();
+    let mut robot = driven(Room::default(), &[]);
+    drive(&mut robot, (100.0, 0.0), 0, 500);
+    robot.rig.trace_bridges();
     for speeds in [(30.0, 60.0), (100.0, 0.0), (30.0, -60.0)] {
-        let _ = driven.drive(speeds, 0, 500);
+        drive(&mut robot, speeds, 0, 500);
     }
-    let [right, left] = driven.rig.take_input_changes();
+    let [right, left] = robot.rig.take_input_changes();
     for (one, other) in [(&right, &left), (&left, &right)] {
         let alone = |at: &u64| other.iter().all(|&then| then.abs_diff(*at) > 100_000);
         assert!(one.iter().any(alone), "{right:?} {left:?}");
@@ -98,21 +72,21 @@ fn one_bridge_changes_its_inputs_alone() {
 // Requirement: WIRE-velocity-1, WIRE-velocity-4, WIRE-velocity-6
 #[test]
 fn velocity_tracks_within_five_percent_and_zero_holds() {
-    let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
+    let mut robot = driven(Room::default(), &[FAST_BLIND]);
     let straight = [(100.0, 0.0), (40.0, 0.0)];
     for (forward, yaw) in straight
         .into_iter()
         .chain([(60.0, 20.0), (60.0, -20.0), (20.0, 30.0)])
     {
-        robot.drive((forward, yaw), 0, 2000);
-        let (speed, rate) = robot.measured((forward, yaw), 2000);
+        drive(&mut robot, (forward, yaw), 0, 2000);
+        let (speed, rate) = measured(&mut robot, (forward, yaw), 2000);
         assert!((speed / forward - 1.0).abs() <= 0.05, "{speed} mm/s");
         let rate_error = (rate - yaw).abs();
         assert!(rate_error <= 0.05 * yaw.abs() + 0.5, "{rate} deg/s");
         assert_eq!(robot.last.state, State::Moving);
     }
-    robot.drive(STAND, 0, 1000);
-    let (speed, rate) = robot.measured(STAND, 1000);
+    drive(&mut robot, STAND, 0, 1000);
+    let (speed, rate) = measured(&mut robot, STAND, 1000);
     assert!(speed < 0.01 && rate.abs() < 0.01, "{speed} {rate}");
     assert!(robot.last.state == State::Ready && !robot.last.clipped);
     robot.rig.assert_modelled();
@@ -121,15 +95,15 @@ fn velocity_tracks_within_five_percent_and_zero_holds() {
 // Requirement: WIRE-obstacle-1, WIRE-obstacle-6, WIRE-status-7
 #[test]
 fn obstacle_stops_before_wall_until_way_is_free() {
-    let mut robot = Driven::new(wall(1000.0), &[]);
-    let reports = robot.drive((120.0, 0.0), 0, 15_000);
+    let mut robot = driven(wall(1000.0), &[]);
+    let reports = drive(&mut robot, (120.0, 0.0), 0, 15_000);
     assert_eq!(robot.rig.truth().collisions, 0);
     // Overhang and stop distance, and 1 % of the speed of sound.
     let ahead = distance_mm(robot.last.ranges[0]).expect("an echo");
     assert!((168.0..200.0).contains(&ahead), "{ahead} mm");
     assert!(robot.last.obstacle_limited && robot.last.faults.is_empty());
     assert!(!reports[100].obstacle_limited, "far from it");
-    robot.drive((-50.0, 0.0), 0, 2000);
+    drive(&mut robot, (-50.0, 0.0), 0, 2000);
     assert!(!robot.last.obstacle_limited);
     robot.rig.assert_logged("obstacle: speed limited");
     robot.rig.assert_logged("obstacle: way free");
@@ -139,20 +113,19 @@ fn obstacle_stops_before_wall_until_way_is_free() {
 #[test]
 fn range_is_as_old_as_the_localiser_takes_it_to_be() {
     const SPEED_MM_S: f64 = 200.0;
-    let mut robot = Driven::new(wall(2400.0), &[FAST_BLIND]);
+    let mut robot = driven(wall(2400.0), &[FAST_BLIND]);
     let x_mm = |report: &Report| f64::from(report.pose.x) / 1000.0;
     let range_mm = |report: &Report| distance_mm(report.ranges[0]).expect("an echo");
-    let rest = |robot: &mut Driven| {
-        robot.drive(STAND, 0, 1500);
-        let ranges = robot
-            .drive(STAND, 0, 1500)
+    let rest = |robot: &mut LinkedRobot| {
+        drive(robot, STAND, 0, 1500);
+        let ranges = drive(robot, STAND, 0, 1500)
             .iter()
             .map(range_mm)
             .sum::<f64>();
         (x_mm(&robot.last), ranges / 60.0)
     };
     let far = rest(&mut robot);
-    let reports = robot.drive((SPEED_MM_S, 0.0), 0, 9000);
+    let reports = drive(&mut robot, (SPEED_MM_S, 0.0), 0, 9000);
     let near = rest(&mut robot);
     // What is wrong with the scales of ranges and positions is in both rests.
     let slope = (near.1 - far.1) / (near.0 - far.0);
@@ -171,13 +144,13 @@ fn range_is_as_old_as_the_localiser_takes_it_to_be() {
 // Requirement: WIRE-deadline-1
 #[test]
 fn velocity_silence_brakes_within_deadline() {
-    let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
-    robot.drive((100.0, 0.0), 0, 2000);
+    let mut robot = driven(Room::default(), &[FAST_BLIND]);
+    drive(&mut robot, (100.0, 0.0), 0, 2000);
     robot.rig.run_us(200_000);
     assert!(!robot.rig.motors_off());
     robot.rig.run_us(35_000);
     assert!(robot.rig.motors_off());
-    robot.drive((100.0, 0.0), 0, 1000);
+    drive(&mut robot, (100.0, 0.0), 0, 1000);
     assert_eq!(robot.last.state, State::Stopped);
     assert!(robot.last.faults.intersects(Faults::LINK_LOST) && robot.rig.motors_off());
 }
@@ -185,26 +158,26 @@ fn velocity_silence_brakes_within_deadline() {
 // Requirement: WIRE-velocity-3, WIRE-velocity-5, WIRE-status-7
 #[test]
 fn velocity_beyond_limits_is_reported_as_clipped() {
-    let mut robot = Driven::new(Room::default(), &[FAST_BLIND]);
-    robot.drive((80.0, 0.0), 0, 2000);
+    let mut robot = driven(Room::default(), &[FAST_BLIND]);
+    drive(&mut robot, (80.0, 0.0), 0, 2000);
     assert!(!robot.last.clipped);
-    robot.drive((1000.0, 20.0), 0, 3000);
+    drive(&mut robot, (1000.0, 20.0), 0, 3000);
     assert!(robot.last.clipped);
-    let (_, rate) = robot.measured((1000.0, 20.0), 2000);
+    let (_, rate) = measured(&mut robot, (1000.0, 20.0), 2000);
     assert!((rate - 20.0).abs() < 1.5, "the yaw rate is kept: {rate}");
 }
 
 // Requirement: WIRE-gyro-2, WIRE-gyro-3
 #[test]
 fn gyro_angle_counts_turns_from_first_bias() {
-    let mut robot = Driven::new(Room::default(), &[(fields::GYRO, 1)]);
-    robot.drive(STAND, 0, 100);
+    let mut robot = driven(Room::default(), &[(fields::GYRO, 1)]);
+    drive(&mut robot, STAND, 0, 100);
     assert_eq!(robot.last.gyro, GyroCode::NONE);
-    robot.drive(STAND, 0, 2500);
+    drive(&mut robot, STAND, 0, 2500);
     let before = robot.rig.truth().pose.heading_rad;
     assert!(robot.last.gyro.angle().expect("a bias").abs() < 1 << 12);
-    let turning = robot.drive((0.0, 60.0), 0, 10_000);
-    robot.drive(STAND, 0, 1500);
+    let turning = drive(&mut robot, (0.0, 60.0), 0, 10_000);
+    drive(&mut robot, STAND, 0, 1500);
     let angle = |report: &Report| f64::from(report.gyro.angle().expect("a bias")) / 16_777_216.0;
     let turned = angle(&robot.last);
     let truth = (robot.rig.truth().pose.heading_rad - before) / std::f64::consts::TAU;
@@ -224,8 +197,8 @@ fn gyro_angle_counts_turns_from_first_bias() {
         last_s.iter().map(late).sum::<f64>() / 41.0 / (angle(&last_s[40]) - angle(&last_s[0]));
     assert!((late_s - 0.0095).abs() < 0.001, "{late_s} s");
 
-    let mut blank = Driven::new(Room::default(), &[]);
-    blank.drive(STAND, 0, 2500);
+    let mut blank = driven(Room::default(), &[]);
+    drive(&mut blank, STAND, 0, 2500);
     assert_eq!(blank.last.gyro, GyroCode::NONE);
 }
 
@@ -235,10 +208,10 @@ fn sweep_keeps_its_width_and_every_sensor_measures() {
     let room = wall(600.0)
         .with_wall(-500.0, 400.0, 600.0, 400.0)
         .with_wall(-500.0, -400.0, 600.0, -400.0);
-    let mut robot = Driven::new(room, &[(fields::SERVO, 1)]);
+    let mut robot = driven(room, &[(fields::SERVO, 1)]);
     for (sweep, degrees) in [(0x1555, 30.0), (0, 0.0), (0xFFFF, 90.0)] {
-        robot.drive(STAND, sweep, 1500);
-        let reports = robot.drive(STAND, sweep, 4000);
+        drive(&mut robot, STAND, sweep, 1500);
+        let reports = drive(&mut robot, STAND, sweep, 4000);
         let bearings = || reports.iter().map(|report| report.bearing.cast_signed());
         for (end, expected) in [(bearings().min(), -degrees), (bearings().max(), degrees)] {
             let end = f64::from(end.expect("reports")) / 65_536.0 * 360.0;

@@ -59,7 +59,7 @@ impl Counters {
 }
 
 /// Millimetres per count of a wheel.
-fn per_count(diameter: u32, config: &Config) -> f64 {
+pub fn per_count(diameter: u32, config: &Config) -> f64 {
     f64::from(diameter) / 1000.0 * core::f64::consts::PI / f64::from(config.counts_per_turn())
 }
 

@@ -50,16 +50,12 @@ fn gyro(request: BusRequest, rate: i16) -> BusResult {
 }
 
 /// Drives in this mode. Returns the digest and the last reply's pose: x, y, rotation.
-///
-/// # Panics
-/// Never: the configuration is accepted.
 pub fn exercise(mode: Mode) -> (u64, [i32; 3]) {
-    let mut image = Image::FIRST_BOARD;
-    image.set(fields::MODE, mode.code().into());
-    image.set(fields::GYRO, 1);
-    image.set(fields::SERVO, 1);
-    image.set(fields::LOG_PERIOD, 100);
-    image.seal();
+    let image = Image::FIRST_BOARD
+        .with(fields::MODE, mode.code().into())
+        .with(fields::GYRO, 1)
+        .with(fields::SERVO, 1)
+        .with(fields::LOG_PERIOD, 100);
     let config = Config::decode(&image).expect("accepted");
     let (mut random, mut course) = (Course::curves(), Course::curves());
     let mut input = TickInput::default();

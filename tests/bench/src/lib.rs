@@ -7,7 +7,7 @@ mod candidates;
 mod course;
 mod exercise;
 
-pub use candidates::{Candidate, Cordic, Double, FwCore, Idsp, Micromath, Single};
+pub use candidates::{Candidate, Cordic, Double, FwCore, Idsp, Micromath, Single, per_count};
 pub use course::{Course, Tick};
 pub use exercise::exercise;
 
@@ -33,9 +33,6 @@ macro_rules! for_each_candidate {
 }
 
 /// The first board's configuration.
-///
-/// # Panics
-/// Never: it is accepted.
 pub fn first_board() -> Config {
     Config::decode(&Image::FIRST_BOARD).expect("accepted")
 }

@@ -6,7 +6,7 @@
 use fw_core::eeprom::Config;
 use fw_core::types::Turns;
 use odometry_bench::{
-    Candidate, Course, TICKS_ON_CORE, Tick, drive, first_board, for_each_candidate,
+    Candidate, Course, TICKS_ON_CORE, Tick, drive, first_board, for_each_candidate, per_count,
 };
 
 #[path = "../../../fw-core/src/motion/odometry/tests/exact_arcs.rs"]
@@ -27,8 +27,7 @@ struct Kilometre {
 impl Kilometre {
     fn of(course: Course) -> Self {
         let config = first_board();
-        let per_count = f64::from(config.left().diameter.0) / 1000.0 * std::f64::consts::PI
-            / f64::from(config.counts_per_turn());
+        let per_count = per_count(config.left().diameter.0, &config);
         let mut exact = ExactArcs::new(config);
         let mut ticks = Vec::new();
         let mut path = 0.0;

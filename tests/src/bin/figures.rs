@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use object::{Object, ObjectSection, ObjectSegment, SectionKind};
-use robot_tests::reference::{KEY_PI, crc16, image_in_mode, normal_frame};
+use robot_tests::reference::{guarded_frame, image_in_mode, normal_frame};
 use robot_tests::stack::Stack;
-use robot_tests::test_board::{READY_US, Rig};
+use robot_tests::test_board::Rig;
 use robot_tests::throughput::{
     jitter_us, long_run, lossless, shortest_period, sustained, torn_frames,
 };
@@ -205,9 +205,7 @@ impl Firmware {
         let options = Options::with_eeprom(image_in_mode(mode));
         let rig = Rig::with_elf(&self.elf, options);
         let stack = Stack::paint(&self.elf, &rig.board)?;
-        if !rig.await_ready() {
-            return Err(format!("no READY within {READY_US} µs: {}", rig.log()).into());
-        }
+        rig.assert_ready();
         let result = test(&rig)?;
         let used = stack.used(&rig.board);
         self.stack_used.set(self.stack_used.get().max(used));
@@ -223,8 +221,8 @@ impl Firmware {
         let wire = |hz| 1_000_000_000 / shortest_period(hz);
         let (hz, rate, seconds) = LONG;
         let long = long_run(&self.elf, hz, rate, seconds)?;
-        let torn = torn_frames(&self.elf, hz, rate)?;
-        let lossless = |hz, rate| self.with_robot(0, |rig| lossless(rig, hz, rate));
+        let torn = torn_frames(&self.elf, hz, rate);
+        let lossless = |hz, rate| self.with_robot(0, |rig| Ok(lossless(rig, hz, rate)));
         let at_8_mhz = sustained(8_000_000, lossless)?;
         let at_12_mhz = sustained(12_000_000, lossless)?;
         Ok(json!({
@@ -243,7 +241,7 @@ impl Firmware {
             "frame_core_to_hand": frames.core.mean / hand.mean,
             "codec_to_hand": codec.mean / hand.mean,
             "original_to_frame_core": ORIGINAL / frames.core.mean,
-            "tick_jitter_us": self.with_robot(0, jitter_us)?,
+            "tick_jitter_us": self.with_robot(0, |rig| Ok(jitter_us(rig)))?,
             "frames_per_s_sustained": at_8_mhz,
             "frames_per_s_wire_limit": wire(8_000_000),
             "frames_per_s_sustained_12_mhz": at_12_mhz,
@@ -342,12 +340,7 @@ fn guarded_frames(rig: &Rig) -> Result<Frames> {
     let traced = trace_frames(rig, &[&handlers[..], &TIMED, &BESIDE].concat())?;
     let inner = normal_frame(200_000, 0, 0, true);
     for own in 1..=200_u8 {
-        let mut bytes = [0; 26];
-        bytes[..2].copy_from_slice(&[KEY_PI, own]);
-        bytes[6..24].copy_from_slice(&inner[1..]);
-        let crc = crc16(&bytes[..24]);
-        bytes[24..].copy_from_slice(&crc.to_be_bytes());
-        let _ = rig.frame(&bytes);
+        let _ = rig.frame(&guarded_frame(own, 0, &inner));
         rig.board.run_us(25_000);
     }
     if rig.log().contains("rejected") {

@@ -205,7 +205,7 @@ impl Soak {
             met = disturbance.met;
             self.disturbed += u32::try_from(met.len()).unwrap_or(u32::MAX);
         } else {
-            findings.extend(result.err());
+            findings.extend(result.err().map(|error| error.to_string()));
             let fast = move |world: &mut plant::World| {
                 let speeds = world.collisions().iter().map(|contact| contact.speed_mm_s);
                 speeds.skip(contacts as usize).fold(0.0, f64::max)
@@ -219,12 +219,8 @@ impl Soak {
             }
             // What it may meet without a fault, a slip over a sill, is a warning.
             let lines = String::from_utf8_lossy(&self.board.uart_from(log)).into_owned();
-            findings.extend(
-                lines
-                    .lines()
-                    .filter(|line| line.starts_with('E'))
-                    .map(str::to_owned),
-            );
+            let errors = lines.lines().filter(|line| line.starts_with('E'));
+            findings.extend(errors.map(str::to_owned));
         }
         let unmodelled = self.board.unmodelled();
         if !unmodelled.is_empty() {
@@ -247,15 +243,12 @@ impl Soak {
         goes_on
     }
 
-    fn faults(&mut self) -> Result<Faults, String> {
-        let report = open(&mut self.io)?.wait_for_reply();
-        report
-            .map(|report| report.faults)
-            .map_err(|error| error.to_string())
+    fn faults(&mut self) -> Result<Faults, Box<dyn Error>> {
+        Ok(open(&mut self.io)?.wait_for_reply()?.faults)
     }
 
     /// A person clears the faults.
-    fn recover(&mut self) -> Result<(), String> {
+    fn recover(&mut self) -> Result<(), Box<dyn Error>> {
         let mut session = open(&mut self.io)?;
         let clear = CommandRequest {
             clear_faults: Faults::from_bits(u16::MAX),
@@ -263,29 +256,25 @@ impl Soak {
             ..CommandRequest::default()
         };
         for _ in 0..CLEARING_FRAMES {
-            session
-                .exchange(&clear)
-                .map_err(|error| error.to_string())?;
+            session.exchange(&clear)?;
         }
-        let report = session
-            .wait_for_reply()
-            .map_err(|error| error.to_string())?;
+        let report = session.wait_for_reply()?;
         if report.state == State::Stopped || !report.faults.difference(HARMLESS).is_empty() {
-            return Err(format!("not recovered: {report:?}"));
+            return Err(format!("not recovered: {report:?}").into());
         }
         Ok(())
     }
 
-    fn explore(&mut self, mut disturbance: Option<&mut Disturbance>) -> Result<(), String> {
+    fn explore(&mut self, mut disturbance: Option<&mut Disturbance>) -> Result<(), Box<dyn Error>> {
         let run = exploration::explore(&mut self.io, &self.board, |_| {
             if let Some(disturbance) = &mut disturbance {
                 disturbance.look();
             }
         });
-        let run = run.map_err(|error| error.to_string())?;
-        let drive = run.drive.map_err(|error| error.to_string())?;
+        let run = run?;
+        let drive = run.drive?;
         if drive.outcome != Outcome::Complete || run.link.rejected > 0 {
-            return Err(format!("{drive:?}, {:?}", run.link));
+            return Err(format!("{drive:?}, {:?}", run.link).into());
         }
         self.explored += 1;
         Ok(())
@@ -297,14 +286,12 @@ impl Soak {
     }
 
     /// Frames without motion.
-    fn stand(&mut self, mut disturbance: Option<&mut Disturbance>) -> Result<(), String> {
+    fn stand(&mut self, mut disturbance: Option<&mut Disturbance>) -> Result<(), Box<dyn Error>> {
         let ends_us = self.board.now_us() + self.rest_us();
         let mut session = open(&mut self.io)?;
         // A session clears the rejection of its own first frame.
         for _ in 0..CLEARING_FRAMES {
-            session
-                .exchange(&CommandRequest::default())
-                .map_err(|error| error.to_string())?;
+            session.exchange(&CommandRequest::default())?;
         }
         let mut begin = None;
         while self.board.now_us() < ends_us {
@@ -314,22 +301,22 @@ impl Soak {
                     disturbance.look();
                     continue;
                 }
-                (report, None) => report.map_err(|error| error.to_string())?,
+                (report, None) => report?,
             };
             let Some(report) = report else { continue };
             let pose = *begin.get_or_insert(report.pose);
             if report.pose != pose || !report.faults.difference(HARMLESS).is_empty() {
-                return Err(format!("stood at {pose:?}: {report:?}"));
+                return Err(format!("stood at {pose:?}: {report:?}").into());
             }
         }
         let rejected = session.statistics().rejected;
         if rejected > 0 {
-            return Err(format!("{rejected} frames rejected"));
+            return Err(format!("{rejected} frames rejected").into());
         }
         Ok(())
     }
 }
 
-fn open(io: &mut BoardIo) -> Result<Session<'_>, String> {
-    Session::open(io, RATE_HZ, READY_MS).map_err(|error| error.to_string())
+fn open(io: &mut BoardIo) -> Result<Session<'_>, Box<dyn Error>> {
+    Ok(Session::open(io, RATE_HZ, READY_MS)?)
 }

@@ -3,11 +3,13 @@
 use std::error::Error;
 
 use fw_core::eeprom::{Config, Image, fields};
-use fw_core::types::{Faults, Velocity};
+use fw_core::types::Faults;
 use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, Report, State};
 use plant::{Pose2, Rng, Room, Sides};
+use robot_tests::linked_robot::velocity;
+use robot_tests::wires::{first_bits, selected};
 use twin::components::spi_master::pack;
-use twin::{Board, Mpu6050Fault, Options, SpiStep};
+use twin::{Board, Mpu6050Fault, Options};
 
 use crate::faults::{After, Cause, Frames, HALTED, HIDDEN, Kind, RESTARTING, Sign, reset};
 
@@ -122,12 +124,8 @@ impl Trial {
     }
 
     /// As far ahead as both wheels roll forward, in mm/s and degrees/s.
-    #[expect(clippy::cast_possible_truncation, reason = "as saturates")]
     fn ask(&mut self, forward: f64, yaw: f64) {
-        self.command.velocity = Velocity {
-            forward: (forward * 1000.0) as i32,
-            yaw_rate: (yaw / 360.0 * 4_294_967_296.0) as i32,
-        };
+        self.command.velocity = velocity(forward, yaw);
     }
 
     /// Begins a fault, or ends it.
@@ -167,17 +165,14 @@ impl Trial {
         if disturbed(Frames::Long) {
             bytes.push(0);
         }
-        let SpiStep::Bits { mut mosi, hz } = SpiStep::bytes(&bytes, 8_000_000) else {
-            unreachable!("bytes are bits")
-        };
         let torn = disturbed(Frames::Torn);
-        if torn {
-            mosi.truncate(1 + self.random.below(8 * len - 1));
-        }
-        let (setup, bits) = (SpiStep::Wait(250), SpiStep::Bits { mosi, hz });
-        let [begin, end] = [true, false].map(SpiStep::Select);
-        let steps = vec![begin, setup.clone(), bits, setup, end];
-        let miso = pack(&self.board.spi_steps(steps));
+        let count = if torn {
+            1 + self.random.below(8 * len - 1)
+        } else {
+            8 * bytes.len()
+        };
+        let steps = selected(250, first_bits(&bytes, 8_000_000, count));
+        let miso = pack(&self.board.spi_steps(steps.to_vec()));
         let now = self.board.now_us();
         if !torn && bytes == frame[..len] {
             self.seen.last_whole = Some(now);

@@ -4,7 +4,6 @@ use std::error::Error;
 use std::path::Path;
 
 use host_link::board_io::BoardIo;
-use host_link::settings::Settings;
 use mapper::map_plot;
 use pilot::mapping::BODY_MM;
 use pilot::recording::Recorder;
@@ -28,7 +27,7 @@ pub fn run(
     let timer = Timer::start(board);
     let mut reports = 0;
     // What the demo wrote: to read it again would only cost the robot's time.
-    let settings = Settings::sample()?.with(&exploration::CHANGES)?;
+    let settings = exploration::settings()?;
     let begun_us = machine.clock.micros();
     let mut recorder = Recorder::create(&out.join("recording.mcap"), &settings, BODY_MM, begun_us)?;
     let mut outcome = Ok(());
