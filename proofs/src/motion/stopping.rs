@@ -29,7 +29,7 @@ pub fn bits_of_a_speed_add_up(n: u16) -> Seen {
 }
 
 /// The speed is the largest that stops: `n² + reaction·n`, as [`bits_of_a_speed_add_up`] has it, is within the
-/// energy, and for n + 1, which needs `2·n + 1 + reaction` more, it is not.
+/// energy. A faster speed has its first other bit where n has none, and needs too much with this bit.
 // Requirement: WIRE-obstacle-1
 pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
     given!(reaction < 1 << 17);
@@ -38,15 +38,13 @@ pub fn speed_is_the_largest_that_stops(reaction: u32, energy: u32) -> Seen {
     assert!(n <= fastest);
     let mut rest = energy;
     for place in places() {
+        let more = (added(n, place) + reaction) << place;
         if n >> place & 1 != 0 {
-            let needed = (added(n, place) + reaction) << place;
-            assert!(needed <= rest);
-            rest -= needed;
+            assert!(more <= rest);
+            rest -= more;
+        } else {
+            assert!(more > rest);
         }
-        // One unit of this place more does not stop.
-        let so_far = n >> place << place;
-        let more = (2 * so_far + (1 << place) + reaction) << place;
-        assert!(so_far + (1 << place) > fastest || more > rest);
     }
     seen!(n == 0, n == fastest, n > 0 && n < fastest)
 }
